@@ -1,0 +1,40 @@
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+DEMO_LOG := sitl_logs/campaign/v4_m16_q2.5.tlog
+
+.PHONY: demo test check bench screenshots clean
+
+demo: $(VENV)/.demo
+	$(BIN)/thrustmargin demo $(DEMO_LOG) --out report.html $(DEMO_ARGS)
+
+test: check
+	$(BIN)/python -m pytest $(PYTEST_ARGS)
+
+check: $(VENV)/.test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/pyright
+
+bench: $(VENV)/.test
+	$(BIN)/python -m pytest tests/bench --benchmark-only -o python_files='bench_*.py' -s
+
+screenshots: $(VENV)/.test
+	$(BIN)/python docs/screenshots.py
+
+$(VENV)/.venv:
+	$(PYTHON) -c 'import sys; assert sys.version_info[:2] >= (3, 11), "thrustmargin needs Python 3.11 or newer; run: make PYTHON=python3.11"'
+	$(PYTHON) -m venv $(VENV)
+	touch $@
+
+$(VENV)/.demo: $(VENV)/.venv pyproject.toml constraints.txt
+	$(BIN)/pip install --quiet --constraint constraints.txt torch
+	$(BIN)/pip install --quiet --constraint constraints.txt --editable .
+	touch $@
+
+$(VENV)/.test: $(VENV)/.demo
+	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[test]'
+	touch $@
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info

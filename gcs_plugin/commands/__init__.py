@@ -1,0 +1,1 @@
+"""One module a subcommand; each holds a typed function of the module's name."""

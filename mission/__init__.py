@@ -1,0 +1,1 @@
+"""Route, field and forecast. Imports models only."""

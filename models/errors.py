@@ -1,0 +1,29 @@
+"""The one error family. Each message says what was found, where, and what to do about it."""
+
+
+class ThrustMarginError(Exception):
+    """Base of every error that a user can cause and can mend; commands print it as one line."""
+
+
+class AirframeError(ThrustMarginError):
+    """An airframe file is missing, incomplete, in the wrong unit, or does not fit the flight."""
+
+
+class TrackError(ThrustMarginError):
+    """Arrays given as a flight do not make one: shapes disagree or time does not increase."""
+
+
+class LogError(ThrustMarginError):
+    """A log file cannot be read as a flight."""
+
+
+class ModelError(ThrustMarginError):
+    """A rotor speed model file is damaged, of another kind, or made for another airframe."""
+
+
+class DataError(ThrustMarginError):
+    """There is too little data, or none of the kind needed, for what was asked."""
+
+
+class LinkError(ThrustMarginError):
+    """A port, socket or vehicle link cannot be opened or does not answer."""
