@@ -1,7 +1,8 @@
 """Airframe: what the aircraft is, read once from a TOML file in which every value has its source.
 
 A file is a set of tables of quantities `{ value = 21.1, unit = "kg", source = "..." }`.
-`extends = "other"` takes every value of another airframe and replaces those given.
+`extends = "other"` takes every value of another airframe and replaces those given; other is a
+shipped name, or the path of a .toml file as seen from this one.
 Rotor order is the autopilot's motor order; positions are `_frd` from the centre of gravity.
 `spin` is +1 for a rotor that turns counter-clockwise seen from above, -1 for clockwise.
 """
@@ -11,6 +12,7 @@ from __future__ import annotations
 import tomllib
 from dataclasses import dataclass, field
 from importlib import resources
+from math import inf
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -41,6 +43,8 @@ QUANTITIES = MappingProxyType(
         "motor_poles": "1",
     }
 )
+#: Quantities for which zero has a meaning: a ceiling that voltage does not move, no tank, no pump.
+MAY_BE_ZERO = frozenset({"ceiling_voltage_exponent", "tank_volume_l", "pump_max_flow_l_min"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +98,9 @@ class Airframe:
 def airframe_names() -> list[str]:
     """Names of the airframes that ship with the package, sorted."""
     folder = resources.files("models") / "airframes"
-    return sorted(p.name.removesuffix(".toml") for p in folder.iterdir() if p.name.endswith(".toml"))
+    return sorted(
+        p.name.removesuffix(".toml") for p in folder.iterdir() if p.name.endswith(".toml")
+    )
 
 
 def load_airframe(name_or_path: str | Path) -> Airframe:
@@ -102,15 +108,18 @@ def load_airframe(name_or_path: str | Path) -> Airframe:
 
     Raises AirframeError when it is not there, lacks a value, or a value is in another unit.
     """
-    return _build(_read(str(name_or_path)), where=str(name_or_path))
+    return airframe_from_table(_read(str(name_or_path), ()), where=str(name_or_path))
 
 
-def _read(name_or_path: str) -> dict[str, Any]:
+def _read(name_or_path: str, children: tuple[str, ...]) -> dict[str, Any]:
     path = Path(name_or_path)
     if path.suffix == ".toml":
-        if not path.is_file():
-            raise AirframeError(f"no airframe file {path}; give a path to a .toml file")
-        text = path.read_text(encoding="utf-8")
+        try:
+            text = path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise AirframeError(
+                f"cannot read airframe file {path}: {error}; give a path to a .toml file"
+            ) from error
     else:
         names = airframe_names()
         if name_or_path not in names:
@@ -123,15 +132,55 @@ def _read(name_or_path: str) -> dict[str, Any]:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise AirframeError(f"{name_or_path}: not a TOML file: {error}") from error
+    for key, kind in (("quantities", dict), ("rotors", list)):
+        if not isinstance(table.get(key, kind()), kind):
+            raise AirframeError(f"{name_or_path}: {key} must be a table, is {table[key]!r}")
     parent = table.pop("extends", None)
     if parent is None:
         return table
-    base = _read(str(parent))
+    parent = str(parent)
+    if path.suffix == ".toml" and parent.endswith(".toml"):
+        parent = str(path.parent / parent)
+    if parent in (name_or_path, *children):
+        raise AirframeError(f"{name_or_path}: extends {parent!r}, which extends it again")
+    base = _read(parent, (name_or_path, *children))
     quantities = {**base.get("quantities", {}), **table.pop("quantities", {})}
     return {**base, **table, "quantities": quantities}
 
 
-def _build(table: dict[str, Any], where: str) -> Airframe:
+def airframe_table(airframe: Airframe) -> dict[str, Any]:
+    """The airframe as the table that its file holds: plain strings, numbers, lists and tables."""
+    return {
+        "name": airframe.name,
+        "title": airframe.title,
+        "layout": airframe.layout,
+        "quantities": {
+            name: {"value": q.value, "unit": q.unit, "source": q.source}
+            for name, q in airframe.quantities.items()
+        },
+        "rotors": [
+            {
+                "name": name,
+                "position_frd": position.tolist(),
+                "spin": "ccw" if spin > 0 else "cw",
+                "effectiveness": float(effectiveness),
+            }
+            for name, position, spin, effectiveness in zip(
+                airframe.rotor_names,
+                airframe.rotor_position_frd,
+                airframe.rotor_spin,
+                airframe.rotor_effectiveness,
+                strict=True,
+            )
+        ],
+    }
+
+
+def airframe_from_table(table: dict[str, Any], where: str) -> Airframe:
+    """The airframe of a complete table; `where` it is from goes into the messages.
+
+    Raises AirframeError when a value is missing, impossible or in another unit.
+    """
     given = table.get("quantities", {})
     quantities: dict[str, Quantity] = {}
     for name, unit in QUANTITIES.items():
@@ -140,7 +189,11 @@ def _build(table: dict[str, Any], where: str) -> Airframe:
             raise AirframeError(f"{where}: {name} needs value, unit ({unit}) and source")
         if entry["unit"] != unit:
             raise AirframeError(f"{where}: {name} is in {entry['unit']!r}; give it in {unit!r}")
-        quantities[name] = Quantity(float(entry["value"]), unit, str(entry["source"]))
+        value = entry["value"]
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not is_number or not (0 < value < inf or (value == 0 and name in MAY_BE_ZERO)):
+            raise AirframeError(f"{where}: {name} is {value!r}; it must be a number above 0")
+        quantities[name] = Quantity(float(value), unit, str(entry["source"]))
     unknown = set(given) - set(QUANTITIES)
     if unknown:
         raise AirframeError(f"{where}: unknown quantity {sorted(unknown)[0]!r}; check its spelling")
@@ -158,8 +211,12 @@ def _build(table: dict[str, Any], where: str) -> Airframe:
             f"{where}: needs title, layout, and for each rotor name, position_frd and "
             f"spin ('ccw' or 'cw'); stopped at {error}"
         ) from error
-    if positions.shape != (len(rotors), 3):
+    if positions.shape != (len(rotors), 3) or not np.all(np.isfinite(positions)):
         raise AirframeError(f"{where}: position_frd must be three numbers in m for each rotor")
+    if not np.all((effectiveness > 0.0) & (effectiveness <= 1.0)):
+        raise AirframeError(f"{where}: effectiveness of a rotor must be above 0 and at most 1")
+    if not np.any(np.hypot(positions[:, 0], positions[:, 1])):
+        raise AirframeError(f"{where}: all rotors are at the centre; give position_frd in m")
     return Airframe(
         name=str(table.get("name", Path(where).stem)),
         title=title,

@@ -25,5 +25,9 @@ class DataError(ThrustMarginError):
     """There is too little data, or none of the kind needed, for what was asked."""
 
 
+class PlanError(ThrustMarginError):
+    """A mission plan file cannot be read as a mission."""
+
+
 class LinkError(ThrustMarginError):
     """A port, socket or vehicle link cannot be opened or does not answer."""

@@ -1,0 +1,134 @@
+"""`thrustmargin match`: the paper's load matching and its Figure 10 for an airframe."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from models.atmosphere import G0
+from models.errors import DataError, ModelError
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from models.matching import Matching, NetworkPoints
+
+PAPER = "Han et al. 2024, F16: 9.28 kg, 5.28 kg, +75.83 %, about 50 % when full"
+
+
+def match(
+    *,
+    airframe: str = "topxgun-f16",
+    model: Path | None = None,
+    out: Path = Path("figure10"),
+) -> None:
+    """Match an aircraft's load with its power system, as the paper does, and draw its Figure 10.
+
+    Prints what each rotor carries with a full and an empty tank, how much of its maximum that is,
+    the largest fill for the 50 % line, and whether one lost rotor can be survived.
+
+    Example: thrustmargin match --airframe agras-t40 --out t40.svg
+
+    Args:
+        airframe: Name of an airframe that ships with thrustmargin, or path of your .toml file.
+        model: Rotor speed model whose predictions are drawn as points; else the shipped one.
+        out: Figure to write, .svg or .png; without an ending both are written.
+    """
+    from rich.console import Console
+
+    from gcs_plugin.figure10 import figure10, write_figure
+    from models.airframe import load_airframe
+    from models.matching import match_airframe
+
+    if out.suffix not in ("", ".svg", ".png"):
+        raise DataError(f"cannot draw {out}; end its name in .svg or .png, or in neither for both")
+    matching = match_airframe(load_airframe(airframe))
+    console = Console(highlight=False, markup=False)
+    console.print(load_table(matching))
+    for note in notes(matching):
+        console.print(note)
+    points, drawn = _network(matching, model)
+    console.print(drawn)
+    for path in write_figure(figure10(matching, points), out):
+        console.print(f"wrote {path}", soft_wrap=True)
+
+
+def load_table(matching: Matching) -> Table:
+    """The load matching as a table: a row a quantity, full and empty tank side by side."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    # A title given as a string would be read as markup, and it comes from a file.
+    title = Text(f"Load matching of {matching.airframe.title}")
+    table = Table(title=title, caption=PAPER, box=box.SIMPLE_HEAD)
+    table.add_column("")
+    table.add_column("full tank", justify="right")
+    table.add_column("empty tank", justify="right")
+    load, capacity = matching.load, matching.airframe.tank_capacity_kg
+    table.add_row("load a rotor", f"{load.full_load:.2f} kg", f"{load.empty_load:.2f} kg")
+    table.add_row("increase over empty (Eq. 8)", f"{load.load_increase:.2%}", "")
+    table.add_row(
+        "rotor speed in hover",
+        f"{matching.rotor_speed_full_rpm:.0f} rpm",
+        f"{matching.rotor_speed_empty_rpm:.0f} rpm",
+    )
+    for limit in matching.ceilings:
+        table.add_section()
+        table.add_row(Text(limit.name), f"{limit.max_thrust / G0:.2f} kgf a rotor", "")
+        table.add_row("  capacity use", f"{limit.use_full:.1%}", f"{limit.use_empty:.1%}")
+        table.add_row(
+            "  one rotor lost, heading given up",
+            f"{limit.redundancy_yaw_free_full:.2f} x weight",
+            f"{limit.redundancy_yaw_free_empty:.2f} x weight",
+        )
+        table.add_row(
+            "  one rotor lost, heading kept",
+            f"{limit.redundancy_yaw_kept_full:.2f} x weight",
+            f"{limit.redundancy_yaw_kept_empty:.2f} x weight",
+        )
+        table.add_row("  largest fill for 50 % use", _fill(limit.fill_half_use, capacity), "")
+        fill = _fill(limit.fill_one_rotor_out, capacity)
+        table.add_row("  largest fill for one rotor lost", fill, "")
+    return table
+
+
+def notes(matching: Matching) -> list[str]:
+    """Sentences under the table: the two thrust coefficients, and what a lost rotor means here."""
+    low, high = matching.thrust_coefficient_range
+    inside = "inside" if low <= matching.thrust_coefficient <= high else "outside"
+    return [
+        f"C_T of the thrust curve {matching.thrust_coefficient:.4f}, {inside} the range of Eq. 3, "
+        f"{low:.4f} to {high:.4f} over the printed parameters.",
+        "One rotor lost: thrust that can be held level and steady, over the weight. 1 or more "
+        "carries the aircraft, with nothing kept back for gusts or turns; its fill is with heading "
+        "given up.",
+    ]
+
+
+def _fill(fill: float, capacity: float) -> str:
+    if fill < 0.0:
+        return f"none, {-fill:.1f} kg over when empty"
+    if fill >= capacity:
+        return f"full (line {fill:.1f} kg)"
+    return f"{fill:.1f} of {capacity:.1f} kg"
+
+
+def _network(matching: Matching, path: Path | None) -> tuple[NetworkPoints | None, str]:
+    """The network's points, and a sentence that says what they are or why there are none."""
+    from models.matching import network_points
+    from models.rotor_model import load_model, shipped_model
+
+    if path is not None:
+        model = load_model(path)
+        points = network_points(matching.airframe, model)
+    else:
+        try:
+            model = shipped_model()
+            points = network_points(matching.airframe, model)
+        except ModelError as error:
+            return None, f"no network in the figure: {error}"
+    sentence = f"network in the figure: {points.load.size} points of the model for {points.title}"
+    if points.left_out:
+        sentence += f"; {points.left_out} more lie outside its training envelope"
+    return points, sentence
