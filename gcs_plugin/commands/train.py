@@ -1,0 +1,161 @@
+"""`thrustmargin train`: an aircraft's own rotor speed model from its flights."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import tyro
+from tyro.conf import Positional
+
+from models.errors import DataError, LogError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from models.airframe import Airframe
+    from models.flight import FlightTrack
+
+SPLITS = {"both": ("samples", "flights"), "samples": ("samples",), "flights": ("flights",)}
+
+
+def train(
+    logs: Positional[tuple[Path, ...]],
+    *,
+    airframe: str = "topxgun-f16-sitl",
+    out: Path = Path("my-model.safetensors"),
+    members: int = 5,
+    seed: int = 0,
+    split: Literal["both", "samples", "flights"] = "both",
+    max_epochs: int = 1000,
+    force: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False,
+) -> int:
+    """Train the rotor speed model of one aircraft on its own good flights.
+
+    Prints how well rotor speed is predicted from airspeed and tank level, beside the paper's
+    figures, and writes the model file with its loss curves (.loss.svg, .loss.csv) beside it.
+    Give flights of a healthy aircraft, over the speeds and tank levels of its work: at least 3,
+    and 10 or more for an interval around the prediction.
+
+    Example: thrustmargin train sitl_logs/campaign/*.tlog --out my-f16.safetensors
+
+    Args:
+        logs: Recorded flights: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv.
+        airframe: Name of a shipped airframe, or an airframe file (.toml), of the aircraft.
+        out: Model file to write.
+        members: Networks in the ensemble; their disagreement is the model's uncertainty.
+        seed: Number from which all chance is drawn; the same seed gives the same model.
+        split: Split of the table: by samples as the paper does, by flight, or both.
+        max_epochs: Most epochs for a network; early stopping usually ends it before.
+        force: Replace the model file if it is there.
+    """
+    from datetime import UTC, datetime
+    from importlib.metadata import version
+
+    from rich.console import Console
+
+    from gcs_plugin.loss_figure import write_loss_curves
+    from gcs_plugin.training_tables import training_tables
+    from models.airframe import load_airframe
+    from models.rotor_model import save_model
+    from models.rotor_net import NetConfig
+    from models.training import TrainSettings
+    from models.training import train as fit
+
+    progress = Console(stderr=True)
+    if not logs:
+        progress.print("thrustmargin train: give the logs to learn from; see --help")
+        return 2
+    _check_output(out, force=force)
+    if members < 3 or max_epochs < 1:
+        raise DataError("--members must be at least 3 and --max-epochs at least 1")
+    aircraft = load_airframe(airframe)
+    settings = TrainSettings(
+        splits=SPLITS[split], members=members, seed=seed, net=NetConfig(max_epochs=max_epochs)
+    )
+    tracks, notes = _read(logs, aircraft, progress)
+    with _epochs(settings.names(), progress) as on_epoch:
+        trained = fit(
+            tracks,
+            aircraft,
+            settings,
+            date=datetime.now(UTC).date().isoformat(),
+            version=version("thrustmargin"),
+            progress=on_epoch,
+        )
+    save_model(trained.model, out)
+    written = [out, *write_loss_curves(trained.curves, out)]
+
+    console = Console(highlight=False, markup=False)
+    for part in training_tables(trained.model):
+        console.print(part)
+    for note in (*notes, *_unused(tracks)):
+        console.print(f"left out: {note}", soft_wrap=True)
+    for path in written:
+        console.print(f"wrote {path}", soft_wrap=True)
+    return 0
+
+
+def _check_output(out: Path, *, force: bool) -> None:
+    """Before minutes of work: raise DataError when the result would have no place."""
+    if out.suffix != ".safetensors":
+        raise DataError(f"the model file {out} must end in .safetensors")
+    if not out.parent.is_dir():
+        raise DataError(f"no folder {out.parent} for the model file; make it first")
+    if out.exists() and not force:
+        raise DataError(f"{out} is already there; give another --out, or --force to replace it")
+
+
+def _read(
+    logs: Sequence[Path], airframe: Airframe, console: Console
+) -> tuple[list[FlightTrack], list[str]]:
+    """The flights that can be read, and a sentence for each log that cannot."""
+    from rich.progress import track as progress_bar
+
+    from gcs_plugin.logs import read_log
+
+    tracks, unread = [], []
+    for path in progress_bar(
+        logs,
+        description="reading",
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    ):
+        try:
+            tracks.append(read_log(path, airframe=airframe).track)
+        except LogError as error:
+            unread.append(str(error))
+    if not tracks:
+        raise LogError(f"none of {len(logs)} logs can be read; the first: {unread[0]}")
+    return tracks, unread
+
+
+def _unused(tracks: Sequence[FlightTrack]) -> list[str]:
+    from models.samples import training_rows
+
+    return [
+        f"{track.name}: no row in steady flight with rotor speeds, airspeed and tank level"
+        for track in tracks
+        if not training_rows(track).any()
+    ]
+
+
+@contextmanager
+def _epochs(names: Sequence[str], console: Console) -> Iterator[Callable[[str, int, float], None]]:
+    """A bar over the networks on standard error, with epoch and loss of the one being fitted."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as bars:
+        task = bars.add_task("loading torch", total=len(names))
+
+        def on_epoch(name: str, epoch: int, loss: float) -> None:
+            text = f"{name}: epoch {epoch}, validation loss {loss:.4f}"
+            bars.update(task, completed=names.index(name), description=text)
+
+        yield on_epoch
