@@ -1,0 +1,45 @@
+"""The table of physical effects. Adding one is adding one object to CATALOGUE.
+
+Order is that of the text: inputs, demand, moments, coefficient. `models.effects.compose` puts
+effects together into rotor speeds; `models.identify` searches this table and nothing else.
+"""
+
+from __future__ import annotations
+
+from models.effects.base import Effect, Kind, Parameter, Placed
+from models.effects.coefficient import (
+    AIR_DENSITY,
+    BATTERY_VOLTAGE,
+    CLIMB_INFLOW,
+    GROUND_EFFECT,
+    ROTOR_DEGRADATION,
+    ROTOR_DEGRADATION_ONSET,
+    THRUST_DRIFT,
+    TRANSLATIONAL_LIFT,
+)
+from models.effects.demand import EXTRA_MASS, LOAD_FACTOR, PARASITE_DRAG
+from models.effects.inputs import SENSOR_LAG, TANK_SCALE, WIND
+from models.effects.moments import CG_OFFSET, CG_OFFSET_TANK, MANOEUVRE_MOMENT, YAW_TRIM
+
+CATALOGUE: tuple[Effect, ...] = (
+    WIND,
+    TANK_SCALE,
+    SENSOR_LAG,
+    EXTRA_MASS,
+    PARASITE_DRAG,
+    LOAD_FACTOR,
+    CG_OFFSET,
+    CG_OFFSET_TANK,
+    YAW_TRIM,
+    MANOEUVRE_MOMENT,
+    AIR_DENSITY,
+    TRANSLATIONAL_LIFT,
+    CLIMB_INFLOW,
+    GROUND_EFFECT,
+    ROTOR_DEGRADATION,
+    ROTOR_DEGRADATION_ONSET,
+    THRUST_DRIFT,
+    BATTERY_VOLTAGE,
+)
+
+__all__ = ["CATALOGUE", "Effect", "Kind", "Parameter", "Placed"]

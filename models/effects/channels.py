@@ -1,0 +1,200 @@
+"""Channels: what the effects read, made once from a FlightTrack.
+
+Fast channels come as shift tables, one column a delay of LAGS, so that a delay is a parameter with
+a derivative: column k holds the channel `LAGS[k]` later, which undoes a report that late.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from typing import Any, Self
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from models.airframe import Airframe
+from models.atmosphere import G0, isa_temperature, track_density
+from models.flight import FlightTrack, Floats
+
+LAG_STEP = 0.1  # s
+LAGS = tuple(round(LAG_STEP * k, 1) for k in range(-5, 6))  # s
+VELOCITY_SPAN = 0.7  # s over which velocity is differentiated
+RATE_SPAN = 0.3  # s over which angular rate is differentiated
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Channels:
+    """Arrays of T rows, NaN where unreported; `_shifts` have (T, len(LAGS)). SI units."""
+
+    time_s: Any  # since the start of the flight
+    airspeed: Any
+    airspeed_shifts: Any
+    tank_kg: Any
+    total_mass: Any
+    velocity_north: Any
+    velocity_east: Any
+    density: Any  # reported or assumed
+    reported_density: Any  # NaN where neither pressure nor altitude is reported
+    isa_temperature: Any
+    hover_induced_velocity: Any
+    advance_ratio: Any  # of the axial inflow, w 60 / (N D), positive in climb
+    radius_over_height: Any
+    voltage: Any
+    load_factor: Any
+    load_factor_shifts: Any  # from the derivative of velocity
+    specific_force_shifts: Any  # from the IMU, |f|/g; as above where there is none
+    rate_shifts: tuple[Any, Any, Any]  # angular rate, roll pitch yaw
+    acceleration_shifts: tuple[Any, Any, Any]  # angular acceleration, roll pitch yaw
+    heading: Any
+    yaw_rate: Any
+    yaw_acceleration: Any
+    tank_capacity_kg: float
+    reference_density: float
+    reference_voltage: float
+
+    def rows(self, which: Any) -> Self:
+        """The same channels with only the chosen rows."""
+        return self._each(lambda a: a[which])
+
+    def as_torch(self) -> Self:
+        """The same channels as float64 torch tensors."""
+        import torch
+
+        return self._each(lambda a: torch.as_tensor(np.ascontiguousarray(a)))
+
+    def _each(self, change: Any) -> Self:
+        changed: dict[str, Any] = {}
+        for f in fields(self):
+            value = getattr(self, f.name)
+            if isinstance(value, tuple):
+                changed[f.name] = tuple(change(v) for v in value)
+            elif not isinstance(value, float):
+                changed[f.name] = change(value)
+        return replace(self, **changed)
+
+
+def concatenate(parts: list[Channels]) -> Channels:
+    """Channels of several flights under each other; scalars from the first."""
+    joined: dict[str, Any] = {}
+    for f in fields(Channels):
+        values = [getattr(p, f.name) for p in parts]
+        if isinstance(values[0], tuple):
+            joined[f.name] = tuple(np.concatenate(v) for v in zip(*values, strict=True))
+        elif not isinstance(values[0], float):
+            joined[f.name] = np.concatenate(values)
+    return replace(parts[0], **joined)
+
+
+def lag_weights(lag: Any, xp: Any) -> Any:
+    """(len(LAGS),) weights with which a shift table gives the channel `lag` seconds later.
+
+    Cubic convolution (Keys 1981): smooth in the lag, and exact on the grid.
+    """
+    grid = xp.arange(-(len(LAGS) // 2), len(LAGS) // 2 + 1, dtype=xp.float64) * LAG_STEP
+    u = xp.abs(xp.asarray(lag) - grid) / LAG_STEP
+    near = (1.5 * u - 2.5) * u * u + 1.0
+    far = ((-0.5 * u + 2.5) * u - 4.0) * u + 2.0
+    return xp.where(u < 1, near, xp.where(u < 2, far, 0.0 * u))
+
+
+def channels_of(
+    track: FlightTrack,
+    airframe: Airframe,
+    *,
+    reference_density: float,
+    reference_voltage: float,
+) -> Channels:
+    """Channels of all rows of a track; rows are kept, NaN where a channel is not reported."""
+    time_s, velocity = track.time_s, track.velocity_ned
+    density, _ = track_density(track)
+    known = track.reports("pressure") or track.reports("altitude")
+    mass = airframe.empty_mass + track.tank_kg
+    acceleration = _derivative(time_s, velocity, VELOCITY_SPAN)
+    kinematic = np.linalg.norm(acceleration - np.array([0.0, 0.0, G0]), axis=1) / G0
+    felt = np.linalg.norm(track.specific_force_frd, axis=1) / G0
+    kinematic = kinematic if np.isfinite(kinematic).any() else felt
+    felt = felt if np.isfinite(felt).any() else kinematic
+    turn = _derivative(time_s, track.angular_rate_frd, RATE_SPAN)
+    disc = np.pi * airframe.propeller_diameter**2 / 4 * airframe.rotor_count
+    hover_rpm = np.sqrt(mass * G0 / airframe.rotor_count / airframe.thrust_coefficient)
+    altitude = np.where(np.isfinite(track.altitude), track.altitude, 0.0)
+    height = np.maximum(track.height_agl, 0.1)
+
+    def table(a: Floats) -> Floats:
+        return np.stack([_later(time_s, a, lag) for lag in LAGS], axis=1)
+
+    return Channels(
+        time_s=time_s - time_s[0] if time_s.size else time_s,
+        airspeed=track.airspeed,
+        airspeed_shifts=table(track.airspeed),
+        tank_kg=track.tank_kg,
+        total_mass=mass,
+        velocity_north=velocity[:, 0],
+        velocity_east=velocity[:, 1],
+        density=density,
+        reported_density=density if known else np.full_like(density, np.nan),
+        isa_temperature=isa_temperature(altitude),
+        hover_induced_velocity=np.sqrt(mass * G0 / (2 * density * disc)),
+        advance_ratio=_climb_along_axis(track) * 60 / (hover_rpm * airframe.propeller_diameter),
+        radius_over_height=airframe.propeller_diameter / 2 / height,
+        voltage=track.voltage,
+        load_factor=kinematic,
+        load_factor_shifts=table(kinematic),
+        specific_force_shifts=table(felt),
+        rate_shifts=_three(table, track.angular_rate_frd),
+        acceleration_shifts=_three(table, turn),
+        heading=np.mod(track.attitude[:, 2], 2 * np.pi),
+        yaw_rate=track.angular_rate_frd[:, 2],
+        yaw_acceleration=turn[:, 2],
+        tank_capacity_kg=float(airframe.tank_capacity_kg),
+        reference_density=float(reference_density),
+        reference_voltage=float(reference_voltage),
+    )
+
+
+def _three(table: Any, columns: Floats) -> tuple[Floats, Floats, Floats]:
+    return table(columns[:, 0]), table(columns[:, 1]), table(columns[:, 2])
+
+
+def _climb_along_axis(track: FlightTrack) -> Floats:
+    """Speed through the air along the thrust axis, (T,) m/s, positive in climb."""
+    wind = np.where(np.isfinite(track.wind_ned), track.wind_ned, 0.0)
+    air = track.velocity_ned - wind
+    roll, pitch, yaw = track.attitude.T
+    down = np.stack(
+        [
+            np.cos(roll) * np.sin(pitch) * np.cos(yaw) + np.sin(roll) * np.sin(yaw),
+            np.cos(roll) * np.sin(pitch) * np.sin(yaw) - np.sin(roll) * np.cos(yaw),
+            np.cos(roll) * np.cos(pitch),
+        ],
+        axis=1,
+    )
+    return -np.sum(air * down, axis=1)
+
+
+def _derivative(time_s: Floats, values: Floats, span: float) -> Floats:
+    """Time derivative by a local quadratic over `span` seconds; NaN next to a gap."""
+    if time_s.size < 9:
+        return np.full_like(values, np.nan)
+    step = float(np.median(np.diff(time_s)))
+    window = max(3, 2 * int(span / step / 2) + 1)
+    window = min(window, time_s.size - (time_s.size + 1) % 2)
+    slope = savgol_filter(values, window, 2, deriv=1, delta=step, axis=0, mode="nearest")
+    gap = np.flatnonzero(np.abs(np.diff(time_s) - step) > 0.5 * step)
+    half = window // 2 + 1
+    near = (gap[:, None] + np.arange(-half, half + 1)).ravel()
+    slope[np.clip(near, 0, time_s.size - 1)] = np.nan
+    slope[:half] = slope[-half:] = np.nan
+    return slope
+
+
+def _later(time_s: Floats, values: Floats, lag: float) -> Floats:
+    """The channel `lag` seconds later, (T,); NaN where either neighbour is missing or far."""
+    if lag == 0.0 or time_s.size < 2:
+        return values
+    moved = np.interp(time_s + lag, time_s, values)
+    step = float(np.median(np.diff(time_s)))
+    right = np.clip(np.searchsorted(time_s, time_s + lag), 1, time_s.size - 1)
+    far = np.diff(time_s)[right - 1] > 5 * step
+    outside = (time_s + lag < time_s[0]) | (time_s + lag > time_s[-1])
+    return np.where(far | outside, np.nan, moved)

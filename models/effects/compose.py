@@ -1,0 +1,150 @@
+"""Effects put together: from inputs to the speed of every rotor.
+
+    N_i = sqrt(A_i / a0),  A = (D T'/T + P M) / kappa
+
+D is the base model's apparent thrust of each rotor at the (corrected) airspeed and tank mass, T its
+sum, T' the demand with its effects, M the moments with P the pseudo-inverse of the mixer, and
+kappa the product of the coefficient effects. A rotor that makes less thrust at a speed still takes
+most of its torque, so one bad rotor also upsets the yaw balance: M has the yaw moment that puts
+sum(spin q A) back to what the flight asks for. Works on numpy arrays and on torch tensors alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from models.airframe import Airframe
+from models.allocation import mixer
+from models.effects.base import Array, Kind, Placed
+from models.effects.channels import Channels
+from models.flight import Floats
+
+KAPPA_FLOOR = 0.05
+THRUST_FLOOR = 1e-3  # N: a rotor that would have to pull down stands still instead
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BaseTable:
+    """The base model's apparent thrust on a grid of airspeed and tank mass, read bilinearly.
+
+    `thrust` is (I, J, R) N at `airspeed_step * i` m/s and `tank_step_kg * j` kg.
+    """
+
+    thrust: Any
+    airspeed_step: float
+    tank_step_kg: float
+    thrust_coefficient: float
+    spread: Any  # (R, 3) N per N m: pseudo-inverse of the mixer's moment rows
+    yaw: Any  # (R,) N m per N: the mixer's yaw row
+
+    def look_up(self, airspeed: Array, tank_kg: Array) -> Array:
+        """Apparent thrust, (T, R) N; held at the edge of the grid."""
+        i, u = _cell(airspeed / self.airspeed_step, self.thrust.shape[0])
+        j, v = _cell(tank_kg / self.tank_step_kg, self.thrust.shape[1])
+        u, v, grid = u[:, None], v[:, None], self.thrust
+        low = grid[i, j] * (1 - v) + grid[i, j + 1] * v
+        high = grid[i + 1, j] * (1 - v) + grid[i + 1, j + 1] * v
+        return low * (1 - u) + high * u
+
+
+def _cell(x: Array, size: int) -> tuple[Array, Array]:
+    """Index of the cell that holds x and the place in it; held at the ends of the grid."""
+    if isinstance(x, np.ndarray):
+        x = np.clip(np.nan_to_num(x), 0.0, size - 1.0)
+        index = np.minimum(x.astype(np.intp), size - 2)
+    else:
+        x = x.clip(0.0, size - 1.0)
+        index = x.detach().long().clip(max=size - 2)
+    return index, x - index
+
+
+def base_table(
+    speed: Callable[[Floats, Floats], Floats],
+    airframe: Airframe,
+    *,
+    thrust_coefficient: float,
+    max_airspeed: float = 20.0,
+    airspeed_step: float = 0.1,
+    tank_step_kg: float = 0.2,
+) -> BaseTable:
+    """Tabulate a base model: `speed(airspeed (N,), tank_kg (N,)) -> (N, R)` rpm."""
+    speeds = np.arange(0.0, max_airspeed + airspeed_step, airspeed_step)
+    masses = np.arange(0.0, 1.5 * airframe.tank_capacity_kg + tank_step_kg, tank_step_kg)
+    airspeed, tank_kg = (g.ravel() for g in np.meshgrid(speeds, masses, indexing="ij"))
+    thrust = thrust_coefficient * speed(airspeed, tank_kg) ** 2
+    rows = mixer(airframe)
+    spread = np.linalg.pinv(rows)
+    return BaseTable(
+        thrust=thrust.reshape(speeds.size, masses.size, airframe.rotor_count),
+        airspeed_step=airspeed_step,
+        tank_step_kg=tank_step_kg,
+        thrust_coefficient=thrust_coefficient,
+        spread=spread[:, 1:],
+        yaw=rows[3],
+    )
+
+
+def coefficient(placed: Sequence[Placed], x: Channels, rotors: int, xp: Any) -> Array:
+    """kappa of all rotors, (T, R) or (T, 1): the product of the coefficient effects."""
+    every = [item for item in placed if item.effect.kind is Kind.COEFFICIENT]
+    kappa = _product(every, x, rotors, xp, lambda item: item.effect.apply)
+    return xp.clip(kappa, KAPPA_FLOOR, None)
+
+
+def _product(
+    placed: Sequence[Placed], x: Channels, rotors: int, xp: Any, factor: Callable[[Placed], Any]
+) -> Array:
+    """The product over effects of `factor(item)(p, x, xp)`, on the rotors they are of."""
+    product = xp.ones_like(x.time_s)[:, None]
+    for item in placed:
+        value = factor(item)(item.values, x, xp)[:, None]
+        if item.rotor is not None:
+            value = 1.0 + (value - 1.0) * (xp.arange(rotors) == item.rotor)
+        product = product * value
+    return product
+
+
+def apparent_thrust(base: BaseTable, placed: Sequence[Placed], x: Channels, xp: Any) -> Array:
+    """a0 N² of every rotor with the effects in place, (T, R) N."""
+    airspeed, tank_kg = x.airspeed, x.tank_kg
+    for item in placed:
+        if item.effect.kind is Kind.INPUT:
+            airspeed, tank_kg = item.effect.apply(item.values, x, airspeed, tank_kg, xp)
+    thrust = base.look_up(airspeed, tank_kg)
+    demand = total = thrust.sum(1)
+    for item in placed:
+        if item.effect.kind is Kind.DEMAND:
+            demand = item.effect.apply(item.values, x, demand, xp)
+    if demand is not total:
+        thrust = thrust * (demand / total)[:, None]
+    for item in placed:
+        if item.effect.kind is Kind.MOMENTS:
+            moments = item.effect.apply(item.values, x, demand, xp)
+            thrust = thrust + xp.stack(moments, 1) @ base.spread.T
+    rotors = base.spread.shape[0]
+    kappa = coefficient(placed, x, rotors, xp)
+    thrust = _yaw_balanced(base, placed, x, thrust, xp)
+    return xp.clip(thrust / kappa, THRUST_FLOOR, None)
+
+
+def _yaw_balanced(
+    base: BaseTable, placed: Sequence[Placed], x: Channels, thrust: Array, xp: Any
+) -> Array:
+    """Thrust (T, R) shared so that the torque of bad rotors is balanced."""
+    bad = [item for item in placed if item.rotor is not None]
+    if not bad:
+        return thrust
+    rotors = base.spread.shape[0]
+    worn = xp.clip(_product(bad, x, rotors, xp, lambda item: item.effect.apply), KAPPA_FLOOR, None)
+    torque = _product(bad, x, rotors, xp, lambda item: item.effect.torque) * base.yaw / worn
+    excess = (thrust * (torque - base.yaw)).sum(1)
+    return thrust - (excess / (torque @ base.spread[:, 2]))[:, None] * base.spread[:, 2]
+
+
+def rotor_speed_rpm(base: BaseTable, placed: Sequence[Placed], x: Channels, xp: Any) -> Array:
+    """Speed of every rotor with the effects in place, (T, R) rpm."""
+    return xp.sqrt(apparent_thrust(base, placed, x, xp) / base.thrust_coefficient)

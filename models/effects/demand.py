@@ -1,0 +1,114 @@
+"""Effects on the demand: the collective thrust that the flight asks for."""
+
+from __future__ import annotations
+
+from models.effects.base import Effect, Kind, Parameter
+from models.effects.channels import Channels, lag_weights
+
+
+def _extra_mass(p, x: Channels, thrust, xp):  # noqa: ARG001
+    return thrust * (1.0 + p["mass"] / x.total_mass)
+
+
+def _parasite_drag(p, x: Channels, thrust, xp):
+    area = p["drag_area"]
+    drag_squared = (0.5 * x.density * x.airspeed**2) ** 2 * area * xp.abs(area)
+    floor = 0.25 * thrust**2
+    return xp.sqrt(xp.where(thrust**2 + drag_squared > floor, thrust**2 + drag_squared, floor))
+
+
+def _load_factor(p, x: Channels, thrust, xp):
+    weights = lag_weights(p["lag"], xp)
+    kinematic = x.load_factor_shifts @ weights
+    felt = x.specific_force_shifts @ weights
+    blend = kinematic + p["imu_share"] * (felt - kinematic)
+    return thrust * (1.0 + p["gain"] * (blend - 1.0))
+
+
+EXTRA_MASS = Effect(
+    name="extra_mass",
+    kind=Kind.DEMAND,
+    parameters=(
+        Parameter(
+            name="mass",
+            unit="kg",
+            absent=0.0,
+            start=0.0,
+            lower=-10.0,
+            upper=20.0,
+            scale=2.0,
+            smallest=0.15,
+        ),
+    ),
+    needs=("total_mass",),
+    shape_channels=("tank_kg",),
+    source="weight: mass that the tank gauge does not see",
+    tell="weigh the aircraft, or hover 60 s full and 60 s empty",
+    apply=_extra_mass,
+)
+
+PARASITE_DRAG = Effect(
+    name="parasite_drag",
+    kind=Kind.DEMAND,
+    parameters=(
+        Parameter(
+            name="drag_area",
+            unit="m^2",
+            absent=0.0,
+            start=0.5,
+            lower=-4.0,
+            upper=6.0,
+            scale=1.0,
+            smallest=0.05,
+        ),
+    ),
+    needs=("airspeed", "density"),
+    shape_channels=("airspeed",),
+    source="thrust carries weight and drag: sqrt(W^2 + (rho CdA V^2 / 2)^2)",
+    tell="a straight line flown fast and slow at the same tank level",
+    apply=_parasite_drag,
+    affine=True,
+)
+
+LOAD_FACTOR = Effect(
+    name="load_factor",
+    kind=Kind.DEMAND,
+    parameters=(
+        Parameter(
+            name="gain",
+            unit="1",
+            absent=0.0,
+            start=0.5,
+            lower=-0.5,
+            upper=2.0,
+            scale=1.0,
+            smallest=0.05,
+        ),
+        Parameter(
+            name="imu_share",
+            unit="1",
+            absent=None,
+            start=0.2,
+            lower=0.0,
+            upper=1.0,
+            scale=1.0,
+            detail=True,
+        ),
+        Parameter(
+            name="lag",
+            unit="s",
+            absent=None,
+            start=0.05,
+            lower=-0.2,
+            upper=0.4,
+            scale=0.2,
+            detail=True,
+        ),
+    ),
+    needs=("load_factor_shifts",),
+    shape_channels=("load_factor",),
+    source="Newton: thrust over weight is |specific force| / g in turns, climbs and gusts",
+    tell="sharp stops and pull-ups at one tank level",
+    apply=_load_factor,
+    affine=True,
+)

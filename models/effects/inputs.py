@@ -1,0 +1,90 @@
+"""Effects on the inputs: what the airspeed and the tank mass really were."""
+
+from __future__ import annotations
+
+from models.effects.base import Effect, Kind, Parameter
+from models.effects.channels import Channels, lag_weights
+
+
+def _wind(p, x: Channels, airspeed, tank_kg, xp):  # noqa: ARG001
+    north = x.velocity_north - p["wind_north"]
+    east = x.velocity_east - p["wind_east"]
+    return xp.sqrt(north**2 + east**2 + 1e-6), tank_kg
+
+
+def _tank_scale(p, x: Channels, airspeed, tank_kg, xp):  # noqa: ARG001
+    return airspeed, tank_kg * p["gain"]
+
+
+def _sensor_lag(p, x: Channels, airspeed, tank_kg, xp):
+    return airspeed + x.airspeed_shifts @ lag_weights(p["lag"], xp) - x.airspeed, tank_kg
+
+
+WIND = Effect(
+    name="wind",
+    kind=Kind.INPUT,
+    parameters=tuple(
+        Parameter(
+            name=f"wind_{axis}",
+            unit="m/s",
+            absent=None,
+            start=0.0,
+            lower=-20.0,
+            upper=20.0,
+            scale=5.0,
+            smallest=1.0,
+            per_flight=True,
+        )
+        for axis in ("north", "east")
+    ),
+    needs=("airspeed", "velocity_north", "velocity_east"),
+    shape_channels=("velocity_north", "velocity_east"),
+    source="airspeed is the speed over ground less the wind",
+    tell="one line flown both ways at the same speed and tank level",
+    apply=_wind,
+    affine=True,
+)
+
+TANK_SCALE = Effect(
+    name="tank_scale",
+    kind=Kind.INPUT,
+    parameters=(
+        Parameter(
+            name="gain",
+            unit="1",
+            absent=1.0,
+            start=1.0,
+            lower=0.5,
+            upper=2.0,
+            scale=0.1,
+            smallest=0.02,
+        ),
+    ),
+    needs=("tank_kg",),
+    shape_channels=("tank_kg",),
+    source="a gauge whose slope is wrong: true mass = gain x shown mass",
+    tell="hover 60 s full and 60 s empty",
+    apply=_tank_scale,
+)
+
+SENSOR_LAG = Effect(
+    name="sensor_lag",
+    kind=Kind.INPUT,
+    parameters=(
+        Parameter(
+            name="lag",
+            unit="s",
+            absent=0.0,
+            start=0.0,
+            lower=-0.5,
+            upper=0.5,
+            scale=0.2,
+            smallest=0.05,
+        ),
+    ),
+    needs=("airspeed",),
+    shape_channels=("airspeed",),
+    source="the airspeed channel reports late by `lag`",
+    tell="quick changes of speed: accelerate and brake on a straight line",
+    apply=_sensor_lag,
+)

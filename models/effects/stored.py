@@ -1,0 +1,44 @@
+"""Effects of a model file as `Placed`, ready to compose.
+
+Rotors are numbered from 1 in files, from 0 in arrays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from models.effects import CATALOGUE
+from models.effects.base import Placed
+from models.errors import ModelError
+from models.records import EffectRecord
+
+BY_KEY = {effect.key: effect for effect in CATALOGUE}
+
+
+def placed_from(records: Sequence[EffectRecord], rotor_count: int) -> tuple[Placed, ...]:
+    """Effects of a model file. Raises ModelError for an unknown effect, rotor, value or unit."""
+    return tuple(_placed(record, rotor_count) for record in records)
+
+
+def _placed(record: EffectRecord, rotor_count: int) -> Placed:
+    key = f"{record.name}:{record.variant}" if record.variant else record.name
+    effect = BY_KEY.get(key)
+    if effect is None:
+        raise ModelError(
+            f"it has the effect {key!r}, which this version does not know; "
+            "update thrustmargin or identify the effect again"
+        )
+    if effect.of_one_rotor != (record.rotor is not None):
+        raise ModelError(f"its effect {key} names rotor {record.rotor!r}")
+    if record.rotor is not None and not 1 <= record.rotor <= rotor_count:
+        raise ModelError(f"its effect {key} names rotor {record.rotor} of {rotor_count}")
+    values: dict[str, float] = {}
+    for parameter in effect.parameters:
+        given = record.parameters.get(parameter.name)
+        if given is None or given.unit != parameter.unit or not np.isfinite(given.value):
+            raise ModelError(f"its effect {key} needs {parameter.name} in {parameter.unit!r}")
+        values[parameter.name] = given.value
+    rotor = None if record.rotor is None else record.rotor - 1
+    return Placed(effect=effect, values=values, rotor=rotor)

@@ -1,0 +1,322 @@
+"""Joint robust fit of effects, and the sufficient statistics by block that all judging rests on.
+
+The residual is in rpm, taken apart into modes and divided by each mode's robust scale. A
+Gauss-Newton step with Huber weights and bounds uses derivatives from torch.func.jvp. At the end,
+each block keeps only H = J'WJ, g = J'We and c = e'We, so that leaving flights out, intervals and
+surrogate searches are small linear algebra and never another pass over the rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.effects.base import Effect, Parameter, Placed
+from models.effects.compose import rotor_speed_rpm
+from models.flight import Floats
+from models.problem import Problem
+from models.residual import robust_scale
+
+HUBER = 3.0  # scales of a mode beyond which a residual counts linearly
+STEPS = 12
+TOLERANCE = 1e-3  # of a parameter's own scale
+RIDGE = 1e-4  # weight of the prior, per row
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Term:
+    """An effect that is being fitted, on one rotor (0-based) where it is of one."""
+
+    effect: Effect
+    rotor: int | None = None
+
+    @property
+    def key(self) -> str:
+        suffix = "" if self.rotor is None else f"@{self.rotor + 1}"
+        return self.effect.key + suffix
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Layout:
+    """Where the parameters of a list of terms stand: K in a row, P altogether."""
+
+    parameters: tuple[Parameter, ...]  # (K,) of all terms, in order
+    places: NDArray[np.intp]  # (F, K) index into the P values for each flight
+    size: int
+
+    @property
+    def shared(self) -> NDArray[np.bool_]:
+        """(P,) True for values that all flights share."""
+        counts = np.bincount(self.places.ravel(), minlength=self.size)
+        return counts == self.places.shape[0] if self.places.shape[0] > 1 else counts >= 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Statistics:
+    """What the blocks keep of a linear problem e = J d, with a weak prior on d."""
+
+    layout: Layout
+    owner: NDArray[np.intp]  # (B,) flight of each block
+    hessian: Floats  # (B, K, K)
+    gradient: Floats  # (B, K)
+    cost: Floats  # (B,)
+    prior: Floats  # (P,) weight of the prior
+    pull: Floats  # (P,) its gradient at d = 0
+
+    def normal(self, chosen: NDArray[np.bool_], gradient: Floats | None = None) -> Any:
+        """Normal matrix (P, P) and gradient (P, ...) over the chosen blocks, without the prior."""
+        gradient = self.gradient if gradient is None else gradient
+        hessian = np.zeros((self.layout.size, self.layout.size))
+        total = np.zeros((self.layout.size, *gradient.shape[2:]))
+        for f in range(self.layout.places.shape[0]):
+            mine = chosen & (self.owner == f)
+            where = self.layout.places[f]
+            hessian[np.ix_(where, where)] += self.hessian[mine].sum(axis=0)
+            total[where] += gradient[mine].sum(axis=0)
+        return hessian, total
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fit:
+    """Values found, and statistics by block at those values."""
+
+    terms: tuple[Term, ...]
+    layout: Layout
+    values: Floats  # (P,)
+    residual_rpm: Floats  # (T, R) measured minus predicted
+    whitened: Floats  # (T, R) weighted mode residuals
+    jacobian: Floats  # (T, R, K) of the weighted mode predictions
+    prediction_rpm: Floats  # (T, R)
+    statistics: Statistics
+    converged: bool
+
+
+def layout_of(terms: Sequence[Term], flights: int) -> Layout:
+    parameters = tuple(p for t in terms for p in t.effect.parameters)
+    places = np.zeros((flights, len(parameters)), dtype=np.intp)
+    size = 0
+    for k, parameter in enumerate(parameters):
+        width = flights if parameter.per_flight else 1
+        places[:, k] = size + np.arange(flights) % width
+        size += width
+    return Layout(parameters=parameters, places=places, size=size)
+
+
+def starts(layout: Layout) -> Floats:
+    """(P,) where a fit starts."""
+    values = np.zeros(layout.size)
+    for k, parameter in enumerate(layout.parameters):
+        values[layout.places[:, k]] = parameter.start
+    return values
+
+
+def mode_scales(problem: Problem, residual_rpm: Floats) -> Floats:
+    """(R,) rpm, robust size of each mode of a residual; never below a thousandth of the largest."""
+    amplitudes = residual_rpm @ problem.modes.directions
+    scales = np.array([robust_scale(amplitudes[:, k]) for k in range(amplitudes.shape[1])])
+    return np.maximum(scales, 1e-3 * scales.max() + 1e-6)
+
+
+def placed_terms(terms: Sequence[Term], values_by_row: Sequence[Any]) -> tuple[Placed, ...]:
+    """Terms with their values, `values_by_row` holding one entry a parameter in order."""
+    placed, k = [], 0
+    for term in terms:
+        names = [p.name for p in term.effect.parameters]
+        chunk = values_by_row[k : k + len(names)]
+        placed.append(
+            Placed(
+                effect=term.effect, rotor=term.rotor, values=dict(zip(names, chunk, strict=True))
+            )
+        )
+        k += len(names)
+    return tuple(placed)
+
+
+class Evaluator:
+    """Predictions and derivatives of a problem; holds the torch copies of its arrays."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self._base, self._channels = problem.torch_parts()
+
+    def predict(self, terms: Sequence[Term], layout: Layout, values: Floats) -> Floats:
+        """(T, R) rpm."""
+        return self._function(terms, self._rows(layout, values))(None).numpy()
+
+    def jacobian(
+        self, terms: Sequence[Term], layout: Layout, values: Floats, wanted: Sequence[int]
+    ) -> tuple[Floats, Floats]:
+        """Prediction (T, R) and derivatives (T, R, len(wanted)) by the row parameters wanted."""
+        import torch
+
+        rows = self._rows(layout, values)
+        function = self._function(terms, rows, tuple(wanted))
+        prediction = function(None).numpy()
+        if not len(wanted):
+            return prediction, np.zeros((*prediction.shape, 0))
+        at = torch.zeros(len(wanted), dtype=torch.float64)
+        return prediction, torch.func.jacfwd(function)(at).numpy()
+
+    def _rows(self, layout: Layout, values: Floats) -> list[Any]:
+        import torch
+
+        by_flight = values[layout.places]
+        return [
+            torch.as_tensor(by_flight[self.problem.flight, k])
+            if parameter.per_flight
+            else torch.as_tensor(by_flight[0, k])
+            for k, parameter in enumerate(layout.parameters)
+        ]
+
+    def _function(
+        self, terms: Sequence[Term], rows: Sequence[Any], wanted: tuple[int, ...] = ()
+    ) -> Any:
+        import torch
+
+        def predict(change: Any) -> Any:
+            moved = list(rows)
+            if change is not None:
+                for i, k in enumerate(wanted):
+                    moved[k] = moved[k] + change[i]
+            placed = (*self.problem.placed, *placed_terms(terms, moved))
+            return rotor_speed_rpm(self._base, placed, self._channels, torch)
+
+        return predict
+
+
+def fit_terms(
+    evaluator: Evaluator,
+    terms: Sequence[Term],
+    *,
+    scales: Floats,
+    start: Floats | None = None,
+    steps: int = STEPS,
+) -> Fit:
+    """Fit all terms together from `start` (or their own starts); `scales` (R,) rpm of the modes."""
+    problem = evaluator.problem
+    layout = layout_of(terms, problem.flights)
+    values = starts(layout) if start is None else start.copy()
+    lower, upper, size, _ = _bounds(layout, values)
+    converged = not layout.size
+    best: Fit | None = None
+    reference = np.inf
+    damping = 1e-6
+    for _ in range(max(1, steps)):
+        current = linearise(evaluator, terms, layout, values, scales)
+        statistics = current.statistics
+        centre = _bounds(layout, values)[3]
+        total = statistics.cost.sum() + np.sum(statistics.prior * (values - centre) ** 2)
+        if best is None or total <= reference * (1 + 1e-9):
+            gained = np.inf if best is None else reference - total
+            best, reference, damping = current, total, damping / 5
+            if gained < 1e-6 * reference:
+                converged = True
+                break
+        else:
+            damping = max(10 * damping, 1e-3)
+            if damping > 1e4:
+                break
+        if not layout.size:
+            break
+        statistics = best.statistics
+        hessian, gradient = statistics.normal(np.ones(statistics.owner.size, dtype=np.bool_))
+        hessian += np.diag(statistics.prior)
+        gradient += statistics.pull
+        step = np.linalg.solve(hessian + damping * np.diag(np.diag(hessian) + 1e-12), gradient)
+        values = np.clip(best.values + np.clip(step, -4 * size, 4 * size), lower, upper)
+        if np.all(np.abs(values - best.values) < TOLERANCE * size):
+            converged = True
+            break
+    assert best is not None
+    return replace(best, converged=converged)
+
+
+def _bounds(layout: Layout, values: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Lower and upper bound, size, and centre of the prior of each value.
+
+    A value that has no "absent" is held near where it stands; it is drawn to nothing.
+    """
+    lower, upper, size, centre = (np.zeros(layout.size) for _ in range(4))
+    for k, p in enumerate(layout.parameters):
+        where = layout.places[:, k]
+        lower[where], upper[where], size[where] = p.lower, p.upper, p.scale
+        centre[where] = values[where] if p.absent is None else p.absent
+    return lower, upper, size, centre
+
+
+def linearise(
+    evaluator: Evaluator,
+    terms: Sequence[Term],
+    layout: Layout,
+    values: Floats,
+    scales: Floats,
+    known: Floats | None = None,
+) -> Fit:
+    """The problem at given values: residual, weighted derivatives and block statistics.
+
+    `known` (T, R, k) are weighted derivatives of the first k parameters from a neighbouring fit,
+    good enough for ranking candidates; they are not worked out again.
+    """
+    problem = evaluator.problem
+    have = 0 if known is None else known.shape[2]
+    wanted = range(have, len(layout.parameters))
+    prediction, derivative = evaluator.jacobian(terms, layout, values, wanted)
+    residual = problem.measured_rpm - prediction
+    whitened, root = whiten(problem, residual, scales)
+    shape, count = whitened.shape, derivative.shape[2]
+    turned = np.swapaxes(derivative, 1, 2).reshape(-1, shape[1])
+    turned = turned @ (problem.modes.directions / scales)
+    jacobian = np.swapaxes(turned.reshape(shape[0], count, shape[1]), 1, 2) * root[:, :, None]
+    if known is not None:
+        jacobian = np.concatenate([known, jacobian], axis=2)
+    hessian, gradient, cost = block_statistics(problem, whitened, jacobian)
+    _, _, size, centre = _bounds(layout, values)
+    prior = RIDGE * problem.measured_rpm.shape[0] / size**2
+    statistics = Statistics(
+        layout=layout,
+        owner=problem.block_flight,
+        hessian=hessian,
+        gradient=gradient,
+        cost=cost,
+        prior=prior,
+        pull=-prior * (values - centre),
+    )
+    return Fit(
+        terms=tuple(terms),
+        layout=layout,
+        values=values.copy(),
+        residual_rpm=residual,
+        prediction_rpm=prediction,
+        whitened=whitened,
+        jacobian=jacobian,
+        statistics=statistics,
+        converged=False,
+    )
+
+
+def whiten(problem: Problem, residual_rpm: Floats, scales: Floats) -> tuple[Floats, Floats]:
+    """Mode residuals over their scales with Huber weights in, and the root of the weights."""
+    modes = residual_rpm @ (problem.modes.directions / scales)
+    root = np.sqrt(HUBER / np.maximum(np.abs(modes), HUBER))
+    return modes * root, root
+
+
+def block_statistics(
+    problem: Problem, whitened: Floats, jacobian: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """H (B, K, K), g (B, K) and c (B,) of each block."""
+    starts_ = np.flatnonzero(np.diff(problem.block, prepend=-1))
+    count = jacobian.shape[2]
+    hessian = np.zeros((starts_.size, count, count))
+    gradient = np.zeros((starts_.size, count))
+    ends = np.append(starts_[1:], problem.block.size)
+    for b, (i, j) in enumerate(zip(starts_, ends, strict=True)):
+        block = jacobian[i:j].reshape(-1 if count else 0, count)
+        hessian[b] = block.T @ block
+        gradient[b] = block.T @ whitened[i:j].ravel()[: block.shape[0]]
+    cost = np.add.reduceat(np.sum(whitened**2, axis=1), starts_)
+    return hessian, gradient, cost

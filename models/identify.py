@@ -1,0 +1,194 @@
+"""Close the loop: residual -> missing effect -> added effect -> error before and after.
+
+`identify` searches the table of effects on flights with measured rotor speeds, one effect at a
+time, each judged on flights left out and against chance; then asks what is left, what could not be
+told apart, and what it means on flights that no step has used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from models.effects import CATALOGUE
+from models.effects.base import Effect
+from models.errors import DataError
+from models.fit import Evaluator, Fit, Term, fit_terms, mode_scales
+from models.flight import FlightTrack
+from models.judge import Interval, held_out_cost, intervals
+from models.outcome import Errors, Found, Identification, errors_of
+from models.predictions import across_flights, on_new_flights
+from models.problem import Problem, assemble
+from models.residual import sensor_noise_rpm
+from models.rotor_model import RotorModel
+from models.search import (
+    LEAST_GAIN,
+    SearchConfig,
+    Step,
+    cross_validated_rmse,
+    look,
+    prune,
+    rivals,
+    term_values,
+    warm_start,
+)
+from models.unexplained import LEAST_SHARE, Curve, best_curve, floor_rpm
+
+Progress = Callable[[str, float], None]
+
+FORM_SHARE = 0.25  # of an effect's own gain, above which a free curve disproves its form
+
+
+def identify(
+    model: RotorModel,
+    fit: Sequence[FlightTrack],
+    held_out: Sequence[FlightTrack] = (),
+    *,
+    config: SearchConfig | None = None,
+    catalogue: Sequence[Effect] = CATALOGUE,
+    progress: Progress | None = None,
+) -> Identification:
+    """Find the effects that `model` lacks on the flights `fit`; report errors on `held_out`.
+
+    Without held-out flights the errors are cross-validated: each flight (of one flight, each fifth)
+    predicted with values found without it. Raises DataError when no flight can be fitted and
+    AirframeError for a wrong rotor count.
+    """
+    if not fit:
+        raise DataError("no flight to identify from; give at least one log with rotor speeds")
+    config = config or SearchConfig()
+    problem = assemble(model, fit)
+    evaluator = Evaluator(problem)
+    generator = np.random.default_rng(config.seed)
+    first = fit_terms(evaluator, (), scales=np.ones(model.airframe.rotor_count))
+    first = fit_terms(evaluator, (), scales=mode_scales(problem, first.residual_rpm))
+    found, steps = _search(evaluator, first, catalogue, config, generator, progress)
+    found, curve = _disprove(evaluator, found, steps, config, generator)
+    alike = rivals(evaluator, found, catalogue) if found.terms else {}
+    if progress:
+        progress("errors on flights not used", 0.0)
+    before_rows = across_flights(evaluator, first)
+    after_rows = across_flights(evaluator, found)
+    unused = assemble(model, held_out) if held_out else None
+    return Identification(
+        model=model,
+        problem=problem,
+        held_out=unused,
+        fit=found,
+        interval=intervals(found),
+        found=_found(evaluator, found, steps, alike),
+        curve=curve,
+        before=_errors(unused or problem, unused, evaluator, first, before_rows),
+        after=_errors(unused or problem, unused, evaluator, found, after_rows),
+        residual_before_rpm=first.residual_rpm,
+        residual_after_rpm=found.residual_rpm,
+        floor_rpm=floor_rpm(problem, found.residual_rpm),
+        sensor_noise_rpm=sensor_noise_rpm(
+            found.residual_rpm @ problem.modes.directions, problem.follows
+        ),
+        config=config,
+    )
+
+
+def _search(
+    evaluator: Evaluator,
+    first: Fit,
+    catalogue: Sequence[Effect],
+    config: SearchConfig,
+    generator: np.random.Generator,
+    progress: Progress | None,
+) -> tuple[Fit, dict[str, Step]]:
+    """Add effects until none beats chance; which step brought each."""
+    current, steps = first, {}
+    for number in range(config.most_effects):
+        told = None
+        if progress:
+            told = lambda what, share, n=number: progress(f"effect {n + 1}: {what}", share)  # noqa: E731
+        step = look(evaluator, current, catalogue, config, generator, told)
+        if step.chosen is None:
+            break
+        steps[step.chosen.term.key] = step
+        current = prune(evaluator, step.chosen.fit)
+    return prune(evaluator, current, last_too=True), steps
+
+
+def _disprove(
+    evaluator: Evaluator,
+    found: Fit,
+    steps: dict[str, Step],
+    config: SearchConfig,
+    generator: np.random.Generator,
+) -> tuple[Fit, Curve | None]:
+    """What is left; effects whose own channel shows another form are taken out again."""
+    problem = evaluator.problem
+    while True:
+        scales = mode_scales(problem, found.residual_rpm)
+        found = fit_terms(evaluator, found.terms, scales=scales, start=found.values, steps=3)
+        curve = best_curve(
+            problem, found, scales, surrogates=config.surrogates, generator=generator
+        )
+        cost = float(held_out_cost(found.statistics).sum())
+        if (
+            curve is None
+            or curve.p_value > config.significance
+            or curve.share < LEAST_SHARE
+            or curve.gain < LEAST_GAIN * cost
+        ):
+            return found, None
+        wrong = [t for t in found.terms if curve.channel in t.effect.shape_channels]
+        wrong = [t for t in wrong if curve.gain > FORM_SHARE * _gain(steps, t)]
+        if not wrong:
+            return found, curve
+        rest = tuple(t for t in found.terms if t.key != wrong[-1].key)
+        start = warm_start(rest, found, problem.flights)
+        found = fit_terms(evaluator, rest, scales=scales, start=start)
+
+
+def _gain(steps: dict[str, Step], term: Term) -> float:
+    step = steps.get(term.key)
+    if step is None or step.chosen is None:
+        return np.inf
+    return step.chosen.gain
+
+
+def _found(
+    evaluator: Evaluator, fit: Fit, steps: dict[str, Step], alike: dict[str, list[str]]
+) -> tuple[Found, ...]:
+    """The accepted effects in order, each with its values, interval and errors around it."""
+    problem = evaluator.problem
+    interval: Interval = intervals(fit)
+    scales = mode_scales(problem, fit.residual_rpm)
+    errors = []
+    for count in range(len(fit.terms) + 1):
+        terms = fit.terms[:count]
+        start = warm_start(terms, fit, problem.flights)
+        part = fit_terms(evaluator, terms, scales=scales, start=start, steps=5)
+        errors.append(cross_validated_rmse(evaluator, part))
+    found = []
+    for k, term in enumerate(fit.terms):
+        found.append(
+            Found(
+                term=term,
+                value=term_values(fit, term),
+                lower=term_values(fit, term, interval.lower),
+                upper=term_values(fit, term, interval.upper),
+                rmse_before_rpm=errors[k],
+                rmse_after_rpm=errors[k + 1],
+                p_value=steps[term.key].p_value,
+                indistinguishable_from=tuple(alike.get(term.key, ())),
+            )
+        )
+    return tuple(found)
+
+
+def _errors(
+    problem: Problem,
+    unused: Problem | None,
+    evaluator: Evaluator,
+    fit: Fit,
+    cross_validated,
+) -> Errors:
+    if unused is None:
+        return errors_of(problem, cross_validated)
+    return errors_of(unused, on_new_flights(unused, evaluator, fit))

@@ -1,0 +1,159 @@
+"""Judging a fit: error on what was left out, intervals, and chance.
+
+All of it works on block statistics. A fit is linear near its values, so leaving a flight out moves
+the values by one solve. Parameters of one flight are found on every other block of that flight and
+scored on the blocks between.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from models.fit import Fit, Statistics
+from models.flight import Floats
+
+FOLDS_OF_ONE_FLIGHT = 5
+
+
+def held_out_cost(
+    s: Statistics, gradient: Floats | None = None, cost: Floats | None = None
+) -> Floats:
+    """Cost (B,) or (B, S) of every block under values found without it.
+
+    With several flights a flight is left out whole; with one, every fifth run of blocks.
+    `gradient` (B, K, S) and `cost` (B, S) judge S other residuals on the same derivatives.
+    """
+    single = gradient is None or cost is None
+    g = s.gradient[:, :, None] if gradient is None else gradient
+    c = s.cost[:, None] if cost is None else cost
+    out = np.empty_like(c)
+    for test, training, own_training, flight in _folds(s, np.arange(s.owner.size)):
+        moved = _solve(s, g, training, own_training, flight)
+        out[test] = _cost(s, g, c, test, moved)
+    return out[:, 0] if single else out
+
+
+def left_out_values(s: Statistics) -> list[tuple[NDArray[np.intp], Floats]]:
+    """Groups of blocks, each with the move (P,) of the values when found without the group."""
+    gradient = s.gradient[:, :, None]
+    everything = np.arange(s.owner.size)
+    groups = []
+    for test, training, own_training, flight in _folds(s, everything):
+        moved = np.zeros(s.layout.size)
+        moved[s.layout.places[flight]] = _solve(s, gradient, training, own_training, flight)[:, 0]
+        groups.append((test, moved))
+    return groups
+
+
+def _folds(s: Statistics, everything: NDArray[np.intp]):
+    """(test blocks, mask of training blocks, own blocks to train on, flight) of every fold."""
+    flights = s.layout.places.shape[0]
+    if flights > 1:
+        for f in range(flights):
+            for test, own_training in _halves(everything[s.owner == f]):
+                yield test, s.owner != f, own_training, f
+    else:
+        fold = everything * min(FOLDS_OF_ONE_FLIGHT, everything.size) // everything.size
+        for k in np.unique(fold):
+            yield everything[fold == k], fold != k, np.empty(0, dtype=np.intp), 0
+
+
+def _halves(mine: NDArray[np.intp]) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
+    even, odd = mine[::2], mine[1::2]
+    return [(even, odd), (odd, even)] if odd.size else [(even, even[:0])]
+
+
+def _solve(
+    s: Statistics,
+    gradient: Floats,
+    training: NDArray[np.bool_],
+    own_training: NDArray[np.intp],
+    flight: int,
+) -> Floats:
+    """Values (K, S) of one flight's rows: shared ones from `training`, its own from its blocks."""
+    if not s.layout.size:
+        return np.zeros((0, gradient.shape[2]))
+    hessian, total = s.normal(training, gradient)
+    moved = np.linalg.solve(hessian + np.diag(s.prior), total + s.pull[:, None])
+    where = s.layout.places[flight]
+    own = ~s.layout.shared[where]
+    if own.any() and s.layout.places.shape[0] > 1 and own_training.size:
+        h = s.hessian[own_training].sum(axis=0)
+        rest = gradient[own_training].sum(axis=0) - h[:, ~own] @ moved[where[~own]]
+        prior = np.diag(s.prior[where[own]])
+        moved[where[own]] = np.linalg.solve(
+            h[np.ix_(own, own)] + prior, rest[own] + s.pull[where[own], None]
+        )
+    return moved[where]
+
+
+def _cost(
+    s: Statistics,
+    g: Floats,
+    c: Floats,
+    test: NDArray[np.intp],
+    moved: Floats,
+) -> Floats:
+    linear = np.einsum("bks,ks->bs", g[test], moved)
+    square = np.einsum("ks,bkl,ls->bs", moved, s.hessian[test], moved)
+    return c[test] - 2 * linear + square
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Interval:
+    """95 % intervals of the P values of a fit, and their covariance."""
+
+    lower: Floats
+    upper: Floats
+    covariance: Floats  # (P, P)
+
+
+def intervals(fit: Fit, confidence: float = 0.95) -> Interval:
+    """Intervals from blocks and flights (cluster sandwich), never from the number of rows.
+
+    The variance is that of block sums, and where flights disagree by more than their blocks
+    explain, that of flight sums. Source: Liang and Zeger 1986; small-sample factor of MacKinnon
+    and White; Student's t with the clusters' degrees of freedom.
+    """
+    s = fit.statistics
+    size = fit.layout.size
+    hessian, _ = s.normal(np.ones(s.owner.size, dtype=np.bool_))
+    bread = np.linalg.inv(hessian + np.diag(s.prior + 1e-12)) if size else np.zeros((0, 0))
+    by_block = _meat(s, np.arange(s.owner.size))
+    blocks = s.owner.size
+    covariance = bread @ by_block @ bread * blocks / max(1, blocks - size)
+    quantile = np.full(size, student.ppf(0.5 + confidence / 2, max(2, blocks - size)))
+    flights = fit.layout.places.shape[0]
+    if flights > 2:
+        by_flight = bread @ _meat(s, s.owner) @ bread * flights / (flights - 1)
+        wider = (np.diag(by_flight) > np.diag(covariance)) & fit.layout.shared
+        scale = np.ones(size)
+        scale[wider] = np.sqrt(np.diag(by_flight)[wider] / np.diag(covariance)[wider])
+        covariance = covariance * scale[:, None] * scale[None, :]
+    half = quantile * np.sqrt(np.diag(covariance))
+    return Interval(lower=fit.values - half, upper=fit.values + half, covariance=covariance)
+
+
+def _meat(s: Statistics, cluster: NDArray[np.intp]) -> Floats:
+    meat = np.zeros((s.layout.size, s.layout.size))
+    for k in np.unique(cluster):
+        total = np.zeros(s.layout.size)
+        for b in np.flatnonzero(cluster == k):
+            np.add.at(total, s.layout.places[s.owner[b]], s.gradient[b])
+        meat += np.outer(total, total)
+    return meat
+
+
+def difference_in_doubt(first: Floats, second: Floats, owner: NDArray[np.intp]) -> bool:
+    """True when two held-out costs (B,) differ by less than their blocks' scatter allows (95 %)."""
+    gap = second - first
+    flights = np.unique(owner)
+    error = float(np.std(gap, ddof=1) * np.sqrt(gap.size)) if gap.size > 1 else np.inf
+    if flights.size > 2:
+        by_flight = np.array([gap[owner == f].sum() for f in flights])
+        error = max(error, float(np.std(by_flight, ddof=1) * np.sqrt(flights.size)) / 2)
+    return bool(abs(gap.sum()) < 2.0 * error)

@@ -1,0 +1,179 @@
+"""What `identify` found, as numbers, and its JSON ("thrustmargin.identify/1")."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from models.fit import Fit, Term
+from models.flight import Floats
+from models.judge import Interval
+from models.problem import Problem
+from models.residual import r_squared
+from models.rotor_model import RotorModel
+from models.search import SearchConfig
+from models.unexplained import Curve
+
+DRAWS = 400
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Errors:
+    """Errors of measured minus predicted rotor speed; the interval is from blocks of time."""
+
+    rmse_rpm: float
+    bias_rpm: float
+    r2: float
+    per_rotor_rmse_rpm: Floats  # (R,)
+    rmse_ci95_rpm: tuple[float, float]
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "rmse_rpm": self.rmse_rpm,
+            "bias_rpm": self.bias_rpm,
+            "r2": self.r2,
+            "per_rotor_rmse_rpm": [float(v) for v in self.per_rotor_rmse_rpm],
+            "rmse_ci95_rpm": list(self.rmse_ci95_rpm),
+        }
+
+
+def errors_of(problem: Problem, residual_rpm: Floats) -> Errors:
+    """Errors of a residual (T, R), with a bootstrap over blocks within flights."""
+    generator = np.random.default_rng(0)
+    blocks = problem.block_flight.size
+    count = np.bincount(problem.block, minlength=blocks) * residual_rpm.shape[1]
+    square = np.bincount(problem.block, np.sum(residual_rpm**2, axis=1), minlength=blocks)
+    draws = []
+    for _ in range(DRAWS):
+        chosen = np.concatenate(
+            [
+                generator.choice(mine, mine.size)
+                for f in range(problem.flights)
+                for mine in [np.flatnonzero(problem.block_flight == f)]
+            ]
+        )
+        draws.append(np.sqrt(square[chosen].sum() / count[chosen].sum()))
+    low, high = np.quantile(draws, [0.025, 0.975])
+    return Errors(
+        rmse_rpm=float(np.sqrt(np.mean(residual_rpm**2))),
+        bias_rpm=float(np.mean(residual_rpm)),
+        r2=r_squared(problem.measured_rpm, residual_rpm),
+        per_rotor_rmse_rpm=np.sqrt(np.mean(residual_rpm**2, axis=0)),
+        rmse_ci95_rpm=(float(low), float(high)),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Found:
+    """One accepted effect; values of shape (F, parameters), alike in all F flights if shared."""
+
+    term: Term
+    value: Floats
+    lower: Floats
+    upper: Floats
+    rmse_before_rpm: float
+    rmse_after_rpm: float
+    p_value: float
+    indistinguishable_from: tuple[str, ...]
+
+    @property
+    def flight(self) -> int:
+        """The flight whose values stand for the effect: the one it shows most in."""
+        own = [k for k, p in enumerate(self.term.effect.parameters) if p.per_flight]
+        return int(np.argmax(np.abs(self.value[:, own[0]]))) if own else 0
+
+    def parameters(self, names: tuple[str, ...]) -> dict[str, Any]:
+        """Parameters as JSON: value, unit, interval, and for values of one flight, each flight's."""
+        out: dict[str, Any] = {}
+        for k, p in enumerate(self.term.effect.parameters):
+            f = self.flight
+            entry: dict[str, Any] = {
+                "value": float(self.value[f, k]),
+                "unit": p.unit,
+                "ci95": [float(self.lower[f, k]), float(self.upper[f, k])],
+            }
+            if p.per_flight:
+                entry["flight"] = names[f]
+                entry["per_flight"] = [float(v) for v in self.value[:, k]]
+            out[p.name] = entry
+        return out
+
+    def to_json(self, names: tuple[str, ...]) -> dict[str, Any]:
+        return {
+            "name": self.term.effect.name,
+            "variant": self.term.effect.variant,
+            "rotor": None if self.term.rotor is None else self.term.rotor + 1,
+            "parameters": self.parameters(names),
+            "rmse_before_rpm": self.rmse_before_rpm,
+            "rmse_after_rpm": self.rmse_after_rpm,
+            "p_value": self.p_value,
+            "indistinguishable_from": list(self.indistinguishable_from),
+            "tell_apart_by": self.term.effect.tell if self.indistinguishable_from else None,
+            "source": self.term.effect.source,
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Identification:
+    """Everything that a search found, with the rows it was found on."""
+
+    model: RotorModel
+    problem: Problem
+    held_out: Problem | None
+    fit: Fit
+    interval: Interval
+    found: tuple[Found, ...]
+    curve: Curve | None
+    before: Errors
+    after: Errors
+    residual_before_rpm: Floats  # (T, R) on the rows of `problem`
+    residual_after_rpm: Floats  # (T, R)
+    floor_rpm: float
+    sensor_noise_rpm: float
+    config: SearchConfig
+
+    def to_json(self, *, model_in: str = "", model_out: str = "") -> dict[str, Any]:
+        """The JSON of the identify command; NaN as null."""
+        rows = np.bincount(self.problem.flight)
+        flights = [
+            {"log": n, "role": "fit", "samples": int(s)}
+            for n, s in zip(self.problem.names, rows, strict=True)
+        ]
+        if self.held_out is not None:
+            unused = np.bincount(self.held_out.flight)
+            flights += [
+                {"log": n, "role": "held_out", "samples": int(s)}
+                for n, s in zip(self.held_out.names, unused, strict=True)
+            ]
+        curve = self.curve
+        return _plain(
+            {
+                "schema": "thrustmargin.identify/1",
+                "model": {"in": model_in, "out": model_out},
+                "flights": flights,
+                "errors_from": "held_out" if self.held_out is not None else "cross_validation",
+                "before": self.before.to_json(),
+                "after": self.after.to_json(),
+                "effects": [f.to_json(self.problem.names) for f in self.found],
+                "unexplained": {
+                    "fraction_of_variance": curve.share if curve else 0.0,
+                    "mode": self.problem.modes.names[curve.mode] if curve else None,
+                    "channel": curve.channel if curve else None,
+                    "p_value": curve.p_value if curve else None,
+                },
+                "floor_rpm": self.floor_rpm,
+                "sensor_noise_rpm": self.sensor_noise_rpm,
+            }
+        )
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    if isinstance(value, (float, np.floating)):
+        return float(value) if np.isfinite(value) else None
+    return value

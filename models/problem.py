@@ -1,0 +1,155 @@
+"""A fitting problem: the rows of several flights, with channels, measured speeds and blocks.
+
+Rows that say nothing about the model are left out: on the ground, within take-off and landing, or
+with a rotor speed, airspeed or tank level missing. The unit of everything statistical is the block
+(BLOCK_SECONDS of one flight) and the flight; rows within one are correlated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from models.effects.base import Effect, Placed
+from models.effects.channels import Channels, concatenate
+from models.effects.compose import BaseTable
+from models.effects.flown import model_channels, table_of
+from models.errors import AirframeError, DataError
+from models.flight import Bools, FlightTrack, Floats
+from models.residual import Modes, modes
+from models.rotor_model import RotorModel
+from models.samples import training_rows
+
+BLOCK_SECONDS = 20.0
+LEAST_ROWS = 100
+MOST_ROWS = 12_000
+MISSING_SHARE = 0.02  # a channel with more rows missing than this is not there
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Problem:
+    """T rows of F flights in B blocks, R rotors."""
+
+    model: RotorModel
+    base: BaseTable  # of numpy arrays
+    channels: Channels  # numpy
+    measured_rpm: Floats  # (T, R)
+    flight: NDArray[np.intp]  # (T,) which flight
+    block: NDArray[np.intp]  # (T,) which block, increasing
+    block_flight: NDArray[np.intp]  # (B,) flight of each block
+    follows: Bools  # (T,) the row comes right after the one before it
+    names: tuple[str, ...]  # of the flights
+    durations: Floats  # (F,) s
+    modes: Modes
+
+    @property
+    def flights(self) -> int:
+        return len(self.names)
+
+    @property
+    def placed(self) -> tuple[Placed, ...]:
+        """Effects that the model already has."""
+        return self.model.placed
+
+    def has(self, effect: Effect) -> bool:
+        """True when every channel the effect needs is reported."""
+        return all(_reported(getattr(self.channels, name)) for name in effect.needs)
+
+    def torch_parts(self) -> tuple[BaseTable, Channels]:
+        """The base table and the channels as torch tensors."""
+        from dataclasses import replace
+
+        import torch
+
+        base = replace(
+            self.base,
+            thrust=torch.as_tensor(self.base.thrust),
+            spread=torch.as_tensor(self.base.spread.copy()),
+            yaw=torch.as_tensor(self.base.yaw.copy()),
+        )
+        return base, self.channels.as_torch()
+
+
+def _reported(channel: Any) -> bool:
+    if isinstance(channel, tuple):
+        return all(_reported(c) for c in channel)
+    return bool(np.isfinite(channel).all()) if isinstance(channel, np.ndarray) else True
+
+
+def assemble(model: RotorModel, tracks: Sequence[FlightTrack]) -> Problem:
+    """Rows of the flights that can be fitted, thinned alike to MOST_ROWS.
+
+    Raises AirframeError for a wrong rotor count and DataError when a flight has too few rows.
+    """
+    airframe = model.airframe
+    parts: list[Channels] = []
+    measured, flight, block, block_flight, follows, durations = [], [], [], [], [], []
+    for index, track in enumerate(tracks):
+        if track.rotor_count != airframe.rotor_count:
+            raise AirframeError(
+                f"{track.name}: {track.rotor_count} rotors, but airframe {airframe.name} has "
+                f"{airframe.rotor_count}; give the right airframe with --airframe"
+            )
+        channels = model_channels(model, track)
+        keep = training_rows(track) & np.isfinite(channels.airspeed_shifts).all(axis=1)
+        for optional in (channels.load_factor_shifts, channels.rate_shifts[2]):
+            good = np.isfinite(optional).all(axis=1)
+            if np.sum(keep & ~good) < 0.2 * np.sum(keep):
+                keep &= good
+        for optional in (channels.voltage, channels.radius_over_height, channels.advance_ratio):
+            good = np.isfinite(optional)
+            if np.sum(keep & ~good) < MISSING_SHARE * np.sum(keep):
+                keep &= good
+        rows = np.flatnonzero(keep)
+        if rows.size < LEAST_ROWS:
+            raise DataError(
+                f"{track.name}: {rows.size} rows in flight with rotor speeds, airspeed and tank "
+                f"level; {LEAST_ROWS} are needed. Look at it with: thrustmargin inspect"
+            )
+        parts.append(channels.rows(rows))
+        measured.append(track.rotor_speed_rpm[rows])
+        flight.append(np.full(rows.size, index))
+        elapsed = track.time_s[rows] - track.time_s[rows[0]]
+        whole = max(1, round(float(elapsed[-1]) / BLOCK_SECONDS))
+        local = np.minimum((elapsed / (elapsed[-1] / whole + 1e-9)).astype(np.intp), whole - 1)
+        local = np.unique(local, return_inverse=True)[1]
+        start = len(block_flight)
+        block.append(start + local)
+        block_flight += [index] * (int(local.max()) + 1)
+        follows.append(np.concatenate([[False], np.diff(rows) == 1]))
+        durations.append(float(elapsed[-1]))
+    problem = Problem(
+        model=model,
+        base=table_of(model),
+        channels=concatenate(parts),
+        measured_rpm=np.concatenate(measured),
+        flight=np.concatenate(flight),
+        block=np.concatenate(block),
+        block_flight=np.array(block_flight),
+        follows=np.concatenate(follows),
+        names=tuple(t.name for t in tracks),
+        durations=np.array(durations),
+        modes=modes(airframe),
+    )
+    return _thinned(problem)
+
+
+def _thinned(problem: Problem) -> Problem:
+    from dataclasses import replace
+
+    stride = -(-problem.measured_rpm.shape[0] // MOST_ROWS)
+    if stride == 1:
+        return problem
+    which = np.arange(0, problem.measured_rpm.shape[0], stride)
+    return replace(
+        problem,
+        channels=problem.channels.rows(which),
+        measured_rpm=problem.measured_rpm[which],
+        flight=problem.flight[which],
+        block=problem.block[which],
+        follows=np.zeros(which.size, dtype=np.bool_),
+    )

@@ -1,0 +1,90 @@
+"""Chance: the same search on residuals that cannot hold an effect.
+
+A surrogate takes the residual of one flight, moves it around in time, lays it under the channels of
+another flight, and turns the sign of whole blocks. What is left is noise of the same size and
+memory that goes with no channel. The best score that the whole list of candidates reaches on it is
+what trying many candidates is worth by chance. Sources: wild cluster bootstrap (Cameron, Gelbach
+and Miller 2008), cyclic-shift surrogates (Schreiber and Schmitz 2000).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from models.fit import Statistics
+from models.flight import Floats
+from models.judge import held_out_cost
+from models.problem import Problem
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Linear:
+    """A candidate near its start: whitened residual there is `e - offset - jacobian d`."""
+
+    statistics: Statistics
+    jacobian: Floats  # (T, R, K)
+    offset: Floats | None = None  # (T, R), None for zero
+
+
+def surrogate_residuals(
+    problem: Problem, whitened: Floats, count: int, generator: np.random.Generator
+) -> Floats:
+    """`count` surrogates (T, R, count) of a whitened residual (T, R), float32."""
+    rows = [np.flatnonzero(problem.flight == f) for f in range(problem.flights)]
+    shape = (*whitened.shape, count)
+    out = np.empty(shape, dtype=np.float32)
+    blocks = problem.block_flight.size
+    for s in range(count):
+        donors = generator.permutation(problem.flights)
+        signs = generator.choice([-1.0, 1.0], size=blocks)
+        for mine, donor in zip(rows, donors, strict=True):
+            theirs = rows[donor]
+            start = int(generator.integers(theirs.size))
+            source = theirs[(start + np.arange(mine.size)) % theirs.size]
+            out[mine, :, s] = whitened[source] * signs[problem.block[mine], None]
+    return out
+
+
+def gains(problem: Problem, base: Linear, candidate: Linear, surrogates: Floats) -> Floats:
+    """(S,) fall of the held-out cost from `base` to `candidate` on each surrogate."""
+    return _cost(problem, base, surrogates) - _cost(problem, candidate, surrogates)
+
+
+def base_costs(problem: Problem, base: Linear, surrogates: Floats) -> Floats:
+    """(S,) held-out cost of the model without any candidate on each surrogate."""
+    return _cost(problem, base, surrogates)
+
+
+def best_gains(
+    problem: Problem, base: Linear, candidates: Sequence[Linear], surrogates: Floats
+) -> Floats:
+    """(S,) the largest gain over all candidates on each surrogate: the search by chance."""
+    reference = _cost(problem, base, surrogates)
+    best = np.zeros(surrogates.shape[2])
+    for candidate in candidates:
+        best = np.maximum(best, reference - _cost(problem, candidate, surrogates))
+    return best
+
+
+def p_value(observed: float, by_chance: Floats) -> float:
+    """Share of surrogates that do as well, counting the observation itself."""
+    return float((1 + np.sum(by_chance >= observed)) / (1 + by_chance.size))
+
+
+def _cost(problem: Problem, linear: Linear, surrogates: Floats) -> Floats:
+    starts = np.flatnonzero(np.diff(problem.block, prepend=-1))
+    ends = np.append(starts[1:], problem.block.size)
+    count = linear.jacobian.shape[2]
+    gradient = np.empty((starts.size, count, surrogates.shape[2]))
+    cost = np.empty((starts.size, surrogates.shape[2]))
+    for b, (i, j) in enumerate(zip(starts, ends, strict=True)):
+        e = surrogates[i:j].reshape(-1, surrogates.shape[2])
+        if linear.offset is not None:
+            e = e - linear.offset[i:j].reshape(-1, 1).astype(np.float32)
+        if count:
+            gradient[b] = linear.jacobian[i:j].reshape(-1, count).astype(np.float32).T @ e
+        cost[b] = np.einsum("ns,ns->s", e, e)
+    return held_out_cost(linear.statistics, gradient, cost).sum(axis=0)
