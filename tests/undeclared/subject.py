@@ -1,0 +1,117 @@
+"""The only place that touches the code under test: base models in, identification out.
+
+Nothing but flight tables and a model crosses here; the truth stays on the other side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from models.airframe import Airframe, load_airframe
+from models.flight import FlightTrack
+from models.rotor_model import RotorModel, physics_model
+from tests.undeclared.datasets import AIRCRAFT, healthy_flights
+from tests.undeclared.physics import Layout
+
+if TYPE_CHECKING:
+    from models.training import TrainSettings
+
+HEALTHY_FLIGHTS = 16
+AIRFRAME_FILE = """\
+extends = "topxgun-f16-sitl"
+name = "plant-{name}"
+title = "Aircraft of the tests ({name})"
+layout = "{name}"
+
+[quantities]
+torque_ratio = {{ value = {torque_ratio!r}, unit = "m", source = "the tests' plant" }}
+"""
+ROTOR = """
+[[rotors]]
+name = "{number}"
+position_frd = [{x!r}, {y!r}, 0.0]
+spin = "{spin}"
+"""
+
+
+def airframe_of(layout: Layout, folder: Path) -> Airframe:
+    """The airframe file of a layout, written and read as a user would."""
+    text = AIRFRAME_FILE.format(name=layout.name, torque_ratio=float(layout.torque_ratio))
+    for number, ((x, y), spin) in enumerate(zip(layout.position, layout.spin, strict=True), 1):
+        text += ROTOR.format(
+            number=number, x=float(x), y=float(y), spin="ccw" if spin > 0 else "cw"
+        )
+    path = folder / f"plant-{layout.name}.toml"
+    path.write_text(text, encoding="utf-8")
+    return load_airframe(path)
+
+
+def curve_model(layout: Layout, folder: Path) -> RotorModel:
+    """The airframe's own curve and weight: no flights needed."""
+    return physics_model(airframe_of(layout, folder))
+
+
+def trained_model(folder: Path, *, seed: int = 0) -> RotorModel:
+    """A model of the healthy aircraft: network trained on good flights, loop closed on them once.
+
+    The network knows speed and payload only; what turns and gusts do is found by the code under
+    test itself on the same good flights, as a user would close the loop at commissioning.
+    """
+    from models.training import train
+
+    airframe = airframe_of(AIRCRAFT.layout, folder)
+    tracks = [f.track for f in healthy_flights(HEALTHY_FLIGHTS, seed)]
+    trained = train(tracks, airframe, quick_training(seed), date="2026-01-01", version="tests")
+    return closed(trained.model, tracks)
+
+
+def quick_training(seed: int) -> TrainSettings:
+    """Enough for a smooth function of speed and payload, in seconds."""
+    from models.rotor_net import NetConfig
+    from models.training import TrainSettings
+
+    net = NetConfig(hidden=(32, 32), learning_rate=2e-3, patience=60, max_epochs=300)
+    return TrainSettings(splits=(), members=2, seed=seed, net=net)
+
+
+def closed(model: RotorModel, tracks: Sequence[FlightTrack]) -> RotorModel:
+    """The model with the effects that the loop finds on its own good flights."""
+    from models.identify import identify
+
+    return identify(model, tracks).model
+
+
+def save_base(folder: Path) -> Path:
+    """Build the trained model once and keep it in a file, for several workers."""
+    path = folder / "healthy.safetensors"
+    from models.rotor_model import save_model
+
+    save_model(trained_model(folder), path)
+    return path
+
+
+@cache
+def load_base(path: Path) -> RotorModel:
+    from models.rotor_model import load_model
+
+    return load_model(path)
+
+
+@cache
+def shipped() -> RotorModel:
+    """The model that the project ships for the recorded flights' aircraft."""
+    from models.rotor_model import shipped_model
+
+    return shipped_model()
+
+
+def run_identify(
+    model: RotorModel, fit: Sequence[FlightTrack], held_out: Sequence[FlightTrack]
+) -> dict[str, Any]:
+    """The answer of the loop in the schema `thrustmargin.identify/1`."""
+    from models.identify import identify
+
+    return identify(model, fit, held_out).to_json()
