@@ -22,6 +22,7 @@ from models.problem import Problem
 from models.residual import robust_scale
 
 HUBER = 3.0  # scales of a mode beyond which a residual counts linearly
+SPREAD = 3.0  # largest ratio of the scales of two modes
 STEPS = 12
 TOLERANCE = 1e-3  # of a parameter's own scale
 RIDGE = 1e-4  # weight of the prior, per row
@@ -92,6 +93,8 @@ class Fit:
     jacobian: Floats  # (T, R, K) of the weighted mode predictions
     prediction_rpm: Floats  # (T, R)
     statistics: Statistics
+    block: NDArray[np.intp]  # (T,)
+    scales: Floats  # (R,) rpm of the modes
     converged: bool
 
 
@@ -115,10 +118,13 @@ def starts(layout: Layout) -> Floats:
 
 
 def mode_scales(problem: Problem, residual_rpm: Floats) -> Floats:
-    """(R,) rpm, robust size of each mode of a residual; never below a thousandth of the largest."""
+    """(R,) rpm, robust size of each mode of a residual, none beyond SPREAD times the quietest.
+
+    A mode in which much is missing is large for that reason; it must not lose its say for it.
+    """
     amplitudes = residual_rpm @ problem.modes.directions
     scales = np.array([robust_scale(amplitudes[:, k]) for k in range(amplitudes.shape[1])])
-    return np.maximum(scales, 1e-3 * scales.max() + 1e-6)
+    return np.clip(scales, 1e-6, SPREAD * max(float(scales.min()), 1e-6))
 
 
 def placed_terms(terms: Sequence[Term], values_by_row: Sequence[Any]) -> tuple[Placed, ...]:
@@ -294,6 +300,8 @@ def linearise(
         whitened=whitened,
         jacobian=jacobian,
         statistics=statistics,
+        block=problem.block,
+        scales=scales,
         converged=False,
     )
 

@@ -76,7 +76,7 @@ def identify(
         problem=problem,
         held_out=unused,
         fit=found,
-        interval=intervals(found),
+        interval=intervals(found, problem.background(found.scales)),
         found=_found(evaluator, found, steps, alike),
         curve=curve,
         before=_errors(unused or problem, unused, evaluator, first, before_rows),
@@ -157,7 +157,7 @@ def _found(
 ) -> tuple[Found, ...]:
     """The accepted effects in order, each with its values, interval and errors around it."""
     problem = evaluator.problem
-    interval: Interval = intervals(fit)
+    interval: Interval = intervals(fit, problem.background(fit.scales))
     scales = mode_scales(problem, fit.residual_rpm)
     errors = []
     for count in range(len(fit.terms) + 1):

@@ -112,12 +112,15 @@ class Interval:
     covariance: Floats  # (P, P)
 
 
-def intervals(fit: Fit, confidence: float = 0.95) -> Interval:
+def intervals(fit: Fit, background: Floats | None = None, confidence: float = 0.95) -> Interval:
     """Intervals from blocks and flights (cluster sandwich), never from the number of rows.
 
+    `background` (R,) is the spread, in scales of the modes, by which good flights of this model
+    differ from each other: what the base does not know, no number of rows can teach.
+
     The variance is that of block sums, and where flights disagree by more than their blocks
-    explain, that of flight sums. Source: Liang and Zeger 1986; small-sample factor of MacKinnon
-    and White; Student's t with the clusters' degrees of freedom.
+    explain, that of flight sums. Source: Liang and Zeger 1986, with Student's t at half as many
+    degrees of freedom as blocks, because neighbouring blocks are not quite independent.
     """
     s = fit.statistics
     size = fit.layout.size
@@ -125,8 +128,8 @@ def intervals(fit: Fit, confidence: float = 0.95) -> Interval:
     bread = np.linalg.inv(hessian + np.diag(s.prior + 1e-12)) if size else np.zeros((0, 0))
     by_block = _meat(s, np.arange(s.owner.size))
     blocks = s.owner.size
-    covariance = bread @ by_block @ bread * blocks / max(1, blocks - size)
-    quantile = np.full(size, student.ppf(0.5 + confidence / 2, max(2, blocks - size)))
+    covariance = bread @ by_block @ bread * blocks / max(1, blocks - 1)
+    quantile = student.ppf(0.5 + confidence / 2, max(2, blocks // 2))
     flights = fit.layout.places.shape[0]
     if flights > 2:
         by_flight = bread @ _meat(s, s.owner) @ bread * flights / (flights - 1)
@@ -134,8 +137,23 @@ def intervals(fit: Fit, confidence: float = 0.95) -> Interval:
         scale = np.ones(size)
         scale[wider] = np.sqrt(np.diag(by_flight)[wider] / np.diag(covariance)[wider])
         covariance = covariance * scale[:, None] * scale[None, :]
+    if background is not None and size:
+        covariance = covariance + bread @ _background_meat(fit, background) @ bread
     half = quantile * np.sqrt(np.diag(covariance))
     return Interval(lower=fit.values - half, upper=fit.values + half, covariance=covariance)
+
+
+def _background_meat(fit: Fit, background: Floats) -> Floats:
+    """Scatter of the gradient when every flight has its own constant in each mode."""
+    s = fit.statistics
+    meat = np.zeros((s.layout.size, s.layout.size))
+    starts = np.flatnonzero(np.diff(fit.block, prepend=-1))
+    sums = np.add.reduceat(fit.jacobian, starts, axis=0)  # (B, R, K)
+    for f in range(s.layout.places.shape[0]):
+        total = sums[s.owner == f].sum(axis=0) * background[:, None]
+        where = s.layout.places[f]
+        meat[np.ix_(where, where)] += total.T @ total
+    return meat
 
 
 def _meat(s: Statistics, cluster: NDArray[np.intp]) -> Floats:

@@ -24,9 +24,10 @@ from models.residual import Modes, modes
 from models.rotor_model import RotorModel
 from models.samples import training_rows
 
-BLOCK_SECONDS = 20.0
+BLOCK_SECONDS = 10.0
 LEAST_ROWS = 100
 MOST_ROWS = 12_000
+WINDOW_SHARE = 0.5  # rows beside an end or a gap lack what lies around them, most in short flights
 MISSING_SHARE = 0.02  # a channel with more rows missing than this is not there
 
 
@@ -54,6 +55,11 @@ class Problem:
     def placed(self) -> tuple[Placed, ...]:
         """Effects that the model already has."""
         return self.model.placed
+
+    def background(self, scales: Floats) -> Floats | None:
+        """(R,) spread of good flights' mean residual in scales of the modes; None if not known."""
+        known = self.model.background_rpm
+        return np.asarray(known) / scales if len(known) == scales.size else None
 
     def has(self, effect: Effect) -> bool:
         """True when every channel the effect needs is reported."""
@@ -98,7 +104,7 @@ def assemble(model: RotorModel, tracks: Sequence[FlightTrack]) -> Problem:
         keep = training_rows(track) & np.isfinite(channels.airspeed_shifts).all(axis=1)
         for optional in (channels.load_factor_shifts, channels.rate_shifts[2]):
             good = np.isfinite(optional).all(axis=1)
-            if np.sum(keep & ~good) < 0.2 * np.sum(keep):
+            if np.sum(keep & ~good) < WINDOW_SHARE * np.sum(keep):
                 keep &= good
         for optional in (channels.voltage, channels.radius_over_height, channels.advance_ratio):
             good = np.isfinite(optional)

@@ -25,6 +25,8 @@ class EffectRecord:
     rotor: int | None
     parameters: dict[str, Identified]
     variant: str = ""  # which form of the effect, where there are several
+    flights: tuple[str, ...] = ()  # that it was found on
+    date: str = ""  # ISO 8601, of the identification
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -45,6 +45,7 @@ PLAIN_FIELDS: dict[str, Any] = {
     "reference_density": float,
     "reference_voltage": float,
     "training": TrainingRecord | None,
+    "background_rpm": tuple[float, ...],
 }
 
 
@@ -60,6 +61,7 @@ class RotorModel:
     reference_density: float  # kg/m³, median of the training flights, else the airframe's
     reference_voltage: float  # V, likewise; NaN unknown
     training: TrainingRecord | None = None
+    background_rpm: tuple[float, ...] = ()  # spread of good flights' mean residual, by mode
 
     def __post_init__(self) -> None:
         if (self.network is None) != (self.envelope is None):
@@ -180,7 +182,8 @@ def save_model(model: RotorModel, path: Path) -> None:
     except OSError as error:
         raise ModelError(f"cannot write the model file {path}: {error.strerror}") from error
     finally:
-        Path(temporary).unlink(missing_ok=True) if temporary else None
+        if temporary:
+            Path(temporary).unlink(missing_ok=True)
 
 
 def load_model(path: Path) -> RotorModel:

@@ -33,9 +33,9 @@ from models.predictions import across_flights
 from models.surrogates import Linear, best_gains, p_value, surrogate_residuals
 
 SHORT_LIST = 6  # candidates that are fitted to the end
-LEAST_MOVE = 0.0015  # of rotor speed, RMS, below which an effect is not worth a name
-LEAST_FALL = 0.002  # of the cross-validated RMSE in rpm
-LEAST_GAIN = 0.004  # share of the held-out cost that an effect must take away
+LEAST_MOVE = 0.0008  # of rotor speed, RMS, below which an effect is not worth a name
+ONSET_LEAVES = 0.8  # of the cost that a rotor bad all along would leave
+LEAST_GAIN = 0.002  # share of the held-out cost that an effect must take away
 
 Progress = Callable[[str, float], None]
 
@@ -47,6 +47,7 @@ class SearchConfig:
     surrogates: int = 99
     significance: float = 0.02
     most_effects: int = 8
+    least_fall: float = 0.03  # of the cross-validated RMSE in rpm, for an effect worth a name
     seed: int = 0
 
 
@@ -153,7 +154,10 @@ def look(
     step_found = onset.scan(problem, losses, base.whitened)
     if step_found.gain > LEAST_GAIN * base_cost and ONSET in catalogue:
         worn = [t for t in pool if t.effect is WORN][step_found.rotor]
-        ranked.append(_onset(evaluator, base, base_cost, scales, step_found, worn))
+        steady = max((s.gain for s in ranked if s.term.effect is WORN), default=0.0)
+        sudden = _onset(evaluator, base, base_cost, scales, step_found, worn)
+        if base_cost - sudden.gain < ONSET_LEAVES * (base_cost - steady):
+            ranked.append(sudden)
     ranked.sort(key=lambda s: -s.gain)
     ranked += [replace(s, gain=min(s.gain, ranked[-1].gain)) for s in rough[SHORT_LIST:]]
     error = cross_validated_rmse(evaluator, base)
@@ -161,8 +165,8 @@ def look(
         s
         for s in ranked[: SHORT_LIST + 1]
         if s.gain > LEAST_GAIN * base_cost
-        and credible(s, base)
-        and cross_validated_rmse(evaluator, s.fit) < (1.0 - LEAST_FALL) * error
+        and credible(s, base, problem.background(scales))
+        and cross_validated_rmse(evaluator, s.fit) < (1.0 - config.least_fall) * error
     ]
     if not worthy:
         return Step(
@@ -173,7 +177,9 @@ def look(
             p_value=1.0,
         )
     best = worthy[0]
-    noise = surrogate_residuals(problem, best.fit.whitened, config.surrogates, generator)
+    noise = surrogate_residuals(
+        problem, best.fit.whitened, config.surrogates, generator, problem.background(scales)
+    )
     if best.term.effect.variant == ONSET.variant:
         chance = onset.best_gains(problem, losses, noise)
         p = p_value(step_found.gain, chance)
@@ -226,13 +232,18 @@ def term_values(fit: Fit, term: Term, values: Floats | None = None) -> Floats:
     raise KeyError(term.key)
 
 
-def credible(scored: Scored, base: Fit | None = None, interval: Interval | None = None) -> bool:
+def credible(
+    scored: Scored,
+    base: Fit | None = None,
+    background: Floats | None = None,
+    interval: Interval | None = None,
+) -> bool:
     """True when the effect is possible, its interval excludes absent, and it matters.
 
     It matters when the parameter is as far from absent as is worth reporting and, given the `base`
     without it, when it moves the predicted rotor speeds by LEAST_MOVE of their size.
     """
-    interval = intervals(scored.fit) if interval is None else interval
+    interval = interval or intervals(scored.fit, background)
     value = term_values(scored.fit, scored.term)
     low = term_values(scored.fit, scored.term, interval.lower)
     high = term_values(scored.fit, scored.term, interval.upper)
@@ -269,7 +280,7 @@ def prune(evaluator: Evaluator, fit: Fit, *, last_too: bool = False) -> Fit:
             trial = fit_terms(evaluator, rest, scales=scales, start=start, steps=4)
             loss = float(held_out_cost(trial.statistics).sum()) - cost
             kept = Scored(term=term, fit=whole, held_out=whole.statistics.cost, gain=loss)
-            trials.append((loss if credible(kept, trial) else -np.inf, trial))
+            trials.append((loss if credible(kept, trial, evaluator.problem.background(scales)) else -np.inf, trial))
         loss, best = min(trials, key=lambda pair: pair[0])
         if loss > LEAST_GAIN * cost:
             return fit
@@ -310,7 +321,7 @@ def rivals(evaluator: Evaluator, fit: Fit, catalogue: Sequence[Effect]) -> dict[
             trial = score(evaluator, without, 0.0, terms, other, scales=scales, steps=5)
             regained = missed - (float(trial.held_out.sum()) - float(whole.sum()))
             alike = difference_in_doubt(whole, trial.held_out, problem.block_flight)
-            if alike and regained > 0.5 * missed and credible(trial, without):
+            if alike and regained > 0.5 * missed and credible(trial, without, problem.background(scales)):
                 found[term.key].append(_label(other))
     return found
 

@@ -30,9 +30,16 @@ class Linear:
 
 
 def surrogate_residuals(
-    problem: Problem, whitened: Floats, count: int, generator: np.random.Generator
+    problem: Problem,
+    whitened: Floats,
+    count: int,
+    generator: np.random.Generator,
+    background: Floats | None = None,
 ) -> Floats:
-    """`count` surrogates (T, R, count) of a whitened residual (T, R), float32."""
+    """`count` surrogates (T, R, count) of a whitened residual (T, R), float32.
+
+    `background` (R,) adds to every flight its own constant in each mode, of that spread.
+    """
     rows = [np.flatnonzero(problem.flight == f) for f in range(problem.flights)]
     shape = (*whitened.shape, count)
     out = np.empty(shape, dtype=np.float32)
@@ -45,6 +52,8 @@ def surrogate_residuals(
             start = int(generator.integers(theirs.size))
             source = theirs[(start + np.arange(mine.size)) % theirs.size]
             out[mine, :, s] = whitened[source] * signs[problem.block[mine], None]
+            if background is not None:
+                out[mine, :, s] += background * generator.standard_normal(background.size)
     return out
 
 

@@ -87,7 +87,8 @@ def best_curve(
     gain, channel, mode, linear = max(trials, key=lambda t: t[0])
     if gain <= 0:
         return None
-    noise = surrogate_residuals(problem, fit.whitened, surrogates, generator)
+    spread = problem.background(scales)
+    noise = surrogate_residuals(problem, fit.whitened, surrogates, generator, spread)
     nothing = Linear(statistics=base, jacobian=fit.jacobian)
     chance = best_gains(problem, nothing, [t[3] for t in trials], noise)
     values = np.asarray(getattr(problem.channels, channel))

@@ -65,7 +65,7 @@ class Effect:
     source: str  # where the physics comes from
     tell: str  # the flight that would tell it from its look-alikes
     apply: Callable[..., Any]
-    torque: Callable[..., Any] | None = None  # of one rotor: its torque at a speed, as a factor
+    torque: Callable[..., Any] | None = None  # of a coefficient: torque at a speed, as a factor
     of_one_rotor: bool = False
     variant: str = ""  # tells forms of one effect apart
     affine: bool = False  # at its start it already differs from doing nothing

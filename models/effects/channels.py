@@ -14,12 +14,15 @@ from scipy.signal import savgol_filter
 
 from models.airframe import Airframe
 from models.atmosphere import G0, isa_temperature, track_density
+from models.effects.pendulum import cable_pull
 from models.flight import FlightTrack, Floats
 
 LAG_STEP = 0.1  # s
 LAGS = tuple(round(LAG_STEP * k, 1) for k in range(-5, 6))  # s
-VELOCITY_SPAN = 0.7  # s over which velocity is differentiated
+VELOCITY_SPAN = 0.3  # s over which velocity is differentiated
+SLOW_SPAN = 1.5  # s, the same for the slow part of the load factor
 RATE_SPAN = 0.3  # s over which angular rate is differentiated
+USUAL_ARM = 0.9  # m; the spans hold from here up, and shrink with the root of a shorter arm
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -42,15 +45,20 @@ class Channels:
     voltage: Any
     load_factor: Any
     load_factor_shifts: Any  # from the derivative of velocity
+    load_factor_fast_shifts: Any  # less its slow part, which lasts over a second
     specific_force_shifts: Any  # from the IMU, |f|/g; as above where there is none
     rate_shifts: tuple[Any, Any, Any]  # angular rate, roll pitch yaw
     acceleration_shifts: tuple[Any, Any, Any]  # angular acceleration, roll pitch yaw
     heading: Any
     yaw_rate: Any
     yaw_acceleration: Any
+    total_weight: Any  # N
+    cable_pull: Any  # (T, lengths) what a load on a cable adds, in weights of the load
     tank_capacity_kg: float
     reference_density: float
     reference_voltage: float
+    empty_weight: float  # N
+    propeller_diameter: float
 
     def rows(self, which: Any) -> Self:
         """The same channels with only the chosen rows."""
@@ -109,12 +117,15 @@ def channels_of(
     density, _ = track_density(track)
     known = track.reports("pressure") or track.reports("altitude")
     mass = airframe.empty_mass + track.tank_kg
-    acceleration = _derivative(time_s, velocity, VELOCITY_SPAN)
-    kinematic = np.linalg.norm(acceleration - np.array([0.0, 0.0, G0]), axis=1) / G0
+    quick = _quickness(airframe)
+    kinematic, slow = (
+        _load_factor(time_s, velocity, span * quick) for span in (VELOCITY_SPAN, SLOW_SPAN)
+    )
     felt = np.linalg.norm(track.specific_force_frd, axis=1) / G0
     kinematic = kinematic if np.isfinite(kinematic).any() else felt
     felt = felt if np.isfinite(felt).any() else kinematic
-    turn = _derivative(time_s, track.angular_rate_frd, RATE_SPAN)
+    fast = np.where(np.isfinite(slow), kinematic - slow, 0.0)
+    turn = _derivative(time_s, track.angular_rate_frd, RATE_SPAN * quick)
     disc = np.pi * airframe.propeller_diameter**2 / 4 * airframe.rotor_count
     hover_rpm = np.sqrt(mass * G0 / airframe.rotor_count / airframe.thrust_coefficient)
     altitude = np.where(np.isfinite(track.altitude), track.altitude, 0.0)
@@ -140,16 +151,34 @@ def channels_of(
         voltage=track.voltage,
         load_factor=kinematic,
         load_factor_shifts=table(kinematic),
+        load_factor_fast_shifts=table(fast),
         specific_force_shifts=table(felt),
         rate_shifts=_three(table, track.angular_rate_frd),
         acceleration_shifts=_three(table, turn),
         heading=np.mod(track.attitude[:, 2], 2 * np.pi),
         yaw_rate=track.angular_rate_frd[:, 2],
         yaw_acceleration=turn[:, 2],
+        total_weight=mass * G0,
+        cable_pull=cable_pull(track, airframe),
         tank_capacity_kg=float(airframe.tank_capacity_kg),
         reference_density=float(reference_density),
         reference_voltage=float(reference_voltage),
+        empty_weight=float(airframe.empty_mass * G0),
+        propeller_diameter=float(airframe.propeller_diameter),
     )
+
+
+def _load_factor(time_s: Floats, velocity: Floats, span: float) -> Floats:
+    """|specific force|/g from the derivative of velocity over `span` seconds, (T,)."""
+    acceleration = _derivative(time_s, velocity, span)
+    return np.linalg.norm(acceleration - np.array([0.0, 0.0, G0]), axis=1) / G0
+
+
+def _quickness(airframe: Airframe) -> float:
+    """Time scale of manoeuvres against those of a sprayer: like pendulums, they go with the root
+    of the size (Froude)."""
+    arm = float(np.max(np.hypot(*airframe.rotor_position_frd[:, :2].T)))
+    return min(1.0, float(np.sqrt(arm / USUAL_ARM)))
 
 
 def _three(table: Any, columns: Floats) -> tuple[Floats, Floats, Floats]:

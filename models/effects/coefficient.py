@@ -13,6 +13,10 @@ def _air_density(p, x: Channels, xp):  # noqa: ARG001
     return x.reported_density * warmer / x.reference_density
 
 
+def _air_density_torque(p, x: Channels, xp):
+    return 1.0 + p["torque_share"] * (_air_density(p, x, xp) - 1.0)
+
+
 def _translational_lift(p, x: Channels, xp):
     ratio = (x.airspeed / x.hover_induced_velocity) ** 2
     induced = xp.sqrt(xp.sqrt(1.0 + 0.25 * ratio**2) - 0.5 * ratio)
@@ -85,12 +89,14 @@ AIR_DENSITY = Effect(
             upper=35.0,
             scale=8.0,
         ),
+        replace(TORQUE_SHARE, start=1.0),
     ),
     needs=("reported_density", "isa_temperature"),
     shape_channels=("density",),
     source="thrust goes with air density; the offset is that of the air to the standard atmosphere",
     tell="read a shaded thermometer and a barometer; or fly the same load on a colder day",
     apply=_air_density,
+    torque=_air_density_torque,
     affine=True,
 )
 

@@ -134,8 +134,8 @@ def apparent_thrust(base: BaseTable, placed: Sequence[Placed], x: Channels, xp: 
 def _yaw_balanced(
     base: BaseTable, placed: Sequence[Placed], x: Channels, thrust: Array, xp: Any
 ) -> Array:
-    """Thrust (T, R) shared so that the torque of bad rotors is balanced."""
-    bad = [item for item in placed if item.rotor is not None]
+    """Thrust (T, R) shared so that torque that does not follow thrust is balanced."""
+    bad = [item for item in placed if item.effect.torque is not None]
     if not bad:
         return thrust
     rotors = base.spread.shape[0]

@@ -22,6 +22,7 @@ def _load_factor(p, x: Channels, thrust, xp):
     kinematic = x.load_factor_shifts @ weights
     felt = x.specific_force_shifts @ weights
     blend = kinematic + p["imu_share"] * (felt - kinematic)
+    blend = blend + p["sharpening"] * (x.load_factor_fast_shifts @ weights)
     return thrust * (1.0 + p["gain"] * (blend - 1.0))
 
 
@@ -95,6 +96,16 @@ LOAD_FACTOR = Effect(
             detail=True,
         ),
         Parameter(
+            name="sharpening",
+            unit="1",
+            absent=None,
+            start=0.0,
+            lower=-1.0,
+            upper=2.0,
+            scale=0.5,
+            detail=True,
+        ),
+        Parameter(
             name="lag",
             unit="s",
             absent=None,
@@ -107,7 +118,8 @@ LOAD_FACTOR = Effect(
     ),
     needs=("load_factor_shifts",),
     shape_channels=("load_factor",),
-    source="Newton: thrust over weight is |specific force| / g in turns, climbs and gusts",
+    source="Newton: thrust over weight is |specific force| / g in turns, climbs and gusts; "
+    "sharpening gives back what reports of velocity a few times a second smooth away",
     tell="sharp stops and pull-ups at one tank level",
     apply=_load_factor,
     affine=True,

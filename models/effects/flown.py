@@ -23,9 +23,7 @@ from models.rotor_model import RotorModel
 @lru_cache(maxsize=8)
 def table_of(model: RotorModel) -> BaseTable:
     """The model's base as a table, made once."""
-    return base_table(
-        model.held_speed, model.airframe, thrust_coefficient=model.thrust_coefficient
-    )
+    return base_table(model.held_speed, model.airframe, thrust_coefficient=model.thrust_coefficient)
 
 
 def model_channels(model: RotorModel, track: FlightTrack) -> Channels:
@@ -56,6 +54,7 @@ def _filled(x: Channels, placed: Sequence[Placed]) -> tuple[Channels, Bools]:
     nothing = {
         "airspeed_shifts": x.airspeed[:, None],
         "load_factor_shifts": 1.0,
+        "load_factor_fast_shifts": 0.0,
         "specific_force_shifts": 1.0,
         "rate_shifts": 0.0,
         "acceleration_shifts": 0.0,
@@ -67,7 +66,8 @@ def _filled(x: Channels, placed: Sequence[Placed]) -> tuple[Channels, Bools]:
         "velocity_east": 0.0,
     }
     needed = {name for item in placed for name in item.effect.needs}
-    needed |= {"specific_force_shifts"} if "load_factor_shifts" in needed else set()
+    if "load_factor_shifts" in needed:
+        needed |= {"specific_force_shifts", "load_factor_fast_shifts"}
     needed |= {"acceleration_shifts"} if "rate_shifts" in needed else set()
     lacking = np.zeros(x.time_s.shape, dtype=np.bool_)
     filled = {}

@@ -19,11 +19,13 @@ def _yaw_trim(p, x: Channels, thrust, xp):  # noqa: ARG001
     return 0.0 * thrust, 0.0 * thrust, p["moment"] + 0.0 * thrust
 
 
-def _manoeuvre(p, x: Channels, thrust, xp):  # noqa: ARG001
+def _manoeuvre(p, x: Channels, thrust, xp):
     weights = lag_weights(p["lag"], xp)
+    loaded = (thrust / x.empty_weight) ** p["load_exponent"]
     axes = zip(("roll", "pitch", "yaw"), x.rate_shifts, x.acceleration_shifts, strict=True)
     roll, pitch, yaw = (
-        acceleration @ (p[f"inertia_{axis}"] * weights) + rate @ (p[f"damping_{axis}"] * weights)
+        acceleration @ (p[f"inertia_{axis}"] * weights) * loaded
+        + rate @ (p[f"damping_{axis}"] * weights)
         for axis, rate, acceleration in axes
     )
     return roll, pitch, yaw
@@ -107,6 +109,16 @@ MANOEUVRE_MOMENT = Effect(
         *(_turning("inertia", axis, "kg m^2") for axis in ("roll", "pitch", "yaw")),
         *(_turning("damping", axis, "N m s") for axis in ("roll", "pitch", "yaw")),
         Parameter(
+            name="load_exponent",
+            unit="1",
+            absent=None,
+            start=0.0,
+            lower=-2.0,
+            upper=2.0,
+            scale=0.5,
+            detail=True,
+        ),
+        Parameter(
             name="lag",
             unit="s",
             absent=None,
@@ -119,7 +131,8 @@ MANOEUVRE_MOMENT = Effect(
     ),
     needs=("rate_shifts",),
     shape_channels=("yaw_acceleration", "yaw_rate"),
-    source="Euler: moment = I d(omega)/dt + damping x omega",
+    source="Euler: moment = I d(omega)/dt + damping x omega; I goes with the load, as liquid and "
+    "hidden mass change it",
     tell="sharp turns about each axis in a hover",
     apply=_manoeuvre,
 )

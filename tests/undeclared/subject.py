@@ -74,14 +74,15 @@ def quick_training(seed: int) -> TrainSettings:
     from models.training import TrainSettings
 
     net = NetConfig(hidden=(32, 32), learning_rate=2e-3, patience=60, max_epochs=300)
-    return TrainSettings(splits=(), members=2, seed=seed, net=net)
+    return TrainSettings(splits=(), members=3, seed=seed, net=net)
 
 
 def closed(model: RotorModel, tracks: Sequence[FlightTrack]) -> RotorModel:
     """The model with the effects that the loop finds on its own good flights."""
+    from models.closing import with_effects
     from models.identify import identify
 
-    return identify(model, tracks).model
+    return with_effects(model, identify(model, tracks))
 
 
 def save_base(folder: Path) -> Path:

@@ -1,0 +1,61 @@
+"""A load on a cable: it swings, so its pull is not its share of the aircraft's own load factor."""
+
+from __future__ import annotations
+
+from models.effects.base import Effect, Kind, Parameter
+from models.effects.channels import Channels
+from models.effects.pendulum import LENGTHS, RATIO, SHORTEST
+
+BRACKETS = 7  # pieces of the range of lengths, each searched from its middle
+OVERLAP = 1.1
+
+
+def _slung_load(p, x: Channels, thrust, xp):
+    place = xp.log(xp.asarray(p["cable"]) / SHORTEST) / xp.log(xp.asarray(RATIO))
+    u = xp.abs(place - xp.arange(LENGTHS, dtype=xp.float64))
+    near = (1.5 * u - 2.5) * u * u + 1.0  # cubic convolution (Keys 1981), as for delays
+    far = ((-0.5 * u + 2.5) * u - 4.0) * u + 2.0
+    weights = xp.where(u < 1, near, xp.where(u < 2, far, 0.0 * u))
+    return thrust + p["share"] * x.total_weight * (x.cable_pull @ weights)
+
+
+def _bracket(number: int) -> Effect:
+    """The effect with the cable in one piece of the range: the fit follows a swing's phase only
+    from a length near the true one."""
+    width = RATIO ** ((LENGTHS - 1) / BRACKETS)
+    low = SHORTEST * width**number
+    return Effect(
+        name="slung_load",
+        variant=f"{low:.3g} arms",
+        kind=Kind.DEMAND,
+        parameters=(
+            Parameter(
+                name="share",
+                unit="1",
+                absent=0.0,
+                start=0.0,
+                lower=-0.1,
+                upper=0.8,
+                scale=0.1,
+                smallest=0.01,
+            ),
+            Parameter(
+                name="cable",
+                unit="arms",
+                absent=None,
+                start=low * width**0.5,
+                lower=max(SHORTEST, low / OVERLAP),
+                upper=min(SHORTEST * RATIO ** (LENGTHS - 1), low * width * OVERLAP),
+                scale=0.2 * low,
+                detail=True,
+            ),
+        ),
+        needs=("cable_pull",),
+        shape_channels=(),
+        source="a spherical pendulum below the aircraft, driven by the specific force it feels",
+        tell="hover still until the load hangs still, then stop sharply and let it swing",
+        apply=_slung_load,
+    )
+
+
+SLUNG_LOADS: tuple[Effect, ...] = tuple(_bracket(k) for k in range(BRACKETS))
