@@ -1,1 +1,1 @@
-"""The edge of thrustmargin: logs, links, screens, files and commands. Imports models and mission."""
+"""The edge of thrustmargin: logs, links, screens, files, commands. Imports models and mission."""

@@ -16,7 +16,19 @@ import tyro
 from models.errors import ThrustMarginError
 
 #: subcommand -> module of gcs_plugin.commands that holds a function of the same name.
-COMMANDS = ("demo", "inspect", "match", "replay", "report", "train")
+COMMANDS = (
+    "demo",
+    "fetch",
+    "identify",
+    "inspect",
+    "match",
+    "measured",
+    "monitor",
+    "replay",
+    "report",
+    "stream",
+    "train",
+)
 
 DESCRIPTION = (
     "How much thrust a spraying multirotor has left, and why. "

@@ -143,14 +143,14 @@ def _interval(model: RotorModel, found: Identification) -> tuple[Interval | None
     flights = np.unique(problem.flight[inside])
     if flights.size < needed:
         return old, (
-            f"{kept}: a new one for {coverage:.0%} needs {needed} flights inside the training, "
-            f"these are {flights.size}"
+            f"{kept}: a new one for {100 * coverage:.0f} % needs {needed} flights inside the "
+            f"training, these are {flights.size}"
         )
     spread = ensemble_speed(model.network, airspeed[inside], tank_kg[inside])[1]
     rows = (_unseen_residual(found)[inside], spread, airspeed[inside], problem.flight[inside])
     interval = calibrate(*rows, coverage=coverage)
     measured = measure_coverage(*rows, coverage=coverage)
-    words = f"the interval for {coverage:.0%} is calibrated anew on {flights.size} flights"
+    words = f"the interval for {100 * coverage:.0f} % is calibrated anew on {flights.size} flights"
     learnt = len(set(problem.names) & set(model.envelope.flights))
     if learnt:
         words += (

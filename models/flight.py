@@ -132,7 +132,7 @@ class FlightTrack:
         """A track with the channels in `given` and NaN in all others (`flying`: all True)."""
         rows = np.asarray(time_s).size
         for channel, columns in CHANNEL_COLUMNS.items():
-            width = rotor_count if columns == "R" else columns
+            width = rotor_count if columns == "R" else int(columns)
             given.setdefault(
                 channel, np.full((rows, width) if width else rows, np.nan, dtype=np.float64)
             )

@@ -17,7 +17,7 @@ from models.errors import DataError
 from models.fit import Evaluator, Fit, Term, fit_terms, mode_scales
 from models.flight import FlightTrack
 from models.judge import Interval, held_out_cost, intervals
-from models.outcome import Errors, Found, Identification, errors_of
+from models.outcome import Errors, Found, Identification, Tried, errors_of, tried_in
 from models.predictions import across_flights, on_new_flights
 from models.problem import Problem, assemble
 from models.residual import sensor_noise_rpm
@@ -63,7 +63,8 @@ def identify(
     generator = np.random.default_rng(config.seed)
     first = fit_terms(evaluator, (), scales=np.ones(model.airframe.rotor_count))
     first = fit_terms(evaluator, (), scales=mode_scales(problem, first.residual_rpm))
-    found, steps = _search(evaluator, first, catalogue, config, generator, progress)
+    tried: list[Tried] = []
+    found, steps = _search(evaluator, first, catalogue, config, generator, progress, tried)
     found, curve = _disprove(evaluator, found, steps, config, generator)
     alike = rivals(evaluator, found, catalogue) if found.terms else {}
     if progress:
@@ -88,6 +89,7 @@ def identify(
             found.residual_rpm @ problem.modes.directions, problem.follows
         ),
         config=config,
+        tried=tuple(tried),
     )
 
 
@@ -98,14 +100,16 @@ def _search(
     config: SearchConfig,
     generator: np.random.Generator,
     progress: Progress | None,
+    tried: list[Tried],
 ) -> tuple[Fit, dict[str, Step]]:
-    """Add effects until none beats chance; which step brought each."""
+    """Add effects until none beats chance; which step brought each. `tried` gets all candidates."""
     current, steps = first, {}
     for number in range(config.most_effects):
         told = None
         if progress:
             told = lambda what, share, n=number: progress(f"effect {n + 1}: {what}", share)  # noqa: E731
         step = look(evaluator, current, catalogue, config, generator, told)
+        tried += tried_in(step, number + 1)
         if step.chosen is None:
             break
         steps[step.chosen.term.key] = step

@@ -10,8 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from models.flight import Floats
+from models.flight import Bools, Floats
 from models.problem import Problem
 
 LEAST_AFTER = 8.0  # s of flight that must follow an onset, and precede it
@@ -52,7 +53,7 @@ def scan(problem: Problem, columns: Floats, whitened: Floats) -> Onset:
     return best
 
 
-def best_gains(problem: Problem, columns: Floats, surrogates: Floats) -> Floats:
+def best_gains(problem: Problem, columns: Floats, surrogates: NDArray[np.float32]) -> Floats:
     """(S,) the largest gain of `scan` on each surrogate residual (T, R, S)."""
     best = np.zeros(surrogates.shape[2])
     for flight in range(problem.flights):
@@ -67,7 +68,7 @@ def best_gains(problem: Problem, columns: Floats, surrogates: Floats) -> Floats:
     return best
 
 
-def _rows(problem: Problem, flight: int) -> tuple[Floats, Floats, Floats]:
+def _rows(problem: Problem, flight: int) -> tuple[NDArray[np.intp], Floats, Bools]:
     rows = np.flatnonzero(problem.flight == flight)
     times = problem.channels.time_s[rows]
     allowed = (times > times[0] + LEAST_AFTER) & (times < times[-1] - LEAST_AFTER)

@@ -13,7 +13,7 @@ from models.judge import Interval
 from models.problem import Problem
 from models.residual import r_squared
 from models.rotor_model import RotorModel
-from models.search import SearchConfig
+from models.search import SearchConfig, Step
 from models.unexplained import Curve
 
 DRAWS = 400
@@ -85,7 +85,7 @@ class Found:
         return int(np.argmax(np.abs(self.value[:, own[0]]))) if own else 0
 
     def parameters(self, names: tuple[str, ...]) -> dict[str, Any]:
-        """Parameters as JSON: value, unit, interval, and for values of one flight, each flight's."""
+        """Parameters as JSON: value, unit, interval; values of one flight with each flight's."""
         out: dict[str, Any] = {}
         for k, p in enumerate(self.term.effect.parameters):
             f = self.flight
@@ -115,6 +115,33 @@ class Found:
         }
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tried:
+    """A candidate of one look at the table, and what it would have gained."""
+
+    look: int  # 1 for the first
+    term: Term
+    share: float  # of the held-out cost at that look that it takes away
+    taken: bool
+    p_value: float  # of the look's best; NaN for the others
+
+
+def tried_in(step: Step, look: int) -> tuple[Tried, ...]:
+    """The candidates of one look, best first."""
+    cost = float(step.base_held_out.sum())
+    taken = None if step.chosen is None else step.chosen.term.key
+    return tuple(
+        Tried(
+            look=look,
+            term=s.term,
+            share=s.gain / cost,
+            taken=s.term.key == taken,
+            p_value=step.p_value if s.term.key == taken else float("nan"),
+        )
+        for s in step.ranked
+    )
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Identification:
     """Everything that a search found, with the rows it was found on."""
@@ -133,6 +160,7 @@ class Identification:
     floor_rpm: float
     sensor_noise_rpm: float
     config: SearchConfig
+    tried: tuple[Tried, ...] = ()
 
     def to_json(self, *, model_in: str = "", model_out: str = "") -> dict[str, Any]:
         """The JSON of the identify command; NaN as null."""

@@ -7,9 +7,10 @@ found on every other block of the flight and used on the blocks between.
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from models.fit import Evaluator, Fit, layout_of, linearise, mode_scales
-from models.flight import Floats
+from models.flight import Bools, Floats
 from models.judge import left_out_values
 from models.problem import Problem
 
@@ -52,7 +53,7 @@ def on_new_flights(unused: Problem, evaluator: Evaluator, fit: Fit) -> Floats:
 
 
 def _own_values(
-    evaluator: Evaluator, fit: Fit, start: Floats, own: Floats, scales: Floats, chosen: Floats
+    evaluator: Evaluator, fit: Fit, start: Floats, own: Bools, scales: Floats, chosen: Bools
 ) -> Floats:
     """Values with those of each flight found on the chosen blocks, the shared ones kept."""
     problem = evaluator.problem
@@ -67,7 +68,7 @@ def _own_values(
     return values
 
 
-def _parity(problem: Problem) -> Floats:
+def _parity(problem: Problem) -> NDArray[np.intp]:
     """(B,) 0 or 1, alternating along each flight."""
     parity = np.zeros(problem.block_flight.size, dtype=np.intp)
     for f in range(problem.flights):

@@ -14,7 +14,7 @@ import numpy as np
 
 from models.airframe import Airframe
 from models.allocation import mixer
-from models.flight import Floats
+from models.flight import Bools, Floats
 
 MODE_NAMES = ("collective", "roll", "pitch", "yaw")
 
@@ -45,20 +45,20 @@ def robust_scale(values: Floats) -> float:
     return float(1.4826 * np.median(np.abs(finite))) if finite.size else float("nan")
 
 
-def sensor_noise_rpm(residual: Floats, step: Floats) -> float:
+def sensor_noise_rpm(residual: Floats, step: Bools) -> float:
     """White noise of a rotor speed sensor, rpm, from the quietest mode's second differences.
 
     `residual` (T, R) in modes; `step` (T,) marks rows that follow their predecessor directly. The
     second difference of white noise of variance s² has variance 6 s², of smooth motion about none.
     """
     second = residual[2:] - 2 * residual[1:-1] + residual[:-2]
-    second = second[(step[2:] > 0) & (step[1:-1] > 0)]
+    second = second[step[2:] & step[1:-1]]
     if second.shape[0] < 10:
         return float("nan")
     return float(min(robust_scale(second[:, k]) for k in range(second.shape[1])) / np.sqrt(6.0))
 
 
 def r_squared(measured: Floats, residual: Floats) -> float:
-    """Share of the variance of measured rotor speed that is explained, each rotor about its mean."""
+    """Share of the variance of measured rotor speed explained, each rotor about its mean."""
     spread = np.sum((measured - measured.mean(axis=0)) ** 2)
     return float(1.0 - np.sum(residual**2) / spread) if spread > 0 else float("nan")

@@ -48,6 +48,7 @@ class SearchConfig:
     significance: float = 0.02
     most_effects: int = 8
     least_fall: float = 0.03  # of the cross-validated RMSE in rpm, for an effect worth a name
+    tie: float = 0.0  # of the best gain, within which the plain error on left-out flights decides
     seed: int = 0
 
 
@@ -176,7 +177,8 @@ def look(
             chosen=None,
             p_value=1.0,
         )
-    best = worthy[0]
+    level = [s for s in worthy if s.gain >= (1.0 - config.tie) * worthy[0].gain]
+    best = min(level, key=lambda s: cross_validated_rmse(evaluator, s.fit))
     noise = surrogate_residuals(
         problem, best.fit.whitened, config.surrogates, generator, problem.background(scales)
     )
@@ -280,7 +282,14 @@ def prune(evaluator: Evaluator, fit: Fit, *, last_too: bool = False) -> Fit:
             trial = fit_terms(evaluator, rest, scales=scales, start=start, steps=4)
             loss = float(held_out_cost(trial.statistics).sum()) - cost
             kept = Scored(term=term, fit=whole, held_out=whole.statistics.cost, gain=loss)
-            trials.append((loss if credible(kept, trial, evaluator.problem.background(scales)) else -np.inf, trial))
+            trials.append(
+                (
+                    loss
+                    if credible(kept, trial, evaluator.problem.background(scales))
+                    else -np.inf,
+                    trial,
+                )
+            )
         loss, best = min(trials, key=lambda pair: pair[0])
         if loss > LEAST_GAIN * cost:
             return fit
@@ -321,7 +330,11 @@ def rivals(evaluator: Evaluator, fit: Fit, catalogue: Sequence[Effect]) -> dict[
             trial = score(evaluator, without, 0.0, terms, other, scales=scales, steps=5)
             regained = missed - (float(trial.held_out.sum()) - float(whole.sum()))
             alike = difference_in_doubt(whole, trial.held_out, problem.block_flight)
-            if alike and regained > 0.5 * missed and credible(trial, without, problem.background(scales)):
+            if (
+                alike
+                and regained > 0.5 * missed
+                and credible(trial, without, problem.background(scales))
+            ):
                 found[term.key].append(_label(other))
     return found
 

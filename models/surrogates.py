@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from models.fit import Statistics
 from models.flight import Floats
@@ -35,7 +36,7 @@ def surrogate_residuals(
     count: int,
     generator: np.random.Generator,
     background: Floats | None = None,
-) -> Floats:
+) -> NDArray[np.float32]:
     """`count` surrogates (T, R, count) of a whitened residual (T, R), float32.
 
     `background` (R,) adds to every flight its own constant in each mode, of that spread.
@@ -57,18 +58,8 @@ def surrogate_residuals(
     return out
 
 
-def gains(problem: Problem, base: Linear, candidate: Linear, surrogates: Floats) -> Floats:
-    """(S,) fall of the held-out cost from `base` to `candidate` on each surrogate."""
-    return _cost(problem, base, surrogates) - _cost(problem, candidate, surrogates)
-
-
-def base_costs(problem: Problem, base: Linear, surrogates: Floats) -> Floats:
-    """(S,) held-out cost of the model without any candidate on each surrogate."""
-    return _cost(problem, base, surrogates)
-
-
 def best_gains(
-    problem: Problem, base: Linear, candidates: Sequence[Linear], surrogates: Floats
+    problem: Problem, base: Linear, candidates: Sequence[Linear], surrogates: NDArray[np.float32]
 ) -> Floats:
     """(S,) the largest gain over all candidates on each surrogate: the search by chance."""
     reference = _cost(problem, base, surrogates)
@@ -83,7 +74,7 @@ def p_value(observed: float, by_chance: Floats) -> float:
     return float((1 + np.sum(by_chance >= observed)) / (1 + by_chance.size))
 
 
-def _cost(problem: Problem, linear: Linear, surrogates: Floats) -> Floats:
+def _cost(problem: Problem, linear: Linear, surrogates: NDArray[np.float32]) -> Floats:
     starts = np.flatnonzero(np.diff(problem.block, prepend=-1))
     ends = np.append(starts[1:], problem.block.size)
     count = linear.jacobian.shape[2]

@@ -1,4 +1,4 @@
-"""What no effect of the table explains: how much, in which mode, along which channel; and the floor.
+"""What no effect explains: how much, in which mode, along which channel; and the floor.
 
 Each mode is tried against a smooth curve of each channel (cubic B-spline), added to everything that
 was accepted and scored on left-out flights; the best of all must beat the best of all on

@@ -61,7 +61,7 @@ def test_help_does_not_load_torch_or_the_view():
     code = (
         "import sys\nfrom gcs_plugin.cli import run\n"
         "try:\n    run(['--help'])\nexcept SystemExit as e:\n    assert e.code == 0\n"
-        "heavy = {'torch', 'viser', 'plotly', 'matplotlib', 'duckdb'} & set(sys.modules)\n"
+        "heavy = {'torch', 'viser', 'plotly', 'matplotlib', 'mavsdk'} & set(sys.modules)\n"
         "assert not heavy, heavy\n"
     )
     done = subprocess.run(

@@ -18,8 +18,10 @@ from models.effects.coefficient import (
     TRANSLATIONAL_LIFT,
 )
 from models.effects.demand import EXTRA_MASS, LOAD_FACTOR, PARASITE_DRAG
+from models.effects.flow_moment import FLOW_MOMENT
 from models.effects.inputs import SENSOR_LAG, TANK_SCALE, WIND
 from models.effects.moments import CG_OFFSET, CG_OFFSET_TANK, MANOEUVRE_MOMENT, YAW_TRIM
+from models.effects.slung_load import SLUNG_LOADS
 
 CATALOGUE: tuple[Effect, ...] = (
     WIND,
@@ -28,6 +30,7 @@ CATALOGUE: tuple[Effect, ...] = (
     EXTRA_MASS,
     PARASITE_DRAG,
     LOAD_FACTOR,
+    *SLUNG_LOADS,
     CG_OFFSET,
     CG_OFFSET_TANK,
     YAW_TRIM,
@@ -42,4 +45,7 @@ CATALOGUE: tuple[Effect, ...] = (
     BATTERY_VOLTAGE,
 )
 
-__all__ = ["CATALOGUE", "Effect", "Kind", "Parameter", "Placed"]
+#: Effects that are looked for only where a search is given them.
+ON_REQUEST: tuple[Effect, ...] = (FLOW_MOMENT,)
+
+__all__ = ["CATALOGUE", "ON_REQUEST", "Effect", "Kind", "Parameter", "Placed"]

@@ -14,7 +14,7 @@ from scipy.signal import savgol_filter
 
 from models.airframe import Airframe
 from models.atmosphere import G0, isa_temperature, track_density
-from models.effects.pendulum import cable_pull
+from models.effects.pendulum import cable_pull, shortest_cable
 from models.flight import FlightTrack, Floats
 
 LAG_STEP = 0.1  # s
@@ -52,13 +52,13 @@ class Channels:
     heading: Any
     yaw_rate: Any
     yaw_acceleration: Any
-    total_weight: Any  # N
     cable_pull: Any  # (T, lengths) what a load on a cable adds, in weights of the load
     tank_capacity_kg: float
     reference_density: float
     reference_voltage: float
     empty_weight: float  # N
     propeller_diameter: float
+    shortest_cable: float  # m, of the first column of cable_pull
 
     def rows(self, which: Any) -> Self:
         """The same channels with only the chosen rows."""
@@ -158,13 +158,13 @@ def channels_of(
         heading=np.mod(track.attitude[:, 2], 2 * np.pi),
         yaw_rate=track.angular_rate_frd[:, 2],
         yaw_acceleration=turn[:, 2],
-        total_weight=mass * G0,
         cable_pull=cable_pull(track, airframe),
         tank_capacity_kg=float(airframe.tank_capacity_kg),
         reference_density=float(reference_density),
         reference_voltage=float(reference_voltage),
         empty_weight=float(airframe.empty_mass * G0),
         propeller_diameter=float(airframe.propeller_diameter),
+        shortest_cable=shortest_cable(airframe),
     )
 
 
@@ -208,7 +208,9 @@ def _derivative(time_s: Floats, values: Floats, span: float) -> Floats:
     step = float(np.median(np.diff(time_s)))
     window = max(3, 2 * int(span / step / 2) + 1)
     window = min(window, time_s.size - (time_s.size + 1) % 2)
-    slope = savgol_filter(values, window, 2, deriv=1, delta=step, axis=0, mode="nearest")
+    slope: Floats = np.asarray(
+        savgol_filter(values, window, 2, deriv=1, delta=step, axis=0, mode="nearest")
+    )
     gap = np.flatnonzero(np.abs(np.diff(time_s) - step) > 0.5 * step)
     half = window // 2 + 1
     near = (gap[:, None] + np.arange(-half, half + 1)).ravel()

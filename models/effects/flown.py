@@ -16,7 +16,7 @@ from models.airframe import Airframe
 from models.effects.base import Placed
 from models.effects.channels import Channels, channels_of
 from models.effects.compose import BaseTable, base_table, rotor_speed_rpm
-from models.flight import Bools, Floats, FlightTrack
+from models.flight import Bools, FlightTrack, Floats
 from models.rotor_model import RotorModel
 
 
@@ -64,6 +64,8 @@ def _filled(x: Channels, placed: Sequence[Placed]) -> tuple[Channels, Bools]:
         "reported_density": x.reference_density,
         "velocity_north": 0.0,
         "velocity_east": 0.0,
+        "heading": 0.0,
+        "cable_pull": 0.0,
     }
     needed = {name for item in placed for name in item.effect.needs}
     if "load_factor_shifts" in needed:
@@ -85,8 +87,12 @@ def _filled(x: Channels, placed: Sequence[Placed]) -> tuple[Channels, Bools]:
     return replace(x, **filled), lacking
 
 
+@lru_cache(maxsize=8)
 def flown_airframe(model: RotorModel) -> Airframe:
-    """The airframe as identified: mass that the gauge does not see, and worn rotors."""
+    """The airframe as identified: mass that the gauge does not see, and worn rotors.
+
+    One object a model: the linear programs of `models.allocation` are solved once an object.
+    """
     airframe = model.airframe
     effectiveness = airframe.rotor_effectiveness.copy()
     mass = airframe.empty_mass

@@ -12,11 +12,13 @@ a table of lengths, read between its columns, makes the length a parameter with 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from models.airframe import Airframe
 from models.atmosphere import G0
-from models.flight import FlightTrack, Floats
+from models.flight import Bools, FlightTrack, Floats
 
 SHORTEST = 4.0  # arms of the aircraft
 RATIO = 1.07  # of neighbouring lengths
@@ -31,55 +33,74 @@ def shortest_cable(airframe: Airframe) -> float:
     return SHORTEST * float(np.max(np.hypot(*airframe.rotor_position_frd[:, :2].T)))
 
 
+def cable_lengths(airframe: Airframe) -> Floats:
+    """Cable lengths of the table, (LENGTHS,) m."""
+    return shortest_cable(airframe) * RATIO ** np.arange(LENGTHS, dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Swing:
+    """A load on L cables, worked out along a flight of T rows; NaN where the log is silent."""
+
+    direction_ned: Floats  # (T, L, 3) unit vector from the hook to the load
+    pull: Floats  # (T, L) tension along the thrust axis, in weights of the load
+
+
 def cable_pull(track: FlightTrack, airframe: Airframe) -> Floats:
     """What a swinging load adds along the thrust axis, (T, lengths) in weights of the load.
 
     It is the tension along the axis less |f|/g, what the load would take if it did not swing: 0 in
-    a steady hover. The load starts at rest along the apparent gravity of the first row. NaN without
-    accelerometer or attitude, and one column of NaN for an aircraft with a tank: that carries its
-    load inside.
+    a steady hover. NaN without accelerometer or attitude; one column of NaN for an aircraft with a
+    tank, which carries its load inside.
     """
-    rows = track.time_s.size
     if airframe.tank_capacity_kg > 0.0:
-        return np.full((rows, 1), np.nan)
-    force, down = _force_ned(track)
-    known = np.isfinite(force).all(axis=1) & np.isfinite(down).all(axis=1)
-    if not known.any():
-        return np.full((rows, LENGTHS), np.nan)
-    lengths = shortest_cable(airframe) * RATIO ** np.arange(LENGTHS)
-    tension = _swing(track.time_s, force, down, known, lengths)
+        return np.full((track.time_s.size, 1), np.nan)
     felt = np.linalg.norm(track.specific_force_frd, axis=1) / G0
-    return tension - felt[:, None]
+    return swing(track, cable_lengths(airframe)).pull - felt[:, None]
 
 
-def _swing(time_s: Floats, force: Floats, down: Floats, known: Floats, lengths: Floats) -> Floats:
-    """Tension along the thrust axis, (T, L) weights of the load; NaN in unknown rows."""
+def swing(track: FlightTrack, lengths: Floats) -> Swing:
+    """The load on cables of `lengths` (L,) m. It starts at rest, along the first row's apparent
+    gravity, and takes the last known force where a row has none."""
+    rows = track.time_s.size
+    force, down = _force_ned(track)
+    known: Bools = np.all(np.isfinite(force) & np.isfinite(down), axis=1)
+    out = Swing(
+        direction_ned=np.full((rows, lengths.size, 3), np.nan),
+        pull=np.full((rows, lengths.size), np.nan),
+    )
+    if not known.any():
+        return out
     first = int(np.argmax(known))
-    direction = np.tile(-force[first] / np.linalg.norm(force[first]), (lengths.size, 1))
-    rate = np.zeros_like(direction)
-    length = lengths[:, None]
-    damping = 2.0 * DAMPING * np.sqrt(G0 / length)
-    fastest = float(np.sqrt(G0 / lengths[0]))
-    out = np.full((time_s.size, lengths.size), np.nan)
     f = force[first]
-    for t in range(first, time_s.size):
-        f = force[t] if known[t] else f
-        turning = np.sum(rate**2, axis=1)
+    direction = np.tile(-f / np.linalg.norm(f), (lengths.size, 1))
+    rate = np.zeros_like(direction)
+    damping = 2.0 * DAMPING * np.sqrt(G0 / lengths)
+    fastest = float(np.sqrt(G0 / lengths.min()))
+    for t in range(first, rows):
         if known[t]:
-            pull = (lengths * turning - direction @ f) * (direction @ down[t]) / G0
-            out[t] = np.clip(pull, 0.0, MOST_PULL)
-        if t + 1 == time_s.size:
-            break
-        span = time_s[t + 1] - time_s[t]
-        steps = max(1, int(np.ceil(span * fastest / FINEST)))
-        for _ in range(steps):
-            across = f - (direction @ f)[:, None] * direction
-            turning = np.sum(rate**2, axis=1, keepdims=True)
-            rate = rate - span / steps * (across / length + turning * direction + damping * rate)
-            direction = direction + span / steps * rate
-            direction /= np.linalg.norm(direction, axis=1, keepdims=True)
-            rate -= np.sum(rate * direction, axis=1, keepdims=True) * direction
+            f = force[t]
+            tension = lengths * np.sum(rate**2, axis=1) - direction @ f
+            out.direction_ned[t] = direction
+            out.pull[t] = np.clip(tension * (direction @ down[t]) / G0, 0.0, MOST_PULL)
+        if t + 1 < rows:
+            span = float(track.time_s[t + 1] - track.time_s[t])
+            steps = max(1, int(np.ceil(span * fastest / FINEST)))
+            for _ in range(steps):
+                direction, rate = _step(direction, rate, f, lengths, damping, span / steps)
     return out
+
+
+def _step(
+    direction: Floats, rate: Floats, force: Floats, lengths: Floats, damping: Floats, span: float
+) -> tuple[Floats, Floats]:
+    """Direction and rate (L, 3) `span` s later under one force; semi-implicit Euler."""
+    across = force - (direction @ force)[:, None] * direction
+    turning = np.sum(rate**2, axis=1, keepdims=True)
+    rate = rate - span * (across / lengths[:, None] + turning * direction + damping[:, None] * rate)
+    direction = direction + span * rate
+    direction = direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    return direction, rate - np.sum(rate * direction, axis=1, keepdims=True) * direction
 
 
 def _force_ned(track: FlightTrack) -> tuple[Floats, Floats]:

@@ -2,58 +2,61 @@
 
 from __future__ import annotations
 
+from models.atmosphere import G0
 from models.effects.base import Effect, Kind, Parameter
 from models.effects.channels import Channels
 from models.effects.pendulum import LENGTHS, RATIO, SHORTEST
+from models.effects.size import ARM
 
 BRACKETS = 7  # pieces of the range of lengths, each searched from its middle
 OVERLAP = 1.1
 
 
 def _slung_load(p, x: Channels, thrust, xp):
-    place = xp.log(xp.asarray(p["cable"]) / SHORTEST) / xp.log(xp.asarray(RATIO))
+    place = xp.log(xp.asarray(p["cable"]) / x.shortest_cable) / xp.log(xp.asarray(RATIO))
     u = xp.abs(place - xp.arange(LENGTHS, dtype=xp.float64))
     near = (1.5 * u - 2.5) * u * u + 1.0  # cubic convolution (Keys 1981), as for delays
     far = ((-0.5 * u + 2.5) * u - 4.0) * u + 2.0
     weights = xp.where(u < 1, near, xp.where(u < 2, far, 0.0 * u))
-    return thrust + p["share"] * x.total_weight * (x.cable_pull @ weights)
+    return thrust + p["mass"] * G0 * (x.cable_pull @ weights)
 
 
 def _bracket(number: int) -> Effect:
     """The effect with the cable in one piece of the range: the fit follows a swing's phase only
     from a length near the true one."""
     width = RATIO ** ((LENGTHS - 1) / BRACKETS)
-    low = SHORTEST * width**number
+    low, longest = SHORTEST * width**number, SHORTEST * RATIO ** (LENGTHS - 1)
     return Effect(
         name="slung_load",
-        variant=f"{low:.3g} arms",
+        variant=f"cable of {low:.0f} to {low * width:.0f} arms",
         kind=Kind.DEMAND,
         parameters=(
             Parameter(
-                name="share",
-                unit="1",
+                name="mass",
+                unit="kg",
                 absent=0.0,
                 start=0.0,
-                lower=-0.1,
-                upper=0.8,
-                scale=0.1,
-                smallest=0.01,
+                lower=-2.0,
+                upper=20.0,
+                scale=2.0,
+                smallest=0.15,
             ),
             Parameter(
                 name="cable",
-                unit="arms",
+                unit="m",
                 absent=None,
-                start=low * width**0.5,
-                lower=max(SHORTEST, low / OVERLAP),
-                upper=min(SHORTEST * RATIO ** (LENGTHS - 1), low * width * OVERLAP),
-                scale=0.2 * low,
+                start=low * width**0.5 * ARM,
+                lower=max(SHORTEST, low / OVERLAP) * ARM,
+                upper=min(longest, low * width * OVERLAP) * ARM,
+                scale=0.2 * low * ARM,
                 detail=True,
             ),
         ),
         needs=("cable_pull",),
         shape_channels=(),
-        source="a spherical pendulum below the aircraft, driven by the specific force it feels",
-        tell="hover still until the load hangs still, then stop sharply and let it swing",
+        source="a load on a cable swings as a spherical pendulum below the aircraft, driven by the "
+        "specific force that the aircraft feels; its mass is part of the weight already",
+        tell="hover until the load hangs still, then stop sharply and let it swing",
         apply=_slung_load,
     )
 

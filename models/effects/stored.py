@@ -9,12 +9,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from models.effects import CATALOGUE
+from models.effects import CATALOGUE, ON_REQUEST
 from models.effects.base import Placed
 from models.errors import ModelError
 from models.records import EffectRecord
 
-BY_KEY = {effect.key: effect for effect in CATALOGUE}
+BY_KEY = {effect.key: effect for effect in (*CATALOGUE, *ON_REQUEST)}
 
 
 def placed_from(records: Sequence[EffectRecord], rotor_count: int) -> tuple[Placed, ...]:

@@ -1,0 +1,366 @@
+"""Alarms of one vehicle: each with a threshold, a hysteresis, and a time that it must hold.
+
+| alarm | raised when | for | cleared when | for |
+|---|---|---|---|---|
+| `margin` | worst rotor's measured thrust margin < limit | 3 s | > limit + 0.03 | 3 s |
+| `margin ahead` | predicted margin on the rest of the route < limit | 3 s | > limit + 0.03 | 3 s |
+| `rotor` | CUSUM of one rotor's thrust residual > 0.04 s | - | sum back under 0.02 s | 3 s |
+| `tank` | gauge, pump and thrust part (TankBalance) | 5 s | they agree again | 10 s |
+| `envelope` | the flight is outside the training of the model's network | 5 s | inside | 5 s |
+| `saturation` | a motor's output or a rotor's speed > 0.97 of its most | 0.5 s | < 0.92 | 2 s |
+| `telemetry` | nothing heard | 3 s | heard | 1 s |
+| `rotor speeds` | other messages come, but no rotor speed | 3 s | heard | 1 s |
+What is not known (NaN) neither raises nor clears. Times are the vehicle's clock, but for the last
+two, which are the ground's. Measured false alarms: tests/bench/bench_live.py.
+
+Rotor residual. With e_i = (N_i/N_i,predicted)^2 - 1, what rotor i needs beyond the model,
+    x_i = e_i - max e_j - (max e_j - min e_j),  j != i       S_i = max(0, S_i + (x_i - k) dt)
+One damaged rotor stands out from all others, which agree; a wrong mass, thin air, a turn, a shifted
+centre of gravity, or two of these together move pairs or all, and give no x_i. While the others are
+more than 0.05 apart S_i does not fall. E. S. Page, Continuous Inspection Schemes, Biometrika 41
+(1954); k = 0.02 and 0.04 s are chosen on the healthy campaign flights and on losses
+of a propeller put into them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gcs_plugin.tank import BalanceWatch, TankBalance
+from models.analysis import Basis, FlightAnalysis
+from models.flight import Floats
+
+#: MAV_SEVERITY
+CRITICAL, WARNING, NOTICE = 2, 4, 5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AlarmSettings:
+    """Thresholds; shares are of one, times s."""
+
+    margin_limit: float = 0.5
+    margin_hysteresis: float = 0.03
+    margin_hold: float = 3.0
+    rotor_slack: float = 0.02  # k of the CUSUM
+    rotor_threshold: float = 0.04  # s
+    rotor_unloaded: float = 0.2  # share of the expected thrust whose lack means: on the ground
+    rotor_agree: float = 0.05  # disagreement of the others from which it is no sign of recovery
+    tank_share: float = 0.5  # of the larger loss by which two witnesses may part
+    tank_kg: float = 0.5  # kg by which they must part besides
+    tank_mass_kg: float = 3.0  # kg between gauge and thrust
+    saturation: float = 0.97
+    silence: float = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class Alarm:
+    """One alarm that stands. `text` fits the 50 characters of a STATUSTEXT."""
+
+    name: str
+    rotor: int | None  # from 1
+    severity: int  # MAV_SEVERITY
+    text: str
+    since_s: float
+
+    @property
+    def key(self) -> tuple[str, int | None]:
+        return self.name, self.rotor
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmEvent:
+    """An alarm was raised or cleared."""
+
+    raised: bool
+    alarm: Alarm
+    time_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Debounce:
+    """A condition that must hold for a time to count, and be gone for a time to end."""
+
+    hold: float
+    release: float
+    active: bool = False
+    since: float = float("nan")  # when the opposite of `active` began; NaN: it has not
+
+    def after(self, time_s: float, on: bool, off: bool) -> Debounce:
+        """The next state; `on` wants it active, `off` inactive, neither leaves it as it is."""
+        if not (off if self.active else on):
+            return replace(self, since=float("nan")) if self.since == self.since else self
+        began = self.since if self.since == self.since else time_s
+        if time_s - began >= (self.release if self.active else self.hold):
+            return replace(self, active=not self.active, since=float("nan"))
+        return self if self.since == self.since else replace(self, since=time_s)
+
+
+class Alarms:
+    """The alarms of one vehicle, kept up by `rows` and `heard`. They return what changed."""
+
+    def __init__(self, settings: AlarmSettings | None = None) -> None:
+        self.settings = s = AlarmSettings() if settings is None else settings
+        self.standing: dict[tuple[str, int | None], Alarm] = {}
+        self.rotor_sum: Floats = np.zeros(0)  # (R,) CUSUM of each rotor, s
+        self._needed = self._since = np.zeros(0)
+        self._last_s = self._weighed_s = float("-inf")
+        self._balance = BalanceWatch()
+        self._states: dict[tuple[str, int | None], Debounce] = {}
+        self._times = {
+            "margin": (s.margin_hold, s.margin_hold),
+            "margin ahead": (s.margin_hold, s.margin_hold),
+            "rotor": (0.0, 3.0),
+            "tank": (5.0, 10.0),
+            "envelope": (5.0, 5.0),
+            "saturation": (0.5, 2.0),
+            "telemetry": (0.0, 1.0),
+            "rotor speeds": (0.0, 1.0),
+        }
+
+    def rows(
+        self,
+        analysis: FlightAnalysis,
+        first: int,
+        *,
+        clock_s: Floats,
+        pumped_kg: Floats,
+        virtual_kg: Floats,
+        settled: slice | None = None,
+        margin_ahead: float = float("nan"),
+    ) -> list[AlarmEvent]:
+        """Take the rows from `first` on, in order; arrays are (T,), as long as the analysis.
+
+        What rests on the prediction is judged in the rows `settled`, where that may come later.
+        `pumped_kg` is the liquid pumped so far, `virtual_kg` the virtual gauge, `margin_ahead` the
+        least predicted margin on the rest of the route; NaN where unknown.
+        """
+        events: list[AlarmEvent] = []
+        track, margin = analysis.track, analysis.margin
+        rows = track.time_s.size
+        for row in range(first, rows):
+            time_s = float(clock_s[row])
+            if not track.flying[row]:
+                self._landed(events, time_s)
+                continue
+            self._margin(events, time_s, margin[row])
+            self._ahead(events, time_s, margin_ahead)
+            used = np.fmax(track.throttle[row], np.sqrt(analysis.capacity_use[row]))
+            self._saturation(events, time_s, used)
+        excess = _excess(analysis)
+        for row in range(rows)[slice(first, None) if settled is None else settled]:
+            time_s = float(clock_s[row])
+            step = time_s - self._last_s
+            self._last_s = time_s
+            if not track.flying[row]:
+                self._balance = BalanceWatch()
+                continue
+            self._rotors(events, time_s, step, excess[row])
+            if analysis.model.network is not None:
+                self._envelope(events, time_s, int(analysis.prediction.basis[row]))
+            self._balance.add(
+                time_s,
+                float(track.tank_kg[row]),
+                float(pumped_kg[row]),
+                float(virtual_kg[row]),
+            )
+            self._tank(events, time_s)
+        return events
+
+    def _landed(self, events: list[AlarmEvent], time_s: float) -> None:
+        """On the ground nothing of the flight stands, but for a rotor that was found bad."""
+        for key in list(self._states):
+            if key[0] in ("margin", "margin ahead", "envelope", "saturation", "tank"):
+                self._set(events, key, time_s, on=False, off=True, severity=0, text="")
+
+    def _envelope(self, events: list[AlarmEvent], time_s: float, basis: int) -> None:
+        self._set(
+            events,
+            ("envelope", None),
+            time_s,
+            on=basis == Basis.PHYSICS,
+            off=basis == Basis.NETWORK,
+            severity=NOTICE,
+            text="Outside the model's training: weight only",
+        )
+
+    def heard(self, now_s: float, silent: float, rotor_silent: float) -> list[AlarmEvent]:
+        """Judge the link: s since anything, and since a rotor speed, was heard (ground's clock).
+
+        `rotor_silent` is NaN for a vehicle that has never reported a rotor speed.
+        """
+        events: list[AlarmEvent] = []
+        limit = self.settings.silence
+        self._set(
+            events,
+            ("telemetry", None),
+            now_s,
+            on=silent > limit,
+            off=silent <= limit,
+            severity=CRITICAL,
+            text=f"Telemetry lost for {limit:.0f} s",
+        )
+        self._set(
+            events,
+            ("rotor speeds", None),
+            now_s,
+            on=rotor_silent > limit and silent <= limit,
+            off=rotor_silent <= limit,
+            severity=WARNING,
+            text="No rotor speeds: ESC telemetry lost",
+        )
+        return events
+
+    def _set(
+        self,
+        events: list[AlarmEvent],
+        key: tuple[str, int | None],
+        time_s: float,
+        *,
+        on: bool,
+        off: bool,
+        severity: int,
+        text: str,
+    ) -> None:
+        before = self._states.get(key)
+        if before is None:
+            before = Debounce(*self._times[key[0]])
+        after = self._states[key] = before.after(time_s, on, off)
+        if after.active and not before.active:
+            alarm = Alarm(key[0], key[1], severity, text[:50], time_s)
+            self.standing[key] = alarm
+            events.append(AlarmEvent(True, alarm, time_s))
+        elif before.active and not after.active:
+            events.append(AlarmEvent(False, self.standing.pop(key), time_s))
+
+    def _margin(self, events: list[AlarmEvent], time_s: float, margin: Floats) -> None:
+        worst = float(np.min(margin))
+        limit = self.settings.margin_limit
+        rotor = int(np.argmin(margin)) + 1 if worst == worst else 0
+        self._set(
+            events,
+            ("margin", None),
+            time_s,
+            on=worst < limit,
+            off=worst > limit + self.settings.margin_hysteresis,
+            severity=WARNING,
+            text=f"Thrust margin {worst:.0%} under {limit:.0%}: rotor {rotor}",
+        )
+
+    def _ahead(self, events: list[AlarmEvent], time_s: float, ahead: float) -> None:
+        limit = self.settings.margin_limit
+        self._set(
+            events,
+            ("margin ahead", None),
+            time_s,
+            on=ahead < limit,
+            off=ahead > limit + self.settings.margin_hysteresis,
+            severity=WARNING,
+            text=f"Margin will be {ahead:.0%} on the route, limit {limit:.0%}",
+        )
+
+    def _saturation(self, events: list[AlarmEvent], time_s: float, used: Floats) -> None:
+        for rotor, share in enumerate(used.tolist(), start=1):
+            self._set(
+                events,
+                ("saturation", rotor),
+                time_s,
+                on=share > self.settings.saturation,
+                off=share < self.settings.saturation - 0.05,
+                severity=CRITICAL,
+                text=f"Rotor {rotor} at its limit: no thrust left",
+            )
+
+    def _tank(self, events: list[AlarmEvent], time_s: float) -> None:
+        if time_s - self._weighed_s < 1.0:
+            return
+        self._weighed_s = time_s
+        balance = self._balance.balance()
+        if balance is not None:
+            words = tank_verdict(balance, self.settings)
+            self._set(
+                events,
+                ("tank", None),
+                time_s,
+                on=bool(words),
+                off=not words,
+                severity=WARNING,
+                text=words,
+            )
+
+    def _rotors(self, events: list[AlarmEvent], time_s: float, step: float, excess: Floats) -> None:
+        s = self.settings
+        if not np.mean(excess) > -s.rotor_unloaded:
+            # Without data, or with the legs on the ground before that is reported, the sum rests.
+            return
+        if self.rotor_sum.size != excess.size:
+            self.rotor_sum, self._needed, self._since = np.zeros((3, excess.size))
+        # A pause in the rows counts as one short step: what happened in it is not known.
+        seconds = min(step, 0.5) if step > 0.0 else 0.0
+        stands_out, spread = standing_out(excess)
+        gain = stands_out - spread - s.rotor_slack
+        # While the others disagree (a turn), not standing out says nothing of a rotor's health.
+        gain = np.where(spread > s.rotor_agree, np.maximum(gain, 0.0), gain)
+        grown = self.rotor_sum + gain * seconds
+        # Capped, so that the end of a fault is seen as fast as its beginning.
+        self.rotor_sum = np.clip(grown, 0.0, 3.0 * s.rotor_threshold)
+        # What the rotor has needed beyond the others since its sum last left zero.
+        apart = (excess - np.median(excess)) * seconds
+        running = self.rotor_sum > 0.0
+        self._needed = np.where(running, self._needed + apart, 0.0)
+        self._since = np.where(running, self._since + seconds, 0.0)
+        for rotor, total in enumerate(self.rotor_sum.tolist(), start=1):
+            more = self._needed[rotor - 1] / max(self._since[rotor - 1], 1e-3)
+            self._set(
+                events,
+                ("rotor", rotor),
+                time_s,
+                on=total > s.rotor_threshold,
+                off=total < 0.5 * s.rotor_threshold,
+                severity=CRITICAL,
+                text=f"Rotor {rotor} makes {more / (1 + more):.0%} less thrust: check propeller",
+            )
+
+
+def _excess(analysis: FlightAnalysis) -> Floats:
+    """(T, R) thrust that each rotor needs beyond the model, as a share of the model's."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = analysis.track.rotor_speed_rpm / analysis.prediction.rotor_speed_rpm
+    return ratio**2 - 1.0
+
+
+def standing_out(excess: Floats) -> tuple[Floats, Floats]:
+    """By how much each rotor's excess (R,) is above the highest other, and the others' spread."""
+    ordered = np.sort(excess)
+    highest = np.where(excess == ordered[-1], ordered[-2], ordered[-1])
+    lowest = np.where(excess == ordered[0], ordered[1], ordered[0])
+    return excess - highest, highest - lowest
+
+
+def tank_verdict(balance: TankBalance, settings: AlarmSettings) -> str:
+    """What is wrong with the tank, for people; empty when its witnesses agree or are too few."""
+    gauge, pump, thrust = balance.gauge, balance.pump, balance.thrust
+    if parts(gauge, pump, settings):
+        if balance.level_kg < 0.3 and gauge < pump:
+            return "Tank empty, pump still on"
+        if gauge > pump:
+            backed = parts(thrust, pump, settings) and thrust > pump
+            return "Tank falls faster than the pump" + (": leak?" if backed else "")
+        backed = parts(pump, thrust, settings) and thrust < pump
+        return "Tank falls slower than the pump" + (": clogged?" if backed else ": gauge?")
+    if abs(balance.apart_kg) > settings.tank_mass_kg:
+        return f"Thrust says {balance.apart_kg:+.1f} kg against the gauge"
+    return ""
+
+
+def parts(one: float, other: float, settings: AlarmSettings) -> bool:
+    """Whether two losses, kg, differ by more than either tolerance; False when one is unknown."""
+    apart = abs(one - other)
+    return apart > max(settings.tank_kg, settings.tank_share * max(abs(one), abs(other)))
+
+
+def worst_first(standing: Sequence[Alarm]) -> list[Alarm]:
+    """Alarms by severity, then age."""
+    return sorted(standing, key=lambda alarm: (alarm.severity, alarm.since_s))

@@ -1,0 +1,64 @@
+"""`thrustmargin demo`: the main job on one bundled flight: report, then replay."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tyro.conf import Positional
+
+BUNDLED = Path("sitl_logs/campaign/v4_m16_q2.5.tlog")
+
+
+def demo(
+    log: Positional[Path] = BUNDLED,
+    *,
+    out: Path = Path("report.html"),
+    port: int = 8080,
+    speed: float = 5.0,
+    seconds: float | None = None,
+    browser: bool = True,
+) -> int:
+    """Show what thrustmargin does: write the margin report of a flight, then replay it in 3D.
+
+    The flight is a simulated F16 that starts with 16 kg in the tank. The view is served to this
+    computer alone; Ctrl-C ends it.
+
+    Example: thrustmargin demo
+
+    Args:
+        log: Recorded flight; without it the bundled one, from the project's folder.
+        out: Page of the report.
+        port: Port of the view.
+        speed: Speed of the replay, 1 is real time.
+        seconds: End by itself after so many seconds; without it at Ctrl-C.
+        browser: Open the view in the browser.
+    """
+    import threading
+
+    from gcs_plugin.commands.report import report
+    from gcs_plugin.logs import read_log
+    from gcs_plugin.view.replay import run_replay
+    from models.analysis import analyse
+    from models.errors import LogError
+    from models.rotor_model import shipped_model
+
+    if not log.exists():
+        raise LogError(f"no flight {log}; run the demo in the project's folder, or name a log")
+    code = report((log,), out=out)
+    if code:
+        return code
+    model = shipped_model()
+    flight = read_log(log, airframe=model.airframe)
+    stop = threading.Event()
+    if seconds is not None:
+        threading.Timer(seconds, stop.set).start()
+    run_replay(
+        analyse(flight.track, model),
+        waypoints=flight.waypoints,
+        messages=flight.messages,
+        port=port,
+        speed=speed,
+        browser=browser,
+        stop=stop,
+    )
+    return 0

@@ -1,0 +1,164 @@
+"""thrustmargin fetch: a mission or a log from the vehicle itself."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from tyro.conf import Positional
+
+from models.errors import LinkError
+
+if TYPE_CHECKING:
+    from gcs_plugin.vehicle_link import Progress, VehicleLink
+    from gcs_plugin.vehicle_logs import LogEntry
+
+Url = Annotated[Positional[str], tyro.conf.arg(metavar="URL")]
+
+
+@dataclass(frozen=True, slots=True)
+class FetchMission:
+    """Download the mission and save it as a QGroundControl plan (fence and rally points are not).
+
+    Example: thrustmargin fetch mission udpin:127.0.0.1:14550 -o field.plan
+    """
+
+    url: Url
+    """Link: udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or /dev/ttyUSB0,57600."""
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("mission.plan")
+    """File to write."""
+    vehicle: int | None = None
+    """System id, needed when the link carries several vehicles."""
+    timeout: float = 10.0
+    """Seconds to wait for the vehicle's first heartbeat."""
+    signing_key_file: Path | None = None
+    """Key of a vehicle that wants signed messages: 32 bytes, 64 hex digits or a passphrase."""
+
+
+@dataclass(frozen=True, slots=True)
+class FetchLog:
+    """Download a flight log; without --id the latest one. Land first: it takes minutes by radio.
+
+    Example: thrustmargin fetch log /dev/ttyACM0,115200 --id 12 -o flight.BIN
+    """
+
+    url: Url
+    """Link: udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or /dev/ttyUSB0,57600."""
+    output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
+    """File to write; without it log_NUMBER.BIN (.ulg from PX4) in this folder."""
+    list: bool = False
+    """Only show which logs the vehicle holds."""
+    id: int | None = None
+    """Number of the log, as --list shows it."""
+    latest: bool = False
+    """Take the latest log that is not empty, which is also what happens without --id."""
+    vehicle: int | None = None
+    """System id, needed when the link carries several vehicles."""
+    timeout: float = 10.0
+    """Seconds to wait for the vehicle's first heartbeat."""
+    signing_key_file: Path | None = None
+    """Key of a vehicle that wants signed messages: 32 bytes, 64 hex digits or a passphrase."""
+
+
+def fetch(
+    what: Annotated[
+        Annotated[FetchMission, tyro.conf.subcommand("mission", prefix_name=False)]
+        | Annotated[FetchLog, tyro.conf.subcommand("log", prefix_name=False)],
+        tyro.conf.arg(name=""),
+    ],
+) -> None:
+    """Download the mission or a flight log from the vehicle.
+
+    Example: thrustmargin fetch mission udpin:127.0.0.1:14550 -o field.plan
+    """
+    if isinstance(what, FetchMission):
+        _fetch_mission(what)
+    else:
+        _fetch_log(what)
+
+
+def _fetch_mission(order: FetchMission) -> None:
+    from gcs_plugin.vehicle_mission import download_mission
+    from mission.plan import write_plan
+
+    with _link(order) as link, _progress_bar() as (say, progress):
+        say(f"waiting for a heartbeat at {order.url}")
+        vehicle = link.vehicle(order.vehicle, timeout=order.timeout)
+        number = vehicle.get_system_id()
+        say(f"mission of vehicle {number}")
+        plan = download_mission(link, vehicle, progress)
+    write_plan(plan, order.output)
+    places = sum(item.place is not None for item in plan.items)
+    print(f"{order.output}: {len(plan.items)} items ({places} places) from vehicle {number}")
+    for note in plan.notes:
+        print(f"note: {note}")
+
+
+def _fetch_log(order: FetchLog) -> None:
+    from gcs_plugin.vehicle_logs import VehicleLogs
+
+    if (order.id is not None) + order.latest + order.list > 1:
+        raise LinkError("--id, --latest and --list exclude each other; give one of them")
+    with _link(order) as link, _progress_bar() as (say, progress):
+        say(f"waiting for a heartbeat at {order.url}")
+        vehicle = link.vehicle(order.vehicle, timeout=order.timeout)
+        say(f"list of logs of vehicle {vehicle.get_system_id()}")
+        logs = VehicleLogs(link, vehicle)
+        if not order.list:
+            entry = logs.choose(order.id)
+            suffix = "ulg" if vehicle.autopilot_type().name == "PX4" else "BIN"
+            path = order.output or Path(f"log_{entry.number}.{suffix}")
+            say(f"log {entry.number} of {entry.date or 'an unknown date'}")
+            logs.download(entry, path, progress)
+    if order.list:
+        _print_logs(logs.entries)
+    else:
+        print(f"{path}: log {entry.number}, {entry.size_bytes} bytes")
+
+
+def _link(order: FetchMission | FetchLog) -> AbstractContextManager[VehicleLink]:
+    from gcs_plugin.vehicle_link import VehicleLink
+
+    if order.signing_key_file is None:
+        return VehicleLink.open(order.url)
+    from gcs_plugin.signing_key import read_signing_key
+    from gcs_plugin.vehicle_signed import signed_link
+
+    key = read_signing_key(order.signing_key_file)
+    for note in key.notes:
+        print(f"note: {note}", file=sys.stderr)
+    return signed_link(order.url, key.key)
+
+
+def _print_logs(entries: tuple[LogEntry, ...]) -> None:
+    if not entries:
+        print("the vehicle holds no logs")
+    for entry in entries:
+        print(f"{entry.number:6d}  {entry.date or 'date unknown':20}  {entry.size_bytes:12d} bytes")
+
+
+@contextmanager
+def _progress_bar() -> Iterator[tuple[Callable[[str], None], Progress]]:
+    """A bar on standard error: what to call with its text, and with done and total."""
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bars
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
+    console = Console(stderr=True)
+    with Bars(*columns, console=console, transient=True, disable=not console.is_terminal) as bars:
+        task = bars.add_task("", total=None)
+
+        def say(text: str) -> None:
+            bars.update(task, description=escape(text))
+
+        def show(done: int, total: int) -> None:
+            bars.update(task, completed=done, total=total)
+
+        yield say, show

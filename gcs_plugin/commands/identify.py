@@ -1,0 +1,236 @@
+"""`thrustmargin identify`: which physical effect the model lacks, from measured rotor speeds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+from tyro.conf import Positional
+
+from models.errors import DataError, ModelError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from gcs_plugin.identify_result import Result
+    from models.rotor_model import RotorModel
+
+
+def identify(
+    logs: Positional[Annotated[tuple[Path, ...], tyro.conf.arg(metavar="LOG...")]],
+    *,
+    model: Path | None = None,
+    airframe: str | None = None,
+    held_out: tuple[Path, ...] = (),
+    vehicle: int | None = None,
+    out: Path | None = None,
+    json: Path | None = None,
+    html: Path | None = None,
+    surrogates: int = 99,
+    seed: int = 0,
+    force: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False,
+) -> int:
+    """Find what a rotor speed model lacks: the missing effect, its size, and the error after it.
+
+    Compares measured rotor speeds with the model, tries every effect of its table (a worn rotor,
+    hidden mass, thin air, an off-centre load, ...), and takes in those that make flights left out
+    better by more than chance. Give two flights or more, at different tank levels.
+
+    Example: thrustmargin identify sitl_logs/dev/worn_prop_1.tlog sitl_logs/dev/worn_prop_2.tlog
+    --held-out sitl_logs/dev/worn_prop_3.tlog --out worn.safetensors --html worn.html
+
+    Args:
+        logs: Recorded flights to learn from: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv.
+        model: Rotor speed model file of this aircraft; without it the one that ships is used.
+        airframe: Name of a shipped airframe, or an airframe file (.toml), to start from its weight
+            and thrust curve alone, without a model file.
+        held_out: Flights that are not learnt from, on which the error is told.
+        vehicle: System id of the aircraft, when a log has several.
+        out: New model file to write, with the effects added; the old one stays.
+        json: Write the result as JSON to this file.
+        html: Write a page with the residual before and after to this file.
+        surrogates: How often the search is repeated on chance alone, 49 or more; an effect is
+            taken only when less than 2 % of them give as much.
+        seed: Number from which all chance is drawn; the same seed gives the same answer.
+        force: Replace the new model file if it is there.
+    """
+    from datetime import UTC, datetime
+
+    from rich.console import Console
+
+    from gcs_plugin.identify_flights import read_flights, require_distinct
+    from gcs_plugin.identify_result import result_of
+    from models.identify import identify as search
+    from models.search import SearchConfig
+
+    errors = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
+    if not logs:
+        errors.print("thrustmargin: no log given; name one or more recorded flights")
+        return 2
+    check_options(logs, held_out, model=model, out=out, json=json, html=html, force=force)
+    settings = SearchConfig(surrogates=surrogates, seed=seed)
+    fewest = math.ceil(1.0 / settings.significance - 1e-9) - 1
+    if surrogates < fewest:
+        raise DataError(
+            f"{surrogates} surrogates cannot tell an effect from chance at "
+            f"{100 * settings.significance:g} %; give {fewest} or more"
+        )
+    judged, model_name = judged_model(model, airframe)
+    fit = read_flights(logs, judged.airframe, vehicle, errors)
+    unused = read_flights(held_out, judged.airframe, vehicle, errors)
+    for name, flights, given in (("", fit, logs), ("--held-out ", unused, held_out)):
+        if given and not flights.tracks:
+            first = flights.not_used[0]
+            raise DataError(f"no {name}flight can be used; {first.name}: {first.reason}")
+    require_distinct((*fit.tracks, *unused.tracks))
+    with _steps(errors) as progress:
+        found = search(
+            judged,
+            fit.tracks,
+            unused.tracks,
+            config=settings,
+            progress=progress,
+        )
+        progress("what it means for the margin", 0.0)
+        result = result_of(
+            found,
+            tracks=(*fit.tracks, *unused.tracks),
+            not_used=(*fit.not_used, *unused.not_used),
+            model_in=model_name,
+            model_out="" if out is None else str(out),
+            date=datetime.now(UTC).date().isoformat(),
+        )
+        progress("writing", 0.0)
+        written = write_result(result, out=out, json=json, html=html)
+    show(result, written)
+    return 1 if result.not_used else 0
+
+
+def check_options(
+    logs: Sequence[Path],
+    held_out: Sequence[Path],
+    *,
+    model: Path | None,
+    out: Path | None,
+    json: Path | None,
+    html: Path | None,
+    force: bool,
+) -> None:
+    """Before minutes of work: raise DataError when a result would have no place or do harm."""
+    inputs = {p.resolve(): p for p in (*logs, *held_out)}
+    if out is not None:
+        if out.suffix != ".safetensors":
+            raise DataError(f"the model file {out} must end in .safetensors")
+        if model is not None and _same(out, model):
+            raise DataError(
+                f"--out {out} is the model that is judged; the old one stays: give another name"
+            )
+        if out.exists() and not force:
+            raise DataError(f"{out} is already there; give another --out, or --force to replace it")
+    if html is not None and html.suffix.lower() not in (".html", ".htm"):
+        raise DataError(f"cannot write {html} as a page; end its name in .html")
+    targets: set[Path] = set()
+    for path in (out, json, html):
+        if path is None:
+            continue
+        if not path.parent.is_dir():
+            raise DataError(f"no folder {path.parent} for {path.name}; make it first")
+        place = path.resolve()
+        if place in inputs:
+            raise DataError(f"{path} is one of the logs; give another name to write to")
+        if place in targets or (model is not None and _same(path, model)):
+            raise DataError(f"{path} is needed for something else; give another name to write to")
+        targets.add(place)
+
+
+def _same(first: Path, second: Path) -> bool:
+    if first.exists() and second.exists():
+        return first.samefile(second)
+    return first.resolve() == second.resolve()
+
+
+def judged_model(model: Path | None, airframe: str | None) -> tuple[RotorModel, str]:
+    """The model to be judged, and its name for the result.
+
+    Raises ModelError or AirframeError when a file is unfit, DataError when the two disagree.
+    """
+    from models.airframe import load_airframe
+    from models.rotor_model import load_model, physics_model, shipped_model
+
+    if model is None:
+        if airframe is None:
+            return shipped_model(), "shipped"
+        return physics_model(load_airframe(airframe)), f"airframe {airframe}"
+    chosen = load_model(model)
+    if airframe is not None and load_airframe(airframe).name != chosen.airframe.name:
+        raise DataError(
+            f"{model.name} is a model of {chosen.airframe.name}, not of {airframe}; give one"
+        )
+    return chosen, str(model)
+
+
+def write_result(
+    result: Result, *, out: Path | None, json: Path | None, html: Path | None
+) -> list[Path]:
+    """Write what was asked for; all files are made before any is put in its place."""
+    from gcs_plugin.identify_result import json_text
+    from mission.whole_file import whole_file
+    from models.rotor_model import save_model
+
+    wanted = [path for path in (out, json, html) if path is not None]
+    try:
+        with ExitStack() as files:
+            drafts = {path: files.enter_context(whole_file(path)) for path in wanted}
+            if html is not None:
+                from gcs_plugin.identify_page.render import html_text
+
+                drafts[html].write_text(html_text(result), encoding="utf-8")
+            if json is not None:
+                drafts[json].write_text(json_text(result), encoding="utf-8")
+            if out is not None:
+                save_model(result.closed.model, drafts[out])
+    except OSError as error:
+        raise ModelError(f"cannot write {error.filename}: {error.strerror or error}") from error
+    return wanted
+
+
+def show(result: Result, written: Sequence[Path]) -> None:
+    """The plain answer, then the tables, then what was written."""
+    from rich.console import Console
+
+    from gcs_plugin.identify_tables import effects_table, errors_table
+
+    console = Console(highlight=False, markup=False)
+    for sentence in result.answer:
+        console.print(sentence, soft_wrap=True)
+    if result.found.found:
+        console.print(effects_table(result.found))
+    console.print(errors_table(result.found, result.errors))
+    for one in result.not_used:
+        console.print(f"not used: {one.name}: {one.reason}", soft_wrap=True)
+    if result.model_out:
+        for note in result.closed.notes:
+            console.print(f"new model: {note}", soft_wrap=True)
+    for path in written:
+        console.print(f"wrote {path}", soft_wrap=True)
+
+
+@contextmanager
+def _steps(console: Console) -> Iterator[Callable[[str, float], None]]:
+    """What the search is doing, on standard error."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as bars:
+        task: Any = bars.add_task("loading torch", total=1.0)
+
+        def step(what: str, share: float) -> None:
+            bars.update(task, description=what, completed=share)
+
+        yield step

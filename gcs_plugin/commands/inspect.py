@@ -1,0 +1,171 @@
+"""`thrustmargin inspect`: what is in a log, and can it be believed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from tyro.conf import Positional
+
+from models.errors import AirframeError, LogError, ThrustMarginError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+    from gcs_plugin.inspection import Inspection
+    from gcs_plugin.logs import FlightLog
+
+DEFAULT_AIRFRAME = "topxgun-f16"
+_MARK = {"ok": ("ok", "green"), "warning": ("look", "yellow"), "unknown": ("?", "cyan")}
+_WIDE = 110  # columns of the terminal from which the whole table fits
+
+
+def inspect(
+    logs: Positional[Annotated[tuple[Path, ...], tyro.conf.arg(metavar="LOG...")]],
+    *,
+    vehicle: int | None = None,
+    airframe: str | None = None,
+    tank: str = "auto",
+    tank_start_kg: float | None = None,
+    json: Path | None = None,
+) -> int:
+    """Show what a log holds: every channel, the message it came from, its rate, gaps and range.
+
+    Says whether the file is damaged, whether motor 1 is really motor 1 (the body must answer to
+    the rotors as the airframe file says), and whether the rotor speeds are of the rotor or
+    electrical. Look at this first when a flight looks odd.
+
+    Example: thrustmargin inspect sitl_logs/campaign/v4_m16_q2.5.tlog --airframe topxgun-f16-sitl
+
+    Args:
+        logs: Recorded flights: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv.
+        vehicle: System id of the aircraft, when a log has several.
+        airframe: Name of a shipped airframe, or your airframe file (.toml); without it topxgun-f16
+            is taken when the log has as many rotors.
+        tank: Where the tank level comes from: auto, none, pump, or the message and its number
+            or name, such as "BATTERY_STATUS 1" or "NAMED_VALUE_FLOAT TANK".
+        tank_start_kg: What the tank held at the start, for a log without a gauge.
+        json: Write the same as JSON to this file.
+    """
+    import json as json_module
+
+    from rich.console import Console
+
+    from gcs_plugin.inspection import as_json
+
+    console, errors = Console(highlight=False, markup=False), Console(stderr=True, markup=False)
+    if not logs:
+        errors.print("thrustmargin: no log given; name one or more recorded flights")
+        return 2
+    done, failed = [], 0
+    for path in logs:
+        try:
+            with errors.status(f"reading {path.name}"):
+                inspection = _inspect(path, vehicle, airframe, tank, tank_start_kg)
+        except ThrustMarginError as error:
+            # One bad log must not hide the others.
+            if len(logs) == 1:
+                raise
+            errors.print(f"thrustmargin: {error}", soft_wrap=True)
+            failed += 1
+            continue
+        _print(console, inspection)
+        done.append(as_json(inspection))
+    if json is not None:
+        try:
+            json.write_text(json_module.dumps(done, indent=2) + "\n", encoding="utf-8")
+        except OSError as error:
+            raise LogError(f"cannot write {json}: {error.strerror or error}") from error
+        console.print(f"wrote {json}", soft_wrap=True)
+    return 1 if failed else 0
+
+
+def _inspect(
+    path: Path, vehicle: int | None, airframe: str | None, tank: str, tank_start_kg: float | None
+) -> Inspection:
+    from gcs_plugin.inspection import inspect_log
+    from gcs_plugin.logs import read_log
+    from models.airframe import load_airframe
+
+    craft = load_airframe(airframe or DEFAULT_AIRFRAME)
+    try:
+        log = read_log(
+            path, vehicle=vehicle, airframe=craft, tank=tank, tank_start_kg=tank_start_kg
+        )
+    except AirframeError:
+        if airframe is not None:
+            raise
+        log = read_log(path, vehicle=vehicle, tank=tank, tank_start_kg=tank_start_kg)
+        return inspect_log(log, None)
+    return inspect_log(log, craft)
+
+
+def _print(console: Console, inspection: Inspection) -> None:
+    from rich.table import Table
+    from rich.text import Text
+
+    from gcs_plugin.inspection import flying_seconds
+
+    log, track = inspection.log, inspection.log.track
+    others = [str(v) for v in log.vehicles if v != log.vehicle]
+    craft = inspection.airframe
+    console.print(
+        f"{log.path.name}: {log.format}, {log.autopilot}, vehicle {log.vehicle}"
+        + (f" (also in the log: {', '.join(others)})" if others else "")
+        + f", {track.rotor_count} rotors, {track.duration:.1f} s of which "
+        f"{flying_seconds(track):.1f} s in flight, {track.time_s.size} rows; "
+        + (f"held against airframe {craft.name}" if craft else "no airframe given"),
+        soft_wrap=True,
+    )
+    console.print(f"in flight by: {track.sources.get('flying', 'unknown')}", soft_wrap=True)
+    wide = console.width >= _WIDE
+    console.print(_channels(log, wide=wide))
+    if not wide:
+        console.print(_sources(log))
+    findings = Table(show_header=False, box=None, pad_edge=False)
+    for finding in inspection.findings:
+        mark, colour = _MARK[finding.level]
+        findings.add_row(Text(mark, style=colour), Text(finding.check), Text(finding.words))
+    console.print(findings)
+    for note in track.notes:
+        console.print(Text(f"note: {note}"), soft_wrap=True)
+    unknown = log.quality.unknown_ids
+    if unknown:
+        listed = ", ".join(f"{number} ({count})" for number, count in sorted(unknown.items()))
+        console.print(f"message ids not known, skipped: {listed}", soft_wrap=True)
+
+
+def _channels(log: FlightLog, *, wide: bool) -> Table:
+    """The channels in numbers; with their sources where the terminal is wide enough."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("channel", no_wrap=True)
+    if wide:
+        table.add_column("from", overflow="fold")
+    headings = ("Hz", "gaps", "pause s", "min", "median", "max")
+    for heading in headings:
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("unit", no_wrap=True)
+    for c in log.channels:
+        cells = [""] * len(headings)
+        if c.samples:
+            cells = [f"{c.rate_hz:.3g}", str(c.gaps), f"{c.longest_gap_s:.2f}"]
+            cells += [f"{value:.4g}" for value in (c.minimum, c.median, c.maximum)]
+        source = [Text(c.source)] if wide else []
+        table.add_row(c.name, *source, *cells, c.unit, style="" if c.samples else "dim")
+    return table
+
+
+def _sources(log: FlightLog) -> Table:
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(show_header=False, box=None, pad_edge=False)
+    for c in log.channels:
+        table.add_row(c.name, Text(c.source), style="" if c.samples else "dim")
+    return table

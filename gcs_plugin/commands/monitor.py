@@ -1,0 +1,193 @@
+"""thrustmargin monitor: watch vehicles that fly now."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tyro.conf import Positional, UseAppendAction
+
+from models.errors import LinkError
+
+if TYPE_CHECKING:
+    from gcs_plugin.monitor import Monitor
+    from gcs_plugin.view.live import LiveView
+    from models.airframe import Airframe
+
+
+def monitor(
+    url: Positional[str] = "udpin:127.0.0.1:14550",
+    /,
+    *,
+    forward: UseAppendAction[tuple[str, ...]] = (),
+    record: Path = Path("recordings"),
+    model: Path | None = None,
+    airframe: str | None = None,
+    tank: str = "auto",
+    tank_start_kg: float | None = None,
+    limit: float = 0.5,
+    announce: bool = False,
+    request_rates: bool = False,
+    fetch_mission: bool = False,
+    signing_key_file: Path | None = None,
+    view: bool = True,
+    host: str = "127.0.0.1",
+    port: int = 8080,
+    browser: bool = True,
+    seconds: float | None = None,
+) -> None:
+    """Watch every aircraft on a link: thrust margin, redundancy, tank and alarms as they happen.
+
+    Listens only; nothing is sent unless --announce, --request-rates, --fetch-mission or --forward
+    asks for it.
+    Everything heard is recorded. Shows a table here and the aircraft in the browser, on a page that
+    this computer alone can open. Ctrl-C ends it.
+
+    Example: thrustmargin monitor udpin:127.0.0.1:14550 --forward udpout:127.0.0.1:14551
+
+    Args:
+        url: Where to listen: udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT, a
+            serial port such as /dev/ttyUSB0,57600, or a recording (.tlog).
+        forward: Pass every byte on, unchanged, to a ground station at udpout:HOST:PORT (or
+            tcpin:HOST:PORT), and its answers back to the vehicle. May be given several times.
+        record: Folder in which the recording's own folder is made.
+        model: Rotor speed model file of this aircraft; without it the one that ships is used.
+        airframe: Name of a shipped airframe, or an airframe file (.toml); without it the model's.
+        tank: Where the tank level comes from: auto, none, pump, "NAMED_VALUE_FLOAT NAME",
+            "FUEL_STATUS ID" or "BATTERY_STATUS ID".
+        tank_start_kg: What a tank without a gauge holds at the start.
+        limit: Thrust margin under which an alarm is raised, 0 to 1.
+        announce: Send alarms and figures to vehicles and ground stations as STATUSTEXT and
+            NAMED_VALUE_FLOAT.
+        request_rates: Ask the vehicle for the messages that are needed, at the rates needed.
+        fetch_mission: Ask each vehicle for its mission when it appears, to forecast the margin
+            along it.
+        signing_key_file: Key of signed links; with it every frame that is not signed with it is
+            dropped and counted.
+        view: Show the aircraft in 3D on a page of this computer; --no-view for the table alone.
+        host: Address to serve the page on; only this computer can reach 127.0.0.1.
+        port: Port of the page.
+        browser: Open the page in the browser.
+        seconds: End by itself after so long.
+    """
+    from gcs_plugin.alarms import AlarmSettings
+    from gcs_plugin.commands.report import chosen_model
+    from gcs_plugin.monitor import Monitor, MonitorSettings
+    from gcs_plugin.watch import WatchSettings
+
+    if not 0.0 < limit < 1.0:
+        raise LinkError(f"--limit {limit:g} is not a share; give one between 0 and 1, as 0.5")
+    accept = sign = None
+    if signing_key_file is not None:
+        from gcs_plugin.signing import Signer, SigningFilter
+        from gcs_plugin.signing_key import read_signing_key
+
+        found = read_signing_key(signing_key_file)
+        for note in found.notes:
+            print(f"note: {note}", file=sys.stderr)
+        key = found.key
+        recorded = url.lower().endswith(".tlog")
+        guard = SigningFilter(key, clock=None) if recorded else SigningFilter(key)
+        accept = guard.accept
+        sign = Signer(key, after=lambda: guard.latest).sign
+    settings = MonitorSettings(
+        urls=(url,),
+        forwards=tuple(forward),
+        record=record,
+        watch=WatchSettings(
+            tank=tank, tank_start_kg=tank_start_kg, alarms=AlarmSettings(margin_limit=limit)
+        ),
+    )
+    chosen = chosen_model(model, airframe)
+    live = Monitor(chosen, settings, accept=accept)
+    if announce or request_rates:
+        from gcs_plugin.announce import Announcer
+        from gcs_plugin.rates import RateRequester
+        from gcs_plugin.speaker import Speaker
+
+        speaker = Speaker(live.listener, sign)
+        if announce:
+            live.subscribers.append(Announcer(speaker))
+        if request_rates:
+            live.subscribers.append(RateRequester(speaker, chosen.airframe.rotor_count))
+    fetcher = None
+    if fetch_mission:
+        from gcs_plugin.mission_fetcher import MissionFetcher
+
+        fetcher = MissionFetcher(live.listener, sign=sign)
+        live.subscribers.append(fetcher)
+        live.taps.append(fetcher.feed)
+    page = _page(live, chosen.airframe, host, port) if view else None
+    until = math.inf if seconds is None else time.monotonic() + seconds
+    try:
+        live.start()
+        if page is not None:
+            _open(page, host, browser)
+        _show(live, until)
+    finally:
+        if fetcher is not None:
+            fetcher.close()
+        live.close()
+        if page is not None:
+            page.close()
+        _summary(live)
+    live.check()
+
+
+def _page(live: Monitor, airframe: Airframe, host: str, port: int) -> LiveView:
+    from gcs_plugin.console import status_lines
+    from gcs_plugin.view.live import LiveView
+
+    page = LiveView(airframe, host=host, port=port, status=lambda: status_lines(live.status()))
+    try:
+        page.start()
+    except BaseException:
+        live.close()
+        raise
+    live.subscribers.append(page)
+    return page
+
+
+def _open(page: LiveView, host: str, browser: bool) -> None:
+    from gcs_plugin.view.guard import is_loopback
+    from gcs_plugin.view.replay import open_browser
+
+    print(f"view at {page.url} - Ctrl-C ends it", flush=True)
+    if not is_loopback(host):
+        print(f"on {host} anyone who can reach this computer can open it", flush=True)
+    if browser:
+        open_browser(page.url)
+
+
+def _show(live: Monitor, until: float) -> None:
+    from rich.console import Console
+    from rich.live import Live
+
+    from gcs_plugin.console import screen
+
+    console = Console()
+    if not console.is_terminal:
+        while time.monotonic() < until and not live.finished:
+            time.sleep(0.1)
+        return
+    with Live(console=console, auto_refresh=False, transient=True) as display:
+        while time.monotonic() < until and not live.finished:
+            display.update(screen(live), refresh=True)
+            time.sleep(0.25)
+
+
+def _summary(live: Monitor) -> None:
+    """What has been heard, on one line a vehicle; also when nobody watches the table."""
+    from rich.console import Console
+
+    from gcs_plugin.console import status_lines
+
+    out = Console(stderr=True, highlight=False, markup=False)
+    for number, watch in live.fleet.vehicles.items():
+        words = f"vehicle {number}: {watch.rows} samples {watch.problem}".rstrip()
+        out.print(words, soft_wrap=True)
+    for line in status_lines(live.status()):
+        out.print(line, soft_wrap=True)

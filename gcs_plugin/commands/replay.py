@@ -1,0 +1,69 @@
+"""`thrustmargin replay`: a recorded flight in the 3D view, with a timeline."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tyro.conf import Positional
+
+
+def replay(
+    log: Positional[Path],
+    *,
+    model: Path | None = None,
+    before: Path | None = None,
+    airframe: str | None = None,
+    vehicle: int | None = None,
+    port: int = 8080,
+    host: str = "127.0.0.1",
+    speed: float = 1.0,
+    browser: bool = True,
+    start_paused: bool = False,
+) -> None:
+    """Replay a recorded flight: route, thrust margin of every rotor, tank and rotor speeds.
+
+    Opens a page in your browser, served by this computer alone; nothing is sent anywhere.
+    Ctrl-C in this window ends it.
+
+    Example: thrustmargin replay sitl_logs/campaign/v4_m16_q2.5.tlog --speed 5
+
+    Args:
+        log: Recorded flight: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv.
+        model: Rotor speed model file of this aircraft; without it the one that ships is used.
+        before: Model file that --model was made from by `identify`; the route can then be coloured
+            by the residual before and after.
+        airframe: Name of a shipped airframe, or an airframe file (.toml); without it the model's.
+        vehicle: System id of the aircraft, when the log has several.
+        port: Port of the page.
+        host: Address to serve the page on; only this computer can reach 127.0.0.1.
+        speed: Speed of the replay, 1 is real time; the page offers x1 to x60.
+        browser: Open the page in the browser.
+        start_paused: Wait at the start of the flight.
+    """
+    from rich.console import Console
+
+    from gcs_plugin.commands.report import chosen_model
+    from gcs_plugin.logs import read_log
+    from gcs_plugin.view.overlays import before_and_after
+    from gcs_plugin.view.replay import run_replay
+    from models.analysis import analyse
+
+    with Console(stderr=True).status(f"reading {log.name}"):
+        rotor_model = chosen_model(model, airframe)
+        flight = read_log(log, vehicle=vehicle, airframe=rotor_model.airframe)
+        analysis = analyse(flight.track, rotor_model)
+        overlays = ()
+        if before is not None:
+            older = chosen_model(before, airframe or rotor_model.airframe.name)
+            overlays = before_and_after(analyse(flight.track, older), analysis)
+    run_replay(
+        analysis,
+        waypoints=flight.waypoints,
+        messages=flight.messages,
+        overlays=overlays,
+        host=host,
+        port=port,
+        speed=speed,
+        paused=start_paused,
+        browser=browser,
+    )

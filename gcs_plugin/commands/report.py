@@ -1,0 +1,135 @@
+"""`thrustmargin report`: a margin report of recorded flights as one HTML page, JSON and CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from tyro.conf import Positional
+
+from models.errors import DataError, ThrustMarginError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from gcs_plugin.logs import FlightLog
+    from gcs_plugin.report import Unread
+    from models.analysis import FlightAnalysis
+    from models.rotor_model import RotorModel
+
+
+def report(
+    logs: Positional[Annotated[tuple[Path, ...], tyro.conf.arg(metavar="LOG...")]],
+    *,
+    model: Path | None = None,
+    airframe: str | None = None,
+    vehicle: int | None = None,
+    out: Path = Path("report.html"),
+    limit: float = 0.5,
+) -> int:
+    """Write a margin report of one or more flights: how close it was, where, and with which rotor.
+
+    The page opens in any browser without a network. Beside it, with the same name, come a .json
+    with its numbers and a .csv with a line for each moment of the flight.
+
+    Example: thrustmargin report sitl_logs/campaign/v4_m16_q2.5.tlog --out north-field.html
+
+    Args:
+        logs: Recorded flights: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv.
+        model: Rotor speed model file of this aircraft; without it the one that ships is used.
+        airframe: Name of a shipped airframe, or an airframe file (.toml); without it the model's.
+        vehicle: System id of the aircraft, when a log has several.
+        out: Page to write (.html).
+        limit: Line of thrust in use not to cross, 0.5 is 50 %.
+    """
+    from rich.console import Console
+
+    from gcs_plugin.report import build_report
+    from gcs_plugin.report.render import write_report
+
+    console = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
+    if not logs:
+        console.print("thrustmargin: no log given; name one or more recorded flights")
+        return 2
+    check_options(logs, out, limit)
+    rotor_model = chosen_model(model, airframe)
+    unread: list[Unread] = []
+    flights = list(analysed(logs, rotor_model, vehicle, unread, console))
+    if not flights:
+        raise DataError("; ".join(f"{log.name}: {log.reason}" for log in unread))
+    with console.status("writing the report"):
+        made = build_report(flights, limit=limit, unread=unread)
+        try:
+            written = write_report(made, out)
+        except OSError as error:
+            raise DataError(f"cannot write {out}: {error.strerror or error}") from error
+    summary = Console(highlight=False, markup=False, soft_wrap=True)
+    for flight in made.flights:
+        verdict = flight.verdict
+        summary.print(f"{flight.name}: {verdict.headline}", style="bold")
+        for fact in verdict.facts:
+            summary.print(f"  {fact.label}: {fact.text}")
+    for log in unread:
+        console.print(f"not read: {log.name}: {log.reason}")
+    summary.print(f"wrote {written.html}, {written.json.name} and {written.csv.name}")
+    return 1 if unread else 0
+
+
+def check_options(logs: Sequence[Path], out: Path, limit: float) -> None:
+    """Raise DataError for a request that cannot work, before any log is read."""
+    if out.suffix.lower() not in (".html", ".htm"):
+        raise DataError(f"cannot write {out} as a page; end its name in .html")
+    if not out.parent.is_dir():
+        raise DataError(f"no folder {out.parent}; make it, or give another --out")
+    if not 0.0 < limit < 1.0:
+        raise DataError(f"limit {limit:g} is no share of thrust; give one like 0.5, for 50 %")
+    taken = {out.resolve(), out.with_suffix(".json").resolve(), out.with_suffix(".csv").resolve()}
+    for log in logs:
+        if log.resolve() in taken:
+            raise DataError(f"the report would overwrite the log {log}; give another --out")
+
+
+def chosen_model(model: Path | None, airframe: str | None) -> RotorModel:
+    """The model file, else the shipped model, else weight and thrust curve of another airframe.
+
+    Raises ModelError or AirframeError when a file is unfit, DataError when the two disagree.
+    """
+    from models.airframe import load_airframe
+    from models.rotor_model import load_model, physics_model, shipped_model
+
+    wanted = None if airframe is None else load_airframe(airframe)
+    chosen = shipped_model() if model is None else load_model(model)
+    if wanted is None or wanted.name == chosen.airframe.name:
+        return chosen
+    if model is not None:
+        raise DataError(
+            f"{model.name} is a model of {chosen.airframe.name}, not of {wanted.name}; give one"
+        )
+    return physics_model(wanted)
+
+
+def analysed(
+    logs: Sequence[Path],
+    model: RotorModel,
+    vehicle: int | None,
+    unread: list[Unread],
+    console: Console,
+) -> Iterator[tuple[FlightAnalysis, FlightLog]]:
+    """Each log as an analysed flight; those that cannot be read are added to `unread`."""
+    from rich.progress import track as progress
+
+    from gcs_plugin.logs import read_log
+    from gcs_plugin.report import Unread
+    from models.analysis import analyse
+
+    described = "reading" if len(logs) > 1 else f"reading {logs[0].name}"
+    for path in progress(logs, description=described, console=console, transient=True):
+        try:
+            log = read_log(path, vehicle=vehicle, airframe=model.airframe)
+            analysis = analyse(log.track, model)
+        except ThrustMarginError as error:
+            unread.append(Unread(name=path.name, reason=str(error)))
+            continue
+        yield analysis, log

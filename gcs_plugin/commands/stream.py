@@ -1,0 +1,67 @@
+"""thrustmargin stream: play a telemetry log onto the network."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from tyro.conf import Positional
+
+from models.errors import LinkError, LogError
+
+
+def stream(
+    log: Positional[Path],
+    /,
+    *,
+    to: str = "udpout:127.0.0.1:14550",
+    speed: float = 1.0,
+    loop: bool = False,
+) -> None:
+    """Play a telemetry log onto the network as if the vehicle were there.
+
+    Every message goes out unchanged, in order and at its time. To try out `thrustmargin monitor`,
+    or any ground station, without an aircraft.
+
+    Example: thrustmargin stream flight.tlog --to udpout:127.0.0.1:14550 --speed 10
+
+    Args:
+        log: Telemetry log (.tlog) to play.
+        to: Where to: udpout:HOST:PORT, tcpin:HOST:PORT (waits for a listener), tcp:HOST:PORT or a
+            serial port such as /dev/ttyUSB0,57600.
+        speed: How many times as fast as it was recorded.
+        loop: Start again at the end, until stopped with Ctrl-C.
+    """
+    from rich.console import Console
+    from rich.progress import Progress, TextColumn, TimeElapsedColumn
+
+    from gcs_plugin.stream import Played, play
+    from gcs_plugin.transport import open_transport, parse_url
+
+    if not (speed > 0.0 and math.isfinite(speed)):
+        raise LinkError(f"--speed {speed:g} is no speed; give a number above 0")
+    if not log.is_file():
+        raise LogError(f"no file {log}; check the name")
+    if parse_url(to).kind == "tlog":
+        raise LinkError(f"--to {to} is a recording; give a link such as udpout:127.0.0.1:14550")
+    transport = open_transport(to)
+    try:
+        columns = (TextColumn("{task.description}"), TimeElapsedColumn())
+        with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+            task = progress.add_task(f"{log.name} to {to}", total=None)
+
+            def told(played: Played) -> None:
+                progress.update(task, description=_words(played, log, to))
+
+            played = play(log, transport, speed=speed, loop=loop, told=told)
+    finally:
+        transport.close()
+    Console(stderr=True).print(_words(played, log, to), highlight=False)
+
+
+def _words(played: object, log: Path, to: str) -> str:
+    from gcs_plugin.stream import Played
+
+    assert isinstance(played, Played)
+    late = f", up to {played.late_s:.2f} s late" if played.late_s > 0.05 else ""
+    return f"{log.name} to {to}: {played.frames} messages, {played.log_s:.0f} s of the log{late}"

@@ -1,0 +1,136 @@
+"""`read_log`: any log as one flight, by what the file holds and not by its name."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from gcs_plugin.logs import ulog
+from gcs_plugin.logs.assemble import Options, assemble, log_of_track
+from gcs_plugin.logs.dataflash import read_dataflash
+from gcs_plugin.logs.dataflash_rules import dataflash_signals
+from gcs_plugin.logs.dataflash_text import read_dataflash_text
+from gcs_plugin.logs.recording import FlightLog, NotThisFormat
+from gcs_plugin.logs.sampling import Sampling
+from gcs_plugin.logs.signals import airspeed_words, mavlink_signals, pitot_present
+from gcs_plugin.logs.table import read_csv
+from gcs_plugin.logs.tlog import read_tlog
+from models.airframe import Airframe
+from models.errors import AirframeError, LogError
+
+_FMT_HEAD = b"\xa3\x95\x80"
+_LOOK = 1 << 20  # bytes in which the format shows
+#: format -> the suffixes that fit it
+_SUFFIXES = {
+    "tlog": (".tlog",),
+    "DataFlash": (".bin", ".log"),
+    "DataFlash text": (".log", ".txt"),
+    "ULog": (".ulg", ".ulog"),
+    "CSV": (".csv",),
+}
+
+
+def read_log(
+    path: str | Path,
+    *,
+    vehicle: int | None = None,
+    airframe: Airframe | None = None,
+    sampling: Sampling = "linear",
+    tank: str = "auto",
+    tank_start_kg: float | None = None,
+) -> FlightLog:
+    """Read one vehicle's flight from a .tlog, DataFlash .BIN or .log, PX4 .ulg or .csv file.
+
+    `vehicle` is the system id (default: the one that reports rotor speeds); `airframe` gives
+    the number of rotors, the tank and the liquid; `sampling` puts other channels onto the rows by
+    interpolation ("linear") or as a live listener would ("hold"); `tank` names the source of the
+    tank level as `gcs_plugin.tank_level` lists them; `tank_start_kg` is what a tank without a
+    gauge held at the start of the log. Raises LogError when the file holds no flight,
+    AirframeError when the airframe has another number of rotors.
+    """
+    path = Path(path)
+    options = Options(airframe=airframe, sampling=sampling, tank=tank, tank_start_kg=tank_start_kg)
+    try:
+        kind, log = _read_as(path, _kinds(path), vehicle, options)
+    except FileNotFoundError as error:
+        raise LogError(f"no file {path}; check the name") from error
+    except OSError as error:
+        raise LogError(f"{path} cannot be read: {error.strerror or error}") from error
+    if path.suffix.lower() not in _SUFFIXES[kind]:
+        note = f"{path.name} is a {kind} file by its content, whatever its name says"
+        log = replace(log, track=replace(log.track, notes=(*log.track.notes, note)))
+    return log
+
+
+def _read_as(
+    path: Path, kinds: tuple[str, ...], vehicle: int | None, options: Options
+) -> tuple[str, FlightLog]:
+    """The log read as the first of `kinds` that it can be read as, and that kind."""
+    for kind in kinds:
+        try:
+            return kind, _read(path, kind, vehicle, options)
+        except NotThisFormat:
+            continue
+    raise LogError(
+        f"{path.name}: no message in {path.stat().st_size} bytes, neither MAVLink frames (.tlog) "
+        "nor an ArduPilot log (.BIN, it begins with descriptions FMT) nor a PX4 log (.ulg, it "
+        "begins with ULog); is its start missing?"
+    )
+
+
+def _read(path: Path, kind: str, vehicle: int | None, options: Options) -> FlightLog:
+    if kind == "CSV":
+        craft = options.airframe
+        track = read_csv(path) if craft is None else read_csv(path, rotor_count=craft.rotor_count)
+        _check_rotors(path, track.rotor_count, options.airframe)
+        return log_of_track(track, path, path.stat().st_size)
+    if kind == "ULog":
+        recording, signals = ulog.read_ulog(path, vehicle=vehicle)
+        return assemble(recording, signals, options)
+    if kind == "tlog":
+        live = options.sampling == "hold"
+        recording = read_tlog(path, vehicle=vehicle, on_arrival=live)
+        pitot = pitot_present(recording.streams, recording.parameters)
+        words = airspeed_words(recording.autopilot, pitot)
+        streams = dict(recording.streams)
+        recording = replace(recording, streams={})
+        return assemble(recording, mavlink_signals(streams, words), options)
+    reader = read_dataflash if kind == "DataFlash" else read_dataflash_text
+    recording = reader(path, vehicle=vehicle)
+    return assemble(recording, dataflash_signals(recording.streams), options)
+
+
+def _kinds(path: Path) -> tuple[str, ...]:
+    """Formats to try, by the first bytes. Raises LogError for a folder, nothing, other text."""
+    if path.is_dir():
+        raise LogError(f"{path} is a folder; give a log file in it")
+    with path.open("rb") as file:
+        head = file.read(_LOOK)
+    if not head:
+        raise LogError(f"{path.name} is empty (0 bytes); copy it from the vehicle again")
+    if head.startswith(ulog.MAGIC):
+        return ("ULog",)
+    if b"\0" not in head[:4096] and _is_text(head[:4096]):
+        if b"FMT," in head:
+            return ("DataFlash text",)
+        if path.suffix.lower() == ".csv" or b"time_s" in head[:4096]:
+            return ("CSV",)
+        raise LogError(
+            f"{path.name} is text, but neither a DataFlash log (FMT lines) nor a CSV with time_s"
+        )
+    if head.count(_FMT_HEAD) >= 3 or path.suffix.lower() in (".bin", ".log"):
+        return ("DataFlash", "tlog")
+    return ("tlog", "DataFlash")
+
+
+def _is_text(head: bytes) -> bool:
+    control = sum(byte < 32 and byte not in (9, 10, 13) for byte in head)
+    return control == 0 and head.decode("utf-8", "replace").count("\ufffd") <= 1 + len(head) // 100
+
+
+def _check_rotors(path: Path, rotors: int, airframe: Airframe | None) -> None:
+    if airframe is not None and rotors != airframe.rotor_count:
+        raise AirframeError(
+            f"{path.name}: columns of {rotors} rotors, but airframe {airframe.name} has "
+            f"{airframe.rotor_count}; choose another with --airframe"
+        )

@@ -1,0 +1,242 @@
+"""Read a telemetry log (.tlog) of MAVLink 1 or 2 frames into a Recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gcs_plugin.decode import MAVLINK_RULES
+from gcs_plugin.logs.clock import Clock, vehicle_clock
+from gcs_plugin.logs.files import read_bytes, worst_places
+from gcs_plugin.logs.frames import PADDING, Frames, columns, scan
+from gcs_plugin.logs.layouts import layouts
+from gcs_plugin.logs.recording import LogQuality, NotThisFormat, Recording, Stream, Waypoint
+from gcs_plugin.logs.text import piece, printable
+from gcs_plugin.logs.timeline import pauses
+from models.errors import LogError
+from models.flight import Bools, Floats
+
+AUTOPILOTS = {3: "ArduPilot", 12: "PX4"}
+#: MAV_TYPE -> rotors
+ROTORS_OF_TYPE = {2: 4, 13: 6, 14: 8, 29: 12, 35: 10}
+GCS_TYPE = 6
+_IDS = {layout.name: number for number, layout in layouts().items()}
+_OTHER = ("HEARTBEAT", "SYSTEM_TIME", "STATUSTEXT", "PARAM_VALUE", "SYS_STATUS")
+_MISSION = ("MISSION_ITEM_INT", "MISSION_ITEM")
+
+
+def read_tlog(path: Path, *, vehicle: int | None = None, on_arrival: bool = False) -> Recording:
+    """The needed messages of one vehicle of a .tlog.
+
+    `vehicle` is a system id; None takes the one that reports rotor speeds, then the one with most
+    messages. `on_arrival` gives each message the time at which a live listener got it. Raises
+    LogError when there is no MAVLink in the file or no such vehicle.
+    """
+    data, size = read_bytes(path, PADDING)
+    frames = scan(data, size)
+    if frames.start.size == 0:
+        raise NotThisFormat(
+            f"{path.name}: no MAVLink frame in {size} bytes; is it a telemetry log (.tlog)?"
+        )
+    if frames.unstamped():
+        raise LogError(
+            f"{path.name}: its frames have no time stamps between them, as in a raw recording of a "
+            "link; record a .tlog, which ground stations do by themselves"
+        )
+    stamps_s = frames.stamps_s()
+    system, component = frames.systems(), frames.components()
+    notes: list[str] = []
+    vehicles = _vehicles(frames, system)
+    chosen = _choose(path, frames, system, vehicles, vehicle, notes)
+    mine = system == chosen
+    pilot = _main_component(frames, mine, component)
+    clock = vehicle_clock(
+        path.name, frames, mine & (component == pilot), stamps_s, on_arrival=on_arrival
+    )
+    del stamps_s
+    notes += clock.notes
+    inside = mine.copy()
+    inside[: clock.first_row] = False
+    inside[clock.last_row + 1 :] = False
+
+    gaps = pauses(clock.estimate_s[inside])
+    missing = _missing(component[inside], frames.sequences()[inside])
+    streams: dict[str, Stream] = {}
+    for name in dict.fromkeys([rule.message for rule in MAVLINK_RULES] + list(_OTHER)):
+        rows = np.flatnonzero(inside & (frames.id == _IDS[name]))
+        by_pilot = component[rows] == pilot
+        if by_pilot.any():
+            rows = rows[by_pilot]
+        if rows.size:
+            fields = columns(frames, rows, layouts()[_IDS[name]])
+            streams[name] = Stream(clock.of(fields, rows), fields)
+
+    heart = streams.get("HEARTBEAT")
+    kind = int(heart.columns["type"][-1]) if heart else -1
+    maker = int(heart.columns["autopilot"][-1]) if heart else -1
+
+    def time_before(byte: int) -> float:
+        row = int(np.searchsorted(frames.start, byte)) - 1
+        return float(clock.estimate_s[row]) if row >= 0 else float("nan")
+
+    return Recording(
+        path=path,
+        format="tlog",
+        streams=streams,
+        parameters=_parameters(frames, mine),
+        waypoints=_waypoints(frames, system, chosen),
+        messages=_texts(streams),
+        unix_minus_clock=_unix_offset(streams, clock),
+        quality=LogQuality(
+            bytes=size,
+            frames=int(frames.start.size),
+            bad_checksum=frames.bad_checksum,
+            bytes_skipped=sum(length for _, length in frames.skipped),
+            unknown_ids=frames.unknown_ids,
+            frames_missing=missing,
+            damage=worst_places(frames.skipped, time_before),
+            damaged_places=len(frames.skipped),
+            clock_jumps=clock.jumps,
+            gaps=gaps,
+        ),
+        vehicle=chosen,
+        vehicles=tuple(vehicles),
+        autopilot=AUTOPILOTS.get(maker, "unknown"),
+        rotor_count_hint=ROTORS_OF_TYPE.get(kind),
+        notes=tuple(notes),
+    )
+
+
+def _of(frames: Frames, name: str) -> NDArray[np.int64]:
+    return np.flatnonzero(frames.id == _IDS[name])
+
+
+def _vehicles(frames: Frames, system: NDArray[np.uint8]) -> list[int]:
+    """System ids that are vehicles: not those whose every heartbeat says ground station."""
+    rows = _of(frames, "HEARTBEAT")
+    kinds = columns(frames, rows, layouts()[_IDS["HEARTBEAT"]])["type"]
+    stations = {
+        int(s) for s in np.unique(system[rows]) if np.all(kinds[system[rows] == s] == GCS_TYPE)
+    }
+    stations.add(255)
+    spoken = np.flatnonzero(np.bincount(system, minlength=256))
+    return [int(s) for s in spoken if int(s) not in stations]
+
+
+def _choose(
+    path: Path,
+    frames: Frames,
+    system: NDArray[np.uint8],
+    vehicles: list[int],
+    wanted: int | None,
+    notes: list[str],
+) -> int:
+    if not vehicles:
+        raise LogError(f"{path.name}: only a ground station speaks in it; no vehicle was recorded")
+    if wanted is not None:
+        if wanted not in vehicles:
+            there = ", ".join(map(str, vehicles))
+            raise LogError(f"{path.name}: no vehicle {wanted}; it holds vehicle {there}")
+        return wanted
+    escs = [_IDS[r.message] for r in MAVLINK_RULES if r.channel == "esc_rpm"]
+    speaks_rpm = np.isin(frames.id, escs)
+    counts = np.bincount(system, minlength=256)
+    rpms = np.bincount(system[speaks_rpm], minlength=256)
+    chosen = max(vehicles, key=lambda s: (rpms[s] > 0, counts[s]))
+    if len(vehicles) > 1:
+        there = ", ".join(map(str, vehicles))
+        notes.append(
+            f"{len(vehicles)} vehicles in the log ({there}): vehicle {chosen} is read, "
+            + ("which reports rotor speeds" if rpms[chosen] else "which sent most messages")
+        )
+    return chosen
+
+
+def _main_component(frames: Frames, mine: Bools, component: NDArray[np.uint8]) -> int:
+    """The autopilot among the components of one vehicle: the one that sends most of ATTITUDE."""
+    for name in ("ATTITUDE", "GLOBAL_POSITION_INT", "HEARTBEAT"):
+        senders = component[mine & (frames.id == _IDS[name])]
+        if senders.size:
+            return int(np.bincount(senders).argmax())
+    return int(np.bincount(component[mine]).argmax())
+
+
+def _parameters(frames: Frames, mine: Bools) -> dict[str, float]:
+    rows = np.flatnonzero(mine & (frames.id == _IDS["PARAM_VALUE"]))
+    fields = columns(frames, rows, layouts()[_IDS["PARAM_VALUE"]])
+    return {
+        printable(name): float(value)
+        for name, value in zip(fields["param_id"], fields["param_value"], strict=True)
+    }
+
+
+def _waypoints(frames: Frames, system: NDArray[np.uint8], chosen: int) -> tuple[Waypoint, ...]:
+    """The mission as last sent to or from the vehicle, by item number."""
+    items: dict[int, Waypoint] = {}
+    for name in _MISSION:
+        rows = _of(frames, name)
+        fields = columns(frames, rows, layouts()[_IDS[name]])
+        concerns = (system[rows] == chosen) | (fields["target_system"] == chosen)
+        scale = 1e-7 if name == "MISSION_ITEM_INT" else 1.0
+        for item in fields[concerns & (fields["mission_type"] == 0)]:
+            number = int(item["seq"])
+            latitude, longitude = float(item["x"]) * scale, float(item["y"]) * scale
+            placed = (latitude, longitude) != (0.0, 0.0)
+            items[number] = Waypoint(
+                number=number,
+                command=int(item["command"]),
+                frame=int(item["frame"]),
+                latitude_deg=latitude if placed else float("nan"),
+                longitude_deg=longitude if placed else float("nan"),
+                altitude=float(item["z"]),
+                parameters=(
+                    float(item["param1"]),
+                    float(item["param2"]),
+                    float(item["param3"]),
+                    float(item["param4"]),
+                ),
+            )
+        if items:
+            break
+    return tuple(items[number] for number in sorted(items))
+
+
+def _texts(streams: dict[str, Stream]) -> tuple[tuple[float, str], ...]:
+    """STATUSTEXT lines; the pieces of a long one are put together."""
+    stream = streams.get("STATUSTEXT")
+    if stream is None:
+        return ()
+    lines: list[tuple[float, str]] = []
+    open_id = 0
+    fields = (stream.columns[name] for name in ("text", "id", "chunk_seq"))
+    for time, raw, number, turn in zip(stream.time_s.tolist(), *fields, strict=True):
+        if turn > 0 and number and number == open_id:
+            lines[-1] = (lines[-1][0], lines[-1][1] + piece(raw))
+        else:
+            lines.append((time, piece(raw)))
+        open_id = number
+    return tuple((time, text.strip()) for time, text in lines)
+
+
+def _unix_offset(streams: dict[str, Stream], clock: Clock) -> float | None:
+    """Seconds from the vehicle's clock to Unix time: its own (GPS) time, else the log's stamps."""
+    stream = streams.get("SYSTEM_TIME")
+    if stream is not None:
+        unix: Floats = stream.columns["time_unix_usec"].astype(np.float64) * 1e-6
+        known = unix > 1e9
+        if known.any():
+            boot = stream.columns["time_boot_ms"].astype(np.float64) * 1e-3
+            return float(np.median((unix - boot)[known]))
+    return clock.stamp_minus_clock
+
+
+def _missing(component: NDArray[np.uint8], sequence: NDArray[np.uint8]) -> int:
+    """Frames missing by their sequence numbers, each component counting for itself."""
+    lost = 0
+    for sender in np.unique(component):
+        step = np.diff(sequence[component == sender].astype(np.int16)) % 256
+        # A step back is a late or doubled frame, not 200 lost ones.
+        lost += int(np.sum(np.where((step > 1) & (step < 128), step - 1, 0)))
+    return lost

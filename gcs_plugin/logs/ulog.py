@@ -1,0 +1,108 @@
+"""Read PX4's .ulg logs, through pyulog, into a Recording and its signals."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from gcs_plugin.logs.recording import LogQuality, Recording
+from gcs_plugin.logs.signals import Signals
+from gcs_plugin.logs.text import clean
+from gcs_plugin.logs.timeline import longest_stretch, pauses, without_leaps
+from gcs_plugin.logs.ulog_signals import TOPICS, Topic, ulog_signals
+from models.errors import LogError
+
+MAGIC = b"ULog\x01\x12\x35"
+
+
+def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Signals]:
+    """The needed topics of a PX4 log and their signals.
+
+    Raises LogError when the file is damaged beyond reading or `vehicle` is not its own.
+    """
+    from pyulog import ULog
+
+    said = io.StringIO()
+    try:
+        # pyulog leaves a file that it opened itself open when it fails.
+        with contextlib.redirect_stdout(said), path.open("rb") as file:
+            log = ULog(file, list(TOPICS), disable_str_exceptions=True)
+    except OSError:
+        raise
+    except Exception as error:
+        # pyulog meets damage with whatever its parsing runs into.
+        raise LogError(
+            f"{path.name}: damaged PX4 log, {type(error).__name__} while reading it; "
+            "download it from the vehicle again"
+        ) from error
+    topics: dict[str, list[Topic]] = {}
+    for data in sorted(log.data_list, key=lambda d: d.multi_id):
+        if "timestamp" in data.data:
+            topics.setdefault(data.name, []).append(_ordered(data.data, path.name))
+    parameters = {
+        str(name): float(value)
+        for name, value in log.initial_parameters.items()
+        if isinstance(value, (int, float))
+    }
+    own = int(parameters.get("MAV_SYS_ID", 1))
+    if vehicle is not None and vehicle != own:
+        raise LogError(f"{path.name}: no vehicle {vehicle}; it is the log of vehicle {own}")
+    signals, notes = ulog_signals(topics)
+    if log.file_corruption:
+        notes.append("the log is damaged: pyulog left out what it could not read")
+    if log.dropouts:
+        lost = sum(d.duration for d in log.dropouts) * 1e-3
+        notes.append(f"{len(log.dropouts)} dropouts while logging, {lost:.1f} s in all")
+    count = int(parameters.get("CA_ROTOR_COUNT", 0))
+    times = [t["timestamp"] for group in topics.values() for t in group]
+    seconds = np.sort(np.concatenate(times)) * 1e-6 if times else np.empty(0)
+    recording = Recording(
+        path=path,
+        format="ULog",
+        streams={},
+        parameters=parameters,
+        waypoints=(),
+        messages=tuple((m.timestamp * 1e-6, clean(str(m.message))) for m in log.logged_messages),
+        unix_minus_clock=_unix_offset(topics),
+        quality=LogQuality(
+            bytes=path.stat().st_size,
+            frames=int(sum(t.size for t in times)),
+            gaps=pauses(seconds),
+        ),
+        vehicle=own,
+        vehicles=(own,),
+        autopilot="PX4",
+        rotor_count_hint=count if count > 0 else None,
+        motor_order="by PX4's actuator functions",
+        notes=tuple(notes),
+    )
+    return recording, signals
+
+
+def _ordered(data: Topic, name: str) -> Topic:
+    """One topic with whole rows only and, after a restart of time, its longest stretch."""
+    size = min(len(column) for column in data.values())
+    time_s = without_leaps(data["timestamp"][:size].astype(np.float64) * 1e-6)
+    known = np.isfinite(time_s)
+    if not known.all():
+        data = {field: column[:size][known] for field, column in data.items()}
+        time_s = time_s[known]
+    stretch = longest_stretch(time_s, name)
+    return {
+        field: column[:size][stretch.first : stretch.last + 1] for field, column in data.items()
+    }
+
+
+def _unix_offset(topics: Mapping[str, list[Topic]]) -> float | None:
+    for topic in topics.get("vehicle_gps_position", []):
+        if "time_utc_usec" not in topic:
+            continue
+        unix = topic["time_utc_usec"] * 1e-6
+        known = unix > 1e9
+        if known.any():
+            return float(np.median((unix - topic["timestamp"] * 1e-6)[known]))
+    return None

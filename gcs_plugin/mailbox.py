@@ -1,0 +1,59 @@
+"""A bounded queue between two threads that takes and gives in batches and counts what it drops."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Sequence
+from typing import Generic, TypeVar
+
+T = TypeVar("T")
+
+
+class Mailbox(Generic[T]):
+    """At most `limit` items; when full the newest are dropped and counted, never waited for."""
+
+    def __init__(self, limit: int) -> None:
+        self.limit = limit
+        self.dropped = 0
+        self.most = 0  # the longest that the queue has been
+        self._items: deque[T] = deque()
+        self._ready = threading.Condition()
+        self._closed = False
+
+    def put(self, items: Sequence[T]) -> None:
+        """Add items in order; returns at once."""
+        if not items:
+            return
+        with self._ready:
+            room = self.limit - len(self._items)
+            if len(items) > room:
+                self.dropped += len(items) - room
+                items = items[:room]
+            self._items.extend(items)
+            self.most = max(self.most, len(self._items))
+            self._ready.notify()
+
+    def take(self, timeout: float) -> list[T]:
+        """All that is there, waiting up to `timeout` s for the first; empty when nothing came."""
+        with self._ready:
+            if not self._items and not self._closed:
+                self._ready.wait(timeout)
+            items = list(self._items)
+            self._items.clear()
+        return items
+
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def close(self) -> None:
+        """Wake the taker: nothing more will come. What is in the queue can still be taken."""
+        with self._ready:
+            self._closed = True
+            self._ready.notify_all()
+
+    @property
+    def finished(self) -> bool:
+        """True when closed and empty."""
+        with self._ready:
+            return self._closed and not self._items

@@ -1,0 +1,112 @@
+"""Reader and check of crazypad_damaged_rotor: propellers cut shorter on motor 3, by command share.
+
+Source: github.com/AerialRoboticsUUST/CrazyPAD, commit 5448265, MIT; Masalimov, Muslimov, Kozlov,
+Munasypov, CrazyPAD, Data 2024, 9, 79. One row a log: medians of a hover. Columns used: cond (the
+folder's name, with the length that is left: 47 mm when whole), craft, pwm.m1 to pwm.m4.
+
+No rotor speed was measured. A rotor that makes less thrust at a speed needs a higher speed and so
+a higher command: its share of the four commands rises as its blades get shorter.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from gcs_plugin.measured.findings import Finding, Number
+from gcs_plugin.measured.plots import scatter_figure
+from gcs_plugin.measured.tables import csv_columns
+from models.errors import DataError
+from models.flight import Floats
+
+FOLDER = "crazypad_damaged_rotor"
+FILE = "hover_medians_per_log.csv"
+SOURCE = (
+    "github.com/AerialRoboticsUUST/CrazyPAD (MIT); Masalimov et al., CrazyPAD, Data 2024, 9, 79"
+)
+WHOLE_MM = 47.0
+CUT = re.compile(r"cut_propeller_M3_.*_(\d+(?:\.\d+)?)mm")
+QUOTED = -0.957
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Cuts:
+    """Hover logs of one aircraft with the propeller of motor 3 whole or cut."""
+
+    craft: str
+    length_mm: Floats  # (L,) of the blades on motor 3
+    share: Floats  # (L,) of motor 3 in the four commands
+
+    @property
+    def correlation(self) -> float:
+        """Of length with share; -1 is a straight fall."""
+        return float(np.corrcoef(self.length_mm, self.share)[0, 1])
+
+
+def read_cuts(folder: Path) -> list[Cuts]:
+    """Logs with the length stated, by aircraft, the one with most logs first.
+
+    Raises DataError when the table is missing, of another kind, or holds no cut propeller.
+    """
+    commands = tuple(f"pwm.m{k}" for k in (1, 2, 3, 4))
+    table = csv_columns(folder / FILE, ("cond", "craft", *commands))
+    command = np.stack([table[name] for name in commands], axis=1)
+    share = command[:, 2] / command.sum(axis=1)
+    length = np.array([_length(str(words)) for words in table["cond"]])
+    known = np.isfinite(length)
+    crafts = table["craft"].astype(str)
+    made = []
+    for craft in np.unique(crafts[known]):
+        mine = known & (crafts == craft)
+        made.append(Cuts(craft=str(craft), length_mm=length[mine], share=share[mine]))
+    made = [c for c in made if np.unique(c.length_mm).size > 2]
+    if not made:
+        raise DataError(f"{FILE} has no hover with a cut propeller on motor 3")
+    return sorted(made, key=lambda c: -c.share.size)
+
+
+def _length(condition: str) -> float:
+    if condition == "normal_flight":
+        return WHOLE_MM
+    found = CUT.fullmatch(condition)
+    return float(found.group(1)) if found else float("nan")
+
+
+def find(folder: Path) -> Finding:
+    """How the command share of a motor tells the length of its blades."""
+    cuts = read_cuts(folder)
+    main = cuts[0]
+    slope, _ = np.polyfit(main.length_mm, main.share, 1)
+    figure = scatter_figure(
+        points=[(f"aircraft {c.craft}, {c.share.size} hovers", c.length_mm, c.share) for c in cuts],
+        x_title="blade length left on motor 3, mm",
+        y_title="share of motor 3 in the commands",
+    )
+    return Finding(
+        name=FOLDER,
+        title="A cut propeller seen in the share of commands",
+        source=SOURCE,
+        answer=(
+            f"Aircraft {main.craft}, {main.share.size} hovers: the share of motor 3 in the "
+            f"commands rises as its blades get shorter, r = {main.correlation:.3f}, "
+            f"{-100 * slope:.2f} percentage points a millimetre.",
+            "Rotor speed was not measured, so this is the sign and the order of a degraded rotor, "
+            "not a thrust coefficient.",
+        ),
+        numbers=(
+            Number(
+                name="correlation",
+                value=main.correlation,
+                quoted=QUOTED,
+                quoted_from="independent check",
+            ),
+            Number(name="hovers", value=main.share.size),
+            Number(name="share_per_mm", value=float(slope), unit="1/mm"),
+            *(Number(name=f"correlation_{c.craft}", value=c.correlation) for c in cuts[1:]),
+        ),
+        notes=("cuts of other motors, tape and added weights are in the table but not used here",),
+        figures={"share of commands against blade length": figure},
+    )

@@ -1,0 +1,77 @@
+"""What was found on one set of measured data: numbers beside those quoted, sentences, figures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from models.flight import Floats
+
+PlotJson = dict[str, Any]
+Progress = Callable[[str, float], None]  # what is being done, and which share of it is
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Number:
+    """One figure with its unit; `quoted` is what an independent check or a source has for it."""
+
+    name: str
+    value: float
+    unit: str = "1"
+    quoted: float | None = None
+    quoted_from: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "name": self.name,
+            "value": _finite(self.value),
+            "unit": self.unit,
+            "quoted": _finite(self.quoted),
+            "quoted_from": self.quoted_from,
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """What the project's code found on one data set."""
+
+    name: str  # folder of the data set
+    title: str
+    source: str  # where the data come from, and their licence as found
+    answer: tuple[str, ...]  # sentences for people
+    numbers: tuple[Number, ...]
+    notes: tuple[str, ...] = ()  # what was left out, and why
+    figures: Mapping[str, PlotJson] = field(default_factory=lambda: MappingProxyType({}))
+    details: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))  # plain JSON
+
+    def number(self, name: str) -> float:
+        """The value of a number by its name; KeyError when there is none."""
+        for number in self.numbers:
+            if number.name == name:
+                return number.value
+        raise KeyError(name)
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "name": self.name,
+            "title": self.title,
+            "source": self.source,
+            "answer": list(self.answer),
+            "numbers": [number.to_json() for number in self.numbers],
+            "notes": list(self.notes),
+            **self.details,
+        }
+
+
+def rmse(values: Floats) -> float:
+    """Root mean square of the finite values; NaN of none."""
+    good = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(good**2))) if good.size else float("nan")
+
+
+def _finite(value: float | None) -> float | None:
+    return None if value is None or not np.isfinite(value) else float(value)

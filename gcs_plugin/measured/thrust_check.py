@@ -1,0 +1,182 @@
+"""A plain regression on the real flights: what thrust at a measured rotor speed leaves unexplained.
+
+It shares nothing with `models.identify` and is what the loop must at least reach. With
+S = sum of N_i², f the accelerometer's specific force and m the mass:
+
+    before   m|f| = a S            a fitted in hover, on the flights that are not left out
+    after    m|f| = S (b0 + b1 J + b2 V²)        b fitted likewise, on all their rows
+
+J is the advance ratio of the climb along the thrust axis, V the speed in the rotors' plane. The
+error is (m|f| - right side)/(m g), in percent of the weight, on flights left out: each third of
+the flights in turn, or one third alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs_plugin.measured.crazyflie import MeasuredFlight
+from gcs_plugin.measured.findings import rmse
+from models.atmosphere import G0
+from models.errors import DataError
+from models.flight import Bools, Floats
+
+THIRDS = 3
+HOVER_SPEED, HOVER_CLIMB = 0.3, 0.1  # m/s
+FAST = 1.5  # m/s in the rotors' plane
+DIAMETER = 0.055  # m
+ENDS = 5  # rows at each end of a flight that are left out
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Rows:
+    """Rows of several flights, (T,) each."""
+
+    flight: np.ndarray
+    squares: Floats  # rpm², of all rotors together
+    felt: Floats  # m|f|, N
+    weight: Floats  # N
+    climb: Floats  # m/s along the thrust axis
+    across: Floats  # m/s in the rotors' plane
+    speed: Floats  # m/s over ground
+    sink: Floats  # m/s downwards
+    voltage: Floats  # V
+    command: Floats  # mean of the rotors, 0..1
+    speed_rpm: Floats  # root mean square over the rotors
+
+    @property
+    def hover(self) -> Bools:
+        return (self.speed < HOVER_SPEED) & (np.abs(self.sink) < HOVER_CLIMB)
+
+    @property
+    def fast(self) -> Bools:
+        return self.across > FAST
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlainCheck:
+    """Errors in percent of the weight on flights left out."""
+
+    before: float
+    after: float
+    before_fast: float
+    after_fast: float
+    coefficient: float  # N/rpm², hover of all flights
+    voltage_correlation: float  # of the error before with the battery's voltage
+
+
+def rows_of(flights: Sequence[MeasuredFlight]) -> Rows:
+    """Rows with every rotor's speed. Raises DataError when there are none."""
+    parts: dict[str, list[Floats]] = {}
+    for index, flight in enumerate(flights):
+        track = flight.track
+        climb, across = _flow(track.attitude, track.velocity_ned)
+        squares = np.sum(track.rotor_speed_rpm**2, axis=1)
+        columns = {
+            "flight": np.full(squares.size, index),
+            "squares": squares,
+            "felt": flight.mass * np.linalg.norm(track.specific_force_frd, axis=1),
+            "weight": np.full(squares.size, flight.mass * G0),
+            "climb": climb,
+            "across": across,
+            "speed": np.hypot(track.velocity_ned[:, 0], track.velocity_ned[:, 1]),
+            "sink": track.velocity_ned[:, 2],
+            "voltage": track.voltage,
+            "command": track.throttle.mean(axis=1),
+            "speed_rpm": np.sqrt(squares / track.rotor_count),
+        }
+        inside = np.isfinite(squares)
+        inside[:ENDS] = inside[-ENDS:] = False
+        for name, values in columns.items():
+            parts.setdefault(name, []).append(values[inside])
+    if not parts or not sum(p.size for p in parts["flight"]):
+        raise DataError("no flight has the speed of every rotor")
+    return Rows(**{name: np.concatenate(values) for name, values in parts.items()})
+
+
+def hover_coefficient(rows: Rows) -> float:
+    """a of m|f| = a S in hover, N/rpm². Raises DataError without hover."""
+    still = rows.hover
+    if np.sum(still) < 2:
+        raise DataError("no row in hover to fit a thrust coefficient to")
+    squares = rows.squares[still]
+    return float(squares @ rows.felt[still] / (squares @ squares))
+
+
+def plain_check(flights: Sequence[MeasuredFlight], *, only: int | None = None) -> PlainCheck:
+    """The regression with each third of the flights left out in turn, or third `only` alone.
+
+    Flight k of the list is of third k modulo 3.
+    """
+    rows = rows_of(flights)
+    ratio = rows.climb * 60.0 / (rows.speed_rpm * DIAMETER)
+    columns = rows.squares[:, None] * np.stack([np.ones_like(ratio), ratio, rows.across**2], axis=1)
+    before, after = np.full(ratio.size, np.nan), np.full(ratio.size, np.nan)
+    for third in range(THIRDS) if only is None else (only,):
+        test = rows.flight % THIRDS == third
+        coefficient = hover_coefficient(_only(rows, ~test))
+        before[test] = (rows.felt - coefficient * rows.squares)[test]
+        weights = np.linalg.lstsq(columns[~test], rows.felt[~test], rcond=None)[0]
+        after[test] = (rows.felt - columns @ weights)[test]
+    before, after = (100.0 * e / rows.weight for e in (before, after))
+    told = np.isfinite(before)
+    return PlainCheck(
+        before=rmse(before),
+        after=rmse(after),
+        before_fast=rmse(before[rows.fast]),
+        after_fast=rmse(after[rows.fast]),
+        coefficient=hover_coefficient(rows),
+        voltage_correlation=float(np.corrcoef(before[told], rows.voltage[told])[0, 1]),
+    )
+
+
+def command_check(flights: Sequence[MeasuredFlight]) -> tuple[float, float]:
+    """RMSE in rpm of rotor speed told by the command, without and with the battery's voltage.
+
+    Quadratic in the command, and times a line in the voltage; each third of the flights left out
+    in turn.
+    """
+    rows = rows_of(flights)
+    powers = np.stack([rows.command**k for k in range(3)], axis=1)
+    volts = (rows.voltage - rows.voltage.mean())[:, None]
+    errors = []
+    for columns in (powers, np.concatenate([powers, powers * volts], axis=1)):
+        left = np.empty(rows.speed_rpm.size)
+        for third in range(THIRDS):
+            test = rows.flight % THIRDS == third
+            found = np.linalg.lstsq(columns[~test], rows.speed_rpm[~test], rcond=None)[0]
+            left[test] = (rows.speed_rpm - columns @ found)[test]
+        errors.append(rmse(left))
+    return errors[0], errors[1]
+
+
+def hover_lift(flights: Sequence[MeasuredFlight]) -> float:
+    """Mean of S in hover, rpm², over the mean load factor |f|/g there: what the weight takes."""
+    rows = rows_of(flights)
+    still = rows.hover & (rows.speed < HOVER_SPEED / 2)
+    if not still.any():
+        raise DataError("no row in hover")
+    return float(rows.squares[still].mean() / (rows.felt / rows.weight)[still].mean())
+
+
+def _only(rows: Rows, chosen: Bools) -> Rows:
+    return Rows(**{name: getattr(rows, name)[chosen] for name in Rows.__dataclass_fields__})
+
+
+def _flow(attitude: Floats, velocity: Floats) -> tuple[Floats, Floats]:
+    """Speed along the thrust axis, upwards, and across it, (T,) m/s each, in still air."""
+    roll, pitch, yaw = attitude.T
+    down = np.stack(
+        [
+            np.cos(roll) * np.sin(pitch) * np.cos(yaw) + np.sin(roll) * np.sin(yaw),
+            np.cos(roll) * np.sin(pitch) * np.sin(yaw) - np.sin(roll) * np.cos(yaw),
+            np.cos(roll) * np.cos(pitch),
+        ],
+        axis=1,
+    )
+    climb = -np.sum(velocity * down, axis=1)
+    across = np.sqrt(np.maximum(np.sum(velocity**2, axis=1) - climb**2, 0.0))
+    return climb, across

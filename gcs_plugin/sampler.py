@@ -1,0 +1,363 @@
+"""From the state of a vehicle to the rows of a FlightTrack, as they happen.
+
+One row a rotor-speed report, thinned to at most 10 Hz; where there is none, one an ATTITUDE; else
+one every 0.1 s. Each channel is the last report of its preferred source, NaN when that is older
+than the channel's age limit: the rows that `read_log(..., sampling="hold")` makes of a file.
+Two things cannot be known before the flight has ended and differ there: the last moments before a
+landing still count as flying, and a home set in flight does not move the origin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import pymap3d
+
+from gcs_plugin.logs.airborne import CLEAR, IN_AIR, LANDING, TAKING_OFF
+from gcs_plugin.logs.motors import MotorMap, motor_map
+from gcs_plugin.logs.recording import LogQuality, Recording
+from gcs_plugin.logs.sampling import GRID, LIMITS, ROW_SPACING
+from gcs_plugin.logs.tlog import ROTORS_OF_TYPE
+from gcs_plugin.state import Key, Reading, VehicleState, orders
+from gcs_plugin.tank import TankReading, TankWatch
+from gcs_plugin.tank_level import SENDER_VOLTAGE
+from models.airframe import Airframe
+from models.atmosphere import G0
+from models.errors import AirframeError
+from models.flight import FlightTrack, Floats, Origin
+
+NAN = float("nan")
+SILENT = 2.0  # s after which rotor speed reports no longer set the rhythm
+_HELD = (
+    "attitude",
+    "angular_rate_frd",
+    "specific_force_frd",
+    "velocity_ned",
+    "airspeed",
+    "wind_ned",
+    "altitude",
+    "height_agl",
+    "pressure",
+    "temperature",
+)
+#: Place of each channel in a row's values; a position comes as latitude, longitude (deg), altitude.
+COLUMNS: Mapping[str, int | slice] = MappingProxyType(
+    {
+        "attitude": slice(0, 3),
+        "angular_rate_frd": slice(3, 6),
+        "specific_force_frd": slice(6, 9),
+        "velocity_ned": slice(9, 12),
+        "wind_ned": slice(12, 15),
+        "geodetic": slice(15, 18),
+        "position_ned": slice(18, 21),
+        "airspeed": 21,
+        "altitude": 22,
+        "height_agl": 23,
+        "pressure": 24,
+        "temperature": 25,
+        "voltage": 26,
+        "current": 27,
+        "tank_kg": 28,
+        "spraying": 29,
+    }
+)
+FIXED = 30  # columns before those of the rotors
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sample:
+    """One row of one vehicle before it is a FlightTrack."""
+
+    clock_s: float  # vehicle's clock, s since boot
+    stamp_us: int  # ground's clock at the report that made the row
+    boot: int
+    values: Floats  # (30 + 2 R,) the channels as `COLUMNS` places them, then rotors, then throttles
+    flying: bool
+    rotors_heard: bool  # at least one rotor speed is known
+    tank: TankReading
+    sources: dict[str, str] = field(repr=False)
+
+
+class Sampler:
+    """Makes the rows of one vehicle. `problem` says why there can be none; empty when all is well.
+
+    Call `after` with the state after every message.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        airframe: Airframe | None,
+        *,
+        tank: str = "auto",
+        tank_start_kg: float | None = None,
+    ) -> None:
+        self.name = name
+        self.problem = ""
+        self.origin: Origin | None = None
+        self.notes: tuple[str, ...] = ()
+        self._airframe = airframe
+        self._tank = tank
+        self._tank_start = tank_start_kg
+        self._motors: MotorMap | None = None
+        self._known: tuple[int, int, int] = (-1, -1, -1)
+        self._restart(0)
+
+    def _restart(self, boot: int) -> None:
+        self._boot = boot
+        self._beat: Reading | None = None
+        self._beat_key: Key | None = None
+        self._since = NAN  # the vehicle's clock when it was first heard
+        self._clocked = False
+        self._row_clock = NAN
+        self._ground: float | None = None
+        self._clear = False
+        self._landed = False  # it has been heard on the ground
+        self._placed_by = 3
+        self._watch = TankWatch(self._airframe, self._tank, self._tank_start)
+
+    @property
+    def motors(self) -> MotorMap | None:
+        """Which output is which motor; None before the first row."""
+        return self._motors
+
+    def after(self, state: VehicleState) -> Sample | None:
+        """A new row if the last message gave one."""
+        if state.boot != self._boot:
+            self._restart(state.boot)
+        motors = self._layout(state)
+        if motors is None:
+            return None
+        beat = self._rhythm(state, motors)
+        if beat is None or beat is self._beat:
+            return None
+        self._beat = beat
+        # Thinned as a file is: from the first row on, never closer than the spacing.
+        if not (np.isnan(self._row_clock) or beat.clock_s - self._row_clock >= ROW_SPACING):
+            return None
+        self._row_clock = beat.clock_s
+        return self._row(state, motors, beat)
+
+    def _layout(self, state: VehicleState) -> MotorMap | None:
+        escs = sum(1 for key in state.readings if key[0] == "esc_rpm")
+        known = (len(state.parameters), state.kind, escs)
+        if known == self._known:
+            return self._motors
+        self._known = known
+        recording = Recording(
+            path=Path(self.name),
+            format="live",
+            streams={},
+            parameters=state.parameters,
+            waypoints=(),
+            messages=(),
+            unix_minus_clock=None,
+            quality=LogQuality(bytes=0, frames=0),
+            vehicle=state.system,
+            vehicles=(state.system,),
+            autopilot="unknown",
+            rotor_count_hint=ROTORS_OF_TYPE.get(state.kind),
+        )
+        try:
+            self._motors = motor_map(recording, state.signals("esc_rpm"), self._airframe)
+        except AirframeError as error:
+            self._motors, self.problem = None, str(error)
+            return None
+        self.problem, self.notes = "", self._motors.notes
+        return self._motors
+
+    def _rhythm(self, state: VehicleState, motors: MotorMap) -> Reading | None:
+        """The report that makes a row now; the last one again while there is no new one."""
+        now = state.now(state.stamp_us)
+        clocked = not np.isnan(state.clock_s)
+        if np.isnan(self._since) or clocked != self._clocked:
+            self._since, self._clocked = now, clocked
+        key = self._beat_key
+        if key is not None and state.readings.get(key) is self._beat and self._young(now):
+            return self._beat
+        rpm = [
+            (key, reading)
+            for output in motors.outputs
+            for key, reading in state.readings.items()
+            if key[0] == "esc_rpm" and key[1] == output
+        ]
+        for key, reading in rpm:
+            if now - reading.clock_s <= SILENT:
+                self._beat_key = key
+                return reading
+        # Rotor speeds have been silent, or have had no time yet to be heard; a vehicle that has
+        # sent no clock yet is waited for longer.
+        if now - self._since < (SILENT if clocked else 10 * SILENT):
+            return None
+        for order in orders("attitude"):
+            key = ("attitude", None, order)
+            reading = state.readings.get(key)
+            if reading is not None and now - reading.clock_s <= SILENT:
+                self._beat_key = key
+                return reading
+        self._beat_key = None
+        if self._beat is not None and now - self._beat.clock_s < GRID:
+            return self._beat
+        flown = any(key[0] in _HELD or key[0] == "geodetic" for key in state.readings)
+        return Reading(NAN, now, state.stamp_us, "", True) if flown else None
+
+    def _young(self, now: float) -> bool:
+        return self._beat is not None and now - self._beat.clock_s <= SILENT
+
+    def _row(self, state: VehicleState, motors: MotorMap, beat: Reading) -> Sample:
+        clock, count = beat.clock_s, motors.rotor_count
+        values = np.full(FIXED + 2 * count, np.nan)
+        sources: dict[str, str] = {}
+
+        def hold(channel: str, reading: Reading | None, limit: str | None = None) -> bool:
+            if reading is None or clock - reading.clock_s > LIMITS[limit or channel].max_age:
+                return False
+            values[COLUMNS[channel]] = reading.value
+            sources[channel] = reading.source
+            return True
+
+        for channel in _HELD:
+            hold(channel, state.best(channel))
+        for channel in ("voltage", "current"):
+            hold(channel, self._power(state, channel))
+        if not hold("geodetic", state.best("geodetic"), "position_ned"):
+            hold("position_ned", state.best("position_ned"))
+
+        escs = state.by_index("esc_rpm")
+        for rotor, output in enumerate(motors.outputs):
+            values[FIXED + rotor] = _fresh(escs.get(output), clock, "rotor_speed_rpm")
+        if escs:
+            sources["rotor_speed_rpm"] = next(iter(escs.values())).source
+        servos = state.best("servo_us")
+        if servos is not None and clock - servos.clock_s <= LIMITS["throttle"].max_age:
+            throttle = motors.throttle(state.signals("servo_us"), state.parameters)
+            for rotor, signal in enumerate(throttle):
+                if signal is not None:
+                    values[FIXED + count + rotor] = signal.values[-1]
+            sources["throttle"] = servos.source.split()[0]
+        tank = self._watch.read(state, motors)
+        if clock - tank.clock_s <= LIMITS["tank_kg"].max_age:
+            values[COLUMNS["tank_kg"]] = tank.level_kg
+            sources["tank_kg"] = tank.source
+        fresh = clock - tank.pump_clock_s <= LIMITS["spraying"].max_age
+        if fresh and motors.pump_output is not None:
+            values[COLUMNS["spraying"]] = float(tank.pump_share > 0.0)
+            sources["spraying"] = f"pump on servo {motors.pump_output + 1}"
+        rotors = values[FIXED : FIXED + count]
+        flying = self._airborne(state, float(values[COLUMNS["height_agl"]]), rotors)
+        self._place(state, values[COLUMNS["geodetic"]])
+        return Sample(
+            clock_s=clock,
+            stamp_us=beat.stamp_us,
+            boot=state.boot,
+            values=values,
+            flying=flying,
+            rotors_heard=bool(np.any(np.isfinite(rotors))),
+            tank=tank,
+            sources=sources,
+        )
+
+    def _power(self, state: VehicleState, channel: str) -> Reading | None:
+        """Flight pack's battery message, else SYS_STATUS, else the ESCs, as for a log."""
+        volts = state.by_index("battery_voltage")
+        packs = sorted(
+            n for n, r in volts.items() if isinstance(n, int) and r.value > SENDER_VOLTAGE
+        )
+        if packs:
+            found = state.by_index(f"battery_{channel}").get(packs[0])
+            if found is not None:
+                return found
+        found = state.best(channel)
+        if found is not None:
+            return found
+        escs = [r for r in state.by_index(f"esc_{channel}").values() if r.value > 0]
+        if not escs:
+            return None
+        total = sum(r.value for r in escs)
+        value = total / len(escs) if channel == "voltage" else total
+        words = f"{escs[0].source} ({'mean' if channel == 'voltage' else 'sum'} of ESCs)"
+        return Reading(value, escs[0].clock_s, escs[0].stamp_us, words, True)
+
+    def _airborne(self, state: VehicleState, height: float, rotors: Floats) -> bool:
+        """Off the ground, by what a log is judged by too, as far as it can be known in time."""
+        landed = state.best("landed")
+        if landed is not None:
+            if int(landed.value) not in (IN_AIR, TAKING_OFF, LANDING):
+                self._ground, self._clear, self._landed = None, False, True
+                return False
+            # Heard for the first time in the air: where the ground is cannot be told.
+            if np.isnan(height) or not self._landed:
+                return True
+            ground = height if self._ground is None else self._ground
+            self._ground = ground
+            self._clear = self._clear or height > ground + CLEAR
+            return self._clear
+        if self._airframe is not None and np.any(np.isfinite(rotors)):
+            thrust = self._airframe.thrust_coefficient * np.nansum(rotors**2)
+            return bool(thrust > 0.5 * self._airframe.empty_mass * G0)
+        return state.armed
+
+    def _place(self, state: VehicleState, fix: Floats) -> None:
+        """The origin: home as it was at take-off, the EKF's origin, else the first fix."""
+        for rank, channel in enumerate(("home", "ekf_origin")):
+            reading = state.best(channel)
+            if reading is None or not np.any(reading.value):
+                continue
+            if rank < self._placed_by or (rank == self._placed_by and not self._clear):
+                self._placed_by = rank
+                self.origin = _origin(reading.value)
+            return
+        if self.origin is None and np.all(np.isfinite(fix)) and np.any(fix[:2]):
+            self.origin, self._placed_by = _origin(fix), 2
+
+
+def _origin(geodetic: Any) -> Origin:
+    latitude, longitude, altitude = (float(v) for v in geodetic)
+    return Origin(latitude_deg=latitude, longitude_deg=longitude, altitude=altitude)
+
+
+def _fresh(reading: Reading | None, clock: float, channel: str) -> float:
+    if reading is None or clock - reading.clock_s > LIMITS[channel].max_age:
+        return NAN
+    return reading.value
+
+
+def track_of(
+    samples: Sequence[Sample], *, name: str, rotor_count: int, origin: Origin | None, start_s: float
+) -> FlightTrack:
+    """Rows as a FlightTrack; `start_s` is the vehicle's clock at the track's time 0."""
+    table = np.stack([s.values for s in samples])
+    channels: dict[str, Any] = {
+        name: table[:, place] for name, place in COLUMNS.items() if name != "geodetic"
+    }
+    channels["rotor_speed_rpm"] = table[:, FIXED : FIXED + rotor_count]
+    channels["throttle"] = table[:, FIXED + rotor_count :]
+    if origin is not None:
+        latitude, longitude, altitude = table[:, COLUMNS["geodetic"]].T
+        ned = np.column_stack(
+            pymap3d.geodetic2ned(
+                np.where((latitude == 0) & (longitude == 0), np.nan, latitude),
+                longitude,
+                altitude,
+                origin.latitude_deg,
+                origin.longitude_deg,
+                origin.altitude,
+            )
+        )
+        local = channels["position_ned"]
+        channels["position_ned"] = np.where(np.isfinite(ned), ned, local)
+    return FlightTrack.of(
+        name=name,
+        time_s=np.array([s.clock_s - start_s for s in samples]),
+        rotor_count=rotor_count,
+        flying=np.array([s.flying for s in samples], dtype=np.bool_),
+        origin=origin,
+        start_unix_s=samples[0].stamp_us * 1e-6,
+        sources=samples[-1].sources,
+        **channels,
+    )

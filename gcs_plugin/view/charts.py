@@ -1,0 +1,139 @@
+"""Predicted and measured rotor speed, one chart a rotor, over a window around now.
+
+uPlot draws them in the browser without any network. The line of now is one more series of each
+chart, so that a tick is one assignment of arrays.
+"""
+
+from __future__ import annotations
+
+from html import escape
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gcs_plugin.view.samples import Samples
+from models.airframe import Airframe
+from models.flight import Floats
+
+if TYPE_CHECKING:
+    from viser import GuiApi
+
+WINDOW_S = 40.0
+#: Share of the window that lies ahead of now in a replay.
+AHEAD = 0.25
+POINTS = 240
+PIXELS, AXIS_PIXELS = 74, 22
+#: With more than four rotors, so that more of the charts fit on a screen.
+SMALL_PIXELS = 46
+FONT = "600 12px system-ui"
+MEASURED_INK, PREDICTED_INK, NOW_INK = "#111111", "#d05a00", "#c8146e"
+BAND = "rgba(236,150,35,0.35)"
+
+
+class RotorCharts:
+    """R small charts in the current GUI container."""
+
+    def __init__(self, gui: GuiApi, airframe: Airframe, samples: Samples) -> None:
+        from viser import uplot
+
+        series = (
+            uplot.Series(label="time, s"),
+            uplot.Series(show=True, width=0),
+            uplot.Series(show=True, width=0),
+            uplot.Series(label="predicted", stroke=PREDICTED_INK, width=2),
+            uplot.Series(label="measured", stroke=MEASURED_INK, width=1.6),
+            uplot.Series(label="now", stroke=NOW_INK, width=3),
+        )
+        low, high = speed_range(samples)
+        self._range = (low, high)
+        self._samples = samples
+        self._shown = float(samples.time_s[0])
+        gui.add_html(
+            '<div style="font:600 13px system-ui;color:#111;margin:0 10px">'
+            f'<b style="color:{MEASURED_INK}">&#9644;</b> measured &nbsp; '
+            f'<b style="color:{PREDICTED_INK}">&#9644;</b> predicted with its interval, rpm</div>'
+        )
+        data = self._data(self._shown)
+        last = airframe.rotor_count - 1
+        height = PIXELS if airframe.rotor_count <= 4 else SMALL_PIXELS
+        self._charts = []
+        for i in range(airframe.rotor_count):
+            gui.add_html(
+                '<div style="font:700 13px system-ui;color:#111;margin:0 10px -8px">'
+                f"{i + 1} {escape(airframe.rotor_names[i])}</div>"
+            )
+            chart = gui.add_uplot(
+                data[i],
+                series,
+                bands=(uplot.Band(series=(2, 1), fill=BAND),),
+                scales={"x": uplot.Scale(time=False), "y": uplot.Scale(range=(low, high))},
+                axes=(
+                    uplot.Axis(show=i == last, stroke="#111", size=AXIS_PIXELS, font=FONT, gap=2),
+                    uplot.Axis(stroke="#111", size=56, font=FONT, space=18, gap=2),
+                ),
+                legend=uplot.Legend(show=False),
+                cursor=uplot.Cursor(show=False),
+                height=height + (AXIS_PIXELS if i == last else 0),
+                padding=(6, 10, 4, 0),
+            )
+            self._charts.append(chart)
+
+    def show(self, time_s: float) -> None:
+        """Move the window so that `time_s` is at the line of now."""
+        if time_s == self._shown:
+            return
+        self._shown = time_s
+        for chart, data in zip(self._charts, self._data(time_s), strict=True):
+            chart.data = data
+
+    def _data(self, time_s: float) -> list[tuple[Floats, ...]]:
+        start, end = time_s - (1 - AHEAD) * WINDOW_S, time_s + AHEAD * WINDOW_S
+        return chart_data(self._samples, start, end, time_s, self._range)
+
+
+def speed_range(samples: Samples) -> tuple[float, float]:
+    """Limits of the charts in rpm, whole hundreds around all flying rows."""
+    rows = samples.flying
+    known = [
+        a[rows][np.isfinite(a[rows])] for a in (samples.rotor_speed_rpm, samples.predicted_rpm)
+    ]
+    speeds = np.concatenate(known)
+    if speeds.size == 0:
+        return 0.0, 3000.0
+    low, high = np.floor(speeds.min() / 100) * 100, np.ceil(speeds.max() / 100) * 100
+    return float(low), float(max(high, low + 100))
+
+
+def chart_data(
+    samples: Samples, start_s: float, end_s: float, now_s: float, limits: tuple[float, float]
+) -> list[tuple[Floats, ...]]:
+    """For each rotor: times, lower, upper, predicted, measured, line of now. All (K,).
+
+    Rows are thinned by a fixed stride of the flight, so that points stay put as the window moves.
+    """
+    rows = samples.between(start_s, end_s)
+    step = max(1, (rows.stop - rows.start) // POINTS)
+    which = np.arange(rows.start - rows.start % step, rows.stop, step)
+    which = which[which >= rows.start]
+    after = int(np.searchsorted(samples.time_s[which], now_s, side="right"))
+    ends = np.array([start_s, end_s])
+
+    def column(values: Floats) -> Floats:
+        inside = np.insert(values[which], after, [np.nan, np.nan, np.nan])
+        return np.concatenate([[np.nan], inside, [np.nan]])
+
+    times = np.insert(samples.time_s[which], after, [now_s, now_s, now_s])
+    times = np.clip(np.concatenate([ends[:1], times, ends[1:]]), start_s, end_s)
+    now = np.full(times.size, np.nan)
+    now[after + 1 : after + 3] = limits
+    return [
+        (
+            times,
+            column(samples.lower_rpm[:, i]),
+            column(samples.upper_rpm[:, i]),
+            column(samples.predicted_rpm[:, i]),
+            column(samples.rotor_speed_rpm[:, i]),
+            now,
+        )
+        for i in range(samples.rotor_speed_rpm.shape[1])
+    ]

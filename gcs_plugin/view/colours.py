@@ -1,0 +1,154 @@
+"""Colours that can be read in sunlight and by colour-blind pilots, and their legends.
+
+Light background and two families: blue where all is well, orange to dark red where it is not, with
+a jump at the line that matters (50 % of capacity, redundancy 1.0). Blue against orange is the pair
+that every common kind of colour blindness keeps apart; within a family darker means worse. The
+residual's scale is dark in the middle, so that only what differs shines. Grey is "no data", always.
+All colours here are those on the screen; tonemap.py says what to send for them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Colours = NDArray[np.uint8]
+Rgb = tuple[int, int, int]
+
+NO_DATA: Rgb = (165, 165, 165)
+INK: Rgb = (17, 17, 17)
+GOOD = ((150, 195, 222), (66, 140, 208), (14, 66, 150))
+BAD = ((236, 150, 35), (206, 66, 16), (112, 0, 4))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ColourScale:
+    """A map from a number to a colour on the screen; beyond `low` and `high` the ends hold."""
+
+    title: str
+    unit: str  # as printed after a number: " %", " x", " rpm"
+    factor: float  # printed number = value * factor
+    form: str  # format of the printed number
+    stops: tuple[tuple[float, Rgb], ...]  # ascending; the same value twice is a jump
+    marks: tuple[tuple[float, str], ...]  # values named under the legend
+
+    @property
+    def low(self) -> float:
+        return self.stops[0][0]
+
+    @property
+    def high(self) -> float:
+        return self.stops[-1][0]
+
+    def screen(self, values: ArrayLike) -> Colours:
+        """(..., 3) colours as seen; NaN is grey. At a jump the upper side's colour is taken."""
+        values = np.asarray(values, dtype=np.float64)
+        at = np.array([s for s, _ in self.stops])
+        rgb = np.array([c for _, c in self.stops], dtype=np.float64)
+        inside = np.clip(np.nan_to_num(values, nan=self.low), self.low, self.high)
+        upper = np.clip(np.searchsorted(at, inside, side="right"), 1, at.size - 1)
+        lower = upper - 1
+        span = np.where(at[upper] > at[lower], at[upper] - at[lower], 1.0)
+        share = np.clip((inside - at[lower]) / span, 0.0, 1.0)[..., None]
+        mixed = np.round(rgb[lower] * (1 - share) + rgb[upper] * share)
+        return np.where(np.isfinite(values)[..., None], mixed, NO_DATA).astype(np.uint8)
+
+    def number(self, value: float) -> str:
+        """The value as people read it, with its unit; "no data" for NaN."""
+        if not np.isfinite(value):
+            return "no data"
+        return f"{value * self.factor:{self.form}}{self.unit}"
+
+
+def _two_sided(low: float, middle: float, high: float, low_side, high_side):
+    """Stops of a scale with a jump at `middle`; each side lists its colours outwards in."""
+    left = np.linspace(low, middle, len(low_side)).tolist()
+    right = np.linspace(middle, high, len(high_side)).tolist()
+    return (*zip(left, low_side, strict=True), *zip(right, high_side, strict=True))
+
+
+LOAD = ColourScale(
+    title="Load: thrust in use, worst rotor",
+    unit=" %",
+    factor=100.0,
+    form=".0f",
+    stops=_two_sided(0.0, 0.5, 1.0, GOOD, BAD),
+    marks=((0.0, "0"), (0.25, "25"), (0.5, "50 % line"), (0.75, "75"), (1.0, "100 %")),
+)
+MARGIN = ColourScale(
+    title="Thrust margin, worst rotor",
+    unit=" %",
+    factor=100.0,
+    form=".0f",
+    stops=_two_sided(0.0, 0.5, 1.0, BAD[::-1], GOOD[::-1]),
+    marks=((0.0, "0"), (0.25, "25"), (0.5, "50 % line"), (0.75, "75"), (1.0, "100 %")),
+)
+REDUNDANCY = ColourScale(
+    title="One rotor lost: thrust that can still be held, over weight",
+    unit=" x",
+    factor=1.0,
+    form=".2f",
+    stops=_two_sided(0.5, 1.0, 1.5, BAD[::-1], GOOD[::-1]),
+    marks=((0.5, "0.5"), (0.75, "sinks"), (1.0, "1.0"), (1.25, "holds"), (1.5, "1.5")),
+)
+
+
+def residual_scale(limit_rpm: float) -> ColourScale:
+    """The diverging scale of measured minus predicted rotor speed, to +-`limit_rpm`."""
+    colours = ((92, 190, 222), (36, 112, 190), (40, 40, 40), (214, 84, 16), (238, 165, 45))
+    at = np.linspace(-limit_rpm, limit_rpm, len(colours)).tolist()
+    return ColourScale(
+        title="Residual: measured minus predicted rotor speed, worst rotor",
+        unit=" rpm",
+        factor=1.0,
+        form="+.0f",
+        stops=tuple(zip(at, colours, strict=True)),
+        marks=((at[0], f"{at[0]:.0f}"), (0.0, "as predicted"), (at[-1], f"+{at[-1]:.0f} rpm")),
+    )
+
+
+def css(colour: ArrayLike) -> str:
+    """`#rrggbb` of one colour."""
+    red, green, blue = (int(c) for c in np.asarray(colour))
+    return f"#{red:02x}{green:02x}{blue:02x}"
+
+
+def ink_on(paper: ArrayLike) -> str:
+    """Black or white, whichever stands out more on `paper` (WCAG relative luminance)."""
+    share = np.asarray(paper, dtype=np.float64) / 255
+    linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    luminance = float(linear @ np.array([0.2126, 0.7152, 0.0722]))
+    return "#fff" if 1.05 / (luminance + 0.05) > (luminance + 0.05) / 0.05 else "#111"
+
+
+def legend_html(scale: ColourScale, note: str = "") -> str:
+    """The scale as a bar with its marks, the no-data grey, and a note; safe for any text."""
+
+    def place(value: float) -> float:
+        return 100 * (value - scale.low) / (scale.high - scale.low)
+
+    stops = ", ".join(f"{css(c)} {place(s):.1f}%" for s, c in scale.stops)
+    marks = "".join(
+        f'<span style="position:absolute;white-space:nowrap;left:{place(v):.1f}%;'
+        f'transform:translateX({-place(v) if place(v) in (0, 100) else -50:.0f}%)">'
+        f"{escape(text)}</span>"
+        for v, text in scale.marks
+    )
+    jumps = [a for (a, _), (b, _) in zip(scale.stops, scale.stops[1:], strict=False) if a == b]
+    ticks = "".join(
+        f'<i style="position:absolute;left:{place(v):.1f}%;top:-4px;bottom:-4px;width:3px;'
+        f'margin-left:-1px;background:{css(INK)}"></i>'
+        for v in jumps
+    )
+    return (
+        f'<div class="tm-legend" style="color:{css(INK)};font:600 13px system-ui;margin:2px 10px">'
+        f"<div>{escape(scale.title)}{f' ({escape(note)})' if note else ''}</div>"
+        f'<div style="position:relative;height:18px;margin:6px 0 4px;'
+        f'background:linear-gradient(90deg,{stops})">{ticks}</div>'
+        f'<div style="position:relative;height:18px">{marks}</div>'
+        f'<div style="margin-top:4px;font-weight:500"><i style="display:inline-block;width:28px;'
+        f'height:10px;background:{css(NO_DATA)};margin-right:6px"></i>no data</div></div>'
+    )

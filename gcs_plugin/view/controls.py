@@ -1,0 +1,111 @@
+"""The pilot's controls of a replay: time, play, speed, colours of the route, camera.
+
+The browser's events only put a request into a queue; the one worker that drives the view takes
+them from there. What a page sends is checked: it could be anything.
+"""
+
+from __future__ import annotations
+
+import math
+import queue
+import time
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from gcs_plugin.view.camera import Camera
+from gcs_plugin.view.clock import SPEEDS, ReplayClock
+from gcs_plugin.view.colours import legend_html
+from gcs_plugin.view.gauges import clock_text
+from gcs_plugin.view.overlays import Overlay
+
+if TYPE_CHECKING:
+    from viser import GuiApi
+
+#: After a hand on the slider the view leaves it alone for this long, s.
+HANDS_OFF = 0.6
+
+
+class ReplayControls:
+    """Controls in the current GUI container. `requests` holds callables for the worker."""
+
+    def __init__(
+        self,
+        gui: GuiApi,
+        clock: ReplayClock,
+        overlays: Sequence[Overlay],
+        *,
+        on_overlay: Callable[[Overlay], None],
+        on_camera: Callable[[Camera], None],
+        on_worst: Callable[[], None],
+    ) -> None:
+        self.requests: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._clock = clock
+        self._touched = -math.inf
+        self._time = gui.add_html(time_html(clock))
+        duration = max(round(clock.duration, 1), 0.1)
+        self._slider = gui.add_slider("Time, s", min=0.0, max=duration, step=0.1, initial_value=0.0)
+        self._play = gui.add_button("Pause" if clock.playing else "Play")
+        speeds = [f"x{s}" for s in SPEEDS]
+        self._speed = gui.add_button_group("Speed", speeds)
+        self._worst = gui.add_button("Go to the worst moment", color=(200, 20, 110))
+        self._colour = gui.add_dropdown("Colour", [o.name for o in overlays])
+        self._legend = gui.add_html("")
+        self._camera = gui.add_dropdown("Camera", [c.value for c in Camera])
+        self.set_legend(overlays[0])
+
+        by_name = {o.name: o for o in overlays}
+        put = self.requests.put
+
+        @self._slider.on_update
+        async def _(event) -> None:
+            value = event.target.value
+            if event.client_id is not None and math.isfinite(value):
+                self._touched = time.monotonic()
+                put(lambda: clock.seek(value))
+
+        @self._play.on_click
+        async def _(_event) -> None:
+            put(lambda: clock.pause() if clock.playing else clock.play())
+
+        @self._speed.on_click
+        async def _(event) -> None:
+            if event.target.value in speeds:
+                speed = SPEEDS[speeds.index(event.target.value)]
+                put(lambda: clock.set_speed(speed))
+
+        @self._worst.on_click
+        async def _(_event) -> None:
+            put(on_worst)
+
+        @self._colour.on_update
+        async def _(event) -> None:
+            if event.target.value in by_name:
+                overlay = by_name[event.target.value]
+                put(lambda: on_overlay(overlay))
+
+        @self._camera.on_update
+        async def _(event) -> None:
+            if event.target.value in {c.value for c in Camera}:
+                camera = Camera(event.target.value)
+                put(lambda: on_camera(camera))
+
+    def show(self, time_s: float) -> None:
+        """Show the clock, and move the slider unless a hand is on it."""
+        self._time.content = time_html(self._clock)
+        self._play.label = "Pause" if self._clock.playing else "Play"
+        if time.monotonic() - self._touched > HANDS_OFF:
+            self._slider.value = round(time_s, 1)
+
+    def set_legend(self, overlay: Overlay) -> None:
+        self._legend.content = legend_html(overlay.scale, overlay.note)
+
+
+def time_html(clock: ReplayClock) -> str:
+    """Time of the flight, its length, and the speed of the replay."""
+    state = f"x{clock.speed:g}" + ("" if clock.playing else ", paused")
+    return (
+        '<div class="tm-time" style="font-family:system-ui;color:#111;padding:0 10px">'
+        f'<span style="font-size:40px;font-weight:800">{clock_text(clock.now())}</span>'
+        f'<span style="font-size:18px;font-weight:600"> of {clock_text(clock.duration)}'
+        f" · {state}</span></div>"
+    )

@@ -1,0 +1,190 @@
+"""The view's server, with a door in front of it.
+
+viser accepts a WebSocket from any page that the browser has open, and answers to any host name.
+So any web site could read and steer the view (cross-site WebSocket hijacking), also through a name
+that it points at this machine (DNS rebinding). Here every request must name this machine, by an
+address or `localhost` and never by another name, and a WebSocket must come from the very page that
+this server served. Pages may not be framed by others and may load nothing from elsewhere.
+
+The port is opened here and handed to viser: a busy one is an error, never silently another one.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import http
+import io
+import ipaddress
+import socket
+import threading
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+from models.errors import LinkError
+
+if TYPE_CHECKING:
+    import viser
+    from websockets.asyncio.server import ServerConnection
+    from websockets.http11 import Request, Response
+
+LOOPBACK = "127.0.0.1"
+_SUBSTITUTION = threading.Lock()
+
+
+def refusal(headers: Any, *, loopback_only: bool) -> str | None:
+    """Why a request with these headers (`get_all(name)`) is refused; None when it may pass."""
+    hosts = headers.get_all("Host")
+    if len(hosts) != 1 or not names_this_machine(hosts[0], loopback_only=loopback_only):
+        return "this address is not the view's own; open it by its IP address or localhost"
+    upgrade = [value.lower() for value in headers.get_all("Upgrade")]
+    if "websocket" in upgrade and headers.get_all("Origin") != [f"http://{hosts[0]}"]:
+        return "the view talks only to the page that it served itself"
+    return None
+
+
+def names_this_machine(host: str, *, loopback_only: bool) -> bool:
+    """Whether a Host header is `localhost` or an address, which no foreign name server can forge.
+
+    With `loopback_only` the address must be a loopback one.
+    """
+    name, _, port = host.rpartition(":") if not host.endswith("]") else (host, "", "")
+    if not name:
+        name, port = host, ""
+    if port and not port.isdecimal():
+        return False
+    if name.lower() == "localhost":
+        return True
+    try:
+        address = ipaddress.ip_address(name.removeprefix("[").removesuffix("]"))
+    except ValueError:
+        return False
+    return address.is_loopback or not loopback_only
+
+
+def page_headers(host: str) -> dict[str, str]:
+    """Headers of every page: nothing from elsewhere, no frame around it. `host` was checked."""
+    return {
+        "Content-Security-Policy": (
+            "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; "
+            f"connect-src 'self' ws://{host} data: blob:; frame-ancestors 'none'"
+        ),
+        "X-Frame-Options": "DENY",
+        "Referrer-Policy": "no-referrer",
+        "Cross-Origin-Resource-Policy": "same-origin",
+    }
+
+
+def open_port(host: str, port: int) -> socket.socket:
+    """A listening socket on exactly this host and port (0: any free one). Raises LinkError."""
+    try:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+        return socket.create_server((host, port), family=family, backlog=64)
+    except (OSError, OverflowError) as error:
+        raise LinkError(
+            f"port {port} on {host} cannot be opened ({error}); "
+            "close the program that uses it or choose another with --port"
+        ) from error
+
+
+def guarded_server(*, host: str = LOOPBACK, port: int = 8080, label: str) -> viser.ViserServer:
+    """A viser server behind the checks above. Raises LinkError when the port cannot be opened."""
+    import viser
+    import viser._messages as messages
+
+    listening = open_port(host, port)
+    loopback_only = ipaddress.ip_address(listening.getsockname()[0]).is_loopback
+    quiet = contextlib.redirect_stdout(io.StringIO())  # viser prints a banner of its own
+    try:
+        with _handed_to_viser(listening, loopback_only), quiet:
+            server = viser.ViserServer(host=host, port=port, label=label, verbose=False)
+    except BaseException:
+        listening.close()
+        raise
+    # A page can ask viser to publish itself through a public relay: that door is taken out.
+    for request in (messages.ShareUrlRequest, messages.ShareUrlDisconnect):
+        server._websock_server.unregister_handler(request)
+    try:
+        _check_the_door(server, listening.getsockname()[1])
+    except LinkError:
+        stop_server(server)
+        raise
+    return server
+
+
+def address_of(host: str) -> str:
+    """How this computer's browser names a host that a server listens on."""
+    near = {"0.0.0.0": LOOPBACK, "::": "::1"}.get(host, host)
+    return f"[{near}]" if ":" in near else near
+
+
+def is_loopback(host: str) -> bool:
+    """Whether a server on this host can be reached from this computer alone."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+def stop_server(server: viser.ViserServer) -> None:
+    """Stop the server and its threads, without viser's own words on the terminal."""
+    with contextlib.redirect_stdout(io.StringIO()):
+        server.stop()
+
+
+@contextlib.contextmanager
+def _handed_to_viser(listening: socket.socket, loopback_only: bool) -> Iterator[None]:
+    """While viser starts, the WebSocket server that it makes is the guarded one on our socket."""
+    import websockets.asyncio.server as server_module
+
+    plain = server_module.serve
+
+    class GuardedServe(plain):
+        def __init__(self, handler: Any, host: Any, port: Any, **settings: Any) -> None:
+            del host, port
+            settings["process_request"] = _guarded(settings.get("process_request"), loopback_only)
+            super().__init__(handler, sock=listening, **settings)
+
+    with _SUBSTITUTION:
+        server_module.serve = GuardedServe  # type: ignore[misc]
+        try:
+            yield
+        finally:
+            server_module.serve = plain  # type: ignore[misc]
+
+
+def _guarded(
+    answer: Callable[[ServerConnection, Request], Response | None] | None, loopback_only: bool
+) -> Callable[[ServerConnection, Request], Response | None]:
+    def process_request(connection: ServerConnection, request: Request) -> Response | None:
+        reason = refusal(request.headers, loopback_only=loopback_only)
+        if reason is not None:
+            return connection.respond(http.HTTPStatus.FORBIDDEN, reason + "\n")
+        response = answer(connection, request) if answer else None
+        if response is not None:
+            for name, value in page_headers(request.headers["Host"]).items():
+                response.headers[name] = value
+        return response
+
+    return process_request
+
+
+def _check_the_door(server: viser.ViserServer, port: int) -> None:
+    """Ask as a foreign page would, and refuse to run unless that is refused."""
+    request = urllib.request.Request(
+        f"http://{address_of(server.get_host())}:{port}/", headers={"Host": "elsewhere.invalid"}
+    )
+    direct = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+    try:
+        with direct.open(request, timeout=10.0) as reply:
+            status = reply.status
+    except urllib.error.HTTPError as error:
+        status = error.code
+    except OSError as error:
+        raise LinkError(f"the view's server on port {port} does not answer: {error}") from error
+    if status != http.HTTPStatus.FORBIDDEN:
+        raise LinkError(
+            "the view's server answers to foreign host names; this version of viser cannot be "
+            "guarded, install the one in constraints.txt"
+        )

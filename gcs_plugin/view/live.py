@@ -1,0 +1,367 @@
+"""The 3D view of aircraft that fly now: a subscriber of the monitor, drawn by a thread of its own.
+
+The compute thread only leaves its latest findings here; the drawing thread wakes at once, and what
+it cannot draw in time it leaves out. One tab of gauges an aircraft; all in one scene, placed from
+the first one's home. A number that is old is greyed out and its age is written over it.
+"""
+
+from __future__ import annotations
+
+import logging
+import queue
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pymap3d
+
+from gcs_plugin.alarms import AlarmEvent, worst_first
+from gcs_plugin.view.camera import Camera
+from gcs_plugin.view.colours import legend_html
+from gcs_plugin.view.gauges import STYLE, gauges_html
+from gcs_plugin.view.guard import LOOPBACK, address_of, guarded_server, stop_server
+from gcs_plugin.view.live_html import aged, alarms_html, outlook_html, status_html
+from gcs_plugin.view.overlays import Overlay, overlays_of
+from gcs_plugin.view.plan import plan_enu
+from gcs_plugin.view.samples import Samples, enu, ground_height
+from gcs_plugin.view.scene import ROUTE_PIXELS, Scene
+from gcs_plugin.view.tonemap import line_colours, sent_for
+from gcs_plugin.view.trail import Trail
+from gcs_plugin.watch import Fleet, Update
+from models.airframe import Airframe
+from models.errors import DataError
+from models.flight import Floats, Origin
+
+if TYPE_CHECKING:
+    import viser
+
+FASTEST = 0.04  # s between two drawings
+GAUGES_EVERY, TRAIL_EVERY, STATUS_EVERY = 0.1, 0.5, 0.5  # s; gauges for up to two aircraft
+OLD = 1.5  # s after which what is shown is called old
+_log = logging.getLogger(__name__)
+
+
+@dataclass(slots=True, eq=False)
+class _Aircraft:
+    """What is known and drawn of one vehicle."""
+
+    number: int
+    trail: Trail
+    update: Update | None = None
+    fresh: bool = False  # there is something new to draw
+    rows: deque[tuple[float, Floats, Floats]] = field(default_factory=deque)  # for the trail
+    age: float = 0.0
+    alarms: tuple[str, ...] = ()
+    problem: str = ""
+    offset: Floats | None = None  # ENU of its origin from the scene's
+    plan: Any = None  # mission that is drawn
+    waypoints: Any = None
+    gauges: Any = None
+    label: Any = None
+    line: Any = None
+    drawn_s: float = 0.0
+    boot: int = 0
+
+
+class LiveView:
+    """The view of every vehicle that a monitor hears; `start` opens it, `close` ends it.
+
+    `status` gives lines about link and recording. Raises LinkError from `start` when the port is
+    taken.
+    """
+
+    def __init__(
+        self,
+        airframe: Airframe,
+        *,
+        host: str = LOOPBACK,
+        port: int = 8080,
+        status: Callable[[], list[str]] = list,
+    ) -> None:
+        self._airframe = airframe
+        self._host, self._port = host, port
+        self._status = status
+        self._lock = threading.Lock()
+        self._aircraft: dict[int, _Aircraft] = {}
+        self._wake = threading.Event()
+        self._stop = threading.Event()
+        self._requests: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._server: viser.ViserServer | None = None
+        self._thread: threading.Thread | None = None
+        self._origin: Origin | None = None
+        self._overlays: tuple[Overlay, ...] = ()
+        self._shown = 0  # number of the overlay
+        self._focus: int | None = None
+        self._bounds: Floats | None = None  # (2, 3) m that the ground was fitted to
+        self._told_s = self._trails_s = 0.0
+        self.draw_seconds: deque[float] = deque(maxlen=1000)
+
+    @property
+    def url(self) -> str:
+        """Where the page is. Raises DataError before `start` and after `close`."""
+        if self._server is None:
+            raise DataError("the view is not open; call start() first")
+        return f"http://{address_of(self._host)}:{self._server.get_port()}"
+
+    def start(self) -> None:
+        """Open the port and begin to draw."""
+        self._server = guarded_server(host=self._host, port=self._port, label="thrustmargin")
+        self._build(self._server)
+        self._thread = threading.Thread(target=self._run, name="live-view", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop drawing and close the page; harmless when called twice."""
+        self._stop.set()
+        self._wake.set()
+        if self._thread is not None:
+            self._thread.join(timeout=5.0)
+            self._thread = None
+        if self._server is not None:
+            server, self._server = self._server, None
+            stop_server(server)
+
+    def on_update(self, update: Update) -> None:
+        """New rows; called on the compute thread."""
+        overlays = overlays_of(update.analysis)
+        track = update.analysis.track
+        values = np.column_stack([overlay.values for overlay in overlays])
+        places = enu(track.position_ned)
+        with self._lock:
+            aircraft = self._of(update.vehicle, overlays)
+            if update.boot != aircraft.boot:
+                aircraft.boot, aircraft.offset = update.boot, None
+            aircraft.update, aircraft.fresh = update, True
+            for row in range(update.first, track.time_s.size):
+                if track.flying[row]:
+                    aircraft.rows.append((float(update.clock_s[row]), places[row], values[row]))
+            self._overlays = overlays
+        self._wake.set()
+
+    def on_event(self, vehicle: int, event: AlarmEvent) -> None:
+        """Nothing: what stands is read each round."""
+
+    def on_round(self, fleet: Fleet, now_us: int) -> None:
+        """Ages, alarms and missions; called on the compute thread."""
+        with self._lock:
+            for number, watch in fleet.vehicles.items():
+                aircraft = self._aircraft.get(number)
+                if aircraft is None or aircraft.update is None:
+                    continue
+                aircraft.age = (now_us - int(aircraft.update.stamp_us[-1])) * 1e-6
+                standing = worst_first(list(watch.alarms.standing.values()))
+                alarms = tuple(alarm.text for alarm in standing)
+                if (alarms, watch.problem) != (aircraft.alarms, aircraft.problem):
+                    aircraft.alarms, aircraft.problem, aircraft.fresh = alarms, watch.problem, True
+                    self._wake.set()
+                aircraft.waypoints = watch.state.mission
+
+    def _of(self, number: int, overlays: tuple[Overlay, ...]) -> _Aircraft:
+        found = self._aircraft.get(number)
+        if found is None:
+            found = _Aircraft(number, Trail([overlay.worst for overlay in overlays]))
+            self._aircraft[number] = found
+        return found
+
+    def _build(self, server: viser.ViserServer) -> None:
+        gui = server.gui
+        gui.configure_theme(
+            dark_mode=False, show_logo=False, show_share_button=False, brand_color=(14, 66, 150)
+        )
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(340)
+        gui.add_html(STYLE)
+        self._words = gui.add_html(status_html(["no vehicle heard yet"]))
+        self._colour = gui.add_dropdown("Colour", ["Load"])
+        self._legend = gui.add_html("")
+        self._camera = gui.add_dropdown("Camera", [camera.value for camera in Camera])
+        self._followed = gui.add_dropdown("Aircraft", ["-"])
+        self._tabs = gui.add_panel()
+        self._tabs.dock_left()
+        self._tabs.set_width(370)
+        self._scene = Scene(server)
+        self._scene.set_ground(np.array([[-30.0, -30.0, 0.0], [30.0, 30.0, 5.0]]), 0.0)
+        self._trails = server.scene
+        put = self._requests.put
+
+        # A page may send anything: only known names are acted on.
+        @self._colour.on_update
+        async def _(event: Any) -> None:
+            name = event.target.value
+            put(lambda: self._recolour(name))
+
+        @self._camera.on_update
+        async def _(event: Any) -> None:
+            if event.target.value in {camera.value for camera in Camera}:
+                camera = Camera(event.target.value)
+                put(lambda: self._scene.set_camera(camera))
+
+        @self._followed.on_update
+        async def _(event: Any) -> None:
+            name = str(event.target.value)
+            put(lambda: self._follow(name))
+
+    def _run(self) -> None:
+        while not self._stop.is_set():
+            self._wake.wait(0.25)
+            self._wake.clear()
+            begun = time.monotonic()
+            try:
+                while not self._requests.empty():
+                    self._requests.get()()
+                self._draw(begun)
+            except Exception:
+                _log.exception("the live view could not draw")
+            took = time.monotonic() - begun
+            self.draw_seconds.append(took)
+            self._stop.wait(max(FASTEST - took, 0.0))
+
+    def _draw(self, now: float) -> None:
+        server = self._server
+        if server is None:
+            return
+        with self._lock:
+            aircraft = [a for a in self._aircraft.values() if a.update is not None]
+        spacing = GAUGES_EVERY * max(1.0, len(aircraft) / 2)
+        with server.atomic():
+            for one in aircraft:
+                if one.gauges is None:
+                    self._add(server, one)
+                if (one.fresh or one.age > OLD) and now - one.drawn_s >= spacing:
+                    one.drawn_s = now
+                    self._show(one)
+                elif one.fresh:
+                    self._wake.set()  # too soon: once more
+            if now - self._trails_s >= TRAIL_EVERY:
+                self._trails_s = now
+                for one in aircraft:
+                    self._draw_trail(one)
+                self._fit(aircraft)
+            if now - self._told_s >= STATUS_EVERY:
+                self._told_s = now
+                self._words.content = status_html(self._status())
+
+    def _add(self, server: viser.ViserServer, one: _Aircraft) -> None:
+        key = str(one.number)
+        with self._tabs.add_tab(f"Vehicle {key}"):
+            one.gauges = server.gui.add_html("")
+        self._scene.add_vehicle(key, self._airframe)
+        one.label = self._trails.add_label(f"/world/name_{key}", f"Vehicle {key}", visible=False)
+        names = [f"Vehicle {n}" for n in sorted(self._aircraft)]
+        self._followed.options = tuple(names)
+        if self._focus is None:
+            self._focus = one.number
+            self._colour.options = tuple(overlay.name for overlay in self._overlays)
+            self._recolour(self._overlays[0].name)
+
+    def _show(self, one: _Aircraft) -> None:
+        with self._lock:
+            update, one.fresh = one.update, False
+            age, alarms, problem = one.age, one.alarms, one.problem
+        assert update is not None
+        row = Samples.of(update.analysis).row(-1)
+        offset = self._offset(one, update)
+        row = replace(row, position_enu=row.position_enu + offset)
+        self._scene.show(str(one.number), row, focus=one.number == self._focus)
+        placed = bool(np.all(np.isfinite(row.position_enu)))
+        one.label.visible = placed and len(self._aircraft) > 1
+        if placed:
+            one.label.position = row.position_enu + np.array([0.0, 0.0, 2.0])
+        title = f"{self._airframe.title} · vehicle {one.number}"
+        html = gauges_html(row, self._airframe, title)
+        html += outlook_html(update.outlook)
+        one.gauges.content = alarms_html(alarms, problem, age, OLD) + aged(html, age > OLD)
+
+    def _offset(self, one: _Aircraft, update: Update) -> Floats:
+        origin = update.analysis.track.origin
+        if one.offset is None or one.boot != update.boot:
+            if self._origin is None:
+                self._origin = origin
+            if origin is None or self._origin is None:
+                return np.zeros(3)
+            home = self._origin
+            one.offset = np.array(
+                pymap3d.geodetic2enu(
+                    *(origin.latitude_deg, origin.longitude_deg, origin.altitude),
+                    *(home.latitude_deg, home.longitude_deg, home.altitude),
+                )
+            )
+        return one.offset
+
+    def _draw_trail(self, one: _Aircraft) -> None:
+        with self._lock:
+            rows, one.rows = one.rows, deque()
+            update, waypoints = one.update, one.waypoints
+        assert update is not None
+        offset = self._offset(one, update)
+        for time_s, place, values in rows:
+            one.trail.add(time_s, place + offset, values)
+        if rows and one.trail.count:
+            self._draw_line(one)
+        if waypoints and waypoints is not one.plan:
+            one.plan = waypoints
+            ground = ground_height(Samples.of(update.analysis))
+            points = plan_enu(list(waypoints.values()), update.analysis.track.origin, ground)
+            if len(points) > 1:
+                flat = np.column_stack([points[:, :2], np.full(len(points), ground)]) + offset
+                self._trails.add_line_segments(
+                    f"/world/plan_{one.number}",
+                    np.stack([flat[:-1], flat[1:]], axis=1),
+                    line_colours(len(flat) - 1, (110, 110, 110)),
+                    thickness=2.0,
+                    thickness_units="screen",
+                )
+                self._grow(flat)
+
+    def _draw_line(self, one: _Aircraft) -> None:
+        overlay = self._overlays[self._shown]
+        seen = overlay.scale.screen(one.trail.values(self._shown))
+        colours = np.repeat(sent_for(seen)[:, None], 2, axis=1)
+        points = one.trail.points()
+        if one.line is not None and len(one.line.points) == len(points):
+            one.line.points, one.line.colors = points, colours
+            return
+        one.line = self._trails.add_line_segments(
+            f"/world/trail_{one.number}",
+            points,
+            colours,
+            thickness=ROUTE_PIXELS,
+            thickness_units="screen",
+        )
+
+    def _fit(self, aircraft: list[_Aircraft]) -> None:
+        parts = [a.trail.points().reshape(-1, 3) for a in aircraft if a.trail.count]
+        if parts:
+            self._grow(np.concatenate(parts))
+
+    def _grow(self, points: Floats) -> None:
+        """Fit the ground and the overview again when something lies outside of them."""
+        low, high = points.min(axis=0), points.max(axis=0)
+        if self._bounds is None:
+            self._bounds = np.stack([low, high])
+        elif np.all(low >= self._bounds[0] - 1.0) and np.all(high <= self._bounds[1] + 1.0):
+            return
+        else:
+            # With room to spare, or the picture would move all the time.
+            self._bounds = np.stack(
+                [np.minimum(low - 5.0, self._bounds[0]), np.maximum(high + 5.0, self._bounds[1])]
+            )
+        self._scene.set_ground(self._bounds, float(min(self._bounds[0][2], 0.0)))
+
+    def _recolour(self, name: str) -> None:
+        for number, overlay in enumerate(self._overlays):
+            if overlay.name == name:
+                self._shown = number
+                self._legend.content = legend_html(overlay.scale, overlay.note)
+                for one in self._aircraft.values():
+                    if one.trail.count:
+                        self._draw_line(one)
+
+    def _follow(self, name: str) -> None:
+        for number in self._aircraft:
+            if name == f"Vehicle {number}":
+                self._focus = number

@@ -1,0 +1,142 @@
+"""What can colour the route: one value a row, its scale, and which end of it is the worst.
+
+A further quantity (a residual before and after, say) is one more Overlay; nothing else changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gcs_plugin.view import colours
+from gcs_plugin.view.colours import ColourScale
+from mission.route import Worst
+from models.analysis import FlightAnalysis
+from models.errors import DataError
+from models.flight import Bools, Floats
+
+#: The residual's scale ends at this share of the airframe's largest rotor speed.
+RESIDUAL_SPAN = 0.1
+#: Share of the rows of a flight that the scale of its residual before and after leaves outside.
+BEYOND_SCALE = 0.02
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Overlay:
+    """One way to colour the route."""
+
+    name: str  # as listed in the switch
+    values: Floats  # (T,) NaN where unknown
+    scale: ColourScale
+    worst: Worst
+    rotor: Floats  # (T,) index of the rotor that the value belongs to; NaN for the vehicle's own
+    note: str = ""  # what the values rest on, shown with the legend
+
+    def text_at(self, row: int, time_s: float, rotor_names: Sequence[str]) -> str:
+        """The value of a row in words, say "53 %, rotor 1 front right, at 2:31"."""
+        parts = [self.scale.number(float(self.values[row]))]
+        if np.isfinite(self.rotor[row]):
+            rotor = int(self.rotor[row])
+            parts.append(f"rotor {rotor + 1} {rotor_names[rotor]}")
+        minutes, seconds = divmod(int(time_s), 60)
+        return ", ".join([*parts, f"at {minutes}:{seconds:02d}"])
+
+
+def overlays_of(analysis: FlightAnalysis) -> tuple[Overlay, ...]:
+    """Load, margin, redundancy and residual of an analysis, in the order of the switch.
+
+    Where a rotor was not measured its predicted load stands in, and the note says for how much.
+    """
+    measured = np.isfinite(analysis.capacity_use)
+    use = np.where(measured, analysis.capacity_use, analysis.capacity_use_predicted)
+    note = _basis_note(measured, np.isfinite(use), analysis.track.flying)
+    load, rotor = _worst_rotor(use, use)
+    residual, residual_rotor = _worst_rotor(analysis.residual_rpm, np.abs(analysis.residual_rpm))
+    limit = RESIDUAL_SPAN * analysis.model.airframe.max_rotor_speed_rpm
+    vehicle = np.full(load.size, np.nan)
+    return (
+        Overlay(name="Load", values=load, scale=colours.LOAD, worst="max", rotor=rotor, note=note),
+        Overlay(
+            name="Thrust margin",
+            values=1.0 - load,
+            scale=colours.MARGIN,
+            worst="min",
+            rotor=rotor,
+            note=note,
+        ),
+        Overlay(
+            name="Redundancy",
+            values=analysis.redundancy_yaw_free,
+            scale=colours.REDUNDANCY,
+            worst="min",
+            rotor=vehicle,
+            note="heading given up",
+        ),
+        Overlay(
+            name="Residual",
+            values=residual,
+            scale=colours.residual_scale(limit),
+            worst="abs",
+            rotor=residual_rotor,
+        ),
+    )
+
+
+def before_and_after(before: FlightAnalysis, after: FlightAnalysis) -> tuple[Overlay, Overlay]:
+    """The residual of one flight under two models, in the same colours.
+
+    The scale ends where all but 2 % of the flight's rows before are. Raises DataError when the two
+    are not of the same flight.
+    """
+    if before.track is not after.track:
+        raise DataError(
+            f"{before.track.name} and {after.track.name} are two flights; the residual before and "
+            "after is of one"
+        )
+    worst = [_worst_rotor(a.residual_rpm, np.abs(a.residual_rpm)) for a in (before, after)]
+    size = np.abs(worst[0][0])[before.track.flying & np.isfinite(worst[0][0])]
+    limit = max(1.0, float(np.quantile(size, 1.0 - BEYOND_SCALE))) if size.size else 1.0
+    first, second = (
+        Overlay(
+            name=name,
+            values=values,
+            scale=colours.residual_scale(limit),
+            worst="abs",
+            rotor=rotor,
+            note=_model_note(analysis),
+        )
+        for name, analysis, (values, rotor) in zip(
+            ("Residual before", "Residual after"), (before, after), worst, strict=True
+        )
+    )
+    return first, second
+
+
+def _model_note(analysis: FlightAnalysis) -> str:
+    """Which model, told by its effects, in which a model before and after differ."""
+    names = sorted({e.name.replace("_", " ") for e in analysis.model.effects})
+    return f"model with {', '.join(names)}" if names else "model without effects"
+
+
+def _worst_rotor(values: Floats, badness: Floats) -> tuple[Floats, Floats]:
+    """(T,) value of the rotor with the largest badness, and its index; NaN where none is known."""
+    score = np.where(np.isfinite(badness), badness, -np.inf)
+    which = np.argmax(score, axis=1)
+    known = np.isfinite(np.max(score, axis=1))
+    rows = np.arange(values.shape[0])
+    return np.where(known, values[rows, which], np.nan), np.where(known, which, np.nan)
+
+
+def _basis_note(measured: Bools, known: Bools, flying: Bools) -> str:
+    """In words, how much of the flight's rotor loads was measured."""
+    rows = known[flying]
+    if not rows.any():
+        return ""
+    share = float(np.mean(measured[flying][rows]))
+    if share == 1.0:
+        return "measured"
+    if share == 0.0:
+        return "predicted: no rotor speed was measured"
+    return f"measured for {100 * share:.0f} %, predicted for the rest"

@@ -1,0 +1,294 @@
+"""A flight replayed on the screen: one worker moves the scene, gauges, charts and controls.
+
+The worker is the only thread that draws. It ticks at a fixed rate and assigns to nodes that exist;
+the analysis was done before, and the browser's events only queue requests for it.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gcs_plugin.view.camera import Camera
+from gcs_plugin.view.charts import RotorCharts
+from gcs_plugin.view.clock import ReplayClock
+from gcs_plugin.view.controls import ReplayControls
+from gcs_plugin.view.gauges import STYLE, gauges_html
+from gcs_plugin.view.guard import (
+    LOOPBACK,
+    address_of,
+    guarded_server,
+    is_loopback,
+    stop_server,
+)
+from gcs_plugin.view.overlays import Overlay, overlays_of
+from gcs_plugin.view.plan import plan_enu
+from gcs_plugin.view.samples import Samples, ground_height
+from gcs_plugin.view.scene import Scene
+from mission.field import sprayed_field
+from mission.route import route_segments
+from models.analysis import FlightAnalysis
+from models.errors import DataError
+
+if TYPE_CHECKING:
+    import viser
+
+    from gcs_plugin.logs import Waypoint
+
+TICK_HZ = 15.0
+#: Gauges and charts are drawn on every third and every fifth tick: people read no faster.
+GAUGE_TICKS, CHART_TICKS = 3, 5
+#: How long a message of the vehicle stays on the screen, s of the flight.
+MESSAGE_S = 10.0
+VEHICLE = "1"
+_log = logging.getLogger(__name__)
+
+
+class ReplayView:
+    """The view of one analysed flight. `start` opens it, `stop` closes it; `url` is where it is.
+
+    `waypoints` are the log's mission items and `messages` its texts with their time in s from the
+    first row; `overlays` are further ways to colour the route, besides those of the analysis.
+    Raises DataError for a flight without rows, and LinkError from `start` when the port is taken.
+    """
+
+    def __init__(
+        self,
+        analysis: FlightAnalysis,
+        *,
+        waypoints: Sequence[Waypoint] = (),
+        messages: Sequence[tuple[float, str]] = (),
+        overlays: Sequence[Overlay] = (),
+        host: str = LOOPBACK,
+        port: int = 8080,
+        speed: float = 1.0,
+        paused: bool = False,
+    ) -> None:
+        track = analysis.track
+        if track.time_s.size == 0:
+            raise DataError(f"{track.name}: no rows to replay; is the log empty?")
+        if not 0 < speed < np.inf:
+            raise DataError(f"a replay cannot run at speed {speed:g}; give a number above 0")
+        self._analysis = analysis
+        self._airframe = analysis.model.airframe
+        self._samples = Samples.of(analysis)
+        self._overlays = (*overlays_of(analysis), *overlays)
+        self._overlay = self._overlays[0]
+        self._waypoints = waypoints
+        self._messages = sorted(messages)
+        self._message_times = np.array([t for t, _ in self._messages])
+        self._host, self._port = host, port
+        self._start_s = float(track.time_s[0])
+        self._route = route_segments(
+            track.position_ned,
+            [o.values for o in self._overlays],
+            shown=track.flying if track.flying.any() else None,
+        )
+        self._server: viser.ViserServer | None = None
+        self._worker: threading.Thread | None = None
+        self._stopping = threading.Event()
+        self._hurry = threading.Event()  # somebody asked for something: show it all at once
+        self.clock = ReplayClock(track.duration, speed=speed, paused=paused)
+        self.tick_seconds: deque[float] = deque(maxlen=1000)  # how long the last ticks took
+
+    @property
+    def url(self) -> str:
+        """Where the page is. Raises DataError before `start` and after `stop`."""
+        if self._server is None:
+            raise DataError("the view is not open; call start() first")
+        return f"http://{address_of(self._host)}:{self._server.get_port()}"
+
+    def start(self) -> None:
+        """Open the port, build the scene and let the replay run in its own thread."""
+        self._server = guarded_server(host=self._host, port=self._port, label="thrustmargin")
+        self._build(self._server)
+        self._worker = threading.Thread(target=self._run, name="replay-view", daemon=True)
+        self._worker.start()
+
+    def stop(self) -> None:
+        """Stop the worker and the server; harmless when called twice."""
+        self._stopping.set()
+        if self._worker is not None:
+            self._worker.join(timeout=5.0)
+            self._worker = None
+        if self._server is not None:
+            server, self._server = self._server, None
+            stop_server(server)
+
+    def seek(self, time_s: float) -> None:
+        """Go to a time of the flight, s after its first row."""
+        self.clock.seek(time_s)
+        self._hurry.set()
+
+    def set_overlay(self, name: str) -> None:
+        """Colour the route by the overlay of this name. Raises DataError when there is none."""
+        by_name = {o.name: o for o in self._overlays}
+        if name not in by_name:
+            raise DataError(f"no colour {name!r} for the route; there are {', '.join(by_name)}")
+        self._controls.requests.put(lambda: self._recolour(by_name[name]))
+
+    def set_camera(self, camera: Camera) -> None:
+        """Look at the whole field or follow the aircraft."""
+        self._controls.requests.put(lambda: self._scene.set_camera(camera))
+
+    def _build(self, server: viser.ViserServer) -> None:
+        gui, track = server.gui, self._analysis.track
+        gui.configure_theme(
+            dark_mode=False, show_logo=False, show_share_button=False, brand_color=(14, 66, 150)
+        )
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(400)
+        panel = gui.add_panel()
+        with panel.add_tab("Thrust margin"):
+            gui.add_html(STYLE)
+            self._gauges = gui.add_html("")
+        panel.dock_left()
+        panel.set_width(370)
+        self._scene = Scene(server)
+        self._controls = ReplayControls(
+            gui,
+            self.clock,
+            self._overlays,
+            on_overlay=self._recolour,
+            on_camera=self._scene.set_camera,
+            on_worst=self._to_worst,
+        )
+        self._charts = RotorCharts(gui, self._airframe, self._samples)
+        ground = ground_height(self._samples)
+        self._scene.set_ground(self._samples.position_enu, ground)
+        self._scene.set_field(sprayed_field(track.position_ned, track.spraying))
+        self._scene.set_plan(plan_enu(self._waypoints, track.origin, ground))
+        self._scene.add_vehicle(VEHICLE, self._airframe)
+        self._recolour(self._overlay)
+        self._draw(server, gauges=True, charts=True)
+
+    def _run(self) -> None:
+        """The worker. What goes wrong in one tick is logged and does not end the replay."""
+        ticks = 0
+        while not self._stopping.wait(1 / TICK_HZ) and (server := self._server) is not None:
+            begun = time.perf_counter()
+            try:
+                while not self._controls.requests.empty():
+                    self._controls.requests.get()()
+                    self._hurry.set()
+                now = self._hurry.is_set()
+                self._hurry.clear()
+                self._draw(
+                    server,
+                    gauges=now or ticks % GAUGE_TICKS == 0,
+                    charts=now or ticks % CHART_TICKS == 0,
+                )
+            except Exception:
+                _log.exception("the view could not draw the flight at %.1f s", self.clock.now())
+            ticks += 1
+            self.tick_seconds.append(time.perf_counter() - begun)
+
+    def _draw(self, server: viser.ViserServer, *, gauges: bool, charts: bool) -> None:
+        time_s = self.clock.now()
+        row = self._samples.row(self._samples.index_at(self._start_s + time_s))
+        with server.atomic():
+            self._scene.show(VEHICLE, row)
+            if gauges:
+                title = f"{self._airframe.title} · {self._analysis.track.name}"
+                self._gauges.content = gauges_html(
+                    row, self._airframe, title, self._message_at(time_s)
+                )
+                self._controls.show(time_s)
+            if charts:
+                self._charts.show(self._start_s + time_s)
+
+    def _message_at(self, time_s: float) -> str:
+        """The last message of the vehicle at `time_s`, unless it is old."""
+        last = int(np.searchsorted(self._message_times, time_s, side="right")) - 1
+        if last < 0 or time_s - self._messages[last][0] > MESSAGE_S:
+            return ""
+        return self._messages[last][1]
+
+    def _recolour(self, overlay: Overlay) -> None:
+        self._overlay = overlay
+        self._controls.set_legend(overlay)
+        self._scene.set_route(self._route, overlay)
+        row = self._worst_row()
+        if row is None:
+            self._scene.set_pin(np.full(3, np.nan), "")
+        else:
+            text = overlay.text_at(row, self._time_of(row), self._airframe.rotor_names)
+            self._scene.set_pin(self._samples.position_enu[row], f"worst: {text}")
+
+    def _worst_row(self) -> int | None:
+        return self._route.worst_row(self._overlay.values, self._overlay.worst)
+
+    def _time_of(self, row: int) -> float:
+        return float(self._samples.time_s[row]) - self._start_s
+
+    def _to_worst(self) -> None:
+        row = self._worst_row()
+        if row is not None:
+            self.clock.pause()
+            self.clock.seek(self._time_of(row))
+
+
+def run_replay(
+    analysis: FlightAnalysis,
+    *,
+    waypoints: Sequence[Waypoint] = (),
+    messages: Sequence[tuple[float, str]] = (),
+    overlays: Sequence[Overlay] = (),
+    host: str = LOOPBACK,
+    port: int = 8080,
+    speed: float = 1.0,
+    paused: bool = False,
+    browser: bool = True,
+    ready: threading.Event | None = None,
+    stop: threading.Event | None = None,
+) -> None:
+    """Open the view of a flight, print where it is, and wait for Ctrl-C; raises as ReplayView.
+
+    `browser` opens it in the browser where there is a screen; `ready` is set once it is open, and
+    setting `stop` ends it like Ctrl-C.
+    """
+    view = ReplayView(
+        analysis,
+        waypoints=waypoints,
+        messages=messages,
+        overlays=overlays,
+        host=host,
+        port=port,
+        speed=speed,
+        paused=paused,
+    )
+    try:
+        view.start()
+        print(f"replay at {view.url} - Ctrl-C ends it", flush=True)
+        if not is_loopback(host):
+            print(f"on {host} anyone who can reach this computer can open it", flush=True)
+        if ready is not None:
+            ready.set()
+        if browser:
+            open_browser(view.url)
+        ending = stop or threading.Event()
+        while not ending.wait(0.5):
+            pass
+    except KeyboardInterrupt:
+        pass
+    finally:
+        view.stop()
+
+
+def open_browser(url: str) -> None:
+    """Open `url` in the browser; without a screen do nothing, or a text browser would take over."""
+    if sys.platform.startswith("linux") and not (
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    ):
+        return
+    import webbrowser
+
+    webbrowser.open(url)

@@ -1,0 +1,103 @@
+"""The sprayed field, from where the pump was on: swath lines, outline and area.
+
+The swath width is not in the telemetry. It is taken as the spacing of neighbouring spray lines,
+which is how a mission is planned; with fewer than two lines it stays unknown and nothing that
+depends on it is drawn or counted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from models.errors import TrackError
+from models.flight import Floats
+
+#: A spray line is a straight piece at least this long, m.
+SHORTEST_LINE = 5.0
+#: Lines closer than this are the same line flown again, m: the usual accuracy of a GPS position.
+SAME_LINE = 1.0
+#: Bends smaller than this are steering, not a new line, m.
+STRAIGHTNESS = 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Field:
+    """What was sprayed, in plan (north, east) and with the swath lines at their height."""
+
+    swaths_ned: tuple[Floats, ...]  # each (K, 3) m: one stretch with the pump on
+    ground: shapely.MultiPolygon  # (north, east) m; empty without a swath width
+    swath_width: float  # m, spacing of neighbouring lines; NaN unknown
+    area: float  # m² under the swaths, overlaps counted once; NaN without a width
+
+
+def sprayed_field(
+    position_ned: Floats, spraying: Floats, *, swath_width: float | None = None
+) -> Field | None:
+    """The field under the rows of `position_ned` (T, 3) m where `spraying` (T,) is 1.
+
+    None when the pump was never on or its state was not reported.
+    `swath_width` m overrides the spacing of the lines. Raises TrackError when shapes disagree.
+    """
+    if position_ned.ndim != 2 or position_ned.shape != (spraying.size, 3):
+        raise TrackError("a field needs position_ned (T, 3) and spraying (T,)")
+    on = np.flatnonzero((spraying > 0.5) & np.all(np.isfinite(position_ned), axis=1))
+    runs = [r for r in np.split(on, np.flatnonzero(np.diff(on) > 1) + 1) if r.size > 1]
+    if not runs:
+        return None
+    lines = shapely.simplify(
+        [shapely.LineString(position_ned[r]) for r in runs], 0.1, preserve_topology=False
+    )
+    swaths = tuple(shapely.get_coordinates(line, include_z=True) for line in lines)
+    width = line_spacing(swaths) if swath_width is None else swath_width
+    if not np.isfinite(width):
+        nowhere = shapely.MultiPolygon()
+        return Field(swaths_ned=swaths, ground=nowhere, swath_width=np.nan, area=np.nan)
+    # Half the spacing on both sides covers the ground; what then still gapes by less than half a
+    # swath is steering, so the outline closes over it. The area counts the strips alone. The union
+    # is made on a 1 mm grid: in floating point GEOS may drop a strip that just touches another.
+    strips = shapely.union_all(
+        shapely.buffer(shapely.force_2d(lines), width / 2, cap_style="flat", join_style="mitre"),
+        grid_size=1e-3,
+    )
+    closed = shapely.buffer(shapely.buffer(strips, width / 4), -width / 4)
+    parts = [p for p in shapely.get_parts(closed) if p.geom_type == "Polygon" and not p.is_empty]
+    return Field(
+        swaths_ned=swaths,
+        ground=shapely.MultiPolygon(parts),
+        swath_width=float(width),
+        area=float(strips.area),
+    )
+
+
+def line_spacing(swaths_ned: tuple[Floats, ...]) -> float:
+    """Median distance in m between neighbouring parallel spray lines; NaN for fewer than two."""
+    pieces = _straight_pieces(swaths_ned)
+    if len(pieces) < 2:
+        return np.nan
+    along = pieces[:, 1] - pieces[:, 0]
+    length = np.hypot(*along.T)
+    # Axial mean: there and back are one direction, so angles are doubled before averaging.
+    doubled = 2 * np.arctan2(along[:, 1], along[:, 0])
+    heading = np.arctan2(length @ np.sin(doubled), length @ np.cos(doubled)) / 2
+    parallel = np.abs(np.cos(np.arctan2(along[:, 1], along[:, 0]) - heading)) > np.cos(
+        np.radians(10.0)
+    )
+    middle = pieces[parallel].mean(axis=1)
+    across: Floats = middle @ np.array([-np.sin(heading), np.cos(heading)])
+    gaps: Floats = np.diff(np.sort(across))
+    gaps = gaps[gaps > SAME_LINE]
+    return float(np.median(gaps)) if gaps.size else np.nan
+
+
+def _straight_pieces(swaths_ned: tuple[Floats, ...]) -> Floats:
+    """(P, 2, 2) start and end, north and east, of the straight pieces long enough to be lines."""
+    pieces = [np.empty((0, 2, 2))]
+    for swath in swaths_ned:
+        line = shapely.simplify(shapely.LineString(swath[:, :2]), STRAIGHTNESS)
+        corners = shapely.get_coordinates(line)
+        pieces.append(np.stack([corners[:-1], corners[1:]], axis=1))
+    found = np.concatenate(pieces)
+    return found[np.hypot(*(found[:, 1] - found[:, 0]).T) >= SHORTEST_LINE]

@@ -1,0 +1,58 @@
+"""What a tick of the view costs on the server, and how soon a change reaches a browser's picture.
+
+Run with `pytest tests/bench/bench_view.py --benchmark-enable -s`. Nothing here passes or fails.
+"""
+
+import time
+
+import numpy as np
+import pytest
+
+from gcs_plugin.view.replay import ReplayView
+from mission.route import route_segments
+from tests.gcs_plugin.view_flight import flight
+
+
+@pytest.fixture
+def view():
+    view = ReplayView(flight(), port=0, speed=5.0)
+    view.start()
+    yield view
+    view.stop()
+
+
+@pytest.mark.parametrize("part", ["scene", "scene and gauges", "scene, gauges and charts"])
+def test_one_tick_on_the_server(benchmark, view, part):
+    server = view._server
+    benchmark(view._draw, server, gauges="gauges" in part, charts="charts" in part)
+
+
+@pytest.mark.parametrize("rows", [3_000, 36_000])
+def test_route_of_a_flight_in_1500_segments(benchmark, rows):
+    rng = np.random.default_rng(1)
+    along = np.arange(rows) * 0.4
+    position = np.column_stack([along % 200, along // 200 * 5, np.full(rows, -3.0)])
+    values = [0.5 + 0.1 * rng.standard_normal(rows) for _ in range(4)]
+    route = benchmark(route_segments, position, values)
+    assert route.count <= 1500
+
+
+@pytest.mark.browser
+def test_from_a_seek_to_the_changed_gauge_in_a_browser(benchmark, view):
+    from tests.browser import open_page
+
+    del benchmark
+    view.clock.pause()
+    with open_page(view.url, width=1500, height=850) as page:
+        page.wait_for_selector('[data-gauge="worst"]')
+        page.wait_for_timeout(3000)
+        waits = []
+        for time_s in np.linspace(2, 38, 30):
+            view.seek(float(time_s))
+            begun = time.perf_counter()
+            words = f"{view._samples.tank_kg[view._samples.index_at(time_s)]:.1f} kg"
+            page.wait_for_function(
+                "w => document.querySelector('[data-gauge=tank]').innerText.includes(w)", arg=words
+            )
+            waits.append(1e3 * (time.perf_counter() - begun))
+    print(f"\nseek to changed gauge: median {np.median(waits):.0f} ms, worst {max(waits):.0f} ms")

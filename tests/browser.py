@@ -1,0 +1,91 @@
+"""A real Chromium for tests that look at a page as its reader does.
+
+Without a browser a test is skipped, unless THRUSTMARGIN_REQUIRE_BROWSER=1: then it fails.
+THRUSTMARGIN_SCREENSHOTS names a folder in which screenshots are kept.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+import pytest
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+#: SwiftShader draws WebGL on the processor; the rest keeps the browser from calling home.
+FLAGS = (
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--disable-dev-shm-usage",
+)
+LOCAL_HOSTS = frozenset({"127.0.0.1", "localhost", ""})
+
+
+def chromium_path() -> str | None:
+    """The first Chromium or Chrome on this machine, or None."""
+    names = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+    return next(filter(None, map(shutil.which, names)), None)
+
+
+def require_chromium() -> str:
+    """The browser's path; skips the test without one, or fails it where one is required."""
+    path = chromium_path()
+    if path is None:
+        if os.environ.get("THRUSTMARGIN_REQUIRE_BROWSER") == "1":
+            pytest.fail("THRUSTMARGIN_REQUIRE_BROWSER=1 but no Chromium or Chrome is installed")
+        pytest.skip("no Chromium or Chrome on this machine")
+    return path
+
+
+def screenshot_folder(otherwise: Path) -> Path:
+    """The folder for screenshots: THRUSTMARGIN_SCREENSHOTS, or the one given."""
+    folder = Path(os.environ.get("THRUSTMARGIN_SCREENSHOTS") or otherwise)
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+@contextmanager
+def open_page(url: str, *, width: int = 1600, height: int = 900) -> Iterator[Page]:
+    """Open `url` in a fresh headless browser and yield playwright's page.
+
+    Fails on leaving when the page asked anything of another host, or threw an error in JavaScript.
+    """
+    path = require_chromium()
+    from playwright.sync_api import sync_playwright
+
+    elsewhere: list[str] = []
+    errors: list[str] = []
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, headless=True, args=[*FLAGS])
+        try:
+            page = browser.new_page(viewport={"width": width, "height": height})
+            page.on(
+                "request",
+                lambda r: (
+                    elsewhere.append(r.url)
+                    if (urlsplit(r.url).hostname or "") not in LOCAL_HOSTS
+                    else None
+                ),
+            )
+            page.on("pageerror", lambda e: errors.append(str(e)))
+            page.goto(url)
+            yield page
+        finally:
+            browser.close()
+    assert elsewhere == [], f"the page asked other hosts: {elsewhere[:3]}"
+    assert errors == [], f"the page threw: {errors[:3]}"

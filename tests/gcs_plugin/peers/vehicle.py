@@ -1,0 +1,110 @@
+"""A vehicle that speaks the mission and log protocols byte by byte, with faults on request.
+
+MAVSDK has no server for logs, and its mission server is no ArduPilot. Reads its orders as JSON from
+the first line of standard input, says "ready", and runs until standard input is closed:
+  port, system_id, autopilot (MAV_AUTOPILOT), items (rows of MISSION_ITEM_INT),
+  home (degE7, degE7, mm),
+  logs {number: [unix seconds, file]}, drop (one LOG_DATA in so many is lost, the first time),
+  silent_after (LOG_DATA sent before it falls silent), mute (heartbeats only),
+  key (hex: it signs, and hears only what is signed), overstate (bytes that its list of logs adds
+  to every size).
+"""
+
+import json
+import os
+import sys
+import threading
+import time
+from pathlib import Path
+
+os.environ["MAVLINK20"] = "1"
+from pymavlink import mavutil
+
+CHUNK = 90
+
+
+class Vehicle:
+    def __init__(self, orders: dict) -> None:
+        self.orders = orders
+        self.link = mavutil.mavlink_connection(
+            f"udpout:127.0.0.1:{orders['port']}",
+            source_system=orders.get("system_id", 1),
+            source_component=1,
+        )
+        if "key" in orders:
+            self.link.setup_signing(bytes.fromhex(orders["key"]))
+        self.logs = {
+            int(n): (t, Path(f).read_bytes()) for n, (t, f) in orders.get("logs", {}).items()
+        }
+        self.sent = 0
+        self.dropped: set[tuple[int, int]] = set()
+        self.last_heartbeat = 0.0
+
+    def run(self) -> None:
+        while True:
+            if time.monotonic() - self.last_heartbeat > 0.5:
+                self.last_heartbeat = time.monotonic()
+                self.link.mav.heartbeat_send(2, self.orders.get("autopilot", 3), 81, 0, 3)
+            message = self.link.recv_match(blocking=True, timeout=0.02)
+            mine = getattr(message, "target_system", 0) in (0, self.orders.get("system_id", 1))
+            if message is not None and mine and not self.orders.get("mute"):
+                answer = getattr(self, message.get_type().lower(), None)
+                if answer is not None:
+                    answer(message)
+
+    def command_long(self, message) -> None:
+        home = self.orders.get("home")
+        if message.command == 512 and message.param1 == 242 and home:
+            self.link.mav.home_position_send(*home, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0)
+
+    def mission_request_list(self, message) -> None:
+        self.link.mav.mission_count_send(
+            message.get_srcSystem(), message.get_srcComponent(), len(self.orders.get("items", []))
+        )
+
+    def mission_request_int(self, message) -> None:
+        self.link.mav.mission_item_int_send(
+            message.get_srcSystem(),
+            message.get_srcComponent(),
+            message.seq,
+            *self.orders["items"][message.seq],
+        )
+
+    def log_request_list(self, message) -> None:
+        for number, (unix, data) in self.logs.items():
+            if message.start <= number <= message.end:
+                self.link.mav.log_entry_send(
+                    number,
+                    len(self.logs),
+                    max(self.logs),
+                    unix,
+                    len(data) + self.orders.get("overstate", 0),
+                )
+        if not self.logs:
+            self.link.mav.log_entry_send(0, 0, 0, 0, 0)
+
+    def log_request_data(self, message) -> None:
+        data = self.logs[message.id][1]
+        for offset in range(message.ofs, min(message.ofs + message.count, len(data)), CHUNK):
+            place = (message.id, offset)
+            self.sent += 1
+            if self.sent > self.orders.get("silent_after", 1e18):
+                return
+            drop = self.orders.get("drop")
+            if drop and self.sent % drop == 0 and place not in self.dropped:
+                self.dropped.add(place)
+                continue
+            chunk = data[offset : offset + CHUNK]
+            self.link.mav.log_data_send(
+                message.id, offset, len(chunk), [*chunk.ljust(CHUNK, b"\0")]
+            )
+
+
+def main() -> None:
+    orders = json.loads(sys.stdin.readline())
+    threading.Thread(target=Vehicle(orders).run, daemon=True).start()
+    print("ready", flush=True)
+    sys.stdin.read()
+
+
+main()

@@ -1,0 +1,377 @@
+"""The module in a real MAVProxy, which hears a recorded flight over loopback UDP."""
+
+import importlib.util
+import json
+import os
+import re
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from urllib.request import urlopen
+
+import pytest
+
+from gcs_plugin.frames import Frame, frame_at
+from gcs_plugin.mavproxy_worker import Options, Reading, fields, reading, share, summary
+from gcs_plugin.stream import stamped_frames
+from gcs_plugin.watch import Fleet
+from models.airframe import load_airframe
+from models.rotor_model import physics_model, save_model
+
+MODULE = "gcs_plugin.mavproxy_module"
+PEERS = Path(__file__).parent / "peers"
+INSTALLED = importlib.util.find_spec("MAVProxy") is not None
+if not INSTALLED and os.environ.get("THRUSTMARGIN_REQUIRE_MAVPROXY"):
+    pytest.fail("THRUSTMARGIN_REQUIRE_MAVPROXY is set and the extra [mavproxy] is not installed")
+in_mavproxy = [
+    pytest.mark.slow,
+    pytest.mark.skipif(not INSTALLED, reason="the extra [mavproxy] is not installed"),
+]
+
+
+class MavProxy:
+    """One MAVProxy process; commands go to its standard input, `wait` reads what it prints."""
+
+    def __init__(self, folder: Path, *commands: str) -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.bind(("127.0.0.1", 0))
+            self.port = probe.getsockname()[1]
+        path = f"{PEERS}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"
+        self._process = subprocess.Popen(
+            [
+                *(sys.executable, "-u", "-m", "MAVProxy.mavproxy"),
+                *(f"--master=udpin:127.0.0.1:{self.port}", "--no-state", "--nowait"),
+                *(f"--cmd={c}" for c in ("module load mavproxy_probe", *commands)),
+            ],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            cwd=folder,
+            env={**os.environ, "HOME": str(folder), "PYTHONPATH": path},
+        )
+        self.printed: list[str] = []
+        self._read = 0
+        threading.Thread(target=self._collect, daemon=True).start()
+
+    def _collect(self) -> None:
+        assert self._process.stdout is not None
+        for line in self._process.stdout:
+            self.printed.append(re.sub(r"^(\w+> )+", "", line.rstrip("\n")))
+
+    def do(self, command: str) -> None:
+        assert self._process.stdin is not None
+        self._process.stdin.write(command + "\n")
+        self._process.stdin.flush()
+
+    def wait(self, pattern: str, timeout: float = 20.0) -> re.Match[str]:
+        """The next line printed that has `pattern`; lines before it are passed over."""
+        deadline = time.monotonic() + timeout
+        while time.monotonic() < deadline:
+            while self._read < len(self.printed):
+                self._read += 1
+                if found := re.search(pattern, self.printed[self._read - 1]):
+                    return found
+            time.sleep(0.02)
+        raise AssertionError(f"{pattern!r} not in:\n" + "\n".join(self.printed))
+
+    def ask(self, command: str, pattern: str) -> re.Match[str]:
+        self._read = len(self.printed)
+        self.do(command)
+        return self.wait(pattern)
+
+    def probe(self) -> dict[str, Any]:
+        return json.loads(self.ask("probe", "PROBE(.*)")[1])
+
+    def wait_for_field(self, name: str, colours: set[str], text: str = "") -> None:
+        """Until the console's field `name` has one of the colours and the text (a pattern)."""
+        deadline = time.monotonic() + 20.0
+        while True:
+            shown, colour, _ = self.probe()["fields"].get(name, ["", "", ""])
+            if colour in colours and re.search(text, shown):
+                return
+            assert time.monotonic() < deadline, (name, shown, colour)
+            time.sleep(0.2)
+
+    def close(self) -> int:
+        assert self._process.stdin is not None
+        self._process.stdin.close()
+        try:
+            return self._process.wait(15)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            raise
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("model") / "weight.safetensors"
+    save_model(physics_model(load_airframe("topxgun-f16-sitl")), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def flight(sitl_logs: Path) -> list[tuple[int, bytes]]:
+    """(µs from the first, frame) of a flight: take-off with 16 kg at 45 s, then spraying."""
+    found = list(stamped_frames(sitl_logs / "campaign" / "v4_m16_q2.5.tlog"))
+    start = found[0][0]
+    return [(t - start, data) for t, data in found if t - start < 85e6]
+
+
+@pytest.fixture
+def mavproxy(tmp_path: Path, model: Path) -> Iterator[MavProxy]:
+    running = MavProxy(tmp_path, f'module load {MODULE}:{{"model":"{model}"}}')
+    try:
+        running.wait(f"Loaded module {MODULE}")
+        yield running
+    finally:
+        running.close()
+
+
+def play(flight: list[tuple[int, bytes]], port: int, start: float, stop: float, speed: float):
+    """Send what was recorded from `start` to `stop` s; returns when it is sent."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+        began = time.monotonic()
+        for stamp, data in flight:
+            if start * 1e6 <= stamp < stop * 1e6:
+                ahead = (stamp * 1e-6 - start) / speed - (time.monotonic() - began)
+                if ahead > 0.002:
+                    time.sleep(ahead)
+                sender.sendto(data, ("127.0.0.1", port))
+
+
+@contextmanager
+def playing(flight: list[tuple[int, bytes]], port: int, start: float, stop: float, speed: float):
+    """Play on a thread meanwhile; waits for its end."""
+    thread = threading.Thread(target=play, args=(flight, port, start, stop, speed))
+    thread.start()
+    try:
+        yield
+    finally:
+        thread.join()
+
+
+def watched(flight: list[tuple[int, bytes]], start: float, stop: float, model: Path) -> Reading:
+    """What `gcs_plugin.watch` makes of the same frames in this process."""
+    from models.rotor_model import load_model
+
+    fleet = Fleet(load_model(model))
+    chosen = [(t, data) for t, data in flight if start * 1e6 <= t < stop * 1e6]
+    last = None
+    for n, (stamp, data) in enumerate(chosen, start=1):
+        frame, _, _ = frame_at(data, 0, stamp_us=1_700_000_000_000_000 + stamp)
+        assert isinstance(frame, Frame)
+        fleet.take([frame])
+        if n % 100 == 0 or n == len(chosen):
+            for update in fleet.updates():
+                last = reading(update, 0.0)
+    assert last is not None
+    return last
+
+
+class TestInMavproxy:
+    pytestmark = in_mavproxy
+
+    def test_margin_prints_what_the_watch_makes_of_the_same_frames(
+        self, mavproxy: MavProxy, flight, model: Path
+    ):
+        mavproxy.ask("margin", "margin: no vehicle heard yet")
+        first, second, *_ = summary(watched(flight, 40.0, 70.0, model), 0.5, 0.0)
+        assert "flying: thrust margin" in first
+        play(flight, mavproxy.port, 40.0, 70.0, 4.0)
+        mavproxy.wait("Telemetry lost for 3 s")  # by then everything is computed
+        vehicle, numbers = first.split(": ", 1)
+        mavproxy.ask("margin", rf"^{vehicle}, OLD: \d+ s ago: {re.escape(numbers)}$")
+        mavproxy.wait(f"^{re.escape(second)}$")
+        mavproxy.wait(r"  tank 15\.\d kg by NAMED_VALUE_FLOAT TANK, empty after ")
+
+    def test_everything_is_computed_off_the_main_thread(self, mavproxy: MavProxy, flight):
+        play(flight, mavproxy.port, 40.0, 45.0, 4.0)
+        mavproxy.wait("Thrust margin|online system")
+        mavproxy.ask("spy", "spying")
+        play(flight, mavproxy.port, 45.0, 53.0, 4.0)
+        seen = mavproxy.probe()
+        assert seen["analysed_on"] == ["thrustmargin"]
+        assert "thrustmargin" in seen["threads"]
+        assert not seen["torch"]
+        assert {field[2] for field in seen["fields"].values()} == {"main_loop"}
+
+    def test_a_limit_is_set_and_announced_when_the_margin_falls_under_it(
+        self, mavproxy: MavProxy, flight
+    ):
+        assert mavproxy.ask("margin limit", "margin limit (.*)")[1] == "50 %"
+        for wrong in ("x", "100", "-1", "nan"):
+            mavproxy.ask(f"margin limit {wrong}", f"margin limit {wrong}: give a number of percent")
+        mavproxy.ask("margin limit 20", "margin limit 20 %")
+        with playing(flight, mavproxy.port, 50.0, 70.0, 1.0):
+            mavproxy.wait_for_field("Margin", {"green"}, r"^Margin [34]\d % R[1-4]$")
+            assert not [line for line in mavproxy.printed if line.startswith("Thrust margin")]
+            mavproxy.ask("margin limit 60%", "margin limit 60 %")
+            mavproxy.wait(r"Thrust margin [34]\d% under 60%: rotor [1-4]")
+            mavproxy.ask("margin", "ALARM Thrust margin")
+            mavproxy.wait_for_field("Margin", {"red"})
+            mavproxy.wait_for_field("OneOut", {"orange"}, r"^OneOut 0\.9\d$")
+            mavproxy.wait_for_field("Tank", {"black"}, r"^Tank 1[56]\.\d kg$")
+
+    def test_what_is_old_is_grey_and_said_to_be_old(self, mavproxy: MavProxy, flight):
+        play(flight, mavproxy.port, 50.0, 58.0, 4.0)
+        mavproxy.wait("Telemetry lost for 3 s")
+        mavproxy.ask("margin", r"vehicle 1, flying, OLD: \d+ s ago: thrust margin [34]\d %")
+        mavproxy.wait_for_field("Margin", {"grey"}, "^Margin --$")
+        with playing(flight, mavproxy.port, 58.0, 78.0, 1.0):
+            mavproxy.wait("over: Telemetry lost")
+            mavproxy.wait_for_field("Margin", {"red", "green"})
+
+    def test_damage_on_the_link_does_no_harm(self, mavproxy: MavProxy, flight):
+        torn = [
+            (t, data[:-3] if n % 9 == 0 else data[5:] if n % 10 == 0 else data)
+            for n, (t, data) in enumerate(flight)
+        ]
+        play(torn, mavproxy.port, 40.0, 60.0, 4.0)
+        mavproxy.ask("margin", r"vehicle 1, flying.*: thrust margin [34]\d %")
+
+    def test_it_can_be_unloaded_and_loaded_again(self, mavproxy: MavProxy, flight, model: Path):
+        play(flight, mavproxy.port, 40.0, 44.0, 4.0)
+        mavproxy.ask(f"module unload {MODULE}", f"Unloaded module {MODULE}")
+        mavproxy.ask("margin", "Unknown command 'margin'")
+        assert "thrustmargin" not in mavproxy.probe()["threads"]
+        loaded = f'{MODULE}:{{"model":"{model}","limit":45}}'
+        mavproxy.ask(f"module load {loaded}", "Loaded module")
+        mavproxy.ask("margin limit", "margin limit 45 %")
+        mavproxy.ask(f"module reload {loaded}", f"Reloaded module {MODULE}")
+        mavproxy.ask("margin", "margin: no vehicle heard yet")
+        assert mavproxy.probe()["threads"].count("thrustmargin") == 1
+
+    def test_view_opens_a_page_of_its_own_process_that_hears_the_vehicle(
+        self, mavproxy: MavProxy, flight
+    ):
+        address = mavproxy.ask("margin view", r"margin view: (http://127\.0\.0\.1:\d+)")[1]
+        deadline = time.monotonic() + 40.0
+        page = b""
+        while not page:
+            assert time.monotonic() < deadline, "\n".join(mavproxy.printed)
+            try:
+                page = urlopen(address, timeout=2.0).read()
+            except OSError:
+                time.sleep(0.2)
+        assert b"<html" in page
+        mavproxy.ask("margin view", f"margin view is open: {address}")
+        play(flight, mavproxy.port, 40.0, 44.0, 4.0)
+        mavproxy.ask(f"module unload {MODULE}", f"Unloaded module {MODULE}")
+        with pytest.raises(OSError, match="refused"):
+            urlopen(address, timeout=2.0)
+
+    def test_a_view_that_cannot_start_says_why(self, tmp_path: Path, model: Path):
+        copy = tmp_path / "gone.safetensors"
+        copy.write_bytes(model.read_bytes())
+        running = MavProxy(tmp_path, f'module load {MODULE}:{{"model":"{copy}"}}')
+        try:
+            running.wait(f"Loaded module {MODULE}")
+            time.sleep(3.0)
+            copy.unlink()
+            running.ask("margin view", "margin view: http")
+            running.wait(r"margin view ended: thrustmargin: .*gone\.safetensors", timeout=40.0)
+            running.ask("margin", "margin: no vehicle heard yet")
+        finally:
+            running.close()
+
+    def test_a_model_that_is_not_there_is_named(self, tmp_path: Path):
+        running = MavProxy(tmp_path, f'module load {MODULE}:{{"model":"absent.safetensors"}}')
+        try:
+            running.wait("margin: .*absent.safetensors")
+            running.ask("margin", "margin: .*absent.safetensors")
+            running.ask("margin bla", "margin: thrust margin of every vehicle")
+        finally:
+            running.close()
+
+
+@pytest.mark.skipif(not INSTALLED, reason="the extra [mavproxy] is not installed")
+def test_importing_the_module_does_nothing():
+    code = (
+        "import sys, threading\n"
+        f"import {MODULE}\nimport importlib\n"
+        f"importlib.reload(sys.modules['{MODULE}'])\n"
+        "assert threading.active_count() == 1\n"
+        "heavy = {'gcs_plugin.watch', 'models', 'torch', 'viser', 'mavsdk'} & set(sys.modules)\n"
+        "assert not heavy, heavy\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == done.stderr == ""
+
+
+# --- words ------------------------------------------------------------------------------------
+
+NOW = Reading(
+    vehicle=3,
+    stamp=100.0,
+    flying=True,
+    margin=0.423,
+    rotor=2,
+    margin_predicted=0.45,
+    redundancy=0.96,
+    tank_kg=12.25,
+    tank_source="NAMED_VALUE_FLOAT TANK",
+    seconds_to_empty=294.4,
+    margin_full=0.39,
+)
+
+
+def test_the_summary_says_everything_with_its_unit():
+    assert summary(NOW, 0.5, 0.1) == [
+        "vehicle 3, flying: thrust margin 42 % (rotor 2), predicted 45 %, limit 50 %",
+        "  one rotor lost, heading given up: 0.96 of the weight",
+        "  tank 12.2 kg by NAMED_VALUE_FLOAT TANK, empty after 294 s of spraying, "
+        "margin when refilled 39 %",
+    ]
+
+
+def test_what_is_not_known_is_two_dashes():
+    unknown = Reading(vehicle=1, stamp=0.0)
+    assert summary(unknown, 0.5, 0.0) == [
+        "vehicle 1, on the ground: thrust margin --, predicted --, limit 50 %",
+        "  one rotor lost, heading given up: -- of the weight",
+        "  tank -- kg, empty after -- s of spraying, margin when refilled --",
+    ]
+    assert share(float("inf")) == "--"
+
+
+def test_the_rest_of_the_route_and_alarms_have_lines_of_their_own():
+    more = replace(NOW, margin_ahead=0.31, alarms=("Tank empty, pump still on",))
+    assert summary(more, 0.5, 0.0)[3:] == [
+        "  least margin on the rest of the route 31 %",
+        "  ALARM Tank empty, pump still on",
+    ]
+
+
+def test_a_problem_takes_the_place_of_numbers():
+    stopped = replace(NOW, problem="two vehicles send as system 3")
+    assert summary(stopped, 0.5, 0.0) == ["vehicle 3: two vehicles send as system 3"]
+    assert fields(stopped, 0.5, 0.0)["Margin"] == ("Margin --", "grey")
+    assert summary(Reading(vehicle=3), 0.5, 0.0) == ["vehicle 3: no rotor speeds yet"]
+
+
+@pytest.mark.parametrize(
+    ("margin", "redundancy", "colours"),
+    [(0.51, 1.01, ("green", "green")), (0.49, 0.99, ("red", "orange"))],
+)
+def test_fields_change_colour_at_their_limits(margin, redundancy, colours):
+    shown = fields(replace(NOW, margin=margin, redundancy=redundancy), 0.5, 0.0)
+    assert (shown["Margin"][1], shown["OneOut"][1]) == colours
+
+
+@pytest.mark.parametrize("age", [2.1, float("nan")])
+def test_fields_of_old_rows_are_grey(age: float):
+    assert {colour for _, colour in fields(NOW, 0.5, age).values()} == {"grey"}
+    assert {colour for _, colour in fields(None, 0.5, 0.0).values()} == {"grey"}
+
+
+def test_options_have_the_monitors_defaults():
+    assert Options() == Options(model=None, airframe=None, tank="auto", limit=0.5)

@@ -1,0 +1,96 @@
+"""The sprayed field from where the pump was on."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import shapely
+
+from mission.field import line_spacing, sprayed_field
+from models.errors import TrackError
+
+
+def boustrophedon(lines: int, length: float, spacing: float, *, heading: float = 0.0):
+    """A mission back and forth, pump off in turns: position (T, 3) and spraying (T,)."""
+    rows, on = [], []
+    for i in range(lines):
+        along = np.linspace(0, length, 81)
+        rows.append(np.column_stack([along[:: 1 if i % 2 == 0 else -1], np.full(81, i * spacing)]))
+        on.append(np.ones(81))
+        turn = np.linspace(i, i + 1, 11)[1:-1] * spacing
+        rows.append(np.column_stack([np.full(9, rows[-1][-1, 0]), turn]))
+        on.append(np.zeros(9))
+    plan = np.vstack(rows)
+    c, s = np.cos(heading), np.sin(heading)
+    turned = plan @ np.array([[c, -s], [s, c]]).T
+    return np.column_stack([turned, np.full(len(plan), -3.0)]), np.concatenate(on)
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.4, np.pi / 2, 2.5])
+def test_swath_and_area_are_those_flown_whatever_the_heading(heading):
+    position, spraying = boustrophedon(6, 100.0, 5.0, heading=heading)
+    field = sprayed_field(position, spraying)
+    assert field is not None
+    assert field.swath_width == pytest.approx(5.0, rel=1e-6)
+    assert field.area == pytest.approx(6 * 5.0 * 100.0, rel=1e-4)
+    assert len(field.swaths_ned) == 6
+    assert len(field.ground.geoms) == 1
+    assert field.ground.area == pytest.approx(3000.0, rel=1e-3)
+
+
+def test_every_sprayed_row_lies_in_the_outline_and_the_way_home_does_not():
+    position, spraying = boustrophedon(6, 100.0, 5.0)
+    home = np.column_stack([np.linspace(0, -60, 30), np.full(30, -40.0), np.full(30, -3.0)])
+    field = sprayed_field(np.vstack([position, home]), np.r_[spraying, np.zeros(30)])
+    assert field is not None
+    outline = field.ground.buffer(1e-3)
+    assert all(outline.covers(shapely.Point(p[:2])) for p in position[spraying > 0])
+    assert not any(outline.covers(shapely.Point(p[:2])) for p in home)
+
+
+def test_ground_inside_a_sprayed_ring_is_not_sprayed():
+    corner = np.array([[0.0, 0], [60, 0], [60, 60], [0, 60], [0, 0]])
+    ring = np.concatenate([np.linspace(a, b, 40) for a, b in pairwise(corner)])
+    position = np.column_stack([ring, np.full(len(ring), -3.0)])
+    field = sprayed_field(position, np.ones(len(ring)), swath_width=5.0)
+    assert field is not None
+    assert not field.ground.contains(shapely.Point(30, 30))
+    assert field.ground.area == pytest.approx(4 * 60 * 5, rel=0.05)
+
+
+def test_overlapping_swaths_are_counted_once():
+    position, spraying = boustrophedon(4, 80.0, 5.0)
+    once = sprayed_field(position, spraying)
+    twice = sprayed_field(np.vstack([position, position]), np.r_[spraying, spraying])
+    assert once is not None
+    assert twice is not None
+    assert twice.area == pytest.approx(once.area, rel=1e-4)
+    assert twice.swath_width == pytest.approx(5.0)
+
+
+def test_one_line_alone_has_no_width_and_nothing_is_made_up():
+    position, spraying = boustrophedon(1, 100.0, 5.0)
+    field = sprayed_field(position, spraying)
+    assert field is not None
+    assert np.isnan(field.swath_width)
+    assert np.isnan(field.area)
+    assert field.ground.is_empty
+    given = sprayed_field(position, spraying, swath_width=4.0)
+    assert given is not None
+    assert given.area == pytest.approx(400.0, rel=1e-4)
+
+
+def test_a_pump_that_never_ran_or_was_not_reported_is_no_field():
+    position, spraying = boustrophedon(3, 50.0, 5.0)
+    assert sprayed_field(position, np.zeros_like(spraying)) is None
+    assert sprayed_field(position, np.full_like(spraying, np.nan)) is None
+    assert sprayed_field(np.full_like(position, np.nan), spraying) is None
+
+
+def test_line_spacing_needs_two_lines():
+    assert np.isnan(line_spacing(()))
+
+
+def test_shapes_that_disagree_are_refused():
+    with pytest.raises(TrackError, match="spraying"):
+        sprayed_field(np.zeros((4, 3)), np.zeros(5))
