@@ -25,7 +25,7 @@ RATIO = 1.07  # of neighbouring lengths
 LENGTHS = 42  # the longest is 16 times the shortest
 DAMPING = 0.03  # zeta, share of critical: assumed, the air drag of a load and its cable
 MOST_PULL = 4.0  # weights of the load; beyond it a swing is not one
-FINEST = 0.15  # rad of swing phase a step
+FINEST = 0.2  # rad of swing phase a step
 
 
 def shortest_cable(airframe: Airframe) -> float:
@@ -74,33 +74,48 @@ def swing(track: FlightTrack, lengths: Floats) -> Swing:
     first = int(np.argmax(known))
     f = force[first]
     direction = np.tile(-f / np.linalg.norm(f), (lengths.size, 1))
-    rate = np.zeros_like(direction)
-    damping = 2.0 * DAMPING * np.sqrt(G0 / lengths)
+    state = np.stack([direction, np.zeros_like(direction)])
     fastest = float(np.sqrt(G0 / lengths.min()))
     for t in range(first, rows):
+        direction, rate = state
         if known[t]:
-            f = force[t]
             tension = lengths * np.sum(rate**2, axis=1) - direction @ f
             out.direction_ned[t] = direction
             out.pull[t] = np.clip(tension * (direction @ down[t]) / G0, 0.0, MOST_PULL)
         if t + 1 < rows:
+            after = force[t + 1] if known[t + 1] else f
             span = float(track.time_s[t + 1] - track.time_s[t])
             steps = max(1, int(np.ceil(span * fastest / FINEST)))
-            for _ in range(steps):
-                direction, rate = _step(direction, rate, f, lengths, damping, span / steps)
+            for k in range(steps):
+                part = [f + (after - f) * (k + c) / steps for c in (0.0, 0.5, 1.0)]
+                state = _step(state, part, lengths, span / steps)
+            f = after
     return out
 
 
-def _step(
-    direction: Floats, rate: Floats, force: Floats, lengths: Floats, damping: Floats, span: float
-) -> tuple[Floats, Floats]:
-    """Direction and rate (L, 3) `span` s later under one force; semi-implicit Euler."""
+def _step(state: Floats, force: list[Floats], lengths: Floats, span: float) -> Floats:
+    """Direction and rate (2, L, 3) `span` s later: Runge-Kutta of order 4, back on the sphere.
+
+    `force` is that at the start, in the middle and at the end of the step.
+    """
+    start, middle, end = force
+    k1 = _motion(state, start, lengths)
+    k2 = _motion(state + 0.5 * span * k1, middle, lengths)
+    k3 = _motion(state + 0.5 * span * k2, middle, lengths)
+    k4 = _motion(state + span * k3, end, lengths)
+    direction, rate = state + span / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    direction = direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    rate = rate - np.sum(rate * direction, axis=1, keepdims=True) * direction
+    return np.stack([direction, rate])
+
+
+def _motion(state: Floats, force: Floats, lengths: Floats) -> Floats:
+    """Time derivative of direction and rate, (2, L, 3)."""
+    direction, rate = state
     across = force - (direction @ force)[:, None] * direction
     turning = np.sum(rate**2, axis=1, keepdims=True)
-    rate = rate - span * (across / lengths[:, None] + turning * direction + damping[:, None] * rate)
-    direction = direction + span * rate
-    direction = direction / np.linalg.norm(direction, axis=1, keepdims=True)
-    return direction, rate - np.sum(rate * direction, axis=1, keepdims=True) * direction
+    damping = 2.0 * DAMPING * np.sqrt(G0 / lengths)[:, None]
+    return np.stack([rate, -across / lengths[:, None] - turning * direction - damping * rate])
 
 
 def _force_ned(track: FlightTrack) -> tuple[Floats, Floats]:

@@ -1,5 +1,6 @@
 """A load on a cable: laws of the pendulum, and a known load found again from rotor speeds."""
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -127,7 +128,7 @@ def test_the_brackets_cover_the_table_of_lengths_without_a_hole():
     ]
     assert ends[0][0] == pytest.approx(shortest_cable(airframe), rel=1e-3)
     assert all(low < start < high for low, start, high in ends)
-    assert all(a[2] > b[0] for a, b in zip(ends, ends[1:], strict=False))
+    assert all(a[2] > b[0] for a, b in itertools.pairwise(ends))
 
 
 def flown_with_load(seed: int, *, mass: float, load: float, cable: float, seconds: float = 16.0):
