@@ -21,8 +21,8 @@ from models.atmosphere import G0
 from models.flight import Bools, FlightTrack, Floats
 
 SHORTEST = 4.0  # arms of the aircraft
-RATIO = 1.07  # of neighbouring lengths
-LENGTHS = 42  # the longest is 16 times the shortest
+RATIO = 1.035  # of neighbouring lengths
+LENGTHS = 82  # the longest is 16 times the shortest
 DAMPING = 0.03  # zeta, share of critical: assumed, the air drag of a load and its cable
 MOST_PULL = 4.0  # weights of the load; beyond it a swing is not one
 FINEST = 0.2  # rad of swing phase a step

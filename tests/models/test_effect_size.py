@@ -68,7 +68,7 @@ def forward_flight(heading_deg: float, north: float, east: float) -> FlightTrack
     yaw = np.full(rows, np.radians(heading_deg))
     return FlightTrack.of(
         name="line",
-        time_s=0.1 * np.arange(rows),
+        time_s=0.1 * np.arange(rows, dtype=np.float64),
         rotor_count=4,
         attitude=np.stack([0 * yaw, 0 * yaw, yaw], axis=1),
         velocity_ned=np.tile([north, east, 0.0], (rows, 1)),

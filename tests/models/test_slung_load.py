@@ -24,7 +24,7 @@ STEP = 0.02
 
 def track_of(acceleration, up=None, **given) -> FlightTrack:
     """A flight whose hook accelerates as (T, 3) NED m/s², thrust axis along `up` (T, 3) NED."""
-    time_s = STEP * np.arange(len(acceleration))
+    time_s = STEP * np.arange(len(acceleration), dtype=np.float64)
     force = acceleration - np.array([0.0, 0.0, G0])
     up = force / np.linalg.norm(force, axis=1, keepdims=True) if up is None else up
     pitch = np.arcsin(np.clip(-up[:, 0], -1, 1))  # yaw 0: down = (sin p cos r, -sin r, cos p cos r)
@@ -138,7 +138,7 @@ def flown_with_load(seed: int, *, mass: float, load: float, cable: float, second
     """
     airframe = load_airframe("crazyflie-rpm")
     generator = np.random.default_rng(seed)
-    time_s = STEP * np.arange(int(seconds / STEP))
+    time_s = STEP * np.arange(int(seconds / STEP), dtype=np.float64)
     rates = generator.uniform(1.5, 5.0, size=(3, 4))
     phases = generator.uniform(0, 2 * np.pi, size=(3, 4))
     sizes = np.array([1.2, 1.2, 0.3])[:, None] * generator.uniform(0.3, 1.0, size=(3, 4))
