@@ -17,7 +17,10 @@ its TCP client prints, sleeps and connects while it holds the receiving thread.
 from __future__ import annotations
 
 import contextlib
+import os
+import re
 import socket
+import stat
 import sys
 import time
 from dataclasses import dataclass
@@ -71,12 +74,26 @@ def parse_url(url: str) -> Endpoint:
     device, _, baud = url.partition(",")
     if baud and not baud.isdecimal():
         raise LinkError(f"{url}: {baud!r} is no baud rate; write it as in {device},57600")
-    if device.upper().startswith("COM") or Path(device).exists():
+    if re.fullmatch(r"COM\d+", device, re.IGNORECASE) or _is_character_device(device):
         return Endpoint("serial", path=device, baud=int(baud) if baud else 115_200)
+    if device.startswith("/dev/"):
+        raise LinkError(f"{url}: there is no such serial port; is it plugged in?")
+    if Path(url).is_file():
+        raise LinkError(
+            f"{url}: a file, but no .tlog; only telemetry logs (.tlog) can be played as a link"
+        )
     raise LinkError(
-        f"{url}: not a link; use udpin:host:port, udpout:host:port, tcp:host:port, "
-        "tcpin:host:port, a serial port (/dev/ttyACM0,57600) or a .tlog"
+        f"{url or 'an empty URL'}: not a link; use udpin:host:port, udpout:host:port, "
+        "tcp:host:port, tcpin:host:port, a serial port (/dev/ttyACM0,57600) or a .tlog"
     )
+
+
+def _is_character_device(path: str) -> bool:
+    """What a serial port is on Linux and macOS; any other file is a mistyped name."""
+    try:
+        return stat.S_ISCHR(os.stat(path).st_mode)
+    except (OSError, ValueError):
+        return False
 
 
 class Transport(Protocol):

@@ -209,12 +209,20 @@ def test_a_refused_frame_is_counted_and_not_given_on_but_forwarded():
         ("tcp:127.0.0.1:port", "needs a host and a port"),
         ("missing.tlog", "no such file"),
         ("nonsense", "not a link"),
+        ("", "an empty URL: not a link"),
         ("COM3,fast", "no baud rate"),
+        # A mistyped file name is no serial port, whether or not there is such a file.
+        ("flight.bin", "not a link"),
+        ("COMpany.log", "not a link"),
+        (".", "not a link"),
+        (__file__, "a file, but no .tlog"),
+        ("/dev/ttyNOPE,57600", "no such serial port"),
     ],
 )
 def test_a_wrong_url_says_how_to_write_it(url, words):
-    with pytest.raises(LinkError, match=words):
+    with pytest.raises(LinkError, match=words) as told:
         parse_url(url)
+    assert "\n" not in str(told.value)
 
 
 def test_urls_are_read_as_pymavlink_reads_them():
