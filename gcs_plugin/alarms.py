@@ -9,9 +9,10 @@
 | `envelope` | the flight is outside the training of the model's network | 5 s | inside | 5 s |
 | `saturation` | a motor's output or a rotor's speed > 0.97 of its most | 0.5 s | < 0.92 | 2 s |
 | `telemetry` | nothing heard | 3 s | heard | 1 s |
-| `rotor speeds` | other messages come, but no rotor speed | 3 s | heard | 1 s |
-What is not known (NaN) neither raises nor clears. Times are the vehicle's clock, but for the last
-two, which are the ground's. Measured false alarms: tests/bench/bench_live.py.
+| `rotor speeds` | in flight other messages come, but not every rotor's speed | 3 s | heard | 1 s |
+What is not known (NaN) neither raises nor clears; a rotor under the limit counts though another is
+unknown. Times are the vehicle's clock, but for the last two, which are the ground's. While an alarm
+stands its text follows the numbers. Measured false alarms: tests/bench/bench_alarms.py.
 
 Rotor residual. With e_i = (N_i/N_i,predicted)^2 - 1, what rotor i needs beyond the model,
     x_i = e_i - max e_j - (max e_j - min e_j),  j != i       S_i = max(0, S_i + (x_i - k) dt)
@@ -24,17 +25,18 @@ of a propeller put into them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from gcs_plugin.alarm import CRITICAL, NOTICE, WARNING, Alarm, AlarmEvent, Debounce
 from gcs_plugin.tank import BalanceWatch, TankBalance
 from models.analysis import Basis, FlightAnalysis
 from models.flight import Floats
 
-#: MAV_SEVERITY
-CRITICAL, WARNING, NOTICE = 2, 4, 5
+ROTORS_HOLD = 1.0  # s of the time after which missing rotor speeds are told
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,49 +55,6 @@ class AlarmSettings:
     tank_mass_kg: float = 3.0  # kg between gauge and thrust
     saturation: float = 0.97
     silence: float = 3.0
-
-
-@dataclass(frozen=True, slots=True)
-class Alarm:
-    """One alarm that stands. `text` fits the 50 characters of a STATUSTEXT."""
-
-    name: str
-    rotor: int | None  # from 1
-    severity: int  # MAV_SEVERITY
-    text: str
-    since_s: float
-
-    @property
-    def key(self) -> tuple[str, int | None]:
-        return self.name, self.rotor
-
-
-@dataclass(frozen=True, slots=True)
-class AlarmEvent:
-    """An alarm was raised or cleared."""
-
-    raised: bool
-    alarm: Alarm
-    time_s: float
-
-
-@dataclass(frozen=True, slots=True)
-class Debounce:
-    """A condition that must hold for a time to count, and be gone for a time to end."""
-
-    hold: float
-    release: float
-    active: bool = False
-    since: float = float("nan")  # when the opposite of `active` began; NaN: it has not
-
-    def after(self, time_s: float, on: bool, off: bool) -> Debounce:
-        """The next state; `on` wants it active, `off` inactive, neither leaves it as it is."""
-        if not (off if self.active else on):
-            return replace(self, since=float("nan")) if self.since == self.since else self
-        began = self.since if self.since == self.since else time_s
-        if time_s - began >= (self.release if self.active else self.hold):
-            return replace(self, active=not self.active, since=float("nan"))
-        return self if self.since == self.since else replace(self, since=time_s)
 
 
 class Alarms:
@@ -117,7 +76,7 @@ class Alarms:
             "envelope": (5.0, 5.0),
             "saturation": (0.5, 2.0),
             "telemetry": (0.0, 1.0),
-            "rotor speeds": (0.0, 1.0),
+            "rotor speeds": (ROTORS_HOLD, 1.0),
         }
 
     def rows(
@@ -186,10 +145,14 @@ class Alarms:
             text="Outside the model's training: weight only",
         )
 
-    def heard(self, now_s: float, silent: float, rotor_silent: float) -> list[AlarmEvent]:
-        """Judge the link: s since anything, and since a rotor speed, was heard (ground's clock).
+    def heard(
+        self, now_s: float, silent: float, rotors_silent: Floats, *, flying: bool = True
+    ) -> list[AlarmEvent]:
+        """Judge the link: s since anything, and (R,) since each rotor's speed, was heard.
 
-        `rotor_silent` is NaN for a vehicle that has never reported a rotor speed.
+        Times are the ground's clock. `rotors_silent` is NaN for a vehicle that has never reported a
+        rotor speed. `flying` when last heard: a vehicle that is switched off after a landing is
+        worth a notice, and one whose motors rest owes no rotor speeds.
         """
         events: list[AlarmEvent] = []
         limit = self.settings.silence
@@ -199,17 +162,21 @@ class Alarms:
             now_s,
             on=silent > limit,
             off=silent <= limit,
-            severity=CRITICAL,
-            text=f"Telemetry lost for {limit:.0f} s",
+            severity=CRITICAL if flying else NOTICE,
+            text="Telemetry lost in flight" if flying else "No telemetry, last on the ground",
         )
+        # Counted until the last message of any kind, or a lost link would look like lost ESCs; a
+        # part of the time as hold, for rotor speeds are not the first to be heard on its return.
+        behind = rotors_silent - silent
+        missing = np.flatnonzero(behind > limit - ROTORS_HOLD)
         self._set(
             events,
             ("rotor speeds", None),
             now_s,
-            on=rotor_silent > limit and silent <= limit,
-            off=rotor_silent <= limit,
+            on=missing.size > 0 and silent <= limit and flying,
+            off=bool(np.all(behind <= limit - ROTORS_HOLD)) or not flying,
             severity=WARNING,
-            text="No rotor speeds: ESC telemetry lost",
+            text=_unheard(missing, rotors_silent.size),
         )
         return events
 
@@ -234,19 +201,23 @@ class Alarms:
             events.append(AlarmEvent(True, alarm, time_s))
         elif before.active and not after.active:
             events.append(AlarmEvent(False, self.standing.pop(key), time_s))
+        elif after.active and text and not off:
+            # Replaced, never changed: other threads read what stands.
+            self.standing[key] = replace(self.standing[key], text=text[:50], severity=severity)
 
     def _margin(self, events: list[AlarmEvent], time_s: float, margin: Floats) -> None:
-        worst = float(np.min(margin))
+        known = np.isfinite(margin)
+        worst = float(np.min(margin[known], initial=np.inf))
         limit = self.settings.margin_limit
-        rotor = int(np.argmin(margin)) + 1 if worst == worst else 0
+        rotor = int(np.argmin(np.where(known, margin, np.inf))) + 1
         self._set(
             events,
             ("margin", None),
             time_s,
             on=worst < limit,
-            off=worst > limit + self.settings.margin_hysteresis,
+            off=bool(np.all(known)) and worst > limit + self.settings.margin_hysteresis,
             severity=WARNING,
-            text=f"Thrust margin {worst:.0%} under {limit:.0%}: rotor {rotor}",
+            text=_margin_words(worst, limit, rotor),
         )
 
     def _ahead(self, events: list[AlarmEvent], time_s: float, ahead: float) -> None:
@@ -324,6 +295,22 @@ class Alarms:
             )
 
 
+def _margin_words(worst: float, limit: float, rotor: int) -> str:
+    """Rounded down, so that what is under the limit also reads so."""
+    if not math.isfinite(worst):
+        return ""
+    place = "under" if worst < limit else "near"
+    return f"Thrust margin {math.floor(100 * worst + 1e-6)}% {place} {limit:.0%}: rotor {rotor}"
+
+
+def _unheard(missing: NDArray[np.intp], rotors: int) -> str:
+    """Which rotors give no speed, for people."""
+    if missing.size == rotors:
+        return "No rotor speeds: ESC telemetry lost"
+    several = "s" if missing.size > 1 else ""
+    return f"No speed of rotor{several} {', '.join(str(k + 1) for k in missing)}: ESC?"
+
+
 def _excess(analysis: FlightAnalysis) -> Floats:
     """(T, R) thrust that each rotor needs beyond the model, as a share of the model's."""
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -359,8 +346,3 @@ def parts(one: float, other: float, settings: AlarmSettings) -> bool:
     """Whether two losses, kg, differ by more than either tolerance; False when one is unknown."""
     apart = abs(one - other)
     return apart > max(settings.tank_kg, settings.tank_share * max(abs(one), abs(other)))
-
-
-def worst_first(standing: Sequence[Alarm]) -> list[Alarm]:
-    """Alarms by severity, then age."""
-    return sorted(standing, key=lambda alarm: (alarm.severity, alarm.since_s))

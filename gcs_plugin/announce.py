@@ -2,7 +2,10 @@
 
 A text goes out when an alarm is raised (with its severity) and when it is cleared (NOTICE); what
 still stands is said again every 30 s. At most one text a second and vehicle, the gravest first; of
-more than 8 waiting the least grave are dropped. Figures go out once a second:
+more than 8 waiting the least grave are dropped. Nothing is said in the name of a vehicle that is
+itself silent: ground stations (QGroundControl's VehicleLinkManager) take any message of its system
+for a sign of life, and would not tell that the link is lost. The texts wait for its return.
+Figures go out once a second:
     MARGIN      measured thrust margin of the worst rotor, %
     MARGIN_PRE  the same as predicted, %
     MARGIN_AHD  least predicted on the rest of the route, %
@@ -18,11 +21,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gcs_plugin.alarms import NOTICE, WARNING, AlarmEvent
+from gcs_plugin.alarm import NOTICE, WARNING, AlarmEvent
+from gcs_plugin.fleet import Fleet
 from gcs_plugin.speaker import Speaker
-from gcs_plugin.watch import Fleet, Update
+from gcs_plugin.watch import Update
 
 TEXT_EVERY, FIGURES_EVERY, REMIND_EVERY = 1.0, 1.0, 30.0  # s
+QUIET = 1.5  # s of a vehicle's silence from which nothing is said for it
 WAITING = 8
 LONGEST = 50  # bytes of a STATUSTEXT
 
@@ -60,12 +65,14 @@ class Announcer:
         now_s = now_us * 1e-6
         for number, watch in fleet.vehicles.items():
             state = self._vehicles.setdefault(number, _Vehicle())
+            if watch.silent(now_us) > QUIET:
+                continue
             if now_s - state.figures_s >= FIGURES_EVERY:
                 state.figures_s = now_s
                 self._speaker.heartbeat(number)
-                silent = now_s - watch.state.stamp_us * 1e-6
-                if watch.last is not None and silent < FIGURES_EVERY:
-                    self._figures(number, watch.last)
+                row = watch.last
+                if row is not None and now_us - int(row.stamp_us[-1]) < QUIET * 1e6:
+                    self._figures(number, row)
             for key, alarm in watch.alarms.standing.items():
                 said = state.reminded.setdefault(key, now_s)
                 if alarm.severity <= WARNING and now_s - said >= REMIND_EVERY:

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs_plugin.alarms import CRITICAL, Alarm, worst_first
-from gcs_plugin.monitor import Monitor, MonitorStatus, gone_for
+from gcs_plugin.alarm import CRITICAL, Alarm, worst_first
+from gcs_plugin.monitor import Monitor, MonitorStatus
 from gcs_plugin.watch import Update, VehicleWatch
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def screen(monitor: Monitor) -> RenderableType:
     alarms: list[tuple[int, Alarm]] = []
     remarks: list[Text] = []
     for number, watch in list(monitor.fleet.vehicles.items()):
-        if gone_for(watch, now_us):
+        if watch.left(now_us):
             continue
         table.add_row(*vehicle_cells(watch, now_us, monitor.fleet.margin_limit))
         standing = list(watch.alarms.standing.values())
@@ -62,7 +62,7 @@ def screen(monitor: Monitor) -> RenderableType:
 def vehicle_cells(watch: VehicleWatch, now_us: int, limit: float) -> list[str]:
     """One row of the table; rich markup only from here, never from what a vehicle sent."""
     update = watch.last
-    silent = (now_us - watch.state.stamp_us) * 1e-6
+    silent = watch.silent(now_us)
     if update is None:
         return [str(watch.system), *["-"] * (len(COLUMNS) - 2), seconds(silent)]
     age = (now_us - int(update.stamp_us[-1])) * 1e-6

@@ -15,7 +15,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from gcs_plugin.watch import Fleet, Update
+    from gcs_plugin.fleet import Fleet
+    from gcs_plugin.watch import Update
 
 #: Frames that wait for the thread; some ten seconds of a busy link with ten vehicles.
 WAITING = 20_000
@@ -112,7 +113,8 @@ class MarginWorker:
         from pathlib import Path
 
         from gcs_plugin.commands.report import chosen_model
-        from gcs_plugin.watch import Fleet, WatchSettings
+        from gcs_plugin.fleet import Fleet
+        from gcs_plugin.watch import WatchSettings
 
         options = self.options
         path = None if options.model is None else Path(options.model)

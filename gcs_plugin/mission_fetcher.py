@@ -18,9 +18,10 @@ from gcs_plugin.link import Listener
 from models.errors import ThrustMarginError
 
 if TYPE_CHECKING:
-    from gcs_plugin.alarms import AlarmEvent
+    from gcs_plugin.alarm import AlarmEvent
+    from gcs_plugin.fleet import Fleet
     from gcs_plugin.vehicle_link import VehicleLink
-    from gcs_plugin.watch import Fleet, Update
+    from gcs_plugin.watch import Update
     from mission.plan import MissionPlan
 
 

@@ -17,13 +17,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
-from gcs_plugin.alarms import AlarmEvent
+from gcs_plugin.alarm import AlarmEvent
+from gcs_plugin.fleet import Fleet
 from gcs_plugin.frames import Frame
 from gcs_plugin.link import Listener
 from gcs_plugin.mailbox import Mailbox
 from gcs_plugin.recorder import Recorder, RecorderStatus
 from gcs_plugin.samples import sample_batch
-from gcs_plugin.watch import GONE, Fleet, Update, VehicleWatch, WatchSettings
+from gcs_plugin.watch import GONE, Update, WatchSettings
 from models.rotor_model import RotorModel
 
 #: s between two rounds of the compute thread: at least, and at most when rounds take long.
@@ -245,7 +246,7 @@ class Monitor:
             for note in watch.notes:
                 self._note(number, "note", note)
             watch.notes.clear()
-            gone = gone_for(watch, now_us)
+            gone = watch.silent(now_us) > GONE
             if gone and number not in self._gone:
                 self._gone.add(number)
                 self._note(number, "left", f"vehicle {number} silent for {GONE:.0f} s")
@@ -275,8 +276,3 @@ def _pieces(frames: list[Frame]) -> list[list[Frame]]:
             pieces.append([])
         pieces[-1].append(frame)
     return pieces
-
-
-def gone_for(watch: VehicleWatch, now_us: int) -> bool:
-    """Whether a vehicle has been silent so long that it counts as gone."""
-    return (now_us - watch.state.stamp_us) * 1e-6 > GONE

@@ -10,12 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from gcs_plugin.alarms import AlarmEvent
+from gcs_plugin.alarm import AlarmEvent
+from gcs_plugin.fleet import Fleet
 from gcs_plugin.speaker import Speaker
-from gcs_plugin.watch import ARDUPILOT, Fleet, Update, VehicleWatch
+from gcs_plugin.watch import ARDUPILOT, Update, VehicleWatch
 
 SET_MESSAGE_INTERVAL = 511
 SPACING, AGAIN, TIMES = 0.05, 5.0, 3
+SILENT = 1.5  # s from which a vehicle is not asked: see gcs_plugin.announce
 
 #: name -> (id, Hz)
 COMMON = {
@@ -72,7 +74,7 @@ class RateRequester:
     def on_round(self, fleet: Fleet, now_us: int) -> None:
         now_s = now_us * 1e-6
         for number, watch in fleet.vehicles.items():
-            if watch.state.autopilot < 0:
+            if watch.state.autopilot < 0 or watch.silent(now_us) > SILENT:
                 continue
             asked = self._asked.get(number)
             if asked is None or asked.boot != watch.state.boot:

@@ -1,4 +1,4 @@
-"""One vehicle, from its frames to analysed rows and alarms; and the fleet of all that are heard.
+"""One vehicle, from its frames to analysed rows and alarms.
 
 No threads, sockets or clocks of its own: what happens depends only on the frames and on the times
 given, so that a recording gives live what it gives from its file.
@@ -14,16 +14,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_plugin.alarms import Alarm, AlarmEvent, Alarms, AlarmSettings
-from gcs_plugin.frames import Frame, fields
-from gcs_plugin.logs.layouts import layouts
+from gcs_plugin.alarm import Alarm, AlarmEvent
+from gcs_plugin.alarms import Alarms, AlarmSettings
+from gcs_plugin.frames import Frame
 from gcs_plugin.logs.recording import Waypoint
-from gcs_plugin.sampler import COLUMNS, Sample, Sampler, track_of
+from gcs_plugin.sampler import COLUMNS, FIXED, Sample, Sampler, track_of
 from gcs_plugin.senders import SenderWatch, Verdict
 from gcs_plugin.state import (
-    GROUND_STATION,
-    MISSION_MESSAGES,
-    NO_AUTOPILOT,
     VehicleState,
     fold,
     fold_mission,
@@ -47,7 +44,6 @@ FORECAST_EVERY, FLOW_WINDOW = 2.0, 20.0
 SHARED_HOLD = 10.0
 #: s of silence after which a vehicle has left.
 GONE = 60.0
-STATIONS = (0, 255)  # system ids that are never vehicles
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -128,7 +124,9 @@ class VehicleWatch:
         self._outlook_s = -math.inf
         self._levels: deque[tuple[float, float]] = deque()  # (clock s, kg) at each forecast
         self._items: object = None
-        self._rpm_us = 0
+        #: (R,) ground's clock when each rotor's speed was last known; 0 before any was.
+        self._rotor_us = np.zeros(model.airframe.rotor_count, dtype=np.int64)
+        self._flying: bool | None = None  # in the last row
         self._last_flow = 0.0  # kg/s when the pump was last on
         self._flow_meter = FlowMeter()
 
@@ -191,8 +189,12 @@ class VehicleWatch:
             self._unsettled = 0
             self._outlook_s = -math.inf
             self._levels.clear()
+        self._flying = sample.flying
         if sample.rotors_heard:
-            self._rpm_us = sample.stamp_us
+            heard = np.isfinite(sample.values[FIXED : FIXED + self._rotor_us.size])
+            # One that never spoke is missed as soon as another did.
+            heard |= self._rotor_us == 0
+            self._rotor_us[heard] = sample.stamp_us
         self._flow_meter.add(float(sample.values[COLUMNS["tank_kg"]]), sample.tank.pumped_kg)
         self._new.append(sample)
 
@@ -260,11 +262,28 @@ class VehicleWatch:
 
     def tick(self, now_us: int) -> list[AlarmEvent]:
         """Judge the link at a time of the ground's clock."""
-        silent = (now_us - self.state.stamp_us) * 1e-6
-        rotor_silent = (now_us - self._rpm_us) * 1e-6 if self._rpm_us else math.nan
         if not self.seen:
             return []
-        return self.alarms.heard(now_us * 1e-6, silent, rotor_silent)
+        rotors_silent = np.where(self._rotor_us > 0, (now_us - self._rotor_us) * 1e-6, np.nan)
+        return self.alarms.heard(
+            now_us * 1e-6, self.silent(now_us), rotors_silent, flying=self.flying
+        )
+
+    def silent(self, now_us: int) -> float:
+        """s since anything was heard of it, at a time of the ground's clock."""
+        return (now_us - self.state.stamp_us) * 1e-6
+
+    @property
+    def flying(self) -> bool:
+        """Off the ground when last heard; armed counts where no row has told."""
+        return self.state.armed if self._flying is None else self._flying
+
+    def left(self, now_us: int) -> bool:
+        """Whether it is gone for good: long silent, and on the ground when last heard.
+
+        One that fell silent in flight is missed and never forgotten.
+        """
+        return self.silent(now_us) > GONE and not self.flying
 
     def _look_ahead(self, analysis: FlightAnalysis, samples: Sequence[Sample]) -> None:
         now = samples[-1]
@@ -350,69 +369,3 @@ def _plan(waypoints: Iterable[Waypoint], *, home_first: bool) -> MissionPlan | N
         return plan_from_items(items, home_first=home_first)
     except PlanError:
         return None
-
-
-class Fleet:
-    """Every vehicle that is heard. `vehicles` are those that have shown themselves as such."""
-
-    def __init__(self, model: RotorModel, settings: WatchSettings | None = None) -> None:
-        self._model = model
-        self._settings = WatchSettings() if settings is None else settings
-        self._stations: set[int] = set(STATIONS)
-        self._watches: dict[int, VehicleWatch] = {}
-
-    @property
-    def margin_limit(self) -> float:
-        """Thrust margin under which an alarm is raised."""
-        return self._settings.alarms.margin_limit
-
-    @property
-    def vehicles(self) -> dict[int, VehicleWatch]:
-        """System id -> watch, in the order of ids."""
-        return {n: w for n, w in sorted(self._watches.items()) if w.seen}
-
-    def take(self, frames: Sequence[Frame]) -> None:
-        """Frames in the order in which they came, of any sender."""
-        for frame in frames:
-            name = layouts()[frame.id].name if frame.verified else ""
-            if frame.system in self._stations:
-                if name in MISSION_MESSAGES:
-                    self._overhear(frame)
-                continue
-            if name == "HEARTBEAT" and _is_station(frame):
-                self._stations.add(frame.system)
-                self._watches.pop(frame.system, None)
-                continue
-            watch = self._watches.get(frame.system)
-            if watch is None:
-                watch = VehicleWatch(frame.system, self._model, self._settings)
-                self._watches[frame.system] = watch
-            watch.take(frame)
-
-    def updates(self) -> list[Update]:
-        """The new rows of every vehicle."""
-        return [u for w in self._watches.values() if w.waiting and (u := w.update()) is not None]
-
-    def finish(self) -> list[Update]:
-        """What is still to be said of the last rows when no more will come."""
-        return [u for w in self._watches.values() if (u := w.update(final=True)) is not None]
-
-    def tick(self, now_us: int) -> list[tuple[int, AlarmEvent]]:
-        """Judge every link at a time of the ground's clock."""
-        return [(n, e) for n, w in self._watches.items() for e in w.tick(now_us)]
-
-    def _overhear(self, frame: Frame) -> None:
-        columns = fields(frame)
-        if columns is not None:
-            watch = self._watches.get(int(columns["target_system"][0]))
-            if watch is not None:
-                watch.overhear(frame)
-
-
-def _is_station(frame: Frame) -> bool:
-    columns = fields(frame)
-    return (
-        columns is not None
-        and int(columns["type"][0]) == GROUND_STATION
-        and int(columns["autopilot"][0]) == NO_AUTOPILOT
-    )

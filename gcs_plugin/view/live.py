@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pymap3d
 
-from gcs_plugin.alarms import AlarmEvent, worst_first
+from gcs_plugin.alarm import AlarmEvent, worst_first
+from gcs_plugin.fleet import Fleet
 from gcs_plugin.view.camera import Camera
 from gcs_plugin.view.colours import legend_html
 from gcs_plugin.view.gauges import STYLE, gauges_html
@@ -31,7 +32,7 @@ from gcs_plugin.view.samples import Samples, enu, ground_height
 from gcs_plugin.view.scene import ROUTE_PIXELS, Scene
 from gcs_plugin.view.tonemap import line_colours, sent_for
 from gcs_plugin.view.trail import Trail
-from gcs_plugin.watch import Fleet, Update
+from gcs_plugin.watch import Update
 from models.airframe import Airframe
 from models.errors import DataError
 from models.flight import Floats, Origin

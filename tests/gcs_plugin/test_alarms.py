@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs_plugin.alarms import Alarms, AlarmSettings, Debounce, standing_out, tank_verdict
+from gcs_plugin.alarm import CRITICAL, NOTICE, Debounce
+from gcs_plugin.alarms import Alarms, AlarmSettings, standing_out, tank_verdict
 from gcs_plugin.logs import read_log
 from gcs_plugin.tank import TankBalance, virtual_gauge
 from models.airframe import load_airframe
@@ -164,20 +165,81 @@ def test_lost_telemetry_is_told_and_taken_back():
     alarms = Alarms()
     silences = [0.1, 1.0, 2.9, 3.1, 30.0, 0.0, 0.0, 0.0]
     events = [
-        event for now, silent in enumerate(silences) for event in alarms.heard(now, silent, silent)
+        event
+        for now, silent in enumerate(silences)
+        for event in alarms.heard(now, silent, np.full(4, silent))
     ]
     # Rotor speeds are not missed while nothing at all is heard.
-    assert [(e.time_s, e.raised, e.alarm.name) for e in events] == [
-        (3, True, "telemetry"),
-        (6, False, "telemetry"),
+    assert [(e.time_s, e.raised, e.alarm.name, e.alarm.severity) for e in events] == [
+        (3, True, "telemetry", CRITICAL),
+        (6, False, "telemetry", CRITICAL),
     ]
+
+
+def test_a_vehicle_switched_off_after_landing_is_a_notice():
+    (event,) = Alarms().heard(9.0, 8.0, np.full(4, 8.0), flying=False)
+    assert (event.alarm.name, event.alarm.severity) == ("telemetry", NOTICE)
+    assert "on the ground" in event.alarm.text
 
 
 def test_rotor_speeds_alone_can_be_lost():
     alarms = Alarms()
-    events = [e for now in range(10) for e in alarms.heard(now, 0.1, 0.1 if now < 3 else now - 2.0)]
+    events = [
+        event
+        for now in range(10)
+        for event in alarms.heard(now, 0.1, np.full(4, 0.1 if now < 3 else now - 2.0))
+    ]
     assert [(e.time_s, e.raised, e.alarm.name) for e in events] == [(6, True, "rotor speeds")]
-    assert Alarms().heard(1.0, 0.1, math.nan) == []
+    assert "ESC telemetry lost" in events[0].alarm.text
+    for rotors, flying in ((math.nan, True), (8.0, False)):
+        quiet = Alarms()
+        calm = [quiet.heard(now, 0.1, np.full(4, rotors), flying=flying) for now in range(10)]
+        assert calm == [[]] * 10
+
+
+def test_a_lost_link_is_not_taken_for_lost_escs_neither_when_it_goes_nor_when_it_returns():
+    alarms = Alarms()
+    names = []
+    for tenth in range(400):
+        now = tenth / 10
+        # Rotor speeds come last: 0.2 s before everything else ends, 0.5 s after it is back.
+        silent = 0.1 if now < 5 or now > 35 else now - 4.9
+        rotors = 0.1 if now < 4.8 or now > 35.5 else now - 4.7
+        names += [e.alarm.name for e in alarms.heard(now, silent, np.full(4, rotors))]
+    assert names == ["telemetry", "telemetry"]
+
+
+def test_the_rotor_whose_speed_is_missing_is_named():
+    alarms = Alarms()
+    rotors = np.array([0.1, 0.1, 8.0, 0.1])
+    assert alarms.heard(9.0, 0.1, rotors) == []
+    (event,) = alarms.heard(10.0, 0.1, rotors)
+    assert event.alarm.text == "No speed of rotor 3: ESC?"
+
+
+def test_a_rotor_under_the_limit_counts_though_another_is_unknown():
+    track = hover(30.0)
+    speeds = track.rotor_speed_rpm.copy()
+    speeds[:, 1] = np.nan
+    speeds[100:, 3] *= math.sqrt(1.6)
+    events = [e for e in watched(replace(track, rotor_speed_rpm=speeds)) if e[2] == "margin"]
+    assert [(round(e[0], 1), e[1]) for e in events] == [(13.0, True)]
+    assert events[0][4].endswith("rotor 4")
+
+
+def test_while_an_alarm_stands_its_words_follow_the_numbers():
+    alarms = Alarms()
+    said = []
+    for turn, used in enumerate((0.6, 0.55, 0.48)):
+        track = hover(10.0, rpm=math.sqrt(used) * AIRFRAME.max_rotor_speed_rpm)
+        watched(replace(track, time_s=track.time_s + 10.0 * turn), alarms)
+        said.append([a.text for a in alarms.standing.values() if a.name == "margin"])
+    assert said == [
+        ["Thrust margin 40% under 50%: rotor 1"],
+        ["Thrust margin 45% under 50%: rotor 1"],
+        # Within the hysteresis it still stands, and does not repeat the old number.
+        ["Thrust margin 52% near 50%: rotor 1"],
+    ]
 
 
 def balance(**given: float) -> TankBalance:

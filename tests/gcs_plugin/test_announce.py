@@ -10,13 +10,13 @@ import pytest
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from gcs_plugin.alarms import CRITICAL, WARNING, Alarm, AlarmEvent
+from gcs_plugin.alarm import CRITICAL, WARNING, Alarm, AlarmEvent
 from gcs_plugin.announce import Announcer
+from gcs_plugin.fleet import Fleet
 from gcs_plugin.monitor import Monitor, MonitorSettings
 from gcs_plugin.rates import RateRequester, wanted
 from gcs_plugin.signing import Signer, SigningFilter
 from gcs_plugin.speaker import COMPONENT, Speaker
-from gcs_plugin.watch import Fleet
 from models.airframe import load_airframe
 from models.rotor_model import physics_model
 from tests.gcs_plugin.live_vehicle import Vehicle
@@ -177,8 +177,9 @@ def test_texts_are_one_a_second_gravest_first_and_a_flood_is_cut():
     for number in range(20):
         alarm = Alarm("rotor", number, CRITICAL if number == 13 else WARNING, f"alarm {number}", 0)
         announcer.on_event(1, AlarmEvent(True, alarm, 0.0))
-    for tenth in range(100):
-        announcer.on_round(fleet, vehicle.stamp_us + tenth * 100_000)
+    for _ in range(100):
+        fleet.take(vehicle.tick())
+        announcer.on_round(fleet, vehicle.stamp_us)
     said = texts(sent)
     assert said[0] == (CRITICAL, "alarm 13")
     assert len(said) == 8
@@ -195,6 +196,33 @@ def test_what_still_stands_is_said_again_every_half_minute():
     alarm = Alarm("margin", None, WARNING, "Thrust margin 41% under 50%: rotor 2", 0.0)
     watch.alarms.standing[alarm.key] = alarm
     announcer.on_event(1, AlarmEvent(True, alarm, 0.0))
-    for second in range(100):
-        announcer.on_round(fleet, vehicle.stamp_us + second * 1_000_000)
+    for _ in range(100):
+        fleet.take(vehicle.tick(1.0))
+        announcer.on_round(fleet, vehicle.stamp_us)
     assert texts(sent) == [(WARNING, alarm.text)] * 4
+
+
+def test_nothing_is_said_in_the_name_of_a_silent_vehicle_until_it_returns():
+    """A ground station takes any message of the system for a sign of the vehicle's life."""
+    sent = Sent()
+    announcer = Announcer(Speaker(sent))  # type: ignore[arg-type]
+    fleet = Fleet(MODEL)
+    vehicle = Vehicle()
+    fleet.take([f for _ in range(20) for f in vehicle.tick()])
+    announcer.on_round(fleet, vehicle.stamp_us)
+    assert len(sent.frames) > 0
+    sent.frames.clear()
+    vehicle.clock_s += 30.0
+    for tenth in range(16, 300):
+        now_us = vehicle.stamp_us + tenth * 100_000
+        for number, event in fleet.tick(now_us):
+            announcer.on_event(number, event)
+        announcer.on_round(fleet, now_us)
+    assert sent.frames == []
+    vehicle.stamp_us += 30_000_000
+    for _ in range(30):
+        fleet.take(vehicle.tick())
+        for number, event in fleet.tick(vehicle.stamp_us):
+            announcer.on_event(number, event)
+        announcer.on_round(fleet, vehicle.stamp_us)
+    assert texts(sent) == [(CRITICAL, "Telemetry lost in flight"), (5, "Over: telemetry")]

@@ -14,8 +14,8 @@ from gcs_plugin.console import (
     status_lines,
     vehicle_cells,
 )
+from gcs_plugin.fleet import Fleet
 from gcs_plugin.monitor import Monitor, MonitorSettings
-from gcs_plugin.watch import Fleet
 from models.airframe import load_airframe
 from models.rotor_model import physics_model
 from tests.gcs_plugin.live_vehicle import SECOND, Vehicle

@@ -18,10 +18,10 @@ from urllib.request import urlopen
 
 import pytest
 
+from gcs_plugin.fleet import Fleet
 from gcs_plugin.frames import Frame, frame_at
 from gcs_plugin.mavproxy_worker import Options, Reading, fields, reading, share, summary
 from gcs_plugin.stream import stamped_frames
-from gcs_plugin.watch import Fleet
 from models.airframe import load_airframe
 from models.rotor_model import physics_model, save_model
 

@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from gcs_plugin.fleet import Fleet
 from gcs_plugin.link import Listener
 from gcs_plugin.mission_fetcher import MissionFetcher
 from gcs_plugin.signing import Signer, SigningFilter
-from gcs_plugin.watch import Fleet
 from models.airframe import load_airframe
 from models.rotor_model import physics_model, save_model
 from tests.gcs_plugin.peers.processes import ARDUPILOT_ITEMS, free_udp_port, vehicle

@@ -13,13 +13,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gcs_plugin.alarms import AlarmEvent
+from gcs_plugin.alarm import AlarmEvent
+from gcs_plugin.fleet import Fleet
 from gcs_plugin.frames import Frame
 from gcs_plugin.logs import read_log
 from gcs_plugin.monitor import Monitor, MonitorSettings
 from gcs_plugin.samples import read_samples, sample_table
 from gcs_plugin.stream import stamped_frames
-from gcs_plugin.watch import Fleet, Update, WatchSettings
+from gcs_plugin.watch import Update, WatchSettings
 from models.airframe import load_airframe
 from models.analysis import analyse
 from models.errors import LinkError

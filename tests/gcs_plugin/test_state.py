@@ -120,7 +120,7 @@ def test_when_clocked_messages_stay_away_the_grounds_clock_carries_on():
 
 
 def test_a_mission_is_overheard_whoever_uploads_it(sitl_logs):
-    from gcs_plugin.watch import Fleet
+    from gcs_plugin.fleet import Fleet
     from models.airframe import load_airframe
     from models.rotor_model import physics_model
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from gcs_plugin.alarms import WARNING, Alarm
+from gcs_plugin.alarm import WARNING, Alarm
 from gcs_plugin.console import status_lines
 from gcs_plugin.monitor import Monitor, MonitorSettings
 from gcs_plugin.view.live import LiveView
