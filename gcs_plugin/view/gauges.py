@@ -68,16 +68,29 @@ def _worst_box(row: Row, airframe: Airframe) -> str:
     caption = "Thrust margin, worst rotor"
     if worst is None:
         return _box("worst", caption, "no data", "no rotor speed and no prediction")
+    if not row.flying:
+        return _ground_box(row)
     unknown = int(np.sum(row.source == NO_DATA))
     words = f"rotor {worst + 1}, {escape(airframe.rotor_names[worst])} · {_source(row, worst)}"
     if unknown:
         words += f" · {unknown} rotor{'s' if unknown > 1 else ''} without data"
-    paper = colours.MARGIN.screen(row.margin[worst])
+    return _big_box(caption, row.margin[worst], words)
+
+
+def _ground_box(row: Row) -> str:
+    """At rest a rotor has all its thrust left, which says nothing: what it will have in the air."""
+    known = bool(np.any(np.isfinite(row.margin_predicted)))
+    least = float(np.nanmin(row.margin_predicted)) if known else np.nan
+    return _big_box("On the ground: margin in the air", least, "predicted for this load")
+
+
+def _big_box(caption: str, margin: float, words: str) -> str:
+    paper = colours.MARGIN.screen(margin)
     return (
         f'<div class="box" data-gauge="worst" style="margin-top:5px;'
         f'background:{colours.css(paper)};color:{colours.ink_on(paper)}">'
         f'<div class="cap">{caption}</div>'
-        f'<div class="big">{percent(row.margin[worst])}</div><div class="txt">{words}</div></div>'
+        f'<div class="big">{percent(margin)}</div><div class="txt">{words}</div></div>'
     )
 
 

@@ -1,8 +1,9 @@
 """The 3D view of aircraft that fly now: a subscriber of the monitor, drawn by a thread of its own.
 
 The compute thread only leaves its latest findings here; the drawing thread wakes at once, and what
-it cannot draw in time it leaves out. One tab of gauges an aircraft; all in one scene, placed from
-the first one's home. A number that is old is greyed out and its age is written over it.
+it cannot draw in time it leaves out. One tab of gauges an aircraft, with the alarms of all, and one
+bar each beside them; all in one scene, placed from the first one's home. A number that is old is
+greyed out and its age is written over it; an aircraft that was switched off on the ground leaves.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,7 +26,15 @@ from gcs_plugin.view.camera import Camera
 from gcs_plugin.view.colours import legend_html
 from gcs_plugin.view.gauges import STYLE, gauges_html
 from gcs_plugin.view.guard import LOOPBACK, address_of, guarded_server, stop_server
-from gcs_plugin.view.live_html import aged, alarms_html, outlook_html, status_html
+from gcs_plugin.view.live_aircraft import Aircraft
+from gcs_plugin.view.live_html import (
+    Standing,
+    aged,
+    alarms_html,
+    fleet_html,
+    outlook_html,
+    status_html,
+)
 from gcs_plugin.view.overlays import Overlay, overlays_of
 from gcs_plugin.view.plan import plan_enu
 from gcs_plugin.view.samples import Samples, enu, ground_height
@@ -41,31 +50,10 @@ if TYPE_CHECKING:
     import viser
 
 FASTEST = 0.04  # s between two drawings
-GAUGES_EVERY, TRAIL_EVERY, STATUS_EVERY = 0.1, 0.5, 0.5  # s; gauges for up to two aircraft
+#: s; gauges for up to two aircraft
+GAUGES_EVERY, BARS_EVERY, TRAIL_EVERY, STATUS_EVERY = 0.1, 0.2, 0.5, 0.5
 OLD = 1.5  # s after which what is shown is called old
 _log = logging.getLogger(__name__)
-
-
-@dataclass(slots=True, eq=False)
-class _Aircraft:
-    """What is known and drawn of one vehicle."""
-
-    number: int
-    trail: Trail
-    update: Update | None = None
-    fresh: bool = False  # there is something new to draw
-    rows: deque[tuple[float, Floats, Floats]] = field(default_factory=deque)  # for the trail
-    age: float = 0.0
-    alarms: tuple[str, ...] = ()
-    problem: str = ""
-    offset: Floats | None = None  # ENU of its origin from the scene's
-    plan: Any = None  # mission that is drawn
-    waypoints: Any = None
-    gauges: Any = None
-    label: Any = None
-    line: Any = None
-    drawn_s: float = 0.0
-    boot: int = 0
 
 
 class LiveView:
@@ -87,7 +75,7 @@ class LiveView:
         self._host, self._port = host, port
         self._status = status
         self._lock = threading.Lock()
-        self._aircraft: dict[int, _Aircraft] = {}
+        self._aircraft: dict[int, Aircraft] = {}
         self._wake = threading.Event()
         self._stop = threading.Event()
         self._requests: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
@@ -98,7 +86,7 @@ class LiveView:
         self._shown = 0  # number of the overlay
         self._focus: int | None = None
         self._bounds: Floats | None = None  # (2, 3) m that the ground was fitted to
-        self._told_s = self._trails_s = 0.0
+        self._told_s = self._trails_s = self._bars_s = 0.0
         self.draw_seconds: deque[float] = deque(maxlen=1000)
 
     @property
@@ -154,17 +142,23 @@ class LiveView:
                 if aircraft is None or aircraft.update is None:
                     continue
                 aircraft.age = (now_us - int(aircraft.update.stamp_us[-1])) * 1e-6
-                standing = worst_first(list(watch.alarms.standing.values()))
-                alarms = tuple(alarm.text for alarm in standing)
-                if (alarms, watch.problem) != (aircraft.alarms, aircraft.problem):
-                    aircraft.alarms, aircraft.problem, aircraft.fresh = alarms, watch.problem, True
+                told = (
+                    tuple(worst_first(list(watch.alarms.standing.values()))),
+                    watch.problem,
+                    watch.left(now_us),
+                )
+                if told != (aircraft.alarms, aircraft.problem, aircraft.gone):
+                    aircraft.alarms, aircraft.problem, aircraft.gone = told
+                    # Every tab tells the alarms of all.
+                    for one in self._aircraft.values():
+                        one.fresh = True
                     self._wake.set()
                 aircraft.waypoints = watch.state.mission
 
-    def _of(self, number: int, overlays: tuple[Overlay, ...]) -> _Aircraft:
+    def _of(self, number: int, overlays: tuple[Overlay, ...]) -> Aircraft:
         found = self._aircraft.get(number)
         if found is None:
-            found = _Aircraft(number, Trail([overlay.worst for overlay in overlays]))
+            found = Aircraft(number, Trail([overlay.worst for overlay in overlays]))
             self._aircraft[number] = found
         return found
 
@@ -176,6 +170,7 @@ class LiveView:
         gui.main_panel.dock_right()
         gui.main_panel.set_width(340)
         gui.add_html(STYLE)
+        self._bars = gui.add_html("")
         self._words = gui.add_html(status_html(["no vehicle heard yet"]))
         self._colour = gui.add_dropdown("Colour", ["Load"])
         self._legend = gui.add_html("")
@@ -237,6 +232,11 @@ class LiveView:
                     self._show(one)
                 elif one.fresh:
                     self._wake.set()  # too soon: once more
+            if now - self._bars_s >= BARS_EVERY:
+                self._bars_s = now
+                bars = fleet_html(self._standing())
+                if bars != self._bars.content:
+                    self._bars.content = bars
             if now - self._trails_s >= TRAIL_EVERY:
                 self._trails_s = now
                 for one in aircraft:
@@ -246,12 +246,18 @@ class LiveView:
                 self._told_s = now
                 self._words.content = status_html(self._status())
 
-    def _add(self, server: viser.ViserServer, one: _Aircraft) -> None:
+    def _add(self, server: viser.ViserServer, one: Aircraft) -> None:
         key = str(one.number)
         with self._tabs.add_tab(f"Vehicle {key}"):
             one.gauges = server.gui.add_html("")
         self._scene.add_vehicle(key, self._airframe)
-        one.label = self._trails.add_label(f"/world/name_{key}", f"Vehicle {key}", visible=False)
+        one.label = self._trails.add_label(
+            f"/world/name_{key}",
+            f"Vehicle {key}",
+            anchor="bottom-center",
+            font_screen_scale=1.25,
+            visible=False,
+        )
         names = [f"Vehicle {n}" for n in sorted(self._aircraft)]
         self._followed.options = tuple(names)
         if self._focus is None:
@@ -259,10 +265,10 @@ class LiveView:
             self._colour.options = tuple(overlay.name for overlay in self._overlays)
             self._recolour(self._overlays[0].name)
 
-    def _show(self, one: _Aircraft) -> None:
+    def _show(self, one: Aircraft) -> None:
         with self._lock:
             update, one.fresh = one.update, False
-            age, alarms, problem = one.age, one.alarms, one.problem
+            age, problem = one.age, one.problem
         assert update is not None
         row = Samples.of(update.analysis).row(-1)
         offset = self._offset(one, update)
@@ -271,13 +277,23 @@ class LiveView:
         placed = bool(np.all(np.isfinite(row.position_enu)))
         one.label.visible = placed and len(self._aircraft) > 1
         if placed:
-            one.label.position = row.position_enu + np.array([0.0, 0.0, 2.0])
+            one.label.position = row.position_enu + self._scene.above(str(one.number))
         title = f"{self._airframe.title} · vehicle {one.number}"
         html = gauges_html(row, self._airframe, title)
         html += outlook_html(update.outlook)
-        one.gauges.content = alarms_html(alarms, problem, age, OLD) + aged(html, age > OLD)
+        said = alarms_html(one.number, self._standing(), problem, age, OLD)
+        one.gauges.content = said + aged(html, age > OLD)
 
-    def _offset(self, one: _Aircraft, update: Update) -> Floats:
+    def _standing(self) -> list[Standing]:
+        """Every aircraft as all pages tell of it, in the order of numbers."""
+        with self._lock:
+            return [
+                one.standing(OLD)
+                for _, one in sorted(self._aircraft.items())
+                if one.update is not None
+            ]
+
+    def _offset(self, one: Aircraft, update: Update) -> Floats:
         origin = update.analysis.track.origin
         if one.offset is None or one.boot != update.boot:
             if self._origin is None:
@@ -293,7 +309,7 @@ class LiveView:
             )
         return one.offset
 
-    def _draw_trail(self, one: _Aircraft) -> None:
+    def _draw_trail(self, one: Aircraft) -> None:
         with self._lock:
             rows, one.rows = one.rows, deque()
             update, waypoints = one.update, one.waypoints
@@ -318,7 +334,7 @@ class LiveView:
                 )
                 self._grow(flat)
 
-    def _draw_line(self, one: _Aircraft) -> None:
+    def _draw_line(self, one: Aircraft) -> None:
         overlay = self._overlays[self._shown]
         seen = overlay.scale.screen(one.trail.values(self._shown))
         colours = np.repeat(sent_for(seen)[:, None], 2, axis=1)
@@ -334,7 +350,7 @@ class LiveView:
             thickness_units="screen",
         )
 
-    def _fit(self, aircraft: list[_Aircraft]) -> None:
+    def _fit(self, aircraft: list[Aircraft]) -> None:
         parts = [a.trail.points().reshape(-1, 3) for a in aircraft if a.trail.count]
         if parts:
             self._grow(np.concatenate(parts))

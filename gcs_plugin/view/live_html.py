@@ -4,23 +4,101 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from html import escape
 
+from gcs_plugin.alarm import CRITICAL, WARNING, Alarm
+from gcs_plugin.view import colours
 from gcs_plugin.view.gauges import percent
 from gcs_plugin.watch import Outlook
 
-RED, GREY = "#b00020", "#666"
+#: White on each is read in sunlight: contrast 7:1 and more.
+RED, ORANGE, GREY = "#b00020", "#8a3a00", "#4d4d4d"
+#: Lines of the status that begin so are shouted.
+LOUD = "NOT RECORDING"
 
 
-def alarms_html(alarms: Sequence[str], problem: str, age: float, old: float) -> str:
-    """What stands, above the gauges; `age` s of what is shown is told beyond `old` s."""
-    lines = [f'<div data-alarm style="background:{RED}">{escape(text)}</div>' for text in alarms]
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Standing:
+    """One aircraft as every page shows it, whichever tab is open."""
+
+    number: int
+    alarms: tuple[Alarm, ...] = ()  # worst first
+    margin: float = math.nan  # of the worst rotor; in the air only
+    tank_kg: float = math.nan
+    flying: bool = False
+    age: float = 0.0  # s of the newest row
+    old: bool = False
+    gone: bool = False  # left for good: nothing of it is shown
+
+
+def alarms_html(
+    number: int, fleet: Sequence[Standing], problem: str, age: float, old: float
+) -> str:
+    """Every alarm that stands, above the gauges of vehicle `number`, its own first by gravity.
+
+    Those of the others are told too: the pilot sees one tab. `age` s of what is shown is told
+    beyond `old` s.
+    """
+    every = [(one.number, alarm) for one in fleet if not one.gone for alarm in one.alarms]
+    every.sort(key=lambda item: (item[1].severity, item[0] != number, item[0]))
+    lines = []
+    for of, alarm in every:
+        words = alarm.text if of == number else f"Vehicle {of}: {alarm.text}"
+        lines.append(
+            f'<div data-alarm style="background:{_paper(alarm.severity)};padding:3px 8px;'
+            f'margin-bottom:3px">{escape(words)}</div>'
+        )
     if problem:
         lines.append(f'<div data-problem style="background:{RED}">{escape(problem)}</div>')
     if age > old:
         lines.append(f'<div data-age style="background:{GREY}">no data for {age:.0f} s</div>')
-    style = "color:#fff;font:700 17px system-ui;margin:4px 8px"
+    style = "color:#fff;font:700 21px/1.15 system-ui;margin:4px 8px"
     return f'<div style="{style}">{"".join(lines)}</div>' if lines else ""
+
+
+def _paper(severity: int) -> str:
+    if severity <= CRITICAL:
+        return RED
+    return ORANGE if severity <= WARNING else GREY
+
+
+def fleet_html(fleet: Sequence[Standing]) -> str:
+    """One bar an aircraft, to be read at a glance; nothing for one alone, which has its gauges."""
+    shown = [one for one in fleet if not one.gone]
+    if len(shown) < 2:
+        return ""
+    return "".join(_bar(one) for one in shown)
+
+
+def _bar(one: Standing) -> str:
+    paper = colours.MARGIN.screen(math.nan if one.old else one.margin)
+    if one.old:
+        big, small = f"no data {one.age:.0f} s", ""
+    elif not one.flying:
+        big, small = "on ground", kilograms(one.tank_kg)
+    else:
+        big, small = percent(one.margin), kilograms(one.tank_kg)
+    worst = min((alarm.severity for alarm in one.alarms), default=None)
+    bell = (
+        ""
+        if worst is None
+        else f'<span data-bell style="background:{_paper(worst)};color:#fff;padding:0 9px;'
+        f'border-radius:4px">{len(one.alarms)} !</span>'
+    )
+    return (
+        f'<div data-fleet="{one.number}" style="display:flex;justify-content:space-between;'
+        f"align-items:center;gap:8px;margin:4px 10px;padding:2px 10px;border:2px solid #111;"
+        f"border-radius:6px;font:800 27px system-ui;white-space:nowrap;"
+        f'background:{colours.css(paper)};color:{colours.ink_on(paper)}">'
+        f"<span>{one.number}</span><span>{escape(big)}</span>"
+        f'<span style="font-size:19px">{escape(small)}</span>{bell}</div>'
+    )
+
+
+def kilograms(mass: float) -> str:
+    """A mass as kg with one digit; nothing for NaN."""
+    return f"{mass:.1f} kg" if math.isfinite(mass) else ""
 
 
 def aged(html: str, old: bool) -> str:
@@ -43,8 +121,11 @@ def outlook_html(outlook: Outlook) -> str:
 
 
 def status_html(lines: Sequence[str]) -> str:
-    """Lines about link and recording."""
-    body = "".join(f"<div>{escape(line)}</div>" for line in lines)
+    """Lines about link and recording; what is lost for good is shouted."""
+    loud = f'style="background:{RED};color:#fff;font:700 21px system-ui;padding:3px 8px"'
+    body = "".join(
+        f"<div {loud if line.startswith(LOUD) else ''}>{escape(line)}</div>" for line in lines
+    )
     return (
         '<div data-status style="font:500 13px system-ui;color:#111;margin:2px 10px;'
         f'overflow-wrap:anywhere">{body}</div>'

@@ -33,6 +33,7 @@ class Row:
     wxyz: Floats  # (4,) rotation from the vehicle frame to the scene frame
     margin: Floats  # (R,) measured where there is a measurement, else predicted
     source: NDArray[np.int8]  # (R,) NO_DATA, PREDICTED or MEASURED
+    margin_predicted: Floats  # (R,)
     rotor_speed_rpm: Floats  # (R,) measured
     predicted_rpm: Floats  # (R,)
     lower_rpm: Floats  # (R,)
@@ -60,6 +61,7 @@ class Samples:
     wxyz: Floats
     margin: Floats
     source: NDArray[np.int8]
+    margin_predicted: Floats
     rotor_speed_rpm: Floats
     predicted_rpm: Floats
     lower_rpm: Floats
@@ -86,6 +88,7 @@ class Samples:
             source=np.where(measured, MEASURED, np.where(predicted, PREDICTED, NO_DATA)).astype(
                 np.int8
             ),
+            margin_predicted=analysis.margin_predicted,
             rotor_speed_rpm=track.rotor_speed_rpm,
             predicted_rpm=prediction.rotor_speed_rpm,
             lower_rpm=prediction.lower_rpm,

@@ -106,6 +106,11 @@ class VehicleNode:
         """Distance of the outermost rotor from the centre, m."""
         return self._arm
 
+    @property
+    def drawn_arm(self) -> float:
+        """The same as it is drawn, m of the scene."""
+        return self._arm * self._scale
+
     def set_scale(self, scale: float, *, detailed: bool = True) -> None:
         """Draw the aircraft `scale` times its size; `detailed` puts the margins on the rotors."""
         self._scale = scale

@@ -44,6 +44,14 @@ def test_each_gauge_shows_its_rotors_margin_and_the_worst_is_named():
     assert f"{analysis.redundancy_yaw_free[123]:.2f} x" in box(html, "redundancy")
 
 
+def test_on_the_ground_the_big_number_is_what_will_be_left_in_the_air():
+    analysis = flight(flying=np.zeros(ROWS, dtype=bool))
+    text = box(shown(flying=np.zeros(ROWS, dtype=bool)), "worst")
+    assert "On the ground" in text
+    assert f"{100 * np.min(analysis.margin_predicted[10]):.0f} %" in text
+    assert "measured" not in text
+
+
 def test_an_unmeasured_rotor_says_predicted_and_an_unknown_one_no_data():
     rpm = flight().track.rotor_speed_rpm.copy()
     rpm[:, 2] = np.nan

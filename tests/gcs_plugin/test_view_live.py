@@ -1,19 +1,21 @@
 """The live view in a real browser, fed through the whole monitor; and the trail that it draws."""
 
+import re
 import socket
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
-from gcs_plugin.alarm import WARNING, Alarm
+from gcs_plugin.alarm import CRITICAL, WARNING, Alarm
 from gcs_plugin.console import status_lines
 from gcs_plugin.monitor import Monitor, MonitorSettings
 from gcs_plugin.view.live import LiveView
-from gcs_plugin.view.live_html import alarms_html, outlook_html, status_html
+from gcs_plugin.view.live_html import Standing, alarms_html, fleet_html, outlook_html, status_html
 from gcs_plugin.view.trail import Trail
 from gcs_plugin.watch import Outlook
 from models.airframe import load_airframe
@@ -104,6 +106,14 @@ def test_two_vehicles_have_a_tab_each_and_stand_where_they_are():
         live.fly(3.0, one, two)
         page.get_by_text("Vehicle 2", exact=True).first.click()
         until(page, "body", "· vehicle 2", live, one, two, rpm=1700)
+        assert page.locator("[data-fleet]").count() == 2
+        # The other one loses thrust: told on this page too.
+        for _ in range(40):
+            for vehicle, rpm in ((one, 2300), (two, 1700)):
+                for frame in vehicle.tick(rpm=(rpm,) * 4):
+                    live.socket.sendto(frame.data, live.address)
+            time.sleep(0.1)
+        assert "Vehicle 1: Thrust margin" in page.inner_text("body")
         assert "messages" in shown(page, "[data-status]")
 
 
@@ -115,9 +125,49 @@ def test_a_taken_port_is_an_error():
 def test_text_of_alarms_and_status_is_never_markup():
     nasty = "<img src=x onerror=alert(1)>"
     alarm = Alarm("margin", None, WARNING, nasty, 0.0)
-    for html in (alarms_html([alarm.text], nasty, 0.0, 1.0), status_html([nasty])):
+    fleet = [Standing(number=1, alarms=(alarm,))]
+    for html in (alarms_html(1, fleet, nasty, 0.0, 1.0), status_html([nasty])):
         assert "<img" not in html
         assert "&lt;img" in html
+
+
+def test_the_page_of_one_aircraft_tells_the_alarms_of_all_gravest_first():
+    """A pilot sees one tab; a bad propeller of another aircraft must not hide behind it."""
+    margin = Alarm("margin", None, WARNING, "Thrust margin 46% under 50%: rotor 2", 0.0)
+    rotor = Alarm("rotor", 3, CRITICAL, "Rotor 3 makes 10% less thrust", 0.0)
+    fleet = [Standing(number=1, alarms=(rotor,)), Standing(number=2, alarms=(margin,))]
+    html = alarms_html(2, fleet, "", 0.0, 1.0)
+    assert html.index("Vehicle 1: Rotor 3") < html.index("Thrust margin 46%")
+    assert "Vehicle 2" not in html
+    left = [replace(fleet[0], gone=True), fleet[1]]
+    assert "Rotor 3" not in alarms_html(2, left, "", 0.0, 1.0)
+
+
+def test_each_aircraft_has_a_bar_with_its_margin_unless_that_is_old():
+    one = Standing(number=1, margin=0.534, tank_kg=9.0, flying=True)
+    two = Standing(number=2, margin=0.1, flying=True, age=7.0, old=True)
+    three = Standing(number=3, margin=1.0, tank_kg=4.0)
+    assert fleet_html([one]) == ""
+    html = fleet_html([one, two, three])
+    bars = [words_of(part) for part in html.split("data-fleet=")[1:]]
+    assert "53 %" in bars[0]
+    assert "9.0 kg" in bars[0]
+    assert "no data 7 s" in bars[1]
+    assert "10 %" not in bars[1]
+    # Rotors at rest have all their thrust left, which says nothing.
+    assert "on ground" in bars[2]
+    assert "100 %" not in bars[2]
+    assert 'data-fleet="3"' not in fleet_html([one, two, replace(three, gone=True)])
+
+
+def words_of(html: str) -> str:
+    return re.sub(r"<[^>]*>", " ", html)
+
+
+def test_a_recording_that_fails_is_shouted():
+    quiet, loud = status_html(["7 messages"]), status_html(["NOT RECORDING: No space left"])
+    assert "background" not in quiet
+    assert "background" in loud
 
 
 def test_unknown_outlooks_are_left_out_and_not_made_up():

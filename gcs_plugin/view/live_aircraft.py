@@ -1,0 +1,60 @@
+"""What the live view keeps of one aircraft: latest rows, alarms, and what is drawn of it."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from gcs_plugin.alarm import Alarm
+from gcs_plugin.view.live_html import Standing
+from gcs_plugin.view.trail import Trail
+from gcs_plugin.watch import Update
+from models.flight import Floats
+
+
+@dataclass(slots=True, eq=False)
+class Aircraft:
+    """What is known and drawn of one vehicle."""
+
+    number: int
+    trail: Trail
+    update: Update | None = None
+    fresh: bool = False  # there is something new to draw
+    rows: deque[tuple[float, Floats, Floats]] = field(default_factory=deque)  # for the trail
+    age: float = 0.0
+    alarms: tuple[Alarm, ...] = ()
+    gone: bool = False
+    problem: str = ""
+    offset: Floats | None = None  # ENU of its origin from the scene's
+    plan: Any = None  # mission that is drawn
+    waypoints: Any = None
+    gauges: Any = None
+    label: Any = None
+    line: Any = None
+    drawn_s: float = 0.0
+    boot: int = 0
+
+    def standing(self, old: float) -> Standing:
+        """What every page tells of it; rows of more than `old` s are called old."""
+        found = Standing(
+            number=self.number,
+            alarms=self.alarms,
+            age=self.age,
+            old=self.age > old or bool(self.problem),
+            gone=self.gone,
+        )
+        if self.update is None:
+            return found
+        analysis = self.update.analysis
+        measured = analysis.margin[-1]
+        margin = np.where(np.isfinite(measured), measured, analysis.margin_predicted[-1])
+        known = margin[np.isfinite(margin)]
+        return replace(
+            found,
+            margin=float(known.min()) if known.size else np.nan,
+            tank_kg=float(analysis.track.tank_kg[-1]),
+            flying=bool(analysis.track.flying[-1]),
+        )
