@@ -217,7 +217,7 @@ class Alarms:
             on=worst < limit,
             off=bool(np.all(known)) and worst > limit + self.settings.margin_hysteresis,
             severity=WARNING,
-            text=_margin_words(worst, limit, rotor),
+            text=_margin_words("Thrust margin", worst, limit, f": rotor {rotor}"),
         )
 
     def _ahead(self, events: list[AlarmEvent], time_s: float, ahead: float) -> None:
@@ -229,7 +229,7 @@ class Alarms:
             on=ahead < limit,
             off=ahead > limit + self.settings.margin_hysteresis,
             severity=WARNING,
-            text=f"Margin will be {ahead:.0%} on the route, limit {limit:.0%}",
+            text=_margin_words("Route ahead: margin", ahead, limit),
         )
 
     def _saturation(self, events: list[AlarmEvent], time_s: float, used: Floats) -> None:
@@ -295,12 +295,12 @@ class Alarms:
             )
 
 
-def _margin_words(worst: float, limit: float, rotor: int) -> str:
+def _margin_words(what: str, margin: float, limit: float, of: str = "") -> str:
     """Rounded down, so that what is under the limit also reads so."""
-    if not math.isfinite(worst):
+    if not math.isfinite(margin):
         return ""
-    place = "under" if worst < limit else "near"
-    return f"Thrust margin {math.floor(100 * worst + 1e-6)}% {place} {limit:.0%}: rotor {rotor}"
+    place = "under" if margin < limit else "near"
+    return f"{what} {math.floor(100 * margin + 1e-6)}% {place} {limit:.0%}{of}"
 
 
 def _unheard(missing: NDArray[np.intp], rotors: int) -> str:

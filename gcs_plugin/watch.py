@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from gcs_plugin.ages import stale, stale_words
 from gcs_plugin.alarm import Alarm, AlarmEvent
 from gcs_plugin.alarms import Alarms, AlarmSettings
 from gcs_plugin.frames import Frame
@@ -25,7 +26,7 @@ from gcs_plugin.state import (
     fold,
     fold_mission,
 )
-from gcs_plugin.tank import FlowMeter, virtual_gauge
+from gcs_plugin.tank import FlowMeter, TankReading, virtual_gauge
 from mission.forecast import Conditions, Forecast, forecast, margin_at_fill, route_ahead
 from mission.plan import MissionPlan, PlanItem, plan_from_items
 from models.analysis import FlightAnalysis, analyse
@@ -127,6 +128,7 @@ class VehicleWatch:
         #: (R,) ground's clock when each rotor's speed was last known; 0 before any was.
         self._rotor_us = np.zeros(model.airframe.rotor_count, dtype=np.int64)
         self._flying: bool | None = None  # in the last row
+        self._tank: TankReading | None = None  # the last that had a level
         self._last_flow = 0.0  # kg/s when the pump was last on
         self._flow_meter = FlowMeter()
 
@@ -184,12 +186,15 @@ class VehicleWatch:
             return
         if sample.boot != self._boot or math.isnan(self._start_s):
             self._boot, self._start_s = sample.boot, sample.clock_s
+            self._tank = None
             self._known.clear()
             self._new.clear()
             self._unsettled = 0
             self._outlook_s = -math.inf
             self._levels.clear()
         self._flying = sample.flying
+        if math.isfinite(sample.tank.level_kg):
+            self._tank = sample.tank
         if sample.rotors_heard:
             heard = np.isfinite(sample.values[FIXED : FIXED + self._rotor_us.size])
             # One that never spoke is missed as soon as another did.
@@ -272,6 +277,15 @@ class VehicleWatch:
     def silent(self, now_us: int) -> float:
         """s since anything was heard of it, at a time of the ground's clock."""
         return (now_us - self.state.stamp_us) * 1e-6
+
+    def stale(self, now_us: int) -> str:
+        """Which fields are no longer reported and since when, in words; empty when none is.
+
+        Nothing is said of the single fields while the vehicle as a whole is silent.
+        """
+        if self.shared or self.silent(now_us) > self.alarms.settings.silence:
+            return ""
+        return stale_words(stale(self.state, self._tank, now_us))
 
     @property
     def flying(self) -> bool:

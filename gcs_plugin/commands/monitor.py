@@ -120,6 +120,10 @@ def monitor(
         fetcher = MissionFetcher(live.listener, sign=sign)
         live.subscribers.append(fetcher)
         live.taps.append(fetcher.feed)
+    if not sys.stdout.isatty():
+        from gcs_plugin.console import Teller
+
+        live.subscribers.append(Teller(live, lambda words: print(words, flush=True)))
     page = _page(live, chosen.airframe, host, port) if view else None
     until = math.inf if seconds is None else time.monotonic() + seconds
     try:
@@ -166,16 +170,17 @@ def _show(live: Monitor, until: float) -> None:
     from rich.console import Console
     from rich.live import Live
 
-    from gcs_plugin.console import screen
+    from gcs_plugin.console import Screen
 
     console = Console()
     if not console.is_terminal:
         while time.monotonic() < until and not live.finished:
             time.sleep(0.1)
         return
-    with Live(console=console, auto_refresh=False, transient=True) as display:
+    shown = Screen(live)
+    with Live(shown, console=console, auto_refresh=False, transient=True) as display:
         while time.monotonic() < until and not live.finished:
-            display.update(screen(live), refresh=True)
+            display.refresh()
             time.sleep(0.25)
 
 

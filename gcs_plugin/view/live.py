@@ -22,6 +22,7 @@ import pymap3d
 
 from gcs_plugin.alarm import AlarmEvent, worst_first
 from gcs_plugin.fleet import Fleet
+from gcs_plugin.view import live_html
 from gcs_plugin.view.camera import Camera
 from gcs_plugin.view.colours import legend_html
 from gcs_plugin.view.gauges import STYLE, gauges_html
@@ -154,6 +155,7 @@ class LiveView:
                         one.fresh = True
                     self._wake.set()
                 aircraft.waypoints = watch.state.mission
+                aircraft.stale = watch.stale(now_us)
 
     def _of(self, number: int, overlays: tuple[Overlay, ...]) -> Aircraft:
         found = self._aircraft.get(number)
@@ -169,7 +171,7 @@ class LiveView:
         )
         gui.main_panel.dock_right()
         gui.main_panel.set_width(340)
-        gui.add_html(STYLE)
+        gui.add_html(STYLE + live_html.STYLE)
         self._bars = gui.add_html("")
         self._words = gui.add_html(status_html(["no vehicle heard yet"]))
         self._colour = gui.add_dropdown("Colour", ["Load"])
@@ -280,7 +282,7 @@ class LiveView:
             one.label.position = row.position_enu + self._scene.above(str(one.number))
         title = f"{self._airframe.title} · vehicle {one.number}"
         html = gauges_html(row, self._airframe, title)
-        html += outlook_html(update.outlook)
+        html += outlook_html(update.outlook, one.stale)
         said = alarms_html(one.number, self._standing(), problem, age, OLD)
         one.gauges.content = said + aged(html, age > OLD)
 

@@ -28,6 +28,7 @@ class Aircraft:
     alarms: tuple[Alarm, ...] = ()
     gone: bool = False
     problem: str = ""
+    stale: str = ""  # fields that are no longer reported, in words
     offset: Floats | None = None  # ENU of its origin from the scene's
     plan: Any = None  # mission that is drawn
     waypoints: Any = None

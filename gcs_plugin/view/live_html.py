@@ -8,14 +8,17 @@ from dataclasses import dataclass
 from html import escape
 
 from gcs_plugin.alarm import CRITICAL, WARNING, Alarm
+from gcs_plugin.console import NOT_RECORDING
 from gcs_plugin.view import colours
 from gcs_plugin.view.gauges import percent
 from gcs_plugin.watch import Outlook
 
 #: White on each is read in sunlight: contrast 7:1 and more.
 RED, ORANGE, GREY = "#b00020", "#8a3a00", "#4d4d4d"
+#: Tabs that a gloved finger hits.
+STYLE = "<style>.mantine-Tabs-tab{font:700 20px system-ui;padding:13px 20px}</style>"
 #: Lines of the status that begin so are shouted.
-LOUD = "NOT RECORDING"
+LOUD = NOT_RECORDING
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,8 +109,11 @@ def aged(html: str, old: bool) -> str:
     return f'<div data-old style="opacity:.35">{html}</div>' if old else html
 
 
-def outlook_html(outlook: Outlook) -> str:
-    """Time to empty, the least margin ahead and the margin after a refill, as far as known."""
+def outlook_html(outlook: Outlook, stale: str = "") -> str:
+    """Time to empty, the least margin ahead and the margin after a refill, as far as known.
+
+    `stale` says which fields are no longer reported.
+    """
     parts = []
     if math.isfinite(outlook.seconds_to_empty):
         minutes, seconds = divmod(int(outlook.seconds_to_empty), 60)
@@ -117,6 +123,8 @@ def outlook_html(outlook: Outlook) -> str:
     if math.isfinite(outlook.margin_full):
         parts.append(f"with a full tank: {percent(outlook.margin_full)}")
     lines = "".join(f"<div>{escape(part)}</div>" for part in parts)
+    if stale:
+        lines += f'<div data-stale style="color:{RED}">{escape(stale)}</div>'
     return f'<div class="tm"><div class="txt" data-gauge="outlook">{lines}</div></div>'
 
 

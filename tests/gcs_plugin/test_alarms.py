@@ -156,9 +156,7 @@ def test_outside_the_models_training_is_told_and_not_for_a_model_without_any():
 
 def test_the_route_ahead_raises_before_the_margin_itself_does():
     events = watched(hover(10.0), margin_ahead=0.41)
-    assert [(e[2], e[4]) for e in events] == [
-        ("margin ahead", "Margin will be 41% on the route, limit 50%")
-    ]
+    assert [(e[2], e[4]) for e in events] == [("margin ahead", "Route ahead: margin 41% under 50%")]
 
 
 def test_lost_telemetry_is_told_and_taken_back():

@@ -1,16 +1,19 @@
 """The terminal's table: what is known, what is old, what is wrong, and no markup from outside."""
 
+import io
 import math
 from dataclasses import replace
 
 import pytest
 from rich.console import Console
 
+from gcs_plugin.alarm import Alarm, AlarmEvent
 from gcs_plugin.console import (
+    Screen,
+    Teller,
     kilograms,
     minutes,
     percent,
-    screen,
     status_lines,
     vehicle_cells,
 )
@@ -42,11 +45,54 @@ def test_a_row_has_the_margin_of_the_worst_rotor_and_how_old_it_is():
     assert cells[-1] == "0.0 s"
 
 
-def test_an_old_row_is_called_old_in_every_number():
+def test_an_old_row_is_marked_old_in_every_number_and_has_no_colour_left():
     fleet, vehicle = flown()
     cells = vehicle_cells(fleet.vehicles[3], vehicle.stamp_us + 10 * SECOND, 0.5)
-    assert all("old" in cell for cell in cells[1:-1] if cell != "-")
-    assert cells[-1] == "10.0 s"
+    known = [cell for cell in cells[1:-1] if cell != "-"]
+    assert len(known) >= 4
+    assert all(cell.startswith("[dim]~") for cell in known)
+    assert not any("green" in cell or "red" in cell for cell in known)
+    assert "OLD 10.0 s" in cells[-1]
+
+
+def test_a_field_that_is_no_longer_reported_is_named_with_its_age():
+    fleet, vehicle = flown()
+    watch = fleet.vehicles[3]
+    assert watch.stale(vehicle.stamp_us) == ""
+    for _ in range(80):
+        # All but the tank (fourth) and the airspeed (third).
+        parts = vehicle.tick()
+        fleet.take([parts[n] for n in range(len(parts)) if n not in (2, 3)])
+    assert watch.stale(vehicle.stamp_us) == ("no longer reported: airspeed (8 s), tank level (8 s)")
+    assert math.isnan(fleet.updates()[-1].analysis.track.tank_kg[-1])
+    # A silent vehicle is told as a whole.
+    assert watch.stale(vehicle.stamp_us + 10 * SECOND) == ""
+
+
+def test_a_narrow_terminal_cuts_no_number(monitor):
+    fleet, vehicle = flown()
+    vehicle.stamp_us = monitor.now_us()
+    fleet.take(vehicle.tick())
+    fleet.updates()
+    monitor.fleet = fleet
+    for width in (80, 110, 160):
+        text = printed(monitor, width)
+        assert "…" not in text
+        for words in ("margin", "predicted", "10.0 kg", "r1", "0.0 s"):
+            assert words in text
+        assert ("by thrust" in text) == (width >= 110)
+
+
+def test_without_a_terminal_every_event_is_a_line(monitor):
+    said: list[str] = []
+    teller = Teller(monitor, said.append)
+    fleet, vehicle = flown(rpm=2300)
+    for event in fleet.vehicles[3].last.events:  # type: ignore[union-attr]
+        teller.on_event(3, event)
+    teller.on_event(3, AlarmEvent(True, Alarm("margin", None, 4, "Thrust margin 39%", 0.0), 0.0))
+    teller.on_round(fleet, vehicle.stamp_us)
+    teller.on_round(fleet, vehicle.stamp_us)
+    assert said == ["vehicle 3: Thrust margin 39%", "vehicle 3: heard"]
 
 
 def test_unknown_numbers_are_dashes():
@@ -62,9 +108,9 @@ def monitor():
     made.close()
 
 
-def printed(monitor: Monitor) -> str:
-    console = Console(width=160, file=open("/dev/null", "w"), record=True)  # noqa: SIM115
-    console.print(screen(monitor))
+def printed(monitor: Monitor, width: int = 160) -> str:
+    console = Console(width=width, file=io.StringIO(), record=True)
+    console.print(Screen(monitor))
     return console.export_text()
 
 
