@@ -6,12 +6,15 @@ import re
 import signal
 import socket
 import subprocess
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from pymavlink import mavutil
 
 from gcs_plugin.alarm import AlarmEvent
 from gcs_plugin.fleet import Fleet
@@ -19,6 +22,7 @@ from gcs_plugin.frames import Frame
 from gcs_plugin.logs import read_log
 from gcs_plugin.monitor import Monitor, MonitorSettings
 from gcs_plugin.samples import read_samples, sample_table
+from gcs_plugin.speaker import COMPONENT
 from gcs_plugin.stream import stamped_frames
 from gcs_plugin.watch import Update, WatchSettings
 from models.airframe import load_airframe
@@ -26,6 +30,7 @@ from models.analysis import analyse
 from models.errors import LinkError
 from models.flight import CHANNEL_COLUMNS, FlightTrack
 from models.rotor_model import physics_model, save_model, shipped_model
+from tests.browser import open_page
 from tests.gcs_plugin.live_vehicle import (
     SECOND,
     Vehicle,
@@ -107,6 +112,11 @@ def recording_in(folder: Path) -> Path:
 def free_port() -> int:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def free_tcp_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as probe:
         return probe.getsockname()[1]
 
 
@@ -339,6 +349,89 @@ def test_the_outlook_follows_the_mission_to_its_end(sitl_logs):
     final = float(seen.updates[-1].analysis.track.tank_kg[-1])
     assert float(route.analysis.track.tank_kg[-1]) == pytest.approx(final, abs=0.8)
     assert middle.outlook.margin_full < float(np.min(route.margin))
+
+
+@pytest.mark.slow
+@pytest.mark.browser
+def test_streamed_over_udp_the_page_and_the_announcements_say_what_the_file_says(
+    sitl_logs, tmp_path, model_file
+):
+    """Real processes; every number that a pilot reads is that of a row of the file."""
+    path = sitl_logs / "campaign" / "v4_m10_q3.5.tlog"
+    port, page_port = free_port(), free_tcp_port()
+    station = mavutil.mavlink_connection("udpin:127.0.0.1:0", dialect="ardupilotmega")
+    monitor = command(
+        "monitor",
+        f"udpin:127.0.0.1:{port}",
+        *("--record", str(tmp_path), "--model", str(model_file), "--announce", "--no-browser"),
+        *("--forward", f"udpout:127.0.0.1:{station.port.getsockname()[1]}"),
+        *("--port", str(page_port)),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    )
+    assert monitor.stdout is not None
+    ours: list[Any] = []
+    ended = threading.Event()
+    listening = threading.Thread(target=listen, args=(station, ours, ended))
+    listening.start()
+    try:
+        url = monitor.stdout.readline().split()[2]
+        with open_page(url) as page:
+            target = f"udpout:127.0.0.1:{port}"
+            streamed = command("stream", str(path), "--to", target, "--speed", "25")
+            read_off = set()
+            while streamed.poll() is None:
+                page.wait_for_timeout(100)
+                if page.locator("[data-gauge=tank]").count():
+                    read_off.add(tuple(page.evaluate(READ)))
+            page.wait_for_timeout(1500)
+            last = tuple(page.evaluate(READ))
+    finally:
+        monitor.send_signal(signal.SIGINT)
+        told, _ = monitor.communicate(timeout=60)
+        ended.set()
+        listening.join()
+        station.close()
+    track = read_log(path, airframe=AIRFRAME, sampling="hold").track
+    expected = analyse(track, MODEL)
+    rows = {
+        (f"{100 * margin:.0f} %", f"{kg:.1f} kg")
+        # Live, the moments before a landing still count as flight.
+        for margins in (expected.margin, expected.margin_predicted)
+        for margin, kg in zip(margins.min(axis=1), track.tank_kg, strict=True)
+    }
+    assert len(read_off) > 6
+    assert {pair for pair in read_off if "no data" not in pair} <= rows
+    landed = expected.margin_predicted[-1].min()
+    assert last == (f"{100 * landed:.0f} %", f"{track.tank_kg[-1]:.1f} kg")
+
+    clock = read_log(path, airframe=AIRFRAME, sampling="hold").clock_start_s + track.time_s
+    at = {round(1e3 * c): row for row, c in enumerate(clock)}
+    figures = [m for m in ours if m.get_type() == "NAMED_VALUE_FLOAT" and m.name == "MARGIN"]
+    assert len(figures) >= 4
+    for figure in figures:
+        row = min(at, key=lambda ms: abs(ms - figure.time_boot_ms))
+        assert abs(row - figure.time_boot_ms) <= 1
+        assert figure.value == pytest.approx(100 * expected.margin[at[row]].min(), rel=1e-6)
+    texts = {m.text for m in ours if m.get_type() == "STATUSTEXT"}
+    assert texts <= {line.removeprefix("vehicle 1: ") for line in told.splitlines()} | {
+        text for text in texts if text.startswith("Over: ")
+    }
+
+
+def listen(station: Any, ours: list[Any], ended: threading.Event) -> None:
+    """Keep what our component says, as a ground station would."""
+    while not ended.is_set():
+        message = station.recv_match(blocking=True, timeout=0.1)
+        if message is not None and message.get_srcComponent() == COMPONENT:
+            ours.append(message)
+
+
+#: The worst rotor's margin and the tank level as a reader of the page sees them.
+READ = """() => [
+  document.querySelector('[data-gauge=worst] .big').innerText,
+  document.querySelector('[data-gauge=tank] .mid').innerText]"""
 
 
 @pytest.mark.slow
