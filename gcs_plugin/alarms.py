@@ -79,6 +79,11 @@ class Alarms:
             "rotor speeds": (ROTORS_HOLD, 1.0),
         }
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of all alarms."""
+        return tuple(self._times)
+
     def rows(
         self,
         analysis: FlightAnalysis,

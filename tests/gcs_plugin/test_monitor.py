@@ -8,6 +8,8 @@ import socket
 import subprocess
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -464,6 +466,78 @@ def test_kill_9_leaves_a_recording_that_reads_as_a_flight(sitl_logs, tmp_path, m
     rows = live.time_s.size
     assert 500 < rows <= read.time_s.size
     same(live, read.rows(slice(0, rows)))
+
+
+@contextmanager
+def small_disk(folder: Path, kilobytes: int) -> Iterator[Path]:
+    """A file system of so many kB of its own; skips the test where none can be mounted."""
+    folder.mkdir()
+    made = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", f"size={kilobytes}k", "tmpfs", str(folder)],
+        capture_output=True,
+    )
+    if made.returncode:
+        pytest.skip("this machine does not let a test mount a file system")
+    try:
+        yield folder
+    finally:
+        subprocess.run(["umount", "--lazy", str(folder)], check=True)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="mounts need root")
+def test_on_a_full_disk_the_monitor_goes_on_and_says_so_and_records_again_when_there_is_room(
+    sitl_logs, tmp_path, model_file
+):
+    port = free_port()
+    with small_disk(tmp_path / "small", 2000) as disk:
+        ballast = disk / "ballast"
+        ballast.write_bytes(bytes(1_850_000))
+        monitor = command(
+            "monitor",
+            f"udpin:127.0.0.1:{port}",
+            *("--record", str(disk / "recordings"), "--model", str(model_file), "--no-view"),
+            *("--limit", "0.6"),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        assert monitor.stdout is not None
+        while not list(disk.glob("recordings/*/telemetry.tlog")):
+            assert monitor.poll() is None
+            time.sleep(0.05)
+        path = sitl_logs / "campaign" / "v4_m10_q2.5.tlog"
+        stream = command("stream", str(path), "--to", f"udpout:127.0.0.1:{port}", "--speed", "20")
+        lines = iter(monitor.stdout.readline, "")
+        said = []
+        for line in lines:
+            said.append(line.strip())
+            if said[-1].startswith("NOT RECORDING"):
+                break
+        assert said[-1] == "NOT RECORDING: No space left on device"
+        time.sleep(3.0)
+        ballast.unlink()
+        for line in lines:
+            said.append(line.strip())
+            if said[-1] == "recording again":
+                break
+        assert stream.wait(timeout=60) == 0
+        monitor.send_signal(signal.SIGINT)
+        rest, told = monitor.communicate(timeout=60)
+        assert monitor.returncode == 130 or "KeyboardInterrupt" in told
+        # Watched all the same: every row of the file, and its alarms.
+        rows = read_log(path, airframe=AIRFRAME, sampling="hold").track.time_s.size
+        assert f"vehicle 1: {rows} samples" in told
+        assert "lost earlier" in told
+        assert any("Thrust margin" in line for line in [*said, *rest.splitlines()])
+        session = recording_in(disk / "recordings")
+        kept = [data for _, data in stamped_frames(session / "telemetry.tlog")]
+        sent = [data for _, data in stamped_frames(path)]
+        assert len(sent) / 10 < len(kept) < len(sent)
+        # What was kept is whole, and goes on after the gap to the end.
+        assert set(kept) <= set(sent)
+        assert kept[-1] == sent[-1]
+        assert sample_table(session).num_rows > rows / 2
 
 
 def test_a_busy_port_ends_the_command_with_one_line():
