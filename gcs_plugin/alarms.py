@@ -4,6 +4,7 @@
 |---|---|---|---|---|
 | `margin` | worst rotor's measured thrust margin < limit | 3 s | > limit + 0.03 | 3 s |
 | `margin ahead` | predicted margin on the rest of the route < limit | 3 s | > limit + 0.03 | 3 s |
+| `esc` | the ESC reports a failure of its own (ESC_INFO) | - | it reports none | 3 s |
 | `rotor` | CUSUM of one rotor's thrust residual > 0.04 s | - | sum back under 0.02 s | 3 s |
 | `tank` | gauge, pump and thrust part (TankBalance) | 5 s | they agree again | 10 s |
 | `envelope` | the flight is outside the training of the model's network | 5 s | inside | 5 s |
@@ -26,6 +27,7 @@ of a propeller put into them.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,6 +38,16 @@ from gcs_plugin.tank import BalanceWatch, TankBalance
 from models.analysis import Basis, FlightAnalysis
 from models.flight import Floats
 
+#: ESC_FAILURE_FLAGS, gravest first
+FAILURES = {
+    32: "motor stuck",
+    4: "too hot",
+    1: "too much current",
+    2: "voltage too high",
+    8: "too fast",
+    16: "does not follow",
+    64: "failure",
+}
 ROTORS_HOLD = 1.0  # s of the time after which missing rotor speeds are told
 
 
@@ -72,6 +84,7 @@ class Alarms:
             "margin": (s.margin_hold, s.margin_hold),
             "margin ahead": (s.margin_hold, s.margin_hold),
             "rotor": (0.0, 3.0),
+            "esc": (0.0, 3.0),
             "tank": (5.0, 10.0),
             "envelope": (5.0, 5.0),
             "saturation": (0.5, 2.0),
@@ -94,12 +107,14 @@ class Alarms:
         virtual_kg: Floats,
         settled: slice | None = None,
         margin_ahead: float = float("nan"),
+        esc_failures: Sequence[int] = (),
     ) -> list[AlarmEvent]:
         """Take the rows from `first` on, in order; arrays are (T,), as long as the analysis.
 
         What rests on the prediction is judged in the rows `settled`, where that may come later.
         `pumped_kg` is the liquid pumped so far, `virtual_kg` the virtual gauge, `margin_ahead` the
-        least predicted margin on the rest of the route; NaN where unknown.
+        least predicted margin on the rest of the route; NaN where unknown. `esc_failures` are the
+        last ESC_FAILURE_FLAGS of each rotor, where ESCs report on themselves.
         """
         events: list[AlarmEvent] = []
         track, margin = analysis.track, analysis.margin
@@ -113,6 +128,16 @@ class Alarms:
             self._ahead(events, time_s, margin_ahead)
             used = np.fmax(track.throttle[row], np.sqrt(analysis.capacity_use[row]))
             self._saturation(events, time_s, used)
+        for rotor, flags in enumerate(esc_failures, start=1):
+            self._set(
+                events,
+                ("esc", rotor),
+                float(clock_s[-1]),
+                on=flags != 0,
+                off=flags == 0,
+                severity=CRITICAL,
+                text=f"ESC of rotor {rotor}: {failure_words(flags)}" if flags else "",
+            )
         excess = _excess(analysis)
         for row in range(rows)[slice(first, None) if settled is None else settled]:
             time_s = float(clock_s[row])
@@ -306,6 +331,12 @@ def _margin_words(what: str, margin: float, limit: float, of: str = "") -> str:
         return ""
     place = "under" if margin < limit else "near"
     return f"{what} {math.floor(100 * margin + 1e-6)}% {place} {limit:.0%}{of}"
+
+
+def failure_words(flags: int) -> str:
+    """What an ESC says of itself, gravest first: ESC_FAILURE_FLAGS of MAVLink's common.xml."""
+    known = [words for bit, words in FAILURES.items() if flags & bit]
+    return ", ".join(known) or f"failure {flags}"
 
 
 def _unheard(missing: NDArray[np.intp], rotors: int) -> str:

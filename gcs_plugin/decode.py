@@ -4,9 +4,10 @@
 
 Channels that do not go into a FlightTrack as they are: `geodetic` (latitude °, longitude °,
 altitude m), `home` and `ekf_origin` (the same), `landed` (MAV_LANDED_STATE), `servo_us`
-(16 outputs), `esc_rpm`, `esc_voltage`, `esc_current` (by output number from 0),
-`battery_voltage`, `battery_current`, `battery_percent`, `battery_consumed` (by battery id; mAh,
-in a tank ml), `named_value` (by name), `fuel_remaining`, `fuel_percent`, `fuel_maximum` (by id).
+(16 outputs), `esc_rpm`, `esc_voltage`, `esc_current`, `esc_failure` (by output number from 0; the
+last is ESC_FAILURE_FLAGS), `battery_voltage`, `battery_current`, `battery_percent`,
+`battery_consumed` (by battery id; mAh, in a tank ml), `named_value` (by name), `fuel_remaining`,
+`fuel_percent`, `fuel_maximum` (by id).
 """
 
 from __future__ import annotations
@@ -316,6 +317,7 @@ MAVLINK_RULES: tuple[Rule, ...] = (
     Rule(message="ESC_STATUS", channel="esc_rpm", fields=("rpm",), unit="rpm", index="index"),
     Rule(message="ESC_STATUS", channel="esc_voltage", fields=("voltage",), unit="V", index="index"),
     Rule(message="ESC_STATUS", channel="esc_current", fields=("current",), unit="A", index="index"),
+    Rule(message="ESC_INFO", channel="esc_failure", fields=("failure_flags",), index="index"),
     Rule(message="NAMED_VALUE_FLOAT", channel="named_value", fields=("value",)),
     Rule(
         message="FUEL_STATUS",

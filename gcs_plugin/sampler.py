@@ -32,6 +32,7 @@ from models.errors import AirframeError
 from models.flight import FlightTrack, Floats, Origin
 
 NAN = float("nan")
+FAILURES_AGE = 5.0  # s for which an ESC's report on itself holds; PX4 sends one a second
 SILENT = 2.0  # s after which rotor speed reports no longer set the rhythm
 _HELD = (
     "attitude",
@@ -80,6 +81,7 @@ class Sample:
     flying: bool
     rotors_heard: bool  # at least one rotor speed is known
     tank: TankReading
+    esc_failures: tuple[int, ...]  # ESC_FAILURE_FLAGS of each rotor; empty when none are reported
     sources: dict[str, str] = field(repr=False)
 
 
@@ -259,6 +261,7 @@ class Sampler:
             flying=flying,
             rotors_heard=bool(np.any(np.isfinite(rotors))),
             tank=tank,
+            esc_failures=_failures(state.by_index("esc_failure"), motors, clock),
             sources=sources,
         )
 
@@ -319,6 +322,16 @@ class Sampler:
 def _origin(geodetic: Any) -> Origin:
     latitude, longitude, altitude = (float(v) for v in geodetic)
     return Origin(latitude_deg=latitude, longitude_deg=longitude, altitude=altitude)
+
+
+def _failures(
+    reported: dict[int | str, Reading], motors: MotorMap, clock: float
+) -> tuple[int, ...]:
+    found = [reported.get(output) for output in motors.outputs]
+    fresh = [r is not None and clock - r.clock_s <= FAILURES_AGE for r in found]
+    if not any(fresh):
+        return ()
+    return tuple(int(r.value) if ok and r else 0 for r, ok in zip(found, fresh, strict=True))
 
 
 def _fresh(reading: Reading | None, clock: float, channel: str) -> float:

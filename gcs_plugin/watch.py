@@ -242,6 +242,7 @@ class VehicleWatch:
             pumped_kg=pumped * self._flow_meter.first,
             virtual_kg=virtual,
             margin_ahead=self._outlook.margin_ahead,
+            esc_failures=samples[-1].esc_failures,
         )
         self.last = Update(
             vehicle=self.system,

@@ -142,6 +142,21 @@ def test_a_motor_at_its_end_is_told_at_once():
     ]
 
 
+def test_what_an_esc_says_of_itself_is_told_at_once_with_its_rotor():
+    alarms = Alarms()
+    said = []
+    for turn, failures in enumerate([(), (0, 0, 36, 0), (0, 0, 0, 0), (0, 0, 0, 0)]):
+        track = hover(4.0)
+        track = replace(track, time_s=track.time_s + 4.0 * turn)
+        said.append(watched(track, alarms, esc_failures=failures))
+    assert said[0] == []
+    assert [(e[1], e[3], e[4]) for e in said[1]] == [
+        (True, 3, "ESC of rotor 3: motor stuck, too hot")
+    ]
+    assert said[2] == []
+    assert [(e[1], e[2]) for e in said[3]] == [(False, "esc")]
+
+
 def test_outside_the_models_training_is_told_and_not_for_a_model_without_any():
     track = hover(30.0)
     airspeed = np.full(300, 3.0)

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v10 import ardupilotmega as dialect1
 from pymavlink.dialects.v20 import ardupilotmega as dialect2
+from pymavlink.generator import mavparse
 
 from gcs_plugin.frames import Frame, FrameSplitter, fields
 from gcs_plugin.logs.layouts import layouts
@@ -135,6 +136,39 @@ def test_px4_messages_that_pymavlink_lacks_are_checked_and_read():
     splitter = FrameSplitter()
     assert splitter.feed(bytes(wrong) + FRAMES[0], 0)[0].data == FRAMES[0]
     assert splitter.counts.bad_checksum == 1
+
+
+XML = """<?xml version="1.0"?><mavlink><messages>
+<message id="290" name="ESC_INFO">{index}<field type="uint64_t" name="time_usec"/>
+<field type="uint16_t" name="counter"/><field type="uint8_t" name="count"/>
+<field type="uint8_t" name="connection_type"/><field type="uint8_t" name="info"/>
+<field type="uint16_t[4]" name="failure_flags"/><field type="uint32_t[4]" name="error_count"/>
+<field type="int16_t[4]" name="temperature"/></message>
+<message id="291" name="ESC_STATUS">{index}<field type="uint64_t" name="time_usec"/>
+<field type="int32_t[4]" name="rpm"/><field type="float[4]" name="voltage"/>
+<field type="float[4]" name="current"/></message>
+<message id="371" name="FUEL_STATUS"><field type="uint8_t" name="id"/>
+<field type="float" name="maximum_fuel"/><field type="float" name="consumed_fuel"/>
+<field type="float" name="remaining_fuel"/><field type="uint8_t" name="percent_remaining"/>
+<field type="float" name="flow_rate"/><field type="float" name="temperature"/>
+<field type="uint32_t" name="fuel_type"/></message>
+</messages></mavlink>""".format(index='<field type="uint8_t" name="index"/>')
+
+
+def test_the_layouts_of_px4s_messages_are_those_of_pymavlinks_generator(tmp_path):
+    path = tmp_path / "px4.xml"
+    path.write_text(XML)
+    made = mavparse.MAVXML(str(path), "2.0")
+    assert {message.id for message in made.message} == {290, 291, 371}
+    for message in made.message:
+        ours = layouts()[message.id]
+        assert (ours.name, ours.dtype.itemsize) == (message.name, message.wire_length)
+        assert ours.crc_extra == mavparse.message_checksum(message)
+        places = ours.dtype.fields
+        assert places is not None
+        assert [(name, places[name][1]) for name in places] == [
+            (field.name, field.wire_offset) for field in message.ordered_fields
+        ]
 
 
 def test_every_frame_of_a_recorded_flight_is_found(sitl_logs):

@@ -147,6 +147,20 @@ def test_a_px4_vehicle_gives_rows_from_its_own_messages():
     assert live.flying[-1]
 
 
+def test_a_failure_that_an_esc_reports_is_that_rotors():
+    vehicle = Vehicle()
+    frames = vehicle.tick()
+    info = (7, *[0] * 4, 1, 0, 0, 32, 0, *[3000] * 4, 0, 4, 0, 15)
+    frames.append(as_frame(px4(290, 251, struct.pack("<Q4IH4H4h4B", *info)), vehicle.stamp_us))
+    frames += [f for _ in range(20) for f in vehicle.tick()]
+    rows, _ = run(frames)
+    assert rows[0].esc_failures == ()
+    assert rows[-1].esc_failures == (0, 0, 32, 0)
+    # A report that is not repeated does not hold for ever.
+    rows, _ = run([*frames, *[f for _ in range(50) for f in vehicle.tick()]])
+    assert rows[-1].esc_failures == ()
+
+
 def test_an_aircraft_with_another_number_of_rotors_gives_no_rows_but_a_reason():
     vehicle = Vehicle()
     hexa = vehicle.frame(dialect.MAVLink_heartbeat_message(13, 3, 0, 0, 4, 3))
