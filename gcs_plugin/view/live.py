@@ -87,7 +87,7 @@ class LiveView:
         self._shown = 0  # number of the overlay
         self._focus: int | None = None
         self._bounds: Floats | None = None  # (2, 3) m that the ground was fitted to
-        self._told_s = self._trails_s = self._bars_s = 0.0
+        self._told_s = self._trails_s = self._bars_s = self._stale_s = 0.0
         self.draw_seconds: deque[float] = deque(maxlen=1000)
 
     @property
@@ -137,6 +137,9 @@ class LiveView:
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:
         """Ages, alarms and missions; called on the compute thread."""
+        tell_stale = time.monotonic() - self._stale_s >= STATUS_EVERY
+        if tell_stale:
+            self._stale_s = time.monotonic()
         with self._lock:
             for number, watch in fleet.vehicles.items():
                 aircraft = self._aircraft.get(number)
@@ -155,7 +158,8 @@ class LiveView:
                         one.fresh = True
                     self._wake.set()
                 aircraft.waypoints = watch.state.mission
-                aircraft.stale = watch.stale(now_us)
+                if tell_stale:
+                    aircraft.stale = watch.stale(now_us)
 
     def _of(self, number: int, overlays: tuple[Overlay, ...]) -> Aircraft:
         found = self._aircraft.get(number)
