@@ -16,7 +16,11 @@ from gcs_plugin.watch import Outlook
 #: White on each is read in sunlight: contrast 7:1 and more.
 RED, ORANGE, GREY = "#b00020", "#8a3a00", "#4d4d4d"
 #: Tabs that a gloved finger hits.
-STYLE = "<style>.mantine-Tabs-tab{font:700 20px system-ui;padding:13px 20px}</style>"
+STYLE = (
+    "<style>[role=tab]{padding:12px 18px!important}"
+    "[role=tab],[role=tab] *{font:700 20px system-ui!important}</style>"
+)
+MOST_ALARMS = 4  # on one page: more would push the numbers off it
 #: Lines of the status that begin so are shouted.
 LOUD = NOT_RECORDING
 
@@ -46,12 +50,14 @@ def alarms_html(
     every = [(one.number, alarm) for one in fleet if not one.gone for alarm in one.alarms]
     every.sort(key=lambda item: (item[1].severity, item[0] != number, item[0]))
     lines = []
-    for of, alarm in every:
+    for of, alarm in every[:MOST_ALARMS]:
         words = alarm.text if of == number else f"Vehicle {of}: {alarm.text}"
         lines.append(
             f'<div data-alarm style="background:{_paper(alarm.severity)};padding:3px 8px;'
             f'margin-bottom:3px">{escape(words)}</div>'
         )
+    if len(every) > MOST_ALARMS:
+        lines.append(f'<div style="color:{RED}">and {len(every) - MOST_ALARMS} more</div>')
     if problem:
         lines.append(f'<div data-problem style="background:{RED}">{escape(problem)}</div>')
     if age > old:

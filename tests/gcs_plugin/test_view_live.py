@@ -104,7 +104,11 @@ def test_two_vehicles_have_a_tab_each_and_stand_where_they_are():
     with flying() as live, open_page(live.view.url) as page:
         one, two = Vehicle(1), Vehicle(2)
         live.fly(3.0, one, two)
-        page.get_by_text("Vehicle 2", exact=True).first.click()
+        tab = page.get_by_role("tab", name="Vehicle 2").first
+        box = tab.bounding_box()
+        assert box is not None
+        assert box["height"] >= 40  # px: for a gloved finger
+        tab.click()
         until(page, "body", "· vehicle 2", live, one, two, rpm=1700)
         assert page.locator("[data-fleet]").count() == 2
         # The other one loses thrust: told on this page too.
@@ -141,6 +145,16 @@ def test_the_page_of_one_aircraft_tells_the_alarms_of_all_gravest_first():
     assert "Vehicle 2" not in html
     left = [replace(fleet[0], gone=True), fleet[1]]
     assert "Rotor 3" not in alarms_html(2, left, "", 0.0, 1.0)
+
+
+def test_many_alarms_leave_room_for_the_numbers_and_the_gravest_are_kept():
+    alarms = [
+        Alarm("rotor", k, CRITICAL if k == 6 else WARNING, f"alarm {k}", 0.0) for k in range(7)
+    ]
+    html = alarms_html(1, [Standing(number=1, alarms=tuple(alarms))], "", 0.0, 1.0)
+    assert html.count("data-alarm") == 4
+    assert "alarm 6" in html
+    assert "and 3 more" in html
 
 
 def test_each_aircraft_has_a_bar_with_its_margin_unless_that_is_old():
