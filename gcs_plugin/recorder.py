@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 SYNC = 0.5  # s between fsyncs of the .tlog and the events
-SAMPLE_SYNC = 0.8  # s between new versions of the running Parquet file
+SAMPLE_SYNC = 0.6  # s between new versions of the running Parquet file
 #: A Parquet file is closed and the next begun after so many rows or seconds.
 PART_ROWS, PART_SECONDS = 6000, 60.0
 QUEUE = 500_000  # frames: over a minute of 100 vehicles at 50 messages/s

@@ -236,6 +236,22 @@ def test_a_link_that_is_down_for_30_s_is_told_and_the_flight_goes_on(tmp_path):
     assert np.isfinite(track.airspeed[first + 1])
 
 
+def test_a_clock_that_leaps_ahead_is_noted_and_nothing_from_before_is_held_over_it(tmp_path):
+    vehicle = Vehicle()
+    frames = flight(vehicle, 20)
+    vehicle.clock_s += 500.0  # and the ground's clock runs on as ever
+    frames += flight(vehicle, 20)
+    _, seen = run(write_log(tmp_path / "leap.tlog", frames), tmp_path / "out")
+    session = recording_in(tmp_path / "out")
+    assert "jumped 500 s ahead" in (session / "events.jsonl").read_text()
+    track = read_samples(session, 1)
+    first = int(np.argmax(np.diff(track.time_s))) + 1
+    assert track.time_s[first] - track.time_s[first - 1] == pytest.approx(500.1, abs=0.01)
+    assert np.isnan(track.airspeed[first])
+    assert np.isfinite(track.airspeed[first + 1 :]).all()
+    assert not [name for _, name, raised in seen.names() if raised and name != "margin"]
+
+
 def test_a_restart_begins_a_new_flight_of_the_same_vehicle(tmp_path):
     vehicle = Vehicle(clock_s=500.0)
     frames = flight(vehicle, 10)

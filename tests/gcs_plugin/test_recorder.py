@@ -131,13 +131,13 @@ def test_after_kill_9_all_is_there_up_to_the_last_second(tmp_path):
     rest = [line.split() for line in process.stdout.read().splitlines() if line.count(" ") == 1]
     handed_over += [(int(number), float(at)) for number, at in rest]
     end = handed_over[-1][1]
-    # On a busy machine the writer itself may be late: two seconds, where one is aimed at.
-    due = max(number for number, at in handed_over if at <= end - 2.0)
     folder = tmp_path / "session"
     kept = numbers(folder)
     assert kept == list(range(len(kept)))
-    assert len(kept) >= due
-    assert len(list(stamped_frames(folder / "telemetry.tlog"))) >= 5 * due
+    frames = len(list(stamped_frames(folder / "telemetry.tlog")))
+    assert frames >= 5 * max(number for number, at in handed_over if at <= end - 1.0)
+    # A second is aimed at; on a busy machine the thread that rewrites the table may be late.
+    assert len(kept) >= max(number for number, at in handed_over if at <= end - 1.5)
     assert len(kept) > 100
 
 
