@@ -274,7 +274,7 @@ class LiveView:
     def _show(self, one: Aircraft) -> None:
         with self._lock:
             update, one.fresh = one.update, False
-            age, problem = one.age, one.problem
+            age = one.age
         assert update is not None
         row = Samples.of(update.analysis).row(-1)
         offset = self._offset(one, update)
@@ -287,7 +287,7 @@ class LiveView:
         title = f"{self._airframe.title} · vehicle {one.number}"
         html = gauges_html(row, self._airframe, title)
         html += outlook_html(update.outlook, one.stale)
-        said = alarms_html(one.number, self._standing(), problem, age, OLD)
+        said = alarms_html(one.number, self._standing(), age, OLD)
         one.gauges.content = said + aged(html, age > OLD)
 
     def _standing(self) -> list[Standing]:

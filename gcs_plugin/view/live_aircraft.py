@@ -44,7 +44,8 @@ class Aircraft:
             number=self.number,
             alarms=self.alarms,
             age=self.age,
-            old=self.age > old or bool(self.problem),
+            old=self.age > old,
+            problem=self.problem,
             gone=self.gone,
         )
         if self.update is None:

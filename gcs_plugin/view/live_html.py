@@ -36,12 +36,11 @@ class Standing:
     flying: bool = False
     age: float = 0.0  # s of the newest row
     old: bool = False
+    problem: str = ""  # why there is no margin
     gone: bool = False  # left for good: nothing of it is shown
 
 
-def alarms_html(
-    number: int, fleet: Sequence[Standing], problem: str, age: float, old: float
-) -> str:
+def alarms_html(number: int, fleet: Sequence[Standing], age: float, old: float) -> str:
     """Every alarm that stands, above the gauges of vehicle `number`, its own first by gravity.
 
     Those of the others are told too: the pilot sees one tab. `age` s of what is shown is told
@@ -58,8 +57,10 @@ def alarms_html(
         )
     if len(every) > MOST_ALARMS:
         lines.append(f'<div style="color:{RED}">and {len(every) - MOST_ALARMS} more</div>')
-    if problem:
-        lines.append(f'<div data-problem style="background:{RED}">{escape(problem)}</div>')
+    for one in fleet:
+        if one.problem and not one.gone:
+            words = one.problem if one.number == number else f"Vehicle {one.number}: {one.problem}"
+            lines.append(f'<div data-problem style="background:{RED}">{escape(words)}</div>')
     if age > old:
         lines.append(f'<div data-age style="background:{GREY}">no data for {age:.0f} s</div>')
     style = "color:#fff;font:700 21px/1.15 system-ui;margin:4px 8px"
@@ -81,8 +82,10 @@ def fleet_html(fleet: Sequence[Standing]) -> str:
 
 
 def _bar(one: Standing) -> str:
-    paper = colours.MARGIN.screen(math.nan if one.old else one.margin)
-    if one.old:
+    paper = colours.MARGIN.screen(math.nan if one.old or one.problem else one.margin)
+    if one.problem:
+        big, small = "no margin", ""
+    elif one.old:
         big, small = f"no data {one.age:.0f} s", ""
     elif not one.flying:
         big, small = "on ground", kilograms(one.tank_kg)
