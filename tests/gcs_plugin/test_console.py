@@ -21,7 +21,7 @@ from gcs_plugin.fleet import Fleet
 from gcs_plugin.monitor import Monitor, MonitorSettings
 from models.airframe import load_airframe
 from models.rotor_model import physics_model
-from tests.gcs_plugin.live_vehicle import SECOND, Vehicle
+from tests.gcs_plugin.live_vehicle import SECOND, Vehicle, as_frame
 
 MODEL = physics_model(load_airframe("topxgun-f16-sitl"))
 
@@ -81,6 +81,18 @@ def test_a_narrow_terminal_cuts_no_number(monitor):
         for words in ("margin", "predicted", "10.0 kg", "r1", "0.0 s"):
             assert words in text
         assert ("by thrust" in text) == (width >= 110)
+
+
+def test_a_vehicle_silent_on_the_ground_leaves_and_one_silent_in_flight_never_does():
+    fleet, vehicle = flown()
+    watch = fleet.vehicles[3]
+    later = vehicle.stamp_us + 600 * SECOND
+    assert watch.flying
+    assert not watch.left(later)
+    fleet.take([as_frame(vehicle.landed(1), vehicle.stamp_us)])
+    fleet.take(vehicle.tick(rpm=(0,) * 4))
+    assert not watch.left(vehicle.stamp_us + 59 * SECOND)
+    assert watch.left(vehicle.stamp_us + 61 * SECOND)
 
 
 def test_without_a_terminal_every_event_is_a_line(monitor):
