@@ -68,7 +68,8 @@ class TankWatch:
         self, airframe: Airframe | None, source: str = "auto", start_kg: float | None = None
     ) -> None:
         self._airframe = airframe
-        self._source = source
+        by_airframe = airframe is not None and source.strip().lower() == "auto"
+        self._source = airframe.tank_source if by_airframe and airframe else source
         self._start_kg = start_kg
         self._pumped = NAN
         self._share = NAN

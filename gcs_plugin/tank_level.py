@@ -8,7 +8,8 @@ Autopilots have no message for a spray tank. In order of trust, `auto` takes
 4. the pump: its servo output times the airframe's largest flow, summed up from a start level that
    the user states. ArduPilot's sprayer already makes that output proportional to ground speed.
 `source` forces one: "NAMED_VALUE_FLOAT NAME" (add ":l" for litres), "FUEL_STATUS [ID]",
-"BATTERY_STATUS [ID]", "pump" or "none". Nothing is assumed about how full the tank was.
+"BATTERY_STATUS [ID]", "pump" or "none"; with `auto` the airframe file may name it (`tank_source`).
+A source that is named is never replaced by another. Nothing is assumed about how full the tank was.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from models.flight import Floats
 #: % by which the level from ml used may differ from the level in % and still be the same thing.
 AGREEMENT = 1.5
 WATER = 1.0  # kg/L
+NUMBERED = ("FUEL_STATUS", "BATTERY_STATUS")  # sources that are told apart by a number
 #: Names that `auto` knows -> True for litres.
 NAMES = {"TANK": False, "TANK_KG": False, "TANK_L": True}
 
@@ -65,6 +67,8 @@ def pack_id(signals: Signals) -> int | None:
 
 def tank_level(signals: Signals, context: TankContext, source: str = "auto") -> TankLevel:
     """The tank level by `source`. Raises LogError when a forced source is not in the log."""
+    if source.strip().upper() == "AUTO" and context.airframe is not None:
+        source = context.airframe.tank_source
     kind, _, rest = source.strip().partition(" ")
     match kind.upper():
         case "AUTO":
@@ -80,13 +84,28 @@ def tank_level(signals: Signals, context: TankContext, source: str = "auto") -> 
         case "PUMP":
             found = _pump(signals, context)
         case _:
-            raise LogError(
-                f"tank source {source!r} is not known; use auto, none, pump, "
-                "'NAMED_VALUE_FLOAT NAME', 'FUEL_STATUS ID' or 'BATTERY_STATUS ID'"
-            )
+            raise _unknown(source)
     if found is None:
-        raise LogError(f"no tank level from {source!r} in this log; try --tank auto")
+        named = context.airframe is not None and source == context.airframe.tank_source
+        by = f", which airframe {context.airframe.name} names" if named and context.airframe else ""
+        raise LogError(f"no tank level from {source!r}{by} in this log; name another with --tank")
     return found
+
+
+def check_source(source: str) -> None:
+    """Raise LogError when `source` can be no tank source, before anything is heard."""
+    kind, _, rest = source.strip().partition(" ")
+    if kind.upper() not in ("AUTO", "NONE", "NAMED_VALUE_FLOAT", *NUMBERED, "PUMP"):
+        raise _unknown(source)
+    if kind.upper() in NUMBERED:
+        _number(rest, source)
+
+
+def _unknown(source: str) -> LogError:
+    return LogError(
+        f"tank source {source!r} is not known; use auto, none, pump, "
+        "'NAMED_VALUE_FLOAT NAME', 'FUEL_STATUS ID' or 'BATTERY_STATUS ID'"
+    )
 
 
 def _number(text: str, source: str) -> int | None:

@@ -2,7 +2,8 @@
 
 A file is a set of tables of quantities `{ value = 21.1, unit = "kg", source = "..." }`.
 `extends = "other"` takes every value of another airframe and replaces those given; other is a
-shipped name, or the path of a .toml file as seen from this one.
+shipped name, or the path of a .toml file as seen from this one. `tank_source` may name the message
+that carries the tank level, say "BATTERY_STATUS 1"; without it the best that is heard is taken.
 Rotor order is the autopilot's motor order; positions are `_frd` from the centre of gravity.
 `spin` is +1 for a rotor that turns counter-clockwise seen from above, -1 for clockwise.
 """
@@ -84,6 +85,7 @@ class Airframe:
     rotor_effectiveness: Floats  # (R,) thrust at a speed over that of a free rotor (coaxial)
     rotor_names: tuple[str, ...]
     quantities: MappingProxyType[str, Quantity] = field(repr=False)
+    tank_source: str = "auto"  # which message its tank level comes from, as readers name sources
 
     @property
     def rotor_count(self) -> int:
@@ -154,6 +156,7 @@ def airframe_table(airframe: Airframe) -> dict[str, Any]:
         "name": airframe.name,
         "title": airframe.title,
         "layout": airframe.layout,
+        "tank_source": airframe.tank_source,
         "quantities": {
             name: {"value": q.value, "unit": q.unit, "source": q.source}
             for name, q in airframe.quantities.items()
@@ -226,5 +229,6 @@ def airframe_from_table(table: dict[str, Any], where: str) -> Airframe:
         rotor_effectiveness=effectiveness,
         rotor_names=names,
         quantities=MappingProxyType(quantities),
+        tank_source=str(table.get("tank_source", "auto")),
         **{name: q.value for name, q in quantities.items()},
     )

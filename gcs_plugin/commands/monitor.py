@@ -57,7 +57,8 @@ def monitor(
         model: Rotor speed model file of this aircraft; without it the one that ships is used.
         airframe: Name of a shipped airframe, or an airframe file (.toml); without it the model's.
         tank: Where the tank level comes from: auto, none, pump, "NAMED_VALUE_FLOAT NAME",
-            "FUEL_STATUS ID" or "BATTERY_STATUS ID".
+            "FUEL_STATUS ID" or "BATTERY_STATUS ID"; auto is what the airframe file names
+            (tank_source), else the best that is heard.
         tank_start_kg: What a tank without a gauge holds at the start.
         limit: Thrust margin under which an alarm is raised, 0 to 1.
         announce: Send alarms and figures to vehicles and ground stations as STATUSTEXT and
@@ -76,10 +77,12 @@ def monitor(
     from gcs_plugin.alarms import AlarmSettings
     from gcs_plugin.commands.report import chosen_model
     from gcs_plugin.monitor import Monitor, MonitorSettings
+    from gcs_plugin.tank_level import check_source
     from gcs_plugin.watch import WatchSettings
 
     if not 0.0 < limit < 1.0:
         raise LinkError(f"--limit {limit:g} is not a share; give one between 0 and 1, as 0.5")
+    check_source(tank)
     accept = sign = None
     if signing_key_file is not None:
         from gcs_plugin.signing import Signer, SigningFilter
@@ -102,6 +105,7 @@ def monitor(
         ),
     )
     chosen = chosen_model(model, airframe)
+    check_source(chosen.airframe.tank_source)
     live = Monitor(chosen, settings, accept=accept)
     if announce or request_rates:
         from gcs_plugin.announce import Announcer

@@ -55,6 +55,7 @@ def monitor_process(port: int, folder: Path) -> subprocess.Popen:
     command = ["monitor", f"udpin:127.0.0.1:{port}", "--record", str(folder), "--no-view"]
     process = subprocess.Popen(
         [sys.executable, "-c", RUN, *command],
+        stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
         cwd=ROOT,

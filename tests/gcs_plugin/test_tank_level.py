@@ -9,7 +9,7 @@ import pytest
 from gcs_plugin.decode import Signal
 from gcs_plugin.logs import read_log
 from gcs_plugin.logs.signals import collected
-from gcs_plugin.tank_level import TankContext, pack_id, tank_level
+from gcs_plugin.tank_level import TankContext, check_source, pack_id, tank_level
 from models.airframe import load_airframe
 from models.errors import LogError
 from tests.gcs_plugin.log_files import frames_of
@@ -142,6 +142,25 @@ def test_a_forced_source_that_is_not_there_is_an_error(source):
 def test_a_source_that_cannot_be_is_an_error(source):
     with pytest.raises(LogError, match="tank source"):
         level(source=source)
+    with pytest.raises(LogError, match="tank source"):
+        check_source(source)
+
+
+def test_the_airframe_file_names_the_source_unless_the_user_does():
+    own = replace(F16, tank_source="BATTERY_STATUS 1")
+    named = Signal("named_value", "NAMED_VALUE_FLOAT TANK", TIME, TIME * 0 + 7.0, "TANK")
+    tank = battery(TIME * 0 + 50)
+    found = level(named, *tank, airframe=own)
+    assert found.signal is not None
+    assert found.signal.source.startswith("BATTERY_STATUS")
+    asked = level(named, *tank, airframe=own, source="NAMED_VALUE_FLOAT TANK")
+    assert asked.signal is not None
+    assert asked.signal.values[0] == 7.0
+    # Another does not step in unasked, and the message says who named it.
+    with pytest.raises(LogError, match=f"airframe {F16.name} names"):
+        level(named, airframe=own)
+    for source in ("auto", "none", "pump", "NAMED_VALUE_FLOAT LVL", own.tank_source):
+        check_source(source)
 
 
 def test_the_recorded_flights_three_gauges_agree():

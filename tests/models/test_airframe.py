@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from models.airframe import QUANTITIES, airframe_names, load_airframe
+from models.airframe import (
+    QUANTITIES,
+    airframe_from_table,
+    airframe_names,
+    airframe_table,
+    load_airframe,
+)
 from models.errors import AirframeError
 
 SHIPPED = airframe_names()
@@ -68,6 +74,15 @@ def test_own_file_can_extend_a_shipped_airframe(tmp_path):
     )
     airframe = load_airframe(path)
     assert (airframe.name, airframe.empty_mass, airframe.rotor_count) == ("mine", 22.4, 4)
+
+
+def test_a_file_may_name_where_the_tank_level_comes_from(tmp_path):
+    assert load_airframe("topxgun-f16").tank_source == "auto"
+    path = tmp_path / "ours.toml"
+    path.write_text('extends = "topxgun-f16"\ntank_source = "BATTERY_STATUS 1"\n')
+    ours = load_airframe(path)
+    assert ours.tank_source == "BATTERY_STATUS 1"
+    assert airframe_from_table(airframe_table(ours), "table").tank_source == ours.tank_source
 
 
 def test_own_file_extends_a_neighbour_in_its_own_folder(tmp_path):
