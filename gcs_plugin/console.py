@@ -87,9 +87,9 @@ def screen(monitor: Monitor, width: int = WIDE) -> RenderableType:
             if words
         ]
         if watch.last is not None:
-            source = watch.last.tank_source or "no tank level"
-            remarks.append(Text(f"vehicle {number}: tank by {source}", style="dim"))
-            remarks += [Text(f"  {note}", style="dim") for note in watch.last.notes]
+            remarks += [
+                Text(f"vehicle {number}: {words}", style="dim") for words in watch.last.remarks
+            ]
     alarms.sort(key=lambda item: (item[1].severity, item[0]))
     lines = [
         Text(f"vehicle {n}: {a.text}", style=STYLES.get(a.severity, "yellow")) for n, a in alarms

@@ -170,7 +170,7 @@ class Sampler:
         except AirframeError as error:
             self._motors, self.problem = None, str(error)
             return None
-        self.problem, self.notes = "", self._motors.notes
+        self.problem, self.notes = "", (*self._motors.notes, *_assumed(self._motors))
         return self._motors
 
     def _rhythm(self, state: VehicleState, motors: MotorMap) -> Reading | None:
@@ -322,6 +322,11 @@ class Sampler:
 def _origin(geodetic: Any) -> Origin:
     latitude, longitude, altitude = (float(v) for v in geodetic)
     return Origin(latitude_deg=latitude, longitude_deg=longitude, altitude=altitude)
+
+
+def _assumed(motors: MotorMap) -> tuple[str, ...]:
+    """What is taken for granted until the vehicle says which output drives which motor."""
+    return (f"{motors.order_words}; --request-rates asks",) if motors.assumed else ()
 
 
 def _failures(

@@ -85,6 +85,11 @@ class Update:
     tank_source: str = ""
     notes: tuple[str, ...] = ()
 
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What the numbers rest on, for people."""
+        return (f"tank by {self.tank_source or 'no source: level unknown'}", *self.notes)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WatchSettings:

@@ -32,6 +32,7 @@ class MotorMap:
     pump_output: int | None
     order_words: str  # how motors were matched to outputs
     notes: tuple[str, ...]
+    assumed: bool = False  # nothing says which output is which motor
 
     def rotor_speed(self, signals: Signals) -> list[Signal | None]:
         """One signal a motor, None where no ESC reports for it."""
@@ -109,14 +110,16 @@ def motor_map(recording: Recording, signals: Signals, airframe: Airframe | None)
         count = 4
         notes.append("nothing in the log tells the number of rotors: 4 assumed")
     outputs = tuple(range(count))
+    assumed = False
     if recording.motor_order:
         words = recording.motor_order
     elif all(k in on_output for k in range(count)):
         outputs = tuple(on_output[k] for k in range(count))
         words = f"motors on outputs {_listed(outputs)} by SERVOn_FUNCTION"
     else:
+        assumed = True
         words = f"motor n taken to be on output n: {_listed(outputs)}"
-    return MotorMap(count, outputs, pump, words, tuple(notes))
+    return MotorMap(count, outputs, pump, words, tuple(notes), assumed)
 
 
 def _listed(outputs: tuple[int, ...]) -> str:

@@ -286,7 +286,7 @@ class LiveView:
             one.label.position = row.position_enu + self._scene.above(str(one.number))
         title = f"{self._airframe.title} · vehicle {one.number}"
         html = gauges_html(row, self._airframe, title)
-        html += outlook_html(update.outlook, one.stale)
+        html += outlook_html(update.outlook, one.stale, update.remarks)
         said = alarms_html(one.number, self._standing(), age, OLD)
         one.gauges.content = said + aged(html, age > OLD)
 

@@ -118,10 +118,10 @@ def aged(html: str, old: bool) -> str:
     return f'<div data-old style="opacity:.35">{html}</div>' if old else html
 
 
-def outlook_html(outlook: Outlook, stale: str = "") -> str:
+def outlook_html(outlook: Outlook, stale: str = "", remarks: Sequence[str] = ()) -> str:
     """Time to empty, the least margin ahead and the margin after a refill, as far as known.
 
-    `stale` says which fields are no longer reported.
+    `stale` says which fields are no longer reported; `remarks` what the numbers rest on.
     """
     parts = []
     if math.isfinite(outlook.seconds_to_empty):
@@ -134,7 +134,11 @@ def outlook_html(outlook: Outlook, stale: str = "") -> str:
     lines = "".join(f"<div>{escape(part)}</div>" for part in parts)
     if stale:
         lines += f'<div data-stale style="color:{RED}">{escape(stale)}</div>'
-    return f'<div class="tm"><div class="txt" data-gauge="outlook">{lines}</div></div>'
+    small = "".join(f"<div>{escape(words)}</div>" for words in remarks)
+    return (
+        f'<div class="tm"><div class="txt" data-gauge="outlook">{lines}</div>'
+        f'<div class="small" data-remarks>{small}</div></div>'
+    )
 
 
 def status_html(lines: Sequence[str]) -> str:

@@ -108,6 +108,7 @@ def test_nothing_is_sent_to_the_vehicle_unless_asked():
         assert air.heard == []
 
 
+@pytest.mark.slow
 def test_rates_are_asked_for_once_and_what_is_missing_again():
     with monitored(request_rates=True) as (_, air, _station):
         air.fly(12.0)

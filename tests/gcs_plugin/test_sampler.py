@@ -147,6 +147,20 @@ def test_a_px4_vehicle_gives_rows_from_its_own_messages():
     assert live.flying[-1]
 
 
+def test_until_the_vehicle_says_which_output_is_which_motor_the_order_is_told_as_assumed():
+    vehicle = Vehicle()
+    _, sampler = run(vehicle.tick())
+    assert "taken to be" in " ".join(sampler.notes)
+    told = [
+        vehicle.frame(
+            dialect.MAVLink_param_value_message(f"SERVO{n}_FUNCTION".encode(), 32 + n, 9, 4, n)
+        )
+        for n in (1, 2, 3, 4)
+    ]
+    _, sampler = run([*vehicle.tick(), *told, *vehicle.tick()])
+    assert sampler.notes == ()
+
+
 def test_a_failure_that_an_esc_reports_is_that_rotors():
     vehicle = Vehicle()
     frames = vehicle.tick()

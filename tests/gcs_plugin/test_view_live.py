@@ -88,6 +88,9 @@ def test_the_page_follows_the_flight_and_says_when_it_is_old():
         until(page, '[data-gauge="worst"]', f"{left[0]} %", live, vehicle, rpm=1700)
         assert page.locator("[data-alarm]").count() == 0
         assert "vehicle 7" in page.inner_text("body").lower()
+        rests = shown(page, "[data-remarks]")
+        assert "tank by NAMED_VALUE_FLOAT TANK" in rests
+        assert "motor n taken to be on output n" in rests
         until(page, '[data-gauge="worst"]', f"{left[1]} %", live, vehicle, rpm=2300)
         until(page, "[data-alarm]", "under 50%", live, vehicle, rpm=2300)
         assert page.locator("[data-old]").count() == 0
@@ -192,6 +195,7 @@ def test_unknown_outlooks_are_left_out_and_not_made_up():
     assert "margin" not in outlook_html(Outlook())
     known = outlook_html(Outlook(seconds_to_empty=125.0, margin_full=0.43))
     assert "empty in 2:05" in known
+    assert "&lt;i>" in outlook_html(Outlook(), "", ["tank by <i>"]).replace("&gt;", ">")
     assert "43 %" in known
 
 
