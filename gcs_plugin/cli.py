@@ -64,3 +64,7 @@ def run(argv: Sequence[str]) -> int:
         print("thrustmargin: stopped; files that were finished are whole", file=sys.stderr)
         return 130
     return outcome if isinstance(outcome, int) else 0
+
+
+if __name__ == "__main__":
+    main()
