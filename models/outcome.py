@@ -40,20 +40,22 @@ class Errors:
 
 
 def errors_of(problem: Problem, residual_rpm: Floats) -> Errors:
-    """Errors of a residual (T, R), with a bootstrap over blocks within flights."""
+    """Errors of a residual (T, R), with a bootstrap over blocks within flights.
+
+    Flights too short for a second block are drawn among themselves: each is one block.
+    """
     generator = np.random.default_rng(0)
     blocks = problem.block_flight.size
     count = np.bincount(problem.block, minlength=blocks) * residual_rpm.shape[1]
     square = np.bincount(problem.block, np.sum(residual_rpm**2, axis=1), minlength=blocks)
+    of_flight = [np.flatnonzero(problem.block_flight == f) for f in range(problem.flights)]
+    groups = [mine for mine in of_flight if mine.size > 1]
+    short = [mine for mine in of_flight if mine.size == 1]
+    if short:
+        groups.append(np.concatenate(short))
     draws = []
     for _ in range(DRAWS):
-        chosen = np.concatenate(
-            [
-                generator.choice(mine, mine.size)
-                for f in range(problem.flights)
-                for mine in [np.flatnonzero(problem.block_flight == f)]
-            ]
-        )
+        chosen = np.concatenate([generator.choice(mine, mine.size) for mine in groups])
         draws.append(np.sqrt(square[chosen].sum() / count[chosen].sum()))
     low, high = np.quantile(draws, [0.025, 0.975])
     return Errors(
