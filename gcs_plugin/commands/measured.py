@@ -13,6 +13,8 @@ from models.errors import DataError
 if TYPE_CHECKING:
     from gcs_plugin.measured.study import Study
 
+FEWEST_SURROGATES = 49  # of 50 equal chances, one is 2 %: what the search asks of an effect
+
 
 def measured(
     folder: Positional[Annotated[Path, tyro.conf.arg(metavar="FOLDER")]],
@@ -21,14 +23,14 @@ def measured(
     html: Path | None = None,
     only: tuple[str, ...] = (),
     surrogates: int = 99,
-    all_thirds: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False,
+    quick: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False,
 ) -> int:
     """Check this program on measured data: real flights with rotor speeds, benches, wind tunnel.
 
     Reads the data sets in a folder, closes the loop on the flights (which effect is missing, how
     large, error before and after on flights left out), fits the benches, and puts what is quoted
     elsewhere beside each number. The data are not part of this program: docs/measured.md says where
-    they come from. The flights take some minutes.
+    they come from. The flights take three to four minutes, the rest seconds.
 
     Example: thrustmargin measured ../shared/measured --html measured.html
 
@@ -36,17 +38,21 @@ def measured(
         folder: Folder with one subfolder for each data set.
         json: Write the numbers as JSON to this file.
         html: Write a page with figures to this file.
-        only: Names of the data sets to look at; without it all.
-        surrogates: How often the search is repeated on chance alone; 99 tells 1 % from 2 %.
-        all_thirds: Close the loop on the flights without payload three times, each third left out.
+        only: Names of the data sets to look at, one after the other; without it all.
+        surrogates: How often the search is repeated on chance alone, 49 or more; an effect is
+            taken only when less than 2 % of them give as much.
+        quick: Leave out only the first third of the flights without payload, not each in turn.
     """
     from rich.console import Console
     from rich.progress import Progress
 
     from gcs_plugin.measured.study import study
 
-    if surrogates < 19:
-        raise DataError(f"{surrogates} surrogates cannot tell chance at 5 %; give 19 or more")
+    if surrogates < FEWEST_SURROGATES:
+        raise DataError(
+            f"{surrogates} surrogates cannot tell an effect from chance at 2 %; give "
+            f"{FEWEST_SURROGATES} or more"
+        )
     check_outputs(folder, json=json, html=html)
     errors = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
     with Progress(console=errors, transient=True) as bar:
@@ -55,7 +61,7 @@ def measured(
             folder,
             only=only,
             surrogates=surrogates,
-            all_thirds=all_thirds,
+            quick=quick,
             progress=lambda what, share: bar.update(task, description=what, completed=share),
         )
         bar.update(task, description="writing", completed=0.0)
@@ -108,7 +114,7 @@ def show(told: Study, written: list[Path]) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from gcs_plugin.measured.page import shown
+    from gcs_plugin.measured.page import named, shown, verdict
 
     console = Console(highlight=False, markup=False, soft_wrap=True)
     for finding in told.findings:
@@ -117,11 +123,10 @@ def show(told: Study, written: list[Path]) -> None:
             console.print(f"  {sentence}")
         beside = [n for n in finding.numbers if n.quoted is not None]
         if beside:
-            table = Table("number", "found", "quoted", box=box.SIMPLE_HEAD)
+            table = Table("number", "found", "quoted", "", box=box.SIMPLE_HEAD)
             for number in beside:
-                table.add_row(
-                    Text(number.name), Text(shown(number)), Text(shown(number, quoted=True))
-                )
+                cells = (named(number), shown(number), shown(number, quoted=True), verdict(number))
+                table.add_row(*map(Text, cells))
             console.print(table)
         for note in finding.notes:
             console.print(f"  note: {note}")

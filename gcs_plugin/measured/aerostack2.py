@@ -141,6 +141,7 @@ def find(folder: Path) -> Finding:
         numbers=(
             Number(
                 name="rmse_by_command",
+                label="thrust by command",
                 value=single.rmse_command,
                 unit="N",
                 quoted=0.330,
@@ -148,6 +149,8 @@ def find(folder: Path) -> Finding:
             ),
             Number(
                 name="rmse_by_command_and_voltage",
+                label="and voltage",
+                aim="at most",
                 value=single.rmse_voltage,
                 unit="N",
                 quoted=0.272,

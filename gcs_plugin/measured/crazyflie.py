@@ -14,6 +14,9 @@ With payload also pay_x_mm, pay_y_mm, pay_z_mm: the load, by motion capture.
 A row of a FlightTrack is the mean over 0.2 s around its time, as rows at 10 Hz need it against
 aliasing; but 50 such rows a second are kept, for the flights last 4 to 9 s. Rotor speed is averaged
 as its square, which thrust goes with.
+
+A flight with a fault that shows without any thrust model is read, but said to be faulty: a rotor
+that reports a speed that cannot be its own, and a velocity that is not the change of position.
 """
 
 from __future__ import annotations
@@ -27,7 +30,6 @@ import numpy as np
 
 from gcs_plugin.measured.tables import Columns, parquet_columns
 from models.atmosphere import G0
-from models.errors import DataError
 from models.flight import FlightTrack, Floats
 
 FOLDER = "imrc_crazyflie_rpm"
@@ -38,7 +40,9 @@ RATE = 50.0  # rows a second
 MEAN_OVER = 0.2  # s: a mean that ends at half the rate of 10 rows a second, 5 Hz
 LEAST_SHARE = 0.5  # of the samples that a row should have; a row with fewer is left out
 WRONG_SENSOR = 0.75  # of the other rotors' speed: steady flight on four like rotors needs more
+WRONG_VELOCITY = 0.4  # m/s, RMS, off the change of position; all other flights have 0.05 to 0.19
 FULL_PWM = 65535.0
+DELAYS = tuple(0.01 * k for k in range(9))  # s by which a motor may be behind its command
 
 _SINGLE = (
     *("t_s", "x_m", "y_m", "z_m", "vx_mps", "vy_mps", "vz_mps", "qw", "qx", "qy", "qz"),
@@ -72,8 +76,9 @@ class MeasuredFlight:
     track: FlightTrack
     mass: float  # kg with payload
     payload: float  # kg on the cable, 0 without
-    wrong_sensors: tuple[int, ...]  # rotors (from 0) whose reported speed cannot be theirs
+    faults: tuple[str, ...]  # why it is put aside, in words; empty for a good flight
     load_ned: Floats  # (T, 3) m from the aircraft to the load; NaN without one
+    earlier_command: Floats  # (T, len(DELAYS)) mean command of the rotors, 0..1, that much earlier
 
 
 def read_flights(folder: Path, file: str, *, mean_over: float = MEAN_OVER) -> list[MeasuredFlight]:
@@ -84,10 +89,8 @@ def read_flights(folder: Path, file: str, *, mean_over: float = MEAN_OVER) -> li
     """
     path = folder / file
     load = _LOAD if file == CABLE_FLIGHTS else ()
-    columns = parquet_columns(path, ("flight", *_SINGLE, *_ROTOR, *load))
+    columns = parquet_columns(path, (*_SINGLE, *_ROTOR, *load), words=("flight",))
     names = columns.pop("flight").astype(str)
-    if not names.size:
-        raise DataError(f"{path} holds no flight")
     starts = np.flatnonzero(np.concatenate([[True], names[1:] != names[:-1]]))
     ends = np.append(starts[1:], names.size)
     return [
@@ -110,12 +113,15 @@ def _flight(name: str, columns: Columns, mean_over: float) -> MeasuredFlight:
     rotor_speed = np.sqrt(average(speed**2))
     rotor_speed[:, list(wrong)] = np.nan
     velocity = three("vx_mps", "vy_mps", "vz_mps") * [1, -1, -1]
-    command = average(_stack(columns, "pwm"))
+    position = three("x_m", "y_m", "z_m") * [1, -1, -1]
+    command = _stack(columns, "pwm") / FULL_PWM
+    together = command.mean(axis=1, keepdims=True)
+    faults = (*_speed_faults(wrong, speed), *_velocity_faults(average.time_s, position, velocity))
     track = FlightTrack.of(
         name=name,
         time_s=average.time_s - average.time_s[0],
         rotor_count=ROTORS,
-        position_ned=three("x_m", "y_m", "z_m") * [1, -1, -1],
+        position_ned=position,
         velocity_ned=velocity,
         attitude=_attitude(three("qw", "qx", "qy", "qz")),
         angular_rate_frd=np.radians(three("gx_dps", "gy_dps", "gz_dps")) * [1, -1, -1],
@@ -124,17 +130,22 @@ def _flight(name: str, columns: Columns, mean_over: float) -> MeasuredFlight:
         wind_ned=np.zeros((average.time_s.size, 3)),
         tank_kg=np.zeros(average.time_s.size),
         rotor_speed_rpm=rotor_speed,
-        throttle=command / FULL_PWM,
+        throttle=average(command),
         voltage=average(columns["vbat_mV"][:, None])[:, 0] * 1e-3,
         height_agl=average(columns["z_m"][:, None])[:, 0],
         sources=SOURCES,
-        notes=_notes(wrong, speed),
+        notes=faults,
     )
     load = np.full((average.time_s.size, 3), np.nan)
     if _LOAD[0] in columns:
         load = three(*_LOAD) * 1e-3 * [1, -1, -1] - track.position_ned
     return MeasuredFlight(
-        track=track, mass=mass, payload=payload, wrong_sensors=wrong, load_ned=load
+        track=track,
+        mass=mass,
+        payload=payload,
+        faults=faults,
+        load_ned=load,
+        earlier_command=np.concatenate([average(together, delay) for delay in DELAYS], axis=1),
     )
 
 
@@ -150,7 +161,18 @@ def _wrong_sensors(speed: Floats) -> tuple[int, ...]:
     )
 
 
-def _notes(wrong: Sequence[int], speed: Floats) -> tuple[str, ...]:
+def _velocity_faults(time_s: Floats, position: Floats, velocity: Floats) -> tuple[str, ...]:
+    """In flight eckart28 without payload the reported velocity lets go of the positions."""
+    if time_s.size < 3:
+        return ()
+    gap = velocity - np.gradient(position, time_s, axis=0)
+    off = float(np.sqrt(np.mean(np.sum(gap**2, axis=1))))
+    if off <= WRONG_VELOCITY:
+        return ()
+    return (f"reported velocity is {off:.2f} m/s off the change of position: put aside",)
+
+
+def _speed_faults(wrong: Sequence[int], speed: Floats) -> tuple[str, ...]:
     return tuple(
         f"rotor {k + 1} reports {np.median(speed[:, k]) / np.median(speed):.2f} of the rotors' "
         "usual speed: a wrong sensor, put aside"
@@ -184,9 +206,12 @@ class _Average:
         usual = span / float(np.median(np.diff(time_s)))
         enough = last - first >= LEAST_SHARE * usual
         self.time_s = grid[enough]
-        self._first, self._last = first[enough], last[enough]
+        self._samples, self._half = time_s, span / 2
 
-    def __call__(self, values: Floats) -> Floats:
-        """Means (T, C) of samples (n, C)."""
+    def __call__(self, values: Floats, earlier: float = 0.0) -> Floats:
+        """Means (T, C) of samples (n, C) taken `earlier` s before; NaN where there are none."""
+        first = np.searchsorted(self._samples, self.time_s - earlier - self._half)
+        last = np.searchsorted(self._samples, self.time_s - earlier + self._half)
         total = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
-        return (total[self._last] - total[self._first]) / (self._last - self._first)[:, None]
+        with np.errstate(invalid="ignore"):
+            return (total[last] - total[first]) / (last - first)[:, None]

@@ -7,84 +7,101 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from gcs_plugin.measured.crazyflie import MeasuredFlight
-from gcs_plugin.measured.crazyflie_loop import Loop, ThrustLeft
+from gcs_plugin.measured.crazyflie_errors import ThrustLeft, fast_part, joined_errors
+from gcs_plugin.measured.crazyflie_loop import Loop
+from gcs_plugin.measured.crazyflie_words import Flown
 from gcs_plugin.measured.findings import PlotJson
-from gcs_plugin.measured.plots import bar_figure, binned, scatter_figure
+from gcs_plugin.measured.plots import BEFORE_AFTER, bar_figure, binned, scatter_figure
 from gcs_plugin.measured.swing_check import computed, unit
+from gcs_plugin.report.plot_style import MEAN, MEASURED
 from models.flight import Floats
 
+BINS = 14
 FASTEST_SHOWN = 0.99  # quantile of a channel, beyond which bins say little
 
 
-def figures_of(
-    loop: Loop, on_cable: Loop, cable: Sequence[MeasuredFlight]
-) -> Mapping[str, PlotJson]:
+def figures_of(flown: Flown) -> Mapping[str, PlotJson]:
     """All figures by caption."""
+    loop, on_cable = flown.loops[0], flown.on_cable
     made = {
-        "thrust left, % of the weight, flights left out: the curve T = a N² and the model with the "
-        "effects found": _thrust(loop, on_cable),
-        "rotor speed error of flights left out in turn, as each effect comes in (no payload)": (
-            _staircase(loop)
-        ),
-        "the same with a load on a cable, from the model of the flights without": _staircase(
-            on_cable
+        "Error of thrust on flights left out, with 95 % intervals over flights: the thrust curve "
+        "with the mass known, and the model with the effects found": _thrust(flown),
+        "Error of rotor speed as each effect comes in, without payload; each flight predicted "
+        "with values found without it": _staircase(loop),
+        "The same with a load on a cable, starting from the model of the flights without": (
+            _staircase(on_cable)
         ),
     }
-    if loop.found.held_out is not None:
-        x = loop.found.held_out.channels
-        caption = "thrust left against {}, no payload, flights left out"
-        made[caption.format("speed")] = _against(loop, x.airspeed, "m/s")
-        made[caption.format("the advance ratio of the climb")] = _against(
-            loop, x.advance_ratio, "J, positive in climb"
+    problems = [one.found.held_out for one in flown.loops if one.found.held_out is not None]
+    for caption, channel, title in (
+        ("speed through the air", "airspeed", "speed, m/s"),
+        ("climb", "advance_ratio", "advance ratio J of the climb (1 = one diameter a turn)"),
+    ):
+        along = np.concatenate([getattr(p.channels, channel) for p in problems])
+        made[f"Mean error of thrust against {caption}, without payload, flights left out"] = (
+            _against(flown.loops, along, title)
         )
     length = on_cable.parameter("slung_load", "cable")[0]
-    shown = [f for f in cable if f.track.name in on_cable.held_out]
+    shown = [f for f in flown.cable if f.track.name in on_cable.held_out]
     if np.isfinite(length) and shown:
         flight = max(shown, key=lambda f: f.track.duration)
         made[
-            f"direction to the load in {flight.track.name}: measured, and worked out from the "
-            "aircraft's own motion"
+            f"Direction to the load in flight {flight.track.name}: by motion capture (points, used "
+            "in no fit), and worked out from the aircraft's own accelerometer (lines)"
         ] = _swing(flight, length)
     return made
 
 
-def _thrust(loop: Loop, on_cable: Loop) -> PlotJson:
-    def row(which: str) -> list[float]:
-        free, cable = getattr(loop, which), getattr(on_cable, which)
-        return [free.all, free.in_fast, cable.all, cable.in_fast]
-
+def _thrust(flown: Flown) -> PlotJson:
+    cable = flown.on_cable
+    curves = [flown.curve, fast_part(flown.curve), cable.curve, fast_part(cable.curve)]
+    found = [flown.after, fast_part(flown.after), cable.after, fast_part(cable.after)]
     return bar_figure(
         groups=[
-            ("curve alone, mass known", row("curve")),
-            ("with the effects found", row("after")),
+            ("thrust curve alone", [e.all for e in curves]),
+            ("with the effects found", [e.all for e in found]),
         ],
-        labels=["no payload", "no payload, over 1.5 m/s", "cable", "cable, over 1.5 m/s"],
-        y_title="RMSE, % of the weight",
+        intervals=[[e.interval() for e in errors] for errors in (curves, found)],
+        labels=[
+            "no payload",
+            "no payload,\nover 1.5 m/s",
+            "load on a cable",
+            "load on a cable,\nover 1.5 m/s",
+        ],
+        y_title="RMSE of thrust, % of weight",
     )
 
 
 def _staircase(loop: Loop) -> PlotJson:
     found = loop.found.found
-    labels = ["before", *(f.term.effect.name.replace("_", " ") for f in found)]
-    labels = [f"{k}. {label}" if k else label for k, label in enumerate(labels)]
+    labels = ["before", *(_broken(name) for name in loop.names)]
     values = [found[0].rmse_before_rpm, *(f.rmse_after_rpm for f in found)] if found else [0.0]
-    return bar_figure(groups=[("RMSE", values)], labels=labels, y_title="rpm")
+    return bar_figure(
+        groups=[("RMSE", values)], labels=labels, y_title="RMSE of rotor speed, rpm", digits=0
+    )
 
 
-def _against(loop: Loop, channel: Floats, title: str) -> PlotJson:
+def _broken(name: str) -> str:
+    """A name on two lines, so that neighbours on an axis do not touch."""
+    first, _, rest = name.partition(" ")
+    return f"+ {first}\n{rest}"
+
+
+def _against(loops: Sequence[Loop], channel: Floats, title: str) -> PlotJson:
     low, high = np.quantile(channel, [1.0 - FASTEST_SHOWN, FASTEST_SHOWN])
     inside = (channel >= low) & (channel <= high)
 
-    def mean(left: ThrustLeft) -> tuple[Floats, Floats]:
-        return binned(channel[inside], left.error[inside])
+    def mean(parts: list[ThrustLeft]) -> tuple[Floats, Floats]:
+        return binned(channel[inside], joined_errors(parts).error[inside], BINS)
 
     return scatter_figure(
         lines=[
-            ("curve alone", *mean(loop.curve)),
-            ("with the effects found", *mean(loop.after)),
+            ("thrust curve alone", *mean([loop.curve for loop in loops])),
+            ("with the effects found", *mean([loop.after for loop in loops])),
         ],
         x_title=title,
-        y_title="thrust less what was asked, % of the weight",
+        y_title="error of thrust, % of weight",
+        line_colours=BEFORE_AFTER,
     )
 
 
@@ -96,5 +113,6 @@ def _swing(flight: MeasuredFlight, length: float) -> PlotJson:
         points=[(f"{name}, measured", time_s, measured[:, k]) for k, name in enumerate(names)],
         lines=[(f"{name}, worked out", time_s, told[:, k]) for k, name in enumerate(names)],
         x_title="time, s",
-        y_title="part of the direction to the load",
+        y_title="part of the unit vector to the load",
+        line_colours=(MEASURED, MEAN),
     )

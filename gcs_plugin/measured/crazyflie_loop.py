@@ -2,10 +2,8 @@
 
 First the flights without payload against the airframe's weight and thrust curve, then the flights
 with a load on a cable against the model that came out of the first. Every third flight is left out
-of all fitting. The thrust coefficient is fitted in hover on flights that are not left out.
-
-Errors in percent of the weight are of the rotors together: (kappa a S - D)/(m g), S = sum of N_i²,
-with kappa and demand D as the model has them on flights left out.
+of all fitting; without payload each third in turn. The thrust coefficient is fitted in hover on
+flights that are not left out.
 """
 
 from __future__ import annotations
@@ -16,58 +14,27 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gcs_plugin.measured.crazyflie import MeasuredFlight
-from gcs_plugin.measured.findings import Progress, rmse
-from gcs_plugin.measured.thrust_check import FAST, THIRDS, hover_coefficient, rows_of
+from gcs_plugin.measured.crazyflie_errors import ThrustLeft, thrust_left
+from gcs_plugin.measured.findings import Progress
+from gcs_plugin.measured.thrust_check import THIRDS, hover_coefficient, rows_of
 from models.airframe import Airframe, Quantity
-from models.atmosphere import G0
 from models.closing import with_effects
 from models.effects import CATALOGUE, ON_REQUEST
-from models.effects.base import Kind, Placed
-from models.effects.channels import LAGS
-from models.effects.compose import coefficient
-from models.effects.flown import table_of
+from models.effects.base import Placed
 from models.effects.size import sized
 from models.errors import DataError
 from models.fit import placed_terms
-from models.flight import Bools, FlightTrack, Floats
+from models.flight import FlightTrack, Floats
 from models.identify import identify
 from models.outcome import Identification
-from models.problem import Problem, assemble
-from models.rotor_model import RotorModel
+from models.problem import assemble
+from models.rotor_model import RotorModel, physics_model
 from models.search import SearchConfig
 
 #: An effect on the collective is small beside the moments of a small agile aircraft, so less of the
 #: whole error has to go for it to be worth a name than on a sprayer; and where two effects do about
 #: as well by the robust cost, the one with the smaller plain error on left-out flights is taken.
 LEAST_FALL, TIE, MOST_EFFECTS = 0.01, 0.1, 10
-BOOTSTRAPS = 2000
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ThrustLeft:
-    """Errors of the rotors' thrust together on flights left out, percent of the weight."""
-
-    error: Floats  # (T,)
-    fast: Bools  # (T,) faster than FAST
-    flight: np.ndarray  # (T,)
-
-    @property
-    def all(self) -> float:
-        return rmse(self.error)
-
-    @property
-    def in_fast(self) -> float:
-        return rmse(self.error[self.fast])
-
-    def interval(self) -> tuple[float, float]:
-        """95 % interval of `all`, by drawing whole flights anew."""
-        flights = np.unique(self.flight)
-        square = np.array([np.sum(self.error[self.flight == f] ** 2) for f in flights])
-        count = np.array([np.sum(self.flight == f) for f in flights])
-        drawn = np.random.default_rng(0).integers(flights.size, size=(BOOTSTRAPS, flights.size))
-        draws = np.sqrt(square[drawn].sum(axis=1) / count[drawn].sum(axis=1))
-        low, high = np.quantile(draws, [0.025, 0.975])
-        return float(low), float(high)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -81,7 +48,6 @@ class Loop:
     after: ThrustLeft  # with them
     after_felt: ThrustLeft  # their thrust against mass times felt specific force
     held_out: tuple[str, ...]  # names of flights left out
-    put_aside: tuple[str, ...]
 
     def parameter(self, effect: str, name: str) -> tuple[float, float, float]:
         """Value and 95 % interval of a parameter that was found; NaN where it was not."""
@@ -94,6 +60,37 @@ class Loop:
                     float(one.upper[0, k]),
                 )
         return float("nan"), float("nan"), float("nan")
+
+    @property
+    def losses(self) -> tuple[tuple[int, float], ...]:
+        """Rotors (from 0) that make less thrust at a speed, and what share of it."""
+        return tuple(
+            (f.term.rotor, float(f.value[0, 0]))
+            for f in self.found.found
+            if f.term.rotor is not None and f.term.effect.name == "rotor_degradation"
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Effects found, in order, in words."""
+        return tuple(
+            f.term.effect.name.replace("_", " ")
+            + ("" if f.term.rotor is None else f" of rotor {f.term.rotor + 1}")
+            for f in self.found.found
+        )
+
+
+def speed_errors(loops: Sequence[Loop]) -> tuple[float, float]:
+    """RMSE of rotor speed before and after on the flights left out of each loop together, rpm."""
+    rows = [found.held_out.flight.size for found in (p.found for p in loops) if found.held_out]
+
+    def together(values: Sequence[float]) -> float:
+        return float(np.sqrt(np.average(np.square(values), weights=rows)))
+
+    return (
+        together([loop.found.before.rmse_rpm for loop in loops]),
+        together([loop.found.after.rmse_rpm for loop in loops]),
+    )
 
 
 def hover_airframe(
@@ -117,14 +114,12 @@ def close_loop(
 ) -> Loop:
     """Identify on two thirds of the flights, judge on the one left out.
 
-    Of the flights that can be used, number k belongs to third k modulo 3. Raises DataError when too
-    few can.
+    Flight k of the list is of third k modulo 3. Raises DataError when there are too few.
     """
-    usable, put_aside = _usable(model, flights)
-    held = [f for k, f in enumerate(usable) if k % THIRDS == third]
-    fit = [f for k, f in enumerate(usable) if k % THIRDS != third]
+    held = [f for k, f in enumerate(flights) if k % THIRDS == third]
+    fit = [f for k, f in enumerate(flights) if k % THIRDS != third]
     if not fit or not held:
-        raise DataError(f"{len(usable)} flights can be used; at least two are needed")
+        raise DataError(f"{len(flights)} flights can be used; at least {THIRDS} are needed")
     config = SearchConfig(
         surrogates=surrogates, least_fall=LEAST_FALL, tie=TIE, most_effects=MOST_EFFECTS
     )
@@ -148,7 +143,6 @@ def close_loop(
         after=thrust_left(problem, placed, mass=mass),
         after_felt=thrust_left(problem, placed, mass=mass, felt=True),
         held_out=tuple(f.track.name for f in held),
-        put_aside=put_aside,
     )
 
 
@@ -177,30 +171,6 @@ def placed_of(found: Identification) -> tuple[Placed, ...]:
     return placed_terms(fit.terms, values)
 
 
-def thrust_left(
-    problem: Problem, placed: Sequence[Placed], *, mass: float, felt: bool = False
-) -> ThrustLeft:
-    """Thrust of the measured rotor speeds less what the flight asked for, over the weight.
-
-    `felt`: what it asked for is mass times the accelerometer's specific force, whatever the model.
-    """
-    x, base = problem.channels, table_of(problem.model)
-    squares = problem.measured_rpm**2
-    kappa = coefficient(placed, x, squares.shape[1], np)
-    thrust = base.thrust_coefficient * np.sum(squares * kappa, axis=1)
-    demand = base.look_up(x.airspeed, x.tank_kg).sum(axis=1)
-    for item in placed:
-        if item.effect.kind is Kind.DEMAND:
-            demand = item.effect.apply(item.values, x, demand, np)
-    if felt:
-        demand = mass * G0 * x.specific_force_shifts[:, LAGS.index(0.0)]
-    return ThrustLeft(
-        error=100.0 * (thrust - demand) / (mass * G0),
-        fast=x.airspeed > FAST,
-        flight=problem.flight,
-    )
-
-
 def joined(flights: Sequence[MeasuredFlight], *, gap: float = 60.0) -> FlightTrack:
     """All flights as one track, one after the other with `gap` s between."""
     tracks = [f.track for f in flights]
@@ -218,18 +188,20 @@ def joined(flights: Sequence[MeasuredFlight], *, gap: float = 60.0) -> FlightTra
     )
 
 
-def _usable(
-    model: RotorModel, flights: Sequence[MeasuredFlight]
+def usable(
+    flights: Sequence[MeasuredFlight], airframe: Airframe
 ) -> tuple[list[MeasuredFlight], tuple[str, ...]]:
-    usable, put_aside = [], []
+    """Flights without a fault and long enough to be fitted, and why others are put aside."""
+    model = physics_model(airframe)
+    kept, put_aside = [], []
     for flight in flights:
-        if flight.wrong_sensors:
-            put_aside.append(f"{flight.track.name}: {'; '.join(flight.track.notes)}")
+        if flight.faults:
+            put_aside.append(f"{flight.track.name}: {'; '.join(flight.faults)}")
             continue
         try:
             assemble(model, [flight.track])
         except DataError as error:
             put_aside.append(str(error))
         else:
-            usable.append(flight)
-    return usable, tuple(put_aside)
+            kept.append(flight)
+    return kept, tuple(put_aside)

@@ -2,7 +2,8 @@
 
 Source: github.com/AerialRoboticsUUST/CrazyPAD, commit 5448265, MIT; Masalimov, Muslimov, Kozlov,
 Munasypov, CrazyPAD, Data 2024, 9, 79. One row a log: medians of a hover. Columns used: cond (the
-folder's name, with the length that is left: 47 mm when whole), craft, pwm.m1 to pwm.m4.
+folder's name, with the length that is left: 47 mm when whole), craft, pwm.m1 to pwm.m4 (to the
+motors), motor.m1 to motor.m4 (before the firmware corrects them for the battery's voltage).
 
 No rotor speed was measured. A rotor that makes less thrust at a speed needs a higher speed and so
 a higher command: its share of the four commands rises as its blades get shorter.
@@ -29,7 +30,7 @@ SOURCE = (
 )
 WHOLE_MM = 47.0
 CUT = re.compile(r"cut_propeller_M3_.*_(\d+(?:\.\d+)?)mm")
-QUOTED = -0.957
+QUOTED, CHECK = -0.957, "independent check"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -38,12 +39,17 @@ class Cuts:
 
     craft: str
     length_mm: Floats  # (L,) of the blades on motor 3
-    share: Floats  # (L,) of motor 3 in the four commands
+    share: Floats  # (L,) of motor 3 in the four commands to the motors
+    asked_share: Floats  # (L,) likewise before the firmware corrects them for the voltage
 
     @property
     def correlation(self) -> float:
         """Of length with share; -1 is a straight fall."""
         return float(np.corrcoef(self.length_mm, self.share)[0, 1])
+
+    @property
+    def asked_correlation(self) -> float:
+        return float(np.corrcoef(self.length_mm, self.asked_share)[0, 1])
 
 
 def read_cuts(folder: Path) -> list[Cuts]:
@@ -51,17 +57,25 @@ def read_cuts(folder: Path) -> list[Cuts]:
 
     Raises DataError when the table is missing, of another kind, or holds no cut propeller.
     """
-    commands = tuple(f"pwm.m{k}" for k in (1, 2, 3, 4))
-    table = csv_columns(folder / FILE, ("cond", "craft", *commands))
-    command = np.stack([table[name] for name in commands], axis=1)
-    share = command[:, 2] / command.sum(axis=1)
+    names = {kind: [f"{kind}.m{k}" for k in (1, 2, 3, 4)] for kind in ("pwm", "motor")}
+    table = csv_columns(folder / FILE, (*names["pwm"], *names["motor"]), words=("cond", "craft"))
+    share, asked = (
+        table[of[2]] / sum(table[name] for name in of) for of in (names["pwm"], names["motor"])
+    )
     length = np.array([_length(str(words)) for words in table["cond"]])
     known = np.isfinite(length)
     crafts = table["craft"].astype(str)
     made = []
     for craft in np.unique(crafts[known]):
         mine = known & (crafts == craft)
-        made.append(Cuts(craft=str(craft), length_mm=length[mine], share=share[mine]))
+        made.append(
+            Cuts(
+                craft=str(craft),
+                length_mm=length[mine],
+                share=share[mine],
+                asked_share=asked[mine],
+            )
+        )
     made = [c for c in made if np.unique(c.length_mm).size > 2]
     if not made:
         raise DataError(f"{FILE} has no hover with a cut propeller on motor 3")
@@ -93,15 +107,30 @@ def find(folder: Path) -> Finding:
             f"Aircraft {main.craft}, {main.share.size} hovers: the share of motor 3 in the "
             f"commands rises as its blades get shorter, r = {main.correlation:.3f}, "
             f"{-100 * slope:.2f} percentage points a millimetre.",
+            *(
+                f"Aircraft {c.craft}, {c.share.size} hovers with cuts down to "
+                f"{c.length_mm.min():g} mm only: r = {c.correlation:.3f}."
+                for c in cuts[1:]
+            ),
             "Rotor speed was not measured, so this is the sign and the order of a degraded rotor, "
             "not a thrust coefficient.",
         ),
         numbers=(
             Number(
                 name="correlation",
+                label=f"blade length with share of commands to the motors, {main.craft}, r",
                 value=main.correlation,
                 quoted=QUOTED,
-                quoted_from="independent check",
+                quoted_from=CHECK,
+                aim="at most",
+            ),
+            Number(
+                name="correlation_before_voltage",
+                label="the same before the correction for voltage",
+                value=main.asked_correlation,
+                quoted=QUOTED,
+                quoted_from=CHECK,
+                aim="at most",
             ),
             Number(name="hovers", value=main.share.size),
             Number(name="share_per_mm", value=float(slope), unit="1/mm"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -13,6 +13,10 @@ from models.flight import Floats
 
 PlotJson = dict[str, Any]
 Progress = Callable[[str, float], None]  # what is being done, and which share of it is
+
+
+Aim = Literal["", "at most", "like"]
+LIKE = 0.02  # of what is quoted: as near as its digits and another choice of rows allow
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -24,6 +28,17 @@ class Number:
     unit: str = "1"
     quoted: float | None = None
     quoted_from: str = ""
+    aim: Aim = ""  # what the value is asked to be of what is quoted
+    label: str = ""  # in words
+
+    @property
+    def met(self) -> bool | None:
+        """Whether the value reaches what is quoted; None where nothing is asked of it."""
+        if self.quoted is None or not self.aim:
+            return None
+        if self.aim == "at most":
+            return self.value <= self.quoted
+        return abs(self.value - self.quoted) <= LIKE * abs(self.quoted)
 
     def to_json(self) -> dict[str, Any]:
         return {
@@ -32,6 +47,8 @@ class Number:
             "unit": self.unit,
             "quoted": _finite(self.quoted),
             "quoted_from": self.quoted_from,
+            "aim": self.aim,
+            "met": self.met,
         }
 
 
@@ -42,7 +59,7 @@ class Finding:
     name: str  # folder of the data set
     title: str
     source: str  # where the data come from, and their licence as found
-    answer: tuple[str, ...]  # sentences for people
+    answer: tuple[str, ...]  # sentences for people; the first one alone says what was found
     numbers: tuple[Number, ...]
     notes: tuple[str, ...] = ()  # what was left out, and why
     figures: Mapping[str, PlotJson] = field(default_factory=lambda: MappingProxyType({}))

@@ -31,7 +31,7 @@ def html_text(study: Study) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.globals |= {"shown": shown}
+    environment.globals |= {"shown": shown, "named": named, "verdict": verdict}
     return environment.get_template("page.html").render(
         study=study,
         schema=SCHEMA,
@@ -51,6 +51,16 @@ def shown(number: Number, *, quoted: bool = False) -> str:
         return "-"
     unit = "" if number.unit == "1" else f" {number.unit}"
     return f"{value:.4g}{unit}"
+
+
+def named(number: Number) -> str:
+    """What the number is, in words."""
+    return number.label or number.name.replace("_", " ")
+
+
+def verdict(number: Number) -> str:
+    """Whether the number reaches what is quoted, in a word; empty where nothing is asked."""
+    return {None: "", True: "reached", False: "NOT reached"}[number.met]
 
 
 def _figures(finding: Finding) -> list[tuple[str, Markup]]:

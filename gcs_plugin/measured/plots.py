@@ -12,6 +12,7 @@ from models.flight import Floats
 
 POINT_COLOURS = (MEASURED, "#6f6f6f", "#0077bb", "#00512d", "#7a3e9d")
 LINE_COLOURS = (PREDICTED, "#b00000", INK, "#00512d")
+BEFORE_AFTER = (PREDICTED, MEASURED, "#6f6f6f")
 DASHES = ("solid", "dash", "dot", "dashdot")
 MOST_POINTS = 3000
 
@@ -25,6 +26,7 @@ def scatter_figure(
     x_title: str,
     y_title: str,
     height: int = 460,
+    line_colours: Sequence[str] = LINE_COLOURS,
 ) -> PlotJson:
     """Points and lines, each (name, x, y), on one pair of axes."""
     data: list[PlotJson] = []
@@ -42,7 +44,7 @@ def scatter_figure(
         )
     for k, (name, x, y) in enumerate(lines):
         style = {
-            "color": LINE_COLOURS[k % len(LINE_COLOURS)],
+            "color": line_colours[k % len(line_colours)],
             "width": 3,
             "dash": DASHES[k % len(DASHES)],
         }
@@ -60,24 +62,48 @@ def scatter_figure(
 
 
 def bar_figure(
-    *, groups: Sequence[tuple[str, Sequence[float]]], labels: Sequence[str], y_title: str
+    *,
+    groups: Sequence[tuple[str, Sequence[float]]],
+    labels: Sequence[str],
+    y_title: str,
+    digits: int = 2,
+    intervals: Sequence[Sequence[tuple[float, float]]] = (),
 ) -> PlotJson:
-    """Bars side by side: one group of bars a label, one bar of each named series in it."""
-    data: list[PlotJson] = [
-        {
+    """Bars side by side: one group of bars a label (of one line or two), one bar a series in it.
+
+    `intervals` has the ends of an interval for each bar, series by series. With several series the
+    first is the colour of "before", the second of "after".
+    """
+    data: list[PlotJson] = []
+    for k, (name, values) in enumerate(groups):
+        bar: PlotJson = {
             "type": "bar",
             "name": escape(name),
-            "x": [escape(label) for label in labels],
+            "x": [escape(label).replace("\n", "<br>") for label in labels],
             "y": [float(v) for v in values],
-            "marker": {"color": (PREDICTED, MEASURED, "#6f6f6f")[k % 3]},
-            "texttemplate": "%{y:.2f}",
-            "textposition": "outside",
-            "cliponaxis": False,
+            "marker": {"color": BEFORE_AFTER[k % len(BEFORE_AFTER)]},
+            "text": [f"{v:.{digits}f}" for v in values],
+            "textposition": "inside",
+            "insidetextanchor": "start",
+            "textfont": {"color": "white", "size": 16},
+            "textangle": 0,
         }
-        for k, (name, values) in enumerate(groups)
-    ]
+        if intervals:
+            ends = np.asarray(intervals[k], dtype=np.float64)
+            bar["error_y"] = {
+                "type": "data",
+                "symmetric": False,
+                "array": (ends[:, 1] - values).tolist(),
+                "arrayminus": (values - ends[:, 0]).tolist(),
+                "thickness": 2,
+                "width": 6,
+            }
+        else:
+            bar |= {"textposition": "outside", "textfont": {"color": INK, "size": 16}}
+        data.append(bar)
     layout = _layout("", y_title, 420)
     layout["barmode"] = "group"
+    layout["showlegend"] = len(groups) > 1
     layout["xaxis"] = {**AXIS, "type": "category", "showgrid": False}
     return {"data": data, "layout": layout}
 

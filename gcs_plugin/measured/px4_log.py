@@ -39,9 +39,22 @@ def find(folder: Path) -> Finding:
             f"speeds of {rotors} rotors up to {fastest:.0f} rpm, {tank}.",
         ),
         numbers=(
-            Number(name="rotors", value=rotors, quoted=4, quoted_from="PROVENANCE"),
             Number(
-                name="fastest", value=fastest, unit="rpm", quoted=3324, quoted_from="PROVENANCE"
+                name="rotors",
+                label="rotors that report, where the log says 6",
+                value=rotors,
+                quoted=4,
+                quoted_from="its source",
+                aim="like",
+            ),
+            Number(
+                name="fastest",
+                label="fastest rotor speed",
+                value=fastest,
+                unit="rpm",
+                quoted=3324,
+                quoted_from="its source",
+                aim="like",
             ),
             Number(name="rows", value=track.time_s.size),
             Number(name="duration", value=track.duration, unit="s"),

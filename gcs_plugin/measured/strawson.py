@@ -56,7 +56,7 @@ def fit_robust(speed_rpm: Floats, thrust: Floats) -> float:
 
 def fit_propellers(folder: Path) -> list[PropellerFit]:
     """Fits of every propeller. Raises DataError when the table is missing or of another kind."""
-    table = csv_columns(folder / FILE, ("rpm", "thrust_gf", "file", "prop"))
+    table = csv_columns(folder / FILE, ("rpm", "thrust_gf", "prop"), words=("file",))
     speed, thrust = table["rpm"], table["thrust_gf"] * 1e-3 * G0
     files = table["file"].astype(str)
     fits = []
@@ -122,6 +122,8 @@ def find(folder: Path) -> Finding:
             *(
                 Number(
                     name=f"r2_propeller_{f.propeller}",
+                    label=f"R² of least squares, propeller {f.propeller}",
+                    aim="like",
                     value=f.r2,
                     quoted={7: 0.84, 8: 0.83}.get(f.propeller),
                     quoted_from="independent check" if f.propeller in (7, 8) else "",

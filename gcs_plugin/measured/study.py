@@ -56,7 +56,7 @@ def study(
     *,
     only: Sequence[str] = (),
     surrogates: int = 99,
-    all_thirds: bool = False,
+    quick: bool = False,
     progress: Progress | None = None,
 ) -> Study:
     """Look at every data set of `folder`, or at those named in `only`.
@@ -76,7 +76,7 @@ def study(
             missing.append(Missing(name=name, why=f"no folder {name} in {folder}"))
             continue
         try:
-            findings.append(_find(name, folder / name, surrogates, all_thirds, progress))
+            findings.append(_find(name, folder / name, surrogates, quick, progress))
         except ThrustMarginError as error:
             missing.append(Missing(name=name, why=str(error)))
     if not findings:
@@ -86,12 +86,10 @@ def study(
 
 
 def _find(
-    name: str, folder: Path, surrogates: int, all_thirds: bool, progress: Progress | None
+    name: str, folder: Path, surrogates: int, quick: bool, progress: Progress | None
 ) -> Finding:
     if name == crazyflie.FOLDER:
-        return crazyflie_find.find(
-            folder, surrogates=surrogates, all_thirds=all_thirds, progress=progress
-        )
+        return crazyflie_find.find(folder, surrogates=surrogates, quick=quick, progress=progress)
     if progress:
         progress(name, 0.0)
     return next(check for check in CHECKS if name == check.FOLDER).find(folder)

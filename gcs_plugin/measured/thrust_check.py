@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs_plugin.measured.crazyflie import MeasuredFlight
+from gcs_plugin.measured.crazyflie import DELAYS, MeasuredFlight
 from gcs_plugin.measured.findings import rmse
 from models.atmosphere import G0
 from models.errors import DataError
@@ -44,7 +44,7 @@ class Rows:
     speed: Floats  # m/s over ground
     sink: Floats  # m/s downwards
     voltage: Floats  # V
-    command: Floats  # mean of the rotors, 0..1
+    earlier_command: Floats  # (T, len(DELAYS)) mean of the rotors, 0..1
     speed_rpm: Floats  # root mean square over the rotors
 
     @property
@@ -85,7 +85,7 @@ def rows_of(flights: Sequence[MeasuredFlight]) -> Rows:
             "speed": np.hypot(track.velocity_ned[:, 0], track.velocity_ned[:, 1]),
             "sink": track.velocity_ned[:, 2],
             "voltage": track.voltage,
-            "command": track.throttle.mean(axis=1),
+            "earlier_command": flight.earlier_command,
             "speed_rpm": np.sqrt(squares / track.rotor_count),
         }
         inside = np.isfinite(squares)
@@ -133,24 +133,46 @@ def plain_check(flights: Sequence[MeasuredFlight], *, only: int | None = None) -
     )
 
 
-def command_check(flights: Sequence[MeasuredFlight]) -> tuple[float, float]:
-    """RMSE in rpm of rotor speed told by the command, without and with the battery's voltage.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CommandCheck:
+    """RMSE in rpm of rotor speed told by the command, on flights left out."""
 
-    Quadratic in the command, and times a line in the voltage; each third of the flights left out
-    in turn.
+    command: float  # from the command alone
+    voltage: float  # and the battery's voltage
+    delayed: float  # and the motor's delay
+    delay: float  # s, median of those found without the flights left out
+
+
+def command_check(flights: Sequence[MeasuredFlight]) -> CommandCheck:
+    """Rotor speed quadratic in the command, times a line in the voltage, after a delay.
+
+    Each third of the flights is left out in turn; the delay is found on the other two.
     """
     rows = rows_of(flights)
-    powers = np.stack([rows.command**k for k in range(3)], axis=1)
     volts = (rows.voltage - rows.voltage.mean())[:, None]
-    errors = []
-    for columns in (powers, np.concatenate([powers, powers * volts], axis=1)):
-        left = np.empty(rows.speed_rpm.size)
-        for third in range(THIRDS):
-            test = rows.flight % THIRDS == third
-            found = np.linalg.lstsq(columns[~test], rows.speed_rpm[~test], rcond=None)[0]
-            left[test] = (rows.speed_rpm - columns @ found)[test]
-        errors.append(rmse(left))
-    return errors[0], errors[1]
+
+    def columns(delay: int, with_voltage: bool) -> Floats:
+        powers = np.stack([rows.earlier_command[:, delay] ** k for k in range(3)], axis=1)
+        return np.concatenate([powers, powers * volts], axis=1) if with_voltage else powers
+
+    def error(test: Bools, delay: int, with_voltage: bool) -> tuple[Floats, float]:
+        x, y = columns(delay, with_voltage), rows.speed_rpm
+        found = np.linalg.lstsq(x[~test], y[~test], rcond=None)[0]
+        return y[test] - x[test] @ found, rmse(y[~test] - x[~test] @ found)
+
+    left: dict[str, list[Floats]] = {"command": [], "voltage": [], "delayed": []}
+    delays = []
+    for third in range(THIRDS):
+        test = rows.flight % THIRDS == third
+        left["command"].append(error(test, 0, False)[0])
+        left["voltage"].append(error(test, 0, True)[0])
+        best = min(range(len(DELAYS)), key=lambda k: error(test, k, True)[1])
+        left["delayed"].append(error(test, best, True)[0])
+        delays.append(DELAYS[best])
+    return CommandCheck(
+        **{name: rmse(np.concatenate(parts)) for name, parts in left.items()},
+        delay=float(np.median(delays)),
+    )
 
 
 def hover_lift(flights: Sequence[MeasuredFlight]) -> float:

@@ -60,9 +60,9 @@ class InflowFit:
 
 def read_propellers(folder: Path) -> list[Propeller]:
     """All propellers of the three volumes. Raises DataError when a file is missing or odd."""
-    names = ("PropName", "D", "P", "J", "CT")
-    tables = [csv_columns(folder / file, names) for file in FILES]
-    table = {name: np.concatenate([t[name] for t in tables]) for name in names}
+    names, words = ("D", "P", "J", "CT"), ("PropName",)
+    tables = [csv_columns(folder / file, names, words=words) for file in FILES]
+    table = {name: np.concatenate([t[name] for t in tables]) for name in (*names, *words)}
     order = np.argsort(table["PropName"].astype(str), kind="stable")
     table = {name: values[order] for name, values in table.items()}
     labels = table["PropName"].astype(str)

@@ -56,9 +56,10 @@ def read_sheets(folder: Path) -> tuple[list[Sheet], tuple[str, ...]]:
 
     Raises DataError when the table is missing or is not of this kind.
     """
-    names = ("brand", "motor", "file", "D_in", "pitch_in", "blades", "test_V", "rpm", "thrust_g")
-    table = csv_columns(folder / FILE, names)
-    rows = list(zip(*(table[name] for name in names), strict=True))
+    words, names = ("brand", "motor", "file"), ("D_in", "pitch_in", "blades", "test_V")
+    table = csv_columns(folder / FILE, (*names, "rpm", "thrust_g"), words=words)
+    cells = (table[name] for name in (*words, *names, "rpm", "thrust_g"))
+    rows = list(zip(*cells, strict=True))
     left_out: list[str] = []
     sheets: dict[tuple, list[tuple[float, float]]] = {}
     for brand, motor, file, diameter, pitch, blades, voltage, rpm, grams in rows:
@@ -158,12 +159,21 @@ def find(folder: Path) -> Finding:
         numbers=(
             Number(
                 name="coefficient_36x11.5",
+                label="a of the 36 x 11.5 in propeller",
+                aim="like",
                 value=fit.coefficient,
                 unit="N/rpm^2",
                 quoted=1.683e-5,
                 quoted_from=quoted,
             ),
-            Number(name="r2_36x11.5", value=fit.r2, quoted=0.997, quoted_from=quoted),
+            Number(
+                name="r2_36x11.5",
+                label="its R²",
+                value=fit.r2,
+                quoted=0.997,
+                quoted_from=quoted,
+                aim="like",
+            ),
             Number(name="points_36x11.5", value=fit.points),
             Number(name="rmse_36x11.5", value=fit.rmse, unit="N"),
             Number(name="ratio_to_paper", value=ratio),

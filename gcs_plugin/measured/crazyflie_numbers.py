@@ -1,0 +1,150 @@
+"""What was found on the real flights, as numbers beside those quoted."""
+
+from __future__ import annotations
+
+from gcs_plugin.measured.crazyflie_loop import speed_errors
+from gcs_plugin.measured.crazyflie_words import EXTRA_MASS, GRAMS, SLUNG_MASS, Flown
+from gcs_plugin.measured.findings import Aim, Number
+
+QUOTED, WEIGHED = "independent check", "weighed by the source"
+
+
+def numbers_of(flown: Flown) -> tuple[Number, ...]:
+    """Everything as numbers; those that an independent check or a weighing has come first."""
+    plain, cable = flown.plain, flown.on_cable
+    curve, after, felt = flown.curve, flown.after, flown.after_felt
+    before_rpm, after_rpm = speed_errors(flown.loops)
+    share = "% of weight"
+    effect = {
+        name: flown.loops[0].parameter(name, parameter)[0]
+        for name, parameter in (("climb_inflow", "slope"), ("translational_lift", "gain"))
+    }
+    loaded = {
+        name: cable.parameter(*place)[0]
+        for name, place in (
+            ("extra_mass", ("extra_mass", "mass")),
+            ("slung_mass", ("slung_load", "mass")),
+            ("cable_length", ("slung_load", "cable")),
+        )
+    }
+    quoted = [
+        _quoted("loop_curve", "thrust, curve alone", curve.all, share, 1.65),
+        _quoted("loop_after", "thrust, effects found", after.all, share, 1.17, "at most"),
+        _quoted(
+            "loop_after_felt",
+            "the same, against the raw accelerometer",
+            felt.all,
+            share,
+            1.17,
+            "at most",
+        ),
+        _quoted("loop_curve_fast", "over 1.5 m/s, curve alone", curve.in_fast, share, 3.43),
+        _quoted(
+            "loop_after_fast", "over 1.5 m/s, effects found", after.in_fast, share, 1.82, "at most"
+        ),
+        _quoted(
+            "loop_after_fast_felt",
+            "the same, against the raw accelerometer",
+            felt.in_fast,
+            share,
+            1.82,
+            "at most",
+        ),
+        _quoted("plain_before", "plain regression, curve alone", plain.before, share, 1.65, "like"),
+        _quoted("plain_after", "plain regression", plain.after, share, 1.17, "at most"),
+        _quoted("plain_before_fast", "its curve, over 1.5 m/s", plain.before_fast, share, 3.43),
+        _quoted("plain_after_fast", "it, over 1.5 m/s", plain.after_fast, share, 1.82, "at most"),
+        _quoted(
+            "voltage_correlation",
+            "voltage with thrust at a rotor speed, r",
+            plain.voltage_correlation,
+            "1",
+            0.04,
+        ),
+        _quoted("speed_by_command", "rotor speed by command", flown.command.command, "rpm", 253.0),
+        _quoted(
+            "speed_by_command_and_voltage",
+            "and voltage",
+            flown.command.voltage,
+            "rpm",
+            134.0,
+            "at most",
+        ),
+        _quoted(
+            "speed_by_command_voltage_and_delay",
+            "and the motor's delay",
+            flown.command.delayed,
+            "rpm",
+            134.0,
+            "at most",
+        ),
+        _quoted(
+            "hover_lift_ratio",
+            "sum of N² in hover, with load over without",
+            flown.lift_ratio,
+            "1",
+            1.171,
+            "like",
+        ),
+        _quoted("mass_ratio", "mass, likewise", flown.mass_ratio, "1", 1.2, "like"),
+        Number(
+            name="extra_mass",
+            label="extra mass found",
+            value=GRAMS * loaded["extra_mass"],
+            unit="g",
+            quoted=EXTRA_MASS,
+            quoted_from=WEIGHED,
+            aim="like",
+        ),
+        Number(
+            name="slung_mass",
+            label="swinging mass found",
+            value=GRAMS * loaded["slung_mass"],
+            unit="g",
+            quoted=SLUNG_MASS,
+            quoted_from=WEIGHED,
+            aim="like",
+        ),
+    ]
+    rest = {
+        "loop_rmse_before": (before_rpm, "rpm"),
+        "loop_rmse_after": (after_rpm, "rpm"),
+        "loop_r2_after": (flown.loops[0].found.after.r2, "1"),
+        "loop_floor": (flown.loops[0].found.floor_rpm, "rpm"),
+        "climb_inflow_slope": (effect["climb_inflow"], "1"),
+        "translational_lift_gain": (effect["translational_lift"], "1"),
+        "hover_coefficient": (plain.coefficient, "N/rpm^2"),
+        "motor_delay": (flown.command.delay, "s"),
+        "plain_before_all_flights": (flown.plain_of_all.before, share),
+        "plain_after_all_flights": (flown.plain_of_all.after, share),
+        "cable_rmse_before": (cable.found.before.rmse_rpm, "rpm"),
+        "cable_rmse_after": (cable.found.after.rmse_rpm, "rpm"),
+        "cable_thrust_curve": (cable.curve.all, share),
+        "cable_thrust_before": (cable.before.all, share),
+        "cable_thrust_after": (cable.after.all, share),
+        "cable_length": (loaded["cable_length"], "m"),
+        "load_distance": (flown.swing.distance, "m"),
+        "swing_apart": (flown.swing.apart, "deg"),
+        "swing_apart_if_hanging": (flown.swing.apart_if_hanging, "deg"),
+        "swing_largest": (flown.swing.swing_largest, "deg"),
+    }
+    for third, other in enumerate(flown.loops, start=1):
+        rest |= {
+            f"third_{third}_curve": (other.curve.all, share),
+            f"third_{third}_after": (other.after.all, share),
+            f"third_{third}_curve_fast": (other.curve.in_fast, share),
+            f"third_{third}_after_fast": (other.after.in_fast, share),
+        }
+    return (*quoted, *(Number(name=n, value=v, unit=u) for n, (v, u) in rest.items()))
+
+
+def _quoted(name: str, label: str, value: float, unit: str, quoted: float, aim: Aim = "") -> Number:
+    return Number(
+        name=name,
+        label=label,
+        value=value,
+        unit=unit,
+        quoted=quoted,
+        quoted_from=QUOTED,
+        aim=aim,
+    )
