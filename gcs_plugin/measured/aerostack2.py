@@ -149,7 +149,7 @@ def find(folder: Path) -> Finding:
             ),
             Number(
                 name="rmse_by_command_and_voltage",
-                label="and voltage",
+                label="thrust by command and voltage",
                 aim="at most",
                 value=single.rmse_voltage,
                 unit="N",

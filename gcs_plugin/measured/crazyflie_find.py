@@ -124,7 +124,11 @@ def fly(folder: Path, *, surrogates: int, quick: bool, progress: Progress | None
         after_felt=joined_errors([j[2] for j in judged]),
         on_cable=on_cable,
         cable=tuple(cable),
-        swing=check_swing(cable, length if np.isfinite(length) else 1.0),
+        swing=check_swing(
+            cable,
+            length if np.isfinite(length) else 1.0,
+            loops[0].model.airframe.thrust_coefficient,
+        ),
     )
 
 

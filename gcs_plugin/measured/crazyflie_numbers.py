@@ -27,58 +27,39 @@ def numbers_of(flown: Flown) -> tuple[Number, ...]:
             ("cable_length", ("slung_load", "cable")),
         )
     }
-    quoted = [
-        _quoted("loop_curve", "thrust, curve alone", curve.all, share, 1.65),
-        _quoted("loop_after", "thrust, effects found", after.all, share, 1.17, "at most"),
-        _quoted(
-            "loop_after_felt",
-            "the same, against the raw accelerometer",
-            felt.all,
-            share,
-            1.17,
-            "at most",
-        ),
-        _quoted("loop_curve_fast", "over 1.5 m/s, curve alone", curve.in_fast, share, 3.43),
-        _quoted(
-            "loop_after_fast", "over 1.5 m/s, effects found", after.in_fast, share, 1.82, "at most"
-        ),
-        _quoted(
-            "loop_after_fast_felt",
-            "the same, against the raw accelerometer",
-            felt.in_fast,
-            share,
-            1.82,
-            "at most",
-        ),
-        _quoted("plain_before", "plain regression, curve alone", plain.before, share, 1.65, "like"),
-        _quoted("plain_after", "plain regression", plain.after, share, 1.17, "at most"),
-        _quoted("plain_before_fast", "its curve, over 1.5 m/s", plain.before_fast, share, 3.43),
-        _quoted("plain_after_fast", "it, over 1.5 m/s", plain.after_fast, share, 1.82, "at most"),
-        _quoted(
-            "voltage_correlation",
-            "voltage with thrust at a rotor speed, r",
-            plain.voltage_correlation,
-            "1",
-            0.04,
-        ),
-        _quoted("speed_by_command", "rotor speed by command", flown.command.command, "rpm", 253.0),
-        _quoted(
+    fast, raw = "over 1.5 m/s", "against the raw accelerometer"
+    by = "rotor speed by command"
+    voltage = plain.voltage_correlation
+    rows: tuple[tuple[str, str, float, str, float, Aim], ...] = (
+        ("loop_curve", "thrust, curve alone", curve.all, share, 1.65, ""),
+        ("loop_after", "thrust, effects found", after.all, share, 1.17, "at most"),
+        ("loop_after_felt", f"the same {raw}", felt.all, share, 1.17, "at most"),
+        ("loop_curve_fast", f"thrust {fast}, curve alone", curve.in_fast, share, 3.43, ""),
+        ("loop_after_fast", f"thrust {fast}, effects found", after.in_fast, share, 1.82, "at most"),
+        ("loop_after_fast_felt", f"the same {raw}", felt.in_fast, share, 1.82, "at most"),
+        ("plain_before", "plain regression, curve alone", plain.before, share, 1.65, "like"),
+        ("plain_after", "plain regression", plain.after, share, 1.17, "at most"),
+        ("plain_before_fast", f"its curve {fast}", plain.before_fast, share, 3.43, ""),
+        ("plain_after_fast", f"plain regression {fast}", plain.after_fast, share, 1.82, "at most"),
+        ("voltage_correlation", "voltage with thrust at a rotor speed, r", voltage, "1", 0.04, ""),
+        ("speed_by_command", by, flown.command.command, "rpm", 253.0, ""),
+        (
             "speed_by_command_and_voltage",
-            "and voltage",
+            f"{by} and voltage",
             flown.command.voltage,
             "rpm",
             134.0,
             "at most",
         ),
-        _quoted(
+        (
             "speed_by_command_voltage_and_delay",
-            "and the motor's delay",
+            "the same after the motor's delay",
             flown.command.delayed,
             "rpm",
             134.0,
             "at most",
         ),
-        _quoted(
+        (
             "hover_lift_ratio",
             "sum of N² in hover, with load over without",
             flown.lift_ratio,
@@ -86,7 +67,21 @@ def numbers_of(flown: Flown) -> tuple[Number, ...]:
             1.171,
             "like",
         ),
-        _quoted("mass_ratio", "mass, likewise", flown.mass_ratio, "1", 1.2, "like"),
+        ("mass_ratio", "mass, with load over without", flown.mass_ratio, "1", 1.2, "like"),
+    )
+    quoted = [
+        *(
+            Number(
+                name=name,
+                label=label,
+                value=value,
+                unit=unit,
+                quoted=other,
+                quoted_from=QUOTED,
+                aim=aim,
+            )
+            for name, label, value, unit, other, aim in rows
+        ),
         Number(
             name="extra_mass",
             label="extra mass found",
@@ -124,6 +119,8 @@ def numbers_of(flown: Flown) -> tuple[Number, ...]:
         "cable_thrust_after": (cable.after.all, share),
         "cable_length": (loaded["cable_length"], "m"),
         "load_distance": (flown.swing.distance, "m"),
+        "slung_mass_by_regression": (GRAMS * flown.swing.mass, "g"),
+        "slung_mass_by_regression_on_capture": (GRAMS * flown.swing.mass_by_capture, "g"),
         "swing_apart": (flown.swing.apart, "deg"),
         "swing_apart_if_hanging": (flown.swing.apart_if_hanging, "deg"),
         "swing_largest": (flown.swing.swing_largest, "deg"),
@@ -136,15 +133,3 @@ def numbers_of(flown: Flown) -> tuple[Number, ...]:
             f"third_{third}_after_fast": (other.after.in_fast, share),
         }
     return (*quoted, *(Number(name=n, value=v, unit=u) for n, (v, u) in rest.items()))
-
-
-def _quoted(name: str, label: str, value: float, unit: str, quoted: float, aim: Aim = "") -> Number:
-    return Number(
-        name=name,
-        label=label,
-        value=value,
-        unit=unit,
-        quoted=quoted,
-        quoted_from=QUOTED,
-        aim=aim,
-    )

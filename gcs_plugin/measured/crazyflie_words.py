@@ -56,7 +56,8 @@ def answer_of(flown: Flown) -> tuple[str, ...]:
         f"Without payload, {judged} flights left out: faster than 1.5 m/s the error of thrust "
         f"falls from {flown.curve.in_fast:.2f} to {flown.after.in_fast:.2f} % of the weight. "
         "Against the raw accelerometer, whose delay and scale the model finds too, "
-        f"{flown.after_felt.all:.2f} % is left, {flown.after_felt.in_fast:.2f} % when fast.",
+        f"{flown.after_felt.all:.2f} % is left, {flown.after_felt.in_fast:.2f} % when fast; the "
+        "yardstick below is fitted to that accelerometer itself.",
         "A plain regression of thrust on climb and in-plane speed, the yardstick, on the same "
         f"flights: {flown.plain.before:.2f} -> {flown.plain.after:.2f} %, when fast "
         f"{flown.plain.before_fast:.2f} -> {flown.plain.after_fast:.2f} %. With the flight whose "
@@ -88,10 +89,14 @@ def _load_words(flown: Flown) -> tuple[str, ...]:
     words = [
         f"It finds {_ends(extra, GRAMS)} g more mass (weighed: {EXTRA_MASS}). In hover the sum of "
         f"squared rotor speeds is {flown.lift_ratio:.3f} times that without load where the masses "
-        f"say {flown.mass_ratio:.3f}: this aircraft makes {more:.1f} % more thrust at a rotor "
-        "speed, which rotor speeds alone cannot tell from mass.",
+        f"say {flown.mass_ratio:.3f}: by them this aircraft makes {more:.1f} % more thrust at a "
+        "rotor speed than the other, which rotor speeds alone cannot tell from mass.",
         f"Of the mass {_ends(load, GRAMS)} g (weighed: {SLUNG_MASS}) swing on {_ends(length)} m of "
-        f"cable (aircraft to load by motion capture: {swing.distance:.2f} m). The swing, worked "
+        f"cable (aircraft to load by motion capture: {swing.distance:.2f} m). Swing and load "
+        "factor rise together, and the loop leaves the gain of the load factor free; a plain "
+        f"regression with that gain at 1 gives {GRAMS * swing.mass:.1f} g on the same swing and "
+        f"{GRAMS * swing.mass_by_capture:.1f} g on that of motion capture.",
+        "The swing, worked "
         f"out from the aircraft's own accelerometer, is {swing.apart:.0f} deg off the load's "
         f"measured direction; a load that did not swing would be {swing.apart_if_hanging:.0f} deg "
         f"off, and it swings up to {swing.swing_largest:.0f} deg.",
@@ -102,8 +107,9 @@ def _load_words(flown: Flown) -> tuple[str, ...]:
     ]
     if worn:
         words.append(
-            f"At its reported speed {', '.join(worn)} thrust than in the model: this is another "
-            "aircraft, with other sensors (see the flights put aside)."
+            f"Rotor by rotor, thrust at the reported speed differs from the model's: "
+            f"{', '.join(worn)}. This is another aircraft, with other sensors (see the flights put "
+            "aside)."
         )
     return tuple(words)
 

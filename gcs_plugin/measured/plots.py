@@ -96,6 +96,7 @@ def bar_figure(
                 "array": (ends[:, 1] - values).tolist(),
                 "arrayminus": (values - ends[:, 0]).tolist(),
                 "thickness": 2,
+                "color": "#8a8a8a",
                 "width": 6,
             }
         else:

@@ -73,7 +73,7 @@ def rows_of(flights: Sequence[MeasuredFlight]) -> Rows:
     parts: dict[str, list[Floats]] = {}
     for index, flight in enumerate(flights):
         track = flight.track
-        climb, across = _flow(track.attitude, track.velocity_ned)
+        climb, across = flow(track.attitude, track.velocity_ned)
         squares = np.sum(track.rotor_speed_rpm**2, axis=1)
         columns = {
             "flight": np.full(squares.size, index),
@@ -188,7 +188,7 @@ def _only(rows: Rows, chosen: Bools) -> Rows:
     return Rows(**{name: getattr(rows, name)[chosen] for name in Rows.__dataclass_fields__})
 
 
-def _flow(attitude: Floats, velocity: Floats) -> tuple[Floats, Floats]:
+def flow(attitude: Floats, velocity: Floats) -> tuple[Floats, Floats]:
     """Speed along the thrust axis, upwards, and across it, (T,) m/s each, in still air."""
     roll, pitch, yaw = attitude.T
     down = np.stack(

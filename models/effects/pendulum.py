@@ -63,7 +63,7 @@ def swing(track: FlightTrack, lengths: Floats) -> Swing:
     """The load on cables of `lengths` (L,) m. It starts at rest, along the first row's apparent
     gravity, and takes the last known force where a row has none."""
     rows = track.time_s.size
-    force, down = _force_ned(track)
+    force, down = force_ned(track)
     known: Bools = np.all(np.isfinite(force) & np.isfinite(down), axis=1)
     out = Swing(
         direction_ned=np.full((rows, lengths.size, 3), np.nan),
@@ -118,7 +118,7 @@ def _motion(state: Floats, force: Floats, lengths: Floats) -> Floats:
     return np.stack([rate, -across / lengths[:, None] - turning * direction - damping * rate])
 
 
-def _force_ned(track: FlightTrack) -> tuple[Floats, Floats]:
+def force_ned(track: FlightTrack) -> tuple[Floats, Floats]:
     """Specific force (T, 3) m/s² in NED and the body's down axis (T, 3) in NED."""
     roll, pitch, yaw = track.attitude.T
     cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)

@@ -9,11 +9,14 @@ from gcs_plugin.cli import run
 from gcs_plugin.measured.crazyflie import FREE_FLIGHTS, MeasuredFlight, read_flights
 from gcs_plugin.measured.crazyflie_errors import ThrustLeft, fast_part, joined_errors
 from gcs_plugin.measured.crazyflie_loop import hover_airframe, joined, usable
+from gcs_plugin.measured.swing_check import check_swing
 from gcs_plugin.measured.thrust_check import command_check, plain_check
 from models.airframe import load_airframe
 from models.atmosphere import G0
+from models.effects.pendulum import swing
 from models.errors import DataError
 from tests.gcs_plugin.measured_files import flight_columns, write_flights
+from tests.models.test_slung_load import flown_with_load
 
 SMALL = load_airframe("crazyflie-rpm")
 
@@ -155,6 +158,24 @@ def test_the_interval_of_an_error_comes_from_flights_and_not_from_rows():
     low, high = few.interval()
     assert low < few.all < high
     assert all(np.isnan(few_end) for few_end in left([], []).interval())
+
+
+def test_the_mass_of_a_swinging_load_follows_from_its_direction_and_from_the_worked_out_swing():
+    load, cable = 0.006, 0.5
+    track = flown_with_load(1, mass=SMALL.empty_mass, load=load, cable=cable)
+    flight = MeasuredFlight(
+        track=track,
+        mass=SMALL.empty_mass,
+        payload=load,
+        faults=(),
+        load_ned=cable * swing(track, np.array([cable])).direction_ned[:, 0],
+        earlier_command=np.empty((track.time_s.size, 0)),
+    )
+    check = check_swing([flight], cable, SMALL.thrust_coefficient)
+    assert check.mass == pytest.approx(load, rel=0.03)
+    assert check.mass_by_capture == pytest.approx(load, rel=0.03)
+    assert check.apart < 1e-3 < 1.0 < check.apart_if_hanging
+    assert check.distance == pytest.approx(cable)
 
 
 @pytest.mark.parametrize("damage", ["truncated", "no rpm3"])
