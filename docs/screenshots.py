@@ -1,10 +1,12 @@
 """The README's pictures: `python docs/screenshots.py` writes docs/view.png and docs/report.png.
 
-Needs Chromium or Chrome and the test extra (playwright). Nothing leaves this computer.
+With THRUSTMARGIN_MEASURED naming the folder of measured data also docs/measured.png, in some
+minutes. Needs Chromium or Chrome and the test extra (playwright). Nothing leaves this computer.
 """
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 
@@ -43,6 +45,33 @@ def main() -> None:
     finally:
         view.stop()
     photograph_report(report)
+    folder = os.environ.get("THRUSTMARGIN_MEASURED", "")
+    if folder:
+        photograph_measured(Path(folder))
+
+
+def photograph_measured(folder: Path) -> None:
+    """Close the loop on the measured flights and photograph the page's first two figures."""
+    import tempfile
+
+    from gcs_plugin.commands.measured import measured
+    from tests.browser import open_page
+
+    with tempfile.TemporaryDirectory() as place:
+        page_file = Path(place) / "measured.html"
+        measured(folder, html=page_file, only=("imrc_crazyflie_rpm",))
+        with open_page(page_file.as_uri(), width=1000, height=1400) as page:
+            page.wait_for_timeout(3000)
+            boxes = [page.locator("figure").nth(k).bounding_box() for k in range(2)]
+            first, last = (box for box in boxes if box is not None)
+            clip = {
+                "x": first["x"],
+                "y": first["y"],
+                "width": first["width"],
+                "height": last["y"] + last["height"] - first["y"],
+            }
+            picture = page.screenshot(clip=clip, full_page=True)
+            small_png(picture, ROOT / "docs" / "measured.png")
 
 
 def photograph_report(report) -> None:

@@ -60,10 +60,8 @@ def answer_of(flown: Flown) -> tuple[str, ...]:
         "yardstick below is fitted to that accelerometer itself.",
         "A plain regression of thrust on climb and in-plane speed, the yardstick, on the same "
         f"flights: {flown.plain.before:.2f} -> {flown.plain.after:.2f} %, when fast "
-        f"{flown.plain.before_fast:.2f} -> {flown.plain.after_fast:.2f} %. With the flight whose "
-        f"velocity is wrong (see what was left out): {flown.plain_of_all.before:.2f} -> "
-        f"{flown.plain_of_all.after:.2f} %, when fast {flown.plain_of_all.before_fast:.2f} -> "
-        f"{flown.plain_of_all.after_fast:.2f} %.",
+        f"{flown.plain.before_fast:.2f} -> {flown.plain.after_fast:.2f} %."
+        f"{_with_all(flown)}",
         f"Axial inflow: thrust falls with the climb by {_ends(slope)} x J; translational lift: "
         f"{_ends(lift)} of what the induced velocity loses.",
         "Battery voltage does not explain thrust at a rotor speed (r = "
@@ -78,6 +76,17 @@ def answer_of(flown: Flown) -> tuple[str, ...]:
         f"{cable.before.all:.1f} -> {cable.after.all:.1f} % of the weight "
         f"({cable.curve.all:.1f} % by the curve with the mass known).",
         *_load_words(flown),
+    )
+
+
+def _with_all(flown: Flown) -> str:
+    """What the regression says when flights put aside are kept; nothing if it says the same."""
+    whole = flown.plain_of_all
+    if whole == flown.plain:
+        return ""
+    return (
+        f" With the flights that were put aside (see what was left out): {whole.before:.2f} -> "
+        f"{whole.after:.2f} %, when fast {whole.before_fast:.2f} -> {whole.after_fast:.2f} %."
     )
 
 

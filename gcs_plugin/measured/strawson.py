@@ -40,6 +40,7 @@ class PropellerFit:
     right: float  # least squares without the wrong runs
     right_r2: float
     wrong_runs: tuple[str, ...]
+    turned_runs: tuple[str, ...]  # of them, those with thrust below 0: the sensor turned round
 
 
 def fit_robust(speed_rpm: Floats, thrust: Floats) -> float:
@@ -83,6 +84,7 @@ def fit_propellers(folder: Path) -> list[PropellerFit]:
                 right=clean.coefficient,
                 right_r2=clean.r2,
                 wrong_runs=wrong,
+                turned_runs=tuple(file for file in wrong if runs[file].coefficient < 0.0),
             )
         )
     return fits
@@ -95,6 +97,7 @@ def find(folder: Path) -> Finding:
     robust = np.array([100 * abs(f.robust / f.right - 1) for f in fits])
     hurt = [f for f in fits if f.wrong_runs]
     lost = sum(len(f.wrong_runs) for f in fits)
+    turned = sum(len(f.turned_runs) for f in fits)
     worst = max(fits, key=lambda f: abs(f.plain / f.right - 1))
     figure = bar_figure(
         groups=[("least squares", plain.tolist()), ("robust (Huber)", robust.tolist())],
@@ -107,14 +110,15 @@ def find(folder: Path) -> Finding:
         source=SOURCE,
         answer=(
             f"{lost} of the runs, on {len(hurt)} of {len(fits)} propellers, have a coefficient "
-            f"more than {100 * WRONG_RUN:.0f} % off their propeller's median (one has a thrust "
-            "below 0: the sensor was turned round).",
+            f"more than {100 * WRONG_RUN:.0f} % off their propeller's median (with thrust below 0, "
+            f"so a sensor turned round: {turned}).",
             f"They pull least squares by up to {plain.max():.1f} % (propeller {worst.propeller}, "
             f"R² {worst.r2:.2f} against {worst.right_r2:.3f} of the good runs), a robust fit by "
             f"up to {robust.max():.1f} %.",
         ),
         numbers=(
             Number(name="wrong_runs", value=lost),
+            Number(name="turned_runs", value=turned),
             Number(name="worst_pull_plain", value=float(plain.max()), unit="%"),
             Number(name="worst_pull_robust", value=float(robust.max()), unit="%"),
             Number(name="median_pull_plain", value=float(np.median(plain)), unit="%"),

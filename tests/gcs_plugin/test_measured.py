@@ -60,7 +60,7 @@ def test_known_typos_and_the_copied_sheet_are_left_out_and_said(folder: Path):
 
 def test_a_bench_run_with_its_sensor_turned_round_is_named_and_a_robust_fit_resists_it(folder):
     fit = strawson.fit_propellers(folder / STRAWSON)[0]
-    assert fit.wrong_runs == ("run4.csv",)
+    assert fit.wrong_runs == fit.turned_runs == ("run4.csv",)
     assert fit.right == pytest.approx(2e-8, rel=1e-9)
     assert abs(fit.robust / fit.right - 1.0) < 0.35 * abs(fit.plain / fit.right - 1.0)
 
