@@ -64,13 +64,15 @@ def photograph_measured(folder: Path) -> None:
             page.wait_for_timeout(3000)
             boxes = [page.locator("figure").nth(k).bounding_box() for k in range(2)]
             first, last = (box for box in boxes if box is not None)
-            clip = {
-                "x": first["x"],
-                "y": first["y"],
-                "width": first["width"],
-                "height": last["y"] + last["height"] - first["y"],
-            }
-            picture = page.screenshot(clip=clip, full_page=True)
+            picture = page.screenshot(
+                full_page=True,
+                clip={
+                    "x": first["x"],
+                    "y": first["y"],
+                    "width": first["width"],
+                    "height": last["y"] + last["height"] - first["y"],
+                },
+            )
             small_png(picture, ROOT / "docs" / "measured.png")
 
 
