@@ -1,11 +1,21 @@
 """Fixtures shared by all tests: recorded flights, and the folder of measured data if given."""
 
 import os
+import signal
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
+
+
+def pytest_configure() -> None:
+    """Heed Ctrl-C even when started where it is ignored, as a shell does to background jobs.
+
+    A child inherits an ignored signal, and the tests of a clean stop would wait for ever.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")

@@ -46,7 +46,7 @@ def test_inside_the_envelope_it_is_the_network_with_its_interval(model):
     predicted = predict(model, track, air(track))
     speed, _ = ensemble_speed(model.network, track.airspeed, track.tank_kg)
     assert predicted.basis.tolist() == [Basis.NETWORK] * 3
-    np.testing.assert_array_equal(predicted.rotor_speed_rpm, speed)
+    np.testing.assert_allclose(predicted.rotor_speed_rpm, speed, rtol=1e-6)
     assert predicted.coverage == 0.9
     assert np.all(predicted.lower_rpm < speed)
     assert np.all(predicted.upper_rpm > speed)
@@ -135,17 +135,11 @@ def test_another_rotor_count_is_refused(model):
         predict(model, track, air(track))
 
 
-def test_heavier_turns_faster_and_the_interval_is_wider_where_the_aircraft_turns(model):
+def test_heavier_turns_faster(model):
     tanks = np.linspace(1.0, 15.0, 8)
     track = flight(4.0, tanks)
     predicted = predict(model, track, air(track))
     assert np.all(np.diff(predicted.rotor_speed_rpm.mean(axis=1)) > 0)
-    slow, cruise = flight([1.5], [10.0]), flight([6.0], [10.0])
-    widths = [
-        np.mean(p.upper_rpm - p.lower_rpm)
-        for p in (predict(model, t, air(t)) for t in (slow, cruise))
-    ]
-    assert widths[0] > 3.0 * widths[1]
 
 
 def test_an_identified_effect_is_in_the_prediction():
