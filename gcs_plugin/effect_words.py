@@ -55,6 +55,22 @@ def _onset(told: Told) -> str:
     return f"{told.rotor} {what} {loss} of its thrust in flight, {when} into {where}{also}"
 
 
+def _each_flight(told: Told) -> str:
+    what = "gains" if told.negative("loss") else "loses"
+    when = clock(told.ends("onset_time")[0])
+    return f"{told.rotor} {what} {_percent(told, 'loss')} of its thrust {when} into every flight"
+
+
+def _since(told: Told) -> str:
+    what = "gained" if told.negative("loss") else "lost"
+    problem, at = told.whole.problem, told.ends("onset_clock")[0]
+    began = problem.flight_start_unix_s - problem.first_row_s
+    flight = int(np.argmax(np.where(began <= at, began, -np.inf)))
+    when = f"{clock(at - float(began[flight]))} into {problem.names[flight]}"
+    loss = _percent(told, "loss")
+    return f"{told.rotor} {what} {loss} of its thrust {when}, and has stayed so in later flights"
+
+
 def _percent(told: Told, name: str) -> str:
     return told.size(name, "%", factor=100.0, most=1)
 
@@ -87,6 +103,11 @@ def _tank(told: Told) -> str:
 def _lag(told: Told) -> str:
     than = "early" if told.negative("lag") else "late"
     return f"The airspeed is reported {told.size('lag', 's')} {than}"
+
+
+def _rotor_speed_lag(told: Told) -> str:
+    than = "early" if told.negative("lag") else "late"
+    return f"The rotor speeds are reported {told.size('lag', 's')} {than}"
 
 
 def _drag(told: Told) -> str:
@@ -217,10 +238,13 @@ SENTENCES: Mapping[str, Callable[[Told], str]] = MappingProxyType(
     {
         "rotor_degradation": _worn,
         "rotor_degradation:onset": _onset,
+        "rotor_degradation:in each flight": _each_flight,
+        "rotor_degradation:since": _since,
         "extra_mass": _mass,
         "air_density": _density,
         "tank_scale": _tank,
         "sensor_lag": _lag,
+        "sensor_lag:rotor speed": _rotor_speed_lag,
         "parasite_drag": _drag,
         "load_factor": _load,
         "slung_load": _slung,

@@ -50,7 +50,7 @@ def answer(
         sentence = effect_sentence(found.found[0], found)
         lines = [f"{sentence}; {change}; {margin_words(steps[0], names)}"]
     lines.append(together(found, total))
-    if found.curve is not None:
+    if unexplained(found):
         lines.append(unexplained(found))
     lines += [apart(f) for f in found.found if f.indistinguishable_from]
     return tuple(f"{line}." for line in (*lines, *claims(found)))
@@ -83,7 +83,7 @@ def together(found: Identification, total: MarginChange) -> str:
         floor += " on the flights learnt from"
     if not found.found:
         nothing = "Nothing of the table is missing"
-        if found.curve is not None:
+        if unexplained(found):
             nothing = "No effect of the table fits what is left"
         return f"{nothing}: RMSE {_with_interval(after)} on {where_from(found)}, {floor}"
     fall = f"RMSE {number(found.before.rmse_rpm, '', 0)} -> {_with_interval(after)}"
@@ -118,9 +118,15 @@ def _moves(before: float, after: float) -> str:
 
 def unexplained(found: Identification) -> str:
     """What is left that no effect explains."""
-    curve = found.curve
+    curve, slow = found.curve, found.slow
     if curve is None:
-        return ""
+        if slow is None:
+            return ""
+        return (
+            f"Unexplained: {number(slow.rms_rpm, 'rpm', 0)} RMS of {slow.mode}, "
+            f"{percent(slow.share, 0)} of the variance left, lasts for seconds and goes with no "
+            "channel; look at the liquid, the load and that sensor"
+        )
     mode = found.problem.modes.names[curve.mode]
     return (
         f"Unexplained: {percent(curve.share, 1)} of the variance left is {mode} that goes with "

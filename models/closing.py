@@ -12,7 +12,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from models.conformal import Interval, calibrate, flights_needed, measure_coverage
-from models.effects.coefficient import ROTOR_DEGRADATION, ROTOR_DEGRADATION_ONSET
+from models.effects.coefficient import (
+    ROTOR_DEGRADATION,
+    ROTOR_DEGRADATION_ONSET,
+    ROTOR_DEGRADATION_SINCE,
+)
 from models.ensemble import ensemble_speed
 from models.errors import ModelError
 from models.fit import Evaluator, Term, layout_of
@@ -77,7 +81,7 @@ def _own(term: Term) -> bool:
 def record_of(found: Found, names: tuple[str, ...], date: str = "") -> EffectRecord | None:
     """The effect as a model file keeps it; None when it belongs to its flights alone."""
     effect = found.term.effect
-    if effect.variant == ROTOR_DEGRADATION_ONSET.variant:
+    if effect in (ROTOR_DEGRADATION_ONSET, ROTOR_DEGRADATION_SINCE):
         effect = ROTOR_DEGRADATION
     elif of_one_flight(found):
         return None
@@ -104,7 +108,7 @@ def record_of(found: Found, names: tuple[str, ...], date: str = "") -> EffectRec
 def _left_behind(found: Found, names: tuple[str, ...]) -> str:
     """What of an effect with values of single flights does not reach the new model."""
     effect = found.term.effect
-    if effect.variant == ROTOR_DEGRADATION_ONSET.variant:
+    if effect is ROTOR_DEGRADATION_ONSET:
         return (
             f"rotor {(found.term.rotor or 0) + 1} went bad during {names[found.flight]}: "
             "the new model has it bad throughout, as after the onset"
@@ -136,7 +140,7 @@ def _interval(model: RotorModel, found: Identification) -> tuple[Interval | None
     kept = "the interval is that of the old model"
     coverage = old.coverage if old is not None else COVERAGE
     problem, needed = found.problem, flights_needed(coverage)
-    if any(t.effect.variant == ROTOR_DEGRADATION_ONSET.variant for t in found.fit.terms):
+    if any(t.effect.begins for t in found.fit.terms):
         return old, f"{kept}: a rotor changed during these flights"
     airspeed, tank_kg = problem.channels.airspeed, problem.channels.tank_kg
     inside = model.envelope.covers_inputs(airspeed, tank_kg)

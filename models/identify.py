@@ -17,6 +17,7 @@ from models.errors import DataError
 from models.fit import Evaluator, Fit, Term, fit_terms, mode_scales
 from models.flight import FlightTrack
 from models.judge import Interval, held_out_cost, intervals
+from models.lingering import Lingering, lingering
 from models.outcome import Errors, Found, Identification, Tried, errors_of, tried_in
 from models.predictions import across_flights, on_new_flights
 from models.problem import Problem, assemble
@@ -37,6 +38,8 @@ from models.unexplained import LEAST_SHARE, Curve, best_curve, floor_rpm
 
 Progress = Callable[[str, float], None]
 
+IMITATED = 0.6  # of what an effect explains, in the very mode that keeps a slow residual
+LEAVES = 1.5  # times the slow residual that is left, which an effect must explain of it
 FORM_SHARE = 0.25  # of an effect's own gain, above which a free curve disproves its form
 
 
@@ -65,7 +68,7 @@ def identify(
     first = fit_terms(evaluator, (), scales=mode_scales(problem, first.residual_rpm))
     tried: list[Tried] = []
     found, steps = _search(evaluator, first, catalogue, config, generator, progress, tried)
-    found, curve = _disprove(evaluator, found, steps, config, generator)
+    found, curve, slow = _disprove(evaluator, found, steps, config, generator)
     alike = rivals(evaluator, found, catalogue) if found.terms else {}
     if progress:
         progress("errors on flights not used", 0.0)
@@ -80,6 +83,7 @@ def identify(
         interval=intervals(found, problem.background(found.scales)),
         found=_found(evaluator, found, steps, alike),
         curve=curve,
+        slow=slow,
         before=_errors(unused or problem, unused, evaluator, first, before_rows),
         after=_errors(unused or problem, unused, evaluator, found, after_rows),
         residual_before_rpm=first.residual_rpm,
@@ -123,8 +127,8 @@ def _disprove(
     steps: dict[str, Step],
     config: SearchConfig,
     generator: np.random.Generator,
-) -> tuple[Fit, Curve | None]:
-    """What is left; effects whose own channel shows another form are taken out again."""
+) -> tuple[Fit, Curve | None, Lingering | None]:
+    """What is left; effects that it disproves are taken out again."""
     problem = evaluator.problem
     while True:
         scales = mode_scales(problem, found.residual_rpm)
@@ -139,14 +143,49 @@ def _disprove(
             or curve.share < LEAST_SHARE
             or curve.gain < LEAST_GAIN * cost
         ):
-            return found, None
-        wrong = [t for t in found.terms if curve.channel in t.effect.shape_channels]
-        wrong = [t for t in wrong if curve.gain > FORM_SHARE * _gain(steps, t)]
-        if not wrong:
-            return found, curve
-        rest = tuple(t for t in found.terms if t.key != wrong[-1].key)
+            curve = None
+        slow = lingering(problem, found.residual_rpm)
+        wrong = _of_other_form(found, curve, steps) or _stands_for(evaluator, found, slow)
+        if wrong is None:
+            return found, curve, slow
+        rest = tuple(t for t in found.terms if t.key != wrong.key)
         start = warm_start(rest, found, problem.flights)
         found = fit_terms(evaluator, rest, scales=scales, start=start)
+
+
+def _of_other_form(found: Fit, curve: Curve | None, steps: dict[str, Step]) -> Term | None:
+    """The last effect whose own channel shows a form that is not its own."""
+    if curve is None:
+        return None
+    wrong = [t for t in found.terms if curve.channel in t.effect.shape_channels]
+    wrong = [t for t in wrong if curve.gain > FORM_SHARE * _gain(steps, t)]
+    return wrong[-1] if wrong else None
+
+
+def _stands_for(evaluator: Evaluator, found: Fit, slow: Lingering | None) -> Term | None:
+    """The effect that explains less of a slow residual than it leaves, and little else.
+
+    Such an effect only imitates, as far as its form allows, what has no name.
+    """
+    if slow is None:
+        return None
+    least: tuple[float, Term] | None = None
+    for term in found.terms:
+        rest = tuple(t for t in found.terms if t.key != term.key)
+        start = warm_start(rest, found, evaluator.problem.flights)
+        without = fit_terms(evaluator, rest, scales=found.scales, start=start, steps=5)
+        change = without.residual_rpm**2, found.residual_rpm**2
+        whole = float(np.mean(np.sum(change[0] - change[1], axis=1)))
+        along = float(
+            np.mean(
+                (without.residual_rpm @ slow.direction) ** 2
+                - (found.residual_rpm @ slow.direction) ** 2
+            )
+        )
+        imitates = along < LEAVES * slow.rms_rpm**2 and along > IMITATED * whole
+        if imitates and (least is None or whole < least[0]):
+            least = whole, term
+    return None if least is None else least[1]
 
 
 def _gain(steps: dict[str, Step], term: Term) -> float:

@@ -15,6 +15,7 @@ from scipy.stats import t as student
 
 from models.fit import Fit, Statistics
 from models.flight import Floats
+from models.problem import Background
 
 FOLDS_OF_ONE_FLIGHT = 5
 
@@ -112,15 +113,22 @@ class Interval:
     covariance: Floats  # (P, P)
 
 
-def intervals(fit: Fit, background: Floats | None = None, confidence: float = 0.95) -> Interval:
+def intervals(
+    fit: Fit,
+    background: Background | None = None,
+    confidence: float = 0.95,
+    *,
+    few: bool = True,
+) -> Interval:
     """Intervals from blocks and flights (cluster sandwich), never from the number of rows.
 
-    `background` (R,) is the spread, in scales of the modes, by which good flights of this model
-    differ from each other: what the base does not know, no number of rows can teach.
+    `background` is what the base model itself does not know: no number of rows can teach it.
 
     The variance is that of block sums, and where flights disagree by more than their blocks
     explain, that of flight sums. Source: Liang and Zeger 1986, with Student's t at half as many
-    degrees of freedom as blocks, because neighbouring blocks are not quite independent.
+    degrees of freedom as blocks, because neighbouring blocks are not quite independent. Where the
+    flights' scatter counts and `few` is set, t has as many as there are flights, less one: an
+    interval to be stated. Without it the interval is one to tell a value from nothing by.
     """
     s = fit.statistics
     size = fit.layout.size
@@ -129,7 +137,8 @@ def intervals(fit: Fit, background: Floats | None = None, confidence: float = 0.
     by_block = _meat(s, np.arange(s.owner.size))
     blocks = s.owner.size
     covariance = bread @ by_block @ bread * blocks / max(1, blocks - 1)
-    quantile = student.ppf(0.5 + confidence / 2, max(2, blocks // 2))
+    level = 0.5 + confidence / 2
+    quantile = np.full(size, student.ppf(level, max(2, blocks // 2)))
     flights = fit.layout.places.shape[0]
     if flights > 2:
         by_flight = bread @ _meat(s, s.owner) @ bread * flights / (flights - 1)
@@ -137,23 +146,34 @@ def intervals(fit: Fit, background: Floats | None = None, confidence: float = 0.
         scale = np.ones(size)
         scale[wider] = np.sqrt(np.diag(by_flight)[wider] / np.diag(covariance)[wider])
         covariance = covariance * scale[:, None] * scale[None, :]
+        if few:
+            quantile[wider] = student.ppf(level, flights - 1)
     if background is not None and size:
         covariance = covariance + bread @ _background_meat(fit, background) @ bread
-    half = quantile * np.sqrt(np.diag(covariance))
+    finest = np.zeros(size)
+    for k, parameter in enumerate(fit.layout.parameters):
+        where = fit.layout.places[:, k]
+        finest[where] = parameter.resolution + parameter.accuracy * np.abs(fit.values[where])
+    half = quantile * np.sqrt(np.diag(covariance)) + finest
     return Interval(lower=fit.values - half, upper=fit.values + half, covariance=covariance)
 
 
-def _background_meat(fit: Fit, background: Floats) -> Floats:
-    """Scatter of the gradient when every flight has its own constant in each mode."""
+def _background_meat(fit: Fit, background: Background) -> Floats:
+    """Scatter of the gradient when the base is off by its background."""
     s = fit.statistics
-    meat = np.zeros((s.layout.size, s.layout.size))
+    size = s.layout.size
+    meat = np.zeros((size, size))
     starts = np.flatnonzero(np.diff(fit.block, prepend=-1))
     sums = np.add.reduceat(fit.jacobian, starts, axis=0)  # (B, R, K)
+    pulls = np.einsum("dtr,trk->dtk", background.directions, fit.jacobian)
+    pulls = np.add.reduceat(pulls, starts, axis=1)  # (D, B, K)
+    shared = np.zeros((background.directions.shape[0], size))
     for f in range(s.layout.places.shape[0]):
-        total = sums[s.owner == f].sum(axis=0) * background[:, None]
-        where = s.layout.places[f]
+        mine, where = s.owner == f, s.layout.places[f]
+        total = sums[mine].sum(axis=0) * background.constant[:, None]
         meat[np.ix_(where, where)] += total.T @ total
-    return meat
+        shared[:, where] += pulls[:, mine].sum(axis=1)
+    return meat + shared.T @ shared
 
 
 def _meat(s: Statistics, cluster: NDArray[np.intp]) -> Floats:

@@ -10,6 +10,7 @@ import numpy as np
 from models.fit import Fit, Term
 from models.flight import Floats
 from models.judge import Interval
+from models.lingering import Lingering
 from models.problem import Problem
 from models.residual import r_squared
 from models.rotor_model import RotorModel
@@ -155,6 +156,7 @@ class Identification:
     interval: Interval
     found: tuple[Found, ...]
     curve: Curve | None
+    slow: Lingering | None
     before: Errors
     after: Errors
     residual_before_rpm: Floats  # (T, R) on the rows of `problem`
@@ -177,7 +179,6 @@ class Identification:
                 {"log": n, "role": "held_out", "samples": int(s)}
                 for n, s in zip(self.held_out.names, unused, strict=True)
             ]
-        curve = self.curve
         return _plain(
             {
                 "schema": "thrustmargin.identify/1",
@@ -187,16 +188,28 @@ class Identification:
                 "before": self.before.to_json(),
                 "after": self.after.to_json(),
                 "effects": [f.to_json(self.problem.names) for f in self.found],
-                "unexplained": {
-                    "fraction_of_variance": curve.share if curve else 0.0,
-                    "mode": self.problem.modes.names[curve.mode] if curve else None,
-                    "channel": curve.channel if curve else None,
-                    "p_value": curve.p_value if curve else None,
-                },
+                "unexplained": self.unexplained(),
                 "floor_rpm": self.floor_rpm,
                 "sensor_noise_rpm": self.sensor_noise_rpm,
             }
         )
+
+    def unexplained(self) -> dict[str, Any]:
+        """What no effect explains: along a channel, or lasting for seconds along none."""
+        curve, slow = self.curve, self.slow
+        if curve is not None:
+            return {
+                "fraction_of_variance": curve.share,
+                "mode": self.problem.modes.names[curve.mode],
+                "channel": curve.channel,
+                "p_value": curve.p_value,
+            }
+        return {
+            "fraction_of_variance": slow.share if slow else 0.0,
+            "mode": slow.mode if slow else None,
+            "channel": None,
+            "p_value": None,
+        }
 
 
 def _plain(value: Any) -> Any:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from models.doubt import doubt_rpm
 from models.effects.base import Effect, Placed
 from models.effects.channels import Channels, concatenate
 from models.effects.compose import BaseTable
@@ -32,6 +33,17 @@ MISSING_SHARE = 0.02  # a channel with more rows missing than this is not there
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Background:
+    """Errors of the base model that new flights meet whatever is missing, in scales of the modes.
+
+    A `constant` (R,) of its own in each flight, and `directions` (D, T, R) that all flights share.
+    """
+
+    constant: Floats
+    directions: Floats
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Problem:
     """T rows of F flights in B blocks, R rotors."""
 
@@ -46,20 +58,35 @@ class Problem:
     names: tuple[str, ...]  # of the flights
     durations: Floats  # (F,) s
     modes: Modes
+    doubt_rpm: Floats  # (D, T, R) by which the base model may be off, one deviation each
 
     @property
     def flights(self) -> int:
         return len(self.names)
 
     @property
+    def flight_start_unix_s(self) -> Floats:
+        """(F,) Unix time of the first row of each flight, NaN where the log does not tell it."""
+        first = np.unique(self.flight, return_index=True)[1]
+        return self.channels.clock_s[first]
+
+    @property
+    def first_row_s(self) -> Floats:
+        """(F,) time of the first row of each flight since its start."""
+        return self.channels.time_s[np.unique(self.flight, return_index=True)[1]]
+
+    @property
     def placed(self) -> tuple[Placed, ...]:
         """Effects that the model already has."""
         return self.model.placed
 
-    def background(self, scales: Floats) -> Floats | None:
-        """(R,) spread of good flights' mean residual in scales of the modes; None if not known."""
-        known = self.model.background_rpm
-        return np.asarray(known) / scales if len(known) == scales.size else None
+    def background(self, scales: Floats) -> Background:
+        """What of the residual is the base model's own error, in scales of the modes."""
+        known = np.asarray(self.model.background_rpm)
+        constant = known / scales if known.size == scales.size else np.zeros_like(scales)
+        return Background(
+            constant=constant, directions=self.doubt_rpm @ (self.modes.directions / scales)
+        )
 
     def has(self, effect: Effect) -> bool:
         """True when every channel the effect needs is reported."""
@@ -128,10 +155,11 @@ def assemble(model: RotorModel, tracks: Sequence[FlightTrack]) -> Problem:
         block_flight += [index] * (int(local.max()) + 1)
         follows.append(np.concatenate([[False], np.diff(rows) == 1]))
         durations.append(float(elapsed[-1]))
+    table, channels = table_of(model), concatenate(parts)
     problem = Problem(
         model=model,
-        base=table_of(model),
-        channels=concatenate(parts),
+        base=table,
+        channels=channels,
         measured_rpm=np.concatenate(measured),
         flight=np.concatenate(flight),
         block=np.concatenate(block),
@@ -140,6 +168,7 @@ def assemble(model: RotorModel, tracks: Sequence[FlightTrack]) -> Problem:
         names=tuple(t.name for t in tracks),
         durations=np.array(durations),
         modes=modes(airframe),
+        doubt_rpm=doubt_rpm(model, table, channels),
     )
     return _thinned(problem)
 
@@ -158,4 +187,5 @@ def _thinned(problem: Problem) -> Problem:
         flight=problem.flight[which],
         block=problem.block[which],
         follows=np.zeros(which.size, dtype=np.bool_),
+        doubt_rpm=problem.doubt_rpm[:, which],
     )

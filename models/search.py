@@ -11,14 +11,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from models import onset
 from models.effects.base import Effect
+from models.effects.coefficient import ONSETS
 from models.effects.coefficient import ROTOR_DEGRADATION as WORN
-from models.effects.coefficient import ROTOR_DEGRADATION_ONSET as ONSET
 from models.fit import (
     Evaluator,
     Fit,
+    Layout,
     Term,
     fit_terms,
     layout_of,
@@ -30,12 +32,17 @@ from models.flight import Floats
 from models.judge import Interval, difference_in_doubt, held_out_cost, intervals
 from models.onset import Onset
 from models.predictions import across_flights
+from models.problem import Problem
 from models.surrogates import Linear, best_gains, p_value, surrogate_residuals
 
 SHORT_LIST = 6  # candidates that are fitted to the end
 LEAST_MOVE = 0.0008  # of rotor speed, RMS, below which an effect is not worth a name
-ONSET_LEAVES = 0.8  # of the cost that a rotor bad all along would leave
+ONSET_GAIN = 1.15  # times that of a rotor bad all along, for a step in time to be believed
+ONSET_LEAVES = 0.8  # of the cost that a rotor bad all along leaves, which will do as well
+ONE_FLIGHT_GAIN = 1.1  # times that of a step that other flights share, for one of a single flight
 LEAST_GAIN = 0.002  # share of the held-out cost that an effect must take away
+
+DOUBT = 0.05  # that an interval misses, shared among all candidates of a look
 
 Progress = Callable[[str, float], None]
 
@@ -76,13 +83,14 @@ class Step:
 def candidates(evaluator: Evaluator, accepted: Sequence[Term], catalogue: Sequence[Effect]):
     """Terms that could be added: channels reported, not in already."""
     taken = {t.key for t in accepted}
+    begun = {t.rotor for t in accepted if t.effect.begins}
     rotors = evaluator.problem.measured_rpm.shape[1]
     for effect in catalogue:
         if evaluator.problem.has(effect):
             places = range(rotors) if effect.of_one_rotor else (None,)
             for rotor in places:
                 term = Term(effect=effect, rotor=rotor)
-                if term.key not in taken and effect.variant != ONSET.variant:
+                if term.key not in taken and not effect.begins and term.rotor not in begun:
                     yield term
 
 
@@ -108,8 +116,8 @@ def warm_start(terms: Sequence[Term], fit: Fit, flights: int) -> Floats:
 def score(
     evaluator: Evaluator, base: Fit, base_cost: float, terms: Sequence[Term], term: Term, **given
 ) -> Scored:
-    """Fit `terms` (which hold `term`) from where `base` stands and score it."""
-    start = warm_start(terms, base, evaluator.problem.flights)
+    """Fit `terms` (which hold `term`) from where `base` stands, or from `start`, and score it."""
+    start = given.pop("start", warm_start(terms, base, evaluator.problem.flights))
     fit = fit_terms(evaluator, terms, start=start, **given)
     cost = held_out_cost(fit.statistics)
     return Scored(term=term, fit=fit, held_out=cost, gain=base_cost - float(cost.sum()))
@@ -135,8 +143,7 @@ def look(
     for done, term in enumerate(pool):
         terms = (*base.terms, term)
         layout = layout_of(terms, problem.flights)
-        start = warm_start(terms, base, problem.flights)
-        near = linearise(evaluator, terms, layout, start, scales, known=base.jacobian)
+        near = _near(evaluator, base, terms, layout, scales)
         offset = base.whitened - near.whitened if term.effect.affine else None
         linear.append(Linear(statistics=near.statistics, jacobian=near.jacobian, offset=offset))
         cost = held_out_cost(near.statistics)
@@ -145,20 +152,27 @@ def look(
             progress("candidates", (done + 1) / len(pool))
     rough.sort(key=lambda s: -s.gain)
     ranked = [
-        score(evaluator, base, base_cost, s.fit.terms, s.term, scales=scales)
+        score(evaluator, base, base_cost, s.fit.terms, s.term, scales=scales, start=s.fit.values)
         for s in rough[:SHORT_LIST]
     ]
     losses = np.stack(
         [n.jacobian[:, :, -2] for n, t in zip(linear, pool, strict=True) if t.effect is WORN]
         or [np.zeros_like(base.whitened)]
     )
-    step_found = onset.scan(problem, losses, base.whitened)
-    if step_found.gain > LEAST_GAIN * base_cost and ONSET in catalogue:
-        worn = [t for t in pool if t.effect is WORN][step_found.rotor]
-        steady = max((s.gain for s in ranked if s.term.effect is WORN), default=0.0)
-        sudden = _onset(evaluator, base, base_cost, scales, step_found, worn)
-        if base_cost - sudden.gain < ONSET_LEAVES * (base_cost - steady):
+    begun = onset.scan(problem, losses, base.whitened)
+    steady = max((s.gain for s in ranked if s.term.effect is WORN), default=0.0)
+    shared = 0.0
+    for effect in reversed(ONSETS):
+        found = begun.get(effect.variant)
+        if effect not in catalogue or found is None or found.gain < LEAST_GAIN * base_cost:
+            continue
+        sudden = _onset(evaluator, base, base_cost, scales, found, effect)
+        clear = sudden.gain > ONSET_GAIN * steady or (
+            base_cost - sudden.gain < ONSET_LEAVES * (base_cost - steady)
+        )
+        if clear and sudden.gain > ONE_FLIGHT_GAIN * shared:
             ranked.append(sudden)
+        shared = max(shared, sudden.gain)
     ranked.sort(key=lambda s: -s.gain)
     ranked += [replace(s, gain=min(s.gain, ranked[-1].gain)) for s in rough[SHORT_LIST:]]
     error = cross_validated_rmse(evaluator, base)
@@ -166,7 +180,8 @@ def look(
         s
         for s in ranked[: SHORT_LIST + 1]
         if s.gain > LEAST_GAIN * base_cost
-        and credible(s, base, problem.background(scales))
+        and credible(s, base, problem, tries=len(pool))
+        and _of_most_flights(base_held_out - s.held_out, problem.block_flight, s.term)
         and cross_validated_rmse(evaluator, s.fit) < (1.0 - config.least_fall) * error
     ]
     if not worthy:
@@ -182,9 +197,9 @@ def look(
     noise = surrogate_residuals(
         problem, best.fit.whitened, config.surrogates, generator, problem.background(scales)
     )
-    if best.term.effect.variant == ONSET.variant:
+    if best.term.effect.begins:
         chance = onset.best_gains(problem, losses, noise)
-        p = p_value(step_found.gain, chance)
+        p = p_value(begun[best.term.effect.variant].gain, chance)
     else:
         nothing = Linear(statistics=base.statistics, jacobian=base.jacobian)
         chance = best_gains(problem, nothing, linear, noise)
@@ -199,19 +214,51 @@ def look(
     )
 
 
+def _near(
+    evaluator: Evaluator, base: Fit, terms: Sequence[Term], layout: Layout, scales: Floats
+) -> Fit:
+    """The problem with the last term at its start; of several starts, each flight takes the one
+    from which a step leaves it least."""
+    flights = evaluator.problem.flights
+    start = warm_start(terms, base, flights)
+    near = linearise(evaluator, terms, layout, start, scales, known=base.jacobian)
+    effect = terms[-1].effect
+    if not effect.seeds:
+        return near
+    owner = near.statistics.owner
+    chosen = start.copy()
+    least = np.bincount(owner, held_out_cost(near.statistics), minlength=flights)
+    names = [p.name for p in effect.parameters]
+    columns = layout.places[:, -len(names) :]
+    for seed in effect.seeds:
+        trial = start.copy()
+        for k, name in enumerate(names):
+            trial[columns[:, k]] = seed[name]
+        other = linearise(evaluator, terms, layout, trial, scales, known=base.jacobian)
+        left = np.bincount(owner, held_out_cost(other.statistics), minlength=flights)
+        better = left < least
+        chosen[columns[better]] = trial[columns[better]]
+        least = np.minimum(least, left)
+    return linearise(evaluator, terms, layout, chosen, scales, known=base.jacobian)
+
+
 def _onset(
-    evaluator: Evaluator, base: Fit, base_cost: float, scales: Floats, found: Onset, worn: Term
+    evaluator: Evaluator, base: Fit, base_cost: float, scales: Floats, found: Onset, effect: Effect
 ) -> Scored:
     """The step found by the scan, fitted with everything accepted."""
-    flights = evaluator.problem.flights
-    term = Term(effect=ONSET, rotor=worn.rotor)
+    problem = evaluator.problem
+    term = Term(effect=effect, rotor=found.rotor)
     terms = (*base.terms, term)
-    start = warm_start(terms, base, flights)
-    layout = layout_of(terms, flights)
+    start = warm_start(terms, base, problem.flights)
+    layout = layout_of(terms, problem.flights)
     loss, time_s = layout.places[:, -3], layout.places[:, -2]
+    of = slice(None) if effect.variant != onset.ONE else found.flight
     start[loss] = 0.0
-    start[loss[found.flight]] = found.loss
-    start[time_s] = found.time_s
+    start[loss[of]] = found.loss
+    at = found.time_s
+    if effect.variant == onset.SINCE:
+        at += problem.flight_start_unix_s[found.flight] - problem.first_row_s[found.flight]
+    start[time_s] = at
     fit = fit_terms(evaluator, terms, scales=scales, start=start)
     cost = held_out_cost(fit.statistics)
     return Scored(term=term, fit=fit, held_out=cost, gain=base_cost - float(cost.sum()))
@@ -237,15 +284,22 @@ def term_values(fit: Fit, term: Term, values: Floats | None = None) -> Floats:
 def credible(
     scored: Scored,
     base: Fit | None = None,
-    background: Floats | None = None,
+    problem: Problem | None = None,
     interval: Interval | None = None,
+    tries: int = 1,
 ) -> bool:
     """True when the effect is possible, its interval excludes absent, and it matters.
+
+    With `problem` the interval holds what the base model may be off by, and an effect that has a
+    weight must have it; of `tries` candidates each must be clear of absent so much surer.
 
     It matters when the parameter is as far from absent as is worth reporting and, given the `base`
     without it, when it moves the predicted rotor speeds by LEAST_MOVE of their size.
     """
-    interval = interval or intervals(scored.fit, background)
+    if interval is None:
+        background = None if problem is None else problem.background(scored.fit.scales)
+        level = 1.0 - DOUBT / tries
+        interval = intervals(scored.fit, background, level, few=False)
     value = term_values(scored.fit, scored.term)
     low = term_values(scored.fit, scored.term, interval.lower)
     high = term_values(scored.fit, scored.term, interval.upper)
@@ -263,10 +317,30 @@ def credible(
             matters |= bool(np.any(np.abs(value[:, k]) >= p.smallest))
     if asked and not matters:
         return False
+    if problem is not None and not _weighty(problem, scored):
+        return False
     if base is None:
         return True
     moved = np.sqrt(np.mean((scored.fit.prediction_rpm - base.prediction_rpm) ** 2))
     return bool(moved > LEAST_MOVE * np.mean(base.prediction_rpm))
+
+
+def _of_most_flights(gains: Floats, owner: NDArray[np.intp], term: Term) -> bool:
+    """True when most flights gain, and all but the one that gains most do so together."""
+    by_flight = np.bincount(owner, gains)
+    if by_flight.size < 3 or term.effect.begins:
+        return True
+    most = np.count_nonzero(by_flight > 0) > by_flight.size / 2
+    return bool(most and by_flight.sum() > by_flight.max())
+
+
+def _weighty(problem: Problem, scored: Scored) -> bool:
+    effect = scored.term.effect
+    if effect.weight is None:
+        return True
+    rows = term_values(scored.fit, scored.term)[problem.flight]
+    values = {p.name: rows[:, k] for k, p in enumerate(effect.parameters)}
+    return bool(effect.weight(values, problem.channels, np) >= 1.0)
 
 
 def prune(evaluator: Evaluator, fit: Fit, *, last_too: bool = False) -> Fit:
@@ -284,9 +358,7 @@ def prune(evaluator: Evaluator, fit: Fit, *, last_too: bool = False) -> Fit:
             kept = Scored(term=term, fit=whole, held_out=whole.statistics.cost, gain=loss)
             trials.append(
                 (
-                    loss
-                    if credible(kept, trial, evaluator.problem.background(scales))
-                    else -np.inf,
+                    loss if credible(kept, trial, evaluator.problem) else -np.inf,
                     trial,
                 )
             )
@@ -330,11 +402,7 @@ def rivals(evaluator: Evaluator, fit: Fit, catalogue: Sequence[Effect]) -> dict[
             trial = score(evaluator, without, 0.0, terms, other, scales=scales, steps=5)
             regained = missed - (float(trial.held_out.sum()) - float(whole.sum()))
             alike = difference_in_doubt(whole, trial.held_out, problem.block_flight)
-            if (
-                alike
-                and regained > 0.5 * missed
-                and credible(trial, without, problem.background(scales))
-            ):
+            if alike and regained > 0.5 * missed and credible(trial, without, problem):
                 found[term.key].append(_label(other))
     return found
 

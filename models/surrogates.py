@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from models.fit import Statistics
 from models.flight import Floats
 from models.judge import held_out_cost
-from models.problem import Problem
+from models.problem import Background, Problem
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -35,11 +35,12 @@ def surrogate_residuals(
     whitened: Floats,
     count: int,
     generator: np.random.Generator,
-    background: Floats | None = None,
+    background: Background,
 ) -> NDArray[np.float32]:
     """`count` surrogates (T, R, count) of a whitened residual (T, R), float32.
 
-    `background` (R,) adds to every flight its own constant in each mode, of that spread.
+    `background` adds what the base model may be off by: a constant of each flight, and one random
+    sum of its directions over all flights.
     """
     rows = [np.flatnonzero(problem.flight == f) for f in range(problem.flights)]
     shape = (*whitened.shape, count)
@@ -53,8 +54,12 @@ def surrogate_residuals(
             start = int(generator.integers(theirs.size))
             source = theirs[(start + np.arange(mine.size)) % theirs.size]
             out[mine, :, s] = whitened[source] * signs[problem.block[mine], None]
-            if background is not None:
-                out[mine, :, s] += background * generator.standard_normal(background.size)
+            own = generator.standard_normal(background.constant.size)
+            out[mine, :, s] += background.constant * own
+    if background.directions.size:
+        draws = generator.standard_normal((background.directions.shape[0], count))
+        flat = background.directions.reshape(background.directions.shape[0], -1)
+        out += (flat.T.astype(np.float32) @ draws.astype(np.float32)).reshape(shape)
     return out
 
 

@@ -1,4 +1,4 @@
-"""What no effect explains: how much, in which mode, along which channel; and the floor.
+"""What no effect explains: along which channel, or along none; and the floor.
 
 Each mode is tried against a smooth curve of each channel (cubic B-spline), added to everything that
 was accepted and scored on left-out flights; the best of all must beat the best of all on
@@ -169,7 +169,7 @@ def floor_rpm(problem: Problem, residual_rpm: Floats) -> float:
 
 
 def _everything(x: Channels) -> Floats:
-    tables = [x.load_factor_shifts, x.specific_force_shifts, *x.rate_shifts, *x.acceleration_shifts]
+    tables = [x.load_factor_shifts, x.manoeuvre_load_shifts, *x.rate_shifts, *x.acceleration_shifts]
     curves = [np.asarray(getattr(x, c)) for c in ("airspeed", "tank_kg", "time_s")]
     parts = [t for t in tables if np.isfinite(t).all()]
     parts += [spline_columns(c) for c in curves if np.isfinite(c).all()]

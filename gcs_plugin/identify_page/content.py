@@ -143,9 +143,10 @@ def _headline(result: Result) -> str:
         listed = [found_name(f) for f in found.found]
         missing = "; ".join(listed).upper()
         return f"MISSING: {missing}"
-    if found.curve is None:
+    left = found.unexplained()
+    if left["mode"] is None:
         return "NOTHING IS MISSING"
-    return f"NO EFFECT OF THE TABLE; {percent(found.curve.share, 1)} UNEXPLAINED"
+    return f"NO EFFECT OF THE TABLE; {percent(left['fraction_of_variance'], 1)} UNEXPLAINED"
 
 
 def _looks(tried: tuple[Tried, ...]) -> tuple[tuple[TriedRow, ...], ...]:

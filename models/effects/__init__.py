@@ -12,14 +12,14 @@ from models.effects.coefficient import (
     BATTERY_VOLTAGE,
     CLIMB_INFLOW,
     GROUND_EFFECT,
+    ONSETS,
     ROTOR_DEGRADATION,
-    ROTOR_DEGRADATION_ONSET,
     THRUST_DRIFT,
     TRANSLATIONAL_LIFT,
 )
 from models.effects.demand import EXTRA_MASS, LOAD_FACTOR, PARASITE_DRAG
 from models.effects.flow_moment import FLOW_MOMENT
-from models.effects.inputs import SENSOR_LAG, TANK_SCALE, WIND
+from models.effects.inputs import ROTOR_SPEED_LAG, SENSOR_LAG, TANK_SCALE, WIND
 from models.effects.moments import CG_OFFSET, CG_OFFSET_TANK, MANOEUVRE_MOMENT, YAW_TRIM
 from models.effects.slung_load import SLUNG_LOADS
 
@@ -27,6 +27,7 @@ CATALOGUE: tuple[Effect, ...] = (
     WIND,
     TANK_SCALE,
     SENSOR_LAG,
+    ROTOR_SPEED_LAG,
     EXTRA_MASS,
     PARASITE_DRAG,
     LOAD_FACTOR,
@@ -40,7 +41,7 @@ CATALOGUE: tuple[Effect, ...] = (
     CLIMB_INFLOW,
     GROUND_EFFECT,
     ROTOR_DEGRADATION,
-    ROTOR_DEGRADATION_ONSET,
+    *ONSETS,
     THRUST_DRIFT,
     BATTERY_VOLTAGE,
 )

@@ -45,6 +45,8 @@ class Parameter:
     smallest: float = 0.0  # least distance from `absent` that is worth reporting
     per_flight: bool = False  # one value a flight instead of one for all
     detail: bool = False  # shapes the effect but does not make it: may stand at a bound
+    resolution: float = 0.0  # half width that no number of rows gets an interval below
+    accuracy: float = 0.0  # the same as a share of the value: what the form itself is good for
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,6 +71,11 @@ class Effect:
     of_one_rotor: bool = False
     variant: str = ""  # tells forms of one effect apart
     affine: bool = False  # at its start it already differs from doing nothing
+    delays: bool = False  # its "lag" is how late all rotor speeds are reported
+    #: (p, x, xp) -> size of what it changes, 1 being the least worth a name
+    weight: Callable[..., Any] | None = None
+    begins: bool = False  # a step in time, found by `models.onset`
+    seeds: tuple[Mapping[str, float], ...] = ()  # other starts of a fit that has several valleys
 
     @property
     def key(self) -> str:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, Self
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import savgol_filter
 
 from models.airframe import Airframe
@@ -18,9 +19,11 @@ from models.effects.pendulum import cable_pull, shortest_cable
 from models.flight import FlightTrack, Floats
 
 LAG_STEP = 0.1  # s
-LAGS = tuple(round(LAG_STEP * k, 1) for k in range(-5, 6))  # s
+NEAR_LAG = 0.5  # s, as far as an effect looks around a row by itself
+LAGS = tuple(round(LAG_STEP * k, 1) for k in range(-18, 8))  # s; the past is there for late reports
 VELOCITY_SPAN = 0.3  # s over which velocity is differentiated
-SLOW_SPAN = 1.5  # s, the same for the slow part of the load factor
+ALONG_SPAN = 0.7  # s, the same for the speed along the way
+SLOW_SPAN = 2.0  # s over which the IMU's load factor is held to that of the motion
 RATE_SPAN = 0.3  # s over which angular rate is differentiated
 USUAL_ARM = 0.9  # m; the spans hold from here up, and shrink with the root of a shorter arm
 
@@ -30,10 +33,12 @@ class Channels:
     """Arrays of T rows, NaN where unreported; `_shifts` have (T, len(LAGS)). SI units."""
 
     time_s: Any  # since the start of the flight
+    clock_s: Any  # Unix time, NaN where the log does not tell it
     airspeed: Any
     airspeed_shifts: Any
     tank_kg: Any
     total_mass: Any
+    along_acceleration: Any  # m/s² of the horizontal velocity along itself
     velocity_north: Any
     velocity_east: Any
     density: Any  # reported or assumed
@@ -45,7 +50,7 @@ class Channels:
     voltage: Any
     load_factor: Any
     load_factor_shifts: Any  # from the derivative of velocity
-    load_factor_fast_shifts: Any  # less its slow part, which lasts over a second
+    manoeuvre_load_shifts: Any  # quick part from the IMU, slow part as above; as above without one
     specific_force_shifts: Any  # from the IMU, |f|/g; as above where there is none
     rate_shifts: tuple[Any, Any, Any]  # angular rate, roll pitch yaw
     acceleration_shifts: tuple[Any, Any, Any]  # angular acceleration, roll pitch yaw
@@ -53,6 +58,7 @@ class Channels:
     yaw_rate: Any
     yaw_acceleration: Any
     cable_pull: Any  # (T, lengths) what a load on a cable adds, in weights of the load
+    delay: Any  # s by which the rotor speeds are reported late, which effects may set
     tank_capacity_kg: float
     reference_density: float
     reference_voltage: float
@@ -93,12 +99,23 @@ def concatenate(parts: list[Channels]) -> Channels:
     return replace(parts[0], **joined)
 
 
-def lag_weights(lag: Any, xp: Any) -> Any:
+def lag_weights(lag: Any, xp: Any, sharpening: Any = None) -> Any:
     """(len(LAGS),) weights with which a shift table gives the channel `lag` seconds later.
 
-    Cubic convolution (Keys 1981): smooth in the lag, and exact on the grid.
+    Cubic convolution (Keys 1981): smooth in the lag, and exact on the grid. `sharpening` s takes s
+    times the second difference away, twice: 1/12 undoes to third order what a derivative over two
+    rows smooths away, -1/3 is the mean of three rows taken twice.
     """
-    grid = xp.arange(-(len(LAGS) // 2), len(LAGS) // 2 + 1, dtype=xp.float64) * LAG_STEP
+    if sharpening is not None:
+        near, far = (
+            lag_weights(lag - n * LAG_STEP, xp) + lag_weights(lag + n * LAG_STEP, xp)
+            for n in (1, 2)
+        )
+        centre, side = 1.0 + 2.0 * sharpening, -sharpening
+        whole = (centre**2 + 2.0 * side**2) * lag_weights(lag, xp)
+        return whole + 2.0 * centre * side * near + side**2 * far
+    first = round(LAGS[0] / LAG_STEP)
+    grid = xp.arange(first, first + len(LAGS), dtype=xp.float64) * LAG_STEP
     u = xp.abs(xp.asarray(lag) - grid) / LAG_STEP
     near = (1.5 * u - 2.5) * u * u + 1.0
     far = ((-0.5 * u + 2.5) * u - 4.0) * u + 2.0
@@ -118,13 +135,11 @@ def channels_of(
     known = track.reports("pressure") or track.reports("altitude")
     mass = airframe.empty_mass + track.tank_kg
     quick = _quickness(airframe)
-    kinematic, slow = (
-        _load_factor(time_s, velocity, span * quick) for span in (VELOCITY_SPAN, SLOW_SPAN)
-    )
+    kinematic = _load_factor(time_s, velocity, VELOCITY_SPAN * quick)
     felt = np.linalg.norm(track.specific_force_frd, axis=1) / G0
     kinematic = kinematic if np.isfinite(kinematic).any() else felt
     felt = felt if np.isfinite(felt).any() else kinematic
-    fast = np.where(np.isfinite(slow), kinematic - slow, 0.0)
+    manoeuvre = felt + _moving_mean(time_s, kinematic - felt, SLOW_SPAN * quick)
     turn = _derivative(time_s, track.angular_rate_frd, RATE_SPAN * quick)
     disc = np.pi * airframe.propeller_diameter**2 / 4 * airframe.rotor_count
     hover_rpm = np.sqrt(mass * G0 / airframe.rotor_count / airframe.thrust_coefficient)
@@ -136,10 +151,12 @@ def channels_of(
 
     return Channels(
         time_s=time_s - time_s[0] if time_s.size else time_s,
+        clock_s=time_s + (np.nan if track.start_unix_s is None else track.start_unix_s),
         airspeed=track.airspeed,
         airspeed_shifts=table(track.airspeed),
         tank_kg=track.tank_kg,
         total_mass=mass,
+        along_acceleration=_along(time_s, velocity, ALONG_SPAN * quick),
         velocity_north=velocity[:, 0],
         velocity_east=velocity[:, 1],
         density=density,
@@ -151,7 +168,7 @@ def channels_of(
         voltage=track.voltage,
         load_factor=kinematic,
         load_factor_shifts=table(kinematic),
-        load_factor_fast_shifts=table(fast),
+        manoeuvre_load_shifts=table(manoeuvre),
         specific_force_shifts=table(felt),
         rate_shifts=_three(table, track.angular_rate_frd),
         acceleration_shifts=_three(table, turn),
@@ -159,6 +176,7 @@ def channels_of(
         yaw_rate=track.angular_rate_frd[:, 2],
         yaw_acceleration=turn[:, 2],
         cable_pull=cable_pull(track, airframe),
+        delay=0.0,
         tank_capacity_kg=float(airframe.tank_capacity_kg),
         reference_density=float(reference_density),
         reference_voltage=float(reference_voltage),
@@ -172,6 +190,23 @@ def _load_factor(time_s: Floats, velocity: Floats, span: float) -> Floats:
     """|specific force|/g from the derivative of velocity over `span` seconds, (T,)."""
     acceleration = _derivative(time_s, velocity, span)
     return np.linalg.norm(acceleration - np.array([0.0, 0.0, G0]), axis=1) / G0
+
+
+def _along(time_s: Floats, velocity: Floats, span: float) -> Floats:
+    """(T,) m/s² by which the horizontal speed grows; 0 where it cannot be told."""
+    speed = np.hypot(velocity[:, 0], velocity[:, 1])
+    return np.nan_to_num(_derivative(time_s, speed, span))
+
+
+def _moving_mean(time_s: Floats, values: Floats, span: float) -> Floats:
+    """Mean (T,) of what is finite within `span` seconds about each row; NaN where nothing is."""
+    if time_s.size < 2:
+        return values
+    width = max(1, round(span / float(np.median(np.diff(time_s)))))
+    known = np.isfinite(values)
+    total = uniform_filter1d(np.where(known, values, 0.0), width, mode="constant")
+    share = uniform_filter1d(known.astype(float), width, mode="constant")
+    return np.where(share > 0.5 / width, total / np.maximum(share, 1e-9), np.nan)
 
 
 def _quickness(airframe: Airframe) -> float:

@@ -7,6 +7,8 @@ from dataclasses import replace
 from models.effects.base import Effect, Kind, Parameter
 from models.effects.channels import Channels
 
+LEAST_DENSITY_ERROR = 0.01  # of the model's density: 3 K, or 100 m of height
+
 
 def _air_density(p, x: Channels, xp):  # noqa: ARG001
     warmer = x.isa_temperature / (x.isa_temperature + p["temperature_offset"])
@@ -15,6 +17,10 @@ def _air_density(p, x: Channels, xp):  # noqa: ARG001
 
 def _air_density_torque(p, x: Channels, xp):
     return 1.0 + p["torque_share"] * (_air_density(p, x, xp) - 1.0)
+
+
+def _air_density_weight(p, x: Channels, xp):
+    return xp.sqrt(xp.mean((_air_density(p, x, xp) - 1.0) ** 2)) / LEAST_DENSITY_ERROR
 
 
 def _translational_lift(p, x: Channels, xp):
@@ -32,8 +38,8 @@ def _ground_effect(p, x: Channels, xp):  # noqa: ARG001
 
 
 def _after_onset(p, x: Channels, xp):
-    since = xp.clip(4.0 * (x.time_s - p["onset_time"]), -40.0, 40.0)
-    return 1.0 / (1.0 + xp.exp(-since))
+    since = x.clock_s - p["onset_clock"] if "onset_clock" in p else x.time_s - p["onset_time"]
+    return 1.0 / (1.0 + xp.exp(-xp.clip(4.0 * since, -40.0, 40.0)))
 
 
 def _rotor_degradation(p, x: Channels, xp):  # noqa: ARG001
@@ -76,6 +82,18 @@ TORQUE_SHARE = Parameter(
     detail=True,
 )
 
+ONSET_TIME = Parameter(
+    name="onset_time",
+    unit="s",
+    absent=None,
+    start=0.0,
+    lower=0.0,
+    upper=1e5,
+    scale=60.0,
+    detail=True,
+    resolution=0.3,
+)
+
 AIR_DENSITY = Effect(
     name="air_density",
     kind=Kind.COEFFICIENT,
@@ -97,6 +115,7 @@ AIR_DENSITY = Effect(
     tell="read a shaded thermometer and a barometer; or fly the same load on a colder day",
     apply=_air_density,
     torque=_air_density_torque,
+    weight=_air_density_weight,
     affine=True,
 )
 
@@ -150,33 +169,45 @@ ROTOR_DEGRADATION = Effect(
     of_one_rotor=True,
 )
 
-ROTOR_DEGRADATION_ONSET = Effect(
-    name="rotor_degradation",
+ROTOR_DEGRADATION_ONSET = replace(
+    ROTOR_DEGRADATION,
     variant="onset",
-    kind=Kind.COEFFICIENT,
     parameters=(
         *_one("loss", "1", lower=-0.3, upper=0.7, scale=0.05, smallest=0.015, per_flight=True),
-        Parameter(
-            name="onset_time",
-            unit="s",
-            absent=None,
-            start=0.0,
-            lower=0.0,
-            upper=1e5,
-            scale=60.0,
-            per_flight=True,
-            detail=True,
-        ),
+        replace(ONSET_TIME, per_flight=True),
         replace(TORQUE_SHARE, per_flight=True),
     ),
-    needs=(),
-    shape_channels=("time_s",),
     source="a propeller that chips in flight makes less thrust from then on",
-    tell="swap the propeller with another arm's: a worn rotor moves, a wrong sensor stays",
     apply=_rotor_degradation_onset,
     torque=_rotor_degradation_onset_torque,
-    of_one_rotor=True,
+    begins=True,
 )
+
+ROTOR_DEGRADATION_EACH = replace(
+    ROTOR_DEGRADATION_ONSET,
+    variant="in each flight",
+    parameters=(
+        *_one("loss", "1", lower=-0.3, upper=0.7, scale=0.05, smallest=0.015),
+        ONSET_TIME,
+        TORQUE_SHARE,
+    ),
+    source="a rotor that weakens at the same time after each start, as one that gets warm",
+)
+
+ROTOR_DEGRADATION_SINCE = replace(
+    ROTOR_DEGRADATION_EACH,
+    variant="since",
+    parameters=(
+        *_one("loss", "1", lower=-0.3, upper=0.7, scale=0.05, smallest=0.015),
+        replace(ONSET_TIME, name="onset_clock", upper=1e11),
+        TORQUE_SHARE,
+    ),
+    needs=("clock_s",),
+    source="a propeller that chips in one flight stays so in the flights after it",
+)
+
+#: A rotor that goes bad at a moment: in one flight, in each at one time, in one and all later.
+ONSETS = (ROTOR_DEGRADATION_ONSET, ROTOR_DEGRADATION_EACH, ROTOR_DEGRADATION_SINCE)
 
 THRUST_DRIFT = Effect(
     name="thrust_drift",

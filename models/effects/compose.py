@@ -12,7 +12,7 @@ sum(spin q A) back to what the flight asks for. Works on numpy arrays and on tor
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -111,6 +111,7 @@ def _product(
 def apparent_thrust(base: BaseTable, placed: Sequence[Placed], x: Channels, xp: Any) -> Array:
     """a0 N² of every rotor with the effects in place, (T, R) N."""
     airspeed, tank_kg = x.airspeed, x.tank_kg
+    x = replace(x, delay=sum(i.values["lag"] for i in placed if i.effect.delays))
     for item in placed:
         if item.effect.kind is Kind.INPUT:
             airspeed, tank_kg = item.effect.apply(item.values, x, airspeed, tank_kg, xp)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from models.atmosphere import G0
 from models.effects.base import Effect, Kind, Parameter
 from models.effects.channels import Channels, lag_weights
 
@@ -12,17 +13,18 @@ def _extra_mass(p, x: Channels, thrust, xp):  # noqa: ARG001
 
 def _parasite_drag(p, x: Channels, thrust, xp):
     area = p["drag_area"]
-    drag_squared = (0.5 * x.density * x.airspeed**2) ** 2 * area * xp.abs(area)
+    pressure = 0.5 * x.density * x.airspeed**2
+    pushed = 2.0 * pressure * area * thrust / G0 * x.along_acceleration
+    square = thrust**2 + pressure**2 * area * xp.abs(area) + pushed
     floor = 0.25 * thrust**2
-    return xp.sqrt(xp.where(thrust**2 + drag_squared > floor, thrust**2 + drag_squared, floor))
+    return xp.sqrt(xp.where(square > floor, square, floor))
 
 
 def _load_factor(p, x: Channels, thrust, xp):
-    weights = lag_weights(p["lag"], xp)
+    weights = lag_weights(p["lag"] - x.delay, xp, p["sharpening"])
     kinematic = x.load_factor_shifts @ weights
-    felt = x.specific_force_shifts @ weights
+    felt = x.manoeuvre_load_shifts @ weights
     blend = kinematic + p["imu_share"] * (felt - kinematic)
-    blend = blend + p["sharpening"] * (x.load_factor_fast_shifts @ weights)
     return thrust * (1.0 + p["gain"] * (blend - 1.0))
 
 
@@ -65,7 +67,8 @@ PARASITE_DRAG = Effect(
     ),
     needs=("airspeed", "density"),
     shape_channels=("airspeed",),
-    source="thrust carries weight and drag: sqrt(W^2 + (rho CdA V^2 / 2)^2)",
+    source="thrust carries weight, drag and acceleration: |m (a - g) - D|, D = rho CdA V^2 / 2, so "
+    "its square has D^2 and, while speeding up along the way, 2 D m a",
     tell="a straight line flown fast and slow at the same tank level",
     apply=_parasite_drag,
     affine=True,
@@ -89,7 +92,7 @@ LOAD_FACTOR = Effect(
             name="imu_share",
             unit="1",
             absent=None,
-            start=0.2,
+            start=0.5,
             lower=0.0,
             upper=1.0,
             scale=1.0,
@@ -100,9 +103,9 @@ LOAD_FACTOR = Effect(
             unit="1",
             absent=None,
             start=0.0,
-            lower=-1.0,
-            upper=2.0,
-            scale=0.5,
+            lower=-0.33,
+            upper=0.5,
+            scale=0.2,
             detail=True,
         ),
         Parameter(
@@ -110,8 +113,8 @@ LOAD_FACTOR = Effect(
             unit="s",
             absent=None,
             start=0.05,
-            lower=-0.2,
-            upper=0.4,
+            lower=0.0,
+            upper=0.3,
             scale=0.2,
             detail=True,
         ),
@@ -119,7 +122,7 @@ LOAD_FACTOR = Effect(
     needs=("load_factor_shifts",),
     shape_channels=("load_factor",),
     source="Newton: thrust over weight is |specific force| / g in turns, climbs and gusts; "
-    "sharpening gives back what reports of velocity a few times a second smooth away",
+    "sharpening gives back what reports a few times a second smooth away, or smooths their noise",
     tell="sharp stops and pull-ups at one tank level",
     apply=_load_factor,
     affine=True,

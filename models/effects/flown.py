@@ -14,7 +14,7 @@ import numpy as np
 
 from models.airframe import Airframe
 from models.effects.base import Placed
-from models.effects.channels import Channels, channels_of
+from models.effects.channels import LAGS, NEAR_LAG, Channels, channels_of
 from models.effects.compose import BaseTable, base_table, rotor_speed_rpm
 from models.flight import Bools, FlightTrack, Floats
 from models.rotor_model import RotorModel
@@ -54,8 +54,7 @@ def _filled(x: Channels, placed: Sequence[Placed]) -> tuple[Channels, Bools]:
     nothing = {
         "airspeed_shifts": x.airspeed[:, None],
         "load_factor_shifts": 1.0,
-        "load_factor_fast_shifts": 0.0,
-        "specific_force_shifts": 1.0,
+        "manoeuvre_load_shifts": 1.0,
         "rate_shifts": 0.0,
         "acceleration_shifts": 0.0,
         "advance_ratio": 0.0,
@@ -69,8 +68,10 @@ def _filled(x: Channels, placed: Sequence[Placed]) -> tuple[Channels, Bools]:
     }
     needed = {name for item in placed for name in item.effect.needs}
     if "load_factor_shifts" in needed:
-        needed |= {"specific_force_shifts", "load_factor_fast_shifts"}
+        needed |= {"manoeuvre_load_shifts"}
     needed |= {"acceleration_shifts"} if "rate_shifts" in needed else set()
+    late = any(item.effect.delays for item in placed)
+    looked_at = np.ones(len(LAGS), np.bool_) if late else np.abs(LAGS) <= NEAR_LAG
     lacking = np.zeros(x.time_s.shape, dtype=np.bool_)
     filled = {}
     for f in fields(x):
@@ -81,7 +82,8 @@ def _filled(x: Channels, placed: Sequence[Placed]) -> tuple[Channels, Bools]:
         done = []
         for part in parts:
             bad = ~np.isfinite(part)
-            lacking |= bad.any(axis=1) if bad.ndim == 2 else bad
+            shifts = f.name.endswith("_shifts")
+            lacking |= bad[:, looked_at if shifts else slice(None)].any(1) if bad.ndim > 1 else bad
             done.append(np.where(bad, nothing[f.name], part))
         filled[f.name] = tuple(done) if isinstance(value, tuple) else done[0]
     return replace(x, **filled), lacking

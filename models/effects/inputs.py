@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from math import cos, pi, sin
+
 from models.effects.base import Effect, Kind, Parameter
 from models.effects.channels import Channels, lag_weights
+
+LEAST_AIRSPEED_ERROR = 0.8  # m/s RMS: a gust or two off is no missing wind
 
 
 def _wind(p, x: Channels, airspeed, tank_kg, xp):  # noqa: ARG001
@@ -12,12 +16,23 @@ def _wind(p, x: Channels, airspeed, tank_kg, xp):  # noqa: ARG001
     return xp.sqrt(north**2 + east**2 + 1e-6), tank_kg
 
 
+def _wind_weight(p, x: Channels, xp):
+    airspeed, _ = _wind(p, x, x.airspeed, x.tank_kg, xp)
+    return xp.sqrt(xp.mean((airspeed - x.airspeed) ** 2)) / LEAST_AIRSPEED_ERROR
+
+
 def _tank_scale(p, x: Channels, airspeed, tank_kg, xp):  # noqa: ARG001
     return airspeed, tank_kg * p["gain"]
 
 
 def _sensor_lag(p, x: Channels, airspeed, tank_kg, xp):
-    return airspeed + x.airspeed_shifts @ lag_weights(p["lag"], xp) - x.airspeed, tank_kg
+    late = lag_weights(p["lag"] - x.delay, xp) - lag_weights(-x.delay, xp)
+    return airspeed + x.airspeed_shifts @ late, tank_kg
+
+
+def _rotor_speed_lag(p, x: Channels, airspeed, tank_kg, xp):
+    late = lag_weights(-p["lag"], xp) - lag_weights(0.0 * p["lag"], xp)
+    return airspeed + x.airspeed_shifts @ late, tank_kg
 
 
 WIND = Effect(
@@ -42,7 +57,11 @@ WIND = Effect(
     source="airspeed is the speed over ground less the wind",
     tell="one line flown both ways at the same speed and tank level",
     apply=_wind,
+    weight=_wind_weight,
     affine=True,
+    seeds=tuple(
+        {"wind_north": 5.0 * cos(pi * k / 4), "wind_east": 5.0 * sin(pi * k / 4)} for k in range(8)
+    ),
 )
 
 TANK_SCALE = Effect(
@@ -87,4 +106,29 @@ SENSOR_LAG = Effect(
     source="the airspeed channel reports late by `lag`",
     tell="quick changes of speed: accelerate and brake on a straight line",
     apply=_sensor_lag,
+)
+
+ROTOR_SPEED_LAG = Effect(
+    name="sensor_lag",
+    variant="rotor speed",
+    kind=Kind.INPUT,
+    parameters=(
+        Parameter(
+            name="lag",
+            unit="s",
+            absent=0.0,
+            start=0.0,
+            lower=-0.2,
+            upper=1.4,
+            scale=0.2,
+            smallest=0.05,
+            resolution=0.01,
+        ),
+    ),
+    needs=("airspeed_shifts",),
+    shape_channels=("airspeed", "yaw_rate", "yaw_acceleration", "load_factor"),
+    source="the rotor speeds are reported late by `lag`: telemetry that queues or comes rarely",
+    tell="quick changes of speed and heading: accelerate, brake and turn",
+    apply=_rotor_speed_lag,
+    delays=True,
 )

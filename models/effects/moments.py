@@ -20,15 +20,18 @@ def _yaw_trim(p, x: Channels, thrust, xp):  # noqa: ARG001
 
 
 def _manoeuvre(p, x: Channels, thrust, xp):
-    weights = lag_weights(p["lag"], xp)
-    loaded = (thrust / x.empty_weight) ** p["load_exponent"]
-    axes = zip(("roll", "pitch", "yaw"), x.rate_shifts, x.acceleration_shifts, strict=True)
-    roll, pitch, yaw = (
-        acceleration @ (p[f"inertia_{axis}"] * weights) * loaded
-        + rate @ (p[f"damping_{axis}"] * weights)
-        for axis, rate, acceleration in axes
+    weights = lag_weights(p["lag"] - x.delay, xp)
+    tilt, yaw = (
+        lag_weights(p["lag"] - x.delay, xp, p[f"sharpening_{of}"]) for of in ("tilt", "yaw")
     )
-    return roll, pitch, yaw
+    loaded = (thrust / x.empty_weight) ** p["load_exponent"]
+    names, sharp = ("roll", "pitch", "yaw"), (tilt, tilt, yaw)
+    axes = zip(names, x.rate_shifts, x.acceleration_shifts, sharp, strict=True)
+    return tuple(
+        acceleration @ (p[f"inertia_{axis}"] * sharpened) * loaded
+        + rate @ (p[f"damping_{axis}"] * weights)
+        for axis, rate, acceleration, sharpened in axes
+    )
 
 
 def _offset(name: str) -> Parameter:
@@ -54,6 +57,20 @@ def _turning(kind: str, axis: str, unit: str) -> Parameter:
         upper=60.0,
         scale=5.0,
         smallest=0.2,
+        accuracy=0.04,  # of the derivative of a rate that is sampled and noisy
+    )
+
+
+def _sharpening(of: str) -> Parameter:
+    return Parameter(
+        name=f"sharpening_{of}",
+        unit="1",
+        absent=None,
+        start=1.0 / 12.0,
+        lower=-0.33,
+        upper=0.5,
+        scale=0.2,
+        detail=True,
     )
 
 
@@ -118,13 +135,14 @@ MANOEUVRE_MOMENT = Effect(
             scale=0.5,
             detail=True,
         ),
+        *(_sharpening(of) for of in ("tilt", "yaw")),
         Parameter(
             name="lag",
             unit="s",
             absent=None,
-            start=0.0,
-            lower=-0.2,
-            upper=0.4,
+            start=0.02,
+            lower=0.0,
+            upper=0.3,
             scale=0.1,
             detail=True,
         ),
@@ -132,7 +150,7 @@ MANOEUVRE_MOMENT = Effect(
     needs=("rate_shifts",),
     shape_channels=("yaw_acceleration", "yaw_rate"),
     source="Euler: moment = I d(omega)/dt + damping x omega; I goes with the load, as liquid and "
-    "hidden mass change it",
+    "hidden mass change it; sharpening gives back what differences of a sampled rate smooth away",
     tell="sharp turns about each axis in a hover",
     apply=_manoeuvre,
 )

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tests.undeclared.missions import FINE_STEP, coloured
+from tests.undeclared.missions import FINE_STEP, coloured, rounded
 from tests.undeclared.physics import (
     GRAVITY,
     Motion,
@@ -71,7 +71,8 @@ def surroundings(
 ) -> Surroundings:
     """Wind, tank, pack and pushes along a motion."""
     rows = motion.time.size
-    swirl = coloured(rng, rows, 3, 3.0) * day.turbulence * np.array([1.0, 1.0, 0.35])
+    # An aircraft a metre wide does not lean after what changes within a tenth of a second.
+    swirl = rounded(coloured(rng, rows, 3, 3.0), 0.16) * day.turbulence * np.array([1.0, 1.0, 0.35])
     wind = np.array([day.wind[0], day.wind[1], 0.0]) + swirl
     used = np.cumsum(motion.spraying) * FINE_STEP * day.flow / 60.0
     tank = np.maximum(day.fill * physics.gauge_gain - used, 0.0)

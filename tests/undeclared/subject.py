@@ -19,7 +19,7 @@ from tests.undeclared.physics import Layout
 if TYPE_CHECKING:
     from models.training import TrainSettings
 
-HEALTHY_FLIGHTS = 16
+HEALTHY_FLIGHTS = 27  # as many as the recorded campaign has
 AIRFRAME_FILE = """\
 extends = "topxgun-f16-sitl"
 name = "plant-{name}"
