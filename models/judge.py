@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 from scipy.stats import t as student
 
 from models.fit import Fit, Statistics
@@ -148,13 +149,16 @@ def intervals(
         covariance = covariance * scale[:, None] * scale[None, :]
         if few:
             quantile[wider] = student.ppf(level, flights - 1)
+    square = quantile**2 * np.diag(covariance)
     if background is not None and size:
-        covariance = covariance + bread @ _background_meat(fit, background) @ bread
+        own = bread @ _background_meat(fit, background) @ bread
+        square = square + norm.ppf(level) ** 2 * np.diag(own)
+        covariance = covariance + own
     finest = np.zeros(size)
     for k, parameter in enumerate(fit.layout.parameters):
         where = fit.layout.places[:, k]
         finest[where] = parameter.resolution + parameter.accuracy * np.abs(fit.values[where])
-    half = quantile * np.sqrt(np.diag(covariance)) + finest
+    half = np.sqrt(square) + finest
     return Interval(lower=fit.values - half, upper=fit.values + half, covariance=covariance)
 
 

@@ -1,7 +1,7 @@
 """What is left and lasts for seconds, though it goes with no channel.
 
 Sensor noise and gusts forget themselves within a second or two. A residual that still resembles
-itself 2 to 6 s later (of one rotor: 1 to 6 s) has a cause that the model lacks, be it one that no
+itself 2 to 10 s later (of one rotor: 1 to 10 s) has a cause that the model lacks, be it one that no
 channel shows: liquid that swings, a load that has moved, a sensor that sticks. The measure is the
 autocovariance of the residual of a mode or of one rotor, averaged over flights, at the lag of that
 range where it is largest; what the base model is known to be off by counts against it.
@@ -17,8 +17,8 @@ from models.flight import Floats
 from models.problem import Problem
 
 BIN = 0.5  # s
-LAGS = range(4, 13)  # bins
-LAGS_OF_ROTOR = range(2, 13)  # bins; gusts take all rotors together and matter less here
+LAGS = range(4, 21)  # bins
+LAGS_OF_ROTOR = range(2, 21)  # bins; gusts take all rotors together and matter less here
 LEAST_SIZE = 0.0045  # of the mean rotor speed, RMS along the mode
 LEAST_OF_ROTOR = 0.0035  # the same of one rotor, beyond what the middle one of the others has
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from models.fit import Evaluator, Fit, layout_of, linearise, mode_scales
+from models.fit import Evaluator, Fit, layout_of, linearise, mode_scales, whiten
 from models.flight import Bools, Floats
 from models.judge import left_out_values
 from models.problem import Problem
@@ -27,6 +27,20 @@ def across_flights(evaluator: Evaluator, fit: Fit) -> Floats:
         rows = np.isin(problem.block, blocks)
         out[rows] = (problem.measured_rpm - prediction)[rows]
     return out
+
+
+def nearly_across_flights(problem: Problem, fit: Fit) -> Floats:
+    """`across_flights` with the fit taken as straight near its values: no new prediction, for
+    ranking."""
+    if not fit.terms:
+        return fit.residual_rpm
+    _, root = whiten(problem, fit.residual_rpm, fit.scales)
+    out = fit.whitened.copy()
+    for blocks, moved in left_out_values(fit.statistics):
+        rows = np.flatnonzero(np.isin(problem.block, blocks))
+        here = moved[fit.layout.places[problem.flight[rows]]]
+        out[rows] -= np.einsum("trk,tk->tr", fit.jacobian[rows], here)
+    return (out / root * fit.scales) @ problem.modes.directions.T
 
 
 def on_new_flights(unused: Problem, evaluator: Evaluator, fit: Fit) -> Floats:

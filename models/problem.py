@@ -27,7 +27,7 @@ from models.samples import training_rows
 
 BLOCK_SECONDS = 10.0
 LEAST_ROWS = 100
-MOST_ROWS = 12_000
+MOST_ROWS = 9_000
 WINDOW_SHARE = 0.5  # rows beside an end or a gap lack what lies around them, most in short flights
 MISSING_SHARE = 0.02  # a channel with more rows missing than this is not there
 

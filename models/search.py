@@ -31,11 +31,12 @@ from models.fit import (
 from models.flight import Floats
 from models.judge import Interval, difference_in_doubt, held_out_cost, intervals
 from models.onset import Onset
-from models.predictions import across_flights
+from models.predictions import nearly_across_flights
 from models.problem import Problem
 from models.surrogates import Linear, best_gains, p_value, surrogate_residuals
 
-SHORT_LIST = 6  # candidates that are fitted to the end
+SHORT_LIST = 5  # candidates that are fitted in full
+STEPS = 6  # of such a fit; the one that is taken is fitted on with the next
 LEAST_MOVE = 0.0008  # of rotor speed, RMS, below which an effect is not worth a name
 ONSET_GAIN = 1.15  # times that of a rotor bad all along, for a step in time to be believed
 ONSET_LEAVES = 0.8  # of the cost that a rotor bad all along leaves, which will do as well
@@ -265,8 +266,8 @@ def _onset(
 
 
 def cross_validated_rmse(evaluator: Evaluator, fit: Fit) -> float:
-    """RMSE in rpm of every row under values found without its flight."""
-    return float(np.sqrt(np.mean(across_flights(evaluator, fit) ** 2)))
+    """RMSE in rpm of every row under values found without its flight, the fit taken as straight."""
+    return float(np.sqrt(np.mean(nearly_across_flights(evaluator.problem, fit) ** 2)))
 
 
 def term_values(fit: Fit, term: Term, values: Floats | None = None) -> Floats:

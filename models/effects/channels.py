@@ -106,20 +106,19 @@ def lag_weights(lag: Any, xp: Any, sharpening: Any = None) -> Any:
     times the second difference away, twice: 1/12 undoes to third order what a derivative over two
     rows smooths away, -1/3 is the mean of three rows taken twice.
     """
-    if sharpening is not None:
-        near, far = (
-            lag_weights(lag - n * LAG_STEP, xp) + lag_weights(lag + n * LAG_STEP, xp)
-            for n in (1, 2)
-        )
-        centre, side = 1.0 + 2.0 * sharpening, -sharpening
-        whole = (centre**2 + 2.0 * side**2) * lag_weights(lag, xp)
-        return whole + 2.0 * centre * side * near + side**2 * far
-    first = round(LAGS[0] / LAG_STEP)
-    grid = xp.arange(first, first + len(LAGS), dtype=xp.float64) * LAG_STEP
+    reach = 0 if sharpening is None else 2
+    first = round(LAGS[0] / LAG_STEP) - reach
+    grid = xp.arange(first, first + len(LAGS) + 2 * reach, dtype=xp.float64) * LAG_STEP
     u = xp.abs(xp.asarray(lag) - grid) / LAG_STEP
     near = (1.5 * u - 2.5) * u * u + 1.0
     far = ((-0.5 * u + 2.5) * u - 4.0) * u + 2.0
-    return xp.where(u < 1, near, xp.where(u < 2, far, 0.0 * u))
+    w = xp.where(u < 1, near, xp.where(u < 2, far, 0.0 * u))
+    if sharpening is None:
+        return w
+    # A step of the grid is a step of the lag, so the neighbours are the same weights moved along.
+    centre, side = 1.0 + 2.0 * sharpening, -sharpening
+    whole = (centre**2 + 2.0 * side**2) * w[2:-2]
+    return whole + 2.0 * centre * side * (w[1:-3] + w[3:-1]) + side**2 * (w[:-4] + w[4:])
 
 
 def channels_of(

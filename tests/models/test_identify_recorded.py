@@ -1,0 +1,56 @@
+"""The loop on recorded flights with one told change: its name, its size, and nothing beside it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gcs_plugin.logs import read_log
+from models.identify import identify
+from models.rotor_model import shipped_model
+
+#: group -> effect, rotor, parameter, true value (sitl_logs/manifest.toml)
+TOLD = {
+    "worn_prop": ("rotor_degradation", 1, "loss", 0.08),
+    "cg_forward": ("cg_offset", None, "x", 0.04),
+    "extra_mass": ("extra_mass", None, "mass", 3.0),
+    "high_altitude": ("air_density", None, "temperature_offset", 0.0),
+}
+
+
+def tracks(folder: Path, names):
+    model = shipped_model()
+    return model, [read_log(folder / n, airframe=model.airframe).track for n in names]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("group", TOLD)
+def test_the_told_change_is_found_with_its_value_and_nothing_beside_it(sitl_logs, group):
+    name, rotor, parameter, truth = TOLD[group]
+    model, flown = tracks(sitl_logs / "dev", [f"{group}_{k}.tlog" for k in (1, 2, 3)])
+    result = identify(model, flown).to_json()
+    assert [(e["name"], e["rotor"]) for e in result["effects"]] == [(name, rotor)]
+    low, high = result["effects"][0]["parameters"][parameter]["ci95"]
+    assert low <= truth <= high
+    assert result["unexplained"]["mode"] is None
+    assert result["after"]["rmse_rpm"] < 1.2 * result["floor_rpm"]
+
+
+@pytest.mark.slow
+def test_nothing_is_missing_from_good_flights(sitl_logs):
+    names = ("v2_m10_q2.5.tlog", "v4_m16_q1.5.tlog", "v6_m4_q3.5.tlog")
+    model, flown = tracks(sitl_logs / "campaign", names)
+    result = identify(model, flown).to_json()
+    assert result["effects"] == []
+    assert result["unexplained"]["mode"] is None
+    assert result["after"]["r2"] > 0.98
+
+
+@pytest.mark.slow
+def test_a_propeller_that_fails_in_flight_is_found_with_its_moment(sitl_logs):
+    model, flown = tracks(sitl_logs / "onset", ["worn_prop_onset.tlog"])
+    (effect,) = identify(model, flown).to_json()["effects"]
+    assert (effect["name"], effect["rotor"]) == ("rotor_degradation", 3)
+    values = effect["parameters"]
+    assert values["loss"]["value"] == pytest.approx(0.12, abs=0.004)
+    assert np.isclose(values["onset_time"]["value"], 143.95, atol=0.7)
