@@ -36,11 +36,11 @@ from gcs_plugin.view.live_html import (
     outlook_html,
     status_html,
 )
+from gcs_plugin.view.live_paths import Paths
 from gcs_plugin.view.overlays import Overlay, overlays_of
 from gcs_plugin.view.plan import plan_enu
 from gcs_plugin.view.samples import Samples, enu, ground_height
-from gcs_plugin.view.scene import ROUTE_PIXELS, Scene
-from gcs_plugin.view.tonemap import line_colours, sent_for
+from gcs_plugin.view.scene import Scene
 from gcs_plugin.view.trail import Trail
 from gcs_plugin.watch import Update
 from models.airframe import Airframe
@@ -86,7 +86,6 @@ class LiveView:
         self._overlays: tuple[Overlay, ...] = ()
         self._shown = 0  # number of the overlay
         self._focus: int | None = None
-        self._bounds: Floats | None = None  # (2, 3) m that the ground was fitted to
         self._told_s = self._trails_s = self._bars_s = self._stale_s = 0.0
         self.draw_seconds: deque[float] = deque(maxlen=1000)
 
@@ -187,7 +186,7 @@ class LiveView:
         self._tabs.set_width(370)
         self._scene = Scene(server)
         self._scene.set_ground(np.array([[-30.0, -30.0, 0.0], [30.0, 30.0, 5.0]]), 0.0)
-        self._trails = server.scene
+        self._paths = Paths(server, self._scene)
         put = self._requests.put
 
         # A page may send anything: only known names are acted on.
@@ -231,6 +230,9 @@ class LiveView:
         spacing = GAUGES_EVERY * max(1.0, len(aircraft) / 2)
         with server.atomic():
             for one in aircraft:
+                if one.gone:
+                    self._leave(one)
+                    continue
                 if one.gauges is None:
                     self._add(server, one)
                 if (one.fresh or one.age > OLD) and now - one.drawn_s >= spacing:
@@ -247,17 +249,20 @@ class LiveView:
                 self._trails_s = now
                 for one in aircraft:
                     self._draw_trail(one)
-                self._fit(aircraft)
+                self._paths.fit(aircraft)
             if now - self._told_s >= STATUS_EVERY:
                 self._told_s = now
                 self._words.content = status_html(self._status())
 
     def _add(self, server: viser.ViserServer, one: Aircraft) -> None:
         key = str(one.number)
-        with self._tabs.add_tab(f"Vehicle {key}"):
+        one.tab = self._tabs.add_tab(f"Vehicle {key}")
+        with one.tab:
             one.gauges = server.gui.add_html("")
+        if one.label is not None:
+            return  # it is back, and only its tab had been taken away
         self._scene.add_vehicle(key, self._airframe)
-        one.label = self._trails.add_label(
+        one.label = server.scene.add_label(
             f"/world/name_{key}",
             f"Vehicle {key}",
             anchor="bottom-center",
@@ -270,6 +275,15 @@ class LiveView:
             self._focus = one.number
             self._colour.options = tuple(overlay.name for overlay in self._overlays)
             self._recolour(self._overlays[0].name)
+
+    def _leave(self, one: Aircraft) -> None:
+        """Take away the tab and the aircraft; where it flew stays."""
+        if one.gauges is None:
+            return
+        one.tab.remove()
+        one.gauges = None
+        one.label.visible = False
+        self._scene.hide(str(one.number))
 
     def _show(self, one: Aircraft) -> None:
         with self._lock:
@@ -324,56 +338,12 @@ class LiveView:
         for time_s, place, values in rows:
             one.trail.add(time_s, place + offset, values)
         if rows and one.trail.count:
-            self._draw_line(one)
+            self._paths.draw_trail(one, self._overlays[self._shown], self._shown)
         if waypoints and waypoints is not one.plan:
             one.plan = waypoints
             ground = ground_height(Samples.of(update.analysis))
             points = plan_enu(list(waypoints.values()), update.analysis.track.origin, ground)
-            if len(points) > 1:
-                flat = np.column_stack([points[:, :2], np.full(len(points), ground)]) + offset
-                self._trails.add_line_segments(
-                    f"/world/plan_{one.number}",
-                    np.stack([flat[:-1], flat[1:]], axis=1),
-                    line_colours(len(flat) - 1, (110, 110, 110)),
-                    thickness=2.0,
-                    thickness_units="screen",
-                )
-                self._grow(flat)
-
-    def _draw_line(self, one: Aircraft) -> None:
-        overlay = self._overlays[self._shown]
-        seen = overlay.scale.screen(one.trail.values(self._shown))
-        colours = np.repeat(sent_for(seen)[:, None], 2, axis=1)
-        points = one.trail.points()
-        if one.line is not None and len(one.line.points) == len(points):
-            one.line.points, one.line.colors = points, colours
-            return
-        one.line = self._trails.add_line_segments(
-            f"/world/trail_{one.number}",
-            points,
-            colours,
-            thickness=ROUTE_PIXELS,
-            thickness_units="screen",
-        )
-
-    def _fit(self, aircraft: list[Aircraft]) -> None:
-        parts = [a.trail.points().reshape(-1, 3) for a in aircraft if a.trail.count]
-        if parts:
-            self._grow(np.concatenate(parts))
-
-    def _grow(self, points: Floats) -> None:
-        """Fit the ground and the overview again when something lies outside of them."""
-        low, high = points.min(axis=0), points.max(axis=0)
-        if self._bounds is None:
-            self._bounds = np.stack([low, high])
-        elif np.all(low >= self._bounds[0] - 1.0) and np.all(high <= self._bounds[1] + 1.0):
-            return
-        else:
-            # With room to spare, or the picture would move all the time.
-            self._bounds = np.stack(
-                [np.minimum(low - 5.0, self._bounds[0]), np.maximum(high + 5.0, self._bounds[1])]
-            )
-        self._scene.set_ground(self._bounds, float(min(self._bounds[0][2], 0.0)))
+            self._paths.draw_plan(one, points, ground, offset)
 
     def _recolour(self, name: str) -> None:
         for number, overlay in enumerate(self._overlays):
@@ -382,7 +352,7 @@ class LiveView:
                 self._legend.content = legend_html(overlay.scale, overlay.note)
                 for one in self._aircraft.values():
                     if one.trail.count:
-                        self._draw_line(one)
+                        self._paths.draw_trail(one, overlay, number)
 
     def _follow(self, name: str) -> None:
         for number in self._aircraft:

@@ -32,7 +32,8 @@ class Aircraft:
     offset: Floats | None = None  # ENU of its origin from the scene's
     plan: Any = None  # mission that is drawn
     waypoints: Any = None
-    gauges: Any = None
+    tab: Any = None
+    gauges: Any = None  # in the tab; None while there is none
     label: Any = None
     line: Any = None
     drawn_s: float = 0.0

@@ -182,6 +182,10 @@ class Scene:
         if focus and self._camera is not Camera.FIELD and np.all(np.isfinite(row.position_enu)):
             self._centre_on(row)
 
+    def hide(self, key: str) -> None:
+        """Take an aircraft off the scene until it is shown again."""
+        self._vehicles[key].hide()
+
     def above(self, key: str) -> Floats:
         """(3,) from an aircraft to where its name is clear of its rotors, as it is drawn, m."""
         return np.array([0.0, 0.0, 1.2 * self._vehicles[key].drawn_arm])

@@ -121,6 +121,10 @@ class VehicleNode:
         for label, rotor in zip(self._labels, self._rotors, strict=True):
             label.position = scale * (rotor + np.array([0, 0, 0.12 * self._arm]))
 
+    def hide(self) -> None:
+        """Take it off the scene until it is shown again."""
+        self.frame.visible = self._visible = False
+
     def show(self, row: Row) -> None:
         """Put the aircraft where `row` says, in its colours. Hidden without a position."""
         placed = bool(np.all(np.isfinite(row.position_enu)))

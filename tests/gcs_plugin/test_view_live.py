@@ -124,6 +124,29 @@ def test_two_vehicles_have_a_tab_each_and_stand_where_they_are():
         assert "messages" in shown(page, "[data-status]")
 
 
+@pytest.mark.slow
+@pytest.mark.browser
+def test_an_aircraft_that_was_switched_off_leaves_the_page_and_may_return(monkeypatch):
+    monkeypatch.setattr("gcs_plugin.watch.GONE", 2.0)
+    with flying() as live, open_page(live.view.url) as page:
+        one, two = Vehicle(1), Vehicle(2)
+        live.fly(2.0, one, two)
+        page.get_by_role("tab", name="Vehicle 2").first.wait_for()
+        # Away from the full second, in which its next message would say that it flies.
+        two.clock_s = round(two.clock_s) + 0.3
+        live.socket.sendto(two.landed(1), live.address)
+        live.fly(0.3, one, two, rpm=0)
+        live.fly(5.0, one)
+        page.wait_for_timeout(1000)
+        assert page.get_by_role("tab", name="Vehicle 2").count() == 0
+        assert page.get_by_role("tab", name="Vehicle 1").count() == 1
+        two.clock_s += 5.0
+        for _ in range(30):
+            live.socket.sendto(two.landed(2), live.address)
+            live.fly(0.1, one, two)
+        page.get_by_role("tab", name="Vehicle 2").first.wait_for()
+
+
 def test_a_taken_port_is_an_error():
     with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(LinkError, match="port"):
         LiveView(AIRFRAME, port=taken.getsockname()[1]).start()
