@@ -16,10 +16,7 @@ from gcs_plugin.watch import Outlook
 #: White on each is read in sunlight: contrast 7:1 and more.
 RED, ORANGE, GREY = "#b00020", "#8a3a00", "#4d4d4d"
 #: Tabs that a gloved finger hits.
-STYLE = (
-    "<style>[role=tab]{padding:12px 18px!important}"
-    "[role=tab],[role=tab] *{font:700 20px system-ui!important}</style>"
-)
+STYLE = "<style>[role=tablist]{font:700 20px system-ui!important}</style>"
 MOST_ALARMS = 4  # on one page: more would push the numbers off it
 #: Lines of the status that begin so are shouted.
 LOUD = NOT_RECORDING
