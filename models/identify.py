@@ -22,6 +22,7 @@ from models.outcome import Errors, Found, Identification, Tried, errors_of, trie
 from models.predictions import across_flights, on_new_flights
 from models.problem import Problem, assemble
 from models.residual import sensor_noise_rpm
+from models.rivals import rivals
 from models.rotor_model import RotorModel
 from models.search import (
     LEAST_GAIN,
@@ -30,7 +31,6 @@ from models.search import (
     cross_validated_rmse,
     look,
     prune,
-    rivals,
     term_values,
     warm_start,
 )
