@@ -254,9 +254,17 @@ def _derivative(time_s: Floats, values: Floats, span: float) -> Floats:
 
 
 def _later(time_s: Floats, values: Floats, lag: float) -> Floats:
-    """The channel `lag` seconds later, (T,); NaN where either neighbour is missing or far."""
+    """The channel `lag` seconds later, (T,); NaN where either neighbour is missing or far.
+
+    Further off than NEAR_LAG, where only late reports look, the channel is held over its ends.
+    """
     if lag == 0.0 or time_s.size < 2:
         return values
+    if abs(lag) > NEAR_LAG:
+        known = np.isfinite(values)
+        if not known.any():
+            return values
+        return np.interp(time_s + lag, time_s[known], values[known])
     moved = np.interp(time_s + lag, time_s, values)
     step = float(np.median(np.diff(time_s)))
     right = np.clip(np.searchsorted(time_s, time_s + lag), 1, time_s.size - 1)
