@@ -65,8 +65,11 @@ def _since(told: Told) -> str:
     what = "gained" if told.negative("loss") else "lost"
     problem, at = told.whole.problem, told.ends("onset_clock")[0]
     began = problem.flight_start_unix_s - problem.first_row_s
-    flight = int(np.argmax(np.where(began <= at, began, -np.inf)))
-    when = f"{clock(at - float(began[flight]))} into {problem.names[flight]}"
+    flown = np.flatnonzero(began <= at)
+    when = f"from Unix time {at:.0f} s"
+    if flown.size:
+        flight = int(flown[np.argmax(began[flown])])
+        when = f"{clock(at - float(began[flight]))} into {problem.names[flight]}"
     loss = _percent(told, "loss")
     return f"{told.rotor} {what} {loss} of its thrust {when}, and has stayed so in later flights"
 
