@@ -1,7 +1,7 @@
 """Joint robust fit of effects, and the sufficient statistics by block that all judging rests on.
 
 The residual is in rpm, taken apart into modes and divided by each mode's robust scale. A
-Gauss-Newton step with Huber weights and bounds uses derivatives from torch.func.jvp. At the end,
+Gauss-Newton step with Huber weights and bounds uses derivatives from torch.func. At the end,
 each block keeps only H = J'WJ, g = J'We and c = e'We, so that leaving flights out, intervals and
 surrogate searches are small linear algebra and never another pass over the rows.
 """
@@ -161,11 +161,16 @@ class Evaluator:
 
         rows = self._rows(layout, values)
         function = self._function(terms, rows, tuple(wanted))
-        prediction = function(None).numpy()
         if not len(wanted):
+            prediction = function(None).numpy()
             return prediction, np.zeros((*prediction.shape, 0))
+        # What pulls back is linear in what it pulls, so pulling it back in turn pushes forward.
+        # With few parameters that is half the work of jacfwd, whose dual numbers meet constants.
         at = torch.zeros(len(wanted), dtype=torch.float64)
-        return prediction, torch.func.jacfwd(function)(at).numpy()
+        prediction, pull = torch.func.vjp(function, at)[:2]
+        push = torch.func.vjp(lambda v: pull(v)[0], torch.zeros_like(prediction))[1]
+        (columns,) = torch.func.vmap(push)(torch.eye(len(wanted), dtype=torch.float64))
+        return prediction.numpy(), columns.movedim(0, 2).numpy()
 
     def _rows(self, layout: Layout, values: Floats) -> list[Any]:
         import torch

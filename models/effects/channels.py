@@ -109,7 +109,7 @@ def lag_weights(lag: Any, xp: Any, sharpening: Any = None) -> Any:
     reach = 0 if sharpening is None else 2
     first = round(LAGS[0] / LAG_STEP) - reach
     grid = xp.arange(first, first + len(LAGS) + 2 * reach, dtype=xp.float64) * LAG_STEP
-    u = xp.abs(xp.asarray(lag) - grid) / LAG_STEP
+    u = xp.abs(lag - grid) / LAG_STEP
     near = (1.5 * u - 2.5) * u * u + 1.0
     far = ((-0.5 * u + 2.5) * u - 4.0) * u + 2.0
     w = xp.where(u < 1, near, xp.where(u < 2, far, 0.0 * u))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import log
+
 from models.atmosphere import G0
 from models.effects.base import Effect, Kind, Parameter
 from models.effects.channels import Channels
@@ -13,8 +15,8 @@ OVERLAP = 1.1
 
 
 def _slung_load(p, x: Channels, thrust, xp):
-    place = xp.log(xp.asarray(p["cable"]) / x.shortest_cable) / xp.log(xp.asarray(RATIO))
-    u = xp.abs(place - xp.arange(LENGTHS, dtype=xp.float64))
+    columns = xp.arange(LENGTHS, dtype=xp.float64)
+    u = xp.abs(xp.log(p["cable"] / x.shortest_cable + 0.0 * columns) / log(RATIO) - columns)
     near = (1.5 * u - 2.5) * u * u + 1.0  # cubic convolution (Keys 1981), as for delays
     far = ((-0.5 * u + 2.5) * u - 4.0) * u + 2.0
     weights = xp.where(u < 1, near, xp.where(u < 2, far, 0.0 * u))
