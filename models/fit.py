@@ -8,7 +8,7 @@ surrogate searches are small linear algebra and never another pass over the rows
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -155,22 +155,28 @@ class Evaluator:
 
     def jacobian(
         self, terms: Sequence[Term], layout: Layout, values: Floats, wanted: Sequence[int]
-    ) -> tuple[Floats, Floats]:
-        """Prediction (T, R) and derivatives (T, R, len(wanted)) by the row parameters wanted."""
+    ) -> tuple[Floats, Callable[[], Floats]]:
+        """Prediction (T, R), and what works out its derivatives by the row parameters wanted,
+        (T, R, len(wanted)): a step that is not taken never asks for them."""
         import torch
 
         rows = self._rows(layout, values)
         function = self._function(terms, rows, tuple(wanted))
         if not len(wanted):
             prediction = function(None).numpy()
-            return prediction, np.zeros((*prediction.shape, 0))
-        # What pulls back is linear in what it pulls, so pulling it back in turn pushes forward.
-        # With few parameters that is half the work of jacfwd, whose dual numbers meet constants.
+            return prediction, lambda: np.zeros((*prediction.shape, 0))
         at = torch.zeros(len(wanted), dtype=torch.float64)
         prediction, pull = torch.func.vjp(function, at)[:2]
-        push = torch.func.vjp(lambda v: pull(v)[0], torch.zeros_like(prediction))[1]
-        (columns,) = torch.func.vmap(push)(torch.eye(len(wanted), dtype=torch.float64))
-        return prediction.numpy(), columns.movedim(0, 2).numpy()
+
+        def derivatives() -> Floats:
+            # What pulls back is linear in what it pulls, so pulling it back in turn pushes forward.
+            # With few parameters that is half the work of jacfwd, whose dual numbers meet
+            # constants.
+            push = torch.func.vjp(lambda v: pull(v)[0], torch.zeros_like(prediction))[1]
+            (columns,) = torch.func.vmap(push)(torch.eye(len(wanted), dtype=torch.float64))
+            return columns.movedim(0, 2).numpy()
+
+        return prediction.numpy(), derivatives
 
     def _rows(self, layout: Layout, values: Floats) -> list[Any]:
         import torch
@@ -216,14 +222,16 @@ def fit_terms(
     best: Fit | None = None
     reference = np.inf
     damping = 1e-6
+    everything = range(len(layout.parameters))
     for _ in range(max(1, steps)):
-        current = linearise(evaluator, terms, layout, values, scales)
-        statistics = current.statistics
-        centre = _bounds(layout, values)[3]
-        total = statistics.cost.sum() + np.sum(statistics.prior * (values - centre) ** 2)
+        prediction, derivatives = evaluator.jacobian(terms, layout, values, everything)
+        whitened, _ = whiten(problem, problem.measured_rpm - prediction, scales)
+        _, _, size, centre = _bounds(layout, values)
+        total = np.sum(whitened**2) + np.sum(_prior(problem, size) * (values - centre) ** 2)
         if best is None or total <= reference * (1 + 1e-9):
             gained = np.inf if best is None else reference - total
-            best, reference, damping = current, total, damping / 5
+            best = _straight(problem, terms, layout, values, scales, prediction, derivatives())
+            reference, damping = total, damping / 5
             if gained < 1e-6 * reference:
                 converged = True
                 break
@@ -259,6 +267,11 @@ def _bounds(layout: Layout, values: Floats) -> tuple[Floats, Floats, Floats, Flo
     return lower, upper, size, centre
 
 
+def _prior(problem: Problem, size: Floats) -> Floats:
+    """(P,) weight of the prior of values of these sizes."""
+    return RIDGE * problem.measured_rpm.shape[0] / size**2
+
+
 def linearise(
     evaluator: Evaluator,
     terms: Sequence[Term],
@@ -272,10 +285,25 @@ def linearise(
     `known` (T, R, k) are weighted derivatives of the first k parameters from a neighbouring fit,
     good enough for ranking candidates; they are not worked out again.
     """
-    problem = evaluator.problem
     have = 0 if known is None else known.shape[2]
     wanted = range(have, len(layout.parameters))
-    prediction, derivative = evaluator.jacobian(terms, layout, values, wanted)
+    prediction, derivatives = evaluator.jacobian(terms, layout, values, wanted)
+    return _straight(
+        evaluator.problem, terms, layout, values, scales, prediction, derivatives(), known
+    )
+
+
+def _straight(
+    problem: Problem,
+    terms: Sequence[Term],
+    layout: Layout,
+    values: Floats,
+    scales: Floats,
+    prediction: Floats,
+    derivative: Floats,
+    known: Floats | None = None,
+) -> Fit:
+    """`linearise` with the prediction (T, R) and its derivatives (T, R, K) by what is not known."""
     residual = problem.measured_rpm - prediction
     whitened, root = whiten(problem, residual, scales)
     shape, count = whitened.shape, derivative.shape[2]
@@ -286,7 +314,7 @@ def linearise(
         jacobian = np.concatenate([known, jacobian], axis=2)
     hessian, gradient, cost = block_statistics(problem, whitened, jacobian)
     _, _, size, centre = _bounds(layout, values)
-    prior = RIDGE * problem.measured_rpm.shape[0] / size**2
+    prior = _prior(problem, size)
     statistics = Statistics(
         layout=layout,
         owner=problem.block_flight,
