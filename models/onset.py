@@ -75,6 +75,11 @@ def scan(problem: Problem, columns: Floats, whitened: Floats) -> Mapping[str, On
     return best
 
 
+def gain_all_along(column: Floats, whitened: Floats) -> float:
+    """What the same loss gains without a beginning; a step that gains less is none."""
+    return float(np.sum(column * whitened) ** 2 / max(np.sum(column**2), 1e-12))
+
+
 def best_gains(problem: Problem, columns: Floats, surrogates: NDArray[np.float32]) -> Floats:
     """(S,) the largest gain of `scan` on each surrogate residual (T, R, S)."""
     best = np.zeros(surrogates.shape[2])

@@ -157,16 +157,15 @@ def look(
         score(evaluator, base, base_cost, s.fit.terms, s.term, scales=scales, start=s.fit.values)
         for s in rough[:SHORT_LIST]
     ]
-    losses = np.stack(
-        [n.jacobian[:, :, -2] for n, t in zip(linear, pool, strict=True) if t.effect is WORN]
-        or [np.zeros_like(base.whitened)]
-    )
+    losses = _losses(linear, pool, base)
     begun = onset.scan(problem, losses, base.whitened)
     steady = max((s.gain for s in ranked if s.term.effect is WORN), default=0.0)
     shared = 0.0
     for effect in reversed(ONSETS):
         found = begun.get(effect.variant)
         if effect not in catalogue or found is None or found.gain < LEAST_GAIN * base_cost:
+            continue
+        if found.gain < onset.gain_all_along(losses[found.rotor], base.whitened):
             continue
         sudden = _onset(evaluator, base, base_cost, scales, found, effect)
         clear = sudden.gain > ONSET_GAIN * steady or (
@@ -214,6 +213,15 @@ def look(
         chosen=chosen,
         p_value=p,
     )
+
+
+def _losses(linear: Sequence[Linear], pool: Sequence[Term], base: Fit) -> Floats:
+    """(R, T, R) weighted derivative by the loss of each rotor; 0 of one that is known to be bad."""
+    losses = np.zeros((base.whitened.shape[1], *base.whitened.shape))
+    for near, term in zip(linear, pool, strict=True):
+        if term.effect is WORN:
+            losses[term.rotor] = near.jacobian[:, :, -2]
+    return losses
 
 
 def _short_list_first(rough: Sequence[Scored], base_cost: float) -> list[Scored]:

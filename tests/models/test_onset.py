@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from models import onset
-from models.effects.coefficient import ROTOR_DEGRADATION
+from models.effects.coefficient import ONSETS, ROTOR_DEGRADATION
 from models.fit import Evaluator, Term, fit_terms, layout_of, linearise, starts
 from models.identify import identify
 from models.problem import assemble
 from models.rotor_model import physics_model
+from models.search import look
 from tests.models.made_flights import F16, QUICK, made_flight
 
 DAY = 1.78e9  # s, Unix time
@@ -29,13 +30,16 @@ def scanned(tracks):
     problem = assemble(physics_model(F16), tracks)
     evaluator = Evaluator(problem)
     base = fit_terms(evaluator, (), scales=np.ones(4))
-    columns = []
-    for rotor in range(4):
-        term = Term(effect=ROTOR_DEGRADATION, rotor=rotor)
-        layout = layout_of((term,), problem.flights)
-        near = linearise(evaluator, (term,), layout, starts(layout), base.scales)
-        columns.append(near.jacobian[:, :, 0])
+    columns = [near_loss(evaluator, base, rotor) for rotor in range(4)]
     return onset.scan(problem, np.stack(columns), base.whitened)
+
+
+def near_loss(evaluator, base, rotor):
+    """Weighted derivative (T, R) by the loss of a rotor that is sound."""
+    term = Term(effect=ROTOR_DEGRADATION, rotor=rotor)
+    layout = layout_of((term,), evaluator.problem.flights)
+    near = linearise(evaluator, (term,), layout, starts(layout), base.scales)
+    return near.jacobian[:, :, 0]
 
 
 def test_the_kind_of_onset_with_the_largest_gain_is_the_one_that_was_flown():
@@ -54,6 +58,31 @@ def test_the_kind_of_onset_with_the_largest_gain_is_the_one_that_was_flown():
 def test_flights_without_a_date_have_no_order():
     tracks = [replace(t, start_unix_s=None) for t in flights([0.1] * 3, [40.0] * 3)]
     assert set(scanned(tracks)) == {onset.ONE, onset.EACH}
+
+
+def test_a_chipped_propeller_is_found_beside_a_rotor_known_to_be_worn():
+    """The worn one comes first in the order of rotors, and is no candidate any more."""
+    worn = np.array([np.sqrt(0.9), 1.0, 1.0, 1.0])
+    tracks = [
+        replace(t, rotor_speed_rpm=t.rotor_speed_rpm / worn)
+        for t in flights([0.0, 0.1, 0.1], [0.0, 40.0, 0.0])
+    ]
+    evaluator = Evaluator(assemble(physics_model(F16), tracks))
+    known = (Term(effect=ROTOR_DEGRADATION, rotor=0),)
+    base = fit_terms(evaluator, known, scales=np.ones(4))
+    catalogue = (ROTOR_DEGRADATION, *ONSETS)
+    step = look(evaluator, base, catalogue, QUICK, np.random.default_rng(0))
+    assert step.chosen is not None
+    assert (step.chosen.term.effect.variant, step.chosen.term.rotor) == (onset.SINCE, 2)
+
+
+def test_a_rotor_bad_all_along_gains_more_than_any_step():
+    tracks = flights([0.1] * 3, [0.0] * 3)
+    evaluator = Evaluator(assemble(physics_model(F16), tracks))
+    base = fit_terms(evaluator, (), scales=np.ones(4))
+    column = near_loss(evaluator, base, 2)
+    all_along = onset.gain_all_along(column, base.whitened)
+    assert all_along > max(found.gain for found in scanned(tracks).values())
 
 
 @pytest.mark.slow
