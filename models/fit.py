@@ -8,7 +8,8 @@ surrogate searches are small linear algebra and never another pass over the rows
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -140,6 +141,20 @@ def placed_terms(terms: Sequence[Term], values_by_row: Sequence[Any]) -> tuple[P
         )
         k += len(names)
     return tuple(placed)
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Torch on one thread: its operations on some thousand rows are so short that threads mostly
+    wait for each other, and on a busy machine for very long. Left as found."""
+    import torch
+
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
 
 
 class Evaluator:

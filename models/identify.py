@@ -14,7 +14,7 @@ import numpy as np
 from models.effects import CATALOGUE
 from models.effects.base import Effect
 from models.errors import DataError
-from models.fit import Evaluator, Fit, Term, fit_terms, mode_scales
+from models.fit import Evaluator, Fit, Term, fit_terms, mode_scales, one_thread
 from models.flight import FlightTrack
 from models.judge import Interval, held_out_cost, intervals
 from models.lingering import Lingering, lingering
@@ -43,6 +43,7 @@ LEAVES = 1.5  # times the slow residual that is left, which an effect must expla
 FORM_SHARE = 0.25  # of an effect's own gain, above which a free curve disproves its form
 
 
+@one_thread()
 def identify(
     model: RotorModel,
     fit: Sequence[FlightTrack],
