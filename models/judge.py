@@ -7,6 +7,7 @@ scored on the blocks between.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,35 +34,33 @@ def held_out_cost(
     g = s.gradient[:, :, None] if gradient is None else gradient
     c = s.cost[:, None] if cost is None else cost
     out = np.empty_like(c)
-    for test, training, own_training, flight in _folds(s, np.arange(s.owner.size)):
-        moved = _solve(s, g, training, own_training, flight)
+    for test, _, moved in _folds(s, g):
         out[test] = _cost(s, g, c, test, moved)
     return out[:, 0] if single else out
 
 
 def left_out_values(s: Statistics) -> list[tuple[NDArray[np.intp], Floats]]:
     """Groups of blocks, each with the move (P,) of the values when found without the group."""
-    gradient = s.gradient[:, :, None]
-    everything = np.arange(s.owner.size)
     groups = []
-    for test, training, own_training, flight in _folds(s, everything):
+    for test, flight, values in _folds(s, s.gradient[:, :, None]):
         moved = np.zeros(s.layout.size)
-        moved[s.layout.places[flight]] = _solve(s, gradient, training, own_training, flight)[:, 0]
+        moved[s.layout.places[flight]] = values[:, 0]
         groups.append((test, moved))
     return groups
 
 
-def _folds(s: Statistics, everything: NDArray[np.intp]):
-    """(test blocks, mask of training blocks, own blocks to train on, flight) of every fold."""
-    flights = s.layout.places.shape[0]
+def _folds(s: Statistics, gradient: Floats) -> Iterator[tuple[NDArray[np.intp], int, Floats]]:
+    """(test blocks, their flight, values (K, S) of its rows found without them) of every fold."""
+    everything, flights = np.arange(s.owner.size), s.layout.places.shape[0]
     if flights > 1:
         for f in range(flights):
+            values = _solve(s, gradient, s.owner != f)
             for test, own_training in _halves(everything[s.owner == f]):
-                yield test, s.owner != f, own_training, f
+                yield test, f, _of_flight(s, gradient, values, own_training, f)
     else:
         fold = everything * min(FOLDS_OF_ONE_FLIGHT, everything.size) // everything.size
         for k in np.unique(fold):
-            yield everything[fold == k], fold != k, np.empty(0, dtype=np.intp), 0
+            yield everything[fold == k], 0, _solve(s, gradient, fold != k)[s.layout.places[0]]
 
 
 def _halves(mine: NDArray[np.intp]) -> list[tuple[NDArray[np.intp], NDArray[np.intp]]]:
@@ -69,28 +68,29 @@ def _halves(mine: NDArray[np.intp]) -> list[tuple[NDArray[np.intp], NDArray[np.i
     return [(even, odd), (odd, even)] if odd.size else [(even, even[:0])]
 
 
-def _solve(
-    s: Statistics,
-    gradient: Floats,
-    training: NDArray[np.bool_],
-    own_training: NDArray[np.intp],
-    flight: int,
-) -> Floats:
-    """Values (K, S) of one flight's rows: shared ones from `training`, its own from its blocks."""
+def _solve(s: Statistics, gradient: Floats, training: NDArray[np.bool_]) -> Floats:
+    """Values (P, S) found on the blocks `training`."""
     if not s.layout.size:
         return np.zeros((0, gradient.shape[2]))
     hessian, total = s.normal(training, gradient)
-    moved = np.linalg.solve(hessian + np.diag(s.prior), total + s.pull[:, None])
+    return np.linalg.solve(hessian + np.diag(s.prior), total + s.pull[:, None])
+
+
+def _of_flight(
+    s: Statistics, gradient: Floats, values: Floats, own_training: NDArray[np.intp], flight: int
+) -> Floats:
+    """Values (K, S) of one flight's rows: shared ones of `values`, its own from its blocks."""
     where = s.layout.places[flight]
+    moved = values[where]
     own = ~s.layout.shared[where]
-    if own.any() and s.layout.places.shape[0] > 1 and own_training.size:
+    if own.any() and own_training.size:
         h = s.hessian[own_training].sum(axis=0)
-        rest = gradient[own_training].sum(axis=0) - h[:, ~own] @ moved[where[~own]]
+        rest = gradient[own_training].sum(axis=0) - h[:, ~own] @ moved[~own]
         prior = np.diag(s.prior[where[own]])
-        moved[where[own]] = np.linalg.solve(
+        moved[own] = np.linalg.solve(
             h[np.ix_(own, own)] + prior, rest[own] + s.pull[where[own], None]
         )
-    return moved[where]
+    return moved
 
 
 def _cost(
