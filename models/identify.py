@@ -8,6 +8,7 @@ told apart, and what it means on flights that no step has used.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -117,7 +118,8 @@ def _search(
         tried += tried_in(step, number + 1)
         if step.chosen is None:
             break
-        steps[step.chosen.term.key] = step
+        # Without the fits of all candidates, which are large.
+        steps[step.chosen.term.key] = replace(step, ranked=())
         current = prune(evaluator, step.chosen.fit)
     return prune(evaluator, current, last_too=True), steps
 
