@@ -115,6 +115,7 @@ def apparent_thrust(base: BaseTable, placed: Sequence[Placed], x: Channels, xp: 
     for item in placed:
         if item.effect.kind is Kind.INPUT:
             airspeed, tank_kg = item.effect.apply(item.values, x, airspeed, tank_kg, xp)
+    x = _corrected(x, airspeed, tank_kg)
     thrust = base.look_up(airspeed, tank_kg)
     demand = total = thrust.sum(1)
     for item in placed:
@@ -130,6 +131,15 @@ def apparent_thrust(base: BaseTable, placed: Sequence[Placed], x: Channels, xp: 
     kappa = coefficient(placed, x, rotors, xp)
     thrust = _yaw_balanced(base, placed, x, thrust, xp)
     return xp.clip(thrust / kappa, THRUST_FLOOR, None)
+
+
+def _corrected(x: Channels, airspeed: Array, tank_kg: Array) -> Channels:
+    """The channels with what airspeed and tank mass really were: all later effects go with these,
+    as lift and drag in a wind that no channel reports do."""
+    if airspeed is x.airspeed and tank_kg is x.tank_kg:
+        return x
+    mass = x.total_mass + (tank_kg - x.tank_kg)
+    return replace(x, airspeed=airspeed, tank_kg=tank_kg, total_mass=mass)
 
 
 def _yaw_balanced(
