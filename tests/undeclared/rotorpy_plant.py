@@ -1,11 +1,15 @@
 """Flights in RotorPy, a multirotor simulator that others wrote, with the F16's mass and curve.
 
 RotorPy integrates the rigid body, the motors' lag and its own aerodynamics (parasite drag, rotor
-drag, translational lift, axial inflow) under its own attitude controller; only the way to fly and
-the wind come from here. Its world is x forward, y left, z up: signs of y and z turn to NED and FRD.
+drag, translational lift, axial inflow) under its own geometric controller (SE3), which knows the
+sound aircraft and the gauge only: what is changed is met by feedback. Only the mission, the air
+and the instruments' noise come from here. Its world is x forward, y left, z up: signs of y and z
+turn to NED and FRD.
 
-Its rotor: T = k_eta w² + k_h V² - k_z w v_z with w in rad/s. The inflow term is the same as
-1 - k J with k = 2 pi D k_z / (3600 a).
+Its rotor: T = k_eta w² + k_h V² - k_z w v_z with w in rad/s, V along the disc. The inflow term is
+the same as 1 - k J with k = 2 pi D k_z / (3600 a); parasite drag is c_D V² with
+c_D = rho CdA / 2, alike along all axes, for a body that differed would lift as a tilted plate does.
+All of these go with air density.
 """
 
 from __future__ import annotations
@@ -14,139 +18,191 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from rotorpy.controllers.quadrotor_control import (  # pyright: ignore[reportMissingImports]
+    SE3Control,
+)
+from rotorpy.vehicles.multirotor import Multirotor  # pyright: ignore[reportMissingImports]
+from scipy.integrate import OdeSolver
 from scipy.spatial.transform import Rotation
 
 from models.flight import FlightTrack
 from tests.undeclared.days import Day, surroundings
 from tests.undeclared.missions import FINE_STEP, Style, motion_of
-from tests.undeclared.physics import FIRST_ROW, QUAD, Array, Physics
+from tests.undeclared.physics import (
+    QUAD,
+    SEA_LEVEL_DENSITY,
+    Array,
+    Motion,
+    Physics,
+)
 
 FLIP = np.array([1.0, -1.0, -1.0])
 RPM_PER_RAD_S = 60.0 / (2.0 * np.pi)
 EVERY = 5  # fine steps to a row
+SETTLED = 4.0  # s after the start at which the controller holds the aircraft and the log begins
+SEASON_START = 1.78e9  # s, Unix time of the season's clock
 
 
 @dataclass(frozen=True, kw_only=True)
 class Airframe:
-    """The simulated F16 and what is changed about it."""
+    """The simulated F16: the numbers of `Physics` that RotorPy has, and RotorPy's own."""
 
     physics: Physics
-    inflow_slope: float = 0.0
+    lift: float = 0.06  # N/(m/s)² that a rotor gains from air along its disc
+    rotor_drag: float = 1.0e-3  # N/(m/s)/(rad/s)
     inertia: tuple[float, float, float] = (2.2, 2.2, 4.5)
     aerodynamics: bool = True
 
+    def parameters(self, mass: float, density: float = SEA_LEVEL_DENSITY) -> dict[str, Any]:
+        """RotorPy's dictionary; rotor places are about the true centre of gravity."""
+        physics, thick = self.physics, density / SEA_LEVEL_DENSITY
+        curve = thick * physics.thrust_coefficient * RPM_PER_RAD_S**2
+        inflow = physics.inflow_slope * 3600.0 * physics.thrust_coefficient
+        inflow *= thick / (2.0 * np.pi * physics.propeller_diameter)
+        places = QUAD.position - np.array(physics.balance)
+        return {
+            "mass": mass,
+            **dict(zip(("Ixx", "Iyy", "Izz"), self.inertia, strict=True)),
+            **dict.fromkeys(("Ixy", "Iyz", "Ixz"), 0.0),
+            "num_rotors": QUAD.rotors,
+            "rotor_pos": {f"r{i}": np.array([x, -y, 0.0]) for i, (x, y) in enumerate(places, 1)},
+            "rotor_directions": -QUAD.spin,  # moment about the up axis; CCW turns the body CW
+            "rotor_speed_min": 0.0,
+            "rotor_speed_max": 3000.0 / RPM_PER_RAD_S,
+            "k_eta": curve,
+            "k_m": QUAD.torque_ratio * curve,
+            **dict.fromkeys(("c_Dx", "c_Dy", "c_Dz"), 0.5 * density * physics.drag_area),
+            "k_d": thick * self.rotor_drag,
+            "k_z": inflow,
+            "k_h": thick * self.lift,
+            "k_flap": 0.0,
+            "tau_m": 0.05,
+            "kp_att": 100.0,
+            "kd_att": 18.0,
+        }
 
-def parameters(airframe: Airframe, mass: float) -> dict[str, Any]:
-    """RotorPy's dictionary of an aircraft; rotor places are about the true centre of gravity."""
-    physics = airframe.physics
-    curve = physics.thrust_coefficient * RPM_PER_RAD_S**2
-    k_z = airframe.inflow_slope * 3600.0 * physics.thrust_coefficient
-    k_z /= 2.0 * np.pi * physics.propeller_diameter
-    places = QUAD.position - np.array(physics.balance)
+
+class Midpoint(OdeSolver):
+    """One explicit midpoint step over the whole span: a step here is short beside every lag."""
+
+    def __init__(self, fun: Any, t0: float, y0: Any, t_bound: float, vectorized: bool, **_: Any):
+        super().__init__(fun, t0, y0, t_bound, vectorized)
+
+    def _step_impl(self) -> tuple[bool, None]:
+        span = self.t_bound - self.t
+        middle = self.y + 0.5 * span * self.fun(self.t, self.y)
+        self.y = self.y + span * self.fun(self.t + 0.5 * span, middle)
+        self.t = self.t_bound
+        return True, None
+
+
+class Sprayer(Multirotor):
+    """RotorPy's multirotor with a mass that falls, rotors that may be worn, and pushes of gusts."""
+
+    kept = np.ones(QUAD.rotors)  # share of a rotor's thrust and torque at a speed
+    push = np.zeros(4)  # N up and N m about RotorPy's axes, from outside
+
+    def load(self, mass: float) -> None:
+        self.mass = mass
+        self.weight = np.array([0.0, 0.0, -mass * self.g])
+
+    def compute_body_wrench(self, body_rates: Any, rotor_speeds: Any, body_airspeed_vector: Any):
+        force, moment = super().compute_body_wrench(
+            body_rates, rotor_speeds * np.sqrt(self.kept), body_airspeed_vector
+        )
+        return force + np.array([0.0, 0.0, self.push[0]]), moment + self.push[1:]
+
+
+def kept_thrust(physics: Physics, time: Array, clock_start: float) -> Array:
+    """(T, R) share of the thrust at a speed that each rotor still makes."""
+    kept = np.repeat(1.0 - physics.fouling_rate * time[:, None], QUAD.rotors, axis=1)
+    gone = (clock_start + time >= physics.loss_from_clock) & (time >= physics.loss_from_flight_time)
+    kept[gone, physics.lossy_rotor] *= 1.0 - physics.rotor_loss
+    return kept
+
+
+def wanted(motion: Motion, i: int) -> dict[str, Any]:
+    """RotorPy's flat outputs at a step of the mission."""
+    ahead = min(i + 1, motion.time.size - 1)
     return {
-        "mass": mass,
-        **dict(zip(("Ixx", "Iyy", "Izz"), airframe.inertia, strict=True)),
-        **dict.fromkeys(("Ixy", "Iyz", "Ixz"), 0.0),
-        "num_rotors": QUAD.rotors,
-        "rotor_pos": {f"r{i}": np.array([x, -y, 0.0]) for i, (x, y) in enumerate(places, 1)},
-        "rotor_directions": -QUAD.spin,  # moment about the up axis; a CCW rotor turns the body CW
-        "rotor_speed_min": 0.0,
-        "rotor_speed_max": 3000.0 / RPM_PER_RAD_S,
-        "k_eta": curve,
-        "k_m": QUAD.torque_ratio * curve,
-        "c_Dx": 0.05,
-        "c_Dy": 0.05,
-        "c_Dz": 0.05,
-        "k_d": 1.0e-3,
-        "k_z": k_z,
-        "k_h": 5.0e-3,
-        "tau_m": 0.05,
-        "kp_att": 40.0,
-        "kd_att": 9.0,
+        "x": FLIP * motion.position[i],
+        "x_dot": FLIP * motion.velocity[i],
+        "x_ddot": FLIP * motion.acceleration[i],
+        "yaw": -motion.heading[i],
+        "yaw_dot": -(motion.heading[ahead] - motion.heading[i]) / FINE_STEP,
     }
-
-
-def simulator(airframe: Airframe, state: dict[str, Array], mass: float) -> Any:
-    """A RotorPy multirotor of which one rotor may be worn."""
-    from rotorpy.vehicles.multirotor import (  # pyright: ignore[reportMissingImports]
-        Multirotor,
-    )
-
-    kept = np.ones(QUAD.rotors)
-    kept[airframe.physics.lossy_rotor] -= airframe.physics.rotor_loss
-
-    class WornMultirotor(Multirotor):
-        def compute_body_wrench(
-            self, body_rates: Any, rotor_speeds: Any, body_airspeed_vector: Any
-        ):
-            return super().compute_body_wrench(
-                body_rates, rotor_speeds * np.sqrt(kept), body_airspeed_vector
-            )
-
-    return WornMultirotor(
-        parameters(airframe, mass),
-        state,
-        control_abstraction="cmd_acc",
-        aero=airframe.aerodynamics,
-        integrator_kwargs={"method": "RK23", "first_step": FINE_STEP, "rtol": 1e-2, "atol": 1e-3},
-    )
 
 
 def fly_rotorpy(
     airframe: Airframe, style: Style, day: Day, rng: np.random.Generator, name: str
 ) -> FlightTrack:
-    """Fly a mission with the heading kept north, and log it at 10 Hz. Needs rotorpy."""
-    motion = motion_of(style, rng)
-    around = surroundings(airframe.physics, motion, day, rng)
-    mass = airframe.physics.empty_mass + airframe.physics.hidden_mass + around.tank
-    hover = np.sqrt(mass[0] * 9.81 / QUAD.rotors / airframe.physics.thrust_coefficient)
+    """Fly a mission in closed loop, and log it at 10 Hz."""
+    physics, motion = airframe.physics, motion_of(style, rng)
+    around = surroundings(physics, motion, day, rng)
+    mass = physics.empty_mass + physics.hidden_mass + around.tank
+    gauge = around.tank / physics.gauge_gain
+    hover = np.sqrt(mass[0] * 9.81 / QUAD.rotors / physics.thrust_coefficient)
     state: dict[str, Array] = {
         "x": FLIP * motion.position[0],
         "v": FLIP * motion.velocity[0],
-        "q": np.array([0.0, 0.0, 0.0, 1.0]),
+        "q": Rotation.from_euler("z", -motion.heading[0]).as_quat(),
         "w": np.zeros(3),
         "wind": FLIP * around.air_velocity[0],
         "rotor_speeds": np.full(QUAD.rotors, hover / RPM_PER_RAD_S),
     }
-    vehicle = simulator(airframe, state, float(mass[0]))
+    vehicle = Sprayer(
+        airframe.parameters(float(mass[0]), day.density),
+        state,
+        control_abstraction="cmd_motor_speeds",
+        aero=airframe.aerodynamics,
+        integrator_kwargs={"method": Midpoint},
+    )
+    pilot = SE3Control(Airframe(physics=Physics()).parameters(physics.empty_mass))
+    kept = kept_thrust(physics, motion.time, around.clock_start)
+    push = around.push * np.array([1.0, *FLIP])
     logged: dict[str, list[Array]] = {k: [] for k in (*state, "vdot")}
     for i in range(motion.time.size):
-        vehicle.mass = float(mass[i])
-        vehicle.weight = np.array([0.0, 0.0, -mass[i] * vehicle.g])
+        vehicle.load(float(mass[i]))
+        vehicle.kept, vehicle.push = kept[i], push[i]
+        pilot.mass = physics.empty_mass + gauge[i]
         state["wind"] = FLIP * around.air_velocity[i]
-        wanted = motion.acceleration[i] + 1.6 * (motion.velocity[i] - FLIP * state["v"])
-        wanted = wanted + 0.8 * (motion.position[i] - FLIP * state["x"])
-        control = {"cmd_acc": FLIP * wanted + np.array([0.0, 0.0, vehicle.g])}
+        control = pilot.update(motion.time[i], state, wanted(motion, i))
         if i % EVERY == 0:
             logged["vdot"].append(vehicle.statedot(state, control, FINE_STEP)["vdot"])
             for key, value in state.items():
                 logged[key].append(np.array(value))
         state = vehicle.step(state, control, FINE_STEP)
-    return track_of(
-        {k: np.array(v) for k, v in logged.items()}, motion, around.tank, day, rng, name
-    )
+    log = {k: np.array(v) for k, v in logged.items()}
+    return track_of(log, physics, motion, gauge, day, rng, name)
 
 
 def track_of(
-    log: dict[str, Array], motion: Any, tank: Array, day: Day, rng: np.random.Generator, name: str
+    log: dict[str, Array],
+    physics: Physics,
+    motion: Motion,
+    gauge: Array,
+    day: Day,
+    rng: np.random.Generator,
+    name: str,
 ) -> FlightTrack:
     """The table of a RotorPy log, with its instruments' noise."""
-    time, rows = motion.time[::EVERY], slice(int(FIRST_ROW / FINE_STEP / EVERY), None)
-    count = time[rows].size
+    rows = slice(round(SETTLED / FINE_STEP / EVERY), None)
+    time = motion.time[::EVERY][rows]
 
     def noise(size: float, columns: int = 0) -> Array:
-        return size * rng.standard_normal((count, columns) if columns else count)
+        return size * rng.standard_normal((time.size, columns) if columns else time.size)
 
     body = Rotation.from_quat(log["q"][rows])
     yaw, pitch, roll = body.as_euler("ZYX").T
     force = body.inv().apply(log["vdot"][rows] + np.array([0.0, 0.0, 9.81]))
-    velocity = FLIP * log["v"][rows]
-    wind = FLIP * log["wind"][rows]
+    velocity, wind = FLIP * log["v"][rows], FLIP * log["wind"][rows]
     position = FLIP * log["x"][rows]
     speed = log["rotor_speeds"][rows] * RPM_PER_RAD_S
+    through = velocity if physics.blind_to_wind else velocity - wind
+    told = np.nan if physics.blind_to_wind or not day.wind_reported else 0.0
     return FlightTrack.of(
         name=name,
-        time_s=time[rows] - time[rows][0],
+        time_s=time - time[0],
         rotor_count=QUAD.rotors,
         rotor_speed_rpm=np.round(speed + day.rotor_noise_rpm * rng.standard_normal(speed.shape)),
         position_ned=position,
@@ -154,14 +210,16 @@ def track_of(
         attitude=np.stack([roll, -pitch, -yaw], axis=1) + noise(0.002, 3),
         angular_rate_frd=FLIP * log["w"][rows] + noise(0.002, 3),
         specific_force_frd=FLIP * force + noise(0.05, 3),
-        airspeed=np.linalg.norm(velocity - wind, axis=1) + noise(0.1),
-        wind_ned=wind + noise(0.1, 3),
-        tank_kg=np.maximum(tank[::EVERY][rows] + noise(0.02), 0.0),
-        pressure=np.full(count, day.pressure),
-        temperature=np.full(count, day.temperature + day.board_heat),
-        altitude=day.altitude - position[:, 2],
+        airspeed=np.maximum(np.linalg.norm(through, axis=1) + noise(0.1), 0.0),
+        wind_ned=wind + noise(0.1, 3) + told,
+        tank_kg=np.maximum(
+            gauge[::EVERY][rows] * day.gauge_gain + day.gauge_offset + noise(0.02), 0.0
+        ),
+        pressure=day.pressure + 12.0 * position[:, 2] + noise(4.0),
+        temperature=day.temperature + day.board_heat + noise(0.05),
+        altitude=day.altitude - position[:, 2] + noise(0.05),
         height_agl=motion.height[::EVERY][rows],
         spraying=motion.spraying[::EVERY][rows],
         sources={"rotor_speed_rpm": "RotorPy"},
-        start_unix_s=day.clock_start,
+        start_unix_s=SEASON_START + day.clock_start + float(time[0]),
     )
