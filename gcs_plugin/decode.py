@@ -17,6 +17,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from gcs_plugin.rules import ABOVE_HOME, WARM_BOARD
 from gcs_plugin.rules import UNITS as UNITS
 from gcs_plugin.rules import Columns as Columns
 from gcs_plugin.rules import Rule as Rule
@@ -90,7 +91,9 @@ def _liquid(field: str) -> Callable[[Columns], Floats]:
     return convert
 
 
-def _unless_silent(field: str, factor: float) -> Callable[[Columns], Floats]:
+def _unless_silent(field: str, unit: str) -> Callable[[Columns], Floats]:
+    factor = UNITS[unit][0]
+
     def convert(columns: Columns) -> Floats:
         value = columns[field].astype(np.float64) * factor
         return np.where(columns["count"] == 0, np.nan, value)
@@ -103,6 +106,7 @@ ESC_TELEMETRY_FIRST: Mapping[str, int] = MappingProxyType(
     {f"ESC_TELEMETRY_{n + 1}_TO_{n + 4}": n for n in range(0, 32, 4)}
 )
 
+_PLACE = ("degE7", "degE7", "mm")
 _SERVOS = tuple(f"servo{n}_raw" for n in range(1, 17))
 
 
@@ -110,234 +114,107 @@ def _esc_rules() -> tuple[Rule, ...]:
     rules = []
     for name in ESC_TELEMETRY_FIRST:
         rules += [
-            Rule(message=name, channel="esc_rpm", fields=("rpm",), convert=esc_rpm),
-            Rule(
-                message=name,
-                channel="esc_voltage",
-                fields=("voltage",),
-                convert=_unless_silent("voltage", UNITS["cV"][0]),
-            ),
-            Rule(
-                message=name,
-                channel="esc_current",
-                fields=("current",),
-                convert=_unless_silent("current", UNITS["cA"][0]),
-            ),
+            Rule(name, ("rpm",), "esc_rpm", convert=esc_rpm),
+            Rule(name, ("voltage",), "esc_voltage", convert=_unless_silent("voltage", "cV")),
+            Rule(name, ("current",), "esc_current", convert=_unless_silent("current", "cA")),
         ]
     return tuple(rules)
 
 
 #: MAVLink, preferred sources first. ESC_STATUS carries the number of its first ESC in `index`.
 MAVLINK_RULES: tuple[Rule, ...] = (
-    Rule(message="ATTITUDE", channel="attitude", fields=("roll", "pitch", "yaw"), unit="rad"),
+    Rule("ATTITUDE", ("roll", "pitch", "yaw"), "attitude", "rad"),
+    Rule("ATTITUDE_QUATERNION", ("q1", "q2", "q3", "q4"), "attitude", convert=_attitude_quaternion),
+    Rule("ATTITUDE", ("rollspeed", "pitchspeed", "yawspeed"), "angular_rate_frd", "rad/s"),
     Rule(
-        message="ATTITUDE_QUATERNION",
-        channel="attitude",
-        fields=("q1", "q2", "q3", "q4"),
-        convert=_attitude_quaternion,
+        "ATTITUDE_QUATERNION", ("rollspeed", "pitchspeed", "yawspeed"), "angular_rate_frd", "rad/s"
     ),
     Rule(
-        message="ATTITUDE",
-        channel="angular_rate_frd",
-        fields=("rollspeed", "pitchspeed", "yawspeed"),
-        unit="rad/s",
+        "HIGHRES_IMU", ("xacc", "yacc", "zacc"), "specific_force_frd", "m/s/s", index="id", only=0
     ),
     Rule(
-        message="ATTITUDE_QUATERNION",
-        channel="angular_rate_frd",
-        fields=("rollspeed", "pitchspeed", "yawspeed"),
-        unit="rad/s",
-    ),
-    Rule(
-        message="HIGHRES_IMU",
-        channel="specific_force_frd",
-        fields=("xacc", "yacc", "zacc"),
-        unit="m/s/s",
+        "RAW_IMU",
+        ("xacc", "yacc", "zacc"),
+        "specific_force_frd",
+        "mG",
         index="id",
         only=0,
+        note="in mG, as ArduPilot sends them",
     ),
+    Rule("SCALED_IMU", ("xacc", "yacc", "zacc"), "specific_force_frd", "mG"),
+    Rule("GLOBAL_POSITION_INT", ("lat", "lon", "alt"), "geodetic", _PLACE),
+    Rule("HOME_POSITION", ("latitude", "longitude", "altitude"), "home", _PLACE),
+    Rule("GPS_GLOBAL_ORIGIN", ("latitude", "longitude", "altitude"), "ekf_origin", _PLACE),
     Rule(
-        message="RAW_IMU",
-        channel="specific_force_frd",
-        fields=("xacc", "yacc", "zacc"),
-        unit="mG",
-        index="id",
-        only=0,
-        words="RAW_IMU xacc, yacc, zacc (in mG, as ArduPilot sends them)",
+        "LOCAL_POSITION_NED",
+        ("x", "y", "z"),
+        "position_ned",
+        "m",
+        note="from the autopilot's own origin",
     ),
+    Rule("LOCAL_POSITION_NED", ("vx", "vy", "vz"), "velocity_ned", "m/s"),
+    Rule("GLOBAL_POSITION_INT", ("vx", "vy", "vz"), "velocity_ned", "cm/s"),
+    Rule("GLOBAL_POSITION_INT", ("alt",), "altitude", "mm"),
+    Rule("VFR_HUD", ("alt",), "altitude", "m"),
     Rule(
-        message="SCALED_IMU",
-        channel="specific_force_frd",
-        fields=("xacc", "yacc", "zacc"),
-        unit="mG",
-    ),
-    Rule(
-        message="GLOBAL_POSITION_INT",
-        channel="geodetic",
-        fields=("lat", "lon", "alt"),
-        unit=("degE7", "degE7", "mm"),
-    ),
-    Rule(
-        message="HOME_POSITION",
-        channel="home",
-        fields=("latitude", "longitude", "altitude"),
-        unit=("degE7", "degE7", "mm"),
-    ),
-    Rule(
-        message="GPS_GLOBAL_ORIGIN",
-        channel="ekf_origin",
-        fields=("latitude", "longitude", "altitude"),
-        unit=("degE7", "degE7", "mm"),
-    ),
-    Rule(
-        message="LOCAL_POSITION_NED",
-        channel="position_ned",
-        fields=("x", "y", "z"),
-        unit="m",
-        words="LOCAL_POSITION_NED x, y, z (from the autopilot's own origin)",
-    ),
-    Rule(
-        message="LOCAL_POSITION_NED", channel="velocity_ned", fields=("vx", "vy", "vz"), unit="m/s"
-    ),
-    Rule(
-        message="GLOBAL_POSITION_INT",
-        channel="velocity_ned",
-        fields=("vx", "vy", "vz"),
-        unit="cm/s",
-    ),
-    Rule(message="GLOBAL_POSITION_INT", channel="altitude", fields=("alt",), unit="mm"),
-    Rule(message="VFR_HUD", channel="altitude", fields=("alt",), unit="m"),
-    Rule(
-        message="DISTANCE_SENSOR",
-        channel="height_agl",
-        fields=("current_distance",),
+        "DISTANCE_SENSOR",
+        ("current_distance",),
+        "height_agl",
         convert=_downward_distance,
-        words="DISTANCE_SENSOR current_distance (rangefinder, looking down)",
+        note="rangefinder, looking down",
     ),
+    Rule("RANGEFINDER", ("distance",), "height_agl", "m", unknown=(0.0,)),
+    Rule("GLOBAL_POSITION_INT", ("relative_alt",), "height_agl", "mm", note=ABOVE_HOME),
+    Rule("VFR_HUD", ("airspeed",), "airspeed", "m/s"),
+    Rule("WIND_COV", ("wind_x", "wind_y", "wind_z"), "wind_ned", "m/s", note="NED vector"),
     Rule(
-        message="RANGEFINDER",
-        channel="height_agl",
-        fields=("distance",),
-        unit="m",
-        unknown=(0.0,),
-        words="RANGEFINDER distance",
-    ),
-    Rule(
-        message="GLOBAL_POSITION_INT",
-        channel="height_agl",
-        fields=("relative_alt",),
-        unit="mm",
-        words="GLOBAL_POSITION_INT relative_alt (height above home, not above the crop)",
-    ),
-    Rule(message="VFR_HUD", channel="airspeed", fields=("airspeed",), unit="m/s"),
-    Rule(
-        message="WIND_COV",
-        channel="wind_ned",
-        fields=("wind_x", "wind_y", "wind_z"),
-        unit="m/s",
-        words="WIND_COV wind_x, wind_y, wind_z (NED vector)",
-    ),
-    Rule(
-        message="WIND",
-        channel="wind_ned",
-        fields=("direction", "speed", "speed_z"),
+        "WIND",
+        ("direction", "speed"),
+        "wind_ned",
         convert=_wind_from_direction,
-        words="WIND direction, speed (direction it comes from, turned round)",
+        note="direction it comes from, turned round",
+    ),
+    Rule("BATTERY_STATUS", ("voltages",), "battery_voltage", index="id", convert=_battery_voltage),
+    Rule(
+        "BATTERY_STATUS", ("current_battery",), "battery_current", "cA", index="id", unknown=(-1,)
     ),
     Rule(
-        message="BATTERY_STATUS",
-        channel="battery_voltage",
-        fields=("voltages",),
-        index="id",
-        convert=_battery_voltage,
+        "BATTERY_STATUS", ("battery_remaining",), "battery_percent", "%", index="id", unknown=(-1,)
     ),
     Rule(
-        message="BATTERY_STATUS",
-        channel="battery_current",
-        fields=("current_battery",),
-        unit="cA",
-        index="id",
-        unknown=(-1,),
-    ),
-    Rule(
-        message="BATTERY_STATUS",
-        channel="battery_percent",
-        fields=("battery_remaining",),
-        unit="%",
+        "BATTERY_STATUS",
+        ("current_consumed",),
+        "battery_consumed",
+        "mAh",
         index="id",
         unknown=(-1,),
     ),
-    Rule(
-        message="BATTERY_STATUS",
-        channel="battery_consumed",
-        fields=("current_consumed",),
-        unit="mAh",
-        index="id",
-        unknown=(-1,),
-    ),
-    Rule(
-        message="SYS_STATUS",
-        channel="voltage",
-        fields=("voltage_battery",),
-        unit="mV",
-        unknown=(65535, 0),
-    ),
-    Rule(
-        message="SYS_STATUS",
-        channel="current",
-        fields=("current_battery",),
-        unit="cA",
-        unknown=(-1,),
-    ),
-    Rule(message="SCALED_PRESSURE", channel="pressure", fields=("press_abs",), unit="hPa"),
-    Rule(message="HIGHRES_IMU", channel="pressure", fields=("abs_pressure",), unit="hPa"),
-    Rule(
-        message="SCALED_PRESSURE",
-        channel="temperature",
-        fields=("temperature",),
-        unit="cdegC",
-        words="SCALED_PRESSURE temperature (of the autopilot's board: warmer than the air)",
-    ),
-    Rule(
-        message="HIGHRES_IMU",
-        channel="temperature",
-        fields=("temperature",),
-        unit="degC",
-        words="HIGHRES_IMU temperature (of the autopilot's board: warmer than the air)",
-    ),
-    Rule(message="EXTENDED_SYS_STATE", channel="landed", fields=("landed_state",), unknown=(0,)),
-    Rule(
-        message="SERVO_OUTPUT_RAW",
-        channel="servo_us",
-        fields=_SERVOS,
-        unit="us",
-        unknown=(65535,),
-    ),
+    Rule("SYS_STATUS", ("voltage_battery",), "voltage", "mV", unknown=(65535, 0)),
+    Rule("SYS_STATUS", ("current_battery",), "current", "cA", unknown=(-1,)),
+    Rule("SCALED_PRESSURE", ("press_abs",), "pressure", "hPa"),
+    Rule("HIGHRES_IMU", ("abs_pressure",), "pressure", "hPa"),
+    Rule("SCALED_PRESSURE", ("temperature",), "temperature", "cdegC", note=WARM_BOARD),
+    Rule("HIGHRES_IMU", ("temperature",), "temperature", "degC", note=WARM_BOARD),
+    Rule("EXTENDED_SYS_STATE", ("landed_state",), "landed", unknown=(0,)),
+    Rule("SERVO_OUTPUT_RAW", _SERVOS, "servo_us", "us", unknown=(65535,)),
     *_esc_rules(),
-    Rule(message="ESC_STATUS", channel="esc_rpm", fields=("rpm",), unit="rpm", index="index"),
-    Rule(message="ESC_STATUS", channel="esc_voltage", fields=("voltage",), unit="V", index="index"),
-    Rule(message="ESC_STATUS", channel="esc_current", fields=("current",), unit="A", index="index"),
-    Rule(message="ESC_INFO", channel="esc_failure", fields=("failure_flags",), index="index"),
-    Rule(message="NAMED_VALUE_FLOAT", channel="named_value", fields=("value",)),
+    Rule("ESC_STATUS", ("rpm",), "esc_rpm", "rpm", index="index"),
+    Rule("ESC_STATUS", ("voltage",), "esc_voltage", "V", index="index"),
+    Rule("ESC_STATUS", ("current",), "esc_current", "A", index="index"),
+    Rule("ESC_INFO", ("failure_flags",), "esc_failure", index="index"),
+    Rule("NAMED_VALUE_FLOAT", ("value",), "named_value"),
     Rule(
-        message="FUEL_STATUS",
-        channel="fuel_remaining",
-        fields=("remaining_fuel",),
+        "FUEL_STATUS",
+        ("remaining_fuel",),
+        "fuel_remaining",
         index="id",
         convert=_liquid("remaining_fuel"),
     ),
+    Rule("FUEL_STATUS", ("percent_remaining",), "fuel_percent", "%", index="id", unknown=(255,)),
     Rule(
-        message="FUEL_STATUS",
-        channel="fuel_percent",
-        fields=("percent_remaining",),
-        unit="%",
-        index="id",
-        unknown=(255,),
-    ),
-    Rule(
-        message="FUEL_STATUS",
-        channel="fuel_maximum",
-        fields=("maximum_fuel",),
+        "FUEL_STATUS",
+        ("maximum_fuel",),
+        "fuel_maximum",
         index="id",
         convert=_liquid("maximum_fuel"),
     ),

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from types import MappingProxyType
 from typing import Any, Protocol
 
@@ -19,6 +19,9 @@ from numpy.typing import NDArray
 
 from models.flight import Floats
 
+#: What people should know of these sources, on whichever autopilot.
+ABOVE_HOME = "height above home, not above the crop"
+WARM_BOARD = "of the autopilot's board: warmer than the air"
 G_PER_MG = 9.80665e-3  # m/s² in one mG
 
 
@@ -66,21 +69,23 @@ UNITS: Mapping[str, tuple[float, float]] = MappingProxyType(
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Rule:
-    """One source of one channel.
+    """One source of one channel: these fields of this message become that channel.
 
-    `unit` holds for all `fields`, or is one unit for each. `unknown` are wire values that mean
-    "not known". `index` names the field that tells several senders apart (battery id, IMU
-    number); `only` keeps the rows in which it has that value. `convert` replaces the plain
-    scaling: it takes the columns and returns (n,) or (n, k) in SI.
+    `unit` holds for all `fields`, or is one unit for each. `note` is what people should know of
+    this source. `unknown` are wire values that mean "not known". `index` names the field that
+    tells several senders apart (battery id, IMU number); `only` keeps the rows in which it has
+    that value. `convert` replaces the plain scaling: it takes the columns, of which it may read
+    more than `fields`, and returns (n,) or (n, k) in SI.
     """
 
     message: str
+    fields: tuple[str, ...]
     channel: str
-    fields: tuple[str, ...] = ()
     unit: str | tuple[str, ...] = "1"
-    words: str = ""
+    _: KW_ONLY
+    note: str = ""
     unknown: tuple[float, ...] = ()
     index: str | None = None
     only: int | None = None
@@ -88,8 +93,9 @@ class Rule:
 
     @property
     def source(self) -> str:
-        """Message, field and what people should know about them."""
-        return self.words or f"{self.message} {', '.join(self.fields)}"
+        """Message, fields and what people should know about them."""
+        plain = f"{self.message} {', '.join(self.fields)}"
+        return f"{plain} ({self.note})" if self.note else plain
 
 
 @dataclass(frozen=True, slots=True, eq=False)
