@@ -17,13 +17,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from gcs_plugin.rules import ABOVE_HOME, WARM_BOARD
-from gcs_plugin.rules import UNITS as UNITS
-from gcs_plugin.rules import Columns as Columns
-from gcs_plugin.rules import Rule as Rule
-from gcs_plugin.rules import Signal as Signal
-from gcs_plugin.rules import decode as decode
-from gcs_plugin.rules import quantity as quantity
+from gcs_plugin.rules import ABOVE_HOME, UNITS, WARM_BOARD, Columns, Rule
 from models.flight import Bools, Floats
 
 

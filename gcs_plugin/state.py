@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_plugin.decode import ESC_TELEMETRY_FIRST, MAVLINK_RULES, Rule, Signal, decode
+from gcs_plugin.decode import ESC_TELEMETRY_FIRST, MAVLINK_RULES
 from gcs_plugin.frames import Frame, fields
 from gcs_plugin.logs.clock import COAST, REFERENCES, own_clock
 from gcs_plugin.logs.layouts import layouts
@@ -29,6 +29,7 @@ from gcs_plugin.logs.recording import Waypoint
 from gcs_plugin.logs.sampling import LIMITS
 from gcs_plugin.logs.signals import Signals, collected
 from gcs_plugin.logs.text import printable
+from gcs_plugin.rules import Rule, Signal, decode
 
 NAN = float("nan")
 BACKWARD = 1.0  # s that a clock may step back without a restart

@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs_plugin.decode import Signal
 from gcs_plugin.logs.motors import MotorMap
+from gcs_plugin.rules import Signal
 from gcs_plugin.state import VehicleState
 from gcs_plugin.tank_level import TankContext, pump_share, tank_level
 from models.airframe import Airframe

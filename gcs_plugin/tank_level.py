@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gcs_plugin.decode import Signal
 from gcs_plugin.logs.signals import SENDER_VOLTAGE, Signals, by_index
+from gcs_plugin.rules import Signal
 from models.airframe import Airframe
 from models.errors import LogError
 from models.flight import Floats

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 
-from gcs_plugin.decode import Signal
 from gcs_plugin.logs.airborne import airborne
 from gcs_plugin.logs.channels import channel_report
 from gcs_plugin.logs.motors import MotorMap, motor_map
@@ -17,6 +16,7 @@ from gcs_plugin.logs.recording import FlightLog, LogQuality, Recording
 from gcs_plugin.logs.sampling import GRID, Sampling, known_rows, sample, thinned
 from gcs_plugin.logs.signals import Signals, best
 from gcs_plugin.logs.timeline import pauses
+from gcs_plugin.rules import Signal
 from gcs_plugin.tank_level import TankContext, tank_level
 from models.airframe import Airframe
 from models.errors import LogError

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcs_plugin.decode import Signal
 from gcs_plugin.logs.recording import ChannelReport
 from gcs_plugin.logs.sampling import LIMITS, known_rows
+from gcs_plugin.rules import Signal
 from models.flight import CHANNEL_UNITS, FlightTrack
 
 _ABSENT = "not in the log"

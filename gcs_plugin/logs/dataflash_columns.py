@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_plugin.decode import UNITS
 from gcs_plugin.logs.dataflash_scan import LETTERS, SCALED_LETTERS, Format
 from gcs_plugin.logs.text import printable
+from gcs_plugin.rules import UNITS
 from models.flight import Floats
 
 #: unit label of the log -> (factor, offset) to SI; latitude and longitude stay degrees, charge

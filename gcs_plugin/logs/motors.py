@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs_plugin.decode import Signal
 from gcs_plugin.logs.recording import Recording
 from gcs_plugin.logs.signals import Signals, by_index
+from gcs_plugin.rules import Signal
 from models.airframe import Airframe
 from models.errors import AirframeError
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import pymap3d
 
-from gcs_plugin.decode import Signal
 from gcs_plugin.logs.sampling import Sampling, known_rows, plausible, sample
 from gcs_plugin.logs.signals import Signals, best
+from gcs_plugin.rules import Signal
 from models.flight import Bools, Floats, Origin
 
 #: Where zero may be, preferred first.

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gcs_plugin.decode import Signal
 from gcs_plugin.logs.signals import SENDER_VOLTAGE, Signals, best, by_index
+from gcs_plugin.rules import Signal
 from gcs_plugin.tank_level import TankContext, pack_id, pump_share
 
 #: A tank that loses more than this over the window is being sprayed, kg/s.

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from gcs_plugin.decode import Columns
+from gcs_plugin.rules import Columns
 from models.errors import LogError
 from models.flight import FlightTrack, Floats
 

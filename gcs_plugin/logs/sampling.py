@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_plugin.decode import Signal
+from gcs_plugin.rules import Signal
 from models.flight import Bools, Floats
 
 Sampling = Literal["linear", "hold"]

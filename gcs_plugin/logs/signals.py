@@ -6,10 +6,11 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from gcs_plugin.decode import ESC_TELEMETRY_FIRST, MAVLINK_RULES, Signal, decode, esc_silent
+from gcs_plugin.decode import ESC_TELEMETRY_FIRST, MAVLINK_RULES, esc_silent
 from gcs_plugin.logs.recording import Stream
 from gcs_plugin.logs.sampling import coverage, in_time_order
 from gcs_plugin.logs.text import printable
+from gcs_plugin.rules import Signal, decode
 from models.flight import Floats
 
 #: A flight pack reads more than this, the level sender of a tank less, V.

@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_plugin.decode import UNITS, Signal, attitude_from_quaternion
+from gcs_plugin.decode import attitude_from_quaternion
 from gcs_plugin.logs.sampling import in_time_order
 from gcs_plugin.logs.signals import Signals, collected
+from gcs_plugin.rules import UNITS, Signal
 from models.flight import Floats
 
 #: PX4's output function of motor 1; motors 2 to 12 follow.

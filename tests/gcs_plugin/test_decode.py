@@ -7,14 +7,12 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from gcs_plugin.decode import (
     ESC_TELEMETRY_FIRST,
     MAVLINK_RULES,
-    UNITS,
     attitude_from_quaternion,
-    decode,
     esc_silent,
-    quantity,
 )
 from gcs_plugin.logs.checksum import checksum_rows
 from gcs_plugin.logs.layouts import layout_table, layouts
+from gcs_plugin.rules import UNITS, decode, quantity
 
 OF_MESSAGE = {layout.name: layout for layout in layouts().values()}
 

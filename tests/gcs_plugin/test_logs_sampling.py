@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gcs_plugin.decode import Signal
 from gcs_plugin.logs.sampling import LIMITS, ROW_SPACING, sample, thinned
 from gcs_plugin.logs.signals import best
 from gcs_plugin.logs.timeline import longest_stretch, pauses, without_leaps
+from gcs_plugin.rules import Signal
 from models.flight import CHANNEL_COLUMNS
 
 

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gcs_plugin.decode import Signal
 from gcs_plugin.logs import read_log
 from gcs_plugin.logs.signals import collected
+from gcs_plugin.rules import Signal
 from gcs_plugin.tank_level import TankContext, check_source, pack_id, tank_level
 from models.airframe import load_airframe
 from models.errors import LogError
