@@ -37,7 +37,7 @@ def demo(
 
     from gcs_plugin.commands.report import report
     from gcs_plugin.logs import read_log
-    from gcs_plugin.view.replay import run_replay
+    from gcs_plugin.view.replay import ReplayView, run_replay
     from models.analysis import analyse
     from models.errors import LogError
     from models.rotor_model import shipped_model
@@ -52,13 +52,12 @@ def demo(
     stop = threading.Event()
     if seconds is not None:
         threading.Timer(seconds, stop.set).start()
-    run_replay(
+    view = ReplayView(
         analyse(flight.track, model),
         waypoints=flight.waypoints,
         messages=flight.messages,
         port=port,
         speed=speed,
-        browser=browser,
-        stop=stop,
     )
+    run_replay(view, browser=browser, stop=stop)
     return 0

@@ -133,7 +133,7 @@ def monitor(
     try:
         live.start()
         if page is not None:
-            _open(page, host, browser)
+            page.announce(browser=browser)
         _show(live, until)
     finally:
         if fetcher is not None:
@@ -157,17 +157,6 @@ def _page(live: Monitor, airframe: Airframe, host: str, port: int) -> LiveView:
         raise
     live.subscribers.append(page)
     return page
-
-
-def _open(page: LiveView, host: str, browser: bool) -> None:
-    from gcs_plugin.view.guard import is_loopback
-    from gcs_plugin.view.replay import open_browser
-
-    print(f"view at {page.url} - Ctrl-C ends it", flush=True)
-    if not is_loopback(host):
-        print(f"on {host} anyone who can reach this computer can open it", flush=True)
-    if browser:
-        open_browser(page.url)
 
 
 def _show(live: Monitor, until: float) -> None:

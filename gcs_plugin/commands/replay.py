@@ -45,7 +45,7 @@ def replay(
     from gcs_plugin.commands.report import chosen_model
     from gcs_plugin.logs import read_log
     from gcs_plugin.view.overlays import before_and_after
-    from gcs_plugin.view.replay import run_replay
+    from gcs_plugin.view.replay import ReplayView, run_replay
     from models.analysis import analyse
 
     with Console(stderr=True).status(f"reading {log.name}"):
@@ -56,7 +56,7 @@ def replay(
         if before is not None:
             older = chosen_model(before, airframe or rotor_model.airframe.name)
             overlays = before_and_after(analyse(flight.track, older), analysis)
-    run_replay(
+    view = ReplayView(
         analysis,
         waypoints=flight.waypoints,
         messages=flight.messages,
@@ -65,5 +65,5 @@ def replay(
         port=port,
         speed=speed,
         paused=start_paused,
-        browser=browser,
     )
+    run_replay(view, browser=browser)

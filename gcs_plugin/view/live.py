@@ -26,7 +26,7 @@ from gcs_plugin.view import live_html
 from gcs_plugin.view.camera import Camera
 from gcs_plugin.view.colours import legend_html
 from gcs_plugin.view.gauges import STYLE, gauges_html
-from gcs_plugin.view.guard import LOOPBACK, address_of, guarded_server, stop_server
+from gcs_plugin.view.guard import LOOPBACK
 from gcs_plugin.view.live_aircraft import Aircraft
 from gcs_plugin.view.live_html import (
     Standing,
@@ -38,13 +38,13 @@ from gcs_plugin.view.live_html import (
 )
 from gcs_plugin.view.live_paths import Paths
 from gcs_plugin.view.overlays import Overlay, overlays_of
+from gcs_plugin.view.page import Page, arrange, left_panel
 from gcs_plugin.view.plan import plan_enu
 from gcs_plugin.view.samples import Samples, enu, ground_height
 from gcs_plugin.view.scene import Scene
 from gcs_plugin.view.trail import Trail
 from gcs_plugin.watch import Update
 from models.airframe import Airframe
-from models.errors import DataError
 from models.flight import Floats, Origin
 
 if TYPE_CHECKING:
@@ -73,15 +73,12 @@ class LiveView:
         status: Callable[[], list[str]] = list,
     ) -> None:
         self._airframe = airframe
-        self._host, self._port = host, port
+        self._page = Page(host=host, port=port)
         self._status = status
         self._lock = threading.Lock()
         self._aircraft: dict[int, Aircraft] = {}
         self._wake = threading.Event()
-        self._stop = threading.Event()
         self._requests: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
-        self._server: viser.ViserServer | None = None
-        self._thread: threading.Thread | None = None
         self._origin: Origin | None = None
         self._overlays: tuple[Overlay, ...] = ()
         self._shown = 0  # number of the overlay
@@ -92,27 +89,21 @@ class LiveView:
     @property
     def url(self) -> str:
         """Where the page is. Raises DataError before `start` and after `close`."""
-        if self._server is None:
-            raise DataError("the view is not open; call start() first")
-        return f"http://{address_of(self._host)}:{self._server.get_port()}"
+        return self._page.url
 
     def start(self) -> None:
         """Open the port and begin to draw."""
-        self._server = guarded_server(host=self._host, port=self._port, label="thrustmargin")
-        self._build(self._server)
-        self._thread = threading.Thread(target=self._run, name="live-view", daemon=True)
-        self._thread.start()
+        self._page.open(self._build, self._run, name="live-view")
 
     def close(self) -> None:
         """Stop drawing and close the page; harmless when called twice."""
-        self._stop.set()
+        self._page.stopping.set()
         self._wake.set()
-        if self._thread is not None:
-            self._thread.join(timeout=5.0)
-            self._thread = None
-        if self._server is not None:
-            server, self._server = self._server, None
-            stop_server(server)
+        self._page.close()
+
+    def announce(self, *, browser: bool) -> None:
+        """Print where the view is, and open the `browser` on it."""
+        self._page.announce("view", browser=browser)
 
     def on_update(self, update: Update) -> None:
         """New rows; called on the compute thread."""
@@ -169,11 +160,7 @@ class LiveView:
 
     def _build(self, server: viser.ViserServer) -> None:
         gui = server.gui
-        gui.configure_theme(
-            dark_mode=False, show_logo=False, show_share_button=False, brand_color=(14, 66, 150)
-        )
-        gui.main_panel.dock_right()
-        gui.main_panel.set_width(340)
+        arrange(gui, width=340)
         gui.add_html(STYLE + live_html.STYLE)
         self._bars = gui.add_html("")
         self._words = gui.add_html(status_html(["no vehicle heard yet"]))
@@ -181,9 +168,7 @@ class LiveView:
         self._legend = gui.add_html("")
         self._camera = gui.add_dropdown("Camera", [camera.value for camera in Camera])
         self._followed = gui.add_dropdown("Aircraft", ["-"])
-        self._tabs = gui.add_panel()
-        self._tabs.dock_left()
-        self._tabs.set_width(370)
+        self._tabs = left_panel(gui)
         self._scene = Scene(server)
         self._scene.set_ground(np.array([[-30.0, -30.0, 0.0], [30.0, 30.0, 5.0]]), 0.0)
         self._paths = Paths(server, self._scene)
@@ -206,25 +191,22 @@ class LiveView:
             name = str(event.target.value)
             put(lambda: self._follow(name))
 
-    def _run(self) -> None:
-        while not self._stop.is_set():
+    def _run(self, server: viser.ViserServer) -> None:
+        while not self._page.stopping.is_set():
             self._wake.wait(0.25)
             self._wake.clear()
             begun = time.monotonic()
             try:
                 while not self._requests.empty():
                     self._requests.get()()
-                self._draw(begun)
+                self._draw(server, begun)
             except Exception:
                 _log.exception("the live view could not draw")
             took = time.monotonic() - begun
             self.draw_seconds.append(took)
-            self._stop.wait(max(FASTEST - took, 0.0))
+            self._page.stopping.wait(max(FASTEST - took, 0.0))
 
-    def _draw(self, now: float) -> None:
-        server = self._server
-        if server is None:
-            return
+    def _draw(self, server: viser.ViserServer, now: float) -> None:
         with self._lock:
             aircraft = [a for a in self._aircraft.values() if a.update is not None]
         spacing = GAUGES_EVERY * max(1.0, len(aircraft) / 2)

@@ -7,8 +7,6 @@ the analysis was done before, and the browser's events only queue requests for i
 from __future__ import annotations
 
 import logging
-import os
-import sys
 import threading
 import time
 from collections import deque
@@ -22,14 +20,9 @@ from gcs_plugin.view.charts import RotorCharts
 from gcs_plugin.view.clock import ReplayClock
 from gcs_plugin.view.controls import ReplayControls
 from gcs_plugin.view.gauges import STYLE, gauges_html
-from gcs_plugin.view.guard import (
-    LOOPBACK,
-    address_of,
-    guarded_server,
-    is_loopback,
-    stop_server,
-)
+from gcs_plugin.view.guard import LOOPBACK
 from gcs_plugin.view.overlays import Overlay, overlays_of
+from gcs_plugin.view.page import Page, arrange, left_panel
 from gcs_plugin.view.plan import plan_enu
 from gcs_plugin.view.samples import Samples, ground_height
 from gcs_plugin.view.scene import Scene
@@ -85,16 +78,13 @@ class ReplayView:
         self._waypoints = waypoints
         self._messages = sorted(messages)
         self._message_times = np.array([t for t, _ in self._messages])
-        self._host, self._port = host, port
+        self._page = Page(host=host, port=port)
         self._start_s = float(track.time_s[0])
         self._route = route_segments(
             track.position_ned,
             [o.values for o in self._overlays],
             shown=track.flying if track.flying.any() else None,
         )
-        self._server: viser.ViserServer | None = None
-        self._worker: threading.Thread | None = None
-        self._stopping = threading.Event()
         self._hurry = threading.Event()  # somebody asked for something: show it all at once
         self.clock = ReplayClock(track.duration, speed=speed, paused=paused)
         self.tick_seconds: deque[float] = deque(maxlen=1000)  # how long the last ticks took
@@ -102,26 +92,19 @@ class ReplayView:
     @property
     def url(self) -> str:
         """Where the page is. Raises DataError before `start` and after `stop`."""
-        if self._server is None:
-            raise DataError("the view is not open; call start() first")
-        return f"http://{address_of(self._host)}:{self._server.get_port()}"
+        return self._page.url
 
     def start(self) -> None:
         """Open the port, build the scene and let the replay run in its own thread."""
-        self._server = guarded_server(host=self._host, port=self._port, label="thrustmargin")
-        self._build(self._server)
-        self._worker = threading.Thread(target=self._run, name="replay-view", daemon=True)
-        self._worker.start()
+        self._page.open(self._build, self._run, name="replay-view")
 
     def stop(self) -> None:
         """Stop the worker and the server; harmless when called twice."""
-        self._stopping.set()
-        if self._worker is not None:
-            self._worker.join(timeout=5.0)
-            self._worker = None
-        if self._server is not None:
-            server, self._server = self._server, None
-            stop_server(server)
+        self._page.close()
+
+    def announce(self, *, browser: bool) -> None:
+        """Print where the replay is, and open the `browser` on it."""
+        self._page.announce("replay", browser=browser)
 
     def seek(self, time_s: float) -> None:
         """Go to a time of the flight, s after its first row."""
@@ -141,17 +124,10 @@ class ReplayView:
 
     def _build(self, server: viser.ViserServer) -> None:
         gui, track = server.gui, self._analysis.track
-        gui.configure_theme(
-            dark_mode=False, show_logo=False, show_share_button=False, brand_color=(14, 66, 150)
-        )
-        gui.main_panel.dock_right()
-        gui.main_panel.set_width(400)
-        panel = gui.add_panel()
-        with panel.add_tab("Thrust margin"):
+        arrange(gui, width=400)
+        with left_panel(gui).add_tab("Thrust margin"):
             gui.add_html(STYLE)
             self._gauges = gui.add_html("")
-        panel.dock_left()
-        panel.set_width(370)
         self._scene = Scene(server)
         self._controls = ReplayControls(
             gui,
@@ -170,10 +146,10 @@ class ReplayView:
         self._recolour(self._overlay)
         self._draw(server, gauges=True, charts=True)
 
-    def _run(self) -> None:
+    def _run(self, server: viser.ViserServer) -> None:
         """The worker. What goes wrong in one tick is logged and does not end the replay."""
         ticks = 0
-        while not self._stopping.wait(1 / TICK_HZ) and (server := self._server) is not None:
+        while not self._page.stopping.wait(1 / TICK_HZ):
             begun = time.perf_counter()
             try:
                 while not self._controls.requests.empty():
@@ -237,43 +213,22 @@ class ReplayView:
 
 
 def run_replay(
-    analysis: FlightAnalysis,
+    view: ReplayView,
     *,
-    waypoints: Sequence[Waypoint] = (),
-    messages: Sequence[tuple[float, str]] = (),
-    overlays: Sequence[Overlay] = (),
-    host: str = LOOPBACK,
-    port: int = 8080,
-    speed: float = 1.0,
-    paused: bool = False,
     browser: bool = True,
     ready: threading.Event | None = None,
     stop: threading.Event | None = None,
 ) -> None:
-    """Open the view of a flight, print where it is, and wait for Ctrl-C; raises as ReplayView.
+    """Open the view, print where it is, and wait for Ctrl-C. Raises LinkError when it cannot open.
 
     `browser` opens it in the browser where there is a screen; `ready` is set once it is open, and
     setting `stop` ends it like Ctrl-C.
     """
-    view = ReplayView(
-        analysis,
-        waypoints=waypoints,
-        messages=messages,
-        overlays=overlays,
-        host=host,
-        port=port,
-        speed=speed,
-        paused=paused,
-    )
     try:
         view.start()
-        print(f"replay at {view.url} - Ctrl-C ends it", flush=True)
-        if not is_loopback(host):
-            print(f"on {host} anyone who can reach this computer can open it", flush=True)
+        view.announce(browser=browser)
         if ready is not None:
             ready.set()
-        if browser:
-            open_browser(view.url)
         ending = stop or threading.Event()
         while not ending.wait(0.5):
             pass
@@ -281,14 +236,3 @@ def run_replay(
         pass
     finally:
         view.stop()
-
-
-def open_browser(url: str) -> None:
-    """Open `url` in the browser; without a screen do nothing, or a text browser would take over."""
-    if sys.platform.startswith("linux") and not (
-        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    ):
-        return
-    import webbrowser
-
-    webbrowser.open(url)

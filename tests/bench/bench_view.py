@@ -23,7 +23,7 @@ def view():
 
 @pytest.mark.parametrize("part", ["scene", "scene and gauges", "scene, gauges and charts"])
 def test_one_tick_on_the_server(benchmark, view, part):
-    server = view._server
+    server = view._page.server
     benchmark(view._draw, server, gauges="gauges" in part, charts="charts" in part)
 
 
