@@ -21,7 +21,7 @@ import pymap3d
 from gcs_plugin.logs.airborne import CLEAR, IN_AIR, LANDING, TAKING_OFF
 from gcs_plugin.logs.motors import MotorMap, motor_map
 from gcs_plugin.logs.recording import LogQuality, Recording
-from gcs_plugin.logs.sampling import GRID, LIMITS, ROW_SPACING
+from gcs_plugin.logs.sampling import GRID, LIMITS, PLAIN, ROW_SPACING
 from gcs_plugin.logs.tlog import ROTORS_OF_TYPE
 from gcs_plugin.state import Key, Reading, VehicleState, orders
 from gcs_plugin.tank import TankReading, TankWatch
@@ -34,18 +34,6 @@ from models.flight import FlightTrack, Floats, Origin
 NAN = float("nan")
 FAILURES_AGE = 5.0  # s for which an ESC's report on itself holds; PX4 sends one a second
 SILENT = 2.0  # s after which rotor speed reports no longer set the rhythm
-_HELD = (
-    "attitude",
-    "angular_rate_frd",
-    "specific_force_frd",
-    "velocity_ned",
-    "airspeed",
-    "wind_ned",
-    "altitude",
-    "height_agl",
-    "pressure",
-    "temperature",
-)
 #: Place of each channel in a row's values; a position comes as latitude, longitude (deg), altitude.
 COLUMNS: Mapping[str, int | slice] = MappingProxyType(
     {
@@ -205,7 +193,7 @@ class Sampler:
         self._beat_key = None
         if self._beat is not None and now - self._beat.clock_s < GRID:
             return self._beat
-        flown = any(key[0] in _HELD or key[0] == "geodetic" for key in state.readings)
+        flown = any(key[0] in PLAIN or key[0] == "geodetic" for key in state.readings)
         return Reading(NAN, now, state.stamp_us, "", True) if flown else None
 
     def _young(self, now: float) -> bool:
@@ -223,7 +211,7 @@ class Sampler:
             sources[channel] = reading.source
             return True
 
-        for channel in _HELD:
+        for channel in PLAIN:
             hold(channel, state.best(channel))
         for channel in ("voltage", "current"):
             hold(channel, self._power(state, channel))

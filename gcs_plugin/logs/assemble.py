@@ -13,7 +13,7 @@ from gcs_plugin.logs.motors import MotorMap, motor_map
 from gcs_plugin.logs.places import position_of
 from gcs_plugin.logs.power import power, spraying_of
 from gcs_plugin.logs.recording import FlightLog, LogQuality, Recording
-from gcs_plugin.logs.sampling import GRID, Sampling, known_rows, sample, thinned
+from gcs_plugin.logs.sampling import GRID, PLAIN, Sampling, known_rows, sample, thinned
 from gcs_plugin.logs.signals import Signals, best
 from gcs_plugin.logs.timeline import pauses
 from gcs_plugin.rules import Signal
@@ -23,19 +23,6 @@ from models.errors import LogError
 from models.flight import CHANNEL_UNITS, FlightTrack, Floats
 
 _LONGEST = 7 * 86_400.0  # s; a log that seems longer has damaged times
-#: Channels that are one signal each, whichever source is best.
-_PLAIN = (
-    "attitude",
-    "angular_rate_frd",
-    "specific_force_frd",
-    "velocity_ned",
-    "airspeed",
-    "wind_ned",
-    "altitude",
-    "height_agl",
-    "pressure",
-    "temperature",
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,7 +102,7 @@ def _chosen(
 ) -> dict[str, Signal]:
     """The source of every channel but those by rotor and position; adds to `notes`."""
     chosen = {}
-    for channel in _PLAIN:
+    for channel in PLAIN:
         found = best(signals, channel)
         if found is not None:
             chosen[channel] = found

@@ -23,6 +23,19 @@ Sampling = Literal["linear", "hold"]
 #: Rows closer than this to the one before are thinned out: at most 10 Hz, with room for jitter.
 ROW_SPACING = 0.09
 GRID = 0.1  # s between rows when nothing gives a rhythm
+#: Channels that are one signal each, whichever source is best.
+PLAIN = (
+    "attitude",
+    "angular_rate_frd",
+    "specific_force_frd",
+    "velocity_ned",
+    "airspeed",
+    "wind_ned",
+    "altitude",
+    "height_agl",
+    "pressure",
+    "temperature",
+)
 #: Channels that vibration reaches: reports faster than the rows are averaged over them.
 AVERAGED = ("specific_force_frd",)
 _BLOCK = 1 << 14
