@@ -1,41 +1,42 @@
-"""A report to one HTML page, a JSON and a CSV, written whole or not at all.
-
-The page asks nothing of any network: plotly.js is in it once, figures are JSON in inert <script>
-elements, and its content security policy lets only the two scripts run whose hash it names. Text
-from a log reaches the page through jinja2's autoescape or through JSON with < > & as \\u escapes.
-"""
+"""A report to one HTML page, a JSON and a CSV, written whole or not at all."""
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import io
 import json
 from contextlib import ExitStack
 from dataclasses import dataclass, fields
-from importlib import resources
 from pathlib import Path
 
-import jinja2
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
-from markupsafe import Markup
 
 from gcs_plugin.report import words
 from gcs_plugin.report.build import worst_first
 from gcs_plugin.report.data import SCHEMA, Report
 from gcs_plugin.report.figures import figures
 from gcs_plugin.report.series import COLUMNS, csv_columns
+from gcs_plugin.report.shell import page_text, script_safe
 from mission.whole_file import whole_file
 from models.plain import to_plain
 
-_ESCAPES = {
-    "<": "\\u003c",
-    ">": "\\u003e",
-    "&": "\\u0026",
-    "\u2028": "\\u2028",
-    "\u2029": "\\u2029",
+#: What the template may call.
+_WORDS = {
+    function.__name__: function
+    for function in (
+        words.number,
+        words.percent,
+        words.significant,
+        words.more,
+        words.clock,
+        words.duration,
+        words.area,
+        words.estimate,
+        words.place,
+        words.from_direction,
+        words.moment_words,
+    )
 }
 
 
@@ -110,10 +111,6 @@ def csv_bytes(report: Report) -> bytes:
 
 def html_text(report: Report, written: Written) -> str:
     """The page; the figures of every flight are drawn when they come into view."""
-    from plotly.offline import get_plotlyjs
-
-    library = get_plotlyjs().replace("\r\n", "\n")
-    draw = _template_text("draw.js")
     drawn = [
         {
             name: script_safe(json.dumps(made, allow_nan=False))
@@ -121,62 +118,11 @@ def html_text(report: Report, written: Written) -> str:
         }
         for flight in report.flights
     ]
-    environment = jinja2.Environment(
-        loader=jinja2.FunctionLoader(_template_text),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.globals |= {
-        name: getattr(words, name)
-        for name in (
-            "number",
-            "percent",
-            "significant",
-            "more",
-            "clock",
-            "duration",
-            "area",
-            "estimate",
-            "place",
-            "from_direction",
-            "moment_words",
-        )
+    context = {
+        "report": report,
+        "order": worst_first(report.flights),
+        "schema": SCHEMA,
+        "figures": drawn,
+        "files": {"json": written.json.name, "csv": written.csv.name},
     }
-    environment.filters["unbroken"] = words.unbroken
-    return environment.get_template("page.html").render(
-        report=report,
-        order=worst_first(report.flights),
-        schema=SCHEMA,
-        figures=drawn,
-        files={"json": written.json.name, "csv": written.csv.name},
-        policy=content_policy(library, draw),
-        style=Markup(_template_text("page.css")),
-        library=Markup(library),
-        draw=Markup(draw),
-    )
-
-
-def script_safe(text: str) -> Markup:
-    """JSON text with every character escaped that could end or open an HTML element."""
-    for character, escape in _ESCAPES.items():
-        text = text.replace(character, escape)
-    return Markup(text)
-
-
-def content_policy(*scripts: str) -> str:
-    """The page's policy: nothing from anywhere, and only the scripts given, known by their hash."""
-    hashes = " ".join(
-        f"'sha256-{base64.b64encode(hashlib.sha256(s.encode()).digest()).decode()}'"
-        for s in scripts
-    )
-    # plotly.js places style rules and draws its download through data and blob addresses.
-    return (
-        f"default-src 'none'; script-src {hashes}; style-src 'unsafe-inline'; "
-        "img-src data: blob:; base-uri 'none'; form-action 'none'"
-    )
-
-
-def _template_text(name: str) -> str:
-    return (resources.files("gcs_plugin.report") / name).read_text(encoding="utf-8")
+    return page_text("gcs_plugin.report", context, functions=_WORDS)

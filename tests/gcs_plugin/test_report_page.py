@@ -22,10 +22,10 @@ from gcs_plugin.report.render import (
     csv_bytes,
     html_text,
     json_text,
-    script_safe,
     write_report,
 )
 from gcs_plugin.report.series import keep_extremes, keep_worst
+from gcs_plugin.report.shell import script_safe
 from gcs_plugin.report.words import clock, duration, number, percent, significant, unbroken
 from gcs_plugin.view.colours import LOAD
 from models.airframe import load_airframe
