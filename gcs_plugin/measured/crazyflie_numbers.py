@@ -6,7 +6,9 @@ from gcs_plugin.measured.crazyflie_loop import speed_errors
 from gcs_plugin.measured.crazyflie_words import EXTRA_MASS, GRAMS, SLUNG_MASS, Flown
 from gcs_plugin.measured.findings import Aim, Number
 
-QUOTED, WEIGHED = "independent check", "weighed by the source"
+CHECKED, WEIGHED = "independent check", "weighed by the source"
+#: name, label, value found, unit, value quoted, how the two have to compare
+_Row = tuple[str, str, float, str, float, Aim]
 
 
 def numbers_of(flown: Flown) -> tuple[Number, ...]:
@@ -30,7 +32,7 @@ def numbers_of(flown: Flown) -> tuple[Number, ...]:
     fast, raw = "over 1.5 m/s", "against the raw accelerometer"
     by = "rotor speed by command"
     voltage = plain.voltage_correlation
-    rows: tuple[tuple[str, str, float, str, float, Aim], ...] = (
+    checked: tuple[_Row, ...] = (
         ("loop_curve", "thrust, curve alone", curve.all, share, 1.65, ""),
         ("loop_after", "thrust, effects found", after.all, share, 1.17, "at most"),
         ("loop_after_felt", f"the same {raw}", felt.all, share, 1.17, "at most"),
@@ -69,38 +71,11 @@ def numbers_of(flown: Flown) -> tuple[Number, ...]:
         ),
         ("mass_ratio", "mass, with load over without", flown.mass_ratio, "1", 1.2, "like"),
     )
-    quoted = [
-        *(
-            Number(
-                name=name,
-                label=label,
-                value=value,
-                unit=unit,
-                quoted=other,
-                quoted_from=QUOTED,
-                aim=aim,
-            )
-            for name, label, value, unit, other, aim in rows
-        ),
-        Number(
-            name="extra_mass",
-            label="extra mass found",
-            value=GRAMS * loaded["extra_mass"],
-            unit="g",
-            quoted=EXTRA_MASS,
-            quoted_from=WEIGHED,
-            aim="like",
-        ),
-        Number(
-            name="slung_mass",
-            label="swinging mass found",
-            value=GRAMS * loaded["slung_mass"],
-            unit="g",
-            quoted=SLUNG_MASS,
-            quoted_from=WEIGHED,
-            aim="like",
-        ),
-    ]
+    carried, slung = GRAMS * loaded["extra_mass"], GRAMS * loaded["slung_mass"]
+    weighed: tuple[_Row, ...] = (
+        ("extra_mass", "extra mass found", carried, "g", EXTRA_MASS, "like"),
+        ("slung_mass", "swinging mass found", slung, "g", SLUNG_MASS, "like"),
+    )
     rest = {
         "loop_rmse_before": (before_rpm, "rpm"),
         "loop_rmse_after": (after_rpm, "rpm"),
@@ -132,4 +107,23 @@ def numbers_of(flown: Flown) -> tuple[Number, ...]:
             f"third_{third}_curve_fast": (other.curve.in_fast, share),
             f"third_{third}_after_fast": (other.after.in_fast, share),
         }
-    return (*quoted, *(Number(name=n, value=v, unit=u) for n, (v, u) in rest.items()))
+    return (
+        *_beside(checked, CHECKED),
+        *_beside(weighed, WEIGHED),
+        *(Number(name=n, value=v, unit=u) for n, (v, u) in rest.items()),
+    )
+
+
+def _beside(rows: tuple[_Row, ...], quoted_from: str) -> list[Number]:
+    return [
+        Number(
+            name=name,
+            label=label,
+            value=value,
+            unit=unit,
+            quoted=quoted,
+            quoted_from=quoted_from,
+            aim=aim,
+        )
+        for name, label, value, unit, quoted, aim in rows
+    ]
