@@ -112,7 +112,7 @@ class MarginWorker:
     def _work(self) -> None:
         from pathlib import Path
 
-        from gcs_plugin.commands.report import chosen_model
+        from gcs_plugin.chosen_model import chosen_model
         from gcs_plugin.fleet import Fleet
         from gcs_plugin.watch import WatchSettings
 

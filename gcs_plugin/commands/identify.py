@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from gcs_plugin.identify_result import Result
-    from models.rotor_model import RotorModel
 
 
 def identify(
@@ -62,6 +61,7 @@ def identify(
 
     from rich.console import Console
 
+    from gcs_plugin.chosen_model import judged_model
     from gcs_plugin.identify_flights import read_flights, require_distinct
     from gcs_plugin.identify_result import result_of
     from models.identify import identify as search
@@ -151,26 +151,6 @@ def _same(first: Path, second: Path) -> bool:
     if first.exists() and second.exists():
         return first.samefile(second)
     return first.resolve() == second.resolve()
-
-
-def judged_model(model: Path | None, airframe: str | None) -> tuple[RotorModel, str]:
-    """The model to be judged, and its name for the result.
-
-    Raises ModelError or AirframeError when a file is unfit, DataError when the two disagree.
-    """
-    from models.airframe import load_airframe
-    from models.rotor_model import load_model, physics_model, shipped_model
-
-    if model is None:
-        if airframe is None:
-            return shipped_model(), "shipped"
-        return physics_model(load_airframe(airframe)), f"airframe {airframe}"
-    chosen = load_model(model)
-    if airframe is not None and load_airframe(airframe).name != chosen.airframe.name:
-        raise DataError(
-            f"{model.name} is a model of {chosen.airframe.name}, not of {airframe}; give one"
-        )
-    return chosen, str(model)
 
 
 def write_result(

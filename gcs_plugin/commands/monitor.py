@@ -75,7 +75,7 @@ def monitor(
         seconds: End by itself after so long.
     """
     from gcs_plugin.alarms import AlarmSettings
-    from gcs_plugin.commands.report import chosen_model
+    from gcs_plugin.chosen_model import chosen_model
     from gcs_plugin.monitor import Monitor, MonitorSettings
     from gcs_plugin.tank_level import check_source
     from gcs_plugin.watch import WatchSettings

@@ -42,7 +42,7 @@ def replay(
     """
     from rich.console import Console
 
-    from gcs_plugin.commands.report import chosen_model
+    from gcs_plugin.chosen_model import chosen_model
     from gcs_plugin.logs import read_log
     from gcs_plugin.view.overlays import before_and_after
     from gcs_plugin.view.replay import ReplayView, run_replay

@@ -46,6 +46,7 @@ def report(
     """
     from rich.console import Console
 
+    from gcs_plugin.chosen_model import chosen_model
     from gcs_plugin.report import build_report
     from gcs_plugin.report.render import write_report
 
@@ -89,25 +90,6 @@ def check_options(logs: Sequence[Path], out: Path, limit: float) -> None:
     for log in logs:
         if log.resolve() in taken:
             raise DataError(f"the report would overwrite the log {log}; give another --out")
-
-
-def chosen_model(model: Path | None, airframe: str | None) -> RotorModel:
-    """The model file, else the shipped model, else weight and thrust curve of another airframe.
-
-    Raises ModelError or AirframeError when a file is unfit, DataError when the two disagree.
-    """
-    from models.airframe import load_airframe
-    from models.rotor_model import load_model, physics_model, shipped_model
-
-    wanted = None if airframe is None else load_airframe(airframe)
-    chosen = shipped_model() if model is None else load_model(model)
-    if wanted is None or wanted.name == chosen.airframe.name:
-        return chosen
-    if model is not None:
-        raise DataError(
-            f"{model.name} is a model of {chosen.airframe.name}, not of {wanted.name}; give one"
-        )
-    return physics_model(wanted)
 
 
 def analysed(
