@@ -115,10 +115,11 @@ class FlightTrack:
             raise TrackError(f"{self.name}: time_s has shape {time_s.shape}; it must be (T,)")
         if not np.all(np.isfinite(time_s)) or np.any(np.diff(time_s) <= 0):
             raise TrackError(f"{self.name}: time_s must be finite and increase from row to row")
-        rotors = self.rotor_speed_rpm.shape[-1] if self.rotor_speed_rpm.ndim == 2 else -1
-        for channel, columns in CHANNEL_COLUMNS.items():
-            width = rotors if columns == "R" else columns
-            want = (time_s.size, width) if width else (time_s.size,)
+        speeds = self.rotor_speed_rpm.shape
+        if len(speeds) != 2:
+            raise TrackError(f"{self.name}: rotor_speed_rpm has shape {speeds}; it must be (T, R)")
+        for channel in CHANNEL_COLUMNS:
+            want = _shape(channel, time_s.size, rotor_count=speeds[1])
             got = getattr(self, channel).shape
             if got != want:
                 raise TrackError(f"{self.name}: {channel} has shape {got}; it must be {want}")
@@ -129,13 +130,14 @@ class FlightTrack:
 
     @classmethod
     def of(cls, *, name: str, time_s: Floats, rotor_count: int, **given: object) -> Self:
-        """A track with the channels in `given` and NaN in all others (`flying`: all True)."""
+        """A track with the channels in `given` and NaN in all others (`flying`: all True).
+
+        `rotor_count` 0 is for a flight that tells nothing of its rotors. Raises as FlightTrack.
+        """
         rows = np.asarray(time_s).size
-        for channel, columns in CHANNEL_COLUMNS.items():
-            width = rotor_count if columns == "R" else int(columns)
-            given.setdefault(
-                channel, np.full((rows, width) if width else rows, np.nan, dtype=np.float64)
-            )
+        for channel in CHANNEL_COLUMNS:
+            shape = _shape(channel, rows, rotor_count=rotor_count)
+            given.setdefault(channel, np.full(shape, np.nan, dtype=np.float64))
         given.setdefault("flying", np.ones(rows, dtype=np.bool_))
         return cls(name=name, time_s=np.asarray(time_s, dtype=np.float64), **given)  # type: ignore[arg-type]
 
@@ -160,3 +162,10 @@ class FlightTrack:
             if f.name in CHANNEL_COLUMNS or f.name in ("time_s", "flying")
         }
         return replace(self, **arrays)
+
+
+def _shape(channel: str, rows: int, *, rotor_count: int) -> tuple[int, ...]:
+    columns = CHANNEL_COLUMNS[channel]
+    if columns == 0:
+        return (rows,)
+    return (rows, rotor_count if columns == "R" else int(columns))

@@ -81,7 +81,7 @@ def _read_as(
 def _read(path: Path, kind: str, vehicle: int | None, options: Options) -> FlightLog:
     if kind == "CSV":
         craft = options.airframe
-        track = read_csv(path) if craft is None else read_csv(path, rotor_count=craft.rotor_count)
+        track = read_csv(path, rotor_count=0 if craft is None else craft.rotor_count)
         _check_rotors(path, track.rotor_count, options.airframe)
         return log_of_track(track, path, path.stat().st_size)
     if kind == "ULog":

@@ -91,7 +91,7 @@ def write_csv(track: FlightTrack, path: Path) -> None:
         raise
 
 
-def read_csv(path: Path, *, rotor_count: int = 4) -> FlightTrack:
+def read_csv(path: Path, *, rotor_count: int = 0) -> FlightTrack:
     """The track of a CSV file; `rotor_count` is for a file without columns of rotors.
 
     Raises LogError naming the column or row that is wrong.

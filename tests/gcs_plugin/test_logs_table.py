@@ -82,7 +82,8 @@ def test_empty_cells_and_missing_columns_are_unknown(tmp_path):
     np.testing.assert_array_equal(track.tank_kg, [np.nan, 9.9])
     assert not track.reports("voltage")
     assert any("no ESC telemetry" in note for note in track.notes)
-    assert track.rotor_count == 4
+    assert track.rotor_count == 0
+    assert track.rotor_speed_rpm.shape == (2, 0)
     six = next(a for a in map(load_airframe, airframe_names()) if a.rotor_count != 4)
     track = read_log(tmp_path / "some.csv", airframe=six).track
     assert track.rotor_count == six.rotor_count

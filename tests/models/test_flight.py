@@ -1,0 +1,48 @@
+"""The shapes of a FlightTrack: what `of` fills in, and what is refused."""
+
+import numpy as np
+import pytest
+
+from models.errors import TrackError
+from models.flight import CHANNEL_COLUMNS, FlightTrack
+
+TIME_S = np.arange(5.0)
+
+
+@pytest.mark.parametrize("rotors", [0, 1, 4, 8])
+def test_channels_that_are_not_given_have_their_shape_and_no_number(rotors):
+    track = FlightTrack.of(name="x", time_s=TIME_S, rotor_count=rotors)
+    assert track.rotor_count == rotors
+    widths = {"R": (rotors,), 0: (), 3: (3,)}
+    for channel, columns in CHANNEL_COLUMNS.items():
+        assert getattr(track, channel).shape == (5, *widths[columns]), channel
+        assert not track.reports(channel)
+    assert track.flying.all()
+
+
+def test_rows_of_a_flight_without_rotors_have_none_either():
+    track = FlightTrack.of(name="x", time_s=TIME_S, rotor_count=0, airspeed=TIME_S)
+    chosen = track.rows(track.airspeed > 2.0)
+    assert chosen.throttle.shape == (2, 0)
+    np.testing.assert_array_equal(chosen.airspeed, [3.0, 4.0])
+
+
+@pytest.mark.parametrize(
+    ("channel", "shape", "said"),
+    [
+        ("rotor_speed_rpm", (5,), r"rotor_speed_rpm has shape \(5,\); it must be \(T, R\)"),
+        ("throttle", (5,), r"throttle has shape \(5,\); it must be \(5, 4\)"),
+        ("throttle", (5, 6), r"throttle has shape \(5, 6\); it must be \(5, 4\)"),
+        ("airspeed", (5, 1), r"airspeed has shape \(5, 1\); it must be \(5,\)"),
+        ("attitude", (4, 3), r"attitude has shape \(4, 3\); it must be \(5, 3\)"),
+    ],
+)
+def test_a_channel_of_another_shape_is_refused_with_both_shapes(channel, shape, said):
+    with pytest.raises(TrackError, match=said):
+        FlightTrack.of(name="x", time_s=TIME_S, rotor_count=4, **{channel: np.zeros(shape)})
+
+
+@pytest.mark.parametrize("time_s", [[0.0, 0.0], [1.0, 0.5], [0.0, np.nan], [0.0, np.inf]])
+def test_time_that_does_not_grow_is_refused(time_s):
+    with pytest.raises(TrackError, match="increase from row to row"):
+        FlightTrack.of(name="x", time_s=np.array(time_s), rotor_count=4)
