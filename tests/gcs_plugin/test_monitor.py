@@ -1,22 +1,14 @@
-"""From bytes on a socket, or in a recording, to samples, margins, alarms and files."""
+"""From bytes in a recording, or on a socket, to samples, margins, alarms and files."""
 
 import json
-import os
 import re
-import signal
 import socket
-import subprocess
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from pymavlink import mavutil
 
 from gcs_plugin.alarm import AlarmEvent
 from gcs_plugin.fleet import Fleet
@@ -24,32 +16,19 @@ from gcs_plugin.frames import Frame
 from gcs_plugin.logs import read_log
 from gcs_plugin.monitor import Monitor, MonitorSettings
 from gcs_plugin.samples import read_samples, sample_table
-from gcs_plugin.speaker import COMPONENT
 from gcs_plugin.stream import stamped_frames
 from gcs_plugin.watch import Update, WatchSettings
-from models.airframe import load_airframe
 from models.analysis import analyse
 from models.errors import LinkError
-from models.flight import CHANNEL_COLUMNS, FlightTrack
-from models.rotor_model import physics_model, save_model, shipped_model
-from tests.browser import open_page
+from models.rotor_model import shipped_model
 from tests.gcs_plugin.live_vehicle import (
     SECOND,
     Vehicle,
     as_frame,
-    command,
     write_log,
 )
-
-AIRFRAME = load_airframe("topxgun-f16-sitl")
-MODEL = physics_model(AIRFRAME)
-
-
-@pytest.fixture(scope="module")
-def model_file(tmp_path_factory) -> Path:
-    path = tmp_path_factory.mktemp("model") / "physics.safetensors"
-    save_model(MODEL, path)
-    return path
+from tests.gcs_plugin.monitored import AIRFRAME, MODEL, recording_in, same
+from tests.gcs_plugin.peers.processes import free_udp_port
 
 
 class Seen:
@@ -90,82 +69,6 @@ def run(path: Path, record: Path | None = None, **watch) -> tuple[Monitor, Seen]
 
 def flight(vehicle: Vehicle, seconds: float, **options) -> list[Frame]:
     return [f for _ in range(round(seconds * 10)) for f in vehicle.tick(**options)]
-
-
-def same(ours: FlightTrack, theirs: FlightTrack, after: float = 1.0) -> None:
-    """Rows agree in every channel.
-
-    In the first second another source may stand in live, and the origin settles at take-off.
-    """
-    assert np.allclose(ours.time_s, theirs.time_s, rtol=0, atol=1e-4)
-    start = ours.time_s > after
-    airborne = np.arange(ours.time_s.size) >= int(np.argmax(theirs.flying))
-    for channel in CHANNEL_COLUMNS:
-        settled = start & airborne if channel == "position_ned" else start
-        one, other = getattr(ours, channel)[settled], getattr(theirs, channel)[settled]
-        assert np.array_equal(one, other, equal_nan=True), channel
-
-
-def recording_in(folder: Path) -> Path:
-    (session,) = folder.iterdir()
-    return session
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
-def free_tcp_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        return probe.getsockname()[1]
-
-
-@pytest.mark.slow
-def test_streamed_over_udp_a_flight_gives_the_samples_and_margins_of_its_file(
-    sitl_logs, tmp_path, model_file
-):
-    path = sitl_logs / "campaign" / "v4_m10_q3.5.tlog"
-    port = free_port()
-    monitor = command(
-        "monitor",
-        f"udpin:127.0.0.1:{port}",
-        *("--record", str(tmp_path), "--model", str(model_file), "--no-view"),
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    while not list(tmp_path.glob("*/telemetry.tlog")):
-        assert monitor.poll() is None
-        time.sleep(0.05)
-    streamed = command("stream", str(path), "--to", f"udpout:127.0.0.1:{port}", "--speed", "25")
-    assert streamed.wait(timeout=120) == 0
-    time.sleep(2.0)
-    monitor.send_signal(signal.SIGINT)
-    _, told = monitor.communicate(timeout=60)
-    session = recording_in(tmp_path)
-    sent = list(stamped_frames(path))
-    assert [data for _, data in stamped_frames(session / "telemetry.tlog")] == [d for _, d in sent]
-    assert f"{len(sent)} messages" in told
-    live = read_samples(session, 1)
-    read = read_log(path, airframe=AIRFRAME, sampling="hold").track
-    same(live, read)
-    # The recorded telemetry, read as a file, says the same.
-    same(live, read_log(session / "telemetry.tlog", airframe=AIRFRAME, sampling="hold").track)
-    table = sample_table(session)
-    margin = np.column_stack([table[f"margin_{k}"].to_numpy() for k in range(1, 5)])
-    predicted = np.column_stack([table[f"margin_predicted_{k}"].to_numpy() for k in range(1, 5)])
-    settled = live.time_s > 1.0
-    expected = analyse(read, MODEL)
-    assert np.array_equal(margin[settled], expected.margin[settled], equal_nan=True)
-    assert np.allclose(
-        predicted[settled], expected.margin_predicted[settled], rtol=1e-12, equal_nan=True
-    )
-    assert np.array_equal(
-        table["redundancy_yaw_free"].to_numpy()[settled],
-        expected.redundancy_yaw_free[settled],
-        equal_nan=True,
-    )
 
 
 def test_a_recording_gives_the_same_rows_as_its_file(sitl_logs, tmp_path):
@@ -369,193 +272,6 @@ def test_the_outlook_follows_the_mission_to_its_end(sitl_logs):
     assert middle.outlook.margin_full < float(np.min(route.margin))
 
 
-@pytest.mark.slow
-@pytest.mark.browser
-def test_streamed_over_udp_the_page_and_the_announcements_say_what_the_file_says(
-    sitl_logs, tmp_path, model_file
-):
-    """Real processes; every number that a pilot reads is that of a row of the file."""
-    path = sitl_logs / "campaign" / "v4_m10_q3.5.tlog"
-    port, page_port = free_port(), free_tcp_port()
-    station = mavutil.mavlink_connection("udpin:127.0.0.1:0", dialect="ardupilotmega")
-    monitor = command(
-        "monitor",
-        f"udpin:127.0.0.1:{port}",
-        *("--record", str(tmp_path), "--model", str(model_file), "--announce", "--no-browser"),
-        *("--forward", f"udpout:127.0.0.1:{station.port.getsockname()[1]}"),
-        *("--port", str(page_port)),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-    )
-    assert monitor.stdout is not None
-    ours: list[Any] = []
-    ended = threading.Event()
-    listening = threading.Thread(target=listen, args=(station, ours, ended))
-    listening.start()
-    try:
-        url = monitor.stdout.readline().split()[2]
-        with open_page(url) as page:
-            target = f"udpout:127.0.0.1:{port}"
-            streamed = command("stream", str(path), "--to", target, "--speed", "25")
-            read_off = set()
-            while streamed.poll() is None:
-                page.wait_for_timeout(100)
-                if page.locator("[data-gauge=tank]").count():
-                    read_off.add(tuple(page.evaluate(READ)))
-            page.wait_for_timeout(1500)
-            last = tuple(page.evaluate(READ))
-    finally:
-        monitor.send_signal(signal.SIGINT)
-        told, _ = monitor.communicate(timeout=60)
-        ended.set()
-        listening.join()
-        station.close()
-    track = read_log(path, airframe=AIRFRAME, sampling="hold").track
-    expected = analyse(track, MODEL)
-    rows = {
-        (f"{100 * margin:.0f} %", f"{kg:.1f} kg")
-        # Live, the moments before a landing still count as flight.
-        for margins in (expected.margin, expected.margin_predicted)
-        for margin, kg in zip(margins.min(axis=1), track.tank_kg, strict=True)
-    }
-    assert len(read_off) > 6
-    assert {pair for pair in read_off if "no data" not in pair} <= rows
-    landed = expected.margin_predicted[-1].min()
-    assert last == (f"{100 * landed:.0f} %", f"{track.tank_kg[-1]:.1f} kg")
-
-    clock = read_log(path, airframe=AIRFRAME, sampling="hold").clock_start_s + track.time_s
-    at = {round(1e3 * c): row for row, c in enumerate(clock)}
-    figures = [m for m in ours if m.get_type() == "NAMED_VALUE_FLOAT" and m.name == "MARGIN"]
-    assert len(figures) >= 4
-    for figure in figures:
-        row = min(at, key=lambda ms: abs(ms - figure.time_boot_ms))
-        assert abs(row - figure.time_boot_ms) <= 1
-        assert figure.value == pytest.approx(100 * expected.margin[at[row]].min(), rel=1e-6)
-    texts = {m.text for m in ours if m.get_type() == "STATUSTEXT"}
-    assert texts <= {line.removeprefix("vehicle 1: ") for line in told.splitlines()} | {
-        text for text in texts if text.startswith("Over: ")
-    }
-
-
-def listen(station: Any, ours: list[Any], ended: threading.Event) -> None:
-    """Keep what our component says, as a ground station would."""
-    while not ended.is_set():
-        message = station.recv_match(blocking=True, timeout=0.1)
-        if message is not None and message.get_srcComponent() == COMPONENT:
-            ours.append(message)
-
-
-#: The worst rotor's margin and the tank level as a reader of the page sees them.
-READ = """() => [
-  document.querySelector('[data-gauge=worst] .big').innerText,
-  document.querySelector('[data-gauge=tank] .mid').innerText]"""
-
-
-@pytest.mark.slow
-def test_kill_9_leaves_a_recording_that_reads_as_a_flight(sitl_logs, tmp_path, model_file):
-    port = free_port()
-    monitor = command(
-        "monitor",
-        f"udpin:127.0.0.1:{port}",
-        *("--record", str(tmp_path), "--model", str(model_file), "--no-view"),
-        stderr=subprocess.DEVNULL,
-    )
-    while not list(tmp_path.glob("*/telemetry.tlog")):
-        assert monitor.poll() is None
-        time.sleep(0.05)
-    path = sitl_logs / "campaign" / "v4_m10_q2.5.tlog"
-    stream = command("stream", str(path), "--to", f"udpout:127.0.0.1:{port}", "--speed", "20")
-    session = recording_in(tmp_path)
-    deadline = time.monotonic() + 60
-    while time.monotonic() < deadline:
-        parts = list((session / "samples").glob("*.parquet"))
-        if parts and sample_table(session).num_rows > 500:
-            break
-        time.sleep(0.2)
-    os.kill(monitor.pid, signal.SIGKILL)
-    monitor.wait()
-    stream.kill()
-    stream.wait()
-    live = read_samples(session, 1)
-    read = read_log(session / "telemetry.tlog", airframe=AIRFRAME, sampling="hold").track
-    rows = live.time_s.size
-    assert 500 < rows <= read.time_s.size
-    same(live, read.rows(slice(0, rows)))
-
-
-@contextmanager
-def small_disk(folder: Path, kilobytes: int) -> Iterator[Path]:
-    """A file system of so many kB of its own; skips the test where none can be mounted."""
-    folder.mkdir()
-    made = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", f"size={kilobytes}k", "tmpfs", str(folder)],
-        capture_output=True,
-    )
-    if made.returncode:
-        pytest.skip("this machine does not let a test mount a file system")
-    try:
-        yield folder
-    finally:
-        subprocess.run(["umount", "--lazy", str(folder)], check=True)
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="mounts need root")
-def test_on_a_full_disk_the_monitor_goes_on_and_says_so_and_records_again_when_there_is_room(
-    sitl_logs, tmp_path, model_file
-):
-    port = free_port()
-    with small_disk(tmp_path / "small", 2000) as disk:
-        ballast = disk / "ballast"
-        ballast.write_bytes(bytes(1_850_000))
-        monitor = command(
-            "monitor",
-            f"udpin:127.0.0.1:{port}",
-            *("--record", str(disk / "recordings"), "--model", str(model_file), "--no-view"),
-            *("--limit", "0.6"),
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        assert monitor.stdout is not None
-        while not list(disk.glob("recordings/*/telemetry.tlog")):
-            assert monitor.poll() is None
-            time.sleep(0.05)
-        path = sitl_logs / "campaign" / "v4_m10_q2.5.tlog"
-        stream = command("stream", str(path), "--to", f"udpout:127.0.0.1:{port}", "--speed", "20")
-        lines = iter(monitor.stdout.readline, "")
-        said = []
-        for line in lines:
-            said.append(line.strip())
-            if said[-1].startswith("NOT RECORDING"):
-                break
-        assert said[-1] == "NOT RECORDING: No space left on device"
-        time.sleep(3.0)
-        ballast.unlink()
-        for line in lines:
-            said.append(line.strip())
-            if said[-1] == "recording again":
-                break
-        assert stream.wait(timeout=60) == 0
-        monitor.send_signal(signal.SIGINT)
-        rest, told = monitor.communicate(timeout=60)
-        assert monitor.returncode == 130 or "KeyboardInterrupt" in told
-        # Watched all the same: every row of the file, and its alarms.
-        rows = read_log(path, airframe=AIRFRAME, sampling="hold").track.time_s.size
-        assert f"vehicle 1: {rows} samples" in told
-        assert "lost earlier" in told
-        assert any("Thrust margin" in line for line in [*said, *rest.splitlines()])
-        session = recording_in(disk / "recordings")
-        kept = [data for _, data in stamped_frames(session / "telemetry.tlog")]
-        sent = [data for _, data in stamped_frames(path)]
-        assert len(sent) / 10 < len(kept) < len(sent)
-        # What was kept is whole, and goes on after the gap to the end.
-        assert set(kept) <= set(sent)
-        assert kept[-1] == sent[-1]
-        assert sample_table(session).num_rows > rows / 2
-
-
 def test_a_busy_port_ends_the_command_with_one_line():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
@@ -566,7 +282,7 @@ def test_a_busy_port_ends_the_command_with_one_line():
 
 def test_the_recorders_failure_to_open_frees_the_port(tmp_path):
     (tmp_path / "file").write_text("")
-    port = free_port()
+    port = free_udp_port()
     settings = MonitorSettings(urls=(f"udpin:127.0.0.1:{port}",), record=tmp_path / "file")
     with pytest.raises(LinkError):
         Monitor(MODEL, settings)
