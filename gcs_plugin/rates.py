@@ -13,7 +13,8 @@ from typing import Any
 from gcs_plugin.alarm import AlarmEvent
 from gcs_plugin.fleet import Fleet
 from gcs_plugin.speaker import Speaker
-from gcs_plugin.watch import ARDUPILOT, Update, VehicleWatch
+from gcs_plugin.state import ARDUPILOT
+from gcs_plugin.watch import Update, VehicleWatch
 
 SET_MESSAGE_INTERVAL = 511
 SPACING, AGAIN, TIMES = 0.05, 5.0, 3

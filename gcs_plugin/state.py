@@ -35,7 +35,8 @@ NAN = float("nan")
 BACKWARD = 1.0  # s that a clock may step back without a restart
 RESTART_AFTER = 3  # clocked messages running that must agree on a restart
 JUMP = 30.0  # s forward between two messages that is told as a jump
-NO_AUTOPILOT, GROUND_STATION = 8, 6  # MAV_AUTOPILOT_INVALID, MAV_TYPE_GCS
+ARDUPILOT, NO_AUTOPILOT = 3, 8  # MAV_AUTOPILOT_ARDUPILOTMEGA, MAV_AUTOPILOT_INVALID
+GROUND_STATION = 6  # MAV_TYPE_GCS
 ARMED = 0x80  # MAV_MODE_FLAG_SAFETY_ARMED
 
 #: (channel, index or name, place of its rule in the table)

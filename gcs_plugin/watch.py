@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -18,7 +17,7 @@ from gcs_plugin.ages import stale, stale_words
 from gcs_plugin.alarm import Alarm, AlarmEvent
 from gcs_plugin.alarms import Alarms, AlarmSettings
 from gcs_plugin.frames import Frame
-from gcs_plugin.logs.recording import Waypoint
+from gcs_plugin.outlook import LookAhead, Outlook
 from gcs_plugin.sampler import COLUMNS, FIXED, Sample, Sampler, track_of
 from gcs_plugin.senders import SenderWatch, Verdict
 from gcs_plugin.state import (
@@ -27,38 +26,19 @@ from gcs_plugin.state import (
     fold_mission,
 )
 from gcs_plugin.tank import FlowMeter, TankReading, virtual_gauge
-from mission.forecast import Conditions, Forecast, forecast, margin_at_fill, route_ahead
-from mission.plan import MissionPlan, PlanItem, plan_from_items
+from mission.plan import MissionPlan
 from models.analysis import FlightAnalysis, analyse
-from models.errors import PlanError
 from models.flight import Floats
 from models.rotor_model import RotorModel
 
-ARDUPILOT = 3
 #: Rows before the new ones that the analysis also gets: effects need neighbours for rates.
 CONTEXT = 40
 #: s after which more rows no longer change a prediction by effects, which look both ways.
 SETTLED_AFTER = 1.2
-#: Vehicle's s between two forecasts, and over which the flow is measured.
-FORECAST_EVERY, FLOW_WINDOW = 2.0, 20.0
 #: s for which two vehicles with one id stay suspended after they were last seen to take turns.
 SHARED_HOLD = 10.0
 #: s of silence after which a vehicle has left.
 GONE = 60.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Outlook:
-    """What the rest of the flight will be like, as far as it can be told now."""
-
-    seconds_to_empty: float = math.nan  # at the present flow, spraying on; inf without flow
-    margin_full: float = math.nan  # predicted worst-rotor margin after a refill to the brim
-    route: Forecast | None = None  # the rest of the mission, where one is known
-
-    @property
-    def margin_ahead(self) -> float:
-        """Least predicted margin on the rest of the route; NaN without a mission."""
-        return math.nan if self.route is None else self.route.least_margin
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -112,8 +92,6 @@ class VehicleWatch:
         self.notes: list[str] = []  # what happened since they were last taken
         self.last: Update | None = None
         self.rows = 0
-        self.plan: MissionPlan | None = None
-        self._given_plan = False
         self._model = model
         self._sampler = Sampler(
             f"vehicle {system}",
@@ -126,15 +104,11 @@ class VehicleWatch:
         self._unsettled = 0  # of the known rows, the last so many
         self._start_s = math.nan
         self._boot = 0
-        self._outlook = Outlook()
-        self._outlook_s = -math.inf
-        self._levels: deque[tuple[float, float]] = deque()  # (clock s, kg) at each forecast
-        self._items: object = None
+        self._ahead = LookAhead(model)
         #: (R,) ground's clock when each rotor's speed was last known; 0 before any was.
         self._rotor_us = np.zeros(model.airframe.rotor_count, dtype=np.int64)
         self._flying: bool | None = None  # in the last row
         self._tank: TankReading | None = None  # the last that had a level
-        self._last_flow = 0.0  # kg/s when the pump was last on
         self._flow_meter = FlowMeter()
 
     @property
@@ -162,9 +136,14 @@ class VehicleWatch:
         """True when `update` would have rows."""
         return bool(self._new)
 
+    @property
+    def plan(self) -> MissionPlan | None:
+        """The mission that is forecast; None while none is known."""
+        return self._ahead.plan
+
     def use_plan(self, plan: MissionPlan) -> None:
         """Forecast along this mission rather than along one overheard."""
-        self.plan, self._given_plan = plan, True
+        self._ahead.use_plan(plan)
 
     def take(self, frame: Frame) -> None:
         """One frame of this vehicle, in the order in which it came."""
@@ -195,8 +174,7 @@ class VehicleWatch:
             self._known.clear()
             self._new.clear()
             self._unsettled = 0
-            self._outlook_s = -math.inf
-            self._levels.clear()
+            self._ahead.restart()
         self._flying = sample.flying
         if math.isfinite(sample.tank.level_kg):
             self._tank = sample.tank
@@ -238,7 +216,13 @@ class VehicleWatch:
         self._unsettled = clock_s.size - settled
         virtual = virtual_gauge(analysis)
         pumped = np.array([s.tank.pumped_kg for s in samples])
-        self._look_ahead(analysis, samples)
+        self._ahead.look(
+            analysis,
+            samples,
+            self.state,
+            self._sampler.origin,
+            let_through=self._flow_meter.now,
+        )
         events = self.alarms.rows(
             analysis,
             first,
@@ -246,7 +230,7 @@ class VehicleWatch:
             clock_s=clock_s,
             pumped_kg=pumped * self._flow_meter.first,
             virtual_kg=virtual,
-            margin_ahead=self._outlook.margin_ahead,
+            margin_ahead=self._ahead.now.margin_ahead,
             esc_failures=samples[-1].esc_failures,
         )
         self.last = Update(
@@ -260,7 +244,7 @@ class VehicleWatch:
             stamp_us=np.array([s.stamp_us for s in samples], dtype=np.int64),
             virtual_kg=virtual,
             pumped_kg=pumped,
-            outlook=self._outlook,
+            outlook=self._ahead.now,
             alarms=tuple(self.alarms.standing.values()),
             events=tuple(events),
             tank_source=samples[-1].tank.source,
@@ -304,88 +288,3 @@ class VehicleWatch:
         One that fell silent in flight is missed and never forgotten.
         """
         return self.silent(now_us) > GONE and not self.flying
-
-    def _look_ahead(self, analysis: FlightAnalysis, samples: Sequence[Sample]) -> None:
-        now = samples[-1]
-        if now.clock_s - self._outlook_s < FORECAST_EVERY:
-            return
-        self._outlook_s = now.clock_s
-        track, airframe = analysis.track, self._model.airframe
-        tank = float(track.tank_kg[-1])
-        flow = self._flow(samples)
-        wind = track.wind_ned[-1]
-        conditions = Conditions(
-            tank_kg=tank,
-            flow=flow,
-            density=float(analysis.density[-1]),
-            voltage=float(track.voltage[-1]),
-            wind_ned=tuple(float(w) for w in np.nan_to_num(wind)),  # type: ignore[arg-type]
-        )
-        full = margin_at_fill(
-            airframe,
-            self._model,
-            conditions,
-            airframe.tank_capacity_kg,
-            float(track.airspeed[-1]),
-        )
-        self._outlook = Outlook(
-            seconds_to_empty=tank / flow if flow > 0.0 else (math.inf if flow == 0.0 else math.nan),
-            margin_full=full,
-            route=self._route(analysis, conditions),
-        )
-
-    def _flow(self, samples: Sequence[Sample]) -> float:
-        """kg/s out of the tank while spraying: by the pump, else by the gauge; NaN unknown."""
-        airframe, tank = self._model.airframe, samples[-1].tank
-        if math.isfinite(tank.pump_share):
-            full = airframe.pump_max_flow_l_min / 60.0 * airframe.liquid_density
-            if tank.pump_share > 0.0:
-                self._last_flow = full * tank.pump_share
-            return self._last_flow * max(self._flow_meter.now, 0.0)
-        level = float(samples[-1].values[COLUMNS["tank_kg"]])
-        self._levels.append((samples[-1].clock_s, level))
-        while self._levels[-1][0] - self._levels[0][0] > FLOW_WINDOW:
-            self._levels.popleft()
-        began, before = self._levels[0]
-        seconds = samples[-1].clock_s - began
-        # Without a full window a slope would be mostly the gauge's noise.
-        return max(before - level, 0.0) / seconds if seconds > 0.8 * FLOW_WINDOW else math.nan
-
-    def _route(self, analysis: FlightAnalysis, now: Conditions) -> Forecast | None:
-        state, origin = self.state, self._sampler.origin
-        if not self._given_plan and state.mission is not self._items:
-            self._items = state.mission
-            self.plan = _plan(state.mission.values(), home_first=state.autopilot == ARDUPILOT)
-        position = analysis.track.position_ned[-1]
-        if self.plan is None or origin is None or not np.all(np.isfinite(position)):
-            return None
-        speed = state.parameters.get("WPNAV_SPEED", 100.0 * self.plan.cruise_speed) / 100.0
-        legs = route_ahead(
-            self.plan,
-            max(state.mission_item, 0),
-            position,
-            origin,
-            speed=speed,
-            spraying=float(analysis.track.spraying[-1]) > 0.5,
-        )
-        return forecast(legs, self._model, now)
-
-
-def _plan(waypoints: Iterable[Waypoint], *, home_first: bool) -> MissionPlan | None:
-    """The mission overheard, if it is whole."""
-    ordered = sorted(waypoints, key=lambda w: w.number)
-    if not ordered or [w.number for w in ordered] != list(range(len(ordered))):
-        return None
-    items = [
-        PlanItem(
-            number=w.number,
-            command=w.command,
-            frame=w.frame,
-            parameters=(*w.parameters, w.latitude_deg, w.longitude_deg, w.altitude),
-        )
-        for w in ordered
-    ]
-    try:
-        return plan_from_items(items, home_first=home_first)
-    except PlanError:
-        return None

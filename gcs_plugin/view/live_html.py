@@ -9,9 +9,9 @@ from html import escape
 
 from gcs_plugin.alarm import CRITICAL, WARNING, Alarm
 from gcs_plugin.console import NOT_RECORDING
+from gcs_plugin.outlook import Outlook
 from gcs_plugin.view import colours
 from gcs_plugin.view.gauges import percent
-from gcs_plugin.watch import Outlook
 
 #: White on each is read in sunlight: contrast 7:1 and more.
 RED, ORANGE, GREY = "#b00020", "#8a3a00", "#4d4d4d"

@@ -14,10 +14,10 @@ import pytest
 from gcs_plugin.alarm import CRITICAL, WARNING, Alarm
 from gcs_plugin.console import status_lines
 from gcs_plugin.monitor import Monitor, MonitorSettings
+from gcs_plugin.outlook import Outlook
 from gcs_plugin.view.live import LiveView
 from gcs_plugin.view.live_html import Standing, alarms_html, fleet_html, outlook_html, status_html
 from gcs_plugin.view.trail import Trail
-from gcs_plugin.watch import Outlook
 from models.airframe import load_airframe
 from models.errors import LinkError
 from models.rotor_model import physics_model
