@@ -1,4 +1,4 @@
-"""What an alarm is, how its change is told, and the condition behind it that must hold."""
+"""What an alarm is, its thresholds, how its change is told, and the condition that must hold."""
 
 from __future__ import annotations
 
@@ -7,6 +7,24 @@ from dataclasses import dataclass, replace
 
 #: MAV_SEVERITY
 CRITICAL, WARNING, NOTICE = 2, 4, 5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AlarmSettings:
+    """Thresholds; shares are of one, times s."""
+
+    margin_limit: float = 0.5
+    margin_hysteresis: float = 0.03
+    margin_hold: float = 3.0
+    rotor_slack: float = 0.02  # k of the CUSUM
+    rotor_threshold: float = 0.04  # s
+    rotor_unloaded: float = 0.2  # share of the expected thrust whose lack means: on the ground
+    rotor_agree: float = 0.05  # disagreement of the others from which it is no sign of recovery
+    tank_share: float = 0.5  # of the larger loss by which two witnesses may part
+    tank_kg: float = 0.5  # kg by which they must part besides
+    tank_mass_kg: float = 3.0  # kg between gauge and thrust
+    saturation: float = 0.97
+    silence: float = 3.0
 
 
 @dataclass(frozen=True, slots=True)

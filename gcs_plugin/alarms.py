@@ -13,60 +13,33 @@
 | `rotor speeds` | in flight other messages come, but not every rotor's speed | 3 s | heard | 1 s |
 What is not known (NaN) neither raises nor clears; a rotor under the limit counts though another is
 unknown. Times are the vehicle's clock, but for the last two, which are the ground's. While an alarm
-stands its text follows the numbers. Measured false alarms: tests/bench/bench_alarms.py.
-
-Rotor residual. With e_i = (N_i/N_i,predicted)^2 - 1, what rotor i needs beyond the model,
-    x_i = e_i - max e_j - (max e_j - min e_j),  j != i       S_i = max(0, S_i + (x_i - k) dt)
-One damaged rotor stands out from all others, which agree; a wrong mass, thin air, a turn, a shifted
-centre of gravity, or two of these together move pairs or all, and give no x_i. While the others are
-more than 0.05 apart S_i does not fall. E. S. Page, Continuous Inspection Schemes, Biometrika 41
-(1954); k = 0.02 and 0.04 s are chosen on the healthy campaign flights and on losses
-of a propeller put into them.
+stands its text follows the numbers. The rotor's CUSUM is that of `gcs_plugin.rotor_sums`. Measured
+false alarms: tests/bench/bench_alarms.py.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gcs_plugin.alarm import CRITICAL, NOTICE, WARNING, Alarm, AlarmEvent, Debounce
-from gcs_plugin.tank import BalanceWatch, TankBalance
+from gcs_plugin.alarm import (
+    CRITICAL,
+    NOTICE,
+    WARNING,
+    Alarm,
+    AlarmEvent,
+    AlarmSettings,
+    Debounce,
+)
+from gcs_plugin.alarm_words import failure_words, margin_words, tank_verdict, unheard_words
+from gcs_plugin.rotor_sums import RotorSums, thrust_excess
+from gcs_plugin.tank import BalanceWatch
 from models.analysis import Basis, FlightAnalysis
 from models.flight import Floats
 
-#: ESC_FAILURE_FLAGS, gravest first
-FAILURES = {
-    32: "motor stuck",
-    4: "too hot",
-    1: "too much current",
-    2: "voltage too high",
-    8: "too fast",
-    16: "does not follow",
-    64: "failure",
-}
 ROTORS_HOLD = 1.0  # s of the time after which missing rotor speeds are told
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AlarmSettings:
-    """Thresholds; shares are of one, times s."""
-
-    margin_limit: float = 0.5
-    margin_hysteresis: float = 0.03
-    margin_hold: float = 3.0
-    rotor_slack: float = 0.02  # k of the CUSUM
-    rotor_threshold: float = 0.04  # s
-    rotor_unloaded: float = 0.2  # share of the expected thrust whose lack means: on the ground
-    rotor_agree: float = 0.05  # disagreement of the others from which it is no sign of recovery
-    tank_share: float = 0.5  # of the larger loss by which two witnesses may part
-    tank_kg: float = 0.5  # kg by which they must part besides
-    tank_mass_kg: float = 3.0  # kg between gauge and thrust
-    saturation: float = 0.97
-    silence: float = 3.0
 
 
 class Alarms:
@@ -75,8 +48,7 @@ class Alarms:
     def __init__(self, settings: AlarmSettings | None = None) -> None:
         self.settings = s = AlarmSettings() if settings is None else settings
         self.standing: dict[tuple[str, int | None], Alarm] = {}
-        self.rotor_sum: Floats = np.zeros(0)  # (R,) CUSUM of each rotor, s
-        self._needed = self._since = np.zeros(0)
+        self._sums = RotorSums(s)
         self._last_s = self._weighed_s = float("-inf")
         self._balance = BalanceWatch()
         self._states: dict[tuple[str, int | None], Debounce] = {}
@@ -138,7 +110,7 @@ class Alarms:
                 severity=CRITICAL,
                 text=f"ESC of rotor {rotor}: {failure_words(flags)}" if flags else "",
             )
-        excess = _excess(analysis)
+        excess = thrust_excess(analysis)
         for row in range(rows)[slice(first, None) if settled is None else settled]:
             time_s = float(clock_s[row])
             step = time_s - self._last_s
@@ -206,7 +178,7 @@ class Alarms:
             on=missing.size > 0 and silent <= limit and flying,
             off=bool(np.all(behind <= limit - ROTORS_HOLD)) or not flying,
             severity=WARNING,
-            text=_unheard(missing, rotors_silent.size),
+            text=unheard_words(missing, rotors_silent.size),
         )
         return events
 
@@ -247,7 +219,7 @@ class Alarms:
             on=worst < limit,
             off=bool(np.all(known)) and worst > limit + self.settings.margin_hysteresis,
             severity=WARNING,
-            text=_margin_words("Thrust margin", worst, limit, f": rotor {rotor}"),
+            text=margin_words("Thrust margin", worst, limit, f": rotor {rotor}"),
         )
 
     def _ahead(self, events: list[AlarmEvent], time_s: float, ahead: float) -> None:
@@ -259,7 +231,7 @@ class Alarms:
             on=ahead < limit,
             off=ahead > limit + self.settings.margin_hysteresis,
             severity=WARNING,
-            text=_margin_words("Route ahead: margin", ahead, limit),
+            text=margin_words("Route ahead: margin", ahead, limit),
         )
 
     def _saturation(self, events: list[AlarmEvent], time_s: float, used: Floats) -> None:
@@ -292,93 +264,17 @@ class Alarms:
             )
 
     def _rotors(self, events: list[AlarmEvent], time_s: float, step: float, excess: Floats) -> None:
-        s = self.settings
-        if not np.mean(excess) > -s.rotor_unloaded:
-            # Without data, or with the legs on the ground before that is reported, the sum rests.
+        if not self._sums.add(excess, step):
             return
-        if self.rotor_sum.size != excess.size:
-            self.rotor_sum, self._needed, self._since = np.zeros((3, excess.size))
-        # A pause in the rows counts as one short step: what happened in it is not known.
-        seconds = min(step, 0.5) if step > 0.0 else 0.0
-        stands_out, spread = standing_out(excess)
-        gain = stands_out - spread - s.rotor_slack
-        # While the others disagree (a turn), not standing out says nothing of a rotor's health.
-        gain = np.where(spread > s.rotor_agree, np.maximum(gain, 0.0), gain)
-        grown = self.rotor_sum + gain * seconds
-        # Capped, so that the end of a fault is seen as fast as its beginning.
-        self.rotor_sum = np.clip(grown, 0.0, 3.0 * s.rotor_threshold)
-        # What the rotor has needed beyond the others since its sum last left zero.
-        apart = (excess - np.median(excess)) * seconds
-        running = self.rotor_sum > 0.0
-        self._needed = np.where(running, self._needed + apart, 0.0)
-        self._since = np.where(running, self._since + seconds, 0.0)
-        for rotor, total in enumerate(self.rotor_sum.tolist(), start=1):
-            more = self._needed[rotor - 1] / max(self._since[rotor - 1], 1e-3)
+        threshold = self.settings.rotor_threshold
+        found = zip(self._sums.sums.tolist(), self._sums.needed.tolist(), strict=True)
+        for rotor, (total, more) in enumerate(found, start=1):
             self._set(
                 events,
                 ("rotor", rotor),
                 time_s,
-                on=total > s.rotor_threshold,
-                off=total < 0.5 * s.rotor_threshold,
+                on=total > threshold,
+                off=total < 0.5 * threshold,
                 severity=CRITICAL,
                 text=f"Rotor {rotor} makes {more / (1 + more):.0%} less thrust: check propeller",
             )
-
-
-def _margin_words(what: str, margin: float, limit: float, of: str = "") -> str:
-    """Rounded down, so that what is under the limit also reads so."""
-    if not math.isfinite(margin):
-        return ""
-    place = "under" if margin < limit else "near"
-    return f"{what} {math.floor(100 * margin + 1e-6)}% {place} {limit:.0%}{of}"
-
-
-def failure_words(flags: int) -> str:
-    """What an ESC says of itself, gravest first: ESC_FAILURE_FLAGS of MAVLink's common.xml."""
-    known = [words for bit, words in FAILURES.items() if flags & bit]
-    return ", ".join(known) or f"failure {flags}"
-
-
-def _unheard(missing: NDArray[np.intp], rotors: int) -> str:
-    """Which rotors give no speed, for people."""
-    if missing.size == rotors:
-        return "No rotor speeds: ESC telemetry lost"
-    several = "s" if missing.size > 1 else ""
-    return f"No speed of rotor{several} {', '.join(str(k + 1) for k in missing)}: ESC?"
-
-
-def _excess(analysis: FlightAnalysis) -> Floats:
-    """(T, R) thrust that each rotor needs beyond the model, as a share of the model's."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = analysis.track.rotor_speed_rpm / analysis.prediction.rotor_speed_rpm
-    return ratio**2 - 1.0
-
-
-def standing_out(excess: Floats) -> tuple[Floats, Floats]:
-    """By how much each rotor's excess (R,) is above the highest other, and the others' spread."""
-    ordered = np.sort(excess)
-    highest = np.where(excess == ordered[-1], ordered[-2], ordered[-1])
-    lowest = np.where(excess == ordered[0], ordered[1], ordered[0])
-    return excess - highest, highest - lowest
-
-
-def tank_verdict(balance: TankBalance, settings: AlarmSettings) -> str:
-    """What is wrong with the tank, for people; empty when its witnesses agree or are too few."""
-    gauge, pump, thrust = balance.gauge, balance.pump, balance.thrust
-    if parts(gauge, pump, settings):
-        if balance.level_kg < 0.3 and gauge < pump:
-            return "Tank empty, pump still on"
-        if gauge > pump:
-            backed = parts(thrust, pump, settings) and thrust > pump
-            return "Tank falls faster than the pump" + (": leak?" if backed else "")
-        backed = parts(pump, thrust, settings) and thrust < pump
-        return "Tank falls slower than the pump" + (": clogged?" if backed else ": gauge?")
-    if abs(balance.apart_kg) > settings.tank_mass_kg:
-        return f"Thrust says {balance.apart_kg:+.1f} kg against the gauge"
-    return ""
-
-
-def parts(one: float, other: float, settings: AlarmSettings) -> bool:
-    """Whether two losses, kg, differ by more than either tolerance; False when one is unknown."""
-    apart = abs(one - other)
-    return apart > max(settings.tank_kg, settings.tank_share * max(abs(one), abs(other)))

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gcs_plugin.ages import stale, stale_words
-from gcs_plugin.alarm import Alarm, AlarmEvent
-from gcs_plugin.alarms import Alarms, AlarmSettings
+from gcs_plugin.alarm import Alarm, AlarmEvent, AlarmSettings
+from gcs_plugin.alarms import Alarms
 from gcs_plugin.frames import Frame
 from gcs_plugin.outlook import LookAhead, Outlook
 from gcs_plugin.sampler import COLUMNS, FIXED, Sample, Sampler, track_of

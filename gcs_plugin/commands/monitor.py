@@ -74,7 +74,7 @@ def monitor(
         browser: Open the page in the browser.
         seconds: End by itself after so long.
     """
-    from gcs_plugin.alarms import AlarmSettings
+    from gcs_plugin.alarm import AlarmSettings
     from gcs_plugin.chosen_model import chosen_model
     from gcs_plugin.monitor import Monitor, MonitorSettings
     from gcs_plugin.tank_level import check_source

@@ -6,9 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gcs_plugin.alarm import CRITICAL, NOTICE, Debounce
-from gcs_plugin.alarms import Alarms, AlarmSettings, standing_out, tank_verdict
+from gcs_plugin.alarm import CRITICAL, NOTICE, AlarmSettings, Debounce
+from gcs_plugin.alarm_words import tank_verdict
+from gcs_plugin.alarms import Alarms
 from gcs_plugin.logs import read_log
+from gcs_plugin.rotor_sums import standing_out
 from gcs_plugin.tank import TankBalance, virtual_gauge
 from models.airframe import load_airframe
 from models.analysis import Basis, analyse
