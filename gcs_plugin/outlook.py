@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gcs_plugin.live_rows import COLUMNS, Sample
 from gcs_plugin.logs.recording import Waypoint
-from gcs_plugin.sampler import COLUMNS, Sample
 from gcs_plugin.state import ARDUPILOT, VehicleState
 from mission.forecast import Conditions, Forecast, forecast, margin_at_fill, route_ahead
 from mission.plan import MissionPlan, PlanItem, plan_from_items

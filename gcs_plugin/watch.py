@@ -17,8 +17,9 @@ from gcs_plugin.ages import stale, stale_words
 from gcs_plugin.alarm import Alarm, AlarmEvent, AlarmSettings
 from gcs_plugin.alarms import Alarms
 from gcs_plugin.frames import Frame
+from gcs_plugin.live_rows import COLUMNS, FIXED, Sample, track_of
 from gcs_plugin.outlook import LookAhead, Outlook
-from gcs_plugin.sampler import COLUMNS, FIXED, Sample, Sampler, track_of
+from gcs_plugin.sampler import Sampler
 from gcs_plugin.senders import SenderWatch, Verdict
 from gcs_plugin.state import (
     VehicleState,

@@ -8,8 +8,9 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gcs_plugin.frames import Frame
+from gcs_plugin.live_rows import COLUMNS, FIXED, Sample, track_of
 from gcs_plugin.logs import read_log
-from gcs_plugin.sampler import COLUMNS, FIXED, Sample, Sampler, track_of
+from gcs_plugin.sampler import Sampler
 from gcs_plugin.state import VehicleState, fold
 from models.airframe import load_airframe
 from models.flight import CHANNEL_COLUMNS, FlightTrack

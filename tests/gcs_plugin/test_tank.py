@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from gcs_plugin.live_rows import COLUMNS
 from gcs_plugin.logs import read_log
-from gcs_plugin.sampler import COLUMNS, Sampler
+from gcs_plugin.sampler import Sampler
 from gcs_plugin.state import VehicleState, fold
 from gcs_plugin.tank import BalanceWatch, FlowMeter, virtual_gauge
 from models.airframe import load_airframe
