@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import logging
 import queue
-import threading
 import time
 from collections import deque
 from collections.abc import Callable
@@ -20,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pymap3d
 
-from gcs_plugin.alarm import AlarmEvent, worst_first
+from gcs_plugin.alarm import AlarmEvent
 from gcs_plugin.fleet import Fleet
 from gcs_plugin.view import live_html
 from gcs_plugin.view.camera import Camera
@@ -28,8 +27,8 @@ from gcs_plugin.view.colours import legend_html
 from gcs_plugin.view.gauges import STYLE, gauges_html
 from gcs_plugin.view.guard import LOOPBACK
 from gcs_plugin.view.live_aircraft import Aircraft
+from gcs_plugin.view.live_heard import Heard
 from gcs_plugin.view.live_html import (
-    Standing,
     aged,
     alarms_html,
     fleet_html,
@@ -37,12 +36,10 @@ from gcs_plugin.view.live_html import (
     status_html,
 )
 from gcs_plugin.view.live_paths import Paths
-from gcs_plugin.view.overlays import Overlay, overlays_of
 from gcs_plugin.view.page import Page, arrange, left_panel
 from gcs_plugin.view.plan import plan_enu
-from gcs_plugin.view.samples import Samples, enu, ground_height
+from gcs_plugin.view.samples import Samples, ground_height
 from gcs_plugin.view.scene import Scene
-from gcs_plugin.view.trail import Trail
 from gcs_plugin.watch import Update
 from models.airframe import Airframe
 from models.flight import Floats, Origin
@@ -75,15 +72,12 @@ class LiveView:
         self._airframe = airframe
         self._page = Page(host=host, port=port)
         self._status = status
-        self._lock = threading.Lock()
-        self._aircraft: dict[int, Aircraft] = {}
-        self._wake = threading.Event()
+        self._heard = Heard()
         self._requests: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._origin: Origin | None = None
-        self._overlays: tuple[Overlay, ...] = ()
         self._shown = 0  # number of the overlay
         self._focus: int | None = None
-        self._told_s = self._trails_s = self._bars_s = self._stale_s = 0.0
+        self._told_s = self._trails_s = self._bars_s = 0.0
         self.draw_seconds: deque[float] = deque(maxlen=1000)
 
     @property
@@ -98,7 +92,7 @@ class LiveView:
     def close(self) -> None:
         """Stop drawing and close the page; harmless when called twice."""
         self._page.stopping.set()
-        self._wake.set()
+        self._heard.wake.set()
         self._page.close()
 
     def announce(self, *, browser: bool) -> None:
@@ -107,56 +101,14 @@ class LiveView:
 
     def on_update(self, update: Update) -> None:
         """New rows; called on the compute thread."""
-        overlays = overlays_of(update.analysis)
-        track = update.analysis.track
-        values = np.column_stack([overlay.values for overlay in overlays])
-        places = enu(track.position_ned)
-        with self._lock:
-            aircraft = self._of(update.vehicle, overlays)
-            if update.boot != aircraft.boot:
-                aircraft.boot, aircraft.offset = update.boot, None
-            aircraft.update, aircraft.fresh = update, True
-            for row in range(update.first, track.time_s.size):
-                if track.flying[row]:
-                    aircraft.rows.append((float(update.clock_s[row]), places[row], values[row]))
-            self._overlays = overlays
-        self._wake.set()
+        self._heard.update(update)
 
     def on_event(self, vehicle: int, event: AlarmEvent) -> None:
         """Nothing: what stands is read each round."""
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:
         """Ages, alarms and missions; called on the compute thread."""
-        tell_stale = time.monotonic() - self._stale_s >= STATUS_EVERY
-        if tell_stale:
-            self._stale_s = time.monotonic()
-        with self._lock:
-            for number, watch in fleet.vehicles.items():
-                aircraft = self._aircraft.get(number)
-                if aircraft is None or aircraft.update is None:
-                    continue
-                aircraft.age = (now_us - int(aircraft.update.stamp_us[-1])) * 1e-6
-                told = (
-                    tuple(worst_first(list(watch.alarms.standing.values()))),
-                    watch.problem,
-                    watch.left(now_us),
-                )
-                if told != (aircraft.alarms, aircraft.problem, aircraft.gone):
-                    aircraft.alarms, aircraft.problem, aircraft.gone = told
-                    # Every tab tells the alarms of all.
-                    for one in self._aircraft.values():
-                        one.fresh = True
-                    self._wake.set()
-                aircraft.waypoints = watch.state.mission
-                if tell_stale:
-                    aircraft.stale = watch.stale(now_us)
-
-    def _of(self, number: int, overlays: tuple[Overlay, ...]) -> Aircraft:
-        found = self._aircraft.get(number)
-        if found is None:
-            found = Aircraft(number, Trail([overlay.worst for overlay in overlays]))
-            self._aircraft[number] = found
-        return found
+        self._heard.round(fleet, now_us)
 
     def _build(self, server: viser.ViserServer) -> None:
         gui = server.gui
@@ -193,8 +145,8 @@ class LiveView:
 
     def _run(self, server: viser.ViserServer) -> None:
         while not self._page.stopping.is_set():
-            self._wake.wait(0.25)
-            self._wake.clear()
+            self._heard.wake.wait(0.25)
+            self._heard.wake.clear()
             begun = time.monotonic()
             try:
                 while not self._requests.empty():
@@ -207,8 +159,7 @@ class LiveView:
             self._page.stopping.wait(max(FASTEST - took, 0.0))
 
     def _draw(self, server: viser.ViserServer, now: float) -> None:
-        with self._lock:
-            aircraft = [a for a in self._aircraft.values() if a.update is not None]
+        aircraft = self._heard.aircraft()
         spacing = GAUGES_EVERY * max(1.0, len(aircraft) / 2)
         with server.atomic():
             for one in aircraft:
@@ -221,10 +172,10 @@ class LiveView:
                     one.drawn_s = now
                     self._show(one)
                 elif one.fresh:
-                    self._wake.set()  # too soon: once more
+                    self._heard.wake.set()  # too soon: once more
             if now - self._bars_s >= BARS_EVERY:
                 self._bars_s = now
-                bars = fleet_html(self._standing())
+                bars = fleet_html(self._heard.standing(OLD))
                 if bars != self._bars.content:
                     self._bars.content = bars
             if now - self._trails_s >= TRAIL_EVERY:
@@ -251,12 +202,13 @@ class LiveView:
             font_screen_scale=1.25,
             visible=False,
         )
-        names = [f"Vehicle {n}" for n in sorted(self._aircraft)]
-        self._followed.options = tuple(names)
+        numbers = sorted(other.number for other in self._heard.aircraft())
+        self._followed.options = tuple(f"Vehicle {n}" for n in numbers)
         if self._focus is None:
             self._focus = one.number
-            self._colour.options = tuple(overlay.name for overlay in self._overlays)
-            self._recolour(self._overlays[0].name)
+            overlays = self._heard.overlays
+            self._colour.options = tuple(overlay.name for overlay in overlays)
+            self._recolour(overlays[0].name)
 
     def _leave(self, one: Aircraft) -> None:
         """Take away the tab and the aircraft; where it flew stays."""
@@ -268,32 +220,20 @@ class LiveView:
         self._scene.hide(str(one.number))
 
     def _show(self, one: Aircraft) -> None:
-        with self._lock:
-            update, one.fresh = one.update, False
-            age = one.age
-        assert update is not None
+        update, age = self._heard.taken(one)
         row = Samples.of(update.analysis).row(-1)
         offset = self._offset(one, update)
         row = replace(row, position_enu=row.position_enu + offset)
         self._scene.show(str(one.number), row, focus=one.number == self._focus)
         placed = bool(np.all(np.isfinite(row.position_enu)))
-        one.label.visible = placed and len(self._aircraft) > 1
+        one.label.visible = placed and len(self._heard.aircraft()) > 1
         if placed:
             one.label.position = row.position_enu + self._scene.above(str(one.number))
         title = f"{self._airframe.title} · vehicle {one.number}"
         html = gauges_html(row, self._airframe, title)
         html += outlook_html(update.outlook, one.stale, update.remarks)
-        said = alarms_html(one.number, self._standing(), age, OLD)
+        said = alarms_html(one.number, self._heard.standing(OLD), age, OLD)
         one.gauges.content = said + aged(html, age > OLD)
-
-    def _standing(self) -> list[Standing]:
-        """Every aircraft as all pages tell of it, in the order of numbers."""
-        with self._lock:
-            return [
-                one.standing(OLD)
-                for _, one in sorted(self._aircraft.items())
-                if one.update is not None
-            ]
 
     def _offset(self, one: Aircraft, update: Update) -> Floats:
         origin = update.analysis.track.origin
@@ -312,15 +252,12 @@ class LiveView:
         return one.offset
 
     def _draw_trail(self, one: Aircraft) -> None:
-        with self._lock:
-            rows, one.rows = one.rows, deque()
-            update, waypoints = one.update, one.waypoints
-        assert update is not None
+        rows, update, waypoints = self._heard.taken_rows(one)
         offset = self._offset(one, update)
         for time_s, place, values in rows:
             one.trail.add(time_s, place + offset, values)
         if rows and one.trail.count:
-            self._paths.draw_trail(one, self._overlays[self._shown], self._shown)
+            self._paths.draw_trail(one, self._heard.overlays[self._shown], self._shown)
         if waypoints and waypoints is not one.plan:
             one.plan = waypoints
             ground = ground_height(Samples.of(update.analysis))
@@ -328,15 +265,15 @@ class LiveView:
             self._paths.draw_plan(one, points, ground, offset)
 
     def _recolour(self, name: str) -> None:
-        for number, overlay in enumerate(self._overlays):
+        for number, overlay in enumerate(self._heard.overlays):
             if overlay.name == name:
                 self._shown = number
                 self._legend.content = legend_html(overlay.scale, overlay.note)
-                for one in self._aircraft.values():
+                for one in self._heard.aircraft():
                     if one.trail.count:
                         self._paths.draw_trail(one, overlay, number)
 
     def _follow(self, name: str) -> None:
-        for number in self._aircraft:
-            if name == f"Vehicle {number}":
-                self._focus = number
+        for one in self._heard.aircraft():
+            if name == f"Vehicle {one.number}":
+                self._focus = one.number

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,9 @@ from gcs_plugin.view.trail import Trail
 from gcs_plugin.watch import Update
 from models.flight import Floats
 
+#: Rows in flight: time s, place ENU m, value of each overlay.
+Rows = deque[tuple[float, Floats, Floats]]
+
 
 @dataclass(slots=True, eq=False)
 class Aircraft:
@@ -21,9 +24,9 @@ class Aircraft:
 
     number: int
     trail: Trail
-    update: Update | None = None
+    update: Update  # its last rows
     fresh: bool = False  # there is something new to draw
-    rows: deque[tuple[float, Floats, Floats]] = field(default_factory=deque)  # for the trail
+    rows: Rows = field(default_factory=deque)  # for the trail
     age: float = 0.0
     alarms: tuple[Alarm, ...] = ()
     gone: bool = False
@@ -41,22 +44,17 @@ class Aircraft:
 
     def standing(self, old: float) -> Standing:
         """What every page tells of it; rows of more than `old` s are called old."""
-        found = Standing(
+        analysis = self.update.analysis
+        measured = analysis.margin[-1]
+        margin = np.where(np.isfinite(measured), measured, analysis.margin_predicted[-1])
+        known = margin[np.isfinite(margin)]
+        return Standing(
             number=self.number,
             alarms=self.alarms,
             age=self.age,
             old=self.age > old,
             problem=self.problem,
             gone=self.gone,
-        )
-        if self.update is None:
-            return found
-        analysis = self.update.analysis
-        measured = analysis.margin[-1]
-        margin = np.where(np.isfinite(measured), measured, analysis.margin_predicted[-1])
-        known = margin[np.isfinite(margin)]
-        return replace(
-            found,
             margin=float(known.min()) if known.size else np.nan,
             tank_kg=float(analysis.track.tank_kg[-1]),
             flying=bool(analysis.track.flying[-1]),
