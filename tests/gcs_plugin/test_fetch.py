@@ -24,11 +24,6 @@ def port() -> int:
     return free_udp_port()
 
 
-@pytest.fixture
-def logs(tmp_path: Path) -> dict[int, tuple[int, str]]:
-    return onboard_logs(tmp_path)
-
-
 @pytest.mark.slow
 def test_two_vehicles_on_a_link_are_never_mixed_up(port: int):
     other = [*ARDUPILOT_ITEMS[:2]]
@@ -123,7 +118,8 @@ def test_a_port_in_use_is_said_to_be_in_use():
 
 
 @pytest.mark.slow
-def test_a_vehicle_that_wants_signatures_gets_them(port: int, logs, tmp_path: Path):
+def test_a_vehicle_that_wants_signatures_gets_them(port: int, tmp_path: Path):
+    logs = onboard_logs(tmp_path)
     key_file = tmp_path / "signing.key"
     key_file.write_text("correct horse\n")
     key_file.chmod(0o600)
