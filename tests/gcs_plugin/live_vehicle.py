@@ -2,13 +2,17 @@
 
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gcs_plugin.frames import Frame, frame_at
+from gcs_plugin.live_rows import Sample
+from gcs_plugin.sampler import Sampler
+from gcs_plugin.state import VehicleState, fold
 from gcs_plugin.stream import stamped_frames
+from models.airframe import Airframe
 
 ROOT = Path(__file__).resolve().parents[2]
 SECOND = 1_000_000  # µs
@@ -85,6 +89,20 @@ def as_frame(data: bytes, stamp_us: int = 0) -> Frame:
 def log_frames(path: Path) -> list[Frame]:
     """All frames of a .tlog with its stamps."""
     return [as_frame(data, stamp_us) for stamp_us, data in stamped_frames(path)]
+
+
+def live_rows(
+    frames: Iterable[Frame], airframe: Airframe, **options
+) -> tuple[list[Sample], Sampler]:
+    """The rows that vehicle 1's frames give live, and what made them."""
+    state, sampler = VehicleState(system=1), Sampler("vehicle 1", airframe, **options)
+    rows = []
+    for frame in frames:
+        if frame.system == 1:
+            state = fold(state, frame)
+            row = sampler.after(state)
+            rows += [row] if row else []
+    return rows, sampler
 
 
 def command(name: str, *arguments: str, **options) -> subprocess.Popen:

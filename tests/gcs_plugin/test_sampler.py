@@ -14,20 +14,13 @@ from gcs_plugin.sampler import Sampler
 from gcs_plugin.state import VehicleState, fold
 from models.airframe import load_airframe
 from models.flight import CHANNEL_COLUMNS, FlightTrack
-from tests.gcs_plugin.live_vehicle import SECOND, Vehicle, as_frame, log_frames
+from tests.gcs_plugin.live_vehicle import SECOND, Vehicle, as_frame, live_rows, log_frames
 
 AIRFRAME = load_airframe("topxgun-f16-sitl")
 
 
 def run(frames, **options) -> tuple[list[Sample], Sampler]:
-    state, sampler = VehicleState(system=1), Sampler("vehicle 1", AIRFRAME, **options)
-    rows = []
-    for frame in frames:
-        if frame.system == 1:
-            state = fold(state, frame)
-            row = sampler.after(state)
-            rows += [row] if row else []
-    return rows, sampler
+    return live_rows(frames, AIRFRAME, **options)
 
 
 def track(rows: list[Sample], sampler: Sampler) -> FlightTrack:

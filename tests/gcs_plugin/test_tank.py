@@ -10,27 +10,18 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from gcs_plugin.live_rows import COLUMNS
 from gcs_plugin.logs import read_log
-from gcs_plugin.sampler import Sampler
-from gcs_plugin.state import VehicleState, fold
 from gcs_plugin.tank import BalanceWatch, FlowMeter, virtual_gauge
 from models.airframe import load_airframe
 from models.analysis import analyse
 from models.rotor_model import physics_model
-from tests.gcs_plugin.live_vehicle import Vehicle, as_frame, log_frames
+from tests.gcs_plugin.live_vehicle import Vehicle, as_frame, live_rows, log_frames
 
 AIRFRAME = load_airframe("topxgun-f16-sitl")
 
 
 def levels(frames, tank: str = "auto", start: float | None = None):
     """Level (kg), its source and notes at each row."""
-    state = VehicleState(system=1)
-    sampler = Sampler("vehicle 1", AIRFRAME, tank=tank, tank_start_kg=start)
-    rows = []
-    for frame in frames:
-        if frame.system == 1:
-            state = fold(state, frame)
-            row = sampler.after(state)
-            rows += [row] if row else []
+    rows, _ = live_rows(frames, AIRFRAME, tank=tank, tank_start_kg=start)
     return [
         (float(r.values[COLUMNS["tank_kg"]]), r.tank.source, r.tank.notes, r.tank.pumped_kg)
         for r in rows
