@@ -12,28 +12,24 @@ import numpy as np
 
 from gcs_plugin.identify_page.rows import Rows
 from gcs_plugin.identify_words import channel_factor, channel_title
-from gcs_plugin.report.maps import plotly_scale
+from gcs_plugin.report.maps import route_map
 from gcs_plugin.report.plot_style import (
     AXIS,
-    GRID,
     LAYOUT,
     MEASURED,
     PREDICTED,
     Panel,
     PlotJson,
     line,
-    milliseconds,
     over_time,
     packed,
 )
-from gcs_plugin.report.series import keep_worst
 from gcs_plugin.view.colours import residual_scale
 from models.flight import Floats
 from models.unexplained import Curve
 
 BEFORE, AFTER = PREDICTED, MEASURED
 ROTOR_PX = 96
-MAP_POINTS = 900
 LONGEST_STEP_S = 1.0  # beyond which a line is broken
 
 
@@ -113,58 +109,20 @@ def map_figure(rows: Rows, flight: int, residual_rpm: Floats, limit_rpm: float) 
     """
     mine = rows.of(flight)
     north, east, time_s = rows.north[mine], rows.east[mine], rows.time_s[mine]
-    placed = np.isfinite(north) & np.isfinite(east)
-    if not placed.any():
+    if not np.any(np.isfinite(north) & np.isfinite(east)):
         return None
     own = residual_rpm[mine]
     worst = own[np.arange(own.shape[0]), np.argmax(np.abs(own), axis=1)]
-    kept = keep_worst(np.where(placed, np.abs(worst), np.nan), MAP_POINTS)
-    kept = kept[np.argsort(np.abs(worst[kept]), kind="stable")]
-    scale = residual_scale(limit_rpm)
-    data: list[PlotJson] = [
-        {
-            "type": "scatter",
-            "mode": "lines",
-            "x": packed(east[placed]),
-            "y": packed(north[placed]),
-            "line": {"color": GRID, "width": 2},
-            "hoverinfo": "skip",
-            "showlegend": False,
-        },
-        {
-            "type": "scatter",
-            "mode": "markers",
-            "x": packed(east[kept]),
-            "y": packed(north[kept]),
-            "marker": {
-                "size": 9,
-                "color": packed(worst[kept]),
-                "cmin": scale.low,
-                "cmax": scale.high,
-                "colorscale": plotly_scale(scale),
-                "colorbar": {
-                    "orientation": "h",
-                    "thickness": 16,
-                    "y": 1.0,
-                    "yanchor": "bottom",
-                    "tickvals": [value for value, _ in scale.marks],
-                    "ticktext": [escape(text) for _, text in scale.marks],
-                    "tickfont": {"size": 15},
-                },
-            },
-            "customdata": packed(milliseconds(time_s[kept])),
-            "hovertemplate": "%{customdata|%M:%S}  %{marker.color:+.0f} rpm<extra></extra>",
-            "showlegend": False,
-        },
-    ]
-    layout = {
-        **LAYOUT,
-        "height": 480,
-        "margin": {"l": 70, "r": 50, "t": 80, "b": 60},
-        "xaxis": {**AXIS, "title": {"text": "east, m", "font": {"size": 16}}},
-        "yaxis": {**AXIS, "title": {"text": "north, m", "font": {"size": 16}}, "scaleanchor": "x"},
-    }
-    return {"data": data, "layout": layout}
+    return route_map(
+        (north, east),
+        time_s,
+        worst,
+        np.abs(worst),
+        residual_scale(limit_rpm),
+        form="+.0f",
+        height=480,
+        margin={"l": 70, "r": 50, "t": 80, "b": 60},
+    )
 
 
 def curve_figure(curve: Curve, mode: str) -> PlotJson:

@@ -1,7 +1,8 @@
-"""The route from above, coloured by capacity use or redundancy with the view's own scales."""
+"""The route from above, coloured with the view's own scales."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from html import escape
 
@@ -28,17 +29,49 @@ def map_figure(
 
     `worst` is ringed. `low_is_bad` turns round what counts as worst.
     """
-    placed = np.isfinite(series.north) & np.isfinite(series.east)
-    sign = -1.0 if low_is_bad else 1.0
-    kept = keep_worst(np.where(placed, sign * values, np.nan), MAP_POINTS)
+    figure = route_map(
+        (series.north, series.east),
+        series.time_s,
+        values,
+        -values if low_is_bad else values,
+        scale,
+        form=".2f",
+        height=560,
+        margin={"l": 70, "r": 20, "t": 90, "b": 60},
+    )
+    if worst is not None and np.isfinite(worst.north) and np.isfinite(worst.east):
+        figure["data"].append(_ring(worst))
+    return figure
+
+
+def route_map(
+    place: tuple[Floats, Floats],
+    time_s: Floats,
+    values: Floats,
+    badness: Floats,
+    scale: ColourScale,
+    *,
+    form: str,
+    height: int,
+    margin: Mapping[str, int],
+) -> PlotJson:
+    """The route through `place` (north and east (T,), m), coloured by `values` (T,).
+
+    Of each stretch the row of the most `badness` (T,) is drawn; `form` is that of the number shown
+    under the mouse, `height` and `margin` are in pixels.
+    """
+    north, east = place
+    placed = np.isfinite(north) & np.isfinite(east)
+    kept = keep_worst(np.where(placed, badness, np.nan), MAP_POINTS)
     # Worst last, so that a later pass over the same place does not hide it.
-    kept = kept[np.argsort(sign * values[kept], kind="stable")]
+    kept = kept[np.argsort(badness[kept], kind="stable")]
+    number = "%{marker.color:" + form + "}" + scale.unit
     data: list[PlotJson] = [
         {
             "type": "scatter",
             "mode": "lines",
-            "x": packed(series.east[placed]),
-            "y": packed(series.north[placed]),
+            "x": packed(east[placed]),
+            "y": packed(north[placed]),
             "line": {"color": GRID, "width": 2},
             "hoverinfo": "skip",
             "showlegend": False,
@@ -46,22 +79,18 @@ def map_figure(
         {
             "type": "scatter",
             "mode": "markers",
-            "x": packed(series.east[kept]),
-            "y": packed(series.north[kept]),
+            "x": packed(east[kept]),
+            "y": packed(north[kept]),
             "marker": _marker(values[kept], scale),
-            "customdata": packed(milliseconds(series.time_s[kept])),
-            "hovertemplate": "%{customdata|%M:%S}  %{marker.color:.2f}"
-            + scale.unit
-            + "<extra></extra>",
+            "customdata": packed(milliseconds(time_s[kept])),
+            "hovertemplate": "%{customdata|%M:%S}  " + number + "<extra></extra>",
             "showlegend": False,
         },
     ]
-    if worst is not None and np.isfinite(worst.north) and np.isfinite(worst.east):
-        data.append(_ring(worst))
     layout = {
         **LAYOUT,
-        "height": 560,
-        "margin": {"l": 70, "r": 20, "t": 90, "b": 60},
+        "height": height,
+        "margin": dict(margin),
         "xaxis": {**AXIS, "title": {"text": "east, m", "font": {"size": 16}}},
         "yaxis": {**AXIS, "title": {"text": "north, m", "font": {"size": 16}}, "scaleanchor": "x"},
     }
