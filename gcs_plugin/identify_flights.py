@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gcs_plugin.progress import each_log
 from models.airframe import Airframe
 from models.errors import DataError, LogError
 from models.flight import FlightTrack
@@ -49,19 +50,11 @@ def read_flights(
     the rotor speeds of one cannot be what they are taken for, AirframeError for a wrong number of
     rotors.
     """
-    from rich.progress import track as progress
-
     from gcs_plugin.logs import read_log
 
     tracks: list[FlightTrack] = []
     not_used: list[NotUsed] = []
-    for path in progress(
-        logs,
-        description="reading",
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    ):
+    for path in each_log(logs, console):
         try:
             track = read_log(path, vehicle=vehicle, airframe=airframe).track
         except LogError as error:

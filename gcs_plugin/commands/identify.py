@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 from tyro.conf import Positional
@@ -14,8 +14,6 @@ from tyro.conf import Positional
 from models.errors import DataError, ModelError
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from gcs_plugin.identify_result import Result
 
 
@@ -64,6 +62,7 @@ def identify(
     from gcs_plugin.chosen_model import judged_model
     from gcs_plugin.identify_flights import read_flights, require_distinct
     from gcs_plugin.identify_result import result_of
+    from gcs_plugin.progress import steps
     from models.identify import identify as search
     from models.search import SearchConfig
 
@@ -87,7 +86,7 @@ def identify(
             first = flights.not_used[0]
             raise DataError(f"no {name}flight can be used; {first.name}: {first.reason}")
     require_distinct((*fit.tracks, *unused.tracks))
-    with _steps(errors) as progress:
+    with steps(errors, total=1.0) as progress:
         found = search(
             judged,
             fit.tracks,
@@ -197,20 +196,3 @@ def show(result: Result, written: Sequence[Path]) -> None:
             console.print(f"new model: {note}", soft_wrap=True)
     for path in written:
         console.print(f"wrote {path}", soft_wrap=True)
-
-
-@contextmanager
-def _steps(console: Console) -> Iterator[Callable[[str, float], None]]:
-    """What the search is doing, on standard error."""
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(
-        *columns, console=console, transient=True, disable=not console.is_terminal
-    ) as bars:
-        task: Any = bars.add_task("loading torch", total=1.0)
-
-        def step(what: str, share: float) -> None:
-            bars.update(task, description=what, completed=share)
-
-        yield step

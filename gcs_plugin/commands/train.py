@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -57,6 +56,7 @@ def train(
     from rich.console import Console
 
     from gcs_plugin.loss_figure import write_loss_curves
+    from gcs_plugin.progress import steps
     from gcs_plugin.training_tables import training_tables
     from models.airframe import load_airframe
     from models.rotor_model import save_model
@@ -76,7 +76,12 @@ def train(
         splits=SPLITS[split], members=members, seed=seed, net=NetConfig(max_epochs=max_epochs)
     )
     tracks, notes = _read(logs, aircraft, progress)
-    with _epochs(settings.names(), progress) as on_epoch:
+    names = settings.names()
+    with steps(progress, total=len(names)) as step:
+
+        def on_epoch(name: str, epoch: int, loss: float) -> None:
+            step(f"{name}: epoch {epoch}, validation loss {loss:.4f}", names.index(name))
+
         trained = fit(
             tracks,
             aircraft,
@@ -112,18 +117,11 @@ def _read(
     logs: Sequence[Path], airframe: Airframe, console: Console
 ) -> tuple[list[FlightTrack], list[str]]:
     """The flights that can be read, and a sentence for each log that cannot."""
-    from rich.progress import track as progress_bar
-
     from gcs_plugin.logs import read_log
+    from gcs_plugin.progress import each_log
 
     tracks, unread = [], []
-    for path in progress_bar(
-        logs,
-        description="reading",
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    ):
+    for path in each_log(logs, console):
         try:
             tracks.append(read_log(path, airframe=airframe).track)
         except LogError as error:
@@ -141,21 +139,3 @@ def _unused(tracks: Sequence[FlightTrack]) -> list[str]:
         for track in tracks
         if not training_rows(track).any()
     ]
-
-
-@contextmanager
-def _epochs(names: Sequence[str], console: Console) -> Iterator[Callable[[str, int, float], None]]:
-    """A bar over the networks on standard error, with epoch and loss of the one being fitted."""
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    with Progress(
-        *columns, console=console, transient=True, disable=not console.is_terminal
-    ) as bars:
-        task = bars.add_task("loading torch", total=len(names))
-
-        def on_epoch(name: str, epoch: int, loss: float) -> None:
-            text = f"{name}: epoch {epoch}, validation loss {loss:.4f}"
-            bars.update(task, completed=names.index(name), description=text)
-
-        yield on_epoch

@@ -1,0 +1,41 @@
+"""How far long work is, on standard error where somebody watches it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+def each_log(logs: Sequence[Path], console: Console) -> Iterable[Path]:
+    """The logs in their order, with a bar while they are read."""
+    from rich.progress import track
+
+    return track(
+        logs,
+        description="reading",
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    )
+
+
+@contextmanager
+def steps(console: Console, *, total: float) -> Iterator[Callable[[str, float], None]]:
+    """A bar up to `total`, moved by calls with what is being done and how much has been done."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (BarColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as bars:
+        task = bars.add_task("loading torch", total=total)
+
+        def step(what: str, done: float) -> None:
+            bars.update(task, description=what, completed=done)
+
+        yield step
