@@ -17,90 +17,27 @@ from models.flight import Floats
 #: PX4's output function of motor 1; motors 2 to 12 follow.
 MOTOR_1 = 101
 
+_FROM_ORIGIN = " from the estimator's origin"
+_WARM_BAROMETER = " (of the barometer: warmer than the air)"
 _LEVEL_WIND = {"windspeed_north", "windspeed_east"}
 
 Topic = Mapping[str, NDArray[Any]]
 
-#: (topic, channel, fields, unit, words): preferred first.
-_RULES: tuple[tuple[str, str, tuple[str, ...], str, str], ...] = (
-    (
-        "vehicle_angular_velocity",
-        "angular_rate_frd",
-        ("xyz[0]", "xyz[1]", "xyz[2]"),
-        "rad/s",
-        "vehicle_angular_velocity xyz",
-    ),
-    (
-        "sensor_combined",
-        "angular_rate_frd",
-        ("gyro_rad[0]", "gyro_rad[1]", "gyro_rad[2]"),
-        "rad/s",
-        "sensor_combined gyro_rad",
-    ),
-    (
-        "vehicle_acceleration",
-        "specific_force_frd",
-        ("xyz[0]", "xyz[1]", "xyz[2]"),
-        "m/s/s",
-        "vehicle_acceleration xyz",
-    ),
-    (
-        "sensor_combined",
-        "specific_force_frd",
-        ("accelerometer_m_s2[0]", "accelerometer_m_s2[1]", "accelerometer_m_s2[2]"),
-        "m/s/s",
-        "sensor_combined accelerometer_m_s2",
-    ),
-    (
-        "vehicle_local_position",
-        "position_ned",
-        ("x", "y", "z"),
-        "m",
-        "vehicle_local_position x, y, z from the estimator's origin",
-    ),
-    (
-        "vehicle_local_position",
-        "velocity_ned",
-        ("vx", "vy", "vz"),
-        "m/s",
-        "vehicle_local_position vx, vy, vz",
-    ),
-    (
-        "vehicle_global_position",
-        "altitude",
-        ("alt",),
-        "m",
-        "vehicle_global_position alt",
-    ),
-    (
-        "airspeed_validated",
-        "airspeed",
-        ("true_airspeed_m_s",),
-        "m/s",
-        "airspeed_validated true_airspeed_m_s",
-    ),
-    ("airspeed", "airspeed", ("true_airspeed_m_s",), "m/s", "airspeed true_airspeed_m_s"),
-    (
-        "vehicle_air_data",
-        "pressure",
-        ("baro_pressure_pa",),
-        "Pa",
-        "vehicle_air_data baro_pressure_pa",
-    ),
-    (
-        "vehicle_air_data",
-        "temperature",
-        ("ambient_temperature",),
-        "degC",
-        "vehicle_air_data ambient_temperature",
-    ),
-    (
-        "vehicle_air_data",
-        "temperature",
-        ("baro_temp_celcius",),
-        "degC",
-        "vehicle_air_data baro_temp_celcius (of the barometer: warmer than the air)",
-    ),
+#: (topic, fields, channel, unit, words that follow), preferred first. A field that the topic has
+#: element by element stands for its three elements.
+_RULES: tuple[tuple[str, tuple[str, ...], str, str, str], ...] = (
+    ("vehicle_angular_velocity", ("xyz",), "angular_rate_frd", "rad/s", ""),
+    ("sensor_combined", ("gyro_rad",), "angular_rate_frd", "rad/s", ""),
+    ("vehicle_acceleration", ("xyz",), "specific_force_frd", "m/s/s", ""),
+    ("sensor_combined", ("accelerometer_m_s2",), "specific_force_frd", "m/s/s", ""),
+    ("vehicle_local_position", ("x", "y", "z"), "position_ned", "m", _FROM_ORIGIN),
+    ("vehicle_local_position", ("vx", "vy", "vz"), "velocity_ned", "m/s", ""),
+    ("vehicle_global_position", ("alt",), "altitude", "m", ""),
+    ("airspeed_validated", ("true_airspeed_m_s",), "airspeed", "m/s", ""),
+    ("airspeed", ("true_airspeed_m_s",), "airspeed", "m/s", ""),
+    ("vehicle_air_data", ("baro_pressure_pa",), "pressure", "Pa", ""),
+    ("vehicle_air_data", ("ambient_temperature",), "temperature", "degC", ""),
+    ("vehicle_air_data", ("baro_temp_celcius",), "temperature", "degC", _WARM_BAROMETER),
 )
 #: Topics that are read.
 TOPICS = (
@@ -125,6 +62,10 @@ def _signal(
     return Signal(channel, source, *in_time_order(time_s, values), index)
 
 
+def _columns(topic: Topic, field: str) -> list[str]:
+    return [field] if field in topic else [f"{field}[{i}]" for i in range(3)]
+
+
 def _si(topic: Topic, name: str, unit: str) -> Floats:
     factor, offset = UNITS[unit]
     return topic[name].astype(np.float64) * factor + offset
@@ -134,11 +75,13 @@ def ulog_signals(topics: Mapping[str, list[Topic]]) -> tuple[Signals, list[str]]
     """Signals of every topic by name (each a list of its instances), and notes."""
     signals: list[Signal] = []
     notes: list[str] = []
-    for name, channel, fields, unit, words in _RULES:
+    for name, fields, channel, unit, more in _RULES:
         for topic in topics.get(name, [])[:1]:
-            if all(f in topic for f in fields):
-                parts = [_si(topic, f, unit) for f in fields]
+            columns = [column for field in fields for column in _columns(topic, field)]
+            if all(column in topic for column in columns):
+                parts = [_si(topic, column, unit) for column in columns]
                 values = parts[0] if len(parts) == 1 else np.stack(parts, axis=-1)
+                words = f"{name} {', '.join(fields)}{more}"
                 signals.append(_signal(channel, words, topic, values))
     first = {name: group[0] for name, group in topics.items()}
     for name, needed, method in _METHODS:
