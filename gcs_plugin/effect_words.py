@@ -13,6 +13,7 @@ import numpy as np
 
 from gcs_plugin.report.words import clock, number
 from gcs_plugin.told_effect import Told, spread
+from models.followed import FOLLOWED
 from models.outcome import Found, Identification
 
 #: m/s at which the climb effect is told
@@ -217,12 +218,26 @@ def _voltage(told: Told) -> str:
 
 
 def _wind(told: Told) -> str:
+    return f"The airspeed lacks a wind: {_winds(told)}"
+
+
+def _followed_wind(told: Told) -> str:
+    found, envelope = told.found, told.whole.model.envelope
+    known = "" if envelope is None else number(envelope.wind_speed[1], "m/s")
+    return (
+        f"A wind blows, stronger than the {known} of the training: {_winds(told)}; the reported "
+        "airspeed follows it, so it is not missing: with the speed over ground instead RMSE would "
+        f"be {number(found.rmse_before_rpm, '', 0)}, not {number(found.rmse_after_rpm, 'rpm', 0)}"
+    )
+
+
+def _winds(told: Told) -> str:
     found, names = told.found, told.whole.problem.names
     order = np.argsort(-np.hypot(found.value[:, 0], found.value[:, 1]), kind="stable")
     said = [f"{_wind_of(found, int(f))} in {names[f]}" for f in order[:MOST_LISTED]]
     if order.size > MOST_LISTED:
         said.append(f"and {order.size - MOST_LISTED} more")
-    return "The airspeed lacks a wind: " + ", ".join(said)
+    return ", ".join(said)
 
 
 def _wind_of(found: Found, flight: int) -> str:
@@ -260,5 +275,6 @@ SENTENCES: Mapping[str, Callable[[Told], str]] = MappingProxyType(
         "thrust_drift": _drift,
         "battery_voltage": _voltage,
         "wind": _wind,
+        FOLLOWED.key: _followed_wind,
     }
 )

@@ -39,12 +39,12 @@ def effects_table(found: Identification) -> Table:
     table.add_column("effect", overflow="fold")
     for name in ("value", "95 %", "p", "RMSE rpm"):
         table.add_column(name, justify="right", no_wrap=True)
-    for one in found.found:
+    for one in found.told:
         table.add_row(
             Text(found_name(one), style="bold"),
             "",
             "",
-            f"{one.p_value:.2g}",
+            "" if one is found.followed else f"{one.p_value:.2g}",
             _from_to(one.rmse_before_rpm, one.rmse_after_rpm),
         )
         for name, value, interval in parameter_rows(found, one):

@@ -33,7 +33,9 @@ def _of_members(model: RotorModel, x: Channels) -> list[Floats]:
     if network is None or envelope is None or network.members < 2:
         return []
     speeds = member_speeds(
-        network, np.clip(x.airspeed, *envelope.airspeed), np.clip(x.tank_kg, *envelope.tank_kg)
+        network,
+        np.clip(x.airspeed, envelope.airspeed[0], model.known_airspeed),
+        np.clip(x.tank_kg, *envelope.tank_kg),
     )
     return list((speeds - speeds.mean(axis=0)) / np.sqrt(network.members - 1.0))
 

@@ -103,7 +103,8 @@ class Found:
             out[p.name] = entry
         return out
 
-    def to_json(self, names: tuple[str, ...]) -> dict[str, Any]:
+    def to_json(self, names: tuple[str, ...], *, followed: bool = False) -> dict[str, Any]:
+        """One of the JSON's effects; `followed` by a channel already, so that none is added."""
         return {
             "name": self.term.effect.name,
             "variant": self.term.effect.variant,
@@ -115,6 +116,7 @@ class Found:
             "indistinguishable_from": list(self.indistinguishable_from),
             "tell_apart_by": self.term.effect.tell if self.indistinguishable_from else None,
             "source": self.term.effect.source,
+            "already_followed": followed,
         }
 
 
@@ -165,6 +167,12 @@ class Identification:
     sensor_noise_rpm: float
     config: SearchConfig
     tried: tuple[Tried, ...] = ()
+    followed: Found | None = None  # that the flights have and a channel tells the model of
+
+    @property
+    def told(self) -> tuple[Found, ...]:
+        """The effects found, and the one that is followed already."""
+        return self.found if self.followed is None else (*self.found, self.followed)
 
     def to_json(self, *, model_in: str = "", model_out: str = "") -> dict[str, Any]:
         """The JSON of the identify command; NaN as null."""
@@ -179,6 +187,9 @@ class Identification:
                 {"log": n, "role": "held_out", "samples": int(s)}
                 for n, s in zip(self.held_out.names, unused, strict=True)
             ]
+        effects = [f.to_json(self.problem.names) for f in self.found]
+        if self.followed is not None:
+            effects.append(self.followed.to_json(self.problem.names, followed=True))
         return _plain(
             {
                 "schema": "thrustmargin.identify/1",
@@ -187,7 +198,7 @@ class Identification:
                 "errors_from": "held_out" if self.held_out is not None else "cross_validation",
                 "before": self.before.to_json(),
                 "after": self.after.to_json(),
-                "effects": [f.to_json(self.problem.names) for f in self.found],
+                "effects": effects,
                 "unexplained": self.unexplained(),
                 "floor_rpm": self.floor_rpm,
                 "sensor_noise_rpm": self.sensor_noise_rpm,

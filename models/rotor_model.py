@@ -25,6 +25,7 @@ from models.ensemble import RotorNetwork, ensemble_speed
 from models.envelope import Envelope
 from models.errors import AirframeError, ModelError
 from models.flight import Floats
+from models.forward_flight import ForwardFlight, thrust_ratio
 from models.margin import weight
 from models.plain import from_plain, to_plain
 from models.records import EffectRecord, TrainingRecord
@@ -45,6 +46,7 @@ PLAIN_FIELDS: dict[str, Any] = {
     "reference_density": float,
     "reference_voltage": float,
     "training": TrainingRecord | None,
+    "forward_flight": ForwardFlight | None,
     "background_rpm": tuple[float, ...],
 }
 
@@ -61,6 +63,7 @@ class RotorModel:
     reference_density: float  # kg/m³, median of the training flights, else the airframe's
     reference_voltage: float  # V, likewise; NaN unknown
     training: TrainingRecord | None = None
+    forward_flight: ForwardFlight | None = None  # carries the network on beyond known airspeeds
     background_rpm: tuple[float, ...] = ()  # spread of good flights' mean residual, by mode
 
     def __post_init__(self) -> None:
@@ -118,15 +121,33 @@ class RotorModel:
     def held_speed(self, airspeed: Floats, tank_kg: Floats) -> Floats:
         """(N, R) rpm like `base_speed`, without its jump at the edge of the training.
 
-        Beyond the training the network is held at its edge and the weight carried on from there by
-        the thrust curve, so that an effect fitted on top sees no step of the model's own.
+        Beyond what the network knows it is held at its edge, and carried on from there by physics:
+        the weight, and drag and lift of forward flight, so that an effect fitted on top sees no
+        step of the model's own.
         """
         if self.network is None or self.envelope is None:
             return self.base_speed(airspeed, tank_kg)
         near = np.clip(tank_kg, *self.envelope.tank_kg)
-        speeds = self.base_speed(np.clip(airspeed, *self.envelope.airspeed), near)
+        slow = np.clip(airspeed, self.envelope.airspeed[0], self.known_airspeed)
         ratio = weight(self.airframe, tank_kg) / weight(self.airframe, near)
-        return speeds * np.sqrt(ratio)[:, None]
+        if self.forward_flight is not None:
+            ratio = ratio * self._forward(airspeed, tank_kg) / self._forward(slow, near)
+        return self.base_speed(slow, near) * np.sqrt(ratio)[:, None]
+
+    @property
+    def known_airspeed(self) -> float:
+        """m/s, up to which the network itself is asked in `held_speed`."""
+        if self.envelope is None:
+            return float("nan")
+        top = self.envelope.airspeed[1]
+        return top if self.forward_flight is None else min(self.forward_flight.known_airspeed, top)
+
+    def _forward(self, airspeed: Floats, tank_kg: Floats) -> Floats:
+        assert self.forward_flight is not None
+        mass = self.airframe.empty_mass + tank_kg
+        return thrust_ratio(
+            self.forward_flight, airspeed, mass, self.reference_density, self.airframe
+        )
 
     def base_apparent_thrust(self, airspeed: Floats, tank_kg: Floats) -> Floats:
         """(N, R) N: a0 N² of `base_speed`, with a0 at the model's reference density."""
@@ -254,6 +275,7 @@ def _model(data: Any, tensors: dict[str, np.ndarray]) -> RotorModel:
     schema = data.get("schema") if isinstance(data, dict) else None
     if schema != SCHEMA:
         raise ModelError(f"its schema is {schema!r}, this version reads {SCHEMA!r}")
+    data = {"forward_flight": None, **data}
     missing = sorted({"airframe", *PLAIN_FIELDS} - data.keys())
     if missing or not isinstance(data["airframe"], dict):
         raise ModelError(f"its metadata lacks {(missing or ['airframe'])[0]!r}")

@@ -28,6 +28,7 @@ from models.ensemble import ensemble_speed, member_speeds, stack_networks
 from models.envelope import Envelope, Range
 from models.errors import AirframeError, DataError
 from models.flight import FlightTrack, Floats
+from models.forward_flight import fit_forward_flight
 from models.records import ConditionScore, SplitScore, TrainingRecord
 from models.rotor_model import RotorModel
 from models.rotor_net import NetConfig, NetworkFit, fit_network
@@ -175,6 +176,7 @@ def train(
             splits=tuple(split_scores),
             left_out=_conditions(samples, left_out, settings.seed),
         ),
+        forward_flight=fit_forward_flight(tracks, airframe),
     )
     return Trained(model=model, curves=tuple(curves))
 

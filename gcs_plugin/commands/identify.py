@@ -186,7 +186,7 @@ def show(result: Result, written: Sequence[Path]) -> None:
     console = Console(highlight=False, markup=False)
     for sentence in result.answer:
         console.print(sentence, soft_wrap=True)
-    if result.found.found:
+    if result.found.told:
         console.print(effects_table(result.found))
     console.print(errors_table(result.found, result.errors))
     for one in result.not_used:

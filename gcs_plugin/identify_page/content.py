@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import zip_longest
 
 import numpy as np
 
@@ -92,13 +93,13 @@ def content_of(result: Result) -> Content:
         EffectRow(
             name=found_name(f),
             parameters=tuple(parameter_rows(found, f, most=found.problem.flights)),
-            p_value=f"{f.p_value:.2g}",
+            p_value="" if m is None else f"{f.p_value:.2g}",
             rmse=f"{number(f.rmse_before_rpm, '', 1)} → {number(f.rmse_after_rpm, '', 1)}",
-            margin=margin_words(m, names),
+            margin="in the model already" if m is None else margin_words(m, names),
             source=f.term.effect.source,
             tell=apart(f) if f.indistinguishable_from else "",
         )
-        for f, m in zip(found.found, result.margins, strict=True)
+        for f, m in zip_longest(found.told, result.margins)
     )
     return Content(
         headline=_headline(result),
@@ -144,9 +145,11 @@ def _headline(result: Result) -> str:
         missing = "; ".join(listed).upper()
         return f"MISSING: {missing}"
     left = found.unexplained()
+    followed = "" if found.followed is None else f"{found_name(found.followed).upper()}; "
     if left["mode"] is None:
-        return "NOTHING IS MISSING"
-    return f"NO EFFECT OF THE TABLE; {percent(left['fraction_of_variance'], 1)} UNEXPLAINED"
+        return f"{followed}NOTHING IS MISSING"
+    share = percent(left["fraction_of_variance"], 1)
+    return f"{followed}NO EFFECT OF THE TABLE; {share} UNEXPLAINED"
 
 
 def _looks(tried: tuple[Tried, ...]) -> tuple[tuple[TriedRow, ...], ...]:

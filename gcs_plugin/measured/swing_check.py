@@ -21,6 +21,7 @@ import numpy as np
 from gcs_plugin.measured.crazyflie import MeasuredFlight
 from gcs_plugin.measured.thrust_check import DIAMETER, flow
 from models.atmosphere import G0
+from models.attitude import down_axis
 from models.effects.pendulum import force_ned, swing
 from models.flight import Floats
 
@@ -111,12 +112,4 @@ def _apparent_gravity(flight: MeasuredFlight) -> Floats:
 
     That is the direction opposite to the aircraft's specific force, its own down axis in essence.
     """
-    roll, pitch, yaw = flight.track.attitude.T
-    return np.stack(
-        [
-            np.cos(roll) * np.sin(pitch) * np.cos(yaw) + np.sin(roll) * np.sin(yaw),
-            np.cos(roll) * np.sin(pitch) * np.sin(yaw) - np.sin(roll) * np.cos(yaw),
-            np.cos(roll) * np.cos(pitch),
-        ],
-        axis=1,
-    )
+    return down_axis(flight.track.attitude)

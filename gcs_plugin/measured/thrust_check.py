@@ -21,6 +21,7 @@ import numpy as np
 from gcs_plugin.measured.crazyflie import DELAYS, MeasuredFlight
 from gcs_plugin.measured.findings import rmse
 from models.atmosphere import G0
+from models.attitude import down_axis
 from models.errors import DataError
 from models.flight import Bools, Floats
 
@@ -190,15 +191,7 @@ def _only(rows: Rows, chosen: Bools) -> Rows:
 
 def flow(attitude: Floats, velocity: Floats) -> tuple[Floats, Floats]:
     """Speed along the thrust axis, upwards, and across it, (T,) m/s each, in still air."""
-    roll, pitch, yaw = attitude.T
-    down = np.stack(
-        [
-            np.cos(roll) * np.sin(pitch) * np.cos(yaw) + np.sin(roll) * np.sin(yaw),
-            np.cos(roll) * np.sin(pitch) * np.sin(yaw) - np.sin(roll) * np.cos(yaw),
-            np.cos(roll) * np.cos(pitch),
-        ],
-        axis=1,
-    )
+    down = down_axis(attitude)
     climb = -np.sum(velocity * down, axis=1)
     across = np.sqrt(np.maximum(np.sum(velocity**2, axis=1) - climb**2, 0.0))
     return climb, across

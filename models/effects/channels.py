@@ -10,13 +10,14 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, Self
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
-from scipy.signal import savgol_filter
 
 from models.airframe import Airframe
 from models.atmosphere import G0, isa_temperature, track_density
+from models.attitude import down_axis
 from models.effects.pendulum import cable_pull, shortest_cable
 from models.flight import FlightTrack, Floats
+from models.forward_flight import hover_induced_velocity
+from models.smoothing import derivative, moving_mean
 
 LAG_STEP = 0.1  # s
 NEAR_LAG = 0.5  # s, as far as an effect looks around a row by itself
@@ -138,9 +139,8 @@ def channels_of(
     felt = np.linalg.norm(track.specific_force_frd, axis=1) / G0
     kinematic = kinematic if np.isfinite(kinematic).any() else felt
     felt = felt if np.isfinite(felt).any() else kinematic
-    manoeuvre = felt + _moving_mean(time_s, kinematic - felt, SLOW_SPAN * quick)
-    turn = _derivative(time_s, track.angular_rate_frd, RATE_SPAN * quick)
-    disc = np.pi * airframe.propeller_diameter**2 / 4 * airframe.rotor_count
+    manoeuvre = felt + moving_mean(time_s, kinematic - felt, SLOW_SPAN * quick)
+    turn = derivative(time_s, track.angular_rate_frd, RATE_SPAN * quick)
     hover_rpm = np.sqrt(mass * G0 / airframe.rotor_count / airframe.thrust_coefficient)
     altitude = np.where(np.isfinite(track.altitude), track.altitude, 0.0)
     height = np.maximum(track.height_agl, 0.1)
@@ -161,7 +161,7 @@ def channels_of(
         density=density,
         reported_density=density if known else np.full_like(density, np.nan),
         isa_temperature=isa_temperature(altitude),
-        hover_induced_velocity=np.sqrt(mass * G0 / (2 * density * disc)),
+        hover_induced_velocity=hover_induced_velocity(mass, density, airframe),
         advance_ratio=_climb_along_axis(track) * 60 / (hover_rpm * airframe.propeller_diameter),
         radius_over_height=airframe.propeller_diameter / 2 / height,
         voltage=track.voltage,
@@ -187,25 +187,14 @@ def channels_of(
 
 def _load_factor(time_s: Floats, velocity: Floats, span: float) -> Floats:
     """|specific force|/g from the derivative of velocity over `span` seconds, (T,)."""
-    acceleration = _derivative(time_s, velocity, span)
+    acceleration = derivative(time_s, velocity, span)
     return np.linalg.norm(acceleration - np.array([0.0, 0.0, G0]), axis=1) / G0
 
 
 def _along(time_s: Floats, velocity: Floats, span: float) -> Floats:
     """(T,) m/s² by which the horizontal speed grows; 0 where it cannot be told."""
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
-    return np.nan_to_num(_derivative(time_s, speed, span))
-
-
-def _moving_mean(time_s: Floats, values: Floats, span: float) -> Floats:
-    """Mean (T,) of what is finite within `span` seconds about each row; NaN where nothing is."""
-    if time_s.size < 2:
-        return values
-    width = max(1, round(span / float(np.median(np.diff(time_s)))))
-    known = np.isfinite(values)
-    total = uniform_filter1d(np.where(known, values, 0.0), width, mode="constant")
-    share = uniform_filter1d(known.astype(float), width, mode="constant")
-    return np.where(share > 0.5 / width, total / np.maximum(share, 1e-9), np.nan)
+    return np.nan_to_num(derivative(time_s, speed, span))
 
 
 def _quickness(airframe: Airframe) -> float:
@@ -222,35 +211,7 @@ def _three(table: Any, columns: Floats) -> tuple[Floats, Floats, Floats]:
 def _climb_along_axis(track: FlightTrack) -> Floats:
     """Speed through the air along the thrust axis, (T,) m/s, positive in climb."""
     wind = np.where(np.isfinite(track.wind_ned), track.wind_ned, 0.0)
-    air = track.velocity_ned - wind
-    roll, pitch, yaw = track.attitude.T
-    down = np.stack(
-        [
-            np.cos(roll) * np.sin(pitch) * np.cos(yaw) + np.sin(roll) * np.sin(yaw),
-            np.cos(roll) * np.sin(pitch) * np.sin(yaw) - np.sin(roll) * np.cos(yaw),
-            np.cos(roll) * np.cos(pitch),
-        ],
-        axis=1,
-    )
-    return -np.sum(air * down, axis=1)
-
-
-def _derivative(time_s: Floats, values: Floats, span: float) -> Floats:
-    """Time derivative by a local quadratic over `span` seconds; NaN next to a gap."""
-    if time_s.size < 9:
-        return np.full_like(values, np.nan)
-    step = float(np.median(np.diff(time_s)))
-    window = max(3, 2 * int(span / step / 2) + 1)
-    window = min(window, time_s.size - (time_s.size + 1) % 2)
-    slope: Floats = np.asarray(
-        savgol_filter(values, window, 2, deriv=1, delta=step, axis=0, mode="nearest")
-    )
-    gap = np.flatnonzero(np.abs(np.diff(time_s) - step) > 0.5 * step)
-    half = window // 2 + 1
-    near = (gap[:, None] + np.arange(-half, half + 1)).ravel()
-    slope[np.clip(near, 0, time_s.size - 1)] = np.nan
-    slope[:half] = slope[-half:] = np.nan
-    return slope
+    return -np.sum((track.velocity_ned - wind) * down_axis(track.attitude), axis=1)
 
 
 def _later(time_s: Floats, values: Floats, lag: float) -> Floats:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from models.effects.base import Effect, Kind, Parameter
 from models.effects.channels import Channels
+from models.forward_flight import induced_ratio
 
 LEAST_DENSITY_ERROR = 0.01  # of the model's density: 3 K, or 100 m of height
 
@@ -24,9 +25,7 @@ def _air_density_weight(p, x: Channels, xp):
 
 
 def _translational_lift(p, x: Channels, xp):
-    ratio = (x.airspeed / x.hover_induced_velocity) ** 2
-    induced = xp.sqrt(xp.sqrt(1.0 + 0.25 * ratio**2) - 0.5 * ratio)
-    return 1.0 + p["gain"] * (1.0 - induced)
+    return 1.0 + p["gain"] * (1.0 - induced_ratio(x.airspeed / x.hover_induced_velocity, xp))
 
 
 def _climb_inflow(p, x: Channels, xp):  # noqa: ARG001

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gcs_plugin.logs import read_log
+from models.closing import with_effects
 from models.identify import identify
 from models.rotor_model import shipped_model
 
@@ -34,6 +35,22 @@ def test_the_told_change_is_found_with_its_value_and_nothing_beside_it(sitl_logs
     assert low <= truth <= high
     assert result["unexplained"]["mode"] is None
     assert result["after"]["rmse_rpm"] < 1.2 * result["floor_rpm"]
+
+
+@pytest.mark.slow
+def test_a_wind_that_the_airspeed_follows_is_told_and_not_added(sitl_logs):
+    model, flown = tracks(sitl_logs / "dev", [f"windy_{k}.tlog" for k in (1, 2, 3)])
+    found = identify(model, flown)
+    assert found.found == ()
+    (effect,) = found.to_json()["effects"]
+    assert effect["name"] == "wind"
+    assert effect["already_followed"]
+    for axis, truth in (("north", -7.0 * np.cos(np.pi / 6)), ("east", -7.0 * np.sin(np.pi / 6))):
+        low, high = effect["parameters"][f"wind_{axis}"]["ci95"]
+        assert low <= truth <= high
+        assert high - low < 2.0
+    assert effect["rmse_after_rpm"] < 0.9 * effect["rmse_before_rpm"]
+    assert with_effects(model, found).effects == model.effects
 
 
 @pytest.mark.slow

@@ -15,6 +15,7 @@ from models.effects.stored import BY_KEY
 from models.ensemble import RotorNetwork
 from models.envelope import Envelope
 from models.errors import ModelError
+from models.forward_flight import ForwardFlight, thrust_ratio
 from models.records import EffectRecord, Identified
 from models.rotor_model import (
     METADATA_KEY,
@@ -77,6 +78,9 @@ def learnt_model(airframe: Airframe = F16, **given) -> RotorModel:
             factor=(1.1,) * rotors,
         ),
         "effects": (worn_rotor(),),
+        "forward_flight": ForwardFlight(
+            rotor_drag=0.2, drag_area=0.3, lift_gain=0.1, known_airspeed=5.0
+        ),
         "reference_density": 1.2240448906210113,
         "reference_voltage": np.nan,
     }
@@ -120,6 +124,26 @@ def test_a_model_file_needs_no_airframe_file(tmp_path):
     again = load_model(saved(tmp_path, airframe=own)).airframe
     assert (again.name, again.title, again.empty_mass) == ("my-own", "one of a kind", 25.5)
     assert again.quantities["empty_mass"].source == F16.quantities["empty_mass"].source
+
+
+def test_beyond_what_it_knows_a_network_is_carried_on_by_drag_and_lift():
+    model = learnt_model()
+    tank = np.full(3, 8.0)
+    edge, near, far = model.held_speed(np.array([5.0, 5.0 + 1e-6, 12.0]), tank)
+    assert np.allclose(near, edge, rtol=1e-5)
+    assert model.forward_flight is not None
+    mass = F16.empty_mass + tank[:2]
+    at = thrust_ratio(
+        model.forward_flight, np.array([5.0, 12.0]), mass, model.reference_density, F16
+    )
+    assert np.allclose((far / edge) ** 2, at[1] / at[0])
+    held = learnt_model(forward_flight=None)
+    assert np.array_equal(*held.held_speed(np.array([6.0, 12.0]), tank[:2]))
+
+
+def test_a_file_from_before_forward_flight_is_read_without_it(tmp_path):
+    path = rewritten(tmp_path, change_metadata=lambda data: data.pop("forward_flight"))
+    assert load_model(path).forward_flight is None
 
 
 def test_a_model_without_network_is_saved_too(tmp_path):
