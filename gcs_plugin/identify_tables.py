@@ -44,7 +44,7 @@ def effects_table(found: Identification) -> Table:
             Text(found_name(one), style="bold"),
             "",
             "",
-            "" if one is found.followed else f"{one.p_value:.2g}",
+            "" if one in found.followed else f"{one.p_value:.2g}",
             _from_to(one.rmse_before_rpm, one.rmse_after_rpm),
         )
         for name, value, interval in parameter_rows(found, one):

@@ -49,8 +49,7 @@ def answer(
         change = f"RMSE on flights not used {_fall(found.before.rmse_rpm, found.after.rmse_rpm)}"
         sentence = effect_sentence(found.found[0], found)
         lines = [f"{sentence}; {change}; {margin_words(steps[0], names)}"]
-    if found.followed is not None:
-        lines.append(effect_sentence(found.followed, found))
+    lines += [effect_sentence(f, found) for f in found.followed]
     lines.append(together(found, total))
     if unexplained(found):
         lines.append(unexplained(found))

@@ -121,11 +121,14 @@ def starts(layout: Layout) -> Floats:
 def mode_scales(problem: Problem, residual_rpm: Floats) -> Floats:
     """(R,) rpm, robust size of each mode of a residual, none beyond SPREAD times the quietest.
 
-    A mode in which much is missing is large for that reason; it must not lose its say for it.
+    A mode in which much is missing is large for that reason; it must not lose its say for it. What
+    the base model itself may be off by counts in full: quiet sensors do not make it any truer.
     """
-    amplitudes = residual_rpm @ problem.modes.directions
+    directions = problem.modes.directions
+    amplitudes = residual_rpm @ directions
     scales = np.array([robust_scale(amplitudes[:, k]) for k in range(amplitudes.shape[1])])
-    return np.clip(scales, 1e-6, SPREAD * max(float(scales.min()), 1e-6))
+    scales = np.clip(scales, 1e-6, SPREAD * max(float(scales.min()), 1e-6))
+    return np.hypot(scales, np.sqrt(problem.known_square(directions)))
 
 
 def placed_terms(terms: Sequence[Term], values_by_row: Sequence[Any]) -> tuple[Placed, ...]:

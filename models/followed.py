@@ -1,8 +1,9 @@
 """What differs from the training and is followed all the same, because a channel tells of it.
 
 A wind beyond that of the training flights is no effect that the model lacks where the reported
-airspeed follows it. It is told, so that a change of conditions does not pass unsaid, with how far
-off the model would be with the speed over ground in place of the airspeed.
+airspeed follows it, and neither is a larger drag area that shows in the tilt, from which the model
+reads the load. Both are told, so that a change does not pass unsaid, with how far off the model
+would be without that channel.
 """
 
 from __future__ import annotations
@@ -14,18 +15,34 @@ import numpy as np
 from scipy.stats import t as student
 
 from models.atmosphere import G0
+from models.effects.channels import Channels
+from models.effects.demand import PARASITE_DRAG
 from models.effects.inputs import WIND
 from models.fit import Evaluator, Fit, Term
 from models.flight import FlightTrack, Floats
-from models.forward_flight import straight_rows, wind_by_drag
+from models.forward_flight import (
+    ForwardFlight,
+    steady_load,
+    steady_slowing,
+    straight_flight,
+    straight_rows,
+    wind_by_drag,
+)
 from models.outcome import Found
 from models.problem import BLOCK_SECONDS, Problem
 
-FOLLOWED = replace(WIND, variant="already followed")
+FOLLOWED_WIND = replace(WIND, variant="already followed")
+FOLLOWED_DRAG = replace(PARASITE_DRAG, variant="already followed")
 LEAST_RISE = 0.03  # of the RMSE, without it
 SIGNIFICANCE = 0.02
 LEAST_BLOCKS = 4  # of a flight, for an interval
-LEVEL_ERROR = np.radians(0.5)  # of the attitude, which both ways take for a wind
+LEVEL_ERROR = np.radians(0.5)  # of the attitude, which is taken for a wind or for drag
+
+
+def followed(problem: Problem, fit: Fit, tracks: Sequence[FlightTrack]) -> tuple[Found, ...]:
+    """Everything that differs from the training of the problem's model and is followed."""
+    told = followed_wind(problem, fit, tracks), followed_drag(problem, fit, tracks)
+    return tuple(one for one in told if one is not None)
 
 
 def followed_wind(problem: Problem, fit: Fit, tracks: Sequence[FlightTrack]) -> Found | None:
@@ -35,26 +52,77 @@ def followed_wind(problem: Problem, fit: Fit, tracks: Sequence[FlightTrack]) -> 
     how the two differ is in the interval, and what a level error would do to both. None where
     either is missing, or the speed over ground would do as well.
     """
-    model = problem.model
-    if model.envelope is None or model.forward_flight is None or not problem.has(WIND):
+    model, flight = problem.model, problem.model.forward_flight
+    if model.envelope is None or flight is None or not problem.has(WIND):
         return None
-    if not model.forward_flight.rotor_drag > 0.0:
+    if not flight.rotor_drag > 0.0:
         return None
-    told = [_winds(track, problem) for track in tracks]
+    told = [_winds(track, problem, flight) for track in tracks]
     if any(winds.shape[0] < LEAST_BLOCKS for winds in told):
         return None
     mean = np.stack([winds.mean(axis=0) for winds in told])  # (F, 2 ways, 2)
     value = mean.mean(axis=1)
-    level = G0 * LEVEL_ERROR / model.forward_flight.rotor_drag  # m/s
-    half = np.hypot(_half_widths(told, mean), level)
-    strongest = np.hypot(*value.T) - np.hypot(*half.T)
-    if not np.any(strongest > model.envelope.wind_speed[1]):
+    half = np.hypot(_half_widths(told, mean), G0 * LEVEL_ERROR / flight.rotor_drag)
+    surely = np.hypot(*value.T) - np.hypot(*half.T)
+    if not np.any(surely > model.envelope.wind_speed[1]):
         return None
-    before, after, p = _over_ground(problem, fit)
+    x = problem.channels
+    speed = np.hypot(x.velocity_north, x.velocity_east)
+    shifts = np.repeat(speed[:, None], x.airspeed_shifts.shape[1], axis=1)
+    over_ground = replace(x, airspeed=speed, airspeed_shifts=shifts)
+    return _told(problem, fit, over_ground, Term(effect=FOLLOWED_WIND), value, half)
+
+
+def followed_drag(problem: Problem, fit: Fit, tracks: Sequence[FlightTrack]) -> Found | None:
+    """The drag area by which the flights differ from the training, where the tilt tells the load.
+
+    Read from tilt and acceleration: no rotor speed is in it.
+    """
+    flight = problem.model.forward_flight
+    if flight is None or not any("load_factor_shifts" in p.effect.needs for p in problem.placed):
+        return None
+    sums = np.array([_drag_sums(track, problem, flight) for track in tracks])
+    gained, square, slope = sums.T
+    if not square.sum() > 0.0:
+        return None
+    area = float(gained.sum() / square.sum())
+    scatter = np.sqrt(np.sum((gained - area * square) ** 2)) / square.sum()
+    level = G0 * LEVEL_ERROR * slope.sum() / square.sum()
+    half = float(np.hypot(student.ppf(0.975, max(1, len(tracks) - 1)) * scatter, level))
+    if abs(area) - half < PARASITE_DRAG.parameters[0].smallest:
+        return None
+    x = problem.channels
+    draggy = replace(flight, drag_area=flight.drag_area + area)
+    ratio = steady_load(flight, x.airspeed, x.total_mass, x.density) / steady_load(
+        draggy, x.airspeed, x.total_mass, x.density
+    )
+    unaware = replace(
+        x,
+        load_factor_shifts=x.load_factor_shifts * ratio[:, None],
+        manoeuvre_load_shifts=x.manoeuvre_load_shifts * ratio[:, None],
+    )
+    value = np.full((problem.flights, 1), area)
+    return _told(problem, fit, unaware, Term(effect=FOLLOWED_DRAG), value, np.full((1, 1), half))
+
+
+def _drag_sums(track: FlightTrack, problem: Problem, flight: ForwardFlight) -> Floats:
+    """(3,) sums over straight rows of x r, x² and x: r the drag over mass that the training has
+    not, x what a square metre adds to it."""
+    rows = straight_flight(track, problem.model.airframe)
+    x = 0.5 * rows.density * rows.airspeed**2 / rows.mass
+    more = rows.slowing - steady_slowing(flight, rows.airspeed, rows.mass, rows.density)
+    return np.array([np.sum(x * more), np.sum(x * x), np.sum(x)])
+
+
+def _told(
+    problem: Problem, fit: Fit, without: Channels, term: Term, value: Floats, half: Floats
+) -> Found | None:
+    """The finding, where the model is clearly worse with the channels `without` it."""
+    before, after, p = _worse(problem, fit, without)
     if before < (1.0 + LEAST_RISE) * after or p > SIGNIFICANCE:
         return None
     return Found(
-        term=Term(effect=FOLLOWED),
+        term=term,
         value=value,
         lower=value - half,
         upper=value + half,
@@ -65,10 +133,8 @@ def followed_wind(problem: Problem, fit: Fit, tracks: Sequence[FlightTrack]) -> 
     )
 
 
-def _winds(track: FlightTrack, problem: Problem) -> Floats:
+def _winds(track: FlightTrack, problem: Problem, flight: ForwardFlight) -> Floats:
     """(B, 2, 2) m/s: in each block of time the wind reported and by drag, north and east."""
-    flight = problem.model.forward_flight
-    assert flight is not None
     by_drag = wind_by_drag(track, problem.model.airframe, flight)
     both = np.stack([track.wind_ned[:, :2], by_drag], axis=1)
     rows = straight_rows(track) & np.isfinite(both).all(axis=(1, 2))
@@ -93,16 +159,13 @@ def _half_widths(told: Sequence[Floats], mean: Floats) -> Floats:
     return np.hypot(scatter, between)
 
 
-def _over_ground(problem: Problem, fit: Fit) -> tuple[float, float, float]:
-    """RMSE in rpm with the speed over ground and with the airspeed, and how often chance does it.
+def _worse(problem: Problem, fit: Fit, without: Channels) -> tuple[float, float, float]:
+    """RMSE in rpm with the channels `without` and with the problem's, and how likely by chance.
 
     By Student's t of the blocks' differences, with half as many degrees of freedom as blocks.
     """
-    x = problem.channels
-    speed = np.hypot(x.velocity_north, x.velocity_east)
-    shifts = np.repeat(speed[:, None], x.airspeed_shifts.shape[1], axis=1)
-    ground = replace(problem, channels=replace(x, airspeed=speed, airspeed_shifts=shifts))
-    predicted = Evaluator(ground).predict(fit.terms, fit.layout, fit.values)
+    blind = replace(problem, channels=without)
+    predicted = Evaluator(blind).predict(fit.terms, fit.layout, fit.values)
     squares = np.stack([(problem.measured_rpm - predicted) ** 2, fit.residual_rpm**2]).mean(axis=2)
     before, after = np.sqrt(squares.mean(axis=1))
     count = np.bincount(problem.block)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -40,6 +40,16 @@ class ForwardFlight:
     known_airspeed: float  # m/s, up to which the network itself is asked
 
 
+class Straight(NamedTuple):
+    """N rows of straight flight."""
+
+    airspeed: Floats  # m/s
+    mass: Floats  # kg
+    density: Floats  # kg/m³
+    slowing: Floats  # drag over mass along the airspeed, m/s²
+    lift: Floats  # rotor force over apparent thrust
+
+
 def hover_induced_velocity(mass: Floats, density: Floats | float, airframe: Airframe) -> Floats:
     """v_h, m/s, of rotors that carry `mass` kg in air of `density` kg/m³ (momentum theory)."""
     disc = np.pi * airframe.propeller_diameter**2 / 4 * airframe.rotor_count
@@ -52,31 +62,54 @@ def induced_ratio(airspeed_ratio: Any, xp: Any = np) -> Any:
     return xp.sqrt(xp.sqrt(1.0 + 0.25 * square**2) - 0.5 * square)
 
 
+def steady_slowing(
+    flight: ForwardFlight, airspeed: Floats, mass: Floats, density: Floats | float
+) -> Floats:
+    """Drag over mass (N,) m/s² at airspeeds (N,) m/s."""
+    return (flight.rotor_drag + 0.5 * density * flight.drag_area / mass * airspeed) * airspeed
+
+
+def steady_load(
+    flight: ForwardFlight, airspeed: Floats, mass: Floats, density: Floats | float
+) -> Floats:
+    """Rotor force over weight (N,) in steady level flight: what drag adds to the weight."""
+    return np.hypot(1.0, steady_slowing(flight, airspeed, mass, density) / G0)
+
+
 def thrust_ratio(
     flight: ForwardFlight, airspeed: Floats, mass: Floats, density: float, airframe: Airframe
 ) -> Floats:
     """Apparent thrust over weight (N,) in steady flight at `airspeed` (N,) m/s, mass (N,) kg."""
-    drag = (flight.rotor_drag * mass + 0.5 * density * flight.drag_area * airspeed) * airspeed
     induced = induced_ratio(airspeed / hover_induced_velocity(mass, density, airframe))
     lift = 1.0 + flight.lift_gain * (1.0 - induced)
-    return np.hypot(1.0, drag / (mass * G0)) / lift
+    return steady_load(flight, airspeed, mass, density) / lift
+
+
+def tilted_load(track: FlightTrack, span: float) -> Floats:
+    """Rotor force over weight (T,) by the vertical balance, the climb differentiated over `span`.
+
+    It holds whatever pushes from the side, gusts and drag included: tilt tells of them.
+    """
+    gained_down = derivative(track.time_s, track.velocity_ned[:, 2], span)
+    return (1.0 - gained_down / G0) / down_axis(track.attitude)[:, 2]
 
 
 def fit_forward_flight(tracks: Sequence[FlightTrack], airframe: Airframe) -> ForwardFlight | None:
     """Drag and lift of the training flights; None where their rows do not tell them."""
-    parts = [_rows(track, airframe) for track in tracks]
-    airspeed, mass, density, drag, lift = (np.concatenate(c) for c in zip(*parts, strict=True))
-    if airspeed.size < LEAST_ROWS or np.ptp(airspeed) < 1.0:
+    parts = [straight_flight(track, airframe) for track in tracks]
+    x = Straight(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    if x.airspeed.size < LEAST_ROWS or np.ptp(x.airspeed) < 1.0:
         return None
-    per_mass = np.stack([airspeed, 0.5 * density * airspeed**2 / mass], axis=1)
-    rotor_drag, drag_area = _robust(per_mass, drag, HUBER_SHARE * G0)
-    gained = 1.0 - induced_ratio(airspeed / hover_induced_velocity(mass, density, airframe))
-    level, gain = _robust(np.stack([np.ones_like(gained), gained], axis=1), lift, HUBER_SHARE)
+    per_mass = np.stack([x.airspeed, 0.5 * x.density * x.airspeed**2 / x.mass], axis=1)
+    rotor_drag, drag_area = _robust(per_mass, x.slowing, HUBER_SHARE * G0)
+    induced = induced_ratio(x.airspeed / hover_induced_velocity(x.mass, x.density, airframe))
+    columns = np.stack([np.ones_like(induced), 1.0 - induced], axis=1)
+    level, gain = _robust(columns, x.lift, HUBER_SHARE)
     return ForwardFlight(
         rotor_drag=float(rotor_drag),
         drag_area=float(drag_area),
         lift_gain=float(gain / level),
-        known_airspeed=float(np.quantile(airspeed, KNOWN_SHARE)),
+        known_airspeed=float(np.quantile(x.airspeed, KNOWN_SHARE)),
     )
 
 
@@ -99,13 +132,13 @@ def _balance(track: FlightTrack) -> tuple[Floats, Floats]:
     return force, (force[:, None] * up - gained)[:, :2]
 
 
-def _rows(track: FlightTrack, airframe: Airframe) -> tuple[Floats, ...]:
-    """Airspeed, mass, density, drag over mass, and thrust over apparent thrust of straight rows."""
+def straight_flight(track: FlightTrack, airframe: Airframe) -> Straight:
+    """The straight rows of a flight that report everything."""
     force, pushed = _balance(track)
     wind = np.where(np.isfinite(track.wind_ned), track.wind_ned, 0.0)
     way = (track.velocity_ned - wind)[:, :2]
     speed = np.maximum(np.hypot(way[:, 0], way[:, 1]), 1e-3)
-    drag = np.sum(pushed * way, axis=1) / speed
+    slowing = np.sum(pushed * way, axis=1) / speed
     mass = airframe.empty_mass + track.tank_kg
     density = track_density(track)[0]
     apparent = airframe.thrust_coefficient * np.sum(
@@ -114,9 +147,9 @@ def _rows(track: FlightTrack, airframe: Airframe) -> tuple[Floats, ...]:
     keep = straight_rows(track)
     lift = np.full(mass.shape, np.nan)
     np.divide(mass * force * airframe.reference_density, apparent * density, out=lift, where=keep)
-    columns = (track.airspeed, mass, density, drag, lift)
+    columns = (track.airspeed, mass, density, slowing, lift)
     keep &= np.isfinite(np.stack(columns)).all(axis=0)
-    return tuple(c[keep] for c in columns)
+    return Straight(*(c[keep] for c in columns))
 
 
 def straight_rows(track: FlightTrack) -> Bools:

@@ -17,7 +17,7 @@ from models.effects.base import Effect
 from models.errors import DataError
 from models.fit import Evaluator, Fit, Term, fit_terms, mode_scales, one_thread
 from models.flight import FlightTrack
-from models.followed import followed_wind
+from models.followed import followed
 from models.judge import Interval, held_out_cost, intervals
 from models.lingering import Lingering, lingering
 from models.outcome import Errors, Found, Identification, Tried, errors_of, tried_in
@@ -97,7 +97,7 @@ def identify(
         ),
         config=config,
         tried=tuple(tried),
-        followed=followed_wind(problem, found, fit),
+        followed=followed(problem, found, fit),
     )
 
 

@@ -37,10 +37,10 @@ def lingering(problem: Problem, residual_rpm: Floats) -> Lingering | None:
     """The largest slow residual (T, R) rpm of the modes and rotors; None when none is worth it."""
     rotors = residual_rpm.shape[1]
     modes, each = problem.modes.directions, np.eye(rotors)
-    by_mode = _lasting(problem, residual_rpm @ modes, LAGS) - _known(problem, modes)
+    by_mode = _lasting(problem, residual_rpm @ modes, LAGS) - problem.known_square(modes)
     by_rotor = _lasting(problem, residual_rpm, LAGS_OF_ROTOR)
     others = np.array([np.median(np.delete(by_rotor, k)) for k in range(rotors)])
-    by_rotor = by_rotor - np.maximum(2.0 * others, 0.0) - _known(problem, each)
+    by_rotor = by_rotor - np.maximum(2.0 * others, 0.0) - problem.known_square(each)
     speed = float(problem.measured_rpm.mean())
     # What one rotor has by itself shows in every mode, so the larger of the two is named.
     slow = np.concatenate([by_mode, by_rotor])
@@ -79,14 +79,3 @@ def _lasting(problem: Problem, amplitude: Floats, lags: range) -> Floats:
             sums[k] += np.sum((means[lag:] * means[:-lag])[both], axis=0)
             pairs[k] += np.count_nonzero(both)
     return np.max(sums / np.maximum(pairs, 1.0)[:, None], axis=0)
-
-
-def _known(problem: Problem, directions: Floats) -> Floats:
-    """(M,) rpm² by which the base model is known to be off along each direction."""
-    constant = np.zeros(problem.modes.directions.shape[0])
-    background = np.asarray(problem.model.background_rpm)
-    if background.size == constant.size:
-        constant = background
-    by_mode = (problem.modes.directions.T @ directions) ** 2
-    doubt = np.sum((problem.doubt_rpm @ directions) ** 2, axis=0).mean(axis=0)
-    return constant**2 @ by_mode + doubt

@@ -167,12 +167,12 @@ class Identification:
     sensor_noise_rpm: float
     config: SearchConfig
     tried: tuple[Tried, ...] = ()
-    followed: Found | None = None  # that the flights have and a channel tells the model of
+    followed: tuple[Found, ...] = ()  # what the flights have and a channel tells the model of
 
     @property
     def told(self) -> tuple[Found, ...]:
-        """The effects found, and the one that is followed already."""
-        return self.found if self.followed is None else (*self.found, self.followed)
+        """The effects found, then those that are followed already."""
+        return (*self.found, *self.followed)
 
     def to_json(self, *, model_in: str = "", model_out: str = "") -> dict[str, Any]:
         """The JSON of the identify command; NaN as null."""
@@ -188,8 +188,7 @@ class Identification:
                 for n, s in zip(self.held_out.names, unused, strict=True)
             ]
         effects = [f.to_json(self.problem.names) for f in self.found]
-        if self.followed is not None:
-            effects.append(self.followed.to_json(self.problem.names, followed=True))
+        effects += [f.to_json(self.problem.names, followed=True) for f in self.followed]
         return _plain(
             {
                 "schema": "thrustmargin.identify/1",

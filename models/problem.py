@@ -88,6 +88,14 @@ class Problem:
             constant=constant, directions=self.doubt_rpm @ (self.modes.directions / scales)
         )
 
+    def known_square(self, directions: Floats) -> Floats:
+        """(M,) rpm²: by how much the base model is known to be off along directions (R, M)."""
+        constant = np.asarray(self.model.background_rpm)
+        doubt = np.sum((self.doubt_rpm @ directions) ** 2, axis=0).mean(axis=0)
+        if constant.size != self.modes.directions.shape[0]:
+            return doubt
+        return doubt + constant**2 @ (self.modes.directions.T @ directions) ** 2
+
     def has(self, effect: Effect) -> bool:
         """True when every channel the effect needs is reported."""
         return all(_reported(getattr(self.channels, name)) for name in effect.needs)

@@ -145,7 +145,7 @@ def _headline(result: Result) -> str:
         missing = "; ".join(listed).upper()
         return f"MISSING: {missing}"
     left = found.unexplained()
-    followed = "" if found.followed is None else f"{found_name(found.followed).upper()}; "
+    followed = "".join(f"{found_name(f).upper()}; " for f in found.followed)
     if left["mode"] is None:
         return f"{followed}NOTHING IS MISSING"
     share = percent(left["fraction_of_variance"], 1)

@@ -16,7 +16,12 @@ from models.atmosphere import G0, isa_temperature, track_density
 from models.attitude import down_axis
 from models.effects.pendulum import cable_pull, shortest_cable
 from models.flight import FlightTrack, Floats
-from models.forward_flight import hover_induced_velocity
+from models.forward_flight import (
+    ForwardFlight,
+    hover_induced_velocity,
+    steady_load,
+    tilted_load,
+)
 from models.smoothing import derivative, moving_mean
 
 LAG_STEP = 0.1  # s
@@ -128,14 +133,24 @@ def channels_of(
     *,
     reference_density: float,
     reference_voltage: float,
+    forward_flight: ForwardFlight | None = None,
 ) -> Channels:
-    """Channels of all rows of a track; rows are kept, NaN where a channel is not reported."""
+    """Channels of all rows of a track; rows are kept, NaN where a channel is not reported.
+
+    With `forward_flight` the load factor is that over steady flight at the airspeed, read from
+    tilt, so that a gust counts; without it that of the motion alone.
+    """
     time_s, velocity = track.time_s, track.velocity_ned
     density, _ = track_density(track)
     known = track.reports("pressure") or track.reports("altitude")
     mass = airframe.empty_mass + track.tank_kg
     quick = _quickness(airframe)
-    kinematic = _load_factor(time_s, velocity, VELOCITY_SPAN * quick)
+    span = VELOCITY_SPAN * quick
+    if forward_flight is None:
+        kinematic = _load_factor(time_s, velocity, span)
+    else:
+        steady = steady_load(forward_flight, track.airspeed, mass, density)
+        kinematic = tilted_load(track, span) / steady
     felt = np.linalg.norm(track.specific_force_frd, axis=1) / G0
     kinematic = kinematic if np.isfinite(kinematic).any() else felt
     felt = felt if np.isfinite(felt).any() else kinematic

@@ -33,6 +33,7 @@ def model_channels(model: RotorModel, track: FlightTrack) -> Channels:
         model.airframe,
         reference_density=model.reference_density,
         reference_voltage=model.airframe.ceiling_voltage,
+        forward_flight=model.forward_flight,
     )
 
 

@@ -66,8 +66,25 @@ def test_nothing_is_missing_from_good_flights(sitl_logs):
 @pytest.mark.slow
 def test_a_propeller_that_fails_in_flight_is_found_with_its_moment(sitl_logs):
     model, flown = tracks(sitl_logs / "onset", ["worn_prop_onset.tlog"])
-    (effect,) = identify(model, flown).to_json()["effects"]
+    effect, lift = identify(model, flown).to_json()["effects"]
     assert (effect["name"], effect["rotor"]) == ("rotor_degradation", 3)
     values = effect["parameters"]
-    assert values["loss"]["value"] == pytest.approx(0.12, abs=0.004)
+    low, high = values["loss"]["ci95"]
+    assert low <= 0.12 <= high
     assert np.isclose(values["onset_time"]["value"], 143.95, atol=0.7)
+    assert lift["name"] == "translational_lift"  # that simulator has none
+    assert lift["parameters"]["gain"]["value"] < 0.0
+
+
+@pytest.mark.slow
+def test_a_speed_that_ignores_the_pack_is_told_from_one_that_follows_it(sitl_logs):
+    model, (ignores, follows) = tracks(
+        sitl_logs / "voltage", ["sag_simulator_rpm.tlog", "sag_real_rpm.tlog"]
+    )
+    found = identify(model, [ignores]).to_json()
+    (voltage,) = [e for e in found["effects"] if e["name"] == "battery_voltage"]
+    low, high = voltage["parameters"]["exponent"]["ci95"]
+    assert low <= 2.0 <= high
+    assert found["after"]["rmse_rpm"] < 0.05 * found["before"]["rmse_rpm"]
+    good = identify(model, [follows]).to_json()
+    assert "battery_voltage" not in [e["name"] for e in good["effects"]]
