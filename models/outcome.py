@@ -100,6 +100,8 @@ class Found:
             if p.per_flight:
                 entry["flight"] = names[f]
                 entry["per_flight"] = [float(v) for v in self.value[:, k]]
+                ends = zip(self.lower[:, k], self.upper[:, k], strict=True)
+                entry["per_flight_ci95"] = [[float(low), float(high)] for low, high in ends]
             out[p.name] = entry
         return out
 

@@ -44,6 +44,7 @@ def _offset(name: str) -> Parameter:
         upper=0.5,
         scale=0.05,
         smallest=0.003,
+        accuracy=0.01,  # lift of forward flight adds to each rotor's thrust, here it multiplies it
     )
 
 
