@@ -31,7 +31,8 @@ from tests.undeclared.truth import (
 
 TOO_ALIKE = 0.9
 MINUTES_BETWEEN_FLIGHTS = 20.0
-KINDS = ("none", *NAMED, "load_factor", "two", *OUTSIDE)
+CURVE_ONLY = "load_factor"  # a trained model has it from its own good flights
+KINDS = ("none", *NAMED, CURVE_ONLY, "two", *OUTSIDE)
 
 #: A healthy aircraft with everything that flight adds to the curve; its model is trained on it.
 AIRCRAFT = Physics(drag_area=0.15, lift_gain=0.12, inertia=(2.2, 2.2, 4.5), damping=(1.5, 1.5, 1.0))
@@ -102,7 +103,7 @@ def the_days(
 
 
 def base_for(kind: str, rng: np.random.Generator) -> Base:
-    if kind == "load_factor":
+    if kind == CURVE_ONLY:
         return "curve"
     return "trained" if kind in TRAINED_ONLY or rng.random() < 0.6 else "curve"
 
@@ -111,7 +112,7 @@ def draw_changes(
     kind: str, base: Base, rng: np.random.Generator, healthy: Physics
 ) -> tuple[list[Change], Outside | None]:
     """The changes of one attempt at a data set of a kind."""
-    if kind in ("none", "load_factor"):
+    if kind in ("none", CURVE_ONLY):
         return [], None
     if kind in OUTSIDE:
         return [], draw_outside(kind, rng, healthy.layout.rotors)

@@ -6,6 +6,7 @@ Example: python -m tests.undeclared.scorer --sets 100 --seed 1 --jobs 2 --json u
 from __future__ import annotations
 
 import json
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -20,7 +21,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from tests.undeclared.changes import NAMED
-from tests.undeclared.datasets import KINDS, build
+from tests.undeclared.datasets import CURVE_ONLY, KINDS, TRAINED_ONLY, build
 from tests.undeclared.judging import Score, judge
 from tests.undeclared.outside import OUTSIDE
 from tests.undeclared.recorded import IMPLANTS, OUTSIDE_IMPLANTS, RECORDED_KINDS, build_recorded
@@ -28,11 +29,22 @@ from tests.undeclared.table import goals_met, print_table, summary
 from tests.undeclared.truth import Base
 
 #: One round: every named effect and every outside one once, more of nothing and of two at a time.
-ROUND = (*["none"] * 5, *NAMED, "load_factor", *["two"] * 6, *OUTSIDE)
+ROUND = (*["none"] * 5, *NAMED, CURVE_ONLY, *["two"] * 6, *OUTSIDE)
 #: The same for changes put into recorded flights.
 RECORDED_ROUND = (*["none"] * 4, *IMPLANTS, *OUTSIDE_IMPLANTS)
 Source = Base | Literal["recorded"]
 SLOW_START = "spawn"  # torch and forked threads do not mix
+
+
+def round_of(source: Source | None) -> tuple[str, ...]:
+    """One round of the kinds that a source can fly."""
+    if source == "recorded":
+        return RECORDED_ROUND
+    if source == "trained":
+        return tuple(kind for kind in ROUND if kind != CURVE_ONLY)
+    if source == "curve":
+        return tuple(kind for kind in ROUND if kind not in TRAINED_ONLY)
+    return ROUND
 
 
 def plan(sets: int, seed: int, kinds: Sequence[str] = ROUND) -> list[tuple[str, int]]:
@@ -94,8 +106,7 @@ def score(
     """Score `sets` data sets; `tell` hears each score as it comes."""
     from tests.undeclared import subject
 
-    whole = RECORDED_ROUND if source == "recorded" else ROUND
-    cases = plan(sets, seed, tuple(only) or whole)
+    cases = plan(sets, seed, tuple(only) or round_of(source))
     with tempfile.TemporaryDirectory() as folder:
         own = source in ("curve", "recorded")
         trained = None if own else subject.save_base(Path(folder))
@@ -134,7 +145,7 @@ def main(
     if unknown:
         print(f"no kind {sorted(unknown)[0]!r}; there are: {', '.join(kinds)}")
         return 2
-    console = Console()
+    console = Console(width=None if sys.stdout.isatty() else 120)
     chosen: Source | None = None if source == "plant" else source
     columns = (
         TextColumn("data sets"),
