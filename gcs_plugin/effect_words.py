@@ -13,7 +13,7 @@ import numpy as np
 
 from gcs_plugin.report.words import clock, number
 from gcs_plugin.told_effect import Told, spread
-from models.followed import FOLLOWED_DRAG, FOLLOWED_WIND
+from models.followed import FOLLOWED_WIND
 from models.outcome import Found, Identification
 
 #: m/s at which the climb effect is told
@@ -231,16 +231,6 @@ def _followed_wind(told: Told) -> str:
     )
 
 
-def _followed_drag(told: Told) -> str:
-    found = told.found
-    than = "less" if told.negative("drag_area") else "more"
-    return (
-        f"The aircraft tilts as with {told.size('drag_area', 'm²')} {than} drag area than in "
-        "training; the load is read from the tilt, so it is not missing: without it RMSE would be "
-        f"{number(found.rmse_before_rpm, '', 0)}, not {number(found.rmse_after_rpm, 'rpm', 0)}"
-    )
-
-
 def _winds(told: Told) -> str:
     found, names = told.found, told.whole.problem.names
     order = np.argsort(-np.hypot(found.value[:, 0], found.value[:, 1]), kind="stable")
@@ -286,6 +276,5 @@ SENTENCES: Mapping[str, Callable[[Told], str]] = MappingProxyType(
         "battery_voltage": _voltage,
         "wind": _wind,
         FOLLOWED_WIND.key: _followed_wind,
-        FOLLOWED_DRAG.key: _followed_drag,
     }
 )

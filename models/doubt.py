@@ -2,6 +2,7 @@
 
 A network is one of many that its flights allow: its members differ. An effect identified before has
 its interval. Neither is cured by more rows of new flights, so intervals and chance must hold both.
+Beyond its airspeeds the network is carried on by physics, whose forms are good for a part only.
 """
 
 from __future__ import annotations
@@ -15,14 +16,16 @@ from models.effects.channels import Channels
 from models.effects.compose import BaseTable, rotor_speed_rpm
 from models.ensemble import member_speeds
 from models.flight import Floats
+from models.forward_flight import ForwardFlight, thrust_ratio
 from models.rotor_model import RotorModel
 
+FORM = 0.25  # of lift and of drag, that their forms may be off by beyond the known airspeeds
 STANDARD = 1.96  # half widths of a 95 % interval in standard deviations
 
 
 def doubt_rpm(model: RotorModel, base: BaseTable, x: Channels) -> Floats:
     """(D, T, R) rpm: independent directions, each of the size of one standard deviation."""
-    parts = [*_of_members(model, x), *_of_effects(model, base, x)]
+    parts = [*_of_members(model, x), *_beyond(model, base, x), *_of_effects(model, base, x)]
     return np.stack(parts) if parts else np.zeros((0, x.time_s.size, base.spread.shape[0]))
 
 
@@ -38,6 +41,28 @@ def _of_members(model: RotorModel, x: Channels) -> list[Floats]:
         np.clip(x.tank_kg, *envelope.tank_kg),
     )
     return list((speeds - speeds.mean(axis=0)) / np.sqrt(network.members - 1.0))
+
+
+def _beyond(model: RotorModel, base: BaseTable, x: Channels) -> list[Floats]:
+    """What a part of the lift, and of the drag, changes beyond the airspeeds that are known."""
+    flight, known = model.forward_flight, model.known_airspeed
+    if flight is None or not np.any(x.airspeed > known):
+        return []
+    now = rotor_speed_rpm(base, model.placed, x, np)
+
+    def growth(of: ForwardFlight) -> Floats:
+        fast, slow = (
+            thrust_ratio(of, v, x.total_mass, model.reference_density, model.airframe)
+            for v in (x.airspeed, np.minimum(x.airspeed, known))
+        )
+        return np.sqrt(fast / slow)[:, None]
+
+    more = 1.0 + FORM
+    others = (
+        replace(flight, lift_gain=flight.lift_gain * more),
+        replace(flight, rotor_drag=flight.rotor_drag * more, drag_area=flight.drag_area * more),
+    )
+    return [np.nan_to_num(now * (growth(other) / growth(flight) - 1.0)) for other in others]
 
 
 def _of_effects(model: RotorModel, base: BaseTable, x: Channels) -> list[Floats]:

@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from models.effects.base import Effect, Parameter, Placed
-from models.effects.compose import rotor_speed_rpm
+from models.doubt import doubt_rpm
+from models.effects.base import Effect, Kind, Parameter, Placed
+from models.effects.compose import corrected, rotor_speed_rpm
 from models.flight import Floats
-from models.problem import Problem
+from models.problem import Background, Problem
 from models.residual import robust_scale
 
 HUBER = 3.0  # scales of a mode beyond which a residual counts linearly
@@ -355,6 +356,16 @@ def _straight(
         scales=scales,
         converged=False,
     )
+
+
+def background_of(problem: Problem, fit: Fit) -> Background:
+    """The base model's own error at the airspeed and tank mass that the fit corrects to."""
+    rows = fit.values[fit.layout.places][problem.flight].T
+    inputs = [p for p in placed_terms(fit.terms, list(rows)) if p.effect.kind is Kind.INPUT]
+    if not inputs:
+        return problem.background(fit.scales)
+    true = corrected(inputs, problem.channels, np)
+    return problem.background(fit.scales, doubt_rpm(problem.model, problem.base, true))
 
 
 def whiten(problem: Problem, residual_rpm: Floats, scales: Floats) -> tuple[Floats, Floats]:

@@ -1,9 +1,8 @@
 """What differs from the training and is followed all the same, because a channel tells of it.
 
 A wind beyond that of the training flights is no effect that the model lacks where the reported
-airspeed follows it, and neither is a larger drag area that shows in the tilt, from which the model
-reads the load. Both are told, so that a change does not pass unsaid, with how far off the model
-would be without that channel.
+airspeed follows it. It is told, so that a change of conditions does not pass unsaid, with how far
+off the model would be with the speed over ground in place of the airspeed.
 """
 
 from __future__ import annotations
@@ -16,33 +15,18 @@ from scipy.stats import t as student
 
 from models.atmosphere import G0
 from models.effects.channels import Channels
-from models.effects.demand import PARASITE_DRAG
 from models.effects.inputs import WIND
 from models.fit import Evaluator, Fit, Term
 from models.flight import FlightTrack, Floats
-from models.forward_flight import (
-    ForwardFlight,
-    steady_load,
-    steady_slowing,
-    straight_flight,
-    straight_rows,
-    wind_by_drag,
-)
+from models.forward_flight import ForwardFlight, straight_rows, wind_by_drag
 from models.outcome import Found
 from models.problem import BLOCK_SECONDS, Problem
 
 FOLLOWED_WIND = replace(WIND, variant="already followed")
-FOLLOWED_DRAG = replace(PARASITE_DRAG, variant="already followed")
 LEAST_RISE = 0.03  # of the RMSE, without it
 SIGNIFICANCE = 0.02
 LEAST_BLOCKS = 4  # of a flight, for an interval
-LEVEL_ERROR = np.radians(0.5)  # of the attitude, which is taken for a wind or for drag
-
-
-def followed(problem: Problem, fit: Fit, tracks: Sequence[FlightTrack]) -> tuple[Found, ...]:
-    """Everything that differs from the training of the problem's model and is followed."""
-    told = followed_wind(problem, fit, tracks), followed_drag(problem, fit, tracks)
-    return tuple(one for one in told if one is not None)
+LEVEL_ERROR = np.radians(0.5)  # of the attitude, which both ways take for a wind
 
 
 def followed_wind(problem: Problem, fit: Fit, tracks: Sequence[FlightTrack]) -> Found | None:
@@ -70,59 +54,11 @@ def followed_wind(problem: Problem, fit: Fit, tracks: Sequence[FlightTrack]) -> 
     speed = np.hypot(x.velocity_north, x.velocity_east)
     shifts = np.repeat(speed[:, None], x.airspeed_shifts.shape[1], axis=1)
     over_ground = replace(x, airspeed=speed, airspeed_shifts=shifts)
-    return _told(problem, fit, over_ground, Term(effect=FOLLOWED_WIND), value, half)
-
-
-def followed_drag(problem: Problem, fit: Fit, tracks: Sequence[FlightTrack]) -> Found | None:
-    """The drag area by which the flights differ from the training, where the tilt tells the load.
-
-    Read from tilt and acceleration: no rotor speed is in it.
-    """
-    flight = problem.model.forward_flight
-    if flight is None or not any("load_factor_shifts" in p.effect.needs for p in problem.placed):
-        return None
-    sums = np.array([_drag_sums(track, problem, flight) for track in tracks])
-    gained, square, slope = sums.T
-    if not square.sum() > 0.0:
-        return None
-    area = float(gained.sum() / square.sum())
-    scatter = np.sqrt(np.sum((gained - area * square) ** 2)) / square.sum()
-    level = G0 * LEVEL_ERROR * slope.sum() / square.sum()
-    half = float(np.hypot(student.ppf(0.975, max(1, len(tracks) - 1)) * scatter, level))
-    if abs(area) - half < PARASITE_DRAG.parameters[0].smallest:
-        return None
-    x = problem.channels
-    draggy = replace(flight, drag_area=flight.drag_area + area)
-    ratio = steady_load(flight, x.airspeed, x.total_mass, x.density) / steady_load(
-        draggy, x.airspeed, x.total_mass, x.density
-    )
-    unaware = replace(
-        x,
-        load_factor_shifts=x.load_factor_shifts * ratio[:, None],
-        manoeuvre_load_shifts=x.manoeuvre_load_shifts * ratio[:, None],
-    )
-    value = np.full((problem.flights, 1), area)
-    return _told(problem, fit, unaware, Term(effect=FOLLOWED_DRAG), value, np.full((1, 1), half))
-
-
-def _drag_sums(track: FlightTrack, problem: Problem, flight: ForwardFlight) -> Floats:
-    """(3,) sums over straight rows of x r, x² and x: r the drag over mass that the training has
-    not, x what a square metre adds to it."""
-    rows = straight_flight(track, problem.model.airframe)
-    x = 0.5 * rows.density * rows.airspeed**2 / rows.mass
-    more = rows.slowing - steady_slowing(flight, rows.airspeed, rows.mass, rows.density)
-    return np.array([np.sum(x * more), np.sum(x * x), np.sum(x)])
-
-
-def _told(
-    problem: Problem, fit: Fit, without: Channels, term: Term, value: Floats, half: Floats
-) -> Found | None:
-    """The finding, where the model is clearly worse with the channels `without` it."""
-    before, after, p = _worse(problem, fit, without)
+    before, after, p = _worse(problem, fit, over_ground)
     if before < (1.0 + LEAST_RISE) * after or p > SIGNIFICANCE:
         return None
     return Found(
-        term=term,
+        term=Term(effect=FOLLOWED_WIND),
         value=value,
         lower=value - half,
         upper=value + half,

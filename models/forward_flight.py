@@ -85,13 +85,22 @@ def thrust_ratio(
     return steady_load(flight, airspeed, mass, density) / lift
 
 
-def tilted_load(track: FlightTrack, span: float) -> Floats:
-    """Rotor force over weight (T,) by the vertical balance, the climb differentiated over `span`.
+def manoeuvre_load(
+    flight: ForwardFlight, track: FlightTrack, airframe: Airframe, span: float
+) -> Floats:
+    """Rotor force over that of steady flight at the airspeed (T,), velocity derived over `span` s.
 
-    It holds whatever pushes from the side, gusts and drag included: tilt tells of them.
+    Speeding up against drag takes more than both do apart; gusts that no channel reports are not
+    in it, so that a wind or drag that is missing stays in the rotor speeds.
     """
-    gained_down = derivative(track.time_s, track.velocity_ned[:, 2], span)
-    return (1.0 - gained_down / G0) / down_axis(track.attitude)[:, 2]
+    wind = np.where(np.isfinite(track.wind_ned), track.wind_ned, 0.0)
+    way = (track.velocity_ned - wind) * np.array([1.0, 1.0, 0.0])
+    way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-3)
+    mass, density = airframe.empty_mass + track.tank_kg, track_density(track)[0]
+    slowing = steady_slowing(flight, track.airspeed, mass, density)
+    gained = derivative(track.time_s, track.velocity_ned, span)
+    force = gained - np.array([0.0, 0.0, G0]) + slowing[:, None] * way
+    return np.linalg.norm(force, axis=1) / G0 / steady_load(flight, track.airspeed, mass, density)
 
 
 def fit_forward_flight(tracks: Sequence[FlightTrack], airframe: Airframe) -> ForwardFlight | None:

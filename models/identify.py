@@ -15,9 +15,9 @@ import numpy as np
 from models.effects import CATALOGUE
 from models.effects.base import Effect
 from models.errors import DataError
-from models.fit import Evaluator, Fit, Term, fit_terms, mode_scales, one_thread
+from models.fit import Evaluator, Fit, Term, background_of, fit_terms, mode_scales, one_thread
 from models.flight import FlightTrack
-from models.followed import followed
+from models.followed import followed_wind
 from models.judge import Interval, held_out_cost, intervals
 from models.lingering import Lingering, lingering
 from models.outcome import Errors, Found, Identification, Tried, errors_of, tried_in
@@ -83,7 +83,7 @@ def identify(
         problem=problem,
         held_out=unused,
         fit=found,
-        interval=intervals(found, problem.background(found.scales)),
+        interval=intervals(found, background_of(problem, found)),
         found=_found(evaluator, found, steps, alike),
         curve=curve,
         slow=slow,
@@ -97,7 +97,7 @@ def identify(
         ),
         config=config,
         tried=tuple(tried),
-        followed=followed(problem, found, fit),
+        followed=tuple(f for f in [followed_wind(problem, found, fit)] if f is not None),
     )
 
 
@@ -205,7 +205,7 @@ def _found(
 ) -> tuple[Found, ...]:
     """The accepted effects in order, each with its values, interval and errors around it."""
     problem = evaluator.problem
-    interval: Interval = intervals(fit, problem.background(fit.scales))
+    interval: Interval = intervals(fit, background_of(problem, fit))
     scales = mode_scales(problem, fit.residual_rpm)
     errors = []
     for count in range(len(fit.terms) + 1):

@@ -80,13 +80,15 @@ class Problem:
         """Effects that the model already has."""
         return self.model.placed
 
-    def background(self, scales: Floats) -> Background:
-        """What of the residual is the base model's own error, in scales of the modes."""
+    def background(self, scales: Floats, doubt: Floats | None = None) -> Background:
+        """What of the residual is the base model's own error, in scales of the modes.
+
+        `doubt` (D, T, R) rpm takes the place of what the reported channels say of it.
+        """
+        doubt = self.doubt_rpm if doubt is None else doubt
         known = np.asarray(self.model.background_rpm)
         constant = known / scales if known.size == scales.size else np.zeros_like(scales)
-        return Background(
-            constant=constant, directions=self.doubt_rpm @ (self.modes.directions / scales)
-        )
+        return Background(constant=constant, directions=doubt @ (self.modes.directions / scales))
 
     def known_square(self, directions: Floats) -> Floats:
         """(M,) rpm²: by how much the base model is known to be off along directions (R, M)."""

@@ -22,6 +22,7 @@ from models.fit import (
     Fit,
     Layout,
     Term,
+    background_of,
     fit_terms,
     layout_of,
     linearise,
@@ -36,7 +37,6 @@ from models.problem import Problem
 from models.surrogates import Linear, best_gains, p_value, surrogate_residuals
 
 SHORT_LIST = 5  # candidates that are fitted in full
-STEPS = 6  # of such a fit; the one that is taken is fitted on with the next
 LEAST_MOVE = 0.0008  # of rotor speed, RMS, below which an effect is not worth a name
 ONSET_GAIN = 1.15  # times that of a rotor bad all along, for a step in time to be believed
 ONSET_LEAVES = 0.8  # of the cost that a rotor bad all along leaves, which will do as well
@@ -324,7 +324,7 @@ def credible(
     without it, when it moves the predicted rotor speeds by LEAST_MOVE of their size.
     """
     if interval is None:
-        background = None if problem is None else problem.background(scored.fit.scales)
+        background = None if problem is None else background_of(problem, scored.fit)
         level = 1.0 - DOUBT / tries
         interval = intervals(scored.fit, background, level, few=False)
     value = term_values(scored.fit, scored.term)

@@ -19,8 +19,7 @@ from models.flight import FlightTrack, Floats
 from models.forward_flight import (
     ForwardFlight,
     hover_induced_velocity,
-    steady_load,
-    tilted_load,
+    manoeuvre_load,
 )
 from models.smoothing import derivative, moving_mean
 
@@ -137,8 +136,8 @@ def channels_of(
 ) -> Channels:
     """Channels of all rows of a track; rows are kept, NaN where a channel is not reported.
 
-    With `forward_flight` the load factor is that over steady flight at the airspeed, read from
-    tilt, so that a gust counts; without it that of the motion alone.
+    With `forward_flight` the load factor is that over steady flight at the airspeed, drag
+    included; without it that of the motion alone.
     """
     time_s, velocity = track.time_s, track.velocity_ned
     density, _ = track_density(track)
@@ -149,8 +148,7 @@ def channels_of(
     if forward_flight is None:
         kinematic = _load_factor(time_s, velocity, span)
     else:
-        steady = steady_load(forward_flight, track.airspeed, mass, density)
-        kinematic = tilted_load(track, span) / steady
+        kinematic = manoeuvre_load(forward_flight, track, airframe, span)
     felt = np.linalg.norm(track.specific_force_frd, axis=1) / G0
     kinematic = kinematic if np.isfinite(kinematic).any() else felt
     felt = felt if np.isfinite(felt).any() else kinematic

@@ -110,13 +110,8 @@ def _product(
 
 def apparent_thrust(base: BaseTable, placed: Sequence[Placed], x: Channels, xp: Any) -> Array:
     """a0 N² of every rotor with the effects in place, (T, R) N."""
-    airspeed, tank_kg = x.airspeed, x.tank_kg
-    x = replace(x, delay=sum(i.values["lag"] for i in placed if i.effect.delays))
-    for item in placed:
-        if item.effect.kind is Kind.INPUT:
-            airspeed, tank_kg = item.effect.apply(item.values, x, airspeed, tank_kg, xp)
-    x = _corrected(x, airspeed, tank_kg)
-    thrust = base.look_up(airspeed, tank_kg)
+    x = corrected(placed, x, xp)
+    thrust = base.look_up(x.airspeed, x.tank_kg)
     demand = total = thrust.sum(1)
     for item in placed:
         if item.effect.kind is Kind.DEMAND:
@@ -133,9 +128,14 @@ def apparent_thrust(base: BaseTable, placed: Sequence[Placed], x: Channels, xp: 
     return xp.clip(thrust / kappa, THRUST_FLOOR, None)
 
 
-def _corrected(x: Channels, airspeed: Array, tank_kg: Array) -> Channels:
+def corrected(placed: Sequence[Placed], x: Channels, xp: Any) -> Channels:
     """The channels with what airspeed and tank mass really were: all later effects go with these,
     as lift and drag in a wind that no channel reports do."""
+    airspeed, tank_kg = x.airspeed, x.tank_kg
+    x = replace(x, delay=sum(i.values["lag"] for i in placed if i.effect.delays))
+    for item in placed:
+        if item.effect.kind is Kind.INPUT:
+            airspeed, tank_kg = item.effect.apply(item.values, x, airspeed, tank_kg, xp)
     if airspeed is x.airspeed and tank_kg is x.tank_kg:
         return x
     mass = x.total_mass + (tank_kg - x.tank_kg)

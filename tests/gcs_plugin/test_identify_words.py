@@ -14,7 +14,7 @@ from gcs_plugin.told_effect import spread
 from models.effects import CATALOGUE
 from models.effects.base import Effect
 from models.fit import Term
-from models.followed import FOLLOWED_DRAG, FOLLOWED_WIND
+from models.followed import FOLLOWED_WIND
 from models.identify import identify
 from models.margin_change import MarginChange, margin_changes
 from models.outcome import Found, Identification
@@ -69,7 +69,7 @@ def test_every_effect_of_the_table_can_be_told(whole, effect):
 
 
 def test_no_sentence_is_of_an_effect_that_is_gone():
-    effects = (*CATALOGUE, FOLLOWED_WIND, FOLLOWED_DRAG)
+    effects = (*CATALOGUE, FOLLOWED_WIND)
     assert set(SENTENCES) <= {e.key for e in effects} | {e.name for e in effects}
 
 
