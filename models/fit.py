@@ -360,8 +360,12 @@ def _straight(
 
 def background_of(problem: Problem, fit: Fit) -> Background:
     """The base model's own error at the airspeed and tank mass that the fit corrects to."""
-    rows = fit.values[fit.layout.places][problem.flight].T
-    inputs = [p for p in placed_terms(fit.terms, list(rows)) if p.effect.kind is Kind.INPUT]
+    values = fit.values[fit.layout.places]
+    by_row = [
+        values[problem.flight, k] if parameter.per_flight else float(values[0, k])
+        for k, parameter in enumerate(fit.layout.parameters)
+    ]
+    inputs = [p for p in placed_terms(fit.terms, by_row) if p.effect.kind is Kind.INPUT]
     if not inputs:
         return problem.background(fit.scales)
     true = corrected(inputs, problem.channels, np)

@@ -7,6 +7,8 @@ import pytest
 
 from gcs_plugin.logs import read_log
 from models.doubt import doubt_rpm
+from models.effects import CATALOGUE
+from models.effects.base import Kind
 from models.effects.demand import EXTRA_MASS
 from models.effects.inputs import WIND
 from models.fit import Evaluator, Term, background_of, fit_terms, mode_scales
@@ -86,6 +88,16 @@ def test_a_wind_that_is_fitted_is_doubted_at_the_airspeed_it_makes(windy):
     asked, told = background_of(calm, fit), calm.background(fit.scales)
     assert asked.directions.shape[0] == told.directions.shape[0] + 2
     assert np.abs(asked.directions[-2:]).max() > 0.0
+
+
+@pytest.mark.parametrize(
+    "effect", [e for e in CATALOGUE if e.kind is Kind.INPUT], ids=lambda e: e.key
+)
+def test_the_doubt_of_every_effect_on_the_inputs_can_be_told(windy, effect):
+    fit = fit_terms(Evaluator(windy), (Term(effect=effect),), scales=np.ones(4), steps=1)
+    asked = background_of(windy, fit)
+    assert asked.directions.shape[1:] == windy.measured_rpm.shape
+    assert np.isfinite(asked.directions).all()
 
 
 def test_each_direction_is_one_standard_deviation_of_its_value():

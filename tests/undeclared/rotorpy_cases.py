@@ -28,7 +28,7 @@ from tests.undeclared.physics import QUAD, Physics
 from tests.undeclared.rotorpy_plant import SEASON_START, Airframe, fly_rotorpy
 
 if TYPE_CHECKING:
-    from models.rotor_model import RotorModel
+    from tests.undeclared.subject import RotorModel
 
 HEALTHY = Physics(drag_area=0.3)
 MINUTES_BETWEEN_FLIGHTS = 20.0
@@ -166,14 +166,10 @@ def holds(case: Case, effect: Mapping[str, Any], parameter: str) -> bool:
 
 def good_model(folder: Path, *, seed: int = 0) -> tuple[RotorModel, dict[str, Any]]:
     """The airframe's curve with its loop closed on good flights, and what was found on them."""
-    from models.closing import with_effects
-    from models.identify import identify
-    from tests.undeclared.subject import curve_model
+    from tests.undeclared.subject import closed_and_told, curve_model
 
     good = flights(CASES["nothing"], GOOD_FLIGHTS + HELD_FLIGHTS, 1000 + seed)
-    curve = curve_model(QUAD, folder)
-    found = identify(curve, good[:GOOD_FLIGHTS], good[GOOD_FLIGHTS:])
-    return with_effects(curve, found), found.to_json()
+    return closed_and_told(curve_model(QUAD, folder), good[:GOOD_FLIGHTS], good[GOOD_FLIGHTS:])
 
 
 def answer(model: RotorModel, case: Case, *, seed: int = 0) -> dict[str, Any]:

@@ -79,10 +79,18 @@ def quick_training(seed: int) -> TrainSettings:
 
 def closed(model: RotorModel, tracks: Sequence[FlightTrack]) -> RotorModel:
     """The model with the effects that the loop finds on its own good flights."""
+    return closed_and_told(model, tracks)[0]
+
+
+def closed_and_told(
+    model: RotorModel, fit: Sequence[FlightTrack], held_out: Sequence[FlightTrack] = ()
+) -> tuple[RotorModel, dict[str, Any]]:
+    """The model with the effects that the loop finds, and its answer."""
     from models.closing import with_effects
     from models.identify import identify
 
-    return with_effects(model, identify(model, tracks))
+    found = identify(model, fit, held_out)
+    return with_effects(model, found), found.to_json()
 
 
 def save_base(folder: Path) -> Path:
