@@ -51,6 +51,7 @@ class Channels:
     isa_temperature: Any
     hover_induced_velocity: Any
     advance_ratio: Any  # of the axial inflow, w 60 / (N D), positive in climb
+    climb_ratio: Any  # what of it is climb: the rest is airspeed through tilted rotors
     radius_over_height: Any
     voltage: Any
     load_factor: Any
@@ -157,6 +158,7 @@ def channels_of(
     hover_rpm = np.sqrt(mass * G0 / airframe.rotor_count / airframe.thrust_coefficient)
     altitude = np.where(np.isfinite(track.altitude), track.altitude, 0.0)
     height = np.maximum(track.height_agl, 0.1)
+    axial = _along_axis(track)
 
     def table(a: Floats) -> Floats:
         return np.stack([_later(time_s, a, lag) for lag in LAGS], axis=1)
@@ -175,7 +177,8 @@ def channels_of(
         reported_density=density if known else np.full_like(density, np.nan),
         isa_temperature=isa_temperature(altitude),
         hover_induced_velocity=hover_induced_velocity(mass, density, airframe),
-        advance_ratio=_climb_along_axis(track) * 60 / (hover_rpm * airframe.propeller_diameter),
+        advance_ratio=axial.sum(axis=1) * 60 / (hover_rpm * airframe.propeller_diameter),
+        climb_ratio=axial[:, 2] * 60 / (hover_rpm * airframe.propeller_diameter),
         radius_over_height=airframe.propeller_diameter / 2 / height,
         voltage=track.voltage,
         load_factor=kinematic,
@@ -221,10 +224,11 @@ def _three(table: Any, columns: Floats) -> tuple[Floats, Floats, Floats]:
     return table(columns[:, 0]), table(columns[:, 1]), table(columns[:, 2])
 
 
-def _climb_along_axis(track: FlightTrack) -> Floats:
-    """Speed through the air along the thrust axis, (T,) m/s, positive in climb."""
+def _along_axis(track: FlightTrack) -> Floats:
+    """(T, 3) m/s north, east, down: what each part of the speed through the air adds to that along
+    the thrust axis, positive upwards."""
     wind = np.where(np.isfinite(track.wind_ned), track.wind_ned, 0.0)
-    return -np.sum((track.velocity_ned - wind) * down_axis(track.attitude), axis=1)
+    return -(track.velocity_ned - wind) * down_axis(track.attitude)
 
 
 def _later(time_s: Floats, values: Floats, lag: float) -> Floats:

@@ -8,6 +8,7 @@ from models.effects.base import Effect, Kind, Parameter
 from models.effects.channels import Channels
 from models.forward_flight import induced_ratio
 
+CLIMB_SHARE = 0.15  # of the scatter of axial inflow, that must be climbing to be called so
 LEAST_DENSITY_ERROR = 0.01  # of the model's density: 3 K, or 100 m of height
 
 
@@ -30,6 +31,10 @@ def _translational_lift(p, x: Channels, xp):
 
 def _climb_inflow(p, x: Channels, xp):  # noqa: ARG001
     return 1.0 - p["slope"] * x.advance_ratio
+
+
+def _climb_inflow_weight(p, x: Channels, xp):  # noqa: ARG001
+    return xp.std(x.climb_ratio) / (CLIMB_SHARE * xp.std(x.advance_ratio))
 
 
 def _ground_effect(p, x: Channels, xp):  # noqa: ARG001
@@ -106,7 +111,7 @@ AIR_DENSITY = Effect(
             upper=35.0,
             scale=8.0,
         ),
-        replace(TORQUE_SHARE, start=1.0),
+        replace(TORQUE_SHARE, start=1.0, lower=0.0),
     ),
     needs=("reported_density", "isa_temperature"),
     shape_channels=("density",),
@@ -139,6 +144,7 @@ CLIMB_INFLOW = Effect(
     source="blade element: thrust falls with the advance ratio of the axial inflow, J = w 60/(N D)",
     tell="climb and descend at a steady rate at one tank level",
     apply=_climb_inflow,
+    weight=_climb_inflow_weight,
 )
 
 GROUND_EFFECT = Effect(

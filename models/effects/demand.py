@@ -87,7 +87,7 @@ LOAD_FACTOR = Effect(
             upper=2.0,
             scale=1.0,
             smallest=0.05,
-            accuracy=0.1,  # of the derivative of a velocity that is sampled and noisy
+            accuracy=0.05,  # of the derivative of a velocity that is sampled and noisy
         ),
         Parameter(
             name="imu_share",

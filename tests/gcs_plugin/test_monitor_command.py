@@ -123,7 +123,7 @@ def test_streamed_over_udp_the_page_and_the_announcements_say_what_the_file_says
         url = monitor.stdout.readline().split()[2]
         with open_page(url) as page:
             target = f"udpout:127.0.0.1:{port}"
-            streamed = command("stream", str(path), "--to", target, "--speed", "25")
+            streamed = command("stream", str(path), "--to", target, "--speed", "12")
             read_off = set()
             while streamed.poll() is None:
                 page.wait_for_timeout(100)
