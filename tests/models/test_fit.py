@@ -8,6 +8,7 @@ import pytest
 from gcs_plugin.logs import read_log
 from models.airframe import load_airframe
 from models.effects import CATALOGUE
+from models.effects.pendulum import LENGTHS
 from models.fit import Evaluator, Term, layout_of, one_thread, starts
 from models.problem import assemble
 from models.rotor_model import physics_model
@@ -23,8 +24,7 @@ def evaluator(sitl_logs):
     logs = [read_log(sitl_logs / "campaign" / name, airframe=F16) for name in names]
     problem = assemble(physics_model(F16), [log.track for log in logs])
     x = problem.channels
-    lengths = np.arange(x.cable_pull.shape[1])
-    pull = 1.0 + 0.1 * np.sin(x.time_s[:, None] + 0.3 * lengths)
+    pull = 1.0 + 0.1 * np.sin(x.time_s[:, None] + 0.3 * np.arange(LENGTHS))
     return Evaluator(replace(problem, channels=replace(x, cable_pull=pull)))
 
 
