@@ -1,6 +1,8 @@
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+# The import name as folders, for pyright: it does not follow an editable install.
+LINKS := $(VENV)/links/thrustmargin
 DEMO_LOG := sitl_logs/campaign/v4_m16_q2.5.tlog
 
 .PHONY: demo test check bench screenshots clean
@@ -34,6 +36,9 @@ $(VENV)/.demo: $(VENV)/.venv pyproject.toml constraints.txt
 
 $(VENV)/.test: $(VENV)/.demo
 	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[test,mavproxy]'
+	mkdir -p $(LINKS)
+	ln -sfn ../../../gcs_plugin/api/__init__.py $(LINKS)/__init__.py
+	for package in models mission gcs_plugin; do ln -sfn ../../../$$package $(LINKS)/$$package; done
 	touch $@
 
 clean:

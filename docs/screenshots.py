@@ -20,12 +20,12 @@ LIMIT_BYTES = 400_000
 
 def main() -> None:
     """Replay the bundled flight and photograph the page; then its report, where there is one."""
-    from gcs_plugin.commands.report import report
-    from gcs_plugin.logs import read_log
-    from gcs_plugin.view.replay import ReplayView
-    from models.analysis import analyse
-    from models.rotor_model import shipped_model
     from tests.browser import open_page
+    from thrustmargin.gcs_plugin.commands.report import report
+    from thrustmargin.gcs_plugin.logs import read_log
+    from thrustmargin.gcs_plugin.view.replay import ReplayView
+    from thrustmargin.models.model.analysis import analyse
+    from thrustmargin.models.model.rotor_model import shipped_model
 
     model = shipped_model()
     flight = read_log(LOG, airframe=model.airframe)
@@ -54,8 +54,8 @@ def photograph_measured(folder: Path) -> None:
     """Close the loop on the measured flights and photograph the page's first two figures."""
     import tempfile
 
-    from gcs_plugin.commands.measured import measured
     from tests.browser import open_page
+    from tests.measured.measured import measured
 
     with tempfile.TemporaryDirectory() as place:
         page_file = Path(place) / "measured.html"

@@ -13,16 +13,15 @@ from typing import Any
 
 import tyro
 
-from models.errors import ThrustMarginError
+from thrustmargin.models.errors import ThrustMarginError
 
-#: subcommand -> module of gcs_plugin.commands that holds a function of the same name.
+#: subcommand -> module of thrustmargin.gcs_plugin.commands that holds a function of the same name.
 COMMANDS = (
     "demo",
     "fetch",
     "identify",
     "inspect",
     "match",
-    "measured",
     "monitor",
     "replay",
     "report",
@@ -38,7 +37,7 @@ DESCRIPTION = (
 
 def command_function(name: str) -> Callable[..., Any]:
     """The function behind a subcommand; raises ImportError when the name is none."""
-    return getattr(import_module(f"gcs_plugin.commands.{name}"), name)
+    return getattr(import_module(f"thrustmargin.gcs_plugin.commands.{name}"), name)
 
 
 def main(argv: Sequence[str] | None = None) -> None:

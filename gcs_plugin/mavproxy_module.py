@@ -1,9 +1,9 @@
-"""A MAVProxy module: `module load gcs_plugin.mavproxy_module`, then `margin`.
+"""A MAVProxy module: `module load thrustmargin.gcs_plugin.mavproxy_module`, then `margin`.
 
 Options at loading, as JSON without spaces:
-`module load gcs_plugin.mavproxy_module:{"model":"f16.safetensors","tank":"auto","limit":45}`.
+`module load thrustmargin.gcs_plugin.mavproxy_module:{"model":"f16.safetensors","limit":45}`.
 Nothing happens when this file is imported (MAVProxy imports it twice); everything that takes time
-runs in `gcs_plugin.mavproxy_worker`, on a thread of its own.
+runs in `thrustmargin.gcs_plugin.mavproxy.worker`, on a thread of its own.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from typing import Any
 
 from MAVProxy.modules.lib import mp_module
 
-from gcs_plugin.mavproxy_view import ViewProcess
-from gcs_plugin.mavproxy_worker import MarginWorker, Options, fields, share, summary
+from thrustmargin.gcs_plugin.mavproxy.monitor_process import ViewProcess
+from thrustmargin.gcs_plugin.mavproxy.worker import MarginWorker, Options, fields, share, summary
 
 #: MAVProxy finds a module again by the name that it was loaded under.
-NAME = "gcs_plugin.mavproxy_module"
+NAME = "thrustmargin.gcs_plugin.mavproxy_module"
 USAGE = (
     "margin: thrust margin of every vehicle\n"
     "margin view: 3D view in the browser\n"

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from models.errors import TrackError
-from models.flight import Floats
+from thrustmargin.models.errors import TrackError
+from thrustmargin.models.flight import Floats
 
 #: A spray line is a straight piece at least this long, m.
 SHORTEST_LINE = 5.0

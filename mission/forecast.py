@@ -15,7 +15,7 @@ import numpy as np
 import pymap3d
 from numpy.typing import NDArray
 
-from mission.plan import (
+from thrustmargin.mission.plan import (
     CHANGE_SPEED,
     DO_SPRAYER,
     FRAME_AMSL,
@@ -23,10 +23,10 @@ from mission.plan import (
     MissionPlan,
     PlanItem,
 )
-from models.airframe import Airframe
-from models.analysis import FlightAnalysis, analyse
-from models.flight import FlightTrack, Floats, Origin
-from models.rotor_model import RotorModel
+from thrustmargin.models.flight import FlightTrack, Floats, Origin
+from thrustmargin.models.model.analysis import FlightAnalysis, analyse
+from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.physics.airframe import Airframe
 
 #: m/s below which a mission speed is taken as unknown
 SLOWEST = 0.2

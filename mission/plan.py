@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from mission.whole_file import whole_file
-from models.errors import PlanError
+from thrustmargin.models.errors import PlanError
+from thrustmargin.models.whole_file import whole_file
 
 FRAME_AMSL, FRAME_MISSION, FRAME_ABOVE_HOME, FRAME_ABOVE_GROUND = 0, 2, 3, 10
 #: MAV_FRAME numbers of the integer messages -> the frame that plan files use for the same thing.
@@ -169,7 +169,7 @@ def _simple_entries(entry: Any, *, where: str) -> list[Any]:
     kind = entry.get("complexItemType") or entry.get("type")
     raise PlanError(
         f"{where} is of type {kind!r}, which does not store its waypoints; upload the plan to the "
-        "vehicle and get it back with: thrustmargin fetch mission URL -o mission.plan"
+        "vehicle and get it back with: thrustmargin fetch mission URL -o thrustmargin.mission.plan"
     )
 
 

@@ -16,8 +16,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from models.errors import TrackError
-from models.flight import Bools, Floats
+from thrustmargin.models.errors import TrackError
+from thrustmargin.models.flight import Bools, Floats
 
 Rows = NDArray[np.intp]
 Worst = Literal["max", "min", "abs"]

@@ -23,8 +23,8 @@ This package knows no MAVLink, files of logs, sockets, clocks or screens. Import
 torch is loaded only inside the functions that train or fit.
 """
 
-from models.airframe import Airframe, airframe_names, load_airframe
-from models.errors import ThrustMarginError
-from models.flight import FlightTrack
+from thrustmargin.models.errors import ThrustMarginError
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.physics.airframe import Airframe, airframe_names, load_airframe
 
 __all__ = ["Airframe", "FlightTrack", "ThrustMarginError", "airframe_names", "load_airframe"]

@@ -16,7 +16,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from models.errors import TrackError
+from thrustmargin.models.errors import TrackError
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

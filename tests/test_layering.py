@@ -18,9 +18,11 @@ def imported_roots(path: Path) -> set[str]:
     roots: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            roots |= {alias.name.split(".")[0] for alias in node.names}
+            roots |= {
+                alias.name.removeprefix("thrustmargin.").split(".")[0] for alias in node.names
+            }
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-            roots.add(node.module.split(".")[0])
+            roots.add(node.module.removeprefix("thrustmargin.").split(".")[0])
     return roots
 
 
@@ -38,7 +40,7 @@ def test_a_layer_imports_nothing_above_it(package: str):
 
 def test_the_scan_sees_an_import_that_points_up(tmp_path: Path):
     bad = tmp_path / "bad.py"
-    bad.write_text("def f():\n    from gcs_plugin.cli import main\n    return main\n")
+    bad.write_text("def f():\n    from thrustmargin.gcs_plugin.cli import main\n    return main\n")
     assert "gcs_plugin" in imported_roots(bad)
 
 
@@ -50,16 +52,16 @@ def test_only_the_network_and_fitting_name_torch():
         if "torch" in imported_roots(f)
     }
     assert naming == {
-        "models/rotor_net.py",
-        "models/fit.py",
-        "models/problem.py",
+        "models/network/network.py",
+        "models/identification/fit.py",
+        "models/identification/problem.py",
         "models/effects/channels.py",
     }
 
 
 def test_help_does_not_load_torch_or_the_view():
     code = (
-        "import sys\nfrom gcs_plugin.cli import run\n"
+        "import sys\nfrom thrustmargin.gcs_plugin.cli import run\n"
         "try:\n    run(['--help'])\nexcept SystemExit as e:\n    assert e.code == 0\n"
         "heavy = {'torch', 'viser', 'plotly', 'matplotlib', 'mavsdk'} & set(sys.modules)\n"
         "assert not heavy, heavy\n"

@@ -35,12 +35,12 @@ def demo(
     """
     import threading
 
-    from gcs_plugin.commands.report import report
-    from gcs_plugin.logs import read_log
-    from gcs_plugin.view.replay import ReplayView, run_replay
-    from models.analysis import analyse
-    from models.errors import LogError
-    from models.rotor_model import shipped_model
+    from thrustmargin.gcs_plugin.commands.report import report
+    from thrustmargin.gcs_plugin.logs import read_log
+    from thrustmargin.gcs_plugin.view.replay import ReplayView, run_replay
+    from thrustmargin.models.errors import LogError
+    from thrustmargin.models.model.analysis import analyse
+    from thrustmargin.models.model.rotor_model import shipped_model
 
     if not log.exists():
         raise LogError(f"no flight {log}; run the demo in the project's folder, or name a log")

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional
 
-from models.errors import LinkError
+from thrustmargin.models.errors import LinkError
 
 if TYPE_CHECKING:
-    from gcs_plugin.vehicle_link import Progress, VehicleLink
-    from gcs_plugin.vehicle_logs import LogEntry
+    from thrustmargin.gcs_plugin.vehicle.connection import Progress, VehicleLink
+    from thrustmargin.gcs_plugin.vehicle.log_download import LogEntry
 
 Url = Annotated[Positional[str], tyro.conf.arg(metavar="URL")]
 
@@ -30,7 +30,7 @@ class FetchMission:
 
     url: Url
     """Link: udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or /dev/ttyUSB0,57600."""
-    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("mission.plan")
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("thrustmargin.mission.plan")
     """File to write."""
     vehicle: int | None = None
     """System id, needed when the link carries several vehicles."""
@@ -83,8 +83,8 @@ def fetch(
 
 
 def _fetch_mission(order: FetchMission) -> None:
-    from gcs_plugin.vehicle_mission import download_mission
-    from mission.plan import write_plan
+    from thrustmargin.gcs_plugin.vehicle.mission_transfer import download_mission
+    from thrustmargin.mission.plan import write_plan
 
     with _link(order) as link, _progress_bar() as (say, progress):
         say(f"waiting for a heartbeat at {order.url}")
@@ -100,7 +100,7 @@ def _fetch_mission(order: FetchMission) -> None:
 
 
 def _fetch_log(order: FetchLog) -> None:
-    from gcs_plugin.vehicle_logs import VehicleLogs
+    from thrustmargin.gcs_plugin.vehicle.log_download import VehicleLogs
 
     if (order.id is not None) + order.latest + order.list > 1:
         raise LinkError("--id, --latest and --list exclude each other; give one of them")
@@ -122,12 +122,12 @@ def _fetch_log(order: FetchLog) -> None:
 
 
 def _link(order: FetchMission | FetchLog) -> AbstractContextManager[VehicleLink]:
-    from gcs_plugin.vehicle_link import VehicleLink
+    from thrustmargin.gcs_plugin.vehicle.connection import VehicleLink
 
     if order.signing_key_file is None:
         return VehicleLink.open(order.url)
-    from gcs_plugin.signing_key import read_signing_key
-    from gcs_plugin.vehicle_signed import signed_link
+    from thrustmargin.gcs_plugin.link.signing_key import read_signing_key
+    from thrustmargin.gcs_plugin.vehicle.signed_connection import signed_link
 
     key = read_signing_key(order.signing_key_file)
     for note in key.notes:

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional
 
-from models.errors import DataError, ModelError
+from thrustmargin.models.errors import DataError, ModelError
 
 if TYPE_CHECKING:
-    from gcs_plugin.identify_result import Result
+    from thrustmargin.gcs_plugin.reports.identify.identify_result import Result
 
 
 def identify(
@@ -59,12 +59,15 @@ def identify(
 
     from rich.console import Console
 
-    from gcs_plugin.chosen_model import judged_model
-    from gcs_plugin.identify_flights import read_flights, require_distinct
-    from gcs_plugin.identify_result import result_of
-    from gcs_plugin.progress import steps
-    from models.identify import identify as search
-    from models.search import SearchConfig
+    from thrustmargin.gcs_plugin.commands.chosen_model import judged_model
+    from thrustmargin.gcs_plugin.reports.identify.checked_flights import (
+        read_flights,
+        require_distinct,
+    )
+    from thrustmargin.gcs_plugin.reports.identify.identify_result import result_of
+    from thrustmargin.gcs_plugin.wording.progress import steps
+    from thrustmargin.models.identification.identify import identify as search
+    from thrustmargin.models.identification.search import SearchConfig
 
     errors = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
     if not logs:
@@ -156,16 +159,16 @@ def write_result(
     result: Result, *, out: Path | None, json: Path | None, html: Path | None
 ) -> list[Path]:
     """Write what was asked for; all files are made before any is put in its place."""
-    from gcs_plugin.identify_result import json_text
-    from mission.whole_file import whole_file
-    from models.rotor_model import save_model
+    from thrustmargin.gcs_plugin.reports.identify.identify_result import json_text
+    from thrustmargin.models.model.rotor_model import save_model
+    from thrustmargin.models.whole_file import whole_file
 
     wanted = [path for path in (out, json, html) if path is not None]
     try:
         with ExitStack() as files:
             drafts = {path: files.enter_context(whole_file(path)) for path in wanted}
             if html is not None:
-                from gcs_plugin.identify_page.render import html_text
+                from thrustmargin.gcs_plugin.reports.identify.identify_page import html_text
 
                 drafts[html].write_text(html_text(result), encoding="utf-8")
             if json is not None:
@@ -181,7 +184,7 @@ def show(result: Result, written: Sequence[Path]) -> None:
     """The plain answer, then the tables, then what was written."""
     from rich.console import Console
 
-    from gcs_plugin.identify_tables import effects_table, errors_table
+    from thrustmargin.gcs_plugin.reports.identify.identify_tables import effects_table, errors_table
 
     console = Console(highlight=False, markup=False)
     for sentence in result.answer:

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional
 
-from models.errors import AirframeError, LogError, ThrustMarginError
+from thrustmargin.models.errors import AirframeError, LogError, ThrustMarginError
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from gcs_plugin.inspection import Inspection
-    from gcs_plugin.logs import FlightLog
+    from thrustmargin.gcs_plugin.logs import FlightLog
+    from thrustmargin.gcs_plugin.logs.inspection import Inspection
 
 DEFAULT_AIRFRAME = "topxgun-f16"
 _MARK = {"ok": ("ok", "green"), "warning": ("look", "yellow"), "unknown": ("?", "cyan")}
@@ -53,7 +53,7 @@ def inspect(
 
     from rich.console import Console
 
-    from gcs_plugin.inspection import as_json
+    from thrustmargin.gcs_plugin.logs.inspection import as_json
 
     console, errors = Console(highlight=False, markup=False), Console(stderr=True, markup=False)
     if not logs:
@@ -85,9 +85,9 @@ def inspect(
 def _inspect(
     path: Path, vehicle: int | None, airframe: str | None, tank: str, tank_start_kg: float | None
 ) -> Inspection:
-    from gcs_plugin.inspection import inspect_log
-    from gcs_plugin.logs import read_log
-    from models.airframe import load_airframe
+    from thrustmargin.gcs_plugin.logs import read_log
+    from thrustmargin.gcs_plugin.logs.inspection import inspect_log
+    from thrustmargin.models.physics.airframe import load_airframe
 
     craft = load_airframe(airframe or DEFAULT_AIRFRAME)
     try:
@@ -106,7 +106,7 @@ def _print(console: Console, inspection: Inspection) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from gcs_plugin.inspection import flying_seconds
+    from thrustmargin.gcs_plugin.logs.inspection import flying_seconds
 
     log, track = inspection.log, inspection.log.track
     others = [str(v) for v in log.vehicles if v != log.vehicle]

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from models.atmosphere import G0
-from models.errors import DataError, ModelError
+from thrustmargin.models.errors import DataError, ModelError
+from thrustmargin.models.physics.atmosphere import G0
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from models.matching import Matching, NetworkPoints
+    from thrustmargin.models.physics.matching import Matching, NetworkPoints
 
 PAPER = "Han et al. 2024, F16: 9.28 kg, 5.28 kg, +75.83 %, about 50 % when full"
 
@@ -36,9 +36,9 @@ def match(
     """
     from rich.console import Console
 
-    from gcs_plugin.figure10 import figure10, write_figure
-    from models.airframe import load_airframe
-    from models.matching import match_airframe
+    from thrustmargin.gcs_plugin.reports.model.figure10 import figure10, write_figure
+    from thrustmargin.models.physics.airframe import load_airframe
+    from thrustmargin.models.physics.matching import match_airframe
 
     if out.suffix not in ("", ".svg", ".png"):
         raise DataError(f"cannot draw {out}; end its name in .svg or .png, or in neither for both")
@@ -116,8 +116,8 @@ def _fill(fill: float, capacity: float) -> str:
 
 def _network(matching: Matching, path: Path | None) -> tuple[NetworkPoints | None, str]:
     """The network's points, and a sentence that says what they are or why there are none."""
-    from models.matching import network_points
-    from models.rotor_model import load_model, shipped_model
+    from thrustmargin.models.model.rotor_model import load_model, shipped_model
+    from thrustmargin.models.physics.matching import network_points
 
     if path is not None:
         model = load_model(path)

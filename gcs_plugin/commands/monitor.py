@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 from tyro.conf import Positional, UseAppendAction
 
-from models.errors import LinkError
+from thrustmargin.models.errors import LinkError
 
 if TYPE_CHECKING:
-    from gcs_plugin.monitor import Monitor
-    from gcs_plugin.view.live import LiveView
-    from models.airframe import Airframe
+    from thrustmargin.gcs_plugin.live.monitor import Monitor
+    from thrustmargin.gcs_plugin.view.live import LiveView
+    from thrustmargin.models.physics.airframe import Airframe
 
 
 def monitor(
@@ -74,19 +74,19 @@ def monitor(
         browser: Open the page in the browser.
         seconds: End by itself after so long.
     """
-    from gcs_plugin.alarm import AlarmSettings
-    from gcs_plugin.chosen_model import chosen_model
-    from gcs_plugin.monitor import Monitor, MonitorSettings
-    from gcs_plugin.tank_level import check_source
-    from gcs_plugin.watch import WatchSettings
+    from thrustmargin.gcs_plugin.commands.chosen_model import chosen_model
+    from thrustmargin.gcs_plugin.live.alarm import AlarmSettings
+    from thrustmargin.gcs_plugin.live.monitor import Monitor, MonitorSettings
+    from thrustmargin.gcs_plugin.live.vehicle_monitor import WatchSettings
+    from thrustmargin.gcs_plugin.telemetry.tank_source import check_source
 
     if not 0.0 < limit < 1.0:
         raise LinkError(f"--limit {limit:g} is not a share; give one between 0 and 1, as 0.5")
     check_source(tank)
     accept = sign = None
     if signing_key_file is not None:
-        from gcs_plugin.signing import Signer, SigningFilter
-        from gcs_plugin.signing_key import read_signing_key
+        from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter
+        from thrustmargin.gcs_plugin.link.signing_key import read_signing_key
 
         found = read_signing_key(signing_key_file)
         for note in found.notes:
@@ -108,9 +108,9 @@ def monitor(
     check_source(chosen.airframe.tank_source)
     live = Monitor(chosen, settings, accept=accept)
     if announce or request_rates:
-        from gcs_plugin.announce import Announcer
-        from gcs_plugin.rates import RateRequester
-        from gcs_plugin.speaker import Speaker
+        from thrustmargin.gcs_plugin.link.sender import Speaker
+        from thrustmargin.gcs_plugin.live.announce import Announcer
+        from thrustmargin.gcs_plugin.live.message_rates import RateRequester
 
         speaker = Speaker(live.listener, sign)
         if announce:
@@ -119,13 +119,13 @@ def monitor(
             live.subscribers.append(RateRequester(speaker, chosen.airframe.rotor_count))
     fetcher = None
     if fetch_mission:
-        from gcs_plugin.mission_fetcher import MissionFetcher
+        from thrustmargin.gcs_plugin.vehicle.mission_fetcher import MissionFetcher
 
         fetcher = MissionFetcher(live.listener, sign=sign)
         live.subscribers.append(fetcher)
         live.taps.append(fetcher.feed)
     if not sys.stdout.isatty():
-        from gcs_plugin.console import Teller
+        from thrustmargin.gcs_plugin.live.console import Teller
 
         live.subscribers.append(Teller(live, lambda words: print(words, flush=True)))
     page = _page(live, chosen.airframe, host, port) if view else None
@@ -146,8 +146,8 @@ def monitor(
 
 
 def _page(live: Monitor, airframe: Airframe, host: str, port: int) -> LiveView:
-    from gcs_plugin.console import status_lines
-    from gcs_plugin.view.live import LiveView
+    from thrustmargin.gcs_plugin.live.console import status_lines
+    from thrustmargin.gcs_plugin.view.live import LiveView
 
     page = LiveView(airframe, host=host, port=port, status=lambda: status_lines(live.status()))
     try:
@@ -163,7 +163,7 @@ def _show(live: Monitor, until: float) -> None:
     from rich.console import Console
     from rich.live import Live
 
-    from gcs_plugin.console import Screen
+    from thrustmargin.gcs_plugin.live.console import Screen
 
     console = Console()
     if not console.is_terminal:
@@ -181,7 +181,7 @@ def _summary(live: Monitor) -> None:
     """What has been heard, on one line a vehicle; also when nobody watches the table."""
     from rich.console import Console
 
-    from gcs_plugin.console import status_lines
+    from thrustmargin.gcs_plugin.live.console import status_lines
 
     out = Console(stderr=True, highlight=False, markup=False)
     for number, watch in live.fleet.vehicles.items():

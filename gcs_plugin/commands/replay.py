@@ -42,11 +42,11 @@ def replay(
     """
     from rich.console import Console
 
-    from gcs_plugin.chosen_model import chosen_model
-    from gcs_plugin.logs import read_log
-    from gcs_plugin.view.overlays import before_and_after
-    from gcs_plugin.view.replay import ReplayView, run_replay
-    from models.analysis import analyse
+    from thrustmargin.gcs_plugin.commands.chosen_model import chosen_model
+    from thrustmargin.gcs_plugin.logs import read_log
+    from thrustmargin.gcs_plugin.view.overlays import before_and_after
+    from thrustmargin.gcs_plugin.view.replay import ReplayView, run_replay
+    from thrustmargin.models.model.analysis import analyse
 
     with Console(stderr=True).status(f"reading {log.name}"):
         rotor_model = chosen_model(model, airframe)

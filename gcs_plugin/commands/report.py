@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional
 
-from models.errors import DataError, ThrustMarginError
+from thrustmargin.models.errors import DataError, ThrustMarginError
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from gcs_plugin.logs import FlightLog
-    from gcs_plugin.report import Unread
-    from models.analysis import FlightAnalysis
-    from models.rotor_model import RotorModel
+    from thrustmargin.gcs_plugin.logs import FlightLog
+    from thrustmargin.gcs_plugin.reports.margin import Unread
+    from thrustmargin.models.model.analysis import FlightAnalysis
+    from thrustmargin.models.model.rotor_model import RotorModel
 
 
 def report(
@@ -46,9 +46,9 @@ def report(
     """
     from rich.console import Console
 
-    from gcs_plugin.chosen_model import chosen_model
-    from gcs_plugin.report import build_report
-    from gcs_plugin.report.render import write_report
+    from thrustmargin.gcs_plugin.commands.chosen_model import chosen_model
+    from thrustmargin.gcs_plugin.reports.margin import build_report
+    from thrustmargin.gcs_plugin.reports.margin.render import write_report
 
     console = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
     if not logs:
@@ -102,9 +102,9 @@ def analysed(
     """Each log as an analysed flight; those that cannot be read are added to `unread`."""
     from rich.progress import track as progress
 
-    from gcs_plugin.logs import read_log
-    from gcs_plugin.report import Unread
-    from models.analysis import analyse
+    from thrustmargin.gcs_plugin.logs import read_log
+    from thrustmargin.gcs_plugin.reports.margin import Unread
+    from thrustmargin.models.model.analysis import analyse
 
     described = "reading" if len(logs) > 1 else f"reading {logs[0].name}"
     for path in progress(logs, description=described, console=console, transient=True):

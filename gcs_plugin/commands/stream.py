@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from models.errors import LinkError, LogError
+from thrustmargin.models.errors import LinkError, LogError
 
 
 def stream(
@@ -35,8 +35,8 @@ def stream(
     from rich.console import Console
     from rich.progress import Progress, TextColumn, TimeElapsedColumn
 
-    from gcs_plugin.stream import Played, play
-    from gcs_plugin.transport import open_transport, parse_url
+    from thrustmargin.gcs_plugin.link.playback import Played, play
+    from thrustmargin.gcs_plugin.link.transport import open_transport, parse_url
 
     if not (speed > 0.0 and math.isfinite(speed)):
         raise LinkError(f"--speed {speed:g} is no speed; give a number above 0")
@@ -60,7 +60,7 @@ def stream(
 
 
 def _words(played: object, log: Path, to: str) -> str:
-    from gcs_plugin.stream import Played
+    from thrustmargin.gcs_plugin.link.playback import Played
 
     assert isinstance(played, Played)
     late = f", up to {played.late_s:.2f} s late" if played.late_s > 0.05 else ""

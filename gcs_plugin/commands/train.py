@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 from tyro.conf import Positional
 
-from models.errors import DataError, LogError
+from thrustmargin.models.errors import DataError, LogError
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from models.airframe import Airframe
-    from models.flight import FlightTrack
+    from thrustmargin.models.flight import FlightTrack
+    from thrustmargin.models.physics.airframe import Airframe
 
 SPLITS = {"both": ("samples", "flights"), "samples": ("samples",), "flights": ("flights",)}
 
@@ -55,14 +55,14 @@ def train(
 
     from rich.console import Console
 
-    from gcs_plugin.loss_figure import write_loss_curves
-    from gcs_plugin.progress import steps
-    from gcs_plugin.training_tables import training_tables
-    from models.airframe import load_airframe
-    from models.rotor_model import save_model
-    from models.rotor_net import NetConfig
-    from models.training import TrainSettings
-    from models.training import train as fit
+    from thrustmargin.gcs_plugin.reports.model.loss_figure import write_loss_curves
+    from thrustmargin.gcs_plugin.reports.model.training_tables import training_tables
+    from thrustmargin.gcs_plugin.wording.progress import steps
+    from thrustmargin.models.model.rotor_model import save_model
+    from thrustmargin.models.model.training import TrainSettings
+    from thrustmargin.models.model.training import train as fit
+    from thrustmargin.models.network.network import NetConfig
+    from thrustmargin.models.physics.airframe import load_airframe
 
     progress = Console(stderr=True)
     if not logs:
@@ -117,8 +117,8 @@ def _read(
     logs: Sequence[Path], airframe: Airframe, console: Console
 ) -> tuple[list[FlightTrack], list[str]]:
     """The flights that can be read, and a sentence for each log that cannot."""
-    from gcs_plugin.logs import read_log
-    from gcs_plugin.progress import each_log
+    from thrustmargin.gcs_plugin.logs import read_log
+    from thrustmargin.gcs_plugin.wording.progress import each_log
 
     tracks, unread = [], []
     for path in each_log(logs, console):
@@ -132,7 +132,7 @@ def _read(
 
 
 def _unused(tracks: Sequence[FlightTrack]) -> list[str]:
-    from models.samples import training_rows
+    from thrustmargin.models.network.training_rows import training_rows
 
     return [
         f"{track.name}: no row in steady flight with rotor speeds, airspeed and tank level"

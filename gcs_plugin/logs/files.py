@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_plugin.logs.recording import Damage
+from thrustmargin.gcs_plugin.telemetry.recording import Damage
 
 _WORST_PLACES = 20
 

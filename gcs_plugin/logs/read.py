@@ -5,18 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from gcs_plugin.logs import ulog
-from gcs_plugin.logs.assemble import Options, assemble, log_of_track
-from gcs_plugin.logs.dataflash import read_dataflash
-from gcs_plugin.logs.dataflash_rules import dataflash_signals
-from gcs_plugin.logs.dataflash_text import read_dataflash_text
-from gcs_plugin.logs.recording import FlightLog, NotThisFormat
-from gcs_plugin.logs.sampling import Sampling
-from gcs_plugin.logs.signals import airspeed_words, mavlink_signals, pitot_present
-from gcs_plugin.logs.table import read_csv
-from gcs_plugin.logs.tlog import read_tlog
-from models.airframe import Airframe
-from models.errors import AirframeError, LogError
+from thrustmargin.gcs_plugin.logs import ulog
+from thrustmargin.gcs_plugin.logs.csv_table import read_csv
+from thrustmargin.gcs_plugin.logs.dataflash.binary import read_dataflash
+from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import dataflash_signals
+from thrustmargin.gcs_plugin.logs.dataflash.text_log import read_dataflash_text
+from thrustmargin.gcs_plugin.logs.tlog import read_tlog
+from thrustmargin.gcs_plugin.telemetry.recording import FlightLog, NotThisFormat
+from thrustmargin.gcs_plugin.telemetry.resample import Sampling
+from thrustmargin.gcs_plugin.telemetry.rows import Options, assemble, log_of_track
+from thrustmargin.gcs_plugin.telemetry.signals import airspeed_words, mavlink_signals, pitot_present
+from thrustmargin.models.errors import AirframeError, LogError
+from thrustmargin.models.physics.airframe import Airframe
 
 _FMT_HEAD = b"\xa3\x95\x80"
 _LOOK = 1 << 20  # bytes in which the format shows
@@ -44,7 +44,7 @@ def read_log(
     `vehicle` is the system id (default: the one that reports rotor speeds); `airframe` gives
     the number of rotors, the tank and the liquid; `sampling` puts other channels onto the rows by
     interpolation ("linear") or as a live listener would ("hold"); `tank` names the source of the
-    tank level as `gcs_plugin.tank_level` lists them; `tank_start_kg` is what a tank without a
+    tank level as `telemetry.tank_source` lists them; `tank_start_kg` is what a tank without a
     gauge held at the start of the log. Raises LogError when the file holds no flight,
     AirframeError when the airframe has another number of rotors.
     """

@@ -7,16 +7,22 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gcs_plugin.decode import MAVLINK_RULES
-from gcs_plugin.logs.clock import Clock, vehicle_clock
-from gcs_plugin.logs.files import read_bytes, worst_places
-from gcs_plugin.logs.frames import PADDING, Frames, columns, scan
-from gcs_plugin.logs.layouts import layouts
-from gcs_plugin.logs.recording import LogQuality, NotThisFormat, Recording, Stream, Waypoint
-from gcs_plugin.logs.text import piece, printable
-from gcs_plugin.logs.timeline import pauses
-from models.errors import LogError
-from models.flight import Bools, Floats
+from thrustmargin.gcs_plugin.logs.files import read_bytes, worst_places
+from thrustmargin.gcs_plugin.mavlink.decode import MAVLINK_RULES
+from thrustmargin.gcs_plugin.mavlink.layouts import layouts
+from thrustmargin.gcs_plugin.mavlink.scan import PADDING, Frames, columns, scan
+from thrustmargin.gcs_plugin.mavlink.text import piece, printable
+from thrustmargin.gcs_plugin.telemetry.clock import Clock, vehicle_clock
+from thrustmargin.gcs_plugin.telemetry.recording import (
+    LogQuality,
+    NotThisFormat,
+    Recording,
+    Stream,
+    Waypoint,
+)
+from thrustmargin.gcs_plugin.telemetry.timeline import pauses
+from thrustmargin.models.errors import LogError
+from thrustmargin.models.flight import Bools, Floats
 
 AUTOPILOTS = {3: "ArduPilot", 12: "PX4"}
 #: MAV_TYPE -> rotors

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from gcs_plugin.logs.recording import LogQuality, Recording
-from gcs_plugin.logs.signals import Signals
-from gcs_plugin.logs.text import clean
-from gcs_plugin.logs.timeline import longest_stretch, pauses, without_leaps
-from gcs_plugin.logs.ulog_signals import TOPICS, Topic, ulog_signals
-from models.errors import LogError
+from thrustmargin.gcs_plugin.logs.ulog_topics import TOPICS, Topic, ulog_signals
+from thrustmargin.gcs_plugin.mavlink.text import clean
+from thrustmargin.gcs_plugin.telemetry.recording import LogQuality, Recording
+from thrustmargin.gcs_plugin.telemetry.signals import Signals
+from thrustmargin.gcs_plugin.telemetry.timeline import longest_stretch, pauses, without_leaps
+from thrustmargin.models.errors import LogError
 
 MAGIC = b"ULog\x01\x12\x35"
 

@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from models.flight import Floats
+from thrustmargin.models.flight import Floats
 
 NO_TURN = np.array([1.0, 0.0, 0.0, 0.0])
 FIELD_OF_VIEW = np.radians(75.0)  # upright; viser's own

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs_plugin.view.samples import Samples
-from models.airframe import Airframe
-from models.flight import Floats
+from thrustmargin.gcs_plugin.view.shown_rows import Samples
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.physics.airframe import Airframe
 
 if TYPE_CHECKING:
     from viser import GuiApi

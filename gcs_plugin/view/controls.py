@@ -12,11 +12,11 @@ import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from gcs_plugin.view.camera import Camera
-from gcs_plugin.view.clock import SPEEDS, ReplayClock
-from gcs_plugin.view.colours import legend_html
-from gcs_plugin.view.gauges import clock_text
-from gcs_plugin.view.overlays import Overlay
+from thrustmargin.gcs_plugin.view.camera import Camera
+from thrustmargin.gcs_plugin.view.gauges import clock_text
+from thrustmargin.gcs_plugin.view.overlays import Overlay
+from thrustmargin.gcs_plugin.view.replay_clock import SPEEDS, ReplayClock
+from thrustmargin.gcs_plugin.wording.palette import legend_html
 
 if TYPE_CHECKING:
     from viser import GuiApi

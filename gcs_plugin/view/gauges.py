@@ -10,10 +10,10 @@ from html import escape
 
 import numpy as np
 
-from gcs_plugin.view import colours
-from gcs_plugin.view.samples import MEASURED, NO_DATA, SOURCE_WORDS, Row
-from gcs_plugin.view.vehicle import tank_level
-from models.airframe import Airframe
+from thrustmargin.gcs_plugin.view.aircraft import tank_level
+from thrustmargin.gcs_plugin.view.shown_rows import MEASURED, NO_DATA, SOURCE_WORDS, Row
+from thrustmargin.gcs_plugin.wording import palette as colours
+from thrustmargin.models.physics.airframe import Airframe
 
 #: Up to so many rotors have large boxes; more are drawn compactly, to fit a small laptop.
 FEW_ROTORS = 4

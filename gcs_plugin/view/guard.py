@@ -22,7 +22,7 @@ import urllib.request
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from models.errors import LinkError
+from thrustmargin.models.errors import LinkError
 
 if TYPE_CHECKING:
     import viser

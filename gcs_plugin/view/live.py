@@ -19,30 +19,30 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pymap3d
 
-from gcs_plugin.alarm import AlarmEvent
-from gcs_plugin.fleet import Fleet
-from gcs_plugin.view import live_html
-from gcs_plugin.view.camera import Camera
-from gcs_plugin.view.colours import legend_html
-from gcs_plugin.view.gauges import STYLE, gauges_html
-from gcs_plugin.view.guard import LOOPBACK
-from gcs_plugin.view.live_aircraft import Aircraft
-from gcs_plugin.view.live_heard import Heard
-from gcs_plugin.view.live_html import (
+from thrustmargin.gcs_plugin.live.alarm import AlarmEvent
+from thrustmargin.gcs_plugin.live.fleet import Fleet
+from thrustmargin.gcs_plugin.live.vehicle_monitor import Update
+from thrustmargin.gcs_plugin.view import live_html
+from thrustmargin.gcs_plugin.view.camera import Camera
+from thrustmargin.gcs_plugin.view.gauges import STYLE, gauges_html
+from thrustmargin.gcs_plugin.view.guard import LOOPBACK
+from thrustmargin.gcs_plugin.view.live_aircraft import Aircraft
+from thrustmargin.gcs_plugin.view.live_heard import Heard
+from thrustmargin.gcs_plugin.view.live_html import (
     aged,
     alarms_html,
     fleet_html,
     outlook_html,
     status_html,
 )
-from gcs_plugin.view.live_paths import Paths
-from gcs_plugin.view.page import Page, arrange, left_panel
-from gcs_plugin.view.plan import plan_enu
-from gcs_plugin.view.samples import Samples, ground_height
-from gcs_plugin.view.scene import Scene
-from gcs_plugin.watch import Update
-from models.airframe import Airframe
-from models.flight import Floats, Origin
+from thrustmargin.gcs_plugin.view.live_paths import Paths
+from thrustmargin.gcs_plugin.view.page import Page, arrange, left_panel
+from thrustmargin.gcs_plugin.view.planned_path import plan_enu
+from thrustmargin.gcs_plugin.view.scene import Scene
+from thrustmargin.gcs_plugin.view.shown_rows import Samples, ground_height
+from thrustmargin.gcs_plugin.wording.palette import legend_html
+from thrustmargin.models.flight import Floats, Origin
+from thrustmargin.models.physics.airframe import Airframe
 
 if TYPE_CHECKING:
     import viser

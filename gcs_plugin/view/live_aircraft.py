@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from gcs_plugin.alarm import Alarm
-from gcs_plugin.view.live_html import Standing
-from gcs_plugin.view.trail import Trail
-from gcs_plugin.watch import Update
-from models.flight import Floats
+from thrustmargin.gcs_plugin.live.alarm import Alarm
+from thrustmargin.gcs_plugin.live.vehicle_monitor import Update
+from thrustmargin.gcs_plugin.view.live_html import Standing
+from thrustmargin.gcs_plugin.view.trail import Trail
+from thrustmargin.models.flight import Floats
 
 #: Rows in flight: time s, place ENU m, value of each overlay.
 Rows = deque[tuple[float, Floats, Floats]]

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from gcs_plugin.alarm import worst_first
-from gcs_plugin.fleet import Fleet
-from gcs_plugin.view.live_aircraft import Aircraft, Rows
-from gcs_plugin.view.live_html import Standing
-from gcs_plugin.view.overlays import Overlay, overlays_of
-from gcs_plugin.view.samples import enu
-from gcs_plugin.view.trail import Trail
-from gcs_plugin.watch import Update
+from thrustmargin.gcs_plugin.live.alarm import worst_first
+from thrustmargin.gcs_plugin.live.fleet import Fleet
+from thrustmargin.gcs_plugin.live.vehicle_monitor import Update
+from thrustmargin.gcs_plugin.view.live_aircraft import Aircraft, Rows
+from thrustmargin.gcs_plugin.view.live_html import Standing
+from thrustmargin.gcs_plugin.view.overlays import Overlay, overlays_of
+from thrustmargin.gcs_plugin.view.shown_rows import enu
+from thrustmargin.gcs_plugin.view.trail import Trail
 
 STALE_EVERY = 0.5  # s between two looks at which fields are no longer reported
 

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 
-from gcs_plugin.alarm import CRITICAL, WARNING, Alarm
-from gcs_plugin.console import NOT_RECORDING
-from gcs_plugin.outlook import Outlook
-from gcs_plugin.view import colours
-from gcs_plugin.view.gauges import percent
+from thrustmargin.gcs_plugin.live.alarm import CRITICAL, WARNING, Alarm
+from thrustmargin.gcs_plugin.live.console import NOT_RECORDING
+from thrustmargin.gcs_plugin.live.outlook import Outlook
+from thrustmargin.gcs_plugin.view.gauges import percent
+from thrustmargin.gcs_plugin.wording import palette as colours
 
 #: White on each is read in sunlight: contrast 7:1 and more.
 RED, ORANGE, GREY = "#b00020", "#8a3a00", "#4d4d4d"

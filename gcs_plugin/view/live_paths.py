@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs_plugin.view.live_aircraft import Aircraft
-from gcs_plugin.view.overlays import Overlay
-from gcs_plugin.view.scene import PLAN_GREY, ROUTE_PIXELS, Scene
-from gcs_plugin.view.tonemap import line_colours, sent_for
-from models.flight import Floats
+from thrustmargin.gcs_plugin.view.live_aircraft import Aircraft
+from thrustmargin.gcs_plugin.view.overlays import Overlay
+from thrustmargin.gcs_plugin.view.scene import PLAN_GREY, ROUTE_PIXELS, Scene
+from thrustmargin.gcs_plugin.view.tonemap import line_colours, sent_for
+from thrustmargin.models.flight import Floats
 
 if TYPE_CHECKING:
     import viser

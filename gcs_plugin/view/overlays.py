@@ -10,12 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gcs_plugin.view import colours
-from gcs_plugin.view.colours import ColourScale
-from mission.route import Worst
-from models.analysis import FlightAnalysis
-from models.errors import DataError
-from models.flight import Bools, Floats
+from thrustmargin.gcs_plugin.wording import palette as colours
+from thrustmargin.gcs_plugin.wording.palette import ColourScale
+from thrustmargin.mission.route import Worst
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.flight import Bools, Floats
+from thrustmargin.models.model.analysis import FlightAnalysis
 
 #: The residual's scale ends at this share of the airframe's largest rotor speed.
 RESIDUAL_SPAN = 0.1

@@ -8,8 +8,8 @@ import threading
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from gcs_plugin.view.guard import address_of, guarded_server, is_loopback, stop_server
-from models.errors import DataError
+from thrustmargin.gcs_plugin.view.guard import address_of, guarded_server, is_loopback, stop_server
+from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
     import viser

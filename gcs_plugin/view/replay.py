@@ -15,26 +15,26 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gcs_plugin.view.camera import Camera
-from gcs_plugin.view.charts import RotorCharts
-from gcs_plugin.view.clock import ReplayClock
-from gcs_plugin.view.controls import ReplayControls
-from gcs_plugin.view.gauges import STYLE, gauges_html
-from gcs_plugin.view.guard import LOOPBACK
-from gcs_plugin.view.overlays import Overlay, overlays_of
-from gcs_plugin.view.page import Page, arrange, left_panel
-from gcs_plugin.view.plan import plan_enu
-from gcs_plugin.view.samples import Samples, ground_height
-from gcs_plugin.view.scene import Scene
-from mission.field import sprayed_field
-from mission.route import route_segments
-from models.analysis import FlightAnalysis
-from models.errors import DataError
+from thrustmargin.gcs_plugin.view.camera import Camera
+from thrustmargin.gcs_plugin.view.charts import RotorCharts
+from thrustmargin.gcs_plugin.view.controls import ReplayControls
+from thrustmargin.gcs_plugin.view.gauges import STYLE, gauges_html
+from thrustmargin.gcs_plugin.view.guard import LOOPBACK
+from thrustmargin.gcs_plugin.view.overlays import Overlay, overlays_of
+from thrustmargin.gcs_plugin.view.page import Page, arrange, left_panel
+from thrustmargin.gcs_plugin.view.planned_path import plan_enu
+from thrustmargin.gcs_plugin.view.replay_clock import ReplayClock
+from thrustmargin.gcs_plugin.view.scene import Scene
+from thrustmargin.gcs_plugin.view.shown_rows import Samples, ground_height
+from thrustmargin.mission.field import sprayed_field
+from thrustmargin.mission.route import route_segments
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.model.analysis import FlightAnalysis
 
 if TYPE_CHECKING:
     import viser
 
-    from gcs_plugin.logs import Waypoint
+    from thrustmargin.gcs_plugin.logs import Waypoint
 
 TICK_HZ = 15.0
 #: Gauges and charts are drawn on every third and every fifth tick: people read no faster.

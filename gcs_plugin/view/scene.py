@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 import shapely
 
-from gcs_plugin.view import colours
-from gcs_plugin.view.camera import (
+from thrustmargin.gcs_plugin.view.aircraft import VehicleNode
+from thrustmargin.gcs_plugin.view.camera import (
     FIRST_ASPECT,
     NO_TURN,
     Camera,
@@ -23,14 +23,14 @@ from gcs_plugin.view.camera import (
     nose_north,
     overview,
 )
-from gcs_plugin.view.overlays import Overlay
-from gcs_plugin.view.samples import Row, enu
-from gcs_plugin.view.tonemap import line_colours, sent_for
-from gcs_plugin.view.vehicle import VehicleNode
-from mission.field import Field
-from mission.route import Route
-from models.airframe import Airframe
-from models.flight import Floats
+from thrustmargin.gcs_plugin.view.overlays import Overlay
+from thrustmargin.gcs_plugin.view.shown_rows import Row, enu
+from thrustmargin.gcs_plugin.view.tonemap import line_colours, sent_for
+from thrustmargin.gcs_plugin.wording import palette as colours
+from thrustmargin.mission.field import Field
+from thrustmargin.mission.route import Route
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.physics.airframe import Airframe
 
 PinAnchor = Literal["bottom-left", "bottom-center", "bottom-right"]
 

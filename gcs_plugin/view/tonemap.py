@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gcs_plugin.view.colours import Colours
+from thrustmargin.gcs_plugin.wording.palette import Colours
 
 # three.js ACESFilmicToneMapping: Stephen Hill's fit of the ACES RRT and ODT, exposure 1 / 0.6.
 # viser's line colours enter it without the usual sRGB decoding (measured in the browser).

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mission.route import Worst
-from models.flight import Floats
+from thrustmargin.mission.route import Worst
+from thrustmargin.models.flight import Floats
 
 FIRST_LENGTH, FIRST_SECONDS = 0.5, 2.0  # m and s after which a segment closes at first
 

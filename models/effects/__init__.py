@@ -1,13 +1,13 @@
 """The table of physical effects. Adding one is adding one object to CATALOGUE.
 
 Order is that of the text: inputs, demand, moments, coefficient. `models.effects.compose` puts
-effects together into rotor speeds; `models.identify` searches this table and nothing else.
+effects together into rotor speeds; `identification.identify` searches this table and nothing else.
 """
 
 from __future__ import annotations
 
-from models.effects.base import Effect, Kind, Parameter, Placed
-from models.effects.coefficient import (
+from thrustmargin.models.effects.base import Effect, Kind, Parameter, Placed
+from thrustmargin.models.effects.coefficient import (
     AIR_DENSITY,
     BATTERY_VOLTAGE,
     CLIMB_INFLOW,
@@ -17,11 +17,16 @@ from models.effects.coefficient import (
     THRUST_DRIFT,
     TRANSLATIONAL_LIFT,
 )
-from models.effects.demand import EXTRA_MASS, LOAD_FACTOR, PARASITE_DRAG
-from models.effects.flow_moment import FLOW_MOMENT
-from models.effects.inputs import ROTOR_SPEED_LAG, SENSOR_LAG, TANK_SCALE, WIND
-from models.effects.moments import CG_OFFSET, CG_OFFSET_TANK, MANOEUVRE_MOMENT, YAW_TRIM
-from models.effects.slung_load import SLUNG_LOADS
+from thrustmargin.models.effects.demand import EXTRA_MASS, LOAD_FACTOR, PARASITE_DRAG
+from thrustmargin.models.effects.flow_moment import FLOW_MOMENT
+from thrustmargin.models.effects.inputs import ROTOR_SPEED_LAG, SENSOR_LAG, TANK_SCALE, WIND
+from thrustmargin.models.effects.moments import (
+    CG_OFFSET,
+    CG_OFFSET_TANK,
+    MANOEUVRE_MOMENT,
+    YAW_TRIM,
+)
+from thrustmargin.models.effects.slung_load import SLUNG_LOADS
 
 CATALOGUE: tuple[Effect, ...] = (
     WIND,

@@ -74,7 +74,7 @@ class Effect:
     delays: bool = False  # its "lag" is how late all rotor speeds are reported
     #: (p, x, xp) -> size of what it changes, 1 being the least worth a name
     weight: Callable[..., Any] | None = None
-    begins: bool = False  # a step in time, found by `models.onset`
+    begins: bool = False  # a step in time, found by `models.identification.onset`
     seeds: tuple[Mapping[str, float], ...] = ()  # other starts of a fit that has several valleys
 
     @property

@@ -11,17 +11,17 @@ from typing import Any, Self
 
 import numpy as np
 
-from models.airframe import Airframe
-from models.atmosphere import G0, isa_temperature, track_density
-from models.attitude import down_axis
-from models.effects.pendulum import cable_pull, shortest_cable
-from models.flight import FlightTrack, Floats
-from models.forward_flight import (
+from thrustmargin.models.effects.pendulum import cable_pull, shortest_cable
+from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.atmosphere import G0, isa_temperature, track_density
+from thrustmargin.models.physics.attitude import down_axis
+from thrustmargin.models.physics.forward_flight import (
     ForwardFlight,
     hover_induced_velocity,
     manoeuvre_load,
 )
-from models.smoothing import derivative, moving_mean
+from thrustmargin.models.physics.smoothing import derivative, moving_mean
 
 LAG_STEP = 0.1  # s
 NEAR_LAG = 0.5  # s, as far as an effect looks around a row by itself

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from models.effects.base import Effect, Kind, Parameter
-from models.effects.channels import Channels
-from models.forward_flight import induced_ratio
+from thrustmargin.models.effects.base import Effect, Kind, Parameter
+from thrustmargin.models.effects.channels import Channels
+from thrustmargin.models.physics.forward_flight import induced_ratio
 
 CLIMB_SHARE = 0.15  # of the scatter of axial inflow, that must be climbing to be called so
 LEAST_DENSITY_ERROR = 0.01  # of the model's density: 3 K, or 100 m of height

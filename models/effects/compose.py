@@ -17,11 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from models.airframe import Airframe
-from models.allocation import mixer
-from models.effects.base import Array, Kind, Placed
-from models.effects.channels import Channels
-from models.flight import Floats
+from thrustmargin.models.effects.base import Array, Kind, Placed
+from thrustmargin.models.effects.channels import Channels
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.allocation import mixer
 
 KAPPA_FLOOR = 0.05
 THRUST_FLOOR = 1e-3  # N: a rotor that would have to pull down stands still instead

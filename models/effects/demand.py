@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from models.atmosphere import G0
-from models.effects.base import Effect, Kind, Parameter
-from models.effects.channels import Channels, lag_weights
+from thrustmargin.models.effects.base import Effect, Kind, Parameter
+from thrustmargin.models.effects.channels import Channels, lag_weights
+from thrustmargin.models.physics.atmosphere import G0
 
 
 def _extra_mass(p, x: Channels, thrust, xp):  # noqa: ARG001

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from models.effects.base import Effect, Kind, Parameter
-from models.effects.channels import Channels
+from thrustmargin.models.effects.base import Effect, Kind, Parameter
+from thrustmargin.models.effects.channels import Channels
 
 
 def _flow_moment(p, x: Channels, thrust, xp):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from math import cos, pi, sin
 
-from models.effects.base import Effect, Kind, Parameter
-from models.effects.channels import Channels, lag_weights
+from thrustmargin.models.effects.base import Effect, Kind, Parameter
+from thrustmargin.models.effects.channels import Channels, lag_weights
 
 LEAST_AIRSPEED_ERROR = 0.8  # m/s RMS: a gust or two off is no missing wind
 

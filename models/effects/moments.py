@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from models.effects.base import Effect, Kind, Parameter
-from models.effects.channels import Channels, lag_weights
+from thrustmargin.models.effects.base import Effect, Kind, Parameter
+from thrustmargin.models.effects.channels import Channels, lag_weights
 
 
 def _cg_fixed(p, x: Channels, thrust, xp):  # noqa: ARG001

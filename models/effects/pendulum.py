@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.airframe import Airframe
-from models.atmosphere import G0
-from models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.atmosphere import G0
 
 SHORTEST = 4.0  # arms of the aircraft
 RATIO = 1.035  # of neighbouring lengths

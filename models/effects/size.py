@@ -13,8 +13,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from models.airframe import Airframe
-from models.effects.base import Effect, Parameter
+from thrustmargin.models.effects.base import Effect, Parameter
+from thrustmargin.models.physics.airframe import Airframe
 
 MASS, ARM = 21.1, 0.9596  # kg empty and m from centre to rotor, the F16 (Han et al. 2024)
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from math import log
 
-from models.atmosphere import G0
-from models.effects.base import Effect, Kind, Parameter
-from models.effects.channels import Channels
-from models.effects.pendulum import LENGTHS, RATIO, SHORTEST
-from models.effects.size import ARM
+from thrustmargin.models.effects.base import Effect, Kind, Parameter
+from thrustmargin.models.effects.channels import Channels
+from thrustmargin.models.effects.pendulum import LENGTHS, RATIO, SHORTEST
+from thrustmargin.models.effects.size import ARM
+from thrustmargin.models.physics.atmosphere import G0
 
 BRACKETS = 7  # pieces of the range of lengths, each searched from its middle
 OVERLAP = 1.1

@@ -9,10 +9,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from models.effects import CATALOGUE, ON_REQUEST
-from models.effects.base import Placed
-from models.errors import ModelError
-from models.records import EffectRecord
+from thrustmargin.models.effects import CATALOGUE, ON_REQUEST
+from thrustmargin.models.effects.base import Placed
+from thrustmargin.models.errors import ModelError
+from thrustmargin.models.network.records import EffectRecord
 
 BY_KEY = {effect.key: effect for effect in (*CATALOGUE, *ON_REQUEST)}
 

@@ -30,14 +30,14 @@ from rich.console import Console
 from rich.table import Table
 from scipy.stats import chi2
 
-from gcs_plugin.alarms import Alarms
-from gcs_plugin.logs import read_log
-from gcs_plugin.monitor import Monitor, MonitorSettings
-from gcs_plugin.tank import virtual_gauge
-from gcs_plugin.watch import SETTLED_AFTER
-from models.analysis import analyse
-from models.margin import ceiling, hover_use, weight
-from models.rotor_model import shipped_model
+from thrustmargin.gcs_plugin.live.alarms import Alarms
+from thrustmargin.gcs_plugin.live.monitor import Monitor, MonitorSettings
+from thrustmargin.gcs_plugin.live.tank import virtual_gauge
+from thrustmargin.gcs_plugin.live.vehicle_monitor import SETTLED_AFTER
+from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.rotor_model import shipped_model
+from thrustmargin.models.physics.margin import ceiling, hover_use, weight
 
 LIMIT = 0.5
 GROUPS = {

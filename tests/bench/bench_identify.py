@@ -17,15 +17,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gcs_plugin.logs.table import write_csv
-from models.flight import FlightTrack
-from models.identify import identify
 from tests.undeclared import subject
 from tests.undeclared.datasets import AIRCRAFT, the_days
 from tests.undeclared.missions import random_style
 from tests.undeclared.physics import Physics
 from tests.undeclared.plant import fly
 from tests.undeclared.recorded import hosts, implant_named
+from thrustmargin.gcs_plugin.logs.csv_table import write_csv
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.identification.identify import identify
 
 FLIGHTS = 6
 MINUTES = 5.0
@@ -117,7 +117,7 @@ def test_identify_from_the_command_line(benchmark, case, threads, tmp_path):
     logs = [tmp_path / f"flight_{number}.csv" for number in range(1, FLIGHTS + 1)]
     for track, path in zip(case.tracks, logs, strict=True):
         write_csv(track, path)
-    command = [sys.executable, "-m", "gcs_plugin.cli", "identify", *map(str, logs)]
+    command = [sys.executable, "-m", "thrustmargin.gcs_plugin.cli", "identify", *map(str, logs)]
     command += ["--json", str(tmp_path / "found.json"), "--html", str(tmp_path / "found.html")]
     if case.model is not None:
         command += ["--model", str(case.model)]

@@ -17,13 +17,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gcs_plugin.monitor import Monitor, MonitorSettings
-from gcs_plugin.stream import stamped_frames
-from models.rotor_model import shipped_model
-from tests.gcs_plugin.live_vehicle import ROOT, Vehicle
+from tests.gcs_plugin.live.live_vehicle import ROOT, Vehicle
+from thrustmargin.gcs_plugin.link.playback import stamped_frames
+from thrustmargin.gcs_plugin.live.monitor import Monitor, MonitorSettings
+from thrustmargin.models.model.rotor_model import shipped_model
 
 SENDER = Path(__file__).with_name("many_vehicles.py")
-RUN = "import sys; from gcs_plugin.cli import main; main(sys.argv[1:])"
+RUN = "import sys; from thrustmargin.gcs_plugin.cli import main; main(sys.argv[1:])"
 SIXTY = ("--speed", "60", "--loop")
 
 
@@ -193,8 +193,8 @@ WATCH = """() => {
 
 def test_from_the_byte_on_the_socket_to_the_colour_in_the_browser(benchmark):
     """The rotor speeds step across the 50 % line; the page notes when its gauge changes colour."""
-    from gcs_plugin.view.live import LiveView
     from tests.browser import open_page
+    from thrustmargin.gcs_plugin.view.live import LiveView
 
     model = shipped_model()
     monitor = Monitor(model, MonitorSettings(urls=("udpin:127.0.0.1:0",)))

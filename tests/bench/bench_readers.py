@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from gcs_plugin.logs import read_log
-from gcs_plugin.logs.dataflash import read_dataflash
-from gcs_plugin.logs.tlog import read_tlog
-from tests.gcs_plugin.log_files import long_bin, long_tlog
+from tests.gcs_plugin.logs.log_files import long_bin, long_tlog
+from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.logs.dataflash.binary import read_dataflash
+from thrustmargin.gcs_plugin.logs.tlog import read_tlog
 
 RECORDED = {"tlog": "campaign/v4_m10_q2.5.tlog", "BIN": "formats/v4_m10_q2.5.BIN"}
 READERS = {"tlog": read_tlog, "BIN": read_dataflash}

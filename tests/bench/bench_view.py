@@ -8,9 +8,9 @@ import time
 import numpy as np
 import pytest
 
-from gcs_plugin.view.replay import ReplayView
-from mission.route import route_segments
-from tests.gcs_plugin.view_flight import flight
+from tests.gcs_plugin.view.view_flight import flight
+from thrustmargin.gcs_plugin.view.replay import ReplayView
+from thrustmargin.mission.route import route_segments
 
 
 @pytest.fixture

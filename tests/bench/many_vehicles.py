@@ -11,8 +11,8 @@ from pathlib import Path
 
 from fastcrc import crc16
 
-from gcs_plugin.logs.layouts import layouts
-from gcs_plugin.stream import stamped_frames
+from thrustmargin.gcs_plugin.link.playback import stamped_frames
+from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 
 
 def renumbered(frame: bytes, system: int, sequence: int) -> bytes:

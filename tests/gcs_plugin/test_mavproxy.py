@@ -18,14 +18,21 @@ from urllib.request import urlopen
 
 import pytest
 
-from gcs_plugin.fleet import Fleet
-from gcs_plugin.frames import Frame, frame_at
-from gcs_plugin.mavproxy_worker import Options, Reading, fields, reading, share, summary
-from gcs_plugin.stream import stamped_frames
-from models.airframe import load_airframe
-from models.rotor_model import physics_model, save_model
+from thrustmargin.gcs_plugin.link.playback import stamped_frames
+from thrustmargin.gcs_plugin.live.fleet import Fleet
+from thrustmargin.gcs_plugin.mavlink.splitter import Frame, frame_at
+from thrustmargin.gcs_plugin.mavproxy.worker import (
+    Options,
+    Reading,
+    fields,
+    reading,
+    share,
+    summary,
+)
+from thrustmargin.models.model.rotor_model import physics_model, save_model
+from thrustmargin.models.physics.airframe import load_airframe
 
-MODULE = "gcs_plugin.mavproxy_module"
+MODULE = "thrustmargin.gcs_plugin.mavproxy_module"
 PEERS = Path(__file__).parent / "peers"
 INSTALLED = importlib.util.find_spec("MAVProxy") is not None
 if not INSTALLED and os.environ.get("THRUSTMARGIN_REQUIRE_MAVPROXY"):
@@ -159,8 +166,8 @@ def playing(flight: list[tuple[int, bytes]], port: int, start: float, stop: floa
 
 
 def watched(flight: list[tuple[int, bytes]], start: float, stop: float, model: Path) -> Reading:
-    """What `gcs_plugin.watch` makes of the same frames in this process."""
-    from models.rotor_model import load_model
+    """What `live.vehicle_monitor` makes of the same frames in this process."""
+    from thrustmargin.models.model.rotor_model import load_model
 
     fleet = Fleet(load_model(model))
     chosen = [(t, data) for t, data in flight if start * 1e6 <= t < stop * 1e6]
@@ -299,7 +306,7 @@ def test_importing_the_module_does_nothing():
         f"import {MODULE}\nimport importlib\n"
         f"importlib.reload(sys.modules['{MODULE}'])\n"
         "assert threading.active_count() == 1\n"
-        "heavy = {'gcs_plugin.watch', 'models', 'torch', 'viser', 'mavsdk'} & set(sys.modules)\n"
+        "heavy = {'thrustmargin.models', 'torch', 'viser', 'mavsdk'} & set(sys.modules)\n"
         "assert not heavy, heavy\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

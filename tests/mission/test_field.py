@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import shapely
 
-from mission.field import line_spacing, sprayed_field
-from models.errors import TrackError
+from thrustmargin.mission.field import line_spacing, sprayed_field
+from thrustmargin.models.errors import TrackError
 
 
 def boustrophedon(lines: int, length: float, spacing: float, *, heading: float = 0.0):

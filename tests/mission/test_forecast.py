@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from mission.forecast import Conditions, Leg, forecast, margin_at_fill, route_ahead
-from mission.plan import MissionPlan, PlanItem
-from models.airframe import load_airframe
-from models.flight import Origin
-from models.rotor_model import physics_model
+from thrustmargin.mission.forecast import Conditions, Leg, forecast, margin_at_fill, route_ahead
+from thrustmargin.mission.plan import MissionPlan, PlanItem
+from thrustmargin.models.flight import Origin
+from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.physics.airframe import load_airframe
 
 AIRFRAME = load_airframe("topxgun-f16-sitl")
 MODEL = physics_model(AIRFRAME)

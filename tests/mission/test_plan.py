@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mission.plan import (
+from thrustmargin.mission.plan import (
     DO_JUMP,
     DO_SPRAYER,
     FIRMWARE_ARDUPILOT,
@@ -20,8 +20,8 @@ from mission.plan import (
     read_plan,
     write_plan,
 )
-from mission.whole_file import whole_file
-from models.errors import PlanError
+from thrustmargin.models.errors import PlanError
+from thrustmargin.models.whole_file import whole_file
 
 NAN = math.nan
 HOME = (36.65, 116.9, 12.25)

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from mission.route import route_segments
-from models.errors import TrackError
+from thrustmargin.mission.route import route_segments
+from thrustmargin.models.errors import TrackError
 
 FLOATS = st.floats(-50, 50, allow_nan=False, width=32)
 

@@ -10,11 +10,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from models.airframe import load_airframe
-from models.effects import CATALOGUE
-from models.flight import FlightTrack, Origin
-from models.rotor_model import RotorModel, physics_model
-from models.search import SearchConfig
+from thrustmargin.models.effects import CATALOGUE
+from thrustmargin.models.flight import FlightTrack, Origin
+from thrustmargin.models.identification.search import SearchConfig
+from thrustmargin.models.model.rotor_model import RotorModel, physics_model
+from thrustmargin.models.physics.airframe import load_airframe
 
 F16 = load_airframe("topxgun-f16-sitl")
 STEP_S, LEG_S = 0.1, 12.0

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from models.errors import TrackError
-from models.flight import CHANNEL_COLUMNS, FlightTrack
+from thrustmargin.models.errors import TrackError
+from thrustmargin.models.flight import CHANNEL_COLUMNS, FlightTrack
 
 TIME_S = np.arange(5.0)
 

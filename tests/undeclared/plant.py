@@ -11,7 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from models.flight import FlightTrack, Origin
 from tests.undeclared.days import Day, surroundings
 from tests.undeclared.missions import FINE_STEP, Style, motion_of
 from tests.undeclared.outside import Outside, faulty_sensor, outside_push
@@ -25,6 +24,7 @@ from tests.undeclared.physics import (
     Surroundings,
     rotor_speeds,
 )
+from thrustmargin.models.flight import FlightTrack, Origin
 
 SEASON_START = 1.78e9  # s, Unix time of the season's clock
 ROW_STEP = 0.1  # s between rows of a track

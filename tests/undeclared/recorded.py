@@ -16,7 +16,6 @@ from pathlib import Path
 
 import numpy as np
 
-from models.flight import FlightTrack
 from tests.undeclared.changes import NAMED, Change
 from tests.undeclared.missions import FINE_STEP
 from tests.undeclared.outside import OUTSIDE, Outside, draw_outside, faulty_sensor, outside_push
@@ -34,6 +33,7 @@ from tests.undeclared.physics import (
     standard_air,
 )
 from tests.undeclared.truth import ASKED_FROM_RPM, Missing, rms
+from thrustmargin.models.flight import FlightTrack
 
 CAMPAIGN = Path(__file__).resolve().parents[2] / "sitl_logs" / "campaign"
 #: Changes whose law needs no more than a log has.
@@ -65,7 +65,7 @@ class Implanted:
 @cache
 def hosts() -> tuple[FlightTrack, ...]:
     """The good flights of the campaign, in the order of their names."""
-    from gcs_plugin.logs import read_log
+    from thrustmargin.gcs_plugin.logs import read_log
 
     return tuple(read_log(path).track for path in sorted(CAMPAIGN.glob("*.tlog")))
 

@@ -21,11 +21,11 @@ from zlib import crc32
 
 import numpy as np
 
-from models.flight import FlightTrack
 from tests.undeclared.days import elsewhere, random_day
 from tests.undeclared.missions import Style
 from tests.undeclared.physics import QUAD, Physics
 from tests.undeclared.rotorpy_plant import SEASON_START, Airframe, fly_rotorpy
+from thrustmargin.models.flight import FlightTrack
 
 if TYPE_CHECKING:
     from tests.undeclared.subject import RotorModel

@@ -25,7 +25,6 @@ from rotorpy.vehicles.multirotor import Multirotor  # pyright: ignore[reportMiss
 from scipy.integrate import OdeSolver
 from scipy.spatial.transform import Rotation
 
-from models.flight import FlightTrack
 from tests.undeclared.days import Day, surroundings
 from tests.undeclared.missions import FINE_STEP, Style, motion_of
 from tests.undeclared.physics import (
@@ -35,6 +34,7 @@ from tests.undeclared.physics import (
     Motion,
     Physics,
 )
+from thrustmargin.models.flight import FlightTrack
 
 FLIP = np.array([1.0, -1.0, -1.0])
 RPM_PER_RAD_S = 60.0 / (2.0 * np.pi)

@@ -10,14 +10,14 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from models.airframe import Airframe, load_airframe
-from models.flight import FlightTrack
-from models.rotor_model import RotorModel, physics_model
 from tests.undeclared.datasets import AIRCRAFT, healthy_flights
 from tests.undeclared.physics import Layout
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.rotor_model import RotorModel, physics_model
+from thrustmargin.models.physics.airframe import Airframe, load_airframe
 
 if TYPE_CHECKING:
-    from models.training import TrainSettings
+    from thrustmargin.models.model.training import TrainSettings
 
 HEALTHY_FLIGHTS = 27  # as many as the recorded campaign has
 AIRFRAME_FILE = """\
@@ -60,7 +60,7 @@ def trained_model(folder: Path, *, seed: int = 0) -> RotorModel:
     The network knows speed and payload only; what turns and gusts do is found by the code under
     test itself on the same good flights, as a user would close the loop at commissioning.
     """
-    from models.training import train
+    from thrustmargin.models.model.training import train
 
     airframe = airframe_of(AIRCRAFT.layout, folder)
     tracks = [f.track for f in healthy_flights(HEALTHY_FLIGHTS, seed)]
@@ -70,8 +70,8 @@ def trained_model(folder: Path, *, seed: int = 0) -> RotorModel:
 
 def quick_training(seed: int) -> TrainSettings:
     """Enough for a smooth function of speed and payload, in seconds."""
-    from models.rotor_net import NetConfig
-    from models.training import TrainSettings
+    from thrustmargin.models.model.training import TrainSettings
+    from thrustmargin.models.network.network import NetConfig
 
     net = NetConfig(hidden=(32, 32), learning_rate=2e-3, patience=60, max_epochs=300)
     return TrainSettings(splits=(), members=3, seed=seed, net=net)
@@ -86,8 +86,8 @@ def closed_and_told(
     model: RotorModel, fit: Sequence[FlightTrack], held_out: Sequence[FlightTrack] = ()
 ) -> tuple[RotorModel, dict[str, Any]]:
     """The model with the effects that the loop finds, and its answer."""
-    from models.closing import with_effects
-    from models.identify import identify
+    from thrustmargin.models.identification.identify import identify
+    from thrustmargin.models.identification.model_update import with_effects
 
     found = identify(model, fit, held_out)
     return with_effects(model, found), found.to_json()
@@ -96,7 +96,7 @@ def closed_and_told(
 def save_base(folder: Path) -> Path:
     """Build the trained model once and keep it in a file, for several workers."""
     path = folder / "healthy.safetensors"
-    from models.rotor_model import save_model
+    from thrustmargin.models.model.rotor_model import save_model
 
     save_model(trained_model(folder), path)
     return path
@@ -104,7 +104,7 @@ def save_base(folder: Path) -> Path:
 
 @cache
 def load_base(path: Path) -> RotorModel:
-    from models.rotor_model import load_model
+    from thrustmargin.models.model.rotor_model import load_model
 
     return load_model(path)
 
@@ -112,7 +112,7 @@ def load_base(path: Path) -> RotorModel:
 @cache
 def shipped() -> RotorModel:
     """The model that the project ships for the recorded flights' aircraft."""
-    from models.rotor_model import shipped_model
+    from thrustmargin.models.model.rotor_model import shipped_model
 
     return shipped_model()
 
@@ -121,6 +121,6 @@ def run_identify(
     model: RotorModel, fit: Sequence[FlightTrack], held_out: Sequence[FlightTrack]
 ) -> dict[str, Any]:
     """The answer of the loop in the schema `thrustmargin.identify/1`."""
-    from models.identify import identify
+    from thrustmargin.models.identification.identify import identify
 
     return identify(model, fit, held_out).to_json()

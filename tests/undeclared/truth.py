@@ -14,10 +14,10 @@ from typing import Literal
 
 import numpy as np
 
-from models.flight import Bools
 from tests.undeclared.changes import Change
 from tests.undeclared.physics import SEA_LEVEL_DENSITY, Array, Physics, rotor_speeds
 from tests.undeclared.plant import SENSOR_LAG, Flight, late
+from thrustmargin.models.flight import Bools
 
 ASKED_FROM_RPM = 8.0
 

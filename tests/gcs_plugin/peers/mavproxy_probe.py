@@ -1,6 +1,6 @@
 """A MAVProxy module that watches another one from inside: `probe` prints what it saw as JSON.
 
-Loaded before gcs_plugin.mavproxy_module: the console's fields and colours, the threads that ran an
+Loaded before the MAVProxy module: the console's fields and colours, the threads that ran an
 analysis, and what the module's import brought with it.
 """
 
@@ -29,7 +29,7 @@ class Probe(mp_module.MPModule):
         self.add_command("spy", self.cmd_spy, "note which threads analyse")
 
     def cmd_spy(self, _):
-        from gcs_plugin import watch
+        from thrustmargin.gcs_plugin.live import vehicle_monitor as watch
 
         analyse = watch.analyse
 

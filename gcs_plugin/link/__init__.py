@@ -1,0 +1,1 @@
+"""Links: transports, the listener, signing, and what is sent."""

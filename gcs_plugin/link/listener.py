@@ -1,0 +1,167 @@
+"""The listener: one thread a link that receives, forwards and cuts into frames, and nothing else.
+
+Bytes are passed on before anything is decided about them, unchanged: each datagram as it came, a
+byte stream in whole frames with whatever lies between. What a ground station behind `forwards`
+sends goes back to the vehicle's links, equally unchanged. Of its own accord a listener sends
+nothing.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+
+from thrustmargin.gcs_plugin.link.transport import Address, Chunk, Transport, open_transport
+from thrustmargin.gcs_plugin.mavlink.splitter import Frame, FrameCounts, FrameSplitter
+
+#: s that a thread waits for bytes before it looks whether it should stop.
+WAIT = 0.2
+#: Senders of datagrams whose unfinished frames are remembered, a link.
+SENDERS = 256
+
+
+class SteadyClock:
+    """Unix time that never jumps: the wall clock once, carried on by the monotonic clock."""
+
+    def __init__(self) -> None:
+        self._offset_ns = time.time_ns() - time.monotonic_ns()
+
+    def now_us(self) -> int:
+        return (time.monotonic_ns() + self._offset_ns) // 1000
+
+
+class Link:
+    """One URL: its transport, its frames' counts, and the thread that receives from it."""
+
+    def __init__(self, url: str, number: int, transport: Transport) -> None:
+        self.url = url
+        self.number = number
+        self.transport = transport
+        self.counts = FrameCounts()
+        self.refused = 0  # whole frames that the filter did not let in
+        self.last_us = 0  # when bytes last came
+        self.finished = False
+        self._splitters: dict[Address | None, FrameSplitter] = {}
+
+    def frames(self, chunk: Chunk, stamp_us: int) -> tuple[list[Frame], bytes]:
+        """Frames of a chunk, and the bytes to pass on for it."""
+        splitter = self._splitters.get(chunk.peer)
+        if splitter is None:
+            if len(self._splitters) >= SENDERS:
+                del self._splitters[next(iter(self._splitters))]
+            splitter = self._splitters[chunk.peer] = FrameSplitter(self.number, self.counts)
+        if self.transport.datagrams:
+            return splitter.feed_datagram(chunk.data, stamp_us), chunk.data
+        frames = splitter.feed(chunk.data, stamp_us)
+        return frames, splitter.passed
+
+
+class Listener:
+    """All links to vehicles, and the forwards to ground stations.
+
+    `on_frames(frames)` is called on the receiving threads, in order within a link, and must be
+    quick. `accept(frame, link)` may refuse a frame (signing); forwarding is not affected.
+    """
+
+    def __init__(
+        self,
+        urls: Sequence[str],
+        *,
+        on_frames: Callable[[list[Frame]], None],
+        forwards: Sequence[str] = (),
+        accept: Callable[[bytes, int], bool] | None = None,
+    ) -> None:
+        self._on_frames = on_frames
+        self._accept = accept
+        self._clock = SteadyClock()
+        self._stop = threading.Event()
+        self._threads: list[threading.Thread] = []
+        self._homes: dict[int, tuple[Link, Address | None]] = {}
+        self.failure: BaseException | None = None
+        self.links: list[Link] = []
+        self.forwards: list[Link] = []
+        try:
+            for number, url in enumerate(urls):
+                self.links.append(Link(url, number, open_transport(url)))
+            for number, url in enumerate(forwards, start=len(urls)):
+                self.forwards.append(Link(url, number, open_transport(url)))
+        except BaseException:
+            self.close()
+            raise
+
+    def start(self) -> None:
+        """Begin to receive."""
+        for link in [*self.links, *self.forwards]:
+            back = link in self.forwards
+            thread = threading.Thread(
+                target=self._run, args=(link, back), name=f"link {link.url}", daemon=True
+            )
+            self._threads.append(thread)
+            thread.start()
+
+    def close(self) -> None:
+        """Stop the threads and close every link."""
+        self._stop.set()
+        for thread in self._threads:
+            thread.join(timeout=3.0)
+        for link in [*self.links, *self.forwards]:
+            link.transport.close()
+
+    @property
+    def finished(self) -> bool:
+        """True when nothing can come any more (recordings read to their end)."""
+        return all(link.finished for link in self.links)
+
+    def now_us(self) -> int:
+        """The clock that stamps arrivals: Unix µs, never jumping."""
+        return self._clock.now_us()
+
+    def send(self, data: bytes, *, system: int | None = None, forwards: bool = False) -> None:
+        """Send bytes of our own: to where `system` was last heard, or to every link.
+
+        With `forwards` also to the ground stations behind us.
+        """
+        home = self._homes.get(system) if system is not None else None
+        if home is not None:
+            home[0].transport.send(data, home[1])
+        else:
+            for link in self.links:
+                link.transport.send(data)
+        if forwards:
+            for link in self.forwards:
+                link.transport.send(data)
+
+    def _run(self, link: Link, back: bool) -> None:
+        others = self.links if back else self.forwards
+        try:
+            while not self._stop.is_set():
+                try:
+                    chunks = link.transport.receive(WAIT)
+                except EOFError:
+                    link.finished = True
+                    return
+                if chunks:
+                    self._take(link, chunks, others, learn=not back)
+        except Exception as error:
+            if not self._stop.is_set():
+                self.failure = error
+
+    def _take(self, link: Link, chunks: list[Chunk], others: list[Link], learn: bool) -> None:
+        stamp_us = self._clock.now_us()
+        frames: list[Frame] = []
+        for chunk in chunks:
+            found, passed = link.frames(chunk, chunk.stamp_us or stamp_us)
+            if passed:
+                for other in others:
+                    other.transport.send(passed)
+            if learn and found and self._homes.get(found[0].system) != (link, chunk.peer):
+                self._homes[found[0].system] = (link, chunk.peer)
+            frames += found
+        link.last_us = stamp_us
+        if self._accept is not None:
+            let_in = [f for f in frames if self._accept(f.data, link.number)]
+            link.refused += len(frames) - len(let_in)
+            frames = let_in
+        if frames:
+            self._on_frames(frames)

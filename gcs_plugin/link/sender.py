@@ -1,0 +1,48 @@
+"""Our own voice on the link: frames from the plugin's component of a vehicle's system.
+
+Messages carry the vehicle's system id, because ground stations show text and values with the
+vehicle that they belong to, and component 25 (MAV_COMP_ID_USER1), which no autopilot has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from thrustmargin.gcs_plugin.link.listener import Listener
+
+COMPONENT = 25  # MAV_COMP_ID_USER1
+ONBOARD_CONTROLLER, AUTOPILOT_INVALID, STATE_ACTIVE = 18, 8, 4
+
+Sign = Callable[[bytes], bytes]
+
+
+class Speaker:
+    """Packs, signs and sends messages; one count of sequence numbers a vehicle."""
+
+    def __init__(self, listener: Listener, sign: Sign | None = None) -> None:
+        from pymavlink.dialects.v20 import ardupilotmega
+
+        self.dialect = ardupilotmega
+        self._listener = listener
+        self._sign = sign
+        self._packers: dict[int, Any] = {}
+
+    def say(self, vehicle: int, message: Any, *, forwards: bool = False) -> None:
+        """Send to where the vehicle is heard; with `forwards` to the ground stations too."""
+        packer = self._packers.get(vehicle)
+        if packer is None:
+            packer = self.dialect.MAVLink(None, srcSystem=vehicle, srcComponent=COMPONENT)
+            self._packers[vehicle] = packer
+        data = bytes(message.pack(packer))
+        packer.seq = (packer.seq + 1) % 256
+        if self._sign is not None:
+            data = self._sign(data)
+        self._listener.send(data, system=vehicle, forwards=forwards)
+
+    def heartbeat(self, vehicle: int) -> None:
+        """One heartbeat of the plugin's component, so that routers know where it is."""
+        message = self.dialect.MAVLink_heartbeat_message(
+            ONBOARD_CONTROLLER, AUTOPILOT_INVALID, 0, 0, STATE_ACTIVE, 3
+        )
+        self.say(vehicle, message, forwards=True)

@@ -1,0 +1,211 @@
+"""MAVLink 2 message signing: which frames are the vehicle's own, and signing what is sent.
+
+A signed frame ends in a link id (1 byte), a time stamp (6 bytes, little-endian, 10 µs since
+2015-01-01 UTC) and the first 48 bits of SHA-256(key, frame up to and with the time stamp).
+Source: MAVLink developer guide, "Message Signing". Two rules are stricter than pymavlink's:
+
+- The digest is tried before anything is remembered, so that a frame made with another key and a
+  time stamp in the future cannot make later good frames look old.
+- A frame whose id is not known is dropped, because nothing that follows could check its content.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import threading
+import time
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+
+from fastcrc import crc16
+
+from thrustmargin.gcs_plugin.link.signing_key import KEY_LENGTH
+from thrustmargin.gcs_plugin.mavlink.layouts import layouts
+from thrustmargin.gcs_plugin.mavlink.splitter import SIGNATURE, SIGNED, V1, V2
+from thrustmargin.models.errors import LinkError
+
+DIGEST_LENGTH = 6  # bytes
+EPOCH_UNIX = 1_420_070_400  # s, 2015-01-01 UTC
+TICKS = 100_000  # time stamps count 10 µs
+#: A sender that was not heard before may be so far behind, in ticks: one minute.
+NEW_STREAM_LAG = 60 * TICKS
+HEADER = 10  # bytes of a MAVLink 2 header
+
+Clock = Callable[[], int]
+
+
+def signing_time() -> int:
+    """The computer's clock as a signature has it: 10 µs since 2015-01-01 UTC."""
+    return max(0, (time.time_ns() - EPOCH_UNIX * 10**9) // 10_000)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SigningCounts:
+    """What became of frames; all but `accepted` were dropped."""
+
+    accepted: int = 0
+    unsigned: int = 0  # not signed at all; MAVLink 1 cannot be
+    unknown_id: int = 0  # signed, of an id that is in no dialect here
+    wrong_key: int = 0  # the digest does not agree: another key, or changed on the way
+    replayed: int = 0  # not newer than the last good frame of the same stream
+    stale: int = 0  # the first of its stream, and more than a minute behind
+    malformed: int = 0  # no whole MAVLink frame
+
+    @property
+    def dropped(self) -> int:
+        return (
+            self.unsigned
+            + self.unknown_id
+            + self.wrong_key
+            + self.replayed
+            + self.stale
+            + self.malformed
+        )
+
+    def __str__(self) -> str:
+        reasons = (
+            ("unsigned", self.unsigned),
+            ("signed with another key", self.wrong_key),
+            ("replayed", self.replayed),
+            ("more than a minute old", self.stale),
+            ("of unknown id", self.unknown_id),
+            ("malformed", self.malformed),
+        )
+        parts = ", ".join(f"{count} {words}" for words, count in reasons if count)
+        return f"{self.accepted} frames with a good signature; dropped: {parts or 'none'}"
+
+
+class SigningFilter:
+    """Lets in frames that are signed with `key`, new, and of a known id; counts the others.
+
+    `known_ids` are the message ids let in, without it every id that the listener can read.
+    `clock` gives the present as `signing_time` does; None for a recording, whose first frames
+    are as old as it is. Mutable and safe to call from several threads.
+    Raises LinkError when the key has not 32 bytes.
+    """
+
+    def __init__(
+        self,
+        key: bytes,
+        known_ids: Collection[int] | None = None,
+        *,
+        clock: Clock | None = signing_time,
+    ) -> None:
+        self._digest = hashlib.sha256(_checked(key))
+        self._known = frozenset(layouts() if known_ids is None else known_ids)
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._last: dict[tuple[int, int, int], int] = {}  # (system, component, link id) -> stamp
+        self._latest = 0
+        self._counts = dict.fromkeys(SigningCounts.__slots__, 0)
+
+    @property
+    def counts(self) -> SigningCounts:
+        """The counts as they are now."""
+        with self._lock:
+            return SigningCounts(**self._counts)
+
+    @property
+    def latest(self) -> int:
+        """The largest time stamp of a good frame, which what is sent must exceed; 0 for none."""
+        return self._latest
+
+    def accept(self, frame: bytes, link: int = 0) -> bool:  # noqa: ARG002
+        """True for a frame (magic byte to signature) that is the vehicle's own and new.
+
+        `link`, the number of the socket it came over, makes no difference: a frame that was let in
+        once is a replay over every other link too.
+        """
+        verdict = self._verdict(frame)
+        with self._lock:
+            if verdict == "accepted":
+                verdict = self._judge_age(frame)
+            self._counts[verdict] += 1
+        return verdict == "accepted"
+
+    def _verdict(self, frame: bytes) -> str:
+        """What can be said of a frame by itself."""
+        if len(frame) >= 8 and frame[0] == V1 and len(frame) == frame[1] + 8:
+            return "unsigned"
+        if len(frame) < HEADER + 2 or frame[0] != V2:
+            return "malformed"
+        signed = frame[2] & SIGNED
+        if len(frame) != HEADER + frame[1] + 2 + (SIGNATURE if signed else 0):
+            return "malformed"
+        if not signed:
+            return "unsigned"
+        if frame[2] != SIGNED:
+            return "malformed"
+        digest = self._digest.copy()
+        digest.update(frame[:-DIGEST_LENGTH])
+        if not hmac.compare_digest(digest.digest()[:DIGEST_LENGTH], frame[-DIGEST_LENGTH:]):
+            return "wrong_key"
+        known = int.from_bytes(frame[7:10], "little") in self._known
+        return "accepted" if known else "unknown_id"
+
+    def _judge_age(self, frame: bytes) -> str:
+        """Whether a frame with a good digest is new; remembers it when it is."""
+        link_id, stamp = frame[-SIGNATURE], int.from_bytes(frame[-12:-6], "little")
+        stream = (frame[5], frame[6], link_id)
+        last = self._last.get(stream)
+        if last is not None and stamp <= last:
+            return "replayed"
+        if last is None:
+            present = max(self._latest, 0 if self._clock is None else self._clock())
+            if stamp + NEW_STREAM_LAG < present:
+                return "stale"
+        self._last[stream] = stamp
+        self._latest = max(self._latest, stamp)
+        return "accepted"
+
+
+class Signer:
+    """Signs what is sent. `after` gives a time stamp to stay ahead of: a filter's `latest`.
+
+    `link_id` tells receivers the streams of several senders apart. Mutable and thread-safe.
+    """
+
+    def __init__(
+        self,
+        key: bytes,
+        *,
+        link_id: int = 0,
+        clock: Clock = signing_time,
+        after: Clock | None = None,
+    ) -> None:
+        self._digest = hashlib.sha256(_checked(key))
+        self._link_id = bytes([link_id])
+        self._clock = clock
+        self._after = after
+        self._stamp = 0
+        self._lock = threading.Lock()
+
+    def sign(self, frame: bytes) -> bytes:
+        """The same MAVLink 2 frame with a signature in place of any that it had.
+
+        Raises LinkError for a frame that cannot be signed: MAVLink 1, cut short, or of an id whose
+        checksum is not known.
+        """
+        number = int.from_bytes(frame[7:10], "little")
+        layout = layouts().get(number)
+        if len(frame) < HEADER + 2 or frame[0] != V2 or len(frame) < HEADER + frame[1] + 2:
+            raise LinkError("only whole MAVLink 2 frames can be signed")
+        if layout is None:
+            raise LinkError(f"a frame of id {number} cannot be signed: its checksum is not known")
+        body = bytes([frame[1], frame[2] | SIGNED]) + frame[3 : HEADER + frame[1]]
+        check = crc16.mcrf4xx(bytes([layout.crc_extra]), crc16.mcrf4xx(body))
+        with self._lock:
+            ahead = 0 if self._after is None else self._after()
+            self._stamp = max(self._stamp + 1, ahead + 1, self._clock())
+            stamp = self._stamp.to_bytes(6, "little")
+        signed = bytes([V2]) + body + check.to_bytes(2, "little") + self._link_id + stamp
+        digest = self._digest.copy()
+        digest.update(signed)
+        return signed + digest.digest()[:DIGEST_LENGTH]
+
+
+def _checked(key: bytes) -> bytes:
+    if len(key) != KEY_LENGTH:
+        raise LinkError(f"a signing key has 32 bytes, this one {len(key)}; see --signing-key-file")
+    return key

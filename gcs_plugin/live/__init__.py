@@ -1,0 +1,1 @@
+"""Aircraft that fly now: state, rows, alarms, recording, console."""

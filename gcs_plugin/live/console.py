@@ -1,0 +1,243 @@
+"""The terminal's view of the monitor: a table of vehicles, the alarms, the link and the recording.
+
+Called from the main thread; reads what the compute thread last published and changes nothing. A
+number that is older than its channel allows is shown with its age and never as if it were new.
+Where there is no terminal, `Teller` prints a line whenever something happens.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.live.alarm import CRITICAL, NOTICE, WARNING, Alarm, AlarmEvent
+from thrustmargin.gcs_plugin.live.fleet import Fleet
+from thrustmargin.gcs_plugin.live.monitor import Monitor, MonitorStatus
+from thrustmargin.gcs_plugin.live.vehicle_monitor import Update, VehicleWatch
+
+if TYPE_CHECKING:
+    from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
+
+NOT_RECORDING = "NOT RECORDING"
+STYLES = {CRITICAL: "bold white on red", WARNING: "bold yellow", NOTICE: "dim"}
+
+#: s after which the last row of a vehicle is shown as old.
+OLD = 1.5
+#: Heading -> whether it is left out where the terminal is narrower than WIDE.
+COLUMNS = {
+    "id": False,
+    "margin": False,
+    "predicted": False,
+    "one rotor lost": False,
+    "tank": False,
+    "by thrust": True,
+    "empty in": False,
+    "route ahead": False,
+    "if full": True,
+    "age": False,
+}
+WRAPPED = (3, 6, 7)  # of the headings, those of several words; cells are shorter
+WIDE = 110  # characters
+LEGEND = (
+    "margin: measured, worst rotor · one rotor lost: thrust that can be held over weight, heading "
+    "given up · ~ old, the last that was known"
+)
+
+
+class Screen:
+    """The terminal's view of a monitor, as wide as the terminal is when it is printed."""
+
+    def __init__(self, monitor: Monitor) -> None:
+        self._monitor = monitor
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        del console
+        yield screen(self._monitor, options.max_width)
+
+
+def screen(monitor: Monitor, width: int = WIDE) -> RenderableType:
+    """What to show now, in `width` characters."""
+    from rich.box import HEAVY_HEAD, SIMPLE_HEAD
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
+    now_us = monitor.now_us()
+    narrow = width < WIDE
+    shown = [n for n, wide in enumerate(COLUMNS.values()) if not (wide and narrow)]
+    headings = list(COLUMNS)
+    table = Table(box=SIMPLE_HEAD if narrow else HEAVY_HEAD, padding=(0, 1), pad_edge=False)
+    for n in shown:
+        table.add_column(headings[n], no_wrap=n not in WRAPPED)
+    alarms: list[tuple[int, Alarm]] = []
+    remarks: list[Text] = []
+    for number, watch in list(monitor.fleet.vehicles.items()):
+        if watch.left(now_us):
+            continue
+        cells = vehicle_cells(watch, now_us, monitor.fleet.margin_limit)
+        table.add_row(*(cells[n] for n in shown))
+        alarms += [(number, alarm) for alarm in list(watch.alarms.standing.values())]
+        stale = watch.stale(now_us)
+        remarks += [
+            Text(f"vehicle {number}: {words}", style="bold yellow")
+            for words in (watch.problem, stale)
+            if words
+        ]
+        if watch.last is not None:
+            remarks += [
+                Text(f"vehicle {number}: {words}", style="dim") for words in watch.last.remarks
+            ]
+    alarms.sort(key=lambda item: (item[1].severity, item[0]))
+    lines = [
+        Text(f"vehicle {n}: {a.text}", style=STYLES.get(a.severity, "yellow")) for n, a in alarms
+    ]
+    if not table.rows:
+        remarks.append(Text("no vehicle heard yet on " + ", ".join(monitor.settings.urls)))
+    else:
+        remarks.append(Text(LEGEND, style="dim"))
+    parts: list[RenderableType] = [*lines, table, *remarks]
+    for line in status_lines(monitor.status()):
+        loud = line.startswith(NOT_RECORDING)
+        parts.append(Text(line, style="bold white on red" if loud else "dim"))
+    return Group(*parts)
+
+
+def vehicle_cells(watch: VehicleWatch, now_us: int, limit: float) -> list[str]:
+    """One row of the table; rich markup only from here, never from what a vehicle sent."""
+    update = watch.last
+    silent = watch.silent(now_us)
+    if update is None:
+        return [str(watch.system), *["-"] * (len(COLUMNS) - 2), seconds(silent)]
+    age = max((now_us - int(update.stamp_us[-1])) * 1e-6, 0.0)
+    old = age > OLD
+    cells = numbers(update, limit, old=old)
+    if old:
+        cells = [f"[dim]~{cell}[/dim]" if cell != "-" else cell for cell in cells]
+    heard = f"[bold red]OLD {seconds(age)}[/]" if old else seconds(age)
+    return [str(watch.system), *cells, heard]
+
+
+def numbers(update: Update, limit: float, *, old: bool = False) -> list[str]:
+    """Everything between the vehicle's number and the age of its last row.
+
+    Old numbers get no colour: green would say that all is well now.
+    """
+    analysis, outlook = update.analysis, update.outlook
+    margin = analysis.margin[-1]
+    predicted = float(np.min(analysis.margin_predicted[-1]))
+    free = float(analysis.redundancy_yaw_free[-1])
+    tank = float(analysis.track.tank_kg[-1])
+    return [
+        _margin_cell(margin, limit, flying=bool(analysis.track.flying[-1]), old=old),
+        percent(predicted),
+        f"{free:.2f} x" if math.isfinite(free) else "-",
+        kilograms(tank),
+        kilograms(
+            float(np.nanmean(update.virtual_kg[-10:])) if _any(update.virtual_kg) else math.nan
+        ),
+        minutes(outlook.seconds_to_empty),
+        percent(outlook.margin_ahead),
+        percent(outlook.margin_full),
+    ]
+
+
+def _margin_cell(margin: np.ndarray, limit: float, *, flying: bool, old: bool) -> str:
+    """Worst rotor's margin and number; how many rotors are unknown; nothing for rotors at rest."""
+    if not flying:
+        return "on ground"
+    known = np.isfinite(margin)
+    if not np.any(known):
+        return "-"
+    worst = float(np.min(margin[known]))
+    unknown = int(np.sum(~known))
+    words = f"{percent(worst)} r{int(np.nanargmin(margin)) + 1}"
+    words += f", {unknown} unknown" if unknown else ""
+    colour = "bold red" if worst < limit else "yellow" if unknown else "green"
+    return words if old else f"[{colour}]{words}[/]"
+
+
+def _any(values: np.ndarray) -> bool:
+    return bool(np.any(np.isfinite(values[-10:])))
+
+
+def status_lines(status: MonitorStatus) -> list[str]:
+    """The link and the recording in words."""
+    lost = [
+        f"{count} {words}"
+        for count, words in (
+            (status.bad_checksum, "with a wrong checksum"),
+            (status.bytes_skipped, "bytes skipped"),
+            (status.refused, "refused by signing"),
+            (status.kernel_drops, "dropped by the system"),
+            (status.compute_drops, "not computed: the computer is too slow"),
+        )
+        if count
+    ]
+    lines = [f"{status.frames} messages" + (f" ({', '.join(lost)})" if lost else "")]
+    recorder = status.recorder
+    if recorder is not None:
+        if recorder.trouble:
+            lines.append(
+                f"{NOT_RECORDING}: {recorder.trouble} ({recorder.frames_lost} messages lost); "
+                "make room, it goes on by itself"
+            )
+        else:
+            lines.append(
+                f"recording to {recorder.folder}: {recorder.frames} messages, "
+                f"{recorder.rows} samples"
+                + (f", {recorder.frames_lost} lost earlier" if recorder.frames_lost else "")
+            )
+    return lines
+
+
+def percent(share: float) -> str:
+    return f"{share:.0%}" if math.isfinite(share) else "-"
+
+
+def kilograms(mass: float) -> str:
+    return f"{mass:.1f} kg" if math.isfinite(mass) else "-"
+
+
+def minutes(time_s: float) -> str:
+    """Minutes and seconds; "-" for unknown, "not" for never."""
+    if math.isinf(time_s):
+        return "not"
+    return f"{int(time_s) // 60}:{int(time_s) % 60:02d}" if math.isfinite(time_s) else "-"
+
+
+def seconds(time_s: float) -> str:
+    return f"{time_s:.1f} s"
+
+
+class Teller:
+    """A subscriber that prints what happens, a line each: for output into a file or a log."""
+
+    def __init__(self, monitor: Monitor, say: Callable[[str], None]) -> None:
+        self._monitor = monitor
+        self._say = say
+        self._heard: set[int] = set()
+        self._problems: dict[int, str] = {}
+        self._trouble = ""
+
+    def on_update(self, update: Update) -> None:
+        """Nothing: numbers are for the table."""
+
+    def on_event(self, vehicle: int, event: AlarmEvent) -> None:
+        self._say(f"vehicle {vehicle}: {'' if event.raised else 'over: '}{event.alarm.text}")
+
+    def on_round(self, fleet: Fleet, now_us: int) -> None:  # noqa: ARG002
+        for number, watch in fleet.vehicles.items():
+            if number not in self._heard:
+                self._heard.add(number)
+                self._say(f"vehicle {number}: heard")
+            if watch.problem != self._problems.get(number, ""):
+                self._problems[number] = watch.problem
+                self._say(f"vehicle {number}: {watch.problem or 'watched again'}")
+        recorder = self._monitor.recorder
+        trouble = "" if recorder is None else recorder.status().trouble
+        if trouble != self._trouble:
+            self._trouble = trouble
+            self._say(f"{NOT_RECORDING}: {trouble}" if trouble else "recording again")

@@ -1,0 +1,84 @@
+"""The fleet: every vehicle that is heard, each watched on its own, and the stations left out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from thrustmargin.gcs_plugin.live.alarm import AlarmEvent
+from thrustmargin.gcs_plugin.live.vehicle_monitor import Update, VehicleWatch, WatchSettings
+from thrustmargin.gcs_plugin.live.vehicle_state import (
+    GROUND_STATION,
+    MISSION_MESSAGES,
+    NO_AUTOPILOT,
+)
+from thrustmargin.gcs_plugin.mavlink.layouts import layouts
+from thrustmargin.gcs_plugin.mavlink.splitter import Frame, fields
+from thrustmargin.models.model.rotor_model import RotorModel
+
+STATIONS = (0, 255)  # system ids that are never vehicles
+
+
+class Fleet:
+    """Every vehicle that is heard. `vehicles` are those that have shown themselves as such."""
+
+    def __init__(self, model: RotorModel, settings: WatchSettings | None = None) -> None:
+        self._model = model
+        self._settings = WatchSettings() if settings is None else settings
+        self._stations: set[int] = set(STATIONS)
+        self._watches: dict[int, VehicleWatch] = {}
+
+    @property
+    def margin_limit(self) -> float:
+        """Thrust margin under which an alarm is raised."""
+        return self._settings.alarms.margin_limit
+
+    @property
+    def vehicles(self) -> dict[int, VehicleWatch]:
+        """System id -> watch, in the order of ids."""
+        return {n: w for n, w in sorted(self._watches.items()) if w.seen}
+
+    def take(self, frames: Sequence[Frame]) -> None:
+        """Frames in the order in which they came, of any sender."""
+        for frame in frames:
+            name = layouts()[frame.id].name if frame.verified else ""
+            if frame.system in self._stations:
+                if name in MISSION_MESSAGES:
+                    self._overhear(frame)
+                continue
+            if name == "HEARTBEAT" and _is_station(frame):
+                self._stations.add(frame.system)
+                self._watches.pop(frame.system, None)
+                continue
+            watch = self._watches.get(frame.system)
+            if watch is None:
+                watch = VehicleWatch(frame.system, self._model, self._settings)
+                self._watches[frame.system] = watch
+            watch.take(frame)
+
+    def updates(self) -> list[Update]:
+        """The new rows of every vehicle."""
+        return [u for w in self._watches.values() if w.waiting and (u := w.update()) is not None]
+
+    def finish(self) -> list[Update]:
+        """What is still to be said of the last rows when no more will come."""
+        return [u for w in self._watches.values() if (u := w.update(final=True)) is not None]
+
+    def tick(self, now_us: int) -> list[tuple[int, AlarmEvent]]:
+        """Judge every link at a time of the ground's clock."""
+        return [(n, e) for n, w in self._watches.items() for e in w.tick(now_us)]
+
+    def _overhear(self, frame: Frame) -> None:
+        columns = fields(frame)
+        if columns is not None:
+            watch = self._watches.get(int(columns["target_system"][0]))
+            if watch is not None:
+                watch.overhear(frame)
+
+
+def _is_station(frame: Frame) -> bool:
+    columns = fields(frame)
+    return (
+        columns is not None
+        and int(columns["type"][0]) == GROUND_STATION
+        and int(columns["autopilot"][0]) == NO_AUTOPILOT
+    )

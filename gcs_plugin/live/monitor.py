@@ -1,0 +1,278 @@
+"""The live monitor: links, recorder and fleet put together, each on its own thread.
+
+    link threads     receive, stamp, forward, cut into frames; hand them to recorder and mailbox
+    recorder thread  writes
+    compute thread   frames -> state -> samples -> analysis -> alarms -> subscribers
+Subscribers are called on the compute thread with every Update (new rows of one vehicle) and every
+alarm event; they must be quick. What does not fit into a queue is dropped and counted, never
+waited for.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol
+
+from thrustmargin.gcs_plugin.link.bounded_queue import Mailbox
+from thrustmargin.gcs_plugin.link.listener import Listener
+from thrustmargin.gcs_plugin.live.alarm import AlarmEvent
+from thrustmargin.gcs_plugin.live.fleet import Fleet
+from thrustmargin.gcs_plugin.live.recorded_table import sample_batch
+from thrustmargin.gcs_plugin.live.recorder import Recorder, RecorderStatus
+from thrustmargin.gcs_plugin.live.vehicle_monitor import GONE, Update, WatchSettings
+from thrustmargin.gcs_plugin.mavlink.splitter import Frame
+from thrustmargin.models.model.rotor_model import RotorModel
+
+#: s between two rounds of the compute thread: at least, and at most when rounds take long.
+SHORTEST, LONGEST = 0.02, 1.0
+#: Share of the time that rounds may take before they are made rarer (and larger).
+DUTY = 0.25
+QUEUE = 200_000  # frames that may wait for the compute thread
+
+
+class Subscriber(Protocol):
+    """Gets what the monitor finds out; any of the methods may do nothing."""
+
+    def on_update(self, update: Update) -> None:
+        """New rows of one vehicle."""
+        ...
+
+    def on_event(self, vehicle: int, event: AlarmEvent) -> None:
+        """An alarm was raised or cleared."""
+        ...
+
+    def on_round(self, fleet: Fleet, now_us: int) -> None:
+        """After each round, whether or not there was anything new."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MonitorSettings:
+    """What to listen to and what to do with it."""
+
+    urls: tuple[str, ...] = ("udpin:127.0.0.1:14550",)
+    forwards: tuple[str, ...] = ()
+    record: Path | None = None
+    watch: WatchSettings = field(default_factory=WatchSettings)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MonitorStatus:
+    """How the monitor itself is doing."""
+
+    frames: int
+    bytes: int
+    bad_checksum: int
+    unknown: int
+    bytes_skipped: int
+    refused: int
+    kernel_drops: int
+    compute_drops: int
+    round_s: float  # how long the last round of computing took
+    recorder: RecorderStatus | None
+
+
+class Monitor:
+    """Runs until `close`. Raises LinkError when a link or the recording cannot be opened."""
+
+    def __init__(
+        self,
+        model: RotorModel,
+        settings: MonitorSettings,
+        *,
+        subscribers: Sequence[Subscriber] = (),
+        accept: Callable[[bytes, int], bool] | None = None,
+    ) -> None:
+        self.settings = settings
+        self.fleet = Fleet(model, settings.watch)
+        self.subscribers = list(subscribers)
+        #: Called on the link threads with every batch of frames; must be quick.
+        self.taps: list[Callable[[list[Frame]], None]] = []
+        self._mailbox: Mailbox[Frame] = Mailbox(QUEUE)
+        self.recorder: Recorder | None = None
+        self._stop = threading.Event()
+        self._round_s = 0.0
+        self._newest_us = 0
+        self._gone: set[int] = set()
+        self._known: set[int] = set()
+        self.failure: BaseException | None = None
+        self.listener = Listener(
+            settings.urls,
+            forwards=settings.forwards,
+            on_frames=self._on_frames,
+            accept=accept,
+        )
+        if settings.record is not None:
+            try:
+                self.recorder = Recorder(settings.record)
+            except BaseException:
+                self.listener.close()
+                raise
+        self._thread = threading.Thread(target=self._run, name="compute", daemon=True)
+
+    def start(self) -> None:
+        """Begin to listen."""
+        self.listener.start()
+        self._thread.start()
+
+    def close(self) -> None:
+        """Stop listening, compute what has come, and finish the files."""
+        self.listener.close()
+        self._mailbox.close()
+        self._stop.set()
+        if self._thread.is_alive():
+            self._thread.join()
+        if self.recorder is not None:
+            self.recorder.close()
+
+    @property
+    def finished(self) -> bool:
+        """True when nothing can come any more and all that came is computed, or on failure."""
+        failed = self.failure or self.listener.failure
+        return failed is not None or (self.listener.finished and not self._thread.is_alive())
+
+    def check(self) -> None:
+        """Raise what ended a thread, if anything did."""
+        failure = self.failure or self.listener.failure
+        if failure is not None:
+            raise failure
+
+    def status(self) -> MonitorStatus:
+        links = self.listener.links
+        return MonitorStatus(
+            frames=sum(link.counts.frames for link in links),
+            bytes=sum(link.counts.bytes for link in links),
+            bad_checksum=sum(link.counts.bad_checksum for link in links),
+            unknown=sum(link.counts.unknown for link in links),
+            bytes_skipped=sum(link.counts.bytes_skipped for link in links),
+            refused=sum(link.refused for link in links),
+            kernel_drops=sum(link.transport.kernel_drops for link in links),
+            compute_drops=self._mailbox.dropped,
+            round_s=self._round_s,
+            recorder=None if self.recorder is None else self.recorder.status(),
+        )
+
+    @property
+    def live(self) -> bool:
+        """False when only recordings are read; their stamps are then the ground's clock."""
+        return any(link.transport.live for link in self.listener.links)
+
+    def now_us(self) -> int:
+        """The ground's clock: live, the computer's; for recordings, that of the last frame."""
+        return self.listener.now_us() if self.live else self._newest_us
+
+    def _on_frames(self, frames: list[Frame]) -> None:
+        # A recording waits until there is room; a radio does not.
+        while not self.live and len(self._mailbox) > QUEUE // 2 and not self._stop.is_set():
+            time.sleep(0.01)
+        if self.recorder is not None:
+            self.recorder.frames(frames)
+        for tap in self.taps:
+            tap(frames)
+        self._mailbox.put(frames)
+
+    def _run(self) -> None:
+        try:
+            while True:
+                frames = self._mailbox.take(0.1)
+                began = time.monotonic()
+                self._round(frames)
+                self._round_s = time.monotonic() - began
+                if self._mailbox.finished or (self.listener.finished and not frames):
+                    for update in self.fleet.finish():
+                        self._publish(update)
+                    return
+                pause = min(max(self._round_s / DUTY, SHORTEST), LONGEST) - self._round_s
+                if pause > 0.0 and not self._stop.is_set() and not self.listener.finished:
+                    time.sleep(pause)
+        except BaseException as error:
+            self.failure = error
+
+    def _round(self, frames: list[Frame]) -> None:
+        for piece in _pieces(frames) if not self.live else [frames]:
+            if not self.live and piece:
+                # Silence before these frames is over once they are taken.
+                self._tick(piece[0].stamp_us)
+                self._newest_us = max(self._newest_us, piece[-1].stamp_us)
+            self.fleet.take(piece)
+            for update in self.fleet.updates():
+                self._publish(update)
+            self._tick(self.now_us())
+            self._come_and_go(self.now_us())
+        now_us = self.now_us()
+        for subscriber in self.subscribers:
+            subscriber.on_round(self.fleet, now_us)
+
+    def _tick(self, now_us: int) -> None:
+        for vehicle, event in self.fleet.tick(now_us):
+            self._event(vehicle, event)
+
+    def _publish(self, update: Update) -> None:
+        if self.recorder is not None:
+            final = sample_batch(update, slice(update.unsettled, update.settled))
+            self.recorder.samples(
+                update.vehicle,
+                update.boot,
+                final,
+                sample_batch(update, slice(update.settled, None)),
+            )
+        for event in update.events:
+            self._event(update.vehicle, event)
+        for subscriber in self.subscribers:
+            subscriber.on_update(update)
+
+    def _event(self, vehicle: int, event: AlarmEvent) -> None:
+        self._note(
+            vehicle,
+            "raised" if event.raised else "cleared",
+            event.alarm.text,
+            alarm=event.alarm.name,
+            rotor=event.alarm.rotor,
+            severity=event.alarm.severity,
+            time_s=event.time_s,
+        )
+        for subscriber in self.subscribers:
+            subscriber.on_event(vehicle, event)
+
+    def _come_and_go(self, now_us: int) -> None:
+        for number, watch in self.fleet.vehicles.items():
+            if number not in self._known:
+                self._known.add(number)
+                self._note(number, "appeared", f"vehicle {number} heard")
+            for note in watch.notes:
+                self._note(number, "note", note)
+            watch.notes.clear()
+            gone = watch.silent(now_us) > GONE
+            if gone and number not in self._gone:
+                self._gone.add(number)
+                self._note(number, "left", f"vehicle {number} silent for {GONE:.0f} s")
+            elif not gone and number in self._gone:
+                self._gone.discard(number)
+                self._note(number, "returned", f"vehicle {number} heard again")
+
+    def _note(self, vehicle: int, kind: str, text: str, **more: object) -> None:
+        if self.recorder is not None:
+            self.recorder.event(
+                {
+                    "unix_s": self.now_us() * 1e-6,
+                    "vehicle": vehicle,
+                    "event": kind,
+                    "text": text,
+                    **more,
+                }
+            )
+
+
+def _pieces(frames: list[Frame]) -> list[list[Frame]]:
+    """Frames of a recording in pieces of at most 256, and apart where it pauses for a second."""
+    pieces: list[list[Frame]] = [[]]
+    for frame in frames:
+        last = pieces[-1]
+        if last and (len(last) >= 256 or frame.stamp_us - last[-1].stamp_us > 1_000_000):
+            pieces.append([])
+        pieces[-1].append(frame)
+    return pieces

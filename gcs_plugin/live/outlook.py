@@ -1,0 +1,168 @@
+"""What the rest of a flight will be like: how long the liquid lasts, and the margin to come."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.live.live_rows import COLUMNS, Sample
+from thrustmargin.gcs_plugin.live.vehicle_state import ARDUPILOT, VehicleState
+from thrustmargin.gcs_plugin.telemetry.recording import Waypoint
+from thrustmargin.mission.forecast import (
+    Conditions,
+    Forecast,
+    forecast,
+    margin_at_fill,
+    route_ahead,
+)
+from thrustmargin.mission.plan import MissionPlan, PlanItem, plan_from_items
+from thrustmargin.models.errors import PlanError
+from thrustmargin.models.flight import Origin
+from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.model.rotor_model import RotorModel
+
+#: Vehicle's s between two forecasts, and over which the flow is measured.
+FORECAST_EVERY, FLOW_WINDOW = 2.0, 20.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Outlook:
+    """What the rest of the flight will be like, as far as it can be told now."""
+
+    seconds_to_empty: float = math.nan  # at the present flow, spraying on; inf without flow
+    margin_full: float = math.nan  # predicted worst-rotor margin after a refill to the brim
+    route: Forecast | None = None  # the rest of the mission, where one is known
+
+    @property
+    def margin_ahead(self) -> float:
+        """Least predicted margin on the rest of the route; NaN without a mission."""
+        return math.nan if self.route is None else self.route.least_margin
+
+
+class LookAhead:
+    """Forecasts for one vehicle, every two seconds of its clock; `now` is the last."""
+
+    def __init__(self, model: RotorModel) -> None:
+        self.now = Outlook()
+        self.plan: MissionPlan | None = None
+        self._given_plan = False
+        self._model = model
+        self._done_s = -math.inf
+        self._levels: deque[tuple[float, float]] = deque()  # (clock s, kg) at each forecast
+        self._items: object = None  # the mission overheard that `plan` is made of
+        self._last_flow = 0.0  # kg/s when the pump was last on
+
+    def use_plan(self, plan: MissionPlan) -> None:
+        """Forecast along this mission rather than along one overheard."""
+        self.plan, self._given_plan = plan, True
+
+    def restart(self) -> None:
+        """The vehicle's clock begins anew."""
+        self._done_s = -math.inf
+        self._levels.clear()
+
+    def look(
+        self,
+        analysis: FlightAnalysis,
+        samples: Sequence[Sample],
+        state: VehicleState,
+        origin: Origin | None,
+        *,
+        let_through: float,
+    ) -> None:
+        """Forecast from the last of the rows, if it is time.
+
+        `let_through` is the share of what the pump's output says that the nozzles let through.
+        """
+        last = samples[-1]
+        if last.clock_s - self._done_s < FORECAST_EVERY:
+            return
+        self._done_s = last.clock_s
+        track, airframe = analysis.track, self._model.airframe
+        tank = float(track.tank_kg[-1])
+        flow = self._flow(last, let_through)
+        wind = track.wind_ned[-1]
+        conditions = Conditions(
+            tank_kg=tank,
+            flow=flow,
+            density=float(analysis.density[-1]),
+            voltage=float(track.voltage[-1]),
+            wind_ned=tuple(float(w) for w in np.nan_to_num(wind)),  # type: ignore[arg-type]
+        )
+        full = margin_at_fill(
+            airframe,
+            self._model,
+            conditions,
+            airframe.tank_capacity_kg,
+            float(track.airspeed[-1]),
+        )
+        self.now = Outlook(
+            seconds_to_empty=tank / flow if flow > 0.0 else (math.inf if flow == 0.0 else math.nan),
+            margin_full=full,
+            route=self._route(analysis, conditions, state, origin),
+        )
+
+    def _flow(self, last: Sample, let_through: float) -> float:
+        """kg/s out of the tank while spraying: by the pump, else by the gauge; NaN unknown."""
+        airframe, tank = self._model.airframe, last.tank
+        if math.isfinite(tank.pump_share):
+            full = airframe.pump_max_flow_l_min / 60.0 * airframe.liquid_density
+            if tank.pump_share > 0.0:
+                self._last_flow = full * tank.pump_share
+            return self._last_flow * max(let_through, 0.0)
+        level = float(last.values[COLUMNS["tank_kg"]])
+        self._levels.append((last.clock_s, level))
+        while self._levels[-1][0] - self._levels[0][0] > FLOW_WINDOW:
+            self._levels.popleft()
+        began, before = self._levels[0]
+        seconds = last.clock_s - began
+        # Without a full window a slope would be mostly the gauge's noise.
+        return max(before - level, 0.0) / seconds if seconds > 0.8 * FLOW_WINDOW else math.nan
+
+    def _route(
+        self,
+        analysis: FlightAnalysis,
+        conditions: Conditions,
+        state: VehicleState,
+        origin: Origin | None,
+    ) -> Forecast | None:
+        if not self._given_plan and state.mission is not self._items:
+            self._items = state.mission
+            self.plan = _plan(state.mission.values(), home_first=state.autopilot == ARDUPILOT)
+        position = analysis.track.position_ned[-1]
+        if self.plan is None or origin is None or not np.all(np.isfinite(position)):
+            return None
+        speed = state.parameters.get("WPNAV_SPEED", 100.0 * self.plan.cruise_speed) / 100.0
+        legs = route_ahead(
+            self.plan,
+            max(state.mission_item, 0),
+            position,
+            origin,
+            speed=speed,
+            spraying=float(analysis.track.spraying[-1]) > 0.5,
+        )
+        return forecast(legs, self._model, conditions)
+
+
+def _plan(waypoints: Iterable[Waypoint], *, home_first: bool) -> MissionPlan | None:
+    """The mission overheard, if it is whole."""
+    ordered = sorted(waypoints, key=lambda w: w.number)
+    if not ordered or [w.number for w in ordered] != list(range(len(ordered))):
+        return None
+    items = [
+        PlanItem(
+            number=w.number,
+            command=w.command,
+            frame=w.frame,
+            parameters=(*w.parameters, w.latitude_deg, w.longitude_deg, w.altitude),
+        )
+        for w in ordered
+    ]
+    try:
+        return plan_from_items(items, home_first=home_first)
+    except PlanError:
+        return None

@@ -1,0 +1,287 @@
+"""Recording while listening: all frames (.tlog), samples (Parquet) and events (JSON lines).
+
+One folder a session:
+    telemetry.tlog      each frame as it came after eight bytes of Unix µs; ground stations read it
+    samples/*.parquet   one file a minute, together one table (columns: live/recorded_table)
+    events.jsonl        alarms raised and cleared, restarts, notes
+Written by a thread of its own, so that a slow disk never holds up a socket. Everything is on the
+disk (fsync) within a second. The .tlog and events only grow, and a frame cut by a power loss ends
+them at most; the running minute of samples is written anew beside the old one every second and put
+in its place in one step, so that each file is a whole Parquet file at any moment, kill -9 included.
+When the disk is full the recorder says so, drops what does not fit, counts it and tries on.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import threading
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from thrustmargin.gcs_plugin.link.bounded_queue import Mailbox
+from thrustmargin.gcs_plugin.mavlink.splitter import Frame
+from thrustmargin.models.errors import LinkError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+SYNC = 0.5  # s between fsyncs of the .tlog and the events
+SAMPLE_SYNC = 0.6  # s between new versions of the running Parquet file
+#: A Parquet file is closed and the next begun after so many rows or seconds.
+PART_ROWS, PART_SECONDS = 6000, 60.0
+QUEUE = 500_000  # frames: over a minute of 100 vehicles at 50 messages/s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecorderStatus:
+    """How the recording stands."""
+
+    folder: Path
+    frames: int  # written
+    bytes: int
+    rows: int  # of samples, on the disk
+    frames_lost: int  # that the disk did not take
+    rows_lost: int
+    frames_dropped: int  # that did not fit into the queue
+    trouble: str  # what keeps it from writing now; empty when all is well
+    slowest_sync_s: float
+
+
+class Recorder:
+    """Writes one session into a new folder below `parent`. Raises LinkError when it cannot."""
+
+    def __init__(self, parent: Path, name: str | None = None) -> None:
+        stem = name or time.strftime("%Y%m%d-%H%M%S")
+        self.folder = parent / stem
+        try:
+            parent.mkdir(parents=True, exist_ok=True)
+            for number in range(2, 1000):
+                with contextlib.suppress(FileExistsError):
+                    (self.folder / "samples").mkdir(parents=True)
+                    break
+                self.folder = parent / f"{stem}-{number}"
+            self._telemetry = _Appended(self.folder / "telemetry.tlog")
+            self._events = _Appended(self.folder / "events.jsonl")
+        except OSError as error:
+            raise LinkError(
+                f"{self.folder}: cannot record there: {error.strerror}; name another folder"
+            ) from error
+        self._samples = _Parts(self.folder / "samples")
+        self._frames: Mailbox[Frame] = Mailbox(QUEUE)
+        self._lock = threading.Lock()
+        self._rows: list[pa.RecordBatch] = []
+        self._later: dict[int, tuple[int, pa.RecordBatch]] = {}  # vehicle -> boot, rows
+        self._lines: list[bytes] = []
+        self._lost = 0
+        self._slowest = 0.0
+        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+        self._thread.start()
+
+    def frames(self, frames: list[Frame]) -> None:
+        """Record frames; returns at once."""
+        self._frames.put(frames)
+
+    def samples(
+        self, vehicle: int, boot: int, rows: pa.RecordBatch, provisional: pa.RecordBatch
+    ) -> None:
+        """Record rows of samples; returns at once. All batches have one schema.
+
+        `provisional` rows are written too, and stand until the next call for the vehicle, which has
+        them again.
+        """
+        with self._lock:
+            before = self._later.get(vehicle)
+            if before is not None and before[0] != boot:
+                self._rows.append(before[1])  # a restart: they will not come again
+            self._later[vehicle] = (boot, provisional)
+            if rows.num_rows:
+                self._rows.append(rows)
+
+    def event(self, event: Mapping[str, Any]) -> None:
+        """Record one event; returns at once."""
+        line = json.dumps(event, ensure_ascii=False, default=str).encode() + b"\n"
+        with self._lock:
+            self._lines.append(line)
+
+    def status(self) -> RecorderStatus:
+        return RecorderStatus(
+            folder=self.folder,
+            frames=self._telemetry.items,
+            bytes=self._telemetry.size,
+            rows=self._samples.rows,
+            frames_lost=self._telemetry.lost,
+            rows_lost=self._samples.rows_lost,
+            frames_dropped=self._frames.dropped,
+            trouble=self._telemetry.trouble or self._samples.trouble or self._events.trouble,
+            slowest_sync_s=self._slowest,
+        )
+
+    def close(self) -> RecorderStatus:
+        """Write what is waiting and finish all files."""
+        self._frames.close()
+        self._thread.join()
+        return self.status()
+
+    def _run(self) -> None:
+        synced = sampled = time.monotonic()
+        while not self._frames.finished:
+            frames = self._frames.take(SYNC / 2)
+            if frames:
+                self._telemetry.append(
+                    [frame.stamp_us.to_bytes(8, "big") + frame.data for frame in frames]
+                )
+            now = time.monotonic()
+            if now - synced >= SYNC:
+                self._write_events()
+                self._telemetry.sync()
+                synced = time.monotonic()
+                self._slowest = max(self._slowest, synced - now)
+            if now - sampled >= SAMPLE_SYNC:
+                self._write_samples()
+                sampled = time.monotonic()
+        self._write_events()
+        self._write_samples()
+        self._telemetry.close()
+        self._events.close()
+
+    def _write_events(self) -> None:
+        with self._lock:
+            lines, self._lines = self._lines, []
+        if lines:
+            self._events.append(lines)
+        self._events.sync()
+
+    def _write_samples(self) -> None:
+        with self._lock:
+            rows, self._rows = self._rows, []
+            later = [batch for _, batch in self._later.values()]
+        self._samples.write(rows, later)
+
+
+class _Appended:
+    """A file of whole items that only grows; an item that does not fit leaves no trace."""
+
+    def __init__(self, path: Path) -> None:
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+        self._file = os.open(path, flags, 0o644)
+        self.size = 0  # bytes of whole items
+        self.items = 0
+        self.lost = 0
+        self.trouble = ""
+        self._changed = False
+
+    def append(self, items: list[bytes]) -> None:
+        if self._write(b"".join(items)):
+            self.items += len(items)
+            return
+        # The whole did not fit; as many items as there is room for.
+        for number, item in enumerate(items):
+            if not self._write(item):
+                self.lost += len(items) - number
+                return
+            self.items += 1
+
+    def _write(self, data: bytes) -> bool:
+        view, written = memoryview(data), 0
+        try:
+            while written < len(data):
+                written += os.write(self._file, view[written:])
+        except OSError as error:
+            self.trouble = error.strerror or str(error)
+            with contextlib.suppress(OSError):
+                os.ftruncate(self._file, self.size)
+                os.lseek(self._file, self.size, os.SEEK_SET)
+            return False
+        self.trouble = ""
+        self.size += len(data)
+        self._changed = True
+        return True
+
+    def sync(self) -> None:
+        if self._changed:
+            try:
+                os.fsync(self._file)
+                self._changed = False
+            except OSError as error:
+                self.trouble = error.strerror or str(error)
+
+    def close(self) -> None:
+        self.sync()
+        os.close(self._file)
+
+
+class _Parts:
+    """Numbered Parquet files; the last one is replaced by a longer one until it is full."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._number = 1
+        self._batches: list[pa.RecordBatch] = []
+        self._begun = time.monotonic()
+        self._written = 0  # rows of the running part that are on the disk
+        self._closed_rows = 0
+        self.rows_lost = 0
+        self.trouble = ""
+
+    @property
+    def rows(self) -> int:
+        return self._closed_rows + self._written
+
+    def write(self, new: list[pa.RecordBatch], later: list[pa.RecordBatch]) -> None:
+        """Add rows for good, and rows that the next call replaces."""
+        if not self._batches:
+            self._begun = time.monotonic()
+        self._batches += new
+        waiting = sum(batch.num_rows for batch in self._batches)
+        full = waiting >= PART_ROWS or time.monotonic() - self._begun >= PART_SECONDS
+        # What is only provisional goes into the next part, when this one is closed.
+        shown = [*self._batches, *([] if full else later)]
+        rows = sum(batch.num_rows for batch in shown)
+        if rows == 0 or (not new and not self.trouble and rows == self._written):
+            return
+        try:
+            self._replace(shown)
+        except OSError as error:
+            self.trouble = error.strerror or str(error)
+            # The rows on the disk stay; the newest go when more wait than a part may hold.
+            while waiting > 2 * PART_ROWS:
+                dropped = self._batches.pop().num_rows
+                waiting -= dropped
+                self.rows_lost += dropped
+            return
+        self.trouble = ""
+        self._written = rows
+        if full:
+            self._closed_rows += rows
+            self._number += 1
+            self._batches, self._written = [], 0
+
+    def _replace(self, batches: list[pa.RecordBatch]) -> None:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        path = self._folder / f"{self._number:06d}.parquet"
+        # A name that no reader of *.parquet takes for a finished file.
+        draft = path.with_suffix(".draft")
+        table = pa.Table.from_batches(batches)
+        try:
+            with draft.open("wb") as file:
+                pq.write_table(table, file)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(draft, path)
+        except OSError:
+            with contextlib.suppress(OSError):
+                draft.unlink()
+            raise
+        if os.name == "posix":
+            folder = os.open(self._folder, os.O_RDONLY)
+            try:
+                os.fsync(folder)
+            finally:
+                os.close(folder)

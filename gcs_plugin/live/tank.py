@@ -1,0 +1,227 @@
+"""The tank while flying: the level now by the source in use, and three ways to know what is in it.
+
+- gauge: what the vehicle reports, by the same rules as for a log (`telemetry.tank_source`);
+- pump: what its servo output says has been sprayed, full output being the airframe's largest flow;
+- thrust: what the rotors carry beyond what the model expects, as a mass ("virtual gauge").
+They are compared over windows, each with the thrust as the third witness: `compare` says which of
+them parts from the others.
+
+    virtual gauge  m = m_gauge + (sum T_measured - sum T_predicted)/g    with a gauge
+                   m = sum T_measured/g - m_empty                        without, in steady flight
+T by the thrust curve from rotor speeds; a quasi-steady balance of forces, so that only means over
+many seconds count.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.live.vehicle_state import VehicleState
+from thrustmargin.gcs_plugin.mavlink.rules import Signal
+from thrustmargin.gcs_plugin.telemetry.motors import MotorMap
+from thrustmargin.gcs_plugin.telemetry.tank_source import TankContext, pump_share, tank_level
+from thrustmargin.models.errors import LogError
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.atmosphere import G0
+
+if TYPE_CHECKING:
+    from thrustmargin.models.model.analysis import FlightAnalysis
+
+NAN = float("nan")
+#: s between pump reports beyond which nothing is summed up, as in telemetry/tank_source.
+LONGEST_STEP = 2.0
+#: Channels that a level can come from.
+CHANNELS = (
+    "named_value",
+    "fuel_remaining",
+    "fuel_percent",
+    "fuel_maximum",
+    "battery_voltage",
+    "battery_percent",
+    "battery_consumed",
+    "servo_us",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TankReading:
+    """The level by the source in use."""
+
+    level_kg: float = NAN
+    clock_s: float = NAN  # of the report
+    source: str = ""  # in words; empty when there is none
+    notes: tuple[str, ...] = ()
+    pump_share: float = NAN  # pump output, 0 off to 1 full
+    pump_clock_s: float = NAN
+    pumped_kg: float = NAN  # by the pump's output since it was first heard
+
+
+class TankWatch:
+    """Follows one vehicle's tank. `source` as for `telemetry.tank_source`, `auto` by default."""
+
+    def __init__(
+        self, airframe: Airframe | None, source: str = "auto", start_kg: float | None = None
+    ) -> None:
+        self._airframe = airframe
+        by_airframe = airframe is not None and source.strip().lower() == "auto"
+        self._source = airframe.tank_source if by_airframe and airframe else source
+        self._start_kg = start_kg
+        self._pumped = NAN
+        self._share = NAN
+        self._share_clock = NAN
+
+    def read(self, state: VehicleState, motors: MotorMap) -> TankReading:
+        """The level after the vehicle's last message; call it for every sample, in order."""
+        signals = state.signals(*CHANNELS)
+        context = TankContext(
+            airframe=self._airframe,
+            parameters=state.parameters,
+            pump_output=motors.pump_output,
+        )
+        share = pump_share(signals, context)
+        self._follow(share, context)
+        none = TankReading(
+            pump_share=self._share, pump_clock_s=self._share_clock, pumped_kg=self._pumped
+        )
+        source = self._source
+        try:
+            found = tank_level(signals, context, source)
+        except LogError as error:
+            # Named by the user and not heard (yet): no other source steps in unasked.
+            if source.strip().lower() != "pump":
+                return replace(none, notes=(str(error),))
+            found = None
+        if found is not None and found.signal is not None:
+            return replace(
+                none,
+                level_kg=float(found.signal.values[-1]),
+                clock_s=float(found.signal.time_s[-1]),
+                source=found.signal.source,
+                notes=found.notes,
+            )
+        if self._start_kg is not None and np.isfinite(self._pumped):
+            return replace(
+                none,
+                level_kg=max(self._start_kg - self._pumped, 0.0),
+                clock_s=self._share_clock,
+                source=f"pump output summed from the stated {self._start_kg:g} kg",
+            )
+        return replace(none, notes=found.notes if found is not None else ())
+
+    def _follow(self, share: Signal | None, context: TankContext) -> None:
+        if share is None or self._airframe is None:
+            return
+        clock, value = float(share.time_s[-1]), float(np.nan_to_num(share.values[-1]))
+        if np.isnan(self._pumped):
+            self._pumped = 0.0
+        elif clock > self._share_clock:
+            full = self._airframe.pump_max_flow_l_min / 60.0 * context.liquid_density  # kg/s
+            step = min(clock - self._share_clock, LONGEST_STEP)
+            # Held from report to report: the output before this one was in force until now.
+            self._pumped += full * float(np.nan_to_num(self._share)) * step
+        self._share, self._share_clock = value, clock
+
+
+class FlowMeter:
+    """What the pump really delivers of what its output says: nozzles decide, not the pump's limit.
+
+    Factor on the pumped mass, from the gauge: `first` from the first kilogram, to judge the rest of
+    the tank by; `now` over the last 1.5 kg, to look ahead with. 1 until there is enough to tell.
+    """
+
+    LEARN_KG, RECENT_KG = 1.0, 1.5
+
+    def __init__(self) -> None:
+        self.first = self.now = 1.0
+        self._learnt = False
+        self._points: deque[tuple[float, float]] = deque()  # kg by the gauge, kg pumped
+
+    def add(self, gauge: float, pumped: float) -> None:
+        """One sample in order; NaN is passed over."""
+        if not np.isfinite(gauge + pumped):
+            return
+        if self._points and (gauge > self._points[-1][0] + 0.5 or pumped < self._points[-1][1]):
+            self._points.clear()  # refilled, or counted anew
+        if not self._points or pumped - self._points[-1][1] >= 0.02:
+            self._points.append((gauge, pumped))
+        while len(self._points) > 2 and pumped - self._points[1][1] >= self.RECENT_KG:
+            self._points.popleft()
+        began, before = self._points[0]
+        if pumped - before < self.LEARN_KG:
+            return
+        # A gauge at its end has stopped to fall whatever the pump does.
+        if gauge > 0.3:
+            self.now = (began - gauge) / (pumped - before)
+            if not self._learnt:
+                self.first, self._learnt = float(np.clip(self.now, 0.4, 1.6)), True
+
+
+def virtual_gauge(analysis: FlightAnalysis) -> Floats:
+    """(T,) kg of liquid that the rotors carry; NaN where rotor speeds are missing or on the ground.
+
+    With a gauge, its level plus the thrust that the model does not explain; without one, all thrust
+    beyond the empty mass, which holds in level flight without acceleration.
+    """
+    track, airframe = analysis.track, analysis.model.airframe
+    carried = np.sum(analysis.thrust, axis=1)
+    expected = np.sum(analysis.prediction.thrust, axis=1)
+    with_gauge = track.tank_kg + (carried - expected) / G0
+    without = carried / G0 - airframe.empty_mass
+    mass = np.where(np.isfinite(track.tank_kg), with_gauge, without)
+    return np.where(track.flying, mass, np.nan)
+
+
+@dataclass(frozen=True, slots=True)
+class TankBalance:
+    """How much the tank lost over a window by each witness, kg; NaN where a witness is missing."""
+
+    seconds: float
+    gauge: float
+    pump: float
+    thrust: float
+    level_kg: float  # by the gauge at its end
+    apart_kg: float  # virtual gauge less gauge, mean over the window
+
+
+class BalanceWatch:
+    """Means of the three witnesses at both ends of a sliding window of `seconds`."""
+
+    def __init__(self, seconds: float = 40.0, end: float = 10.0) -> None:
+        self.seconds, self.end = seconds, end
+        self._rows: deque[tuple[float, float, float, float]] = deque()
+
+    def add(self, time_s: float, gauge: float, pumped: float, virtual: float) -> None:
+        """One sample: s, kg by the gauge, kg pumped so far, kg by the virtual gauge."""
+        if self._rows and not 0.0 <= time_s - self._rows[-1][0] <= 5.0:
+            self._rows.clear()
+        self._rows.append((time_s, gauge, pumped, virtual))
+        while self._rows and time_s - self._rows[0][0] > self.seconds:
+            self._rows.popleft()
+
+    def balance(self) -> TankBalance | None:
+        """None until the window is full."""
+        if not self._rows or self._rows[-1][0] - self._rows[0][0] < 0.95 * self.seconds:
+            return None
+        rows = np.array(self._rows)
+        time_s = rows[:, 0]
+        first = rows[time_s <= time_s[0] + self.end]
+        last = rows[time_s >= time_s[-1] - self.end]
+        lost = [_mean(first[:, k]) - _mean(last[:, k]) for k in (1, 2, 3)]
+        return TankBalance(
+            seconds=float(np.mean(last[:, 0]) - np.mean(first[:, 0])),
+            gauge=lost[0],
+            pump=-lost[1],
+            thrust=lost[2],
+            level_kg=float(rows[-1, 1]),
+            apart_kg=_mean(rows[:, 3] - rows[:, 1]),
+        )
+
+
+def _mean(values: Floats) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.mean(known)) if known.size else NAN

@@ -1,0 +1,1 @@
+"""ArduPilot's DataFlash logs, binary and as text."""

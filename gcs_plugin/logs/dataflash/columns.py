@@ -1,0 +1,99 @@
+"""Columns of a DataFlash message in the units that the log states (FMT, FMTU, UNIT, MULT)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thrustmargin.gcs_plugin.logs.dataflash.message_scan import LETTERS, SCALED_LETTERS, Format
+from thrustmargin.gcs_plugin.mavlink.rules import UNITS
+from thrustmargin.gcs_plugin.mavlink.text import printable
+from thrustmargin.models.flight import Floats
+
+#: unit label of the log -> (factor, offset) to SI; latitude and longitude stay degrees, charge
+#: becomes mAh. A label that is not here is SI already, or none.
+LABELS: Mapping[str, tuple[float, float]] = {
+    "deg": UNITS["deg"],
+    "degheading": UNITS["deg"],
+    "deg/s": UNITS["deg/s"],
+    "degC": UNITS["degC"],
+    "Ah": (1000.0, 0.0),
+}
+#: Labels that state no unit.
+NO_UNIT = ("", "UNKNOWN", "instance")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DataFlashColumns:
+    """One message type: `columns[name]` as people read it, `columns.si(name, unit)` in SI.
+
+    `scale` is the factor of each column by its format letter and MULT; `label` its unit by
+    FMTU and UNIT, where the log has them.
+    """
+
+    table: Mapping[str, NDArray[Any]] | NDArray[np.void]
+    scale: Mapping[str, float]
+    label: Mapping[str, str] = field(default_factory=dict)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.scale
+
+    def __getitem__(self, name: str, /) -> NDArray[Any]:
+        raw = self.table[name]
+        factor = self.scale[name]
+        return raw if factor == 1.0 else raw.astype(np.float64) * factor
+
+    def number(self, name: str) -> Floats:
+        """(n,) as people read it; NaN where a damaged description made it text."""
+        values = self[name]
+        if values.dtype.kind not in "iuf" or values.ndim != 1:
+            return np.full(len(values), np.nan)
+        return values.astype(np.float64)
+
+    def texts(self, name: str) -> list[str]:
+        """n printable strings; empty where a damaged description made it a number."""
+        values = self[name]
+        if values.dtype.kind != "S":
+            return [""] * len(values)
+        return [printable(raw) for raw in values]
+
+    def si(self, name: str, assumed: str) -> Floats:
+        """(n,) in SI; the unit `assumed` holds where the log states none."""
+        label = self.label.get(name, "")
+        if label in NO_UNIT:
+            factor, offset = UNITS[assumed]
+        else:
+            factor, offset = LABELS.get(label, (1.0, 0.0))
+        return self.number(name) * factor + offset
+
+
+@dataclass(frozen=True, slots=True)
+class Units:
+    """UNIT and MULT by the code of their letter, FMTU by message type."""
+
+    label: Mapping[int, str] = field(default_factory=dict)
+    factor: Mapping[int, float] = field(default_factory=dict)
+    of_type: Mapping[int, tuple[str, str]] = field(default_factory=dict)  # (unit ids, mult ids)
+
+    def describe(self, form: Format, *, text: bool) -> tuple[dict[str, float], dict[str, str]]:
+        """Factor and unit label of each column of `form`.
+
+        A letter with a factor of its own (centi, 1e-7) takes no MULT; in text logs its numbers
+        are scaled already.
+        """
+        scale = {}
+        for name, letter in zip(form.columns, form.letters, strict=True):
+            scale[name] = 1.0 if text else LETTERS[letter][1]
+        label: dict[str, str] = {}
+        ids, multipliers = self.of_type.get(form.type, ("", ""))
+        for name, unit in zip(form.columns, ids, strict=False):
+            label[name] = self.label.get(ord(unit) & 0xFF, "")
+        for name, letter, code in zip(form.columns, form.letters, multipliers, strict=False):
+            if letter not in SCALED_LETTERS and label.get(name, "") not in NO_UNIT:
+                # 0 stands for "no multiplier".
+                scale[name] = self.factor.get(ord(code) & 0xFF, 1.0) or 1.0
+        return scale, label

@@ -1,0 +1,261 @@
+"""Which DataFlash message gives which channel: the table, and the few that need more than one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.logs.dataflash.columns import DataFlashColumns
+from thrustmargin.gcs_plugin.mavlink.rules import ABOVE_HOME, WARM_BOARD, Rule, Signal
+from thrustmargin.gcs_plugin.telemetry.recording import Stream
+from thrustmargin.gcs_plugin.telemetry.resample import in_time_order
+from thrustmargin.gcs_plugin.telemetry.signals import Signals, collected
+from thrustmargin.models.flight import Floats
+
+_PLACE = ("latlon deg", "latlon deg", "m")
+#: Preferred sources first. `unit` holds where the log states none; `index` and `only` apply where
+#: the log has that column (older logs number their sensors by message name).
+RULES: tuple[Rule, ...] = (
+    Rule("ATT", ("Roll", "Pitch", "Yaw"), "attitude", "deg"),
+    Rule("RATE", ("R", "P", "Y"), "angular_rate_frd", "deg/s"),
+    Rule("IMU", ("GyrX", "GyrY", "GyrZ"), "angular_rate_frd", "rad/s", index="I", only=0),
+    Rule("IMU", ("AccX", "AccY", "AccZ"), "specific_force_frd", "m/s/s", index="I", only=0),
+    Rule("POS", ("Lat", "Lng", "Alt"), "geodetic", _PLACE),
+    Rule("GPS", ("Lat", "Lng", "Alt"), "geodetic", _PLACE, index="I", only=0),
+    Rule("XKF1", ("VN", "VE", "VD"), "velocity_ned", "m/s", index="C", only=0),
+    Rule("NKF1", ("VN", "VE", "VD"), "velocity_ned", "m/s"),
+    Rule("POS", ("Alt",), "altitude", "m"),
+    Rule("BARO", ("AltAMSL",), "altitude", "m", index="I", only=0),
+    Rule("RFND", ("Dist",), "height_agl", "m", note="rangefinder, looking down, good readings"),
+    Rule("POS", ("RelHomeAlt",), "height_agl", "m", note=ABOVE_HOME),
+    Rule("CTUN", ("Alt",), "height_agl", "m", note=ABOVE_HOME),
+    Rule("ARSP", ("Airspeed",), "airspeed", "m/s", index="I", only=0, note="pitot"),
+    Rule("BAT", ("Volt",), "battery_voltage", "V", index="Inst"),
+    Rule("BAT", ("Curr",), "battery_current", "A", index="Inst"),
+    Rule("BAT", ("RemPct",), "battery_percent", "%", index="Inst"),
+    Rule("BAT", ("CurrTot",), "battery_consumed", "mAh", index="Inst"),
+    Rule("CURR", ("Volt",), "voltage", "V"),
+    Rule("CURR", ("Curr",), "current", "A"),
+    Rule("BARO", ("Press",), "pressure", "Pa", index="I", only=0),
+    Rule("BARO", ("Temp",), "temperature", "degC", index="I", only=0, note=WARM_BOARD),
+    Rule("ESC", ("Volt",), "esc_voltage", "V", index="Instance"),
+    Rule("ESC", ("Curr",), "esc_current", "A", index="Instance"),
+    Rule("ESC", ("RawRPM",), "esc_rpm", "rpm", index="Instance"),
+    Rule(
+        "ESC",
+        ("RPM",),
+        "esc_rpm",
+        "rpm",
+        index="Instance",
+        note="smoothed by the autopilot's slew limit",
+    ),
+)
+
+#: Message types that are read besides, and the columns without which they say nothing.
+REQUIRED: Mapping[str, tuple[str, ...]] = {
+    "XKF2": ("VWN", "VWE"),
+    "NKF2": ("VWN", "VWE"),
+    "RCOU": (),
+    "NVF": ("Name", "Value"),
+    "EV": ("Id",),
+    "ORGN": ("Type", "Lat", "Lng", "Alt"),
+    "CMD": ("CNum", "CId", "Lat", "Lng", "Alt", "Prm1", "Prm2", "Prm3", "Prm4"),
+    "MSG": ("Message",),
+    "PARM": ("Name", "Value"),
+}
+#: Every message type that is read.
+MESSAGES = tuple(dict.fromkeys([*(rule.message for rule in RULES), *REQUIRED]))
+
+#: ESCs or batteries of one vehicle.
+_MOST_SENDERS = 32
+_ON_GROUND, _IN_AIR = 1.0, 2.0
+#: LogEvent: 18 landed, 28 not landed any more, 11 disarmed.
+_EVENTS = {18: _ON_GROUND, 28: _IN_AIR, 11: _ON_GROUND}
+
+
+def dataflash_signals(streams: Mapping[str, Stream]) -> Signals:
+    """Signals of every DataFlash message in `streams`, whose columns are DataFlashColumns."""
+    signals: list[Signal] = []
+    for rule in RULES:
+        stream = streams.get(rule.message)
+        if stream is not None:
+            signals += _by_rule(rule, stream)
+    for method in (_airspeed, _wind, _servos, _named, _landed, _origins, _ground_speed):
+        signals += method(streams)
+    return collected(signals)
+
+
+def columns_of(stream: Stream) -> DataFlashColumns:
+    """The stream's columns, which DataFlash readers make."""
+    assert isinstance(stream.columns, DataFlashColumns)
+    return stream.columns
+
+
+def _signal(
+    channel: str, source: str, time_s: Floats, values: Floats, index: int | str | None = None
+) -> Signal:
+    return Signal(channel, source, *in_time_order(time_s, values), index)
+
+
+def _by_rule(rule: Rule, stream: Stream) -> list[Signal]:
+    columns = columns_of(stream)
+    if any(name not in columns for name in rule.fields):
+        return []
+    units = (rule.unit,) * len(rule.fields) if isinstance(rule.unit, str) else rule.unit
+    parts = [columns.si(name, unit) for name, unit in zip(rule.fields, units, strict=True)]
+    values = parts[0] if len(parts) == 1 else np.stack(parts, axis=-1)
+    if rule.message == "RFND":
+        values = np.where(_rangefinder_good(columns), values, np.nan)
+    if rule.index is None or rule.index not in columns:
+        number = 0 if rule.channel.startswith(("battery_", "esc_")) else None
+        return [_signal(rule.channel, rule.source, stream.time_s, values, number)]
+    numbers = columns.number(rule.index)
+    made = []
+    for number in _real_numbers(numbers):
+        if rule.only is not None and number != rule.only:
+            continue
+        rows = numbers == number
+        source = rule.source
+        if rule.channel.startswith("battery_"):
+            source = f"{source} of id {number}"
+        made.append(_signal(rule.channel, source, stream.time_s[rows], values[rows], number))
+    return made
+
+
+def _real_numbers(numbers: Floats) -> list[int]:
+    """The senders' numbers; those of a few damaged rows, which nothing else catches, left out."""
+    found, counts = np.unique(numbers[np.isfinite(numbers)], return_counts=True)
+    common = counts >= 0.02 * counts.max() if counts.size else counts > 0
+    return [int(n) for n in found[common] if 0 <= n < _MOST_SENDERS and n == int(n)]
+
+
+def _rangefinder_good(columns: DataFlashColumns) -> np.ndarray:
+    good = np.ones(columns.number("Dist").size, dtype=np.bool_)
+    if "Stat" in columns:
+        good &= columns.number("Stat") == 4
+    if "Orient" in columns:
+        good &= columns.number("Orient") == 25
+    return good
+
+
+def _core(streams: Mapping[str, Stream], names: tuple[str, ...]) -> Stream | None:
+    """The first of the EKF messages there, of its first core."""
+    for name in names:
+        stream = streams.get(name)
+        if stream is None:
+            continue
+        columns = columns_of(stream)
+        if "C" not in columns:
+            return stream
+        rows = columns.number("C") == 0
+        table = {n: columns.table[n][rows] for n in columns.scale}
+        return Stream(stream.time_s[rows], DataFlashColumns(table, columns.scale, columns.label))
+    return None
+
+
+def _airspeed(streams: Mapping[str, Stream]) -> list[Signal]:
+    """Speed through the air by the EKF, for a copter without pitot."""
+    ground, air = _core(streams, ("XKF1", "NKF1")), _core(streams, ("XKF2", "NKF2"))
+    if ground is None or air is None or air.time_s.size == 0:
+        return []
+    velocity, wind = columns_of(ground), columns_of(air)
+    if any(name not in velocity for name in ("VN", "VE", "VD")):
+        return []
+    when, order = np.unique(air.time_s, return_index=True)
+    north = velocity.si("VN", "m/s") - np.interp(ground.time_s, when, wind.si("VWN", "m/s")[order])
+    east = velocity.si("VE", "m/s") - np.interp(ground.time_s, when, wind.si("VWE", "m/s")[order])
+    speed = np.sqrt(north**2 + east**2 + velocity.si("VD", "m/s") ** 2)
+    return [_signal("airspeed", "XKF1 velocity less XKF2 wind (EKF)", ground.time_s, speed)]
+
+
+def _wind(streams: Mapping[str, Stream]) -> list[Signal]:
+    stream = _core(streams, ("XKF2", "NKF2"))
+    if stream is None:
+        return []
+    north, east = (columns_of(stream).si(name, "m/s") for name in ("VWN", "VWE"))
+    wind = np.stack([north, east, np.zeros(north.size)], axis=-1)
+    return [_signal("wind_ned", "XKF2 VWN, VWE (EKF; level)", stream.time_s, wind)]
+
+
+def _servos(streams: Mapping[str, Stream]) -> list[Signal]:
+    stream = streams.get("RCOU")
+    if stream is None:
+        return []
+    columns = columns_of(stream)
+    names = ("C", "Ch", "Chan")
+    outputs = []
+    for number in range(1, 17):
+        name = next((f"{n}{number}" for n in names if f"{n}{number}" in columns), None)
+        if name is None:
+            break
+        outputs.append(columns.number(name))
+    if not outputs:
+        return []
+    return [_signal("servo_us", "RCOU", stream.time_s, np.stack(outputs, axis=-1))]
+
+
+def _named(streams: Mapping[str, Stream]) -> list[Signal]:
+    stream = streams.get("NVF")
+    if stream is None:
+        return []
+    columns = columns_of(stream)
+    names, values = np.array(columns.texts("Name")), columns.number("Value")
+    made = []
+    for name in np.unique(names):
+        rows = names == name
+        time_s = stream.time_s[rows]
+        made.append(_signal("named_value", f"NVF {name}", time_s, values[rows], str(name)))
+    return made
+
+
+def _landed(streams: Mapping[str, Stream]) -> list[Signal]:
+    stream = streams.get("EV")
+    if stream is None:
+        return []
+    number = columns_of(stream).number("Id")
+    state = np.full(number.size, np.nan)
+    for event, meaning in _EVENTS.items():
+        state[number == event] = meaning
+    told = np.isfinite(state)
+    if not np.any(state == _IN_AIR):
+        return []
+    source = "EV 28 (not landed) and 18 (landed)"
+    return [_signal("landed", source, stream.time_s[told], state[told])]
+
+
+def _origins(streams: Mapping[str, Stream]) -> list[Signal]:
+    stream = streams.get("ORGN")
+    if stream is None:
+        return []
+    columns = columns_of(stream)
+    place = np.stack([columns.number(n) for n in ("Lat", "Lng", "Alt")], axis=-1)
+    kinds = columns.number("Type")
+    made = []
+    for kind, channel in ((1, "home"), (0, "ekf_origin")):
+        rows = kinds == kind
+        if rows.any():
+            made.append(_signal(channel, "ORGN", stream.time_s[rows], place[rows]))
+    return made
+
+
+def _ground_speed(streams: Mapping[str, Stream]) -> list[Signal]:
+    """GPS speed: the last choice for velocity and airspeed."""
+    stream = streams.get("GPS")
+    if stream is None:
+        return []
+    columns = columns_of(stream)
+    if any(name not in columns for name in ("Spd", "GCrs", "VZ")):
+        return []
+    rows = (
+        columns.number("I") == 0 if "I" in columns else np.ones(stream.time_s.size, dtype=np.bool_)
+    )
+    course = columns.si("GCrs", "deg")[rows]
+    speed = columns.si("Spd", "m/s")[rows]
+    down = columns.si("VZ", "m/s")[rows]
+    velocity = np.stack([speed * np.cos(course), speed * np.sin(course), down], axis=-1)
+    time_s = stream.time_s[rows]
+    return [
+        _signal("velocity_ned", "GPS Spd, GCrs, VZ", time_s, velocity),
+        _signal("airspeed", "GPS Spd (ground speed: no pitot, no EKF wind)", time_s, speed),
+    ]

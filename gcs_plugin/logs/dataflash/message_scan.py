@@ -1,0 +1,220 @@
+"""Find every message in a binary DataFlash log (.BIN), also past damage.
+
+A message is A3 95, a type number, and a body whose layout FMT messages in the same file give.
+There is no checksum, so a message counts when another message, or the end of the file, follows it
+directly; where the chain breaks the scan goes on at the next message that has a successor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thrustmargin.gcs_plugin.mavlink.checksum import Bytes
+from thrustmargin.gcs_plugin.mavlink.scan import Index, gather
+from thrustmargin.gcs_plugin.mavlink.text import printable
+
+HEAD = (0xA3, 0x95)
+FMT_TYPE = 128
+FMT_LENGTH = 89
+_FMT_HEAD = bytes((*HEAD, FMT_TYPE))
+PADDING = 512
+_CHUNK = 1 << 20
+#: format letter -> (numpy type, factor); https://ardupilot.org/dev/docs/code-overview-adding-a-new-log-message.html
+LETTERS: Mapping[str, tuple[str, float]] = {
+    "a": ("(32,)<i2", 1.0),
+    "b": ("i1", 1.0),
+    "B": ("u1", 1.0),
+    "g": ("<f2", 1.0),
+    "h": ("<i2", 1.0),
+    "H": ("<u2", 1.0),
+    "i": ("<i4", 1.0),
+    "I": ("<u4", 1.0),
+    "f": ("<f4", 1.0),
+    "d": ("<f8", 1.0),
+    "n": ("S4", 1.0),
+    "N": ("S16", 1.0),
+    "Z": ("S64", 1.0),
+    "c": ("<i2", 0.01),
+    "C": ("<u2", 0.01),
+    "e": ("<i4", 0.01),
+    "E": ("<u4", 0.01),
+    "L": ("<i4", 1e-7),
+    "M": ("u1", 1.0),
+    "q": ("<i8", 1.0),
+    "Q": ("<u8", 1.0),
+}
+SCALED_LETTERS = frozenset("cCeEL")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Format:
+    """One message type as the log's own FMT describes it."""
+
+    type: int
+    name: str
+    length: int  # bytes with the three of the header
+    letters: str
+    columns: tuple[str, ...]
+
+    @property
+    def dtype(self) -> np.dtype:
+        """Layout of the whole message, header included."""
+        head: list[tuple[str, str]] = [("_head", "V3")]
+        kinds = [LETTERS[letter][0] for letter in self.letters]
+        return np.dtype(head + list(zip(self.columns, kinds, strict=True)))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Found:
+    """Messages of a .BIN in file order."""
+
+    data: Bytes  # the file followed by PADDING zeros
+    start: Index  # (n,)
+    type: NDArray[np.uint8]  # (n,)
+    formats: Mapping[int, Format]
+    skipped: tuple[tuple[int, int], ...]  # (offset, length)
+
+    def rows_of(self, name: str) -> tuple[Index, Format | None]:
+        """Rows of the messages called `name`, and their format; none when the log has none."""
+        for number, form in self.formats.items():
+            if form.name == name:
+                return np.flatnonzero(self.type == number), form
+        return np.empty(0, np.int64), None
+
+    def table(self, rows: Index, form: Format) -> NDArray[np.void]:
+        """(n,) structured array of the messages `rows`, all of `form`."""
+        body = gather(self.data, self.start[rows], form.length)
+        return body.view(form.dtype).reshape(rows.size)
+
+
+def make_format(number: int, length: int, name: str, letters: str, columns: str) -> Format | None:
+    """The Format, or None when the parts do not fit together (a damaged FMT)."""
+    names = tuple(c.strip() for c in columns.split(",")) if columns else ()
+    if not name or not name.isalnum() or len(names) != len(letters):
+        return None
+    if len(set(names)) != len(names) or any(letter not in LETTERS for letter in letters):
+        return None
+    form = Format(number, name, length, letters, names)
+    return form if form.dtype.itemsize == length else None
+
+
+def scan(data: Bytes, size: int) -> Found:
+    """All messages in the first `size` bytes of `data`, which ends with PADDING more."""
+    formats = _formats(data, size)
+    lengths = np.zeros(256, dtype=np.int64)
+    for number, form in formats.items():
+        lengths[number] = form.length
+    parts = [_candidates(data, size, low, lengths) for low in range(0, size, _CHUNK)]
+    start = np.concatenate([p[0] for p in parts]) if parts else np.empty(0, np.int64)
+    kinds = np.concatenate([p[1] for p in parts]) if parts else np.empty(0, np.uint8)
+    del parts
+    end = start + lengths[kinds]
+    keep = _chain(start, end, size, torn=_torn_tail(data, size, lengths))
+    if not keep.all():
+        start, kinds, end = start[keep], kinds[keep], end[keep]
+    return Found(data, start, kinds, formats, tuple(_gaps(start, end, size)))
+
+
+def _heads(data: Bytes, size: int, low: int) -> Index:
+    """Offsets of A3 95 in one chunk."""
+    part = data[low : min(low + _CHUNK + 1, size)]
+    found = np.flatnonzero((part[:-1] == HEAD[0]) & (part[1:] == HEAD[1]))
+    return found.astype(np.int64) + low
+
+
+def _candidates(
+    data: Bytes, size: int, low: int, lengths: NDArray[np.int64]
+) -> tuple[Index, NDArray[np.uint8]]:
+    """Offsets and types of everything in one chunk that may be a whole message."""
+    start = _heads(data, size, low)
+    kinds = data[start + 2]
+    length = lengths[kinds]
+    fits = (length > 0) & (start + length <= size)
+    return (start, kinds) if fits.all() else (start[fits], kinds[fits])
+
+
+def _formats(data: Bytes, size: int) -> dict[int, Format]:
+    """Message types by number, from every intact FMT message in the file."""
+    own = make_format(FMT_TYPE, FMT_LENGTH, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")
+    assert own is not None
+    formats: dict[int, Format] = {}
+    seen: set[bytes] = set()
+    for low in range(0, size, _CHUNK):
+        part = data[low : min(low + _CHUNK + FMT_LENGTH - 1, size)].tobytes()
+        at = -1
+        while (at := part.find(_FMT_HEAD, at + 1)) >= 0:
+            body = part[at : at + FMT_LENGTH]
+            if body in seen or len(body) < FMT_LENGTH:
+                continue
+            seen.add(body)
+            row = np.frombuffer(body, own.dtype)[0]
+            form = make_format(
+                int(row["Type"]),
+                int(row["Length"]),
+                printable(row["Name"]),
+                printable(row["Format"]),
+                printable(row["Columns"]),
+            )
+            # The first intact description counts: repeats are equal unless damaged.
+            if form is not None:
+                formats.setdefault(form.type, form)
+    if formats:
+        formats[FMT_TYPE] = own
+    return formats
+
+
+def _torn_tail(data: Bytes, size: int, lengths: NDArray[np.int64]) -> int:
+    """Offset of a last message that the end of the file cuts off; the file's end if none is."""
+    longest = int(lengths.max(initial=0))
+    for at in range(max(size - longest, 0), size):
+        head = data[at : min(at + 2, size)].tolist()
+        if head == list(HEAD[: len(head)]) and (
+            at + 2 >= size or (lengths[data[at + 2]] > 0 and at + int(lengths[data[at + 2]]) > size)
+        ):
+            return at
+    return size
+
+
+def _chain(start: Index, end: Index, size: int, *, torn: int) -> NDArray[np.bool_]:
+    """(n,) True for candidates that another candidate, or the end of the file, follows directly.
+
+    `torn` is where a message begins that the end of the file cuts off. Candidates inside the body
+    of a kept message are chance and are dropped.
+    """
+    count = start.size
+    keep = np.zeros(count, dtype=np.bool_)
+    if count == 0:
+        return keep
+    ends = (torn, size)
+    follows = np.append(end[:-1] == start[1:], end[-1] in ends)
+    breaks = np.flatnonzero(~follows)
+    at = 0
+    while at < count:
+        # All candidates up to the next break have their successor right behind them.
+        place = int(np.searchsorted(breaks, at))
+        last = int(breaks[place]) if place < breaks.size else count
+        keep[at:last] = True
+        if last >= count:
+            break
+        # The break itself counts when its successor comes after chance candidates in its body.
+        after = int(np.searchsorted(start, end[last]))
+        if (after < count and start[after] == end[last]) or end[last] in ends:
+            keep[last] = True
+            at = max(after, last + 1)
+        else:
+            at = last + 1
+    return keep
+
+
+def _gaps(start: Index, end: Index, size: int) -> list[tuple[int, int]]:
+    """(offset, length) of every stretch outside the messages."""
+    if start.size == 0:
+        return [(0, size)] if size else []
+    gaps = [(0, int(start[0]))]
+    gaps += [(int(end[i]), int(start[i + 1])) for i in np.flatnonzero(start[1:] > end[:-1])]
+    gaps.append((int(end[-1]), size))
+    return [(low, high - low) for low, high in gaps if high > low]

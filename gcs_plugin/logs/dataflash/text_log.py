@@ -1,0 +1,178 @@
+"""Read ArduPilot's DataFlash logs as text (.log), as ground stations convert them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thrustmargin.gcs_plugin.logs.dataflash.binary import recording_of
+from thrustmargin.gcs_plugin.logs.dataflash.columns import DataFlashColumns, Units
+from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import MESSAGES
+from thrustmargin.gcs_plugin.logs.dataflash.message_scan import Format, make_format
+from thrustmargin.gcs_plugin.logs.files import worst_places
+from thrustmargin.gcs_plugin.telemetry.recording import LogQuality, Recording
+from thrustmargin.gcs_plugin.telemetry.timeline import longest_stretch, pauses, without_leaps
+from thrustmargin.models.errors import LogError
+from thrustmargin.models.flight import Floats
+
+_TEXT_LETTERS = frozenset("nNZM")
+
+
+@dataclass(slots=True, eq=False)
+class _Lines:
+    """What the lines hold: formats by name, cells and file offsets by message, and the rest."""
+
+    formats: dict[str, Format] = field(default_factory=dict)
+    cells: dict[str, list[list[str]]] = field(default_factory=dict)
+    offsets: dict[str, list[int]] = field(default_factory=dict)
+    skipped: list[tuple[int, int]] = field(default_factory=list)  # (offset, length)
+    kept: int = 0
+
+
+def read_dataflash_text(path: Path, *, vehicle: int | None = None) -> Recording:
+    """The needed messages of a DataFlash log in text form.
+
+    Raises LogError when it describes no message (FMT), or `vehicle` is not the one in the log.
+    """
+    text = path.read_bytes()
+    lines = _lines(text)
+    if len(lines.formats) < 2:
+        raise LogError(f"{path.name}: no FMT line describes a message; is it an ArduPilot .log?")
+    tables: dict[str, tuple[dict[str, NDArray[Any]], Floats]] = {}
+    offsets: list[NDArray[np.int64]] = []
+    for name, cells in lines.cells.items():
+        table, good = _table(lines.formats[name], cells)
+        at = np.array(lines.offsets[name])
+        lines.skipped += [(int(at[i]), len(",".join(cells[i]))) for i in np.flatnonzero(~good)]
+        lines.kept -= int(np.sum(~good))
+        tables[name] = (table, _clock(table))
+        offsets.append(at[good])
+    units = _units({name: table for name, (table, _) in tables.items()})
+    known = np.empty(0)
+    if tables:
+        order = np.argsort(np.concatenate(offsets), kind="stable")
+        clocks = np.concatenate([clock for _, clock in tables.values()])[order]
+        known = clocks[np.isfinite(clocks)]
+    stretch = longest_stretch(known, path.name)
+    low, high = -np.inf, np.inf
+    if stretch.jumps:
+        low, high = float(known[stretch.first]), float(known[stretch.last])
+
+    def lookup(name: str) -> tuple[DataFlashColumns, Floats] | None:
+        if name not in tables:
+            return None
+        table, clock = tables[name]
+        inside = (clock >= low) & (clock <= high)
+        if "TimeUS" not in table and "TimeMS" not in table:
+            inside |= ~np.isfinite(clock)
+        scale, label = units.describe(lines.formats[name], text=True)
+        chosen = {column: values[inside] for column, values in table.items()}
+        return DataFlashColumns(chosen, scale, label), clock[inside]
+
+    quality = LogQuality(
+        bytes=len(text),
+        frames=lines.kept,
+        bytes_skipped=sum(length for _, length in lines.skipped),
+        damage=worst_places(lines.skipped, lambda _: float("nan")),
+        damaged_places=len(lines.skipped),
+        clock_jumps=stretch.jumps,
+        gaps=pauses(known),
+    )
+    return recording_of(path, "DataFlash text", lookup, quality, vehicle, stretch.notes)
+
+
+def _lines(text: bytes) -> _Lines:
+    found = _Lines()
+    wanted = {*MESSAGES, "FMTU", "UNIT", "MULT"}
+    end = 0
+    for line in text.splitlines(keepends=True):
+        begin, end = end, end + len(line)
+        head, _, rest = line.partition(b",")
+        name = head.strip().decode("latin-1")
+        if name == "FMT":
+            form = _format(rest)
+            if form is not None:
+                found.formats.setdefault(form.name, form)
+                found.kept += 1
+                continue
+        form = found.formats.get(name)
+        cells = []
+        if form is not None:
+            cells = rest.decode("utf-8", "replace").split(",", max(len(form.columns) - 1, 0))
+        if form is None or len(cells) != len(form.columns):
+            if line.strip():
+                found.skipped.append((begin, len(line)))
+            continue
+        found.kept += 1
+        if name in wanted:
+            found.cells.setdefault(name, []).append([cell.strip() for cell in cells])
+            found.offsets.setdefault(name, []).append(begin)
+    return found
+
+
+def _format(rest: bytes) -> Format | None:
+    parts = [p.strip() for p in rest.decode("latin-1").split(",", 4)]
+    if len(parts) < 5 or not parts[0].isdigit() or not parts[1].isdigit():
+        return None
+    columns = ",".join(c.strip() for c in parts[4].split(","))
+    return make_format(int(parts[0]), int(parts[1]), parts[2], parts[3], columns)
+
+
+def _table(
+    form: Format, cells: list[list[str]]
+) -> tuple[dict[str, NDArray[Any]], NDArray[np.bool_]]:
+    """Columns of the lines whose every cell fits its letter, and which lines those are."""
+    good = np.ones(len(cells), dtype=np.bool_)
+    columns: dict[str, NDArray[Any]] = {}
+    for number, (name, letter) in enumerate(zip(form.columns, form.letters, strict=True)):
+        words = [row[number] for row in cells]
+        if letter in _TEXT_LETTERS or letter == "a":
+            columns[name] = np.array([w.encode() for w in words], dtype="S64")
+            continue
+        try:
+            columns[name] = np.array(words, dtype=np.float64)
+        except ValueError:
+            values = np.array([_number(w) for w in words])
+            good &= np.array([w.lower() in ("nan", "qnan") for w in words]) | ~np.isnan(values)
+            columns[name] = values
+    return {name: values[good] for name, values in columns.items()}, good
+
+
+def _number(word: str) -> float:
+    try:
+        return float(word)
+    except ValueError:
+        return float("nan")
+
+
+def _clock(table: Mapping[str, NDArray[Any]]) -> Floats:
+    if "TimeUS" in table:
+        return without_leaps(table["TimeUS"] * 1e-6)
+    if "TimeMS" in table:
+        return without_leaps(table["TimeMS"] * 1e-3)
+    size = len(next(iter(table.values()))) if table else 0
+    return np.full(size, np.nan)
+
+
+def _units(tables: Mapping[str, Mapping[str, NDArray[Any]]]) -> Units:
+    label: dict[int, str] = {}
+    factor: dict[int, float] = {}
+    of_type: dict[int, tuple[str, str]] = {}
+    if "UNIT" in tables:
+        table = tables["UNIT"]
+        for code, text in zip(table["Id"], table["Label"], strict=True):
+            label[int(code) & 0xFF] = text.decode()
+    if "MULT" in tables:
+        table = tables["MULT"]
+        for code, value in zip(table["Id"], table["Mult"], strict=True):
+            factor[int(code) & 0xFF] = float(f"{float(value):.7g}")
+    if "FMTU" in tables:
+        table = tables["FMTU"]
+        for row in zip(table["FmtType"], table["UnitIds"], table["MultIds"], strict=True):
+            of_type[int(row[0])] = (row[1].decode(), row[2].decode())
+    return Units(label, factor, of_type)

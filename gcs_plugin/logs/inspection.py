@@ -1,0 +1,257 @@
+"""What a log holds and whether its numbers can be believed: the answers behind `inspect`."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.logs import ChannelReport, FlightLog, LogQuality
+from thrustmargin.models.checks.motor_order import MotorOrder, check_motor_order
+from thrustmargin.models.checks.speed_scale import SpeedScale, check_speed_scale
+from thrustmargin.models.checks.stuck_sensor import StuckSensor, check_stuck_sensor
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.atmosphere import G0
+
+#: m/s² that a body in steady flight feels, between these
+_STEADY_FORCE = (8.5, 11.5)
+#: pack voltage over the airframe's nominal one
+_PACK = (0.7, 1.25)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """One answer: `ok`, `warning` or `unknown`, and why in words."""
+
+    check: str
+    level: Literal["ok", "warning", "unknown"]
+    words: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Inspection:
+    """Channels, quality and findings of one log."""
+
+    log: FlightLog
+    airframe: Airframe | None
+    findings: tuple[Finding, ...]
+    motor_order: MotorOrder | None
+    speed_scale: SpeedScale | None
+
+
+def inspect_log(log: FlightLog, airframe: Airframe | None) -> Inspection:
+    """Check a log's quality, units, motor order and rotor speed scale.
+
+    Motor order and scale need an airframe; without one they are left out.
+    """
+    findings = [_whole(log.quality), _continuous(log)]
+    order = scale = None
+    if airframe is not None:
+        scale = check_speed_scale(log.track, airframe)
+        order = check_motor_order(log.track, airframe)
+        findings += [_order(order), _scale(scale)]
+        findings += _units(log.track, airframe)
+    else:
+        findings.append(
+            Finding(
+                check="motor order",
+                level="unknown",
+                words="needs the airframe: give one with --airframe",
+            )
+        )
+    findings += [_stuck(check_stuck_sensor(log.track)), _sensor(log.track), *_absent(log.track)]
+    return Inspection(
+        log=log,
+        airframe=airframe,
+        findings=tuple(findings),
+        motor_order=order,
+        speed_scale=scale,
+    )
+
+
+def _whole(quality: LogQuality) -> Finding:
+    if quality.damaged_places == 0:
+        words = f"{quality.frames} messages in {quality.bytes} bytes, none damaged"
+        return Finding(check="file", level="ok", words=words)
+    share = 100.0 * quality.bytes_skipped / max(quality.bytes, 1)
+    worst = max(quality.damage, key=lambda place: place.length)
+    where = f"the longest {worst.length} bytes at byte {worst.byte}"
+    tail = quality.damaged_places == 1 and worst.byte + worst.length == quality.bytes
+    words = (
+        f"{quality.bytes_skipped} bytes skipped ({share:.2g} %) in {quality.damaged_places} "
+        f"place(s), {where}; {quality.frames} messages kept"
+    )
+    if quality.bad_checksum:
+        words += f"; {quality.bad_checksum} with a wrong checksum"
+    # A log that ends inside its last message was only switched off.
+    small = tail and worst.length < 512
+    return Finding(check="file", level="ok" if small else "warning", words=words)
+
+
+def _continuous(log: FlightLog) -> Finding:
+    quality = log.quality
+    # What lies before the first row is a mission and parameters being sent, not the flight.
+    gaps = [gap for gap in quality.gaps if gap[0] >= log.clock_start_s]
+    if quality.clock_jumps:
+        words = f"time went backwards {len(quality.clock_jumps)} time(s): the vehicle restarted"
+        return Finding(check="time", level="warning", words=words)
+    if gaps:
+        start, length = max(gaps, key=lambda gap: gap[1])
+        total = sum(length for _, length in gaps)
+        words = (
+            f"{len(gaps)} pause(s) over 1 s without any message, {total:.1f} s in all, "
+            f"the longest {length:.1f} s at {start:.1f} s since boot"
+        )
+        return Finding(check="time", level="warning" if total > 5.0 else "ok", words=words)
+    return Finding(check="time", level="ok", words="no pause over 1 s, no restart")
+
+
+def _order(order: MotorOrder) -> Finding:
+    words = order.words
+    if all(math.isfinite(c) for c in order.correlation):
+        roll, pitch, yaw = order.correlation
+        words += f" (correlation: roll {roll:.2f}, pitch {pitch:.2f}, yaw {yaw:.2f})"
+    level: dict[str, Literal["ok", "warning", "unknown"]]
+    level = {"agrees": "ok", "differs": "warning", "unclear": "unknown"}
+    return Finding(check="motor order", level=level[order.verdict], words=words)
+
+
+def _scale(scale: SpeedScale) -> Finding:
+    level: Literal["ok", "warning", "unknown"] = "warning"
+    if scale.verdict in ("rotor", "unknown"):
+        level = "ok" if scale.verdict == "rotor" else "unknown"
+    return Finding(check="rotor speed", level=level, words=scale.words)
+
+
+def _stuck(stuck: StuckSensor) -> Finding:
+    level: Literal["ok", "warning", "unknown"] = "warning"
+    if stuck.verdict in ("follows", "unknown"):
+        level = "ok" if stuck.verdict == "follows" else "unknown"
+    return Finding(check="rotor speed sensors", level=level, words=stuck.words)
+
+
+def _units(track: FlightTrack, airframe: Airframe) -> list[Finding]:
+    findings = []
+    volts = track.voltage[track.flying & np.isfinite(track.voltage)]
+    if volts.size:
+        share = float(np.median(volts)) / airframe.nominal_voltage
+        good = _PACK[0] <= share <= _PACK[1]
+        words = (
+            f"{np.median(volts):.1f} V in flight, {share:.0%} of the airframe's nominal "
+            f"{airframe.nominal_voltage:.1f} V"
+        )
+        findings.append(Finding(check="voltage", level="ok" if good else "warning", words=words))
+    level = track.tank_kg[np.isfinite(track.tank_kg)]
+    if level.size:
+        low, high = float(level.min()), float(level.max())
+        good = low > -0.2 and high <= 1.05 * airframe.tank_capacity_kg
+        words = f"{low:.2f} to {high:.2f} kg, the tank holds {airframe.tank_capacity_kg:.1f} kg"
+        findings.append(Finding(check="tank", level="ok" if good else "warning", words=words))
+    return findings
+
+
+def _sensor(track: FlightTrack) -> Finding:
+    force = np.linalg.norm(track.specific_force_frd, axis=1)
+    force = force[track.flying & np.isfinite(force)]
+    if force.size == 0:
+        words = "no accelerometer in flight"
+        return Finding(check="accelerometer", level="unknown", words=words)
+    felt = float(np.median(force))
+    if _STEADY_FORCE[0] <= felt <= _STEADY_FORCE[1]:
+        words = f"{felt:.2f} m/s² in flight, gravity is {G0:.2f}"
+        return Finding(check="accelerometer", level="ok", words=words)
+    words = f"{felt:.3g} m/s² in flight where gravity is {G0:.2f}: not in the unit it should be"
+    return Finding(check="accelerometer", level="warning", words=words)
+
+
+def _absent(track: FlightTrack) -> list[Finding]:
+    """What the network and the margin need and the log lacks."""
+    needs = {
+        "rotor_speed_rpm": "no measured margin and no residual",
+        "tank_kg": "the weight is unknown, so no prediction",
+        "airspeed": "no prediction by the network",
+    }
+    return [
+        Finding(check=channel, level="warning", words=f"not in the log: {lost}")
+        for channel, lost in needs.items()
+        if not track.reports(channel)
+    ]
+
+
+def as_json(inspection: Inspection) -> dict[str, Any]:
+    """The inspection as plain tables, numbers and strings; None for what is not known."""
+    log, quality = inspection.log, inspection.log.quality
+    order, scale = inspection.motor_order, inspection.speed_scale
+    return {
+        "file": log.path.name,
+        "format": log.format,
+        "autopilot": log.autopilot,
+        "vehicle": log.vehicle,
+        "vehicles": list(log.vehicles),
+        "airframe": None if inspection.airframe is None else inspection.airframe.name,
+        "rows": int(log.track.time_s.size),
+        "duration_s": log.track.duration,
+        "flying_s": flying_seconds(log.track),
+        "rotor_count": log.track.rotor_count,
+        "start_unix_s": log.track.start_unix_s,
+        "clock_start_s": log.clock_start_s,
+        "notes": list(log.track.notes),
+        "channels": [_channel(channel) for channel in log.channels],
+        "quality": {
+            "bytes": quality.bytes,
+            "messages": quality.frames,
+            "bad_checksum": quality.bad_checksum,
+            "bytes_skipped": quality.bytes_skipped,
+            "damaged_places": quality.damaged_places,
+            "damage": [
+                {"byte": d.byte, "length": d.length, "time_s": _number(d.time_s)}
+                for d in quality.damage
+            ],
+            "unknown_ids": {str(k): v for k, v in quality.unknown_ids.items()},
+            "frames_missing": quality.frames_missing,
+            "clock_jumps": [list(jump) for jump in quality.clock_jumps],
+            "gaps": [list(gap) for gap in quality.gaps],
+        },
+        "motor_order": None
+        if order is None
+        else {
+            "verdict": order.verdict,
+            "words": order.words,
+            "motors": [place + 1 for place in order.places],
+            "correlation": [_number(c) for c in order.correlation],
+            "lead": _number(order.lead),
+        },
+        "speed_scale": None
+        if scale is None
+        else {"verdict": scale.verdict, "words": scale.words, "ratio": _number(scale.ratio)},
+        "findings": [
+            {"check": f.check, "level": f.level, "words": f.words} for f in inspection.findings
+        ],
+    }
+
+
+def flying_seconds(track: FlightTrack) -> float:
+    """Time off the ground: each row counts until the next."""
+    return float(np.sum(np.diff(track.time_s)[track.flying[:-1]]))
+
+
+def _channel(report: ChannelReport) -> dict[str, Any]:
+    return {
+        "name": report.name,
+        "unit": report.unit,
+        "source": report.source,
+        "samples": report.samples,
+        "rate_hz": _number(report.rate_hz),
+        "gaps": report.gaps,
+        "longest_gap_s": _number(report.longest_gap_s),
+        "minimum": _number(report.minimum),
+        "median": _number(report.median),
+        "maximum": _number(report.maximum),
+    }
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None

@@ -1,0 +1,215 @@
+"""From MAVLink fields to channels in SI: the home of degE7, cV, cA, mG, mrad/s, hPa and cdegC.
+
+`MAVLINK_RULES` is the table, for logs and for live links alike; see `mavlink.rules`.
+
+Channels that do not go into a FlightTrack as they are: `geodetic` (latitude °, longitude °,
+altitude m), `home` and `ekf_origin` (the same), `landed` (MAV_LANDED_STATE), `servo_us`
+(16 outputs), `esc_rpm`, `esc_voltage`, `esc_current`, `esc_failure` (by output number from 0; the
+last is ESC_FAILURE_FLAGS), `battery_voltage`, `battery_current`, `battery_percent`,
+`battery_consumed` (by battery id; mAh, in a tank ml), `named_value` (by name), `fuel_remaining`,
+`fuel_percent`, `fuel_maximum` (by id).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.mavlink.rules import ABOVE_HOME, UNITS, WARM_BOARD, Columns, Rule
+from thrustmargin.models.flight import Bools, Floats
+
+
+def attitude_from_quaternion(w: Floats, x: Floats, y: Floats, z: Floats) -> Floats:
+    """(n, 3) roll, pitch, yaw in rad (Z-Y-X) of the quaternion that turns body into NED."""
+    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
+    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return np.stack([roll, pitch, yaw], axis=-1)
+
+
+def _attitude_quaternion(columns: Columns) -> Floats:
+    w, x, y, z = (columns[f"q{i}"].astype(np.float64) for i in (1, 2, 3, 4))
+    return attitude_from_quaternion(w, x, y, z)
+
+
+def _wind_from_direction(columns: Columns) -> Floats:
+    # ArduPilot sends where the wind comes from, and the length of the whole vector as speed.
+    direction = np.radians(columns["direction"].astype(np.float64))
+    down = columns["speed_z"].astype(np.float64)
+    speed = columns["speed"].astype(np.float64)
+    level = np.sqrt(np.maximum(speed**2 - down**2, 0.0))
+    return np.stack([-level * np.cos(direction), -level * np.sin(direction), down], axis=-1)
+
+
+def _battery_voltage(columns: Columns) -> Floats:
+    # A pack above 65.5 V is spread over several cells; 65535 and (in the extension) 0 are unused.
+    cells = columns["voltages"].astype(np.float64)
+    more = columns["voltages_ext"].astype(np.float64)
+    used = cells != 65535
+    total = np.where(used, cells, 0.0).sum(axis=-1) + np.where(more < 65535, more, 0.0).sum(axis=-1)
+    return np.where(used.any(axis=-1), total * 1e-3, np.nan)
+
+
+def _downward_distance(columns: Columns) -> Floats:
+    # Orientation 25 is MAV_SENSOR_ROTATION_PITCH_270: straight down. At or beyond the sensor's
+    # limits a reading says only "too near" or "too far".
+    reading = columns["current_distance"].astype(np.float64)
+    inside = (reading > columns["min_distance"]) & (reading < columns["max_distance"])
+    return np.where(inside & (columns["orientation"] == 25), reading * 1e-2, np.nan)
+
+
+def esc_rpm(columns: Columns) -> Floats:
+    """(n, 4) rpm of ESC_TELEMETRY; NaN where the ESC has never been heard (count 0 and rpm 0)."""
+    rpm = columns["rpm"].astype(np.float64)
+    return np.where((rpm == 0) & (columns["count"] == 0), np.nan, rpm)
+
+
+def esc_silent(columns: Columns) -> Bools:
+    """(n, 4) True where ESC_TELEMETRY has rpm 0 and its counter stands still: nothing was heard.
+
+    The first row has no counter before it and is never called silent.
+    """
+    rpm, count = columns["rpm"], columns["count"]
+    still = np.zeros(rpm.shape, dtype=np.bool_)
+    still[1:] = count[1:] == count[:-1]
+    return still & (rpm == 0)
+
+
+def _liquid(field: str) -> Callable[[Columns], Floats]:
+    # Only fuel type 1 is a liquid in ml; others are shares of one, or a gas in Pa.
+    def convert(columns: Columns) -> Floats:
+        return np.where(columns["fuel_type"] == 1, columns[field].astype(np.float64), np.nan)
+
+    return convert
+
+
+def _unless_silent(field: str, unit: str) -> Callable[[Columns], Floats]:
+    factor = UNITS[unit][0]
+
+    def convert(columns: Columns) -> Floats:
+        value = columns[field].astype(np.float64) * factor
+        return np.where(columns["count"] == 0, np.nan, value)
+
+    return convert
+
+
+#: ESC messages with four ESCs each -> number of the first output, counted from 0.
+ESC_TELEMETRY_FIRST: Mapping[str, int] = MappingProxyType(
+    {f"ESC_TELEMETRY_{n + 1}_TO_{n + 4}": n for n in range(0, 32, 4)}
+)
+
+_PLACE = ("degE7", "degE7", "mm")
+_SERVOS = tuple(f"servo{n}_raw" for n in range(1, 17))
+
+
+def _esc_rules() -> tuple[Rule, ...]:
+    rules = []
+    for name in ESC_TELEMETRY_FIRST:
+        rules += [
+            Rule(name, ("rpm",), "esc_rpm", convert=esc_rpm),
+            Rule(name, ("voltage",), "esc_voltage", convert=_unless_silent("voltage", "cV")),
+            Rule(name, ("current",), "esc_current", convert=_unless_silent("current", "cA")),
+        ]
+    return tuple(rules)
+
+
+#: MAVLink, preferred sources first. ESC_STATUS carries the number of its first ESC in `index`.
+MAVLINK_RULES: tuple[Rule, ...] = (
+    Rule("ATTITUDE", ("roll", "pitch", "yaw"), "attitude", "rad"),
+    Rule("ATTITUDE_QUATERNION", ("q1", "q2", "q3", "q4"), "attitude", convert=_attitude_quaternion),
+    Rule("ATTITUDE", ("rollspeed", "pitchspeed", "yawspeed"), "angular_rate_frd", "rad/s"),
+    Rule(
+        "ATTITUDE_QUATERNION", ("rollspeed", "pitchspeed", "yawspeed"), "angular_rate_frd", "rad/s"
+    ),
+    Rule(
+        "HIGHRES_IMU", ("xacc", "yacc", "zacc"), "specific_force_frd", "m/s/s", index="id", only=0
+    ),
+    Rule(
+        "RAW_IMU",
+        ("xacc", "yacc", "zacc"),
+        "specific_force_frd",
+        "mG",
+        index="id",
+        only=0,
+        note="in mG, as ArduPilot sends them",
+    ),
+    Rule("SCALED_IMU", ("xacc", "yacc", "zacc"), "specific_force_frd", "mG"),
+    Rule("GLOBAL_POSITION_INT", ("lat", "lon", "alt"), "geodetic", _PLACE),
+    Rule("HOME_POSITION", ("latitude", "longitude", "altitude"), "home", _PLACE),
+    Rule("GPS_GLOBAL_ORIGIN", ("latitude", "longitude", "altitude"), "ekf_origin", _PLACE),
+    Rule(
+        "LOCAL_POSITION_NED",
+        ("x", "y", "z"),
+        "position_ned",
+        "m",
+        note="from the autopilot's own origin",
+    ),
+    Rule("LOCAL_POSITION_NED", ("vx", "vy", "vz"), "velocity_ned", "m/s"),
+    Rule("GLOBAL_POSITION_INT", ("vx", "vy", "vz"), "velocity_ned", "cm/s"),
+    Rule("GLOBAL_POSITION_INT", ("alt",), "altitude", "mm"),
+    Rule("VFR_HUD", ("alt",), "altitude", "m"),
+    Rule(
+        "DISTANCE_SENSOR",
+        ("current_distance",),
+        "height_agl",
+        convert=_downward_distance,
+        note="rangefinder, looking down",
+    ),
+    Rule("RANGEFINDER", ("distance",), "height_agl", "m", unknown=(0.0,)),
+    Rule("GLOBAL_POSITION_INT", ("relative_alt",), "height_agl", "mm", note=ABOVE_HOME),
+    Rule("VFR_HUD", ("airspeed",), "airspeed", "m/s"),
+    Rule("WIND_COV", ("wind_x", "wind_y", "wind_z"), "wind_ned", "m/s", note="NED vector"),
+    Rule(
+        "WIND",
+        ("direction", "speed"),
+        "wind_ned",
+        convert=_wind_from_direction,
+        note="direction it comes from, turned round",
+    ),
+    Rule("BATTERY_STATUS", ("voltages",), "battery_voltage", index="id", convert=_battery_voltage),
+    Rule(
+        "BATTERY_STATUS", ("current_battery",), "battery_current", "cA", index="id", unknown=(-1,)
+    ),
+    Rule(
+        "BATTERY_STATUS", ("battery_remaining",), "battery_percent", "%", index="id", unknown=(-1,)
+    ),
+    Rule(
+        "BATTERY_STATUS",
+        ("current_consumed",),
+        "battery_consumed",
+        "mAh",
+        index="id",
+        unknown=(-1,),
+    ),
+    Rule("SYS_STATUS", ("voltage_battery",), "voltage", "mV", unknown=(65535, 0)),
+    Rule("SYS_STATUS", ("current_battery",), "current", "cA", unknown=(-1,)),
+    Rule("SCALED_PRESSURE", ("press_abs",), "pressure", "hPa"),
+    Rule("HIGHRES_IMU", ("abs_pressure",), "pressure", "hPa"),
+    Rule("SCALED_PRESSURE", ("temperature",), "temperature", "cdegC", note=WARM_BOARD),
+    Rule("HIGHRES_IMU", ("temperature",), "temperature", "degC", note=WARM_BOARD),
+    Rule("EXTENDED_SYS_STATE", ("landed_state",), "landed", unknown=(0,)),
+    Rule("SERVO_OUTPUT_RAW", _SERVOS, "servo_us", "us", unknown=(65535,)),
+    *_esc_rules(),
+    Rule("ESC_STATUS", ("rpm",), "esc_rpm", "rpm", index="index"),
+    Rule("ESC_STATUS", ("voltage",), "esc_voltage", "V", index="index"),
+    Rule("ESC_STATUS", ("current",), "esc_current", "A", index="index"),
+    Rule("ESC_INFO", ("failure_flags",), "esc_failure", index="index"),
+    Rule("NAMED_VALUE_FLOAT", ("value",), "named_value"),
+    Rule(
+        "FUEL_STATUS",
+        ("remaining_fuel",),
+        "fuel_remaining",
+        index="id",
+        convert=_liquid("remaining_fuel"),
+    ),
+    Rule("FUEL_STATUS", ("percent_remaining",), "fuel_percent", "%", index="id", unknown=(255,)),
+    Rule(
+        "FUEL_STATUS",
+        ("maximum_fuel",),
+        "fuel_maximum",
+        index="id",
+        convert=_liquid("maximum_fuel"),
+    ),
+)

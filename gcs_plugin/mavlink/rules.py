@@ -1,0 +1,147 @@
+"""Rules: one line each of the tables that turn message fields into channels in SI.
+
+A `Rule` names a message and its fields, the unit they carry on the wire, the channel they become,
+and the words that tell people where the channel came from. `decode` applies a table to columns of
+any length, so that a live listener (length 1) and a log reader (a whole flight) share it. Tables
+list the preferred source of a channel first.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import KW_ONLY, dataclass
+from types import MappingProxyType
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thrustmargin.models.flight import Floats
+
+#: What people should know of these sources, on whichever autopilot.
+ABOVE_HOME = "height above home, not above the crop"
+WARM_BOARD = "of the autopilot's board: warmer than the air"
+G_PER_MG = 9.80665e-3  # m/s² in one mG
+
+
+class Columns(Protocol):
+    """Fields of n messages by name: a structured array, or a mapping of arrays (n,) or (n, k)."""
+
+    def __getitem__(self, name: str, /) -> NDArray[Any]: ...
+
+
+#: unit on the wire -> (factor, offset) to SI; geodetic degrees stay degrees.
+UNITS: Mapping[str, tuple[float, float]] = MappingProxyType(
+    {
+        "1": (1.0, 0.0),
+        "%": (1.0, 0.0),
+        "degE7": (1e-7, 0.0),
+        "latlon deg": (1.0, 0.0),
+        "rad": (1.0, 0.0),
+        "rad/s": (1.0, 0.0),
+        "mrad/s": (1e-3, 0.0),
+        "deg": (math.pi / 180.0, 0.0),
+        "deg/s": (math.pi / 180.0, 0.0),
+        "m": (1.0, 0.0),
+        "cm": (1e-2, 0.0),
+        "mm": (1e-3, 0.0),
+        "m/s": (1.0, 0.0),
+        "cm/s": (1e-2, 0.0),
+        "m/s/s": (1.0, 0.0),
+        "mG": (G_PER_MG, 0.0),
+        "V": (1.0, 0.0),
+        "mV": (1e-3, 0.0),
+        "cV": (1e-2, 0.0),
+        "A": (1.0, 0.0),
+        "cA": (1e-2, 0.0),
+        "mAh": (1.0, 0.0),
+        "Pa": (1.0, 0.0),
+        "hPa": (100.0, 0.0),
+        "K": (1.0, 0.0),
+        "degC": (1.0, 273.15),
+        "cdegC": (1e-2, 273.15),
+        "rpm": (1.0, 0.0),
+        "us": (1.0, 0.0),
+        "ms": (1e-3, 0.0),
+        "ml": (1.0, 0.0),
+    }
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """One source of one channel: these fields of this message become that channel.
+
+    `unit` holds for all `fields`, or is one unit for each. `note` is what people should know of
+    this source. `unknown` are wire values that mean "not known". `index` names the field that
+    tells several senders apart (battery id, IMU number); `only` keeps the rows in which it has
+    that value. `convert` replaces the plain scaling: it takes the columns, of which it may read
+    more than `fields`, and returns (n,) or (n, k) in SI.
+    """
+
+    message: str
+    fields: tuple[str, ...]
+    channel: str
+    unit: str | tuple[str, ...] = "1"
+    _: KW_ONLY
+    note: str = ""
+    unknown: tuple[float, ...] = ()
+    index: str | None = None
+    only: int | None = None
+    convert: Callable[[Columns], Floats] | None = None
+
+    @property
+    def source(self) -> str:
+        """Message, fields and what people should know about them."""
+        plain = f"{self.message} {', '.join(self.fields)}"
+        return f"{plain} ({self.note})" if self.note else plain
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Signal:
+    """One source of one channel as reported: `time_s` (n,) sorted, `values` (n,) or (n, k) SI."""
+
+    channel: str
+    source: str
+    time_s: Floats
+    values: Floats
+    index: int | str | None = None
+
+
+def quantity(rule: Rule, columns: Columns) -> Floats:
+    """The rule's channel in SI, (n,) for one field or (n, k) for several; NaN where unknown."""
+    if rule.convert is not None:
+        return rule.convert(columns)
+    units = (rule.unit,) * len(rule.fields) if isinstance(rule.unit, str) else rule.unit
+    parts = []
+    for name, unit in zip(rule.fields, units, strict=True):
+        raw = columns[name]
+        factor, offset = UNITS[unit]
+        value = raw.astype(np.float64)
+        if factor != 1.0:
+            value *= factor
+        if offset:
+            value += offset
+        for code in rule.unknown:
+            value[raw == code] = np.nan
+        parts.append(value)
+    return parts[0] if len(parts) == 1 else np.stack(parts, axis=-1)
+
+
+def decode(
+    rules: tuple[Rule, ...], message: str, columns: Columns
+) -> Iterator[tuple[Rule, int | None, NDArray[np.bool_] | None, Floats]]:
+    """Each rule of the table for `message`: (rule, index, rows or None for all, values in SI)."""
+    for rule in rules:
+        if rule.message != message:
+            continue
+        if rule.index is None:
+            yield rule, None, None, quantity(rule, columns)
+            continue
+        numbers = columns[rule.index]
+        values = quantity(rule, columns)
+        for number in np.unique(numbers):
+            if rule.only is None or number == rule.only:
+                rows = numbers == number
+                yield rule, int(number), rows, values[rows]

@@ -1,0 +1,243 @@
+"""The part of the MAVProxy module that computes: a thread of its own, from frames to words.
+
+MAVProxy's main thread only puts bytes in and takes words out; decoding, state, prediction, margin
+and alarms are `live.vehicle_monitor`, the same as in `thrustmargin monitor`.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.live.fleet import Fleet
+    from thrustmargin.gcs_plugin.live.vehicle_monitor import Update
+
+#: Frames that wait for the thread; some ten seconds of a busy link with ten vehicles.
+WAITING = 20_000
+PERIOD = 0.1  # s between two looks at what has come
+STALE = 2.0  # s after which what is shown is called old
+
+NAN = float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What the module was loaded with."""
+
+    model: str | None = None  # model file; None: the shipped one
+    airframe: str | None = None  # name or file
+    tank: str = "auto"
+    limit: float = 0.5  # thrust margin, a share
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reading:
+    """What is known of one vehicle now; NaN where it is not. Margins are shares."""
+
+    vehicle: int
+    stamp: float = NAN  # time.monotonic() of the newest row
+    flying: bool = False
+    margin: float = NAN  # of the worst rotor, measured
+    rotor: int = 0  # that rotor, from 1
+    margin_predicted: float = NAN
+    redundancy: float = NAN  # one rotor lost, heading given up: holdable thrust over weight
+    tank_kg: float = NAN
+    tank_source: str = ""
+    seconds_to_empty: float = NAN
+    margin_full: float = NAN
+    margin_ahead: float = NAN
+    alarms: tuple[str, ...] = ()
+    problem: str = ""
+
+
+class MarginWorker:
+    """Runs from `start` to `stop`. `put` and the rest are for MAVProxy's main thread and quick.
+
+    `thread` computes; `failure` says why it had to end, for people.
+    """
+
+    def __init__(self, options: Options) -> None:
+        self.options = options
+        self.limit = options.limit
+        self.failure = ""
+        self.dropped = 0
+        self.readings: dict[int, Reading] = {}  # replaced as a whole, never changed
+        self.said: deque[tuple[bool, str]] = deque(maxlen=200)  # (urgent, words) to announce
+        self.thread = threading.Thread(target=self._run, name="thrustmargin", daemon=True)
+        self._waiting: deque[tuple[bytes, float]] = deque()
+        self._stop = threading.Event()
+        self._listener: Callable[[bytes], None] | None = None
+
+    def start(self) -> None:
+        self.thread.start()
+
+    def stop(self, timeout: float = 3.0) -> None:
+        """End the thread; may be called again."""
+        self._stop.set()
+        if self.thread.is_alive():
+            self.thread.join(timeout)
+
+    def put(self, data: bytes) -> None:
+        """One frame as it came over the link."""
+        if len(self._waiting) >= WAITING:
+            self.dropped += 1
+            return
+        self._waiting.append((data, time.monotonic()))
+
+    def pass_on_to(self, send: Callable[[bytes], None]) -> None:
+        """Give every further frame to `send` too, on the thread."""
+        self._listener = send
+
+    def stop_passing_on(self) -> None:
+        self._listener = None
+
+    def _run(self) -> None:
+        from thrustmargin.models.errors import ThrustMarginError
+
+        try:
+            self._work()
+        except ThrustMarginError as error:
+            self.failure = str(error)
+        except Exception as error:
+            self.failure = f"stopped by an error of its own: {type(error).__name__}: {error}"
+        if self.failure:
+            self.said.append((True, f"margin: {self.failure}"))
+
+    def _work(self) -> None:
+        from pathlib import Path
+
+        from thrustmargin.gcs_plugin.commands.chosen_model import chosen_model
+        from thrustmargin.gcs_plugin.live.fleet import Fleet
+        from thrustmargin.gcs_plugin.live.vehicle_monitor import WatchSettings
+
+        options = self.options
+        path = None if options.model is None else Path(options.model)
+        fleet = Fleet(chosen_model(path, options.airframe), WatchSettings(tank=options.tank))
+        while not self._stop.wait(PERIOD):
+            self._take(fleet)
+            self._use_limit(fleet)
+            updates = fleet.updates()
+            for update in updates:
+                for event in update.events:
+                    self._tell(update.vehicle, event.raised, event.alarm.text)
+            for vehicle, event in fleet.tick(_unix_us(time.monotonic())):
+                self._tell(vehicle, event.raised, event.alarm.text)
+            self._show(fleet, updates)
+
+    def _take(self, fleet: Fleet) -> None:
+        from thrustmargin.gcs_plugin.mavlink.splitter import Frame, frame_at
+
+        frames: list[Frame] = []
+        while self._waiting:
+            data, stamp = self._waiting.popleft()
+            if (send := self._listener) is not None:
+                send(data)
+            frame, _, _ = frame_at(data, 0, stamp_us=_unix_us(stamp))
+            if isinstance(frame, Frame):
+                frames.append(frame)
+        fleet.take(frames)
+
+    def _use_limit(self, fleet: Fleet) -> None:
+        for watch in fleet.vehicles.values():
+            if watch.alarms.settings.margin_limit != self.limit:
+                watch.alarms.settings = replace(watch.alarms.settings, margin_limit=self.limit)
+
+    def _tell(self, vehicle: int, raised: bool, text: str) -> None:
+        several = f" (vehicle {vehicle})" if len(self.readings) > 1 else ""
+        self.said.append((raised, f"{text}{several}" if raised else f"over: {text}{several}"))
+
+    def _show(self, fleet: Fleet, updates: list[Update]) -> None:
+        fresh = {update.vehicle: update for update in updates}
+        shown: dict[int, Reading] = {}
+        for number, watch in fleet.vehicles.items():
+            before = self.readings.get(number, Reading(vehicle=number))
+            update = fresh.get(number)
+            now = before if update is None else reading(update, time.monotonic())
+            words = tuple(alarm.text for alarm in watch.alarms.standing.values())
+            shown[number] = replace(now, alarms=words, problem=watch.problem)
+        self.readings = shown
+
+
+_UNIX_MINUS_MONOTONIC = time.time() - time.monotonic()
+
+
+def _unix_us(monotonic: float) -> int:
+    return round((monotonic + _UNIX_MINUS_MONOTONIC) * 1e6)
+
+
+def reading(update: Update, stamp: float) -> Reading:
+    """The newest row of an update that arrived at `stamp` (time.monotonic())."""
+    import numpy as np
+
+    analysis, outlook = update.analysis, update.outlook
+    margin = analysis.margin[-1]
+    predicted = analysis.margin_predicted[-1]
+    known = bool(np.all(np.isfinite(margin)))
+    return Reading(
+        vehicle=update.vehicle,
+        stamp=stamp,
+        flying=bool(analysis.track.flying[-1]),
+        margin=float(np.min(margin)),
+        rotor=int(np.argmin(margin)) + 1 if known else 0,
+        margin_predicted=float(np.min(predicted)),
+        redundancy=float(analysis.redundancy_yaw_free[-1]),
+        tank_kg=float(analysis.track.tank_kg[-1]),
+        tank_source=update.tank_source,
+        seconds_to_empty=outlook.seconds_to_empty,
+        margin_full=outlook.margin_full,
+        margin_ahead=outlook.margin_ahead,
+    )
+
+
+def share(value: float) -> str:
+    """A share in percent, "--" when unknown."""
+    return f"{100 * value:.0f} %" if math.isfinite(value) else "--"
+
+
+def number(value: float, form: str) -> str:
+    """A number in words, "--" when unknown."""
+    return format(value, form) if math.isfinite(value) else "--"
+
+
+def summary(now: Reading, limit: float, age: float) -> list[str]:
+    """The lines that `margin` prints for one vehicle; `age` s of its newest row."""
+    if now.problem:
+        return [f"vehicle {now.vehicle}: {now.problem}"]
+    if math.isnan(now.stamp):
+        return [f"vehicle {now.vehicle}: no rotor speeds yet"]
+    state = "flying" if now.flying else "on the ground"
+    old = f", OLD: {age:.0f} s ago" if age > STALE else ""
+    rotor = f" (rotor {now.rotor})" if now.rotor else ""
+    source = f" by {now.tank_source}" if now.tank_source else ""
+    lines = [
+        f"vehicle {now.vehicle}, {state}{old}: thrust margin {share(now.margin)}{rotor}, "
+        f"predicted {share(now.margin_predicted)}, limit {share(limit)}",
+        f"  one rotor lost, heading given up: {number(now.redundancy, '.2f')} of the weight",
+        f"  tank {number(now.tank_kg, '.1f')} kg{source}, empty after "
+        f"{number(now.seconds_to_empty, '.0f')} s of spraying, margin when refilled "
+        f"{share(now.margin_full)}",
+    ]
+    if math.isfinite(now.margin_ahead):
+        lines.append(f"  least margin on the rest of the route {share(now.margin_ahead)}")
+    return lines + [f"  ALARM {text}" for text in now.alarms]
+
+
+def fields(now: Reading | None, limit: float, age: float) -> dict[str, tuple[str, str]]:
+    """Console fields: name -> (text, colour); grey when there is nothing recent to show."""
+    if now is None or age > STALE or math.isnan(age) or now.problem:
+        names = {"Margin": "Margin --", "OneOut": "OneOut --", "Tank": "Tank --"}
+        return {name: (text, "grey") for name, text in names.items()}
+    low = now.margin < limit
+    out = now.redundancy < 1.0
+    rotor = f" R{now.rotor}" if now.rotor else ""
+    return {
+        "Margin": (f"Margin {share(now.margin)}{rotor}", "red" if low else "green"),
+        "OneOut": (f"OneOut {number(now.redundancy, '.2f')}", "orange" if out else "green"),
+        "Tank": (f"Tank {number(now.tank_kg, '.1f')} kg", "black"),
+    }

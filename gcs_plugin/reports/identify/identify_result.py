@@ -1,0 +1,95 @@
+"""The result of `identify` as its print-out, its JSON and its page show it: made once."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from thrustmargin.gcs_plugin.reports.identify.checked_flights import NotUsed
+from thrustmargin.gcs_plugin.reports.identify.identify_sentences import answer
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.identification.errors import (
+    RotorErrors,
+    Unseen,
+    rotor_errors,
+    unseen_residuals,
+)
+from thrustmargin.models.identification.margin_change import MarginChange, margin_changes
+from thrustmargin.models.identification.model_update import Closed, close_loop
+from thrustmargin.models.identification.result import Identification
+from thrustmargin.models.model.json_values import to_plain
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Result:
+    """An identification and everything that is said of it."""
+
+    found: Identification
+    closed: Closed
+    tracks: tuple[FlightTrack, ...]  # the fitted flights, then the held-out ones
+    not_used: tuple[NotUsed, ...]
+    unseen: tuple[Unseen, ...]  # the last one is that of the errors
+    errors: tuple[RotorErrors, ...]  # all rotors, then each
+    margins: tuple[MarginChange, ...]  # of each effect
+    margin: MarginChange  # of all effects, worst rotor
+    answer: tuple[str, ...]
+    model_in: str
+    model_out: str
+    date: str
+
+
+def result_of(
+    found: Identification,
+    *,
+    tracks: Sequence[FlightTrack],
+    not_used: Sequence[NotUsed] = (),
+    model_in: str = "",
+    model_out: str = "",
+    date: str = "",
+) -> Result:
+    """Everything that is said of an identification; `tracks` are the flights it was given."""
+    unseen = unseen_residuals(found)
+    margins, margin = margin_changes(found)
+    return Result(
+        found=found,
+        closed=close_loop(found.model, found, date=date),
+        tracks=tuple(tracks),
+        not_used=tuple(not_used),
+        unseen=unseen,
+        errors=rotor_errors(unseen[-1]),
+        margins=margins,
+        margin=margin,
+        answer=answer(found, margins, margin),
+        model_in=model_in,
+        model_out=model_out,
+        date=date,
+    )
+
+
+def json_text(result: Result) -> str:
+    """The schema "thrustmargin.identify/1"; after its own keys the margin, the answer in words.
+
+    `margin` is the predicted thrust margin before and after, of all effects and of each in order.
+    """
+    whole: dict[str, Any] = result.found.to_json(
+        model_in=result.model_in, model_out=result.model_out
+    )
+    whole["margin"] = {
+        "all": _numbered(result.margin),
+        "effects": [_numbered(m) for m in result.margins],
+    }
+    config = result.found.config
+    whole["search"] = {"surrogates": config.surrogates, "seed": config.seed}
+    whole["answer"] = list(result.answer)
+    whole["notes"] = list(result.closed.notes)
+    whole["not_used"] = [{"log": n.name, "reason": n.reason} for n in result.not_used]
+    whole["date"] = result.date
+    return json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
+
+
+def _numbered(change: MarginChange) -> dict[str, Any]:
+    """With the rotor counted from 1, as everywhere outside arrays."""
+    plain = to_plain(change)
+    return plain | {"rotor": None if change.rotor is None else change.rotor + 1}

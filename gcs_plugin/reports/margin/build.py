@@ -1,0 +1,80 @@
+"""A report over several analysed flights."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+
+from thrustmargin.gcs_plugin.logs import FlightLog
+from thrustmargin.gcs_plugin.reports.margin.data import (
+    FlightReport,
+    Level,
+    Overview,
+    Report,
+    Unread,
+)
+from thrustmargin.gcs_plugin.reports.margin.headline import several_headline
+from thrustmargin.gcs_plugin.reports.margin.summary import report_flight
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.model.analysis import FlightAnalysis
+
+
+def build_report(
+    flights: Iterable[tuple[FlightAnalysis, FlightLog]],
+    *,
+    limit: float = 0.5,
+    unread: Iterable[Unread] = (),
+) -> Report:
+    """The numbers of a report over flights, in their order, judged by the line `limit`.
+
+    `unread` are logs that could not be read, to be named in it. Raises DataError when `limit` is
+    not between 0 and 1, or there is no flight.
+    """
+    if not 0.0 < limit < 1.0:
+        raise DataError(f"limit {limit:g} is no share of thrust; give one like 0.5, for 50 %")
+    reports = tuple(report_flight(analysis, log, limit=limit) for analysis, log in flights)
+    if not reports:
+        raise DataError("no flight to report on; give at least one log that can be read")
+    return Report(
+        made_utc=datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z"),
+        version=software_version(),
+        limit=limit,
+        overview=overview_of(reports, limit),
+        flights=reports,
+        unread=tuple(unread),
+    )
+
+
+def overview_of(reports: Sequence[FlightReport], limit: float) -> Overview:
+    """How many flights have which verdict, and which is the worst."""
+    levels: list[Level] = [report.verdict.level for report in reports]
+    level, headline = several_headline(levels, limit)
+    first, report = worst_first(reports)[0]
+    return Overview(
+        level=level,
+        headline=headline,
+        worst_flight=first + 1 if report.verdict.worst else None,
+        critical=levels.count("critical"),
+        over=levels.count("over"),
+        under=levels.count("under"),
+        unknown=levels.count("unknown"),
+    )
+
+
+def worst_first(reports: Sequence[FlightReport]) -> list[tuple[int, FlightReport]]:
+    """(index in the list, report), the highest capacity use first, unknown ones last."""
+
+    def use(item: tuple[int, FlightReport]) -> float:
+        worst = item[1].verdict.worst
+        return -worst.capacity_use if worst else 1.0
+
+    return sorted(enumerate(reports), key=use)
+
+
+def software_version() -> str:
+    """Version of thrustmargin as installed."""
+    try:
+        return version("thrustmargin")
+    except PackageNotFoundError:
+        return "not installed"

@@ -1,0 +1,164 @@
+"""The worst moments of a flight and what the vehicle was doing in them."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+
+import numpy as np
+import pymap3d
+
+from thrustmargin.gcs_plugin.reports.margin.data import Moment
+from thrustmargin.models.flight import Bools, Floats
+from thrustmargin.models.model.analysis import FlightAnalysis
+
+#: Moments closer than this are one moment, s: about the length of a turn at a line end.
+APART_S = 6.0
+MOST_MOMENTS = 8
+
+#: From these on a movement is named. Turn: a quarter turn in under 9 s. Speed: walking pace.
+TURN_RATE = np.radians(10.0)  # rad/s
+CLIMB_RATE = 0.5  # m/s
+SPEED_CHANGE = 0.5  # m/s²
+HOVER_SPEED = 0.5  # m/s
+BANK = np.radians(15.0)  # rad
+#: The movement is judged over this time around the moment, s: shorter is sensor noise.
+AROUND_S = 1.0
+TAKE_OFF_S = 5.0
+
+
+def capacity_rows(analysis: FlightAnalysis) -> tuple[Floats, Bools]:
+    """Capacity use (T, R) that the report judges by, and which rows (T,) of it are measured.
+
+    The measured one; in rows in which no rotor was measured, the predicted one. NaN on the ground.
+    """
+    measured = np.any(np.isfinite(analysis.capacity_use), axis=1)
+    use = np.where(measured[:, None], analysis.capacity_use, analysis.capacity_use_predicted)
+    return np.where(analysis.track.flying[:, None], use, np.nan), measured
+
+
+def worst_rotor(use: Floats) -> Floats:
+    """(T,) largest of the rotors in `use` (T, R); NaN where none is known."""
+    filled = np.where(np.isfinite(use), use, -np.inf).max(axis=1, initial=-np.inf)
+    return np.where(np.isfinite(filled), filled, np.nan)
+
+
+def worst_moments(
+    analysis: FlightAnalysis, rotor_names: tuple[str, ...], most: int = MOST_MOMENTS
+) -> tuple[Moment, ...]:
+    """The rows with the highest capacity use, worst first, each at least APART_S from the others.
+
+    When rotors peak together the moment is listed once, with its worst rotor.
+    """
+    use, measured = capacity_rows(analysis)
+    left = worst_rotor(use)
+    time_s = analysis.track.time_s
+    found = []
+    while len(found) < most and np.any(np.isfinite(left)):
+        row = int(np.nanargmax(left))
+        found.append(_moment(analysis, use, bool(measured[row]), row, rotor_names))
+        left[np.abs(time_s - time_s[row]) < APART_S] = np.nan
+    return tuple(found)
+
+
+def _moment(
+    analysis: FlightAnalysis, use: Floats, measured: bool, row: int, names: tuple[str, ...]
+) -> Moment:
+    track = analysis.track
+    rotor = int(np.nanargmax(use[row]))
+    value = float(use[row, rotor])
+    north, east, down = (float(x) for x in track.position_ned[row])
+    latitude = longitude = float("nan")
+    if track.origin is not None and np.isfinite(north) and np.isfinite(east):
+        latitude, longitude, _ = (
+            float(x)
+            for x in pymap3d.ned2geodetic(
+                north,
+                east,
+                down if np.isfinite(down) else 0.0,
+                track.origin.latitude_deg,
+                track.origin.longitude_deg,
+                track.origin.altitude,
+            )
+        )
+    return Moment(
+        time_s=float(track.time_s[row]),
+        clock_utc=utc_words(track.start_unix_s, float(track.time_s[row])),
+        rotor=rotor + 1,
+        rotor_name=names[rotor],
+        capacity_use=value,
+        margin=1.0 - value,
+        basis="measured" if measured else "predicted",
+        doing=doing(analysis, row),
+        tank_kg=float(track.tank_kg[row]),
+        ground_speed=float(np.hypot(*track.velocity_ned[row, :2])),
+        airspeed=float(track.airspeed[row]),
+        climb_rate=-float(track.velocity_ned[row, 2]),
+        height_agl=float(track.height_agl[row]),
+        north=north,
+        east=east,
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        redundancy_yaw_free=float(analysis.redundancy_yaw_free[row]),
+    )
+
+
+def doing(analysis: FlightAnalysis, row: int) -> tuple[str, ...]:
+    """What the vehicle did around a row, in words; only what the log's channels show."""
+    track = analysis.track
+    time_s = track.time_s
+    near = np.abs(time_s - time_s[row]) <= AROUND_S / 2
+    words = []
+    flying = np.flatnonzero(track.flying)
+    if flying.size and time_s[row] - time_s[flying[0]] < TAKE_OFF_S:
+        words.append("taking off")
+    elif (
+        flying.size
+        and time_s[flying[-1]] - time_s[row] < TAKE_OFF_S
+        and flying[-1] + 1 < (time_s.size)
+    ):
+        words.append("landing")
+    yaw_rate = _mean(track.angular_rate_frd[near, 2])
+    if abs(yaw_rate) > TURN_RATE:
+        words.append(f"turning {'right' if yaw_rate > 0 else 'left'}")
+    climb = -_mean(track.velocity_ned[near, 2])
+    if abs(climb) > CLIMB_RATE:
+        words.append("climbing" if climb > 0 else "descending")
+    speed = np.hypot(track.velocity_ned[near, 0], track.velocity_ned[near, 1])
+    change = _slope(time_s[near], speed)
+    if abs(change) > SPEED_CHANGE:
+        words.append("speeding up" if change > 0 else "braking")
+    elif _mean(speed) < HOVER_SPEED and "taking off" not in words and "landing" not in words:
+        words.append("hovering")
+    roll, pitch = _mean(track.attitude[near, 0]), _mean(track.attitude[near, 1])
+    tilt = np.arccos(np.clip(np.cos(roll) * np.cos(pitch), -1.0, 1.0))
+    if tilt > BANK:
+        words.append(f"tilted {np.degrees(tilt):.0f}°")
+    spraying = track.spraying[row]
+    if spraying > 0.5:
+        words.append("spraying")
+    elif np.isfinite(spraying) and not words:
+        words.append("flying, not spraying")
+    return tuple(words)
+
+
+def utc_words(start_unix_s: float | None, time_s: float) -> str | None:
+    """ISO time in UTC of a row, to the second; None when the log has no clock."""
+    if start_unix_s is None or not np.isfinite(start_unix_s):
+        return None
+    try:
+        moment = datetime.fromtimestamp(start_unix_s + time_s, tz=UTC)
+    except (OverflowError, ValueError, OSError):
+        return None
+    return moment.isoformat(timespec="seconds").replace("+00:00", "Z")
+
+
+def _mean(values: Floats) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else float("nan")
+
+
+def _slope(time_s: Floats, values: Floats) -> float:
+    known = np.isfinite(values)
+    if np.count_nonzero(known) < 3:
+        return float("nan")
+    return float(np.polyfit(time_s[known] - time_s[known][0], values[known], 1)[0])

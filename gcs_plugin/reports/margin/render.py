@@ -1,0 +1,129 @@
+"""A report to one HTML page, a JSON and a CSV, written whole or not at all."""
+
+from __future__ import annotations
+
+import io
+import json
+from contextlib import ExitStack
+from dataclasses import dataclass, fields
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+
+from thrustmargin.gcs_plugin.reports.margin import headline
+from thrustmargin.gcs_plugin.reports.margin.build import worst_first
+from thrustmargin.gcs_plugin.reports.margin.data import SCHEMA, Report
+from thrustmargin.gcs_plugin.reports.margin.figures import figures
+from thrustmargin.gcs_plugin.reports.margin.series import COLUMNS, csv_columns
+from thrustmargin.gcs_plugin.reports.shared.page_shell import page_text, script_safe
+from thrustmargin.gcs_plugin.wording import numbers as words
+from thrustmargin.models.model.json_values import to_plain
+from thrustmargin.models.whole_file import whole_file
+
+#: What the template may call.
+_WORDS = {
+    function.__name__: function
+    for function in (
+        words.number,
+        words.percent,
+        words.significant,
+        words.more,
+        words.clock,
+        words.duration,
+        words.area,
+        headline.estimate,
+        words.place,
+        words.from_direction,
+        headline.moment_words,
+    )
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Written:
+    """The files of one report."""
+
+    html: Path
+    json: Path
+    csv: Path
+
+
+def write_report(report: Report, out: Path) -> Written:
+    """Write `out` (.html) and beside it, with the same stem, the JSON and the CSV.
+
+    All three are made before any is replaced: a failure or Ctrl-C on the way leaves what was there.
+    Raises OSError when the folder is missing or cannot be written.
+    """
+    written = Written(html=out, json=out.with_suffix(".json"), csv=out.with_suffix(".csv"))
+    with ExitStack() as files:
+        drafts = {p: files.enter_context(whole_file(p)) for p in (written.csv, written.json, out)}
+        drafts[written.csv].write_bytes(csv_bytes(report))
+        drafts[written.json].write_text(json_text(report, written.csv.name), encoding="utf-8")
+        drafts[out].write_text(html_text(report, written), encoding="utf-8")
+    return written
+
+
+def json_text(report: Report, csv_name: str) -> str:
+    """The report's numbers as JSON, schema "thrustmargin.report/1"; unknown numbers are null."""
+    whole = {
+        "schema": SCHEMA,
+        "made_utc": report.made_utc,
+        "version": report.version,
+        "limit": report.limit,
+        "overview": to_plain(report.overview),
+        "csv": {
+            "file": csv_name,
+            "columns": ["flight", *(f"{name} [{unit}]" for _, name, unit, _ in COLUMNS)],
+        },
+        "flights": [
+            {
+                f.name: to_plain(getattr(flight, f.name))
+                for f in fields(flight)
+                if f.name != "series"
+            }
+            for flight in report.flights
+        ],
+        "unread": to_plain(report.unread),
+    }
+    return json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
+
+
+def csv_bytes(report: Report) -> bytes:
+    """A row a time of every flight, units in the header, empty cells where unknown.
+
+    The first column is the number of the flight in the JSON's list, from 1. No text of a log is in
+    the file, so that no spreadsheet can take it for a formula.
+    """
+    rotors = max((f.series.rotor_count for f in report.flights), default=0)
+    buffer = io.BytesIO()
+    tables = []
+    for k, flight in enumerate(report.flights):
+        rows = flight.series.time_s.size
+        columns = {"flight": pa.array(np.full(rows, k + 1))}
+        for header, values in csv_columns(flight.series, rotors):
+            columns[header] = pa.array(values, from_pandas=True)
+        tables.append(pa.table(columns))
+    if tables:
+        pyarrow.csv.write_csv(pa.concat_tables(tables), buffer)
+    return buffer.getvalue()
+
+
+def html_text(report: Report, written: Written) -> str:
+    """The page; the figures of every flight are drawn when they come into view."""
+    drawn = [
+        {
+            name: script_safe(json.dumps(made, allow_nan=False))
+            for name, made in figures(flight).items()
+        }
+        for flight in report.flights
+    ]
+    context = {
+        "report": report,
+        "order": worst_first(report.flights),
+        "schema": SCHEMA,
+        "figures": drawn,
+        "files": {"json": written.json.name, "csv": written.csv.name},
+    }
+    return page_text(__name__.rpartition(".")[0], context, functions=_WORDS)

@@ -1,0 +1,160 @@
+"""The paper's Figure 10 for any airframe: thrust curve, band of loads, maxima, network points."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.physics.atmosphere import G0
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from thrustmargin.models.physics.matching import Matching, NetworkPoints
+
+INK = "#1f2933"
+BLUE = "#1f5fa8"
+BAND = "#9fc3e6"
+WARN = "#b3261e"
+#: One colour and, because points of one load lie close together, one size an airspeed.
+MARKER_SIZES = (9, 6, 3.5, 9, 6)
+SPEED_COLOURS = ("#fdae61", "#d95f0e", "#7f2704", "#4d4d4d", "#969696")
+
+
+def figure10(matching: Matching, points: NetworkPoints | None) -> Figure:
+    """The paper's Figure 10: thrust curve, band of loads, maxima, the network's rotor speeds."""
+    from matplotlib.figure import Figure
+
+    airframe, load = matching.airframe, matching.load
+    share = float(airframe.rotor_effectiveness.mean())
+    top = 1.12 * max(limit.max_thrust / G0 for limit in matching.ceilings)
+    right = 1.04 * airframe.max_rotor_speed_rpm
+    figure = Figure(figsize=(8.0, 5.2), layout="constrained")
+    axes = figure.add_subplot()
+
+    axes.axhspan(load.empty_load, load.full_load, color=BAND, alpha=0.45, linewidth=0)
+    speed = np.linspace(0.0, airframe.max_rotor_speed_rpm, 300)
+    curve = share * airframe.thrust_coefficient * speed**2 / G0
+    axes.plot(speed, curve, color=BLUE, linewidth=2.0)
+    axes.plot(
+        [matching.rotor_speed_empty_rpm, matching.rotor_speed_full_rpm],
+        [load.empty_load, load.full_load],
+        linestyle="none",
+        marker="o",
+        markersize=7,
+        markerfacecolor="white",
+        markeredgecolor=BLUE,
+        markeredgewidth=1.6,
+    )
+    for tank, mass, rpm in (
+        ("full", load.full_load, matching.rotor_speed_full_rpm),
+        ("empty", load.empty_load, matching.rotor_speed_empty_rpm),
+    ):
+        axes.annotate(
+            f"{tank} tank {mass:.2f} kg, {rpm:.0f} rpm",
+            (0.0, mass),
+            xytext=(6, -4),
+            textcoords="offset points",
+            va="top",
+            color=INK,
+        )
+    _draw_ceilings(axes, matching, top=top, right=right)
+    if points is not None:
+        _draw_points(axes, points)
+    axes.set_xlim(0.0, right)
+    axes.set_ylim(0.0, top)
+    axes.set_xlabel("rotor speed [rpm]")
+    axes.set_ylabel("thrust of a rotor [kgf]")
+    newtons = axes.twinx()
+    newtons.set_ylim(0.0, top * G0)
+    newtons.set_ylabel("[N]")
+    newtons.spines[["top"]].set_visible(False)
+    axes.set_title(_plain(f"{airframe.title}: thrust curve and load"), loc="left", color=INK)
+    axes.spines[["top"]].set_visible(False)
+    return figure
+
+
+def _plain(text: str) -> str:
+    """Text from a file, in which a dollar sign would start mathematical notation."""
+    return text.replace("$", r"\$")
+
+
+def _draw_ceilings(axes: Axes, matching: Matching, *, top: float, right: float) -> None:
+    """A line for each ceiling, and the 50 % line of the thrust curve's maximum."""
+    heights: list[float] = []
+    for limit in matching.ceilings:
+        height = limit.max_thrust / G0
+        axes.axhline(height, color=WARN, linewidth=1.1)
+        # Two ceilings of nearly one height would print their names over each other.
+        below = any(abs(height - other) < 0.035 * top for other in heights)
+        heights.append(height)
+        axes.annotate(
+            f"{limit.name}: {height:.2f} kgf",
+            (0.0, height),
+            xytext=(6, -4 if below else 3),
+            textcoords="offset points",
+            va="top" if below else "bottom",
+            color=WARN,
+        )
+    half = 0.5 * heights[1]
+    axes.axhline(half, color=WARN, linewidth=1.1, linestyle="--")
+    axes.annotate(
+        f"50 % line: {half:.2f} kgf",
+        (right, half),
+        xytext=(-6, -4),
+        textcoords="offset points",
+        ha="right",
+        va="top",
+        color=WARN,
+    )
+
+
+def _draw_points(axes: Axes, points: NetworkPoints) -> None:
+    """The network's rotor speeds against the load: mean of the rotors, bar over their range."""
+    for index, airspeed in enumerate(np.unique(points.airspeed)):
+        chosen = points.airspeed == airspeed
+        rpm = points.rotor_speed_rpm[chosen]
+        middle = rpm.mean(axis=1)
+        axes.errorbar(
+            middle,
+            points.load[chosen] / G0,
+            xerr=[middle - rpm.min(axis=1), rpm.max(axis=1) - middle],
+            fmt="s",
+            markersize=MARKER_SIZES[index % len(MARKER_SIZES)],
+            capsize=3,
+            linewidth=1.0,
+            color=SPEED_COLOURS[index % len(SPEED_COLOURS)],
+            label=f"{airspeed:g} m/s: mean and range of rotors",
+        )
+    legend_title = _plain(f"network, {points.title}")
+    axes.legend(loc="lower right", frameon=False, title=legend_title, alignment="left")
+
+
+def write_figure(figure: Figure, out: Path) -> list[Path]:
+    """Write the figure as .svg, .png or both; each file appears whole or not at all."""
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    FigureCanvasAgg(figure)
+    paths = [out] if out.suffix else [out.with_suffix(".svg"), out.with_suffix(".png")]
+    for path in paths:
+        part = path.with_name(path.name + ".part")
+        kind = path.suffix[1:]
+        try:
+            with rc_context({"svg.hashsalt": "thrustmargin"}):
+                figure.savefig(
+                    part,
+                    format=kind,
+                    dpi=150,
+                    metadata={"Date": None} if kind == "svg" else None,
+                )
+            part.replace(path)
+        except OSError as error:
+            raise DataError(f"cannot write {path}: {error.strerror}; check the folder") from error
+        finally:
+            part.unlink(missing_ok=True)
+    return paths

@@ -1,0 +1,1 @@
+"""What all pages that are written to files share."""

@@ -1,0 +1,199 @@
+"""The route from above, coloured with the view's own scales."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from html import escape
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.reports.margin.data import Moment
+from thrustmargin.gcs_plugin.reports.margin.series import Series, keep_worst
+from thrustmargin.gcs_plugin.reports.shared.plot_style import (
+    AXIS,
+    GRID,
+    INK,
+    LAYOUT,
+    PlotJson,
+    milliseconds,
+    packed,
+)
+from thrustmargin.gcs_plugin.wording.palette import REDUNDANCY, ColourScale, css
+from thrustmargin.models.flight import Floats
+
+MAP_POINTS = 900
+
+
+def map_figure(
+    series: Series,
+    values: Floats,
+    scale: ColourScale,
+    worst: Moment | None = None,
+    *,
+    low_is_bad: bool = False,
+) -> PlotJson:
+    """The route coloured by `values` (T,); of each stretch the worst row is drawn.
+
+    `worst` is ringed. `low_is_bad` turns round what counts as worst.
+    """
+    figure = route_map(
+        (series.north, series.east),
+        series.time_s,
+        values,
+        -values if low_is_bad else values,
+        scale,
+        form=".2f",
+        height=560,
+        margin={"l": 70, "r": 20, "t": 90, "b": 60},
+    )
+    if worst is not None and np.isfinite(worst.north) and np.isfinite(worst.east):
+        figure["data"].append(_ring(worst))
+    return figure
+
+
+def route_map(
+    place: tuple[Floats, Floats],
+    time_s: Floats,
+    values: Floats,
+    badness: Floats,
+    scale: ColourScale,
+    *,
+    form: str,
+    height: int,
+    margin: Mapping[str, int],
+) -> PlotJson:
+    """The route through `place` (north and east (T,), m), coloured by `values` (T,).
+
+    Of each stretch the row of the most `badness` (T,) is drawn; `form` is that of the number shown
+    under the mouse, `height` and `margin` are in pixels.
+    """
+    north, east = place
+    placed = np.isfinite(north) & np.isfinite(east)
+    kept = keep_worst(np.where(placed, badness, np.nan), MAP_POINTS)
+    # Worst last, so that a later pass over the same place does not hide it.
+    kept = kept[np.argsort(badness[kept], kind="stable")]
+    number = "%{marker.color:" + form + "}" + scale.unit
+    data: list[PlotJson] = [
+        {
+            "type": "scatter",
+            "mode": "lines",
+            "x": packed(east[placed]),
+            "y": packed(north[placed]),
+            "line": {"color": GRID, "width": 2},
+            "hoverinfo": "skip",
+            "showlegend": False,
+        },
+        {
+            "type": "scatter",
+            "mode": "markers",
+            "x": packed(east[kept]),
+            "y": packed(north[kept]),
+            "marker": _marker(values[kept], scale),
+            "customdata": packed(milliseconds(time_s[kept])),
+            "hovertemplate": "%{customdata|%M:%S}  " + number + "<extra></extra>",
+            "showlegend": False,
+        },
+    ]
+    layout = {
+        **LAYOUT,
+        "height": height,
+        "margin": dict(margin),
+        "xaxis": {**AXIS, "title": {"text": "east, m", "font": {"size": 16}}},
+        "yaxis": {**AXIS, "title": {"text": "north, m", "font": {"size": 16}}, "scaleanchor": "x"},
+    }
+    return {"data": data, "layout": layout}
+
+
+def redundancy_map(series: Series) -> PlotJson:
+    """The map of redundancy, with buttons for heading given up and kept."""
+    figure = map_figure(series, series.redundancy_yaw_free, REDUNDANCY, low_is_bad=True)
+    if not np.any(np.isfinite(series.redundancy_yaw_kept)):
+        return figure
+    kept = map_figure(series, series.redundancy_yaw_kept, REDUNDANCY, low_is_bad=True)
+
+    def button(label: str, trace: PlotJson) -> PlotJson:
+        change = {
+            "x": [trace["x"]],
+            "y": [trace["y"]],
+            "marker.color": [trace["marker"]["color"]],
+            "customdata": [trace["customdata"]],
+        }
+        return {"label": label, "method": "restyle", "args": [change, [1]]}
+
+    menu = {
+        "type": "buttons",
+        "direction": "right",
+        "x": 0.0,
+        "xanchor": "left",
+        "y": -0.16,
+        "yanchor": "top",
+        "showactive": True,
+        "font": {"size": 16},
+        "buttons": [
+            button("heading given up", figure["data"][1]),
+            button("heading kept", kept["data"][1]),
+        ],
+    }
+    layout = {
+        **figure["layout"],
+        "updatemenus": [menu],
+        "height": 620,
+        "margin": {**figure["layout"]["margin"], "b": 120},
+    }
+    return {**figure, "layout": layout}
+
+
+def moved(scale: ColourScale, line: float) -> ColourScale:
+    """The scale of capacity use with its jump at `line` instead of 50 %."""
+    if line == 0.5:
+        return scale
+
+    def at(value: float) -> float:
+        return value / 0.5 * line if value <= 0.5 else 1.0 - (1.0 - value) / 0.5 * (1.0 - line)
+
+    return replace(
+        scale,
+        stops=tuple((at(value), colour) for value, colour in scale.stops),
+        marks=((0.0, "0"), (line, f"{line * 100:.0f} % line"), (1.0, "100 %")),
+    )
+
+
+def plotly_scale(scale: ColourScale) -> list[list[float | str]]:
+    """The scale as plotly's pairs of 0..1 and colour; a jump is two pairs at one place."""
+    span = scale.high - scale.low
+    return [[(value - scale.low) / span, css(colour)] for value, colour in scale.stops]
+
+
+def _marker(values: Floats, scale: ColourScale) -> PlotJson:
+    return {
+        "size": 9,
+        "color": packed(values * scale.factor),
+        "cmin": scale.low * scale.factor,
+        "cmax": scale.high * scale.factor,
+        "colorscale": plotly_scale(scale),
+        "colorbar": {
+            "orientation": "h",
+            "thickness": 16,
+            "y": 1.0,
+            "yanchor": "bottom",
+            "tickvals": [value * scale.factor for value, _ in scale.marks],
+            "ticktext": [escape(text) for _, text in scale.marks],
+            "tickfont": {"size": 15},
+        },
+    }
+
+
+def _ring(worst: Moment) -> PlotJson:
+    return {
+        "type": "scatter",
+        "mode": "markers+text",
+        "x": [worst.east],
+        "y": [worst.north],
+        "marker": {"size": 22, "symbol": "circle-open", "color": INK, "line": {"width": 4}},
+        "text": ["<b>worst</b>"],
+        "textposition": "top center",
+        "textfont": {"size": 17, "color": INK},
+        "hoverinfo": "skip",
+        "showlegend": False,
+    }

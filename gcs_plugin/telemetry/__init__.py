@@ -1,0 +1,1 @@
+"""From signals to the rows of a FlightTrack, for logs and for live."""

@@ -1,0 +1,122 @@
+"""What a log file holds, in the vehicle's own time, before it becomes one table.
+
+A `Stream` is one message type of one vehicle as columns; a `Recording` is all streams needed of
+one file. Readers of each format make a Recording; `assemble` makes the FlightLog.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from thrustmargin.gcs_plugin.mavlink.rules import Columns
+from thrustmargin.models.errors import LogError
+from thrustmargin.models.flight import FlightTrack, Floats
+
+
+class NotThisFormat(LogError):
+    """Nothing in the file is a message of the format that it was read as."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stream:
+    """One message type: `time_s` (n,) s of the vehicle's clock, and its fields as columns (n, ...).
+
+    Rows are in the order of the file; time may repeat or step back a little (reordering).
+    """
+
+    time_s: Floats
+    columns: Columns
+
+
+@dataclass(frozen=True, slots=True)
+class Damage:
+    """One place where bytes were skipped."""
+
+    byte: int  # offset in the file
+    length: int  # bytes skipped
+    time_s: float  # vehicle's clock of the last good message before it; NaN at the start
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogQuality:
+    """How whole the file is."""
+
+    bytes: int
+    frames: int  # messages kept, of every type and sender
+    bad_checksum: int = 0  # whole frames whose checksum is wrong (formats without one: 0)
+    bytes_skipped: int = 0  # bytes that belong to no message kept
+    unknown_ids: Mapping[int, int] = field(default_factory=dict)  # id -> frames skipped
+    frames_missing: int = 0  # by MAVLink sequence numbers: not received, or not recorded
+    damage: tuple[Damage, ...] = ()  # the largest places, in file order
+    damaged_places: int = 0
+    clock_jumps: tuple[tuple[float, float], ...] = ()  # (clock before, clock after), s
+    gaps: tuple[tuple[float, float], ...] = ()  # (start, length) s without any message, > 1 s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Waypoint:
+    """One mission item as the log holds it; degrees and m, NaN where the command has no place."""
+
+    number: int
+    command: int  # MAV_CMD
+    frame: int  # MAV_FRAME
+    latitude_deg: float
+    longitude_deg: float
+    altitude: float  # m in `frame`
+    parameters: tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChannelReport:
+    """One channel of the track: where it came from and how complete it is."""
+
+    name: str
+    unit: str
+    source: str  # message and field in words; "not in the log"
+    samples: int
+    rate_hz: float  # median of the source; NaN with fewer than two samples
+    gaps: int  # pauses longer than the channel's age limit
+    longest_gap_s: float
+    minimum: float
+    median: float
+    maximum: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Recording:
+    """The needed messages of one vehicle in one file."""
+
+    path: Path
+    format: str
+    streams: Mapping[str, Stream]
+    parameters: Mapping[str, float]
+    waypoints: tuple[Waypoint, ...]
+    messages: tuple[tuple[float, str], ...]  # (vehicle's clock s, text)
+    unix_minus_clock: float | None  # s to add to the vehicle's clock for Unix time
+    quality: LogQuality
+    vehicle: int
+    vehicles: tuple[int, ...]
+    autopilot: str  # "ArduPilot", "PX4" or "unknown"
+    rotor_count_hint: int | None  # from the vehicle type; None unknown
+    motor_order: str = ""  # in words, where ESC channels are numbered by motor already
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FlightLog:
+    """A log read as one flight."""
+
+    track: FlightTrack
+    quality: LogQuality
+    channels: tuple[ChannelReport, ...]
+    waypoints: tuple[Waypoint, ...]
+    messages: tuple[tuple[float, str], ...]  # (s from the track's first row, text)
+    parameters: Mapping[str, float]
+    clock_start_s: float  # vehicle's clock at the track's first row, s since boot
+    vehicle: int
+    vehicles: tuple[int, ...]
+    autopilot: str
+    format: str
+    path: Path

@@ -1,0 +1,267 @@
+"""Which message the tank level comes from, and the level in kg.
+
+Autopilots have no message for a spray tank. In order of trust, `auto` takes
+1. NAMED_VALUE_FLOAT `TANK` or `TANK_KG` (kg), `TANK_L` (litres);
+2. FUEL_STATUS (ml), which PX4 sends;
+3. a battery that is a tank: ArduPilot reports level and flow sensors as a further battery, whose
+   mAh are ml, whose % is the level and whose 0.5 to 2.5 V are the level sender's;
+4. the pump: its servo output times the airframe's largest flow, summed up from a start level that
+   the user states. ArduPilot's sprayer already makes that output proportional to ground speed.
+`source` forces one: "NAMED_VALUE_FLOAT NAME" (add ":l" for litres), "FUEL_STATUS [ID]",
+"BATTERY_STATUS [ID]", "pump" or "none"; with `auto` the airframe file may name it (`tank_source`).
+A source that is named is never replaced by another. Nothing is assumed about how full the tank was.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.mavlink.rules import Signal
+from thrustmargin.gcs_plugin.telemetry.signals import SENDER_VOLTAGE, Signals, by_index
+from thrustmargin.models.errors import LogError
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.physics.airframe import Airframe
+
+#: % by which the level from ml used may differ from the level in % and still be the same thing.
+AGREEMENT = 1.5
+WATER = 1.0  # kg/L
+NUMBERED = ("FUEL_STATUS", "BATTERY_STATUS")  # sources that are told apart by a number
+#: Names that `auto` knows -> True for litres.
+NAMES = {"TANK": False, "TANK_KG": False, "TANK_L": True}
+
+
+@dataclass(frozen=True, slots=True)
+class TankLevel:
+    """The level in kg as one signal, or None, and what to tell people."""
+
+    signal: Signal | None
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TankContext:
+    """What else the level may need."""
+
+    airframe: Airframe | None
+    parameters: Mapping[str, float]
+    start_kg: float | None = None
+    pump_output: int | None = None  # number of the pump's servo output, from 0
+
+    @property
+    def liquid_density(self) -> float:
+        """kg/L; water when no airframe says otherwise."""
+        return self.airframe.liquid_density if self.airframe else WATER
+
+
+def pack_id(signals: Signals) -> int | None:
+    """Battery id of the flight pack: the lowest one above a level sender's voltage."""
+    for number, signal in sorted(_batteries(signals, "battery_voltage").items()):
+        volts = signal.values[np.isfinite(signal.values)]
+        if volts.size and float(np.median(volts)) > SENDER_VOLTAGE:
+            return number
+    return None
+
+
+def tank_level(signals: Signals, context: TankContext, source: str = "auto") -> TankLevel:
+    """The tank level by `source`. Raises LogError when a forced source is not in the log."""
+    if source.strip().upper() == "AUTO" and context.airframe is not None:
+        source = context.airframe.tank_source
+    kind, _, rest = source.strip().partition(" ")
+    match kind.upper():
+        case "AUTO":
+            return _automatic(signals, context)
+        case "NONE":
+            return TankLevel(None, ("tank level left out, as asked",))
+        case "NAMED_VALUE_FLOAT":
+            found = _named(signals, context, rest or "TANK")
+        case "FUEL_STATUS":
+            found = _fuel(signals, context, _number(rest, source))
+        case "BATTERY_STATUS":
+            found = _battery(signals, context, _number(rest, source))
+        case "PUMP":
+            found = _pump(signals, context)
+        case _:
+            raise _unknown(source)
+    if found is None:
+        named = context.airframe is not None and source == context.airframe.tank_source
+        by = f", which airframe {context.airframe.name} names" if named and context.airframe else ""
+        raise LogError(f"no tank level from {source!r}{by} in this log; name another with --tank")
+    return found
+
+
+def check_source(source: str) -> None:
+    """Raise LogError when `source` can be no tank source, before anything is heard."""
+    kind, _, rest = source.strip().partition(" ")
+    if kind.upper() not in ("AUTO", "NONE", "NAMED_VALUE_FLOAT", *NUMBERED, "PUMP"):
+        raise _unknown(source)
+    if kind.upper() in NUMBERED:
+        _number(rest, source)
+
+
+def _unknown(source: str) -> LogError:
+    return LogError(
+        f"tank source {source!r} is not known; use auto, none, pump, "
+        "'NAMED_VALUE_FLOAT NAME', 'FUEL_STATUS ID' or 'BATTERY_STATUS ID'"
+    )
+
+
+def _number(text: str, source: str) -> int | None:
+    text = text.strip().removeprefix("id").strip()
+    if not text:
+        return None
+    if not text.isdigit():
+        raise LogError(f"tank source {source!r}: {text!r} is not a number")
+    return int(text)
+
+
+def _automatic(signals: Signals, context: TankContext) -> TankLevel:
+    for name in by_index(signals, "named_value"):
+        if str(name).upper() in NAMES:
+            unit = ":l" if NAMES[str(name).upper()] else ""
+            found = _named(signals, context, f"{name}{unit}")
+            if found is not None:
+                return found
+    notes: tuple[str, ...] = ()
+    for method in (_fuel, _battery):
+        found = method(signals, context, None)
+        if found is not None:
+            notes += found.notes
+            if found.signal is not None:
+                return replace(found, notes=notes)
+    found = _pump(signals, context)
+    if found is not None:
+        return replace(found, notes=notes + found.notes)
+    return TankLevel(
+        None, (*notes, "no tank gauge and no pump output in the log: tank level unknown")
+    )
+
+
+def _in_kg(signal: Signal, kilograms: Floats, words: str) -> Signal:
+    return Signal("tank_kg", words, signal.time_s, kilograms)
+
+
+def _named(signals: Signals, context: TankContext, name: str) -> TankLevel | None:
+    name, _, unit = name.strip().partition(":")
+    signal = by_index(signals, "named_value").get(name)
+    if signal is None or not np.isfinite(signal.values).any():
+        return None
+    litres = unit.lower() == "l"
+    words = signal.source + (" (litres)" if litres else "")
+    factor = context.liquid_density if litres else 1.0
+    notes = _density_notes(context) if litres else ()
+    return TankLevel(_in_kg(signal, signal.values * factor, words), notes)
+
+
+def _density_notes(context: TankContext) -> tuple[str, ...]:
+    if context.airframe is None:
+        return ("liquid taken as water, 1.0 kg/L: no airframe given",)
+    return ()
+
+
+def _fuel(signals: Signals, context: TankContext, wanted: int | None) -> TankLevel | None:
+    remaining, percent = by_index(signals, "fuel_remaining"), by_index(signals, "fuel_percent")
+    for number in sorted(int(n) for n in {*remaining, *percent}):
+        if wanted is not None and number != wanted:
+            continue
+        signal = remaining.get(number)
+        if signal is not None and np.isfinite(signal.values).any():
+            kilograms = signal.values * 1e-3 * context.liquid_density
+            words = f"{signal.source} (ml)"
+            return TankLevel(_in_kg(signal, kilograms, words), _density_notes(context))
+        signal = percent.get(number)
+        if signal is not None and np.isfinite(signal.values).any():
+            if context.airframe is None:
+                return TankLevel(None, (f"{signal.source} is only a share: give an airframe",))
+            kilograms = signal.values * 1e-2 * context.airframe.tank_capacity_kg
+            words = f"{signal.source} of the airframe's tank"
+            return TankLevel(_in_kg(signal, kilograms, words))
+    return None
+
+
+def _batteries(signals: Signals, channel: str) -> dict[int, Signal]:
+    return {int(number): signal for number, signal in by_index(signals, channel).items()}
+
+
+def _battery(signals: Signals, context: TankContext, wanted: int | None) -> TankLevel | None:
+    volts = _batteries(signals, "battery_voltage")
+    percent = _batteries(signals, "battery_percent")
+    pack = pack_id(signals)
+    for number in sorted(percent):
+        if wanted is not None and number != wanted:
+            continue
+        if wanted is None:
+            sender = volts.get(number)
+            known = sender.values[np.isfinite(sender.values)] if sender else np.empty(0)
+            if number == pack or (known.size and float(np.median(known)) > SENDER_VOLTAGE):
+                continue
+        if not np.isfinite(percent[number].values).any():
+            continue
+        return _battery_level(signals, context, number)
+    return None
+
+
+def _battery_level(signals: Signals, context: TankContext, number: int) -> TankLevel:
+    percent = _batteries(signals, "battery_percent")[number]
+    used = _batteries(signals, "battery_consumed").get(number)
+    message = percent.source.split()[0]
+    key = f"BATT{number + 1 if number else ''}_CAPACITY"
+    if context.parameters.get(key, 0.0) > 0.0:
+        capacity_l, whose = context.parameters[key] * 1e-3, f"{key} {context.parameters[key]:g} ml"
+    elif context.airframe is not None:
+        capacity_l = context.airframe.tank_volume_l
+        whose = f"the airframe's {capacity_l:g} L"
+    else:
+        note = (
+            f"{message} id {number} looks like a tank, but its volume is unknown: give an airframe"
+        )
+        return TankLevel(None, (note,))
+    notes = _density_notes(context)
+    capacity_kg = capacity_l * context.liquid_density
+    if used is not None and used.values.size == percent.values.size:
+        left = 1.0 - used.values * 1e-3 / capacity_l
+        apart = np.abs(left * 100.0 - percent.values)
+        if np.isfinite(apart).any() and float(np.nanmax(apart)) <= AGREEMENT:
+            words = f"{message} id {number} (a tank: ml used of {whose})"
+            return TankLevel(_in_kg(used, left * capacity_kg, words), notes)
+    words = f"{message} id {number} (a tank: % of {whose})"
+    return TankLevel(_in_kg(percent, percent.values * 1e-2 * capacity_kg, words), notes)
+
+
+def _pump(signals: Signals, context: TankContext) -> TankLevel | None:
+    share = pump_share(signals, context)
+    if share is None:
+        return None
+    if context.start_kg is None or context.airframe is None:
+        missing = "its start level (--tank-start-kg)" if context.airframe else "the airframe"
+        return TankLevel(
+            None,
+            (f"no tank gauge: the pump's output could give the level, but {missing} is unknown",),
+        )
+    flow = context.airframe.pump_max_flow_l_min / 60.0 * context.liquid_density  # kg/s
+    step = np.diff(share.time_s, prepend=share.time_s[:1])
+    # Held from report to report; a pause in the reports longer than this is not summed over.
+    held = np.concatenate([[0.0], np.nan_to_num(share.values[:-1])]) * np.minimum(step, 2.0)
+    level = np.maximum(context.start_kg - flow * np.cumsum(held), 0.0)
+    words = (
+        f"pump output (servo {(context.pump_output or 0) + 1}) summed from the stated "
+        f"{context.start_kg:g} kg, {context.airframe.pump_max_flow_l_min:g} L/min at full output"
+    )
+    return TankLevel(Signal("tank_kg", words, share.time_s, level))
+
+
+def pump_share(signals: Signals, context: TankContext) -> Signal | None:
+    """The pump's output from 0 (off) to 1 (full); None when no output is known as the pump's."""
+    servos = signals.get("servo_us", ())
+    if context.pump_output is None or not servos:
+        return None
+    number = context.pump_output + 1
+    low = context.parameters.get(f"SERVO{number}_MIN", 1100.0)
+    high = context.parameters.get(f"SERVO{number}_MAX", 1900.0)
+    if high <= low or servos[0].values.shape[1] < number:
+        return None
+    share = np.clip((servos[0].values[:, context.pump_output] - low) / (high - low), 0.0, 1.0)
+    words = f"{servos[0].source.split()[0]} servo {number} (pump)"
+    return Signal("spraying", words, servos[0].time_s, share)

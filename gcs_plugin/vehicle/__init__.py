@@ -1,0 +1,1 @@
+"""Missions and logs from the vehicle itself, through MAVSDK."""

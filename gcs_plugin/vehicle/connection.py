@@ -1,0 +1,177 @@
+"""A link to vehicles through MAVSDK, over which missions and logs are fetched.
+
+MAVSDK runs threads of its own and calls back from them; here the callbacks only put into a queue
+and the caller's thread waits on it, so that Ctrl-C and timeouts work. Nothing is sent but what the
+transfers need: a ground station's heartbeats and requests.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable
+from logging import getLogger
+from queue import Empty, Queue
+from typing import TYPE_CHECKING, Any, Self, TypeVar
+
+from thrustmargin.gcs_plugin.vehicle.url import mavsdk_url
+from thrustmargin.models.errors import LinkError
+
+if TYPE_CHECKING:
+    from mavsdk import LogLevel, Mavsdk, System
+
+log = getLogger(__name__)
+
+#: Called with what is done and what there is in all: items of a mission, or bytes of a log.
+Progress = Callable[[int, int], None]
+
+#: s that a link is listened to after the first vehicle, so that a second one is not overlooked:
+#: heartbeats come once a second.
+SECOND_VEHICLE = 1.3
+#: s without any answer after which a transfer is given up; MAVSDK's own retries are shorter.
+SILENCE = 15.0
+POLL = 0.05  # s between two looks at what has come
+
+Event = TypeVar("Event")
+
+
+class VehicleLink:
+    """One open link; a context manager. Use `open` for a URL, `over` for a link that exists.
+
+    Mutable: it holds MAVSDK's threads and sockets, which `close` ends.
+    """
+
+    def __init__(self, name: str) -> None:
+        from mavsdk import ComponentType, Configuration, Mavsdk, log_subscribe
+
+        log_subscribe(_to_logging)
+        self.name = name
+        self._cancelled = threading.Event()
+        self._mavsdk: Mavsdk = Mavsdk(
+            Configuration.create_with_component_type(ComponentType.GROUND_STATION)
+        )
+
+    @classmethod
+    def open(cls, url: str) -> Self:
+        """A link of MAVSDK's own at a URL. Raises LinkError when it cannot be opened."""
+        from mavsdk import ConnectionResult
+
+        translated = mavsdk_url(url)
+        link = cls(url)
+        result = link._mavsdk.add_any_connection(translated)
+        if result != ConnectionResult.SUCCESS:
+            link.close()
+            raise LinkError(f"{url} cannot be opened: {_reason(result)}")
+        return link
+
+    @classmethod
+    def over(cls, send: Callable[[bytes], None], *, name: str) -> Self:
+        """A link over a socket that somebody else owns: `send` takes bytes for the vehicle.
+
+        `send` is called from MAVSDK's thread; give what arrives to `feed`. `name` is for messages.
+        """
+        link = cls(name)
+        link._mavsdk.add_any_connection("raw://")
+        link._mavsdk.subscribe_raw_bytes_to_be_sent(send)
+        return link
+
+    def feed(self, data: bytes) -> None:
+        """Bytes that arrived from the vehicle (only for a link made by `over`); thread-safe."""
+        self._mavsdk.pass_received_raw_bytes(data)
+
+    def cancel(self) -> None:
+        """Let the thread that waits on this link stop with a LinkError; thread-safe.
+
+        `close` cannot do that: MAVSDK must not be destroyed while another thread is in it.
+        """
+        self._cancelled.set()
+
+    def close(self) -> None:
+        """End every transfer, thread and socket; on the thread that used it, may be repeated."""
+        self._mavsdk.destroy()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def vehicle(self, number: int | None = None, *, timeout: float = 10.0) -> System:
+        """The vehicle with system id `number`, or the only one on the link.
+
+        Raises LinkError when none is heard within `timeout` s, or several and none was named.
+        """
+        heard = time.monotonic() + timeout
+        settled = math.inf
+        while (now := time.monotonic()) < min(heard, settled):
+            found = {s.get_system_id(): s for s in self._mavsdk.get_systems() if s.has_autopilot()}
+            if number is not None and number in found:
+                return found[number]
+            if found and number is None and math.isinf(settled):
+                settled = heard = now + SECOND_VEHICLE
+            self._check_cancelled()
+            time.sleep(POLL)
+        found = {s.get_system_id(): s for s in self._mavsdk.get_systems() if s.has_autopilot()}
+        ids = ", ".join(str(i) for i in sorted(found))
+        if number is None and len(found) == 1:
+            return next(iter(found.values()))
+        if number is None and found:
+            raise LinkError(f"{self.name} carries vehicles {ids}; choose one with --vehicle")
+        wanted = "no vehicle" if number is None else f"no vehicle {number}"
+        others = f" (heard: {ids})" if found else ""
+        raise LinkError(
+            f"{self.name}: {wanted} heard in {timeout:g} s{others}; check that the vehicle is on, "
+            "that its radio or ground station sends here, and that the URL is right"
+        )
+
+    def next_event(self, events: Queue[Event], what: str) -> Event:
+        """The next thing that MAVSDK put into `events`; LinkError after `SILENCE` s without any."""
+        until = time.monotonic() + SILENCE
+        while time.monotonic() < until:
+            self._check_cancelled()
+            try:
+                return events.get(timeout=POLL)
+            except Empty:
+                continue
+        raise LinkError(
+            f"{self.name}: the vehicle stopped sending {what} for {SILENCE:g} s; bring the "
+            "antenna closer and fetch it again"
+        )
+
+    def _check_cancelled(self) -> None:
+        if self._cancelled.is_set():
+            raise LinkError(f"{self.name}: stopped before the transfer was complete")
+
+    def refused(self, what: str, result: str) -> LinkError:
+        """The error for a transfer that MAVSDK gave up with `result`."""
+        reason = result.lower().replace("_", " ")
+        return LinkError(
+            f"{self.name}: the vehicle is heard but did not send {what} ({reason}); check that "
+            "this link also carries messages to the vehicle and that no other program transfers"
+        )
+
+
+def _reason(result: Any) -> str:
+    from mavsdk import ConnectionResult
+
+    reasons = {
+        ConnectionResult.BIND_ERROR: (
+            "the port is in use; close the program that listens there, or let it forward to "
+            "another port"
+        ),
+        ConnectionResult.CONNECTION_URL_INVALID: (
+            "that is no URL; examples: udpin:127.0.0.1:14550, tcp:192.168.1.10:5760, "
+            "/dev/ttyUSB0,57600"
+        ),
+        ConnectionResult.BAUDRATE_UNKNOWN: "the serial port does not know that baud rate",
+        ConnectionResult.DESTINATION_IP_UNKNOWN: "the host is unknown; give its IP address",
+    }
+    words = result.name.lower().replace("_", " ")
+    return reasons.get(result, f"{words}; check that the device or host is there")
+
+
+def _to_logging(level: LogLevel, message: str, _file: str | None, _line: int) -> bool:
+    """MAVSDK prints on its own to standard output unless told not to; keep it for --verbose."""
+    log.debug("mavsdk %s: %s", level.name.lower(), message)
+    return True

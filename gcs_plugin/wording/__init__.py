@@ -1,0 +1,1 @@
+"""How numbers, effects and colours are put before people: one place for every screen."""

@@ -1,0 +1,95 @@
+"""Numbers as a pilot reads them: rounded, with their unit, "unknown" where there is none."""
+
+from __future__ import annotations
+
+import re
+
+UNKNOWN = "unknown"
+
+
+def number(value: float | None, unit: str = "", decimals: int = 1) -> str:
+    """`12.3 kg`; "unknown" for NaN and None. No number is shown as minus zero."""
+    if value is None or value - value != 0.0:
+        return UNKNOWN
+    text = f"{value:,.{decimals}f}".replace(",", " ")
+    if float(text.replace(" ", "")) == 0.0:
+        text = text.lstrip("-")
+    text = text.replace("-", "\N{MINUS SIGN}")
+    return f"{text} {unit}".rstrip()
+
+
+def unbroken(text: str) -> str:
+    """The text with spaces between numbers and what follows them that no line breaks at."""
+    return re.sub(r"(?<=[0-9]) (?=[^ ]{1,3}(?:\b|$|[ ,;.)]))", "\N{NO-BREAK SPACE}", text)
+
+
+def significant(value: float | None, digits: int = 4) -> str:
+    """A number of unknown size with so many digits that count, and no exponent up to a billion."""
+    if value is None or value - value != 0.0:
+        return UNKNOWN
+    if value and not 1e-4 <= abs(value) < 1e9:
+        return f"{value:.{digits - 1}e}"
+    size = len(str(int(abs(value)))) if abs(value) >= 1.0 else 0
+    return number(value, "", max(0, digits - size))
+
+
+def percent(share: float | None, decimals: int = 0) -> str:
+    """`64 %` of 0.64."""
+    return number(None if share is None else share * 100.0, "%", decimals)
+
+
+def more(share: float, decimals: int = 2) -> str:
+    """`+75.83 %` of 0.7583."""
+    text = percent(share, decimals)
+    return f"+{text}" if share > 0.0 else text
+
+
+def clock(seconds: float | None) -> str:
+    """`3:07` or `1:02:45` of seconds, cut to the whole second; "unknown" for NaN."""
+    if seconds is None or seconds - seconds != 0.0:
+        return UNKNOWN
+    whole = int(abs(seconds))
+    hours, minutes, rest = whole // 3600, whole // 60 % 60, whole % 60
+    text = f"{hours}:{minutes:02d}:{rest:02d}" if hours else f"{minutes}:{rest:02d}"
+    return f"-{text}" if seconds < 0 and whole else text
+
+
+def duration(seconds: float | None) -> str:
+    """`3 min 28 s`, `12 s`, `0.4 s`."""
+    if seconds is None or seconds - seconds != 0.0:
+        return UNKNOWN
+    if seconds < 10.0:
+        return number(seconds, "s", 1)
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    hours, minutes, rest = whole // 3600, whole // 60 % 60, whole % 60
+    if hours:
+        return f"{hours} h {minutes} min"
+    return f"{minutes} min {rest} s" if rest else f"{minutes} min"
+
+
+def area(square_metres: float | None) -> str:
+    """`0.84 ha`, or square metres below a tenth of a hectare."""
+    if square_metres is None or square_metres - square_metres != 0.0:
+        return UNKNOWN
+    if square_metres < 1000.0:
+        return number(square_metres, "m²", 0)
+    return number(square_metres / 1e4, "ha", 2)
+
+
+def place(north: float, east: float) -> str:
+    """`12 m north, 40 m west of the start`; empty when the position is unknown."""
+    if north - north != 0.0 or east - east != 0.0:
+        return ""
+    along = f"{abs(north):.0f} m {'north' if north >= 0 else 'south'}"
+    across = f"{abs(east):.0f} m {'east' if east >= 0 else 'west'}"
+    return f"{along}, {across} of the start"
+
+
+def from_direction(degrees: float) -> str:
+    """`from SE (142°)`; "unknown" for NaN."""
+    if degrees - degrees != 0.0:
+        return UNKNOWN
+    names = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
+    return f"from {names[round(degrees / 45.0) % 8]} ({degrees % 360:.0f}°)"

@@ -1,0 +1,1 @@
+"""Can the measured numbers be believed: motor order, unit of speed, stuck sensors."""

@@ -1,0 +1,209 @@
+"""Is rotor speed 1 really that of motor 1? The body's response against the airframe's layout.
+
+Euler's equation about one axis, with the moment of the rotors' thrusts (the mixer's rows):
+    dw/dt = g m + d w + e S + c,     m = sum_i b_i N_i^2,     S = sum_i N_i^2
+w [rad/s] is the body rate, N [rpm] the measured rotor speeds, b the mixer's row of that axis. The
+gain g > 0 stands for thrust coefficient over inertia, d for damping, e and c for an off-centre
+load; all are taken without their running mean, for trim is slow. Each way to assign the reported
+speeds to the airframe's places gives other moments m; how well they explain dw/dt, beyond the
+last three terms, is that assignment's likelihood (Gaussian residuals, sample size reduced for
+autocorrelation after Bartlett 1946, gain not negative), once with the airframe's spins and once
+with every spin reversed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations, permutations
+from typing import Literal
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.allocation import mixer
+
+#: How much more likely the best assignment must be than the next one, and than chance: e^10.
+DECISIVE = 10.0
+#: Rows needed before anything is said.
+FEWEST_ROWS = 100
+#: All assignments are tried up to this many rotors; beyond it only exchanges of up to two pairs.
+ALL_UP_TO = 8
+#: s; a row this far from its neighbours is not differentiated.
+_LONGEST_STEP = 0.5
+#: Rows of the running mean that is taken out: five seconds at 10 Hz.
+_TREND_ROWS = 51
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotorOrder:
+    """What the response says about the order of the rotor speeds."""
+
+    verdict: Literal["agrees", "differs", "unclear"]
+    words: str
+    #: place of the airframe, from 0, to which each reported rotor speed belongs by the response
+    places: tuple[int, ...]
+    #: correlation of angular acceleration with the airframe's moments: roll, pitch, yaw
+    correlation: tuple[float, float, float]
+    #: log-likelihood by which the best assignment leads the next
+    lead: float
+    rows: int
+
+
+def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
+    """Compare roll, pitch and yaw response in flight with the airframe's motor order and spin.
+
+    Needs measured rotor speeds of all R rotors and body rates; says "unclear" when there are too
+    few of them or too little manoeuvring to tell one order from another.
+    """
+    nan = float("nan")
+    same = tuple(range(airframe.rotor_count))
+    acceleration, rate, squares, step = _samples(track)
+    rows = step.size
+    if rows < FEWEST_ROWS or track.rotor_count != airframe.rotor_count:
+        return MotorOrder(
+            verdict="unclear",
+            words="cannot tell: rotor speeds and body rates are not reported together in flight",
+            places=same,
+            correlation=(nan, nan, nan),
+            lead=0.0,
+            rows=rows,
+        )
+    places = np.array(list(_assignments(airframe.rotor_count)))
+    arms = mixer(airframe)[1:] * airframe.rotor_effectiveness
+    likelihood = np.zeros((2, len(places)))  # as the airframe says, and with every spin reversed
+    correlation = []
+    for axis in range(3):
+        weights = arms[axis][places]  # (P, R): arm of each reported speed under each assignment
+        told, effective = _correlations(
+            acceleration[:, axis], rate[:, axis], squares, weights, step
+        )
+        correlation.append(float(told[0]))
+        for spins, sign in enumerate((1.0, -1.0 if axis == 2 else 1.0)):
+            explained = np.clip(sign * told, 0.0, 0.999999) ** 2
+            likelihood[spins] -= 0.5 * effective * np.log1p(-explained)
+    measured = (correlation[0], correlation[1], correlation[2])
+    return _judge(airframe, places, arms, likelihood, measured, rows)
+
+
+def _samples(track: FlightTrack) -> tuple[Floats, Floats, Floats, Floats]:
+    """Angular acceleration (n, 3), rate (n, 3), squared speeds (n, R) in 1e6 rpm², step (n,) s.
+
+    Acceleration is the central difference over two rows; speeds get the same smoothing.
+    """
+    time_s, rate = track.time_s, track.angular_rate_frd
+    squares = (track.rotor_speed_rpm / 1000.0) ** 2
+    if time_s.size < 3:
+        return np.empty((0, 3)), np.empty((0, 3)), np.empty((0, track.rotor_count)), np.empty(0)
+    step = time_s[2:] - time_s[:-2]
+    acceleration = (rate[2:] - rate[:-2]) / step[:, None]
+    smooth = 0.25 * squares[:-2] + 0.5 * squares[1:-1] + 0.25 * squares[2:]
+    use = track.flying[:-2] & track.flying[1:-1] & track.flying[2:] & (step <= 2 * _LONGEST_STEP)
+    use &= np.isfinite(acceleration).all(axis=1) & np.isfinite(rate[1:-1]).all(axis=1)
+    use &= np.isfinite(smooth).all(axis=1) if smooth.shape[1] else False
+    if np.sum(use) < FEWEST_ROWS:
+        use[:] = False
+    return _fast(acceleration[use]), _fast(rate[1:-1][use]), _fast(smooth[use]), step[use]
+
+
+def _fast(values: Floats) -> Floats:
+    """Without the running mean: trim drifts with the tank, and leaps when a propeller is hurt."""
+    return values - uniform_filter1d(values, _TREND_ROWS, axis=0) if len(values) else values
+
+
+def _assignments(rotors: int) -> Iterator[tuple[int, ...]]:
+    """Every assignment of speeds to places, the airframe's own first; fewer on large craft."""
+    same = tuple(range(rotors))
+    if rotors <= ALL_UP_TO:
+        yield from permutations(same)
+        return
+    yield same
+    pairs = list(combinations(same, 2))
+    for first in pairs:
+        yield _exchanged(same, first)
+    for first, second in combinations(pairs, 2):
+        if not set(first) & set(second):
+            yield _exchanged(_exchanged(same, first), second)
+
+
+def _exchanged(places: tuple[int, ...], pair: tuple[int, int]) -> tuple[int, ...]:
+    changed = list(places)
+    changed[pair[0]], changed[pair[1]] = changed[pair[1]], changed[pair[0]]
+    return tuple(changed)
+
+
+def _correlations(
+    acceleration: Floats, rate: Floats, squares: Floats, weights: Floats, step: Floats
+) -> tuple[Floats, Floats]:
+    """(P,) correlation of acceleration with each assignment's moment, (P,) effective samples."""
+    known = np.stack([np.ones_like(rate), rate, squares.sum(axis=1)], axis=1)
+    basis = np.linalg.qr(known)[0]
+
+    def rest(values: Floats) -> Floats:
+        return values - basis @ (basis.T @ values)
+
+    response, speeds = rest(acceleration), rest(squares)
+    power = response @ response
+    gram, cross = speeds.T @ speeds, speeds.T @ response
+    # A moment is a weighted sum of the speeds, so every assignment comes from the same sums.
+    moment_power = np.einsum("pi,ij,pj->p", weights, gram, weights)
+    scale = np.sqrt(np.maximum(moment_power * power, 1e-300))
+    with np.errstate(invalid="ignore"):
+        told = np.where(moment_power > 1e-12 * np.trace(gram), weights @ cross / scale, 0.0)
+    lagged = speeds[1:].T @ speeds[:-1]
+    own = np.einsum("pi,ij,pj->p", weights, lagged, weights) / np.maximum(moment_power, 1e-300)
+    alike = np.clip(own * float(response[1:] @ response[:-1]) / max(power, 1e-300), 0.0, 0.999)
+    # Rows overlap by half, because each difference spans two steps.
+    samples = 0.5 * step.size * (1.0 - alike) / (1.0 + alike)
+    return np.nan_to_num(told), samples
+
+
+def _judge(
+    airframe: Airframe,
+    places: np.ndarray,
+    arms: Floats,
+    likelihood: Floats,
+    correlation: tuple[float, float, float],
+    rows: int,
+) -> MotorOrder:
+    layouts = arms[:, places]  # (3, P, R)
+    layouts = np.concatenate([layouts, layouts * np.array([1.0, 1.0, -1.0])[:, None, None]], axis=1)
+    flat = likelihood.ravel()
+    best = int(np.argmax(flat))
+    # Assignments that exchange identical places are the same aircraft.
+    alike = np.all(np.isclose(layouts, layouts[:, best, None, :]), axis=(0, 2))
+    others = flat[~alike]
+    lead = float(flat[best] - others.max()) if others.size else float(flat[best])
+    first = int(np.argmax(alike))
+    chosen, reversed_spins = places[first % len(places)], first >= len(places)
+    same = np.array_equal(chosen, np.arange(chosen.size))
+    verdict: Literal["agrees", "differs", "unclear"] = "differs"
+    if flat[best] < DECISIVE or lead < DECISIVE:
+        verdict = "unclear"
+        words = "cannot tell: too little manoeuvring to tell one motor order from another"
+    elif same and not reversed_spins:
+        verdict = "agrees"
+        words = "roll, pitch and yaw response agree with the airframe's motor order"
+    elif same:
+        words = f"yaw responds the wrong way: spins look reversed against airframe {airframe.name}"
+    else:
+        spins = ", with every spin reversed" if reversed_spins else ""
+        words = f"{_difference(chosen)}{spins} against airframe {airframe.name}"
+    return MotorOrder(
+        verdict=verdict,
+        words=words,
+        places=tuple(int(place) for place in chosen),
+        correlation=correlation,
+        lead=lead,
+        rows=rows,
+    )
+
+
+def _difference(places: np.ndarray) -> str:
+    moved = np.flatnonzero(places != np.arange(places.size))
+    if moved.size == 2:
+        return f"motors {moved[0] + 1} and {moved[1] + 1} look swapped"
+    listed = ", ".join(f"{k + 1} is motor {places[k] + 1}" for k in moved)
+    return f"rotor speeds look out of order ({listed})"

@@ -1,0 +1,1 @@
+"""The loop: residual -> missing effect -> added effect -> error before and after."""

@@ -1,0 +1,184 @@
+"""Close the loop: the old model plus the effects that were found, as a new model.
+
+What belongs to one flight is not carried to others: a wind stays behind, and a rotor that went bad
+in flight is bad from now on. With enough flights the interval is calibrated anew, on every row's
+residual under values found without its flight; else the old one is kept.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thrustmargin.models.effects.coefficient import (
+    ROTOR_DEGRADATION,
+    ROTOR_DEGRADATION_ONSET,
+    ROTOR_DEGRADATION_SINCE,
+)
+from thrustmargin.models.errors import ModelError
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.cross_validation import left_out_values
+from thrustmargin.models.identification.fit import Evaluator, Term, layout_of
+from thrustmargin.models.identification.result import Found, Identification
+from thrustmargin.models.identification.search import warm_start
+from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.network.conformal import (
+    Interval,
+    calibrate,
+    flights_needed,
+    measure_coverage,
+)
+from thrustmargin.models.network.ensemble import ensemble_speed
+from thrustmargin.models.network.records import EffectRecord, Identified
+
+COVERAGE = 0.9  # of an interval where the old model has none
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Closed:
+    """The new model, and in words what did not carry over and which interval it has."""
+
+    model: RotorModel
+    notes: tuple[str, ...]
+
+
+def with_effects(model: RotorModel, found: Identification, *, date: str = "") -> RotorModel:
+    """The model with the effects found on it; see `close_loop`."""
+    return close_loop(model, found, date=date).model
+
+
+def close_loop(model: RotorModel, found: Identification, *, date: str = "") -> Closed:
+    """Add the effects of an identification to the model that it was made with.
+
+    `date` is ISO 8601. Raises ModelError for a model of another aircraft.
+    """
+    if model.airframe.name != found.model.airframe.name:
+        raise ModelError(
+            f"the effects were found on {found.model.airframe.name}, the model is of "
+            f"{model.airframe.name}; add them to the model that they were found with"
+        )
+    names = found.problem.names
+    records = [record_of(f, names, date) for f in found.found]
+    notes = [_left_behind(f, names) for f in found.found if of_one_flight(f)]
+    interval, about = _interval(model, found)
+    added = tuple(r for r in records if r is not None)
+    return Closed(
+        model=replace(
+            model,
+            effects=(*model.effects, *added),
+            interval=interval,
+            background_rpm=_background(model, found),
+        ),
+        notes=(*notes, about),
+    )
+
+
+def of_one_flight(found: Found) -> bool:
+    """True when the effect has values of single flights."""
+    return _own(found.term)
+
+
+def _own(term: Term) -> bool:
+    return any(p.per_flight for p in term.effect.parameters)
+
+
+def record_of(found: Found, names: tuple[str, ...], date: str = "") -> EffectRecord | None:
+    """The effect as a model file keeps it; None when it belongs to its flights alone."""
+    effect = found.term.effect
+    if effect in (ROTOR_DEGRADATION_ONSET, ROTOR_DEGRADATION_SINCE):
+        effect = ROTOR_DEGRADATION
+    elif of_one_flight(found):
+        return None
+    kept = {p.name for p in effect.parameters}
+    row = found.flight
+    return EffectRecord(
+        name=effect.name,
+        variant=effect.variant,
+        rotor=None if found.term.rotor is None else found.term.rotor + 1,
+        parameters={
+            p.name: Identified(
+                value=float(found.value[row, k]),
+                unit=p.unit,
+                ci95=(float(found.lower[row, k]), float(found.upper[row, k])),
+            )
+            for k, p in enumerate(found.term.effect.parameters)
+            if p.name in kept
+        },
+        flights=names,
+        date=date,
+    )
+
+
+def _left_behind(found: Found, names: tuple[str, ...]) -> str:
+    """What of an effect with values of single flights does not reach the new model."""
+    effect = found.term.effect
+    if effect is ROTOR_DEGRADATION_ONSET:
+        return (
+            f"rotor {(found.term.rotor or 0) + 1} went bad during {names[found.flight]}: "
+            "the new model has it bad throughout, as after the onset"
+        )
+    return (
+        f"the {effect.name} was that of its flights and is not in the new model: "
+        "another day has its own"
+    )
+
+
+def _background(model: RotorModel, found: Identification) -> tuple[float, ...]:
+    """Spread over flights of the mean residual of each mode, rpm; the old with too few flights.
+
+    It is how much flights differ of which this model holds: an effect must stand out from it.
+    """
+    problem = found.problem
+    if problem.flights < flights_needed(COVERAGE):
+        return model.background_rpm
+    amplitudes = found.residual_after_rpm @ problem.modes.directions
+    means = [amplitudes[problem.flight == f].mean(axis=0) for f in range(problem.flights)]
+    return tuple(float(v) for v in np.std(means, axis=0, ddof=1))
+
+
+def _interval(model: RotorModel, found: Identification) -> tuple[Interval | None, str]:
+    """The new model's interval, and in words where it comes from."""
+    old = model.interval
+    if model.network is None or model.envelope is None:
+        return old, "no interval: the model has no network to calibrate one for"
+    kept = "the interval is that of the old model"
+    coverage = old.coverage if old is not None else COVERAGE
+    problem, needed = found.problem, flights_needed(coverage)
+    if any(t.effect.begins for t in found.fit.terms):
+        return old, f"{kept}: a rotor changed during these flights"
+    airspeed, tank_kg = problem.channels.airspeed, problem.channels.tank_kg
+    inside = model.envelope.covers_inputs(airspeed, tank_kg)
+    flights = np.unique(problem.flight[inside])
+    if flights.size < needed:
+        return old, (
+            f"{kept}: a new one for {100 * coverage:.0f} % needs {needed} flights inside the "
+            f"training, these are {flights.size}"
+        )
+    spread = ensemble_speed(model.network, airspeed[inside], tank_kg[inside])[1]
+    rows = (_unseen_residual(found)[inside], spread, airspeed[inside], problem.flight[inside])
+    interval = calibrate(*rows, coverage=coverage)
+    measured = measure_coverage(*rows, coverage=coverage)
+    words = f"the interval for {100 * coverage:.0f} % is calibrated anew on {flights.size} flights"
+    learnt = len(set(problem.names) & set(model.envelope.flights))
+    if learnt:
+        words += (
+            f"; the network has learnt from {learnt} of them, so it may be a little narrow "
+            "for others"
+        )
+    return replace(interval, measured=measured), words
+
+
+def _unseen_residual(found: Identification) -> Floats:
+    """Residual (T, R) rpm of the new model, every row under values found without its flight."""
+    fit, problem = found.fit, found.problem
+    evaluator = Evaluator(problem)
+    carried = tuple(t for t in fit.terms if not _own(t))
+    layout = layout_of(carried, problem.flights)
+    out = np.empty_like(fit.residual_rpm)
+    for blocks, moved in left_out_values(fit.statistics):
+        whole = replace(fit, values=fit.values + moved)
+        values = warm_start(carried, whole, problem.flights)
+        rows = np.isin(problem.block, blocks)
+        out[rows] = (problem.measured_rpm - evaluator.predict(carried, layout, values))[rows]
+    return out

@@ -1,0 +1,201 @@
+"""A fitting problem: the rows of several flights, with channels, measured speeds and blocks.
+
+Rows that say nothing about the model are left out: on the ground, within take-off and landing, or
+with a rotor speed, airspeed or tank level missing. The unit of everything statistical is the block
+(BLOCK_SECONDS of one flight) and the flight; rows within one are correlated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thrustmargin.models.effects.base import Effect, Placed
+from thrustmargin.models.effects.channels import Channels, concatenate
+from thrustmargin.models.effects.compose import BaseTable
+from thrustmargin.models.errors import AirframeError, DataError
+from thrustmargin.models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.identification.base_uncertainty import doubt_rpm
+from thrustmargin.models.identification.modes import Modes, modes
+from thrustmargin.models.model.flown import model_channels, table_of
+from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.network.training_rows import training_rows
+
+BLOCK_SECONDS = 10.0
+LEAST_ROWS = 100
+MOST_ROWS = 9_000
+WINDOW_SHARE = 0.5  # rows beside an end or a gap lack what lies around them, most in short flights
+MISSING_SHARE = 0.02  # a channel with more rows missing than this is not there
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Background:
+    """Errors of the base model that new flights meet whatever is missing, in scales of the modes.
+
+    A `constant` (R,) of its own in each flight, and `directions` (D, T, R) that all flights share.
+    """
+
+    constant: Floats
+    directions: Floats
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Problem:
+    """T rows of F flights in B blocks, R rotors."""
+
+    model: RotorModel
+    base: BaseTable  # of numpy arrays
+    channels: Channels  # numpy
+    measured_rpm: Floats  # (T, R)
+    flight: NDArray[np.intp]  # (T,) which flight
+    block: NDArray[np.intp]  # (T,) which block, increasing
+    block_flight: NDArray[np.intp]  # (B,) flight of each block
+    follows: Bools  # (T,) the row comes right after the one before it
+    names: tuple[str, ...]  # of the flights
+    durations: Floats  # (F,) s
+    modes: Modes
+    doubt_rpm: Floats  # (D, T, R) by which the base model may be off, one deviation each
+
+    @property
+    def flights(self) -> int:
+        return len(self.names)
+
+    @property
+    def flight_start_unix_s(self) -> Floats:
+        """(F,) Unix time of the first row of each flight, NaN where the log does not tell it."""
+        first = np.unique(self.flight, return_index=True)[1]
+        return self.channels.clock_s[first]
+
+    @property
+    def first_row_s(self) -> Floats:
+        """(F,) time of the first row of each flight since its start."""
+        return self.channels.time_s[np.unique(self.flight, return_index=True)[1]]
+
+    @property
+    def placed(self) -> tuple[Placed, ...]:
+        """Effects that the model already has."""
+        return self.model.placed
+
+    def background(self, scales: Floats, doubt: Floats | None = None) -> Background:
+        """What of the residual is the base model's own error, in scales of the modes.
+
+        `doubt` (D, T, R) rpm takes the place of what the reported channels say of it.
+        """
+        doubt = self.doubt_rpm if doubt is None else doubt
+        known = np.asarray(self.model.background_rpm)
+        constant = known / scales if known.size == scales.size else np.zeros_like(scales)
+        return Background(constant=constant, directions=doubt @ (self.modes.directions / scales))
+
+    def known_square(self, directions: Floats) -> Floats:
+        """(M,) rpm²: by how much the base model is known to be off along directions (R, M)."""
+        constant = np.asarray(self.model.background_rpm)
+        doubt = np.sum((self.doubt_rpm @ directions) ** 2, axis=0).mean(axis=0)
+        if constant.size != self.modes.directions.shape[0]:
+            return doubt
+        return doubt + constant**2 @ (self.modes.directions.T @ directions) ** 2
+
+    def has(self, effect: Effect) -> bool:
+        """True when every channel the effect needs is reported."""
+        return all(_reported(getattr(self.channels, name)) for name in effect.needs)
+
+    def torch_parts(self) -> tuple[BaseTable, Channels]:
+        """The base table and the channels as torch tensors."""
+        from dataclasses import replace
+
+        import torch
+
+        base = replace(
+            self.base,
+            thrust=torch.as_tensor(self.base.thrust),
+            spread=torch.as_tensor(self.base.spread.copy()),
+            yaw=torch.as_tensor(self.base.yaw.copy()),
+        )
+        return base, self.channels.as_torch()
+
+
+def _reported(channel: Any) -> bool:
+    if isinstance(channel, tuple):
+        return all(_reported(c) for c in channel)
+    return bool(np.isfinite(channel).all()) if isinstance(channel, np.ndarray) else True
+
+
+def assemble(model: RotorModel, tracks: Sequence[FlightTrack]) -> Problem:
+    """Rows of the flights that can be fitted, thinned alike to MOST_ROWS.
+
+    Raises AirframeError for a wrong rotor count and DataError when a flight has too few rows.
+    """
+    airframe = model.airframe
+    parts: list[Channels] = []
+    measured, flight, block, block_flight, follows, durations = [], [], [], [], [], []
+    for index, track in enumerate(tracks):
+        if track.rotor_count != airframe.rotor_count:
+            raise AirframeError(
+                f"{track.name}: {track.rotor_count} rotors, but airframe {airframe.name} has "
+                f"{airframe.rotor_count}; give the right airframe with --airframe"
+            )
+        channels = model_channels(model, track)
+        keep = training_rows(track) & np.isfinite(channels.airspeed_shifts).all(axis=1)
+        for optional in (channels.load_factor_shifts, channels.rate_shifts[2]):
+            good = np.isfinite(optional).all(axis=1)
+            if np.sum(keep & ~good) < WINDOW_SHARE * np.sum(keep):
+                keep &= good
+        for optional in (channels.voltage, channels.radius_over_height, channels.advance_ratio):
+            good = np.isfinite(optional)
+            if np.sum(keep & ~good) < MISSING_SHARE * np.sum(keep):
+                keep &= good
+        rows = np.flatnonzero(keep)
+        if rows.size < LEAST_ROWS:
+            raise DataError(
+                f"{track.name}: {rows.size} rows in flight with rotor speeds, airspeed and tank "
+                f"level; {LEAST_ROWS} are needed. Look at it with: thrustmargin inspect"
+            )
+        parts.append(channels.rows(rows))
+        measured.append(track.rotor_speed_rpm[rows])
+        flight.append(np.full(rows.size, index))
+        elapsed = track.time_s[rows] - track.time_s[rows[0]]
+        whole = max(1, round(float(elapsed[-1]) / BLOCK_SECONDS))
+        local = np.minimum((elapsed / (elapsed[-1] / whole + 1e-9)).astype(np.intp), whole - 1)
+        local = np.unique(local, return_inverse=True)[1]
+        start = len(block_flight)
+        block.append(start + local)
+        block_flight += [index] * (int(local.max()) + 1)
+        follows.append(np.concatenate([[False], np.diff(rows) == 1]))
+        durations.append(float(elapsed[-1]))
+    table, channels = table_of(model), concatenate(parts)
+    problem = Problem(
+        model=model,
+        base=table,
+        channels=channels,
+        measured_rpm=np.concatenate(measured),
+        flight=np.concatenate(flight),
+        block=np.concatenate(block),
+        block_flight=np.array(block_flight),
+        follows=np.concatenate(follows),
+        names=tuple(t.name for t in tracks),
+        durations=np.array(durations),
+        modes=modes(airframe),
+        doubt_rpm=doubt_rpm(model, table, channels),
+    )
+    return _thinned(problem)
+
+
+def _thinned(problem: Problem) -> Problem:
+    from dataclasses import replace
+
+    stride = -(-problem.measured_rpm.shape[0] // MOST_ROWS)
+    if stride == 1:
+        return problem
+    which = np.arange(0, problem.measured_rpm.shape[0], stride)
+    return replace(
+        problem,
+        channels=problem.channels.rows(which),
+        measured_rpm=problem.measured_rpm[which],
+        flight=problem.flight[which],
+        block=problem.block[which],
+        follows=np.zeros(which.size, dtype=np.bool_),
+        doubt_rpm=problem.doubt_rpm[:, which],
+    )

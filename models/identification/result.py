@@ -1,0 +1,234 @@
+"""What `identify` found, as numbers, and its JSON ("thrustmargin.identify/1")."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.autocorrelation import Lingering
+from thrustmargin.models.identification.cross_validation import Interval
+from thrustmargin.models.identification.fit import Fit, Term
+from thrustmargin.models.identification.modes import r_squared
+from thrustmargin.models.identification.problem import Problem
+from thrustmargin.models.identification.search import SearchConfig, Step
+from thrustmargin.models.identification.unexplained import Curve
+from thrustmargin.models.model.rotor_model import RotorModel
+
+DRAWS = 400
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Errors:
+    """Errors of measured minus predicted rotor speed; the interval is from blocks of time."""
+
+    rmse_rpm: float
+    bias_rpm: float
+    r2: float
+    per_rotor_rmse_rpm: Floats  # (R,)
+    rmse_ci95_rpm: tuple[float, float]
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "rmse_rpm": self.rmse_rpm,
+            "bias_rpm": self.bias_rpm,
+            "r2": self.r2,
+            "per_rotor_rmse_rpm": [float(v) for v in self.per_rotor_rmse_rpm],
+            "rmse_ci95_rpm": list(self.rmse_ci95_rpm),
+        }
+
+
+def errors_of(problem: Problem, residual_rpm: Floats) -> Errors:
+    """Errors of a residual (T, R), with a bootstrap over blocks within flights.
+
+    Flights too short for a second block are drawn among themselves: each is one block.
+    """
+    generator = np.random.default_rng(0)
+    blocks = problem.block_flight.size
+    count = np.bincount(problem.block, minlength=blocks) * residual_rpm.shape[1]
+    square = np.bincount(problem.block, np.sum(residual_rpm**2, axis=1), minlength=blocks)
+    of_flight = [np.flatnonzero(problem.block_flight == f) for f in range(problem.flights)]
+    groups = [mine for mine in of_flight if mine.size > 1]
+    short = [mine for mine in of_flight if mine.size == 1]
+    if short:
+        groups.append(np.concatenate(short))
+    draws = []
+    for _ in range(DRAWS):
+        chosen = np.concatenate([generator.choice(mine, mine.size) for mine in groups])
+        draws.append(np.sqrt(square[chosen].sum() / count[chosen].sum()))
+    low, high = np.quantile(draws, [0.025, 0.975])
+    return Errors(
+        rmse_rpm=float(np.sqrt(np.mean(residual_rpm**2))),
+        bias_rpm=float(np.mean(residual_rpm)),
+        r2=r_squared(problem.measured_rpm, residual_rpm),
+        per_rotor_rmse_rpm=np.sqrt(np.mean(residual_rpm**2, axis=0)),
+        rmse_ci95_rpm=(float(low), float(high)),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Found:
+    """One accepted effect; values of shape (F, parameters), alike in all F flights if shared."""
+
+    term: Term
+    value: Floats
+    lower: Floats
+    upper: Floats
+    rmse_before_rpm: float
+    rmse_after_rpm: float
+    p_value: float
+    indistinguishable_from: tuple[str, ...]
+
+    @property
+    def flight(self) -> int:
+        """The flight whose values stand for the effect: the one it shows most in."""
+        own = [k for k, p in enumerate(self.term.effect.parameters) if p.per_flight]
+        return int(np.argmax(np.abs(self.value[:, own[0]]))) if own else 0
+
+    def parameters(self, names: tuple[str, ...]) -> dict[str, Any]:
+        """Parameters as JSON: value, unit, interval; values of one flight with each flight's."""
+        out: dict[str, Any] = {}
+        for k, p in enumerate(self.term.effect.parameters):
+            f = self.flight
+            entry: dict[str, Any] = {
+                "value": float(self.value[f, k]),
+                "unit": p.unit,
+                "ci95": [float(self.lower[f, k]), float(self.upper[f, k])],
+            }
+            if p.per_flight:
+                entry["flight"] = names[f]
+                entry["per_flight"] = [float(v) for v in self.value[:, k]]
+                ends = zip(self.lower[:, k], self.upper[:, k], strict=True)
+                entry["per_flight_ci95"] = [[float(low), float(high)] for low, high in ends]
+            out[p.name] = entry
+        return out
+
+    def to_json(self, names: tuple[str, ...], *, followed: bool = False) -> dict[str, Any]:
+        """One of the JSON's effects; `followed` by a channel already, so that none is added."""
+        return {
+            "name": self.term.effect.name,
+            "variant": self.term.effect.variant,
+            "rotor": None if self.term.rotor is None else self.term.rotor + 1,
+            "parameters": self.parameters(names),
+            "rmse_before_rpm": self.rmse_before_rpm,
+            "rmse_after_rpm": self.rmse_after_rpm,
+            "p_value": self.p_value,
+            "indistinguishable_from": list(self.indistinguishable_from),
+            "tell_apart_by": self.term.effect.tell if self.indistinguishable_from else None,
+            "source": self.term.effect.source,
+            "already_followed": followed,
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tried:
+    """A candidate of one look at the table, and what it would have gained."""
+
+    look: int  # 1 for the first
+    term: Term
+    share: float  # of the held-out cost at that look that it takes away
+    taken: bool
+    p_value: float  # of the look's best; NaN for the others
+
+
+def tried_in(step: Step, look: int) -> tuple[Tried, ...]:
+    """The candidates of one look, best first."""
+    cost = float(step.base_held_out.sum())
+    taken = None if step.chosen is None else step.chosen.term.key
+    return tuple(
+        Tried(
+            look=look,
+            term=s.term,
+            share=s.gain / cost,
+            taken=s.term.key == taken,
+            p_value=step.p_value if s.term.key == taken else float("nan"),
+        )
+        for s in step.ranked
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Identification:
+    """Everything that a search found, with the rows it was found on."""
+
+    model: RotorModel
+    problem: Problem
+    held_out: Problem | None
+    fit: Fit
+    interval: Interval
+    found: tuple[Found, ...]
+    curve: Curve | None
+    slow: Lingering | None
+    before: Errors
+    after: Errors
+    residual_before_rpm: Floats  # (T, R) on the rows of `problem`
+    residual_after_rpm: Floats  # (T, R)
+    floor_rpm: float
+    sensor_noise_rpm: float
+    config: SearchConfig
+    tried: tuple[Tried, ...] = ()
+    followed: tuple[Found, ...] = ()  # what the flights have and a channel tells the model of
+
+    @property
+    def told(self) -> tuple[Found, ...]:
+        """The effects found, then those that are followed already."""
+        return (*self.found, *self.followed)
+
+    def to_json(self, *, model_in: str = "", model_out: str = "") -> dict[str, Any]:
+        """The JSON of the identify command; NaN as null."""
+        rows = np.bincount(self.problem.flight)
+        flights = [
+            {"log": n, "role": "fit", "samples": int(s)}
+            for n, s in zip(self.problem.names, rows, strict=True)
+        ]
+        if self.held_out is not None:
+            unused = np.bincount(self.held_out.flight)
+            flights += [
+                {"log": n, "role": "held_out", "samples": int(s)}
+                for n, s in zip(self.held_out.names, unused, strict=True)
+            ]
+        effects = [f.to_json(self.problem.names) for f in self.found]
+        effects += [f.to_json(self.problem.names, followed=True) for f in self.followed]
+        return _plain(
+            {
+                "schema": "thrustmargin.identify/1",
+                "model": {"in": model_in, "out": model_out},
+                "flights": flights,
+                "errors_from": "held_out" if self.held_out is not None else "cross_validation",
+                "before": self.before.to_json(),
+                "after": self.after.to_json(),
+                "effects": effects,
+                "unexplained": self.unexplained(),
+                "floor_rpm": self.floor_rpm,
+                "sensor_noise_rpm": self.sensor_noise_rpm,
+            }
+        )
+
+    def unexplained(self) -> dict[str, Any]:
+        """What no effect explains: along a channel, or lasting for seconds along none."""
+        curve, slow = self.curve, self.slow
+        if curve is not None:
+            return {
+                "fraction_of_variance": curve.share,
+                "mode": self.problem.modes.names[curve.mode],
+                "channel": curve.channel,
+                "p_value": curve.p_value,
+            }
+        return {
+            "fraction_of_variance": slow.share if slow else 0.0,
+            "mode": slow.mode if slow else None,
+            "channel": None,
+            "p_value": None,
+        }
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    if isinstance(value, (float, np.floating)):
+        return float(value) if np.isfinite(value) else None
+    return value

@@ -1,0 +1,401 @@
+"""The search: which effect of the table, added to those already in, makes left-out flights better.
+
+Every candidate is fitted together with everything accepted and scored on flights left out one at a
+time. It is taken only if the fall in held-out cost beats that of the whole search on surrogates,
+its interval excludes "absent", and its value is physically possible and worth reporting.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thrustmargin.models.effects.base import Effect
+from thrustmargin.models.effects.coefficient import ONSETS
+from thrustmargin.models.effects.coefficient import ROTOR_DEGRADATION as WORN
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification import onset
+from thrustmargin.models.identification.cross_validation import Interval, held_out_cost, intervals
+from thrustmargin.models.identification.fit import (
+    Evaluator,
+    Fit,
+    Layout,
+    Term,
+    background_of,
+    fit_terms,
+    layout_of,
+    linearise,
+    mode_scales,
+    starts,
+)
+from thrustmargin.models.identification.left_out import nearly_across_flights
+from thrustmargin.models.identification.onset import Onset
+from thrustmargin.models.identification.problem import Problem
+from thrustmargin.models.identification.surrogates import (
+    Linear,
+    best_gains,
+    p_value,
+    surrogate_residuals,
+)
+
+SHORT_LIST = 5  # candidates that are fitted in full
+LEAST_MOVE = 0.0008  # of rotor speed, RMS, below which an effect is not worth a name
+ONSET_GAIN = 1.15  # times that of a rotor bad all along, for a step in time to be believed
+ONSET_LEAVES = 0.8  # of the cost that a rotor bad all along leaves, which will do as well
+ONE_FLIGHT_GAIN = 1.1  # times that of a step that other flights share, for one of a single flight
+LEAST_GAIN = 0.002  # share of the held-out cost that an effect must take away
+
+DOUBT = 0.05  # that an interval misses, shared among all candidates of a look
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchConfig:
+    """Settings of a search; what is learnt is in its results."""
+
+    surrogates: int = 99
+    significance: float = 0.02
+    most_effects: int = 8
+    least_fall: float = 0.03  # of the cross-validated RMSE in rpm, for an effect worth a name
+    tie: float = 0.0  # of the best gain, within which the plain error on left-out flights decides
+    seed: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Scored:
+    """A candidate fitted together with the accepted terms."""
+
+    term: Term
+    fit: Fit
+    held_out: Floats  # (B,)
+    gain: float  # fall of the summed held-out cost
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Step:
+    """One look through all candidates."""
+
+    base: Fit
+    base_held_out: Floats  # (B,)
+    ranked: tuple[Scored, ...]  # best first
+    chosen: Scored | None
+    p_value: float
+
+
+def candidates(evaluator: Evaluator, accepted: Sequence[Term], catalogue: Sequence[Effect]):
+    """Terms that could be added: channels reported, not in already."""
+    taken = {t.key for t in accepted}
+    begun = {t.rotor for t in accepted if t.effect.begins}
+    rotors = evaluator.problem.measured_rpm.shape[1]
+    for effect in catalogue:
+        if evaluator.problem.has(effect):
+            places = range(rotors) if effect.of_one_rotor else (None,)
+            for rotor in places:
+                term = Term(effect=effect, rotor=rotor)
+                if term.key not in taken and not effect.begins and term.rotor not in begun:
+                    yield term
+
+
+def warm_start(terms: Sequence[Term], fit: Fit, flights: int) -> Floats:
+    """Values of a fit carried over to a list of terms that may hold more, fewer or others."""
+    layout = layout_of(terms, flights)
+    values = starts(layout)
+    k = 0
+    known: dict[str, Floats] = {}
+    for term in fit.terms:
+        n = len(term.effect.parameters)
+        known[term.key] = fit.values[fit.layout.places[:, k : k + n]]
+        k += n
+    k = 0
+    for term in terms:
+        n = len(term.effect.parameters)
+        if term.key in known:
+            values[layout.places[:, k : k + n]] = known[term.key]
+        k += n
+    return values
+
+
+def score(
+    evaluator: Evaluator, base: Fit, base_cost: float, terms: Sequence[Term], term: Term, **given
+) -> Scored:
+    """Fit `terms` (which hold `term`) from where `base` stands, or from `start`, and score it."""
+    start = given.pop("start", warm_start(terms, base, evaluator.problem.flights))
+    fit = fit_terms(evaluator, terms, start=start, **given)
+    cost = held_out_cost(fit.statistics)
+    return Scored(term=term, fit=fit, held_out=cost, gain=base_cost - float(cost.sum()))
+
+
+def look(
+    evaluator: Evaluator,
+    base: Fit,
+    catalogue: Sequence[Effect],
+    config: SearchConfig,
+    generator: np.random.Generator,
+    progress: Progress | None = None,
+) -> Step:
+    """One step of the search from an accepted fit: rank, test against chance, choose or not."""
+    problem = evaluator.problem
+    scales = mode_scales(problem, base.residual_rpm)
+    base = fit_terms(evaluator, base.terms, scales=scales, start=base.values, steps=3)
+    base_held_out = held_out_cost(base.statistics)
+    base_cost = float(base_held_out.sum())
+    pool = list(candidates(evaluator, base.terms, catalogue))
+    linear: list[Linear] = []
+    rough: list[Scored] = []
+    for done, term in enumerate(pool):
+        terms = (*base.terms, term)
+        layout = layout_of(terms, problem.flights)
+        near = _near(evaluator, base, terms, layout, scales)
+        offset = base.whitened - near.whitened if term.effect.affine else None
+        linear.append(Linear(statistics=near.statistics, jacobian=near.jacobian, offset=offset))
+        cost = held_out_cost(near.statistics)
+        rough.append(Scored(term=term, fit=near, held_out=cost, gain=base_cost - cost.sum()))
+        if progress:
+            progress("candidates", (done + 1) / len(pool))
+    rough.sort(key=lambda s: -s.gain)
+    rough = _short_list_first(rough, base_cost)
+    ranked = [
+        score(evaluator, base, base_cost, s.fit.terms, s.term, scales=scales, start=s.fit.values)
+        for s in rough[:SHORT_LIST]
+    ]
+    losses = _losses(linear, pool, base)
+    begun = onset.scan(problem, losses, base.whitened)
+    steady = max((s.gain for s in ranked if s.term.effect is WORN), default=0.0)
+    shared = 0.0
+    for effect in reversed(ONSETS):
+        found = begun.get(effect.variant)
+        if effect not in catalogue or found is None or found.gain < LEAST_GAIN * base_cost:
+            continue
+        if found.gain < onset.gain_all_along(losses[found.rotor], base.whitened):
+            continue
+        sudden = _onset(evaluator, base, base_cost, scales, found, effect)
+        clear = sudden.gain > ONSET_GAIN * steady or (
+            base_cost - sudden.gain < ONSET_LEAVES * (base_cost - steady)
+        )
+        if clear and sudden.gain > ONE_FLIGHT_GAIN * shared:
+            ranked.append(sudden)
+        shared = max(shared, sudden.gain)
+    ranked.sort(key=lambda s: -s.gain)
+    ranked += [replace(s, gain=min(s.gain, ranked[-1].gain)) for s in rough[SHORT_LIST:]]
+    error = cross_validated_rmse(evaluator, base)
+    worthy = [
+        s
+        for s in ranked[: SHORT_LIST + 1]
+        if s.gain > LEAST_GAIN * base_cost
+        and credible(s, base, problem, tries=len(pool))
+        and _of_most_flights(base_held_out - s.held_out, problem.block_flight, s.term)
+        and cross_validated_rmse(evaluator, s.fit) < (1.0 - config.least_fall) * error
+    ]
+    if not worthy:
+        return Step(
+            base=base,
+            base_held_out=base_held_out,
+            ranked=tuple(ranked),
+            chosen=None,
+            p_value=1.0,
+        )
+    level = [s for s in worthy if s.gain >= (1.0 - config.tie) * worthy[0].gain]
+    best = min(level, key=lambda s: cross_validated_rmse(evaluator, s.fit))
+    noise = surrogate_residuals(
+        problem, best.fit.whitened, config.surrogates, generator, problem.background(scales)
+    )
+    if best.term.effect.begins:
+        chance = onset.best_gains(problem, losses, noise)
+        p = p_value(begun[best.term.effect.variant].gain, chance)
+    else:
+        nothing = Linear(statistics=base.statistics, jacobian=base.jacobian)
+        chance = best_gains(problem, nothing, linear, noise)
+        p = p_value(best.gain, chance)
+    chosen = best if p <= config.significance else None
+    return Step(
+        base=base,
+        base_held_out=base_held_out,
+        ranked=tuple(ranked),
+        chosen=chosen,
+        p_value=p,
+    )
+
+
+def _losses(linear: Sequence[Linear], pool: Sequence[Term], base: Fit) -> Floats:
+    """(R, T, R) weighted derivative by the loss of each rotor; 0 of one that is known to be bad."""
+    losses = np.zeros((base.whitened.shape[1], *base.whitened.shape))
+    for near, term in zip(linear, pool, strict=True):
+        if term.effect is WORN:
+            losses[term.rotor] = near.jacobian[:, :, -2]
+    return losses
+
+
+def _short_list_first(rough: Sequence[Scored], base_cost: float) -> list[Scored]:
+    """Candidates, best first, with the two of the rest that would fit best moved into the short
+    list: one straight step can be wild on a flight left out where the whole fit is not."""
+    whole = SHORT_LIST - 2
+    rest = sorted(rough[whole:], key=lambda s: -_fitted_gain(s, base_cost))
+    return [*rough[:whole], *rest[:2], *[s for s in rough[whole:] if s not in rest[:2]]]
+
+
+def _fitted_gain(scored: Scored, base_cost: float) -> float:
+    """Fall of the cost by one straight step on all blocks."""
+    s = scored.fit.statistics
+    hessian, gradient = s.normal(np.ones(s.owner.size, dtype=np.bool_))
+    step = np.linalg.solve(hessian + np.diag(s.prior), gradient + s.pull)
+    left = float(s.cost.sum() - 2.0 * gradient @ step + step @ hessian @ step)
+    return base_cost - left
+
+
+def _near(
+    evaluator: Evaluator, base: Fit, terms: Sequence[Term], layout: Layout, scales: Floats
+) -> Fit:
+    """The problem with the last term at its start; of several starts, each flight takes the one
+    from which a step leaves it least."""
+    flights = evaluator.problem.flights
+    start = warm_start(terms, base, flights)
+    near = linearise(evaluator, terms, layout, start, scales, known=base.jacobian)
+    effect = terms[-1].effect
+    if not effect.seeds:
+        return near
+    owner = near.statistics.owner
+    chosen = start.copy()
+    least = np.bincount(owner, held_out_cost(near.statistics), minlength=flights)
+    names = [p.name for p in effect.parameters]
+    columns = layout.places[:, -len(names) :]
+    for seed in effect.seeds:
+        trial = start.copy()
+        for k, name in enumerate(names):
+            trial[columns[:, k]] = seed[name]
+        other = linearise(evaluator, terms, layout, trial, scales, known=base.jacobian)
+        left = np.bincount(owner, held_out_cost(other.statistics), minlength=flights)
+        better = left < least
+        chosen[columns[better]] = trial[columns[better]]
+        least = np.minimum(least, left)
+    return linearise(evaluator, terms, layout, chosen, scales, known=base.jacobian)
+
+
+def _onset(
+    evaluator: Evaluator, base: Fit, base_cost: float, scales: Floats, found: Onset, effect: Effect
+) -> Scored:
+    """The step found by the scan, fitted with everything accepted."""
+    problem = evaluator.problem
+    term = Term(effect=effect, rotor=found.rotor)
+    terms = (*base.terms, term)
+    start = warm_start(terms, base, problem.flights)
+    layout = layout_of(terms, problem.flights)
+    loss, time_s = layout.places[:, -3], layout.places[:, -2]
+    of = slice(None) if effect.variant != onset.ONE else found.flight
+    start[loss] = 0.0
+    start[loss[of]] = found.loss
+    at = found.time_s
+    if effect.variant == onset.SINCE:
+        at += problem.flight_start_unix_s[found.flight] - problem.first_row_s[found.flight]
+    start[time_s] = at
+    fit = fit_terms(evaluator, terms, scales=scales, start=start)
+    cost = held_out_cost(fit.statistics)
+    return Scored(term=term, fit=fit, held_out=cost, gain=base_cost - float(cost.sum()))
+
+
+def cross_validated_rmse(evaluator: Evaluator, fit: Fit) -> float:
+    """RMSE in rpm of every row under values found without its flight, the fit taken as straight."""
+    return float(np.sqrt(np.mean(nearly_across_flights(evaluator.problem, fit) ** 2)))
+
+
+def term_values(fit: Fit, term: Term, values: Floats | None = None) -> Floats:
+    """Values of one term of a fit, (F, parameters of the term)."""
+    given = fit.values if values is None else values
+    k = 0
+    for other in fit.terms:
+        n = len(other.effect.parameters)
+        if other.key == term.key:
+            return given[fit.layout.places[:, k : k + n]]
+        k += n
+    raise KeyError(term.key)
+
+
+def credible(
+    scored: Scored,
+    base: Fit | None = None,
+    problem: Problem | None = None,
+    interval: Interval | None = None,
+    tries: int = 1,
+) -> bool:
+    """True when the effect is possible, its interval excludes absent, and it matters.
+
+    With `problem` the interval holds what the base model may be off by, and an effect that has a
+    weight must have it; of `tries` candidates each must be clear of absent so much surer.
+
+    It matters when the parameter is as far from absent as is worth reporting and, given the `base`
+    without it, when it moves the predicted rotor speeds by LEAST_MOVE of their size.
+    """
+    if interval is None:
+        background = None if problem is None else background_of(problem, scored.fit)
+        level = 1.0 - DOUBT / tries
+        interval = intervals(scored.fit, background, level, few=False)
+    value = term_values(scored.fit, scored.term)
+    low = term_values(scored.fit, scored.term, interval.lower)
+    high = term_values(scored.fit, scored.term, interval.upper)
+    asked, matters = False, False
+    for k, p in enumerate(scored.term.effect.parameters):
+        inside = (value[:, k] > p.lower) & (value[:, k] < p.upper)
+        if not p.detail and not inside.all():
+            return False
+        if p.absent is not None:
+            asked = True
+            clear = (low[:, k] > p.absent) | (high[:, k] < p.absent)
+            matters |= bool(np.any(clear & (np.abs(value[:, k] - p.absent) >= p.smallest)))
+        elif p.smallest:
+            asked = True
+            matters |= bool(np.any(np.abs(value[:, k]) >= p.smallest))
+    if asked and not matters:
+        return False
+    if problem is not None and not _weighty(problem, scored):
+        return False
+    if base is None:
+        return True
+    moved = np.sqrt(np.mean((scored.fit.prediction_rpm - base.prediction_rpm) ** 2))
+    return bool(moved > LEAST_MOVE * np.mean(base.prediction_rpm))
+
+
+def _of_most_flights(gains: Floats, owner: NDArray[np.intp], term: Term) -> bool:
+    """True when most flights gain, and all but the one that gains most do so together."""
+    by_flight = np.bincount(owner, gains)
+    if by_flight.size < 3 or term.effect.begins:
+        return True
+    most = np.count_nonzero(by_flight > 0) > by_flight.size / 2
+    return bool(most and by_flight.sum() > by_flight.max())
+
+
+def _weighty(problem: Problem, scored: Scored) -> bool:
+    effect = scored.term.effect
+    if effect.weight is None:
+        return True
+    rows = term_values(scored.fit, scored.term)[problem.flight]
+    values = {p.name: rows[:, k] for k, p in enumerate(effect.parameters)}
+    return bool(effect.weight(values, problem.channels, np) >= 1.0)
+
+
+def prune(evaluator: Evaluator, fit: Fit, *, last_too: bool = False) -> Fit:
+    """Drop, one at a time, terms that left-out flights do not miss or that lost their credit."""
+    while len(fit.terms) > (not last_too):
+        scales = mode_scales(evaluator.problem, fit.residual_rpm)
+        whole = fit_terms(evaluator, fit.terms, scales=scales, start=fit.values, steps=2)
+        cost = float(held_out_cost(whole.statistics).sum())
+        trials = []
+        for term in fit.terms if last_too else fit.terms[:-1]:
+            rest = tuple(t for t in fit.terms if t.key != term.key)
+            start = warm_start(rest, fit, evaluator.problem.flights)
+            trial = fit_terms(evaluator, rest, scales=scales, start=start, steps=4)
+            loss = float(held_out_cost(trial.statistics).sum()) - cost
+            kept = Scored(term=term, fit=whole, held_out=whole.statistics.cost, gain=loss)
+            trials.append(
+                (
+                    loss if credible(kept, trial, evaluator.problem) else -np.inf,
+                    trial,
+                )
+            )
+        loss, best = min(trials, key=lambda pair: pair[0])
+        if loss > LEAST_GAIN * cost:
+            return fit
+        fit = best
+    return fit

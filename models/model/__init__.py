@@ -1,0 +1,1 @@
+"""RotorModel: base model and effects in one file, and a flight through it."""

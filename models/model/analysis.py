@@ -1,0 +1,112 @@
+"""One flight through the model: prediction, ceiling, capacity use, margin and redundancy per row.
+
+Replay, report and monitor all show these arrays; none of them computes its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from thrustmargin.models.errors import AirframeError
+from thrustmargin.models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.model.flown import flown_airframe, temperature_offset
+from thrustmargin.models.model.predict import Basis as Basis
+from thrustmargin.models.model.predict import Prediction as Prediction
+from thrustmargin.models.model.predict import predict
+from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.atmosphere import track_density
+from thrustmargin.models.physics.margin import (
+    capacity_use,
+    ceiling,
+    redundancy,
+    rotor_thrust,
+    trimmable_loss,
+    weight,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FlightAnalysis:
+    """Everything that a screen or a report says about T rows of one flight."""
+
+    track: FlightTrack
+    model: RotorModel
+    density: Floats  # (T,) kg/m³
+    density_basis: str
+    voltage_basis: str
+    prediction: Prediction
+    residual_rpm: Floats  # (T, R) measured minus predicted
+    max_rotor_speed_rpm: Floats  # (T,) rpm, ceiling at the pack's voltage
+    max_thrust: Floats  # (T, R) N
+    thrust: Floats  # (T, R) N from the measured rotor speed
+    capacity_use: Floats  # (T, R) from the measured rotor speed
+    capacity_use_predicted: Floats  # (T, R) from the predicted rotor speed
+    weight: Floats  # (T,) N of the vehicle with its liquid
+    redundancy_yaw_kept: Floats  # (T,) worst single rotor lost: holdable thrust over weight
+    redundancy_yaw_free: Floats  # (T,) the same with heading given up
+    trimmable_loss: Floats  # (T,) largest share of one rotor's thrust that can be lost in trim
+
+    @property
+    def margin(self) -> Floats:
+        """(T, R) thrust margin, 1 - capacity use, from measured rotor speeds."""
+        return 1.0 - self.capacity_use
+
+    @property
+    def margin_predicted(self) -> Floats:
+        """(T, R) thrust margin from predicted rotor speeds."""
+        return 1.0 - self.capacity_use_predicted
+
+    @property
+    def measured(self) -> Bools:
+        """(T,) rows in which every rotor's speed was measured."""
+        return np.all(np.isfinite(self.capacity_use), axis=1)
+
+
+def analyse(track: FlightTrack, model: RotorModel, density: Floats | None = None) -> FlightAnalysis:
+    """Run one flight of T rows and R rotors through the model.
+
+    `density` (T,) kg/m³ replaces that made from the track's own pressure or altitude. A row lacks
+    (is NaN in) what needs a channel that it lacks: thrust and use need rotor speed; weight,
+    redundancy and trimmable loss the tank. Voltage and density have stated fallbacks.
+    Raises AirframeError when the flight has another number of rotors than the model's airframe.
+    """
+    airframe = flown_airframe(model)
+    require_rotors(track, airframe)
+    if density is None:
+        rho, density_basis = track_density(track, temperature_offset(model))
+    else:
+        rho, density_basis = np.asarray(density, dtype=np.float64), "given with the flight"
+    limits = ceiling(airframe, rho, track.voltage)
+    prediction = predict(model, track, rho)
+    load = weight(airframe, track.tank_kg)
+    return FlightAnalysis(
+        track=track,
+        model=model,
+        density=rho,
+        density_basis=density_basis,
+        voltage_basis=limits.voltage_basis,
+        prediction=prediction,
+        residual_rpm=track.rotor_speed_rpm - prediction.rotor_speed_rpm,
+        max_rotor_speed_rpm=limits.max_rotor_speed_rpm,
+        max_thrust=limits.max_thrust,
+        thrust=rotor_thrust(airframe, track.rotor_speed_rpm, rho),
+        capacity_use=capacity_use(track.rotor_speed_rpm, limits.max_rotor_speed_rpm),
+        capacity_use_predicted=capacity_use(prediction.rotor_speed_rpm, limits.max_rotor_speed_rpm),
+        weight=load,
+        redundancy_yaw_kept=redundancy(airframe, limits, load, yaw_kept=True),
+        redundancy_yaw_free=redundancy(airframe, limits, load, yaw_kept=False),
+        trimmable_loss=trimmable_loss(airframe, limits, load),
+    )
+
+
+def require_rotors(track: FlightTrack, airframe: Airframe) -> None:
+    """Raise AirframeError when the flight and the airframe have different numbers of rotors."""
+    if track.rotor_count != airframe.rotor_count:
+        raise AirframeError(
+            f"{track.name}: the flight reports {track.rotor_count} rotors and airframe "
+            f"{airframe.name} has {airframe.rotor_count}; give --airframe or --model of the "
+            "aircraft that flew"
+        )

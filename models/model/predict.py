@@ -1,0 +1,92 @@
+"""Predicted rotor speeds of a flight, with their interval and what each row rests on.
+
+Inside the training envelope of the model's network: the mean of its members. Outside, and without
+a network: weight shared by the rotors and the thrust curve in the air of the row (Eq. 4 and 6),
+which knows nothing of airspeed. Each row says which in `basis`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thrustmargin.models.errors import AirframeError
+from thrustmargin.models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.model.flown import flown_airframe, knows_density, speed_with_effects
+from thrustmargin.models.model.rotor_model import RotorModel, hover_speed
+from thrustmargin.models.network.ensemble import ensemble_speed
+from thrustmargin.models.physics.margin import rotor_thrust
+
+
+class Basis(IntEnum):
+    """What a predicted row rests on."""
+
+    NONE = 0  # an input is missing: no prediction
+    NETWORK = 1  # the learnt network, inside its training envelope
+    PHYSICS = 2  # weight and thrust curve: no network, or outside its envelope
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Prediction:
+    """Predicted rotor speeds of T rows and R rotors; NaN where an input is missing."""
+
+    rotor_speed_rpm: Floats  # (T, R)
+    lower_rpm: Floats  # (T, R) lower end of the interval, NaN where there is none
+    upper_rpm: Floats  # (T, R)
+    coverage: float  # share of rows that the interval is made to hold, e.g. 0.9; NaN if none
+    thrust: Floats  # (T, R) N
+    basis: NDArray[np.int8]  # (T,) Basis
+    partial: Bools | None = None  # (T,) rows that lacked a channel of one of the model's effects
+
+
+def predict(model: RotorModel, track: FlightTrack, density: Floats) -> Prediction:
+    """Predict the rotor speeds of T rows from airspeed and tank level, in air of `density` (T,).
+
+    NaN and Basis.NONE where airspeed, tank level or density is missing. Physics rows have no
+    interval: there is nothing to calibrate one on. Thrust is that of the predicted speeds by the
+    thrust curve, in reference air for the network, which is the air that it learnt in.
+    A model with identified effects has them in every row. Raises AirframeError when the rotor count
+    differs.
+    """
+    airframe = model.airframe
+    if track.rotor_count != airframe.rotor_count:
+        raise AirframeError(
+            f"{track.name}: {track.rotor_count} rotors, but the model is for {airframe.name} with "
+            f"{airframe.rotor_count}; give the model of this aircraft with --model"
+        )
+    airspeed, tank_kg = track.airspeed, track.tank_kg
+    known = np.isfinite(airspeed) & np.isfinite(tank_kg) & np.isfinite(density)
+    basis = np.where(known, Basis.PHYSICS, Basis.NONE).astype(np.int8)
+    speed = hover_speed(airframe, tank_kg, density)
+    speed[~known] = np.nan
+    half = np.full(speed.shape, np.nan)
+    air = np.where(known, density, np.nan)
+    coverage = float("nan")
+    inside = np.zeros_like(known)
+    if model.network is not None and model.envelope is not None:
+        inside = known & model.envelope.covers_inputs(airspeed, tank_kg)
+        if not knows_density(model):
+            inside &= model.envelope.covers(airspeed, tank_kg, density)
+        speed[inside], spread = ensemble_speed(model.network, airspeed[inside], tank_kg[inside])
+        basis[inside] = Basis.NETWORK
+        air[inside] = model.reference_density
+        if model.interval is not None:
+            half[inside] = model.interval.half_width_rpm(airspeed[inside], spread)
+            coverage = model.interval.coverage
+    lacking = None
+    if model.effects:
+        with_effects, lacking = speed_with_effects(model, track)
+        replaced = inside if model.network is not None else known
+        speed[replaced] = with_effects[replaced]
+    return Prediction(
+        rotor_speed_rpm=speed,
+        lower_rpm=np.maximum(speed - half, 0.0),
+        upper_rpm=speed + half,
+        coverage=coverage if np.any(np.isfinite(half)) else float("nan"),
+        thrust=rotor_thrust(flown_airframe(model), speed, air),
+        basis=basis,
+        partial=lacking,
+    )

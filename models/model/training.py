@@ -1,0 +1,266 @@
+"""From flights to a rotor speed model: the paper's table, the ensemble and its interval.
+
+Three kinds of networks are fitted, all of the same shape and settings:
+
+1. one on rows drawn at random, as the paper does (`samples`);
+2. one on whole flights, tested on flights that it has not seen (`flights`);
+3. the ensemble that is kept: each member leaves out a fold of the flights, so that every flight is
+   predicted by members that have not seen it. Those predictions give the cross-validated scores
+   and calibrate the interval.
+
+The first two learn and are judged on all training rows. The members learn without yaw turns: in a
+turn the rotors that spin one way slow down and the others speed up, by an amount that airspeed and
+tank level do not tell, and learning from turns bends the prediction of straight flight. They are
+judged, and their interval calibrated, on all rows, turns included.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+
+from thrustmargin.models.errors import AirframeError, DataError
+from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.network.conformal import calibrate, measure_coverage
+from thrustmargin.models.network.ensemble import ensemble_speed, member_speeds, stack_networks
+from thrustmargin.models.network.network import NetConfig, NetworkFit, fit_network
+from thrustmargin.models.network.records import ConditionScore, SplitScore, TrainingRecord
+from thrustmargin.models.network.scores import Score, r2_interval, score
+from thrustmargin.models.network.training_domain import Envelope, Range
+from thrustmargin.models.network.training_rows import (
+    Rows,
+    Samples,
+    Split,
+    gather,
+    member_splits,
+    split_by_flight,
+    split_by_samples,
+)
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.forward_flight import fit_forward_flight
+
+#: R² of training, validation and test that the paper prints for its field flights, which are not
+#: public: shown beside one's own, never to be taken for them.
+PAPER_R2 = (0.728, 0.719, 0.726)
+PAPER_LOWEST_LOSS = 0.27
+PAPER_BEST_EPOCH = 147
+
+SPLITS = {"samples": split_by_samples, "flights": split_by_flight}
+
+#: called with the network's name, the epoch from 1 and the validation loss.
+Progress = Callable[[str, int, float], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainSettings:
+    """What to fit; a fit leaves them as they are."""
+
+    splits: tuple[str, ...] = ("samples", "flights")
+    members: int = 5
+    seed: int = 0
+    coverage: float = 0.9
+    net: NetConfig = field(default_factory=NetConfig)
+
+    def names(self) -> list[str]:
+        """Names of the networks that will be fitted, in order."""
+        members = [f"member {k} of {self.members}" for k in range(1, self.members + 1)]
+        return [f"split by {split}" for split in self.splits] + members
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LossCurve:
+    """Loss of one network after each of its E epochs."""
+
+    name: str
+    training_loss: Floats  # (E,)
+    validation_loss: Floats  # (E,)
+    best_epoch: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Trained:
+    """A new model, and the loss curves of the networks behind it and behind its scores."""
+
+    model: RotorModel
+    curves: tuple[LossCurve, ...]
+
+
+def train(
+    tracks: Sequence[FlightTrack],
+    airframe: Airframe,
+    settings: TrainSettings,
+    *,
+    date: str,
+    version: str,
+    progress: Progress | None = None,
+) -> Trained:
+    """Fit the rotor speed model of one aircraft to its flights.
+
+    Raises DataError when there are no usable rows or fewer than 3 flights, and AirframeError when
+    the flights have another number of rotors than the airframe.
+    """
+    samples = gather(tracks)
+    if samples.rotor_speed_rpm.shape[1] != airframe.rotor_count:
+        raise AirframeError(
+            f"the flights have {samples.rotor_speed_rpm.shape[1]} rotors, airframe {airframe.name} "
+            f"has {airframe.rotor_count}; give the right one with --airframe"
+        )
+    member_rows = member_splits(samples, settings.members, settings.seed)
+    steady = samples.turning != 1.0
+    learnt = [
+        replace(s, training=_only(s.training, steady), validation=_only(s.validation, steady))
+        for s in member_rows
+    ]
+    if any(s.training.size == 0 or s.validation.size == 0 for s in learnt):
+        raise DataError(
+            "some flights have no row outside yaw turns; give flights with straight legs"
+        )
+    names = iter(settings.names())
+    curves: list[LossCurve] = []
+
+    def fit(split: Split, seed: int) -> NetworkFit:
+        name = next(names)
+        fitted = fit_network(
+            samples.inputs,
+            samples.rotor_speed_rpm,
+            training=split.training,
+            validation=split.validation,
+            config=settings.net,
+            seed=seed,
+            on_epoch=partial(progress, name) if progress else None,
+        )
+        curves.append(
+            LossCurve(
+                name=name,
+                training_loss=fitted.training_loss,
+                validation_loss=fitted.validation_loss,
+                best_epoch=fitted.best_epoch,
+            )
+        )
+        return fitted
+
+    split_scores = []
+    for kind in settings.splits:
+        split = SPLITS[kind](samples, settings.seed)
+        split_scores.append(_split_score(kind, samples, split, fit(split, settings.seed)))
+    fits = [fit(split, settings.seed + 1 + k) for k, split in enumerate(learnt)]
+    network = stack_networks([f.network for f in fits])
+    left_out = _left_out_speeds(samples, fits, member_rows)
+    spread = ensemble_speed(network, samples.airspeed, samples.tank_kg)[1]
+    residual = samples.rotor_speed_rpm - left_out
+    interval = calibrate(
+        residual, spread, samples.airspeed, samples.flight, coverage=settings.coverage
+    )
+    measured = measure_coverage(
+        residual, spread, samples.airspeed, samples.flight, coverage=settings.coverage
+    )
+    model = RotorModel(
+        airframe=airframe,
+        network=network,
+        envelope=_envelope(samples),
+        interval=replace(interval, measured=measured),
+        reference_density=float(np.median(samples.density)),
+        reference_voltage=_median(samples.voltage),
+        training=TrainingRecord(
+            date=date,
+            version=version,
+            seed=settings.seed,
+            members=settings.members,
+            config=settings.net,
+            rows=samples.flight.size,
+            learnt_rows=int(np.count_nonzero(steady)),
+            splits=tuple(split_scores),
+            left_out=_conditions(samples, left_out, settings.seed),
+        ),
+        forward_flight=fit_forward_flight(tracks, airframe),
+    )
+    return Trained(model=model, curves=tuple(curves))
+
+
+def _only(rows: Rows, wanted: np.ndarray) -> Rows:
+    return rows[wanted[rows]]
+
+
+def _left_out_speeds(
+    samples: Samples, fits: Sequence[NetworkFit], splits: Sequence[Split]
+) -> Floats:
+    """(N, R) rpm: mean over the members that left the row's flight out."""
+    total = np.zeros_like(samples.rotor_speed_rpm)
+    count = np.zeros((samples.airspeed.size, 1))
+    for fitted, split in zip(fits, splits, strict=True):
+        rows = split.test
+        total[rows] += member_speeds(fitted.network, samples.airspeed[rows], samples.tank_kg[rows])[
+            0
+        ]
+        count[rows] += 1
+    return total / count
+
+
+def _split_score(kind: str, samples: Samples, split: Split, fitted: NetworkFit) -> SplitScore:
+    predicted = member_speeds(fitted.network, samples.airspeed, samples.tank_kg)[0]
+
+    def of(rows: Rows) -> Score:
+        return score(samples.rotor_speed_rpm[rows], predicted[rows], samples.flight[rows])
+
+    return SplitScore(
+        split=kind,
+        training=of(split.training),
+        validation=of(split.validation),
+        test=of(split.test),
+        epochs=fitted.epochs,
+        best_epoch=fitted.best_epoch,
+        lowest_loss=fitted.lowest_loss,
+    )
+
+
+def _conditions(samples: Samples, predicted: Floats, seed: int) -> tuple[ConditionScore, ...]:
+    """Scores on flights left out: all rows, and the kinds of rows that say where the error is."""
+    measured, flight = samples.rotor_speed_rpm, samples.flight
+    everything = np.arange(flight.size)
+    kinds = {
+        "all rows": everything,
+        "pump on": np.flatnonzero(samples.spraying > 0.5),
+        "outside yaw turns": np.flatnonzero(samples.turning == 0.0),
+        "in yaw turns": np.flatnonzero(samples.turning == 1.0),
+    }
+    scores = [
+        ConditionScore(
+            condition=name,
+            score=replace(
+                score(measured[rows], predicted[rows], flight[rows]),
+                r2_ci95=r2_interval(measured[rows], predicted[rows], flight[rows], seed=seed),
+            ),
+        )
+        for name, rows in kinds.items()
+        if rows.size
+    ]
+    mean, mean_hat = measured.mean(axis=1, keepdims=True), predicted.mean(axis=1, keepdims=True)
+    together = replace(
+        score(mean, mean_hat, flight), r2_ci95=r2_interval(mean, mean_hat, flight, seed=seed)
+    )
+    return (*scores, ConditionScore(condition="mean of rotors", score=together))
+
+
+def _envelope(samples: Samples) -> Envelope:
+    return Envelope(
+        airspeed=_range(samples.airspeed),
+        tank_kg=_range(samples.tank_kg),
+        density=_range(samples.density),
+        height_agl=_range(samples.height_agl),
+        wind_speed=_range(samples.wind_speed),
+        flights=samples.flights,
+    )
+
+
+def _range(values: Floats) -> Range:
+    known = values[np.isfinite(values)]
+    return (float(known.min()), float(known.max())) if known.size else (np.nan, np.nan)
+
+
+def _median(values: Floats) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if known.size else float("nan")

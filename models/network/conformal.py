@@ -1,0 +1,166 @@
+"""Intervals of the predicted rotor speed, calibrated on flights that the network has not seen.
+
+    half width of rotor i = q_i s_i,   s_i = sqrt(c_i(V)^2 + (z spread_i)^2)
+
+c_i(V) is how far rotor i usually is from its prediction at airspeed V (the `coverage` quantile of
+its residual at like airspeeds: below 3 m/s an aircraft turns and hovers, at 6 m/s it flies
+straight). spread_i is the standard deviation over the ensemble, z the normal quantile; so the
+interval widens where the members disagree. q_i is the conformal factor.
+
+Residuals are cross-conformal (Vovk, Ann. Math. Artif. Intell. 74, 2015): those of a flight come
+from members that have not seen it. Scores |residual|/s are locally weighted (Lei et al., J. Am.
+Stat. Assoc. 113, 2018). Rows of one flight are correlated, so the flight is what is exchangeable:
+each of K flights weighs 1/(K+1), shared among its rows, and the last 1/(K+1) lies at infinity
+(Lee, Barber and Willett, "Distribution-free inference with hierarchical data", 2023). The promise
+is for one row of a new flight like those of the training, on average over such flights; it is not
+that every flight gets its 90 %. The centre is the mean of all members where the scores are of
+those that left the flight out, so the promise is approximate, and the coverage is measured too.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from statistics import NormalDist
+
+import numpy as np
+
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.network.training_rows import Rows
+
+KNOT_STEP = 0.5  # m/s between the airspeeds at which the scatter is kept
+BANDWIDTH = 0.5  # m/s, standard deviation of the weights of like airspeeds
+#: rpm below which a scatter is not believed: no rotor speed sensor is better than this
+SCATTER_FLOOR_RPM = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasuredCoverage:
+    """Share of rows inside the interval on flights that took no part in calibrating it."""
+
+    per_rotor: tuple[float, ...]  # mean over flights
+    per_flight: tuple[float, ...]  # mean over rotors, in the order of the envelope's flights
+    mean: float
+    width_rpm: float  # mean full width
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Interval:
+    """A calibrated interval of R rotors with scatter at B airspeeds."""
+
+    coverage: float
+    flights: int  # that it was calibrated on
+    airspeed: tuple[float, ...]  # (B,) m/s
+    scatter_rpm: tuple[tuple[float, ...], ...]  # (B, R)
+    factor: tuple[float, ...]  # (R,) NaN when the flights are too few for this coverage
+    measured: MeasuredCoverage | None = None
+
+    def half_width_rpm(self, airspeed: Floats, spread_rpm: Floats) -> Floats:
+        """(N, R) rpm for airspeeds (N,) m/s and spreads over the ensemble (N, R) rpm."""
+        return np.asarray(self.factor) * self._scale(airspeed, spread_rpm)
+
+    def _scale(self, airspeed: Floats, spread_rpm: Floats) -> Floats:
+        scatter = np.asarray(self.scatter_rpm)
+        place = np.interp(airspeed, self.airspeed, np.arange(len(self.airspeed), dtype=np.float64))
+        below = np.minimum(place.astype(np.intp), len(self.airspeed) - 1)
+        above = np.minimum(below + 1, len(self.airspeed) - 1)
+        share = (place - below)[:, None]
+        local = scatter[below] * (1.0 - share) + scatter[above] * share
+        return np.hypot(local, _normal(self.coverage) * spread_rpm)
+
+
+def _normal(coverage: float) -> float:
+    """Half width of the central interval of a normal distribution, in standard deviations."""
+    return NormalDist().inv_cdf(0.5 + coverage / 2.0)
+
+
+def flights_needed(coverage: float) -> int:
+    """Fewest flights with which a finite interval of this coverage can be given."""
+    return math.ceil(coverage / (1.0 - coverage) - 1e-9)
+
+
+def hierarchical_quantile(scores: Floats, flight: Rows, level: float) -> float:
+    """Score that a row of a new flight stays below with probability `level`; infinite if unknown.
+
+    scores (N,) of rows that belong to `flight` (N,), any labels. Each of K flights weighs 1/(K+1).
+    """
+    _, which, counts = np.unique(flight, return_inverse=True, return_counts=True)
+    order = np.argsort(scores)
+    reached = np.cumsum((1.0 / ((counts.size + 1) * counts))[which[order]])
+    index = int(np.searchsorted(reached, level - 1e-9))
+    return float(scores[order[index]]) if index < scores.size else math.inf
+
+
+def calibrate(
+    residual_rpm: Floats, spread_rpm: Floats, airspeed: Floats, flight: Rows, *, coverage: float
+) -> Interval:
+    """Interval from residuals (N, R) of members that have not seen the rows' flights.
+
+    spread_rpm (N, R) over the ensemble, airspeed (N,) m/s, flight (N,) labels. The factor is NaN
+    with fewer than `flights_needed(coverage)` flights: no number is made up.
+    """
+    count = np.unique(flight).size
+    knots = _knots(airspeed)
+    scatter = _scatter(np.abs(residual_rpm), airspeed, flight, knots, coverage)
+    interval = Interval(
+        coverage=coverage,
+        flights=count,
+        airspeed=tuple(knots.tolist()),
+        scatter_rpm=tuple(tuple(row) for row in scatter.tolist()),
+        factor=(1.0,) * residual_rpm.shape[1],
+    )
+    scores = np.abs(residual_rpm) / interval._scale(airspeed, spread_rpm)
+    factor = [hierarchical_quantile(column, flight, coverage) for column in scores.T]
+    return replace(interval, factor=tuple(f if math.isfinite(f) else math.nan for f in factor))
+
+
+def _knots(airspeed: Floats) -> Floats:
+    low, high = float(airspeed.min()), float(airspeed.max())
+    return np.linspace(low, high, max(2, 1 + round((high - low) / KNOT_STEP)))
+
+
+def _scatter(
+    size: Floats, airspeed: Floats, flight: Rows, knots: Floats, coverage: float
+) -> Floats:
+    """(B, R) `coverage` quantile of the residual's size (N, R) at like airspeeds.
+
+    Every flight weighs the same within reach of a knot, whatever its number of rows.
+    """
+    _, which, counts = np.unique(flight, return_inverse=True, return_counts=True)
+    order = np.argsort(size, axis=0)
+    scatter = np.empty((knots.size, size.shape[1]))
+    for b, knot in enumerate(knots):
+        weight = np.exp(-0.5 * ((airspeed - knot) / BANDWIDTH) ** 2) / counts[which]
+        for i in range(size.shape[1]):
+            reached = np.cumsum(weight[order[:, i]])
+            index = int(np.searchsorted(reached, coverage * reached[-1]))
+            scatter[b, i] = size[order[min(index, size.shape[0] - 1), i], i]
+    return np.maximum(scatter, SCATTER_FLOOR_RPM)
+
+
+def measure_coverage(
+    residual_rpm: Floats, spread_rpm: Floats, airspeed: Floats, flight: Rows, *, coverage: float
+) -> MeasuredCoverage | None:
+    """Coverage of each flight by an interval calibrated on the other flights alone.
+
+    None when leaving one out leaves too few flights to calibrate on.
+    """
+    labels = np.unique(flight)
+    if labels.size - 1 < flights_needed(coverage):
+        return None
+    inside = np.empty((labels.size, residual_rpm.shape[1]))
+    widths = np.empty(labels.size)
+    for k, label in enumerate(labels):
+        out = flight == label
+        interval = calibrate(
+            residual_rpm[~out], spread_rpm[~out], airspeed[~out], flight[~out], coverage=coverage
+        )
+        half = interval.half_width_rpm(airspeed[out], spread_rpm[out])
+        inside[k] = np.mean(np.abs(residual_rpm[out]) <= half, axis=0)
+        widths[k] = 2.0 * half.mean()
+    return MeasuredCoverage(
+        per_rotor=tuple(inside.mean(axis=0).tolist()),
+        per_flight=tuple(inside.mean(axis=1).tolist()),
+        mean=float(inside.mean()),
+        width_rpm=float(widths.mean()),
+    )

@@ -1,0 +1,146 @@
+"""Learnt networks in plain numpy: M members as one batch of matrices, for one row or for many.
+
+    N = f(V, m):  V airspeed [m/s], m liquid in the tank [kg]  ->  N_1..N_R rotor speeds [rpm]
+
+Same numbers as torch to float32; how the weights come about is in `rotor_net`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thrustmargin.models.errors import ModelError
+from thrustmargin.models.flight import Floats
+
+Float32s = NDArray[np.float32]
+
+#: rows that go through the layers at once; bounds the memory of long flights.
+CHUNK_ROWS = 4096
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RotorNetwork:
+    """M networks of the same shape with their standardisation: inputs (V, m), outputs R rotors.
+
+    Raises ModelError when the shapes do not fit together or a number is not finite.
+    """
+
+    weights: tuple[Float32s, ...]  # each (M, units in, units out)
+    biases: tuple[Float32s, ...]  # each (M, units out)
+    input_mean: Floats  # (M, 2) m/s, kg
+    input_scale: Floats  # (M, 2)
+    output_mean: Floats  # (M, R) rpm
+    output_scale: Floats  # (M, R)
+
+    def __post_init__(self) -> None:
+        if self.input_mean.ndim != 2:
+            raise ModelError(f"input_mean has shape {self.input_mean.shape}; needs (members, 2)")
+        members, width = self.input_mean.shape
+        if width != 2 or not self.weights or len(self.weights) != len(self.biases):
+            raise ModelError(f"network of {len(self.weights)} layers and {width} inputs; needs 2")
+        for layer, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True), 1):
+            if weight.ndim != 3 or weight.shape[:2] != (members, width):
+                raise ModelError(
+                    f"layer {layer} has weights {weight.shape}; needs ({members}, {width}, units)"
+                )
+            width = weight.shape[2]
+            if bias.shape != (members, width):
+                raise ModelError(f"layer {layer} has biases {bias.shape}; needs {members, width}")
+        for name in ("output_mean", "output_scale", "input_scale"):
+            want = (members, 2 if name == "input_scale" else width)
+            if getattr(self, name).shape != want:
+                raise ModelError(f"{name} has shape {getattr(self, name).shape}; needs {want}")
+        for array in (*self.weights, *self.biases, *self._standardisation()):
+            if not np.all(np.isfinite(array)):
+                raise ModelError("the network has weights that are not finite numbers")
+        if np.any(self.input_scale <= 0) or np.any(self.output_scale <= 0):
+            raise ModelError("the network has a standardisation scale that is not positive")
+
+    def _standardisation(self) -> tuple[Floats, ...]:
+        return self.input_mean, self.input_scale, self.output_mean, self.output_scale
+
+    @property
+    def members(self) -> int:
+        return self.input_mean.shape[0]
+
+    @property
+    def rotor_count(self) -> int:
+        return self.output_mean.shape[1]
+
+    @property
+    def hidden(self) -> tuple[int, ...]:
+        return tuple(w.shape[2] for w in self.weights[:-1])
+
+    def member(self, index: int) -> RotorNetwork:
+        """One of the networks, as an ensemble of one."""
+        i = slice(index, index + 1)
+        return RotorNetwork(
+            weights=tuple(w[i] for w in self.weights),
+            biases=tuple(b[i] for b in self.biases),
+            input_mean=self.input_mean[i],
+            input_scale=self.input_scale[i],
+            output_mean=self.output_mean[i],
+            output_scale=self.output_scale[i],
+        )
+
+
+def stack_networks(networks: Sequence[RotorNetwork]) -> RotorNetwork:
+    """One ensemble of all members of the given networks, in order."""
+    return RotorNetwork(
+        weights=tuple(
+            np.concatenate(layer) for layer in zip(*(n.weights for n in networks), strict=True)
+        ),
+        biases=tuple(
+            np.concatenate(layer) for layer in zip(*(n.biases for n in networks), strict=True)
+        ),
+        input_mean=np.concatenate([n.input_mean for n in networks]),
+        input_scale=np.concatenate([n.input_scale for n in networks]),
+        output_mean=np.concatenate([n.output_mean for n in networks]),
+        output_scale=np.concatenate([n.output_scale for n in networks]),
+    )
+
+
+def member_speeds(network: RotorNetwork, airspeed: Floats, tank_kg: Floats) -> Floats:
+    """(M, N, R) rotor speeds in rpm that each member predicts for N rows of airspeed and tank."""
+    inputs = np.stack(
+        [np.asarray(airspeed, dtype=np.float64), np.asarray(tank_kg, dtype=np.float64)], axis=-1
+    )
+    rows = inputs.shape[0]
+    if rows <= CHUNK_ROWS:
+        return _forward(network, inputs)
+    out = np.empty((network.members, rows, network.rotor_count))
+    for start in range(0, rows, CHUNK_ROWS):
+        part = slice(start, start + CHUNK_ROWS)
+        out[:, part] = _forward(network, inputs[part])
+    return out
+
+
+def _forward(network: RotorNetwork, inputs: Floats) -> Floats:
+    """(M, N, R) from inputs (N, 2); the layers in float32 as they were trained."""
+    hidden = (inputs - network.input_mean[:, None]) / network.input_scale[:, None]
+    hidden = hidden.astype(np.float32)
+    last = len(network.weights) - 1
+    for layer, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
+        hidden = hidden @ weight
+        hidden += bias[:, None]
+        if layer < last:
+            np.maximum(hidden, 0.0, out=hidden)
+    return hidden * network.output_scale[:, None] + network.output_mean[:, None]
+
+
+def ensemble_speed(
+    network: RotorNetwork, airspeed: Floats, tank_kg: Floats
+) -> tuple[Floats, Floats]:
+    """Mean and spread of the members: two (N, R) arrays in rpm for N rows.
+
+    The spread is the sample standard deviation over members, the model's own uncertainty of its
+    mean function; 0 for a single member. It says nothing about scatter of the rotors themselves.
+    """
+    speeds = member_speeds(network, airspeed, tank_kg)
+    if network.members == 1:
+        return speeds[0], np.zeros_like(speeds[0])
+    return speeds.mean(axis=0), speeds.std(axis=0, ddof=1)

@@ -1,0 +1,65 @@
+"""What a model file remembers beside its numbers: identified effects, and how it was trained."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from thrustmargin.models.network.network import NetConfig
+from thrustmargin.models.network.scores import Score
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Identified:
+    """The value of one parameter of an effect, with its 95 % interval."""
+
+    value: float
+    unit: str
+    ci95: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EffectRecord:
+    """An identified effect as model files and `identify` write it; rotors count from 1."""
+
+    name: str
+    rotor: int | None
+    parameters: dict[str, Identified]
+    variant: str = ""  # which form of the effect, where there are several
+    flights: tuple[str, ...] = ()  # that it was found on
+    date: str = ""  # ISO 8601, of the identification
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SplitScore:
+    """One network on its own three sets, as the paper's table has it."""
+
+    split: str  # "samples" or "flights"
+    training: Score
+    validation: Score
+    test: Score
+    epochs: int
+    best_epoch: int
+    lowest_loss: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConditionScore:
+    """The ensemble on flights left out, on the rows of one condition."""
+
+    condition: str
+    score: Score
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainingRecord:
+    """How a network came to be and how good it is."""
+
+    date: str  # ISO 8601
+    version: str  # of thrustmargin
+    seed: int
+    members: int
+    config: NetConfig
+    rows: int  # training rows of all flights
+    learnt_rows: int  # those outside yaw turns, from which the members learn
+    splits: tuple[SplitScore, ...]
+    left_out: tuple[ConditionScore, ...]  # each flight predicted by members that never saw it

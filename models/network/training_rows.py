@@ -1,0 +1,258 @@
+"""Rows of flights that a rotor speed model may learn from, and ways to split them.
+
+Rows of one flight are correlated: neighbours are 0.1 s apart, and a tank level says which turn of
+which flight a row is from. A split by samples, as the paper's, therefore asks about rows whose
+neighbours were learnt; a split by flight asks about a flight that the model has not seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.physics.atmosphere import track_density
+
+Rows = NDArray[np.intp]
+
+#: share of training, validation and test. The paper prints 0.75:0.15:0.15, which adds up to 1.05.
+SHARES = (0.70, 0.15, 0.15)
+#: m/s and s: flight is level when the climb rate stays below this for this long
+LEVEL_CLIMB, LEVEL_SECONDS = 0.3, 1.0
+#: share of the usual low height of a flight below which it is still taking off or landing
+LOW_SHARE = 0.5
+#: rad/s and s: a row is in a yaw turn when the yaw rate exceeds this within this time of it
+TURN_RATE, TURN_SECONDS = np.radians(5.0), 1.0
+
+
+def training_rows(track: FlightTrack) -> Bools:
+    """(T,) rows of a flight that can teach or judge a rotor speed model.
+
+    Kept: off the ground, between take-off and landing, with airspeed, tank level and every rotor's
+    speed known and above 0. Each stretch of flight begins at its first and ends at its last second
+    of level flight (climb rate below 0.3 m/s, and not lower than half its usual low height), so
+    climbs in between stay, as do yaw turns and hover: the aircraft flies them, so the model is
+    judged on them. With neither climb rate nor height reported, the stretch is kept whole.
+    """
+    with np.errstate(invalid="ignore"):
+        known = (
+            np.isfinite(track.airspeed)
+            & np.isfinite(track.tank_kg)
+            & np.all(track.rotor_speed_rpm > 0.0, axis=1)
+        )
+    keep = track.flying & known
+    climb = _climb_rate(track)
+    if climb is None:
+        return keep
+    for first, end in _stretches(track.flying):
+        part = slice(first, end)
+        with np.errstate(invalid="ignore"):
+            level = np.abs(climb[part]) < LEVEL_CLIMB
+            height = track.height_agl[part]
+            if np.any(np.isfinite(height)):
+                level &= height >= LOW_SHARE * np.nanpercentile(height, 10.0)
+        time_s = track.time_s[part]
+        runs = [r for r in _stretches(level) if time_s[r[1] - 1] - time_s[r[0]] >= LEVEL_SECONDS]
+        if not runs:
+            keep[part] = False
+            continue
+        keep[first : first + runs[0][0]] = False
+        keep[first + runs[-1][1] : end] = False
+    return keep
+
+
+def _climb_rate(track: FlightTrack) -> Floats | None:
+    """(T,) m/s upwards from the vertical speed, else from the height; None with neither."""
+    if np.any(np.isfinite(track.velocity_ned[:, 2])):
+        return -track.velocity_ned[:, 2]
+    if np.any(np.isfinite(track.height_agl)) and track.time_s.size > 1:
+        return np.gradient(track.height_agl, track.time_s)
+    return None
+
+
+def _stretches(mask: Bools) -> list[tuple[int, int]]:
+    """(first, end) of each run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
+    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def turning_rows(track: FlightTrack) -> Bools:
+    """(T,) rows in or within a second of a yaw turn of more than 5 deg/s; all False if unknown."""
+    with np.errstate(invalid="ignore"):
+        fast = np.abs(track.angular_rate_frd[:, 2]) > TURN_RATE
+    when = track.time_s[fast]
+    before = np.searchsorted(when, track.time_s - TURN_SECONDS, side="left")
+    after = np.searchsorted(when, track.time_s + TURN_SECONDS, side="right")
+    return after > before
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Samples:
+    """N rows of F flights with R rotors, in order of flight and time; NaN where unreported."""
+
+    airspeed: Floats  # (N,) m/s
+    tank_kg: Floats  # (N,) kg
+    rotor_speed_rpm: Floats  # (N, R)
+    flight: Rows  # (N,) index into flights
+    flights: tuple[str, ...]  # (F,) names
+    density: Floats  # (N,) kg/m³
+    height_agl: Floats  # (N,) m
+    wind_speed: Floats  # (N,) m/s horizontal
+    voltage: Floats  # (N,) V
+    spraying: Floats  # (N,) 1 pump on, 0 off, NaN unknown
+    turning: Floats  # (N,) 1 in a yaw turn, 0 not, NaN unknown
+
+    @property
+    def inputs(self) -> Floats:
+        """(N, 2) airspeed and tank mass, the inputs of the network."""
+        return np.stack([self.airspeed, self.tank_kg], axis=1)
+
+    def of_flights(self, chosen: Rows) -> Rows:
+        """Rows of the flights with the given indices."""
+        return np.flatnonzero(np.isin(self.flight, chosen))
+
+
+def gather(tracks: Sequence[FlightTrack]) -> Samples:
+    """Training rows of all flights as one table; flights without any are left out.
+
+    Raises DataError when no flight has a usable row, flights differ in rotor count, or one flight
+    is given twice (it would be learnt and tested on at once).
+    """
+    kept = [(track, rows) for track in tracks if (rows := training_rows(track)).any()]
+    if not kept:
+        raise DataError(_nothing_usable(tracks))
+    counts = sorted({track.rotor_count for track, _ in kept})
+    if len(counts) > 1:
+        raise DataError(f"the flights have {counts} rotors; train on flights of one aircraft")
+    seen: dict[bytes, str] = {}
+    for track, rows in kept:
+        content = track.rotor_speed_rpm[rows].tobytes()
+        if content in seen:
+            raise DataError(
+                f"{track.name} and {seen[content]} are the same flight; give each flight once"
+            )
+        seen[content] = track.name
+
+    def column(values: list[Floats]) -> Floats:
+        return np.concatenate([v[rows] for v, (_, rows) in zip(values, kept, strict=True)])
+
+    flown = [track for track, _ in kept]
+    return Samples(
+        airspeed=column([t.airspeed for t in flown]),
+        tank_kg=column([t.tank_kg for t in flown]),
+        rotor_speed_rpm=column([t.rotor_speed_rpm for t in flown]),
+        flight=np.repeat(np.arange(len(kept)), [int(rows.sum()) for _, rows in kept]),
+        flights=_distinct([t.name for t in flown]),
+        density=column([track_density(t)[0] for t in flown]),
+        height_agl=column([t.height_agl for t in flown]),
+        wind_speed=column([np.hypot(t.wind_ned[:, 0], t.wind_ned[:, 1]) for t in flown]),
+        voltage=column([t.voltage for t in flown]),
+        spraying=column([t.spraying for t in flown]),
+        turning=column(
+            [
+                np.where(np.isfinite(t.angular_rate_frd[:, 2]), turning_rows(t), np.nan)
+                for t in flown
+            ]
+        ),
+    )
+
+
+def _nothing_usable(tracks: Sequence[FlightTrack]) -> str:
+    lacking = [
+        words
+        for channel, words in (
+            ("rotor_speed_rpm", "rotor speeds (ESC telemetry)"),
+            ("airspeed", "airspeed"),
+            ("tank_kg", "a tank level"),
+        )
+        if not any(track.reports(channel) for track in tracks)
+    ]
+    why = f"none reports {', '.join(lacking)}" if lacking else "none is steadily in the air"
+    return f"no usable rows in {len(tracks)} logs: {why}; look at one with: thrustmargin inspect"
+
+
+def _distinct(names: list[str]) -> tuple[str, ...]:
+    """The names, with a number behind those that were there before."""
+    result: list[str] = []
+    for name in names:
+        unique, count = name, 2
+        while unique in result:
+            unique, count = f"{name} ({count})", count + 1
+        result.append(unique)
+    return tuple(result)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Split:
+    """Row numbers of the three sets of one fit; no row is in two."""
+
+    training: Rows
+    validation: Rows
+    test: Rows
+
+
+def split_by_samples(samples: Samples, seed: int) -> Split:
+    """Rows drawn at random into 0.70 : 0.15 : 0.15, as the paper does."""
+    rows = np.random.default_rng(seed).permutation(samples.airspeed.size)
+    first = round(SHARES[0] * rows.size)
+    second = round((SHARES[0] + SHARES[1]) * rows.size)
+    return Split(
+        training=np.sort(rows[:first]),
+        validation=np.sort(rows[first:second]),
+        test=np.sort(rows[second:]),
+    )
+
+
+def split_by_flight(samples: Samples, seed: int) -> Split:
+    """Whole flights drawn into 0.70 : 0.15 : 0.15; at least one in each set.
+
+    Raises DataError for fewer than 3 flights.
+    """
+    order = np.random.default_rng(seed).permutation(_flight_count(samples))
+    held = max(1, round(SHARES[2] * order.size))
+    return Split(
+        training=samples.of_flights(order[2 * held :]),
+        validation=samples.of_flights(order[held : 2 * held]),
+        test=samples.of_flights(order[:held]),
+    )
+
+
+def member_splits(samples: Samples, members: int, seed: int) -> tuple[Split, ...]:
+    """One split by flight a member; every flight is in the `test` of at least one member.
+
+    The flights are dealt into as many folds as there are members (at most one a flight). Member k
+    leaves out fold k (`test`), stops early on 15 % of the other flights and learns the rest.
+    Raises DataError for fewer than 3 flights or 3 members.
+    """
+    if members < 3:
+        raise DataError(f"{members} members; with fewer than 3, each would learn too little")
+    count = _flight_count(samples)
+    rng = np.random.default_rng(seed)
+    folds = np.array_split(rng.permutation(count), min(members, count))
+    splits = []
+    for member in range(members):
+        held = folds[member % len(folds)]
+        rest = rng.permutation(np.setdiff1d(np.arange(count), held))
+        stop = min(max(1, round(SHARES[1] * count)), rest.size - 1)
+        splits.append(
+            Split(
+                training=samples.of_flights(rest[stop:]),
+                validation=samples.of_flights(rest[:stop]),
+                test=samples.of_flights(held),
+            )
+        )
+    return tuple(splits)
+
+
+def _flight_count(samples: Samples) -> int:
+    count = len(samples.flights)
+    if count < 3:
+        raise DataError(
+            f"{count} flights with usable rows ({', '.join(samples.flights)}); a split by flight "
+            "needs at least 3: one each to learn from, to stop on and to test on"
+        )
+    return count

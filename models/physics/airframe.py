@@ -1,0 +1,236 @@
+"""Airframe: what the aircraft is, read once from a TOML file in which every value has its source.
+
+A file is a set of tables of quantities `{ value = 21.1, unit = "kg", source = "..." }`.
+`extends = "other"` takes every value of another airframe and replaces those given; other is a
+shipped name, or the path of a .toml file as seen from this one. `tank_source` may name the message
+that carries the tank level, say "BATTERY_STATUS 1"; without it the best that is heard is taken.
+Rotor order is the autopilot's motor order; positions are `_frd` from the centre of gravity.
+`spin` is +1 for a rotor that turns counter-clockwise seen from above, -1 for clockwise.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass, field
+from importlib import resources
+from math import inf
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from thrustmargin.models.errors import AirframeError
+from thrustmargin.models.flight import Floats
+
+#: name of the quantity -> unit that its file must state.
+QUANTITIES = MappingProxyType(
+    {
+        "empty_mass": "kg",
+        "tank_volume_l": "L",
+        "liquid_density": "kg/L",
+        "pump_max_flow_l_min": "L/min",
+        "propeller_diameter": "m",
+        "propeller_pitch": "m",
+        "propeller_blades": "1",
+        "thrust_coefficient": "N/rpm^2",
+        "reference_density": "kg/m^3",
+        "max_rotor_speed_rpm": "rpm",
+        "nameplate_max_thrust": "N",
+        "ceiling_voltage": "V",
+        "ceiling_voltage_exponent": "1",
+        "nominal_voltage": "V",
+        "torque_ratio": "m",
+        "motor_poles": "1",
+    }
+)
+#: Quantities for which zero has a meaning: a ceiling that voltage does not move, no tank, no pump.
+MAY_BE_ZERO = frozenset({"ceiling_voltage_exponent", "tank_volume_l", "pump_max_flow_l_min"})
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A number of the airframe file with its unit and where it comes from."""
+
+    value: float
+    unit: str
+    source: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Airframe:
+    """One aircraft: masses, tank, rotors in motor order, thrust curve and its ceiling. SI units."""
+
+    name: str
+    title: str
+    layout: str
+    empty_mass: float  # kg with packs, without liquid
+    tank_volume_l: float  # L
+    liquid_density: float  # kg/L
+    pump_max_flow_l_min: float  # L/min
+    propeller_diameter: float  # m
+    propeller_pitch: float  # m
+    propeller_blades: float
+    thrust_coefficient: float  # N/rpm², at reference_density
+    reference_density: float  # kg/m³
+    max_rotor_speed_rpm: float  # rpm reached at full throttle and ceiling_voltage
+    nameplate_max_thrust: float  # N a rotor, as the maker prints it
+    ceiling_voltage: float  # V at which max_rotor_speed_rpm holds
+    ceiling_voltage_exponent: float  # max rotor speed goes with (voltage/ceiling_voltage)^this
+    nominal_voltage: float  # V of the pack
+    torque_ratio: float  # m, rotor torque over rotor thrust
+    motor_poles: float
+    rotor_position_frd: Floats  # (R, 3) m
+    rotor_spin: Floats  # (R,) +1 CCW from above, -1 CW
+    rotor_effectiveness: Floats  # (R,) thrust at a speed over that of a free rotor (coaxial)
+    rotor_names: tuple[str, ...]
+    quantities: MappingProxyType[str, Quantity] = field(repr=False)
+    tank_source: str = "auto"  # which message its tank level comes from, as readers name sources
+
+    @property
+    def rotor_count(self) -> int:
+        return self.rotor_spin.size
+
+    @property
+    def tank_capacity_kg(self) -> float:
+        """Mass of a full tank, kg."""
+        return self.tank_volume_l * self.liquid_density
+
+
+def airframe_names() -> list[str]:
+    """Names of the airframes that ship with the package, sorted."""
+    folder = resources.files("thrustmargin.models") / "airframes"
+    return sorted(
+        p.name.removesuffix(".toml") for p in folder.iterdir() if p.name.endswith(".toml")
+    )
+
+
+def load_airframe(name_or_path: str | Path) -> Airframe:
+    """Read a shipped airframe by name, or any airframe file by path.
+
+    Raises AirframeError when it is not there, lacks a value, or a value is in another unit.
+    """
+    return airframe_from_table(_read(str(name_or_path), ()), where=str(name_or_path))
+
+
+def _read(name_or_path: str, children: tuple[str, ...]) -> dict[str, Any]:
+    path = Path(name_or_path)
+    if path.suffix == ".toml":
+        try:
+            text = path.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError) as error:
+            raise AirframeError(
+                f"cannot read airframe file {path}: {error}; give a path to a .toml file"
+            ) from error
+    else:
+        names = airframe_names()
+        if name_or_path not in names:
+            raise AirframeError(
+                f"no airframe {name_or_path!r}; shipped are {', '.join(names)}, "
+                "or give a path ending in .toml"
+            )
+        text = (
+            resources.files("thrustmargin.models") / "airframes" / f"{name_or_path}.toml"
+        ).read_text("utf-8")
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise AirframeError(f"{name_or_path}: not a TOML file: {error}") from error
+    for key, kind in (("quantities", dict), ("rotors", list)):
+        if not isinstance(table.get(key, kind()), kind):
+            raise AirframeError(f"{name_or_path}: {key} must be a table, is {table[key]!r}")
+    parent = table.pop("extends", None)
+    if parent is None:
+        return table
+    parent = str(parent)
+    if path.suffix == ".toml" and parent.endswith(".toml"):
+        parent = str(path.parent / parent)
+    if parent in (name_or_path, *children):
+        raise AirframeError(f"{name_or_path}: extends {parent!r}, which extends it again")
+    base = _read(parent, (name_or_path, *children))
+    quantities = {**base.get("quantities", {}), **table.pop("quantities", {})}
+    return {**base, **table, "quantities": quantities}
+
+
+def airframe_table(airframe: Airframe) -> dict[str, Any]:
+    """The airframe as the table that its file holds: plain strings, numbers, lists and tables."""
+    return {
+        "name": airframe.name,
+        "title": airframe.title,
+        "layout": airframe.layout,
+        "tank_source": airframe.tank_source,
+        "quantities": {
+            name: {"value": q.value, "unit": q.unit, "source": q.source}
+            for name, q in airframe.quantities.items()
+        },
+        "rotors": [
+            {
+                "name": name,
+                "position_frd": position.tolist(),
+                "spin": "ccw" if spin > 0 else "cw",
+                "effectiveness": float(effectiveness),
+            }
+            for name, position, spin, effectiveness in zip(
+                airframe.rotor_names,
+                airframe.rotor_position_frd,
+                airframe.rotor_spin,
+                airframe.rotor_effectiveness,
+                strict=True,
+            )
+        ],
+    }
+
+
+def airframe_from_table(table: dict[str, Any], where: str) -> Airframe:
+    """The airframe of a complete table; `where` it is from goes into the messages.
+
+    Raises AirframeError when a value is missing, impossible or in another unit.
+    """
+    given = table.get("quantities", {})
+    quantities: dict[str, Quantity] = {}
+    for name, unit in QUANTITIES.items():
+        entry = given.get(name)
+        if not isinstance(entry, dict) or not {"value", "unit", "source"} <= entry.keys():
+            raise AirframeError(f"{where}: {name} needs value, unit ({unit}) and source")
+        if entry["unit"] != unit:
+            raise AirframeError(f"{where}: {name} is in {entry['unit']!r}; give it in {unit!r}")
+        value = entry["value"]
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        if not is_number or not (0 < value < inf or (value == 0 and name in MAY_BE_ZERO)):
+            raise AirframeError(f"{where}: {name} is {value!r}; it must be a number above 0")
+        quantities[name] = Quantity(float(value), unit, str(entry["source"]))
+    unknown = set(given) - set(QUANTITIES)
+    if unknown:
+        raise AirframeError(f"{where}: unknown quantity {sorted(unknown)[0]!r}; check its spelling")
+    rotors = table.get("rotors", [])
+    if len(rotors) < 3:
+        raise AirframeError(f"{where}: {len(rotors)} [[rotors]]; a multirotor has at least 3")
+    try:
+        positions = np.array([r["position_frd"] for r in rotors], dtype=np.float64)
+        spin = np.array([{"ccw": 1.0, "cw": -1.0}[r["spin"]] for r in rotors])
+        effectiveness = np.array([float(r.get("effectiveness", 1.0)) for r in rotors])
+        names = tuple(str(r["name"]) for r in rotors)
+        title, layout = str(table["title"]), str(table["layout"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise AirframeError(
+            f"{where}: needs title, layout, and for each rotor name, position_frd and "
+            f"spin ('ccw' or 'cw'); stopped at {error}"
+        ) from error
+    if positions.shape != (len(rotors), 3) or not np.all(np.isfinite(positions)):
+        raise AirframeError(f"{where}: position_frd must be three numbers in m for each rotor")
+    if not np.all((effectiveness > 0.0) & (effectiveness <= 1.0)):
+        raise AirframeError(f"{where}: effectiveness of a rotor must be above 0 and at most 1")
+    if not np.any(np.hypot(positions[:, 0], positions[:, 1])):
+        raise AirframeError(f"{where}: all rotors are at the centre; give position_frd in m")
+    return Airframe(
+        name=str(table.get("name", Path(where).stem)),
+        title=title,
+        layout=layout,
+        rotor_position_frd=positions,
+        rotor_spin=spin,
+        rotor_effectiveness=effectiveness,
+        rotor_names=names,
+        quantities=MappingProxyType(quantities),
+        tank_source=str(table.get("tank_source", "auto")),
+        **{name: q.value for name, q in quantities.items()},
+    )

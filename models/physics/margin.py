@@ -1,0 +1,187 @@
+"""Thrust margin, redundancy and largest fill: defined here once for forecast, view and report.
+
+    ceiling          N_max = N_max,ref min(V/V_ref, 1)^n,   T_max,i = a e_i rho/rho_ref N_max²
+    capacity use     u_i = T_i/T_max,i = (N_i/N_max)²       thrust margin = 1 - u_i
+    redundancy       largest level collective with one rotor lost / weight; >= 1 survives in trim
+    trimmable loss   largest share of one rotor's thrust that can go while the weight is held level
+
+a thrust coefficient at rho_ref, e_i effectiveness of rotor i, V pack voltage. Rotors are the last
+axis, time the first: T rows, R rotors. NaN in gives NaN out. On a quad redundancy with heading
+given up is 1/(2u): it crosses 1 at u = 0.5, which is where the 50 % line comes from.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.allocation import holdable, trim_curve
+from thrustmargin.models.physics.atmosphere import G0
+from thrustmargin.models.physics.thrust import speed_from_thrust, thrust_from_speed
+
+Criterion = Literal["capacity use", "yaw free", "yaw kept"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Ceiling:
+    """What the rotors can make at most in T rows."""
+
+    max_rotor_speed_rpm: Floats  # (T,) rpm
+    free_thrust: Floats  # (T,) N, a rotor that works in no other's wash
+    max_thrust: Floats  # (T, R) N
+    voltage_basis: str
+
+
+def ceiling(airframe: Airframe, density: ArrayLike, voltage: ArrayLike | None = None) -> Ceiling:
+    """Ceiling at `density` (T,) or a number, kg/m³, and pack `voltage` (T,) V; NaN is unknown.
+
+    An unknown voltage is taken as the pack's nominal one, and `voltage_basis` says so. Above the
+    voltage of the ceiling nothing is added: the bench did not go there.
+    """
+    rho = np.atleast_1d(np.asarray(density, dtype=np.float64))
+    given = np.nan if voltage is None else voltage
+    rho, pack = np.broadcast_arrays(rho, np.asarray(given, dtype=np.float64))
+    known = np.isfinite(pack) & (pack > 0.0)
+    volts = np.where(known, pack, airframe.nominal_voltage)
+    share = np.minimum(volts / airframe.ceiling_voltage, 1.0) ** airframe.ceiling_voltage_exponent
+    speed = airframe.max_rotor_speed_rpm * share
+    free = thrust_from_speed(
+        speed,
+        coefficient=airframe.thrust_coefficient,
+        density=rho,
+        reference_density=airframe.reference_density,
+    )
+    nominal = f"nominal voltage {airframe.nominal_voltage:g} V"
+    if np.all(known):
+        basis = "measured pack voltage"
+    elif not np.any(known):
+        basis = f"{nominal}: pack voltage not reported"
+    else:
+        basis = f"measured pack voltage; {nominal} in {np.count_nonzero(~known)} rows without one"
+    return Ceiling(
+        max_rotor_speed_rpm=speed,
+        free_thrust=free,
+        max_thrust=free[:, None] * airframe.rotor_effectiveness,
+        voltage_basis=basis,
+    )
+
+
+def nameplate_ceiling(airframe: Airframe) -> Ceiling:
+    """One row: the maker's printed maximum thrust, whatever the air and the pack."""
+    free = np.array([airframe.nameplate_max_thrust])
+    return Ceiling(
+        max_rotor_speed_rpm=speed_from_thrust(free, coefficient=airframe.thrust_coefficient),
+        free_thrust=free,
+        max_thrust=free[:, None] * airframe.rotor_effectiveness,
+        voltage_basis="nameplate",
+    )
+
+
+def weight(airframe: Airframe, tank_kg: ArrayLike) -> Floats:
+    """Weight, N, of the aircraft with `tank_kg` of liquid (any shape)."""
+    return (airframe.empty_mass + np.asarray(tank_kg, dtype=np.float64)) * G0
+
+
+def rotor_thrust(airframe: Airframe, rotor_speed_rpm: Floats, density: Floats) -> Floats:
+    """Thrust (T, R), N, of rotor speeds (T, R) in air of `density` (T,), by the thrust curve."""
+    free = thrust_from_speed(
+        rotor_speed_rpm,
+        coefficient=airframe.thrust_coefficient,
+        density=density[:, None],
+        reference_density=airframe.reference_density,
+    )
+    return free * airframe.rotor_effectiveness
+
+
+def capacity_use(rotor_speed_rpm: Floats, max_rotor_speed_rpm: Floats) -> Floats:
+    """u (T, R) of rotor speeds (T, R) under a ceiling (T,), both rpm.
+
+    Thrust over largest thrust at one density and one coefficient: both cancel.
+    """
+    return (rotor_speed_rpm / max_rotor_speed_rpm[:, None]) ** 2
+
+
+def hover_use(airframe: Airframe, limits: Ceiling, load: ArrayLike) -> Floats:
+    """Worst rotor's u (T,) when the rotors share the `load` in N, (T,) or a number, at their best.
+
+    On a symmetric airframe that is the equal share of hover.
+    """
+    return np.asarray(load, dtype=np.float64) / (limits.free_thrust * holdable(airframe).intact)
+
+
+def redundancy(
+    airframe: Airframe,
+    limits: Ceiling,
+    load: ArrayLike,
+    *,
+    yaw_kept: bool,
+    cg_offset: tuple[float, float] = (0.0, 0.0),
+) -> Floats:
+    """(T,) largest level thrust with the worst single rotor lost, over `load` (T,) in N."""
+    held = holdable(airframe, cg_offset)
+    worst = float(np.min(held.yaw_kept if yaw_kept else held.yaw_free))
+    return worst * limits.free_thrust / np.asarray(load, dtype=np.float64)
+
+
+def redundancy_by_rotor(
+    airframe: Airframe,
+    limits: Ceiling,
+    load: ArrayLike,
+    *,
+    yaw_kept: bool,
+    cg_offset: tuple[float, float] = (0.0, 0.0),
+) -> Floats:
+    """(T, R) the same for each rotor lost."""
+    held = holdable(airframe, cg_offset)
+    share = limits.free_thrust / np.asarray(load, dtype=np.float64)
+    return share[:, None] * (held.yaw_kept if yaw_kept else held.yaw_free)
+
+
+def trimmable_loss(
+    airframe: Airframe,
+    limits: Ceiling,
+    load: ArrayLike,
+    *,
+    yaw_kept: bool = True,
+    cg_offset: tuple[float, float] = (0.0, 0.0),
+) -> Floats:
+    """(T,) share of its largest thrust that the worst-placed rotor can lose with `load` held level.
+
+    1 where a rotor can be lost altogether, 0 where there is nothing to lose. On a quad with heading
+    kept it is the thrust margin 1 - u, with heading given up 2 (1 - u) up to 1.
+    """
+    collective = np.asarray(load, dtype=np.float64) / limits.free_thrust
+    worst = np.full(collective.shape, np.inf)
+    for rotor, full in enumerate(airframe.rotor_effectiveness):
+        curve = trim_curve(airframe, rotor, yaw_kept, cg_offset)
+        needed = np.interp(collective, curve.collective, curve.rotor)
+        lost = np.where(collective > curve.collective[-1] * (1 + 1e-9), 0.0, 1.0 - needed / full)
+        worst = np.minimum(worst, np.where(np.isnan(collective), np.nan, lost))
+    return worst
+
+
+def largest_fill(
+    airframe: Airframe,
+    limits: Ceiling,
+    *,
+    criterion: Criterion = "capacity use",
+    limit: float | None = None,
+    cg_offset: tuple[float, float] = (0.0, 0.0),
+) -> Floats:
+    """(T,) kg of liquid at which the worst rotor's u, or the redundancy, just meets `limit`.
+
+    `limit` is 0.5 for capacity use and 1 for redundancy unless given. The answer is not cut to the
+    tank: above its capacity a full tank is within the limit, below 0 the empty aircraft is beyond.
+    """
+    held = holdable(airframe, cg_offset)
+    if criterion == "capacity use":
+        collective = (0.5 if limit is None else limit) * held.intact
+    else:
+        lost = held.yaw_kept if criterion == "yaw kept" else held.yaw_free
+        collective = float(np.min(lost)) / (1.0 if limit is None else limit)
+    return collective * limits.free_thrust / G0 - airframe.empty_mass

@@ -1,0 +1,38 @@
+"""Slopes and means of channels that have gaps."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+from scipy.signal import savgol_filter
+
+from thrustmargin.models.flight import Floats
+
+
+def derivative(time_s: Floats, values: Floats, span: float) -> Floats:
+    """Time derivative by a local quadratic over `span` seconds; NaN next to a gap."""
+    if time_s.size < 9:
+        return np.full_like(values, np.nan)
+    step = float(np.median(np.diff(time_s)))
+    window = max(3, 2 * int(span / step / 2) + 1)
+    window = min(window, time_s.size - (time_s.size + 1) % 2)
+    slope: Floats = np.asarray(
+        savgol_filter(values, window, 2, deriv=1, delta=step, axis=0, mode="nearest")
+    )
+    gap = np.flatnonzero(np.abs(np.diff(time_s) - step) > 0.5 * step)
+    half = window // 2 + 1
+    near = (gap[:, None] + np.arange(-half, half + 1)).ravel()
+    slope[np.clip(near, 0, time_s.size - 1)] = np.nan
+    slope[:half] = slope[-half:] = np.nan
+    return slope
+
+
+def moving_mean(time_s: Floats, values: Floats, span: float) -> Floats:
+    """Mean (T,) of what is finite within `span` seconds about each row; NaN where nothing is."""
+    if time_s.size < 2:
+        return values
+    width = max(1, round(span / float(np.median(np.diff(time_s)))))
+    known = np.isfinite(values)
+    total = uniform_filter1d(np.where(known, values, 0.0), width, mode="constant")
+    share = uniform_filter1d(known.astype(float), width, mode="constant")
+    return np.where(share > 0.5 / width, total / np.maximum(share, 1e-9), np.nan)

@@ -1,0 +1,271 @@
+"""`thrustmargin monitor` as a process: fed over UDP, killed, on a full disk, and as a page."""
+
+import os
+import signal
+import socket
+import subprocess
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pymavlink import mavutil
+
+from tests.browser import open_page
+from tests.gcs_plugin.live.live_vehicle import (
+    command,
+)
+from tests.gcs_plugin.live.monitored import AIRFRAME, MODEL, recording_in, same
+from tests.gcs_plugin.peers.processes import free_udp_port
+from thrustmargin.gcs_plugin.link.playback import stamped_frames
+from thrustmargin.gcs_plugin.link.sender import COMPONENT
+from thrustmargin.gcs_plugin.live.recorded_table import read_samples, sample_table
+from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.rotor_model import save_model
+
+
+@pytest.fixture(scope="module")
+def model_file(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("model") / "physics.safetensors"
+    save_model(MODEL, path)
+    return path
+
+
+def recording(
+    port: int, folder: Path, model_file: Path, *more: str, **options: Any
+) -> subprocess.Popen:
+    """The monitor as a process, once it listens on `port` and records into `folder`."""
+    monitor = command(
+        "monitor",
+        f"udpin:127.0.0.1:{port}",
+        *("--record", str(folder), "--model", str(model_file), "--no-view"),
+        *more,
+        **options,
+    )
+    while not list(folder.glob("*/telemetry.tlog")):
+        assert monitor.poll() is None
+        time.sleep(0.05)
+    return monitor
+
+
+def free_tcp_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        return probe.getsockname()[1]
+
+
+@pytest.mark.slow
+def test_streamed_over_udp_a_flight_gives_the_samples_and_margins_of_its_file(
+    sitl_logs, tmp_path, model_file
+):
+    path = sitl_logs / "campaign" / "v4_m10_q3.5.tlog"
+    port = free_udp_port()
+    monitor = recording(port, tmp_path, model_file, stderr=subprocess.PIPE, text=True)
+    streamed = command("stream", str(path), "--to", f"udpout:127.0.0.1:{port}", "--speed", "25")
+    assert streamed.wait(timeout=120) == 0
+    time.sleep(2.0)
+    monitor.send_signal(signal.SIGINT)
+    _, told = monitor.communicate(timeout=60)
+    session = recording_in(tmp_path)
+    sent = list(stamped_frames(path))
+    assert [data for _, data in stamped_frames(session / "telemetry.tlog")] == [d for _, d in sent]
+    assert f"{len(sent)} messages" in told
+    live = read_samples(session, 1)
+    read = read_log(path, airframe=AIRFRAME, sampling="hold").track
+    same(live, read)
+    # The recorded telemetry, read as a file, says the same.
+    same(live, read_log(session / "telemetry.tlog", airframe=AIRFRAME, sampling="hold").track)
+    table = sample_table(session)
+    margin = np.column_stack([table[f"margin_{k}"].to_numpy() for k in range(1, 5)])
+    predicted = np.column_stack([table[f"margin_predicted_{k}"].to_numpy() for k in range(1, 5)])
+    settled = live.time_s > 1.0
+    expected = analyse(read, MODEL)
+    assert np.array_equal(margin[settled], expected.margin[settled], equal_nan=True)
+    assert np.allclose(
+        predicted[settled], expected.margin_predicted[settled], rtol=1e-12, equal_nan=True
+    )
+    assert np.array_equal(
+        table["redundancy_yaw_free"].to_numpy()[settled],
+        expected.redundancy_yaw_free[settled],
+        equal_nan=True,
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.browser
+def test_streamed_over_udp_the_page_and_the_announcements_say_what_the_file_says(
+    sitl_logs, tmp_path, model_file
+):
+    """Real processes; every number that a pilot reads is that of a row of the file."""
+    path = sitl_logs / "campaign" / "v4_m10_q3.5.tlog"
+    port, page_port = free_udp_port(), free_tcp_port()
+    station = mavutil.mavlink_connection("udpin:127.0.0.1:0", dialect="ardupilotmega")
+    monitor = command(
+        "monitor",
+        f"udpin:127.0.0.1:{port}",
+        *("--record", str(tmp_path), "--model", str(model_file), "--announce", "--no-browser"),
+        *("--forward", f"udpout:127.0.0.1:{station.port.getsockname()[1]}"),
+        *("--port", str(page_port)),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    )
+    assert monitor.stdout is not None
+    ours: list[Any] = []
+    ended = threading.Event()
+    listening = threading.Thread(target=listen, args=(station, ours, ended))
+    listening.start()
+    try:
+        url = monitor.stdout.readline().split()[2]
+        with open_page(url) as page:
+            target = f"udpout:127.0.0.1:{port}"
+            streamed = command("stream", str(path), "--to", target, "--speed", "12")
+            read_off = set()
+            while streamed.poll() is None:
+                page.wait_for_timeout(100)
+                if page.locator("[data-gauge=tank]").count():
+                    read_off.add(tuple(page.evaluate(READ)))
+            page.wait_for_timeout(1500)
+            last = tuple(page.evaluate(READ))
+    finally:
+        monitor.send_signal(signal.SIGINT)
+        told, _ = monitor.communicate(timeout=60)
+        ended.set()
+        listening.join()
+        station.close()
+    track = read_log(path, airframe=AIRFRAME, sampling="hold").track
+    expected = analyse(track, MODEL)
+    rows = {
+        (f"{100 * margin:.0f} %", f"{kg:.1f} kg")
+        # Live, the moments before a landing still count as flight.
+        for margins in (expected.margin, expected.margin_predicted)
+        for margin, kg in zip(margins.min(axis=1), track.tank_kg, strict=True)
+    }
+    assert len(read_off) > 6
+    assert {pair for pair in read_off if "no data" not in pair} <= rows
+    landed = expected.margin_predicted[-1].min()
+    assert last == (f"{100 * landed:.0f} %", f"{track.tank_kg[-1]:.1f} kg")
+
+    clock = read_log(path, airframe=AIRFRAME, sampling="hold").clock_start_s + track.time_s
+    at = {round(1e3 * c): row for row, c in enumerate(clock)}
+    figures = [m for m in ours if m.get_type() == "NAMED_VALUE_FLOAT" and m.name == "MARGIN"]
+    assert len(figures) >= 4
+    for figure in figures:
+        row = min(at, key=lambda ms: abs(ms - figure.time_boot_ms))
+        assert abs(row - figure.time_boot_ms) <= 1
+        assert figure.value == pytest.approx(100 * expected.margin[at[row]].min(), rel=1e-6)
+    texts = {m.text for m in ours if m.get_type() == "STATUSTEXT"}
+    assert texts <= {line.removeprefix("vehicle 1: ") for line in told.splitlines()} | {
+        text for text in texts if text.startswith("Over: ")
+    }
+
+
+def listen(station: Any, ours: list[Any], ended: threading.Event) -> None:
+    """Keep what our component says, as a ground station would."""
+    while not ended.is_set():
+        message = station.recv_match(blocking=True, timeout=0.1)
+        if message is not None and message.get_srcComponent() == COMPONENT:
+            ours.append(message)
+
+
+#: The worst rotor's margin and the tank level as a reader of the page sees them.
+READ = """() => [
+  document.querySelector('[data-gauge=worst] .big').innerText,
+  document.querySelector('[data-gauge=tank] .mid').innerText]"""
+
+
+@pytest.mark.slow
+def test_kill_9_leaves_a_recording_that_reads_as_a_flight(sitl_logs, tmp_path, model_file):
+    port = free_udp_port()
+    monitor = recording(port, tmp_path, model_file, stderr=subprocess.DEVNULL)
+    path = sitl_logs / "campaign" / "v4_m10_q2.5.tlog"
+    stream = command("stream", str(path), "--to", f"udpout:127.0.0.1:{port}", "--speed", "20")
+    session = recording_in(tmp_path)
+    deadline = time.monotonic() + 60
+    while time.monotonic() < deadline:
+        parts = list((session / "samples").glob("*.parquet"))
+        if parts and sample_table(session).num_rows > 500:
+            break
+        time.sleep(0.2)
+    os.kill(monitor.pid, signal.SIGKILL)
+    monitor.wait()
+    stream.kill()
+    stream.wait()
+    live = read_samples(session, 1)
+    read = read_log(session / "telemetry.tlog", airframe=AIRFRAME, sampling="hold").track
+    rows = live.time_s.size
+    assert 500 < rows <= read.time_s.size
+    same(live, read.rows(slice(0, rows)))
+
+
+@contextmanager
+def small_disk(folder: Path, kilobytes: int) -> Iterator[Path]:
+    """A file system of so many kB of its own; skips the test where none can be mounted."""
+    folder.mkdir()
+    made = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", f"size={kilobytes}k", "tmpfs", str(folder)],
+        capture_output=True,
+    )
+    if made.returncode:
+        pytest.skip("this machine does not let a test mount a file system")
+    try:
+        yield folder
+    finally:
+        subprocess.run(["umount", "--lazy", str(folder)], check=True)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="mounts need root")
+def test_on_a_full_disk_the_monitor_goes_on_and_says_so_and_records_again_when_there_is_room(
+    sitl_logs, tmp_path, model_file
+):
+    port = free_udp_port()
+    with small_disk(tmp_path / "small", 2000) as disk:
+        ballast = disk / "ballast"
+        ballast.write_bytes(bytes(1_850_000))
+        monitor = recording(
+            port,
+            disk / "recordings",
+            model_file,
+            *("--limit", "0.6"),
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        assert monitor.stdout is not None
+        path = sitl_logs / "campaign" / "v4_m10_q2.5.tlog"
+        stream = command("stream", str(path), "--to", f"udpout:127.0.0.1:{port}", "--speed", "20")
+        lines = iter(monitor.stdout.readline, "")
+        said = []
+        for line in lines:
+            said.append(line.strip())
+            if said[-1].startswith("NOT RECORDING"):
+                break
+        assert said[-1] == "NOT RECORDING: No space left on device"
+        time.sleep(3.0)
+        ballast.unlink()
+        for line in lines:
+            said.append(line.strip())
+            if said[-1] == "recording again":
+                break
+        assert stream.wait(timeout=60) == 0
+        monitor.send_signal(signal.SIGINT)
+        rest, told = monitor.communicate(timeout=60)
+        assert monitor.returncode == 130 or "KeyboardInterrupt" in told
+        # Watched all the same: every row of the file, and its alarms.
+        rows = read_log(path, airframe=AIRFRAME, sampling="hold").track.time_s.size
+        assert f"vehicle 1: {rows} samples" in told
+        assert "lost earlier" in told
+        assert any("Thrust margin" in line for line in [*said, *rest.splitlines()])
+        session = recording_in(disk / "recordings")
+        kept = [data for _, data in stamped_frames(session / "telemetry.tlog")]
+        sent = [data for _, data in stamped_frames(path)]
+        assert len(sent) / 10 < len(kept) < len(sent)
+        # What was kept is whole, and goes on after the gap to the end.
+        assert set(kept) <= set(sent)
+        assert kept[-1] == sent[-1]
+        assert sample_table(session).num_rows > rows / 2

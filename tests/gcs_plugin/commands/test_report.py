@@ -1,0 +1,123 @@
+"""`thrustmargin report` as a user runs it: what it prints and writes, and what it refuses."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from tests.gcs_plugin.reports.margin.report_flight import LOG
+from thrustmargin.gcs_plugin.cli import run
+from thrustmargin.models.model.rotor_model import physics_model, save_model
+from thrustmargin.models.physics.airframe import load_airframe
+
+
+@pytest.fixture(scope="module")
+def model_file(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("model") / "curve.safetensors"
+    save_model(physics_model(load_airframe("topxgun-f16-sitl")), path)
+    return path
+
+
+def test_one_log_gives_page_json_csv_and_a_verdict_in_words(tmp_path, capsys):
+    out = tmp_path / "r.html"
+    assert run(["report", str(LOG), "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    made = json.loads(out.with_suffix(".json").read_text("utf-8"))
+    verdict = made["flights"][0]["verdict"]
+    assert verdict["headline"] in said
+    for fact in verdict["facts"]:
+        assert fact["text"] in said
+    assert out.stat().st_size > 1_000_000  # plotly.js is inside
+    assert out.with_suffix(".csv").read_text("utf-8").startswith('"flight","time [s]"')
+
+
+def test_the_shipped_model_predicts_the_flight_with_its_network(tmp_path):
+    out = tmp_path / "r.html"
+    run(["report", str(LOG), "--out", str(out)])
+    flight = json.loads(out.with_suffix(".json").read_text("utf-8"))["flights"][0]
+    assert flight["model"]["network_share"] > 0.5
+    assert flight["accuracy"]["promised_coverage"] == 0.9
+    assert flight["accuracy"]["overall"]["coverage"]["value"] > 0.5
+
+
+def test_a_log_that_cannot_be_read_is_named_and_the_others_are_reported(
+    tmp_path, capsys, model_file
+):
+    bad = tmp_path / "bad.tlog"
+    bad.write_bytes(b"")
+    out = tmp_path / "r.html"
+    options = ["--model", str(model_file), "--out", str(out)]
+    assert run(["report", str(LOG), str(bad), *options]) == 1
+    heard = capsys.readouterr()
+    assert "not read: bad.tlog" in heard.err
+    made = json.loads(out.with_suffix(".json").read_text("utf-8"))
+    assert [f["name"] for f in made["flights"]] == [LOG.name]
+    assert [u["name"] for u in made["unread"]] == ["bad.tlog"]
+
+
+def test_only_unreadable_logs_write_nothing(tmp_path, capsys, model_file):
+    bad = tmp_path / "bad.tlog"
+    bad.write_bytes(bytes(range(256)) * 40)
+    out = tmp_path / "r.html"
+    assert run(["report", str(bad), "--model", str(model_file), "--out", str(out)]) == 1
+    heard = capsys.readouterr().err.strip()
+    assert heard.startswith("thrustmargin: ")
+    assert "Traceback" not in heard
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--out", "report.pdf"], "end its name in .html"),
+        (["--out", "no/such/folder/r.html"], "no folder"),
+        (["--limit", "50"], "no share of thrust"),
+        (["--airframe", "nosuch"], "no airframe"),
+        (["--model", "nosuch.safetensors"], "nosuch.safetensors"),
+    ],
+)
+def test_a_request_that_cannot_work_is_refused_in_one_line(
+    options, said, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    assert run(["report", str(LOG), *options]) == 1
+    heard = capsys.readouterr().err.strip()
+    assert said in heard
+    assert "\n" not in heard
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_log_is_never_overwritten_by_its_report(tmp_path, capsys, model_file):
+    log = tmp_path / "flight.csv"
+    shutil.copy(LOG, log)
+    before = log.read_bytes()
+    out = tmp_path / "flight.html"
+    assert run(["report", str(log), "--model", str(model_file), "--out", str(out)]) == 1
+    assert "would overwrite the log" in capsys.readouterr().err
+    assert log.read_bytes() == before
+
+
+def test_no_log_is_a_usage_error(capsys):
+    assert run(["report"]) == 2
+    assert "no log given" in capsys.readouterr().err
+
+
+def test_a_model_of_another_aircraft_than_asked_for_is_refused(capsys, model_file, tmp_path):
+    out = str(tmp_path / "r.html")
+    options = ["--model", str(model_file), "--airframe", "agras-t20", "--out", out]
+    assert run(["report", str(LOG), *options]) == 1
+    assert "is a model of topxgun-f16-sitl" in capsys.readouterr().err
+
+
+def test_ctrl_c_while_writing_leaves_the_old_report(tmp_path, monkeypatch, model_file):
+    out = tmp_path / "r.html"
+    out.write_text("old", encoding="utf-8")
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("thrustmargin.gcs_plugin.reports.margin.render.csv_bytes", interrupted)
+    assert run(["report", str(LOG), "--model", str(model_file), "--out", str(out)]) == 130
+    assert out.read_text("utf-8") == "old"
+    assert [p.name for p in tmp_path.iterdir()] == ["r.html"]

@@ -1,0 +1,168 @@
+"""Playing a log: every frame, in order, at its time; heard by real sockets."""
+
+import socket
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+from tests.gcs_plugin.live.live_vehicle import ROOT, SECOND, Vehicle, command, log_frames, write_log
+from thrustmargin.gcs_plugin.link.playback import Played, play, stamped_frames
+from thrustmargin.gcs_plugin.link.transport import open_transport
+from thrustmargin.models.errors import LogError
+
+
+def udp() -> socket.socket:
+    made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4 << 20)
+    made.bind(("127.0.0.1", 0))
+    made.settimeout(3.0)
+    return made
+
+
+def short_log(path, seconds: float = 3.0):
+    vehicle = Vehicle()
+    frames = [f for _ in range(round(seconds * 10)) for f in vehicle.tick()]
+    return write_log(path, frames), frames
+
+
+def test_every_frame_goes_out_in_order_at_its_time(tmp_path):
+    path, frames = short_log(tmp_path / "a.tlog")
+    with udp() as ear:
+        transport = open_transport(f"udpout:127.0.0.1:{ear.getsockname()[1]}")
+        heard: list[tuple[float, bytes]] = []
+
+        def listen() -> None:
+            while len(heard) < len(frames):
+                data = ear.recv(65535)
+                heard.append((time.monotonic(), data))
+
+        thread = threading.Thread(target=listen)
+        thread.start()
+        played = play(path, transport, speed=2.0)
+        thread.join(timeout=5.0)
+        transport.close()
+    assert [data for _, data in heard] == [f.data for f in frames]
+    assert (played.frames, played.bytes) == (len(frames), sum(len(f.data) for f in frames))
+    # 2.9 s of log at twice its speed; a busy machine may be late, but never early.
+    took = heard[-1][0] - heard[0][0]
+    assert 1.44 < took < 3.0
+    assert played.log_s == pytest.approx(2.9)
+
+
+def test_delays_do_not_add_up(tmp_path):
+    path, _ = short_log(tmp_path / "a.tlog", 2.0)
+
+    class Slow:
+        ready = True
+
+        def receive(self, timeout: float) -> list:
+            time.sleep(timeout)
+            return []
+
+        def send(self, *_: object) -> None:
+            time.sleep(0.005)
+
+    began = time.monotonic()
+    played = play(path, Slow())  # type: ignore[arg-type]
+    # 104 frames of 5 ms each are 0.5 s of work within the 1.9 s of the log.
+    assert time.monotonic() - began < 2.5
+    assert played.log_s == pytest.approx(1.9)
+
+
+def test_a_recorded_flight_streams_without_loss_at_fifty_times_its_speed(sitl_logs):
+    path = sitl_logs / "onset" / "reference.tlog"
+    expected = [f.data for f in log_frames(path)]
+    with udp() as ear:
+        target = f"udpout:127.0.0.1:{ear.getsockname()[1]}"
+        process = command("stream", str(path), "--to", target, "--speed", "50")
+        heard = [ear.recv(65535) for _ in expected]
+        assert process.wait(timeout=30) == 0
+    assert heard == expected
+
+
+def test_a_looped_log_begins_again(tmp_path):
+    path, frames = short_log(tmp_path / "a.tlog", 1.0)
+    with udp() as ear:
+        target = f"udpout:127.0.0.1:{ear.getsockname()[1]}"
+        process = command("stream", str(path), "--to", target, "--speed", "20", "--loop")
+        heard = [ear.recv(65535) for _ in range(2 * len(frames))]
+        process.kill()
+        process.wait()
+    assert heard == [f.data for f in frames] * 2
+
+
+def test_a_tcp_listener_is_waited_for(tmp_path):
+    path, frames = short_log(tmp_path / "a.tlog", 1.0)
+    transport = open_transport("tcpin:127.0.0.1:0")
+    played: list[Played] = []
+    thread = threading.Thread(target=lambda: played.append(play(path, transport, speed=10.0)))
+    thread.start()
+    time.sleep(0.3)
+    assert played == []
+    with socket.create_connection(transport.address) as ear:  # type: ignore[attr-defined]
+        ear.settimeout(3.0)
+        stream = b"".join(f.data for f in frames)
+        got = b""
+        while len(got) < len(stream):
+            got += ear.recv(65535)
+    thread.join(timeout=5.0)
+    transport.close()
+    assert got == stream
+
+
+def test_stamps_that_step_back_or_pause_for_days_do_not_stop_the_music(tmp_path):
+    vehicle = Vehicle()
+    frames = vehicle.tick()
+    vehicle.stamp_us -= 100 * SECOND
+    frames += vehicle.tick()
+    vehicle.stamp_us += 90_000 * SECOND
+    frames += vehicle.tick()
+    path = write_log(tmp_path / "odd.tlog", frames)
+    with udp() as ear:
+        transport = open_transport(f"udpout:127.0.0.1:{ear.getsockname()[1]}")
+        played = play(path, transport, speed=100.0)
+        transport.close()
+    assert played.frames == len(frames)
+    assert played.log_s == pytest.approx(60.0)
+
+
+def test_damage_in_a_log_is_passed_over(tmp_path):
+    path, frames = short_log(tmp_path / "a.tlog")
+    data = bytearray(path.read_bytes())
+    data[200:230] = bytes(30)
+    path.write_bytes(data[:-5])
+    found = [frame for _, frame in stamped_frames(path)]
+    assert set(found) < {f.data for f in frames}
+    assert len(found) >= len(frames) - 4
+
+
+def test_a_file_without_frames_says_so(tmp_path):
+    path = tmp_path / "empty.tlog"
+    path.write_bytes(bytes(1000))
+    with pytest.raises(LogError, match="no MAVLink frame"):
+        list(stamped_frames(path))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["missing.tlog"], "no file missing.tlog"),
+        (["sitl_logs/onset/reference.tlog", "--speed", "0"], "--speed 0"),
+        (["sitl_logs/onset/reference.tlog", "--to", "nowhere"], "not a link"),
+    ],
+)
+def test_the_command_tells_mistakes_in_one_line(arguments, words):
+    code = "import sys; from thrustmargin.gcs_plugin.cli import main; main(sys.argv[1:])"
+    done = subprocess.run(
+        [sys.executable, "-c", code, "stream", *arguments],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert words in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1

@@ -1,0 +1,229 @@
+"""What goes out, heard by pymavlink as ground station and as vehicle, over loopback UDP."""
+
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+from pymavlink import mavutil
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from tests.gcs_plugin.live.live_vehicle import Vehicle
+from thrustmargin.gcs_plugin.link.sender import COMPONENT, Speaker
+from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter
+from thrustmargin.gcs_plugin.live.alarm import CRITICAL, WARNING, Alarm, AlarmEvent
+from thrustmargin.gcs_plugin.live.announce import Announcer
+from thrustmargin.gcs_plugin.live.fleet import Fleet
+from thrustmargin.gcs_plugin.live.message_rates import RateRequester, wanted
+from thrustmargin.gcs_plugin.live.monitor import Monitor, MonitorSettings
+from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.physics.airframe import load_airframe
+
+MODEL = physics_model(load_airframe("topxgun-f16-sitl"))
+
+
+class Air:
+    """A vehicle in real time that the monitor hears, and what comes back to it."""
+
+    def __init__(self, port: int, system: int = 1) -> None:
+        self.vehicle = Vehicle(system)
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.connect(("127.0.0.1", port))
+        self.socket.setblocking(False)
+        self.parser = dialect.MAVLink(None)
+        self.heard: list[Any] = []
+
+    def fly(self, seconds: float, **options: Any) -> None:
+        for _ in range(round(seconds * 10)):
+            for frame in self.vehicle.tick(**options):
+                self.socket.send(frame.data)
+            time.sleep(0.1)
+            self.listen()
+
+    def listen(self) -> None:
+        while True:
+            try:
+                data = self.socket.recv(65535)
+            except BlockingIOError:
+                return
+            self.heard += self.parser.parse_buffer(data) or []
+
+    def kinds(self) -> set[str]:
+        return {message.get_type() for message in self.heard}
+
+
+@contextmanager
+def monitored(*, forward: bool = False, **speaking: Any) -> Iterator[tuple[Monitor, Air, Any]]:
+    station = mavutil.mavlink_connection("udpin:127.0.0.1:0", dialect="ardupilotmega")
+    forwards = (f"udpout:127.0.0.1:{station.port.getsockname()[1]}",) if forward else ()
+    monitor = Monitor(MODEL, MonitorSettings(urls=("udpin:127.0.0.1:0",), forwards=forwards))
+    speaker = Speaker(monitor.listener, speaking.get("sign"))
+    if speaking.get("announce"):
+        monitor.subscribers.append(Announcer(speaker))
+    if speaking.get("request_rates"):
+        monitor.subscribers.append(RateRequester(speaker, 4))
+    monitor.start()
+    air = Air(monitor.listener.links[0].transport.address[1])  # type: ignore[attr-defined]
+    try:
+        yield monitor, air, station
+    finally:
+        monitor.close()
+        air.socket.close()
+        station.close()
+    monitor.check()
+
+
+def heard_by(station: Any) -> list[Any]:
+    found = []
+    while (message := station.recv_match()) is not None:
+        found.append(message)
+    return found
+
+
+def test_a_ground_station_behind_a_forward_sees_alarms_and_figures():
+    with monitored(forward=True, announce=True) as (_, air, station):
+        air.fly(6.0, rpm=(2300,) * 4)
+        messages = heard_by(station)
+    ours = [m for m in messages if m.get_srcComponent() == COMPONENT]
+    assert {m.get_srcSystem() for m in ours} == {1}
+    texts = [(m.severity, m.text) for m in ours if m.get_type() == "STATUSTEXT"]
+    assert len([t for t in texts if "Thrust margin" in t[1]]) == 1
+    assert texts[0][0] == WARNING
+    assert all(len(text) <= 50 for _, text in texts)
+    figures = [m for m in ours if m.get_type() == "NAMED_VALUE_FLOAT"]
+    margin = [m.value for m in figures if m.name == "MARGIN"]
+    # 3000 rpm at 58.8 V, and the ESCs report 50 V.
+    assert margin[-1] == pytest.approx(100 * (1 - (2300 / (3000 * 50 / 58.8)) ** 2), abs=0.1)
+    assert 4 <= len(margin) <= 7
+    assert "TANK" not in {m.name for m in figures}
+    # The vehicle's own messages passed unchanged beside them.
+    assert any(m.get_srcComponent() == 1 for m in messages)
+
+
+def test_nothing_is_sent_to_the_vehicle_unless_asked():
+    with monitored(forward=True) as (_, air, _station):
+        air.fly(5.0, rpm=(2300,) * 4)
+        assert air.heard == []
+
+
+@pytest.mark.slow
+def test_rates_are_asked_for_once_and_what_is_missing_again():
+    with monitored(request_rates=True) as (_, air, _station):
+        air.fly(12.0)
+        asked = [m for m in air.heard if m.get_type() == "COMMAND_LONG"]
+    assert all(m.command == 511 for m in asked)
+    assert {(m.target_system, m.get_srcComponent()) for m in asked} == {(1, COMPONENT)}
+    rates = {int(m.param1): 1e6 / m.param2 for m in asked}
+    assert rates == {
+        number: pytest.approx(rate, rel=1e-3) for number, rate in wanted(3, 4).values()
+    }
+    times = [int(m.param1) for m in asked]
+    assert times.count(30) == 1  # ATTITUDE comes
+    assert times.count(29) == 2  # SCALED_PRESSURE does not
+    parameters = {m.param_id for m in air.heard if m.get_type() == "PARAM_REQUEST_READ"}
+    assert {"SERVO1_FUNCTION", "MOT_PWM_MAX"} <= parameters
+    assert air.kinds() <= {"COMMAND_LONG", "PARAM_REQUEST_READ", "HEARTBEAT"}
+
+
+def test_px4_is_asked_for_its_own_messages():
+    names = wanted(12, 4)
+    assert names["ESC_STATUS"] == (291, 10.0)
+    assert "ESC_TELEMETRY_1_TO_4" not in names
+    assert "ESC_TELEMETRY_5_TO_8" in wanted(3, 8)
+
+
+def test_what_is_sent_is_signed_when_the_link_is():
+    key = bytes(range(32))
+    door = SigningFilter(key)
+    with monitored(announce=True, sign=Signer(key).sign) as (_, air, _station):
+        frames: list[bytes] = []
+        for _ in range(25):
+            for frame in air.vehicle.tick():
+                air.socket.send(frame.data)
+            time.sleep(0.1)
+            try:
+                while True:
+                    frames.append(air.socket.recv(65535))
+            except BlockingIOError:
+                pass
+    assert len(frames) > 3
+    assert all(door.accept(frame) for frame in frames)
+
+
+class Sent:
+    """In place of a link: keeps what is sent."""
+
+    def __init__(self) -> None:
+        self.frames: list[bytes] = []
+
+    def send(self, data: bytes, *, system: int | None = None, forwards: bool = False) -> None:
+        del system, forwards
+        self.frames.append(data)
+
+
+def texts(sent: Sent) -> list[tuple[int, str]]:
+    parser = dialect.MAVLink(None)
+    messages: list[Any] = [m for data in sent.frames for m in parser.parse_buffer(data) or []]
+    return [(m.severity, m.text) for m in messages if m.get_type() == "STATUSTEXT"]
+
+
+def test_texts_are_one_a_second_gravest_first_and_a_flood_is_cut():
+    sent = Sent()
+    announcer = Announcer(Speaker(sent))  # type: ignore[arg-type]
+    fleet = Fleet(MODEL)
+    vehicle = Vehicle()
+    fleet.take([f for _ in range(20) for f in vehicle.tick()])
+    for number in range(20):
+        alarm = Alarm("rotor", number, CRITICAL if number == 13 else WARNING, f"alarm {number}", 0)
+        announcer.on_event(1, AlarmEvent(True, alarm, 0.0))
+    for _ in range(100):
+        fleet.take(vehicle.tick())
+        announcer.on_round(fleet, vehicle.stamp_us)
+    said = texts(sent)
+    assert said[0] == (CRITICAL, "alarm 13")
+    assert len(said) == 8
+    assert announcer.dropped == 12
+
+
+def test_what_still_stands_is_said_again_every_half_minute():
+    sent = Sent()
+    announcer = Announcer(Speaker(sent))  # type: ignore[arg-type]
+    fleet = Fleet(MODEL)
+    vehicle = Vehicle()
+    fleet.take([f for _ in range(20) for f in vehicle.tick()])
+    watch = fleet.vehicles[1]
+    alarm = Alarm("margin", None, WARNING, "Thrust margin 41% under 50%: rotor 2", 0.0)
+    watch.alarms.standing[alarm.key] = alarm
+    announcer.on_event(1, AlarmEvent(True, alarm, 0.0))
+    for _ in range(100):
+        fleet.take(vehicle.tick(1.0))
+        announcer.on_round(fleet, vehicle.stamp_us)
+    assert texts(sent) == [(WARNING, alarm.text)] * 4
+
+
+def test_nothing_is_said_in_the_name_of_a_silent_vehicle_until_it_returns():
+    """A ground station takes any message of the system for a sign of the vehicle's life."""
+    sent = Sent()
+    announcer = Announcer(Speaker(sent))  # type: ignore[arg-type]
+    fleet = Fleet(MODEL)
+    vehicle = Vehicle()
+    fleet.take([f for _ in range(20) for f in vehicle.tick()])
+    announcer.on_round(fleet, vehicle.stamp_us)
+    assert len(sent.frames) > 0
+    sent.frames.clear()
+    vehicle.clock_s += 30.0
+    for tenth in range(16, 300):
+        now_us = vehicle.stamp_us + tenth * 100_000
+        for number, event in fleet.tick(now_us):
+            announcer.on_event(number, event)
+        announcer.on_round(fleet, now_us)
+    assert sent.frames == []
+    vehicle.stamp_us += 30_000_000
+    for _ in range(30):
+        fleet.take(vehicle.tick())
+        for number, event in fleet.tick(vehicle.stamp_us):
+            announcer.on_event(number, event)
+        announcer.on_round(fleet, vehicle.stamp_us)
+    assert texts(sent) == [(CRITICAL, "Telemetry lost in flight"), (5, "Over: telemetry")]

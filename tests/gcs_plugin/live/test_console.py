@@ -1,0 +1,163 @@
+"""The terminal's table: what is known, what is old, what is wrong, and no markup from outside."""
+
+import io
+import math
+from dataclasses import replace
+
+import pytest
+from rich.console import Console
+
+from tests.gcs_plugin.live.live_vehicle import SECOND, Vehicle, as_frame
+from thrustmargin.gcs_plugin.live.alarm import Alarm, AlarmEvent
+from thrustmargin.gcs_plugin.live.console import (
+    Screen,
+    Teller,
+    kilograms,
+    minutes,
+    percent,
+    status_lines,
+    vehicle_cells,
+)
+from thrustmargin.gcs_plugin.live.fleet import Fleet
+from thrustmargin.gcs_plugin.live.monitor import Monitor, MonitorSettings
+from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.physics.airframe import load_airframe
+
+MODEL = physics_model(load_airframe("topxgun-f16-sitl"))
+
+
+def flown(rpm: int = 1700, seconds: float = 8.0) -> tuple[Fleet, Vehicle]:
+    fleet, vehicle = Fleet(MODEL), Vehicle(3)
+    for _ in range(round(seconds * 10)):
+        fleet.take(vehicle.tick(rpm=(rpm,) * 4))
+        fleet.updates()
+    return fleet, vehicle
+
+
+def test_a_row_has_the_margin_of_the_worst_rotor_and_how_old_it_is():
+    fleet, vehicle = flown()
+    cells = vehicle_cells(fleet.vehicles[3], vehicle.stamp_us, 0.5)
+    assert cells[0] == "3"
+    # The ESCs report 50 V: 3000 rpm at 58.8 V.
+    assert f"{1 - (1700 * 58.8 / 50 / 3000) ** 2:.0%}" in cells[1]
+    assert "green" in cells[1]
+    assert "red" in vehicle_cells(fleet.vehicles[3], vehicle.stamp_us, 0.6)[1]
+    assert cells[-1] == "0.0 s"
+
+
+def test_an_old_row_is_marked_old_in_every_number_and_has_no_colour_left():
+    fleet, vehicle = flown()
+    cells = vehicle_cells(fleet.vehicles[3], vehicle.stamp_us + 10 * SECOND, 0.5)
+    known = [cell for cell in cells[1:-1] if cell != "-"]
+    assert len(known) >= 4
+    assert all(cell.startswith("[dim]~") for cell in known)
+    assert not any("green" in cell or "red" in cell for cell in known)
+    assert "OLD 10.0 s" in cells[-1]
+
+
+def test_a_field_that_is_no_longer_reported_is_named_with_its_age():
+    fleet, vehicle = flown()
+    watch = fleet.vehicles[3]
+    assert watch.stale(vehicle.stamp_us) == ""
+    for _ in range(80):
+        # All but the tank (fourth) and the airspeed (third).
+        parts = vehicle.tick()
+        fleet.take([parts[n] for n in range(len(parts)) if n not in (2, 3)])
+    assert watch.stale(vehicle.stamp_us) == ("no longer reported: airspeed (8 s), tank level (8 s)")
+    assert math.isnan(fleet.updates()[-1].analysis.track.tank_kg[-1])
+    # A silent vehicle is told as a whole.
+    assert watch.stale(vehicle.stamp_us + 10 * SECOND) == ""
+
+
+def test_a_narrow_terminal_cuts_no_number(monitor):
+    fleet, vehicle = flown()
+    vehicle.stamp_us = monitor.now_us()
+    fleet.take(vehicle.tick())
+    fleet.updates()
+    monitor.fleet = fleet
+    for width in (80, 110, 160):
+        text = printed(monitor, width)
+        assert "…" not in text
+        for words in ("margin", "predicted", "10.0 kg", "r1", "0.0 s"):
+            assert words in text
+        assert ("by thrust" in text) == (width >= 110)
+
+
+def test_a_vehicle_silent_on_the_ground_leaves_and_one_silent_in_flight_never_does():
+    fleet, vehicle = flown()
+    watch = fleet.vehicles[3]
+    later = vehicle.stamp_us + 600 * SECOND
+    assert watch.flying
+    assert not watch.left(later)
+    fleet.take([as_frame(vehicle.landed(1), vehicle.stamp_us)])
+    fleet.take(vehicle.tick(rpm=(0,) * 4))
+    assert not watch.left(vehicle.stamp_us + 59 * SECOND)
+    assert watch.left(vehicle.stamp_us + 61 * SECOND)
+
+
+def test_without_a_terminal_every_event_is_a_line(monitor):
+    said: list[str] = []
+    teller = Teller(monitor, said.append)
+    fleet, vehicle = flown(rpm=2300)
+    for event in fleet.vehicles[3].last.events:  # type: ignore[union-attr]
+        teller.on_event(3, event)
+    teller.on_event(3, AlarmEvent(True, Alarm("margin", None, 4, "Thrust margin 39%", 0.0), 0.0))
+    teller.on_round(fleet, vehicle.stamp_us)
+    teller.on_round(fleet, vehicle.stamp_us)
+    assert said == ["vehicle 3: Thrust margin 39%", "vehicle 3: heard"]
+
+
+def test_unknown_numbers_are_dashes():
+    assert [percent(math.nan), kilograms(math.nan), minutes(math.nan)] == ["-"] * 3
+    assert minutes(math.inf) == "not"
+    assert minutes(125.0) == "2:05"
+
+
+@pytest.fixture
+def monitor():
+    made = Monitor(MODEL, MonitorSettings(urls=("udpin:127.0.0.1:0",)))
+    yield made
+    made.close()
+
+
+def printed(monitor: Monitor, width: int = 160) -> str:
+    console = Console(width=width, file=io.StringIO(), record=True)
+    console.print(Screen(monitor))
+    return console.export_text()
+
+
+def test_the_screen_names_alarms_problems_and_the_tanks_source(monitor):
+    assert "no vehicle heard yet on udpin:127.0.0.1:0" in printed(monitor)
+    fleet, vehicle = flown(rpm=2300)
+    vehicle.stamp_us = monitor.now_us()
+    fleet.take(vehicle.tick(rpm=(2300,) * 4))
+    fleet.updates()
+    monitor.fleet = fleet
+    text = printed(monitor)
+    assert "Thrust margin" in text
+    assert "tank by NAMED_VALUE_FLOAT TANK" in text
+
+
+def test_a_recording_that_does_not_go_on_is_told_first(monitor, tmp_path):
+    from thrustmargin.gcs_plugin.live.recorder import RecorderStatus
+
+    fine = RecorderStatus(
+        folder=tmp_path,
+        frames=10,
+        bytes=100,
+        rows=5,
+        frames_lost=0,
+        rows_lost=0,
+        frames_dropped=0,
+        trouble="",
+        slowest_sync_s=0.0,
+    )
+    status = replace(monitor.status(), recorder=fine)
+    assert f"recording to {tmp_path}: 10 messages, 5 samples" in status_lines(status)
+    full = replace(fine, trouble="No space left on device", frames_lost=7)
+    lines = status_lines(replace(status, recorder=full, kernel_drops=3))
+    assert any(
+        line.startswith("NOT RECORDING: No space left on device (7 messages lost)")
+        for line in lines
+    )
+    assert "3 dropped by the system" in lines[0]

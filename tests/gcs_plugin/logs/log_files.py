@@ -1,0 +1,150 @@
+"""Logs made for tests from the recorded flights: longer, damaged, merged or in another format."""
+
+import struct
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.logs.dataflash import message_scan as dataflash_scan
+from thrustmargin.gcs_plugin.logs.files import read_bytes
+from thrustmargin.gcs_plugin.mavlink import scan as frames
+from thrustmargin.gcs_plugin.mavlink.checksum import checksum_rows
+from thrustmargin.gcs_plugin.mavlink.layouts import layouts
+
+DAY_US = 260_000_000  # more than any recorded flight lasts
+
+
+def _write(data: np.ndarray, at: np.ndarray, values: np.ndarray, kind: str) -> None:
+    if at.size == 0:
+        return
+    raw = values.astype(kind).view(np.uint8).reshape(at.size, -1)
+    for offset in range(raw.shape[1]):
+        data[at + offset] = raw[:, offset]
+
+
+def long_bin(path: Path, times: int) -> bytes:
+    """The DataFlash log `times` over, each later than the one before, as one long flight."""
+    data, size = read_bytes(path, dataflash_scan.PADDING)
+    found = dataflash_scan.scan(data, size)
+    end = int(found.start[-1]) + found.formats[int(found.type[-1])].length
+    timed = np.zeros(256, dtype=bool)
+    for number, form in found.formats.items():
+        timed[number] = form.columns[:1] == ("TimeUS",)
+    at = found.start[timed[found.type]] + 3
+    clock = frames.gather(data, at, 8).view("<u8").ravel()
+    parts = []
+    for turn in range(times):
+        copy = data[:end].copy()
+        _write(copy, at, clock + np.uint64(turn * DAY_US), "<u8")
+        parts.append(copy.tobytes())
+    return b"".join(parts)
+
+
+def long_tlog(path: Path, times: int) -> bytes:
+    """The telemetry log `times` over, each later than the one before, checksums made anew."""
+    data, size = read_bytes(path, frames.PADDING)
+    found = frames.scan(data, size)
+    stamps = frames.gather(data, found.start - 8, 8).view(">u8").ravel()
+    parts = []
+    for turn in range(times):
+        copy = data[:size].copy()
+        later = turn * DAY_US
+        _write(copy, found.start - 8, stamps + np.uint64(later), ">u8")
+        for number in np.unique(found.id):
+            _later_clock(copy, found, int(number), later)
+        parts.append(copy.tobytes())
+    return b"".join(parts)
+
+
+def _later_clock(data: np.ndarray, found: frames.Frames, number: int, later_us: int) -> None:
+    layout = layouts()[number]
+    names = layout.dtype.names or ()
+    name = next((n for n in ("time_boot_ms", "time_usec") if n in names), None)
+    if name is None:
+        return
+    kind = layout.dtype[name]
+    offset = sum(layout.dtype[n].itemsize for n in names[: names.index(name)])
+    rows = np.flatnonzero(found.id == number)
+    rows = rows[data[found.start[rows] + 1] >= offset + kind.itemsize]
+    at = found.start[rows] + 10 + offset
+    step = later_us // 1000 if name == "time_boot_ms" else later_us
+    clock = frames.gather(data, at, kind.itemsize).view(kind).ravel()
+    _write(data, at, clock + np.array(step % 2 ** (8 * kind.itemsize), kind), kind.str)
+    reseal(data, found.start[rows], layout.crc_extra)
+
+
+def reseal(data: np.ndarray, start: np.ndarray, crc_extra: int) -> None:
+    """Make the checksums of the MAVLink 2 frames at `start` anew."""
+    length = data[start + 1]
+    for size in np.unique(length):
+        these = start[length == size]
+        width = 9 + int(size)
+        rows = frames.gather(data, these + 1, width)
+        extra = np.full(these.size, crc_extra, dtype=np.uint8)
+        _write(data, these + 1 + width, checksum_rows(rows, extra), "<u2")
+
+
+def frames_of(path: Path) -> list[bytes]:
+    """The stamped frames of a telemetry log, one bytes object each."""
+    data, size = read_bytes(path, frames.PADDING)
+    found = frames.scan(data, size)
+    edges = [*(found.start - frames.STAMP).tolist(), size]
+    return [data[a:b].tobytes() for a, b in pairwise(edges)]
+
+
+def as_text(path: Path, names: tuple[str, ...]) -> str:
+    """Messages `names` of a DataFlash log as the text that ground stations write, by pymavlink."""
+    from pymavlink import DFReader
+
+    log = DFReader.DFReader_binary(str(path))
+    lines = []
+    while (message := log.recv_msg()) is not None:
+        kind = message.get_type()
+        if kind in ("FMT", *names):
+            cells = [getattr(message, column) for column in message.fmt.columns]
+            lines.append(", ".join([kind, *(str(cell) for cell in cells)]))
+    return "\n".join(lines) + "\n"
+
+
+class UlogWriter:
+    """A small PX4 log by the file format's definition (docs.px4.io, ULog)."""
+
+    def __init__(self) -> None:
+        self._head = [b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0)]
+        self._body: list[bytes] = []
+        self._topics: dict[str, tuple[int, str]] = {}
+
+    def _message(self, kind: bytes, payload: bytes) -> bytes:
+        return struct.pack("<H", len(payload)) + kind + payload
+
+    def parameter(self, name: str, value: int) -> None:
+        key = f"int32_t {name}".encode()
+        payload = bytes([len(key)]) + key + struct.pack("<i", value)
+        self._head.append(self._message(b"P", payload))
+
+    def topic(self, name: str, fields: list[tuple[str, str]], codes: str) -> None:
+        """`fields` are (ULog type, name) after the time; `codes` pack one row of them."""
+        listed = ";".join(f"{kind} {field}" for kind, field in [("uint64_t", "timestamp"), *fields])
+        self._head.append(self._message(b"F", f"{name}:{listed};".encode()))
+        number = len(self._topics)
+        self._topics[name] = (number, f"<HQ{codes}")
+        self._body.insert(
+            number, self._message(b"A", struct.pack("<BH", 0, number) + name.encode())
+        )
+
+    def part(self, definition: str) -> None:
+        """A type that topics nest, as "name:type field;type field;"."""
+        self._head.insert(1, self._message(b"F", definition.encode()))
+
+    def row(self, name: str, time_s: float, *values: float) -> None:
+        number, codes = self._topics[name]
+        payload = struct.pack(codes, number, int(time_s * 1e6), *values)
+        self._body.append(self._message(b"D", payload))
+
+    def text(self, time_s: float, text: str) -> None:
+        payload = struct.pack("<BQ", 6, int(time_s * 1e6)) + text.encode()
+        self._body.append(self._message(b"L", payload))
+
+    def bytes(self) -> bytes:
+        return b"".join([*self._head, *self._body])

@@ -1,0 +1,142 @@
+"""A flight as CSV: it reads back to the last digit, and a wrong table says what is wrong."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.logs.csv_table import COLUMNS, read_csv, write_csv
+from thrustmargin.models.errors import AirframeError, LogError
+from thrustmargin.models.flight import CHANNEL_COLUMNS, FlightTrack, Origin
+from thrustmargin.models.physics.airframe import airframe_names, load_airframe
+
+NUMBERS = st.floats(allow_nan=True, allow_infinity=False, width=64)
+
+
+def same(a: FlightTrack, b: FlightTrack) -> None:
+    np.testing.assert_array_equal(a.time_s, b.time_s)
+    np.testing.assert_array_equal(a.flying, b.flying)
+    for channel in CHANNEL_COLUMNS:
+        np.testing.assert_array_equal(getattr(a, channel), getattr(b, channel), err_msg=channel)
+    assert (a.name, a.origin, a.start_unix_s) == (b.name, b.origin, b.start_unix_s)
+    assert dict(a.sources).items() <= dict(b.sources).items()
+
+
+def test_a_recorded_flight_reads_back_to_the_last_digit(sitl_logs, tmp_path):
+    track = read_log(sitl_logs / "campaign/v4_m10_q2.5.tlog").track
+    write_csv(track, tmp_path / "flight.csv")
+    again = read_csv(tmp_path / "flight.csv")
+    same(track, again)
+    assert again.sources["tank_kg"] == "NAMED_VALUE_FLOAT TANK"
+
+
+@settings(max_examples=50, deadline=None)
+@given(data=st.data(), rotors=st.integers(3, 8), rows=st.integers(1, 5))
+def test_any_track_reads_back_to_the_last_digit(tmp_path_factory, data, rotors, rows):
+    given_channels = {}
+    for channel, columns in CHANNEL_COLUMNS.items():
+        width = rotors if columns == "R" else columns
+        shape = (rows, int(width)) if width else (rows,)
+        given_channels[channel] = data.draw(arrays.arrays(np.float64, shape, elements=NUMBERS))
+    # At least one number a rotor channel: a column that is empty throughout is not written.
+    given_channels["rotor_speed_rpm"][0, 0] = 1.0
+    steps = data.draw(arrays.arrays(np.float64, rows, elements=st.floats(1e-3, 1e3)))
+    track = FlightTrack.of(
+        name=data.draw(st.text(st.characters(exclude_categories=("C", "Z")), max_size=8)),
+        time_s=np.cumsum(steps),
+        rotor_count=rotors,
+        flying=data.draw(arrays.arrays(np.bool_, rows)),
+        origin=Origin(latitude_deg=36.65, longitude_deg=116.9, altitude=5.0),
+        start_unix_s=data.draw(st.none() | st.floats(0, 2e9)),
+        sources={"tank_kg": 'a, "quoted" source, µ'},
+        **given_channels,
+    )
+    path = tmp_path_factory.getbasetemp() / "any.csv"
+    write_csv(track, path)
+    same(track, read_csv(path))
+
+
+def test_the_documented_names_are_the_ones_that_are_read(tmp_path):
+    names = [name for columns in COLUMNS.values() for name in columns]
+    names += [f"rotor_speed_rpm_{k}" for k in range(1, 5)] + [f"throttle_{k}" for k in range(1, 5)]
+    header = ",".join(["time_s", *names, "flying"])
+    row = ",".join(str(k) for k in range(len(names) + 2))
+    (tmp_path / "all.csv").write_text(f"{header}\n{row}\n")
+    log = read_log(tmp_path / "all.csv")
+    assert log.format == "CSV"
+    assert all(log.track.reports(channel) for channel in CHANNEL_COLUMNS)
+    assert not any("not used" in note for note in log.track.notes)
+    import thrustmargin.gcs_plugin.logs.csv_table as module
+
+    assert module.__doc__ is not None
+    for stem in ("time_s", "position_north", "tank_kg", "rotor_speed_rpm_1", "throttle_1"):
+        assert stem in module.__doc__
+
+
+def test_empty_cells_and_missing_columns_are_unknown(tmp_path):
+    (tmp_path / "some.csv").write_text("time_s,airspeed,tank_kg\n0,3.5,\n0.1,,9.9\n")
+    track = read_log(tmp_path / "some.csv").track
+    np.testing.assert_array_equal(track.airspeed, [3.5, np.nan])
+    np.testing.assert_array_equal(track.tank_kg, [np.nan, 9.9])
+    assert not track.reports("voltage")
+    assert any("no ESC telemetry" in note for note in track.notes)
+    assert track.rotor_count == 0
+    assert track.rotor_speed_rpm.shape == (2, 0)
+    six = next(a for a in map(load_airframe, airframe_names()) if a.rotor_count != 4)
+    track = read_log(tmp_path / "some.csv", airframe=six).track
+    assert track.rotor_count == six.rotor_count
+
+
+def test_unknown_columns_are_named_and_left_out(tmp_path):
+    (tmp_path / "x.csv").write_text("time_s,airspeed,colour\n0,3.5,red\n1,3.6,blue\n")
+    assert any("columns not used: colour" in n for n in read_log(tmp_path / "x.csv").track.notes)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("time,airspeed\n0,1\n", "no column time_s"),
+        ("time_s,airspeed\n", "no rows"),
+        ("time_s,airspeed\n0,1\n0,2\n", "row 2"),
+        ("time_s,airspeed\n1,1\n0.5,2\n", "row 2"),
+        ("time_s,airspeed\nnan,1\n", "row 1"),
+        ("time_s,airspeed\n0,fast\n", "not a table of numbers"),
+        ("time_s,airspeed\n0,1,2\n", "not a table of numbers"),
+        ("time_s,airspeed,airspeed\n0,1,2\n", "there twice"),
+        ("time_s,colour\n0,1\n", "no column but time_s"),
+        ("# {broken\ntime_s,airspeed\n0,1\n", "not JSON"),
+        ('# {"origin": {"latitude_deg": 1}}\ntime_s,airspeed\n0,1\n', "longitude_deg"),
+    ],
+)
+def test_a_wrong_table_says_where_it_is_wrong(tmp_path, text, said):
+    (tmp_path / "wrong.csv").write_text(text)
+    with pytest.raises(LogError) as error:
+        read_log(tmp_path / "wrong.csv")
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_table_of_another_rotor_count_is_refused(tmp_path):
+    names = [f"rotor_speed_rpm_{k}" for k in range(1, 7)]
+    (tmp_path / "six.csv").write_text(f"time_s,{','.join(names)}\n0,1,2,3,4,5,6\n")
+    with pytest.raises(AirframeError, match="6 rotors"):
+        read_log(tmp_path / "six.csv", airframe=load_airframe("topxgun-f16"))
+
+
+def test_text_that_is_neither_log_nor_table_is_refused(tmp_path):
+    (tmp_path / "notes.tlog").write_text("Dear diary,\nflew today.\n")
+    with pytest.raises(LogError, match="is text, but neither"):
+        read_log(tmp_path / "notes.tlog")
+
+
+def test_a_write_that_fails_leaves_the_old_file(tmp_path, monkeypatch):
+    path = tmp_path / "flight.csv"
+    path.write_text("old")
+    track = FlightTrack.of(name="x", time_s=np.arange(3.0), rotor_count=4)
+    monkeypatch.setattr("os.replace", lambda *_: (_ for _ in ()).throw(OSError("disk full")))
+    with pytest.raises(OSError, match="disk full"):
+        write_csv(track, path)
+    assert path.read_text() == "old"
+    assert [p.name for p in tmp_path.iterdir()] == ["flight.csv"]

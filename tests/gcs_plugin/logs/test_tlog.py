@@ -1,0 +1,168 @@
+"""Vehicles, clocks and texts of a .tlog: unusual senders, restarts and jittering links."""
+
+import struct
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from tests.gcs_plugin.logs.log_files import frames_of
+from tests.gcs_plugin.logs.tlog_files import (
+    FLIGHT,
+    flight_of,
+    link,
+    stamped,
+    written,
+)
+from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.logs.tlog import read_tlog
+from thrustmargin.models.errors import LogError
+
+
+def test_two_vehicles_are_told_apart_and_the_choice_is_said(tmp_path):
+    one, two = link(1), link(2)
+    first = flight_of(lambda m: m.pack(one), 5)
+    second = flight_of(lambda m: m.pack(two), 10, rpm=2500)
+    path = written(tmp_path, first + second)
+    log = read_log(path)
+    assert (log.vehicle, log.vehicles) == (2, (1, 2))
+    assert any("2 vehicles in the log (1, 2): vehicle 2 is read" in n for n in log.track.notes)
+    assert log.track.rotor_speed_rpm[0, 1] == 2501
+    assert read_log(path, vehicle=1).track.rotor_speed_rpm[0, 1] == 1901
+    with pytest.raises(LogError, match="no vehicle 7; it holds vehicle 1, 2"):
+        read_log(path, vehicle=7)
+
+
+def test_a_vehicle_with_rotor_speeds_goes_before_one_with_more_messages(tmp_path):
+    chatty, flyer = link(1), link(2)
+    talk = b"".join(
+        stamped(dialect.MAVLink_attitude_message(i, 0, 0, 0, 0, 0, 0).pack(chatty), i / 1000)
+        for i in range(2000)
+    )
+    log = read_log(written(tmp_path, talk + flight_of(lambda m: m.pack(flyer), 5)))
+    assert log.vehicle == 2
+
+
+def test_a_ground_station_is_no_vehicle(tmp_path):
+    ground = link(250, 190)
+    beat = dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3)
+    alone = b"".join(stamped(beat.pack(ground), t) for t in range(5))
+    with pytest.raises(LogError, match="only a ground station"):
+        read_log(written(tmp_path, alone))
+    craft = link()
+    log = read_log(written(tmp_path, alone + flight_of(lambda m: m.pack(craft), 3)))
+    assert log.vehicles == (1,)
+
+
+def test_a_restart_keeps_the_longest_stretch_and_says_so(tmp_path):
+    craft = link()
+    short = flight_of(lambda m: m.pack(craft), 5, rpm=1000)
+    long = flight_of(lambda m: m.pack(craft), 20, rpm=2000, later=7.03)
+    again = flight_of(lambda m: m.pack(craft), 5, rpm=1000, later=40.07)
+    log = read_log(written(tmp_path, short + long + again))
+    assert log.track.time_s.size == 200
+    assert log.track.rotor_speed_rpm[:, 1].tolist() == [2001.0] * 200
+    assert len(log.quality.clock_jumps) == 2
+    assert any("time went backwards 2 time(s) (restart)" in note for note in log.track.notes)
+
+
+def test_two_vehicles_with_one_id_are_refused(tmp_path):
+    craft = link()
+    early = flight_of(lambda m: m.pack(craft), 30)
+    late = []
+    for tick in range(300):
+        boot = 500_000 + tick * 100
+        message = dialect.MAVLink_attitude_message(boot, 0, 0, 0, 0, 0, 0).pack(craft)
+        late.append(stamped(message, 10 + tick / 10))
+    size = len(early) // 30
+    turns = [
+        early[i * size : (i + 1) * size] + b"".join(late[i * 10 : i * 10 + 10]) for i in range(30)
+    ]
+    with pytest.raises(LogError, match="share one system id"):
+        read_log(written(tmp_path, b"".join(turns)))
+
+
+def test_reordered_and_doubled_frames_change_nothing(tmp_path):
+    made = link()
+    data = flight_of(lambda m: m.pack(made), 20)
+    path = written(tmp_path, data)
+    pieces = frames_of(path)
+    rng = np.random.default_rng(3)
+    shuffled = [
+        pieces[i] for i in np.argsort(np.arange(len(pieces)) + rng.uniform(0, 6, len(pieces)))
+    ]
+    doubled = [piece for piece in shuffled for _ in range(1 + (rng.random() < 0.1))]
+    straight = read_log(path).track
+    crooked = read_log(written(tmp_path, b"".join(doubled), "crooked.tlog")).track
+    np.testing.assert_allclose(crooked.tank_kg[:190], straight.tank_kg[:190], atol=0.003)
+    assert abs(crooked.time_s.size - straight.time_s.size) < 5
+
+
+def test_messages_without_a_clock_get_the_vehicles_time_whatever_the_link_does(tmp_path):
+    """The ground computer's clock runs 3600 s off after half of the log."""
+    pieces = frames_of(FLIGHT)
+    half = len(pieces) // 2
+    late = [
+        struct.pack(">Q", struct.unpack(">Q", piece[:8])[0] + 3_600_000_000) + piece[8:]
+        for piece in pieces[half:]
+    ]
+    log = read_log(written(tmp_path, b"".join([*pieces[:half], *late])))
+    whole = read_log(FLIGHT)
+    assert log.track.duration == pytest.approx(whole.track.duration, abs=0.01)
+    np.testing.assert_allclose(log.track.time_s, whole.track.time_s, atol=0.2)
+    np.testing.assert_allclose(log.track.airspeed, whole.track.airspeed, atol=0.3)
+
+
+def test_a_jittering_link_does_not_move_messages_that_carry_a_clock(tmp_path):
+    """Also past 71 minutes, where the 32-bit clock of SERVO_OUTPUT_RAW has begun anew."""
+    rng = np.random.default_rng(4)
+    made, out = link(), []
+    for tick in range(100):
+        t = 4290.0 + tick / 10
+        messages = [
+            dialect.MAVLink_attitude_message(int(t * 1000), tick / 1000, 0, 0, 0, 0, 0),
+            dialect.MAVLink_servo_output_raw_message(int(t * 1e6) % 2**32, 0, *[1000 + tick] * 8),
+        ]
+        out += [stamped(m.pack(made), t + rng.uniform(0, 0.4)) for m in messages]
+    track = read_log(written(tmp_path, b"".join(out))).track
+    np.testing.assert_allclose(track.time_s, np.arange(100) / 10, atol=1e-6)
+    np.testing.assert_allclose(track.attitude[:, 0], np.arange(100) / 1000, atol=1e-6)
+    np.testing.assert_allclose(track.throttle[:, 0], np.arange(100) / 1000, atol=1e-6)
+
+
+def test_sequence_numbers_tell_what_was_not_received(tmp_path):
+    craft = link()
+
+    def pack(message):
+        frame = message.pack(craft)
+        craft.seq = (craft.seq + 1) % 256
+        return frame
+
+    data = flight_of(pack, 10)
+    path = written(tmp_path, data)
+    assert read_tlog(path).quality.frames_missing == 0
+    pieces = frames_of(path)
+    holed = written(tmp_path, b"".join(p for i, p in enumerate(pieces) if i % 10 != 5), "h.tlog")
+    assert read_tlog(holed).quality.frames_missing == pytest.approx(len(pieces) / 10, abs=1)
+
+
+def test_mission_texts_and_parameters_come_with_the_flight():
+    log = read_log(FLIGHT)
+    assert [w.number for w in log.waypoints] == list(range(29))
+    assert log.waypoints[5].latitude_deg == pytest.approx(36.6509881)
+    assert np.isnan(log.waypoints[2].latitude_deg)  # a speed change has no place
+    assert log.parameters["BATT2_CAPACITY"] == 16000
+    texts = {text: time for time, text in log.messages}
+    # Takeoff begins 8 s after the motors arm.
+    assert texts["Mission: 3 WP"] - texts["Arming motors"] == pytest.approx(8.1, abs=0.2)
+
+
+def test_a_long_text_in_pieces_is_one_line(tmp_path):
+    craft = link()
+    text = b"Battery 1 is below the level that was set for the return to launch, landing now"
+    pieces = [
+        dialect.MAVLink_statustext_message(4, text[i * 50 : i * 50 + 50], 77, i).pack(craft)
+        for i in range(2)
+    ]
+    data = flight_of(lambda m: m.pack(craft), 2) + b"".join(stamped(p, 12) for p in pieces)
+    assert read_log(written(tmp_path, data)).messages[0][1] == text.decode()

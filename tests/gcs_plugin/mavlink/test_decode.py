@@ -1,0 +1,232 @@
+"""Units, unknown values and conventions of the MAVLink table, and the layouts under it."""
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from thrustmargin.gcs_plugin.mavlink.checksum import checksum_rows
+from thrustmargin.gcs_plugin.mavlink.decode import (
+    ESC_TELEMETRY_FIRST,
+    MAVLINK_RULES,
+    attitude_from_quaternion,
+    esc_silent,
+)
+from thrustmargin.gcs_plugin.mavlink.layouts import layout_table, layouts
+from thrustmargin.gcs_plugin.mavlink.rules import UNITS, decode, quantity
+
+OF_MESSAGE = {layout.name: layout for layout in layouts().values()}
+
+
+def rows(message: str, size: int = 1, **fields) -> np.ndarray:
+    table = np.zeros(size, dtype=OF_MESSAGE[message].dtype)
+    for name, value in fields.items():
+        table[name] = value
+    return table
+
+
+def rule_for(message: str, channel: str):
+    return next(r for r in MAVLINK_RULES if (r.message, r.channel) == (message, channel))
+
+
+def channel(message: str, name: str, **fields) -> np.ndarray:
+    table = rows(message, **fields)
+    found = [v for r, _, _, v in decode(MAVLINK_RULES, message, table) if r.channel == name]
+    return found[0]
+
+
+def test_every_rule_names_fields_that_its_message_has():
+    for rule in MAVLINK_RULES:
+        names = OF_MESSAGE[rule.message].dtype.names
+        assert names is not None
+        assert set(rule.fields) <= set(names), rule
+        assert rule.index is None or rule.index in names
+
+
+def test_units_of_the_table_are_those_of_the_mavlink_definition():
+    checked = 0
+    for rule in MAVLINK_RULES:
+        message = dialect.mavlink_map.get(OF_MESSAGE[rule.message].id)
+        if message is None or rule.convert is not None:
+            continue
+        units = [rule.unit] * len(rule.fields) if isinstance(rule.unit, str) else rule.unit
+        for name, unit in zip(rule.fields, units, strict=True):
+            stated = message.fieldunits_by_name.get(name)
+            if stated is not None:
+                assert unit == stated, (rule.message, name)
+                checked += 1
+    assert checked > 30
+
+
+@pytest.mark.parametrize(
+    ("message", "name", "fields", "expected"),
+    [
+        ("GLOBAL_POSITION_INT", "altitude", {"alt": 8066}, 8.066),
+        ("SCALED_PRESSURE", "pressure", {"press_abs": 1013.25}, 101325.0),
+        ("SCALED_PRESSURE", "temperature", {"temperature": 1500}, 288.15),
+        ("SYS_STATUS", "voltage", {"voltage_battery": 58800}, 58.8),
+        ("BATTERY_STATUS", "battery_current", {"current_battery": 5650}, 56.5),
+        ("RAW_IMU", "specific_force_frd", {"zacc": -1000}, [0.0, 0.0, -9.80665]),
+    ],
+)
+def test_wire_units_become_si(message, name, fields, expected):
+    assert channel(message, name, **fields)[0] == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("message", "name", "fields"),
+    [
+        ("SYS_STATUS", "voltage", {"voltage_battery": 65535}),
+        ("SYS_STATUS", "current", {"current_battery": -1}),
+        ("BATTERY_STATUS", "battery_current", {"current_battery": -1}),
+        ("BATTERY_STATUS", "battery_percent", {"battery_remaining": -1}),
+        ("BATTERY_STATUS", "battery_voltage", {"voltages": 65535}),
+        ("EXTENDED_SYS_STATE", "landed", {"landed_state": 0}),
+        ("FUEL_STATUS", "fuel_percent", {"percent_remaining": 255}),
+        ("DISTANCE_SENSOR", "height_agl", {"current_distance": 300, "max_distance": 300}),
+    ],
+)
+def test_codes_for_unknown_become_nan(message, name, fields):
+    assert np.isnan(channel(message, name, **fields)[0])
+
+
+def test_only_a_rangefinder_that_looks_down_gives_height():
+    reading = {"current_distance": 310, "min_distance": 20, "max_distance": 5000}
+    down = channel("DISTANCE_SENSOR", "height_agl", orientation=25, **reading)
+    assert down.tolist() == [3.1]
+    assert np.isnan(channel("DISTANCE_SENSOR", "height_agl", orientation=0, **reading)).all()
+
+
+def test_a_row_decodes_the_same_alone_as_in_a_batch():
+    rng = np.random.default_rng(1)
+    for message in {rule.message for rule in MAVLINK_RULES}:
+        layout = OF_MESSAGE[message].dtype
+        raw = rng.integers(0, 256, (20, layout.itemsize), dtype=np.uint8)
+        table = raw.view(layout).reshape(20)
+        for rule in (r for r in MAVLINK_RULES if r.message == message):
+            with np.errstate(all="ignore"):
+                together = quantity(rule, table)
+                alone = np.concatenate([quantity(rule, table[i : i + 1]) for i in range(20)])
+            np.testing.assert_array_equal(together, alone, err_msg=str(rule))
+
+
+def test_wind_from_the_north_blows_to_the_south():
+    from_north = channel("WIND", "wind_ned", direction=0.0, speed=5.0)
+    np.testing.assert_allclose(from_north, [[-5.0, 0.0, 0.0]], atol=1e-9)
+    from_east = channel("WIND", "wind_ned", direction=90.0, speed=5.0)
+    np.testing.assert_allclose(from_east, [[0.0, -5.0, 0.0]], atol=1e-9)
+
+
+def test_wind_cov_is_the_vector_itself():
+    wind = channel("WIND_COV", "wind_ned", wind_x=3.0, wind_y=-4.0, wind_z=0.5)
+    np.testing.assert_allclose(wind, [[3.0, -4.0, 0.5]])
+
+
+def test_a_pack_above_65_volts_is_summed_over_its_cells():
+    cells = np.full(10, 65535)
+    cells[:2] = (65534, 4466)
+    assert channel("BATTERY_STATUS", "battery_voltage", voltages=cells)[0] == pytest.approx(70.0)
+    more = np.array([4000, 0, 0, 0])
+    volts = channel("BATTERY_STATUS", "battery_voltage", voltages=cells, voltages_ext=more)
+    assert volts[0] == pytest.approx(74.0)
+
+
+def test_zero_rpm_is_unknown_only_while_the_esc_has_never_spoken():
+    silent = channel("ESC_TELEMETRY_1_TO_4", "esc_rpm", rpm=0, count=0)
+    assert np.isnan(silent).all()
+    stopped = channel("ESC_TELEMETRY_1_TO_4", "esc_rpm", rpm=0, count=7)
+    assert (stopped == 0).all()
+
+
+def test_zero_rpm_with_a_counter_that_stands_still_is_silence():
+    table = rows("ESC_TELEMETRY_1_TO_4", 4)
+    table["rpm"][:, 0] = [1900, 0, 0, 0]
+    table["count"][:, 0] = [10, 11, 11, 12]
+    assert esc_silent(table)[:, 0].tolist() == [False, False, True, False]
+
+
+def test_fuel_status_counts_ml_only_for_a_liquid():
+    liquid = channel("FUEL_STATUS", "fuel_remaining", remaining_fuel=9500.0, fuel_type=1)
+    assert liquid.tolist() == [9500.0]
+    unknown = channel("FUEL_STATUS", "fuel_remaining", remaining_fuel=0.6, fuel_type=0)
+    assert np.isnan(unknown).all()
+
+
+def test_esc_messages_are_numbered_by_output():
+    assert ESC_TELEMETRY_FIRST["ESC_TELEMETRY_1_TO_4"] == 0
+    assert ESC_TELEMETRY_FIRST["ESC_TELEMETRY_5_TO_8"] == 4
+    assert ESC_TELEMETRY_FIRST["ESC_TELEMETRY_29_TO_32"] == 28
+    assert all(name in OF_MESSAGE for name in ESC_TELEMETRY_FIRST)
+
+
+def test_batteries_of_one_message_are_told_apart_by_id():
+    table = rows("BATTERY_STATUS", 4)
+    table["id"] = [0, 1, 0, 1]
+    table["battery_remaining"] = [90, 60, 89, 59]
+    found = {
+        index: values.tolist()
+        for rule, index, _, values in decode(MAVLINK_RULES, "BATTERY_STATUS", table)
+        if rule.channel == "battery_percent"
+    }
+    assert found == {0: [90.0, 89.0], 1: [60.0, 59.0]}
+
+
+def test_quaternion_gives_the_angles_that_made_it():
+    roll, pitch, yaw = 0.3, -0.4, 2.5
+    cr, sr, cp, sp = np.cos(roll / 2), np.sin(roll / 2), np.cos(pitch / 2), np.sin(pitch / 2)
+    cy, sy = np.cos(yaw / 2), np.sin(yaw / 2)
+    w = cr * cp * cy + sr * sp * sy
+    x = sr * cp * cy - cr * sp * sy
+    y = cr * sp * cy + sr * cp * sy
+    z = cr * cp * sy - sr * sp * cy
+    angles = attitude_from_quaternion(*(np.array([v]) for v in (w, x, y, z)))
+    np.testing.assert_allclose(angles, [[roll, pitch, yaw]], atol=1e-12)
+
+
+def test_layouts_have_the_size_that_pymavlink_packs():
+    for number, message in dialect.mavlink_map.items():
+        assert layouts()[number].dtype.itemsize == message.unpacker.size
+        assert layouts()[number].crc_extra == message.crc_extra
+
+
+@pytest.mark.parametrize(
+    ("name", "number", "size", "crc_extra", "offsets"),
+    [
+        ("ESC_INFO", 290, 46, 251, {"time_usec": 0}),
+        ("ESC_STATUS", 291, 57, 10, {"rpm": 8, "voltage": 24, "current": 40, "index": 56}),
+        (
+            "FUEL_STATUS",
+            371,
+            26,
+            10,
+            {"remaining_fuel": 8, "flow_rate": 12, "fuel_type": 20, "id": 24},
+        ),
+    ],
+)
+def test_messages_that_pymavlink_lacks_have_their_published_layout(
+    name, number, size, crc_extra, offsets
+):
+    layout = layouts()[number]
+    assert (layout.name, layout.dtype.itemsize, layout.crc_extra) == (name, size, crc_extra)
+    assert layout.dtype.fields is not None
+    for field, offset in offsets.items():
+        assert layout.dtype.fields[field][1] == offset
+    assert layout_table().size[number] == size
+
+
+@pytest.mark.parametrize("length", [1, 2, 5, 14, 37, 64, 255])
+def test_checksum_agrees_with_pymavlinks(length):
+    rng = np.random.default_rng(length)
+    table = rng.integers(0, 256, (50, length), dtype=np.uint8)
+    extra = rng.integers(0, 256, 50, dtype=np.uint8)
+    expected = []
+    for row, last in zip(table, extra, strict=True):
+        crc = dialect.x25crc(row.tobytes())
+        crc.accumulate(bytes([last]))
+        expected.append(crc.crc)
+    assert checksum_rows(table, extra).tolist() == expected
+
+
+def test_all_units_of_the_tables_are_known():
+    for rule in MAVLINK_RULES:
+        for unit in (rule.unit,) if isinstance(rule.unit, str) else rule.unit:
+            assert unit in UNITS

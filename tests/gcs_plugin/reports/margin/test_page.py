@@ -1,0 +1,374 @@
+"""The report's files: one set of numbers, no network, nothing from a log that acts."""
+
+import base64
+import csv
+import hashlib
+import io
+import json
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+
+from tests.gcs_plugin.reports.margin.report_flight import HOSTILE, flight, log, without
+from thrustmargin.gcs_plugin.reports.margin import Unread, build_report
+from thrustmargin.gcs_plugin.reports.margin.data import Report
+from thrustmargin.gcs_plugin.reports.margin.figures import figures
+from thrustmargin.gcs_plugin.reports.margin.render import (
+    Written,
+    csv_bytes,
+    html_text,
+    json_text,
+    write_report,
+)
+from thrustmargin.gcs_plugin.reports.margin.series import keep_extremes, keep_worst
+from thrustmargin.gcs_plugin.reports.shared.page_shell import script_safe
+from thrustmargin.gcs_plugin.reports.shared.route_map import moved, plotly_scale
+from thrustmargin.gcs_plugin.wording.numbers import (
+    clock,
+    duration,
+    number,
+    percent,
+    significant,
+    unbroken,
+)
+from thrustmargin.gcs_plugin.wording.palette import LOAD
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.physics.airframe import load_airframe
+
+
+class Page(HTMLParser):
+    """Elements and text of a page; text of <script> is kept by its type."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(convert_charrefs=True)
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.scripts: list[str] = []
+        self.data: dict[str, str] = {}
+        self.text = ""
+        self._inside: tuple[str, dict[str, str | None]] | None = None
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self.elements.append((tag, dict(attrs)))
+        if tag in ("script", "style"):
+            self._inside = (tag, dict(attrs))
+            if tag == "script" and "type" not in dict(attrs):
+                self.scripts.append("")
+
+    def handle_endtag(self, tag):
+        if tag in ("script", "style"):
+            self._inside = None
+
+    def handle_data(self, data):
+        if self._inside is None:
+            self.text += data
+        elif self._inside[0] == "script":
+            kind = self._inside[1]
+            if "type" in kind:
+                self.data[kind["id"] or ""] = self.data.get(kind["id"] or "", "") + data
+            else:
+                self.scripts[-1] += data
+
+
+def page_of(report: Report, tmp_path) -> Page:
+    out = tmp_path / "r.html"
+    written = Written(html=out, json=out.with_suffix(".json"), csv=out.with_suffix(".csv"))
+    return Page(html_text(report, written))
+
+
+def plain(text: str) -> str:
+    return " ".join(text.replace("\N{NO-BREAK SPACE}", " ").split())
+
+
+@pytest.fixture(scope="module")
+def report():
+    return build_report([flight()])
+
+
+@pytest.fixture(scope="module")
+def page(report, tmp_path_factory):
+    return page_of(report, tmp_path_factory.mktemp("page"))
+
+
+def test_page_json_and_csv_say_the_same_numbers(report, page):
+    made = json.loads(json_text(report, "r.csv"))
+    assert made["schema"] == "thrustmargin.report/1"
+    one, of = made["flights"][0], report.flights[0]
+    rows = list(csv.DictReader(io.StringIO(csv_bytes(report).decode())))
+
+    worst = one["verdict"]["worst"]
+    assert worst["capacity_use"] == of.verdict.worst.capacity_use
+    row = next(r for r in rows if float(r["time [s]"]) == pytest.approx(worst["time_s"], abs=1e-3))
+    in_csv = float(row[f"rotor {worst['rotor']} capacity use measured [1]"])
+    assert in_csv == pytest.approx(worst["capacity_use"], abs=1e-5)
+    text = plain(page.text)
+    assert f"{worst['capacity_use'] * 100:.0f} %in use" in text.replace("% in", "%in")
+    assert f"{worst['margin'] * 100:.0f} %thrust left" in text.replace("% thrust", "%thrust")
+    rmse = one["accuracy"]["overall"]["rmse_rpm"]
+    assert f"{rmse['value']:.1f} ({rmse['low']:.1f} to {rmse['high']:.1f})" in text
+    assert f"{one['redundancy']['yaw_free_min']:.2f} × weight" in text
+    assert f"{one['flight']['liquid_used_kg']:.2f} kg" in text
+
+
+def test_csv_has_every_row_with_units_and_empty_cells_for_unknown(report):
+    rows = list(csv.reader(io.StringIO(csv_bytes(report).decode())))
+    header, body = rows[0], rows[1:]
+    assert header[:2] == ["flight", "time [s]"]
+    assert all(re.fullmatch(r".+ \[.+\]", name) for name in header[1:])
+    track = log().track
+    assert len(body) == track.time_s.size
+    column = header.index("rotor 2 speed measured [rpm]")
+    got = np.array([float(r[column] or "nan") for r in body])
+    np.testing.assert_allclose(got, track.rotor_speed_rpm[:, 1], atol=0.05)
+    lower = header.index("rotor 1 speed predicted lower [rpm]")  # no network: no interval
+    assert {r[lower] for r in body} == {""}
+    assert not any("nan" in cell for r in body for cell in r)
+
+
+def test_json_has_null_for_unknown_and_no_nan():
+    text = json_text(build_report([without("rotor_speed_rpm", "tank_kg")]), "r.csv")
+    assert "NaN" not in text
+    made = json.loads(text)
+    assert made["flights"][0]["flight"]["tank_start_kg"] is None
+    assert made["flights"][0]["verdict"]["worst"] is None
+
+
+def test_json_names_the_columns_of_the_csv(report):
+    named = json.loads(json_text(report, "north.csv"))["csv"]
+    assert named["file"] == "north.csv"
+    header = next(csv.reader(io.StringIO(csv_bytes(report).decode())))
+    numbered = [re.sub(r"^rotor \d+", "rotor {}", name) for name in header]
+    assert list(dict.fromkeys(numbered)) == named["columns"]
+
+
+def test_page_loads_nothing_from_anywhere(page):
+    for tag, attributes in page.elements:
+        for name in ("src", "srcset", "data", "action", "poster", "background"):
+            assert name not in attributes, (tag, name)
+        assert (attributes.get("href") or "#").startswith("#"), tag
+        assert tag not in {"link", "iframe", "object", "embed", "base", "img"}
+        assert not any(name.startswith("on") for name in attributes), tag
+        assert "url(" not in (attributes.get("style") or "")
+
+
+def test_policy_lets_exactly_the_two_scripts_of_the_page_run(page):
+    policy = next(
+        a["content"]
+        for tag, a in page.elements
+        if tag == "meta" and a.get("http-equiv") == "Content-Security-Policy"
+    )
+    assert "default-src 'none'" in policy
+    hashes = re.findall(r"'sha256-([^']+)'", policy)
+    found = [base64.b64encode(hashlib.sha256(s.encode()).digest()).decode() for s in page.scripts]
+    assert hashes == found
+    assert len(found) == 2
+    assert "http" not in policy
+
+
+def test_plotly_accepts_every_figure(report):
+    made = figures(report.flights[0])
+    assert set(made) == {"use", "rotors", "map_use", "map_redundancy", "redundancy", "residual"}
+    for figure in made.values():
+        go.Figure(figure)  # raises ValueError for a property or value that plotly does not know
+
+
+def test_figures_hold_the_worst_value_after_thinning(report):
+    of = report.flights[0]
+    figure = figures(of)["use"]
+    trace = next(t for t in figure["data"] if t.get("name") == "worst rotor")
+    drawn = np.frombuffer(base64.b64decode(trace["y"]["bdata"]), dtype="<f4")
+    assert np.nanmax(drawn) == pytest.approx(of.verdict.worst.capacity_use * 100, rel=1e-6)
+    assert drawn.size < 1700
+
+
+@pytest.mark.parametrize("rows", [1, 50, 1601, 20_000])
+def test_thinning_keeps_ends_extremes_and_gaps(rows):
+    rng = np.random.default_rng(rows)
+    values = rng.normal(size=rows)
+    values[rows // 2 : rows // 2 + rows // 10] = np.nan
+    kept = keep_extremes(values, 400)
+    assert np.all(np.diff(kept) > 0)
+    assert kept[0] == 0
+    assert kept[-1] == rows - 1
+    assert kept.size <= max(1600, 5 * 400)
+    if np.any(np.isfinite(values)):
+        assert np.nanmax(values[kept]) == np.nanmax(values)
+        assert np.nanmin(values[kept]) == np.nanmin(values)
+    assert np.any(np.isnan(values[kept])) == np.any(np.isnan(values))
+
+
+def test_thinning_keeps_a_gap_of_one_row():
+    values = np.sin(np.arange(20_000) / 300.0)
+    values[7777] = np.nan
+    assert 7777 in keep_extremes(values, 400)
+
+
+def test_json_in_a_script_element_has_no_character_that_ends_it():
+    text = script_safe(json.dumps([HOSTILE, "\u2028"], ensure_ascii=False))
+    assert not set("<>&\u2028") & set(text)
+    assert json.loads(text) == [HOSTILE, "\u2028"]
+
+
+def test_the_map_keeps_the_worst_row_of_each_stretch():
+    score = np.sin(np.arange(10_000) / 37.0)
+    score[1234], score[5000:6000] = 9.0, np.nan
+    kept = keep_worst(score, 300)
+    assert 1234 in kept
+    assert np.all(np.isfinite(score[kept]))
+    assert kept.size <= 300
+    assert keep_worst(np.full(50, np.nan), 10).size == 0
+
+
+def test_a_moved_line_moves_the_jump_of_the_colours():
+    scale = plotly_scale(moved(LOAD, 0.6))
+    places = [float(place) for place, _ in scale]
+    assert np.count_nonzero(np.isclose(places, 0.6)) == 2
+    assert places == sorted(places)
+    assert (places[0], places[-1]) == (0.0, 1.0)
+
+
+def test_nothing_hostile_in_a_log_becomes_an_element(tmp_path):
+    track = replace(log().track, name=HOSTILE, notes=(HOSTILE,), sources={"tank_kg": HOSTILE})
+    channels = tuple(replace(c, source=HOSTILE) for c in log().channels)
+    analysis, recorded = flight(
+        track=track, messages=((1.0, HOSTILE),), channels=channels, autopilot=HOSTILE
+    )
+    names = tuple(HOSTILE for _ in range(4))
+    airframe = replace(analysis.model.airframe, title=HOSTILE, rotor_names=names)
+    analysis = replace(
+        analysis,
+        model=physics_model(airframe),
+        density_basis=HOSTILE,
+        voltage_basis=HOSTILE,
+    )
+    report = build_report(
+        [(analysis, recorded), flight()], unread=[Unread(name=HOSTILE, reason=HOSTILE)]
+    )
+    page = page_of(report, tmp_path)
+    clean = page_of(
+        build_report([flight(), flight()], unread=[Unread(name="a", reason="b")]), tmp_path
+    )
+    assert len(page.scripts) == len(clean.scripts) == 2
+    assert not [a for tag, a in page.elements if tag == "img"]
+    assert not [a for _, a in page.elements if "onerror" in a]
+    assert plain(page.text).count("alert(1)") >= 12
+    assert page.text.count("{{7*7}}") == page.text.count("alert(1)")
+    # Inside the figures' JSON the text is data: it parses, and plotly sees no markup in it.
+    for text in page.data.values():
+        figure = json.loads(text)
+        shown = [str(a.get("text", "")) for a in figure["layout"].get("annotations", [])]
+        assert not [t for t in shown if "<script" in t or "<img" in t]
+    made = json.loads(json_text(report, "r.csv"))
+    assert made["flights"][0]["name"] == HOSTILE
+    assert HOSTILE.encode() not in csv_bytes(report)
+
+
+@pytest.mark.parametrize(
+    "missing",
+    [
+        ("rotor_speed_rpm",),
+        ("tank_kg",),
+        ("position_ned",),
+        ("rotor_speed_rpm", "tank_kg"),
+        ("voltage", "velocity_ned", "attitude", "angular_rate_frd", "spraying", "wind_ned"),
+    ],
+)
+def test_a_page_without_channels_is_whole_and_says_what_is_missing(missing, tmp_path):
+    report = build_report([without(*missing)])
+    page = page_of(report, tmp_path)
+    text = plain(page.text)
+    assert report.flights[0].quality.missing
+    for said in report.flights[0].quality.missing:
+        assert said in text
+    assert " nan" not in text.lower()
+    assert "None" not in text
+    for figure in page.data.values():
+        go.Figure(json.loads(figure))
+
+
+def test_an_octocopter_has_eight_rotors_in_page_and_csv(tmp_path):
+    airframe = load_airframe("agras-t40")
+    rows = 600
+    speed = np.linspace(0.5, 0.7, rows)[:, None] * airframe.max_rotor_speed_rpm * np.ones(8)
+    track = FlightTrack.of(
+        name="octo",
+        time_s=np.linspace(0.0, 60.0, rows),
+        rotor_count=8,
+        rotor_speed_rpm=speed,
+        tank_kg=np.full(rows, 20.0),
+        airspeed=np.full(rows, 3.0),
+        altitude=np.full(rows, 50.0),
+    )
+    analysis = analyse(track, physics_model(airframe))
+    report = build_report([(analysis, replace(log(), track=track)), flight()])
+    header = next(csv.reader(io.StringIO(csv_bytes(report).decode())))
+    assert "rotor 8 capacity use measured [1]" in header
+    rows_of = list(csv.DictReader(io.StringIO(csv_bytes(report).decode())))
+    assert rows_of[-1]["flight"] == "2"
+    assert rows_of[-1]["rotor 8 capacity use measured [1]"] == ""
+    page = page_of(report, tmp_path)
+    assert len(report.flights[0].rotors) == 8
+    assert airframe.rotor_names[7] in page.text
+
+
+def test_several_flights_have_an_overview_that_leads_to_each(tmp_path):
+    lighter = flight(tank_kg=log().track.tank_kg / 2, name="light.tlog")
+    report = build_report([lighter, flight()], unread=[Unread(name="bad.tlog", reason="is empty")])
+    page = page_of(report, tmp_path)
+    links = [a["href"] for tag, a in page.elements if tag == "a"]
+    anchors = {"#" + (a["id"] or "") for tag, a in page.elements if tag == "section" and "id" in a}
+    assert set(links) == {"#flight-1", "#flight-2"} == anchors
+    assert "bad.tlog: is empty" in plain(page.text)
+    assert "ALL 2 FLIGHTS OVER THE 50 % LINE AT TIMES" in plain(page.text)
+
+
+def test_the_three_files_stand_beside_each_other(report, tmp_path):
+    written = write_report(report, tmp_path / "north field.html")
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        "north field.csv",
+        "north field.html",
+        "north field.json",
+    ]
+    assert json.loads(written.json.read_text("utf-8"))["csv"]["file"] == "north field.csv"
+
+
+@pytest.mark.parametrize("stop", [KeyboardInterrupt, RuntimeError])
+def test_a_report_that_stops_half_way_leaves_the_old_files_whole(
+    report, tmp_path, monkeypatch, stop
+):
+    out = tmp_path / "r.html"
+    write_report(report, out)
+    before = {p.name: p.read_bytes() for p in tmp_path.iterdir()}
+
+    def interrupted(*_):
+        raise stop
+
+    monkeypatch.setattr("thrustmargin.gcs_plugin.reports.margin.render.html_text", interrupted)
+    changed = replace(report, limit=0.4)
+    with pytest.raises(stop):
+        write_report(changed, out)
+    assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
+
+
+def test_numbers_read_as_people_write_them():
+    nan = float("nan")
+    assert number(1234.56, "kg") == "1 234.6 kg"
+    assert number(-0.04, "m/s") == "0.0 m/s"
+    assert number(-3.2, "rpm") == "−3.2 rpm"
+    assert number(nan, "kg") == number(None) == percent(nan) == clock(nan) == "unknown"
+    assert percent(0.364) == "36 %"
+    assert (clock(52.9), clock(3725.0)) == ("0:52", "1:02:05")
+    assert (duration(8.04), duration(180.0), duration(207.6)) == ("8.0 s", "3 min", "3 min 28 s")
+    assert duration(59.7) == "1 min"
+    assert (significant(101228.0), significant(0.00027), significant(2.5e10)) == (
+        "101 228",
+        "0.0003",
+        "2.500e+10",
+    )
+    assert unbroken("9.0 kg in 2 parts") == "9.0\N{NO-BREAK SPACE}kg in 2 parts"

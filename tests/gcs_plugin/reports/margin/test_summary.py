@@ -1,0 +1,326 @@
+"""The report's numbers against the same computed from the flight's arrays."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.gcs_plugin.reports.margin.report_flight import flight, log, model, without
+from thrustmargin.gcs_plugin.reports.margin import build_report, report_flight
+from thrustmargin.gcs_plugin.reports.margin.moments import APART_S, doing
+from thrustmargin.gcs_plugin.reports.margin.summary import first_rows, last_rows
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.physics.atmosphere import G0
+
+
+@pytest.fixture(scope="module")
+def analysis():
+    return flight()[0]
+
+
+@pytest.fixture(scope="module")
+def report():
+    return report_flight(*flight(), limit=0.5)
+
+
+def airborne_use(analysis):
+    return np.where(analysis.track.flying[:, None], analysis.capacity_use, np.nan)
+
+
+def test_the_worst_moment_is_the_greatest_measured_use_in_the_air(analysis, report):
+    use = airborne_use(analysis)
+    row, rotor = np.unravel_index(np.nanargmax(use), use.shape)
+    worst = report.verdict.worst
+    assert worst.capacity_use == use[row, rotor]
+    assert worst.margin == 1 - use[row, rotor]
+    assert (worst.rotor, worst.rotor_name) == (rotor + 1, model().airframe.rotor_names[rotor])
+    assert worst.time_s == analysis.track.time_s[row]
+    assert (worst.north, worst.east) == tuple(analysis.track.position_ned[row, :2])
+    assert worst.basis == "measured"
+    assert report.verdict.measured_share == pytest.approx(1.0)
+
+
+def test_time_over_the_line_is_the_share_of_airborne_rows(analysis, report):
+    worst = np.nanmax(airborne_use(analysis)[analysis.track.flying], axis=1)
+    assert report.verdict.over_limit_share == pytest.approx(np.mean(worst > 0.5), abs=0.002)
+    assert report.verdict.over_limit_s == pytest.approx(0.1 * np.sum(worst > 0.5), rel=0.02)
+    assert report.verdict.level == "over"
+    assert report.verdict.headline == "OVER THE 50 % LINE AT TIMES"
+
+
+def test_the_level_follows_the_limit_and_the_redundancy():
+    analysis, recorded = flight()
+    assert report_flight(analysis, recorded, limit=0.9).verdict.level == "under"
+    heavy = replace(analysis, redundancy_yaw_free=analysis.redundancy_yaw_free * 0.7)
+    verdict = report_flight(heavy, recorded, limit=0.9).verdict
+    assert verdict.level == "critical"
+    lost = analysis.track.flying & (heavy.redundancy_yaw_free < 1)
+    assert verdict.not_survivable_s == pytest.approx(0.1 * np.sum(lost), rel=0.02)
+
+
+def test_on_a_quad_one_lost_rotor_is_just_survived_at_half_of_capacity(report):
+    assert report.verdict.one_rotor_out_use == pytest.approx(0.5)
+    fills = report.redundancy
+    assert fills.fill_limit_start_kg == pytest.approx(fills.fill_one_rotor_out_start_kg)
+
+
+def test_a_hexacopter_survives_more_than_half_of_capacity():
+    from thrustmargin.gcs_plugin.reports.margin.summary import _one_rotor_out_use
+
+    assert _one_rotor_out_use(load_airframe("agras-t20")) > 0.5
+
+
+def test_the_largest_fill_is_the_tank_at_which_redundancy_is_one(analysis, report):
+    track, airframe = analysis.track, model().airframe
+    # Redundancy goes with 1/weight, so weight times redundancy is what one lost rotor would allow.
+    allowed = analysis.redundancy_yaw_free * analysis.weight / G0 - airframe.empty_mass
+    assert report.redundancy.fill_one_rotor_out_min_kg == pytest.approx(
+        np.nanmin(allowed[track.flying])
+    )
+    assert report.redundancy.fill_one_rotor_out_start_kg == pytest.approx(
+        np.nanmedian(allowed[first_rows(track)])
+    )
+
+
+def test_redundancy_figures_are_the_least_of_the_airborne_rows(analysis, report):
+    flying = analysis.track.flying
+    found = report.redundancy
+    assert found.yaw_free_min == np.nanmin(analysis.redundancy_yaw_free[flying])
+    assert found.yaw_kept_min == np.nanmin(analysis.redundancy_yaw_kept[flying])
+    assert found.trimmable_loss_min == np.nanmin(analysis.trimmable_loss[flying])
+    at = np.flatnonzero(analysis.track.time_s == found.yaw_free_min_time_s)[0]
+    assert analysis.redundancy_yaw_free[at] == found.yaw_free_min
+
+
+def test_the_papers_figures_stand_beside_the_flights(analysis, report):
+    rows = {row.name: row for row in report.load}
+    load = rows["load a rotor"]
+    assert (load.paper_full, load.paper_empty) == pytest.approx((9.275, 5.275))
+    assert rows["full over empty, start over end"].paper_full == pytest.approx(0.7583, abs=5e-5)
+    nameplate = rows["load over the maker's maximum thrust"]
+    assert nameplate.paper_full == pytest.approx(0.546, abs=5e-4)
+    hover = rows["capacity use in hover, by weight"]
+    assert (hover.paper_full, hover.approximate) == (0.5, True)
+
+    track = analysis.track
+    start = np.nanmedian(track.tank_kg[first_rows(track)])
+    end = np.nanmedian(track.tank_kg[last_rows(track)])
+    assert load.flight_start == pytest.approx((21.1 + start) / 4)
+    assert load.flight_end == pytest.approx((21.1 + end) / 4)
+    ratio = rows["full over empty, start over end"].flight_start
+    assert ratio == pytest.approx(load.flight_start / load.flight_end - 1)
+    # On a quad at even load, capacity use in hover is 1/(2 x redundancy).
+    expected = np.nanmedian(1 / (2 * analysis.redundancy_yaw_free[first_rows(track)]))
+    assert hover.flight_start == pytest.approx(expected)
+    flown = rows["capacity use in flight, mean of the rotors"].flight_start
+    assert flown == pytest.approx(np.median(analysis.capacity_use[first_rows(track)].mean(axis=1)))
+
+
+def test_each_rotor_has_its_own_greatest_and_median_use(analysis, report):
+    use = airborne_use(analysis)
+    for k, rotor in enumerate(report.rotors):
+        assert rotor.rotor == k + 1
+        assert rotor.measured_max == np.nanmax(use[:, k])
+        assert rotor.measured_median == np.nanmedian(use[:, k])
+        assert rotor.over_limit_share == pytest.approx(
+            np.mean(use[analysis.track.flying, k] > 0.5), rel=0.02
+        )
+
+
+def test_the_flight_summary_is_that_of_the_recording(report):
+    # The manifest: 10 kg down to 3.845 kg at 4 m/s, wind 1.4 m/s from 142 deg, 209 s.
+    found = report.flight
+    assert found.tank_start_kg == pytest.approx(10.0)
+    assert found.tank_end_kg == pytest.approx(3.845, abs=0.01)
+    assert found.liquid_used_kg == pytest.approx(6.155, abs=0.01)
+    assert found.ground_speed_median == pytest.approx(4.0, abs=0.05)
+    assert found.wind_from_deg == pytest.approx(142, abs=5)
+    assert 195 < found.airborne_s < 210
+    assert found.start_utc is not None
+    assert found.start_utc.endswith("Z")
+    # 5 m apart, 591 m sprayed: area and length of the strips must agree.
+    assert found.swath_width == pytest.approx(5.0, abs=0.2)
+    strips = found.swath_width * found.sprayed_distance
+    assert found.sprayed_area == pytest.approx(strips, rel=0.05)
+
+
+def test_moments_are_apart_worst_first_and_of_one_rotor_each(analysis, report):
+    moments = report.moments
+    use = [m.capacity_use for m in moments]
+    assert use == sorted(use, reverse=True)
+    times = np.sort([m.time_s for m in moments])
+    assert np.all(np.diff(times) >= APART_S)
+    assert len(moments) > 4
+    for m in moments:
+        row = np.flatnonzero(analysis.track.time_s == m.time_s)[0]
+        assert m.capacity_use == np.nanmax(analysis.capacity_use[row])
+
+
+def test_what_was_happening_is_named_from_the_channels(report):
+    # Every line end of this flight has a fast yaw turn; the first seconds are the take-off.
+    words = {m.time_s: m.doing for m in report.moments}
+    turning = [w for w in words.values() if {"turning left", "turning right"} & set(w)]
+    assert len(turning) >= 5
+    first = words[min(words)]
+    assert first[:2] == ("taking off", "climbing")
+
+
+@pytest.mark.parametrize(
+    ("channel", "column", "value", "word"),
+    [
+        ("angular_rate_frd", 2, 0.5, "turning right"),
+        ("angular_rate_frd", 2, -0.5, "turning left"),
+        ("velocity_ned", 2, -2.0, "climbing"),
+        ("velocity_ned", 2, 2.0, "descending"),
+        ("attitude", 1, -0.5, "tilted 29°"),
+    ],
+)
+def test_a_movement_has_its_name_and_direction(channel, column, value, word):
+    still = {name: np.zeros((200, 3)) for name in ("angular_rate_frd", "velocity_ned", "attitude")}
+    still[channel][:, column] = value
+    track = FlightTrack.of(name="x", time_s=np.arange(200.0) / 10, rotor_count=4, **still)
+    words = doing(flight(track=track)[0], 100)
+    assert word in words
+    assert set(words) <= {word, "hovering"}
+
+
+def test_speeding_up_and_braking_follow_the_slope_of_ground_speed():
+    time_s = np.arange(200.0) / 10
+    for slope, word in ((1.0, "speeding up"), (-1.0, "braking")):
+        velocity = np.zeros((200, 3))
+        velocity[:, 1] = 30.0 + slope * time_s
+        track = FlightTrack.of(name="x", time_s=time_s, rotor_count=4, velocity_ned=velocity)
+        assert doing(flight(track=track)[0], 100) == (word,)
+
+
+def test_without_rotor_speeds_everything_is_predicted_and_said_so():
+    analysis, recorded = without("rotor_speed_rpm")
+    report = report_flight(analysis, recorded, limit=0.5)
+    worst = report.verdict.worst
+    assert worst is not None
+    assert worst.basis == "predicted"
+    flying = analysis.track.flying
+    assert worst.capacity_use == np.nanmax(analysis.capacity_use_predicted[flying])
+    assert report.verdict.measured_share == 0.0
+    assert report.verdict.basis == "predicted; no rotor speeds in this log"
+    assert "no rotor speeds in this log: all figures are predicted" in report.quality.missing
+    assert report.accuracy.overall is None
+    assert "No rotor speeds" in report.accuracy.words
+
+
+def test_with_rotor_speeds_in_half_of_the_flight_the_rest_is_predicted():
+    track = log().track
+    rpm = track.rotor_speed_rpm.copy()
+    rpm[track.time_s > 110] = np.nan
+    analysis, recorded = flight(rotor_speed_rpm=rpm)
+    verdict = report_flight(analysis, recorded, limit=0.5).verdict
+    assert 0.4 < verdict.measured_share < 0.6
+    assert "predicted for the rest" in verdict.basis
+
+
+def test_without_tank_and_rotor_speeds_there_is_no_verdict():
+    report = report_flight(*without("rotor_speed_rpm", "tank_kg"), limit=0.5)
+    assert report.verdict.level == "unknown"
+    assert report.verdict.worst is None
+    assert report.moments == ()
+    assert np.isnan(report.redundancy.yaw_free_min)
+    assert report.verdict.headline == "NO VERDICT"
+
+
+def test_without_a_tank_level_measured_use_stands_and_redundancy_is_unknown():
+    report = report_flight(*without("tank_kg"), limit=0.5)
+    assert report.verdict.worst is not None
+    assert report.verdict.worst.basis == "measured"
+    assert np.isnan(report.flight.liquid_used_kg)
+    assert "tank level is unknown" in report.verdict.facts[2].text
+
+
+@pytest.mark.parametrize(
+    "channel",
+    ["position_ned", "velocity_ned", "wind_ned", "spraying", "voltage", "angular_rate_frd"],
+)
+def test_a_missing_channel_is_said_and_never_made_up(channel):
+    report = report_flight(*without(channel), limit=0.5)
+    assert len(report.quality.missing) == 1
+    unknown = {
+        "position_ned": [report.moments[0].north, report.flight.sprayed_area],
+        "velocity_ned": [report.flight.distance, report.moments[0].ground_speed],
+        "wind_ned": [report.flight.wind_speed_median, report.flight.wind_from_deg],
+        "spraying": [report.flight.spraying_s, report.flight.sprayed_distance],
+        "voltage": [report.flight.voltage_start, report.flight.voltage_min],
+        "angular_rate_frd": [],
+    }[channel]
+    assert all(np.isnan(value) for value in unknown)
+
+
+def test_a_log_that_never_left_the_ground_has_no_verdict():
+    track = log().track
+    report = report_flight(*flight(flying=np.zeros_like(track.flying)), limit=0.5)
+    assert report.verdict.level == "unknown"
+    assert report.flight.airborne_s == 0.0
+    assert np.isnan(report.flight.tank_start_kg)
+
+
+def test_a_flight_of_one_row_is_reported():
+    track = log().track
+    analysis, recorded = flight(track=track.rows(slice(900, 901)))
+    report = report_flight(analysis, recorded, limit=0.5)
+    assert report.verdict.worst is not None
+    assert report.verdict.worst.capacity_use == np.nanmax(analysis.capacity_use)
+
+
+def test_a_pause_of_the_log_is_not_counted_as_time_over_the_line():
+    track = log().track
+    rows = np.r_[0:900, 1300 : track.time_s.size]
+    cut = track.rows(rows)
+    report = report_flight(*flight(track=cut), limit=0.01)
+    assert report.verdict.over_limit_s == pytest.approx(0.1 * np.sum(cut.flying), rel=0.02)
+
+
+def test_shares_by_basis_add_up_to_one(report):
+    use = report.model
+    assert use.network_share + use.physics_share + use.none_share == pytest.approx(1.0)
+    assert use.inside_envelope is None  # this model has no network
+
+
+def test_the_data_quality_is_what_the_reader_says(report):
+    whole = log().quality
+    assert report.quality.frames == whole.frames
+    assert report.quality.bytes == whole.bytes
+    assert [c.source for c in report.quality.channels] == [c.source for c in log().channels]
+    assert report.quality.messages == log().messages
+
+
+@pytest.mark.parametrize("limit", [0.0, 1.0, -0.5, 50.0, float("nan")])
+def test_a_limit_that_is_no_share_is_refused(limit):
+    with pytest.raises(DataError, match="no share of thrust"):
+        build_report([flight()], limit=limit)
+
+
+def test_several_flights_are_counted_by_verdict_and_the_worst_is_named():
+    light = report_flight(*flight(), limit=0.5)
+    analysis, recorded = flight()
+    heavier = replace(
+        analysis,
+        capacity_use=analysis.capacity_use * 1.2,
+        redundancy_yaw_free=analysis.redundancy_yaw_free / 1.2,
+    )
+    report = build_report([(analysis, recorded), (heavier, recorded)])
+    assert report.flights[0].verdict == light.verdict
+    assert (report.overview.critical, report.overview.over) == (1, 1)
+    assert report.overview.worst_flight == 2
+    assert report.overview.headline == "1 OF 2 FLIGHTS TOO HEAVY TO LOSE A ROTOR"
+
+
+def test_a_report_without_flights_is_refused():
+    with pytest.raises(DataError, match="no flight"):
+        build_report([])
+
+
+def test_a_track_without_any_channel_is_reported_as_unknown():
+    bare = FlightTrack.of(name="bare", time_s=np.arange(5.0), rotor_count=4)
+    report = report_flight(*flight(track=bare), limit=0.5)
+    assert report.verdict.level == "unknown"
+    assert len(report.quality.missing) > 5

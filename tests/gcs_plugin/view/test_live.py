@@ -1,0 +1,277 @@
+"""The live view in a real browser, fed through the whole monitor; and the trail that it draws."""
+
+import re
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from tests.browser import open_page
+from tests.gcs_plugin.live.live_vehicle import Vehicle
+from thrustmargin.gcs_plugin.live.alarm import CRITICAL, WARNING, Alarm
+from thrustmargin.gcs_plugin.live.console import status_lines
+from thrustmargin.gcs_plugin.live.monitor import Monitor, MonitorSettings
+from thrustmargin.gcs_plugin.live.outlook import Outlook
+from thrustmargin.gcs_plugin.view.live import LiveView
+from thrustmargin.gcs_plugin.view.live_html import (
+    Standing,
+    alarms_html,
+    fleet_html,
+    outlook_html,
+    status_html,
+)
+from thrustmargin.gcs_plugin.view.trail import Trail
+from thrustmargin.models.errors import LinkError
+from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.physics.airframe import load_airframe
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+AIRFRAME = load_airframe("topxgun-f16-sitl")
+
+
+class Live:
+    """A monitor with its view, and vehicles that fly in real time."""
+
+    def __init__(self) -> None:
+        settings = MonitorSettings(urls=("udpin:127.0.0.1:0",))
+        self.monitor = Monitor(physics_model(AIRFRAME), settings)
+        self.view = LiveView(AIRFRAME, port=0, status=lambda: status_lines(self.monitor.status()))
+        self.view.start()
+        self.monitor.subscribers.append(self.view)
+        self.monitor.start()
+        self.address = self.monitor.listener.links[0].transport.address  # type: ignore[attr-defined]
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+
+    def fly(self, seconds: float, *vehicles: Vehicle, rpm: int = 1700) -> None:
+        for _ in range(round(seconds * 10)):
+            for vehicle in vehicles:
+                for frame in vehicle.tick(rpm=(rpm, rpm, rpm, rpm)):
+                    self.socket.sendto(frame.data, self.address)
+            time.sleep(0.1)
+
+
+@contextmanager
+def flying() -> Iterator[Live]:
+    live = Live()
+    try:
+        yield live
+    finally:
+        live.monitor.close()
+        live.view.close()
+        live.socket.close()
+    live.monitor.check()
+
+
+def shown(page: "Page", selector: str, timeout: float = 10.0) -> str:
+    return page.locator(selector).first.inner_text(timeout=timeout * 1000)
+
+
+def until(page: "Page", selector: str, words: str, live: Live, *vehicles: Vehicle, rpm: int) -> str:
+    """Fly on until the page says `words`."""
+    text = ""
+    for _ in range(40):
+        live.fly(0.3, *vehicles, rpm=rpm)
+        if page.locator(selector).count():
+            text = shown(page, selector)
+            if words in text:
+                return text
+    raise AssertionError(f"{selector} never said {words!r}, but {text!r}")
+
+
+@pytest.mark.browser
+def test_the_page_follows_the_flight_and_says_when_it_is_old():
+    with flying() as live, open_page(live.view.url) as page:
+        vehicle = Vehicle(7)
+        # 50 V by the ESCs: the ceiling is 3000 * 50/58.8 rpm.
+        left = [round(100 * (1 - (rpm * 58.8 / 50 / 3000) ** 2)) for rpm in (1700, 2300)]
+        until(page, '[data-gauge="worst"]', f"{left[0]} %", live, vehicle, rpm=1700)
+        assert page.locator("[data-alarm]").count() == 0
+        assert "vehicle 7" in page.inner_text("body").lower()
+        rests = shown(page, "[data-remarks]")
+        assert "tank by NAMED_VALUE_FLOAT TANK" in rests
+        assert "motor n taken to be on output n" in rests
+        until(page, '[data-gauge="worst"]', f"{left[1]} %", live, vehicle, rpm=2300)
+        until(page, "[data-alarm]", "under 50%", live, vehicle, rpm=2300)
+        assert page.locator("[data-old]").count() == 0
+        time.sleep(4.5)  # nothing is sent any more
+        assert "no data for" in shown(page, "[data-age]")
+        assert page.locator("[data-old]").count() == 1
+        assert "Telemetry lost" in page.inner_text("body")
+        until(page, '[data-gauge="worst"]', f"{left[0]} %", live, vehicle, rpm=1700)
+        assert page.locator("[data-old]").count() == 0
+
+
+@pytest.mark.browser
+def test_two_vehicles_have_a_tab_each_and_stand_where_they_are():
+    with flying() as live, open_page(live.view.url) as page:
+        one, two = Vehicle(1), Vehicle(2)
+        live.fly(3.0, one, two)
+        tab = page.get_by_role("tab", name="Vehicle 2").first
+        box = tab.bounding_box()
+        assert box is not None
+        assert box["height"] >= 40  # px: for a gloved finger
+        tab.click()
+        until(page, "body", "· vehicle 2", live, one, two, rpm=1700)
+        assert page.locator("[data-fleet]").count() == 2
+        # The other one loses thrust: told on this page too.
+        for _ in range(40):
+            for vehicle, rpm in ((one, 2300), (two, 1700)):
+                for frame in vehicle.tick(rpm=(rpm,) * 4):
+                    live.socket.sendto(frame.data, live.address)
+            time.sleep(0.1)
+        assert "Vehicle 1: Thrust margin" in page.inner_text("body")
+        assert "messages" in shown(page, "[data-status]")
+
+
+@pytest.mark.slow
+@pytest.mark.browser
+def test_an_aircraft_that_was_switched_off_leaves_the_page_and_may_return(monkeypatch):
+    monkeypatch.setattr("thrustmargin.gcs_plugin.live.vehicle_monitor.GONE", 2.0)
+    with flying() as live, open_page(live.view.url) as page:
+        one, two = Vehicle(1), Vehicle(2)
+        live.fly(2.0, one, two)
+        page.get_by_role("tab", name="Vehicle 2").first.wait_for()
+        # Away from the full second, in which its next message would say that it flies.
+        two.clock_s = round(two.clock_s) + 0.3
+        live.socket.sendto(two.landed(1), live.address)
+        live.fly(0.3, one, two, rpm=0)
+        live.fly(5.0, one)
+        page.wait_for_timeout(1000)
+        assert page.get_by_role("tab", name="Vehicle 2").count() == 0
+        assert page.get_by_role("tab", name="Vehicle 1").count() == 1
+        two.clock_s += 5.0
+        for _ in range(30):
+            live.socket.sendto(two.landed(2), live.address)
+            live.fly(0.1, one, two)
+        page.get_by_role("tab", name="Vehicle 2").first.wait_for()
+
+
+def test_a_taken_port_is_an_error():
+    with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(LinkError, match="port"):
+        LiveView(AIRFRAME, port=taken.getsockname()[1]).start()
+
+
+def test_text_of_alarms_and_status_is_never_markup():
+    nasty = "<img src=x onerror=alert(1)>"
+    alarm = Alarm("margin", None, WARNING, nasty, 0.0)
+    fleet = [Standing(number=1, alarms=(alarm,), problem=nasty)]
+    for html in (alarms_html(1, fleet, 0.0, 1.0), status_html([nasty])):
+        assert "<img" not in html
+        assert "&lt;img" in html
+
+
+def test_the_page_of_one_aircraft_tells_the_alarms_of_all_gravest_first():
+    """A pilot sees one tab; a bad propeller of another aircraft must not hide behind it."""
+    margin = Alarm("margin", None, WARNING, "Thrust margin 46% under 50%: rotor 2", 0.0)
+    rotor = Alarm("rotor", 3, CRITICAL, "Rotor 3 makes 10% less thrust", 0.0)
+    fleet = [Standing(number=1, alarms=(rotor,)), Standing(number=2, alarms=(margin,))]
+    html = alarms_html(2, fleet, 0.0, 1.0)
+    assert html.index("Vehicle 1: Rotor 3") < html.index("Thrust margin 46%")
+    assert "Vehicle 2" not in html
+    left = [replace(fleet[0], gone=True), fleet[1]]
+    assert "Rotor 3" not in alarms_html(2, left, 0.0, 1.0)
+
+
+def test_many_alarms_leave_room_for_the_numbers_and_the_gravest_are_kept():
+    alarms = [
+        Alarm("rotor", k, CRITICAL if k == 6 else WARNING, f"alarm {k}", 0.0) for k in range(7)
+    ]
+    html = alarms_html(1, [Standing(number=1, alarms=tuple(alarms))], 0.0, 1.0)
+    assert html.count("data-alarm") == 4
+    assert "alarm 6" in html
+    assert "and 3 more" in html
+
+
+def test_each_aircraft_has_a_bar_with_its_margin_unless_that_is_old():
+    one = Standing(number=1, margin=0.534, tank_kg=9.0, flying=True)
+    two = Standing(number=2, margin=0.1, flying=True, age=7.0, old=True)
+    three = Standing(number=3, margin=1.0, tank_kg=4.0)
+    assert fleet_html([one]) == ""
+    html = fleet_html([one, two, three])
+    bars = [words_of(part) for part in html.split("data-fleet=")[1:]]
+    assert "53 %" in bars[0]
+    assert "9.0 kg" in bars[0]
+    assert "no data 7 s" in bars[1]
+    assert "10 %" not in bars[1]
+    # Rotors at rest have all their thrust left, which says nothing.
+    assert "on ground" in bars[2]
+    assert "100 %" not in bars[2]
+    shared = replace(one, problem="two vehicles send as system 1")
+    assert "no margin" in fleet_html([shared, two])
+    assert "Vehicle 1: two vehicles send" in alarms_html(2, [shared, two], 0.0, 1.0)
+    assert 'data-fleet="3"' not in fleet_html([one, two, replace(three, gone=True)])
+
+
+def words_of(html: str) -> str:
+    return re.sub(r"<[^>]*>", " ", html)
+
+
+def test_a_recording_that_fails_is_shouted():
+    quiet, loud = status_html(["7 messages"]), status_html(["NOT RECORDING: No space left"])
+    assert "background" not in quiet
+    assert "background" in loud
+
+
+def test_unknown_outlooks_are_left_out_and_not_made_up():
+    assert "empty" not in outlook_html(Outlook())
+    assert "margin" not in outlook_html(Outlook())
+    known = outlook_html(Outlook(seconds_to_empty=125.0, margin_full=0.43))
+    assert "empty in 2:05" in known
+    assert "&lt;i>" in outlook_html(Outlook(), "", ["tank by <i>"]).replace("&gt;", ">")
+    assert "43 %" in known
+
+
+def line(trail: Trail, length: float, values, step: float = 0.1) -> None:
+    """A straight flight at 1 m/s; `values` gives (K,) for each distance."""
+    for number in range(round(length / step)):
+        along = number * step
+        trail.add(along, np.array([along, 0.0, 3.0]), np.atleast_1d(values(along)))
+
+
+def test_the_worst_row_is_on_the_trail_however_long_it_gets():
+    trail = Trail(["max", "min", "abs"], limit=50)
+
+    def values(along: float):
+        peak = 1.0 if abs(along - 123.4) < 0.05 else 0.0
+        return np.array([peak, -peak, -2 * peak])
+
+    line(trail, 400.0, values)
+    assert trail.count <= 51
+    assert np.max(trail.values(0)) == 1.0
+    assert np.min(trail.values(1)) == -1.0
+    assert np.min(trail.values(2)) == -2.0
+    points = trail.points()
+    # One unbroken line from the first row to the last.
+    assert np.array_equal(points[1:, 0], points[:-1, 1])
+    assert points[0, 0, 0] == 0.0
+    assert points[-1, 1, 0] == pytest.approx(399.9)
+    at = int(np.argmax(trail.values(0)))
+    assert points[at, 0, 0] <= 123.4 <= points[at, 1, 0]
+
+
+def test_a_pause_and_a_lost_position_break_the_trail():
+    trail = Trail(["max"])
+    line(trail, 5.0, lambda _: 0.0)
+    trail.add(5.0, np.full(3, np.nan), np.zeros(1))
+    for number in range(50):
+        trail.add(5.1 + number / 10, np.array([5.1 + number / 10, 0, 3.0]), np.zeros(1))
+    for number in range(50):
+        trail.add(60.0 + number / 10, np.array([60.0 + number / 10, 0, 3.0]), np.zeros(1))
+    points = trail.points()
+    breaks = np.flatnonzero(points[1:, 0, 0] != points[:-1, 1, 0])
+    assert breaks.size == 2
+    assert np.max(np.diff(points[:, :, 0], axis=1)) < 1.2
+
+
+def test_an_aircraft_that_stands_still_makes_a_segment_every_two_seconds():
+    trail = Trail(["max"])
+    for number in range(600):
+        trail.add(number / 10, np.array([0.0, 0.0, 3.0]), np.zeros(1))
+    assert 25 <= trail.count <= 31

@@ -1,0 +1,61 @@
+"""What colours the route is the worst rotor of each row, and it says what it rests on."""
+
+import numpy as np
+
+from tests.gcs_plugin.view.view_flight import ROWS, flight
+from thrustmargin.gcs_plugin.view.overlays import overlays_of
+
+
+def by_name(analysis):
+    return {o.name: o for o in overlays_of(analysis)}
+
+
+def test_load_is_the_highest_rotor_and_margin_its_complement():
+    analysis = flight()
+    overlays = by_name(analysis)
+    np.testing.assert_allclose(overlays["Load"].values, analysis.capacity_use.max(axis=1))
+    np.testing.assert_allclose(overlays["Thrust margin"].values, analysis.margin.min(axis=1))
+    np.testing.assert_array_equal(overlays["Load"].rotor, np.argmax(analysis.capacity_use, axis=1))
+    np.testing.assert_array_equal(overlays["Redundancy"].values, analysis.redundancy_yaw_free)
+
+
+def test_residual_is_the_rotor_furthest_off_with_its_sign():
+    analysis = flight()
+    overlay = by_name(analysis)["Residual"]
+    residual = analysis.residual_rpm
+    row = int(np.argmin(residual.min(axis=1)))
+    furthest = int(np.argmax(np.abs(residual[row])))
+    assert overlay.values[row] == residual[row, furthest] < 0
+    assert overlay.rotor[row] == furthest
+    assert overlay.worst == "abs"
+
+
+def test_the_note_tells_measured_from_predicted():
+    rpm = flight().track.rotor_speed_rpm.copy()
+    assert by_name(flight())["Load"].note == "measured"
+    rpm[: ROWS // 2] = np.nan
+    assert (
+        by_name(flight(rotor_speed_rpm=rpm))["Load"].note
+        == "measured for 50 %, predicted for the rest"
+    )
+    rpm[:] = np.nan
+    nothing = by_name(flight(rotor_speed_rpm=rpm))
+    assert nothing["Load"].note == "predicted: no rotor speed was measured"
+    assert np.all(np.isfinite(nothing["Load"].values))
+    assert np.all(np.isnan(nothing["Residual"].values))
+
+
+def test_a_row_without_any_number_is_unknown_and_not_zero():
+    nothing = np.full(ROWS, np.nan)
+    overlays = by_name(flight(rotor_speed_rpm=np.full((ROWS, 4), np.nan), tank_kg=nothing))
+    for overlay in overlays.values():
+        assert np.all(np.isnan(overlay.values)), overlay.name
+    assert overlays["Load"].note == ""
+
+
+def test_the_worst_moment_reads_with_value_rotor_and_time():
+    overlay = by_name(flight())["Load"]
+    names = ("a", "b", "c", "front left <b>")
+    row = int(np.argmax(overlay.values))
+    text = overlay.text_at(row, 151.7, names)
+    assert text == f"{100 * overlay.values[row]:.0f} %, rotor 4 front left <b>, at 2:31"

@@ -1,0 +1,338 @@
+"""The running view without a browser: it shows the row of its clock and obeys only its controls."""
+
+import _thread
+import asyncio
+import threading
+import time
+import urllib.request
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tests.gcs_plugin.view.view_flight import ROWS, flight
+from thrustmargin.gcs_plugin.view.aircraft import spin_segments
+from thrustmargin.gcs_plugin.view.camera import Camera
+from thrustmargin.gcs_plugin.view.overlays import Overlay, overlays_of
+from thrustmargin.gcs_plugin.view.replay import ReplayView, run_replay
+from thrustmargin.gcs_plugin.view.scene import grid_cell
+from thrustmargin.gcs_plugin.view.shown_rows import FRD_FLU, Samples
+from thrustmargin.gcs_plugin.view.tonemap import seen_for
+from thrustmargin.gcs_plugin.wording.palette import NO_DATA
+from thrustmargin.mission.route import route_segments
+from thrustmargin.models.errors import DataError, LinkError
+from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.physics.airframe import load_airframe
+
+
+@pytest.fixture(scope="module")
+def analysis():
+    return flight()
+
+
+@pytest.fixture
+def view(analysis):
+    view = ReplayView(analysis, messages=[(5.0, "Mission: 3 <b>WP</b>")], port=0, paused=True)
+    view.start()
+    yield view
+    view.stop()
+
+
+def settled(view: ReplayView, done, timeout: float = 5.0) -> None:
+    """Wait until the worker has done what was asked."""
+    end = time.monotonic() + timeout
+    while not done():
+        assert time.monotonic() < end, "the view did not get there in time"
+        time.sleep(0.02)
+    assert view._page.drawing
+
+
+def route_colours(view: ReplayView) -> np.ndarray:
+    """(S, 3) colours of the route as seen."""
+    line = view._scene._line
+    assert line is not None
+    return seen_for(line.colors[:, 0]).astype(int)
+
+
+def node(view: ReplayView, name: str) -> Any:
+    found = view._scene._api.get_handle_by_name(name)
+    assert found is not None, name
+    return found
+
+
+def chart_line(view: ReplayView, rotor: int, column: int) -> tuple[np.ndarray, np.ndarray]:
+    """Times and values of the points that one line of a rotor's chart has."""
+    data = view._charts._charts[rotor].data
+    drawn = np.isfinite(data[column])
+    return data[0][drawn], data[column][drawn]
+
+
+@pytest.mark.parametrize("time_s", [0.0, 12.34, 33.3])
+def test_seeking_shows_the_numbers_of_that_row(view, analysis, time_s):
+    view.seek(time_s)
+    row = int(np.flatnonzero(analysis.track.time_s <= time_s)[-1])
+    margin = analysis.margin[row]
+    settled(view, lambda: f"{analysis.track.tank_kg[row]:.1f} kg" in view._gauges.content)
+    for value in margin:
+        assert f">{100 * value:.0f} %<" in view._gauges.content
+    frame = node(view, "/world/vehicle_1")
+    north, east, down = analysis.track.position_ned[row]
+    settled(view, lambda: np.allclose(frame.position, [east, north, -down]))
+    nose = Rotation.from_quat(frame.wxyz, scalar_first=True).apply([1, 0, 0])
+    yaw = analysis.track.attitude[row, 2]
+    np.testing.assert_allclose(nose, [np.sin(yaw), np.cos(yaw), 0], atol=1e-6)
+    discs = seen_for(node(view, "/world/vehicle_1/discs").batched_colors).astype(int)
+    wanted = overlays_of(analysis)[1].scale.screen(margin).astype(int)
+    assert np.abs(discs - wanted).max() <= 4
+
+
+def test_the_switch_recolours_the_same_route_and_its_legend(view, analysis):
+    points = node(view, "/world/route").points.copy()
+    seen = {}
+    for overlay in overlays_of(analysis):
+        view.set_overlay(overlay.name)
+        settled(view, lambda title=overlay.scale.title: title in view._controls._legend.content)
+        time.sleep(0.1)
+        seen[overlay.name] = route_colours(view)
+        wanted = overlay.scale.screen(view._route.worst(overlay.values, overlay.worst))
+        assert np.abs(seen[overlay.name] - wanted.astype(int)).max() <= 4
+    np.testing.assert_array_equal(node(view, "/world/route").points, points)
+    # Load and margin are the same thing from two ends; the others differ.
+    np.testing.assert_array_equal(seen["Load"], seen["Thrust margin"])
+    assert not np.array_equal(seen["Load"], seen["Redundancy"])
+    assert not np.array_equal(seen["Load"], seen["Residual"])
+    with pytest.raises(DataError, match="Load, Thrust margin"):
+        view.set_overlay("wind")
+
+
+def test_the_worst_moment_is_pinned_and_one_press_away(view, analysis):
+    use = analysis.capacity_use.max(axis=1)
+    worst = int(np.argmax(use))
+    assert f"{100 * use[worst]:.0f} %" in node(view, "/world/pin").text
+    view._controls.requests.put(view._to_worst)
+    settled(view, lambda: view.clock.now() == pytest.approx(analysis.track.time_s[worst]))
+    assert not view.clock.playing
+
+
+def test_what_the_vehicle_said_is_shown_for_a_while_and_escaped(view):
+    assert "Mission" not in view._gauges.content
+    view.seek(6.0)
+    settled(view, lambda: "Mission: 3 &lt;b&gt;WP&lt;/b&gt;" in view._gauges.content)
+    view.seek(30.0)
+    settled(view, lambda: "Mission" not in view._gauges.content)
+
+
+def test_following_moves_the_world_and_keeps_the_nose_ahead(view, analysis):
+    view.seek(25.0)
+    view.set_camera(Camera.CHASE)
+    world = node(view, "/world")
+    row = Samples.of(analysis).row(250)
+    turn = lambda: Rotation.from_quat(world.wxyz, scalar_first=True)  # noqa: E731
+    settled(
+        view, lambda: np.allclose(turn().apply(row.position_enu) + world.position, 0, atol=1e-6)
+    )
+    nose = turn() * Rotation.from_quat(row.wxyz, scalar_first=True)
+    np.testing.assert_allclose(nose.apply([1, 0, 0]), [0, 1, 0], atol=1e-6)
+    view.set_camera(Camera.FIELD)
+    settled(view, lambda: np.allclose(world.position, 0) and np.allclose(world.wxyz, [1, 0, 0, 0]))
+
+
+def test_a_page_that_sends_nonsense_changes_nothing(view):
+    view.seek(10.0)
+    slider, colour = view._controls._slider, view._controls._colour
+    before = route_colours(view)
+
+    class Event:
+        client_id = 1
+
+        def __init__(self, target, value):
+            self.target = type("Target", (), {"value": value})()
+            self._of = target
+
+    for target, value in ((slider, float("nan")), (slider, float("inf")), (colour, "<script>")):
+        for callback in target._impl.update_cb:
+            asyncio.run(callback(Event(target, value)))
+    time.sleep(0.3)
+    assert view.clock.now() == 10.0
+    np.testing.assert_array_equal(route_colours(view), before)
+
+
+def test_a_further_overlay_is_one_more_choice(analysis):
+    extra = Overlay(
+        name="Residual after",
+        values=np.zeros(ROWS),
+        scale=overlays_of(analysis)[3].scale,
+        worst="abs",
+        rotor=np.zeros(ROWS),
+    )
+    view = ReplayView(analysis, overlays=[extra], port=0, paused=True)
+    view.start()
+    try:
+        view.set_overlay("Residual after")
+        settled(view, lambda: len(np.unique(route_colours(view), axis=0)) == 1)
+    finally:
+        view.stop()
+
+
+def test_rows_without_data_are_grey_and_never_a_number():
+    nan = np.full(ROWS, np.nan)
+    position = flight().track.position_ned.copy()
+    position[200:] = np.nan
+    view = ReplayView(
+        flight(rotor_speed_rpm=np.full((ROWS, 4), np.nan), tank_kg=nan, position_ned=position),
+        port=0,
+        paused=True,
+    )
+    view.start()
+    try:
+        assert np.abs(route_colours(view) - NO_DATA).max() <= 4
+        assert not node(view, "/world/pin").visible
+        assert not node(view, "/world/vehicle_1/liquid").visible
+        assert node(view, "/world/vehicle_1").visible
+        view.seek(30.0)
+        settled(view, lambda: not node(view, "/world/vehicle_1").visible)
+        assert "no data" in view._gauges.content
+    finally:
+        view.stop()
+
+
+@pytest.mark.parametrize("airframe", ["agras-t20", "agras-t40"])
+def test_other_layouts_have_a_gauge_a_disc_and_a_chart_for_every_rotor(airframe):
+    analysis = flight(airframe=airframe)
+    rotors = analysis.model.airframe.rotor_count
+    view = ReplayView(analysis, port=0, paused=True)
+    view.start()
+    try:
+        for i in range(1, rotors + 1):
+            assert f'data-gauge="rotor-{i}"' in view._gauges.content
+        assert node(view, "/world/vehicle_1/discs").batched_colors.shape == (rotors, 3)
+        assert len(view._charts._charts) == rotors
+    finally:
+        view.stop()
+
+
+def test_a_flight_of_one_row_and_one_without_position_can_be_shown():
+    single = flight()
+    for track in (
+        single.track.rows(slice(0, 1)),
+        replace(single.track, position_ned=np.full((ROWS, 3), np.nan)),
+    ):
+        view = ReplayView(analyse(track, single.model), port=0)
+        view.start()
+        time.sleep(0.2)
+        assert not view.clock.playing or track.time_s.size > 1
+        view.stop()
+
+
+def test_a_flight_without_rows_or_with_an_impossible_speed_is_refused(analysis):
+    with pytest.raises(DataError, match="no rows"):
+        ReplayView(analyse(analysis.track.rows(slice(0, 0)), analysis.model))
+    for speed in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(DataError, match="speed"):
+            ReplayView(analysis, speed=speed)
+
+
+def test_the_url_answers_until_stop_and_stopping_twice_is_harmless(analysis):
+    view = ReplayView(analysis, port=0)
+    with pytest.raises(DataError, match="start"):
+        _ = view.url
+    view.start()
+    url = view.url
+    assert urllib.request.urlopen(url, timeout=5).status == 200
+    view.stop()
+    view.stop()
+    with pytest.raises(OSError, match="refused"):
+        urllib.request.urlopen(url, timeout=5)
+
+
+def test_two_views_on_one_port_are_refused(view, analysis):
+    port = int(view.url.rsplit(":", 1)[1])
+    with pytest.raises(LinkError, match=str(port)):
+        ReplayView(analysis, port=port).start()
+
+
+def test_run_replay_plays_until_ctrl_c_and_then_frees_its_port(analysis, capsys):
+    ready = threading.Event()
+    urls = []
+
+    def press_ctrl_c():
+        ready.wait(10)
+        urls.append(capsys.readouterr().out.split()[2])
+        assert urllib.request.urlopen(urls[0], timeout=5).status == 200
+        _thread.interrupt_main()
+
+    presser = threading.Thread(target=press_ctrl_c)
+    presser.start()
+    run_replay(ReplayView(analysis, port=0, speed=10.0), browser=False, ready=ready)
+    presser.join()
+    with pytest.raises(OSError, match="refused"):
+        urllib.request.urlopen(urls[0], timeout=5)
+
+
+def test_run_replay_ends_when_it_is_told_to_and_warns_on_an_open_network(analysis, capsys):
+    stop = threading.Event()
+    stop.set()
+    run_replay(ReplayView(analysis, host="0.0.0.0", port=0), browser=False, stop=stop)
+    printed = capsys.readouterr().out
+    assert "replay at http://127.0.0.1:" in printed
+    assert "anyone who can reach this computer" in printed
+
+
+def test_a_replay_that_plays_moves_the_aircraft(analysis):
+    view = ReplayView(analysis, port=0, speed=5.0)
+    view.start()
+    try:
+        frame = node(view, "/world/vehicle_1")
+        start = np.array(frame.position)
+        settled(view, lambda: np.linalg.norm(frame.position - start) > 5)
+    finally:
+        view.stop()
+
+
+def test_the_charts_move_with_the_clock(view, analysis):
+    for time_s in (8.0, 31.0):
+        view.seek(time_s)
+        settled(view, lambda t=time_s: chart_line(view, 0, 5)[0][0] == t)
+        times, measured = chart_line(view, 2, 4)
+        rows = np.searchsorted(analysis.track.time_s, times)
+        np.testing.assert_array_equal(measured, analysis.track.rotor_speed_rpm[rows, 2])
+
+
+def test_spin_arrows_turn_as_the_rotors_do():
+    airframe = load_airframe("topxgun-f16")
+    rotors = airframe.rotor_position_frd @ FRD_FLU
+    arrows = spin_segments(rotors, 0.4, airframe.rotor_spin).reshape(4, -1, 2, 3)
+    for arrow, centre, spin in zip(arrows, rotors, airframe.rotor_spin, strict=True):
+        (ax, ay, _), (bx, by, _) = (arrow[0] - centre).tolist()
+        assert np.sign(ax * by - ay * bx) == spin  # left, y: counter-clockwise seen from above
+        assert np.linalg.norm((arrow - centre)[..., :2], axis=-1).max() < 0.4
+
+
+def test_one_scene_holds_several_aircraft_and_follows_the_one_in_focus(view):
+    scene = view._scene
+    other = flight(airframe="agras-t20")
+    scene.add_vehicle("7", other.model.airframe)
+    scene.show("7", Samples.of(other).row(100), focus=False)
+    first, second = node(view, "/world/vehicle_1"), node(view, "/world/vehicle_7")
+    assert not np.allclose(first.position, second.position)
+    assert node(view, "/world/vehicle_7/discs").batched_colors.shape == (6, 3)
+    view.set_camera(Camera.FOLLOW)
+    settled(view, lambda: np.allclose(node(view, "/world").position, -first.position))
+
+
+def test_the_route_can_grow_while_it_is_shown(view, analysis):
+    overlay = overlays_of(analysis)[0]
+    half = route_segments(analysis.track.position_ned[:200], [overlay.values[:200]])
+    values = replace(overlay, values=overlay.values[:200])
+    view._scene.set_route(half, values)
+    assert len(node(view, "/world/route").points) == half.count
+    view._scene.set_route(view._route, overlay)
+    assert len(node(view, "/world/route").points) == view._route.count
+
+
+def test_a_grid_cell_is_a_round_number():
+    assert grid_cell(55) == 5
+    assert grid_cell(5) == 0.5
+    assert grid_cell(900) == 100

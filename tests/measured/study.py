@@ -1,0 +1,95 @@
+"""All data sets of a folder: which are there, what was found, and the whole as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from tests.measured import (
+    aerostack2,
+    crazyflie,
+    crazyflie_find,
+    crazypad,
+    px4_log,
+    strawson,
+    uiuc,
+    vendor_bench,
+)
+from tests.measured.findings import Finding, Progress
+from thrustmargin.models.errors import DataError, ThrustMarginError
+
+SCHEMA = "thrustmargin.measured/1"
+#: short checks, in the order of the page, after the flights
+CHECKS = (vendor_bench, uiuc, aerostack2, strawson, crazypad, px4_log)
+NAMES = (crazyflie.FOLDER, *(check.FOLDER for check in CHECKS))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Missing:
+    """A data set that could not be used, and why."""
+
+    name: str
+    why: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Study:
+    """What was found in one folder."""
+
+    folder: str
+    findings: tuple[Finding, ...]
+    missing: tuple[Missing, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        return {
+            "schema": SCHEMA,
+            "folder": self.folder,
+            "data_sets": [finding.to_json() for finding in self.findings],
+            "missing": [{"name": m.name, "why": m.why} for m in self.missing],
+        }
+
+
+def study(
+    folder: Path,
+    *,
+    only: Sequence[str] = (),
+    surrogates: int = 99,
+    quick: bool = False,
+    progress: Progress | None = None,
+) -> Study:
+    """Look at every data set of `folder`, or at those named in `only`.
+
+    A data set that is missing or damaged is named with the reason and passed over. Raises DataError
+    when the folder is missing, a name is unknown, or no data set can be used.
+    """
+    if not folder.is_dir():
+        raise DataError(f"no folder {folder}; give the folder that holds the data sets")
+    unknown = sorted(set(only) - set(NAMES))
+    if unknown:
+        raise DataError(f"no data set {unknown[0]!r}; there are {', '.join(NAMES)}")
+    findings: list[Finding] = []
+    missing: list[Missing] = []
+    for name in [n for n in NAMES if not only or n in only]:
+        if not (folder / name).is_dir():
+            missing.append(Missing(name=name, why=f"no folder {name} in {folder}"))
+            continue
+        try:
+            findings.append(_find(name, folder / name, surrogates, quick, progress))
+        except ThrustMarginError as error:
+            missing.append(Missing(name=name, why=str(error)))
+    if not findings:
+        why = "; ".join(m.why for m in missing)
+        raise DataError(f"none of the data sets can be used: {why}")
+    return Study(folder=str(folder), findings=tuple(findings), missing=tuple(missing))
+
+
+def _find(
+    name: str, folder: Path, surrogates: int, quick: bool, progress: Progress | None
+) -> Finding:
+    if name == crazyflie.FOLDER:
+        return crazyflie_find.find(folder, surrogates=surrogates, quick=quick, progress=progress)
+    if progress:
+        progress(name, 0.0)
+    return next(check for check in CHECKS if name == check.FOLDER).find(folder)

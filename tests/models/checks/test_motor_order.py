@@ -1,0 +1,139 @@
+"""The motor-order check on recorded flights with their motors exchanged, and on made ones."""
+
+from dataclasses import replace
+from itertools import permutations
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.models.checks.motor_order import DECISIVE, check_motor_order
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.physics.airframe import Airframe, airframe_names, load_airframe
+from thrustmargin.models.physics.allocation import mixer
+
+ROOT = Path(__file__).resolve().parents[3]
+F16 = load_airframe("topxgun-f16-sitl")
+FLIGHTS = [
+    "campaign/v2_m4_q1.5.tlog",
+    "campaign/v6_m16_q3.5.tlog",
+    "dev/worn_prop_1.tlog",
+    "dev/windy_3.tlog",
+    "dev/climb_3.tlog",
+    "dev/cg_forward_1.tlog",
+    "onset/worn_prop_onset.tlog",
+    "formats/v4_m10_q2.5.BIN",
+]
+
+
+@pytest.fixture(scope="module", params=FLIGHTS)
+def recorded(request) -> FlightTrack:
+    return read_log(ROOT / "sitl_logs" / request.param, airframe=F16).track
+
+
+def with_speeds(track: FlightTrack, speeds: np.ndarray) -> FlightTrack:
+    return replace(track, rotor_speed_rpm=speeds)
+
+
+def test_recorded_flights_agree_with_the_airframe(recorded):
+    order = check_motor_order(recorded, F16)
+    assert order.verdict == "agrees"
+    assert order.places == (0, 1, 2, 3)
+    assert order.lead > DECISIVE
+    assert all(c > 0.2 for c in order.correlation)
+
+
+def test_every_exchange_of_motors_is_found_and_undone(recorded):
+    for places in permutations(range(4)):
+        if places == (0, 1, 2, 3):
+            continue
+        order = check_motor_order(
+            with_speeds(recorded, recorded.rotor_speed_rpm[:, list(places)]), F16
+        )
+        assert order.verdict == "differs"
+        assert order.places == places
+
+
+def test_two_swapped_motors_are_named():
+    track = read_log(ROOT / "sitl_logs/campaign/v4_m10_q2.5.tlog", airframe=F16).track
+    swapped = with_speeds(track, track.rotor_speed_rpm[:, [2, 1, 0, 3]])
+    order = check_motor_order(swapped, F16)
+    assert order.words.startswith("motors 1 and 3 look swapped")
+
+
+def test_reversed_spin_directions_are_named():
+    track = read_log(ROOT / "sitl_logs/campaign/v4_m10_q2.5.tlog", airframe=F16).track
+    mirrored = replace(F16, rotor_spin=-F16.rotor_spin)
+    order = check_motor_order(track, mirrored)
+    assert order.verdict == "differs"
+    assert order.words.startswith("yaw responds the wrong way: spins look reversed")
+    assert order.places == (0, 1, 2, 3)
+    assert order.correlation[2] < -0.9
+
+
+def made_flight(airframe: Airframe, *, rows: int = 1500, effort: float = 150.0, seed: int = 0):
+    """A rigid body with the airframe's mixer, tried by random moments; 8 rpm of sensor noise."""
+    rng = np.random.default_rng(seed)
+    rotors = airframe.rotor_count
+    time_s = np.arange(rows, dtype=np.float64) * 0.1
+    wander = rng.normal(size=(rows, rotors))
+    for k in range(1, rows):
+        wander[k] = 0.7 * wander[k - 1] + 0.7 * wander[k]
+    speeds = 1900.0 + effort * wander
+    thrust = airframe.rotor_effectiveness * airframe.thrust_coefficient * speeds**2
+    moment = thrust @ mixer(airframe)[1:].T
+    moment -= moment.mean(axis=0)
+    inertia = np.array([2.0, 2.0, 3.0])
+    rate = np.zeros((rows, 3))
+    for k in range(1, rows):
+        push = 0.5 * (moment[k] + moment[k - 1]) / inertia
+        rate[k] = 0.98 * rate[k - 1] + 0.1 * push
+    return FlightTrack.of(
+        name="made",
+        time_s=time_s,
+        rotor_count=rotors,
+        angular_rate_frd=rate,
+        rotor_speed_rpm=speeds + rng.normal(0, 8.0, speeds.shape),
+    )
+
+
+@pytest.mark.parametrize("name", airframe_names())
+def test_made_flights_of_every_shipped_airframe_agree_and_a_swap_is_found(name):
+    airframe = load_airframe(name)
+    track = made_flight(airframe)
+    assert check_motor_order(track, airframe).verdict == "agrees"
+    columns = list(range(airframe.rotor_count))
+    columns[0], columns[1] = columns[1], columns[0]
+    order = check_motor_order(with_speeds(track, track.rotor_speed_rpm[:, columns]), airframe)
+    assert order.verdict == "differs"
+    assert order.places == tuple(columns)
+
+
+def test_a_flight_without_manoeuvres_says_that_it_cannot_tell():
+    calm = made_flight(F16, effort=0.0)
+    noise = np.random.default_rng(1).normal(0, 0.01, (calm.time_s.size, 3))
+    order = check_motor_order(replace(calm, angular_rate_frd=noise), F16)
+    assert order.verdict == "unclear"
+    assert order.words.startswith("cannot tell: too little manoeuvring")
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_pure_noise_is_never_called_a_swap(seed):
+    rng = np.random.default_rng(seed)
+    track = FlightTrack.of(
+        name="noise",
+        time_s=np.linspace(0.0, 200.0, 2000),
+        rotor_count=4,
+        angular_rate_frd=rng.normal(0, 0.1, (2000, 3)).cumsum(axis=0) * 0.1,
+        rotor_speed_rpm=1900 + rng.normal(0, 50, (2000, 4)),
+    )
+    assert check_motor_order(track, F16).verdict == "unclear"
+
+
+def test_without_rotor_speeds_or_rates_it_cannot_tell():
+    track = FlightTrack.of(name="x", time_s=np.arange(500.0), rotor_count=4)
+    order = check_motor_order(track, F16)
+    assert (order.verdict, order.rows) == ("unclear", 0)
+    other = next(a for a in map(load_airframe, airframe_names()) if a.rotor_count != 4)
+    assert check_motor_order(track, other).verdict == "unclear"

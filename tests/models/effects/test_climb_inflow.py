@@ -1,0 +1,34 @@
+"""Axial inflow is called climb only where the aircraft climbs, not where it flies tilted."""
+
+import numpy as np
+import pytest
+
+from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.models.effects.coefficient import CLIMB_INFLOW
+from thrustmargin.models.model.flown import model_channels
+from thrustmargin.models.model.rotor_model import shipped_model
+
+
+def weight_on(path) -> float:
+    model = shipped_model()
+    x = model_channels(model, read_log(path, airframe=model.airframe).track)
+    flying = np.isfinite(x.advance_ratio) & (x.time_s > 20.0) & (x.time_s < 200.0)
+    assert CLIMB_INFLOW.weight is not None
+    return float(CLIMB_INFLOW.weight({"slope": 1.0}, x.rows(flying), np))
+
+
+def test_climbs_have_the_weight_and_level_flight_has_not(sitl_logs):
+    assert weight_on(sitl_logs / "dev" / "climb_1.tlog") > 2.0
+    assert weight_on(sitl_logs / "campaign" / "v6_m4_q1.5.tlog") < 0.5
+    assert weight_on(sitl_logs / "dev" / "windy_2.tlog") < 0.5
+
+
+def test_the_parts_of_the_inflow_add_up(sitl_logs):
+    model = shipped_model()
+    track = read_log(sitl_logs / "dev" / "climb_1.tlog", airframe=model.airframe).track
+    x = model_channels(model, track)
+    hover = np.sqrt(x.total_mass * 9.80665 / 4 / model.airframe.thrust_coefficient)
+    climb = -track.velocity_ned[:, 2] * np.cos(track.attitude[:, 0]) * np.cos(track.attitude[:, 1])
+    expected = climb * 60.0 / (hover * model.airframe.propeller_diameter)
+    known = np.isfinite(expected)
+    assert x.climb_ratio[known] == pytest.approx(expected[known], abs=1e-12)

@@ -1,0 +1,70 @@
+"""Fits: their derivatives, and what they leave behind."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.models.effects import CATALOGUE
+from thrustmargin.models.effects.pendulum import LENGTHS
+from thrustmargin.models.identification.fit import Evaluator, Term, layout_of, one_thread, starts
+from thrustmargin.models.identification.problem import assemble
+from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.physics.airframe import load_airframe
+
+F16 = load_airframe("topxgun-f16-sitl")
+STEP = 1e-4  # of a parameter's usual size
+
+
+@pytest.fixture(scope="module")
+def evaluator(sitl_logs):
+    """Two flights that report every channel, with the pull of a load that they do not have."""
+    names = ("v4_m10_q1.5.tlog", "v6_m4_q1.5.tlog")
+    logs = [read_log(sitl_logs / "campaign" / name, airframe=F16) for name in names]
+    problem = assemble(physics_model(F16), [log.track for log in logs])
+    x = problem.channels
+    pull = 1.0 + 0.1 * np.sin(x.time_s[:, None] + 0.3 * np.arange(LENGTHS))
+    return Evaluator(replace(problem, channels=replace(x, cable_pull=pull)))
+
+
+@pytest.mark.parametrize("effect", CATALOGUE, ids=lambda e: e.key)
+def test_derivatives_are_those_of_differences_in_the_prediction(evaluator, effect):
+    assert evaluator.problem.has(effect)
+    terms = (Term(effect=effect, rotor=1 if effect.of_one_rotor else None),)
+    layout = layout_of(terms, 2)
+    size = np.zeros(layout.size)
+    for k, parameter in enumerate(layout.parameters):
+        size[layout.places[:, k]] = parameter.scale
+    values = starts(layout) + 0.03 * size
+    prediction, derivatives = evaluator.jacobian(
+        terms, layout, values, range(len(layout.parameters))
+    )
+    np.testing.assert_array_equal(prediction, evaluator.predict(terms, layout, values))
+    for k, column in enumerate(np.moveaxis(derivatives(), 2, 0)):
+        change = np.zeros(layout.size)
+        change[layout.places[:, k]] = STEP * size[layout.places[:, k]]
+        span = 2 * STEP * layout.parameters[k].scale
+        ahead, behind = (evaluator.predict(terms, layout, values + s * change) for s in (1, -1))
+        expected = (ahead - behind) / span
+        scale = max(np.abs(expected).max(), 1e-6 * np.abs(prediction).max())
+        assert np.abs(column - expected).max() < 1e-3 * scale, layout.parameters[k].name
+
+
+def test_a_fit_on_one_thread_leaves_torch_as_it_was_even_when_it_fails():
+    import torch
+
+    before, seen = torch.get_num_threads(), []
+
+    @one_thread()
+    def failing():
+        seen.append(torch.get_num_threads())
+        raise ValueError("bad")
+
+    torch.set_num_threads(2)
+    try:
+        with pytest.raises(ValueError, match="bad"):
+            failing()
+        assert (seen, torch.get_num_threads()) == ([1], 2)
+    finally:
+        torch.set_num_threads(before)

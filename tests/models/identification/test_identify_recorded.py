@@ -1,0 +1,90 @@
+"""The loop on recorded flights with one told change: its name, its size, and nothing beside it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.models.identification.identify import identify
+from thrustmargin.models.identification.model_update import with_effects
+from thrustmargin.models.model.rotor_model import shipped_model
+
+#: group -> effect, rotor, parameter, true value (sitl_logs/manifest.toml)
+TOLD = {
+    "worn_prop": ("rotor_degradation", 1, "loss", 0.08),
+    "cg_forward": ("cg_offset", None, "x", 0.04),
+    "extra_mass": ("extra_mass", None, "mass", 3.0),
+    "high_altitude": ("air_density", None, "temperature_offset", 0.0),
+}
+
+
+def tracks(folder: Path, names):
+    model = shipped_model()
+    return model, [read_log(folder / n, airframe=model.airframe).track for n in names]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("group", TOLD)
+def test_the_told_change_is_found_with_its_value_and_nothing_beside_it(sitl_logs, group):
+    name, rotor, parameter, truth = TOLD[group]
+    model, flown = tracks(sitl_logs / "dev", [f"{group}_{k}.tlog" for k in (1, 2, 3)])
+    result = identify(model, flown).to_json()
+    assert [(e["name"], e["rotor"]) for e in result["effects"]] == [(name, rotor)]
+    low, high = result["effects"][0]["parameters"][parameter]["ci95"]
+    assert low <= truth <= high
+    assert result["unexplained"]["mode"] is None
+    assert result["after"]["rmse_rpm"] < 1.2 * result["floor_rpm"]
+
+
+@pytest.mark.slow
+def test_a_wind_that_the_airspeed_follows_is_told_and_not_added(sitl_logs):
+    model, flown = tracks(sitl_logs / "dev", [f"windy_{k}.tlog" for k in (1, 2, 3)])
+    found = identify(model, flown)
+    assert found.found == ()
+    (effect,) = found.to_json()["effects"]
+    assert effect["name"] == "wind"
+    assert effect["already_followed"]
+    for axis, truth in (("north", -7.0 * np.cos(np.pi / 6)), ("east", -7.0 * np.sin(np.pi / 6))):
+        low, high = effect["parameters"][f"wind_{axis}"]["ci95"]
+        assert low <= truth <= high
+        assert high - low < 2.0
+    assert effect["rmse_after_rpm"] < 0.9 * effect["rmse_before_rpm"]
+    assert with_effects(model, found).effects == model.effects
+
+
+@pytest.mark.slow
+def test_nothing_is_missing_from_good_flights(sitl_logs):
+    names = ("v2_m10_q2.5.tlog", "v4_m16_q1.5.tlog", "v6_m4_q3.5.tlog")
+    model, flown = tracks(sitl_logs / "campaign", names)
+    result = identify(model, flown).to_json()
+    assert result["effects"] == []
+    assert result["unexplained"]["mode"] is None
+    assert result["after"]["r2"] > 0.98
+
+
+@pytest.mark.slow
+def test_a_propeller_that_fails_in_flight_is_found_with_its_moment(sitl_logs):
+    model, flown = tracks(sitl_logs / "onset", ["worn_prop_onset.tlog"])
+    effect, lift = identify(model, flown).to_json()["effects"]
+    assert (effect["name"], effect["rotor"]) == ("rotor_degradation", 3)
+    values = effect["parameters"]
+    low, high = values["loss"]["ci95"]
+    assert low <= 0.12 <= high
+    assert np.isclose(values["onset_time"]["value"], 143.95, atol=0.7)
+    assert lift["name"] == "translational_lift"  # that simulator has none
+    assert lift["parameters"]["gain"]["value"] < 0.0
+
+
+@pytest.mark.slow
+def test_a_speed_that_ignores_the_pack_is_told_from_one_that_follows_it(sitl_logs):
+    model, (ignores, follows) = tracks(
+        sitl_logs / "voltage", ["sag_simulator_rpm.tlog", "sag_real_rpm.tlog"]
+    )
+    found = identify(model, [ignores]).to_json()
+    (voltage,) = [e for e in found["effects"] if e["name"] == "battery_voltage"]
+    low, high = voltage["parameters"]["exponent"]["ci95"]
+    assert low <= 2.0 <= high
+    assert found["after"]["rmse_rpm"] < 0.05 * found["before"]["rmse_rpm"]
+    good = identify(model, [follows]).to_json()
+    assert "battery_voltage" not in [e["name"] for e in good["effects"]]

@@ -1,0 +1,132 @@
+"""One flight through the model: every array from the same definitions, gaps kept as gaps."""
+
+import numpy as np
+import pytest
+
+from thrustmargin.models.errors import AirframeError
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.physics.atmosphere import G0, isa_density
+from thrustmargin.models.physics.margin import ceiling, hover_use
+
+SITL = load_airframe("topxgun-f16-sitl")
+MODEL = physics_model(SITL)
+ROWS = 60
+
+
+def hovering(airframe=SITL, **channels: object) -> FlightTrack:
+    """A hover that empties the tank, its rotor speeds exactly those of weight and thrust curve."""
+    tank = np.linspace(airframe.tank_capacity_kg, 0.0, ROWS)
+    share = airframe.rotor_effectiveness.sum() * airframe.thrust_coefficient
+    density = isa_density(500.0) / airframe.reference_density
+    speed = np.sqrt((airframe.empty_mass + tank) * G0 / (share * density))
+    still = np.zeros((ROWS, 3))
+    given = {
+        "tank_kg": tank,
+        "airspeed": np.zeros(ROWS),
+        "velocity_ned": still,
+        "wind_ned": still,
+        "altitude": np.full(ROWS, 500.0),
+        "voltage": np.linspace(58.8, 50.0, ROWS),
+        "rotor_speed_rpm": np.repeat(speed[:, None], airframe.rotor_count, axis=1),
+    }
+    return FlightTrack.of(
+        name="hover",
+        time_s=np.arange(ROWS, dtype=np.float64),
+        rotor_count=airframe.rotor_count,
+        **{**given, **channels},
+    )
+
+
+@pytest.mark.parametrize("name", ["topxgun-f16-sitl", "topxgun-f16", "agras-t20", "agras-t40"])
+def test_a_perfect_hover_leaves_no_residual_and_its_thrust_is_its_weight(name):
+    airframe = load_airframe(name)
+    flight = analyse(hovering(airframe), physics_model(airframe))
+    np.testing.assert_allclose(flight.residual_rpm, 0.0, atol=1e-6)
+    np.testing.assert_allclose(flight.thrust.sum(axis=1), flight.weight)
+    np.testing.assert_allclose(flight.capacity_use, flight.capacity_use_predicted)
+    np.testing.assert_allclose(flight.capacity_use, flight.thrust / flight.max_thrust)
+    np.testing.assert_allclose(flight.margin, 1.0 - flight.capacity_use)
+    np.testing.assert_allclose(flight.margin_predicted, flight.margin)
+    assert flight.measured.all()
+
+
+def test_on_a_quad_margin_redundancy_and_trimmable_loss_say_the_same():
+    flight = analyse(hovering(), MODEL)
+    use = flight.capacity_use.max(axis=1)
+    np.testing.assert_allclose(flight.redundancy_yaw_free, 1.0 / (2.0 * use))
+    np.testing.assert_allclose(flight.redundancy_yaw_kept, 0.0, atol=1e-12)
+    np.testing.assert_allclose(flight.trimmable_loss, 1.0 - use, atol=1e-7)
+
+
+def test_a_sagging_pack_lowers_the_ceiling_and_not_the_thrust():
+    full = analyse(hovering(voltage=np.full(ROWS, 58.8)), MODEL)
+    low = analyse(hovering(voltage=np.full(ROWS, 48.0)), MODEL)
+    np.testing.assert_array_equal(full.thrust, low.thrust)
+    np.testing.assert_allclose(full.capacity_use / low.capacity_use, (48.0 / 58.8) ** 2)
+    assert np.all(low.margin < full.margin)
+
+
+def test_what_was_assumed_is_said():
+    flight = analyse(hovering(voltage=np.full(ROWS, np.nan), altitude=np.full(ROWS, np.nan)), MODEL)
+    assert flight.voltage_basis == "nominal voltage 51.8 V: pack voltage not reported"
+    assert flight.density_basis.startswith("assumed 1.225 kg/m³")
+
+
+def test_density_can_be_given():
+    flight = analyse(hovering(), MODEL, density=np.full(ROWS, 1.0))
+    np.testing.assert_array_equal(flight.density, 1.0)
+    assert flight.density_basis == "given with the flight"
+
+
+def test_rows_lack_what_they_cannot_know():
+    track = hovering()
+    rpm, tank = track.rotor_speed_rpm.copy(), track.tank_kg.copy()
+    rpm[3, 1] = np.nan
+    tank[5] = np.nan
+    flight = analyse(hovering(rotor_speed_rpm=rpm, tank_kg=tank), MODEL)
+    assert np.isnan(flight.capacity_use[3]).tolist() == [False, True, False, False]
+    assert np.isnan(flight.residual_rpm[3]).tolist() == [False, True, False, False]
+    assert np.flatnonzero(~flight.measured).tolist() == [3]
+    for array in (flight.weight, flight.redundancy_yaw_free, flight.trimmable_loss):
+        assert np.flatnonzero(np.isnan(array)).tolist() == [5]
+    assert np.isnan(flight.prediction.rotor_speed_rpm[5]).all()
+    assert np.isfinite(flight.capacity_use[5]).all()
+
+
+def test_a_flight_without_tank_or_rotor_speed_still_has_its_ceiling():
+    nothing = FlightTrack.of(name="bare", time_s=np.arange(3.0), rotor_count=4)
+    flight = analyse(nothing, MODEL)
+    assert np.isfinite(flight.max_thrust).all()
+    for array in (flight.capacity_use, flight.weight, flight.redundancy_yaw_free):
+        assert np.isnan(array).all()
+
+
+def test_a_flight_of_no_rows_is_no_error():
+    flight = analyse(hovering().rows(slice(0, 0)), MODEL)
+    assert flight.capacity_use.shape == (0, 4)
+    assert flight.trimmable_loss.shape == (0,)
+
+
+def test_batch_is_the_loop():
+    track = hovering()
+    whole = analyse(track, MODEL)
+    for row in (0, 17, ROWS - 1):
+        one = analyse(track.rows(slice(row, row + 1)), MODEL)
+        for name in ("thrust", "capacity_use", "redundancy_yaw_free", "trimmable_loss", "weight"):
+            np.testing.assert_allclose(getattr(one, name)[0], getattr(whole, name)[row])
+
+
+def test_weight_makes_the_hover_use_of_the_forecast():
+    track = hovering(voltage=np.full(ROWS, 58.8))
+    flight = analyse(track, MODEL, density=np.full(ROWS, SITL.reference_density))
+    limits = ceiling(SITL, flight.density, track.voltage)
+    forecast = hover_use(SITL, limits, flight.weight)
+    np.testing.assert_allclose(flight.capacity_use_predicted.max(axis=1), forecast)
+
+
+def test_a_flight_with_another_number_of_rotors_is_refused_with_both_counts():
+    with pytest.raises(AirframeError, match=r"reports 6 rotors .* topxgun-f16-sitl has 4.*give"):
+        analyse(hovering(load_airframe("agras-t20")), MODEL)

@@ -1,0 +1,173 @@
+"""Airframe files: what ships is complete and sourced, what is wrong is refused with a remedy."""
+
+import numpy as np
+import pytest
+
+from thrustmargin.models.errors import AirframeError
+from thrustmargin.models.physics.airframe import (
+    QUANTITIES,
+    airframe_from_table,
+    airframe_names,
+    airframe_table,
+    load_airframe,
+)
+
+SHIPPED = airframe_names()
+SPRAYERS = [name for name in SHIPPED if load_airframe(name).tank_capacity_kg > 0]
+
+
+def test_quad_hexa_and_coaxial_octo_ship():
+    layouts = {load_airframe(name).layout: load_airframe(name).rotor_count for name in SHIPPED}
+    assert layouts == {"quad-x": 4, "hexa-x": 6, "octo-coaxial-x8": 8}
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_every_value_says_its_unit_and_where_it_is_from(name):
+    airframe = load_airframe(name)
+    assert set(airframe.quantities) == set(QUANTITIES)
+    for quantity in airframe.quantities.values():
+        assert quantity.unit
+        assert len(quantity.source) > 8
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_rotors_balance_about_the_centre(name):
+    airframe = load_airframe(name)
+    np.testing.assert_allclose(airframe.rotor_position_frd[:, :2].sum(axis=0), 0.0, atol=1e-9)
+    assert airframe.rotor_spin.sum() == 0.0
+    assert (airframe.rotor_spin * airframe.rotor_effectiveness).sum() == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("name", SPRAYERS)
+def test_curve_reaches_the_nameplate_within_the_rotor_speed_it_can_turn(name):
+    airframe = load_airframe(name)
+    top = airframe.thrust_coefficient * airframe.max_rotor_speed_rpm**2
+    assert top >= 0.999 * airframe.nameplate_max_thrust
+
+
+def test_f16_is_the_papers():
+    airframe = load_airframe("topxgun-f16")
+    assert airframe.empty_mass == 21.1
+    assert airframe.tank_capacity_kg == 16.0
+    assert airframe.thrust_coefficient == 2.011e-5
+    assert airframe.nameplate_max_thrust == pytest.approx(17.0 * 9.80665, abs=1e-3)
+    assert airframe.rotor_names == ("front right", "rear left", "front left", "rear right")
+
+
+def test_extends_takes_all_but_what_it_replaces():
+    real, simulated = load_airframe("topxgun-f16"), load_airframe("topxgun-f16-sitl")
+    assert simulated.empty_mass == real.empty_mass
+    assert simulated.ceiling_voltage == 58.8
+    np.testing.assert_array_equal(simulated.rotor_spin, real.rotor_spin)
+
+
+def write(tmp_path, text, name="mine.toml"):
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_own_file_can_extend_a_shipped_airframe(tmp_path):
+    path = write(
+        tmp_path,
+        'extends = "topxgun-f16"\nname = "mine"\n[quantities]\n'
+        'empty_mass = { value = 22.4, unit = "kg", source = "own scale" }\n',
+    )
+    airframe = load_airframe(path)
+    assert (airframe.name, airframe.empty_mass, airframe.rotor_count) == ("mine", 22.4, 4)
+
+
+def test_a_file_may_name_where_the_tank_level_comes_from(tmp_path):
+    assert load_airframe("topxgun-f16").tank_source == "auto"
+    path = tmp_path / "ours.toml"
+    path.write_text('extends = "topxgun-f16"\ntank_source = "BATTERY_STATUS 1"\n')
+    ours = load_airframe(path)
+    assert ours.tank_source == "BATTERY_STATUS 1"
+    assert airframe_from_table(airframe_table(ours), "table").tank_source == ours.tank_source
+
+
+def test_own_file_extends_a_neighbour_in_its_own_folder(tmp_path):
+    write(tmp_path, 'extends = "topxgun-f16"\nname = "base"\n', "base.toml")
+    path = write(tmp_path, 'extends = "base.toml"\nname = "mine"\n')
+    assert load_airframe(path).empty_mass == 21.1
+
+
+def quantity(name, value, unit):
+    return (
+        f'extends = "topxgun-f16"\n[quantities]\n{name} = '
+        f'{{ value = {value}, unit = "{unit}", source = "a test of the reader" }}\n'
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (quantity("empty_mass", 22400, "g"), "empty_mass is in 'g'; give it in 'kg'"),
+        (quantity("empty_mass", -3.0, "kg"), "empty_mass is -3.0; it must be a number above 0"),
+        (quantity("empty_mass", "nan", "kg"), "must be a number above 0"),
+        (quantity("empty_mass", "true", "kg"), "must be a number above 0"),
+        (quantity("empty_mass", '"22"', "kg"), "must be a number above 0"),
+        (quantity("empty_mas", 22.4, "kg"), "unknown quantity 'empty_mas'"),
+        ('extends = "topxgun-f16"\n[quantities]\nempty_mass = 22.4\n', "needs value, unit"),
+        ('extends = "topxgun-f16"\nrotors = []\n', "at least 3"),
+        ('extends = "mine.toml"\n', "extends it again"),
+        ('extends = "no-such"\n', "no airframe 'no-such'; shipped are"),
+        ("extends = 7\n", "no airframe '7'"),
+        ("quantities = 7\n", "quantities must be a table"),
+        ("rotors = 7\n", "rotors must be a table"),
+        ('title = "a"\n', "empty_mass needs value, unit"),
+        ("a = = b\n", "not a TOML file"),
+    ],
+)
+def test_a_wrong_file_is_refused_with_what_to_do(tmp_path, text, message):
+    with pytest.raises(AirframeError, match=message):
+        load_airframe(write(tmp_path, text))
+
+
+ROTORS = """
+extends = "topxgun-f16"
+[[rotors]]
+name = "one"
+position_frd = [1.0, 0.0, 0.0]
+spin = "ccw"
+[[rotors]]
+name = "two"
+position_frd = [-0.5, 0.8, 0.0]
+spin = "cw"
+[[rotors]]
+name = "three"
+position_frd = [-0.5, -0.8, 0.0]
+spin = "cw"
+"""
+
+
+def test_any_rotor_count_from_three_can_be_described(tmp_path):
+    assert load_airframe(write(tmp_path, ROTORS)).rotor_count == 3
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('spin = "ccw"', 'spin = "left"', "stopped at 'left'"),
+        ("[1.0, 0.0, 0.0]", "[1.0, 0.0]", "stopped at"),
+        ("[1.0, 0.0, 0.0]", "[inf, 0.0, 0.0]", "three numbers in m"),
+        ('name = "one"', 'name = "one"\neffectiveness = 1.4', "above 0 and at most 1"),
+    ],
+)
+def test_a_wrong_rotor_is_refused(tmp_path, old, new, message):
+    with pytest.raises(AirframeError, match=message):
+        load_airframe(write(tmp_path, ROTORS.replace(old, new, 1)))
+
+
+@pytest.mark.parametrize("name", ["no-such", "no-such.toml", "", "."])
+def test_a_name_that_is_no_airframe_is_refused(name):
+    with pytest.raises(AirframeError):
+        load_airframe(name)
+
+
+def test_a_folder_or_binary_file_is_refused(tmp_path):
+    (tmp_path / "folder.toml").mkdir()
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00\x81")
+    for name in ("folder.toml", "binary.toml"):
+        with pytest.raises(AirframeError, match="cannot read"):
+            load_airframe(tmp_path / name)

@@ -1,0 +1,119 @@
+"""Air density: the printed standard atmosphere, and what a flight's own channels give."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.physics.atmosphere import (
+    SEA_LEVEL_DENSITY,
+    air_density,
+    isa_density,
+    isa_pressure,
+    isa_temperature,
+    pressure_altitude,
+    track_density,
+)
+
+
+def flight(rows: int = 5, **channels: object) -> FlightTrack:
+    return FlightTrack.of(
+        name="flight", time_s=np.arange(rows, dtype=float), rotor_count=4, **channels
+    )
+
+
+@pytest.mark.parametrize(
+    ("altitude", "temperature", "pressure", "density"),
+    [
+        # U.S. Standard Atmosphere 1976, table I, by geopotential altitude
+        (0.0, 288.150, 101325.0, 1.2250),
+        (1000.0, 281.650, 89874.6, 1.1116),
+        (3000.0, 268.650, 70108.5, 0.90912),
+        (5000.0, 255.650, 54019.9, 0.73612),
+    ],
+)
+def test_standard_atmosphere_is_the_printed_one(altitude, temperature, pressure, density):
+    assert isa_temperature(altitude) == pytest.approx(temperature, abs=5e-4)
+    assert isa_pressure(altitude) == pytest.approx(pressure, rel=2e-6)
+    assert isa_density(altitude) == pytest.approx(density, rel=4e-5)
+
+
+def test_density_of_the_papers_test_days_is_its_reference_air():
+    assert air_density(101_370.0, 295.90) == pytest.approx(1.1934, abs=5e-5)
+
+
+@given(st.floats(-500.0, 9000.0))
+def test_pressure_altitude_undoes_pressure(altitude):
+    assert pressure_altitude(isa_pressure(altitude)) == pytest.approx(altitude, abs=1e-6)
+
+
+@given(st.floats(-500.0, 8000.0), st.floats(1.0, 900.0), st.floats(-30.0, 40.0))
+def test_density_falls_with_altitude_and_with_warmth(altitude, climb, offset):
+    assert isa_density(altitude + climb, offset) < isa_density(altitude, offset)
+    assert isa_density(altitude, offset + 1.0) < isa_density(altitude, offset)
+
+
+def test_ten_kelvin_of_unknown_temperature_is_three_and_a_half_percent():
+    assert isa_density(0.0, 10.0) / isa_density(0.0) == pytest.approx(0.9665, abs=1e-4)
+
+
+def test_pressure_comes_before_altitude_and_uses_the_temperature_of_that_altitude():
+    track = flight(pressure=np.full(5, 95_000.0), altitude=np.full(5, 300.0))
+    density, basis = track_density(track)
+    np.testing.assert_allclose(density, air_density(95_000.0, isa_temperature(300.0)))
+    assert basis == (
+        "static pressure and the temperature of the standard atmosphere "
+        "(outside temperature not known)"
+    )
+
+
+def test_pressure_alone_gives_its_own_altitude():
+    density, _ = track_density(flight(pressure=isa_pressure(np.full(5, 1200.0))))
+    np.testing.assert_allclose(density, isa_density(1200.0))
+
+
+def test_the_warm_board_sensor_changes_nothing():
+    pressure = np.full(5, 95_000.0)
+    cold, _ = track_density(flight(pressure=pressure, temperature=np.full(5, 280.0)))
+    warm, _ = track_density(flight(pressure=pressure, temperature=np.full(5, 320.0)))
+    np.testing.assert_array_equal(cold, warm)
+
+
+def test_altitude_stands_in_for_pressure_and_says_so():
+    density, basis = track_density(flight(altitude=np.full(5, 1500.0)))
+    np.testing.assert_allclose(density, isa_density(1500.0))
+    assert basis.startswith("altitude in the standard atmosphere")
+
+
+def test_an_outside_temperature_offset_reaches_density_and_basis():
+    density, basis = track_density(flight(altitude=np.zeros(5)), temperature_offset=15.0)
+    np.testing.assert_allclose(density, air_density(101_325.0, 303.15))
+    assert "standard atmosphere +15 K" in basis
+
+
+def test_rows_without_either_take_the_flights_median_and_are_counted():
+    pressure = np.array([np.nan, 95_000.0, 95_100.0, 95_200.0, np.nan])
+    density, basis = track_density(flight(pressure=pressure))
+    assert density[0] == density[4] == density[2]
+    assert "the flight's median in 2 rows that reported neither" in basis
+
+
+def test_impossible_pressure_is_ignored_and_counted():
+    pressure = np.array([0.0, 95_000.0, 95_000.0, 950.0, 9_500_000.0])
+    density, basis = track_density(flight(pressure=pressure, altitude=np.full(5, 400.0)))
+    np.testing.assert_allclose(density[[0, 3, 4]], isa_density(400.0))
+    assert "altitude in the standard atmosphere (outside temperature not known) in 3 rows" in basis
+    assert "pressure outside 300..1100 hPa ignored in 3 rows" in basis
+
+
+def test_nothing_known_is_sea_level_air_called_assumed():
+    density, basis = track_density(flight())
+    np.testing.assert_array_equal(density, SEA_LEVEL_DENSITY)
+    assert basis.startswith("assumed 1.225 kg/m³")
+
+
+def test_a_flight_of_no_rows_has_no_density():
+    density, basis = track_density(flight(rows=0))
+    assert density.shape == (0,)
+    assert "assumed" in basis

@@ -1,0 +1,143 @@
+"""Load matching and Figure 10: the paper's printed results, and the same for any airframe."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from thrustmargin.models.errors import ModelError
+from thrustmargin.models.model.rotor_model import RotorModel, physics_model
+from thrustmargin.models.network.network import RotorNetwork
+from thrustmargin.models.network.training_domain import Envelope
+from thrustmargin.models.physics.airframe import airframe_names, load_airframe
+from thrustmargin.models.physics.atmosphere import G0
+from thrustmargin.models.physics.matching import match_airframe, network_points, same_aircraft
+
+SHIPPED = airframe_names()
+F16 = load_airframe("topxgun-f16")
+
+
+def test_f16_is_the_papers_matching():
+    matching = match_airframe(F16)
+    nameplate, curve = matching.ceilings
+    assert f"{matching.load.full_load:.2f}" == "9.28"
+    assert f"{matching.load.empty_load:.2f}" == "5.28"
+    assert f"{matching.load.load_increase:.2%}" == "75.83%"
+    assert f"{nameplate.use_full:.1%}" == "54.6%"
+    assert curve.use_full == pytest.approx(0.50, abs=0.005)
+    assert nameplate.fill_half_use == pytest.approx(12.9, abs=1e-4)
+    assert nameplate.fill_one_rotor_out == pytest.approx(12.9, abs=1e-4)
+
+
+def test_f16_survives_a_lost_rotor_when_empty_and_not_when_full():
+    nameplate = match_airframe(F16).ceilings[0]
+    assert nameplate.redundancy_yaw_free_full == pytest.approx(1 / (2 * 0.54559), rel=1e-4)
+    assert nameplate.redundancy_yaw_free_empty > 1.0 > nameplate.redundancy_yaw_free_full
+    assert nameplate.redundancy_yaw_kept_empty == pytest.approx(0.0, abs=1e-12)
+
+
+def test_f16_coefficient_lies_in_the_range_of_equation_3():
+    matching = match_airframe(F16)
+    low, high = matching.thrust_coefficient_range
+    assert low < matching.thrust_coefficient < high
+    assert (low, matching.thrust_coefficient, high) == pytest.approx(
+        (0.0293, 0.0869, 0.3514), abs=5e-5
+    )
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_hover_speeds_carry_the_weight(name):
+    airframe = load_airframe(name)
+    matching = match_airframe(airframe)
+    share = airframe.rotor_effectiveness.sum() * airframe.thrust_coefficient / G0
+    full = airframe.empty_mass + airframe.tank_capacity_kg
+    assert share * matching.rotor_speed_full_rpm**2 == pytest.approx(full)
+    assert share * matching.rotor_speed_empty_rpm**2 == pytest.approx(airframe.empty_mass)
+    curve = matching.ceilings[1]
+    square = (matching.rotor_speed_full_rpm / airframe.max_rotor_speed_rpm) ** 2
+    assert curve.use_full == pytest.approx(square)
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_use_of_each_ceiling_is_load_over_maximum(name):
+    matching = match_airframe(load_airframe(name))
+    for limit in matching.ceilings:
+        assert limit.use_full == pytest.approx(matching.load.full_load * G0 / limit.max_thrust)
+        if load_airframe(name).tank_capacity_kg > 0:
+            assert limit.use_empty < limit.use_full
+
+
+def test_a_pack_below_the_bench_voltage_gets_its_own_ceiling():
+    names = [limit.name for limit in match_airframe(load_airframe("topxgun-f16-sitl")).ceilings]
+    assert names == [
+        "nameplate",
+        "curve maximum, 3000 rpm at 58.8 V",
+        "curve maximum at the nominal 51.8 V",
+    ]
+    assert len(match_airframe(F16).ceilings) == 2
+
+
+def test_a_largest_thrust_that_no_maker_printed_is_not_called_nameplate():
+    assert match_airframe(load_airframe("agras-t20")).ceilings[0].name == "nameplate"
+    assert match_airframe(load_airframe("agras-t40")).ceilings[0].name == "estimated maximum"
+
+
+def test_an_aircraft_and_its_simulation_are_one_design_and_others_are_not():
+    assert same_aircraft(F16, load_airframe("topxgun-f16-sitl"))
+    assert not same_aircraft(F16, load_airframe("agras-t20"))
+    assert not same_aircraft(F16, replace(F16, empty_mass=24.0))
+
+
+def test_an_aircraft_without_a_tank_matches_too():
+    matching = match_airframe(replace(F16, tank_volume_l=0.0))
+    assert matching.load.load_increase == 0.0
+    assert np.isfinite(matching.ceilings[0].fill_half_use)
+
+
+def linear_model(density: float = 1.15) -> RotorModel:
+    """A network without hidden layers: N_i = 1600 - 20 V + 33 m + 10 i, learnt up to 5 m/s."""
+    network = RotorNetwork(
+        weights=(np.array([[[-20.0] * 4, [33.0] * 4]], dtype=np.float32),),
+        biases=(np.array([[0.0, 10.0, 20.0, 30.0]], dtype=np.float32),),
+        input_mean=np.zeros((1, 2)),
+        input_scale=np.ones((1, 2)),
+        output_mean=np.full((1, 4), 1600.0),
+        output_scale=np.ones((1, 4)),
+    )
+    nothing = (float("nan"), float("nan"))
+    envelope = Envelope(
+        airspeed=(0.0, 5.0),
+        tank_kg=(0.0, 16.0),
+        density=(density, density),
+        height_agl=nothing,
+        wind_speed=nothing,
+        flights=("one",),
+    )
+    return RotorModel(
+        airframe=load_airframe("topxgun-f16-sitl"),
+        network=network,
+        envelope=envelope,
+        reference_density=density,
+        reference_voltage=58.8,
+    )
+
+
+def test_network_points_are_what_the_network_says_in_the_air_of_the_curve():
+    points = network_points(F16, linear_model())
+    assert points.airspeed.tolist() == [2.0, 2.0, 2.0, 4.0, 4.0, 4.0]
+    assert points.tank_kg.tolist() == [4.0, 10.0, 16.0] * 2
+    assert points.title == "TopXGun F16, simulated (quad, 16 L)"
+    assert points.left_out == 3  # 6 m/s is beyond what it learnt
+    said = 1600.0 - 20.0 * points.airspeed + 33.0 * points.tank_kg
+    expected = (said[:, None] + [0.0, 10.0, 20.0, 30.0]) * np.sqrt(1.15 / 1.225)
+    np.testing.assert_allclose(points.rotor_speed_rpm, expected, rtol=1e-6)
+    np.testing.assert_allclose(points.load, (21.1 + points.tank_kg) * G0 / 4)
+
+
+def test_a_model_of_another_aircraft_or_without_a_network_gives_no_points():
+    with pytest.raises(ModelError, match="made for topxgun-f16-sitl, not for agras-t20"):
+        network_points(load_airframe("agras-t20"), linear_model())
+    with pytest.raises(ModelError, match="no network that covers"):
+        network_points(F16, physics_model(F16))
+    with pytest.raises(ModelError, match="no network that covers"):
+        network_points(F16, linear_model(), airspeeds=(9.0,))
