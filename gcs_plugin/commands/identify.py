@@ -11,10 +11,15 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional
 
-from thrustmargin.models.errors import DataError, ModelError
+from thrustmargin.models.errors import DataError, LogError, ModelError
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from thrustmargin.gcs_plugin.reports.identify.identify_result import Result
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+    from thrustmargin.models.flight import FlightTrack
+    from thrustmargin.models.physics.airframe import Airframe
 
 
 def identify(
@@ -60,14 +65,11 @@ def identify(
     from rich.console import Console
 
     from thrustmargin.gcs_plugin.commands.chosen_model import judged_model
-    from thrustmargin.gcs_plugin.reports.identify.checked_flights import (
-        read_flights,
-        require_distinct,
-    )
     from thrustmargin.gcs_plugin.reports.identify.identify_result import result_of
     from thrustmargin.gcs_plugin.wording.progress import steps
     from thrustmargin.models.identification.identify import identify as search
     from thrustmargin.models.identification.search import SearchConfig
+    from thrustmargin.models.identification.usable_flights import require_distinct
 
     errors = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
     if not logs:
@@ -82,26 +84,25 @@ def identify(
             f"{100 * settings.significance:g} %; give {fewest} or more"
         )
     judged, model_name = judged_model(model, airframe)
-    fit = read_flights(logs, judged.airframe, vehicle, errors)
-    unused = read_flights(held_out, judged.airframe, vehicle, errors)
-    for name, flights, given in (("", fit, logs), ("--held-out ", unused, held_out)):
-        if given and not flights.tracks:
-            first = flights.not_used[0]
-            raise DataError(f"no {name}flight can be used; {first.name}: {first.reason}")
-    require_distinct((*fit.tracks, *unused.tracks))
+    not_used: list[UnusedLog] = []
+    fit, new = (
+        read_flights(paths, judged.airframe, vehicle, not_used, errors, option=option)
+        for paths, option in ((logs, ""), (held_out, "--held-out "))
+    )
+    require_distinct((*fit, *new))
     with steps(errors, total=1.0) as progress:
         found = search(
             judged,
-            fit.tracks,
-            unused.tracks,
+            fit,
+            new,
             config=settings,
             progress=progress,
         )
         progress("what it means for the margin", 0.0)
         result = result_of(
             found,
-            tracks=(*fit.tracks, *unused.tracks),
-            not_used=(*fit.not_used, *unused.not_used),
+            tracks=(*fit, *new),
+            not_used=not_used,
             model_in=model_name,
             model_out="" if out is None else str(out),
             date=datetime.now(UTC).date().isoformat(),
@@ -110,6 +111,49 @@ def identify(
         written = write_result(result, out=out, json=json, html=html)
     show(result, written)
     return 1 if result.not_used else 0
+
+
+def read_flights(
+    logs: Sequence[Path],
+    airframe: Airframe,
+    vehicle: int | None,
+    not_used: list[UnusedLog],
+    console: Console,
+    *,
+    option: str,
+) -> tuple[FlightTrack, ...]:
+    """Read and check logs in their order; those that cannot serve are added to `not_used`.
+
+    Raises DataError when the rotor speeds of one cannot be what they are taken for, or when none of
+    the logs given by `option` can serve; AirframeError for a wrong number of rotors.
+    """
+    from thrustmargin.gcs_plugin.logs import read_log
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+    from thrustmargin.gcs_plugin.wording.progress import each_log
+    from thrustmargin.models.identification.usable_flights import too_little, wrong_speeds
+
+    tracks: list[FlightTrack] = []
+    left_out: list[UnusedLog] = []
+    for path in each_log(logs, console):
+        try:
+            track = read_log(path, vehicle=vehicle, airframe=airframe).track
+        except LogError as error:
+            reason = str(error).removeprefix(f"{path.name}: ")
+            left_out.append(UnusedLog(name=path.name, reason=reason))
+            continue
+        wrong = wrong_speeds(track, airframe)
+        if wrong is not None:
+            raise DataError(f"{path.name}: {wrong}")
+        lacking = too_little(track)
+        if lacking is None:
+            tracks.append(track)
+        else:
+            left_out.append(UnusedLog(name=path.name, reason=lacking))
+    if left_out and not tracks:
+        first = left_out[0]
+        raise DataError(f"no {option}flight can be used; {first.name}: {first.reason}")
+    not_used += left_out
+    return tuple(tracks)
 
 
 def check_options(

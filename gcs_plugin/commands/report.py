@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from thrustmargin.gcs_plugin.logs import FlightLog
-    from thrustmargin.gcs_plugin.reports.margin import Unread
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.models.model.analysis import FlightAnalysis
     from thrustmargin.models.model.rotor_model import RotorModel
 
@@ -56,7 +56,7 @@ def report(
         return 2
     check_options(logs, out, limit)
     rotor_model = chosen_model(model, airframe)
-    unread: list[Unread] = []
+    unread: list[UnusedLog] = []
     flights = list(analysed(logs, rotor_model, vehicle, unread, console))
     if not flights:
         raise DataError("; ".join(f"{log.name}: {log.reason}" for log in unread))
@@ -96,14 +96,14 @@ def analysed(
     logs: Sequence[Path],
     model: RotorModel,
     vehicle: int | None,
-    unread: list[Unread],
+    unread: list[UnusedLog],
     console: Console,
 ) -> Iterator[tuple[FlightAnalysis, FlightLog]]:
     """Each log as an analysed flight; those that cannot be read are added to `unread`."""
     from rich.progress import track as progress
 
     from thrustmargin.gcs_plugin.logs import read_log
-    from thrustmargin.gcs_plugin.reports.margin import Unread
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.models.model.analysis import analyse
 
     described = "reading" if len(logs) > 1 else f"reading {logs[0].name}"
@@ -112,6 +112,6 @@ def analysed(
             log = read_log(path, vehicle=vehicle, airframe=model.airframe)
             analysis = analyse(log.track, model)
         except ThrustMarginError as error:
-            unread.append(Unread(name=path.name, reason=str(error)))
+            unread.append(UnusedLog(name=path.name, reason=str(error)))
             continue
         yield analysis, log

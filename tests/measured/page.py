@@ -8,8 +8,11 @@ from markupsafe import Markup
 
 from tests.measured.findings import Finding, Number
 from tests.measured.study import SCHEMA, Study
-from thrustmargin.gcs_plugin.reports.margin.build import software_version
-from thrustmargin.gcs_plugin.reports.shared.page_shell import page_text, script_safe
+from thrustmargin.gcs_plugin.reports.shared.page_shell import (
+    page_text,
+    script_safe,
+    software_version,
+)
 
 
 def html_text(study: Study) -> str:

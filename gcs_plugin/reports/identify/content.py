@@ -7,7 +7,6 @@ from itertools import zip_longest
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.reports.identify.checked_flights import NotUsed
 from thrustmargin.gcs_plugin.reports.identify.identify_result import Result
 from thrustmargin.gcs_plugin.reports.identify.identify_sentences import (
     apart,
@@ -18,6 +17,7 @@ from thrustmargin.gcs_plugin.reports.identify.identify_sentences import (
 )
 from thrustmargin.gcs_plugin.reports.identify.identify_tables import parameter_rows, with_ends
 from thrustmargin.gcs_plugin.reports.identify.residual_rows import Rows, rows_of
+from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.wording.numbers import number, percent
 from thrustmargin.models.identification.result import Tried
 
@@ -85,7 +85,7 @@ class Content:
     noise: str
     unexplained: str
     flights: tuple[FlightRow, ...]
-    not_used: tuple[NotUsed, ...]
+    not_used: tuple[UnusedLog, ...]
     rows: Rows
     shown_flights: tuple[int, ...]
     date: str

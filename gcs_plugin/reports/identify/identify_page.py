@@ -12,8 +12,11 @@ from thrustmargin.gcs_plugin.reports.identify.residual_figures import (
     modes_figure,
     per_flight,
 )
-from thrustmargin.gcs_plugin.reports.margin.build import software_version
-from thrustmargin.gcs_plugin.reports.shared.page_shell import page_text, script_safe
+from thrustmargin.gcs_plugin.reports.shared.page_shell import (
+    page_text,
+    script_safe,
+    software_version,
+)
 from thrustmargin.gcs_plugin.reports.shared.plot_style import PlotJson
 from thrustmargin.gcs_plugin.wording import numbers as words
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from thrustmargin.gcs_plugin.reports.identify.checked_flights import NotUsed
 from thrustmargin.gcs_plugin.reports.identify.identify_sentences import answer
+from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.errors import (
     RotorErrors,
@@ -29,7 +29,7 @@ class Result:
     found: Identification
     closed: Closed
     tracks: tuple[FlightTrack, ...]  # the fitted flights, then the held-out ones
-    not_used: tuple[NotUsed, ...]
+    not_used: tuple[UnusedLog, ...]
     unseen: tuple[Unseen, ...]  # the last one is that of the errors
     errors: tuple[RotorErrors, ...]  # all rotors, then each
     margins: tuple[MarginChange, ...]  # of each effect
@@ -44,7 +44,7 @@ def result_of(
     found: Identification,
     *,
     tracks: Sequence[FlightTrack],
-    not_used: Sequence[NotUsed] = (),
+    not_used: Sequence[UnusedLog] = (),
     model_in: str = "",
     model_out: str = "",
     date: str = "",

@@ -10,5 +10,4 @@ from thrustmargin.gcs_plugin.reports.margin.build import build_report as build_r
 from thrustmargin.gcs_plugin.reports.margin.data import SCHEMA as SCHEMA
 from thrustmargin.gcs_plugin.reports.margin.data import FlightReport as FlightReport
 from thrustmargin.gcs_plugin.reports.margin.data import Report as Report
-from thrustmargin.gcs_plugin.reports.margin.data import Unread as Unread
 from thrustmargin.gcs_plugin.reports.margin.summary import report_flight as report_flight

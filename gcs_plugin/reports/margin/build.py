@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
 
 from thrustmargin.gcs_plugin.logs import FlightLog
 from thrustmargin.gcs_plugin.reports.margin.data import (
@@ -12,10 +11,11 @@ from thrustmargin.gcs_plugin.reports.margin.data import (
     Level,
     Overview,
     Report,
-    Unread,
 )
 from thrustmargin.gcs_plugin.reports.margin.headline import several_headline
 from thrustmargin.gcs_plugin.reports.margin.summary import report_flight
+from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.analysis import FlightAnalysis
 
@@ -24,7 +24,7 @@ def build_report(
     flights: Iterable[tuple[FlightAnalysis, FlightLog]],
     *,
     limit: float = 0.5,
-    unread: Iterable[Unread] = (),
+    unread: Iterable[UnusedLog] = (),
 ) -> Report:
     """The numbers of a report over flights, in their order, judged by the line `limit`.
 
@@ -70,11 +70,3 @@ def worst_first(reports: Sequence[FlightReport]) -> list[tuple[int, FlightReport
         return -worst.capacity_use if worst else 1.0
 
     return sorted(enumerate(reports), key=use)
-
-
-def software_version() -> str:
-    """Version of thrustmargin as installed."""
-    try:
-        return version("thrustmargin")
-    except PackageNotFoundError:
-        return "not installed"

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from thrustmargin.gcs_plugin.reports.margin.series import Series
+from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 
 SCHEMA = "thrustmargin.report/1"
 
@@ -262,14 +263,6 @@ class FlightReport:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Unread:
-    """A log that gave no report, and why."""
-
-    name: str
-    reason: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Overview:
     """Several flights in one verdict."""
 
@@ -291,4 +284,4 @@ class Report:
     limit: float
     overview: Overview
     flights: tuple[FlightReport, ...]
-    unread: tuple[Unread, ...] = ()
+    unread: tuple[UnusedLog, ...] = ()

@@ -8,6 +8,7 @@ from dataclasses import fields, replace
 import numpy as np
 
 from thrustmargin.gcs_plugin.reports.margin.data import FlightReport, Moment
+from thrustmargin.gcs_plugin.reports.margin.maps import map_figure, redundancy_map
 from thrustmargin.gcs_plugin.reports.margin.moments import worst_rotor
 from thrustmargin.gcs_plugin.reports.margin.series import Series
 from thrustmargin.gcs_plugin.reports.shared.plot_style import (
@@ -26,7 +27,7 @@ from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     milliseconds,
     over_time,
 )
-from thrustmargin.gcs_plugin.reports.shared.route_map import map_figure, moved, redundancy_map
+from thrustmargin.gcs_plugin.reports.shared.route_map import moved
 from thrustmargin.gcs_plugin.wording.palette import LOAD
 from thrustmargin.models.flight import Floats
 

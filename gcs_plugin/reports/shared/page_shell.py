@@ -11,6 +11,7 @@ import base64
 import hashlib
 from collections.abc import Callable, Mapping
 from importlib import resources
+from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 import jinja2
@@ -83,6 +84,14 @@ def content_policy(*scripts: str) -> str:
         f"default-src 'none'; script-src {hashes}; style-src 'unsafe-inline'; "
         "img-src data: blob:; base-uri 'none'; form-action 'none'"
     )
+
+
+def software_version() -> str:
+    """Version of thrustmargin as installed."""
+    try:
+        return version("thrustmargin")
+    except PackageNotFoundError:
+        return "not installed"
 
 
 def _text(package: str, name: str) -> str:

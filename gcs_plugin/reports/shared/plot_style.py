@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.reports.margin.series import keep_extremes
+from thrustmargin.gcs_plugin.reports.shared.thinning import keep_extremes
 from thrustmargin.models.flight import Floats
 
 PlotJson = dict[str, Any]

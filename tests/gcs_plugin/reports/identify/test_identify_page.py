@@ -11,7 +11,6 @@ import pytest
 from tests.browser import open_page, screenshot_folder
 from tests.models.made_flights import QUICK, curve_model, made_flight, made_flights, table
 from thrustmargin.gcs_plugin.reports.identify.channel_figures import channels_figure, shares
-from thrustmargin.gcs_plugin.reports.identify.checked_flights import NotUsed
 from thrustmargin.gcs_plugin.reports.identify.content import content_of
 from thrustmargin.gcs_plugin.reports.identify.identify_page import html_text
 from thrustmargin.gcs_plugin.reports.identify.identify_result import Result, result_of
@@ -21,6 +20,7 @@ from thrustmargin.gcs_plugin.reports.identify.residual_figures import (
     time_figure,
 )
 from thrustmargin.gcs_plugin.reports.identify.residual_rows import Rows, rows_of
+from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.identify import identify
 from thrustmargin.models.identification.unexplained import Curve
@@ -43,7 +43,7 @@ def result() -> Result:
     return result_of(
         found,
         tracks=flights,
-        not_used=(NotUsed(name=HOSTILE, reason=HOSTILE),),
+        not_used=(UnusedLog(name=HOSTILE, reason=HOSTILE),),
         model_in=HOSTILE,
         model_out=HOSTILE,
         date="2026-01-02",

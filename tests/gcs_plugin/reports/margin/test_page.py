@@ -14,7 +14,7 @@ import plotly.graph_objects as go
 import pytest
 
 from tests.gcs_plugin.reports.margin.report_flight import HOSTILE, flight, log, without
-from thrustmargin.gcs_plugin.reports.margin import Unread, build_report
+from thrustmargin.gcs_plugin.reports.margin import build_report
 from thrustmargin.gcs_plugin.reports.margin.data import Report
 from thrustmargin.gcs_plugin.reports.margin.figures import figures
 from thrustmargin.gcs_plugin.reports.margin.render import (
@@ -24,9 +24,10 @@ from thrustmargin.gcs_plugin.reports.margin.render import (
     json_text,
     write_report,
 )
-from thrustmargin.gcs_plugin.reports.margin.series import keep_extremes, keep_worst
+from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import script_safe
 from thrustmargin.gcs_plugin.reports.shared.route_map import moved, plotly_scale
+from thrustmargin.gcs_plugin.reports.shared.thinning import keep_extremes, keep_worst
 from thrustmargin.gcs_plugin.wording.numbers import (
     clock,
     duration,
@@ -248,11 +249,11 @@ def test_nothing_hostile_in_a_log_becomes_an_element(tmp_path):
         voltage_basis=HOSTILE,
     )
     report = build_report(
-        [(analysis, recorded), flight()], unread=[Unread(name=HOSTILE, reason=HOSTILE)]
+        [(analysis, recorded), flight()], unread=[UnusedLog(name=HOSTILE, reason=HOSTILE)]
     )
     page = page_of(report, tmp_path)
     clean = page_of(
-        build_report([flight(), flight()], unread=[Unread(name="a", reason="b")]), tmp_path
+        build_report([flight(), flight()], unread=[UnusedLog(name="a", reason="b")]), tmp_path
     )
     assert len(page.scripts) == len(clean.scripts) == 2
     assert not [a for tag, a in page.elements if tag == "img"]
@@ -319,7 +320,9 @@ def test_an_octocopter_has_eight_rotors_in_page_and_csv(tmp_path):
 
 def test_several_flights_have_an_overview_that_leads_to_each(tmp_path):
     lighter = flight(tank_kg=log().track.tank_kg / 2, name="light.tlog")
-    report = build_report([lighter, flight()], unread=[Unread(name="bad.tlog", reason="is empty")])
+    report = build_report(
+        [lighter, flight()], unread=[UnusedLog(name="bad.tlog", reason="is empty")]
+    )
     page = page_of(report, tmp_path)
     links = [a["href"] for tag, a in page.elements if tag == "a"]
     anchors = {"#" + (a["id"] or "") for tag, a in page.elements if tag == "section" and "id" in a}
