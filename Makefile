@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 LINKS := $(VENV)/links/thrustmargin
 DEMO_LOG := sitl_logs/campaign/v4_m16_q2.5.tlog
 
-.PHONY: demo test check bench screenshots clean
+.PHONY: demo test check bench measured screenshots clean
 
 demo: $(VENV)/.demo
 	$(BIN)/thrustmargin demo $(DEMO_LOG) --out report.html $(DEMO_ARGS)
@@ -20,6 +20,10 @@ check: $(VENV)/.test
 
 bench: $(VENV)/.test
 	$(BIN)/python -m pytest tests/bench --benchmark-only -o python_files='bench_*.py' -s
+
+# make measured DATA=../shared/measured [ONLY="px4_ulog ..."]
+measured: $(VENV)/.test
+	$(BIN)/python -m tests.measured $(DATA) $(if $(ONLY),--only $(ONLY)) $(MEASURED_ARGS)
 
 screenshots: $(VENV)/.test
 	$(BIN)/python docs/screenshots.py

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -77,12 +76,6 @@ def identify(
         return 2
     check_options(logs, held_out, model=model, out=out, json=json, html=html, force=force)
     settings = SearchConfig(surrogates=surrogates, seed=seed)
-    fewest = math.ceil(1.0 / settings.significance - 1e-9) - 1
-    if surrogates < fewest:
-        raise DataError(
-            f"{surrogates} surrogates cannot tell an effect from chance at "
-            f"{100 * settings.significance:g} %; give {fewest} or more"
-        )
     judged, model_name = judged_model(model, airframe)
     not_used: list[UnusedLog] = []
     fit, new = (

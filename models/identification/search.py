@@ -7,6 +7,7 @@ its interval excludes "absent", and its value is physically possible and worth r
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.effects.coefficient import ONSETS
 from thrustmargin.models.effects.coefficient import ROTOR_DEGRADATION as WORN
+from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification import onset
 from thrustmargin.models.identification.cross_validation import Interval, held_out_cost, intervals
@@ -63,6 +65,15 @@ class SearchConfig:
     least_fall: float = 0.03  # of the cross-validated RMSE in rpm, for an effect worth a name
     tie: float = 0.0  # of the best gain, within which the plain error on left-out flights decides
     seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Raises DataError for too few surrogates: the least p-value is 1 / (surrogates + 1)."""
+        fewest = math.ceil(1.0 / self.significance - 1e-9) - 1
+        if self.surrogates < fewest:
+            raise DataError(
+                f"{self.surrogates} surrogates cannot tell an effect from chance at "
+                f"{100 * self.significance:g} %; give {fewest} or more"
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -18,7 +18,6 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from tests.measured.findings import Finding, Number, rmse
-from tests.measured.plots import scatter_figure
 from tests.measured.tables import csv_columns
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, Floats
@@ -29,7 +28,6 @@ FILES = {
     "xNova-TM-SR.csv": (";", "one rotor alone"),
     "xNova-TM-MR.csv": (",", "four rotors on the airframe"),
 }
-SOURCE = "github.com/aerostack2/thrust_map_estimation (no licence stated); RCbenchmark bench"
 COLUMNS = ("ESC signal (µs)", "Thrust (N)", "Voltage (V)")
 LEAST_THRUST = 0.5  # N: below, the rotor stands or idles
 IDLE_US, SPAN_US = 1000.0, 1000.0
@@ -107,58 +105,20 @@ def _thrust(data: ThrustMap, b: Floats) -> Floats:
 
 
 def find(folder: Path) -> Finding:
-    """How thrust at a command falls with the pack's voltage."""
-    maps = {file: read_map(folder, file) for file in FILES}
-    fits = {file: fit_voltage(data) for file, data in maps.items()}
-    single = fits["xNova-TM-SR.csv"]
-    data = maps["xNova-TM-SR.csv"]
-    low, high = np.quantile(data.voltage, [1 / 3, 2 / 3])
-    thirds = (
-        (f"below {low:.1f} V", data.voltage < low),
-        (f"above {high:.1f} V", data.voltage > high),
-    )
-    figure = scatter_figure(
-        points=[(name, data.command[rows], data.thrust[rows]) for name, rows in thirds],
-        x_title="command, 0 at 1000 µs, 1 at 2000 µs",
-        y_title="thrust, N",
-    )
-    answer = tuple(
-        f"{FILES[file][1].capitalize()}: knowing the voltage, the error of thrust at a command on "
-        f"rows left out falls from {f.rmse_command:.3f} to {f.rmse_voltage:.3f} N ({f.rows} rows); "
-        f"rotor speed at a command goes with voltage to the power of {f.exponent:.2f}."
-        for file, f in fits.items()
-    )
-    quoted = "independent check"
+    """How thrust at a command falls with the voltage of the battery."""
+    single, several = (fit_voltage(read_map(folder, file)) for file in FILES)
+    by = "thrust by command"
     return Finding(
         name=FOLDER,
-        title="Thrust against the pack's voltage at one command",
-        source=SOURCE,
-        answer=(
-            *answer,
-            "The ceiling of rotor speed in an airframe file has this exponent; 1.0 is what the "
-            "shipped files assume.",
-        ),
+        title="Thrust against the voltage of the battery at one command",
         numbers=(
+            Number("rmse_by_command", single.rmse_command, "N", 0.330, label=by),
             Number(
-                name="rmse_by_command",
-                label="thrust by command",
-                value=single.rmse_command,
-                unit="N",
-                quoted=0.330,
-                quoted_from=quoted,
+                *("rmse_by_command_and_voltage", single.rmse_voltage, "N", 0.272, "at most"),
+                label=f"{by} and voltage",
             ),
-            Number(
-                name="rmse_by_command_and_voltage",
-                label="thrust by command and voltage",
-                aim="at most",
-                value=single.rmse_voltage,
-                unit="N",
-                quoted=0.272,
-                quoted_from=quoted,
-            ),
-            Number(name="speed_exponent", value=single.exponent),
-            Number(name="speed_exponent_on_airframe", value=fits["xNova-TM-MR.csv"].exponent),
+            Number("speed_exponent", single.exponent),
+            Number("speed_exponent_on_airframe", several.exponent),
         ),
         notes=("thrust is printed with a negative sign; it is turned round here",),
-        figures={"thrust at a command, pack low and full": figure},
     )

@@ -14,7 +14,6 @@ from tests.measured.crazyflie import (
     read_flights,
 )
 from tests.measured.crazyflie_errors import joined_errors
-from tests.measured.crazyflie_figures import figures_of
 from tests.measured.crazyflie_loop import (
     LEAST_FALL,
     Loop,
@@ -24,8 +23,7 @@ from tests.measured.crazyflie_loop import (
     judged_on,
     usable,
 )
-from tests.measured.crazyflie_numbers import numbers_of
-from tests.measured.crazyflie_words import Flown, answer_of
+from tests.measured.crazyflie_numbers import Flown, numbers_of
 from tests.measured.findings import Finding, Progress
 from tests.measured.swing_check import check_swing
 from tests.measured.thrust_check import (
@@ -38,10 +36,6 @@ from thrustmargin.models.checks.motor_order import check_motor_order
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
-SOURCE = (
-    "github.com/IMRCLab/crazyflie-data-collection, IMRC Lab, TU Berlin (no licence stated); "
-    "flights of a Crazyflie 2.1 Brushless with measured rotor speeds"
-)
 AIRFRAME = "crazyflie-rpm"
 #: s; rows of the plain check, as the independent check seems to have had them
 PLAIN_MEAN = 0.1
@@ -59,8 +53,6 @@ def find(
     return Finding(
         name=FOLDER,
         title="The loop on real flights with measured rotor speeds",
-        source=SOURCE,
-        answer=answer_of(flown),
         numbers=numbers_of(flown),
         notes=(
             "the aircraft has no tank: its level is 0 kg throughout, and effects of a tank are "
@@ -70,7 +62,6 @@ def find(
             "well; these settings were chosen with these flights at hand",
             *flown.put_aside,
         ),
-        figures=figures_of(flown),
         details=_details(flown),
     )
 
@@ -110,7 +101,6 @@ def fly(folder: Path, *, surrogates: int, quick: bool, progress: Progress | None
     length = on_cable.parameter("slung_load", "cable")[0]
     judged = [judged_on(loop, finer) for loop in loops]
     return Flown(
-        flights=(len(all_free), len(all_cable)),
         put_aside=(*free_aside, *cable_aside),
         order=check_motor_order(joined(free), airframe),
         plain=plain_check(finer, only=0 if quick else None),
@@ -123,7 +113,6 @@ def fly(folder: Path, *, surrogates: int, quick: bool, progress: Progress | None
         after=joined_errors([j[1] for j in judged]),
         after_felt=joined_errors([j[2] for j in judged]),
         on_cable=on_cable,
-        cable=tuple(cable),
         swing=check_swing(
             cable,
             length if np.isfinite(length) else 1.0,

@@ -2,17 +2,42 @@
 
 from __future__ import annotations
 
-from tests.measured.crazyflie_loop import speed_errors
-from tests.measured.crazyflie_words import EXTRA_MASS, GRAMS, SLUNG_MASS, Flown
-from tests.measured.findings import Aim, Number
+from dataclasses import dataclass
 
-CHECKED, WEIGHED = "independent check", "weighed by the source"
+from tests.measured.crazyflie_errors import ThrustLeft
+from tests.measured.crazyflie_loop import Loop, speed_errors
+from tests.measured.findings import Aim, Number
+from tests.measured.swing_check import SwingCheck
+from tests.measured.thrust_check import CommandCheck, PlainCheck
+from thrustmargin.models.checks.motor_order import MotorOrder
+
+GRAMS = 1e3
+EXTRA_MASS, SLUNG_MASS = 7.4, 4.7  # g, by the masses that the source states
 #: name, label, value found, unit, value quoted, how the two have to compare
 _Row = tuple[str, str, float, str, float, Aim]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Flown:
+    """Everything worked out on the flights."""
+
+    put_aside: tuple[str, ...]  # flights that were not used, and why
+    order: MotorOrder
+    plain: PlainCheck  # the flights that the loop used
+    plain_of_all: PlainCheck  # every flight
+    command: CommandCheck
+    mass_ratio: float
+    lift_ratio: float
+    loops: tuple[Loop, ...]  # without payload, one for each third that was left out
+    curve: ThrustLeft  # T = a N² against mass times felt force, rows of the plain regression
+    after: ThrustLeft  # the model with the effects found, on the same rows
+    after_felt: ThrustLeft  # its thrust against mass times felt force
+    on_cable: Loop
+    swing: SwingCheck
+
+
 def numbers_of(flown: Flown) -> tuple[Number, ...]:
-    """Everything as numbers; those that an independent check or a weighing has come first."""
+    """Everything as numbers; first those that an independent check or a weighing has too."""
     plain, cable = flown.plain, flown.on_cable
     curve, after, felt = flown.curve, flown.after, flown.after_felt
     before_rpm, after_rpm = speed_errors(flown.loops)
@@ -108,22 +133,9 @@ def numbers_of(flown: Flown) -> tuple[Number, ...]:
             f"third_{third}_after_fast": (other.after.in_fast, share),
         }
     return (
-        *_beside(checked, CHECKED),
-        *_beside(weighed, WEIGHED),
-        *(Number(name=n, value=v, unit=u) for n, (v, u) in rest.items()),
+        *(
+            Number(name, value, unit, quoted, aim, label)
+            for name, label, value, unit, quoted, aim in (*checked, *weighed)
+        ),
+        *(Number(name, value, unit) for name, (value, unit) in rest.items()),
     )
-
-
-def _beside(rows: tuple[_Row, ...], quoted_from: str) -> list[Number]:
-    return [
-        Number(
-            name=name,
-            label=label,
-            value=value,
-            unit=unit,
-            quoted=quoted,
-            quoted_from=quoted_from,
-            aim=aim,
-        )
-        for name, label, value, unit, quoted, aim in rows
-    ]

@@ -18,19 +18,15 @@ from pathlib import Path
 import numpy as np
 
 from tests.measured.findings import Finding, Number
-from tests.measured.plots import scatter_figure
 from tests.measured.tables import csv_columns
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Floats
 
 FOLDER = "crazypad_damaged_rotor"
 FILE = "hover_medians_per_log.csv"
-SOURCE = (
-    "github.com/AerialRoboticsUUST/CrazyPAD (MIT); Masalimov et al., CrazyPAD, Data 2024, 9, 79"
-)
 WHOLE_MM = 47.0
 CUT = re.compile(r"cut_propeller_M3_.*_(\d+(?:\.\d+)?)mm")
-QUOTED, CHECK = -0.957, "independent check"
+QUOTED = -0.957  # by an independent check
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -90,52 +86,24 @@ def _length(condition: str) -> float:
 
 
 def find(folder: Path) -> Finding:
-    """How the command share of a motor tells the length of its blades."""
-    cuts = read_cuts(folder)
-    main = cuts[0]
+    """How the command share of a motor goes with the length of its blades."""
+    main, *others = read_cuts(folder)
     slope, _ = np.polyfit(main.length_mm, main.share, 1)
-    figure = scatter_figure(
-        points=[(f"aircraft {c.craft}, {c.share.size} hovers", c.length_mm, c.share) for c in cuts],
-        x_title="blade length left on motor 3, mm",
-        y_title="share of motor 3 in the commands",
-    )
     return Finding(
         name=FOLDER,
         title="A cut propeller seen in the share of commands",
-        source=SOURCE,
-        answer=(
-            f"Aircraft {main.craft}, {main.share.size} hovers: the share of motor 3 in the "
-            f"commands rises as its blades get shorter, r = {main.correlation:.3f}, "
-            f"{-100 * slope:.2f} percentage points a millimetre.",
-            *(
-                f"Aircraft {c.craft}, {c.share.size} hovers with cuts down to "
-                f"{c.length_mm.min():g} mm only: r = {c.correlation:.3f}."
-                for c in cuts[1:]
-            ),
-            "Rotor speed was not measured, so this is the sign and the order of a degraded rotor, "
-            "not a thrust coefficient.",
-        ),
         numbers=(
             Number(
-                name="correlation",
+                *("correlation", main.correlation, "1", QUOTED, "at most"),
                 label=f"blade length with share of commands to the motors, {main.craft}, r",
-                value=main.correlation,
-                quoted=QUOTED,
-                quoted_from=CHECK,
-                aim="at most",
             ),
             Number(
-                name="correlation_before_voltage",
+                *("correlation_before_voltage", main.asked_correlation, "1", QUOTED, "at most"),
                 label="the same before the correction for voltage",
-                value=main.asked_correlation,
-                quoted=QUOTED,
-                quoted_from=CHECK,
-                aim="at most",
             ),
-            Number(name="hovers", value=main.share.size),
-            Number(name="share_per_mm", value=float(slope), unit="1/mm"),
-            *(Number(name=f"correlation_{c.craft}", value=c.correlation) for c in cuts[1:]),
+            Number("hovers", main.share.size),
+            Number("share_per_mm", float(slope), "1/mm"),
+            *(Number(f"correlation_{c.craft}", c.correlation) for c in others),
         ),
         notes=("cuts of other motors, tape and added weights are in the table but not used here",),
-        figures={"share of commands against blade length": figure},
     )

@@ -14,7 +14,6 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from tests.measured.findings import Finding, Number
-from tests.measured.plots import bar_figure
 from tests.measured.tables import csv_columns
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.modes import robust_scale
@@ -23,8 +22,8 @@ from thrustmargin.models.physics.thrust import fit_thrust_curve
 
 FOLDER = "strawson_static_thrust"
 FILE = "rcbenchmark1520_5in_tidy.csv"
-SOURCE = "github.com/StrawsonDesign/motor_propeller_testing (MIT), RCbenchmark 1520"
 HUBER = 1.345  # robust scales; 95 % as good as least squares where nothing is wrong (Huber 1964)
+QUOTED = {7: 0.84, 8: 0.83}  # R² of least squares by propeller, by an independent check
 WRONG_RUN = 0.2  # a run whose own coefficient is further than this from the propeller's median
 
 
@@ -95,46 +94,24 @@ def find(folder: Path) -> Finding:
     fits = fit_propellers(folder)
     plain = np.array([100 * abs(f.plain / f.right - 1) for f in fits])
     robust = np.array([100 * abs(f.robust / f.right - 1) for f in fits])
-    hurt = [f for f in fits if f.wrong_runs]
-    lost = sum(len(f.wrong_runs) for f in fits)
-    turned = sum(len(f.turned_runs) for f in fits)
-    worst = max(fits, key=lambda f: abs(f.plain / f.right - 1))
-    figure = bar_figure(
-        groups=[("least squares", plain.tolist()), ("robust (Huber)", robust.tolist())],
-        labels=[f"propeller {f.propeller}" for f in fits],
-        y_title="off the coefficient of good runs, %",
-    )
     return Finding(
         name=FOLDER,
         title="Wrong bench runs and a robust fit",
-        source=SOURCE,
-        answer=(
-            f"{lost} of the runs, on {len(hurt)} of {len(fits)} propellers, have a coefficient "
-            f"more than {100 * WRONG_RUN:.0f} % off their propeller's median (with thrust below 0, "
-            f"so a sensor turned round: {turned}).",
-            f"They pull least squares by up to {plain.max():.1f} % (propeller {worst.propeller}, "
-            f"R² {worst.r2:.2f} against {worst.right_r2:.3f} of the good runs), a robust fit by "
-            f"up to {robust.max():.1f} %.",
-        ),
         numbers=(
-            Number(name="wrong_runs", value=lost),
-            Number(name="turned_runs", value=turned),
-            Number(name="worst_pull_plain", value=float(plain.max()), unit="%"),
-            Number(name="worst_pull_robust", value=float(robust.max()), unit="%"),
-            Number(name="median_pull_plain", value=float(np.median(plain)), unit="%"),
-            Number(name="median_pull_robust", value=float(np.median(robust)), unit="%"),
+            Number("wrong_runs", sum(len(f.wrong_runs) for f in fits)),
+            Number("turned_runs", sum(len(f.turned_runs) for f in fits)),
+            Number("worst_pull_plain", float(plain.max()), "%"),
+            Number("worst_pull_robust", float(robust.max()), "%"),
+            Number("median_pull_plain", float(np.median(plain)), "%"),
+            Number("median_pull_robust", float(np.median(robust)), "%"),
             *(
-                Number(
-                    name=f"r2_propeller_{f.propeller}",
-                    label=f"R² of least squares, propeller {f.propeller}",
-                    aim="like",
-                    value=f.r2,
-                    quoted={7: 0.84, 8: 0.83}.get(f.propeller),
-                    quoted_from="independent check" if f.propeller in (7, 8) else "",
-                )
+                Number(f"r2_propeller_{f.propeller}", f.r2, "1", QUOTED.get(f.propeller), "like")
                 for f in fits
             ),
         ),
-        notes=tuple(f"propeller {f.propeller}: wrong runs {', '.join(f.wrong_runs)}" for f in hurt),
-        figures={"pull of wrong runs on the coefficient": figure},
+        notes=tuple(
+            f"propeller {f.propeller}: wrong runs {', '.join(f.wrong_runs)}"
+            for f in fits
+            if f.wrong_runs
+        ),
     )

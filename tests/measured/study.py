@@ -20,8 +20,7 @@ from tests.measured import (
 from tests.measured.findings import Finding, Progress
 from thrustmargin.models.errors import DataError, ThrustMarginError
 
-SCHEMA = "thrustmargin.measured/1"
-#: short checks, in the order of the page, after the flights
+#: short checks, after the flights
 CHECKS = (vendor_bench, uiuc, aerostack2, strawson, crazypad, px4_log)
 NAMES = (crazyflie.FOLDER, *(check.FOLDER for check in CHECKS))
 
@@ -38,14 +37,11 @@ class Missing:
 class Study:
     """What was found in one folder."""
 
-    folder: str
     findings: tuple[Finding, ...]
     missing: tuple[Missing, ...]
 
     def to_json(self) -> dict[str, Any]:
         return {
-            "schema": SCHEMA,
-            "folder": self.folder,
             "data_sets": [finding.to_json() for finding in self.findings],
             "missing": [{"name": m.name, "why": m.why} for m in self.missing],
         }
@@ -82,7 +78,7 @@ def study(
     if not findings:
         why = "; ".join(m.why for m in missing)
         raise DataError(f"none of the data sets can be used: {why}")
-    return Study(folder=str(folder), findings=tuple(findings), missing=tuple(missing))
+    return Study(findings=tuple(findings), missing=tuple(missing))
 
 
 def _find(

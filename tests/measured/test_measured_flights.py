@@ -10,9 +10,9 @@ from tests.measured.crazyflie_errors import ThrustLeft, fast_part, joined_errors
 from tests.measured.crazyflie_loop import hover_airframe, joined, usable
 from tests.measured.measured_files import flight_columns, write_flights
 from tests.measured.swing_check import check_swing
+from tests.measured.test_measured_commands import run
 from tests.measured.thrust_check import command_check, plain_check
 from tests.models.effects.test_slung_load import flown_with_load
-from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.models.effects.pendulum import swing
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.physics.airframe import load_airframe
@@ -187,7 +187,7 @@ def test_damaged_flights_are_one_line_and_exit_code_1(damage, tmp_path: Path, ca
     write_flights(path, [columns])
     if damage == "truncated":
         path.write_bytes(path.read_bytes()[:2000])
-    assert run(["measured", str(tmp_path), "--only", "imrc_crazyflie_rpm"]) == 1
+    assert run(str(tmp_path), "--only", "imrc_crazyflie_rpm") == 1
     out, err = capsys.readouterr()
     assert out == ""
     assert len(err.strip().splitlines()) == 1
@@ -196,7 +196,7 @@ def test_damaged_flights_are_one_line_and_exit_code_1(damage, tmp_path: Path, ca
 
 def test_flights_of_the_free_file_alone_name_the_file_that_is_missing(tmp_path: Path, capsys):
     write_flights(tmp_path / "imrc_crazyflie_rpm" / FREE_FLIGHTS, [flight_columns("one")])
-    assert run(["measured", str(tmp_path), "--only", "imrc_crazyflie_rpm"]) == 1
+    assert run(str(tmp_path), "--only", "imrc_crazyflie_rpm") == 1
     assert "no file" in capsys.readouterr().err
 
 

@@ -16,17 +16,12 @@ from pathlib import Path
 import numpy as np
 
 from tests.measured.findings import Finding, Number
-from tests.measured.plots import scatter_figure
 from tests.measured.tables import csv_columns
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Floats
 
 FOLDER = "uiuc_propeller_db"
 FILES = ("volume1_exp.csv", "volume2_exp.csv", "volume3_exp.csv")
-SOURCE = (
-    "UIUC Propeller Database (Brandt, Deters, Ananda, Dantsker, Selig), as copied in "
-    "github.com/Piotrek2133/Drone-Propellers-Optimizer (no licence stated there)"
-)
 J_SMALL = 0.3
 FEWEST, FOLDS = 20, 5
 LEAST_SHARE = 0.15  # of C_T(0): rows beyond are near the windmill and not flown
@@ -127,8 +122,8 @@ def find(folder: Path) -> Finding:
     """How thrust falls with axial inflow, and with which slope for which pitch."""
     propellers = read_propellers(folder)
     low_pitch, high_pitch = PITCH_RATIOS
-    told = [p for p in propellers if low_pitch <= p.pitch_ratio <= high_pitch]
-    fits = [f for f in map(fit_inflow, told) if f is not None and f.slope > 0.0]
+    usual = [p for p in propellers if low_pitch <= p.pitch_ratio <= high_pitch]
+    fits = [f for f in map(fit_inflow, usual) if f is not None and f.slope > 0.0]
     if len(fits) < 3:
         raise DataError(f"{folder}: only {len(fits)} propellers with thrust in axial flow")
     slopes = np.array([f.slope for f in fits])
@@ -137,47 +132,24 @@ def find(folder: Path) -> Finding:
         for form in ("constant", "linear", "quadratic")
     ]
     alike = {name: slope_near(fits, ratio) for name, ratio in PITCHES.items()}
-    pitch = np.array([f.pitch_ratio for f in fits])
-    grid = np.linspace(pitch.min(), pitch.max(), 40)
-    middle_line = np.array([slope_near(fits, ratio)[0] for ratio in grid])
-    figure = scatter_figure(
-        points=[(f"{len(fits)} propellers", pitch, slopes)],
-        lines=[(f"median of those within {100 * NEAR:.0f} % of the pitch", grid, middle_line)],
-        x_title="pitch over diameter",
-        y_title="slope k of kappa = 1 - k J",
-    )
     low, high = np.quantile(slopes, [0.1, 0.9])
     return Finding(
         name=FOLDER,
         title="Thrust in axial flow: the form of climb_inflow",
-        source=SOURCE,
-        answer=(
-            f"On {len(fits)} propellers, thrust left out is predicted to {100 * middle[0]:.1f} % "
-            f"of static thrust by a constant C_T, {100 * middle[1]:.1f} % by one linear in J and "
-            f"{100 * middle[2]:.1f} % by a quadratic (medians): nearly all is the linear term.",
-            f"Near J = 0 the slope of kappa = 1 - k J is {np.median(slopes):.2f} (80 % of "
-            f"propellers {low:.2f} to {high:.2f}). Of propellers with the pitch of "
-            + "; ".join(
-                f"{name} it is {middle:.2f} ({lower:.2f} to {upper:.2f}, {count} propellers)"
-                for name, (middle, lower, upper, count) in alike.items()
-            )
-            + ".",
-        ),
         numbers=(
-            Number(name="propellers", value=len(fits)),
-            Number(name="rmse_constant", value=middle[0]),
-            Number(name="rmse_linear", value=middle[1]),
-            Number(name="rmse_quadratic", value=middle[2]),
-            Number(name="slope_median", value=float(np.median(slopes))),
-            Number(name="slope_low", value=float(low)),
-            Number(name="slope_high", value=float(high)),
-            Number(name="slope_for_f16_pitch", value=alike[F16][0]),
-            Number(name="slope_for_55_35", value=alike[SMALL][0]),
+            Number("propellers", len(fits)),
+            Number("rmse_constant", middle[0]),
+            Number("rmse_linear", middle[1]),
+            Number("rmse_quadratic", middle[2]),
+            Number("slope_median", float(np.median(slopes))),
+            Number("slope_low", float(low)),
+            Number("slope_high", float(high)),
+            Number("slope_for_f16_pitch", alike[F16][0]),
+            Number("slope_for_55_35", alike[SMALL][0]),
         ),
         notes=(
-            f"left out: {len(propellers) - len(told)} of {len(propellers)} propellers whose pitch "
-            f"over diameter is not in {low_pitch:g} to {high_pitch:g}, and {len(told) - len(fits)} "
-            f"with too few points below J = {J_SMALL:g} to tell a falling slope",
+            f"left out: {len(propellers) - len(usual)} of {len(propellers)} propellers whose pitch "
+            f"over diameter is not in {low_pitch:g} to {high_pitch:g}, and "
+            f"{len(usual) - len(fits)} with too few points below J = {J_SMALL:g}",
         ),
-        figures={"slope of thrust with inflow against pitch": figure},
     )

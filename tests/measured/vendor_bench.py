@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 
 from tests.measured.findings import Finding, Number
-from tests.measured.plots import scatter_figure
 from tests.measured.tables import csv_columns
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Floats
@@ -22,10 +21,6 @@ from thrustmargin.models.physics.thrust import ThrustFit, fit_thrust_curve
 
 FOLDER = "vendor_bench_tmotor_kde"
 FILE = "motor_prop_bench_tidy.csv"
-SOURCE = (
-    "github.com/luis-i-reyes-castro/UAV_Powerplant (MIT); T-Motor and KDE Direct bench tables, "
-    "retyped there"
-)
 PAPER = 2.011e-5  # N/rpm², propeller 36115 of Han et al. 2024, Table 7
 LARGE = (36.0, 11.5, 2.0)  # diameter in, pitch in, blades
 ODD_SHEET = 0.15  # of the coefficient: mistaken sheets stand out by more, propellers differ by less
@@ -130,61 +125,25 @@ def find(folder: Path) -> Finding:
     fit = fit_size(sheets, LARGE)
     spread = spreads(sheets)
     odd = odd_sheets(sheets)
-    ratio = fit.coefficient / PAPER
-    mine = [s for s in sheets if s.size == LARGE]
-    grid = np.linspace(0.0, 1.05 * max(s.speed_rpm.max() for s in mine), 60)
-    figure = scatter_figure(
-        points=[(f"{s.motor}, {s.file}", s.speed_rpm, s.thrust) for s in mine],
-        lines=[
-            (f"a = {fit.coefficient:.3e} N/rpm², fitted here", grid, fit.coefficient * grid**2),
-            (f"a = {PAPER:.3e} N/rpm², the paper's F16", grid, PAPER * grid**2),
-        ],
-        x_title="rotor speed, rpm",
-        y_title="thrust, N",
-    )
-    quoted = "independent check"
     return Finding(
         name=FOLDER,
         title="Thrust curves of large propellers on makers' benches",
-        source=SOURCE,
-        answer=(
-            f"T-Motor U13 with 36 x 11.5 in, two blades: T = a N² with a = {fit.coefficient:.3e} "
-            f"N/rpm², R² {fit.r2:.4f} on {fit.points} points; the paper's F16 propeller of the "
-            f"same size has {PAPER:.3e}, so this one makes {100 * ratio:.0f} % of its thrust at a "
-            "speed.",
-            f"Sheets of one propeller size differ in a by {100 * np.median(spread):.1f} % "
-            f"(median standard deviation over {spread.size} sizes), and {len(odd)} sheets by more "
-            f"than {100 * ODD_SHEET:.0f} %: those look mistaken or mislabelled.",
-        ),
         numbers=(
             Number(
-                name="coefficient_36x11.5",
+                *("coefficient_36x11.5", fit.coefficient, "N/rpm^2", 1.683e-5, "like"),
                 label="a of the 36 x 11.5 in propeller",
-                aim="like",
-                value=fit.coefficient,
-                unit="N/rpm^2",
-                quoted=1.683e-5,
-                quoted_from=quoted,
             ),
-            Number(
-                name="r2_36x11.5",
-                label="its R²",
-                value=fit.r2,
-                quoted=0.997,
-                quoted_from=quoted,
-                aim="like",
-            ),
-            Number(name="points_36x11.5", value=fit.points),
-            Number(name="rmse_36x11.5", value=fit.rmse, unit="N"),
-            Number(name="ratio_to_paper", value=ratio),
-            Number(name="spread_of_one_size", value=float(np.median(spread))),
-            Number(name="sizes_with_several_sheets", value=spread.size),
-            Number(name="odd_sheets", value=len(odd)),
+            Number("r2_36x11.5", fit.r2, "1", 0.997, "like", label="its R²"),
+            Number("points_36x11.5", fit.points),
+            Number("rmse_36x11.5", fit.rmse, "N"),
+            Number("ratio_to_paper", fit.coefficient / PAPER),
+            Number("spread_of_one_size", float(np.median(spread))),
+            Number("sizes_with_several_sheets", spread.size),
+            Number("odd_sheets", len(odd)),
         ),
         notes=(
             *(f"left out: {words}" for words in left_out),
             *(f"odd: {words}" for words in odd),
             "air density is not stated",
         ),
-        figures={"thrust curve of the 36 x 11.5 in propeller": figure},
     )
