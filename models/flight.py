@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
-from typing import Self
+from typing import Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,49 +21,59 @@ from thrustmargin.models.errors import TrackError
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-#: Columns of each float channel: a number, or "R" for one a rotor; 0 means a plain (T,) array.
-CHANNEL_COLUMNS: Mapping[str, int | str] = MappingProxyType(
-    {
-        "position_ned": 3,
-        "velocity_ned": 3,
-        "attitude": 3,
-        "angular_rate_frd": 3,
-        "specific_force_frd": 3,
-        "airspeed": 0,
-        "wind_ned": 3,
-        "tank_kg": 0,
-        "rotor_speed_rpm": "R",
-        "throttle": "R",
-        "voltage": 0,
-        "current": 0,
-        "pressure": 0,
-        "temperature": 0,
-        "altitude": 0,
-        "height_agl": 0,
-        "spraying": 0,
-    }
-)
 
-#: Unit of each float channel as shown to people.
-CHANNEL_UNITS: Mapping[str, str] = MappingProxyType(
+@dataclass(frozen=True, slots=True)
+class TrackChannel:
+    """One float channel of a FlightTrack: its shape, its unit, and how reports become rows."""
+
+    unit: str  # as shown to people
+    max_age: float  # s after which a report is used for nothing
+    low: float  # a number outside low..high cannot be true; ranges are wide and catch damage only
+    high: float
+    axes: tuple[str, ...] = ()  # names of its columns; () for a plain (T,) array
+    per_rotor: bool = False  # (T, R)
+    kind: Literal["linear", "angle", "state"] = "linear"  # a state is held, never interpolated
+    direct: bool = False  # its rows are those of one signal, whichever source is best
+    averaged: bool = False  # vibration reaches it: faster reports are averaged over a row
+
+    def shape(self, rows: int, rotor_count: int) -> tuple[int, ...]:
+        """(T,), (T, 3) or (T, R) of an array of so many rows and rotors."""
+        if self.per_rotor:
+            return (rows, rotor_count)
+        return (rows, len(self.axes)) if self.axes else (rows,)
+
+    def column_names(self, name: str, rotor_count: int) -> list[str]:
+        """Names of its columns where each is one number: `name`, `name_n`, `name_1` and so on."""
+        if self.per_rotor:
+            return [f"{name}_{k + 1}" for k in range(rotor_count)]
+        return [f"{name}_{axis}" for axis in self.axes] or [name]
+
+
+_NED, _FRD = ("n", "e", "d"), ("x", "y", "z")
+_ANGLES = ("roll", "pitch", "yaw")
+
+#: Every float channel of a FlightTrack, in the order of screens and files.
+TRACK_CHANNELS: Mapping[str, TrackChannel] = MappingProxyType(
     {
-        "position_ned": "m",
-        "velocity_ned": "m/s",
-        "attitude": "rad",
-        "angular_rate_frd": "rad/s",
-        "specific_force_frd": "m/s²",
-        "airspeed": "m/s",
-        "wind_ned": "m/s",
-        "tank_kg": "kg",
-        "rotor_speed_rpm": "rpm",
-        "throttle": "0..1",
-        "voltage": "V",
-        "current": "A",
-        "pressure": "Pa",
-        "temperature": "K",
-        "altitude": "m",
-        "height_agl": "m",
-        "spraying": "0/1",
+        "position_ned": TrackChannel("m", 1.0, -1e6, 1e6, _NED),
+        "velocity_ned": TrackChannel("m/s", 1.0, -200.0, 200.0, _NED, direct=True),
+        "attitude": TrackChannel("rad", 0.5, -7.0, 7.0, _ANGLES, kind="angle", direct=True),
+        "angular_rate_frd": TrackChannel("rad/s", 0.5, -100.0, 100.0, _FRD, direct=True),
+        "specific_force_frd": TrackChannel(
+            "m/s²", 0.5, -500.0, 500.0, _FRD, direct=True, averaged=True
+        ),
+        "airspeed": TrackChannel("m/s", 1.0, 0.0, 200.0, direct=True),
+        "wind_ned": TrackChannel("m/s", 5.0, -100.0, 100.0, _NED, direct=True),
+        "tank_kg": TrackChannel("kg", 3.0, -5.0, 1000.0),
+        "rotor_speed_rpm": TrackChannel("rpm", 0.5, -100_000.0, 100_000.0, per_rotor=True),
+        "throttle": TrackChannel("0..1", 0.5, 0.0, 1.0, per_rotor=True),
+        "voltage": TrackChannel("V", 3.0, 0.0, 1000.0),
+        "current": TrackChannel("A", 3.0, -2000.0, 5000.0),
+        "pressure": TrackChannel("Pa", 5.0, 10_000.0, 120_000.0, direct=True),
+        "temperature": TrackChannel("K", 5.0, 180.0, 420.0, direct=True),
+        "altitude": TrackChannel("m", 1.0, -1000.0, 30_000.0, direct=True),
+        "height_agl": TrackChannel("m", 1.0, -1000.0, 10_000.0, direct=True),
+        "spraying": TrackChannel("0/1", 2.0, 0.0, 1.0, kind="state"),
     }
 )
 
@@ -118,8 +128,8 @@ class FlightTrack:
         speeds = self.rotor_speed_rpm.shape
         if len(speeds) != 2:
             raise TrackError(f"{self.name}: rotor_speed_rpm has shape {speeds}; it must be (T, R)")
-        for channel in CHANNEL_COLUMNS:
-            want = _shape(channel, time_s.size, rotor_count=speeds[1])
+        for channel, column in TRACK_CHANNELS.items():
+            want = column.shape(time_s.size, speeds[1])
             got = getattr(self, channel).shape
             if got != want:
                 raise TrackError(f"{self.name}: {channel} has shape {got}; it must be {want}")
@@ -135,8 +145,8 @@ class FlightTrack:
         `rotor_count` 0 is for a flight that tells nothing of its rotors. Raises as FlightTrack.
         """
         rows = np.asarray(time_s).size
-        for channel in CHANNEL_COLUMNS:
-            shape = _shape(channel, rows, rotor_count=rotor_count)
+        for channel, column in TRACK_CHANNELS.items():
+            shape = column.shape(rows, rotor_count)
             given.setdefault(channel, np.full(shape, np.nan, dtype=np.float64))
         given.setdefault("flying", np.ones(rows, dtype=np.bool_))
         return cls(name=name, time_s=np.asarray(time_s, dtype=np.float64), **given)  # type: ignore[arg-type]
@@ -159,13 +169,6 @@ class FlightTrack:
         arrays = {
             f.name: getattr(self, f.name)[which]
             for f in fields(self)
-            if f.name in CHANNEL_COLUMNS or f.name in ("time_s", "flying")
+            if f.name in TRACK_CHANNELS or f.name in ("time_s", "flying")
         }
         return replace(self, **arrays)
-
-
-def _shape(channel: str, rows: int, *, rotor_count: int) -> tuple[int, ...]:
-    columns = CHANNEL_COLUMNS[channel]
-    if columns == 0:
-        return (rows,)
-    return (rows, rotor_count if columns == "R" else int(columns))

@@ -10,7 +10,7 @@ import math
 
 from thrustmargin.gcs_plugin.live.tank import TankReading
 from thrustmargin.gcs_plugin.live.vehicle_state import VehicleState
-from thrustmargin.gcs_plugin.telemetry.resample import LIMITS
+from thrustmargin.models.flight import TRACK_CHANNELS
 
 #: field for people -> its channels in a VehicleState, any of which will do, and the limit's name
 FIELDS: dict[str, tuple[tuple[str, ...], str]] = {
@@ -38,9 +38,9 @@ def stale(state: VehicleState, tank: TankReading | None, now_us: int) -> dict[st
     ages: dict[str, float] = {}
     for words, (channels, limit) in FIELDS.items():
         known = [newest[channel] for channel in channels if channel in newest]
-        if known and now - max(known) > LIMITS[limit].max_age:
+        if known and now - max(known) > TRACK_CHANNELS[limit].max_age:
             ages[words] = now - max(known)
-    if tank is not None and now - tank.clock_s > LIMITS["tank_kg"].max_age:
+    if tank is not None and now - tank.clock_s > TRACK_CHANNELS["tank_kg"].max_age:
         ages["tank level"] = now - tank.clock_s
     return ages
 

@@ -16,27 +16,10 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.live.vehicle_monitor import Update
 from thrustmargin.models.errors import LogError
-from thrustmargin.models.flight import CHANNEL_COLUMNS, FlightTrack
+from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 
 if TYPE_CHECKING:
     import pyarrow as pa
-
-_AXES = {
-    "attitude": ("roll", "pitch", "yaw"),
-    "angular_rate_frd": ("x", "y", "z"),
-    "specific_force_frd": ("x", "y", "z"),
-}
-_NED = ("n", "e", "d")
-
-
-def column_names(channel: str, rotor_count: int) -> list[str]:
-    """Column names of one channel of a FlightTrack, in order."""
-    columns = CHANNEL_COLUMNS[channel]
-    if columns == "R":
-        return [f"{channel}_{k + 1}" for k in range(rotor_count)]
-    if columns == 0:
-        return [channel]
-    return [f"{channel}_{axis}" for axis in _AXES.get(channel, _NED)]
 
 
 def sample_batch(update: Update, new: slice) -> pa.RecordBatch:
@@ -53,8 +36,8 @@ def sample_batch(update: Update, new: slice) -> pa.RecordBatch:
         "clock_s": update.clock_s[new],
         "time_s": track.time_s[new],
     }
-    for channel in CHANNEL_COLUMNS:
-        _spread(table, column_names(channel, rotors), getattr(track, channel)[new])
+    for channel, column in TRACK_CHANNELS.items():
+        _spread(table, column.column_names(channel, rotors), getattr(track, channel)[new])
     table["flying"] = track.flying[new]
     prediction = analysis.prediction
     for name, values in (
@@ -110,10 +93,10 @@ def read_samples(folder: Path, vehicle: int, boot: int = 0) -> FlightTrack:
         raise LogError(f"{folder}: no samples of vehicle {vehicle} after {boot} restarts")
     rotors = sum(1 for name in table.column_names if name.startswith("rotor_speed_rpm_"))
     channels: dict[str, Any] = {}
-    for channel, columns in CHANNEL_COLUMNS.items():
-        names = column_names(channel, rotors)
+    for channel, column in TRACK_CHANNELS.items():
+        names = column.column_names(channel, rotors)
         values = np.column_stack([table[name].to_numpy() for name in names])
-        channels[channel] = values if columns else values[:, 0]
+        channels[channel] = values.reshape(column.shape(table.num_rows, rotors))
     return FlightTrack.of(
         name=f"{folder.name}, vehicle {vehicle}",
         time_s=table["time_s"].to_numpy(),

@@ -21,15 +21,16 @@ from thrustmargin.gcs_plugin.logs.tlog import ROTORS_OF_TYPE
 from thrustmargin.gcs_plugin.telemetry.airborne import CLEAR, IN_AIR, LANDING, TAKING_OFF
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap, motor_map
 from thrustmargin.gcs_plugin.telemetry.recording import LogQuality, Recording
-from thrustmargin.gcs_plugin.telemetry.resample import GRID, LIMITS, PLAIN, ROW_SPACING
+from thrustmargin.gcs_plugin.telemetry.resample import GRID, ROW_SPACING
 from thrustmargin.gcs_plugin.telemetry.tank_source import SENDER_VOLTAGE
 from thrustmargin.models.errors import AirframeError
-from thrustmargin.models.flight import Floats, Origin
+from thrustmargin.models.flight import TRACK_CHANNELS, Floats, Origin
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0
 
 NAN = float("nan")
 FAILURES_AGE = 5.0  # s for which an ESC's report on itself holds; PX4 sends one a second
+DIRECT = tuple(name for name, column in TRACK_CHANNELS.items() if column.direct)
 SILENT = 2.0  # s after which rotor speed reports no longer set the rhythm
 
 
@@ -153,7 +154,7 @@ class Sampler:
         self._beat_key = None
         if self._beat is not None and now - self._beat.clock_s < GRID:
             return self._beat
-        flown = any(key[0] in PLAIN or key[0] == "geodetic" for key in state.readings)
+        flown = any(key[0] in DIRECT or key[0] == "geodetic" for key in state.readings)
         return Reading(NAN, now, state.stamp_us, "", True) if flown else None
 
     def _young(self, now: float) -> bool:
@@ -165,13 +166,16 @@ class Sampler:
         sources: dict[str, str] = {}
 
         def hold(channel: str, reading: Reading | None, limit: str | None = None) -> bool:
-            if reading is None or clock - reading.clock_s > LIMITS[limit or channel].max_age:
+            if (
+                reading is None
+                or clock - reading.clock_s > TRACK_CHANNELS[limit or channel].max_age
+            ):
                 return False
             values[COLUMNS[channel]] = reading.value
             sources[channel] = reading.source
             return True
 
-        for channel in PLAIN:
+        for channel in DIRECT:
             hold(channel, state.best(channel))
         for channel in ("voltage", "current"):
             hold(channel, self._power(state, channel))
@@ -184,17 +188,17 @@ class Sampler:
         if escs:
             sources["rotor_speed_rpm"] = next(iter(escs.values())).source
         servos = state.best("servo_us")
-        if servos is not None and clock - servos.clock_s <= LIMITS["throttle"].max_age:
+        if servos is not None and clock - servos.clock_s <= TRACK_CHANNELS["throttle"].max_age:
             throttle = motors.throttle(state.signals("servo_us"), state.parameters)
             for rotor, signal in enumerate(throttle):
                 if signal is not None:
                     values[FIXED + count + rotor] = signal.values[-1]
             sources["throttle"] = servos.source.split()[0]
         tank = self._watch.read(state, motors)
-        if clock - tank.clock_s <= LIMITS["tank_kg"].max_age:
+        if clock - tank.clock_s <= TRACK_CHANNELS["tank_kg"].max_age:
             values[COLUMNS["tank_kg"]] = tank.level_kg
             sources["tank_kg"] = tank.source
-        fresh = clock - tank.pump_clock_s <= LIMITS["spraying"].max_age
+        fresh = clock - tank.pump_clock_s <= TRACK_CHANNELS["spraying"].max_age
         if fresh and motors.pump_output is not None:
             values[COLUMNS["spraying"]] = float(tank.pump_share > 0.0)
             sources["spraying"] = f"pump on servo {motors.pump_output + 1}"
@@ -288,6 +292,6 @@ def _failures(
 
 
 def _fresh(reading: Reading | None, clock: float, channel: str) -> float:
-    if reading is None or clock - reading.clock_s > LIMITS[channel].max_age:
+    if reading is None or clock - reading.clock_s > TRACK_CHANNELS[channel].max_age:
         return NAN
     return reading.value

@@ -28,8 +28,8 @@ from thrustmargin.gcs_plugin.mavlink.splitter import Frame, fields
 from thrustmargin.gcs_plugin.mavlink.text import printable
 from thrustmargin.gcs_plugin.telemetry.clock import COAST, REFERENCES, own_clock
 from thrustmargin.gcs_plugin.telemetry.recording import Waypoint
-from thrustmargin.gcs_plugin.telemetry.resample import LIMITS
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, collected
+from thrustmargin.models.flight import TRACK_CHANNELS
 
 NAN = float("nan")
 BACKWARD = 1.0  # s that a clock may step back without a restart
@@ -212,7 +212,7 @@ def _read(
 
 def _known(channel: str, value: Any) -> bool:
     """Whether every number is there and can be true."""
-    limit = LIMITS.get(channel)
+    limit = TRACK_CHANNELS.get(channel)
     low, high = (-math.inf, math.inf) if limit is None else (limit.low, limit.high)
     if isinstance(value, float):
         return low <= value <= high and math.isfinite(value)

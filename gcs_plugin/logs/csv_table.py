@@ -25,7 +25,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.models.errors import LogError
-from thrustmargin.models.flight import CHANNEL_COLUMNS, FlightTrack, Floats, Origin
+from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, Origin
 
 _NED = ("north", "east", "down")
 _FRD = ("forward", "right", "down")
@@ -37,7 +37,7 @@ COLUMNS: Mapping[str, tuple[str, ...]] = {
     "angular_rate_frd": ("roll_rate", "pitch_rate", "yaw_rate"),
     "specific_force_frd": tuple(f"specific_force_{a}" for a in _FRD),
     "wind_ned": tuple(f"wind_{a}" for a in _NED),
-    **{name: (name,) for name, columns in CHANNEL_COLUMNS.items() if columns == 0},
+    **{name: (name,) for name, c in TRACK_CHANNELS.items() if not (c.axes or c.per_rotor)},
 }
 _ROTOR = re.compile(r"(rotor_speed_rpm|throttle)_([1-9][0-9]?)")
 
@@ -61,19 +61,12 @@ def write_csv(track: FlightTrack, path: Path) -> None:
         "notes": list(track.notes),
     }
     names, columns = ["time_s"], [track.time_s]
-    for channel, wanted in CHANNEL_COLUMNS.items():
+    for channel, wanted in TRACK_CHANNELS.items():
         if not track.reports(channel):
             continue
         values = getattr(track, channel)
-        if wanted == "R":
-            names += [f"{channel}_{k + 1}" for k in range(track.rotor_count)]
-            columns += list(values.T)
-        elif wanted == 0:
-            names.append(channel)
-            columns.append(values)
-        else:
-            names += COLUMNS[channel]
-            columns += list(values.T)
+        names += COLUMNS.get(channel) or wanted.column_names(channel, track.rotor_count)
+        columns += list(values[:, None].T if values.ndim == 1 else values.T)
     names.append("flying")
     columns.append(track.flying.astype(np.float64))
     out = io.StringIO()

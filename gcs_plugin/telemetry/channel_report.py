@@ -6,8 +6,8 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.recording import ChannelReport
-from thrustmargin.gcs_plugin.telemetry.resample import LIMITS, known_rows
-from thrustmargin.models.flight import CHANNEL_UNITS, FlightTrack
+from thrustmargin.gcs_plugin.telemetry.resample import known_rows
+from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 
 _ABSENT = "not in the log"
 
@@ -20,7 +20,7 @@ def channel_report(track: FlightTrack, name: str, signals: list[Signal]) -> Chan
         nan = float("nan")
         return ChannelReport(
             name=name,
-            unit=CHANNEL_UNITS[name],
+            unit=TRACK_CHANNELS[name].unit,
             source=track.sources.get(name, _ABSENT),
             samples=0,
             rate_hz=nan,
@@ -36,11 +36,11 @@ def channel_report(track: FlightTrack, name: str, signals: list[Signal]) -> Chan
     step = step[step > 0]
     return ChannelReport(
         name=name,
-        unit=CHANNEL_UNITS[name],
+        unit=TRACK_CHANNELS[name].unit,
         source=track.sources.get(name, _ABSENT),
         samples=int(known.sum()),
         rate_hz=float(1.0 / np.median(step)) if step.size else float("nan"),
-        gaps=int(np.sum(step > LIMITS[name].max_age)),
+        gaps=int(np.sum(step > TRACK_CHANNELS[name].max_age)),
         longest_gap_s=float(step.max()) if step.size else float("nan"),
         minimum=float(finite.min()),
         median=float(np.median(finite)),

@@ -33,13 +33,13 @@ def position_of(signals: Signals, clock_s: Floats, flying: Bools, sampling: Samp
     places = _PLACES if fixes is not None else _PLACES[1:]
     origin, whose = _origin(signals, fixes, clock_s, flying, places)
     if fixes is not None and origin is not None:
-        latitude, longitude, altitude = plausible("geodetic", fixes.values).T
+        latitude, longitude, altitude = fixes.values.T
         at_zero = (latitude == 0) & (longitude == 0)
         inside = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 360) & ~at_zero
         ned = pymap3d.geodetic2ned(
             np.where(inside, latitude, np.nan),
             longitude,
-            altitude,
+            plausible("altitude", altitude),
             origin.latitude_deg,
             origin.longitude_deg,
             origin.altitude,

@@ -7,78 +7,25 @@ not used: NaN.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.models.flight import Bools, Floats
+from thrustmargin.models.flight import TRACK_CHANNELS, Bools, Floats, TrackChannel
 
 Sampling = Literal["linear", "hold"]
 
 #: Rows closer than this to the one before are thinned out: at most 10 Hz, with room for jitter.
 ROW_SPACING = 0.09
 GRID = 0.1  # s between rows when nothing gives a rhythm
-#: Channels that are one signal each, whichever source is best.
-PLAIN = (
-    "attitude",
-    "angular_rate_frd",
-    "specific_force_frd",
-    "velocity_ned",
-    "airspeed",
-    "wind_ned",
-    "altitude",
-    "height_agl",
-    "pressure",
-    "temperature",
-)
-#: Channels that vibration reaches: reports faster than the rows are averaged over them.
-AVERAGED = ("specific_force_frd",)
 _BLOCK = 1 << 14
-
-
-@dataclass(frozen=True, slots=True)
-class Limit:
-    """How one channel is sampled, and the range outside which a number cannot be true."""
-
-    max_age: float  # s
-    low: float
-    high: float
-    kind: Literal["linear", "angle", "state"] = "linear"
-
-
-#: State channels are always held. Ranges are wide: they catch damage, not odd flights.
-LIMITS: Mapping[str, Limit] = MappingProxyType(
-    {
-        "position_ned": Limit(1.0, -1e6, 1e6),
-        "geodetic": Limit(1.0, -1e5, 1e5),
-        "velocity_ned": Limit(1.0, -200.0, 200.0),
-        "attitude": Limit(0.5, -7.0, 7.0, "angle"),
-        "angular_rate_frd": Limit(0.5, -100.0, 100.0),
-        "specific_force_frd": Limit(0.5, -500.0, 500.0),
-        "airspeed": Limit(1.0, 0.0, 200.0),
-        "wind_ned": Limit(5.0, -100.0, 100.0),
-        "tank_kg": Limit(3.0, -5.0, 1000.0),
-        "rotor_speed_rpm": Limit(0.5, -100_000.0, 100_000.0),
-        "throttle": Limit(0.5, 0.0, 1.0),
-        "voltage": Limit(3.0, 0.0, 1000.0),
-        "current": Limit(3.0, -2000.0, 5000.0),
-        "pressure": Limit(5.0, 10_000.0, 120_000.0),
-        "temperature": Limit(5.0, 180.0, 420.0),
-        "altitude": Limit(1.0, -1000.0, 30_000.0),
-        "height_agl": Limit(1.0, -1000.0, 10_000.0),
-        "spraying": Limit(2.0, 0.0, 1.0, "state"),
-    }
-)
 
 
 def plausible(channel: str, values: Floats) -> Floats:
     """The values with numbers that cannot be true (infinite, out of range) as NaN."""
-    limit = LIMITS[channel]
+    limit = TRACK_CHANNELS[channel]
     with np.errstate(invalid="ignore"):
         bad = ~((values >= limit.low) & (values <= limit.high))
     return np.where(bad, np.nan, values)
@@ -96,12 +43,12 @@ def sample(channel: str, signal: Signal, time_s: Floats, sampling: Sampling) -> 
     result = np.full((time_s.size, *values.shape[1:]), np.nan)
     if when.size == 0:
         return result
-    if sampling == "linear" and channel in AVERAGED and _is_fast(when):
+    if sampling == "linear" and TRACK_CHANNELS[channel].averaged and _is_fast(when):
         when, values = _averaged(when, values)
     # In blocks: the steps between take several times the memory of the result.
     for low in range(0, time_s.size, _BLOCK):
         rows = slice(low, low + _BLOCK)
-        result[rows] = _at(LIMITS[channel], when, values, time_s[rows], sampling)
+        result[rows] = _at(TRACK_CHANNELS[channel], when, values, time_s[rows], sampling)
     return result
 
 
@@ -127,7 +74,9 @@ def _averaged(when: Floats, values: Floats) -> tuple[Floats, Floats]:
     return np.add.reduceat(when, edges) / counts, sums / _shaped(counts, values)
 
 
-def _at(limit: Limit, when: Floats, values: Floats, time_s: Floats, sampling: Sampling) -> Floats:
+def _at(
+    limit: TrackChannel, when: Floats, values: Floats, time_s: Floats, sampling: Sampling
+) -> Floats:
     after = np.searchsorted(when, time_s, side="right")
     left = np.maximum(after - 1, 0)
     age = time_s - when[left]

@@ -16,7 +16,6 @@ from thrustmargin.gcs_plugin.telemetry.power import power, spraying_of
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog, LogQuality, Recording
 from thrustmargin.gcs_plugin.telemetry.resample import (
     GRID,
-    PLAIN,
     Sampling,
     known_rows,
     sample,
@@ -26,7 +25,7 @@ from thrustmargin.gcs_plugin.telemetry.signals import Signals, best
 from thrustmargin.gcs_plugin.telemetry.tank_source import TankContext, tank_level
 from thrustmargin.gcs_plugin.telemetry.timeline import pauses
 from thrustmargin.models.errors import LogError
-from thrustmargin.models.flight import CHANNEL_UNITS, FlightTrack, Floats
+from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
 
 _LONGEST = 7 * 86_400.0  # s; a log that seems longer has damaged times
@@ -87,7 +86,7 @@ def assemble(recording: Recording, signals: Signals, options: Options) -> Flight
     return FlightLog(
         track=_with_absences(track),
         quality=recording.quality,
-        channels=tuple(channel_report(track, n, reported.get(n, [])) for n in CHANNEL_UNITS),
+        channels=tuple(channel_report(track, n, reported.get(n, [])) for n in TRACK_CHANNELS),
         waypoints=recording.waypoints,
         messages=tuple((time - float(clock_s[0]), text) for time, text in recording.messages),
         parameters=recording.parameters,
@@ -109,8 +108,8 @@ def _chosen(
 ) -> dict[str, Signal]:
     """The source of every channel but those by rotor and position; adds to `notes`."""
     chosen = {}
-    for channel in PLAIN:
-        found = best(signals, channel)
+    for channel, column in TRACK_CHANNELS.items():
+        found = best(signals, channel) if column.direct else None
         if found is not None:
             chosen[channel] = found
     chosen |= power(signals, notes)
@@ -132,7 +131,7 @@ def _chosen(
 def log_of_track(track: FlightTrack, path: Path, size: int) -> FlightLog:
     """A FlightLog of a track that was read as a table."""
     channels = []
-    for name in CHANNEL_UNITS:
+    for name in TRACK_CHANNELS:
         signal = Signal(name, track.sources.get(name, ""), track.time_s, getattr(track, name))
         channels.append(channel_report(track, name, [signal] if track.reports(name) else []))
     return FlightLog(

@@ -64,6 +64,14 @@ class FlightAnalysis:
         """(T,) rows in which every rotor's speed was measured."""
         return np.all(np.isfinite(self.capacity_use), axis=1)
 
+    def above_limit(self, limit: float) -> Bools:
+        """(T,) rows off the ground in which a rotor of known speed uses more than `limit`.
+
+        One rotor is enough, whatever is known of the others: a silent ESC hides no overload.
+        """
+        with np.errstate(invalid="ignore"):
+            return self.track.flying & np.any(self.capacity_use > limit, axis=1)
+
 
 def analyse(track: FlightTrack, model: RotorModel, density: Floats | None = None) -> FlightAnalysis:
     """Run one flight of T rows and R rotors through the model.

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.models.errors import TrackError
-from thrustmargin.models.flight import CHANNEL_COLUMNS, FlightTrack
+from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 
 TIME_S = np.arange(5.0)
 
@@ -13,9 +13,11 @@ TIME_S = np.arange(5.0)
 def test_channels_that_are_not_given_have_their_shape_and_no_number(rotors):
     track = FlightTrack.of(name="x", time_s=TIME_S, rotor_count=rotors)
     assert track.rotor_count == rotors
-    widths = {"R": (rotors,), 0: (), 3: (3,)}
-    for channel, columns in CHANNEL_COLUMNS.items():
-        assert getattr(track, channel).shape == (5, *widths[columns]), channel
+    by_rotor = ("rotor_speed_rpm", "throttle")
+    for channel in TRACK_CHANNELS:
+        vector = channel.endswith(("_ned", "_frd")) or channel == "attitude"
+        columns = (rotors,) if channel in by_rotor else (3,) if vector else ()
+        assert getattr(track, channel).shape == (5, *columns), channel
         assert not track.reports(channel)
     assert track.flying.all()
 

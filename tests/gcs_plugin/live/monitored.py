@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from thrustmargin.models.flight import CHANNEL_COLUMNS, FlightTrack
+from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
@@ -20,7 +20,7 @@ def same(ours: FlightTrack, theirs: FlightTrack, after: float = 1.0) -> None:
     assert np.allclose(ours.time_s, theirs.time_s, rtol=0, atol=1e-4)
     start = ours.time_s > after
     airborne = np.arange(ours.time_s.size) >= int(np.argmax(theirs.flying))
-    for channel in CHANNEL_COLUMNS:
+    for channel in TRACK_CHANNELS:
         settled = start & airborne if channel == "position_ned" else start
         one, other = getattr(ours, channel)[settled], getattr(theirs, channel)[settled]
         assert np.array_equal(one, other, equal_nan=True), channel

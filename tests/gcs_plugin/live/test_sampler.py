@@ -13,7 +13,7 @@ from thrustmargin.gcs_plugin.live.sampler import Sampler
 from thrustmargin.gcs_plugin.live.vehicle_state import VehicleState, fold
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.mavlink.splitter import Frame
-from thrustmargin.models.flight import CHANNEL_COLUMNS, FlightTrack
+from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 from thrustmargin.models.physics.airframe import load_airframe
 
 AIRFRAME = load_airframe("topxgun-f16-sitl")
@@ -41,7 +41,7 @@ def test_live_rows_are_the_rows_that_the_file_gives(sitl_logs, name):
     assert live.origin == read.origin
     # A file knows from the start which message will report; in the first moments another stands in.
     settled = live.time_s > 1.0
-    for channel in CHANNEL_COLUMNS:
+    for channel in TRACK_CHANNELS:
         ours, theirs = getattr(live, channel)[settled], getattr(read, channel)[settled]
         assert np.array_equal(ours, theirs, equal_nan=True), channel
     # Only a landing can be known earlier from the file.

@@ -9,7 +9,7 @@ from hypothesis.extra import numpy as arrays
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.csv_table import COLUMNS, read_csv, write_csv
 from thrustmargin.models.errors import AirframeError, LogError
-from thrustmargin.models.flight import CHANNEL_COLUMNS, FlightTrack, Origin
+from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Origin
 from thrustmargin.models.physics.airframe import airframe_names, load_airframe
 
 NUMBERS = st.floats(allow_nan=True, allow_infinity=False, width=64)
@@ -18,7 +18,7 @@ NUMBERS = st.floats(allow_nan=True, allow_infinity=False, width=64)
 def same(a: FlightTrack, b: FlightTrack) -> None:
     np.testing.assert_array_equal(a.time_s, b.time_s)
     np.testing.assert_array_equal(a.flying, b.flying)
-    for channel in CHANNEL_COLUMNS:
+    for channel in TRACK_CHANNELS:
         np.testing.assert_array_equal(getattr(a, channel), getattr(b, channel), err_msg=channel)
     assert (a.name, a.origin, a.start_unix_s) == (b.name, b.origin, b.start_unix_s)
     assert dict(a.sources).items() <= dict(b.sources).items()
@@ -36,9 +36,8 @@ def test_a_recorded_flight_reads_back_to_the_last_digit(sitl_logs, tmp_path):
 @given(data=st.data(), rotors=st.integers(3, 8), rows=st.integers(1, 5))
 def test_any_track_reads_back_to_the_last_digit(tmp_path_factory, data, rotors, rows):
     given_channels = {}
-    for channel, columns in CHANNEL_COLUMNS.items():
-        width = rotors if columns == "R" else columns
-        shape = (rows, int(width)) if width else (rows,)
+    for channel, column in TRACK_CHANNELS.items():
+        shape = column.shape(rows, rotors)
         given_channels[channel] = data.draw(arrays.arrays(np.float64, shape, elements=NUMBERS))
     # At least one number a rotor channel: a column that is empty throughout is not written.
     given_channels["rotor_speed_rpm"][0, 0] = 1.0
@@ -66,7 +65,7 @@ def test_the_documented_names_are_the_ones_that_are_read(tmp_path):
     (tmp_path / "all.csv").write_text(f"{header}\n{row}\n")
     log = read_log(tmp_path / "all.csv")
     assert log.format == "CSV"
-    assert all(log.track.reports(channel) for channel in CHANNEL_COLUMNS)
+    assert all(log.track.reports(channel) for channel in TRACK_CHANNELS)
     assert not any("not used" in note for note in log.track.notes)
     import thrustmargin.gcs_plugin.logs.csv_table as module
 

@@ -1,5 +1,7 @@
 """One flight through the model: every array from the same definitions, gaps kept as gaps."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -102,6 +104,17 @@ def test_a_flight_without_tank_or_rotor_speed_still_has_its_ceiling():
     assert np.isfinite(flight.max_thrust).all()
     for array in (flight.capacity_use, flight.weight, flight.redundancy_yaw_free):
         assert np.isnan(array).all()
+
+
+def test_one_rotor_above_the_limit_is_enough_and_a_silent_esc_hides_none():
+    speeds = np.tile([1500.0] * 4, (ROWS, 1))
+    speeds[1:3, 2] = speeds[5, 2] = SITL.max_rotor_speed_rpm
+    speeds[2, 1] = speeds[3, 0] = np.nan
+    speeds[4] = np.nan
+    track = hovering(rotor_speed_rpm=speeds)
+    on_ground = replace(track, flying=np.arange(ROWS) != 5)
+    above = analyse(on_ground, physics_model(SITL)).above_limit(0.5)
+    assert np.flatnonzero(above).tolist() == [1, 2]
 
 
 def test_a_flight_of_no_rows_is_no_error():

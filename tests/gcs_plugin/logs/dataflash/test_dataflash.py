@@ -20,7 +20,7 @@ from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import (
 from thrustmargin.gcs_plugin.logs.files import read_bytes
 from thrustmargin.gcs_plugin.telemetry.signals import by_index
 from thrustmargin.models.errors import AirframeError, LogError
-from thrustmargin.models.flight import CHANNEL_COLUMNS
+from thrustmargin.models.flight import TRACK_CHANNELS
 from thrustmargin.models.physics.airframe import load_airframe
 
 ROOT = Path(__file__).resolve().parents[4]
@@ -152,7 +152,7 @@ def test_tlog_and_bin_of_one_flight_agree(both, channel):
 
 
 def test_every_channel_of_the_track_is_compared():
-    assert set(CHANNEL_COLUMNS) - set(AGREEMENT) == {"spraying"}
+    assert set(TRACK_CHANNELS) - set(AGREEMENT) == {"spraying"}
 
 
 def test_tlog_and_bin_agree_on_flying_spraying_start_and_mission(both):
@@ -309,7 +309,7 @@ def test_the_text_form_gives_the_same_flight(tmp_path):
     assert text.format == "DataFlash text"
     assert text.quality.bytes_skipped == 0
     np.testing.assert_allclose(text.track.time_s, binary.track.time_s, atol=1e-6)
-    for channel in CHANNEL_COLUMNS:
+    for channel in TRACK_CHANNELS:
         np.testing.assert_allclose(
             getattr(text.track, channel),
             getattr(binary.track, channel),
