@@ -1,13 +1,15 @@
 """A MAVProxy module: `module load thrustmargin.gcs_plugin.mavproxy_module`, then `margin`.
 
-Options at loading, as JSON without spaces:
-`module load thrustmargin.gcs_plugin.mavproxy_module:{"model":"f16.safetensors","limit":45}`.
+Options at loading are those of `thrustmargin monitor`, as JSON without spaces:
+`module load thrustmargin.gcs_plugin.mavproxy_module:{"model":"f16.safetensors","tank":"pump"}`;
+there are model, airframe, tank and max_utilisation.
 Nothing happens when this file is imported (MAVProxy imports it twice); everything that takes time
 runs in `thrustmargin.gcs_plugin.mavproxy.worker`, on a thread of its own.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Sequence
 from typing import Any
@@ -15,14 +17,18 @@ from typing import Any
 from MAVProxy.modules.lib import mp_module
 
 from thrustmargin.gcs_plugin.mavproxy.monitor_process import ViewProcess
-from thrustmargin.gcs_plugin.mavproxy.worker import MarginWorker, Options, fields, share, summary
+from thrustmargin.gcs_plugin.mavproxy.worker import MarginWorker, Options, fields, summary
 
 #: MAVProxy finds a module again by the name that it was loaded under.
 NAME = "thrustmargin.gcs_plugin.mavproxy_module"
 USAGE = (
     "margin: thrust margin of every vehicle\n"
     "margin view: 3D view in the browser\n"
-    "margin limit N: warn below N % thrust margin"
+    "margin max-utilisation 0.5: warn when more of a rotor's maximum thrust is in use"
+)
+RENAMED = (
+    "max-utilisation, the largest share of a rotor's maximum thrust that may be in use; "
+    "for a margin of 45 % write 0.55"
 )
 PERIOD = 0.5  # s between two looks at what the thread found
 ROW = 4  # of the console, below MAVProxy's own
@@ -36,7 +42,7 @@ class MarginModule(mp_module.MPModule):
         self._worker = MarginWorker(options)
         self._view: ViewProcess | None = None
         self._next = 0.0
-        self.add_command("margin", self.cmd_margin, "thrust margin", ["view", "limit"])
+        self.add_command("margin", self.cmd_margin, "thrust margin", ["view", "max-utilisation"])
         self._worker.start()
 
     def mavlink_packet(self, packet: Any) -> None:
@@ -60,7 +66,7 @@ class MarginModule(mp_module.MPModule):
             self._close_view()
         found = self._worker.readings.get(self.target_system)
         age = float("nan") if found is None else now - found.stamp
-        for name, (text, colour) in fields(found, self._worker.limit, age).items():
+        for name, (text, colour) in fields(found, self._worker.max_utilisation, age).items():
             self.console.set_status(name, text, row=ROW, fg=colour)
 
     def cmd_margin(self, args: Sequence[str]) -> None:
@@ -70,10 +76,12 @@ class MarginModule(mp_module.MPModule):
                 self._print_margins()
             case ["view"]:
                 self._show_view()
-            case ["limit"]:
-                print(f"margin limit {share(self._worker.limit)}")
-            case ["limit", text]:
-                self._set_limit(text)
+            case ["max-utilisation"]:
+                print(f"margin max-utilisation {self._worker.max_utilisation:g}")
+            case ["max-utilisation", text]:
+                self._set_max_utilisation(text)
+            case ["limit", *_]:
+                print(f"margin limit is now {RENAMED}")
             case _:
                 print(USAGE)
 
@@ -92,20 +100,18 @@ class MarginModule(mp_module.MPModule):
             print("margin: no vehicle heard yet")
         for now in worker.readings.values():
             age = time.monotonic() - now.stamp
-            print("\n".join(summary(now, worker.limit, age)))
+            print("\n".join(summary(now, worker.max_utilisation, age)))
         if worker.dropped:
             print(f"margin: {worker.dropped} messages were too many to compute with")
 
-    def _set_limit(self, text: str) -> None:
+    def _set_max_utilisation(self, text: str) -> None:
         try:
-            limit = float(text.removesuffix("%")) / 100.0
-        except ValueError:
-            limit = float("nan")
-        if not 0.0 <= limit < 1.0:
-            print(f"margin limit {text}: give a number of percent from 0 to 99, as in 50")
+            value = usable(text)
+        except ValueError as error:
+            print(f"margin max-utilisation {error}")
             return
-        self._worker.limit = limit
-        print(f"margin limit {share(limit)}")
+        self._worker.max_utilisation = value
+        print(f"margin max-utilisation {value:g}")
 
     def _show_view(self) -> None:
         if self._view is not None and self._view.running:
@@ -117,7 +123,7 @@ class MarginModule(mp_module.MPModule):
             "--model": options.model,
             "--airframe": options.airframe,
             "--tank": options.tank,
-            "--limit": f"{self._worker.limit:g}",
+            "--max-utilisation": f"{self._worker.max_utilisation:g}",
         }
         self._view = ViewProcess([t for k, v in given.items() if v for t in (k, v)])
         self._worker.pass_on_to(self._view.send)
@@ -131,7 +137,25 @@ class MarginModule(mp_module.MPModule):
 
 
 def init(mpstate: Any, **options: Any) -> MarginModule:
-    """Called by MAVProxy when it loads the module. `limit` is in percent."""
+    """Called by MAVProxy when it loads the module, which prints an ImportError as one line."""
     if "limit" in options:
-        options["limit"] = float(options["limit"]) / 100.0
+        raise ImportError(f"limit is now {RENAMED}")
+    unknown = sorted(set(options) - {field.name for field in dataclasses.fields(Options)})
+    if unknown:
+        raise ImportError(f"no option {', '.join(unknown)}; see docs/live.md")
+    try:
+        options["max_utilisation"] = usable(options.get("max_utilisation", 0.5))
+    except ValueError as error:
+        raise ImportError(f"max_utilisation {error}") from error
     return MarginModule(mpstate, Options(**options))
+
+
+def usable(value: Any) -> float:
+    """`value` as a limit of thrust utilisation. Raises ValueError when it cannot be one."""
+    try:
+        share = float(value)
+    except (TypeError, ValueError):
+        share = float("nan")
+    if not 0.0 < share < 1.0:
+        raise ValueError(f"{value} is not a share; give one between 0 and 1, as in 0.5")
+    return share

@@ -10,8 +10,6 @@ from typing import TYPE_CHECKING
 
 from tyro.conf import Positional, UseAppendAction
 
-from thrustmargin.models.errors import LinkError
-
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.monitor import Monitor
     from thrustmargin.gcs_plugin.view.live import LiveView
@@ -28,7 +26,7 @@ def monitor(
     airframe: str | None = None,
     tank: str = "auto",
     tank_start_kg: float | None = None,
-    limit: float = 0.5,
+    max_utilisation: float = 0.5,
     announce: bool = False,
     request_rates: bool = False,
     fetch_mission: bool = False,
@@ -60,7 +58,8 @@ def monitor(
             "FUEL_STATUS ID" or "BATTERY_STATUS ID"; auto is what the airframe file names
             (tank_source), else the best that is heard.
         tank_start_kg: What a tank without a gauge holds at the start.
-        limit: Thrust margin under which an alarm is raised, 0 to 1.
+        max_utilisation: Largest share of a rotor's maximum thrust that may be in use; above it an
+            alarm is raised.
         announce: Send alarms and figures to vehicles and ground stations as STATUSTEXT and
             NAMED_VALUE_FLOAT.
         request_rates: Ask the vehicle for the messages that are needed, at the rates needed.
@@ -75,13 +74,13 @@ def monitor(
         seconds: End by itself after so long.
     """
     from thrustmargin.gcs_plugin.commands.chosen_model import chosen_model
+    from thrustmargin.gcs_plugin.commands.options import check_utilisation
     from thrustmargin.gcs_plugin.live.alarm import AlarmSettings
     from thrustmargin.gcs_plugin.live.monitor import Monitor, MonitorSettings
     from thrustmargin.gcs_plugin.live.vehicle_monitor import WatchSettings
     from thrustmargin.gcs_plugin.telemetry.tank_source import check_source
 
-    if not 0.0 < limit < 1.0:
-        raise LinkError(f"--limit {limit:g} is not a share; give one between 0 and 1, as 0.5")
+    check_utilisation(max_utilisation)
     check_source(tank)
     accept = sign = None
     if signing_key_file is not None:
@@ -101,7 +100,9 @@ def monitor(
         forwards=tuple(forward),
         record=record,
         watch=WatchSettings(
-            tank=tank, tank_start_kg=tank_start_kg, alarms=AlarmSettings(margin_limit=limit)
+            tank=tank,
+            tank_start_kg=tank_start_kg,
+            alarms=AlarmSettings(max_utilisation=max_utilisation),
         ),
     )
     chosen = chosen_model(model, airframe)

@@ -27,7 +27,7 @@ def report(
     airframe: str | None = None,
     vehicle: int | None = None,
     out: Path = Path("report.html"),
-    limit: float = 0.5,
+    max_utilisation: float = 0.5,
 ) -> int:
     """Write a margin report of one or more flights: how close it was, where, and with which rotor.
 
@@ -42,11 +42,12 @@ def report(
         airframe: Name of a shipped airframe, or an airframe file (.toml); without it the model's.
         vehicle: System id of the aircraft, when a log has several.
         out: Page to write (.html).
-        limit: Line of thrust in use not to cross, 0.5 is 50 %.
+        max_utilisation: Largest share of a rotor's maximum thrust that may be in use.
     """
     from rich.console import Console
 
     from thrustmargin.gcs_plugin.commands.chosen_model import chosen_model
+    from thrustmargin.gcs_plugin.commands.options import Output, check_outputs, check_utilisation
     from thrustmargin.gcs_plugin.reports.margin import build_report
     from thrustmargin.gcs_plugin.reports.margin.render import write_report
 
@@ -54,14 +55,22 @@ def report(
     if not logs:
         console.print("thrustmargin: no log given; name one or more recorded flights")
         return 2
-    check_options(logs, out, limit)
+    check_utilisation(max_utilisation)
+    check_outputs(
+        (
+            Output("--out", out, endings=(".html", ".htm")),
+            Output("--out", out.with_suffix(".json")),
+            Output("--out", out.with_suffix(".csv")),
+        ),
+        inputs=logs,
+    )
     rotor_model = chosen_model(model, airframe)
     unread: list[UnusedLog] = []
     flights = list(analysed(logs, rotor_model, vehicle, unread, console))
     if not flights:
         raise DataError("; ".join(f"{log.name}: {log.reason}" for log in unread))
     with console.status("writing the report"):
-        made = build_report(flights, limit=limit, unread=unread)
+        made = build_report(flights, max_utilisation=max_utilisation, unread=unread)
         try:
             written = write_report(made, out)
         except OSError as error:
@@ -76,20 +85,6 @@ def report(
         console.print(f"not read: {log.name}: {log.reason}")
     summary.print(f"wrote {written.html}, {written.json.name} and {written.csv.name}")
     return 1 if unread else 0
-
-
-def check_options(logs: Sequence[Path], out: Path, limit: float) -> None:
-    """Raise DataError for a request that cannot work, before any log is read."""
-    if out.suffix.lower() not in (".html", ".htm"):
-        raise DataError(f"cannot write {out} as a page; end its name in .html")
-    if not out.parent.is_dir():
-        raise DataError(f"no folder {out.parent}; make it, or give another --out")
-    if not 0.0 < limit < 1.0:
-        raise DataError(f"limit {limit:g} is no share of thrust; give one like 0.5, for 50 %")
-    taken = {out.resolve(), out.with_suffix(".json").resolve(), out.with_suffix(".csv").resolve()}
-    for log in logs:
-        if log.resolve() in taken:
-            raise DataError(f"the report would overwrite the log {log}; give another --out")
 
 
 def analysed(

@@ -13,7 +13,7 @@ CRITICAL, WARNING, NOTICE = 2, 4, 5
 class AlarmSettings:
     """Thresholds; shares are of one, times s."""
 
-    margin_limit: float = 0.5
+    max_utilisation: float = 0.5  # largest share of a rotor's maximum thrust in use
     margin_hysteresis: float = 0.03
     margin_hold: float = 3.0
     rotor_slack: float = 0.02  # k of the CUSUM

@@ -215,7 +215,7 @@ class Alarms:
     def _margin(self, events: list[AlarmEvent], time_s: float, margin: Floats) -> None:
         known = np.isfinite(margin)
         worst = float(np.min(margin[known], initial=np.inf))
-        limit = self.settings.margin_limit
+        limit = 1.0 - self.settings.max_utilisation
         rotor = int(np.argmin(np.where(known, margin, np.inf))) + 1
         self._set(
             events,
@@ -228,7 +228,7 @@ class Alarms:
         )
 
     def _ahead(self, events: list[AlarmEvent], time_s: float, ahead: float) -> None:
-        limit = self.settings.margin_limit
+        limit = 1.0 - self.settings.max_utilisation
         self._set(
             events,
             ("margin ahead", None),

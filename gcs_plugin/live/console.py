@@ -77,7 +77,7 @@ def screen(monitor: Monitor, width: int = WIDE) -> RenderableType:
     for number, watch in list(monitor.fleet.vehicles.items()):
         if watch.left(now_us):
             continue
-        cells = vehicle_cells(watch, now_us, monitor.fleet.margin_limit)
+        cells = vehicle_cells(watch, now_us, 1.0 - monitor.fleet.max_utilisation)
         table.add_row(*(cells[n] for n in shown))
         alarms += [(number, alarm) for alarm in list(watch.alarms.standing.values())]
         stale = watch.stale(now_us)

@@ -28,9 +28,9 @@ class Fleet:
         self._watches: dict[int, VehicleWatch] = {}
 
     @property
-    def margin_limit(self) -> float:
-        """Thrust margin under which an alarm is raised."""
-        return self._settings.alarms.margin_limit
+    def max_utilisation(self) -> float:
+        """Largest share of a rotor's maximum thrust that may be in use, above it an alarm."""
+        return self._settings.alarms.max_utilisation
 
     @property
     def vehicles(self) -> dict[int, VehicleWatch]:

@@ -33,7 +33,7 @@ class Options:
     model: str | None = None  # model file; None: the shipped one
     airframe: str | None = None  # name or file
     tank: str = "auto"
-    limit: float = 0.5  # thrust margin, a share
+    max_utilisation: float = 0.5  # largest share of a rotor's maximum thrust in use
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +64,7 @@ class MarginWorker:
 
     def __init__(self, options: Options) -> None:
         self.options = options
-        self.limit = options.limit
+        self.max_utilisation = options.max_utilisation
         self.failure = ""
         self.dropped = 0
         self.readings: dict[int, Reading] = {}  # replaced as a whole, never changed
@@ -121,7 +121,7 @@ class MarginWorker:
         fleet = Fleet(chosen_model(path, options.airframe), WatchSettings(tank=options.tank))
         while not self._stop.wait(PERIOD):
             self._take(fleet)
-            self._use_limit(fleet)
+            self._use_max_utilisation(fleet)
             updates = fleet.updates()
             for update in updates:
                 for event in update.events:
@@ -143,10 +143,11 @@ class MarginWorker:
                 frames.append(frame)
         fleet.take(frames)
 
-    def _use_limit(self, fleet: Fleet) -> None:
+    def _use_max_utilisation(self, fleet: Fleet) -> None:
+        wanted = self.max_utilisation
         for watch in fleet.vehicles.values():
-            if watch.alarms.settings.margin_limit != self.limit:
-                watch.alarms.settings = replace(watch.alarms.settings, margin_limit=self.limit)
+            if watch.alarms.settings.max_utilisation != wanted:
+                watch.alarms.settings = replace(watch.alarms.settings, max_utilisation=wanted)
 
     def _tell(self, vehicle: int, raised: bool, text: str) -> None:
         several = f" (vehicle {vehicle})" if len(self.readings) > 1 else ""
@@ -205,7 +206,7 @@ def number(value: float, form: str) -> str:
     return format(value, form) if math.isfinite(value) else "--"
 
 
-def summary(now: Reading, limit: float, age: float) -> list[str]:
+def summary(now: Reading, max_utilisation: float, age: float) -> list[str]:
     """The lines that `margin` prints for one vehicle; `age` s of its newest row."""
     if now.problem:
         return [f"vehicle {now.vehicle}: {now.problem}"]
@@ -217,7 +218,7 @@ def summary(now: Reading, limit: float, age: float) -> list[str]:
     source = f" by {now.tank_source}" if now.tank_source else ""
     lines = [
         f"vehicle {now.vehicle}, {state}{old}: thrust margin {share(now.margin)}{rotor}, "
-        f"predicted {share(now.margin_predicted)}, limit {share(limit)}",
+        f"predicted {share(now.margin_predicted)}, limit {share(1.0 - max_utilisation)}",
         f"  one rotor lost, heading given up: {number(now.redundancy, '.2f')} of the weight",
         f"  tank {number(now.tank_kg, '.1f')} kg{source}, empty after "
         f"{number(now.seconds_to_empty, '.0f')} s of spraying, margin when refilled "
@@ -228,12 +229,12 @@ def summary(now: Reading, limit: float, age: float) -> list[str]:
     return lines + [f"  ALARM {text}" for text in now.alarms]
 
 
-def fields(now: Reading | None, limit: float, age: float) -> dict[str, tuple[str, str]]:
+def fields(now: Reading | None, max_utilisation: float, age: float) -> dict[str, tuple[str, str]]:
     """Console fields: name -> (text, colour); grey when there is nothing recent to show."""
     if now is None or age > STALE or math.isnan(age) or now.problem:
         names = {"Margin": "Margin --", "OneOut": "OneOut --", "Tank": "Tank --"}
         return {name: (text, "grey") for name, text in names.items()}
-    low = now.margin < limit
+    low = now.margin < 1.0 - max_utilisation
     out = now.redundancy < 1.0
     rotor = f" R{now.rotor}" if now.rotor else ""
     return {

@@ -213,14 +213,17 @@ class TestInMavproxy:
     def test_a_limit_is_set_and_announced_when_the_margin_falls_under_it(
         self, mavproxy: MavProxy, flight
     ):
-        assert mavproxy.ask("margin limit", "margin limit (.*)")[1] == "50 %"
-        for wrong in ("x", "100", "-1", "nan"):
-            mavproxy.ask(f"margin limit {wrong}", f"margin limit {wrong}: give a number of percent")
-        mavproxy.ask("margin limit 20", "margin limit 20 %")
+        name = "margin max-utilisation"
+        assert mavproxy.ask(name, f"{name} (.*)")[1] == "0.5"
+        for wrong in ("x", "50", "0", "1", "-1", "nan"):
+            mavproxy.ask(f"{name} {wrong}", f"{name} {wrong} is not a share")
+        mavproxy.ask("margin limit 45", "is now max-utilisation.* margin of 45 % write 0.55")
+        assert mavproxy.ask(name, f"{name} (.*)")[1] == "0.5"
+        mavproxy.ask(f"{name} 0.8", f"{name} 0.8")
         with playing(flight, mavproxy.port, 50.0, 70.0, 1.0):
             mavproxy.wait_for_field("Margin", {"green"}, r"^Margin [34]\d % R[1-4]$")
             assert not [line for line in mavproxy.printed if line.startswith("Thrust margin")]
-            mavproxy.ask("margin limit 60%", "margin limit 60 %")
+            mavproxy.ask(f"{name} 0.4", f"{name} 0.4")
             mavproxy.wait(r"Thrust margin [34]\d% under 60%: rotor [1-4]")
             mavproxy.ask("margin", "ALARM Thrust margin")
             mavproxy.wait_for_field("Margin", {"red"})
@@ -249,9 +252,9 @@ class TestInMavproxy:
         mavproxy.ask(f"module unload {MODULE}", f"Unloaded module {MODULE}")
         mavproxy.ask("margin", "Unknown command 'margin'")
         assert "thrustmargin" not in mavproxy.probe()["threads"]
-        loaded = f'{MODULE}:{{"model":"{model}","limit":45}}'
+        loaded = f'{MODULE}:{{"model":"{model}","max_utilisation":0.55}}'
         mavproxy.ask(f"module load {loaded}", "Loaded module")
-        mavproxy.ask("margin limit", "margin limit 45 %")
+        mavproxy.ask("margin max-utilisation", "margin max-utilisation 0.55")
         mavproxy.ask(f"module reload {loaded}", f"Reloaded module {MODULE}")
         mavproxy.ask("margin", "margin: no vehicle heard yet")
         assert mavproxy.probe()["threads"].count("thrustmargin") == 1
@@ -381,4 +384,4 @@ def test_fields_of_old_rows_are_grey(age: float):
 
 
 def test_options_have_the_monitors_defaults():
-    assert Options() == Options(model=None, airframe=None, tank="auto", limit=0.5)
+    assert Options() == Options(model=None, airframe=None, tank="auto", max_utilisation=0.5)

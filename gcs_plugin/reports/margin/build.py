@@ -23,24 +23,28 @@ from thrustmargin.models.model.analysis import FlightAnalysis
 def build_report(
     flights: Iterable[tuple[FlightAnalysis, FlightLog]],
     *,
-    limit: float = 0.5,
+    max_utilisation: float = 0.5,
     unread: Iterable[UnusedLog] = (),
 ) -> Report:
-    """The numbers of a report over flights, in their order, judged by the line `limit`.
+    """The numbers of a report over flights, in their order, judged by `max_utilisation`.
 
-    `unread` are logs that could not be read, to be named in it. Raises DataError when `limit` is
-    not between 0 and 1, or there is no flight.
+    That is the largest share of a rotor's maximum thrust that may be in use.
+
+    `unread` are logs that could not be read, to be named in it. Raises DataError when the
+    share is not between 0 and 1, or there is no flight.
     """
-    if not 0.0 < limit < 1.0:
-        raise DataError(f"limit {limit:g} is no share of thrust; give one like 0.5, for 50 %")
-    reports = tuple(report_flight(analysis, log, limit=limit) for analysis, log in flights)
+    if not 0.0 < max_utilisation < 1.0:
+        raise DataError(f"max_utilisation {max_utilisation:g} is no share; give one such as 0.5")
+    reports = tuple(
+        report_flight(analysis, log, max_utilisation=max_utilisation) for analysis, log in flights
+    )
     if not reports:
         raise DataError("no flight to report on; give at least one log that can be read")
     return Report(
         made_utc=datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z"),
         version=software_version(),
-        limit=limit,
-        overview=overview_of(reports, limit),
+        max_utilisation=max_utilisation,
+        overview=overview_of(reports, max_utilisation),
         flights=reports,
         unread=tuple(unread),
     )

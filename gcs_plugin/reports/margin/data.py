@@ -281,7 +281,7 @@ class Report:
 
     made_utc: str
     version: str
-    limit: float
+    max_utilisation: float
     overview: Overview
     flights: tuple[FlightReport, ...]
     unread: tuple[UnusedLog, ...] = ()

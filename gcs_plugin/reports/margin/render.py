@@ -71,7 +71,7 @@ def json_text(report: Report, csv_name: str) -> str:
         "schema": SCHEMA,
         "made_utc": report.made_utc,
         "version": report.version,
-        "limit": report.limit,
+        "limit": report.max_utilisation,
         "overview": to_plain(report.overview),
         "csv": {
             "file": csv_name,

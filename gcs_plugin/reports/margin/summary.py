@@ -41,18 +41,23 @@ LONGEST_STEP = 2.5
 END_SHARE = 0.1
 
 
-def report_flight(analysis: FlightAnalysis, log: FlightLog, *, limit: float) -> FlightReport:
-    """Everything that the report says about one flight; `limit` is the line of capacity use."""
+def report_flight(
+    analysis: FlightAnalysis, log: FlightLog, *, max_utilisation: float
+) -> FlightReport:
+    """Everything that the report says about one flight.
+
+    `max_utilisation` is the largest share of a rotor's maximum thrust that may be in use.
+    """
     track, airframe = analysis.track, analysis.model.airframe
     limits = ceiling(airframe, analysis.density, track.voltage)
     series = series_of(
         analysis,
-        fill_limit_kg=largest_fill(airframe, limits, limit=limit),
+        fill_limit_kg=largest_fill(airframe, limits, limit=max_utilisation),
         fill_one_rotor_out_kg=largest_fill(airframe, limits, criterion="yaw free"),
     )
     seconds = row_seconds(track)
     moments = worst_moments(analysis, airframe.rotor_names)
-    verdict = _verdict(analysis, airframe, seconds, limit)
+    verdict = _verdict(analysis, airframe, seconds, max_utilisation)
     verdict = replace(verdict, worst=moments[0] if moments else None)
     return FlightReport(
         name=track.name,
@@ -62,7 +67,7 @@ def report_flight(analysis: FlightAnalysis, log: FlightLog, *, limit: float) -> 
         flight=_flight(analysis, seconds),
         model=_model_use(analysis),
         load=load_rows(analysis, limits, first_rows(track), last_rows(track)),
-        rotors=_rotor_uses(analysis, airframe, seconds, limit),
+        rotors=_rotor_uses(analysis, airframe, seconds, max_utilisation),
         moments=moments,
         redundancy=_redundancy(analysis, airframe, series.fill_limit_kg, seconds, limits),
         accuracy=accuracy(analysis, airframe.rotor_names),

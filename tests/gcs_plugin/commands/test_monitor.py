@@ -231,7 +231,7 @@ def test_on_a_full_disk_the_monitor_goes_on_and_says_so_and_records_again_when_t
             port,
             disk / "recordings",
             model_file,
-            *("--limit", "0.6"),
+            *("--max-utilisation", "0.4"),
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,

@@ -74,6 +74,13 @@ def test_a_margin_under_the_limit_is_raised_after_its_hold_time_and_cleared_afte
     assert "under 50%" in margins[0][4]
 
 
+def test_the_alarm_asks_for_the_margin_that_the_largest_utilisation_leaves():
+    track = hover(10.0, rpm=math.sqrt(0.45) * AIRFRAME.max_rotor_speed_rpm)
+    for allowed, words in ((0.5, []), (0.4, ["Thrust margin 55% under 60%: rotor 1"])):
+        events = watched(track, Alarms(AlarmSettings(max_utilisation=allowed)))
+        assert [e[4] for e in events if e[2] == "margin"] == words
+
+
 def test_a_margin_that_dips_for_a_moment_or_hovers_at_the_limit_does_not_chatter():
     dips = np.ones((600, 1))
     for start in range(50, 600, 50):

@@ -54,7 +54,7 @@ def made(error_rpm: np.ndarray, step: float, half_width_rpm: float = 50.0) -> Fl
 
 def test_rmse_bias_r2_and_coverage_are_those_of_the_airborne_rows():
     analysis, recorded = flight()
-    found = report_flight(analysis, recorded, limit=0.5).accuracy
+    found = report_flight(analysis, recorded, max_utilisation=0.5).accuracy
     flying = analysis.track.flying
     measured = analysis.track.rotor_speed_rpm[flying]
     predicted = analysis.prediction.rotor_speed_rpm[flying]

@@ -353,7 +353,7 @@ def test_a_report_that_stops_half_way_leaves_the_old_files_whole(
         raise stop
 
     monkeypatch.setattr("thrustmargin.gcs_plugin.reports.margin.render.html_text", interrupted)
-    changed = replace(report, limit=0.4)
+    changed = replace(report, max_utilisation=0.4)
     with pytest.raises(stop):
         write_report(changed, out)
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before

@@ -22,7 +22,7 @@ def analysis():
 
 @pytest.fixture(scope="module")
 def report():
-    return report_flight(*flight(), limit=0.5)
+    return report_flight(*flight(), max_utilisation=0.5)
 
 
 def airborne_use(analysis):
@@ -52,9 +52,9 @@ def test_time_over_the_line_is_the_share_of_airborne_rows(analysis, report):
 
 def test_the_level_follows_the_limit_and_the_redundancy():
     analysis, recorded = flight()
-    assert report_flight(analysis, recorded, limit=0.9).verdict.level == "under"
+    assert report_flight(analysis, recorded, max_utilisation=0.9).verdict.level == "under"
     heavy = replace(analysis, redundancy_yaw_free=analysis.redundancy_yaw_free * 0.7)
-    verdict = report_flight(heavy, recorded, limit=0.9).verdict
+    verdict = report_flight(heavy, recorded, max_utilisation=0.9).verdict
     assert verdict.level == "critical"
     lost = analysis.track.flying & (heavy.redundancy_yaw_free < 1)
     assert verdict.not_survivable_s == pytest.approx(0.1 * np.sum(lost), rel=0.02)
@@ -197,7 +197,7 @@ def test_speeding_up_and_braking_follow_the_slope_of_ground_speed():
 
 def test_without_rotor_speeds_everything_is_predicted_and_said_so():
     analysis, recorded = without("rotor_speed_rpm")
-    report = report_flight(analysis, recorded, limit=0.5)
+    report = report_flight(analysis, recorded, max_utilisation=0.5)
     worst = report.verdict.worst
     assert worst is not None
     assert worst.basis == "predicted"
@@ -215,13 +215,13 @@ def test_with_rotor_speeds_in_half_of_the_flight_the_rest_is_predicted():
     rpm = track.rotor_speed_rpm.copy()
     rpm[track.time_s > 110] = np.nan
     analysis, recorded = flight(rotor_speed_rpm=rpm)
-    verdict = report_flight(analysis, recorded, limit=0.5).verdict
+    verdict = report_flight(analysis, recorded, max_utilisation=0.5).verdict
     assert 0.4 < verdict.measured_share < 0.6
     assert "predicted for the rest" in verdict.basis
 
 
 def test_without_tank_and_rotor_speeds_there_is_no_verdict():
-    report = report_flight(*without("rotor_speed_rpm", "tank_kg"), limit=0.5)
+    report = report_flight(*without("rotor_speed_rpm", "tank_kg"), max_utilisation=0.5)
     assert report.verdict.level == "unknown"
     assert report.verdict.worst is None
     assert report.moments == ()
@@ -230,7 +230,7 @@ def test_without_tank_and_rotor_speeds_there_is_no_verdict():
 
 
 def test_without_a_tank_level_measured_use_stands_and_redundancy_is_unknown():
-    report = report_flight(*without("tank_kg"), limit=0.5)
+    report = report_flight(*without("tank_kg"), max_utilisation=0.5)
     assert report.verdict.worst is not None
     assert report.verdict.worst.basis == "measured"
     assert np.isnan(report.flight.liquid_used_kg)
@@ -242,7 +242,7 @@ def test_without_a_tank_level_measured_use_stands_and_redundancy_is_unknown():
     ["position_ned", "velocity_ned", "wind_ned", "spraying", "voltage", "angular_rate_frd"],
 )
 def test_a_missing_channel_is_said_and_never_made_up(channel):
-    report = report_flight(*without(channel), limit=0.5)
+    report = report_flight(*without(channel), max_utilisation=0.5)
     assert len(report.quality.missing) == 1
     unknown = {
         "position_ned": [report.moments[0].north, report.flight.sprayed_area],
@@ -257,7 +257,7 @@ def test_a_missing_channel_is_said_and_never_made_up(channel):
 
 def test_a_log_that_never_left_the_ground_has_no_verdict():
     track = log().track
-    report = report_flight(*flight(flying=np.zeros_like(track.flying)), limit=0.5)
+    report = report_flight(*flight(flying=np.zeros_like(track.flying)), max_utilisation=0.5)
     assert report.verdict.level == "unknown"
     assert report.flight.airborne_s == 0.0
     assert np.isnan(report.flight.tank_start_kg)
@@ -266,7 +266,7 @@ def test_a_log_that_never_left_the_ground_has_no_verdict():
 def test_a_flight_of_one_row_is_reported():
     track = log().track
     analysis, recorded = flight(track=track.rows(slice(900, 901)))
-    report = report_flight(analysis, recorded, limit=0.5)
+    report = report_flight(analysis, recorded, max_utilisation=0.5)
     assert report.verdict.worst is not None
     assert report.verdict.worst.capacity_use == np.nanmax(analysis.capacity_use)
 
@@ -275,7 +275,7 @@ def test_a_pause_of_the_log_is_not_counted_as_time_over_the_line():
     track = log().track
     rows = np.r_[0:900, 1300 : track.time_s.size]
     cut = track.rows(rows)
-    report = report_flight(*flight(track=cut), limit=0.01)
+    report = report_flight(*flight(track=cut), max_utilisation=0.01)
     assert report.verdict.over_limit_s == pytest.approx(0.1 * np.sum(cut.flying), rel=0.02)
 
 
@@ -295,12 +295,12 @@ def test_the_data_quality_is_what_the_reader_says(report):
 
 @pytest.mark.parametrize("limit", [0.0, 1.0, -0.5, 50.0, float("nan")])
 def test_a_limit_that_is_no_share_is_refused(limit):
-    with pytest.raises(DataError, match="no share of thrust"):
-        build_report([flight()], limit=limit)
+    with pytest.raises(DataError, match="is no share"):
+        build_report([flight()], max_utilisation=limit)
 
 
 def test_several_flights_are_counted_by_verdict_and_the_worst_is_named():
-    light = report_flight(*flight(), limit=0.5)
+    light = report_flight(*flight(), max_utilisation=0.5)
     analysis, recorded = flight()
     heavier = replace(
         analysis,
@@ -321,6 +321,6 @@ def test_a_report_without_flights_is_refused():
 
 def test_a_track_without_any_channel_is_reported_as_unknown():
     bare = FlightTrack.of(name="bare", time_s=np.arange(5.0), rotor_count=4)
-    report = report_flight(*flight(track=bare), limit=0.5)
+    report = report_flight(*flight(track=bare), max_utilisation=0.5)
     assert report.verdict.level == "unknown"
     assert len(report.quality.missing) > 5

@@ -1,0 +1,84 @@
+"""What several commands ask and check in the same way, before any work is done."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from thrustmargin.models.errors import DataError
+
+#: What `--limit` meant in a command before `--max-utilisation` took its place in all of them.
+OLD_LIMIT = {"report": "thrust in use", "monitor": "thrust margin"}
+
+
+def renamed_option(argv: Sequence[str]) -> str | None:
+    """One line on how an option of an older command line is written now; None without one."""
+    if not argv or argv[0] not in OLD_LIMIT:
+        return None
+    for place, word in enumerate(argv):
+        option, _, value = word.partition("=")
+        if option == "--limit":
+            value = value or "".join(argv[place + 1 : place + 2])
+            meant = OLD_LIMIT[argv[0]]
+            try:
+                same = float(value) if meant == "thrust in use" else 1.0 - float(value)
+            except ValueError:
+                value, same = "0.5", 0.5
+            return (
+                "--limit is now --max-utilisation, the largest share of a rotor's maximum thrust "
+                f"that may be in use; for the {meant} of --limit {value} write "
+                f"--max-utilisation {same:.6g}"
+            )
+    return None
+
+
+def check_utilisation(value: float) -> None:
+    """Raise DataError unless `value` is a share that a limit of thrust utilisation can be."""
+    if not 0.0 < value < 1.0:
+        raise DataError(
+            f"--max-utilisation {value:g} is not a share of a rotor's maximum thrust; give one "
+            "between 0 and 1, such as 0.5"
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """A file that a command is asked to write, and the option that names it."""
+
+    option: str
+    path: Path | None
+    endings: tuple[str, ...] = ()  # that its name may have; () is any
+    keep: bool = False  # what stands there already is not replaced
+
+
+def check_outputs(outputs: Iterable[Output], *, inputs: Iterable[Path] = ()) -> None:
+    """Raise DataError when a result would have no place or would harm one of the `inputs`."""
+    inputs = list(inputs)
+    taken: set[Path] = set()
+    for output in outputs:
+        path = output.path
+        if path is None:
+            continue
+        if output.endings and path.suffix.lower() not in output.endings:
+            raise DataError(f"cannot write {path}; end its name in {' or '.join(output.endings)}")
+        if not path.parent.is_dir():
+            raise DataError(f"no folder {path.parent}; make it, or give another {output.option}")
+        for read in inputs:
+            if _same(path, read):
+                raise DataError(
+                    f"{path} would overwrite {read}, which is read; give another {output.option}"
+                )
+        if path.resolve() in taken:
+            raise DataError(f"{path} is asked for twice; give another {output.option}")
+        taken.add(path.resolve())
+        if output.keep and path.exists():
+            raise DataError(
+                f"{path} is already there; give another {output.option}, or --force to replace it"
+            )
+
+
+def _same(first: Path, second: Path) -> bool:
+    if first.exists() and second.exists():
+        return first.samefile(second)
+    return first.resolve() == second.resolve()
