@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 LINKS := $(VENV)/links/thrustmargin
 DEMO_LOG := sitl_logs/campaign/v4_m16_q2.5.tlog
 
-.PHONY: demo test check bench measured screenshots clean
+.PHONY: demo test check bench measured mutation screenshots clean
 
 demo: $(VENV)/.demo
 	$(BIN)/thrustmargin demo $(DEMO_LOG) --out report.html $(DEMO_ARGS)
@@ -24,6 +24,11 @@ bench: $(VENV)/.test
 # make measured DATA=../shared/measured [ONLY="px4_ulog ..."]
 measured: $(VENV)/.test
 	$(BIN)/python -m tests.measured $(DATA) $(if $(ONLY),--only $(ONLY)) $(MEASURED_ARGS)
+
+# Breaks the source on purpose and counts what fast tests notice: make mutation MUTATION_ARGS='ROOM --sample 20'
+mutation: $(VENV)/.test
+	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[mutation]'
+	nice $(BIN)/python tests/mutation/mutate.py $(MUTATION_ARGS)
 
 screenshots: $(VENV)/.test
 	$(BIN)/python docs/screenshots.py
