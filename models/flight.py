@@ -95,7 +95,7 @@ class FlightTrack:
     """
 
     name: str
-    time_s: Floats  # (T,) s since the first row
+    time_s: Floats  # (T,) s since the flight's start, which a live window begins after
     position_ned: Floats  # (T, 3) m
     velocity_ned: Floats  # (T, 3) m/s over ground
     attitude: Floats  # (T, 3) rad: roll, pitch, yaw

@@ -13,13 +13,30 @@ code runs on numpy arrays (prediction) and on torch tensors (derivatives by torc
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.physics.airframe import Airframe
+
 Array = Any  # numpy array or torch tensor of T rows
 Values = Mapping[str, Array]  # parameter name -> number or (T,) array
+Look = tuple[float, float]  # s before and s after a row
+#: (track, airframe, state at the first row or None) -> (channel (T, ...), state at the last row)
+OwnChannel = Callable[[FlightTrack, Airframe, Any], tuple[Array, Any]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightState:
+    """What effects carry from row to row, at one row of a flight: by the name of the effect.
+
+    A window of rows that begins there, analysed from this state, gives what the flight in one
+    piece gives.
+    """
+
+    carried: Mapping[str, Any] = field(default_factory=dict)
 
 
 class Kind(StrEnum):
@@ -49,6 +66,10 @@ class Parameter:
     accuracy: float = 0.0  # the same as a share of the value: what the form itself is good for
 
 
+def _at_the_row(p: Values) -> Look:  # noqa: ARG001
+    return 0.0, 0.0
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Effect:
     """One physical effect. `apply` takes and returns by kind:
@@ -76,6 +97,9 @@ class Effect:
     weight: Callable[..., Any] | None = None
     begins: bool = False  # a step in time, found by `models.identification.onset`
     seeds: tuple[Mapping[str, float], ...] = ()  # other starts of a fit that has several valleys
+    #: p -> how far around a row its channels look
+    looks: Callable[[Values], Look] = _at_the_row
+    own_channel: OwnChannel | None = None  # `Channels.own[name]`, made for this effect alone
 
     @property
     def key(self) -> str:
@@ -90,3 +114,11 @@ class Placed:
     effect: Effect
     values: Values
     rotor: int | None = None
+
+
+def look_of(placed: Sequence[Placed]) -> Look:
+    """How far around a row effects look, s; a late report of rotor speeds moves all of it back."""
+    late = sum(float(item.values["lag"]) for item in placed if item.effect.delays)
+    looks = [item.effect.looks(item.values) for item in placed]
+    back, ahead = (max(side) for side in zip((0.0, 0.0), *looks, strict=True))
+    return back + max(late, 0.0), ahead + max(-late, 0.0)

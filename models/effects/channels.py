@@ -6,12 +6,14 @@ a derivative: column k holds the channel `LAGS[k]` later, which undoes a report 
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, Self
 
 import numpy as np
 
-from thrustmargin.models.effects.pendulum import cable_pull, shortest_cable
+from thrustmargin.models.effects.base import Effect, FlightState, Look
+from thrustmargin.models.effects.pendulum import shortest_cable
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0, isa_temperature, track_density
@@ -21,7 +23,7 @@ from thrustmargin.models.physics.forward_flight import (
     hover_induced_velocity,
     manoeuvre_load,
 )
-from thrustmargin.models.physics.smoothing import derivative, moving_mean
+from thrustmargin.models.physics.smoothing import derivative, moving_mean, row_step
 
 LAG_STEP = 0.1  # s
 NEAR_LAG = 0.5  # s, as far as an effect looks around a row by itself
@@ -63,7 +65,7 @@ class Channels:
     heading: Any
     yaw_rate: Any
     yaw_acceleration: Any
-    cable_pull: Any  # (T, lengths) what a load on a cable adds, in weights of the load
+    own: Mapping[str, Any]  # (T, ...) what effects made for themselves, by the effect's name
     delay: Any  # s by which the rotor speeds are reported late, which effects may set
     tank_capacity_kg: float
     reference_density: float
@@ -71,6 +73,10 @@ class Channels:
     empty_weight: float  # N
     propeller_diameter: float
     shortest_cable: float  # m, of the first column of cable_pull
+
+    def read(self, name: str) -> Any:
+        """A channel by its name, or what the effect of that name made for itself; None if not."""
+        return self.own.get(name, getattr(self, name, None))
 
     def rows(self, which: Any) -> Self:
         """The same channels with only the chosen rows."""
@@ -88,6 +94,8 @@ class Channels:
             value = getattr(self, f.name)
             if isinstance(value, tuple):
                 changed[f.name] = tuple(change(v) for v in value)
+            elif isinstance(value, Mapping):
+                changed[f.name] = {name: change(v) for name, v in value.items()}
             elif not isinstance(value, float):
                 changed[f.name] = change(value)
         return replace(self, **changed)
@@ -100,9 +108,27 @@ def concatenate(parts: list[Channels]) -> Channels:
         values = [getattr(p, f.name) for p in parts]
         if isinstance(values[0], tuple):
             joined[f.name] = tuple(np.concatenate(v) for v in zip(*values, strict=True))
+        elif isinstance(values[0], Mapping):
+            joined[f.name] = {k: np.concatenate([v[k] for v in values]) for k in values[0]}
         elif not isinstance(values[0], float):
             joined[f.name] = np.concatenate(values)
     return replace(parts[0], **joined)
+
+
+def shifts_look(lag: float, channel: float = 0.0) -> Look:
+    """How far a shift table read `lag` s later looks, with a channel that itself looks `channel` s
+    both ways. Rows look NEAR_LAG around them even where nothing is read there."""
+    reach = 4 * LAG_STEP  # of the weights
+    return max(NEAR_LAG, reach - lag) + channel, max(NEAR_LAG, reach + lag) + channel
+
+
+def derivative_look(span: float) -> float:
+    """How far a derivative over `span` s looks, in rows of LAG_STEP."""
+    return LAG_STEP * (int(span / LAG_STEP / 2) + 2)
+
+
+#: s that the manoeuvre load looks both ways: its derivative, and the mean that holds it
+LOAD_LOOK = derivative_look(VELOCITY_SPAN) + SLOW_SPAN / 2 + LAG_STEP
 
 
 def lag_weights(lag: Any, xp: Any, sharpening: Any = None) -> Any:
@@ -134,11 +160,14 @@ def channels_of(
     reference_density: float,
     reference_voltage: float,
     forward_flight: ForwardFlight | None = None,
+    effects: Iterable[Effect] = (),
+    start: FlightState | None = None,
 ) -> Channels:
     """Channels of all rows of a track; rows are kept, NaN where a channel is not reported.
 
     With `forward_flight` the load factor is that over steady flight at the airspeed, drag
-    included; without it that of the motion alone.
+    included; without it that of the motion alone. Channels of their own are made for `effects`,
+    from the state `start` of the first row.
     """
     time_s, velocity = track.time_s, track.velocity_ned
     density, _ = track_density(track)
@@ -164,7 +193,7 @@ def channels_of(
         return np.stack([_later(time_s, a, lag) for lag in LAGS], axis=1)
 
     return Channels(
-        time_s=time_s - time_s[0] if time_s.size else time_s,
+        time_s=time_s,
         clock_s=time_s + (np.nan if track.start_unix_s is None else track.start_unix_s),
         airspeed=track.airspeed,
         airspeed_shifts=table(track.airspeed),
@@ -190,7 +219,7 @@ def channels_of(
         heading=np.mod(track.attitude[:, 2], 2 * np.pi),
         yaw_rate=track.angular_rate_frd[:, 2],
         yaw_acceleration=turn[:, 2],
-        cable_pull=cable_pull(track, airframe),
+        own=own_channels(track, airframe, effects, start)[0],
         delay=0.0,
         tank_capacity_kg=float(airframe.tank_capacity_kg),
         reference_density=float(reference_density),
@@ -198,6 +227,22 @@ def channels_of(
         empty_weight=float(airframe.empty_mass * G0),
         propeller_diameter=float(airframe.propeller_diameter),
         shortest_cable=shortest_cable(airframe),
+    )
+
+
+def own_channels(
+    track: FlightTrack,
+    airframe: Airframe,
+    effects: Iterable[Effect],
+    start: FlightState | None = None,
+) -> tuple[dict[str, Any], FlightState]:
+    """The channels that effects make for themselves, and what they carry at the last row."""
+    makers = {e.name: e.own_channel for e in effects if e.own_channel is not None}
+    before = {} if start is None else start.carried
+    made = {name: make(track, airframe, before.get(name)) for name, make in makers.items()}
+    return (
+        {name: channel for name, (channel, _) in made.items()},
+        FlightState(carried={name: state for name, (_, state) in made.items()}),
     )
 
 
@@ -244,7 +289,7 @@ def _later(time_s: Floats, values: Floats, lag: float) -> Floats:
             return values
         return np.interp(time_s + lag, time_s[known], values[known])
     moved = np.interp(time_s + lag, time_s, values)
-    step = float(np.median(np.diff(time_s)))
+    step = row_step(time_s)
     right = np.clip(np.searchsorted(time_s, time_s + lag), 1, time_s.size - 1)
     far = np.diff(time_s)[right - 1] > 5 * step
     outside = (time_s + lag < time_s[0]) | (time_s + lag > time_s[-1])

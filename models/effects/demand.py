@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 from thrustmargin.models.effects.base import Effect, Kind, Parameter
-from thrustmargin.models.effects.channels import Channels, lag_weights
+from thrustmargin.models.effects.channels import (
+    ALONG_SPAN,
+    LOAD_LOOK,
+    Channels,
+    derivative_look,
+    lag_weights,
+    shifts_look,
+)
 from thrustmargin.models.physics.atmosphere import G0
 
 
@@ -71,6 +78,7 @@ PARASITE_DRAG = Effect(
     "its square has D^2 and, while speeding up along the way, 2 D m a",
     tell="a straight line flown fast and slow at the same tank level",
     apply=_parasite_drag,
+    looks=lambda p: (derivative_look(ALONG_SPAN),) * 2,  # noqa: ARG005
     affine=True,
 )
 
@@ -126,5 +134,6 @@ LOAD_FACTOR = Effect(
     "sharpening gives back what reports a few times a second smooth away, or smooths their noise",
     tell="sharp stops and pull-ups at one tank level",
     apply=_load_factor,
+    looks=lambda p: shifts_look(p["lag"], LOAD_LOOK),
     affine=True,
 )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import cos, pi, sin
 
 from thrustmargin.models.effects.base import Effect, Kind, Parameter
-from thrustmargin.models.effects.channels import Channels, lag_weights
+from thrustmargin.models.effects.channels import Channels, lag_weights, shifts_look
 
 LEAST_AIRSPEED_ERROR = 0.8  # m/s RMS: a gust or two off is no missing wind
 
@@ -106,6 +106,7 @@ SENSOR_LAG = Effect(
     source="the airspeed channel reports late by `lag`",
     tell="quick changes of speed: accelerate and brake on a straight line",
     apply=_sensor_lag,
+    looks=lambda p: shifts_look(p["lag"]),
 )
 
 ROTOR_SPEED_LAG = Effect(
@@ -130,5 +131,6 @@ ROTOR_SPEED_LAG = Effect(
     source="the rotor speeds are reported late by `lag`: telemetry that queues or comes rarely",
     tell="quick changes of speed and heading: accelerate, brake and turn",
     apply=_rotor_speed_lag,
+    looks=lambda p: shifts_look(0.0),  # noqa: ARG005
     delays=True,
 )

@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 from thrustmargin.models.effects.base import Effect, Kind, Parameter
-from thrustmargin.models.effects.channels import Channels, lag_weights
+from thrustmargin.models.effects.channels import (
+    RATE_SPAN,
+    Channels,
+    derivative_look,
+    lag_weights,
+    shifts_look,
+)
 
 
 def _cg_fixed(p, x: Channels, thrust, xp):  # noqa: ARG001
@@ -154,4 +160,5 @@ MANOEUVRE_MOMENT = Effect(
     "hidden mass change it; sharpening gives back what differences of a sampled rate smooth away",
     tell="sharp turns about each axis in a hover",
     apply=_manoeuvre,
+    looks=lambda p: shifts_look(p["lag"], derivative_look(RATE_SPAN)),
 )

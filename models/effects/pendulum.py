@@ -13,6 +13,7 @@ a table of lengths, read between its columns, makes the length a parameter with 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,50 +39,63 @@ def cable_lengths(airframe: Airframe) -> Floats:
     return shortest_cable(airframe) * RATIO ** np.arange(LENGTHS, dtype=np.float64)
 
 
+class SwingState(NamedTuple):
+    """Where the loads are at one row, and what drives them."""
+
+    load: Floats  # (2, L, 3) direction and its rate, NED
+    force: Floats  # (3,) m/s² NED, the last known
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Swing:
     """A load on L cables, worked out along a flight of T rows; NaN where the log is silent."""
 
     direction_ned: Floats  # (T, L, 3) unit vector from the hook to the load
     pull: Floats  # (T, L) tension along the thrust axis, in weights of the load
+    last: SwingState | None  # at the last row; None before any force was known
 
 
-def cable_pull(track: FlightTrack, airframe: Airframe) -> Floats:
+def cable_pull(
+    track: FlightTrack, airframe: Airframe, start: SwingState | None = None
+) -> tuple[Floats, SwingState | None]:
     """What a swinging load adds along the thrust axis, (T, lengths) in weights of the load.
 
     It is the tension along the axis less |f|/g, what the load would take if it did not swing: 0 in
     a steady hover. NaN without accelerometer or attitude; one column of NaN for an aircraft with a
-    tank, which carries its load inside.
+    tank, which carries its load inside. With it comes the state at the last row, and `start` is
+    that at the first.
     """
     if airframe.tank_capacity_kg > 0.0:
-        return np.full((track.time_s.size, 1), np.nan)
+        return np.full((track.time_s.size, 1), np.nan), None
     felt = np.linalg.norm(track.specific_force_frd, axis=1) / G0
-    return swing(track, cable_lengths(airframe)).pull - felt[:, None]
+    swung = swing(track, cable_lengths(airframe), start)
+    return swung.pull - felt[:, None], swung.last
 
 
-def swing(track: FlightTrack, lengths: Floats) -> Swing:
-    """The load on cables of `lengths` (L,) m. It starts at rest, along the first row's apparent
-    gravity, and takes the last known force where a row has none."""
+def swing(track: FlightTrack, lengths: Floats, start: SwingState | None = None) -> Swing:
+    """The load on cables of `lengths` (L,) m. Without a `start` it hangs at rest, along the first
+    row's apparent gravity. It takes the last known force where a row has none."""
     rows = track.time_s.size
     force, down = force_ned(track)
     known: Bools = np.all(np.isfinite(force) & np.isfinite(down), axis=1)
-    out = Swing(
-        direction_ned=np.full((rows, lengths.size, 3), np.nan),
-        pull=np.full((rows, lengths.size), np.nan),
-    )
-    if not known.any():
-        return out
-    first = int(np.argmax(known))
-    f = force[first]
-    direction = np.tile(-f / np.linalg.norm(f), (lengths.size, 1))
-    state = np.stack([direction, np.zeros_like(direction)])
+    directions = np.full((rows, lengths.size, 3), np.nan)
+    pull = np.full((rows, lengths.size), np.nan)
+    if start is None and not known.any():
+        return Swing(direction_ned=directions, pull=pull, last=None)
+    if start is None:
+        first = int(np.argmax(known))
+        f = force[first]
+        direction = np.tile(-f / np.linalg.norm(f), (lengths.size, 1))
+        state = np.stack([direction, np.zeros_like(direction)])
+    else:
+        first, (state, f) = 0, start
     fastest = float(np.sqrt(G0 / lengths.min()))
     for t in range(first, rows):
         direction, rate = state
         if known[t]:
             tension = lengths * np.sum(rate**2, axis=1) - direction @ f
-            out.direction_ned[t] = direction
-            out.pull[t] = np.clip(tension * (direction @ down[t]) / G0, 0.0, MOST_PULL)
+            directions[t] = direction
+            pull[t] = np.clip(tension * (direction @ down[t]) / G0, 0.0, MOST_PULL)
         if t + 1 < rows:
             after = force[t + 1] if known[t + 1] else f
             span = float(track.time_s[t + 1] - track.time_s[t])
@@ -90,7 +104,7 @@ def swing(track: FlightTrack, lengths: Floats) -> Swing:
                 part = [f + (after - f) * (k + c) / steps for c in (0.0, 0.5, 1.0)]
                 state = _step(state, part, lengths, span / steps)
             f = after
-    return out
+    return Swing(direction_ned=directions, pull=pull, last=SwingState(state, f))
 
 
 def _step(state: Floats, force: list[Floats], lengths: Floats, span: float) -> Floats:

@@ -6,7 +6,7 @@ from math import log
 
 from thrustmargin.models.effects.base import Effect, Kind, Parameter
 from thrustmargin.models.effects.channels import Channels
-from thrustmargin.models.effects.pendulum import LENGTHS, RATIO, SHORTEST
+from thrustmargin.models.effects.pendulum import LENGTHS, RATIO, SHORTEST, cable_pull
 from thrustmargin.models.effects.size import ARM
 from thrustmargin.models.physics.atmosphere import G0
 
@@ -20,7 +20,7 @@ def _slung_load(p, x: Channels, thrust, xp):
     near = (1.5 * u - 2.5) * u * u + 1.0  # cubic convolution (Keys 1981), as for delays
     far = ((-0.5 * u + 2.5) * u - 4.0) * u + 2.0
     weights = xp.where(u < 1, near, xp.where(u < 2, far, 0.0 * u))
-    return thrust + p["mass"] * G0 * (x.cable_pull @ weights)
+    return thrust + p["mass"] * G0 * (x.own["slung_load"] @ weights)
 
 
 def _bracket(number: int) -> Effect:
@@ -54,12 +54,13 @@ def _bracket(number: int) -> Effect:
                 detail=True,
             ),
         ),
-        needs=("cable_pull",),
+        needs=("slung_load",),
         shape_channels=(),
         source="a load on a cable swings as a spherical pendulum below the aircraft, driven by the "
         "specific force that the aircraft feels; its mass is part of the weight already",
         tell="hover until the load hangs still, then stop sharply and let it swing",
         apply=_slung_load,
+        own_channel=cable_pull,
     )
 
 

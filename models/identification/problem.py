@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from thrustmargin.models.effects.base import Effect, Placed
 from thrustmargin.models.effects.channels import Channels, concatenate
 from thrustmargin.models.effects.compose import BaseTable
+from thrustmargin.models.effects.stored import BY_KEY
 from thrustmargin.models.errors import AirframeError, DataError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.identification.base_uncertainty import doubt_rpm
@@ -100,7 +101,7 @@ class Problem:
 
     def has(self, effect: Effect) -> bool:
         """True when every channel the effect needs is reported."""
-        return all(_reported(getattr(self.channels, name)) for name in effect.needs)
+        return all(_reported(self.channels.read(name)) for name in effect.needs)
 
     def torch_parts(self) -> tuple[BaseTable, Channels]:
         """The base table and the channels as torch tensors."""
@@ -120,7 +121,7 @@ class Problem:
 def _reported(channel: Any) -> bool:
     if isinstance(channel, tuple):
         return all(_reported(c) for c in channel)
-    return bool(np.isfinite(channel).all()) if isinstance(channel, np.ndarray) else True
+    return isinstance(channel, np.ndarray) and bool(np.isfinite(channel).all())
 
 
 def assemble(model: RotorModel, tracks: Sequence[FlightTrack]) -> Problem:
@@ -137,7 +138,7 @@ def assemble(model: RotorModel, tracks: Sequence[FlightTrack]) -> Problem:
                 f"{track.name}: {track.rotor_count} rotors, but airframe {airframe.name} has "
                 f"{airframe.rotor_count}; give the right airframe with --airframe"
             )
-        channels = model_channels(model, track)
+        channels = model_channels(model, track, effects=BY_KEY.values())
         keep = training_rows(track) & np.isfinite(channels.airspeed_shifts).all(axis=1)
         for optional in (channels.load_factor_shifts, channels.rate_shifts[2]):
             good = np.isfinite(optional).all(axis=1)

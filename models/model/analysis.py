@@ -9,6 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from thrustmargin.models.effects.base import FlightState as FlightState
+from thrustmargin.models.effects.channels import own_channels
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.flown import flown_airframe, temperature_offset
@@ -48,6 +50,17 @@ class FlightAnalysis:
     redundancy_yaw_kept: Floats  # (T,) worst single rotor lost: holdable thrust over weight
     redundancy_yaw_free: Floats  # (T,) the same with heading given up
     trimmable_loss: Floats  # (T,) largest share of one rotor's thrust that can be lost in trim
+    start: FlightState | None = None  # that the first row was analysed from
+
+    def state_at(self, row: int) -> FlightState:
+        """What the model's effects carry at a row, from which a window that begins there goes on.
+
+        Raises IndexError for a row that the track does not have.
+        """
+        rows = range(self.track.time_s.size)[row] + 1
+        effects = [item.effect for item in self.model.placed]
+        before = self.track.rows(slice(0, rows))
+        return own_channels(before, self.model.airframe, effects, self.start)[1]
 
     @property
     def margin(self) -> Floats:
@@ -73,12 +86,23 @@ class FlightAnalysis:
             return self.track.flying & np.any(self.capacity_use > limit, axis=1)
 
 
-def analyse(track: FlightTrack, model: RotorModel, density: Floats | None = None) -> FlightAnalysis:
+def analyse(
+    track: FlightTrack,
+    model: RotorModel,
+    density: Floats | None = None,
+    *,
+    start: FlightState | None = None,
+) -> FlightAnalysis:
     """Run one flight of T rows and R rotors through the model.
 
     `density` (T,) kg/m³ replaces that made from the track's own pressure or altitude. A row lacks
     (is NaN in) what needs a channel that it lacks: thrust and use need rotor speed; weight,
     redundancy and trimmable loss the tank. Voltage and density have stated fallbacks.
+
+    A track may be a window of a flight: its `time_s` counts from the flight's start, and `start` is
+    `state_at` of its first row in the window before. Rows at least `model.look_back_s` after the
+    window's first row (where that is not the flight's) and `model.look_ahead_s` before its last
+    are as those of the whole flight.
     Raises AirframeError when the flight has another number of rotors than the model's airframe.
     """
     airframe = flown_airframe(model)
@@ -88,7 +112,7 @@ def analyse(track: FlightTrack, model: RotorModel, density: Floats | None = None
     else:
         rho, density_basis = np.asarray(density, dtype=np.float64), "given with the flight"
     limits = ceiling(airframe, rho, track.voltage)
-    prediction = predict(model, track, rho)
+    prediction = predict(model, track, rho, start=start)
     load = weight(airframe, track.tank_kg)
     return FlightAnalysis(
         track=track,
@@ -107,6 +131,7 @@ def analyse(track: FlightTrack, model: RotorModel, density: Floats | None = None
         redundancy_yaw_kept=redundancy(airframe, limits, load, yaw_kept=True),
         redundancy_yaw_free=redundancy(airframe, limits, load, yaw_kept=False),
         trimmable_loss=trimmable_loss(airframe, limits, load),
+        start=start,
     )
 
 

@@ -6,13 +6,14 @@ row is predicted without what it lacks, and marked.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import fields, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
-from thrustmargin.models.effects.base import Placed
+from thrustmargin.models.effects.base import Effect, FlightState, Placed
 from thrustmargin.models.effects.channels import LAGS, NEAR_LAG, Channels, channels_of
 from thrustmargin.models.effects.compose import BaseTable, base_table, rotor_speed_rpm
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
@@ -26,24 +27,34 @@ def table_of(model: RotorModel) -> BaseTable:
     return base_table(model.held_speed, model.airframe, thrust_coefficient=model.thrust_coefficient)
 
 
-def model_channels(model: RotorModel, track: FlightTrack) -> Channels:
-    """The channels of a track as the effects of a model read them."""
+def model_channels(
+    model: RotorModel,
+    track: FlightTrack,
+    *,
+    effects: Iterable[Effect] | None = None,
+    start: FlightState | None = None,
+) -> Channels:
+    """The channels of a track as the effects of a model read them, or as `effects` do."""
     return channels_of(
         track,
         model.airframe,
         reference_density=model.reference_density,
         reference_voltage=model.airframe.ceiling_voltage,
         forward_flight=model.forward_flight,
+        effects=[p.effect for p in model.placed] if effects is None else effects,
+        start=start,
     )
 
 
-def speed_with_effects(model: RotorModel, track: FlightTrack) -> tuple[Floats, Bools]:
+def speed_with_effects(
+    model: RotorModel, track: FlightTrack, start: FlightState | None = None
+) -> tuple[Floats, Bools]:
     """Rotor speeds (T, R) rpm with all effects, and (T,) rows that lacked a channel of one.
 
     NaN where airspeed or tank level is missing.
     """
     placed = model.placed
-    neutral, lacking = _filled(model_channels(model, track), placed)
+    neutral, lacking = _filled(model_channels(model, track, start=start), placed)
     with np.errstate(invalid="ignore", divide="ignore"):
         speed = rotor_speed_rpm(table_of(model), placed, neutral, np)
     speed[~(np.isfinite(track.airspeed) & np.isfinite(track.tank_kg))] = np.nan
@@ -65,7 +76,6 @@ def _filled(x: Channels, placed: Sequence[Placed]) -> tuple[Channels, Bools]:
         "velocity_north": 0.0,
         "velocity_east": 0.0,
         "heading": 0.0,
-        "cable_pull": 0.0,
     }
     needed = {name for item in placed for name in item.effect.needs}
     if "load_factor_shifts" in needed:
@@ -74,7 +84,12 @@ def _filled(x: Channels, placed: Sequence[Placed]) -> tuple[Channels, Bools]:
     late = any(item.effect.delays for item in placed)
     looked_at = np.ones(len(LAGS), np.bool_) if late else np.abs(LAGS) <= NEAR_LAG
     lacking = np.zeros(x.time_s.shape, dtype=np.bool_)
-    filled = {}
+    own = {}
+    for name, value in x.own.items():
+        bad = ~np.isfinite(value)
+        lacking |= bad.reshape(bad.shape[0], -1).any(1)
+        own[name] = np.where(bad, 0.0, value)
+    filled: dict[str, Any] = {"own": own}
     for f in fields(x):
         if f.name not in nothing or f.name not in needed:
             continue

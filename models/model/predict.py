@@ -13,6 +13,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from thrustmargin.models.effects.base import FlightState
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.flown import flown_airframe, knows_density, speed_with_effects
@@ -42,14 +43,16 @@ class Prediction:
     partial: Bools | None = None  # (T,) rows that lacked a channel of one of the model's effects
 
 
-def predict(model: RotorModel, track: FlightTrack, density: Floats) -> Prediction:
+def predict(
+    model: RotorModel, track: FlightTrack, density: Floats, *, start: FlightState | None = None
+) -> Prediction:
     """Predict the rotor speeds of T rows from airspeed and tank level, in air of `density` (T,).
 
     NaN and Basis.NONE where airspeed, tank level or density is missing. Physics rows have no
     interval: there is nothing to calibrate one on. Thrust is that of the predicted speeds by the
     thrust curve, in reference air for the network, which is the air that it learnt in.
     A model with identified effects has them in every row. Raises AirframeError when the rotor count
-    differs.
+    differs. `start` is what the effects carry at the first row of a window (see `analyse`).
     """
     airframe = model.airframe
     if track.rotor_count != airframe.rotor_count:
@@ -78,7 +81,7 @@ def predict(model: RotorModel, track: FlightTrack, density: Floats) -> Predictio
             coverage = model.interval.coverage
     lacking = None
     if model.effects:
-        with_effects, lacking = speed_with_effects(model, track)
+        with_effects, lacking = speed_with_effects(model, track, start)
         replaced = inside if model.network is not None else known
         speed[replaced] = with_effects[replaced]
     return Prediction(

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from thrustmargin.models.effects.base import Placed
+from thrustmargin.models.effects.base import Placed, look_of
 from thrustmargin.models.effects.stored import placed_from
 from thrustmargin.models.errors import AirframeError, ModelError
 from thrustmargin.models.flight import Floats
@@ -87,6 +87,16 @@ class RotorModel:
     def placed(self) -> tuple[Placed, ...]:
         """The identified effects, ready to compose."""
         return placed_from(self.effects, self.airframe.rotor_count)
+
+    @property
+    def look_back_s(self) -> float:
+        """s before a row that its prediction looks at, in rows of 0.1 s; follows from effects."""
+        return look_of(self.placed)[0]
+
+    @property
+    def look_ahead_s(self) -> float:
+        """s after a row until which its prediction may still change."""
+        return look_of(self.placed)[1]
 
     @property
     def thrust_coefficient(self) -> float:

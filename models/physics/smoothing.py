@@ -9,11 +9,17 @@ from scipy.signal import savgol_filter
 from thrustmargin.models.flight import Floats
 
 
+def row_step(time_s: Floats) -> float:
+    """Usual s between rows, to the millisecond: the same in each window of a flight."""
+    step = float(np.median(np.diff(time_s)))
+    return round(step, 3) or step
+
+
 def derivative(time_s: Floats, values: Floats, span: float) -> Floats:
     """Time derivative by a local quadratic over `span` seconds; NaN next to a gap."""
     if time_s.size < 9:
         return np.full_like(values, np.nan)
-    step = float(np.median(np.diff(time_s)))
+    step = row_step(time_s)
     window = max(3, 2 * int(span / step / 2) + 1)
     window = min(window, time_s.size - (time_s.size + 1) % 2)
     slope: Floats = np.asarray(
@@ -31,7 +37,7 @@ def moving_mean(time_s: Floats, values: Floats, span: float) -> Floats:
     """Mean (T,) of what is finite within `span` seconds about each row; NaN where nothing is."""
     if time_s.size < 2:
         return values
-    width = max(1, round(span / float(np.median(np.diff(time_s)))))
+    width = max(1, round(span / row_step(time_s)))
     known = np.isfinite(values)
     total = uniform_filter1d(np.where(known, values, 0.0), width, mode="constant")
     share = uniform_filter1d(known.astype(float), width, mode="constant")

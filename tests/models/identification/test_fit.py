@@ -25,7 +25,7 @@ def evaluator(sitl_logs):
     problem = assemble(physics_model(F16), [log.track for log in logs])
     x = problem.channels
     pull = 1.0 + 0.1 * np.sin(x.time_s[:, None] + 0.3 * np.arange(LENGTHS))
-    return Evaluator(replace(problem, channels=replace(x, cable_pull=pull)))
+    return Evaluator(replace(problem, channels=replace(x, own={"slung_load": pull})))
 
 
 @pytest.mark.parametrize("effect", CATALOGUE, ids=lambda e: e.key)
