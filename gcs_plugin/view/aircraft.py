@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.view.shown_rows import FRD_FLU, Row
+from thrustmargin.gcs_plugin.view.shown_row import FRD_FLU, ShownRow
 from thrustmargin.gcs_plugin.view.tonemap import line_colours, sent_for
 from thrustmargin.gcs_plugin.wording import palette as colours
 from thrustmargin.models.flight import Floats
@@ -125,20 +125,21 @@ class VehicleNode:
         """Take it off the scene until it is shown again."""
         self.frame.visible = self._visible = False
 
-    def show(self, row: Row) -> None:
+    def show(self, row: ShownRow) -> None:
         """Put the aircraft where `row` says, in its colours. Hidden without a position."""
-        placed = bool(np.all(np.isfinite(row.position_enu)))
+        position, wxyz, margin = row.position_enu, row.wxyz, row.margin
+        placed = bool(np.all(np.isfinite(position)))
         if placed != self._visible:
             self.frame.visible = self._visible = placed
         if not placed:
             return
-        self.frame.position = row.position_enu
-        if np.all(np.isfinite(row.wxyz)):
-            self.frame.wxyz = row.wxyz
-        self._discs.batched_colors = disc_colours(row.margin)
+        self.frame.position = position
+        if np.all(np.isfinite(wxyz)):
+            self.frame.wxyz = wxyz
+        self._discs.batched_colors = disc_colours(margin)
         for i, label in enumerate(self._labels):
-            label.text = rotor_label(i, row.margin[i]) if self._detailed else str(i + 1)
-        self._show_tank(row.tank_kg)
+            label.text = rotor_label(i, margin[i]) if self._detailed else str(i + 1)
+        self._show_tank(row.track.tank_kg[row.row])
 
     def _show_tank(self, tank_kg: float) -> None:
         level = tank_level(tank_kg, self._airframe.tank_capacity_kg)

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.view.shown_rows import Samples
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.model.analysis import FlightAnalysis
 
 if TYPE_CHECKING:
     from viser import GuiApi
@@ -33,9 +32,10 @@ BAND = "rgba(236,150,35,0.35)"
 class RotorCharts:
     """R small charts in the current GUI container."""
 
-    def __init__(self, gui: GuiApi, airframe: Airframe, samples: Samples) -> None:
+    def __init__(self, gui: GuiApi, analysis: FlightAnalysis) -> None:
         from viser import uplot
 
+        airframe = analysis.model.airframe
         series = (
             uplot.Series(label="time, s"),
             uplot.Series(show=True, width=0),
@@ -44,10 +44,10 @@ class RotorCharts:
             uplot.Series(label="measured", stroke=MEASURED_INK, width=1.6),
             uplot.Series(label="now", stroke=NOW_INK, width=3),
         )
-        low, high = speed_range(samples)
+        low, high = speed_range(analysis)
         self._range = (low, high)
-        self._samples = samples
-        self._shown = float(samples.time_s[0])
+        self._analysis = analysis
+        self._shown = float(analysis.track.time_s[0])
         gui.add_html(
             '<div style="font:600 13px system-ui;color:#111;margin:0 10px">'
             f'<b style="color:{MEASURED_INK}">&#9644;</b> measured &nbsp; '
@@ -88,16 +88,14 @@ class RotorCharts:
 
     def _data(self, time_s: float) -> list[tuple[Floats, ...]]:
         start, end = time_s - (1 - AHEAD) * WINDOW_S, time_s + AHEAD * WINDOW_S
-        return chart_data(self._samples, start, end, time_s, self._range)
+        return chart_data(self._analysis, start, end, time_s, self._range)
 
 
-def speed_range(samples: Samples) -> tuple[float, float]:
+def speed_range(analysis: FlightAnalysis) -> tuple[float, float]:
     """Limits of the charts in rpm, whole hundreds around all flying rows."""
-    rows = samples.flying
-    known = [
-        a[rows][np.isfinite(a[rows])] for a in (samples.rotor_speed_rpm, samples.predicted_rpm)
-    ]
-    speeds = np.concatenate(known)
+    both = (analysis.track.rotor_speed_rpm, analysis.prediction.rotor_speed_rpm)
+    speeds = np.concatenate([speeds[analysis.track.flying].ravel() for speeds in both])
+    speeds = speeds[np.isfinite(speeds)]
     if speeds.size == 0:
         return 0.0, 3000.0
     low, high = np.floor(speeds.min() / 100) * 100, np.ceil(speeds.max() / 100) * 100
@@ -105,35 +103,39 @@ def speed_range(samples: Samples) -> tuple[float, float]:
 
 
 def chart_data(
-    samples: Samples, start_s: float, end_s: float, now_s: float, limits: tuple[float, float]
+    analysis: FlightAnalysis,
+    start_s: float,
+    end_s: float,
+    now_s: float,
+    limits: tuple[float, float],
 ) -> list[tuple[Floats, ...]]:
     """For each rotor: times, lower, upper, predicted, measured, line of now. All (K,).
 
     Rows are thinned by a fixed stride of the flight, so that points stay put as the window moves.
     """
-    rows = samples.between(start_s, end_s)
-    step = max(1, (rows.stop - rows.start) // POINTS)
-    which = np.arange(rows.start - rows.start % step, rows.stop, step)
-    which = which[which >= rows.start]
-    after = int(np.searchsorted(samples.time_s[which], now_s, side="right"))
+    time_s, prediction = analysis.track.time_s, analysis.prediction
+    first = int(np.searchsorted(time_s, start_s, side="left"))
+    end = int(np.searchsorted(time_s, end_s, side="right"))
+    step = max(1, (end - first) // POINTS)
+    which = np.arange(first + -first % step, end, step)
+    after = int(np.searchsorted(time_s[which], now_s, side="right"))
     ends = np.array([start_s, end_s])
 
     def column(values: Floats) -> Floats:
         inside = np.insert(values[which], after, [np.nan, np.nan, np.nan])
         return np.concatenate([[np.nan], inside, [np.nan]])
 
-    times = np.insert(samples.time_s[which], after, [now_s, now_s, now_s])
+    times = np.insert(time_s[which], after, [now_s, now_s, now_s])
     times = np.clip(np.concatenate([ends[:1], times, ends[1:]]), start_s, end_s)
     now = np.full(times.size, np.nan)
     now[after + 1 : after + 3] = limits
+    lines = (
+        prediction.lower_rpm,
+        prediction.upper_rpm,
+        prediction.rotor_speed_rpm,
+        analysis.track.rotor_speed_rpm,
+    )
     return [
-        (
-            times,
-            column(samples.lower_rpm[:, i]),
-            column(samples.upper_rpm[:, i]),
-            column(samples.predicted_rpm[:, i]),
-            column(samples.rotor_speed_rpm[:, i]),
-            now,
-        )
-        for i in range(samples.rotor_speed_rpm.shape[1])
+        (times, *(column(values[:, i]) for values in lines), now)
+        for i in range(analysis.track.rotor_count)
     ]

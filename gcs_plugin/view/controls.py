@@ -13,9 +13,9 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.view.camera import Camera
-from thrustmargin.gcs_plugin.view.gauges import clock_text
 from thrustmargin.gcs_plugin.view.overlays import Overlay
 from thrustmargin.gcs_plugin.view.replay_clock import SPEEDS, ReplayClock
+from thrustmargin.gcs_plugin.wording.numbers import clock as clock_text
 from thrustmargin.gcs_plugin.wording.palette import legend_html
 
 if TYPE_CHECKING:

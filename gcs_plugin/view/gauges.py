@@ -11,7 +11,7 @@ from html import escape
 import numpy as np
 
 from thrustmargin.gcs_plugin.view.aircraft import tank_level
-from thrustmargin.gcs_plugin.view.shown_rows import MEASURED, NO_DATA, SOURCE_WORDS, Row
+from thrustmargin.gcs_plugin.view.shown_row import ShownRow
 from thrustmargin.gcs_plugin.wording import palette as colours
 from thrustmargin.models.physics.airframe import Airframe
 
@@ -47,11 +47,12 @@ padding-left:8px;overflow-wrap:anywhere}
 </style>"""
 
 
-def gauges_html(row: Row, airframe: Airframe, title: str, message: str = "") -> str:
+def gauges_html(row: ShownRow, title: str, message: str = "") -> str:
     """All gauges of one aircraft at one moment, to stand on a page with `STYLE`.
 
     `title` is its name and `message` what it last said; both may hold anything, they are escaped.
     """
+    airframe = row.analysis.model.airframe
     state = "flying" if row.flying else "on the ground"
     said = f'<div class="said" data-gauge="message">{escape(message)}</div>' if message else ""
     return (
@@ -63,24 +64,24 @@ def gauges_html(row: Row, airframe: Airframe, title: str, message: str = "") -> 
     )
 
 
-def _worst_box(row: Row, airframe: Airframe) -> str:
-    worst = row.worst_rotor
+def _worst_box(row: ShownRow, airframe: Airframe) -> str:
+    margin, worst = row.worst
     caption = "Thrust margin, worst rotor"
     if worst is None:
         return _box("worst", caption, "no data", "no rotor speed and no prediction")
     if not row.flying:
         return _ground_box(row)
-    unknown = int(np.sum(row.source == NO_DATA))
+    unknown = int(np.sum(~row.measured)) if row.measured.any() else 0
     words = f"rotor {worst + 1}, {escape(airframe.rotor_names[worst])} · {_source(row, worst)}"
     if unknown:
-        words += f" · {unknown} rotor{'s' if unknown > 1 else ''} without data"
-    return _big_box(caption, row.margin[worst], words)
+        words += f" · {unknown} rotor{'s' if unknown > 1 else ''} not measured"
+    return _big_box(caption, margin, words)
 
 
-def _ground_box(row: Row) -> str:
+def _ground_box(row: ShownRow) -> str:
     """At rest a rotor has all its thrust left, which says nothing: what it will have in the air."""
-    known = bool(np.any(np.isfinite(row.margin_predicted)))
-    least = float(np.nanmin(row.margin_predicted)) if known else np.nan
+    margin = row.margin_predicted
+    least = float(np.nanmin(margin)) if np.isfinite(margin).any() else np.nan
     return _big_box("On the ground: margin in the air", least, "predicted for this load")
 
 
@@ -94,8 +95,9 @@ def _big_box(caption: str, margin: float, words: str) -> str:
     )
 
 
-def _redundancy_box(row: Row) -> str:
-    free, kept = row.redundancy_yaw_free, row.redundancy_yaw_kept
+def _redundancy_box(row: ShownRow) -> str:
+    free = row.analysis.redundancy_yaw_free[row.row]
+    kept = row.analysis.redundancy_yaw_kept[row.row]
     caption = "One rotor lost"
     if not np.isfinite(free):
         return _box("redundancy", caption, "no data", "load or weight unknown")
@@ -115,16 +117,17 @@ def _redundancy_box(row: Row) -> str:
     )
 
 
-def _tank_box(row: Row, airframe: Airframe) -> str:
-    level = tank_level(row.tank_kg, airframe.tank_capacity_kg)
+def _tank_box(row: ShownRow, airframe: Airframe) -> str:
+    tank_kg = row.track.tank_kg[row.row]
+    level = tank_level(tank_kg, airframe.tank_capacity_kg)
     if not np.isfinite(level):
         return _box("tank", "Tank", "no data", "no gauge and no pump reported")
     bar = f'<div class="bar"><b style="width:{100 * level:.0f}%;background:#006e82"></b></div>'
     words = f"{100 * level:.0f} % of {airframe.tank_capacity_kg:g} kg"
-    return _box("tank", "Tank", f"{row.tank_kg:.1f} kg", words, after=bar)
+    return _box("tank", "Tank", f"{tank_kg:.1f} kg", words, after=bar)
 
 
-def _rotor_boxes(row: Row, airframe: Airframe) -> str:
+def _rotor_boxes(row: ShownRow, airframe: Airframe) -> str:
     """Boxes where the rotors are: front at the top, left on the left."""
     html = []
     for rank in rotor_ranks(airframe):
@@ -152,13 +155,15 @@ def rotor_ranks(airframe: Airframe) -> list[list[list[int]]]:
     return [[sides for _, sides in sorted(rank.items())] for _, rank in sorted(ranks.items())]
 
 
-def _rotor_box(i: int, row: Row, airframe: Airframe) -> str:
+def _rotor_box(i: int, row: ShownRow, airframe: Airframe) -> str:
     margin = float(row.margin[i])
     turn = "turns left (CCW)" if airframe.rotor_spin[i] > 0 else "turns right (CW)"
     ink = colours.css(colours.MARGIN.screen(margin))
     width = 100 * float(np.clip(margin, 0, 1)) if np.isfinite(margin) else 0.0
-    mark = " worst" if row.worst_rotor == i else ""
-    speed = f"{rpm(row.rotor_speed_rpm[i])} / {rpm(row.predicted_rpm[i])} rpm"
+    mark = " worst" if row.worst[1] == i else ""
+    measured = row.track.rotor_speed_rpm[row.row, i]
+    predicted = row.analysis.prediction.rotor_speed_rpm[row.row, i]
+    speed = f"{rpm(measured)} / {rpm(predicted)} rpm"
     return (
         f'<div class="box{mark}" data-gauge="rotor-{i + 1}" title="{turn}">'
         f'<div class="txt"><b>{i + 1}</b> {escape(airframe.rotor_names[i])}</div>'
@@ -169,15 +174,15 @@ def _rotor_box(i: int, row: Row, airframe: Airframe) -> str:
     )
 
 
-def _rest(row: Row) -> str:
+def _rest(row: ShownRow) -> str:
     parts = [
-        ("airspeed", row.airspeed, ".1f", "m/s"),
-        ("height", row.height_agl, ".1f", "m"),
-        ("pack", row.voltage, ".1f", "V"),
+        ("airspeed", row.track.airspeed, "m/s"),
+        ("height", row.track.height_agl, "m"),
+        ("battery", row.track.voltage, "V"),
     ]
     words = " · ".join(
-        f"{name} {f'{value:{form}} {unit}' if np.isfinite(value) else 'no data'}"
-        for name, value, form, unit in parts
+        f"{name} {f'{values[row.row]:.1f} {unit}' if np.isfinite(values[row.row]) else 'no data'}"
+        for name, values, unit in parts
     )
     return (
         f'<div class="txt" style="margin-top:8px">{words}</div>'
@@ -195,9 +200,11 @@ def _box(
     )
 
 
-def _source(row: Row, i: int) -> str:
-    word = SOURCE_WORDS[row.source[i]]
-    return word if row.source[i] == MEASURED else f"<u>{word}</u>"
+def _source(row: ShownRow, i: int) -> str:
+    """What a rotor's margin rests on; underlined unless it is a measurement."""
+    if row.measured[i]:
+        return "measured"
+    return f"<u>{'predicted' if np.isfinite(row.margin_predicted[i]) else 'no data'}</u>"
 
 
 def percent(share: float) -> str:
@@ -208,9 +215,3 @@ def percent(share: float) -> str:
 def rpm(speed: float) -> str:
     """A rotor speed as whole rpm, "no data" for NaN."""
     return f"{speed:.0f}" if np.isfinite(speed) else "no data"
-
-
-def clock_text(time_s: float) -> str:
-    """Minutes and seconds of a flight, 151 -> "2:31"."""
-    minutes, seconds = divmod(int(time_s), 60)
-    return f"{minutes}:{seconds:02d}"

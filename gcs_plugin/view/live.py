@@ -13,7 +13,6 @@ import queue
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -39,7 +38,7 @@ from thrustmargin.gcs_plugin.view.live_paths import Paths
 from thrustmargin.gcs_plugin.view.page import Page, arrange, left_panel
 from thrustmargin.gcs_plugin.view.planned_path import plan_enu
 from thrustmargin.gcs_plugin.view.scene import Scene
-from thrustmargin.gcs_plugin.view.shown_rows import Samples, ground_height
+from thrustmargin.gcs_plugin.view.shown_row import ShownRow, ground_height
 from thrustmargin.gcs_plugin.wording.palette import legend_html
 from thrustmargin.models.flight import Floats, Origin
 from thrustmargin.models.physics.airframe import Airframe
@@ -221,16 +220,14 @@ class LiveView:
 
     def _show(self, one: Aircraft) -> None:
         update, age = self._heard.taken(one)
-        row = Samples.of(update.analysis).row(-1)
-        offset = self._offset(one, update)
-        row = replace(row, position_enu=row.position_enu + offset)
+        row = ShownRow(update.analysis, -1, self._offset(one, update))
         self._scene.show(str(one.number), row, focus=one.number == self._focus)
         placed = bool(np.all(np.isfinite(row.position_enu)))
         one.label.visible = placed and len(self._heard.aircraft()) > 1
         if placed:
             one.label.position = row.position_enu + self._scene.above(str(one.number))
         title = f"{self._airframe.title} · vehicle {one.number}"
-        html = gauges_html(row, self._airframe, title)
+        html = gauges_html(row, title)
         html += outlook_html(update.outlook, one.stale, update.remarks)
         said = alarms_html(one.number, self._heard.standing(OLD), age, OLD)
         one.gauges.content = said + aged(html, age > OLD)
@@ -260,7 +257,7 @@ class LiveView:
             self._paths.draw_trail(one, self._heard.overlays[self._shown], self._shown)
         if waypoints and waypoints is not one.plan:
             one.plan = waypoints
-            ground = ground_height(Samples.of(update.analysis))
+            ground = ground_height(update.analysis.track)
             points = plan_enu(list(waypoints.values()), update.analysis.track.origin, ground)
             self._paths.draw_plan(one, points, ground, offset)
 

@@ -6,11 +6,10 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
 from thrustmargin.gcs_plugin.live.alarm import Alarm
 from thrustmargin.gcs_plugin.live.vehicle_monitor import Update
 from thrustmargin.gcs_plugin.view.live_html import Standing
+from thrustmargin.gcs_plugin.view.shown_row import ShownRow
 from thrustmargin.gcs_plugin.view.trail import Trail
 from thrustmargin.models.flight import Floats
 
@@ -45,9 +44,6 @@ class Aircraft:
     def standing(self, old: float) -> Standing:
         """What every page tells of it; rows of more than `old` s are called old."""
         analysis = self.update.analysis
-        measured = analysis.margin[-1]
-        margin = np.where(np.isfinite(measured), measured, analysis.margin_predicted[-1])
-        known = margin[np.isfinite(margin)]
         return Standing(
             number=self.number,
             alarms=self.alarms,
@@ -55,7 +51,7 @@ class Aircraft:
             old=self.age > old,
             problem=self.problem,
             gone=self.gone,
-            margin=float(known.min()) if known.size else np.nan,
+            margin=ShownRow(analysis, -1).worst[0],
             tank_kg=float(analysis.track.tank_kg[-1]),
             flying=bool(analysis.track.flying[-1]),
         )

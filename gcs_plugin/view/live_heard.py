@@ -15,7 +15,7 @@ from thrustmargin.gcs_plugin.live.vehicle_monitor import Update
 from thrustmargin.gcs_plugin.view.live_aircraft import Aircraft, Rows
 from thrustmargin.gcs_plugin.view.live_html import Standing
 from thrustmargin.gcs_plugin.view.overlays import Overlay, overlays_of
-from thrustmargin.gcs_plugin.view.shown_rows import enu
+from thrustmargin.gcs_plugin.view.shown_row import enu
 from thrustmargin.gcs_plugin.view.trail import Trail
 
 STALE_EVERY = 0.5  # s between two looks at which fields are no longer reported

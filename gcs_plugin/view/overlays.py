@@ -11,11 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from thrustmargin.gcs_plugin.wording import palette as colours
+from thrustmargin.gcs_plugin.wording.numbers import clock
 from thrustmargin.gcs_plugin.wording.palette import ColourScale
 from thrustmargin.mission.route import Worst
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, Floats
-from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
 
 #: The residual's scale ends at this share of the airframe's largest rotor speed.
 RESIDUAL_SPAN = 0.1
@@ -40,20 +41,18 @@ class Overlay:
         if np.isfinite(self.rotor[row]):
             rotor = int(self.rotor[row])
             parts.append(f"rotor {rotor + 1} {rotor_names[rotor]}")
-        minutes, seconds = divmod(int(time_s), 60)
-        return ", ".join([*parts, f"at {minutes}:{seconds:02d}"])
+        return ", ".join([*parts, f"at {clock(time_s)}"])
 
 
 def overlays_of(analysis: FlightAnalysis) -> tuple[Overlay, ...]:
     """Load, margin, redundancy and residual of an analysis, in the order of the switch.
 
-    Where a rotor was not measured its predicted load stands in, and the note says for how much.
+    Where no rotor was measured the predicted load stands in, and the note says for how much.
     """
-    measured = np.isfinite(analysis.capacity_use)
-    use = np.where(measured, analysis.capacity_use, analysis.capacity_use_predicted)
-    note = _basis_note(measured, np.isfinite(use), analysis.track.flying)
-    load, rotor = _worst_rotor(use, use)
-    residual, residual_rotor = _worst_rotor(analysis.residual_rpm, np.abs(analysis.residual_rpm))
+    use = analysis.known_utilisation
+    note = _basis_note(analysis.any_measured, np.isfinite(use).any(axis=1), analysis.track.flying)
+    load, rotor = worst_rotor(use)
+    residual, residual_rotor = worst_rotor(analysis.residual_rpm, np.abs(analysis.residual_rpm))
     limit = RESIDUAL_SPAN * analysis.model.airframe.max_rotor_speed_rpm
     vehicle = np.full(load.size, np.nan)
     return (
@@ -72,7 +71,7 @@ def overlays_of(analysis: FlightAnalysis) -> tuple[Overlay, ...]:
             scale=colours.REDUNDANCY,
             worst="min",
             rotor=vehicle,
-            note="heading given up",
+            note="yaw uncontrolled",
         ),
         Overlay(
             name="Residual",
@@ -95,7 +94,7 @@ def before_and_after(before: FlightAnalysis, after: FlightAnalysis) -> tuple[Ove
             f"{before.track.name} and {after.track.name} are two flights; the residual before and "
             "after is of one"
         )
-    worst = [_worst_rotor(a.residual_rpm, np.abs(a.residual_rpm)) for a in (before, after)]
+    worst = [worst_rotor(a.residual_rpm, np.abs(a.residual_rpm)) for a in (before, after)]
     size = np.abs(worst[0][0])[before.track.flying & np.isfinite(worst[0][0])]
     limit = max(1.0, float(np.quantile(size, 1.0 - BEYOND_SCALE))) if size.size else 1.0
     first, second = (
@@ -115,22 +114,13 @@ def before_and_after(before: FlightAnalysis, after: FlightAnalysis) -> tuple[Ove
 
 
 def _model_note(analysis: FlightAnalysis) -> str:
-    """Which model, told by its effects, in which a model before and after differ."""
+    """Which model, described by its effects, in which a model before and after differ."""
     names = sorted({e.name.replace("_", " ") for e in analysis.model.effects})
     return f"model with {', '.join(names)}" if names else "model without effects"
 
 
-def _worst_rotor(values: Floats, badness: Floats) -> tuple[Floats, Floats]:
-    """(T,) value of the rotor with the largest badness, and its index; NaN where none is known."""
-    score = np.where(np.isfinite(badness), badness, -np.inf)
-    which = np.argmax(score, axis=1)
-    known = np.isfinite(np.max(score, axis=1))
-    rows = np.arange(values.shape[0])
-    return np.where(known, values[rows, which], np.nan), np.where(known, which, np.nan)
-
-
 def _basis_note(measured: Bools, known: Bools, flying: Bools) -> str:
-    """In words, how much of the flight's rotor loads was measured."""
+    """In words, for how much of the flight's (T,) known rows a rotor was measured."""
     rows = known[flying]
     if not rows.any():
         return ""

@@ -25,7 +25,7 @@ from thrustmargin.gcs_plugin.view.page import Page, arrange, left_panel
 from thrustmargin.gcs_plugin.view.planned_path import plan_enu
 from thrustmargin.gcs_plugin.view.replay_clock import ReplayClock
 from thrustmargin.gcs_plugin.view.scene import Scene
-from thrustmargin.gcs_plugin.view.shown_rows import Samples, ground_height
+from thrustmargin.gcs_plugin.view.shown_row import ShownRow, enu, ground_height, row_at
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.mission.route import route_segments
 from thrustmargin.models.errors import DataError
@@ -72,7 +72,6 @@ class ReplayView:
             raise DataError(f"a replay cannot run at speed {speed:g}; give a number above 0")
         self._analysis = analysis
         self._airframe = analysis.model.airframe
-        self._samples = Samples.of(analysis)
         self._overlays = (*overlays_of(analysis), *overlays)
         self._overlay = self._overlays[0]
         self._waypoints = waypoints
@@ -137,9 +136,9 @@ class ReplayView:
             on_camera=self._scene.set_camera,
             on_worst=self._to_worst,
         )
-        self._charts = RotorCharts(gui, self._airframe, self._samples)
-        ground = ground_height(self._samples)
-        self._scene.set_ground(self._samples.position_enu, ground)
+        self._charts = RotorCharts(gui, self._analysis)
+        ground = ground_height(track)
+        self._scene.set_ground(enu(track.position_ned), ground)
         self._scene.set_field(sprayed_field(track.position_ned, track.spraying))
         self._scene.set_plan(plan_enu(self._waypoints, track.origin, ground))
         self._scene.add_vehicle(VEHICLE, self._airframe)
@@ -169,14 +168,12 @@ class ReplayView:
 
     def _draw(self, server: viser.ViserServer, *, gauges: bool, charts: bool) -> None:
         time_s = self.clock.now()
-        row = self._samples.row(self._samples.index_at(self._start_s + time_s))
+        row = ShownRow(self._analysis, row_at(self._analysis.track.time_s, self._start_s + time_s))
         with server.atomic():
             self._scene.show(VEHICLE, row)
             if gauges:
                 title = f"{self._airframe.title} · {self._analysis.track.name}"
-                self._gauges.content = gauges_html(
-                    row, self._airframe, title, self._message_at(time_s)
-                )
+                self._gauges.content = gauges_html(row, title, self._message_at(time_s))
                 self._controls.show(time_s)
             if charts:
                 self._charts.show(self._start_s + time_s)
@@ -197,13 +194,13 @@ class ReplayView:
             self._scene.set_pin(np.full(3, np.nan), "")
         else:
             text = overlay.text_at(row, self._time_of(row), self._airframe.rotor_names)
-            self._scene.set_pin(self._samples.position_enu[row], f"worst: {text}")
+            self._scene.set_pin(ShownRow(self._analysis, row).position_enu, f"worst: {text}")
 
     def _worst_row(self) -> int | None:
         return self._route.worst_row(self._overlay.values, self._overlay.worst)
 
     def _time_of(self, row: int) -> float:
-        return float(self._samples.time_s[row]) - self._start_s
+        return float(self._analysis.track.time_s[row]) - self._start_s
 
     def _to_worst(self) -> None:
         row = self._worst_row()

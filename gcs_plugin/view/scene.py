@@ -24,7 +24,7 @@ from thrustmargin.gcs_plugin.view.camera import (
     overview,
 )
 from thrustmargin.gcs_plugin.view.overlays import Overlay
-from thrustmargin.gcs_plugin.view.shown_rows import Row, enu
+from thrustmargin.gcs_plugin.view.shown_row import ShownRow, enu
 from thrustmargin.gcs_plugin.view.tonemap import line_colours, sent_for
 from thrustmargin.gcs_plugin.wording import palette as colours
 from thrustmargin.mission.field import Field
@@ -176,11 +176,11 @@ class Scene:
         self._vehicles[key] = VehicleNode(self._api, "/world", key, airframe)
         self._rescale()
 
-    def show(self, key: str, row: Row, *, focus: bool = True) -> None:
+    def show(self, key: str, row: ShownRow, *, focus: bool = True) -> None:
         """Move one aircraft to `row`; with `focus` a following camera goes with it."""
         self._vehicles[key].show(row)
-        if focus and self._camera is not Camera.FIELD and np.all(np.isfinite(row.position_enu)):
-            self._centre_on(row)
+        if focus and self._camera is not Camera.FIELD:
+            self._centre_on(row.position_enu, row.wxyz)
 
     def hide(self, key: str) -> None:
         """Take an aircraft off the scene until it is shown again."""
@@ -199,12 +199,13 @@ class Scene:
             self._world.wxyz = NO_TURN
         self._look()
 
-    def _centre_on(self, row: Row) -> None:
+    def _centre_on(self, position_enu: Floats, wxyz: Floats) -> None:
         """Move the world so that the aircraft is in the origin (nose ahead: pointing north)."""
-        ahead = self._camera is Camera.CHASE and bool(np.all(np.isfinite(row.wxyz)))
-        turn, wxyz = nose_north(row.wxyz) if ahead else (np.eye(3), NO_TURN)
-        self._world.wxyz = wxyz
-        self._world.position = -turn @ row.position_enu
+        if not np.all(np.isfinite(position_enu)):
+            return
+        ahead = self._camera is Camera.CHASE and bool(np.all(np.isfinite(wxyz)))
+        turn, self._world.wxyz = nose_north(wxyz) if ahead else (np.eye(3), NO_TURN)
+        self._world.position = -turn @ position_enu
 
     def _rescale(self) -> None:
         words = [f"grid {self._cell:g} m"]

@@ -77,13 +77,27 @@ class FlightAnalysis:
         """(T,) rows in which every rotor's speed was measured."""
         return np.all(np.isfinite(self.capacity_use), axis=1)
 
+    @property
+    def any_measured(self) -> Bools:
+        """(T,) rows in which at least one rotor's speed was measured."""
+        return np.any(np.isfinite(self.capacity_use), axis=1)
+
+    @property
+    def known_utilisation(self) -> Floats:
+        """(T, R) thrust utilisation by which screen, alarms and report warn.
+
+        That of the rotors whose speed was measured; a silent rotor stays NaN, for a prediction
+        beside measurements would be compared with them. In a row without any, all are predicted.
+        """
+        return np.where(self.any_measured[:, None], self.capacity_use, self.capacity_use_predicted)
+
     def above_limit(self, limit: float) -> Bools:
-        """(T,) rows off the ground in which a rotor of known speed uses more than `limit`.
+        """(T,) rows off the ground in which the known utilisation of a rotor is more than `limit`.
 
         One rotor is enough, whatever is known of the others: a silent ESC hides no overload.
         """
         with np.errstate(invalid="ignore"):
-            return self.track.flying & np.any(self.capacity_use > limit, axis=1)
+            return self.track.flying & np.any(self.known_utilisation > limit, axis=1)
 
 
 def analyse(
@@ -133,6 +147,20 @@ def analyse(
         trimmable_loss=trimmable_loss(airframe, limits, load),
         start=start,
     )
+
+
+def worst_rotor(values: Floats, badness: Floats | None = None) -> tuple[Floats, Floats]:
+    """(T,) value of the rotor with the largest badness, and its index from 0, as numbers.
+
+    `values` and `badness` are (T, R); without badness the largest value is the worst. NaN where
+    none is known.
+    """
+    badness = values if badness is None else badness
+    score = np.where(np.isfinite(badness), badness, -np.inf)
+    which = np.argmax(score, axis=1)
+    known = np.isfinite(np.max(score, axis=1))
+    rows = np.arange(values.shape[0])
+    return np.where(known, values[rows, which], np.nan), np.where(known, which, np.nan)
 
 
 def require_rotors(track: FlightTrack, airframe: Airframe) -> None:

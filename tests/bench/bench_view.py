@@ -10,6 +10,7 @@ import pytest
 
 from tests.gcs_plugin.view.view_flight import flight
 from thrustmargin.gcs_plugin.view.replay import ReplayView
+from thrustmargin.gcs_plugin.view.shown_row import row_at
 from thrustmargin.mission.route import route_segments
 
 
@@ -50,7 +51,8 @@ def test_from_a_seek_to_the_changed_gauge_in_a_browser(benchmark, view):
         for time_s in np.linspace(2, 38, 30):
             view.seek(float(time_s))
             begun = time.perf_counter()
-            words = f"{view._samples.tank_kg[view._samples.index_at(time_s)]:.1f} kg"
+            track = view._analysis.track
+            words = f"{track.tank_kg[row_at(track.time_s, time_s)]:.1f} kg"
             page.wait_for_function(
                 "w => document.querySelector('[data-gauge=tank]').innerText.includes(w)", arg=words
             )

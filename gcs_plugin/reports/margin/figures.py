@@ -9,7 +9,6 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.reports.margin.data import FlightReport, Moment
 from thrustmargin.gcs_plugin.reports.margin.maps import map_figure, redundancy_map
-from thrustmargin.gcs_plugin.reports.margin.moments import worst_rotor
 from thrustmargin.gcs_plugin.reports.margin.series import Series
 from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     BAND,
@@ -30,6 +29,7 @@ from thrustmargin.gcs_plugin.reports.shared.plot_style import (
 from thrustmargin.gcs_plugin.reports.shared.route_map import moved
 from thrustmargin.gcs_plugin.wording.palette import LOAD
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.model.analysis import worst_rotor
 
 ROTOR_PANEL_PX = 96
 
@@ -50,7 +50,7 @@ def figures(report: FlightReport) -> Mapping[str, PlotJson]:
         made["rotors"] = rotors_figure(series, limit, names)
     if knows_use and placed:
         scale = moved(LOAD, limit)
-        made["map_use"] = map_figure(series, worst_rotor(use), scale, report.verdict.worst)
+        made["map_use"] = map_figure(series, worst_rotor(use)[0], scale, report.verdict.worst)
     if knows_redundancy and placed:
         made["map_redundancy"] = redundancy_map(series)
     if knows_redundancy:
@@ -62,7 +62,7 @@ def figures(report: FlightReport) -> Mapping[str, PlotJson]:
 
 def use_figure(series: Series, use: Floats, limit: float, worst: Moment | None) -> PlotJson:
     """Capacity use of the worst rotor and of the mean rotor over time, above the tank level."""
-    time_s, top = series.time_s, worst_rotor(use) * 100
+    time_s, top = series.time_s, worst_rotor(use)[0] * 100
     mean = np.where(np.all(np.isfinite(use), axis=1), use.mean(axis=1), np.nan) * 100
     over = np.where(top > limit * 100, top, limit * 100)
     panels = [

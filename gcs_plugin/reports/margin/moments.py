@@ -9,7 +9,7 @@ import pymap3d
 
 from thrustmargin.gcs_plugin.reports.margin.data import Moment
 from thrustmargin.models.flight import Bools, Floats
-from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
 
 #: Moments closer than this are one moment, s: about the length of a turn at a line end.
 APART_S = 6.0
@@ -27,19 +27,9 @@ TAKE_OFF_S = 5.0
 
 
 def capacity_rows(analysis: FlightAnalysis) -> tuple[Floats, Bools]:
-    """Capacity use (T, R) that the report judges by, and which rows (T,) of it are measured.
-
-    The measured one; in rows in which no rotor was measured, the predicted one. NaN on the ground.
-    """
-    measured = np.any(np.isfinite(analysis.capacity_use), axis=1)
-    use = np.where(measured[:, None], analysis.capacity_use, analysis.capacity_use_predicted)
-    return np.where(analysis.track.flying[:, None], use, np.nan), measured
-
-
-def worst_rotor(use: Floats) -> Floats:
-    """(T,) largest of the rotors in `use` (T, R); NaN where none is known."""
-    filled = np.where(np.isfinite(use), use, -np.inf).max(axis=1, initial=-np.inf)
-    return np.where(np.isfinite(filled), filled, np.nan)
+    """The known utilisation (T, R), NaN on the ground, and which rows (T,) of it are measured."""
+    use = np.where(analysis.track.flying[:, None], analysis.known_utilisation, np.nan)
+    return use, analysis.any_measured
 
 
 def worst_moments(
@@ -50,7 +40,7 @@ def worst_moments(
     When rotors peak together the moment is listed once, with its worst rotor.
     """
     use, measured = capacity_rows(analysis)
-    left = worst_rotor(use)
+    left, _ = worst_rotor(use)
     time_s = analysis.track.time_s
     found = []
     while len(found) < most and np.any(np.isfinite(left)):

@@ -24,14 +24,13 @@ from thrustmargin.gcs_plugin.reports.margin.moments import (
     capacity_rows,
     utc_words,
     worst_moments,
-    worst_rotor,
 )
 from thrustmargin.gcs_plugin.reports.margin.quality import quality_of
 from thrustmargin.gcs_plugin.reports.margin.series import series_of
 from thrustmargin.gcs_plugin.wording import numbers as words
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
-from thrustmargin.models.model.analysis import Basis, FlightAnalysis
+from thrustmargin.models.model.analysis import Basis, FlightAnalysis, worst_rotor
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.margin import Ceiling, ceiling, hover_use, largest_fill, weight
 
@@ -108,7 +107,7 @@ def _verdict(
 ) -> Verdict:
     track = analysis.track
     use, measured = capacity_rows(analysis)
-    worst = worst_rotor(use)
+    worst, _ = worst_rotor(use)
     known = np.isfinite(worst)
     airborne_s = float(seconds[track.flying].sum())
     known_s = float(seconds[known].sum())

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from thrustmargin.gcs_plugin.view.camera import FIELD_OF_VIEW, FILL, nose_north, overview
-from thrustmargin.gcs_plugin.view.shown_rows import wxyz_from_attitude
+from thrustmargin.gcs_plugin.view.shown_row import wxyz_from_attitude
 
 LENGTH = st.floats(0, 2000)
 
@@ -35,6 +35,6 @@ def test_every_corner_is_in_the_picture_and_one_is_at_its_rim(size, low, aspect)
 
 @pytest.mark.parametrize("yaw", [0.0, 1.0, -2.5, np.pi])
 def test_turning_the_nose_north_turns_it_north(yaw):
-    matrix, _ = nose_north(wxyz_from_attitude(np.array([[0.1, -0.1, yaw]]))[0])
+    matrix, _ = nose_north(wxyz_from_attitude(np.array([0.1, -0.1, yaw])))
     nose_enu = np.array([np.sin(yaw), np.cos(yaw), 0.0])
     np.testing.assert_allclose(matrix @ nose_enu, [0, 1, 0], atol=1e-9)

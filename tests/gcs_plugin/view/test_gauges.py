@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from tests.gcs_plugin.view.view_flight import ROWS, flight
-from thrustmargin.gcs_plugin.view.gauges import clock_text, gauges_html, rotor_ranks
-from thrustmargin.gcs_plugin.view.shown_rows import Samples
+from thrustmargin.gcs_plugin.view.gauges import gauges_html, rotor_ranks
+from thrustmargin.gcs_plugin.view.shown_row import ShownRow
 from thrustmargin.models.physics.airframe import load_airframe
 
 
@@ -22,9 +22,7 @@ def box(html: str, key: str) -> str:
 
 def shown(row: int = 10, *, message: str = "", **changes) -> str:
     analysis = flight(**changes)
-    return gauges_html(
-        Samples.of(analysis).row(row), analysis.model.airframe, analysis.track.name, message
-    )
+    return gauges_html(ShownRow(analysis, row), analysis.track.name, message)
 
 
 def test_each_gauge_shows_its_rotors_margin_and_the_worst_is_named():
@@ -61,7 +59,7 @@ def test_an_unmeasured_rotor_says_predicted_and_an_unknown_one_no_data():
     html = shown(rotor_speed_rpm=rpm, tank_kg=np.full(ROWS, np.nan))
     assert "no data" in box(html, "rotor-3")
     assert "%" not in box(html, "rotor-3")
-    assert "1 rotor without data" in box(html, "worst")
+    assert "1 rotor not measured" in box(html, "worst")
     assert "no data" in box(html, "tank")
     assert "no data" in box(html, "redundancy")
 
@@ -79,7 +77,7 @@ def test_nothing_known_shows_no_number_at_all():
     for i in range(1, 5):
         text = box(html, f"rotor-{i}").partition("airspeed")[0]
         assert re.findall(r"\d+", text) == [str(i), str(i)], text
-    assert "airspeed no data · height no data · pack no data" in html
+    assert "airspeed no data · height no data · battery no data" in html
     assert "nan" not in html.lower().replace("nant", "")
 
 
@@ -95,7 +93,7 @@ def test_redundancy_speaks_for_itself_on_both_sides_of_one(tank, verdict):
 def test_text_from_a_log_is_shown_and_never_run():
     evil = '<img src=x onerror="alert(1)">'
     analysis = flight(name=evil)
-    html = gauges_html(Samples.of(analysis).row(0), analysis.model.airframe, evil, f"</div>{evil}")
+    html = gauges_html(ShownRow(analysis, 0), evil, f"</div>{evil}")
     assert "<img" not in html
     assert html.count("&lt;img src=x onerror=&quot;alert(1)&quot;&gt;") == 2
 
@@ -118,8 +116,3 @@ def test_boxes_sit_where_the_rotors_are(name):
 def test_a_coaxial_pair_shares_its_place():
     airframe = load_airframe("agras-t40")
     assert all(len(place) == 2 for rank in rotor_ranks(airframe) for place in rank)
-
-
-def test_time_reads_in_minutes_and_seconds():
-    assert clock_text(151.9) == "2:31"
-    assert clock_text(5) == "0:05"

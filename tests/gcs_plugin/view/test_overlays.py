@@ -1,9 +1,18 @@
 """What colours the route is the worst rotor of each row, and it says what it rests on."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
+import pytest
 
 from tests.gcs_plugin.view.view_flight import ROWS, flight
+from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.reports.margin.summary import report_flight
 from thrustmargin.gcs_plugin.view.overlays import overlays_of
+from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.physics.airframe import load_airframe
 
 
 def by_name(analysis):
@@ -59,3 +68,20 @@ def test_the_worst_moment_reads_with_value_rotor_and_time():
     row = int(np.argmax(overlay.values))
     text = overlay.text_at(row, 151.7, names)
     assert text == f"{100 * overlay.values[row]:.0f} %, rotor 4 front left <b>, at 2:31"
+
+
+def test_with_one_esc_silent_view_and_report_count_the_same_rows_above_the_limit(sitl_logs: Path):
+    """By a prediction of the silent rotor there would be 159 rows more."""
+    airframe = load_airframe("topxgun-f16-sitl")
+    log = read_log(sitl_logs / "campaign" / "v4_m16_q2.5.tlog", airframe=airframe)
+    model = physics_model(airframe)
+    speeds = log.track.rotor_speed_rpm.copy()
+    speeds[:, 1] = np.nan
+    analysis = analyse(replace(log.track, rotor_speed_rpm=speeds), model)
+    load = by_name(analysis)["Load"]
+    shown = analysis.track.flying & (load.values > 0.5)
+    assert shown.sum() == 1760
+    np.testing.assert_array_equal(shown, analysis.above_limit(0.5))
+    seconds = report_flight(analysis, log, max_utilisation=0.5).verdict.over_limit_s
+    assert seconds == pytest.approx(0.1 * shown.sum(), rel=0.01)
+    assert 1 not in load.rotor[analysis.any_measured]

@@ -18,7 +18,7 @@ from thrustmargin.gcs_plugin.view.camera import Camera
 from thrustmargin.gcs_plugin.view.overlays import Overlay, overlays_of
 from thrustmargin.gcs_plugin.view.replay import ReplayView, run_replay
 from thrustmargin.gcs_plugin.view.scene import grid_cell
-from thrustmargin.gcs_plugin.view.shown_rows import FRD_FLU, Samples
+from thrustmargin.gcs_plugin.view.shown_row import FRD_FLU, ShownRow
 from thrustmargin.gcs_plugin.view.tonemap import seen_for
 from thrustmargin.gcs_plugin.wording.palette import NO_DATA
 from thrustmargin.mission.route import route_segments
@@ -128,7 +128,7 @@ def test_following_moves_the_world_and_keeps_the_nose_ahead(view, analysis):
     view.seek(25.0)
     view.set_camera(Camera.CHASE)
     world = node(view, "/world")
-    row = Samples.of(analysis).row(250)
+    row = ShownRow(analysis, 250)
     turn = lambda: Rotation.from_quat(world.wxyz, scalar_first=True)  # noqa: E731
     settled(
         view, lambda: np.allclose(turn().apply(row.position_enu) + world.position, 0, atol=1e-6)
@@ -314,7 +314,7 @@ def test_one_scene_holds_several_aircraft_and_follows_the_one_in_focus(view):
     scene = view._scene
     other = flight(airframe="agras-t20")
     scene.add_vehicle("7", other.model.airframe)
-    scene.show("7", Samples.of(other).row(100), focus=False)
+    scene.show("7", ShownRow(other, 100), focus=False)
     first, second = node(view, "/world/vehicle_1"), node(view, "/world/vehicle_7")
     assert not np.allclose(first.position, second.position)
     assert node(view, "/world/vehicle_7/discs").batched_colors.shape == (6, 3)

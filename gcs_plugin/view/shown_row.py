@@ -1,0 +1,101 @@
+"""One row of an analysis on the screen, and the screen's frames.
+
+Scene frame: ENU in metres from the track's origin (x east, y north, z up). Vehicle frame: forward,
+left, up. Replay and live show a row by the same class, which holds no numbers of its own.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from thrustmargin.models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
+
+#: The rotation from NED to ENU, and the one from forward-left-up to forward-right-down.
+ENU_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+FRD_FLU = np.diag([1.0, -1.0, -1.0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ShownRow:
+    """Row number `row` (negative: from the end) of an analysis of R rotors; NaN where unknown.
+
+    `offset` (3,) m is added to the position: a scene may have another origin than the track.
+    """
+
+    analysis: FlightAnalysis
+    row: int
+    offset: Floats | float = 0.0
+
+    @property
+    def track(self) -> FlightTrack:
+        return self.analysis.track
+
+    @property
+    def position_enu(self) -> Floats:
+        """(3,) m."""
+        return enu(self.track.position_ned[self.row]) + self.offset
+
+    @property
+    def wxyz(self) -> Floats:
+        """(4,) rotation from the vehicle frame to the scene frame."""
+        return wxyz_from_attitude(self.track.attitude[self.row])
+
+    @property
+    def flying(self) -> bool:
+        return bool(self.track.flying[self.row])
+
+    @property
+    def measured(self) -> Bools:
+        """(R,) rotors whose margin rests on a measured speed."""
+        return np.isfinite(self.analysis.capacity_use[self.row])
+
+    @property
+    def margin(self) -> Floats:
+        """(R,) thrust margin from the measured speed, else from the predicted one."""
+        use = self.analysis.capacity_use[self.row]
+        return np.where(self.measured, 1.0 - use, self.margin_predicted)
+
+    @property
+    def margin_predicted(self) -> Floats:
+        """(R,) thrust margin from the predicted speed."""
+        return 1.0 - self.analysis.capacity_use_predicted[self.row]
+
+    @property
+    def worst(self) -> tuple[float, int | None]:
+        """Least margin of the rotors whose utilisation is known, and that rotor from 0."""
+        known = self.analysis.known_utilisation[[self.row]]
+        use, rotor = worst_rotor(known)
+        return 1.0 - float(use[0]), int(rotor[0]) if np.isfinite(rotor[0]) else None
+
+
+def ground_height(track: FlightTrack) -> float:
+    """Height of the ground in the scene, m: median of up minus height above ground, else lowest."""
+    up = -track.position_ned[:, 2]
+    under = (up - track.height_agl)[np.isfinite(up - track.height_agl)]
+    if under.size:
+        return float(np.median(under))
+    known = up[np.isfinite(up)]
+    return float(known.min()) if known.size else 0.0
+
+
+def row_at(time_s: Floats, moment_s: float) -> int:
+    """The last row at or before a moment; the first row for an earlier one."""
+    return max(int(np.searchsorted(time_s, moment_s, side="right")) - 1, 0)
+
+
+def enu(ned: Floats) -> Floats:
+    """(..., 3) east, north, up of (..., 3) north, east, down."""
+    return np.asarray(ned) @ ENU_NED.T
+
+
+def wxyz_from_attitude(attitude: Floats) -> Floats:
+    """(4,) quaternion, scene from vehicle frame, of roll, pitch, yaw in rad; NaN when unknown."""
+    if not np.all(np.isfinite(attitude)):
+        return np.full(4, np.nan)
+    ned_frd = Rotation.from_euler("ZYX", attitude[::-1]).as_matrix()
+    turned = Rotation.from_matrix(ENU_NED @ ned_frd @ FRD_FLU)
+    return turned.as_quat(canonical=True, scalar_first=True)
