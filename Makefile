@@ -3,12 +3,11 @@ VENV := .venv
 BIN := $(VENV)/bin
 # The import name as folders, for pyright: it does not follow an editable install.
 LINKS := $(VENV)/links/thrustmargin
-DEMO_LOG := sitl_logs/campaign/v4_m16_q2.5.tlog
 
 .PHONY: demo test check bench measured mutation screenshots clean
 
 demo: $(VENV)/.demo
-	$(BIN)/thrustmargin demo $(DEMO_LOG) --out report.html $(DEMO_ARGS)
+	$(BIN)/thrustmargin demo --out report.html $(DEMO_ARGS)
 
 test: check
 	$(BIN)/python -m pytest $(PYTEST_ARGS)
@@ -39,15 +38,15 @@ $(VENV)/.venv:
 	touch $@
 
 $(VENV)/.demo: $(VENV)/.venv pyproject.toml constraints.txt
-	$(BIN)/pip install --quiet --constraint constraints.txt torch
 	$(BIN)/pip install --quiet --constraint constraints.txt --editable .
 	touch $@
 
 $(VENV)/.test: $(VENV)/.demo
-	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[test,mavproxy]'
+	$(BIN)/pip install --quiet --constraint constraints.txt --editable '.[train,mavproxy,test]'
 	mkdir -p $(LINKS)
 	ln -sfn ../../../gcs_plugin/api/__init__.py $(LINKS)/__init__.py
 	for package in models mission gcs_plugin; do ln -sfn ../../../$$package $(LINKS)/$$package; done
+	ln -sfn ../../../sitl_logs/campaign $(LINKS)/demo_flight
 	touch $@
 
 clean:

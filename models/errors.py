@@ -1,5 +1,7 @@
 """The one error family. Each message says what was found, where, and what to do about it."""
 
+from importlib.util import find_spec
+
 
 class ThrustMarginError(Exception):
     """Base of every error that a user can cause and can mend; commands print it as one line."""
@@ -31,3 +33,15 @@ class PlanError(ThrustMarginError):
 
 class LinkError(ThrustMarginError):
     """A port, socket or vehicle link cannot be opened or does not answer."""
+
+
+class InstallError(ThrustMarginError):
+    """An optional part of the installation is missing."""
+
+
+def require_torch(task: str) -> None:
+    """Raise InstallError where torch is missing, which only training and identification need."""
+    if find_spec("torch") is None:
+        raise InstallError(
+            f"{task} needs torch, which is not installed; run: pip install 'thrustmargin[train]'"
+        )

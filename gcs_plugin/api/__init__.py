@@ -2,38 +2,43 @@
 
     import thrustmargin as tm
 
-    log = tm.read_log("sitl_logs/campaign/v4_m16_q2.5.tlog")
-    analysis = tm.analyse(log.track, tm.load_model())
+    model = tm.load_model()                                    # or a model file of yours
+    log = tm.read_log("sitl_logs/dev/worn_prop_1.tlog")
+    print(tm.analyse(log.track, model))                        # margin and redundancy by row
+    print(tm.identify(model, [log.track]))                     # what the model lacks
+    with tm.LiveMonitor(model, "udpin:127.0.0.1:14550") as live:
+        print(live.wait(10.0))                                 # newest rows of each vehicle
 
-Names are loaded when they are first used, so that importing this package is light.
+Each name is loaded when it is first used, so that importing this package is light.
 """
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from thrustmargin.gcs_plugin.live.monitor import Monitor as LiveMonitor
+    from thrustmargin.gcs_plugin.live.monitor import LiveMonitor
     from thrustmargin.gcs_plugin.logs import read_log
     from thrustmargin.models.identification.identify import identify
     from thrustmargin.models.model.analysis import analyse
     from thrustmargin.models.model.rotor_model import load_model
 
 _HOMES = {
-    "LiveMonitor": ("thrustmargin.gcs_plugin.live.monitor", "Monitor"),
-    "analyse": ("thrustmargin.models.model.analysis", "analyse"),
-    "identify": ("thrustmargin.models.identification.identify", "identify"),
-    "load_model": ("thrustmargin.models.model.rotor_model", "load_model"),
-    "read_log": ("thrustmargin.gcs_plugin.logs", "read_log"),
+    "LiveMonitor": "thrustmargin.gcs_plugin.live.monitor",
+    "analyse": "thrustmargin.models.model.analysis",
+    "identify": "thrustmargin.models.identification.identify",
+    "load_model": "thrustmargin.models.model.rotor_model",
+    "read_log": "thrustmargin.gcs_plugin.logs",
 }
 
 __all__ = ["LiveMonitor", "analyse", "identify", "load_model", "read_log"]
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'thrustmargin' has no attribute {name!r}")
-    module, attribute = _HOMES[name]
-    return getattr(import_module(module), attribute)
+if not TYPE_CHECKING:  # a type checker would take any name for one that is here
+
+    def __getattr__(name: str) -> Any:
+        if name not in _HOMES:
+            raise AttributeError(f"module 'thrustmargin' has no attribute {name!r}")
+        return getattr(import_module(_HOMES[name]), name)
 
 
 def __dir__() -> list[str]:

@@ -6,11 +6,9 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-BUNDLED = Path("sitl_logs/campaign/v4_m16_q2.5.tlog")
-
 
 def demo(
-    log: Positional[Path] = BUNDLED,
+    log: Positional[Path | None] = None,
     *,
     out: Path = Path("report.html"),
     port: int = 8080,
@@ -26,7 +24,7 @@ def demo(
     Example: thrustmargin demo
 
     Args:
-        log: Recorded flight; without it the bundled one, from the project's folder.
+        log: Recorded flight; without it the bundled one.
         out: Page of the report.
         port: Port of the view.
         speed: Speed of the replay, 1 is real time.
@@ -34,6 +32,7 @@ def demo(
         browser: Open the view in the browser.
     """
     import threading
+    from importlib import resources
 
     from thrustmargin.gcs_plugin.commands.report import report
     from thrustmargin.gcs_plugin.logs import read_log
@@ -42,8 +41,10 @@ def demo(
     from thrustmargin.models.model.analysis import analyse
     from thrustmargin.models.model.rotor_model import shipped_model
 
+    if log is None:
+        log = Path(str(resources.files("thrustmargin.demo_flight") / "v4_m16_q2.5.tlog"))
     if not log.exists():
-        raise LogError(f"no flight {log}; run the demo in the project's folder, or name a log")
+        raise LogError(f"no flight {log}; name a log")
     code = report((log,), out=out)
     if code:
         return code

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional
 
-from thrustmargin.models.errors import DataError, LogError, ModelError
+from thrustmargin.models.errors import DataError, LogError, ModelError, require_torch
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -74,6 +74,7 @@ def identify(
     if not logs:
         errors.print("thrustmargin: no log given; name one or more recorded flights")
         return 2
+    require_torch("identify")
     check_options(logs, held_out, model=model, out=out, json=json, html=html, force=force)
     settings = SearchConfig(surrogates=surrogates, seed=seed)
     judged, model_name = judged_model(model, airframe)

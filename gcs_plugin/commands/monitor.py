@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from tyro.conf import Positional, UseAppendAction
 
 if TYPE_CHECKING:
-    from thrustmargin.gcs_plugin.live.monitor import Monitor
+    from thrustmargin.gcs_plugin.live.monitor import LiveMonitor
     from thrustmargin.gcs_plugin.view.live import LiveView
     from thrustmargin.models.physics.airframe import Airframe
 
@@ -76,7 +76,7 @@ def monitor(
     from thrustmargin.gcs_plugin.commands.chosen_model import chosen_model
     from thrustmargin.gcs_plugin.commands.options import check_utilisation
     from thrustmargin.gcs_plugin.live.alarm import AlarmSettings
-    from thrustmargin.gcs_plugin.live.monitor import Monitor, MonitorSettings
+    from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorSettings
     from thrustmargin.gcs_plugin.live.vehicle_monitor import WatchSettings
     from thrustmargin.gcs_plugin.telemetry.tank_source import check_source
 
@@ -107,7 +107,7 @@ def monitor(
     )
     chosen = chosen_model(model, airframe)
     check_source(chosen.airframe.tank_source)
-    live = Monitor(chosen, settings, accept=accept)
+    live = LiveMonitor(chosen, settings, accept=accept)
     if announce or request_rates:
         from thrustmargin.gcs_plugin.link.sender import Speaker
         from thrustmargin.gcs_plugin.live.announce import Announcer
@@ -146,7 +146,7 @@ def monitor(
     live.check()
 
 
-def _page(live: Monitor, airframe: Airframe, host: str, port: int) -> LiveView:
+def _page(live: LiveMonitor, airframe: Airframe, host: str, port: int) -> LiveView:
     from thrustmargin.gcs_plugin.live.console import status_lines
     from thrustmargin.gcs_plugin.view.live import LiveView
 
@@ -160,7 +160,7 @@ def _page(live: Monitor, airframe: Airframe, host: str, port: int) -> LiveView:
     return page
 
 
-def _show(live: Monitor, until: float) -> None:
+def _show(live: LiveMonitor, until: float) -> None:
     from rich.console import Console
     from rich.live import Live
 
@@ -178,7 +178,7 @@ def _show(live: Monitor, until: float) -> None:
             time.sleep(0.25)
 
 
-def _summary(live: Monitor) -> None:
+def _summary(live: LiveMonitor) -> None:
     """What has been heard, on one line a vehicle; also when nobody watches the table."""
     from rich.console import Console
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 from tyro.conf import Positional
 
-from thrustmargin.models.errors import DataError, LogError
+from thrustmargin.models.errors import DataError, LogError, require_torch
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -68,6 +68,7 @@ def train(
     if not logs:
         progress.print("thrustmargin train: give the logs to learn from; see --help")
         return 2
+    require_torch("train")
     _check_output(out, force=force)
     if members < 3 or max_epochs < 1:
         raise DataError("--members must be at least 3 and --max-epochs at least 1")

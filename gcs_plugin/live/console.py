@@ -15,7 +15,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.live.alarm import CRITICAL, NOTICE, WARNING, Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.live.fleet import Fleet
-from thrustmargin.gcs_plugin.live.monitor import Monitor, MonitorStatus
+from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorStatus
 from thrustmargin.gcs_plugin.live.vehicle_monitor import Update, VehicleWatch
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ LEGEND = (
 class Screen:
     """The terminal's view of a monitor, as wide as the terminal is when it is printed."""
 
-    def __init__(self, monitor: Monitor) -> None:
+    def __init__(self, monitor: LiveMonitor) -> None:
         self._monitor = monitor
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
@@ -58,7 +58,7 @@ class Screen:
         yield screen(self._monitor, options.max_width)
 
 
-def screen(monitor: Monitor, width: int = WIDE) -> RenderableType:
+def screen(monitor: LiveMonitor, width: int = WIDE) -> RenderableType:
     """What to show now, in `width` characters."""
     from rich.box import HEAVY_HEAD, SIMPLE_HEAD
     from rich.console import Group
@@ -215,7 +215,7 @@ def seconds(time_s: float) -> str:
 class Teller:
     """A subscriber that prints what happens, a line each: for output into a file or a log."""
 
-    def __init__(self, monitor: Monitor, say: Callable[[str], None]) -> None:
+    def __init__(self, monitor: LiveMonitor, say: Callable[[str], None]) -> None:
         self._monitor = monitor
         self._say = say
         self._heard: set[int] = set()

@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, Self
 
 from thrustmargin.gcs_plugin.link.bounded_queue import Mailbox
 from thrustmargin.gcs_plugin.link.listener import Listener
@@ -76,17 +76,27 @@ class MonitorStatus:
     recorder: RecorderStatus | None
 
 
-class Monitor:
-    """Runs until `close`. Raises LinkError when a link or the recording cannot be opened."""
+class LiveMonitor:
+    """Watches every vehicle on a link from `start` to `close`; `settings` may be just its URL.
+
+    Raises LinkError when a link or the recording cannot be opened.
+
+        >>> with LiveMonitor(load_model(), "udpin:127.0.0.1:14550") as live:
+        ...     newest = live.wait(0.1)
+        >>> newest
+        {}
+    """
 
     def __init__(
         self,
         model: RotorModel,
-        settings: MonitorSettings,
+        settings: MonitorSettings | str,
         *,
         subscribers: Sequence[Subscriber] = (),
         accept: Callable[[bytes, int], bool] | None = None,
     ) -> None:
+        if isinstance(settings, str):
+            settings = MonitorSettings(urls=(settings,))
         self.settings = settings
         self.fleet = Fleet(model, settings.watch)
         self.subscribers = list(subscribers)
@@ -114,10 +124,28 @@ class Monitor:
                 raise
         self._thread = threading.Thread(target=self._run, name="compute", daemon=True)
 
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
     def start(self) -> None:
         """Begin to listen."""
         self.listener.start()
         self._thread.start()
+
+    def wait(self, seconds: float) -> dict[int, Update]:
+        """Listen for so long, at most to the end of a recording; system id -> newest rows.
+
+        Raises what ended a thread, if anything did.
+        """
+        until = time.monotonic() + seconds
+        while not self.finished and time.monotonic() < until:
+            time.sleep(SHORTEST)
+        self.check()
+        return {n: w.last for n, w in self.fleet.vehicles.items() if w.last is not None}
 
     def close(self) -> None:
         """Stop listening, compute what has come, and finish the files."""

@@ -66,6 +66,11 @@ class Update:
     tank_source: str = ""
     notes: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        margins = ", ".join(f"{100.0 * m:.1f}" for m in self.analysis.margin[-1])
+        alarms = "; ".join(alarm.text for alarm in self.alarms) or "no alarm"
+        return f"Update(vehicle {self.vehicle}, margin by rotor {margins} %, {alarms})"
+
     @property
     def remarks(self) -> tuple[str, ...]:
         """What the numbers rest on, for people."""

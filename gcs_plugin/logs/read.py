@@ -47,6 +47,10 @@ def read_log(
     tank level as `telemetry.tank_source` lists them; `tank_start_kg` is what a tank without a
     gauge held at the start of the log. Raises LogError when the file holds no flight,
     AirframeError when the airframe has another number of rotors.
+
+        >>> log = read_log("sitl_logs/campaign/v4_m16_q2.5.tlog")
+        >>> log.track.rotor_speed_rpm.shape
+        (2210, 4)
     """
     path = Path(path)
     options = Options(airframe=airframe, sampling=sampling, tank=tank, tank_start_kg=tank_start_kg)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from thrustmargin.models.effects.base import Effect, Kind, Parameter, Placed
 from thrustmargin.models.effects.compose import corrected, rotor_speed_rpm
+from thrustmargin.models.errors import require_torch
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.base_uncertainty import doubt_rpm
 from thrustmargin.models.identification.modes import robust_scale
@@ -151,6 +152,7 @@ def placed_terms(terms: Sequence[Term], values_by_row: Sequence[Any]) -> tuple[P
 def one_thread() -> Iterator[None]:
     """Torch on one thread: its operations on some thousand rows are so short that threads mostly
     wait for each other, and on a busy machine for very long. Left as found."""
+    require_torch("identify")
     import torch
 
     threads = torch.get_num_threads()

@@ -75,6 +75,10 @@ def identify(
     Without held-out flights the errors are cross-validated: each flight (of one flight, each fifth)
     predicted with values found without it. Raises DataError when no flight can be fitted and
     AirframeError for a wrong rotor count.
+
+        >>> result = identify(load_model(), [read_log("sitl_logs/dev/worn_prop_1.tlog").track])
+        >>> [found.term.effect.name for found in result.found]
+        ['rotor_degradation']
     """
     if not fit:
         raise DataError("no flight to identify from; give at least one log with rotor speeds")

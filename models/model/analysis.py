@@ -118,6 +118,10 @@ def analyse(
     window's first row (where that is not the flight's) and `model.look_ahead_s` before its last
     are as those of the whole flight.
     Raises AirframeError when the flight has another number of rotors than the model's airframe.
+
+        >>> flight = analyse(read_log("sitl_logs/campaign/v4_m16_q2.5.tlog").track, load_model())
+        >>> round(float(flight.margin.min()), 2)
+        0.25
     """
     airframe = flown_airframe(model)
     require_rotors(track, airframe)

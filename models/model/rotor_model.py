@@ -218,10 +218,19 @@ def save_model(model: RotorModel, path: Path) -> None:
             Path(temporary).unlink(missing_ok=True)
 
 
-def load_model(path: Path) -> RotorModel:
-    """Read a model file. Raises ModelError when it is missing, damaged or of another kind."""
+def load_model(path: str | Path | None = None) -> RotorModel:
+    """Read a model file; without a path the one that ships, of the simulated F16.
+
+    Raises ModelError when it is missing, damaged or of another kind.
+
+        >>> load_model().airframe.name
+        'topxgun-f16-sitl'
+    """
     from safetensors import SafetensorError, safe_open
 
+    if path is None:
+        return shipped_model()
+    path = Path(path)
     try:
         with safe_open(str(path), framework="numpy") as file:
             metadata = file.metadata() or {}

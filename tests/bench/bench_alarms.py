@@ -31,7 +31,7 @@ from rich.table import Table
 from scipy.stats import chi2
 
 from thrustmargin.gcs_plugin.live.alarms import Alarms
-from thrustmargin.gcs_plugin.live.monitor import Monitor, MonitorSettings
+from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorSettings
 from thrustmargin.gcs_plugin.live.tank import virtual_gauge
 from thrustmargin.gcs_plugin.live.vehicle_monitor import SETTLED_AFTER
 from thrustmargin.gcs_plugin.logs import read_log
@@ -73,7 +73,7 @@ class Kept:
 
 def watched(path: Path) -> Kept:
     kept = Kept()
-    monitor = Monitor(shipped_model(), MonitorSettings(urls=(str(path),)), subscribers=[kept])
+    monitor = LiveMonitor(shipped_model(), MonitorSettings(urls=(str(path),)), subscribers=[kept])
     monitor.start()
     while not monitor.finished:
         time.sleep(0.02)

@@ -19,7 +19,7 @@ import pytest
 
 from tests.gcs_plugin.live.live_vehicle import ROOT, Vehicle
 from thrustmargin.gcs_plugin.link.playback import stamped_frames
-from thrustmargin.gcs_plugin.live.monitor import Monitor, MonitorSettings
+from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorSettings
 from thrustmargin.models.model.rotor_model import shipped_model
 
 SENDER = Path(__file__).with_name("many_vehicles.py")
@@ -150,7 +150,7 @@ def test_memory_over_an_hour_of_flight_at_60_times_speed(benchmark, sitl_logs, t
 
 def test_from_the_byte_on_the_socket_to_the_analysed_row(benchmark):
     kept = Kept()
-    monitor = Monitor(
+    monitor = LiveMonitor(
         shipped_model(), MonitorSettings(urls=("udpin:127.0.0.1:0",)), subscribers=[kept]
     )
     monitor.start()
@@ -197,7 +197,7 @@ def test_from_the_byte_on_the_socket_to_the_colour_in_the_browser(benchmark):
     from thrustmargin.gcs_plugin.view.live import LiveView
 
     model = shipped_model()
-    monitor = Monitor(model, MonitorSettings(urls=("udpin:127.0.0.1:0",)))
+    monitor = LiveMonitor(model, MonitorSettings(urls=("udpin:127.0.0.1:0",)))
     view = LiveView(model.airframe, port=0)
     view.start()
     monitor.subscribers.append(view)

@@ -17,7 +17,7 @@ from thrustmargin.gcs_plugin.live.alarm import CRITICAL, WARNING, Alarm, AlarmEv
 from thrustmargin.gcs_plugin.live.announce import Announcer
 from thrustmargin.gcs_plugin.live.fleet import Fleet
 from thrustmargin.gcs_plugin.live.message_rates import RateRequester, wanted
-from thrustmargin.gcs_plugin.live.monitor import Monitor, MonitorSettings
+from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorSettings
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
@@ -55,10 +55,10 @@ class Air:
 
 
 @contextmanager
-def monitored(*, forward: bool = False, **speaking: Any) -> Iterator[tuple[Monitor, Air, Any]]:
+def monitored(*, forward: bool = False, **speaking: Any) -> Iterator[tuple[LiveMonitor, Air, Any]]:
     station = mavutil.mavlink_connection("udpin:127.0.0.1:0", dialect="ardupilotmega")
     forwards = (f"udpout:127.0.0.1:{station.port.getsockname()[1]}",) if forward else ()
-    monitor = Monitor(MODEL, MonitorSettings(urls=("udpin:127.0.0.1:0",), forwards=forwards))
+    monitor = LiveMonitor(MODEL, MonitorSettings(urls=("udpin:127.0.0.1:0",), forwards=forwards))
     speaker = Speaker(monitor.listener, speaking.get("sign"))
     if speaking.get("announce"):
         monitor.subscribers.append(Announcer(speaker))

@@ -19,7 +19,7 @@ from thrustmargin.gcs_plugin.live.console import (
     vehicle_cells,
 )
 from thrustmargin.gcs_plugin.live.fleet import Fleet
-from thrustmargin.gcs_plugin.live.monitor import Monitor, MonitorSettings
+from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorSettings
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
@@ -115,12 +115,12 @@ def test_unknown_numbers_are_dashes():
 
 @pytest.fixture
 def monitor():
-    made = Monitor(MODEL, MonitorSettings(urls=("udpin:127.0.0.1:0",)))
+    made = LiveMonitor(MODEL, MonitorSettings(urls=("udpin:127.0.0.1:0",)))
     yield made
     made.close()
 
 
-def printed(monitor: Monitor, width: int = 160) -> str:
+def printed(monitor: LiveMonitor, width: int = 160) -> str:
     console = Console(width=width, file=io.StringIO(), record=True)
     console.print(Screen(monitor))
     return console.export_text()

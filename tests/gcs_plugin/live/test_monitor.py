@@ -21,7 +21,7 @@ from tests.gcs_plugin.peers.processes import free_udp_port
 from thrustmargin.gcs_plugin.link.playback import stamped_frames
 from thrustmargin.gcs_plugin.live.alarm import AlarmEvent
 from thrustmargin.gcs_plugin.live.fleet import Fleet
-from thrustmargin.gcs_plugin.live.monitor import Monitor, MonitorSettings
+from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorSettings
 from thrustmargin.gcs_plugin.live.recorded_table import read_samples, sample_table
 from thrustmargin.gcs_plugin.live.vehicle_monitor import Update, WatchSettings
 from thrustmargin.gcs_plugin.logs import read_log
@@ -54,11 +54,11 @@ class Seen:
         return sum(u.clock_s.size - u.first for u in self.updates if u.vehicle == vehicle)
 
 
-def run(path: Path, record: Path | None = None, **watch) -> tuple[Monitor, Seen]:
+def run(path: Path, record: Path | None = None, **watch) -> tuple[LiveMonitor, Seen]:
     """A recording through the whole monitor, at full speed, with its own times."""
     seen = Seen()
     settings = MonitorSettings(urls=(str(path),), record=record, watch=WatchSettings(**watch))
-    monitor = Monitor(MODEL, settings, subscribers=[seen])
+    monitor = LiveMonitor(MODEL, settings, subscribers=[seen])
     monitor.start()
     while not monitor.finished:
         time.sleep(0.02)
@@ -208,7 +208,7 @@ def test_noise_bad_checksums_and_cut_frames_cost_only_themselves(tmp_path):
         raw += data
     seen = Seen()
     settings = MonitorSettings(urls=("tcpin:127.0.0.1:0",), record=tmp_path)
-    monitor = Monitor(MODEL, settings, subscribers=[seen])
+    monitor = LiveMonitor(MODEL, settings, subscribers=[seen])
     monitor.start()
     address = monitor.listener.links[0].transport.address  # type: ignore[attr-defined]
     with socket.create_connection(address) as client:
@@ -277,7 +277,7 @@ def test_a_busy_port_ends_the_command_with_one_line():
         taken.bind(("127.0.0.1", 0))
         url = f"udpin:127.0.0.1:{taken.getsockname()[1]}"
         with pytest.raises(LinkError, match=re.escape(url)):
-            Monitor(MODEL, MonitorSettings(urls=(url,)))
+            LiveMonitor(MODEL, MonitorSettings(urls=(url,)))
 
 
 def test_the_recorders_failure_to_open_frees_the_port(tmp_path):
@@ -285,8 +285,8 @@ def test_the_recorders_failure_to_open_frees_the_port(tmp_path):
     port = free_udp_port()
     settings = MonitorSettings(urls=(f"udpin:127.0.0.1:{port}",), record=tmp_path / "file")
     with pytest.raises(LinkError):
-        Monitor(MODEL, settings)
-    Monitor(MODEL, replace(settings, record=None)).close()
+        LiveMonitor(MODEL, settings)
+    LiveMonitor(MODEL, replace(settings, record=None)).close()
 
 
 def test_a_flight_with_stations_frames_only_gives_no_vehicle(tmp_path):
@@ -304,7 +304,7 @@ def test_predictions_with_effects_settle_to_those_of_the_file(sitl_logs, tmp_pat
     assert model.effects
     settings = MonitorSettings(urls=(str(path),), record=tmp_path)
     seen = Seen()
-    monitor = Monitor(model, settings, subscribers=[seen])
+    monitor = LiveMonitor(model, settings, subscribers=[seen])
     monitor.start()
     while not monitor.finished:
         time.sleep(0.02)

@@ -15,7 +15,7 @@ from tests.browser import open_page
 from tests.gcs_plugin.live.live_vehicle import Vehicle
 from thrustmargin.gcs_plugin.live.alarm import CRITICAL, WARNING, Alarm
 from thrustmargin.gcs_plugin.live.console import status_lines
-from thrustmargin.gcs_plugin.live.monitor import Monitor, MonitorSettings
+from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorSettings
 from thrustmargin.gcs_plugin.live.outlook import Outlook
 from thrustmargin.gcs_plugin.view.live import LiveView
 from thrustmargin.gcs_plugin.view.live_html import (
@@ -41,7 +41,7 @@ class Live:
 
     def __init__(self) -> None:
         settings = MonitorSettings(urls=("udpin:127.0.0.1:0",))
-        self.monitor = Monitor(physics_model(AIRFRAME), settings)
+        self.monitor = LiveMonitor(physics_model(AIRFRAME), settings)
         self.view = LiveView(AIRFRAME, port=0, status=lambda: status_lines(self.monitor.status()))
         self.view.start()
         self.monitor.subscribers.append(self.view)
