@@ -20,6 +20,12 @@ from thrustmargin.models.identification.already_followed import followed_wind
 from thrustmargin.models.identification.alternatives import rivals
 from thrustmargin.models.identification.autocorrelation import Lingering, lingering
 from thrustmargin.models.identification.cross_validation import Interval, held_out_cost, intervals
+from thrustmargin.models.identification.errors import (
+    Errors,
+    across_flights,
+    errors_of,
+    on_new_flights,
+)
 from thrustmargin.models.identification.fit import (
     Evaluator,
     Fit,
@@ -29,15 +35,12 @@ from thrustmargin.models.identification.fit import (
     mode_scales,
     one_thread,
 )
-from thrustmargin.models.identification.left_out import across_flights, on_new_flights
 from thrustmargin.models.identification.modes import sensor_noise_rpm
 from thrustmargin.models.identification.problem import Problem, assemble
 from thrustmargin.models.identification.result import (
-    Errors,
     Found,
     Identification,
     Tried,
-    errors_of,
     tried_in,
 )
 from thrustmargin.models.identification.search import (

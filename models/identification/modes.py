@@ -56,9 +56,3 @@ def sensor_noise_rpm(residual: Floats, step: Bools) -> float:
     if second.shape[0] < 10:
         return float("nan")
     return float(min(robust_scale(second[:, k]) for k in range(second.shape[1])) / np.sqrt(6.0))
-
-
-def r_squared(measured: Floats, residual: Floats) -> float:
-    """Share of the variance of measured rotor speed explained, each rotor about its mean."""
-    spread = np.sum((measured - measured.mean(axis=0)) ** 2)
-    return float(1.0 - np.sum(residual**2) / spread) if spread > 0 else float("nan")

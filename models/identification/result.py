@@ -10,62 +10,17 @@ import numpy as np
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.autocorrelation import Lingering
 from thrustmargin.models.identification.cross_validation import Interval
-from thrustmargin.models.identification.fit import Fit, Term
-from thrustmargin.models.identification.modes import r_squared
+from thrustmargin.models.identification.errors import (
+    Errors,
+    Unseen,
+    across_flights,
+    on_new_flights,
+)
+from thrustmargin.models.identification.fit import Evaluator, Fit, Term, layout_of
 from thrustmargin.models.identification.problem import Problem
 from thrustmargin.models.identification.search import SearchConfig, Step
 from thrustmargin.models.identification.unexplained import Curve
 from thrustmargin.models.model.rotor_model import RotorModel
-
-DRAWS = 400
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Errors:
-    """Errors of measured minus predicted rotor speed; the interval is from blocks of time."""
-
-    rmse_rpm: float
-    bias_rpm: float
-    r2: float
-    per_rotor_rmse_rpm: Floats  # (R,)
-    rmse_ci95_rpm: tuple[float, float]
-
-    def to_json(self) -> dict[str, Any]:
-        return {
-            "rmse_rpm": self.rmse_rpm,
-            "bias_rpm": self.bias_rpm,
-            "r2": self.r2,
-            "per_rotor_rmse_rpm": [float(v) for v in self.per_rotor_rmse_rpm],
-            "rmse_ci95_rpm": list(self.rmse_ci95_rpm),
-        }
-
-
-def errors_of(problem: Problem, residual_rpm: Floats) -> Errors:
-    """Errors of a residual (T, R), with a bootstrap over blocks within flights.
-
-    Flights too short for a second block are drawn among themselves: each is one block.
-    """
-    generator = np.random.default_rng(0)
-    blocks = problem.block_flight.size
-    count = np.bincount(problem.block, minlength=blocks) * residual_rpm.shape[1]
-    square = np.bincount(problem.block, np.sum(residual_rpm**2, axis=1), minlength=blocks)
-    of_flight = [np.flatnonzero(problem.block_flight == f) for f in range(problem.flights)]
-    groups = [mine for mine in of_flight if mine.size > 1]
-    short = [mine for mine in of_flight if mine.size == 1]
-    if short:
-        groups.append(np.concatenate(short))
-    draws = []
-    for _ in range(DRAWS):
-        chosen = np.concatenate([generator.choice(mine, mine.size) for mine in groups])
-        draws.append(np.sqrt(square[chosen].sum() / count[chosen].sum()))
-    low, high = np.quantile(draws, [0.025, 0.975])
-    return Errors(
-        rmse_rpm=float(np.sqrt(np.mean(residual_rpm**2))),
-        bias_rpm=float(np.mean(residual_rpm)),
-        r2=r_squared(problem.measured_rpm, residual_rpm),
-        per_rotor_rmse_rpm=np.sqrt(np.mean(residual_rpm**2, axis=0)),
-        rmse_ci95_rpm=(float(low), float(high)),
-    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -222,6 +177,32 @@ class Identification:
             "channel": None,
             "p_value": None,
         }
+
+
+def unseen_residuals(found: Identification) -> tuple[Unseen, ...]:
+    """Of the fitted flights, cross-validated, and of the held-out flights if there are any.
+
+    The last one is that which the errors of the identification come from.
+    """
+    evaluator = Evaluator(found.problem)
+    problem = found.problem
+    fitted = Unseen(
+        problem=problem,
+        before_rpm=found.residual_before_rpm,
+        after_rpm=across_flights(evaluator, found.fit),
+        role="fit",
+    )
+    if found.held_out is None:
+        return (fitted,)
+    new = found.held_out
+    before = Evaluator(new).predict((), layout_of((), new.flights), np.zeros(0))
+    unused = Unseen(
+        problem=new,
+        before_rpm=new.measured_rpm - before,
+        after_rpm=on_new_flights(new, evaluator, found.fit),
+        role="held_out",
+    )
+    return fitted, unused
 
 
 def _plain(value: Any) -> Any:

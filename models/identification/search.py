@@ -21,6 +21,7 @@ from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification import onset
 from thrustmargin.models.identification.cross_validation import Interval, held_out_cost, intervals
+from thrustmargin.models.identification.errors import nearly_across_flights
 from thrustmargin.models.identification.fit import (
     Evaluator,
     Fit,
@@ -33,7 +34,6 @@ from thrustmargin.models.identification.fit import (
     mode_scales,
     starts,
 )
-from thrustmargin.models.identification.left_out import nearly_across_flights
 from thrustmargin.models.identification.onset import Onset
 from thrustmargin.models.identification.problem import Problem
 from thrustmargin.models.identification.surrogates import (

@@ -29,7 +29,6 @@ from thrustmargin.models.network.conformal import calibrate, measure_coverage
 from thrustmargin.models.network.ensemble import ensemble_speed, member_speeds, stack_networks
 from thrustmargin.models.network.network import NetConfig, NetworkFit, fit_network
 from thrustmargin.models.network.records import ConditionScore, SplitScore, TrainingRecord
-from thrustmargin.models.network.scores import Score, r2_interval, score
 from thrustmargin.models.network.training_domain import Envelope, Range
 from thrustmargin.models.network.training_rows import (
     Rows,
@@ -42,6 +41,7 @@ from thrustmargin.models.network.training_rows import (
 )
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.forward_flight import fit_forward_flight
+from thrustmargin.models.scores import Score, score
 
 #: R² of training, validation and test that the paper prints for its field flights, which are not
 #: public: shown beside one's own, never to be taken for them.
@@ -230,18 +230,13 @@ def _conditions(samples: Samples, predicted: Floats, seed: int) -> tuple[Conditi
     scores = [
         ConditionScore(
             condition=name,
-            score=replace(
-                score(measured[rows], predicted[rows], flight[rows]),
-                r2_ci95=r2_interval(measured[rows], predicted[rows], flight[rows], seed=seed),
-            ),
+            score=score(measured[rows], predicted[rows], flight[rows], seed=seed),
         )
         for name, rows in kinds.items()
         if rows.size
     ]
     mean, mean_hat = measured.mean(axis=1, keepdims=True), predicted.mean(axis=1, keepdims=True)
-    together = replace(
-        score(mean, mean_hat, flight), r2_ci95=r2_interval(mean, mean_hat, flight, seed=seed)
-    )
+    together = score(mean, mean_hat, flight, seed=seed)
     return (*scores, ConditionScore(condition="mean of rotors", score=together))
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from thrustmargin.models.network.network import NetConfig
-from thrustmargin.models.network.scores import Score
+from thrustmargin.models.scores import Score
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

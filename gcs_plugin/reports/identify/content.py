@@ -123,12 +123,12 @@ def content_of(result: Result) -> Content:
         errors=tuple(
             (
                 "all" if e.rotor is None else f"{e.rotor + 1} {names[e.rotor]}",
-                with_ends(e.before_rpm, e.before_ci95_rpm),
-                with_ends(e.after_rpm, e.after_ci95_rpm),
-                number(e.bias_before_rpm, "", 1),
-                number(e.bias_after_rpm, "", 1),
-                number(e.r2_before, "", 3),
-                number(e.r2_after, "", 3),
+                with_ends(e.before.rmse_rpm, e.before.rmse_ci95_rpm),
+                with_ends(e.after.rmse_rpm, e.after.rmse_ci95_rpm),
+                number(e.before.bias_rpm, "", 1),
+                number(e.after.bias_rpm, "", 1),
+                number(e.before.r2, "", 3),
+                number(e.after.r2, "", 3),
             )
             for e in result.errors
         ),

@@ -14,11 +14,10 @@ from thrustmargin.models.identification.errors import (
     RotorErrors,
     Unseen,
     rotor_errors,
-    unseen_residuals,
 )
 from thrustmargin.models.identification.margin_change import MarginChange, margin_changes
 from thrustmargin.models.identification.model_update import Closed, close_loop
-from thrustmargin.models.identification.result import Identification
+from thrustmargin.models.identification.result import Identification, unseen_residuals
 from thrustmargin.models.model.json_values import to_plain
 
 

@@ -107,10 +107,10 @@ def errors_table(found: Identification, errors: Sequence[RotorErrors]) -> Table:
         who = "all" if one.rotor is None else f"{one.rotor + 1} {names[one.rotor]}"
         table.add_row(
             Text(who),
-            with_ends(one.before_rpm, one.before_ci95_rpm),
-            with_ends(one.after_rpm, one.after_ci95_rpm),
-            _from_to(one.bias_before_rpm, one.bias_after_rpm),
-            number(one.r2_after, "", 3),
+            with_ends(one.before.rmse_rpm, one.before.rmse_ci95_rpm),
+            with_ends(one.after.rmse_rpm, one.after.rmse_ci95_rpm),
+            _from_to(one.before.bias_rpm, one.after.bias_rpm),
+            number(one.after.r2, "", 3),
         )
     return table
 

@@ -12,6 +12,7 @@ from typing import Literal
 
 from thrustmargin.gcs_plugin.reports.margin.series import Series
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+from thrustmargin.models.scores import Estimate
 
 SCHEMA = "thrustmargin.report/1"
 
@@ -167,15 +168,6 @@ class Redundancy:
     fill_one_rotor_out_start_kg: float  # with redundancy, heading given up, of 1
     fill_one_rotor_out_min_kg: float
     tank_capacity_kg: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Estimate:
-    """A figure with its 95 % interval; the ends are NaN where the flight is too short for one."""
-
-    value: float
-    low: float
-    high: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from thrustmargin.gcs_plugin.reports.margin.data import Estimate, Fact, Level, Moment, Verdict
+from thrustmargin.gcs_plugin.reports.margin.data import Fact, Level, Moment, Verdict
 from thrustmargin.gcs_plugin.wording.numbers import (
     UNKNOWN,
     clock,
@@ -14,6 +14,7 @@ from thrustmargin.gcs_plugin.wording.numbers import (
     percent,
     place,
 )
+from thrustmargin.models.scores import Estimate
 
 
 def estimate(figure: Estimate, unit: str = "", decimals: int = 1, factor: float = 1.0) -> str:

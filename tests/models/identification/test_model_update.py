@@ -9,12 +9,12 @@ from tests.models.made_flights import F16, NOISE_RPM, QUICK, curve_model, made_f
 from thrustmargin.models.effects.coefficient import ROTOR_DEGRADATION, ROTOR_DEGRADATION_ONSET
 from thrustmargin.models.effects.inputs import WIND
 from thrustmargin.models.errors import ModelError
-from thrustmargin.models.identification.errors import rotor_errors, unseen_residuals
+from thrustmargin.models.identification.errors import rotor_errors
 from thrustmargin.models.identification.fit import Term
 from thrustmargin.models.identification.identify import identify
 from thrustmargin.models.identification.margin_change import margin_changes
 from thrustmargin.models.identification.model_update import close_loop, record_of, with_effects
-from thrustmargin.models.identification.result import Found, Identification
+from thrustmargin.models.identification.result import Found, Identification, unseen_residuals
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import (
     RotorModel,
@@ -231,21 +231,20 @@ def test_errors_by_rotor_are_of_the_same_rows_as_the_errors_in_all(worn):
     unseen = unseen_residuals(worn)
     assert [u.role for u in unseen] == ["fit", "held_out"]
     every, *rotors = rotor_errors(unseen[-1])
-    assert every.before_rpm == pytest.approx(worn.before.rmse_rpm)
-    assert every.after_rpm == pytest.approx(worn.after.rmse_rpm)
-    assert every.after_ci95_rpm == pytest.approx(worn.after.rmse_ci95_rpm)
-    assert [e.after_rpm for e in rotors] == pytest.approx(list(worn.after.per_rotor_rmse_rpm))
+    assert every.before == worn.before
+    assert every.after == worn.after
+    assert [e.after.rmse_rpm for e in rotors] == pytest.approx(list(worn.after.per_rotor_rmse_rpm))
     for one in (every, *rotors):
-        assert one.before_ci95_rpm[0] < one.before_rpm < one.before_ci95_rpm[1]
-        assert one.after_ci95_rpm[0] < one.after_rpm < one.after_ci95_rpm[1]
-    assert rotors[0].bias_before_rpm > 50.0
-    assert abs(rotors[0].bias_after_rpm) < 2.0
+        assert one.before.rmse_ci95_rpm[0] < one.before.rmse_rpm < one.before.rmse_ci95_rpm[1]
+        assert one.after.rmse_ci95_rpm[0] < one.after.rmse_rpm < one.after.rmse_ci95_rpm[1]
+    assert rotors[0].before.bias_rpm > 50.0
+    assert abs(rotors[0].after.bias_rpm) < 2.0
     held = worn.held_out
     assert held is not None
     for k, one in enumerate(rotors):
         spread = np.sum((held.measured_rpm[:, k] - held.measured_rpm[:, k].mean()) ** 2)
         left = np.sum(unseen[-1].after_rpm[:, k] ** 2)
-        assert one.r2_after == pytest.approx(1.0 - left / spread)
+        assert one.after.r2 == pytest.approx(1.0 - left / spread)
 
 
 def test_without_held_out_flights_the_errors_are_cross_validated():
@@ -253,6 +252,6 @@ def test_without_held_out_flights_the_errors_are_cross_validated():
     found = identify(curve_model(), flights, config=QUICK, catalogue=table(["rotor_degradation"]))
     (only,) = unseen_residuals(found)
     assert only.role == "fit"
-    assert rotor_errors(only)[0].after_rpm == pytest.approx(found.after.rmse_rpm)
+    assert rotor_errors(only)[0].after == found.after
     # Values found without a flight fit it less well than those found with it.
     assert np.sum(only.after_rpm**2) > np.sum(found.residual_after_rpm**2)

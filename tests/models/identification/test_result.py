@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tests.models.effects.test_slung_load import flown_with_load
+from thrustmargin.models.identification.errors import errors_of
 from thrustmargin.models.identification.problem import BLOCK_SECONDS, assemble
-from thrustmargin.models.identification.result import errors_of
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 

@@ -19,7 +19,6 @@ from thrustmargin.models.network.conformal import (
     measure_coverage,
 )
 from thrustmargin.models.network.network import NetConfig
-from thrustmargin.models.network.scores import r2_interval, r2_per_rotor, score
 from thrustmargin.models.network.training_rows import (
     gather,
     member_splits,
@@ -30,6 +29,7 @@ from thrustmargin.models.network.training_rows import (
 )
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.atmosphere import track_density
+from thrustmargin.models.scores import error_terms, r2
 
 F16 = load_airframe("topxgun-f16-sitl")
 QUICK = TrainSettings(net=NetConfig(max_epochs=2), members=3)
@@ -310,32 +310,6 @@ def test_a_flight_weighs_one_however_many_rows_it_has():
     assert hierarchical_quantile(scores, flight, 0.81) == np.inf
 
 
-def test_r2_is_one_for_truth_zero_for_the_mean_and_by_rotor():
-    rng = np.random.default_rng(7)
-    measured = rng.normal(1900, 100, (300, 2))
-    flight = np.repeat(np.arange(6), 50)
-    predicted = measured.copy()
-    predicted[:, 1] = measured[:, 1].mean()
-    part = score(measured, predicted, flight)
-    assert part.r2_per_rotor == pytest.approx((1.0, 0.0))
-    assert part.r2 == pytest.approx(0.5)
-    assert part.rmse_per_rotor_rpm[1] == pytest.approx(measured[:, 1].std())
-    assert np.isnan(r2_per_rotor(np.ones((4, 1)), np.ones((4, 1)))).all()
-
-
-def test_the_interval_of_r2_holds_the_value_and_narrows_with_flights():
-    rng = np.random.default_rng(8)
-    widths = []
-    for flights in (6, 60):
-        flight = np.repeat(np.arange(flights), 40)
-        truth = rng.normal(1900, 100, flights)[flight][:, None]
-        predicted = truth + rng.normal(0, 40, flights)[flight][:, None]
-        low, high = r2_interval(truth, predicted, flight, seed=0)
-        assert low <= score(truth, predicted, flight).r2 <= high
-        widths.append(high - low)
-    assert widths[1] < 0.6 * widths[0]
-
-
 def test_the_shipped_model_predicts_the_recorded_flights_better_than_their_mean(sitl_logs):
     model = shipped_model()
     parts = []
@@ -345,13 +319,13 @@ def test_the_shipped_model_predicts_the_recorded_flights_better_than_their_mean(
         predicted = predict(model, track, track_density(track)[0])
         assert (predicted.basis[rows] == Basis.NETWORK).mean() > 0.99
         measured, speed = track.rotor_speed_rpm[rows], predicted.rotor_speed_rpm[rows]
-        assert r2_per_rotor(measured, speed).min() > 0.0
+        assert r2(error_terms(measured, speed).sum(axis=0)).min() > 0.0
         parts.append((measured, speed))
         straight = rows & ~turning_rows(track)
         error = (track.rotor_speed_rpm - predicted.rotor_speed_rpm)[straight]
         assert np.sqrt(np.mean(error**2)) < 25.0
     measured, speed = (np.concatenate(side) for side in zip(*parts, strict=True))
-    assert r2_per_rotor(measured, speed).min() > 0.5
+    assert r2(error_terms(measured, speed).sum(axis=0)).min() > 0.5
 
 
 def test_the_shipped_models_interval_holds_on_a_flight_outside_the_campaign(sitl_logs):

@@ -89,8 +89,8 @@ def test_the_page_shows_the_numbers_of_the_result(page, result):
     for sentence in result.answer:
         assert sentence in text
     worst = result.errors[1]
-    assert f"{worst.before_rpm:.0f} (" in text
-    assert f"{worst.after_rpm:.1f} (" in text
+    assert f"{worst.before.rmse_rpm:.0f} (" in text
+    assert f"{worst.after.rmse_rpm:.1f} (" in text
     assert "MISSING: ROTOR DEGRADATION OF ROTOR 1" in text
     assert "Nothing of the table would do as well" in text
     assert "held out" in text

@@ -340,17 +340,11 @@ def test_what_is_unexplained_is_said_with_mode_and_channel(whole):
 
 
 def test_the_errors_fit_80_columns_however_wide_their_numbers(whole):
-    wide = RotorErrors(
-        rotor=2,
-        before_rpm=29.9,
-        before_ci95_rpm=(28.8, 29.9),
-        after_rpm=29.9,
-        after_ci95_rpm=(10.1, 29.8),
-        bias_before_rpm=-22.2,
-        bias_after_rpm=-11.1,
-        r2_before=-11.23,
-        r2_after=-0.123,
+    before, after = (
+        replace(whole.before, rmse_rpm=29.9, rmse_ci95_rpm=ends, bias_rpm=bias, r2=r2)
+        for ends, bias, r2 in (((28.8, 29.9), -22.2, -11.23), ((10.1, 29.8), -11.1, -0.123))
     )
+    wide = RotorErrors(rotor=2, before=before, after=after)
     console = Console(width=80, record=True, file=StringIO())
     console.print(errors_table(whole, [wide, replace(wide, rotor=None)]))
     text = console.export_text()

@@ -1,0 +1,240 @@
+"""How well predicted rotor speeds agree with measured ones, and how sure that is.
+
+    e = y - y_hat     RMSE = sqrt(mean e²)     bias = mean e     R² = 1 - sum e² / sum (y - mean y)²
+
+Every figure follows from sums over rows, so a resampled flight is only other sums. R² is against
+the mean of the same rows: flights with like tank levels get a lower R² for the same error in rpm.
+
+Rows of one flight follow each other, so their number says little about how sure a figure is. Three
+resampling schemes say it, by what is to be generalised to: other flights (`by_flight`), other days
+of the same flights (`by_block`, cluster bootstrap), and the rest of one flight (`by_moving_block`,
+Kuensch 1989).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from thrustmargin.models.flight import Bools, Floats
+
+CONFIDENCE = 0.95
+DRAWS = 2000
+#: With fewer blocks than this the spread of one flight cannot be told.
+FEWEST_BLOCKS = 5
+#: Columns of the sums: rows, errors, squares, measured about its mean, its squares, rows inside
+#: the interval of the prediction, rows that have one.
+N, E, EE, Y, YY, INSIDE, BOUNDED = range(7)
+
+Sums = Floats  # (..., 7)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Score:
+    """Agreement on one set of rows; NaN where it has none."""
+
+    rows: int
+    flights: int
+    r2_per_rotor: tuple[float, ...]
+    rmse_per_rotor_rpm: tuple[float, ...]
+    bias_per_rotor_rpm: tuple[float, ...]  # measured minus predicted
+    r2_ci95: tuple[float, float] = (float("nan"), float("nan"))  # of the overall R2, by flights
+
+    @property
+    def r2(self) -> float:
+        """Overall R²: the mean over rotors."""
+        return float(np.mean(self.r2_per_rotor))
+
+    @property
+    def rmse_rpm(self) -> float:
+        """Root mean square error over all rotors, rpm."""
+        return float(np.sqrt(np.mean(np.square(self.rmse_per_rotor_rpm))))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """A figure with its 95 % interval; the ends are NaN where the flight is too short for one."""
+
+    value: float
+    low: float
+    high: float
+
+
+def error_terms(
+    measured: Floats,
+    predicted: Floats,
+    *,
+    lower: Floats | None = None,
+    upper: Floats | None = None,
+    rows: Bools | None = None,
+) -> Sums:
+    """(T, R, 7) terms of speeds (T, R) rpm whose sums give every figure; 0 where one is missing.
+
+    Measured speed is taken about each rotor's own mean, so that squares do not cancel digits.
+    `rows` (T,) are those that count; `lower` and `upper` (T, R) the ends of the intervals.
+    """
+    good = np.isfinite(measured) & np.isfinite(predicted)
+    if rows is not None:
+        good &= rows[:, None]
+    error = np.where(good, measured - predicted, 0.0)
+    count = np.maximum(good.sum(axis=0), 1)
+    about = np.where(good, measured - np.where(good, measured, 0.0).sum(axis=0) / count, 0.0)
+    bounded = inside = np.zeros_like(good)
+    if lower is not None and upper is not None:
+        bounded = good & np.isfinite(lower) & np.isfinite(upper)
+        inside = bounded & (measured >= lower) & (measured <= upper)
+    columns = [good, error, error**2, about, about**2, inside, bounded]
+    return np.stack(columns, axis=-1).astype(np.float64)
+
+
+def rmse(s: Sums) -> Floats:
+    """Root mean square error."""
+    return np.sqrt(_over(s[..., EE], s[..., N]))
+
+
+def bias(s: Sums) -> Floats:
+    """Mean of measured minus predicted."""
+    return _over(s[..., E], s[..., N])
+
+
+def r2(s: Sums) -> Floats:
+    """Coefficient of determination; NaN for a speed that does not vary."""
+    return 1.0 - _over(s[..., EE], s[..., YY] - _over(s[..., Y] ** 2, s[..., N]))
+
+
+def mean_r2(s: Sums) -> Floats:
+    """Mean over the rotors (last but one axis) of those that have an R²."""
+    each = r2(s)
+    known = np.isfinite(each)
+    return _over(np.where(known, each, 0.0).sum(axis=-1), known.sum(axis=-1))
+
+
+def coverage(s: Sums) -> Floats:
+    """Share of the rows with an interval whose measurement is inside."""
+    return _over(s[..., INSIDE], s[..., BOUNDED])
+
+
+def _over(top: Floats, bottom: Floats) -> Floats:
+    return np.divide(top, bottom, out=np.full(np.shape(top), np.nan), where=np.asarray(bottom) > 0)
+
+
+def score(
+    measured_rpm: Floats, predicted_rpm: Floats, flight: NDArray, *, seed: int | None = None
+) -> Score:
+    """Score of predictions (N, R) against measurements (N, R) of rows of `flight` (N,).
+
+    With a `seed` the overall R² has its interval, from 3 flights on.
+    """
+    terms = error_terms(measured_rpm, predicted_rpm)
+    whole = terms.sum(axis=0)
+    flights = int(np.unique(flight).size)
+    ends = (float("nan"), float("nan"))
+    if seed is not None and flights > 2:
+        ends = percentiles(mean_r2(by_flight(terms, flight, seed=seed)))
+    return Score(
+        rows=measured_rpm.shape[0],
+        flights=flights,
+        r2_per_rotor=tuple(r2(whole).tolist()),
+        rmse_per_rotor_rpm=tuple(rmse(whole).tolist()),
+        bias_per_rotor_rpm=tuple(bias(whole).tolist()),
+        r2_ci95=ends,
+    )
+
+
+def by_flight(terms: Floats, flight: NDArray, *, seed: int = 0, draws: int = DRAWS) -> Sums:
+    """Sums (draws, ...) of terms (T, ...) with whole flights drawn anew, with replacement."""
+    labels, which = np.unique(flight, return_inverse=True)
+    sums = _grouped(terms, which, labels.size)
+    equal = np.full(labels.size, 1.0 / labels.size)
+    drawn = np.random.default_rng(seed).multinomial(labels.size, equal, size=draws)
+    return np.tensordot(drawn.astype(np.float64), sums, axes=1)
+
+
+def by_block(
+    terms: Floats, block: NDArray, block_flight: NDArray, *, seed: int = 0, draws: int = 400
+) -> Sums:
+    """Sums (draws, ...) of terms (T, ...) with blocks drawn anew within their flights.
+
+    `block` (T,) numbers the rows' blocks, `block_flight` (B,) has the flight of each. Flights too
+    short for a second block are drawn among themselves.
+    """
+    sums = _grouped(terms, block, block_flight.size)
+    of_flight = [np.flatnonzero(block_flight == f) for f in np.unique(block_flight)]
+    groups = [mine for mine in of_flight if mine.size > 1]
+    short = [mine for mine in of_flight if mine.size == 1]
+    if short:
+        groups.append(np.concatenate(short))
+    generator = np.random.default_rng(seed)
+    return np.stack(
+        [
+            sums[np.concatenate([generator.choice(mine, mine.size) for mine in groups])].sum(axis=0)
+            for _ in range(draws)
+        ]
+    )
+
+
+def by_moving_block(
+    terms: Floats, time_s: Floats, *, block_s: float, seed: int = 0, draws: int = DRAWS
+) -> tuple[Sums, int]:
+    """Sums (draws, ...) of terms (T, ...) of one flight put together from stretches of `block_s`.
+
+    A block starts at any row that leaves room for it. Also returns how many blocks make a flight;
+    with fewer than FEWEST_BLOCKS nothing is drawn and the sums are NaN.
+    """
+    blocks = int((time_s[-1] - time_s[0]) // block_s)
+    if blocks < FEWEST_BLOCKS:
+        return np.full((1, *terms.shape[1:]), np.nan), blocks
+    running = np.concatenate([np.zeros((1, *terms.shape[1:])), np.cumsum(terms, axis=0)])
+    starts = np.flatnonzero(time_s <= time_s[-1] - block_s)
+    of_block = running[np.searchsorted(time_s, time_s[starts] + block_s)] - running[starts]
+    picks = np.random.default_rng(seed).integers(0, starts.size, (draws, blocks))
+    drawn = np.zeros((draws, *terms.shape[1:]))
+    for k in range(blocks):
+        drawn += of_block[picks[:, k]]
+    return drawn, blocks
+
+
+def _grouped(terms: Floats, which: NDArray, groups: int) -> Floats:
+    """(groups, ...) sums of the terms of each group."""
+    sums = np.zeros((groups, *terms.shape[1:]))
+    np.add.at(sums, which, terms)
+    return sums
+
+
+def percentiles(drawn: Floats) -> tuple[float, float]:
+    """95 % interval of a figure from its values (D,) on resampled rows."""
+    low, high = np.quantile(drawn, [0.5 - CONFIDENCE / 2, 0.5 + CONFIDENCE / 2])
+    return float(low), float(high)
+
+
+def estimate(figure: Callable[[Sums], Floats], whole: Sums, drawn: Sums, blocks: int) -> Estimate:
+    """A figure of the sums `whole` with the interval that the sums `drawn` from blocks give it.
+
+    With few blocks percentiles are too narrow (about 80 % of intervals made to hold 95 % do), so
+    the interval is the figure +- Student's t with one degree of freedom less than blocks: RMSE on a
+    log scale, R² by log(1 - R²), coverage cut to 0..1.
+    """
+    there, back = _SCALES.get(figure, _PLAIN)
+    value, values = float(figure(whole)), figure(drawn)
+    values = values[np.isfinite(values)]
+    if blocks < FEWEST_BLOCKS or not np.isfinite(value) or values.size < 2:
+        return Estimate(value=value, low=float("nan"), high=float("nan"))
+    # The spread of means over blocks drawn from few is too small by the same factor as a variance.
+    error = float(np.std(there(values))) * np.sqrt(blocks / (blocks - 1.0))
+    reach = float(stats.t.ppf(0.5 + CONFIDENCE / 2, blocks - 1)) * error
+    ends = sorted(float(back(there(value) + side * reach)) for side in (-1.0, 1.0))
+    return Estimate(value=value, low=ends[0], high=ends[1])
+
+
+_PLAIN = (lambda v: v, lambda v: v)
+_EXPLAINED = (lambda v: np.log(np.maximum(1.0 - v, 1e-12)), lambda v: 1.0 - np.exp(v))
+_SCALES = {
+    rmse: (lambda v: np.log(np.maximum(v, 1e-12)), np.exp),
+    r2: _EXPLAINED,
+    mean_r2: _EXPLAINED,
+    coverage: (lambda v: v, lambda v: np.clip(v, 0.0, 1.0)),
+}
