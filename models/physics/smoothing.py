@@ -10,9 +10,8 @@ from thrustmargin.models.flight import Floats
 
 
 def row_step(time_s: Floats) -> float:
-    """Usual s between rows, to the millisecond: the same in each window of a flight."""
-    step = float(np.median(np.diff(time_s)))
-    return round(step, 3) or step
+    """Usual s between rows, to four digits: the same in each window of a flight."""
+    return float(f"{np.median(np.diff(time_s)):.4g}")
 
 
 def derivative(time_s: Floats, values: Floats, span: float) -> Floats:

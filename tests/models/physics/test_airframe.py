@@ -61,6 +61,63 @@ def test_extends_takes_all_but_what_it_replaces():
     np.testing.assert_array_equal(simulated.rotor_spin, real.rotor_spin)
 
 
+def test_a_full_tank_is_volume_times_density():
+    table = airframe_table(load_airframe("topxgun-f16"))
+    table["quantities"]["liquid_density"]["value"] = 1.25
+    assert airframe_from_table(table, "table").tank_capacity_kg == 20.0  # 16 L x 1.25 kg/L
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_an_airframe_is_its_own_table_again(name):
+    airframe = load_airframe(name)
+    again = airframe_from_table(airframe_table(airframe), "table")
+    assert airframe_table(again) == airframe_table(airframe)
+    np.testing.assert_array_equal(again.rotor_spin, airframe.rotor_spin)
+    np.testing.assert_array_equal(again.rotor_position_frd, airframe.rotor_position_frd)
+    np.testing.assert_array_equal(again.rotor_effectiveness, airframe.rotor_effectiveness)
+    words = [rotor["spin"] for rotor in airframe_table(airframe)["rotors"]]
+    assert [spin > 0 for spin in airframe.rotor_spin] == [word == "ccw" for word in words]
+
+
+@pytest.mark.parametrize(
+    "name", ["tank_volume_l", "pump_max_flow_l_min", "ceiling_voltage_exponent"]
+)
+def test_no_tank_no_pump_and_no_effect_of_voltage_are_zero(tmp_path, name):
+    airframe = load_airframe(write(tmp_path, quantity(name, 0.0, QUANTITIES[name])))
+    assert getattr(airframe, name) == 0.0
+
+
+@pytest.mark.parametrize("name", sorted(set(QUANTITIES) - {"tank_volume_l", "pump_max_flow_l_min"}))
+@pytest.mark.parametrize("value", ["-0.1", "inf"])
+def test_nothing_is_below_zero_or_without_end(tmp_path, name, value):
+    with pytest.raises(AirframeError, match=f"{name} is .*; it must be a number above 0"):
+        load_airframe(write(tmp_path, quantity(name, value, QUANTITIES[name])))
+
+
+def test_a_mass_may_not_be_zero_and_may_be_an_integer(tmp_path):
+    with pytest.raises(AirframeError, match="above 0"):
+        load_airframe(write(tmp_path, quantity("empty_mass", 0, "kg")))
+    assert load_airframe(write(tmp_path, quantity("empty_mass", 22, "kg"))).empty_mass == 22.0
+
+
+def test_what_extends_what_extends_it_is_refused(tmp_path):
+    write(tmp_path, 'extends = "other.toml"\n', "mine.toml")
+    path = write(tmp_path, 'extends = "mine.toml"\n', "other.toml")
+    with pytest.raises(AirframeError, match="extends it again"):
+        load_airframe(path)
+
+
+def test_a_child_replaces_only_the_rotors_and_quantities_it_gives(tmp_path):
+    write(tmp_path, quantity("empty_mass", 30.0, "kg"), "base.toml")
+    child = 'extends = "base.toml"\n[quantities]\nnominal_voltage = '
+    path = write(tmp_path, child + '{ value = 50.0, unit = "V", source = "own measurement" }\n')
+    airframe = load_airframe(path)
+    assert (airframe.empty_mass, airframe.nominal_voltage) == (30.0, 50.0)
+    assert airframe.thrust_coefficient == 2.011e-5
+    assert airframe.name == "topxgun-f16"
+    assert airframe.quantities["nominal_voltage"].source == "own measurement"
+
+
 def write(tmp_path, text, name="mine.toml"):
     path = tmp_path / name
     path.write_text(text, encoding="utf-8")
@@ -142,7 +199,19 @@ spin = "cw"
 
 
 def test_any_rotor_count_from_three_can_be_described(tmp_path):
-    assert load_airframe(write(tmp_path, ROTORS)).rotor_count == 3
+    airframe = load_airframe(write(tmp_path, ROTORS))
+    assert airframe.rotor_count == 3
+    assert airframe.rotor_spin.tolist() == [1.0, -1.0, -1.0]
+    assert airframe.rotor_effectiveness.tolist() == [1.0, 1.0, 1.0]
+    with pytest.raises(AirframeError, match="2 \\[\\[rotors\\]\\]; a multirotor has at least 3"):
+        load_airframe(write(tmp_path, ROTORS[: ROTORS.rindex("[[rotors]]")]))
+
+
+def test_rotors_on_a_line_fly_and_rotors_in_one_place_do_not(tmp_path):
+    line = ROTORS.replace("[-0.5, 0.8, 0.0]", "[0, 0, 0]").replace("[-0.5, -0.8, 0.0]", "[0, 0, 0]")
+    assert load_airframe(write(tmp_path, line)).rotor_count == 3
+    with pytest.raises(AirframeError, match="all rotors are at the centre"):
+        load_airframe(write(tmp_path, line.replace("[1.0, 0.0, 0.0]", "[0.0, 0.0, 1.0]")))
 
 
 @pytest.mark.parametrize(
@@ -152,6 +221,7 @@ def test_any_rotor_count_from_three_can_be_described(tmp_path):
         ("[1.0, 0.0, 0.0]", "[1.0, 0.0]", "stopped at"),
         ("[1.0, 0.0, 0.0]", "[inf, 0.0, 0.0]", "three numbers in m"),
         ('name = "one"', 'name = "one"\neffectiveness = 1.4', "above 0 and at most 1"),
+        ('name = "one"', 'name = "one"\neffectiveness = 0.0', "above 0 and at most 1"),
     ],
 )
 def test_a_wrong_rotor_is_refused(tmp_path, old, new, message):

@@ -62,6 +62,49 @@ def test_more_thrust_on_the_right_rolls_left_and_in_front_pitches_up():
     assert yaw > 0.0  # it turns counter-clockwise, so its drag turns the body to the right
 
 
+def test_the_mixer_by_hand():
+    # Arms 0.5 m to the front and 0.4 m to the side, drag of 0.05 N m for each newton of thrust.
+    x, y = 0.5, 0.4
+    quad = rearranged(
+        replace(QUAD, torque_ratio=0.05),
+        [[x, y, 0.1], [-x, -y, 0.1], [x, -y, 0.1], [-x, y, 0.1]],
+        [1, 1, -1, -1],
+    )
+    np.testing.assert_allclose(
+        mixer(quad),
+        [[1, 1, 1, 1], [-y, y, y, -y], [x, -x, x, -x], [0.05, 0.05, -0.05, -0.05]],
+    )
+    # 10, 20, 30 and 40 N: roll -4 + 8 + 12 - 16 = 0, pitch 5 - 10 + 15 - 20 = -10,
+    # yaw 0.5 + 1 - 1.5 - 2 = -2 N m.
+    together = mixer(quad) @ [10.0, 20.0, 30.0, 40.0]
+    np.testing.assert_allclose(together, [100.0, 0.0, -10.0, -2.0], atol=1e-12)
+
+
+def test_heading_needs_the_torques_balanced_not_only_the_moments():
+    # A level quad has equal thrust a on its diagonal of rotors 1 and 2, and b on that of 3 and 4.
+    # All turning one way: yaw 2a + 2b = 0. With 4 alone the other way: 2a + b - b = 0, so a = 0.
+    for spin, most in (([1, 1, 1, 1], 0.0), ([1, 1, 1, -1], 2.0)):
+        odd = replace(QUAD, rotor_spin=np.array(spin, dtype=float))
+        assert holdable(odd).intact == pytest.approx(most, abs=1e-9)
+        np.testing.assert_allclose(holdable(odd).yaw_free, 2.0)
+
+
+def test_a_trim_curve_by_hand():
+    # Quad, heading kept: all four carry a quarter each, so rotor 0 does.
+    kept = trim_curve(QUAD, 0)
+    np.testing.assert_allclose(kept.collective, [0.0, 4.0], atol=1e-9)
+    np.testing.assert_allclose(kept.rotor, [0.0, 1.0], atol=1e-9)
+    # Heading given up: nothing needed up to 2, where its own diagonal has to join; full at 4.
+    free = trim_curve(QUAD, 0, False)
+    np.testing.assert_allclose(free.collective, [2.0, 4.0], atol=1e-9)
+    np.testing.assert_allclose(free.rotor, [0.0, 1.0], atol=1e-9)
+    # A weak rotor opposite: its diagonal joins with two equal shares of at most 0.6.
+    weak = replace(QUAD, rotor_effectiveness=np.array([1.0, 0.6, 1.0, 1.0]))
+    free = trim_curve(weak, 0, False)
+    np.testing.assert_allclose(free.collective, [2.0, 3.2], atol=1e-9)
+    np.testing.assert_allclose(free.rotor, [0.0, 0.6], atol=1e-9)
+
+
 def test_equal_thrust_is_trim_until_the_centre_of_gravity_moves():
     assert mixer(QUAD) @ np.ones(4) == pytest.approx([4.0, 0.0, 0.0, 0.0], abs=1e-12)
     _, roll, pitch, _ = mixer(QUAD, cg_offset=(0.05, 0.02)) @ np.ones(4)

@@ -107,6 +107,35 @@ def test_impossible_pressure_is_ignored_and_counted():
     assert "pressure outside 300..1100 hPa ignored in 3 rows" in basis
 
 
+def test_the_limits_of_a_plausible_pressure_are_plausible_themselves():
+    pressure = np.array([29_999.0, 30_000.0, 95_000.0, 110_000.0, 110_001.0])
+    density, basis = track_density(flight(pressure=pressure, altitude=np.full(5, 400.0)))
+    by_hand = pressure / (287.05287 * (288.15 - 0.0065 * 400.0))  # p / (R T)
+    np.testing.assert_allclose(density[1:4], by_hand[1:4])
+    np.testing.assert_allclose(density[[0, 4]], isa_density(400.0))
+    assert "ignored in 2 rows" in basis
+
+
+def test_one_row_is_one_row():
+    pressure = np.array([95_000.0, np.nan, 95_000.0, 95_000.0, 95_000.0])
+    _, basis = track_density(flight(pressure=pressure))
+    assert basis.endswith("the flight's median in 1 row that reported neither")
+
+
+def test_known_rows_keep_their_own_density_beside_the_median():
+    pressure = np.array([np.nan, 90_000.0, 95_000.0, 100_000.0, np.nan])
+    density, _ = track_density(flight(pressure=pressure))
+    own = air_density(pressure, isa_temperature(pressure_altitude(pressure)))
+    np.testing.assert_allclose(density[1:4], own[1:4])
+    assert density[0] == density[4] == pytest.approx(own[2])
+
+
+def test_an_offset_of_temperature_acts_on_rows_with_pressure_too():
+    density, basis = track_density(flight(pressure=np.full(5, 101_325.0)), temperature_offset=-15.0)
+    np.testing.assert_allclose(density, 101_325.0 / (287.05287 * 273.15), rtol=1e-9)
+    assert basis.endswith("standard atmosphere -15 K")
+
+
 def test_nothing_known_is_sea_level_air_called_assumed():
     density, basis = track_density(flight())
     np.testing.assert_array_equal(density, SEA_LEVEL_DENSITY)

@@ -233,3 +233,108 @@ def test_a_stricter_limit_takes_liquid_off_the_aircraft():
 
 def test_weight_is_mass_under_standard_gravity():
     assert weight(F16, 16.0) == pytest.approx(37.1 * G0)
+
+
+#: Round numbers: T = 2e-5 N² in air of 1.2 kg/m³, 3000 rpm at 50 V, rotors 3 and 4 at half effect.
+ROUND = replace(
+    F16,
+    empty_mass=20.0,
+    thrust_coefficient=2e-5,
+    reference_density=1.2,
+    max_rotor_speed_rpm=3000.0,
+    ceiling_voltage=50.0,
+    nominal_voltage=40.0,
+    nameplate_max_thrust=180.0,
+)
+HALVED = replace(ROUND, rotor_effectiveness=np.array([1.0, 1.0, 0.5, 0.5]))
+
+
+@pytest.mark.parametrize(
+    ("voltage", "exponent", "speed"),
+    [
+        (32.0, 0.5, 2400.0),  # 3000 (32/50)^0.5 = 3000 x 0.8
+        (25.0, 1.0, 1500.0),  # 3000 x 0.5
+        (25.0, 2.0, 750.0),  # 3000 x 0.25
+        (25.0, 0.0, 3000.0),  # voltage has no effect
+        (60.0, 2.0, 3000.0),  # never above the bench
+        (0.5, 1.0, 30.0),  # low, but a voltage
+        (None, 1.0, 2400.0),  # nominal 40 V: 3000 x 0.8
+    ],
+)
+def test_the_ceiling_goes_with_a_power_of_the_voltage(voltage, exponent, speed):
+    airframe = replace(ROUND, ceiling_voltage_exponent=exponent)
+    limits = ceiling(airframe, 0.9, voltage)
+    assert limits.max_rotor_speed_rpm == pytest.approx([speed])
+    # Air of 0.9 over 1.2 makes three quarters of the thrust: 2e-5 x 0.75 x N².
+    assert limits.free_thrust == pytest.approx([1.5e-5 * speed**2])
+
+
+def test_largest_thrust_of_each_rotor_by_hand():
+    # 2e-5 x (0.9/1.2) x 1500² = 33.75 N; half of it for rotors 3 and 4.
+    limits = ceiling(HALVED, 0.9, 25.0)
+    np.testing.assert_allclose(limits.max_thrust, [[33.75, 33.75, 16.875, 16.875]])
+    named = nameplate_ceiling(HALVED)
+    np.testing.assert_allclose(named.max_thrust, [[180.0, 180.0, 90.0, 90.0]])
+    assert named.max_rotor_speed_rpm == pytest.approx([3000.0])  # 2e-5 x 3000² = 180 N
+
+
+def test_thrust_of_rotor_speeds_by_hand():
+    # Air of 0.6 over 1.2 halves it: 1e-5 N², and again for rotors 3 and 4.
+    speeds = np.array([[1000.0, 2000.0, 1000.0, 2000.0], [0.0, 3000.0, 3000.0, 100.0]])
+    thrust = rotor_thrust(HALVED, speeds, np.array([0.6, 1.2]))
+    np.testing.assert_allclose(thrust, [[10.0, 40.0, 5.0, 20.0], [0.0, 180.0, 90.0, 0.1]])
+
+
+def test_use_redundancy_and_fill_of_a_quad_by_hand():
+    limits = ceiling(ROUND, 0.9, 25.0)  # 33.75 N a rotor
+    # 100 N over 4 x 33.75 = 135 N; a diagonal pair holds 2 x 33.75 = 67.5 N.
+    assert hover_use(ROUND, limits, 100.0) == pytest.approx([0.7407407])
+    assert redundancy(ROUND, limits, 100.0, yaw_kept=False) == pytest.approx([0.675])
+    assert trimmable_loss(ROUND, limits, 100.0) == pytest.approx([0.2592593])
+    assert trimmable_loss(ROUND, limits, 100.0, yaw_kept=False) == pytest.approx([0.5185185])
+    # Half use: 67.5 N = 6.883084 kg; 30 %: 40.5 N = 4.129850 kg; 67.5 N / 1.25 = 5.506467 kg.
+    assert largest_fill(ROUND, limits) == pytest.approx([6.883084 - 20.0], abs=1e-6)
+    assert largest_fill(ROUND, limits, limit=0.3) == pytest.approx([4.129850 - 20.0], abs=1e-6)
+    free = {"criterion": "yaw free"}
+    assert largest_fill(ROUND, limits, **free) == pytest.approx([6.883084 - 20.0], abs=1e-6)
+    strict = largest_fill(ROUND, limits, **free, limit=1.25)
+    assert strict == pytest.approx([5.506467 - 20.0], abs=1e-6)
+
+
+def test_a_centre_of_gravity_in_front_loads_the_front_pair_by_hand():
+    limits = ceiling(ROUND, 0.9, 25.0)
+    arm = float(ROUND.rotor_position_frd[:, 0].max())
+    ahead = {"cg_offset": (0.2 * arm, 0.0)}
+    # The front pair carries 1.2 of its share: 100/4 x 1.2 = 30 N of 33.75, so 1/9 can be lost.
+    assert trimmable_loss(ROUND, limits, 100.0, **ahead) == pytest.approx([1.0 / 9.0])
+    # A lost front rotor cannot be replaced; with a rear one lost its diagonal pair is level at no
+    # thrust, the other holds 2 x 33.75.
+    by_rotor = redundancy_by_rotor(ROUND, limits, 100.0, yaw_kept=False, **ahead)
+    front = ROUND.rotor_position_frd[:, 0] > 0.0
+    np.testing.assert_allclose(by_rotor[0, ~front], 0.675)
+    np.testing.assert_allclose(by_rotor[0, front], 0.0, atol=1e-9)
+    worst = redundancy(ROUND, limits, 100.0, yaw_kept=False, **ahead)
+    assert worst == pytest.approx([0.0], abs=1e-9)
+    # All at most 33.75 with the front at 1.2 of the mean: 135 N / 1.2 = 112.5 N, half of it 56.25.
+    fill = largest_fill(ROUND, limits, **ahead)
+    assert fill == pytest.approx([56.25 / G0 - 20.0])
+
+
+def test_redundancy_of_a_hexa_by_rotor_is_that_of_its_worst():
+    hexa = load_airframe("agras-t20")
+    limits = at_reference(hexa)
+    for kept in (True, False):
+        by_rotor = redundancy_by_rotor(hexa, limits, [400.0], yaw_kept=kept)
+        assert by_rotor.shape == (1, 6)
+        np.testing.assert_allclose(by_rotor, 4.0 * limits.free_thrust[0] / 400.0)
+
+
+def test_fill_with_heading_kept_counts_the_worst_lower_rotor():
+    octo = load_airframe("agras-t40")
+    limits = at_reference(octo)
+    # Of 8 rotors, four at 0.8: 6 x 0.8 = 4.8 free rotors with an upper one lost and heading kept,
+    # 2 + 4 x 0.8 = 5.2 with heading given up.
+    kept = largest_fill(octo, limits, criterion="yaw kept")
+    free = largest_fill(octo, limits, criterion="yaw free")
+    np.testing.assert_allclose(kept, 4.8 * limits.free_thrust / G0 - octo.empty_mass)
+    np.testing.assert_allclose(free, 5.2 * limits.free_thrust / G0 - octo.empty_mass)

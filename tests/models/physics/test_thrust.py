@@ -42,6 +42,41 @@ def test_fit_has_the_statistics_of_table_7():
     assert fit.points == 21
 
 
+def test_a_fit_of_three_points_by_hand():
+    # N² = 1, 4, 9 (10⁶ rpm²) and T = 2, 9, 19 N: a = (2 + 36 + 171)/(1 + 16 + 81) = 209/98,
+    # residuals 2 - 209/98 = -13/98, 9 - 836/98 = 46/98, 19 - 1881/98 = -19/98:
+    # SSE = (169 + 2116 + 361)/98² = 2646/9604 = 0.2755102; mean 10, SST = 64 + 1 + 81 = 146.
+    fit = fit_thrust_curve([1000.0, 2000.0, 3000.0], [2.0, 9.0, 19.0])
+    assert fit.coefficient == pytest.approx(209.0 / 98.0 * 1e-6)
+    assert fit.sse == pytest.approx(0.2755102)
+    assert fit.r2 == pytest.approx(1.0 - 0.2755102 / 146.0)
+    assert fit.adjusted_r2 == pytest.approx(fit.r2)  # one parameter: (SSE/2)/(SST/2)
+    assert fit.rmse == pytest.approx(np.sqrt(0.2755102 / 2.0))
+    assert fit.points == 3
+
+
+def test_two_speeds_are_enough_and_equal_thrusts_have_no_r2():
+    fit = fit_thrust_curve([1000.0, 2000.0], [5.0, 5.0])
+    assert fit.coefficient == pytest.approx(25.0 / 17.0 * 1e-6)  # (5 + 20)/(1 + 16)
+    assert np.isnan(fit.r2)
+    assert np.isnan(fit.adjusted_r2)
+
+
+def test_thrust_and_speed_by_hand():
+    assert thrust_from_speed(2000.0, coefficient=2e-5) == pytest.approx(80.0)
+    assert speed_from_thrust(80.0, coefficient=2e-5) == pytest.approx(2000.0)
+    thin = {"coefficient": 2e-5, "density": 0.9, "reference_density": 1.2}
+    assert thrust_from_speed(2000.0, **thin) == pytest.approx(60.0)
+    assert speed_from_thrust(60.0, **thin) == pytest.approx(2000.0)
+    assert speed_from_thrust(0.0, coefficient=2e-5) == 0.0
+
+
+def test_the_dimensionless_coefficient_by_hand():
+    # C_T = a 3600/(rho D⁴) = 2e-5 x 3600/(1.2 x 0.5⁴) = 0.072/0.075 = 0.96
+    assert dimensionless_coefficient(2e-5, density=1.2, diameter=0.5) == pytest.approx(0.96)
+    assert dimensional_coefficient(0.96, density=1.2, diameter=0.5) == pytest.approx(2e-5)
+
+
 def test_fit_leaves_out_points_without_a_number():
     speed, thrust = table7_points()
     with_gap = fit_thrust_curve(np.append(speed, 2500.0), np.append(thrust, np.nan))
@@ -140,6 +175,8 @@ def test_no_speed_makes_a_negative_thrust():
 def test_one_density_without_the_other_is_refused():
     with pytest.raises(ValueError, match="together"):
         thrust_from_speed(2000.0, coefficient=2e-5, density=1.0)
+    with pytest.raises(ValueError, match="together"):
+        thrust_from_speed(2000.0, coefficient=2e-5, reference_density=1.0)
 
 
 def test_relative_error_is_in_percent_of_the_measured_thrust():
