@@ -15,7 +15,7 @@ from thrustmargin.models.flight import TRACK_CHANNELS
 #: field for people -> its channels in a VehicleState, any of which will do, and the limit's name
 FIELDS: dict[str, tuple[tuple[str, ...], str]] = {
     "attitude": (("attitude",), "attitude"),
-    "position": (("geodetic", "position_ned"), "geodetic"),
+    "position": (("geodetic", "position_ned"), "position_ned"),
     "speed over ground": (("velocity_ned",), "velocity_ned"),
     "height": (("height_agl",), "height_agl"),
     "airspeed": (("airspeed",), "airspeed"),

@@ -1,0 +1,87 @@
+"""Every command but `train` and `identify` runs where torch is not installed."""
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from thrustmargin.gcs_plugin.cli import COMMANDS
+from thrustmargin.models.errors import InstallError
+from thrustmargin.models.identification.identify import identify
+from thrustmargin.models.model.rotor_model import load_model
+
+ROOT = Path(__file__).resolve().parents[1]
+FLIGHT = str(ROOT / "sitl_logs/campaign/v2_m4_q1.5.tlog")
+VIEW = ["--port", "0", "--no-browser", "--seconds", "1"]
+WITHOUT_TORCH = {
+    "demo": [FLIGHT, *VIEW],
+    "fetch": ["mission", "--help"],
+    "inspect": [FLIGHT],
+    "match": ["--airframe", "topxgun-f16"],
+    "monitor": [FLIGHT, "--port", "0", "--no-browser", "--seconds", "3"],
+    "replay": [FLIGHT, "--port", "0", "--no-browser"],
+    "report": [FLIGHT],
+    "stream": [FLIGHT, "--to", "udpout:127.0.0.1:9", "--speed", "10000"],
+}
+WITH_TORCH = {"identify": [FLIGHT], "train": [FLIGHT]}
+#: Hides torch from every finder, so that Python sees it as not installed.
+BLOCKED = """
+import sys
+
+class Without:
+    def __init__(self, finder):
+        self.finder = finder
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] != "torch":
+            return self.finder.find_spec(name, path, target)
+    def __getattr__(self, name):
+        return getattr(self.finder, name)
+
+sys.meta_path[:] = map(Without, sys.meta_path)
+from thrustmargin.gcs_plugin.cli import main
+main(sys.argv[1:])
+"""
+
+
+def run_blocked(folder: Path, command: str, *words: str) -> subprocess.CompletedProcess[str]:
+    line = [sys.executable, "-c", BLOCKED, command, *words]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(line, cwd=folder, stdout=pipe, stderr=pipe, text=True) as process:
+        try:
+            if command == "replay" and process.stdout and process.stdout.readline():
+                process.send_signal(signal.SIGINT)  # it is served until Ctrl-C
+            said, errors = process.communicate(timeout=300)
+        finally:
+            process.kill()
+    return subprocess.CompletedProcess(line, process.returncode, said, errors)
+
+
+def test_every_command_is_on_one_of_the_two_lists():
+    assert sorted([*WITHOUT_TORCH, *WITH_TORCH]) == sorted(COMMANDS)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", WITHOUT_TORCH)
+def test_a_command_runs_without_torch(command: str, tmp_path: Path):
+    done = run_blocked(tmp_path, command, *WITHOUT_TORCH[command])
+    assert done.returncode == 0, done.stderr
+    assert "torch" not in done.stderr
+
+
+@pytest.mark.parametrize("command", WITH_TORCH)
+def test_a_command_that_needs_torch_says_in_one_line_what_to_install(command: str, tmp_path: Path):
+    done = run_blocked(tmp_path, command, *WITH_TORCH[command])
+    assert done.returncode == 1
+    assert done.stdout == ""
+    assert done.stderr == (
+        f"thrustmargin: {command} needs torch, which is not installed; "
+        "run: pip install 'thrustmargin[train]'\n"
+    )
+
+
+def test_the_function_behind_it_says_the_same(monkeypatch):
+    monkeypatch.setitem(sys.modules, "torch", None)
+    with pytest.raises(InstallError, match=r"pip install 'thrustmargin\[train\]'"):
+        identify(load_model(), [])
