@@ -26,7 +26,7 @@ def build_report(
     max_utilisation: float = 0.5,
     unread: Iterable[UnusedLog] = (),
 ) -> Report:
-    """The numbers of a report over flights, in their order, judged by `max_utilisation`.
+    """The numbers of a report over flights, in their order, checked against `max_utilisation`.
 
     That is the largest share of a rotor's maximum thrust that may be in use.
 
@@ -67,7 +67,7 @@ def overview_of(reports: Sequence[FlightReport], limit: float) -> Overview:
 
 
 def worst_first(reports: Sequence[FlightReport]) -> list[tuple[int, FlightReport]]:
-    """(index in the list, report), the highest capacity use first, unknown ones last."""
+    """(index in the list, report), the highest thrust in use first, unknown ones last."""
 
     def use(item: tuple[int, FlightReport]) -> float:
         worst = item[1].verdict.worst

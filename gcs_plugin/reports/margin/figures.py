@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import fields, replace
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from thrustmargin.gcs_plugin.reports.margin.data import FlightReport, Moment
-from thrustmargin.gcs_plugin.reports.margin.maps import map_figure, redundancy_map
-from thrustmargin.gcs_plugin.reports.margin.series import Series
+from thrustmargin.gcs_plugin.reports.margin.maps import redundancy_map, use_map
 from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     BAND,
     INK,
@@ -25,50 +23,48 @@ from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     line,
     milliseconds,
     over_time,
+    rotor_panels,
 )
-from thrustmargin.gcs_plugin.reports.shared.route_map import moved
-from thrustmargin.gcs_plugin.wording.palette import LOAD
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import worst_rotor
 
-ROTOR_PANEL_PX = 96
+Rows = Mapping[str, Floats]
 
 
 def figures(report: FlightReport) -> Mapping[str, PlotJson]:
     """Name -> plotly figure; those whose channels the flight lacks are left out."""
-    series, limit = airborne(report.series), report.verdict.limit
-    if not series.time_s.size:
+    rows, limit, worst = airborne(report.rows), report.verdict.limit, report.verdict.worst
+    if not rows["time_s"].size:
         return {}
-    names = tuple(f"rotor {k + 1}, {n}" for k, n in enumerate(report.model.rotor_names))
-    use = judged_use(series)
+    names = report.model["rotor_names"]
+    use = rows["known_utilisation"]
     knows_use = bool(np.any(np.isfinite(use)))
-    knows_redundancy = bool(np.any(np.isfinite(series.redundancy_yaw_free)))
-    placed = bool(np.any(np.isfinite(series.north) & np.isfinite(series.east)))
+    knows_redundancy = bool(np.any(np.isfinite(rows["redundancy_yaw_free"])))
+    placed = bool(np.any(np.isfinite(rows["north"]) & np.isfinite(rows["east"])))
     made: dict[str, PlotJson] = {}
     if knows_use:
-        made["use"] = use_figure(series, use, limit, report.verdict.worst)
-        made["rotors"] = rotors_figure(series, limit, names)
+        made["use"] = use_figure(rows, use, limit, worst)
+        made["rotors"] = rotors_figure(rows, limit, names)
     if knows_use and placed:
-        scale = moved(LOAD, limit)
-        made["map_use"] = map_figure(series, worst_rotor(use)[0], scale, report.verdict.worst)
+        made["map_use"] = use_map(rows, worst_rotor(use)[0], limit, worst)
     if knows_redundancy and placed:
-        made["map_redundancy"] = redundancy_map(series)
+        made["map_redundancy"] = redundancy_map(rows)
     if knows_redundancy:
-        made["redundancy"] = redundancy_figure(series, limit)
-    if np.any(np.isfinite(series.residual_rpm)):
-        made["residual"] = residual_figure(series, names)
+        made["redundancy"] = redundancy_figure(rows, limit)
+    if np.any(np.isfinite(rows["rotor_speed_rpm"] - rows["rotor_speed_predicted_rpm"])):
+        made["residual"] = residual_figure(rows, names)
     return made
 
 
-def use_figure(series: Series, use: Floats, limit: float, worst: Moment | None) -> PlotJson:
-    """Capacity use of the worst rotor and of the mean rotor over time, above the tank level."""
-    time_s, top = series.time_s, worst_rotor(use)[0] * 100
-    mean = np.where(np.all(np.isfinite(use), axis=1), use.mean(axis=1), np.nan) * 100
-    over = np.where(top > limit * 100, top, limit * 100)
+def use_figure(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> PlotJson:
+    """Thrust in use of the worst rotor and of the mean rotor over time, above the tank level."""
+    time_s, tank = rows["time_s"], rows["tank_kg"]
+    top, mean = worst_rotor(use)[0] * 100, use.mean(axis=1) * 100
+    above = np.where(top > limit * 100, top, limit * 100)
     panels = [
         Panel(
             traces=[
-                ground(time_s, np.full(top.size, limit * 100), over, color=OVER_FILL),
+                ground(time_s, np.full(top.size, limit * 100), above, color=OVER_FILL),
                 line(time_s, top, color=MEASURED, name="worst rotor"),
                 line(time_s, mean, color=MEAN, name="mean of the rotors", width=2),
             ],
@@ -81,118 +77,103 @@ def use_figure(series: Series, use: Floats, limit: float, worst: Moment | None) 
             notes=[_arrow(worst)] if worst is not None else [],
         )
     ]
-    if np.any(np.isfinite(series.tank_kg)):
-        sprayed = np.where(series.spraying > 0.5, series.tank_kg, np.nan)
+    if np.any(np.isfinite(tank)):
+        sprayed = np.where(rows["spraying"] > 0.5, tank, np.nan)
         panels.append(
             Panel(
                 traces=[
-                    line(time_s, series.tank_kg, color=INK, name="tank", width=2),
+                    line(time_s, tank, color=INK, name="tank", width=2),
                     line(time_s, sprayed, color=SPRAYING, name="tank while spraying", width=5),
                 ],
                 height_px=80,
                 unit="tank, kg",
                 low=0.0,
-                high=float(np.nanmax(series.tank_kg)) * 1.1 + 0.1,
+                high=float(np.nanmax(tank)) * 1.1 + 0.1,
             )
         )
     return over_time(panels, end_s=float(time_s[-1]))
 
 
-def rotors_figure(series: Series, limit: float, names: tuple[str, ...]) -> PlotJson:
-    """Capacity use of each rotor, measured and predicted, one strip a rotor."""
-    both = np.concatenate([series.capacity_use, series.capacity_use_predicted])
-    high = max(limit * 1.3, float(np.nanmax(both)) * 1.08) * 100
-    panels = [
-        Panel(
-            traces=[
-                line(
-                    series.time_s,
-                    series.capacity_use[:, k] * 100,
-                    color=MEASURED,
-                    name="measured",
-                    legend=k == 0,
-                ),
-                line(
-                    series.time_s,
-                    series.capacity_use_predicted[:, k] * 100,
-                    color=PREDICTED,
-                    name="predicted",
-                    width=3,
-                    dash="dash",
-                    legend=k == 0,
-                ),
-            ],
-            height_px=ROTOR_PANEL_PX,
-            unit="",
-            suffix=" %",
-            low=0.0,
-            high=high,
-            lines=[_limit(limit)],
-            title=name,
-        )
-        for k, name in enumerate(names)
-    ]
-    return over_time(panels, end_s=float(series.time_s[-1]))
-
-
-def residual_figure(series: Series, names: tuple[str, ...]) -> PlotJson:
-    """Measured minus predicted rotor speed over time, with the promised interval as a band."""
-    residual = series.residual_rpm
-    reach = max(float(np.nanmax(np.abs(residual))) * 1.08, 1.0)
-    predicted = series.rotor_speed_predicted_rpm
-    lower, upper = (
-        series.rotor_speed_lower_rpm - predicted,
-        series.rotor_speed_upper_rpm - predicted,
+def rotors_figure(rows: Rows, limit: float, names: Sequence[str]) -> PlotJson:
+    """Thrust in use of each rotor, measured and predicted, one strip a rotor."""
+    time_s = rows["time_s"]
+    measured, predicted = rows["capacity_use"] * 100, rows["capacity_use_predicted"] * 100
+    high = max(limit * 130, float(np.nanmax([measured, predicted])) * 1.08)
+    panels = rotor_panels(
+        names,
+        lambda k, legend: [
+            line(time_s, measured[:, k], color=MEASURED, name="measured", legend=legend),
+            line(
+                time_s,
+                predicted[:, k],
+                color=PREDICTED,
+                name="predicted",
+                width=3,
+                dash="dash",
+                legend=legend,
+            ),
+        ],
+        unit="",
+        suffix=" %",
+        low=0.0,
+        high=high,
+        lines=[_limit(limit)],
     )
-    panels = [
-        Panel(
-            traces=[
-                ground(
-                    series.time_s,
-                    lower[:, k],
-                    upper[:, k],
-                    color=BAND,
-                    name="promised interval",
-                    legend=k == 0,
-                ),
-                line(
-                    series.time_s,
-                    residual[:, k],
-                    color=MEASURED,
-                    name="measured minus predicted",
-                    width=2,
-                    legend=k == 0,
-                ),
-            ],
-            height_px=ROTOR_PANEL_PX,
-            unit="rpm",
-            low=-reach,
-            high=reach,
-            title=name,
-        )
-        for k, name in enumerate(names)
-    ]
-    return over_time(panels, end_s=float(series.time_s[-1]))
+    return over_time(panels, end_s=float(time_s[-1]))
 
 
-def redundancy_figure(series: Series, limit: float) -> PlotJson:
-    """Redundancy over time, heading given up and kept; below it the tank against the fills."""
-    time_s = series.time_s
-    free, kept = series.redundancy_yaw_free, series.redundancy_yaw_kept
-    one_out, of_limit = series.fill_one_rotor_out_kg, series.fill_limit_kg
+def residual_figure(rows: Rows, names: Sequence[str]) -> PlotJson:
+    """Measured minus predicted rotor speed over time, with the promised interval as a band."""
+    time_s, predicted = rows["time_s"], rows["rotor_speed_predicted_rpm"]
+    residual, lower, upper = (
+        rows[f"rotor_speed_{name}rpm"] - predicted for name in ("", "lower_", "upper_")
+    )
+    reach = max(float(np.nanmax(np.abs(residual))) * 1.08, 1.0)
+    panels = rotor_panels(
+        names,
+        lambda k, legend: [
+            ground(
+                time_s,
+                lower[:, k],
+                upper[:, k],
+                color=BAND,
+                name="promised interval",
+                legend=legend,
+            ),
+            line(
+                time_s,
+                residual[:, k],
+                color=MEASURED,
+                name="measured minus predicted",
+                width=2,
+                legend=legend,
+            ),
+        ],
+        unit="rpm",
+        low=-reach,
+        high=reach,
+    )
+    return over_time(panels, end_s=float(time_s[-1]))
+
+
+def redundancy_figure(rows: Rows, limit: float) -> PlotJson:
+    """Redundancy over time, yaw uncontrolled and controlled; below it the tank and the fills."""
+    time_s, tank = rows["time_s"], rows["tank_kg"]
+    free, kept = rows["redundancy_yaw_free"], rows["redundancy_yaw_kept"]
+    one_out, of_limit = rows["fill_one_rotor_out_kg"], rows["fill_limit_kg"]
     fills = [
-        line(time_s, series.tank_kg, color=INK, name="in the tank"),
+        line(time_s, tank, color=INK, name="in the tank"),
         line(time_s, one_out, color=OVER, name="most to lose a rotor", dash="dash"),
     ]
     if not np.allclose(one_out, of_limit, atol=0.05, equal_nan=True):
         name = f"most for {limit * 100:.0f} % in hover"
         fills.append(line(time_s, of_limit, color=PREDICTED, name=name, dash="dot"))
-    kilograms = np.concatenate([series.tank_kg, one_out, of_limit])
+    kilograms = np.concatenate([tank, one_out, of_limit])
     panels = [
         Panel(
             traces=[
-                line(time_s, free, color=MEASURED, name="heading given up"),
-                line(time_s, kept, color=PREDICTED, name="heading kept", dash="dash"),
+                line(time_s, free, color=MEASURED, name="yaw uncontrolled"),
+                line(time_s, kept, color=PREDICTED, name="yaw controlled", dash="dash"),
             ],
             height_px=190,
             unit="thrust over weight",
@@ -211,25 +192,19 @@ def redundancy_figure(series: Series, limit: float) -> PlotJson:
     return over_time(panels, end_s=float(time_s[-1]))
 
 
-def airborne(series: Series) -> Series:
+def airborne(rows: Rows) -> Rows:
     """The rows from take-off to landing; rotors on the ground between are blanked."""
-    rows = np.flatnonzero(series.airborne)
-    span = slice(int(rows[0]), int(rows[-1]) + 1) if rows.size else slice(0, 0)
-    cut = {f.name: getattr(series, f.name)[span] for f in fields(series)}
-    landed = ~cut["airborne"]
-    for name in ("capacity_use", "capacity_use_predicted", "rotor_speed_rpm"):
-        cut[name] = np.where(landed[:, None], np.nan, cut[name])
-    return replace(series, **cut)
-
-
-def judged_use(series: Series) -> Floats:
-    """(T, R) measured capacity use, predicted in rows in which none was measured."""
-    measured = np.any(np.isfinite(series.capacity_use), axis=1)
-    return np.where(measured[:, None], series.capacity_use, series.capacity_use_predicted)
+    flown = np.flatnonzero(rows["airborne"])
+    span = slice(int(flown[0]), int(flown[-1]) + 1) if flown.size else slice(0, 0)
+    cut = {key: values[span] for key, values in rows.items()}
+    landed = cut["airborne"] == 0.0
+    for key in ("known_utilisation", "capacity_use", "capacity_use_predicted", "rotor_speed_rpm"):
+        cut[key] = np.where(landed[:, None], np.nan, cut[key])
+    return cut
 
 
 def _limit(limit: float) -> tuple[float, str]:
-    return limit * 100, f"{limit * 100:.0f} %\nline"
+    return limit * 100, f"{limit * 100:.0f} %\nlimit"
 
 
 def _arrow(worst: Moment) -> PlotJson:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 from thrustmargin.gcs_plugin.reports.margin.data import Fact, Level, Moment, Verdict
 from thrustmargin.gcs_plugin.wording.numbers import (
@@ -16,69 +16,43 @@ from thrustmargin.gcs_plugin.wording.numbers import (
 )
 from thrustmargin.models.scores import Estimate
 
-
-def estimate(figure: Estimate, unit: str = "", decimals: int = 1, factor: float = 1.0) -> str:
-    """`41.2 (38.0 to 44.6) rpm`; without the bracket where there is no interval."""
-    middle = number(figure.value * factor, "", decimals)
-    if middle == UNKNOWN or figure.low - figure.low != 0.0 or figure.high - figure.high != 0.0:
-        return number(figure.value * factor, unit, decimals)
-    low, high = (number(end * factor, "", decimals) for end in (figure.low, figure.high))
-    return f"{middle} ({low} to {high}) {unit}".rstrip()
-
-
-def moment_words(moment: Moment) -> str:
-    """Which, when and in what movement: `rotor 1, front right, at 0:52, turning left, 9.0 kg`."""
-    parts = [f"rotor {moment.rotor}, {moment.rotor_name}, at {clock(moment.time_s)}"]
-    if moment.doing:
-        parts.append(", ".join(moment.doing))
-    if moment.tank_kg - moment.tank_kg == 0.0:
-        parts.append(f"{number(moment.tank_kg, 'kg')} in the tank")
-    where = place(moment.north, moment.east)
-    return ", ".join([*parts, where] if where else parts)
-
-
-def headline(verdict: Verdict) -> str:
-    """The verdict in capitals, to be read first."""
-    line = f"THE {percent(verdict.limit)} LINE"
-    return {
-        "under": f"UNDER {line}",
-        "over": f"OVER {line} AT TIMES",
-        "critical": "TOO HEAVY TO LOSE A ROTOR",
-        "unknown": "NO VERDICT",
-    }[verdict.level]
-
-
-#: What is said of several flights by the level of the worst, worst first; {line} is the limit.
-_SEVERAL: Mapping[Level, str] = {
+#: The verdict by its level, the worst first; {limit} is like "50 %".
+_VERDICTS: Mapping[Level, str] = {
     "critical": "TOO HEAVY TO LOSE A ROTOR",
-    "over": "OVER {line} AT TIMES",
-    "under": "UNDER {line}",
-    "unknown": "WITHOUT VERDICT",
+    "over": "ABOVE THE {limit} LIMIT AT TIMES",
+    "under": "BELOW THE {limit} LIMIT",
+    "unknown": "NO VERDICT",
 }
 
 
+def headline(level: Level, limit: float) -> str:
+    """The verdict of a flight in capitals, to be read first."""
+    return _VERDICTS[level].format(limit=percent(limit))
+
+
 def several_headline(levels: Sequence[Level], limit: float) -> tuple[Level, str]:
-    """The worst level of several flights, and how many of them have it, in capitals."""
-    level = min(levels, key=list(_SEVERAL).index)
-    said = _SEVERAL[level].format(line=f"THE {percent(limit)} LINE")
-    count = sum(one == level for one in levels)
-    if count == len(levels):
-        return level, f"ALL {count} FLIGHTS {said}"
-    return level, f"{count} OF {len(levels)} FLIGHTS {said}"
+    """The worst level of the flights, and how many of several have it, in capitals."""
+    level = min(levels, key=list(_VERDICTS).index)
+    words = headline(level, limit)
+    if len(levels) == 1:
+        return level, words
+    words = words.replace("NO VERDICT", "WITHOUT VERDICT")
+    count = levels.count(level)
+    counted = f"ALL {count}" if count == len(levels) else f"{count} OF {len(levels)}"
+    return level, f"{counted} FLIGHTS {words}"
 
 
 def facts(verdict: Verdict) -> tuple[Fact, ...]:
     """What a pilot needs beside the big numbers, one thing a line."""
     if verdict.worst is None:
         return (Fact("why", "neither rotor speeds nor what a prediction needs is in this log"),)
+    above = "never"
     if verdict.over_limit_s > 0.0:
         share = percent(verdict.over_limit_share)
-        over = f"{duration(verdict.over_limit_s)}, {share} of the flight"
-    else:
-        over = "never"
+        above = f"{duration(verdict.over_limit_s)}, {share} of the flight"
     return (
         Fact("worst", moment_words(verdict.worst)),
-        Fact(f"over {percent(verdict.limit)}", over),
+        Fact(f"above {percent(verdict.limit)}", above),
         Fact("one rotor lost", _one_rotor_out(verdict)),
         Fact("from", verdict.basis),
     )
@@ -86,14 +60,30 @@ def facts(verdict: Verdict) -> tuple[Fact, ...]:
 
 def _one_rotor_out(verdict: Verdict) -> str:
     least = verdict.redundancy_yaw_free_min
-    if least - least != 0.0:
-        return "cannot be said, the tank level is unknown"
+    if not math.isfinite(least):
+        return "not known, because the tank level is unknown"
+    held = number(least, "×", 2)
     if verdict.not_survivable_s > 0.0:
         too_long = duration(verdict.not_survivable_s)
-        return f"too heavy for {too_long} ({number(least, '×', 2)} the weight can be held at worst)"
-    return f"the weight can be held all flight, heading given up ({number(least, '×', 2)} or more)"
+        return f"too heavy for {too_long} (at worst {held} the weight can be held)"
+    return f"the weight can be held all flight, yaw uncontrolled ({held} or more)"
 
 
-def with_words(verdict: Verdict) -> Verdict:
-    """The verdict with its headline and facts."""
-    return replace(verdict, headline=headline(verdict), facts=facts(verdict))
+def moment_words(moment: Moment) -> str:
+    """Which, when and in what movement: `rotor 1, front right, at 0:52, turning left, 9.0 kg`."""
+    parts = [f"rotor {moment.rotor}, {moment.rotor_name}, at {clock(moment.time_s)}"]
+    parts += [", ".join(moment.doing)] if moment.doing else []
+    if math.isfinite(moment.tank_kg):
+        parts.append(f"{number(moment.tank_kg, 'kg')} in the tank")
+    where = place(moment.north, moment.east)
+    return ", ".join([*parts, where] if where else parts)
+
+
+def estimate(figure: Estimate, unit: str = "", decimals: int = 1, factor: float = 1.0) -> str:
+    """`41.2 (38.0 to 44.6) rpm`; without the bracket where there is no interval."""
+    middle, low, high = (
+        number(value * factor, "", decimals) for value in (figure.value, figure.low, figure.high)
+    )
+    if UNKNOWN in (middle, low, high):
+        return number(figure.value * factor, unit, decimals)
+    return f"{middle} ({low} to {high}) {unit}".rstrip()

@@ -2,80 +2,75 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from thrustmargin.gcs_plugin.reports.margin.data import Moment
-from thrustmargin.gcs_plugin.reports.margin.series import Series
 from thrustmargin.gcs_plugin.reports.shared.plot_style import INK, PlotJson
-from thrustmargin.gcs_plugin.reports.shared.route_map import route_map
-from thrustmargin.gcs_plugin.wording.palette import REDUNDANCY, ColourScale
+from thrustmargin.gcs_plugin.reports.shared.route_map import moved, route_map
+from thrustmargin.gcs_plugin.wording.palette import LOAD, REDUNDANCY, ColourScale
 from thrustmargin.models.flight import Floats
 
+Rows = Mapping[str, Floats]
 
-def map_figure(
-    series: Series,
-    values: Floats,
-    scale: ColourScale,
-    worst: Moment | None = None,
-    *,
-    low_is_bad: bool = False,
-) -> PlotJson:
-    """The route coloured by `values` (T,); of each stretch the worst row is drawn.
 
-    `worst` is ringed. `low_is_bad` turns round what counts as worst.
-    """
-    figure = route_map(
-        (series.north, series.east),
-        series.time_s,
-        values,
-        -values if low_is_bad else values,
-        scale,
-        form=".2f",
-        height=560,
-        margin={"l": 70, "r": 20, "t": 90, "b": 60},
-    )
+def use_map(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> PlotJson:
+    """The route coloured by `use` (T,) of the worst rotor; the worst moment is ringed."""
+    figure = _map(rows, use, use, moved(LOAD, limit))
     if worst is not None and np.isfinite(worst.north) and np.isfinite(worst.east):
         figure["data"].append(_ring(worst))
     return figure
 
 
-def redundancy_map(series: Series) -> PlotJson:
-    """The map of redundancy, with buttons for heading given up and kept."""
-    figure = map_figure(series, series.redundancy_yaw_free, REDUNDANCY, low_is_bad=True)
-    if not np.any(np.isfinite(series.redundancy_yaw_kept)):
-        return figure
-    kept = map_figure(series, series.redundancy_yaw_kept, REDUNDANCY, low_is_bad=True)
-
-    def button(label: str, trace: PlotJson) -> PlotJson:
-        change = {
-            "x": [trace["x"]],
-            "y": [trace["y"]],
-            "marker.color": [trace["marker"]["color"]],
-            "customdata": [trace["customdata"]],
-        }
-        return {"label": label, "method": "restyle", "args": [change, [1]]}
-
-    menu = {
-        "type": "buttons",
-        "direction": "right",
-        "x": 0.0,
-        "xanchor": "left",
-        "y": -0.16,
-        "yanchor": "top",
-        "showactive": True,
-        "font": {"size": 16},
-        "buttons": [
-            button("heading given up", figure["data"][1]),
-            button("heading kept", kept["data"][1]),
-        ],
-    }
+def redundancy_map(rows: Rows) -> PlotJson:
+    """The map of redundancy, with buttons for yaw uncontrolled and controlled."""
+    free, kept = (
+        _map(rows, values, -values, REDUNDANCY)
+        for values in (rows["redundancy_yaw_free"], rows["redundancy_yaw_kept"])
+    )
+    if not np.any(np.isfinite(rows["redundancy_yaw_kept"])):
+        return free
+    buttons = [_button("yaw uncontrolled", free), _button("yaw controlled", kept)]
     layout = {
-        **figure["layout"],
-        "updatemenus": [menu],
+        **free["layout"],
+        "updatemenus": [{**MENU, "buttons": buttons}],
         "height": 620,
-        "margin": {**figure["layout"]["margin"], "b": 120},
+        "margin": {**free["layout"]["margin"], "b": 120},
     }
-    return {**figure, "layout": layout}
+    return {**free, "layout": layout}
+
+
+def _map(rows: Rows, values: Floats, badness: Floats, scale: ColourScale) -> PlotJson:
+    return route_map(
+        (rows["north"], rows["east"]),
+        rows["time_s"],
+        values,
+        badness,
+        scale,
+        form=".2f",
+        height=560,
+        margin={"l": 70, "r": 20, "t": 90, "b": 60},
+    )
+
+
+MENU: PlotJson = {
+    "type": "buttons",
+    "direction": "right",
+    "x": 0.0,
+    "xanchor": "left",
+    "y": -0.16,
+    "yanchor": "top",
+    "showactive": True,
+    "font": {"size": 16},
+}
+
+
+def _button(label: str, figure: PlotJson) -> PlotJson:
+    trace = figure["data"][1]
+    change = {key: [trace[key]] for key in ("x", "y", "customdata")}
+    change["marker.color"] = [trace["marker"]["color"]]
+    return {"label": label, "method": "restyle", "args": [change, [1]]}
 
 
 def _ring(worst: Moment) -> PlotJson:

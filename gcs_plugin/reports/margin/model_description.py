@@ -1,24 +1,42 @@
-"""What a rotor speed model is, in words for a report."""
+"""Which airframe and model a report rests on, in words, and how far the model covers the flight."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import numpy as np
 
+from thrustmargin.gcs_plugin.reports.margin.data import JsonObject
+from thrustmargin.models.model.analysis import Basis, FlightAnalysis
 from thrustmargin.models.model.rotor_model import EffectRecord, RotorModel
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DescribedModel:
-    """A model's name, what to know about it, and the effects added to it."""
+def model_use(analysis: FlightAnalysis) -> JsonObject:
+    """Airframe and model, and the shares of the airborne rows that each basis predicted.
 
-    name: str
-    words: tuple[str, ...]
-    has_network: bool
-    effects: tuple[str, ...]
+    `inside_envelope` is None when the model has no network.
+    """
+    model, airframe = analysis.model, analysis.model.airframe
+    basis = analysis.prediction.basis[analysis.track.flying]
+    shares = {b: float(np.mean(basis == b)) if basis.size else np.nan for b in Basis}
+    inside = shares[Basis.NETWORK] == 1.0
+    return {
+        "airframe": airframe.name,
+        "airframe_title": airframe.title,
+        "rotor_count": airframe.rotor_count,
+        "rotor_names": airframe.rotor_names,
+        "empty_mass": airframe.empty_mass,
+        "tank_capacity_kg": airframe.tank_capacity_kg,
+        "model": model.description,
+        "model_words": tuple(model_words(model)),
+        "network_share": shares[Basis.NETWORK],
+        "physics_share": shares[Basis.PHYSICS],
+        "none_share": shares[Basis.NONE],
+        "inside_envelope": None if model.network is None else inside,
+        "effects": tuple(_effect(e) for e in model.effects),
+    }
 
 
-def describe_model(model: RotorModel) -> DescribedModel:
-    """Description, envelope, interval and effects of a model, in words."""
+def model_words(model: RotorModel) -> list[str]:
+    """Training domain and interval of a model, in words."""
     words = []
     if model.envelope is not None:
         covers = model.envelope
@@ -33,12 +51,7 @@ def describe_model(model: RotorModel) -> DescribedModel:
             f"interval made to hold {model.interval.coverage * 100:.0f} % on flights like its "
             f"{model.interval.flights} training flights"
         )
-    return DescribedModel(
-        name=model.description,
-        words=tuple(words),
-        has_network=model.network is not None,
-        effects=tuple(_effect(e) for e in model.effects),
-    )
+    return words
 
 
 def _effect(effect: EffectRecord) -> str:

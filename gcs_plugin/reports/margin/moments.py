@@ -8,7 +8,8 @@ import numpy as np
 import pymap3d
 
 from thrustmargin.gcs_plugin.reports.margin.data import Moment
-from thrustmargin.models.flight import Bools, Floats
+from thrustmargin.gcs_plugin.reports.margin.known import mean
+from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
 
 #: Moments closer than this are one moment, s: about the length of a turn at a line end.
@@ -21,38 +22,35 @@ CLIMB_RATE = 0.5  # m/s
 SPEED_CHANGE = 0.5  # m/s²
 HOVER_SPEED = 0.5  # m/s
 BANK = np.radians(15.0)  # rad
-#: The movement is judged over this time around the moment, s: shorter is sensor noise.
+#: The movement is measured over this time around the moment, s: shorter is sensor noise.
 AROUND_S = 1.0
 TAKE_OFF_S = 5.0
 
 
-def capacity_rows(analysis: FlightAnalysis) -> tuple[Floats, Bools]:
-    """The known utilisation (T, R), NaN on the ground, and which rows (T,) of it are measured."""
-    use = np.where(analysis.track.flying[:, None], analysis.known_utilisation, np.nan)
-    return use, analysis.any_measured
+def airborne_use(analysis: FlightAnalysis) -> Floats:
+    """(T, R) thrust utilisation that the report judges by; NaN on the ground."""
+    return np.where(analysis.track.flying[:, None], analysis.known_utilisation, np.nan)
 
 
 def worst_moments(
     analysis: FlightAnalysis, rotor_names: tuple[str, ...], most: int = MOST_MOMENTS
 ) -> tuple[Moment, ...]:
-    """The rows with the highest capacity use, worst first, each at least APART_S from the others.
+    """The rows with the most thrust in use, worst first, each at least APART_S from the others.
 
     When rotors peak together the moment is listed once, with its worst rotor.
     """
-    use, measured = capacity_rows(analysis)
+    use = airborne_use(analysis)
     left, _ = worst_rotor(use)
     time_s = analysis.track.time_s
     found = []
     while len(found) < most and np.any(np.isfinite(left)):
         row = int(np.nanargmax(left))
-        found.append(_moment(analysis, use, bool(measured[row]), row, rotor_names))
+        found.append(_moment(analysis, use, row, rotor_names))
         left[np.abs(time_s - time_s[row]) < APART_S] = np.nan
     return tuple(found)
 
 
-def _moment(
-    analysis: FlightAnalysis, use: Floats, measured: bool, row: int, names: tuple[str, ...]
-) -> Moment:
+def _moment(analysis: FlightAnalysis, use: Floats, row: int, names: tuple[str, ...]) -> Moment:
     track = analysis.track
     rotor = int(np.nanargmax(use[row]))
     value = float(use[row, rotor])
@@ -77,7 +75,7 @@ def _moment(
         rotor_name=names[rotor],
         capacity_use=value,
         margin=1.0 - value,
-        basis="measured" if measured else "predicted",
+        basis="measured" if np.isfinite(analysis.capacity_use[row, rotor]) else "predicted",
         doing=doing(analysis, row),
         tank_kg=float(track.tank_kg[row]),
         ground_speed=float(np.hypot(*track.velocity_ned[row, :2])),
@@ -107,19 +105,19 @@ def doing(analysis: FlightAnalysis, row: int) -> tuple[str, ...]:
         and flying[-1] + 1 < (time_s.size)
     ):
         words.append("landing")
-    yaw_rate = _mean(track.angular_rate_frd[near, 2])
+    yaw_rate = mean(track.angular_rate_frd[near, 2])
     if abs(yaw_rate) > TURN_RATE:
         words.append(f"turning {'right' if yaw_rate > 0 else 'left'}")
-    climb = -_mean(track.velocity_ned[near, 2])
+    climb = -mean(track.velocity_ned[near, 2])
     if abs(climb) > CLIMB_RATE:
         words.append("climbing" if climb > 0 else "descending")
     speed = np.hypot(track.velocity_ned[near, 0], track.velocity_ned[near, 1])
     change = _slope(time_s[near], speed)
     if abs(change) > SPEED_CHANGE:
         words.append("speeding up" if change > 0 else "braking")
-    elif _mean(speed) < HOVER_SPEED and "taking off" not in words and "landing" not in words:
+    elif mean(speed) < HOVER_SPEED and "taking off" not in words and "landing" not in words:
         words.append("hovering")
-    roll, pitch = _mean(track.attitude[near, 0]), _mean(track.attitude[near, 1])
+    roll, pitch = mean(track.attitude[near, 0]), mean(track.attitude[near, 1])
     tilt = np.arccos(np.clip(np.cos(roll) * np.cos(pitch), -1.0, 1.0))
     if tilt > BANK:
         words.append(f"tilted {np.degrees(tilt):.0f}°")
@@ -140,11 +138,6 @@ def utc_words(start_unix_s: float | None, time_s: float) -> str | None:
     except (OverflowError, ValueError, OSError):
         return None
     return moment.isoformat(timespec="seconds").replace("+00:00", "Z")
-
-
-def _mean(values: Floats) -> float:
-    known = values[np.isfinite(values)]
-    return float(known.mean()) if known.size else float("nan")
 
 
 def _slope(time_s: Floats, values: Floats) -> float:

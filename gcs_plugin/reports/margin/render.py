@@ -14,9 +14,9 @@ import pyarrow.csv
 
 from thrustmargin.gcs_plugin.reports.margin import headline
 from thrustmargin.gcs_plugin.reports.margin.build import worst_first
+from thrustmargin.gcs_plugin.reports.margin.csv_rows import COLUMNS, csv_columns
 from thrustmargin.gcs_plugin.reports.margin.data import SCHEMA, Report
 from thrustmargin.gcs_plugin.reports.margin.figures import figures
-from thrustmargin.gcs_plugin.reports.margin.series import COLUMNS, csv_columns
 from thrustmargin.gcs_plugin.reports.shared.page_shell import page_text, script_safe
 from thrustmargin.gcs_plugin.wording import numbers as words
 from thrustmargin.models.model.json_values import to_plain
@@ -78,11 +78,7 @@ def json_text(report: Report, csv_name: str) -> str:
             "columns": ["flight", *(f"{name} [{unit}]" for _, name, unit, _ in COLUMNS)],
         },
         "flights": [
-            {
-                f.name: to_plain(getattr(flight, f.name))
-                for f in fields(flight)
-                if f.name != "series"
-            }
+            {f.name: to_plain(getattr(flight, f.name)) for f in fields(flight) if f.name != "rows"}
             for flight in report.flights
         ],
         "unread": to_plain(report.unread),
@@ -96,13 +92,13 @@ def csv_bytes(report: Report) -> bytes:
     The first column is the number of the flight in the JSON's list, from 1. No text of a log is in
     the file, so that no spreadsheet can take it for a formula.
     """
-    rotors = max((f.series.rotor_count for f in report.flights), default=0)
+    rotors = max((len(f.rotors) for f in report.flights), default=0)
     buffer = io.BytesIO()
     tables = []
     for k, flight in enumerate(report.flights):
-        rows = flight.series.time_s.size
+        rows = flight.rows["time_s"].size
         columns = {"flight": pa.array(np.full(rows, k + 1))}
-        for header, values in csv_columns(flight.series, rotors):
+        for header, values in csv_columns(flight.rows, rotors):
             columns[header] = pa.array(values, from_pandas=True)
         tables.append(pa.table(columns))
     if tables:
@@ -112,13 +108,11 @@ def csv_bytes(report: Report) -> bytes:
 
 def html_text(report: Report, written: Written) -> str:
     """The page; the figures of every flight are drawn when they come into view."""
-    drawn = [
-        {
-            name: script_safe(json.dumps(made, allow_nan=False))
-            for name, made in figures(flight).items()
-        }
-        for flight in report.flights
-    ]
+    drawn = {
+        f"{name}_{index}": script_safe(json.dumps(made, allow_nan=False))
+        for index, flight in enumerate(report.flights)
+        for name, made in figures(flight).items()
+    }
     context = {
         "report": report,
         "order": worst_first(report.flights),

@@ -48,7 +48,7 @@ def page_text(
     style = _text(_SHELL, "page.css") + (_text(package, "page.css") if own_style else "")
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(
-            lambda name: _text(_SHELL if name == "shell.html" else package, name)
+            lambda name: _text(package if name == "page.html" else _SHELL, name)
         ),
         autoescape=True,
         undefined=jinja2.StrictUndefined,

@@ -1,14 +1,14 @@
 """Plotly figures as plain JSON data: colours, axes, lines, and panels stacked over one time axis.
 
 Black on white, thick lines, large type: they are looked at in the field. Blue is measured, dashed
-orange predicted, red the line not to cross; a print in black and white still tells them apart.
+orange predicted, red the limit; a print in black and white still tells them apart.
 Arrays go into the page as base64 of single precision, which plotly.js reads as they are.
 """
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
 from typing import Any
@@ -50,6 +50,7 @@ LAYOUT: PlotJson = {
 LINE_BUCKETS = 400
 #: Height of the gap between two panels, px; more when the lower one has a title.
 GAP_PX, TITLED_GAP_PX = 26, 34
+ROTOR_PX = 96  # height of the strip of one rotor
 MARGIN: PlotJson = {"l": 80, "r": 84, "t": 60, "b": 50}
 
 
@@ -66,6 +67,32 @@ class Panel:
     lines: Sequence[tuple[float, str]] = ()  # level, text: drawn across in red
     notes: Sequence[PlotJson] = ()  # plotly annotations, without their yref
     title: str = ""
+
+
+def rotor_panels(
+    names: Sequence[str],
+    traces: Callable[[int, bool], Sequence[PlotJson | None]],
+    *,
+    unit: str,
+    low: float,
+    high: float,
+    suffix: str = "",
+    lines: Sequence[tuple[float, str]] = (),
+) -> list[Panel]:
+    """A strip a rotor; `traces(rotor, legend)` makes those of a 0-based rotor."""
+    return [
+        Panel(
+            traces=traces(k, k == 0),
+            height_px=ROTOR_PX,
+            unit=unit,
+            suffix=suffix,
+            low=low,
+            high=high,
+            lines=lines,
+            title=f"rotor {k + 1}, {name}",
+        )
+        for k, name in enumerate(names)
+    ]
 
 
 def packed(values: Floats) -> PlotJson:

@@ -76,18 +76,18 @@ def route_map(
     return {"data": data, "layout": layout}
 
 
-def moved(scale: ColourScale, line: float) -> ColourScale:
-    """The scale of capacity use with its jump at `line` instead of 50 %."""
-    if line == 0.5:
+def moved(scale: ColourScale, limit: float) -> ColourScale:
+    """The scale of thrust in use with its jump at `limit` instead of 50 %."""
+    if limit == 0.5:
         return scale
 
     def at(value: float) -> float:
-        return value / 0.5 * line if value <= 0.5 else 1.0 - (1.0 - value) / 0.5 * (1.0 - line)
+        return value / 0.5 * limit if value <= 0.5 else 1.0 - (1.0 - value) / 0.5 * (1.0 - limit)
 
     return replace(
         scale,
         stops=tuple((at(value), colour) for value, colour in scale.stops),
-        marks=((0.0, "0"), (line, f"{line * 100:.0f} % line"), (1.0, "100 %")),
+        marks=((0.0, "0"), (limit, f"{limit * 100:.0f} % limit"), (1.0, "100 %")),
     )
 
 

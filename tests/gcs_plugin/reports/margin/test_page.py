@@ -226,7 +226,7 @@ def test_the_map_keeps_the_worst_row_of_each_stretch():
     assert keep_worst(np.full(50, np.nan), 10).size == 0
 
 
-def test_a_moved_line_moves_the_jump_of_the_colours():
+def test_a_moved_limit_moves_the_jump_of_the_colours():
     scale = plotly_scale(moved(LOAD, 0.6))
     places = [float(place) for place, _ in scale]
     assert np.count_nonzero(np.isclose(places, 0.6)) == 2
@@ -284,8 +284,8 @@ def test_a_page_without_channels_is_whole_and_says_what_is_missing(missing, tmp_
     report = build_report([without(*missing)])
     page = page_of(report, tmp_path)
     text = plain(page.text)
-    assert report.flights[0].quality.missing
-    for said in report.flights[0].quality.missing:
+    assert report.flights[0].quality["missing"]
+    for said in report.flights[0].quality["missing"]:
         assert said in text
     assert " nan" not in text.lower()
     assert "None" not in text
@@ -328,7 +328,7 @@ def test_several_flights_have_an_overview_that_leads_to_each(tmp_path):
     anchors = {"#" + (a["id"] or "") for tag, a in page.elements if tag == "section" and "id" in a}
     assert set(links) == {"#flight-1", "#flight-2"} == anchors
     assert "bad.tlog: is empty" in plain(page.text)
-    assert "ALL 2 FLIGHTS OVER THE 50 % LINE AT TIMES" in plain(page.text)
+    assert "ALL 2 FLIGHTS ABOVE THE 50 % LIMIT AT TIMES" in plain(page.text)
 
 
 def test_the_three_files_stand_beside_each_other(report, tmp_path):

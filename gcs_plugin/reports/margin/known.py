@@ -1,0 +1,55 @@
+"""Figures of the known numbers of a flight: NaN is left out, and is the answer where all is."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from thrustmargin.models.flight import Bools, FlightTrack, Floats
+
+#: A pause of the log longer than this many usual steps is not counted as time of the row before.
+LONGEST_STEP = 2.5
+#: Share of the airborne rows that counts as the start and as the end of a flight.
+END_SHARE = 0.1
+
+
+def median(values: Floats) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if known.size else float("nan")
+
+
+def mean(values: Floats) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else float("nan")
+
+
+def most(values: Floats) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.max()) if known.size else float("nan")
+
+
+def least(values: Floats) -> float:
+    return -most(-values)
+
+
+def share(part: float, whole: float) -> float:
+    """Part over whole; NaN of nothing."""
+    return part / whole if whole > 0.0 else float("nan")
+
+
+def row_seconds(track: FlightTrack) -> Floats:
+    """(T,) s that each row stands for: the step to the next, without the log's pauses."""
+    if track.time_s.size < 2:
+        return np.zeros(track.time_s.size)
+    steps = np.diff(track.time_s)
+    usual = float(np.median(steps))
+    return np.minimum(np.append(steps, usual), LONGEST_STEP * usual)
+
+
+def end_rows(track: FlightTrack) -> tuple[Bools, Bools]:
+    """(T,) the first and (T,) the last tenth of the airborne rows."""
+    airborne = np.flatnonzero(track.flying)
+    count = max(1, round(END_SHARE * airborne.size))
+    first, last = np.zeros((2, track.time_s.size), dtype=np.bool_)
+    first[airborne[:count]] = True
+    last[airborne[-count:]] = True
+    return first, last
