@@ -17,11 +17,11 @@ from thrustmargin.gcs_plugin.live.alarm import CRITICAL, NOTICE, WARNING, Alarm,
 from thrustmargin.gcs_plugin.live.fleet import Fleet
 from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorStatus
 from thrustmargin.gcs_plugin.live.vehicle_monitor import Update, VehicleWatch
+from thrustmargin.gcs_plugin.wording.numbers import NOT_RECORDING
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
 
-NOT_RECORDING = "NOT RECORDING"
 STYLES = {CRITICAL: "bold white on red", WARNING: "bold yellow", NOTICE: "dim"}
 
 #: s after which the last row of a vehicle is shown as old.

@@ -19,7 +19,7 @@ from thrustmargin.gcs_plugin.wording.numbers import clock as clock_text
 from thrustmargin.gcs_plugin.wording.palette import legend_html
 
 if TYPE_CHECKING:
-    from viser import GuiApi
+    from viser import GuiApi, GuiDropdownHandle
 
 #: After a hand on the slider the view leaves it alone for this long, s.
 HANDS_OFF = 0.6
@@ -48,13 +48,14 @@ class ReplayControls:
         speeds = [f"x{s}" for s in SPEEDS]
         self._speed = gui.add_button_group("Speed", speeds)
         self._worst = gui.add_button("Go to the worst moment", color=(200, 20, 110))
-        self._colour = gui.add_dropdown("Colour", [o.name for o in overlays])
-        self._legend = gui.add_html("")
-        self._camera = gui.add_dropdown("Camera", [c.value for c in Camera])
-        self.set_legend(overlays[0])
-
-        by_name = {o.name: o for o in overlays}
         put = self.requests.put
+        by_name = {o.name: o for o in overlays}
+        self._colour = choice(
+            gui, "Colour", [*by_name], put, lambda name: on_overlay(by_name[name])
+        )
+        self._legend = gui.add_html("")
+        choice(gui, "Camera", [*Camera], put, lambda name: on_camera(Camera(name)))
+        self.set_legend(overlays[0])
 
         @self._slider.on_update
         async def _(event) -> None:
@@ -77,18 +78,6 @@ class ReplayControls:
         async def _(_event) -> None:
             put(on_worst)
 
-        @self._colour.on_update
-        async def _(event) -> None:
-            if event.target.value in by_name:
-                overlay = by_name[event.target.value]
-                put(lambda: on_overlay(overlay))
-
-        @self._camera.on_update
-        async def _(event) -> None:
-            if event.target.value in {c.value for c in Camera}:
-                camera = Camera(event.target.value)
-                put(lambda: on_camera(camera))
-
     def show(self, time_s: float) -> None:
         """Show the clock, and move the slider unless a hand is on it."""
         self._time.content = time_html(self._clock)
@@ -98,6 +87,25 @@ class ReplayControls:
 
     def set_legend(self, overlay: Overlay) -> None:
         self._legend.content = legend_html(overlay.scale, overlay.note)
+
+
+def choice(
+    gui: GuiApi,
+    label: str,
+    options: Sequence[str],
+    put: Callable[[Callable[[], None]], None],
+    act: Callable[[str], None],
+) -> GuiDropdownHandle[str]:
+    """A dropdown that puts `act` with the chosen option into a queue, and never anything else."""
+    dropdown = gui.add_dropdown(label, [str(option) for option in options])
+
+    @dropdown.on_update
+    async def _(event) -> None:
+        name = event.target.value
+        if name in dropdown.options:
+            put(lambda: act(name))
+
+    return dropdown
 
 
 def time_html(clock: ReplayClock) -> str:

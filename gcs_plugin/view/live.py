@@ -13,6 +13,7 @@ import queue
 import time
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,22 +24,23 @@ from thrustmargin.gcs_plugin.live.fleet import Fleet
 from thrustmargin.gcs_plugin.live.vehicle_monitor import Update
 from thrustmargin.gcs_plugin.view import live_html
 from thrustmargin.gcs_plugin.view.camera import Camera
+from thrustmargin.gcs_plugin.view.controls import choice
 from thrustmargin.gcs_plugin.view.gauges import STYLE, gauges_html
 from thrustmargin.gcs_plugin.view.guard import LOOPBACK
-from thrustmargin.gcs_plugin.view.live_aircraft import Aircraft
 from thrustmargin.gcs_plugin.view.live_heard import Heard
 from thrustmargin.gcs_plugin.view.live_html import (
+    Standing,
     aged,
     alarms_html,
     fleet_html,
     outlook_html,
     status_html,
 )
-from thrustmargin.gcs_plugin.view.live_paths import Paths
 from thrustmargin.gcs_plugin.view.page import Page, arrange, left_panel
 from thrustmargin.gcs_plugin.view.planned_path import plan_enu
 from thrustmargin.gcs_plugin.view.scene import Scene
 from thrustmargin.gcs_plugin.view.shown_row import ShownRow, ground_height
+from thrustmargin.gcs_plugin.view.trail import Trail
 from thrustmargin.gcs_plugin.wording.palette import legend_html
 from thrustmargin.models.flight import Floats, Origin
 from thrustmargin.models.physics.airframe import Airframe
@@ -49,8 +51,23 @@ if TYPE_CHECKING:
 FASTEST = 0.04  # s between two drawings
 #: s; gauges for up to two aircraft
 GAUGES_EVERY, BARS_EVERY, TRAIL_EVERY, STATUS_EVERY = 0.1, 0.2, 0.5, 0.5
-OLD = 1.5  # s after which what is shown is called old
 _log = logging.getLogger(__name__)
+
+
+@dataclass(slots=True, eq=False)
+class Aircraft:
+    """What is drawn of one vehicle; for the drawing thread alone."""
+
+    number: int
+    trail: Trail
+    offset: Floats | None = None  # (3,) m, ENU of its origin from the scene's
+    boot: int = 0  # of the flight that the offset belongs to
+    plan: Any = None  # mission that is drawn
+    tab: Any = None
+    gauges: Any = None  # in the tab; None while there is none
+    label: Any = None
+    shown: Any = None  # rows and words that the gauges show
+    drawn_s: float = 0.0
 
 
 class LiveView:
@@ -76,7 +93,8 @@ class LiveView:
         self._origin: Origin | None = None
         self._shown = 0  # number of the overlay
         self._focus: int | None = None
-        self._told_s = self._trails_s = self._bars_s = 0.0
+        self._aircraft: dict[int, Aircraft] = {}
+        self._status_s = self._trails_s = self._bars_s = 0.0
         self.draw_seconds: deque[float] = deque(maxlen=1000)
 
     @property
@@ -110,37 +128,18 @@ class LiveView:
         self._heard.round(fleet, now_us)
 
     def _build(self, server: viser.ViserServer) -> None:
-        gui = server.gui
+        gui, put = server.gui, self._requests.put
         arrange(gui, width=340)
         gui.add_html(STYLE + live_html.STYLE)
         self._bars = gui.add_html("")
         self._words = gui.add_html(status_html(["no vehicle heard yet"]))
-        self._colour = gui.add_dropdown("Colour", ["Load"])
+        self._colour = choice(gui, "Colour", ["Load"], put, self._recolour)
         self._legend = gui.add_html("")
-        self._camera = gui.add_dropdown("Camera", [camera.value for camera in Camera])
-        self._followed = gui.add_dropdown("Aircraft", ["-"])
+        choice(gui, "Camera", [*Camera], put, lambda name: self._scene.set_camera(Camera(name)))
+        self._followed = choice(gui, "Aircraft", ["-"], put, self._follow)
         self._tabs = left_panel(gui)
         self._scene = Scene(server)
         self._scene.set_ground(np.array([[-30.0, -30.0, 0.0], [30.0, 30.0, 5.0]]), 0.0)
-        self._paths = Paths(server, self._scene)
-        put = self._requests.put
-
-        # A page may send anything: only known names are acted on.
-        @self._colour.on_update
-        async def _(event: Any) -> None:
-            name = event.target.value
-            put(lambda: self._recolour(name))
-
-        @self._camera.on_update
-        async def _(event: Any) -> None:
-            if event.target.value in {camera.value for camera in Camera}:
-                camera = Camera(event.target.value)
-                put(lambda: self._scene.set_camera(camera))
-
-        @self._followed.on_update
-        async def _(event: Any) -> None:
-            name = str(event.target.value)
-            put(lambda: self._follow(name))
 
     def _run(self, server: viser.ViserServer) -> None:
         while not self._page.stopping.is_set():
@@ -150,7 +149,8 @@ class LiveView:
             try:
                 while not self._requests.empty():
                     self._requests.get()()
-                self._draw(server, begun)
+                with server.atomic():
+                    self._draw(server, begun)
             except Exception:
                 _log.exception("the live view could not draw")
             took = time.monotonic() - begun
@@ -158,56 +158,60 @@ class LiveView:
             self._page.stopping.wait(max(FASTEST - took, 0.0))
 
     def _draw(self, server: viser.ViserServer, now: float) -> None:
-        aircraft = self._heard.aircraft()
-        spacing = GAUGES_EVERY * max(1.0, len(aircraft) / 2)
-        with server.atomic():
-            for one in aircraft:
-                if one.gone:
+        fleet = self._heard.standing
+        spacing = GAUGES_EVERY * max(1.0, len(fleet) / 2)
+        for standing in fleet:
+            one = self._aircraft.get(standing.number)
+            if standing.gone:
+                if one is not None:
                     self._leave(one)
-                    continue
-                if one.gauges is None:
-                    self._add(server, one)
-                if (one.fresh or one.age > OLD) and now - one.drawn_s >= spacing:
-                    one.drawn_s = now
-                    self._show(one)
-                elif one.fresh:
-                    self._heard.wake.set()  # too soon: once more
-            if now - self._bars_s >= BARS_EVERY:
-                self._bars_s = now
-                bars = fleet_html(self._heard.standing(OLD))
-                if bars != self._bars.content:
-                    self._bars.content = bars
-            if now - self._trails_s >= TRAIL_EVERY:
-                self._trails_s = now
-                for one in aircraft:
-                    self._draw_trail(one)
-                self._paths.fit(aircraft)
-            if now - self._told_s >= STATUS_EVERY:
-                self._told_s = now
-                self._words.content = status_html(self._status())
+                continue
+            if one is None or one.gauges is None:
+                one = self._add(server, standing.number, fleet)
+            shown = standing.update, [other.words for other in fleet]
+            if (shown != one.shown or standing.old) and now - one.drawn_s >= spacing:
+                one.drawn_s, one.shown = now, shown
+                self._show(one, standing, fleet)
+            elif shown != one.shown:
+                self._heard.wake.set()  # too soon: once more
+        if now - self._bars_s >= BARS_EVERY:
+            self._bars_s = now
+            bars = fleet_html(sorted(fleet, key=lambda standing: standing.number))
+            if bars != self._bars.content:
+                self._bars.content = bars
+        if now - self._trails_s >= TRAIL_EVERY:
+            self._trails_s = now
+            for standing in fleet:
+                if standing.number in self._aircraft:
+                    self._draw_trail(self._aircraft[standing.number], standing)
+        if now - self._status_s >= STATUS_EVERY:
+            self._status_s = now
+            self._words.content = status_html(self._status())
 
-    def _add(self, server: viser.ViserServer, one: Aircraft) -> None:
-        key = str(one.number)
-        one.tab = self._tabs.add_tab(f"Vehicle {key}")
+    def _add(self, server: viser.ViserServer, number: int, fleet: list[Standing]) -> Aircraft:
+        overlays = self._heard.overlays
+        one = self._aircraft.setdefault(
+            number, Aircraft(number, Trail([o.worst for o in overlays]))
+        )
+        one.tab = self._tabs.add_tab(f"Vehicle {number}")
         with one.tab:
             one.gauges = server.gui.add_html("")
         if one.label is not None:
-            return  # it is back, and only its tab had been taken away
-        self._scene.add_vehicle(key, self._airframe)
+            return one  # it is back, and only its tab had been taken away
+        self._scene.add_vehicle(str(number), self._airframe)
         one.label = server.scene.add_label(
-            f"/world/name_{key}",
-            f"Vehicle {key}",
+            f"/world/name_{number}",
+            f"Vehicle {number}",
             anchor="bottom-center",
             font_screen_scale=1.25,
             visible=False,
         )
-        numbers = sorted(other.number for other in self._heard.aircraft())
-        self._followed.options = tuple(f"Vehicle {n}" for n in numbers)
+        self._followed.options = tuple(f"Vehicle {n}" for n in sorted(s.number for s in fleet))
         if self._focus is None:
-            self._focus = one.number
-            overlays = self._heard.overlays
+            self._focus = number
             self._colour.options = tuple(overlay.name for overlay in overlays)
             self._recolour(overlays[0].name)
+        return one
 
     def _leave(self, one: Aircraft) -> None:
         """Take away the tab and the aircraft; where it flew stays."""
@@ -218,28 +222,31 @@ class LiveView:
         one.label.visible = False
         self._scene.hide(str(one.number))
 
-    def _show(self, one: Aircraft) -> None:
-        update, age = self._heard.taken(one)
+    def _show(self, one: Aircraft, standing: Standing, fleet: list[Standing]) -> None:
+        update = standing.update
+        if update is None:
+            return
         row = ShownRow(update.analysis, -1, self._offset(one, update))
         self._scene.show(str(one.number), row, focus=one.number == self._focus)
-        placed = bool(np.all(np.isfinite(row.position_enu)))
-        one.label.visible = placed and len(self._heard.aircraft()) > 1
+        position = row.position_enu
+        placed = bool(np.all(np.isfinite(position)))
+        one.label.visible = placed and len(fleet) > 1
         if placed:
-            one.label.position = row.position_enu + self._scene.above(str(one.number))
-        title = f"{self._airframe.title} · vehicle {one.number}"
-        html = gauges_html(row, title)
-        html += outlook_html(update.outlook, one.stale, update.remarks)
-        said = alarms_html(one.number, self._heard.standing(OLD), age, OLD)
-        one.gauges.content = said + aged(html, age > OLD)
+            one.label.position = position + self._scene.above(str(one.number))
+        html = gauges_html(row, f"{self._airframe.title} · vehicle {one.number}")
+        html += outlook_html(update.outlook, standing.stale, update.remarks)
+        one.gauges.content = alarms_html(one.number, fleet) + aged(html, standing.old)
 
     def _offset(self, one: Aircraft, update: Update) -> Floats:
-        origin = update.analysis.track.origin
+        """(3,) m, ENU from the scene's origin, which is that of the first aircraft, to its own."""
         if one.offset is None or one.boot != update.boot:
+            origin = update.analysis.track.origin
             if self._origin is None:
                 self._origin = origin
             if origin is None or self._origin is None:
                 return np.zeros(3)
             home = self._origin
+            one.boot = update.boot
             one.offset = np.array(
                 pymap3d.geodetic2enu(
                     *(origin.latitude_deg, origin.longitude_deg, origin.altitude),
@@ -248,29 +255,43 @@ class LiveView:
             )
         return one.offset
 
-    def _draw_trail(self, one: Aircraft) -> None:
-        rows, update, waypoints = self._heard.taken_rows(one)
+    def _draw_trail(self, one: Aircraft, standing: Standing) -> None:
+        update, rows = standing.update, self._heard.rows[one.number]
+        if update is None:
+            return
         offset = self._offset(one, update)
-        for time_s, place, values in rows:
+        fresh = bool(rows)
+        while rows:
+            time_s, place, values = rows.popleft()
             one.trail.add(time_s, place + offset, values)
-        if rows and one.trail.count:
-            self._paths.draw_trail(one, self._heard.overlays[self._shown], self._shown)
-        if waypoints and waypoints is not one.plan:
-            one.plan = waypoints
+        if fresh and one.trail.count:
+            self._colour_trail(one)
+            self._scene.hold(one.trail.points().reshape(-1, 3))
+        if standing.mission and standing.mission is not one.plan:
+            one.plan = standing.mission
             ground = ground_height(update.analysis.track)
-            points = plan_enu(list(waypoints.values()), update.analysis.track.origin, ground)
-            self._paths.draw_plan(one, points, ground, offset)
+            places = plan_enu([*one.plan.values()], update.analysis.track.origin, ground)
+            if len(places) > 1:
+                self._scene.set_plan(str(one.number), places + offset, ground + offset[2])
+                self._scene.hold(
+                    np.column_stack([places[:, :2], np.full(len(places), ground)]) + offset
+                )
+
+    def _colour_trail(self, one: Aircraft) -> None:
+        scale = self._heard.overlays[self._shown].scale
+        values = one.trail.values(self._shown)
+        self._scene.set_route(str(one.number), one.trail.points(), values, scale)
 
     def _recolour(self, name: str) -> None:
         for number, overlay in enumerate(self._heard.overlays):
             if overlay.name == name:
                 self._shown = number
                 self._legend.content = legend_html(overlay.scale, overlay.note)
-                for one in self._heard.aircraft():
+                for one in self._aircraft.values():
                     if one.trail.count:
-                        self._paths.draw_trail(one, overlay, number)
+                        self._colour_trail(one)
 
     def _follow(self, name: str) -> None:
-        for one in self._heard.aircraft():
-            if name == f"Vehicle {one.number}":
-                self._focus = one.number
+        for number in self._aircraft:
+            if name == f"Vehicle {number}":
+                self._focus = number

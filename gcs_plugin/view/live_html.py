@@ -3,45 +3,59 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
+from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.live.alarm import CRITICAL, WARNING, Alarm
-from thrustmargin.gcs_plugin.live.console import NOT_RECORDING
 from thrustmargin.gcs_plugin.live.outlook import Outlook
 from thrustmargin.gcs_plugin.view.gauges import percent
 from thrustmargin.gcs_plugin.wording import palette as colours
+from thrustmargin.gcs_plugin.wording.numbers import NOT_RECORDING
+
+if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.live.vehicle_monitor import Update
+    from thrustmargin.gcs_plugin.telemetry.recording import Waypoint
 
 #: White on each is read in sunlight: contrast 7:1 and more.
 RED, ORANGE, GREY = "#b00020", "#8a3a00", "#4d4d4d"
 #: Tabs that a gloved finger hits.
 STYLE = "<style>[role=tablist]{font:700 20px system-ui!important}</style>"
 MOST_ALARMS = 4  # on one page: more would push the numbers off it
-#: Lines of the status that begin so are shouted.
-LOUD = NOT_RECORDING
+OLD = 1.5  # s after which what is shown is called old
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Standing:
-    """One aircraft as every page shows it, whichever tab is open."""
+    """One aircraft as it was last heard, for all pages: every page shows the alarms of all."""
 
     number: int
+    update: Update | None = None  # its last rows
     alarms: tuple[Alarm, ...] = ()  # worst first
     margin: float = math.nan  # of the worst rotor; in the air only
     tank_kg: float = math.nan
     flying: bool = False
     age: float = 0.0  # s of the newest row
-    old: bool = False
     problem: str = ""  # why there is no margin
     gone: bool = False  # left for good: nothing of it is shown
+    stale: str = ""  # fields that are no longer reported, in words
+    mission: Mapping[int, Waypoint] | None = None
+
+    @property
+    def old(self) -> bool:
+        return self.age > OLD
+
+    @property
+    def words(self) -> tuple[tuple[Alarm, ...], str, bool]:
+        """What is shown of it on the pages of the others too."""
+        return self.alarms, self.problem, self.gone
 
 
-def alarms_html(number: int, fleet: Sequence[Standing], age: float, old: float) -> str:
-    """Every alarm that stands, above the gauges of vehicle `number`, its own first by gravity.
+def alarms_html(number: int, fleet: Sequence[Standing]) -> str:
+    """Every alarm that stands, above the gauges of vehicle `number`, its own first by severity.
 
-    Those of the others are told too: the pilot sees one tab. `age` s of what is shown is told
-    beyond `old` s.
+    Those of the others are shown too: the pilot sees one tab. So is the age of old numbers.
     """
     every = [(one.number, alarm) for one in fleet if not one.gone for alarm in one.alarms]
     every.sort(key=lambda item: (item[1].severity, item[0] != number, item[0]))
@@ -58,8 +72,10 @@ def alarms_html(number: int, fleet: Sequence[Standing], age: float, old: float) 
         if one.problem and not one.gone:
             words = one.problem if one.number == number else f"Vehicle {one.number}: {one.problem}"
             lines.append(f'<div data-problem style="background:{RED}">{escape(words)}</div>')
-    if age > old:
-        lines.append(f'<div data-age style="background:{GREY}">no data for {age:.0f} s</div>')
+        if one.number == number and one.old:
+            lines.append(
+                f'<div data-age style="background:{GREY}">no data for {one.age:.0f} s</div>'
+            )
     style = "color:#fff;font:700 21px/1.15 system-ui;margin:4px 8px"
     return f'<div style="{style}">{"".join(lines)}</div>' if lines else ""
 
@@ -139,10 +155,11 @@ def outlook_html(outlook: Outlook, stale: str = "", remarks: Sequence[str] = ())
 
 
 def status_html(lines: Sequence[str]) -> str:
-    """Lines about link and recording; what is lost for good is shouted."""
+    """Lines about link and recording; what is lost for good stands out."""
     loud = f'style="background:{RED};color:#fff;font:700 21px system-ui;padding:3px 8px"'
     body = "".join(
-        f"<div {loud if line.startswith(LOUD) else ''}>{escape(line)}</div>" for line in lines
+        f"<div {loud if line.startswith(NOT_RECORDING) else ''}>{escape(line)}</div>"
+        for line in lines
     )
     return (
         '<div data-status style="font:500 13px system-ui;color:#111;margin:2px 10px;'

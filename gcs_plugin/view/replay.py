@@ -140,7 +140,7 @@ class ReplayView:
         ground = ground_height(track)
         self._scene.set_ground(enu(track.position_ned), ground)
         self._scene.set_field(sprayed_field(track.position_ned, track.spraying))
-        self._scene.set_plan(plan_enu(self._waypoints, track.origin, ground))
+        self._scene.set_plan(VEHICLE, plan_enu(self._waypoints, track.origin, ground), ground)
         self._scene.add_vehicle(VEHICLE, self._airframe)
         self._recolour(self._overlay)
         self._draw(server, gauges=True, charts=True)
@@ -188,7 +188,10 @@ class ReplayView:
     def _recolour(self, overlay: Overlay) -> None:
         self._overlay = overlay
         self._controls.set_legend(overlay)
-        self._scene.set_route(self._route, overlay)
+        route = self._route
+        points = np.stack([enu(route.start_ned), enu(route.end_ned)], axis=1)
+        worst = route.worst(overlay.values, overlay.worst)
+        self._scene.set_route(VEHICLE, points, worst, overlay.scale)
         row = self._worst_row()
         if row is None:
             self._scene.set_pin(np.full(3, np.nan), "")

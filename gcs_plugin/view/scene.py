@@ -23,12 +23,10 @@ from thrustmargin.gcs_plugin.view.camera import (
     nose_north,
     overview,
 )
-from thrustmargin.gcs_plugin.view.overlays import Overlay
 from thrustmargin.gcs_plugin.view.shown_row import ShownRow, enu
 from thrustmargin.gcs_plugin.view.tonemap import line_colours, sent_for
-from thrustmargin.gcs_plugin.wording import palette as colours
+from thrustmargin.gcs_plugin.wording.palette import ColourScale, Rgb
 from thrustmargin.mission.field import Field
-from thrustmargin.mission.route import Route
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.airframe import Airframe
 
@@ -59,8 +57,7 @@ class Scene:
         self._api.configure_environment_map(hdri=None)
         self._api.add_light_ambient("/light", intensity=float(np.pi))
         self._vehicles: dict[str, VehicleNode] = {}
-        self._route: Route | None = None
-        self._line: LineSegmentsHandle | None = None
+        self._routes: dict[str, LineSegmentsHandle] = {}
         self._pin = self._api.add_label(
             "/world/pin", "", anchor="bottom-center", font_screen_scale=1.25, visible=False
         )
@@ -75,6 +72,7 @@ class Scene:
         self._camera = Camera.FIELD
         self._low, self._high = np.full(3, -20.0), np.full(3, 20.0)  # m, corners of all shown
         self._ground = 0.0  # m, up
+        self._held: Floats | None = None  # (2, 3) m, what `hold` fitted the ground to
         server.on_client_connect(self._keep_fitted)
 
     def set_ground(self, positions_enu: Floats, ground: float) -> None:
@@ -110,6 +108,22 @@ class Scene:
         self._note = self._api.add_label("/world/scale", "", position=(*corner, ground))
         self._look()
 
+    def hold(self, points_enu: Floats) -> None:
+        """Fit ground and overview again where (N, 3) points, m, lie outside of what is shown.
+
+        With room to spare, or the picture would move all the time.
+        """
+        low, high = points_enu.min(axis=0), points_enu.max(axis=0)
+        if self._held is None:
+            self._held = np.stack([low, high])
+        elif np.all(low >= self._held[0] - 1.0) and np.all(high <= self._held[1] + 1.0):
+            return
+        else:
+            self._held = np.stack(
+                [np.minimum(low - 5.0, self._held[0]), np.maximum(high + 5.0, self._held[1])]
+            )
+        self.set_ground(self._held, float(min(self._held[0][2], 0.0)))
+
     @property
     def _extent(self) -> float:
         """Half of the longer side of all that is shown, m."""
@@ -141,24 +155,28 @@ class Scene:
         ]
         self._lines("/world/swaths", flat, FIELD_GREEN, 1.2)
 
-    def set_plan(self, points_enu: Floats) -> None:
-        """Draw the planned path through (W, 3) places in m on the ground, under what was flown."""
+    def set_plan(self, key: str, points_enu: Floats, ground: float) -> None:
+        """Draw an aircraft's planned path through (W, 3) places in m, flat on the `ground`, m."""
         if len(points_enu) > 1:
-            on_ground = np.column_stack([points_enu[:, :2], np.full(len(points_enu), self._ground)])
-            self._lines("/world/plan", [on_ground], PLAN_GREY, 2.0)
+            on_ground = np.column_stack([points_enu[:, :2], np.full(len(points_enu), ground)])
+            self._lines(f"/world/plan_{key}", [on_ground], PLAN_GREY, 2.0)
 
-    def set_route(self, route: Route, overlay: Overlay) -> None:
-        """Draw `route` in the colours of `overlay`; the same route again is only recoloured."""
-        seen = overlay.scale.screen(route.worst(overlay.values, overlay.worst))
-        line = np.repeat(sent_for(seen)[:, None], 2, axis=1)
-        if self._line is not None and route is self._route:
-            self._line.colors = line
+    def set_route(self, key: str, points_enu: Floats, values: Floats, scale: ColourScale) -> None:
+        """Draw where an aircraft flew, (S, 2, 3) m, in the colours of (S,) values on `scale`."""
+        ends = np.repeat(sent_for(scale.screen(values))[:, None], 2, axis=1)
+        line = self._routes.get(key)
+        if line is not None and len(line.points) == len(points_enu):
+            if not np.array_equal(line.points, points_enu.astype(line.points.dtype)):
+                line.points = points_enu
+            line.colors = ends
             return
-        points = np.stack([enu(route.start_ned), enu(route.end_ned)], axis=1)
-        self._line = self._api.add_line_segments(
-            "/world/route", points, line, thickness=ROUTE_PIXELS, thickness_units="screen"
+        self._routes[key] = self._api.add_line_segments(
+            f"/world/route_{key}",
+            points_enu,
+            ends,
+            thickness=ROUTE_PIXELS,
+            thickness_units="screen",
         )
-        self._route = route
 
     def set_pin(self, position_enu: Floats, text: str) -> None:
         """Put `text` at a place, m; without a place (NaN) there is no pin."""
@@ -251,7 +269,7 @@ class Scene:
         arm = max((v.arm for v in self._vehicles.values()), default=1.0)
         return behind(arm)
 
-    def _lines(self, name: str, polylines: Sequence[Floats], colour: colours.Rgb, pixels: float):
+    def _lines(self, name: str, polylines: Sequence[Floats], colour: Rgb, pixels: float):
         points = np.concatenate([np.stack([p[:-1], p[1:]], axis=1) for p in polylines])
         self._api.add_line_segments(
             name,

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 
 UNKNOWN = "unknown"
+#: A line of status that begins so is made to stand out.
+NOT_RECORDING = "NOT RECORDING"
 
 
 def number(value: float | None, unit: str = "", decimals: int = 1) -> str:

@@ -162,7 +162,7 @@ def test_text_of_alarms_and_status_is_never_markup():
     nasty = "<img src=x onerror=alert(1)>"
     alarm = Alarm("margin", None, WARNING, nasty, 0.0)
     fleet = [Standing(number=1, alarms=(alarm,), problem=nasty)]
-    for html in (alarms_html(1, fleet, 0.0, 1.0), status_html([nasty])):
+    for html in (alarms_html(1, fleet), status_html([nasty])):
         assert "<img" not in html
         assert "&lt;img" in html
 
@@ -172,18 +172,18 @@ def test_the_page_of_one_aircraft_tells_the_alarms_of_all_gravest_first():
     margin = Alarm("margin", None, WARNING, "Thrust margin 46% under 50%: rotor 2", 0.0)
     rotor = Alarm("rotor", 3, CRITICAL, "Rotor 3 makes 10% less thrust", 0.0)
     fleet = [Standing(number=1, alarms=(rotor,)), Standing(number=2, alarms=(margin,))]
-    html = alarms_html(2, fleet, 0.0, 1.0)
+    html = alarms_html(2, fleet)
     assert html.index("Vehicle 1: Rotor 3") < html.index("Thrust margin 46%")
     assert "Vehicle 2" not in html
     left = [replace(fleet[0], gone=True), fleet[1]]
-    assert "Rotor 3" not in alarms_html(2, left, 0.0, 1.0)
+    assert "Rotor 3" not in alarms_html(2, left)
 
 
 def test_many_alarms_leave_room_for_the_numbers_and_the_gravest_are_kept():
     alarms = [
         Alarm("rotor", k, CRITICAL if k == 6 else WARNING, f"alarm {k}", 0.0) for k in range(7)
     ]
-    html = alarms_html(1, [Standing(number=1, alarms=tuple(alarms))], 0.0, 1.0)
+    html = alarms_html(1, [Standing(number=1, alarms=tuple(alarms))])
     assert html.count("data-alarm") == 4
     assert "alarm 6" in html
     assert "and 3 more" in html
@@ -191,7 +191,7 @@ def test_many_alarms_leave_room_for_the_numbers_and_the_gravest_are_kept():
 
 def test_each_aircraft_has_a_bar_with_its_margin_unless_that_is_old():
     one = Standing(number=1, margin=0.534, tank_kg=9.0, flying=True)
-    two = Standing(number=2, margin=0.1, flying=True, age=7.0, old=True)
+    two = Standing(number=2, margin=0.1, flying=True, age=7.0)
     three = Standing(number=3, margin=1.0, tank_kg=4.0)
     assert fleet_html([one]) == ""
     html = fleet_html([one, two, three])
@@ -205,7 +205,7 @@ def test_each_aircraft_has_a_bar_with_its_margin_unless_that_is_old():
     assert "100 %" not in bars[2]
     shared = replace(one, problem="two vehicles send as system 1")
     assert "no margin" in fleet_html([shared, two])
-    assert "Vehicle 1: two vehicles send" in alarms_html(2, [shared, two], 0.0, 1.0)
+    assert "Vehicle 1: two vehicles send" in alarms_html(2, [shared, two])
     assert 'data-fleet="3"' not in fleet_html([one, two, replace(three, gone=True)])
 
 

@@ -18,7 +18,7 @@ from thrustmargin.gcs_plugin.view.camera import Camera
 from thrustmargin.gcs_plugin.view.overlays import Overlay, overlays_of
 from thrustmargin.gcs_plugin.view.replay import ReplayView, run_replay
 from thrustmargin.gcs_plugin.view.scene import grid_cell
-from thrustmargin.gcs_plugin.view.shown_row import FRD_FLU, ShownRow
+from thrustmargin.gcs_plugin.view.shown_row import FRD_FLU, ShownRow, enu
 from thrustmargin.gcs_plugin.view.tonemap import seen_for
 from thrustmargin.gcs_plugin.wording.palette import NO_DATA
 from thrustmargin.mission.route import route_segments
@@ -51,7 +51,7 @@ def settled(view: ReplayView, done, timeout: float = 5.0) -> None:
 
 def route_colours(view: ReplayView) -> np.ndarray:
     """(S, 3) colours of the route as seen."""
-    line = view._scene._line
+    line = view._scene._routes.get("1")
     assert line is not None
     return seen_for(line.colors[:, 0]).astype(int)
 
@@ -89,7 +89,7 @@ def test_seeking_shows_the_numbers_of_that_row(view, analysis, time_s):
 
 
 def test_the_switch_recolours_the_same_route_and_its_legend(view, analysis):
-    points = node(view, "/world/route").points.copy()
+    points = node(view, "/world/route_1").points.copy()
     seen = {}
     for overlay in overlays_of(analysis):
         view.set_overlay(overlay.name)
@@ -98,7 +98,7 @@ def test_the_switch_recolours_the_same_route_and_its_legend(view, analysis):
         seen[overlay.name] = route_colours(view)
         wanted = overlay.scale.screen(view._route.worst(overlay.values, overlay.worst))
         assert np.abs(seen[overlay.name] - wanted.astype(int)).max() <= 4
-    np.testing.assert_array_equal(node(view, "/world/route").points, points)
+    np.testing.assert_array_equal(node(view, "/world/route_1").points, points)
     # Load and margin are the same thing from two ends; the others differ.
     np.testing.assert_array_equal(seen["Load"], seen["Thrust margin"])
     assert not np.array_equal(seen["Load"], seen["Redundancy"])
@@ -324,12 +324,17 @@ def test_one_scene_holds_several_aircraft_and_follows_the_one_in_focus(view):
 
 def test_the_route_can_grow_while_it_is_shown(view, analysis):
     overlay = overlays_of(analysis)[0]
-    half = route_segments(analysis.track.position_ned[:200], [overlay.values[:200]])
-    values = replace(overlay, values=overlay.values[:200])
-    view._scene.set_route(half, values)
-    assert len(node(view, "/world/route").points) == half.count
-    view._scene.set_route(view._route, overlay)
-    assert len(node(view, "/world/route").points) == view._route.count
+    half, whole = (
+        route_segments(analysis.track.position_ned[:rows], [overlay.values[:rows]])
+        for rows in (200, ROWS)
+    )
+    assert half.count < whole.count
+    for route in (half, whole):
+        points = np.stack([enu(route.start_ned), enu(route.end_ned)], axis=1)
+        view._scene.set_route("1", points, np.full(route.count, 0.9), overlay.scale)
+        drawn = node(view, "/world/route_1")
+        np.testing.assert_allclose(drawn.points, points, atol=1e-5)
+        assert np.abs(route_colours(view) - overlay.scale.screen(0.9).astype(int)).max() <= 4
 
 
 def test_a_grid_cell_is_a_round_number():
