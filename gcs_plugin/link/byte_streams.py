@@ -9,8 +9,8 @@ import time
 from pathlib import Path
 from typing import Any
 
-from thrustmargin.gcs_plugin.link.playback import stamped_frames
 from thrustmargin.gcs_plugin.link.transport import Address, Chunk
+from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 
 AGAIN = 1.0  # s between attempts to connect
 AT_ONCE = 512  # frames of a recording handed on together

@@ -13,7 +13,8 @@ import time
 from collections.abc import Callable, Sequence
 
 from thrustmargin.gcs_plugin.link.transport import Address, Chunk, Transport, open_transport
-from thrustmargin.gcs_plugin.mavlink.splitter import Frame, FrameCounts, FrameSplitter
+from thrustmargin.gcs_plugin.mavlink.frame import Frame
+from thrustmargin.gcs_plugin.mavlink.splitter import FrameCounts, FrameSplitter
 
 #: s that a thread waits for bytes before it looks whether it should stop.
 WAIT = 0.2

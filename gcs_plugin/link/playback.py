@@ -5,38 +5,17 @@ from __future__ import annotations
 import itertools
 import threading
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from thrustmargin.gcs_plugin.link.transport import Transport
-from thrustmargin.gcs_plugin.mavlink.splitter import Frame, frame_at
-from thrustmargin.models.errors import LogError
+from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 
-STAMP = 8  # bytes of big-endian Unix µs before each frame of a .tlog
 #: A pause in the log is played no longer than this, s: nobody waits for a flight on another day.
 LONGEST_PAUSE = 60.0
 #: Frames closer together than this are sent in one go: a sleep shorter than it is not kept to.
 TICK = 0.002  # s
-
-
-def stamped_frames(path: Path) -> Generator[tuple[int, bytes]]:
-    """(Unix µs, frame) of a .tlog in file order, damage passed over.
-
-    Frames of unknown id are among them. Raises LogError when the file holds no frame.
-    """
-    data = path.read_bytes()
-    at, found = 0, False
-    while at + STAMP < len(data):
-        frame, length, _ = frame_at(data, at + STAMP, gap=STAMP)
-        if isinstance(frame, Frame):
-            found = True
-            yield int.from_bytes(data[at : at + STAMP], "big"), frame.data
-            at += STAMP + length
-        else:
-            at += 1
-    if not found:
-        raise LogError(f"{path.name}: no MAVLink frame in it; is it a telemetry log (.tlog)?")
 
 
 @dataclass(frozen=True, slots=True)

@@ -21,8 +21,8 @@ from dataclasses import dataclass
 from fastcrc import crc16
 
 from thrustmargin.gcs_plugin.link.signing_key import KEY_LENGTH
+from thrustmargin.gcs_plugin.mavlink.frame import SIGNATURE, SIGNED, V1, V2
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
-from thrustmargin.gcs_plugin.mavlink.splitter import SIGNATURE, SIGNED, V1, V2
 from thrustmargin.models.errors import LinkError
 
 DIGEST_LENGTH = 6  # bytes

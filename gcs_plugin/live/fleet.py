@@ -11,8 +11,8 @@ from thrustmargin.gcs_plugin.live.vehicle_state import (
     MISSION_MESSAGES,
     NO_AUTOPILOT,
 )
+from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
-from thrustmargin.gcs_plugin.mavlink.splitter import Frame, fields
 from thrustmargin.models.model.rotor_model import RotorModel
 
 STATIONS = (0, 255)  # system ids that are never vehicles

@@ -24,7 +24,7 @@ from thrustmargin.gcs_plugin.live.fleet import Fleet
 from thrustmargin.gcs_plugin.live.recorded_table import sample_batch
 from thrustmargin.gcs_plugin.live.recorder import Recorder, RecorderStatus
 from thrustmargin.gcs_plugin.live.vehicle_monitor import GONE, Update, WatchSettings
-from thrustmargin.gcs_plugin.mavlink.splitter import Frame
+from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.models.model.rotor_model import RotorModel
 
 #: s between two rounds of the compute thread: at least, and at most when rounds take long.

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from thrustmargin.gcs_plugin.link.bounded_queue import Mailbox
-from thrustmargin.gcs_plugin.mavlink.splitter import Frame
+from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.models.errors import LinkError
 
 if TYPE_CHECKING:

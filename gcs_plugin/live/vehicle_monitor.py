@@ -26,7 +26,7 @@ from thrustmargin.gcs_plugin.live.vehicle_state import (
     fold,
     fold_mission,
 )
-from thrustmargin.gcs_plugin.mavlink.splitter import Frame
+from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.mission.plan import MissionPlan
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse

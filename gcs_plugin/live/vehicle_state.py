@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.mavlink.decode import ESC_TELEMETRY_FIRST, MAVLINK_RULES
+from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.mavlink.rules import Rule, Signal, decode
-from thrustmargin.gcs_plugin.mavlink.splitter import Frame, fields
 from thrustmargin.gcs_plugin.mavlink.text import printable
 from thrustmargin.gcs_plugin.telemetry.clock import COAST, REFERENCES, own_clock
 from thrustmargin.gcs_plugin.telemetry.recording import Waypoint

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.gcs_plugin.logs.files import read_bytes, worst_places
+from thrustmargin.gcs_plugin.logs.files import worst_places
 from thrustmargin.gcs_plugin.mavlink.decode import MAVLINK_RULES
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
-from thrustmargin.gcs_plugin.mavlink.scan import PADDING, Frames, columns, scan
+from thrustmargin.gcs_plugin.mavlink.scan import PADDING, Frames, columns, read_bytes, scan
 from thrustmargin.gcs_plugin.mavlink.text import piece, printable
 from thrustmargin.gcs_plugin.telemetry.clock import Clock, vehicle_clock
 from thrustmargin.gcs_plugin.telemetry.recording import (

@@ -1,4 +1,4 @@
-"""MAVLink's CRC-16/MCRF4XX over many frames at once.
+"""MAVLink's CRC-16/MCRF4XX of one frame, and over many frames at once.
 
 The polynomial is the reflected 0x1021 with start value 0xFFFF, as https://mavlink.io/en/guide/
 serialization.html defines it. A 16-bit register forgets its whole past within 16 bits, so one
@@ -8,6 +8,7 @@ table of 65536 entries takes two bytes a step.
 from __future__ import annotations
 
 import numpy as np
+from fastcrc import crc16
 from numpy.typing import NDArray
 
 Bytes = NDArray[np.uint8]
@@ -30,6 +31,11 @@ def _one_byte_table() -> Words:
 
 _PAIR = _two_byte_table()
 _SINGLE = _one_byte_table()
+
+
+def checksum(covered: bytes, extra: int) -> int:
+    """The checksum of one frame's bytes after the magic byte, followed by its `extra` byte."""
+    return crc16.mcrf4xx(bytes((extra,)), crc16.mcrf4xx(covered))
 
 
 def checksum_rows(rows: Bytes, extra: Bytes) -> Words:

@@ -1,43 +1,58 @@
-"""Find every whole MAVLink frame in a telemetry log, and gather one message type as columns.
+"""Every frame of a telemetry log, and one message type of it as columns.
 
-A .tlog is a row of frames, each after eight bytes of big-endian Unix microseconds. Every byte that
-looks like the start of a frame of known id and possible length is tried against its checksum, so
-damage costs only the frames it touches; what lies between good frames is then explained as frames
-of unknown id, frames with a wrong checksum, or plain damage.
+A .tlog is a row of frames, each after eight bytes of big-endian Unix microseconds. Frames of known
+id and good checksum are found all at once; what lies between is then walked through for frames of
+unknown id, frames with a wrong checksum, and damage. `mavlink.frame` has the rule of both.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Generator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.mavlink.checksum import Bytes, checksum_rows
-from thrustmargin.gcs_plugin.mavlink.layouts import ID_LIMIT, Layout, layout_table
+from thrustmargin.gcs_plugin.mavlink.frame import (
+    HEADER_PADDING,
+    V1,
+    V2,
+    Header,
+    Verdict,
+    Walk,
+    header,
+)
+from thrustmargin.gcs_plugin.mavlink.layouts import Layout, layout_table
+from thrustmargin.models.errors import LogError
 
 Index = NDArray[np.int64]
 
 STAMP = 8  # bytes of time before each frame
-V1, V2 = 0xFE, 0xFD
 #: Bytes appended to the file's own so that a gather near the end stays inside the buffer.
 PADDING = 512
 _CHUNK = 1 << 21
+_AHEAD = 1024
 _ROWS = 1 << 13  # checksummed at once: keeps the working set in the processor's cache
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Frames:
-    """Whole frames of known id and good checksum, in file order."""
+    """Whole frames of known id and good checksum, in file order; and what lies between them."""
 
     data: Bytes  # the file followed by PADDING zeros
     start: Index  # (n,) offset of the magic byte
     id: NDArray[np.uint16]  # (n,)
     skipped: tuple[tuple[int, int], ...]  # (offset, length) of stretches with no frame kept
     bad_checksum: int
-    unknown_ids: dict[int, int]
+    unverified: tuple[tuple[int, int], ...]  # (offset of the magic byte, unknown id)
+
+    @property
+    def unknown_ids(self) -> dict[int, int]:
+        """Frames of each id that is not known."""
+        return dict(Counter(number for _, number in self.unverified))
 
     def byte(self, version1: int, version2: int, rows: Index | slice = slice(None)) -> Bytes:
         """(n,) one byte of the frames' headers: its offset in MAVLink 1 and in MAVLink 2."""
@@ -87,9 +102,42 @@ def columns(frames: Frames, rows: Index, layout: Layout) -> NDArray[np.void]:
     return payload.view(layout.dtype).reshape(rows.size)
 
 
-def scan(data: Bytes, size: int) -> Frames:
-    """All frames in the first `size` bytes of `data`, which ends with PADDING more."""
-    parts = [_good_in_chunk(data, size, low) for low in range(0, size, _CHUNK)]
+def read_bytes(path: Path, padding: int = PADDING) -> tuple[Bytes, int]:
+    """The file and `padding` zeros after it, and the file's own size.
+
+    Read, not mapped: a file that another program cuts short must not kill this one.
+    """
+    size = path.stat().st_size
+    data = np.empty(size + padding, dtype=np.uint8)
+    with path.open("rb") as file:
+        got = file.readinto(data[:size].data)
+    data[got:] = 0
+    return data, got
+
+
+def stamped_frames(path: Path) -> Generator[tuple[int, bytes]]:
+    """(Unix µs, frame) of a .tlog in file order, those of unknown id among them, no damage.
+
+    Raises LogError when the file holds no frame.
+    """
+    data, size = read_bytes(path)
+    frames = scan(data, size)
+    if not frames.start.size:
+        raise LogError(f"{path.name}: no MAVLink frame in it; is it a telemetry log (.tlog)?")
+    start = np.concatenate([frames.start, [at for at, _ in frames.unverified]]).astype(np.int64)
+    start.sort()
+    end = _ends(data, start)
+    raw = memoryview(data)
+    for low, high in zip(start.tolist(), end.tolist(), strict=True):
+        yield int.from_bytes(raw[low - STAMP : low], "big"), bytes(raw[low:high])
+
+
+def scan(data: Bytes, size: int, *, stamp: int = STAMP) -> Frames:
+    """All frames in the first `size` bytes of `data`, which ends with PADDING more.
+
+    `stamp` is the number of bytes before each frame: 0 for the bytes of a raw link.
+    """
+    parts = [_good_in_chunk(data, size, low, stamp) for low in range(0, size, _CHUNK)]
     start = np.concatenate([p[0] for p in parts]) if parts else np.empty(0, np.int64)
     ids = np.concatenate([p[1] for p in parts]) if parts else np.empty(0, np.uint16)
     del parts
@@ -97,43 +145,37 @@ def scan(data: Bytes, size: int) -> Frames:
     keep = _without_overlap(start, end)
     if keep is not None:
         start, ids, end = start[keep], ids[keep], end[keep]
-    skipped, bad, unknown = _explain_gaps(data, _gaps(start, end, size))
-    return Frames(data, start, ids, tuple(skipped), bad, dict(unknown))
+    gaps = _gaps(start, end, size, stamp)
+    skipped, bad, unverified = _explain_gaps(data, gaps, size, stamp) if gaps else ([], 0, [])
+    return Frames(data, start, ids, tuple(skipped), bad, tuple(unverified))
+
+
+def _headers(data: Bytes, start: Index) -> Header:
+    return header(data, start, layout_table().size)
 
 
 def _ends(data: Bytes, start: Index) -> Index:
-    """(n,) offset behind each frame: header, payload, checksum, and signature where it has one."""
-    version2 = data[start] == V2
-    signed = version2 & ((data[start + 2] & 1) == 1)
-    return start + np.where(version2, 12, 8) + data[start + 1] + 13 * signed
+    """(n,) offset behind each frame."""
+    return start + _headers(data, start).length
 
 
-def _good_in_chunk(data: Bytes, size: int, low: int) -> tuple[Index, NDArray[np.uint16]]:
-    table = layout_table()
+def _good_in_chunk(
+    data: Bytes, size: int, low: int, stamp: int
+) -> tuple[Index, NDArray[np.uint16]]:
     part = data[low : min(low + _CHUNK, size)]
     start = np.flatnonzero((part == V1) | (part == V2)).astype(np.int64) + low
-    start = start[start >= STAMP]
-    version2 = data[start] == V2
-    length = data[start + 1]
-    ids = data[start + np.where(version2, 7, 5)].astype(np.int32)
-    ids += np.where(version2, data[start + 8].astype(np.int32) << 8, 0)
-    ids += np.where(version2, data[start + 9].astype(np.int32) << 16, 0)
-    size_of = table.size[np.minimum(ids, ID_LIMIT - 1)]
-    possible = (ids < ID_LIMIT) & (length.astype(np.int16) <= size_of)
-    possible &= ~version2 | (data[start + 2] <= 1)
-    possible &= _ends(data, start) <= size
-    start, ids = start[possible], ids[possible]
-    good = _checked(data, start, length[possible], version2[possible], table.crc_extra[ids])
-    return start[good], ids[good].astype(np.uint16)
+    start = start[start >= stamp]
+    head = _headers(data, start)
+    possible = head.possible & (head.largest >= 0) & (start + head.length <= size)
+    start, ids = start[possible], head.id[possible].astype(np.uint16)
+    good = _checked(data, start, head.covered[possible], layout_table().crc_extra[ids])
+    return start[good], ids[good]
 
 
-def _checked(
-    data: Bytes, start: Index, length: Bytes, version2: NDArray[np.bool_], extra: Bytes
-) -> NDArray[np.bool_]:
+def _checked(data: Bytes, start: Index, covered: Index, extra: Bytes) -> NDArray[np.bool_]:
     """(n,) True where the checksum agrees. Frames are taken together by equal length."""
     good = np.zeros(start.size, dtype=np.bool_)
-    covered = length.astype(np.int16) + np.where(version2, 9, 5)
-    order = np.argsort(covered, kind="stable")
+    order = np.argsort(covered.astype(np.int16), kind="stable")
     edges = np.flatnonzero(np.diff(covered[order])) + 1
     for group in np.split(order, edges):
         if group.size == 0:
@@ -142,8 +184,8 @@ def _checked(
         for at in range(0, group.size, _ROWS):
             rows = group[at : at + _ROWS]
             block = gather(data, start[rows] + 1, width + 2)
-            told = block[:, width] | (block[:, width + 1].astype(np.uint16) << 8)
-            good[rows] = checksum_rows(block[:, :width], extra[rows]) == told
+            stated = block[:, width] | (block[:, width + 1].astype(np.uint16) << 8)
+            good[rows] = checksum_rows(block[:, :width], extra[rows]) == stated
     return good
 
 
@@ -162,57 +204,34 @@ def _without_overlap(start: Index, end: Index) -> NDArray[np.bool_] | None:
     return keep
 
 
-def _gaps(start: Index, end: Index, size: int) -> list[tuple[int, int]]:
+def _gaps(start: Index, end: Index, size: int, stamp: int) -> list[tuple[int, int]]:
     """(from, to) of every stretch outside the frames and their stamps."""
-    if start.size == 0:
-        return [(0, size)] if size else []
-    gaps = [(0, int(start[0]) - STAMP)]
-    between = np.flatnonzero(start[1:] - STAMP > end[:-1])
-    gaps += [(int(end[i]), int(start[i + 1]) - STAMP) for i in between]
-    gaps.append((int(end[-1]), size))
-    return [(low, high) for low, high in gaps if high > low]
+    edges = np.concatenate([[0], end]), np.concatenate([start - stamp, [size]])
+    return [(int(edges[0][i]), int(edges[1][i])) for i in np.flatnonzero(edges[1] > edges[0])]
 
 
 def _explain_gaps(
-    data: Bytes, gaps: list[tuple[int, int]]
-) -> tuple[list[tuple[int, int]], int, Counter[int]]:
-    """What lies between good frames: (offset, length) skipped, bad checksums, unknown ids."""
+    data: Bytes, gaps: list[tuple[int, int]], size: int, stamp: int
+) -> tuple[list[tuple[int, int]], int, list[tuple[int, int]]]:
+    """Between good frames: (offset, length) skipped, bad checksums, (offset, id) unverified."""
     skipped: list[tuple[int, int]] = []
-    unknown: Counter[int] = Counter()
+    unverified: list[tuple[int, int]] = []
     bad = 0
     for low, high in gaps:
         lost_from = low
-        for begin, finish, number in _walk(data, low, high):
-            if number is None:
+        # Two of the longest frames may have to be read behind the gap to tell what is in it.
+        ahead = min(high + _AHEAD, size)
+        raw = data[low : ahead + HEADER_PADDING].tobytes()
+        walk = Walk().over(raw, high - low, ahead - low, gap=stamp, closed=True, wait=False)
+        for verdict, place, head in walk:
+            at = low + place
+            if verdict is Verdict.BAD_CHECKSUM:
                 bad += 1
                 continue
-            unknown[number] += 1
-            if begin > lost_from:
-                skipped.append((lost_from, begin - lost_from))
-            lost_from = finish
+            unverified.append((at + stamp, head.id))
+            if at > lost_from:
+                skipped.append((lost_from, at - lost_from))
+            lost_from = at + stamp + head.length
         if lost_from < high:
             skipped.append((lost_from, high - lost_from))
-    return skipped, bad, unknown
-
-
-def _walk(data: Bytes, low: int, high: int) -> Iterator[tuple[int, int, int | None]]:
-    """Frames that chain from `low`: (begin, end, unknown id or None for a wrong checksum)."""
-    table = layout_table()
-    at = low
-    while at + STAMP + 8 <= high:
-        magic = int(data[at + STAMP])
-        if magic not in (V1, V2):
-            return
-        head = at + STAMP
-        length = int(data[head + 1])
-        if magic == V2:
-            number = int(data[head + 7]) | int(data[head + 8]) << 8 | int(data[head + 9]) << 16
-            finish = head + 12 + length + 13 * (int(data[head + 2]) & 1)
-        else:
-            number = int(data[head + 5])
-            finish = head + 8 + length
-        if finish > high:
-            return
-        known = number < ID_LIMIT and table.size[number] >= 0
-        yield at, finish, None if known else number
-        at = finish
+    return skipped, bad, unverified

@@ -131,15 +131,15 @@ class MarginWorker:
             self._show(fleet, updates)
 
     def _take(self, fleet: Fleet) -> None:
-        from thrustmargin.gcs_plugin.mavlink.splitter import Frame, frame_at
+        from thrustmargin.gcs_plugin.mavlink.frame import Frame, frame_of
 
         frames: list[Frame] = []
         while self._waiting:
             data, stamp = self._waiting.popleft()
             if (send := self._listener) is not None:
                 send(data)
-            frame, _, _ = frame_at(data, 0, stamp_us=_unix_us(stamp))
-            if isinstance(frame, Frame):
+            frame = frame_of(data, stamp_us=_unix_us(stamp))
+            if frame is not None:
                 frames.append(frame)
         fleet.take(frames)
 

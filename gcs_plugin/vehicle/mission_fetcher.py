@@ -14,7 +14,8 @@ from queue import Queue
 from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.link.listener import Listener
-from thrustmargin.gcs_plugin.mavlink.splitter import Frame, FrameSplitter
+from thrustmargin.gcs_plugin.mavlink.frame import Frame
+from thrustmargin.gcs_plugin.mavlink.splitter import FrameSplitter
 from thrustmargin.models.errors import ThrustMarginError
 
 if TYPE_CHECKING:

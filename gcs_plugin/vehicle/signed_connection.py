@@ -7,7 +7,8 @@ from contextlib import contextmanager
 
 from thrustmargin.gcs_plugin.link.listener import Listener
 from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter
-from thrustmargin.gcs_plugin.mavlink.splitter import Frame, FrameSplitter
+from thrustmargin.gcs_plugin.mavlink.frame import Frame
+from thrustmargin.gcs_plugin.mavlink.splitter import FrameSplitter
 from thrustmargin.gcs_plugin.vehicle.connection import VehicleLink
 from thrustmargin.models.errors import LinkError
 

@@ -18,8 +18,8 @@ import numpy as np
 import pytest
 
 from tests.gcs_plugin.live.live_vehicle import ROOT, Vehicle
-from thrustmargin.gcs_plugin.link.playback import stamped_frames
 from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorSettings
+from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.models.model.rotor_model import shipped_model
 
 SENDER = Path(__file__).with_name("many_vehicles.py")

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from fastcrc import crc16
 
-from thrustmargin.gcs_plugin.link.playback import stamped_frames
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
+from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 
 
 def renumbered(frame: bytes, system: int, sequence: int) -> bytes:

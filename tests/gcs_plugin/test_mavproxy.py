@@ -18,9 +18,9 @@ from urllib.request import urlopen
 
 import pytest
 
-from thrustmargin.gcs_plugin.link.playback import stamped_frames
 from thrustmargin.gcs_plugin.live.fleet import Fleet
-from thrustmargin.gcs_plugin.mavlink.splitter import Frame, frame_at
+from thrustmargin.gcs_plugin.mavlink.frame import frame_of
+from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.gcs_plugin.mavproxy.worker import (
     Options,
     Reading,
@@ -173,8 +173,8 @@ def watched(flight: list[tuple[int, bytes]], start: float, stop: float, model: P
     chosen = [(t, data) for t, data in flight if start * 1e6 <= t < stop * 1e6]
     last = None
     for n, (stamp, data) in enumerate(chosen, start=1):
-        frame, _, _ = frame_at(data, 0, stamp_us=1_700_000_000_000_000 + stamp)
-        assert isinstance(frame, Frame)
+        frame = frame_of(data, stamp_us=1_700_000_000_000_000 + stamp)
+        assert frame is not None
         fleet.take([frame])
         if n % 100 == 0 or n == len(chosen):
             for update in fleet.updates():

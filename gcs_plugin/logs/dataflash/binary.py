@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from thrustmargin.gcs_plugin.logs.dataflash.columns import DataFlashColumns, Units
 from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import MESSAGES, REQUIRED, columns_of
 from thrustmargin.gcs_plugin.logs.dataflash.message_scan import PADDING, Found, scan
-from thrustmargin.gcs_plugin.logs.files import read_bytes, worst_places
-from thrustmargin.gcs_plugin.mavlink.scan import gather
+from thrustmargin.gcs_plugin.logs.files import worst_places
+from thrustmargin.gcs_plugin.mavlink.scan import gather, read_bytes
 from thrustmargin.gcs_plugin.mavlink.text import printable
 from thrustmargin.gcs_plugin.telemetry.recording import (
     LogQuality,

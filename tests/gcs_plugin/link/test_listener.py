@@ -12,7 +12,7 @@ from tests.gcs_plugin.live.live_vehicle import Vehicle, log_frames
 from thrustmargin.gcs_plugin.link.bounded_queue import Mailbox
 from thrustmargin.gcs_plugin.link.listener import Listener, SteadyClock
 from thrustmargin.gcs_plugin.link.transport import open_transport, parse_url
-from thrustmargin.gcs_plugin.mavlink.splitter import Frame
+from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.models.errors import LinkError
 
 LOOPBACK = "127.0.0.1"

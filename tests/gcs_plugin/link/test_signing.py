@@ -22,7 +22,8 @@ from thrustmargin.gcs_plugin.link.signing import (
     signing_time,
 )
 from thrustmargin.gcs_plugin.link.signing_key import read_signing_key
-from thrustmargin.gcs_plugin.mavlink.splitter import Frame, FrameSplitter
+from thrustmargin.gcs_plugin.mavlink.frame import Frame
+from thrustmargin.gcs_plugin.mavlink.splitter import FrameSplitter
 from thrustmargin.models.errors import LinkError
 
 KEY = bytes(range(32))

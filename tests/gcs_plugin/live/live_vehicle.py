@@ -7,11 +7,11 @@ from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from thrustmargin.gcs_plugin.link.playback import stamped_frames
 from thrustmargin.gcs_plugin.live.live_rows import Sample
 from thrustmargin.gcs_plugin.live.sampler import Sampler
 from thrustmargin.gcs_plugin.live.vehicle_state import VehicleState, fold
-from thrustmargin.gcs_plugin.mavlink.splitter import Frame, frame_at
+from thrustmargin.gcs_plugin.mavlink.frame import Frame, frame_of
+from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.models.physics.airframe import Airframe
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -81,8 +81,8 @@ class Vehicle:
 
 
 def as_frame(data: bytes, stamp_us: int = 0) -> Frame:
-    found, _, _ = frame_at(data, 0, stamp_us=stamp_us)
-    assert isinstance(found, Frame)
+    found = frame_of(data, stamp_us=stamp_us)
+    assert found is not None
     return found
 
 

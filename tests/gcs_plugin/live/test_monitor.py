@@ -18,14 +18,14 @@ from tests.gcs_plugin.live.live_vehicle import (
 )
 from tests.gcs_plugin.live.monitored import AIRFRAME, MODEL, recording_in, same
 from tests.gcs_plugin.peers.processes import free_udp_port
-from thrustmargin.gcs_plugin.link.playback import stamped_frames
 from thrustmargin.gcs_plugin.live.alarm import AlarmEvent
 from thrustmargin.gcs_plugin.live.fleet import Fleet
 from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorSettings
 from thrustmargin.gcs_plugin.live.recorded_table import read_samples, sample_table
 from thrustmargin.gcs_plugin.live.vehicle_monitor import Update, WatchSettings
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.mavlink.splitter import Frame
+from thrustmargin.gcs_plugin.mavlink.frame import Frame
+from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.models.errors import LinkError
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import shipped_model

@@ -15,9 +15,9 @@ import pytest
 from pymavlink import mavutil
 
 from tests.gcs_plugin.live.live_vehicle import ROOT, Vehicle
-from thrustmargin.gcs_plugin.link.playback import stamped_frames
 from thrustmargin.gcs_plugin.live.recorder import Recorder
-from thrustmargin.gcs_plugin.mavlink.splitter import Frame
+from thrustmargin.gcs_plugin.mavlink.frame import Frame
+from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.models.errors import LinkError
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals and limits of POSIX")

@@ -12,7 +12,7 @@ from thrustmargin.gcs_plugin.live.live_rows import COLUMNS, FIXED, Sample, track
 from thrustmargin.gcs_plugin.live.sampler import Sampler
 from thrustmargin.gcs_plugin.live.vehicle_state import VehicleState, fold
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.mavlink.splitter import Frame
+from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 from thrustmargin.models.physics.airframe import load_airframe
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs.dataflash import message_scan as dataflash_scan
-from thrustmargin.gcs_plugin.logs.files import read_bytes
 from thrustmargin.gcs_plugin.mavlink import scan as frames
 from thrustmargin.gcs_plugin.mavlink.checksum import checksum_rows
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
+from thrustmargin.gcs_plugin.mavlink.scan import read_bytes
 
 DAY_US = 260_000_000  # more than any recorded flight lasts
 

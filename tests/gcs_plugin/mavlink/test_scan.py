@@ -20,9 +20,9 @@ from tests.gcs_plugin.logs.tlog_files import (
     written,
 )
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.logs.files import read_bytes
 from thrustmargin.gcs_plugin.mavlink import scan as frames
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
+from thrustmargin.gcs_plugin.mavlink.scan import read_bytes
 from thrustmargin.models.errors import LogError
 
 

@@ -17,7 +17,7 @@ from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import (
     columns_of,
     dataflash_signals,
 )
-from thrustmargin.gcs_plugin.logs.files import read_bytes
+from thrustmargin.gcs_plugin.mavlink.scan import read_bytes
 from thrustmargin.gcs_plugin.telemetry.signals import by_index
 from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.flight import TRACK_CHANNELS

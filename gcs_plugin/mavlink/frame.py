@@ -1,0 +1,218 @@
+"""What a MAVLink frame is: one rule, for bytes as they arrive and for whole files.
+
+A frame of a known id counts when its checksum agrees; of two that overlap, the earlier one. A frame
+of an id that no dialect here knows cannot be checked: it is kept, marked as unverified, only when
+no frame with a good checksum begins inside it and another frame can begin where it ends. After
+damage the search goes on one byte further. So damage costs only the frames that it touches.
+
+| offset | MAVLink 1 (FE) | MAVLink 2 (FD) |
+|---|---|---|
+| 1 | payload length | payload length |
+| 2 | sequence number | incompatibility flags; 1: signed |
+| 3 | system id | compatibility flags |
+| 4 | component id | sequence number |
+| 5, 6 | message id (1 byte), payload | system id, component id |
+| 7 | | message id (3 bytes, little-endian), then payload |
+
+Then two bytes of checksum, and 13 of signature where a frame is signed.
+Source: MAVLink developer guide, "Packet Serialization".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from enum import Enum
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thrustmargin.gcs_plugin.mavlink.checksum import checksum
+from thrustmargin.gcs_plugin.mavlink.layouts import ID_LIMIT, layout_table, layouts
+
+V1, V2 = 0xFE, 0xFD
+SIGNED = 0x01  # the one incompatibility flag that MAVLink 2 defines
+SIGNATURE = 13  # bytes: link id, 48-bit timestamp, 48-bit digest
+#: Bytes that must follow the data wherever a header is looked at, so that it can be read whole.
+HEADER_PADDING = 10
+
+
+class Frame(NamedTuple):
+    """One frame as it was sent, and when and over which link it came."""
+
+    data: bytes  # magic byte to checksum or signature
+    id: int
+    system: int
+    component: int
+    sequence: int
+    verified: bool  # False: unknown id, so that the checksum could not be tried
+    stamp_us: int  # ground computer's clock on arrival, Unix µs
+    link: int  # number of the link it came over
+
+    @property
+    def payload(self) -> bytes:
+        """The payload as sent; MAVLink 2 trims its trailing zeros."""
+        start = 10 if self.data[0] == V2 else 6
+        return self.data[start : start + self.data[1]]
+
+
+class Header(NamedTuple):
+    """The header of one frame, or of many: then each field is an array (n,)."""
+
+    id: Any
+    covered: Any  # bytes after the magic byte that the checksum covers
+    length: Any  # bytes of the whole frame
+    largest: Any  # bytes of the payload with no zero trimmed; -1 for an unknown id
+    possible: Any  # False: no frame has such a header
+
+
+def header(data: Any, at: Any, sizes: Any) -> Header:
+    """The header at offset `at` of bytes, or at each of the offsets (n,) of an array of uint8.
+
+    `data` goes on for HEADER_PADDING bytes; `sizes` is the payload's size by id, -1 unknown.
+    """
+    version2 = data[at] == V2
+    payload = data[at + 1]
+    flags = version2 * data[at + 2]
+    number = data[at + 5 + 2 * version2] + version2 * 256 * data[at + 8]
+    number = number + version2 * 65536 * data[at + 9]
+    covered = 5 + 4 * version2 + payload
+    largest = sizes[number - (number >= ID_LIMIT) * (number - ID_LIMIT + 1)]
+    possible = (flags <= SIGNED) & ((largest < 0) | (payload <= largest))
+    return Header(number, covered, covered + 3 + SIGNATURE * (flags & SIGNED), largest, possible)
+
+
+class Verdict(Enum):
+    """What the bytes from one offset on are."""
+
+    GOOD = "a frame whose checksum agrees"
+    UNVERIFIED = "a frame of unknown id"
+    BAD_CHECKSUM = "a whole frame whose checksum is wrong"
+    NOTHING = "no frame"
+    UNFINISHED = "too few bytes to know"
+
+
+@cache
+def _tables() -> tuple[memoryview, memoryview]:
+    table = layout_table()
+    return memoryview(table.size), memoryview(table.crc_extra)
+
+
+def examine(
+    data: bytes, at: int, size: int, *, gap: int = 0, closed: bool = False
+) -> tuple[Verdict, Header | None]:
+    """The verdict on the bytes from `at` of the first `size`; `data` has HEADER_PADDING more.
+
+    `gap` bytes lie between two frames (the time stamps of a .tlog). `closed`: another frame may
+    begin behind the last byte, as behind a datagram or a file.
+    """
+    verdict, head = _checked(data, at, size)
+    if verdict is not Verdict.UNVERIFIED or head is None:
+        return verdict, head
+    end = at + head.length
+    for inner in _magic_bytes(data, at + 1, end):
+        within, _ = _checked(data, inner, size)
+        if within is Verdict.GOOD:
+            return Verdict.NOTHING, head
+        if within is Verdict.UNFINISHED and not closed:
+            return Verdict.UNFINISHED, head
+    following = end + gap
+    if following >= size:
+        return (Verdict.UNVERIFIED if closed else Verdict.UNFINISHED), head
+    after, header_after = _checked(data, following, size)
+    if after is Verdict.UNFINISHED and header_after is None and not closed:
+        return Verdict.UNFINISHED, head
+    return (Verdict.NOTHING if after is Verdict.NOTHING else Verdict.UNVERIFIED), head
+
+
+def _checked(data: bytes, at: int, size: int) -> tuple[Verdict, Header | None]:
+    """The same by the header and the checksum alone: UNVERIFIED is any frame of unknown id."""
+    magic = data[at]
+    if magic not in (V1, V2):
+        return Verdict.NOTHING, None
+    if at + (10 if magic == V2 else 6) > size:
+        return Verdict.UNFINISHED, None
+    sizes, extras = _tables()
+    head = header(data, at, sizes)
+    if not head.possible:
+        return Verdict.NOTHING, head
+    if at + head.length > size:
+        return Verdict.UNFINISHED, head
+    if head.largest < 0:
+        return Verdict.UNVERIFIED, head
+    end = at + 1 + head.covered
+    stated = data[end] | data[end + 1] << 8
+    if checksum(data[at + 1 : end], extras[head.id]) == stated:
+        return Verdict.GOOD, head
+    return Verdict.BAD_CHECKSUM, head
+
+
+def _magic_bytes(data: bytes, low: int, high: int) -> Iterator[int]:
+    for at in range(low, high):
+        if data[at] in (V1, V2):
+            yield at
+
+
+class Walk:
+    """Goes through bytes from frame to frame; `at` is where it stands, before the stamp if any.
+
+    `expected` is where a frame should begin: behind the last one, good or damaged.
+    """
+
+    def __init__(self, at: int = 0, expected: int | None = None) -> None:
+        self.at = at
+        self.expected = at if expected is None else expected
+
+    def over(
+        self, data: bytes, stop: int, size: int, *, gap: int = 0, closed: bool, wait: bool
+    ) -> Iterator[tuple[Verdict, int, Header]]:
+        """(verdict, offset of the stamp or frame, header) of frames that begin before `stop`.
+
+        Good and unverified frames, and those with a wrong checksum where a frame was expected.
+        With `wait` it stops at the first that may become one with more bytes.
+        """
+        while self.at + gap < stop:
+            start = self.at + gap
+            if data[start] not in (V1, V2):
+                found = [f for m in (b"\xfd", b"\xfe") if (f := data.find(m, start, stop)) >= 0]
+                self.at = min(found, default=stop) - gap
+                continue
+            verdict, head = examine(data, start, size, gap=gap, closed=closed)
+            if verdict is Verdict.UNFINISHED and wait:
+                return
+            step = 1
+            if head is not None and verdict in (Verdict.GOOD, Verdict.UNVERIFIED):
+                step = gap + head.length
+                self.expected = self.at + step
+                yield verdict, self.at, head
+            elif head is not None and verdict is Verdict.BAD_CHECKSUM and self.at == self.expected:
+                self.expected = start + head.length
+                yield verdict, self.at, head
+            self.at += step
+
+
+def frame_of(data: bytes, *, stamp_us: int = 0, link: int = 0) -> Frame | None:
+    """The frame that these bytes are; None when they are not one whole frame."""
+    verdict, head = examine(data + bytes(HEADER_PADDING), 0, len(data), closed=True)
+    if verdict not in (Verdict.GOOD, Verdict.UNVERIFIED) or head is None:
+        return None
+    if head.length != len(data):
+        return None
+    return made(data, verdict, head, stamp_us, link)
+
+
+def made(data: bytes, verdict: Verdict, head: Header, stamp_us: int, link: int) -> Frame:
+    """The Frame of exactly these bytes."""
+    place = 4 if data[0] == V2 else 2
+    sequence, system, component = data[place : place + 3]
+    good = verdict is Verdict.GOOD
+    return Frame(data, head.id, system, component, sequence, good, stamp_us, link)
+
+
+def fields(frame: Frame) -> NDArray[np.void] | None:
+    """(1,) structured array of the frame's fields in wire units; None for an unknown id."""
+    layout = layouts().get(frame.id)
+    if layout is None or not frame.verified:
+        return None
+    return np.frombuffer(frame.payload.ljust(layout.dtype.itemsize, b"\0"), dtype=layout.dtype)
