@@ -22,9 +22,3 @@ Shapes: (T,) a row a time, (T, R) a column a rotor. NaN is unknown, and stays Na
 This package knows no MAVLink, files of logs, sockets, clocks or screens. Importing it is light:
 torch is loaded only inside the functions that train or fit.
 """
-
-from thrustmargin.models.errors import ThrustMarginError
-from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.physics.airframe import Airframe, airframe_names, load_airframe
-
-__all__ = ["Airframe", "FlightTrack", "ThrustMarginError", "airframe_names", "load_airframe"]
