@@ -9,7 +9,7 @@ mass, so a wrong factor shows: pole pairs (an ESC that reports electrical rpm), 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -49,6 +49,17 @@ class SpeedScale:
 
 def check_speed_scale(track: FlightTrack, airframe: Airframe) -> SpeedScale:
     """Compare the flight's rotor speeds with what its weight and the thrust curve need."""
+    nan = float("nan")
+    unknown = SpeedScale(
+        verdict="unknown",
+        words="cannot tell: too few rows in flight with every rotor's speed",
+        ratio=nan,
+        low=nan,
+        high=nan,
+        rows=0,
+    )
+    if track.rotor_count != airframe.rotor_count:
+        return unknown
     density = track_density(track)[0]
     thrust = (
         airframe.thrust_coefficient
@@ -60,10 +71,8 @@ def check_speed_scale(track: FlightTrack, airframe: Airframe) -> SpeedScale:
     upward = np.where(np.isfinite(upward), upward, G0)
     use = track.flying & np.isfinite(thrust) & (thrust > 0) & (upward > 0.5 * G0)
     rows = int(np.sum(use))
-    if rows < FEWEST_ROWS or track.rotor_count != airframe.rotor_count:
-        nan = float("nan")
-        words = "cannot tell: too few rows in flight with every rotor's speed"
-        return SpeedScale(verdict="unknown", words=words, ratio=nan, low=nan, high=nan, rows=rows)
+    if rows < FEWEST_ROWS:
+        return replace(unknown, rows=rows)
 
     def ratio_with(tank_kg: np.ndarray | float) -> float:
         return float(np.nanmedian(np.sqrt(lift / (airframe.empty_mass + tank_kg))))

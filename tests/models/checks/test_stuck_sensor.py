@@ -89,3 +89,100 @@ def test_inspect_reports_a_sensor_that_sticks(sitl_logs):
         findings = {f.check: f for f in inspect_log(flight, F16).findings}
         assert findings["rotor speed sensors"].level == level
     assert "rotor 4 sticks" in findings["rotor speed sensors"].words
+
+
+def moving(rows: int = 300, rotors: int = 4) -> FlightTrack:
+    """Ten rows a second; every reading differs from the one before."""
+    steps = np.arange(rows)[:, None] + 100.0 * np.arange(rotors)
+    return FlightTrack.of(
+        name="moving",
+        time_s=np.arange(rows) / 10.0,
+        rotor_count=rotors,
+        rotor_speed_rpm=1500.0 + steps,
+    )
+
+
+def still(track: FlightTrack, rotor: int, first: int, steps: int) -> FlightTrack:
+    """The reading of row `first` held for `steps` rows more."""
+    rpm = track.rotor_speed_rpm.copy()
+    rpm[first : first + steps + 1, rotor] = rpm[first, rotor]
+    return replace(track, rotor_speed_rpm=rpm)
+
+
+def test_length_share_and_words_of_one_hold_by_hand():
+    # Row 50 held for 25 steps: 2.5 s from 5.0 s on, of 29.9 s in flight.
+    stuck = check_stuck_sensor(still(moving(), 2, 50, 25))
+    assert stuck.rotors == (2,)
+    assert stuck.held_s == pytest.approx(2.5)
+    assert stuck.share == pytest.approx(2.5 / 29.9)
+    assert stuck.words == (
+        "the speed sensor of rotor 3 sticks: 1 time(s) its reading stays exactly alike, the "
+        "longest 2.5 s at 5 s; the others' at most 0.0 s"
+    )
+
+
+@pytest.mark.parametrize(
+    ("holds", "verdict", "held_s"),
+    [
+        ([19], "follows", 0.0),  # 1.9 s in all is not named
+        ([21], "sticks", 2.1),
+        ([11, 9], "follows", 0.0),  # 0.9 s says nothing, 1.1 s is too little
+        ([11, 12], "sticks", 2.3),
+        ([11, 12, 9], "sticks", 2.3),
+    ],
+)
+def test_holds_of_a_second_add_up_to_two(holds, verdict, held_s):
+    track, first = moving(), 20
+    for steps in holds:
+        track = still(track, 0, first, steps)
+        first += 60
+    stuck = check_stuck_sensor(track)
+    assert (stuck.verdict, stuck.held_s) == (verdict, pytest.approx(held_s))
+
+
+@pytest.mark.parametrize(("others", "verdict"), [(4, "sticks"), (6, "follows")])
+def test_a_hold_is_five_times_longer_than_the_median_of_the_others(others, verdict):
+    track = still(moving(), 0, 50, 25)
+    for rotor in (1, 2):  # the third other never holds: the median of others, others, 0
+        track = still(track, rotor, 120 + 20 * rotor, others)
+    assert check_stuck_sensor(track).verdict == verdict
+
+
+def test_two_sensors_that_stick_are_both_named():
+    stuck = check_stuck_sensor(still(still(moving(rotors=6), 1, 30, 30), 4, 200, 40))
+    assert stuck.rotors == (1, 4)
+    assert stuck.held_s == pytest.approx(7.0)
+    assert "rotor 2 sticks" in stuck.words
+    assert "rotor 5 sticks" in stuck.words
+    assert "the others' at most 4.0 s" in stuck.words
+
+
+@pytest.mark.parametrize(("steps", "verdict"), [(99, "follows"), (101, "stale")])
+def test_all_rotors_may_hold_together_for_less_than_ten_seconds(steps, verdict):
+    track = moving()
+    for rotor in range(4):
+        track = still(track, rotor, 60, steps)
+    stuck = check_stuck_sensor(track)
+    assert stuck.verdict == verdict
+    if verdict == "stale":
+        assert stuck.held_s == pytest.approx(10.1)
+        assert stuck.share == pytest.approx(10.1 / 29.9)
+        assert "1 time(s), the longest 10.1 s at 6 s" in stuck.words
+
+
+@pytest.mark.parametrize(("pause", "verdict"), [(0.8, "sticks"), (1.2, "follows")])
+def test_rows_more_than_a_second_apart_are_not_one_run(pause, verdict):
+    track = still(moving(), 0, 50, 22)  # apart: 1.2 s and 0.9 s
+    time_s = track.time_s.copy()
+    time_s[63:] += pause  # in the middle: a step of 0.9 or 1.3 s
+    assert check_stuck_sensor(replace(track, time_s=time_s)).verdict == verdict
+
+
+def test_how_much_flight_is_needed():
+    assert check_stuck_sensor(moving(99)).verdict == "unknown"
+    assert check_stuck_sensor(moving(100)).verdict == "follows"
+    assert check_stuck_sensor(moving(rotors=1)).verdict == "unknown"
+    assert check_stuck_sensor(moving(rotors=2)).verdict == "follows"
+    stopped = moving(120)
+    stopped.rotor_speed_rpm[:21, 3] = 0.0
+    assert check_stuck_sensor(stopped).verdict == "unknown"
