@@ -160,8 +160,7 @@ def trimmable_loss(
     for rotor, full in enumerate(airframe.rotor_effectiveness):
         curve = trim_curve(airframe, rotor, yaw_kept, cg_offset)
         needed = np.interp(collective, curve.collective, curve.rotor)
-        lost = np.where(collective > curve.collective[-1] * (1 + 1e-9), 0.0, 1.0 - needed / full)
-        worst = np.minimum(worst, np.where(np.isnan(collective), np.nan, lost))
+        worst = np.minimum(worst, 1.0 - needed / full)
     return worst
 
 

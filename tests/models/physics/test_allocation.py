@@ -89,6 +89,18 @@ def test_heading_needs_the_torques_balanced_not_only_the_moments():
         np.testing.assert_allclose(holdable(odd).yaw_free, 2.0)
 
 
+@pytest.mark.parametrize("axis", [0, 1])
+def test_rotors_on_a_line_along_or_across_are_held_too(axis):
+    # Arms of 1, 0 and -1 m: equal outer thrusts a, and with spins + - + their sum is that of the
+    # middle: a = 1/2 and 1, 2 together. The middle one lost: both outer ones full.
+    position = np.zeros((3, 3))
+    position[:, axis] = [1.0, 0.0, -1.0]
+    held = holdable(rearranged(QUAD, position, [1, -1, 1]))
+    assert held.intact == pytest.approx(2.0)
+    np.testing.assert_allclose(held.yaw_free, [1.0, 2.0, 1.0])
+    np.testing.assert_allclose(held.yaw_kept, 0.0, atol=1e-9)
+
+
 def test_a_trim_curve_by_hand():
     # Quad, heading kept: all four carry a quarter each, so rotor 0 does.
     kept = trim_curve(QUAD, 0)

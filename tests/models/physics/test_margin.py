@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from thrustmargin.models.physics.airframe import airframe_names, load_airframe
+from thrustmargin.models.physics.allocation import holdable
 from thrustmargin.models.physics.atmosphere import G0, isa_density
 from thrustmargin.models.physics.margin import (
     capacity_use,
@@ -205,7 +206,15 @@ def test_a_share_lost_is_of_what_that_rotor_can_make():
 
 def test_nothing_can_be_lost_by_an_aircraft_too_heavy_to_fly():
     limits = at_reference(F16)
-    assert trimmable_loss(F16, limits, 4.1 * limits.free_thrust).item() == 0.0
+    # At the largest collective some rotor is at its ceiling in every trim, or it were not largest.
+    for name in SHIPPED:
+        airframe = load_airframe(name)
+        limits = at_reference(airframe)
+        for yaw_kept in (True, False):
+            for share in (1.001, 4.1):
+                load = share * holdable(airframe).intact * limits.free_thrust
+                loss = trimmable_loss(airframe, limits, load, yaw_kept=yaw_kept).item()
+                assert loss == pytest.approx(0.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("criterion", ["capacity use", "yaw free", "yaw kept"])

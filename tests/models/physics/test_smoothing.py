@@ -62,6 +62,15 @@ def test_no_slope_is_read_across_a_gap():
     np.testing.assert_allclose(slope[known], 0.0, atol=1e-9)
 
 
+@pytest.mark.parametrize("rows", [2, 57])
+def test_a_gap_at_either_end_does_not_fail(rows):
+    t = times(60)
+    t[rows:] += 2.0 * STEP
+    known = np.flatnonzero(np.isfinite(derivative(t, t.copy(), 1.0)))
+    # A gap behind row g takes rows g-6 .. g+6, the ends take six.
+    np.testing.assert_array_equal(known, range(8, 54) if rows == 2 else range(6, 50))
+
+
 @pytest.mark.parametrize(("gap", "is_gap"), [(0.4, False), (0.6, True)])
 def test_a_gap_is_more_than_half_a_step(gap, is_gap):
     t = times(40)
