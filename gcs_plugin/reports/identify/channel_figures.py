@@ -8,21 +8,25 @@ from __future__ import annotations
 from html import escape
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.reports.identify.identify_sentences import channel_name, channel_title
 from thrustmargin.gcs_plugin.reports.identify.residual_rows import Rows
 from thrustmargin.gcs_plugin.reports.shared.plot_style import (
+    AFTER,
     AXIS,
+    BEFORE,
     INK,
     LAYOUT,
-    MEASURED,
-    PREDICTED,
+    LEGEND,
     PlotJson,
+    filled,
+    heading,
     packed,
 )
 from thrustmargin.models.flight import Floats
 
-COLOURS = {"before": PREDICTED, "after": MEASURED}
+COLOURS = {"before": BEFORE, "after": AFTER}
 BANDS = {"before": "rgba(213, 94, 0, 0.20)", "after": "rgba(0, 66, 157, 0.22)"}
 BINS, FEWEST_IN_BIN = 24, 8
 #: Part of the rows, at each end of a channel, that the bins leave out.
@@ -33,29 +37,20 @@ PANEL_PX, UNDER_PX = 180, 66  # of a panel, and of its axis below
 
 def channels_figure(rows: Rows, mode: int) -> PlotJson:
     """One mode against every channel: medians of bins, with the middle 80 % as a band."""
-    names = list(rows.channels)
-    lines = -(-len(names) // ACROSS)
+    lines = -(-len(rows.channels) // ACROSS)
+    width, height = 1.0 / ACROSS, 1.0 / max(lines, 1)
     data: list[PlotJson] = []
+    axes: PlotJson = {}
     reach = 0.0
-    layout: PlotJson = {
-        **LAYOUT,
-        "height": lines * (PANEL_PX + UNDER_PX) + 40,
-        "margin": {"l": 70, "r": 10, "t": 40, "b": 0},
-        "legend": {"orientation": "h", "x": 0, "yref": "container", "y": 1.0, "yanchor": "top"},
-    }
-    for k, name in enumerate(names):
-        row, column = divmod(k, ACROSS)
+    for k, (name, channel) in enumerate(rows.channels.items()):
         axis = "" if k == 0 else str(k + 1)
-        for which, values in (
-            ("before", rows.before_modes[:, mode]),
-            ("after", rows.after_modes[:, mode]),
-        ):
-            traces, high = _binned(rows.channels[name], values, which, axis, legend=k == 0)
+        for which, table in (("before", rows.before_modes), ("after", rows.after_modes)):
+            traces, high = _binned(channel, table[:, mode], which, axis, legend=k == 0)
             data += traces
             reach = max(reach, high)
-        width, height = 1.0 / ACROSS, 1.0 / lines
+        row, column = divmod(k, ACROSS)
         top = 1.0 - row * height
-        layout[f"xaxis{axis}"] = {
+        axes[f"xaxis{axis}"] = {
             **AXIS,
             "domain": [column * width + 0.012, (column + 1) * width - 0.012],
             "anchor": f"y{axis}",
@@ -64,7 +59,7 @@ def channels_figure(rows: Rows, mode: int) -> PlotJson:
             "nticks": 5,
             "tickangle": 0,
         }
-        layout[f"yaxis{axis}"] = {
+        axes[f"yaxis{axis}"] = {
             **AXIS,
             "domain": [top - height * PANEL_PX / (PANEL_PX + UNDER_PX), top],
             "anchor": f"x{axis}",
@@ -74,40 +69,35 @@ def channels_figure(rows: Rows, mode: int) -> PlotJson:
             "tickfont": {"size": 13},
             "title": {"text": "rpm" if column == 0 else "", "font": {"size": 14}},
         }
-    for k in range(len(names)):
-        layout[f"yaxis{'' if k == 0 else k + 1}"]["range"] = [-1.06 * reach, 1.06 * reach]
-    return {"data": data, "layout": layout}
+    for name, axis in axes.items():
+        if name.startswith("yaxis"):
+            axis["range"] = [-1.06 * reach, 1.06 * reach]
+    layout = {
+        **LAYOUT,
+        "height": lines * (PANEL_PX + UNDER_PX) + 40,
+        "margin": {"l": 70, "r": 10, "t": 40, "b": 0},
+        "legend": LEGEND,
+    }
+    return {"data": data, "layout": {**layout, **axes}}
 
 
 def _binned(
     channel: Floats, values: Floats, which: str, axis: str, *, legend: bool
 ) -> tuple[list[PlotJson], float]:
     """Band and median of one mode in bins of a channel, and how far they reach."""
-    low, high = np.quantile(channel, [TAIL, 1.0 - TAIL])
-    edges = np.linspace(low, high, BINS + 1)
-    index = np.clip(np.digitize(channel, edges) - 1, 0, BINS - 1)
-    inside = (channel >= low) & (channel <= high)
+    index, low, width = _bins(channel)
+    inside = (channel >= low) & (channel <= low + BINS * width)
     centre, ends = [], []
     for b in range(BINS):
         own = values[inside & (index == b)]
         if own.size >= FEWEST_IN_BIN:
-            centre.append((edges[b] + edges[b + 1]) / 2)
+            centre.append(low + (b + 0.5) * width)
             ends.append(np.quantile(own, [0.1, 0.5, 0.9]))
     if not centre:
         return [], 0.0
     x, y = np.array(centre), np.array(ends)
     common = {"xaxis": f"x{axis}", "yaxis": f"y{axis}", "legendgroup": which}
-    band = {
-        "type": "scatter",
-        "mode": "none",
-        "x": packed(np.concatenate([x, x[::-1]])),
-        "y": packed(np.concatenate([y[:, 2], y[::-1, 0]])),
-        "fill": "toself",
-        "fillcolor": BANDS[which],
-        "hoverinfo": "skip",
-        "showlegend": False,
-        **common,
-    }
+    band = {**filled(x, y[:, 0], y[:, 2], color=BANDS[which]), **common}
     median = {
         "type": "scatter",
         "mode": "lines+markers",
@@ -123,6 +113,14 @@ def _binned(
     return [band, median], float(np.max(np.abs(y)))
 
 
+def _bins(channel: Floats) -> tuple[NDArray[np.intp], float, float]:
+    """Bin of each row in BINS of equal width but for the TAIL, their low end and their width."""
+    low, high = np.quantile(channel, [TAIL, 1.0 - TAIL])
+    width = max(float(high - low), 1e-12) / BINS
+    index = np.clip(((channel - low) / width).astype(np.intp), 0, BINS - 1)
+    return index, float(low), width
+
+
 def shares(rows: Rows, modes: Floats) -> Floats:
     """(modes, 1 + channels) share of the mean square before, in all modes together.
 
@@ -134,9 +132,7 @@ def shares(rows: Rows, modes: Floats) -> Floats:
     about = modes - mean
     columns = [mean**2 * modes.shape[0] / total]
     for channel in rows.channels.values():
-        low, high = np.quantile(channel, [TAIL, 1.0 - TAIL])
-        width = max(float(high - low), 1e-12)
-        index = np.clip(((channel - low) / width * BINS).astype(np.intp), 0, BINS - 1)
+        index, _, _ = _bins(channel)
         count = np.maximum(np.bincount(index, minlength=BINS), 1)
         sums = [np.bincount(index, about[:, m], minlength=BINS) for m in range(modes.shape[1])]
         columns.append(np.array([np.sum(own**2 / count) for own in sums]) / total)
@@ -178,21 +174,7 @@ def shares_figure(rows: Rows) -> PlotJson:
         "yaxis": up,
         "yaxis2": {**up, "anchor": "x2", "showticklabels": False},
         "annotations": [
-            _heading(text, x) for text, x in (("before, %", 0.0), ("after, % of the same", 0.515))
+            heading(text, x=x) for text, x in (("before, %", 0.0), ("after, % of the same", 0.515))
         ],
     }
     return {"data": data, "layout": layout}
-
-
-def _heading(text: str, x: float) -> PlotJson:
-    return {
-        "text": f"<b>{text}</b>",
-        "xref": "paper",
-        "yref": "paper",
-        "x": x,
-        "y": 1.0,
-        "xanchor": "left",
-        "yanchor": "bottom",
-        "showarrow": False,
-        "font": {"size": 16},
-    }

@@ -1,4 +1,4 @@
-"""The plain answer of `identify`: what is missing, how sure, what it does to the margin."""
+"""The answer of `identify` in words: what is missing, how sure, what it does to the margin."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from types import MappingProxyType
 from thrustmargin.gcs_plugin.wording.described_effect import rotor_words
 from thrustmargin.gcs_plugin.wording.effect_sentences import effect_sentence
 from thrustmargin.gcs_plugin.wording.numbers import number, percent
+from thrustmargin.models.identification.fit import Term
 from thrustmargin.models.identification.margin_change import WORST_SHARE, MarginChange
 from thrustmargin.models.identification.result import Errors, Found, Identification
 
@@ -21,7 +22,7 @@ CHANNEL_WORDS: Mapping[str, tuple[str, str, float]] = MappingProxyType(
         "time_s": ("time in the log", "s", 1.0),
         "advance_ratio": ("climb (axial advance ratio)", "", 1.0),
         "radius_over_height": ("rotor radius over height", "", 1.0),
-        "voltage": ("pack voltage", "V", 1.0),
+        "voltage": ("battery voltage", "V", 1.0),
         "density": ("air density", "kg/m³", 1.0),
         "heading": ("heading", "°", DEGREES),
         "yaw_rate": ("yaw rate", "°/s", DEGREES),
@@ -29,7 +30,7 @@ CHANNEL_WORDS: Mapping[str, tuple[str, str, float]] = MappingProxyType(
         "load_factor": ("load factor", "", 1.0),
     }
 )
-#: Share of thrust by which a margin must move to be told.
+#: Share of thrust by which a margin must move to be reported as a change.
 NOTICED = 0.005
 
 
@@ -53,7 +54,7 @@ def answer(
     lines.append(together(found, total))
     if unexplained(found):
         lines.append(unexplained(found))
-    lines += [apart(f) for f in found.found if f.indistinguishable_from]
+    lines += [how_to_distinguish(f) for f in found.found if f.indistinguishable_from]
     return tuple(f"{line}." for line in (*lines, *claims(found)))
 
 
@@ -152,24 +153,24 @@ def channel_factor(channel: str) -> float:
     return CHANNEL_WORDS[channel][2] if channel in CHANNEL_WORDS else 1.0
 
 
-def effect_name(name: str, rotor: int | None, variant: str = "") -> str:
-    """`rotor degradation of rotor 1 (onset)` of a name and a 0-based rotor."""
-    words = name.replace("_", " ")
-    if rotor is not None:
-        words += f" of rotor {rotor + 1}"
-    return f"{words} ({variant})" if variant else words
+def term_name(term: Term) -> str:
+    """`rotor degradation of rotor 1 (onset)`."""
+    words = term.effect.name.replace("_", " ")
+    if term.rotor is not None:
+        words += f" of rotor {term.rotor + 1}"
+    return f"{words} ({term.effect.variant})" if term.effect.variant else words
 
 
 def found_name(found: Found) -> str:
-    term = found.term
-    return effect_name(term.effect.name, term.rotor, term.effect.variant)
+    """The name of an effect that was found, as in the list of candidates."""
+    return term_name(found.term)
 
 
-def apart(found: Found) -> str:
-    """What these flights cannot tell from an effect, and the flight that would."""
+def how_to_distinguish(found: Found) -> str:
+    """What these flights cannot distinguish from an effect, and the flight that would."""
     others = " or ".join(name.replace("_", " ") for name in found.indistinguishable_from)
     return (
-        f"These flights cannot tell {found_name(found)} from {others}; what would: "
+        f"These flights cannot distinguish {found_name(found)} from {others}; this would: "
         f"{found.term.effect.tell}"
     )
 
@@ -178,14 +179,14 @@ def claims(found: Identification) -> tuple[str, ...]:
     """What so few flights do not allow to say."""
     if found.problem.flights == 1:
         return (
-            "One flight only: that this holds on another flight cannot be claimed, and neither can "
-            "effects that differ from flight to flight (air, pack, fill, wind) be told from each "
-            "other; the intervals know this flight alone. Give two flights or more, at different "
-            "tank levels, and one more with --held-out",
+            "One flight only: that this holds on another flight cannot be claimed, and effects "
+            "that differ from flight to flight (air, battery, fill, wind) cannot be distinguished "
+            "from each other; the intervals are of this flight alone. Give two flights or more, at "
+            "different tank levels, and one more with --held-out",
         )
     if found.problem.flights == 2:
         return (
-            "Two flights only: the intervals know how the flights' stretches differ, not how "
-            "flights do. Three or more would tell",
+            "Two flights only: the intervals show how stretches of these flights differ, not how "
+            "flights do. Three or more would show it",
         )
     return ()

@@ -16,23 +16,22 @@ from thrustmargin.gcs_plugin.reports.identify.identify_sentences import (
 )
 from thrustmargin.gcs_plugin.reports.identify.residual_rows import Rows
 from thrustmargin.gcs_plugin.reports.shared.plot_style import (
+    AFTER,
     AXIS,
+    BEFORE,
     LAYOUT,
-    MEASURED,
-    PREDICTED,
-    Panel,
+    LEGEND,
     PlotJson,
     line,
     over_time,
     packed,
+    rotor_panels,
 )
 from thrustmargin.gcs_plugin.reports.shared.route_map import route_map
 from thrustmargin.gcs_plugin.wording.palette import residual_scale
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.unexplained import Curve
 
-BEFORE, AFTER = PREDICTED, MEASURED
-ROTOR_PX = 96
 LONGEST_STEP_S = 1.0  # beyond which a line is broken
 
 
@@ -41,20 +40,16 @@ def time_figure(rows: Rows, flight: int) -> PlotJson:
     mine = rows.of(flight)
     time_s, before, after = _broken(rows.time_s[mine], rows.before_rpm[mine], rows.after_rpm[mine])
     reach = float(np.nanmax(np.abs(rows.before_rpm[mine]))) * 1.08
-    panels = [
-        Panel(
-            traces=[
-                line(time_s, before[:, k], color=BEFORE, name="before", width=1.5, legend=k == 0),
-                line(time_s, after[:, k], color=AFTER, name="after", width=1.5, legend=k == 0),
-            ],
-            height_px=ROTOR_PX,
-            unit="rpm",
-            low=-reach,
-            high=reach,
-            title=f"rotor {k + 1}, {name}",
-        )
-        for k, name in enumerate(rows.rotor_names)
-    ]
+    panels = rotor_panels(
+        rows.rotor_names,
+        lambda k, legend: [
+            line(time_s, table[:, k], color=color, name=name, width=1.5, legend=legend)
+            for name, color, table in (("before", BEFORE, before), ("after", AFTER, after))
+        ],
+        unit="rpm",
+        low=-reach,
+        high=reach,
+    )
     return over_time(panels, end_s=float(time_s[-1]))
 
 
@@ -92,7 +87,7 @@ def modes_figure(rows: Rows) -> PlotJson:
         "height": 340,
         "barmode": "group",
         "margin": {"l": 80, "r": 20, "t": 40, "b": 40},
-        "legend": {"orientation": "h", "x": 0, "yref": "container", "y": 1.0, "yanchor": "top"},
+        "legend": LEGEND,
         "xaxis": {**AXIS},
         "yaxis": {**AXIS, "title": {"text": "RMS, rpm"}, "rangemode": "tozero"},
     }

@@ -19,7 +19,7 @@ from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     SPRAYING,
     Panel,
     PlotJson,
-    ground,
+    band,
     line,
     milliseconds,
     over_time,
@@ -64,7 +64,7 @@ def use_figure(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> P
     panels = [
         Panel(
             traces=[
-                ground(time_s, np.full(top.size, limit * 100), above, color=OVER_FILL),
+                band(time_s, np.full(top.size, limit * 100), above, color=OVER_FILL),
                 line(time_s, top, color=MEASURED, name="worst rotor"),
                 line(time_s, mean, color=MEAN, name="mean of the rotors", width=2),
             ],
@@ -132,7 +132,7 @@ def residual_figure(rows: Rows, names: Sequence[str]) -> PlotJson:
     panels = rotor_panels(
         names,
         lambda k, legend: [
-            ground(
+            band(
                 time_s,
                 lower[:, k],
                 upper[:, k],

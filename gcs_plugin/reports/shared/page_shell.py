@@ -33,7 +33,7 @@ def page_text(
     package: str,
     context: Mapping[str, Any],
     *,
-    functions: Mapping[str, Callable[..., str]],
+    functions: Mapping[str, Callable[..., Any]],
     own_style: bool = False,
 ) -> str:
     """The page.html of `package` in the shell, its figures drawn when they come into view.

@@ -25,6 +25,7 @@ GRID = "#d0d0d0"
 MEASURED = "#00429d"
 PREDICTED = "#d55e00"
 MEAN = "#6f6f6f"
+BEFORE, AFTER = PREDICTED, MEASURED
 OVER = "#b00000"
 SPRAYING = "#0077bb"
 OVER_FILL = "rgba(176, 0, 0, 0.30)"
@@ -44,6 +45,14 @@ LAYOUT: PlotJson = {
     "plot_bgcolor": "white",
     "font": {"family": FONT, "size": 16, "color": INK},
     "hovermode": "closest",
+}
+
+LEGEND: PlotJson = {
+    "orientation": "h",
+    "x": 0,
+    "yref": "container",
+    "y": 1.0,
+    "yanchor": "top",
 }
 
 #: A line keeps at most four points for each of these; a screen has about 1500 columns.
@@ -133,7 +142,7 @@ def line(
     }
 
 
-def ground(
+def band(
     time_s: Floats,
     lower: Floats,
     upper: Floats,
@@ -142,7 +151,7 @@ def ground(
     name: str = "",
     legend: bool = False,
 ) -> PlotJson | None:
-    """The ground between two (T,) arrays, filled; None when nowhere both are known."""
+    """The area between two (T,) arrays, filled; None when nowhere both are known."""
     known = np.flatnonzero(np.isfinite(lower) & np.isfinite(upper))
     if not known.size:
         return None
@@ -150,16 +159,24 @@ def ground(
     kept = np.union1d(keep_extremes(low, LINE_BUCKETS), keep_extremes(high, LINE_BUCKETS))
     x = milliseconds(time_s[known[kept]])
     return {
-        "type": "scatter",
-        "mode": "none",
-        "x": packed(np.concatenate([x, x[::-1]])),
-        "y": packed(np.concatenate([high[kept], low[kept][::-1]])),
-        "fill": "toself",
-        "fillcolor": color,
+        **filled(x, low[kept], high[kept], color=color),
         "name": escape(name),
         "legendgroup": escape(name),
         "showlegend": legend,
+    }
+
+
+def filled(x: Floats, lower: Floats, upper: Floats, *, color: str) -> PlotJson:
+    """The area between two known (N,) arrays over `x` (N,)."""
+    return {
+        "type": "scatter",
+        "mode": "none",
+        "x": packed(np.concatenate([x, x[::-1]])),
+        "y": packed(np.concatenate([upper, lower[::-1]])),
+        "fill": "toself",
+        "fillcolor": color,
         "hoverinfo": "skip",
+        "showlegend": False,
     }
 
 
@@ -172,7 +189,7 @@ def over_time(panels: Sequence[Panel], *, end_s: float) -> PlotJson:
         **LAYOUT,
         "height": whole + MARGIN["t"] + MARGIN["b"],
         "margin": MARGIN,
-        "legend": {"orientation": "h", "x": 0, "yref": "container", "y": 1.0, "yanchor": "top"},
+        "legend": LEGEND,
         "xaxis": {
             **AXIS,
             "type": "date",
@@ -199,7 +216,7 @@ def over_time(panels: Sequence[Panel], *, end_s: float) -> PlotJson:
             shapes.append(_across(axis, level))
             notes.append(_beside(axis, level, text))
         if panel.title:
-            notes.append(_title(panel.title, top))
+            notes.append(heading(panel.title, x=1, y=top, xanchor="right"))
         top = bottom
     return {"data": data, "layout": {**layout, "shapes": shapes, "annotations": notes}}
 
@@ -234,14 +251,15 @@ def _beside(axis: str, level: float, text: str) -> PlotJson:
     }
 
 
-def _title(text: str, top: float) -> PlotJson:
+def heading(text: str, *, x: float, y: float = 1.0, xanchor: str = "left") -> PlotJson:
+    """A title inside a figure, above the place (x, y) of its paper, each 0..1."""
     return {
         "text": f"<b>{escape(text)}</b>",
         "xref": "paper",
-        "x": 1,
-        "xanchor": "right",
+        "x": x,
+        "xanchor": xanchor,
         "yref": "paper",
-        "y": top,
+        "y": y,
         "yanchor": "bottom",
         "showarrow": False,
         "font": {"size": 16},

@@ -11,9 +11,9 @@ import pytest
 from tests.browser import open_page, screenshot_folder
 from tests.models.made_flights import QUICK, curve_model, made_flight, made_flights, table
 from thrustmargin.gcs_plugin.reports.identify.channel_figures import channels_figure, shares
-from thrustmargin.gcs_plugin.reports.identify.content import content_of
-from thrustmargin.gcs_plugin.reports.identify.identify_page import html_text
 from thrustmargin.gcs_plugin.reports.identify.identify_result import Result, result_of
+from thrustmargin.gcs_plugin.reports.identify.identify_sentences import term_name
+from thrustmargin.gcs_plugin.reports.identify.page import html_text, looks
 from thrustmargin.gcs_plugin.reports.identify.residual_figures import (
     map_figure,
     map_limit,
@@ -92,7 +92,7 @@ def test_the_page_shows_the_numbers_of_the_result(page, result):
     assert f"{worst.before.rmse_rpm:.0f} (" in text
     assert f"{worst.after.rmse_rpm:.1f} (" in text
     assert "MISSING: ROTOR DEGRADATION OF ROTOR 1" in text
-    assert "Nothing of the table would do as well" in text
+    assert "No other effect of the table fits as well" in text
     assert "held out" in text
     assert "learnt from" in text
     assert "Not used" in text
@@ -109,14 +109,16 @@ def test_the_page_has_every_figure(page, rows):
 
 
 def test_candidates_are_listed_best_first_with_what_was_taken(result):
-    looks = content_of(result).looks
-    assert [t.taken for t in looks[0]].count(True) == 1
-    assert looks[0][0].name == "rotor degradation of rotor 1"
-    assert looks[0][0].p_value == "0.05"
-    assert not any(t.taken for t in looks[-1])
-    shares_shown = [float(t.share.rstrip(" %").replace("−", "-")) for t in looks[0]]
-    assert shares_shown == sorted(shares_shown, reverse=True)
-    assert looks[0][0].bar == pytest.approx(100.0)
+    listed = looks(result.found.tried)
+    assert [t.taken for t, _ in listed[0]].count(True) == 1
+    best, bar = listed[0][0]
+    assert term_name(best.term) == "rotor degradation of rotor 1"
+    assert best.p_value == pytest.approx(0.05)
+    assert bar == 1.0
+    assert not any(t.taken for t, _ in listed[-1])
+    gains = [t.share for t, _ in listed[0]]
+    assert gains == sorted(gains, reverse=True)
+    assert [bar for _, bar in listed[0]] == pytest.approx([max(0.0, g / gains[0]) for g in gains])
 
 
 def test_rows_are_where_the_aircraft_was(rows, result):

@@ -10,8 +10,8 @@ from rich.console import Console
 from tests.models.made_flights import QUICK, curve_model, made_flights, table
 from thrustmargin.gcs_plugin.reports.identify.identify_sentences import (
     answer,
-    apart,
     claims,
+    how_to_distinguish,
     margin_words,
     together,
 )
@@ -313,10 +313,10 @@ def test_nothing_missing_is_said_plainly():
 
 def test_what_cannot_be_told_apart_comes_with_the_flight_that_would_tell(whole):
     effect = found("tank_scale", [1.1], [0.01], alike=("thrust_drift", "extra_mass"))
-    said = apart(effect)
+    said = how_to_distinguish(effect)
     assert said == (
-        "These flights cannot tell tank scale from thrust drift or extra mass; what would: hover "
-        "60 s full and 60 s empty"
+        "These flights cannot distinguish tank scale from thrust drift or extra mass; this would: "
+        "hover 60 s full and 60 s empty"
     )
     lines = answer(replace(whole, found=(effect,)), [change()], change())
     assert f"{said}." in lines
