@@ -126,7 +126,7 @@ def _link(order: FetchMission | FetchLog) -> AbstractContextManager[VehicleLink]
 
     if order.signing_key_file is None:
         return VehicleLink.open(order.url)
-    from thrustmargin.gcs_plugin.link.signing_key import read_signing_key
+    from thrustmargin.gcs_plugin.link.signing import read_signing_key
     from thrustmargin.gcs_plugin.vehicle.signed_connection import signed_link
 
     key = read_signing_key(order.signing_key_file)

@@ -9,6 +9,7 @@ import tyro
 from tyro.conf import Positional
 
 from thrustmargin.models.errors import AirframeError, LogError, ThrustMarginError
+from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -75,7 +76,8 @@ def inspect(
         done.append(as_json(inspection))
     if json is not None:
         try:
-            json.write_text(json_module.dumps(done, indent=2) + "\n", encoding="utf-8")
+            with whole_file(json) as draft:
+                draft.write_text(json_module.dumps(done, indent=2) + "\n", encoding="utf-8")
         except OSError as error:
             raise LogError(f"cannot write {json}: {error.strerror or error}") from error
         console.print(f"wrote {json}", soft_wrap=True)

@@ -84,8 +84,7 @@ def monitor(
     check_source(tank)
     accept = sign = None
     if signing_key_file is not None:
-        from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter
-        from thrustmargin.gcs_plugin.link.signing_key import read_signing_key
+        from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter, read_signing_key
 
         found = read_signing_key(signing_key_file)
         for note in found.notes:
@@ -109,15 +108,15 @@ def monitor(
     check_source(chosen.airframe.tank_source)
     live = LiveMonitor(chosen, settings, accept=accept)
     if announce or request_rates:
-        from thrustmargin.gcs_plugin.link.sender import Speaker
+        from thrustmargin.gcs_plugin.link.sender import Sender
         from thrustmargin.gcs_plugin.live.announce import Announcer
         from thrustmargin.gcs_plugin.live.message_rates import RateRequester
 
-        speaker = Speaker(live.listener, sign)
+        sender = Sender(live.listener, sign)
         if announce:
-            live.subscribers.append(Announcer(speaker))
+            live.subscribers.append(Announcer(sender))
         if request_rates:
-            live.subscribers.append(RateRequester(speaker, chosen.airframe.rotor_count))
+            live.subscribers.append(RateRequester(sender, chosen.airframe.rotor_count))
     fetcher = None
     if fetch_mission:
         from thrustmargin.gcs_plugin.vehicle.mission_fetcher import MissionFetcher

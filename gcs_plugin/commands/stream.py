@@ -35,8 +35,9 @@ def stream(
     from rich.console import Console
     from rich.progress import Progress, TextColumn, TimeElapsedColumn
 
+    from thrustmargin.gcs_plugin.link.open_transport import open_transport
     from thrustmargin.gcs_plugin.link.playback import Played, play
-    from thrustmargin.gcs_plugin.link.transport import open_transport, parse_url
+    from thrustmargin.gcs_plugin.link.transport import parse_url
 
     if not (speed > 0.0 and math.isfinite(speed)):
         raise LinkError(f"--speed {speed:g} is no speed; give a number above 0")
@@ -50,10 +51,10 @@ def stream(
         with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
             task = progress.add_task(f"{log.name} to {to}", total=None)
 
-            def told(played: Played) -> None:
+            def show(played: Played) -> None:
                 progress.update(task, description=_words(played, log, to))
 
-            played = play(log, transport, speed=speed, loop=loop, told=told)
+            played = play(log, transport, speed=speed, loop=loop, progress=show)
     finally:
         transport.close()
     Console(stderr=True).print(_words(played, log, to), highlight=False)

@@ -10,7 +10,7 @@ from typing import Generic, TypeVar
 T = TypeVar("T")
 
 
-class Mailbox(Generic[T]):
+class BoundedQueue(Generic[T]):
     """At most `limit` items; when full the newest are dropped and counted, never waited for."""
 
     def __init__(self, limit: int) -> None:

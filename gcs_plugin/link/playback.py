@@ -1,4 +1,4 @@
-"""Play a telemetry log onto a link: every frame unchanged, in order, at the log's own rhythm."""
+"""Play a telemetry log onto a link: every frame unchanged, in order, at the log's own rate."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ def play(
     *,
     speed: float = 1.0,
     loop: bool = False,
-    told: Callable[[Played], None] | None = None,
+    progress: Callable[[Played], None] | None = None,
 ) -> Played:
     """Send every frame of the log `speed` times as fast as it was recorded.
 
     Each frame has its time from the start, so that delays do not add up. With `loop` it starts
-    again at the end, without end. `told` hears about four times a second how far it is. Waits
+    again at the end, without end. `progress` is called about four times a second. Waits
     first until the transport has somebody to send to; what they answer is received and ignored.
     Raises LogError when the log holds no frame.
     """
@@ -49,7 +49,7 @@ def play(
     try:
         while not transport.ready:
             time.sleep(0.02)
-        return _play(path, transport, speed, loop, told)
+        return _play(path, transport, speed, loop, progress)
     finally:
         stop.set()
         answers.join()
@@ -65,13 +65,13 @@ def _play(
     transport: Transport,
     speed: float,
     loop: bool,
-    told: Callable[[Played], None] | None,
+    progress: Callable[[Played], None] | None,
 ) -> Played:
     started = time.monotonic()
     due = 0.0  # s of playing
     frames = sent = 0
     log_s = late = 0.0
-    last_told = started
+    last_call = started
     for _ in itertools.count() if loop else range(1):
         last_us: int | None = None
         for stamp_us, data in stamped_frames(path):
@@ -87,7 +87,7 @@ def _play(
             late = max(late, -ahead)
             transport.send(data)
             frames, sent = frames + 1, sent + len(data)
-            if told is not None and time.monotonic() - last_told > 0.25:
-                last_told = time.monotonic()
-                told(Played(frames, sent, log_s, late))
+            if progress is not None and time.monotonic() - last_call > 0.25:
+                last_call = time.monotonic()
+                progress(Played(frames, sent, log_s, late))
     return Played(frames, sent, log_s, late)

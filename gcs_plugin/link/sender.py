@@ -17,7 +17,7 @@ ONBOARD_CONTROLLER, AUTOPILOT_INVALID, STATE_ACTIVE = 18, 8, 4
 Sign = Callable[[bytes], bytes]
 
 
-class Speaker:
+class Sender:
     """Packs, signs and sends messages; one count of sequence numbers a vehicle."""
 
     def __init__(self, listener: Listener, sign: Sign | None = None) -> None:
@@ -28,7 +28,7 @@ class Speaker:
         self._sign = sign
         self._packers: dict[int, Any] = {}
 
-    def say(self, vehicle: int, message: Any, *, forwards: bool = False) -> None:
+    def send(self, vehicle: int, message: Any, *, forwards: bool = False) -> None:
         """Send to where the vehicle is heard; with `forwards` to the ground stations too."""
         packer = self._packers.get(vehicle)
         if packer is None:
@@ -45,4 +45,4 @@ class Speaker:
         message = self.dialect.MAVLink_heartbeat_message(
             ONBOARD_CONTROLLER, AUTOPILOT_INVALID, 0, 0, STATE_ACTIVE, 3
         )
-        self.say(vehicle, message, forwards=True)
+        self.send(vehicle, message, forwards=True)

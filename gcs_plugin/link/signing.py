@@ -13,18 +13,20 @@ from __future__ import annotations
 
 import hashlib
 import hmac
+import stat
+import string
 import threading
 import time
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
+from pathlib import Path
 
-from fastcrc import crc16
-
-from thrustmargin.gcs_plugin.link.signing_key import KEY_LENGTH
+from thrustmargin.gcs_plugin.mavlink.checksum import checksum
 from thrustmargin.gcs_plugin.mavlink.frame import SIGNATURE, SIGNED, V1, V2
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.models.errors import LinkError
 
+KEY_LENGTH = 32  # bytes
 DIGEST_LENGTH = 6  # bytes
 EPOCH_UNIX = 1_420_070_400  # s, 2015-01-01 UTC
 TICKS = 100_000  # time stamps count 10 µs
@@ -54,14 +56,8 @@ class SigningCounts:
 
     @property
     def dropped(self) -> int:
-        return (
-            self.unsigned
-            + self.unknown_id
-            + self.wrong_key
-            + self.replayed
-            + self.stale
-            + self.malformed
-        )
+        """All but the accepted ones."""
+        return sum(astuple(self)) - self.accepted
 
     def __str__(self) -> str:
         reasons = (
@@ -194,7 +190,7 @@ class Signer:
         if layout is None:
             raise LinkError(f"a frame of id {number} cannot be signed: its checksum is not known")
         body = bytes([frame[1], frame[2] | SIGNED]) + frame[3 : HEADER + frame[1]]
-        check = crc16.mcrf4xx(bytes([layout.crc_extra]), crc16.mcrf4xx(body))
+        check = checksum(body, layout.crc_extra)
         with self._lock:
             ahead = 0 if self._after is None else self._after()
             self._stamp = max(self._stamp + 1, ahead + 1, self._clock())
@@ -209,3 +205,56 @@ def _checked(key: bytes) -> bytes:
     if len(key) != KEY_LENGTH:
         raise LinkError(f"a signing key has 32 bytes, this one {len(key)}; see --signing-key-file")
     return key
+
+
+@dataclass(frozen=True, slots=True)
+class SigningKey:
+    """A key from a file. `notes` are for people; the key itself is never shown."""
+
+    key: bytes
+    notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return f"SigningKey(<{len(self.key)} bytes>, notes={self.notes!r})"
+
+
+def read_signing_key(path: Path) -> SigningKey:
+    """The key in a file: 32 bytes, 64 hex digits, or a passphrase on one line.
+
+    A passphrase becomes its SHA-256, as in MAVProxy and Mission Planner. A note says so when other
+    users of the computer can read the file. Raises LinkError when the file holds none of these.
+    """
+    try:
+        content = path.read_bytes() if path.stat().st_size <= 4096 else b""
+        mode = path.stat().st_mode
+    except OSError as error:
+        raise LinkError(f"signing key file {path} cannot be read: {error.strerror}") from error
+    key = _key_in(content, path)
+    if mode & (stat.S_IRWXG | stat.S_IRWXO):
+        note = f"other users of this computer can read the signing key: chmod 600 {path}"
+        return SigningKey(key, (note,))
+    return SigningKey(key)
+
+
+def _key_in(content: bytes, path: Path) -> bytes:
+    if len(content) == KEY_LENGTH and not all(chr(b) in string.printable for b in content):
+        return content
+    try:
+        lines = content.decode("utf-8").splitlines()
+    except UnicodeDecodeError:
+        lines = []
+    if len(lines) != 1 or not lines[0].strip():
+        raise LinkError(
+            f"signing key file {path} holds no key: it must be 32 bytes, 64 hex digits or one line "
+            "with the passphrase"
+        )
+    text = lines[0]
+    digits = text.strip()
+    if len(digits) == 2 * KEY_LENGTH and all(c in string.hexdigits for c in digits):
+        return bytes.fromhex(digits)
+    if content == text.encode("utf-8") and len(content) == KEY_LENGTH:
+        raise LinkError(
+            f"signing key file {path} holds 32 letters, which may be a key or a passphrase: end "
+            "the line for a passphrase, or write the key as 64 hex digits"
+        )
+    return hashlib.sha256(text.encode("utf-8")).digest()

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.link.sender import Speaker
+from thrustmargin.gcs_plugin.link.sender import Sender
 from thrustmargin.gcs_plugin.live.alarm import NOTICE, WARNING, AlarmEvent
 from thrustmargin.gcs_plugin.live.fleet import Fleet
 from thrustmargin.gcs_plugin.live.vehicle_monitor import Update
@@ -43,8 +43,8 @@ class _Vehicle:
 class Announcer:
     """A subscriber of the monitor that tells ground stations what it finds out."""
 
-    def __init__(self, speaker: Speaker) -> None:
-        self._speaker = speaker
+    def __init__(self, sender: Sender) -> None:
+        self._sender = sender
         self._vehicles: dict[int, _Vehicle] = {}
         self.dropped = 0  # texts for which there was no room
 
@@ -69,7 +69,7 @@ class Announcer:
                 continue
             if now_s - state.figures_s >= FIGURES_EVERY:
                 state.figures_s = now_s
-                self._speaker.heartbeat(number)
+                self._sender.heartbeat(number)
                 row = watch.last
                 if row is not None and now_us - int(row.stamp_us[-1]) < QUIET * 1e6:
                     self._figures(number, row)
@@ -81,10 +81,10 @@ class Announcer:
             if state.texts and now_s - state.text_s >= TEXT_EVERY:
                 state.text_s = now_s
                 severity, text = state.texts.pop(0)
-                message = self._speaker.dialect.MAVLink_statustext_message(
+                message = self._sender.dialect.MAVLink_statustext_message(
                     severity, text.encode()[:LONGEST]
                 )
-                self._speaker.say(number, message, forwards=True)
+                self._sender.send(number, message, forwards=True)
 
     def _queue(self, state: _Vehicle, severity: int, text: str) -> None:
         if (severity, text) in state.texts:
@@ -97,10 +97,10 @@ class Announcer:
 
     def _figures(self, vehicle: int, update: Update) -> None:
         for name, value in figures(update).items():
-            message = self._speaker.dialect.MAVLink_named_value_float_message(
+            message = self._sender.dialect.MAVLink_named_value_float_message(
                 int(update.clock_s[-1] * 1e3) % 2**32, name.encode(), value
             )
-            self._speaker.say(vehicle, message, forwards=True)
+            self._sender.send(vehicle, message, forwards=True)
 
 
 def figures(update: Update) -> dict[str, float]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from thrustmargin.gcs_plugin.link.sender import Speaker
+from thrustmargin.gcs_plugin.link.sender import Sender
 from thrustmargin.gcs_plugin.live.alarm import AlarmEvent
 from thrustmargin.gcs_plugin.live.fleet import Fleet
 from thrustmargin.gcs_plugin.live.vehicle_monitor import Update, VehicleWatch
@@ -62,8 +62,8 @@ class _Asked:
 class RateRequester:
     """A subscriber of the monitor that asks vehicles for what is missing."""
 
-    def __init__(self, speaker: Speaker, rotor_count: int) -> None:
-        self._speaker = speaker
+    def __init__(self, sender: Sender, rotor_count: int) -> None:
+        self._sender = sender
         self._rotors = rotor_count
         self._asked: dict[int, _Asked] = {}
 
@@ -81,18 +81,18 @@ class RateRequester:
             asked = self._asked.get(number)
             if asked is None or asked.boot != watch.state.boot:
                 asked = self._asked[number] = _Asked(watch.state.boot)
-                self._speaker.heartbeat(number)
+                self._sender.heartbeat(number)
             if asked.waiting:
                 if now_s - asked.last_s >= SPACING:
                     asked.last_s = now_s
-                    self._speaker.say(number, asked.waiting.pop(0))
+                    self._sender.send(number, asked.waiting.pop(0))
             elif asked.times < TIMES and (asked.times == 0 or now_s - asked.last_s >= AGAIN):
                 asked.times += 1
                 asked.last_s = now_s
                 asked.waiting = self._requests(watch)
 
     def _requests(self, watch: VehicleWatch) -> list[Any]:
-        dialect, target = self._speaker.dialect, watch.state.component or 1
+        dialect, target = self._sender.dialect, watch.state.component or 1
         heard = {r.source.split()[0] for r in watch.state.readings.values()}
         requests = [
             dialect.MAVLink_command_long_message(

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol, Self
 
-from thrustmargin.gcs_plugin.link.bounded_queue import Mailbox
+from thrustmargin.gcs_plugin.link.bounded_queue import BoundedQueue
 from thrustmargin.gcs_plugin.link.listener import Listener
 from thrustmargin.gcs_plugin.live.alarm import AlarmEvent
 from thrustmargin.gcs_plugin.live.fleet import Fleet
@@ -102,7 +102,7 @@ class LiveMonitor:
         self.subscribers = list(subscribers)
         #: Called on the link threads with every batch of frames; must be quick.
         self.taps: list[Callable[[list[Frame]], None]] = []
-        self._mailbox: Mailbox[Frame] = Mailbox(QUEUE)
+        self._mailbox: BoundedQueue[Frame] = BoundedQueue(QUEUE)
         self.recorder: Recorder | None = None
         self._stop = threading.Event()
         self._round_s = 0.0

@@ -23,9 +23,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from thrustmargin.gcs_plugin.link.bounded_queue import Mailbox
+from thrustmargin.gcs_plugin.link.bounded_queue import BoundedQueue
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.models.errors import LinkError
+from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -72,7 +73,7 @@ class Recorder:
                 f"{self.folder}: cannot record there: {error.strerror}; name another folder"
             ) from error
         self._samples = _Parts(self.folder / "samples")
-        self._frames: Mailbox[Frame] = Mailbox(QUEUE)
+        self._frames: BoundedQueue[Frame] = BoundedQueue(QUEUE)
         self._lock = threading.Lock()
         self._rows: list[pa.RecordBatch] = []
         self._later: dict[int, tuple[int, pa.RecordBatch]] = {}  # vehicle -> boot, rows
@@ -266,22 +267,7 @@ class _Parts:
         import pyarrow.parquet as pq
 
         path = self._folder / f"{self._number:06d}.parquet"
-        # A name that no reader of *.parquet takes for a finished file.
-        draft = path.with_suffix(".draft")
         table = pa.Table.from_batches(batches)
-        try:
-            with draft.open("wb") as file:
-                pq.write_table(table, file)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(draft, path)
-        except OSError:
-            with contextlib.suppress(OSError):
-                draft.unlink()
-            raise
-        if os.name == "posix":
-            folder = os.open(self._folder, os.O_RDONLY)
-            try:
-                os.fsync(folder)
-            finally:
-                os.close(folder)
+        # The draft's name begins with a dot and does not end in .parquet: no reader takes it.
+        with whole_file(path) as draft:
+            pq.write_table(table, draft)

@@ -14,9 +14,7 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import re
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -26,6 +24,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, Origin
+from thrustmargin.models.whole_file import whole_file
 
 _NED = ("north", "east", "down")
 _FRD = ("forward", "right", "down")
@@ -74,14 +73,8 @@ def write_csv(track: FlightTrack, path: Path) -> None:
     out.write(f"# {json.dumps(about)}\n{','.join(names)}\n")
     for row in zip(*(column.tolist() for column in columns), strict=True):
         out.write(",".join("" if v != v else repr(v) for v in row) + "\n")
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name, suffix=".part")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(out.getvalue())
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    with whole_file(path) as draft:
+        draft.write_text(out.getvalue(), encoding="utf-8", newline="")
 
 
 def read_csv(path: Path, *, rotor_count: int = 0) -> FlightTrack:

@@ -6,6 +6,7 @@ one file. Readers of each format make a Recording; `assemble` makes the FlightLo
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -104,7 +105,7 @@ class Recording:
     notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class FlightLog:
     """A log read as one flight."""
 
@@ -120,3 +121,18 @@ class FlightLog:
     autopilot: str
     format: str
     path: Path
+
+    def __repr__(self) -> str:
+        track, quality = self.track, self.quality
+        present = ", ".join(c.name for c in self.channels if c.samples)
+        absent = ", ".join(c.name for c in self.channels if not c.samples)
+        skipped = f"{quality.bytes_skipped} bytes in {quality.damaged_places} damaged place(s)"
+        lines = (
+            f"FlightLog {self.path.name}: {self.format}, vehicle {self.vehicle} ({self.autopilot})",
+            f"{track.duration:.1f} s in {track.time_s.size} rows, {track.rotor_count} rotors",
+            f"channels: {present or 'none'}",
+            f"not in the log: {absent or 'nothing'}",
+            f"file: {quality.frames} messages in {quality.bytes} bytes, skipped: "
+            + (skipped if quality.damaged_places else "nothing"),
+        )
+        return textwrap.indent("\n".join(textwrap.shorten(x, 240) for x in lines), "  ")[2:]

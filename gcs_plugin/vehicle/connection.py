@@ -8,6 +8,7 @@ transfers need: a ground station's heartbeats and requests.
 from __future__ import annotations
 
 import math
+import socket
 import threading
 import time
 from collections.abc import Callable
@@ -15,7 +16,7 @@ from logging import getLogger
 from queue import Empty, Queue
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
-from thrustmargin.gcs_plugin.vehicle.url import mavsdk_url
+from thrustmargin.gcs_plugin.link.transport import parse_url
 from thrustmargin.models.errors import LinkError
 
 if TYPE_CHECKING:
@@ -32,6 +33,8 @@ SECOND_VEHICLE = 1.3
 #: s without any answer after which a transfer is given up; MAVSDK's own retries are shorter.
 SILENCE = 15.0
 POLL = 0.05  # s between two looks at what has come
+#: Kind of the listener's URL -> MAVSDK's scheme: plain "tcp" connects.
+SCHEMES = {"udpin": "udpin", "udpout": "udpout", "tcp": "tcpout", "tcpin": "tcpin"}
 
 Event = TypeVar("Event")
 
@@ -175,3 +178,26 @@ def _to_logging(level: LogLevel, message: str, _file: str | None, _line: int) ->
     """MAVSDK prints on its own to standard output unless told not to; keep it for --verbose."""
     log.debug("mavsdk %s: %s", level.name.lower(), message)
     return True
+
+
+def mavsdk_url(url: str) -> str:
+    """`url` in MAVSDK's form; host names are looked up, since MAVSDK takes only addresses.
+
+    MAVSDK's own spelling (udpin://HOST:PORT) is understood too. Raises LinkError when it is no
+    URL, names a recording, or the host or port does not exist.
+    """
+    end = parse_url(url.replace("://", ":", 1))
+    if end.kind == "tlog":
+        raise LinkError(f"{url} is a recording, which has no vehicle to ask; give a live URL")
+    if end.kind == "serial":
+        return f"serial://{end.path}:{end.baud}"
+    if end.port == 0:
+        raise LinkError(f"{url} has port 0; ports are 1 to 65535")
+    return f"{SCHEMES[end.kind]}://{_address(end.host, url)}:{end.port}"
+
+
+def _address(host: str, url: str) -> str:
+    try:
+        return str(socket.getaddrinfo(host, None, family=socket.AF_INET)[0][4][0])
+    except OSError as error:
+        raise LinkError(f"{url}: the host {host!r} is not known; give its IPv4 address") from error

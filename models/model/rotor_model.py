@@ -8,8 +8,6 @@ rest as JSON in its metadata, the airframe included, so that it needs no other f
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -30,6 +28,7 @@ from thrustmargin.models.physics.airframe import Airframe, airframe_from_table, 
 from thrustmargin.models.physics.forward_flight import ForwardFlight, thrust_ratio
 from thrustmargin.models.physics.margin import weight
 from thrustmargin.models.physics.thrust import speed_from_thrust
+from thrustmargin.models.whole_file import whole_file
 
 #: what the JSON in a model file says it is
 SCHEMA = "thrustmargin.model/1"
@@ -202,20 +201,11 @@ def save_model(model: RotorModel, path: Path) -> None:
     from safetensors.numpy import save
 
     content = save(_tensors(model.network), metadata={METADATA_KEY: json.dumps(_metadata(model))})
-    handle, temporary = -1, ""
     try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.chmod(temporary, 0o644)  # mkstemp lets only the owner read
-        os.replace(temporary, path)
+        with whole_file(path) as draft:
+            draft.write_bytes(content)
     except OSError as error:
         raise ModelError(f"cannot write the model file {path}: {error.strerror}") from error
-    finally:
-        if temporary:
-            Path(temporary).unlink(missing_ok=True)
 
 
 def load_model(path: str | Path | None = None) -> RotorModel:

@@ -9,6 +9,7 @@ import numpy as np
 
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.physics.atmosphere import G0
+from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -142,19 +143,15 @@ def write_figure(figure: Figure, out: Path) -> list[Path]:
     FigureCanvasAgg(figure)
     paths = [out] if out.suffix else [out.with_suffix(".svg"), out.with_suffix(".png")]
     for path in paths:
-        part = path.with_name(path.name + ".part")
         kind = path.suffix[1:]
         try:
-            with rc_context({"svg.hashsalt": "thrustmargin"}):
+            with rc_context({"svg.hashsalt": "thrustmargin"}), whole_file(path) as draft:
                 figure.savefig(
-                    part,
+                    draft,
                     format=kind,
                     dpi=150,
                     metadata={"Date": None} if kind == "svg" else None,
                 )
-            part.replace(path)
         except OSError as error:
             raise DataError(f"cannot write {path}: {error.strerror}; check the folder") from error
-        finally:
-            part.unlink(missing_ok=True)
     return paths

@@ -9,9 +9,10 @@ from contextlib import closing, contextmanager
 import pytest
 
 from tests.gcs_plugin.live.live_vehicle import Vehicle, log_frames
-from thrustmargin.gcs_plugin.link.bounded_queue import Mailbox
+from thrustmargin.gcs_plugin.link.bounded_queue import BoundedQueue
 from thrustmargin.gcs_plugin.link.listener import Listener, SteadyClock
-from thrustmargin.gcs_plugin.link.transport import open_transport, parse_url
+from thrustmargin.gcs_plugin.link.open_transport import open_transport
+from thrustmargin.gcs_plugin.link.transport import parse_url
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.models.errors import LinkError
 
@@ -249,7 +250,7 @@ def test_a_set_wall_clock_does_not_move_the_stamps(monkeypatch):
 
 
 def test_a_full_mailbox_drops_the_newest_and_counts_them():
-    box: Mailbox[int] = Mailbox(5)
+    box: BoundedQueue[int] = BoundedQueue(5)
     box.put([1, 2, 3])
     box.put([4, 5, 6, 7])
     assert box.take(0.0) == [1, 2, 3, 4, 5]

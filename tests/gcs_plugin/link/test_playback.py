@@ -9,8 +9,8 @@ import time
 import pytest
 
 from tests.gcs_plugin.live.live_vehicle import ROOT, SECOND, Vehicle, command, log_frames, write_log
+from thrustmargin.gcs_plugin.link.open_transport import open_transport
 from thrustmargin.gcs_plugin.link.playback import Played, play
-from thrustmargin.gcs_plugin.link.transport import open_transport
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.models.errors import LogError
 

@@ -19,9 +19,9 @@ from thrustmargin.gcs_plugin.link.signing import (
     Signer,
     SigningCounts,
     SigningFilter,
+    read_signing_key,
     signing_time,
 )
-from thrustmargin.gcs_plugin.link.signing_key import read_signing_key
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavlink.splitter import FrameSplitter
 from thrustmargin.models.errors import LinkError

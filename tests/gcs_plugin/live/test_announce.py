@@ -11,7 +11,7 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from tests.gcs_plugin.live.live_vehicle import Vehicle
-from thrustmargin.gcs_plugin.link.sender import COMPONENT, Speaker
+from thrustmargin.gcs_plugin.link.sender import COMPONENT, Sender
 from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter
 from thrustmargin.gcs_plugin.live.alarm import CRITICAL, WARNING, Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.live.announce import Announcer
@@ -59,11 +59,11 @@ def monitored(*, forward: bool = False, **speaking: Any) -> Iterator[tuple[LiveM
     station = mavutil.mavlink_connection("udpin:127.0.0.1:0", dialect="ardupilotmega")
     forwards = (f"udpout:127.0.0.1:{station.port.getsockname()[1]}",) if forward else ()
     monitor = LiveMonitor(MODEL, MonitorSettings(urls=("udpin:127.0.0.1:0",), forwards=forwards))
-    speaker = Speaker(monitor.listener, speaking.get("sign"))
+    sender = Sender(monitor.listener, speaking.get("sign"))
     if speaking.get("announce"):
-        monitor.subscribers.append(Announcer(speaker))
+        monitor.subscribers.append(Announcer(sender))
     if speaking.get("request_rates"):
-        monitor.subscribers.append(RateRequester(speaker, 4))
+        monitor.subscribers.append(RateRequester(sender, 4))
     monitor.start()
     air = Air(monitor.listener.links[0].transport.address[1])  # type: ignore[attr-defined]
     try:
@@ -171,7 +171,7 @@ def texts(sent: Sent) -> list[tuple[int, str]]:
 
 def test_texts_are_one_a_second_gravest_first_and_a_flood_is_cut():
     sent = Sent()
-    announcer = Announcer(Speaker(sent))  # type: ignore[arg-type]
+    announcer = Announcer(Sender(sent))  # type: ignore[arg-type]
     fleet = Fleet(MODEL)
     vehicle = Vehicle()
     fleet.take([f for _ in range(20) for f in vehicle.tick()])
@@ -189,7 +189,7 @@ def test_texts_are_one_a_second_gravest_first_and_a_flood_is_cut():
 
 def test_what_still_stands_is_said_again_every_half_minute():
     sent = Sent()
-    announcer = Announcer(Speaker(sent))  # type: ignore[arg-type]
+    announcer = Announcer(Sender(sent))  # type: ignore[arg-type]
     fleet = Fleet(MODEL)
     vehicle = Vehicle()
     fleet.take([f for _ in range(20) for f in vehicle.tick()])
@@ -206,7 +206,7 @@ def test_what_still_stands_is_said_again_every_half_minute():
 def test_nothing_is_said_in_the_name_of_a_silent_vehicle_until_it_returns():
     """A ground station takes any message of the system for a sign of the vehicle's life."""
     sent = Sent()
-    announcer = Announcer(Speaker(sent))  # type: ignore[arg-type]
+    announcer = Announcer(Sender(sent))  # type: ignore[arg-type]
     fleet = Fleet(MODEL)
     vehicle = Vehicle()
     fleet.take([f for _ in range(20) for f in vehicle.tick()])

@@ -183,7 +183,7 @@ def test_a_full_disk_is_told_and_recording_goes_on_when_there_is_room(tmp_path):
     size = (tmp_path / "session" / "telemetry.tlog").stat().st_size
     assert size == sum(8 + len(data) for _, data in kept)
     assert numbers(tmp_path / "session") == list(range(5010))
-    assert not list((tmp_path / "session" / "samples").glob("*.draft"))
+    assert not list((tmp_path / "session" / "samples").glob(".*"))
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="mounts need root")

@@ -166,3 +166,18 @@ def test_a_long_text_in_pieces_is_one_line(tmp_path):
     ]
     data = flight_of(lambda m: m.pack(craft), 2) + b"".join(stamped(p, 12) for p in pieces)
     assert read_log(written(tmp_path, data)).messages[0][1] == text.decode()
+
+
+def test_repr_says_in_a_few_lines_which_flight_it_is_how_long_and_how_whole(tmp_path):
+    made = link()
+    data = flight_of(lambda m: m.pack(made), 5)
+    log = read_log(written(tmp_path, data + bytes(7), "hover.tlog"))
+    assert repr(log).splitlines() == [
+        "FlightLog hover.tlog: tlog, vehicle 1 (unknown)",
+        "  4.9 s in 50 rows, 4 rotors",
+        "  channels: attitude, angular_rate_frd, tank_kg, rotor_speed_rpm, voltage, current, "
+        "spraying",
+        "  not in the log: position_ned, velocity_ned, specific_force_frd, airspeed, wind_ned, "
+        "throttle, pressure, temperature, altitude, height_agl",
+        f"  file: 150 messages in {len(data) + 7} bytes, skipped: 7 bytes in 1 damaged place(s)",
+    ]

@@ -1,0 +1,110 @@
+"""The transport of a URL: a socket, a serial port or a recording."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import time
+from pathlib import Path
+from typing import Any
+
+from thrustmargin.gcs_plugin.link.sockets import AGAIN, TcpClient, TcpServer, Udp
+from thrustmargin.gcs_plugin.link.transport import Address, Chunk, Transport, parse_url
+from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
+from thrustmargin.models.errors import LinkError
+
+AT_ONCE = 512  # frames of a recording handed on together
+
+
+def open_transport(url: str) -> Transport:
+    """The transport of a URL. Raises LinkError when it cannot be opened."""
+    end = parse_url(url)
+    try:
+        if end.kind in ("udpin", "udpout"):
+            return Udp((end.host, end.port), listen=end.kind == "udpin")
+        if end.kind == "tcp":
+            return TcpClient((end.host, end.port))
+        if end.kind == "tcpin":
+            return TcpServer((end.host, end.port))
+        if end.kind == "serial":
+            return SerialPort(end.path, end.baud)
+        return TelemetryLog(Path(end.path))
+    except OSError as error:
+        hint = ""
+        if error.errno is not None and "in use" in str(error).lower():
+            hint = "; another program listens there: close it or let it forward to another port"
+        raise LinkError(f"{url}: cannot be opened: {error.strerror or error}{hint}") from error
+
+
+class SerialPort:
+    """A serial port by pyserial; opened again when it vanishes (a pulled USB plug)."""
+
+    datagrams = False
+    live = True
+    kernel_drops = 0
+
+    def __init__(self, path: str, baud: int) -> None:
+        import serial
+
+        self._serial = serial
+        self._path, self._baud = path, baud
+        self._port: Any = serial.Serial(path, baud, timeout=0.1, write_timeout=1.0)
+
+    @property
+    def ready(self) -> bool:
+        return self._port is not None
+
+    def receive(self, timeout: float) -> list[Chunk]:
+        if self._port is None:
+            try:
+                self._port = self._serial.Serial(
+                    self._path, self._baud, timeout=0.1, write_timeout=1.0
+                )
+            except OSError:
+                time.sleep(min(timeout, AGAIN))
+                return []
+        try:
+            self._port.timeout = timeout
+            data = self._port.read(1)
+            if data:
+                data += self._port.read(self._port.in_waiting)
+        except OSError:
+            self._port.close()
+            self._port = None
+            return []
+        return [Chunk(data)] if data else []
+
+    def send(self, data: bytes, peer: Address | None = None) -> None:  # noqa: ARG002
+        port = self._port
+        if port is not None:
+            with contextlib.suppress(OSError):
+                port.write(data)
+
+    def close(self) -> None:
+        if self._port is not None:
+            self._port.close()
+
+
+class TelemetryLog:
+    """A .tlog as a link: each frame with the stamp written before it. Nothing can be sent."""
+
+    datagrams = True
+    live = False
+    kernel_drops = 0
+    ready = False
+
+    def __init__(self, path: Path) -> None:
+        self._frames = stamped_frames(path)
+
+    def receive(self, timeout: float) -> list[Chunk]:  # noqa: ARG002
+        taken = itertools.islice(self._frames, AT_ONCE)
+        chunks = [Chunk(data, None, stamp_us) for stamp_us, data in taken]
+        if not chunks:
+            raise EOFError
+        return chunks
+
+    def send(self, data: bytes, peer: Address | None = None) -> None:
+        """Nothing: a recording does not listen."""
+
+    def close(self) -> None:
+        self._frames.close()

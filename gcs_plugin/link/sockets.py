@@ -1,0 +1,196 @@
+"""UDP and TCP as transports."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import sys
+import time
+
+from thrustmargin.gcs_plugin.link.transport import Address, Chunk
+
+#: Asked of the kernel for UDP; it may grant less (net.core.rmem_max on Linux).
+RECEIVE_BUFFER = 8 << 20
+LARGEST_DATAGRAM = 65_535
+AT_ONCE = 512  # datagrams taken before they are handed on
+REMEMBERED = 60.0  # s that a UDP peer is answered after it was last heard
+_SO_RXQ_OVFL = 40  # Linux: the kernel's count of datagrams dropped for want of buffer
+AGAIN = 1.0  # s between attempts to connect
+
+
+class Udp:
+    """A UDP socket, listening or sending first."""
+
+    datagrams = True
+    live = True
+
+    def __init__(self, address: Address, *, listen: bool) -> None:
+        family = socket.getaddrinfo(*address, type=socket.SOCK_DGRAM)[0][0]
+        self._socket = socket.socket(family, socket.SOCK_DGRAM)
+        self.kernel_drops = 0
+        self._heard: dict[Address, float] = {}
+        self._counted = False
+        try:
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+            if sys.platform == "linux":
+                with contextlib.suppress(OSError):
+                    self._socket.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
+                    self._counted = True
+            self._target: Address | None = None
+            if listen:
+                if sys.platform == "win32":
+                    exclusive = getattr(socket, "SO_EXCLUSIVEADDRUSE")  # noqa: B009
+                    self._socket.setsockopt(socket.SOL_SOCKET, exclusive, 1)
+                self._socket.bind(address)
+            else:
+                self._target = socket.getaddrinfo(*address, family, socket.SOCK_DGRAM)[0][4][:2]  # type: ignore[assignment]
+                # Bound now, so that answers can be waited for before anything is sent.
+                self._socket.bind(("" if family == socket.AF_INET else "::", 0))
+        except OSError:
+            self._socket.close()
+            raise
+
+    @property
+    def address(self) -> Address:
+        """Where the socket is bound."""
+        return self._socket.getsockname()[:2]
+
+    @property
+    def ready(self) -> bool:
+        return self._target is not None or bool(self._heard)
+
+    def receive(self, timeout: float) -> list[Chunk]:
+        chunks: list[Chunk] = []
+        try:
+            self._socket.settimeout(timeout)
+            chunks.append(self._one())
+            self._socket.settimeout(0.0)
+            while len(chunks) < AT_ONCE:
+                chunks.append(self._one())
+        except (TimeoutError, BlockingIOError, ConnectionError):
+            # ConnectionError: an earlier send met a closed port. UDP goes on regardless.
+            pass
+        now = time.monotonic()
+        for chunk in chunks:
+            if chunk.peer is not None:
+                self._heard[chunk.peer] = now
+        return chunks
+
+    def _one(self) -> Chunk:
+        if not self._counted:
+            data, peer = self._socket.recvfrom(LARGEST_DATAGRAM)
+            return Chunk(data, peer[:2])
+        data, extra, _, peer = self._socket.recvmsg(LARGEST_DATAGRAM, 64)
+        for level, kind, value in extra:
+            if level == socket.SOL_SOCKET and kind == _SO_RXQ_OVFL:
+                self.kernel_drops = int.from_bytes(value, sys.byteorder)
+        return Chunk(data, peer[:2])
+
+    def send(self, data: bytes, peer: Address | None = None) -> None:
+        if peer is not None:
+            targets = [peer]
+        elif self._target is not None:
+            targets = [self._target]
+        else:
+            since = time.monotonic() - REMEMBERED
+            targets = [p for p, heard in list(self._heard.items()) if heard >= since]
+        for target in targets:
+            with contextlib.suppress(OSError):
+                self._socket.sendto(data, target)
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class _TcpStream:
+    """One connection at a time, of either direction."""
+
+    datagrams = False
+    live = True
+    kernel_drops = 0
+
+    def __init__(self) -> None:
+        self._stream: socket.socket | None = None
+
+    @property
+    def ready(self) -> bool:
+        return self._stream is not None
+
+    def _take(self, timeout: float) -> list[Chunk]:
+        stream = self._stream
+        if stream is None:
+            return []
+        try:
+            stream.settimeout(timeout)
+            data = stream.recv(1 << 16)
+        except TimeoutError:
+            return []
+        except OSError:
+            data = b""
+        if data:
+            return [Chunk(data)]
+        self._drop()
+        return []
+
+    def _adopt(self, stream: socket.socket) -> None:
+        stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._stream = stream
+
+    def _drop(self) -> None:
+        if self._stream is not None:
+            self._stream.close()
+            self._stream = None
+
+    def send(self, data: bytes, peer: Address | None = None) -> None:  # noqa: ARG002
+        stream = self._stream
+        if stream is not None:
+            with contextlib.suppress(OSError):
+                stream.sendall(data)
+
+    def close(self) -> None:
+        self._drop()
+
+
+class TcpClient(_TcpStream):
+    """Connects, and again whenever the connection ends."""
+
+    def __init__(self, address: Address) -> None:
+        super().__init__()
+        self._address = address
+        self._adopt(socket.create_connection(address, timeout=3.0))
+
+    def receive(self, timeout: float) -> list[Chunk]:
+        if self._stream is None:
+            try:
+                self._adopt(socket.create_connection(self._address, timeout=AGAIN))
+            except OSError:
+                time.sleep(min(timeout, AGAIN))
+                return []
+        return self._take(timeout)
+
+
+class TcpServer(_TcpStream):
+    """Waits for a client; the next one is let in when it has gone."""
+
+    def __init__(self, address: Address) -> None:
+        super().__init__()
+        self._door = socket.create_server(address)
+
+    @property
+    def address(self) -> Address:
+        """Where the socket is bound."""
+        return self._door.getsockname()[:2]
+
+    def receive(self, timeout: float) -> list[Chunk]:
+        if self._stream is None:
+            try:
+                self._door.settimeout(timeout)
+                stream, _ = self._door.accept()
+            except (TimeoutError, BlockingIOError):
+                return []
+            self._adopt(stream)
+        return self._take(timeout)
+
+    def close(self) -> None:
+        super().close()
+        self._door.close()
