@@ -46,7 +46,6 @@ $(VENV)/.test: $(VENV)/.demo
 	mkdir -p $(LINKS)
 	ln -sfn ../../../gcs_plugin/api/__init__.py $(LINKS)/__init__.py
 	for package in models mission gcs_plugin; do ln -sfn ../../../$$package $(LINKS)/$$package; done
-	ln -sfn ../../../sitl_logs/campaign $(LINKS)/demo_flight
 	touch $@
 
 clean:

@@ -87,7 +87,7 @@ def test_every_package_folder_and_every_data_file_is_installed():
         "thrustmargin." + path.parent.relative_to(ROOT).as_posix().replace("/", ".")
         for path in modules().values()
     } - {"thrustmargin.gcs_plugin.api"}
-    assert set(tools["packages"]) == folders | {"thrustmargin", "thrustmargin.demo_flight"}
+    assert set(tools["packages"]) == folders | {"thrustmargin", "thrustmargin.sitl_logs.campaign"}
     for path in (p for package in PACKAGES for p in (ROOT / package).rglob("*") if p.is_file()):
         if path.suffix in (".py", ".pyc") or path.name == "py.typed":
             continue

@@ -85,3 +85,10 @@ def test_the_function_behind_it_says_the_same(monkeypatch):
     monkeypatch.setitem(sys.modules, "torch", None)
     with pytest.raises(InstallError, match=r"pip install 'thrustmargin\[train\]'"):
         identify(load_model(), [])
+
+
+@pytest.mark.slow
+def test_the_demo_needs_no_log_and_no_folder(tmp_path: Path):
+    done = run_blocked(tmp_path, "demo", *VIEW)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "report.html").exists()

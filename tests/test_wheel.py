@@ -67,7 +67,7 @@ def test_the_wheel_holds_every_module_under_one_name_and_one_flight(wheel: Path)
     names = set(zipfile.ZipFile(wheel).namelist())
     assert {n.split("/")[0] for n in names if ".dist-info/" not in n} == {"thrustmargin"}
     assert [n for n in names if n.endswith(".tlog")] == [
-        "thrustmargin/demo_flight/v4_m16_q2.5.tlog"
+        "thrustmargin/sitl_logs/campaign/v4_m16_q2.5.tlog"
     ]
     files = {p.relative_to(ROOT).as_posix() for p in modules().values()}
     files = {f"thrustmargin/{f}".replace("/gcs_plugin/api/", "/") for f in files}

@@ -6,6 +6,9 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
+#: In the wheel as in the project, beside `gcs_plugin`.
+BUNDLED = Path(__file__).resolve().parents[2] / "sitl_logs" / "campaign" / "v4_m16_q2.5.tlog"
+
 
 def demo(
     log: Positional[Path | None] = None,
@@ -32,7 +35,6 @@ def demo(
         browser: Open the view in the browser.
     """
     import threading
-    from importlib import resources
 
     from thrustmargin.gcs_plugin.commands.report import report
     from thrustmargin.gcs_plugin.logs import read_log
@@ -42,7 +44,7 @@ def demo(
     from thrustmargin.models.model.rotor_model import shipped_model
 
     if log is None:
-        log = Path(str(resources.files("thrustmargin.demo_flight") / "v4_m16_q2.5.tlog"))
+        log = BUNDLED
     if not log.exists():
         raise LogError(f"no flight {log}; name a log")
     code = report((log,), out=out)
