@@ -84,7 +84,7 @@ def test_a_command_that_needs_torch_says_in_one_line_what_to_install(command: st
 def test_the_function_behind_it_says_the_same(monkeypatch):
     monkeypatch.setitem(sys.modules, "torch", None)
     with pytest.raises(InstallError, match=r"pip install 'thrustmargin\[train\]'"):
-        identify(load_model(), [])
+        identify([], load_model())
 
 
 @pytest.mark.slow

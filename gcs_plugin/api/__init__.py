@@ -5,7 +5,7 @@
     model = tm.load_model()                                    # or a model file of yours
     log = tm.read_log("sitl_logs/dev/worn_prop_1.tlog")
     print(tm.analyse(log.track, model))                        # margin and redundancy by row
-    print(tm.identify(model, [log.track]))                     # what the model lacks
+    print(tm.identify(log, model))                             # what the model lacks
     with tm.LiveMonitor(model, "udpin:127.0.0.1:14550") as live:
         print(live.wait(10.0))                                 # newest rows of each vehicle
 

@@ -85,13 +85,7 @@ def identify(
     )
     require_distinct((*fit, *new))
     with steps(errors, total=1.0) as progress:
-        found = search(
-            judged,
-            fit,
-            new,
-            config=settings,
-            progress=progress,
-        )
+        found = search(fit, judged, held_out=new, config=settings, progress=progress)
         progress("what it means for the margin", 0.0)
         result = result_of(
             found,

@@ -9,7 +9,6 @@ from thrustmargin.models.identification.cross_validation import difference_in_do
 from thrustmargin.models.identification.fit import (
     Evaluator,
     Fit,
-    Term,
     fit_terms,
     layout_of,
     linearise,
@@ -52,11 +51,5 @@ def rivals(evaluator: Evaluator, fit: Fit, catalogue: Sequence[Effect]) -> dict[
             regained = missed - (float(trial.held_out.sum()) - float(whole.sum()))
             alike = difference_in_doubt(whole, trial.held_out, problem.block_flight)
             if alike and regained > 0.5 * missed and credible(trial, without, problem):
-                found[term.key].append(_label(other))
+                found[term.key].append(other.words)
     return found
-
-
-def _label(term: Term) -> str:
-    return (
-        term.effect.name if term.rotor is None else f"{term.effect.name} of rotor {term.rotor + 1}"
-    )

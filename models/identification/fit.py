@@ -43,6 +43,11 @@ class Term:
         suffix = "" if self.rotor is None else f"@{self.rotor + 1}"
         return self.effect.key + suffix
 
+    @property
+    def words(self) -> str:
+        """Name, and the rotor counted from 1."""
+        return self.effect.name + ("" if self.rotor is None else f" of rotor {self.rotor + 1}")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Layout:

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
-from thrustmargin.models.effects import CATALOGUE
+from thrustmargin.models.effects import CATALOGUE, ON_REQUEST
 from thrustmargin.models.effects.base import Effect
+from thrustmargin.models.effects.size import sized
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.already_followed import followed_wind
@@ -45,6 +47,7 @@ from thrustmargin.models.identification.result import (
 )
 from thrustmargin.models.identification.search import (
     LEAST_GAIN,
+    MOST_EFFECTS,
     SearchConfig,
     Step,
     cross_validated_rmse,
@@ -54,9 +57,19 @@ from thrustmargin.models.identification.search import (
     warm_start,
 )
 from thrustmargin.models.identification.unexplained import LEAST_SHARE, Curve, best_curve, floor_rpm
-from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.model.rotor_model import RotorModel, shipped_model
 
 Progress = Callable[[str, float], None]
+
+
+class HasTrack(Protocol):
+    """A log that was read."""
+
+    @property
+    def track(self) -> FlightTrack: ...
+
+
+Flown = FlightTrack | HasTrack
 
 IMITATED = 0.6  # of what an effect explains, in the very mode that keeps a slow residual
 LEAVES = 1.5  # times the slow residual that is left, which an effect must explain of it
@@ -65,27 +78,31 @@ FORM_SHARE = 0.25  # of an effect's own gain, above which a free curve disproves
 
 @one_thread()
 def identify(
-    model: RotorModel,
-    fit: Sequence[FlightTrack],
-    held_out: Sequence[FlightTrack] = (),
+    flights: Sequence[Flown] | Flown,
+    model: RotorModel | None = None,
     *,
+    held_out: Sequence[Flown] = (),
     config: SearchConfig | None = None,
-    catalogue: Sequence[Effect] = CATALOGUE,
+    catalogue: Sequence[Effect] = (*CATALOGUE, *ON_REQUEST),
     progress: Progress | None = None,
 ) -> Identification:
-    """Find the effects that `model` lacks on the flights `fit`; report errors on `held_out`.
+    """Find the effects that `model` lacks on flights; report errors on the flights `held_out`.
 
-    Without held-out flights the errors are cross-validated: each flight (of one flight, each fifth)
-    predicted with values found without it. Raises DataError when no flight can be fitted and
-    AirframeError for a wrong rotor count.
+    A flight is a FlightTrack or a log that was read; the model, without one, that which ships.
+    Effects are looked for at the size of the model's aircraft. Without held-out flights the errors
+    are cross-validated: each flight (of one flight, each fifth) predicted with values found without
+    it. Raises DataError when no flight can be fitted and AirframeError for a wrong rotor count.
 
-        >>> result = identify(load_model(), [read_log("sitl_logs/dev/worn_prop_1.tlog").track])
-        >>> [found.term.effect.name for found in result.found]
-        ['rotor_degradation']
+        >>> found = identify(read_log("sitl_logs/dev/worn_prop_1.tlog"))
+        >>> print(found)
+        topxgun-f16-sitl, 1 flight: rotor speed error 42.5 -> 11.9 rpm, each fifth left out in turn
+        rotor_degradation of rotor 2: loss 0.081 (0.079 to 0.083)
     """
+    fit, unused_tracks = _tracks(flights), _tracks(held_out)
     if not fit:
         raise DataError("no flight to identify from; give at least one log with rotor speeds")
-    config = config or SearchConfig()
+    model, config = model or shipped_model(), config or SearchConfig()
+    catalogue = sized(catalogue, model.airframe)
     problem = assemble(model, fit)
     evaluator = Evaluator(problem)
     generator = np.random.default_rng(config.seed)
@@ -99,7 +116,7 @@ def identify(
         progress("errors on flights not used", 0.0)
     before_rows = across_flights(evaluator, first)
     after_rows = across_flights(evaluator, found)
-    unused = assemble(model, held_out) if held_out else None
+    unused = assemble(model, unused_tracks) if unused_tracks else None
     return Identification(
         model=model,
         problem=problem,
@@ -123,6 +140,11 @@ def identify(
     )
 
 
+def _tracks(flights: Sequence[Flown] | Flown) -> list[FlightTrack]:
+    every = flights if isinstance(flights, Sequence) else [flights]
+    return [f if isinstance(f, FlightTrack) else f.track for f in every]
+
+
 def _search(
     evaluator: Evaluator,
     first: Fit,
@@ -134,7 +156,7 @@ def _search(
 ) -> tuple[Fit, dict[str, Step]]:
     """Add effects until none beats chance; which step brought each. `tried` gets all candidates."""
     current, steps = first, {}
-    for number in range(config.most_effects):
+    for number in range(MOST_EFFECTS):
         told = None
         if progress:
             told = lambda what, share, n=number: progress(f"effect {n + 1}: {what}", share)  # noqa: E731

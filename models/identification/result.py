@@ -36,6 +36,15 @@ class Found:
     p_value: float
     indistinguishable_from: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        main = [(k, p) for k, p in enumerate(self.term.effect.parameters) if not p.detail]
+        values = ", ".join(
+            f"{p.name} {self.value[self.flight, k]:.2g}{'' if p.unit == '1' else f' {p.unit}'} "
+            f"({self.lower[self.flight, k]:.2g} to {self.upper[self.flight, k]:.2g})"
+            for k, p in main
+        )
+        return f"{self.term.words}: {values}"
+
     @property
     def flight(self) -> int:
         """The flight whose values stand for the effect: the one it shows most in."""
@@ -125,6 +134,34 @@ class Identification:
     config: SearchConfig
     tried: tuple[Tried, ...] = ()
     followed: tuple[Found, ...] = ()  # what the flights have and a channel tells the model of
+
+    def __repr__(self) -> str:
+        problem, held_out = self.problem, self.held_out
+        left = "flights that were not used"
+        if held_out is None:
+            left = "each flight" if problem.flights > 1 else "each fifth"
+            left += " left out in turn"
+        return "\n".join(
+            [
+                f"{self.model.airframe.name}, {problem.flights} "
+                f"flight{'s' if problem.flights > 1 else ''}: rotor speed error "
+                f"{self.before.rmse_rpm:.1f} -> {self.after.rmse_rpm:.1f} rpm, {left}",
+                *(repr(f) for f in self.found),
+                *([] if self.found else ["no effect is missing"]),
+                *(f"{f!r}, which a channel reports already" for f in self.followed),
+                *self._unexplained_words(),
+            ]
+        )
+
+    def _unexplained_words(self) -> list[str]:
+        what = self.unexplained()
+        if not what["mode"]:
+            return []
+        along = f"along {what['channel']}" if what["channel"] else "that lasts for seconds"
+        return [
+            f"unexplained: {what['mode']} {along}, "
+            f"{100 * what['fraction_of_variance']:.0f} % of the variance left"
+        ]
 
     @property
     def told(self) -> tuple[Found, ...]:

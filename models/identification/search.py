@@ -48,6 +48,9 @@ LEAST_MOVE = 0.0008  # of rotor speed, RMS, below which an effect is not worth a
 ONSET_GAIN = 1.15  # times that of a rotor bad all along, for a step in time to be believed
 ONSET_LEAVES = 0.8  # of the cost that a rotor bad all along leaves, which will do as well
 ONE_FLIGHT_GAIN = 1.1  # times that of a step that other flights share, for one of a single flight
+MOST_EFFECTS = 10
+LEAST_FALL = 0.01  # of the cross-validated RMSE in rpm, for an effect worth a name
+TIE = 0.1  # of the best gain, within which the plain error on left-out flights decides
 LEAST_GAIN = 0.002  # share of the held-out cost that an effect must take away
 
 DOUBT = 0.05  # that an interval misses, shared among all candidates of a look
@@ -61,9 +64,6 @@ class SearchConfig:
 
     surrogates: int = 99
     significance: float = 0.02
-    most_effects: int = 8
-    least_fall: float = 0.03  # of the cross-validated RMSE in rpm, for an effect worth a name
-    tie: float = 0.0  # of the best gain, within which the plain error on left-out flights decides
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -199,7 +199,7 @@ def look(
         if s.gain > LEAST_GAIN * base_cost
         and credible(s, base, problem, tries=len(pool))
         and _of_most_flights(base_held_out - s.held_out, problem.block_flight, s.term)
-        and cross_validated_rmse(evaluator, s.fit) < (1.0 - config.least_fall) * error
+        and cross_validated_rmse(evaluator, s.fit) < (1.0 - LEAST_FALL) * error
     ]
     if not worthy:
         return Step(
@@ -209,7 +209,7 @@ def look(
             chosen=None,
             p_value=1.0,
         )
-    level = [s for s in worthy if s.gain >= (1.0 - config.tie) * worthy[0].gain]
+    level = [s for s in worthy if s.gain >= (1.0 - TIE) * worthy[0].gain]
     best = min(level, key=lambda s: cross_validated_rmse(evaluator, s.fit))
     noise = surrogate_residuals(
         problem, best.fit.whitened, config.surrogates, generator, problem.background(scales)

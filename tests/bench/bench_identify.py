@@ -102,7 +102,7 @@ def test_identify_in_process(benchmark, case):
 
     def run() -> list[str]:
         begun = time.process_time()
-        found = identify(model, case.tracks)
+        found = identify(case.tracks, model)
         spent.append(time.process_time() - begun)
         return [f.term.key for f in found.found]
 

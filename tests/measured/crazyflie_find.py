@@ -15,7 +15,6 @@ from tests.measured.crazyflie import (
 )
 from tests.measured.crazyflie_errors import joined_errors
 from tests.measured.crazyflie_loop import (
-    LEAST_FALL,
     Loop,
     close_loop,
     hover_airframe,
@@ -57,9 +56,8 @@ def find(
         notes=(
             "the aircraft has no tank: its level is 0 kg throughout, and effects of a tank are "
             "not looked for",
-            f"{surrogates} surrogates; an effect has to take {100 * LEAST_FALL:.0f} % of the error "
-            "to get a name (on a sprayer 3 %), and a moment of the rotors in flow is looked for as "
-            "well; these settings were chosen with these flights at hand",
+            f"named without payload: {'; '.join(', '.join(loop.names) for loop in flown.loops)}",
+            f"named with a load on a cable: {', '.join(flown.on_cable.names)}",
             *flown.put_aside,
         ),
         details=_details(flown),

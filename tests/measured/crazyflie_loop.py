@@ -13,28 +13,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+import thrustmargin as tm
 from tests.measured.crazyflie import MeasuredFlight
 from tests.measured.crazyflie_errors import ThrustLeft, thrust_left
 from tests.measured.findings import Progress
 from tests.measured.thrust_check import THIRDS, hover_coefficient, rows_of
-from thrustmargin.models.effects import CATALOGUE, ON_REQUEST
-from thrustmargin.models.effects.base import Placed
-from thrustmargin.models.effects.size import sized
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.identification.fit import placed_terms
-from thrustmargin.models.identification.identify import identify
 from thrustmargin.models.identification.model_update import with_effects
 from thrustmargin.models.identification.problem import assemble
 from thrustmargin.models.identification.result import Identification
 from thrustmargin.models.identification.search import SearchConfig
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
 from thrustmargin.models.physics.airframe import Airframe, Quantity
-
-#: An effect on the collective is small beside the moments of a small agile aircraft, so less of the
-#: whole error has to go for it to be worth a name than on a sprayer; and where two effects do about
-#: as well by the robust cost, the one with the smaller plain error on left-out flights is taken.
-LEAST_FALL, TIE, MOST_EFFECTS = 0.01, 0.1, 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -62,22 +53,9 @@ class Loop:
         return float("nan"), float("nan"), float("nan")
 
     @property
-    def losses(self) -> tuple[tuple[int, float], ...]:
-        """Rotors (from 0) that make less thrust at a speed, and what share of it."""
-        return tuple(
-            (f.term.rotor, float(f.value[0, 0]))
-            for f in self.found.found
-            if f.term.rotor is not None and f.term.effect.name == "rotor_degradation"
-        )
-
-    @property
     def names(self) -> tuple[str, ...]:
         """Effects found, in order, in words."""
-        return tuple(
-            f.term.effect.name.replace("_", " ")
-            + ("" if f.term.rotor is None else f" of rotor {f.term.rotor + 1}")
-            for f in self.found.found
-        )
+        return tuple(f.term.words for f in self.found.found)
 
 
 def speed_errors(loops: Sequence[Loop]) -> tuple[float, float]:
@@ -120,28 +98,24 @@ def close_loop(
     fit = [f for k, f in enumerate(flights) if k % THIRDS != third]
     if not fit or not held:
         raise DataError(f"{len(flights)} flights can be used; at least {THIRDS} are needed")
-    config = SearchConfig(
-        surrogates=surrogates, least_fall=LEAST_FALL, tie=TIE, most_effects=MOST_EFFECTS
-    )
-    found = identify(
-        model,
+    found = tm.identify(
         [f.track for f in fit],
-        [f.track for f in held],
-        config=config,
-        catalogue=sized((*CATALOGUE, *ON_REQUEST), model.airframe),
+        model,
+        held_out=[f.track for f in held],
+        config=SearchConfig(surrogates=surrogates),
         progress=progress,
     )
     problem = found.held_out
     assert problem is not None
     mass = float(np.median([f.mass for f in held]))
-    placed = (*model.placed, *placed_of(found))
+    after = with_effects(model, found)
     return Loop(
         found=found,
-        model=with_effects(model, found),
+        model=after,
         curve=thrust_left(problem, (), mass=mass, felt=True),
         before=thrust_left(problem, model.placed, mass=mass),
-        after=thrust_left(problem, placed, mass=mass),
-        after_felt=thrust_left(problem, placed, mass=mass, felt=True),
+        after=thrust_left(problem, after.placed, mass=mass),
+        after_felt=thrust_left(problem, after.placed, mass=mass, felt=True),
         held_out=tuple(f.track.name for f in held),
     )
 
@@ -159,16 +133,6 @@ def judged_on(
         thrust_left(problem, loop.model.placed, mass=mass),
         thrust_left(problem, loop.model.placed, mass=mass, felt=True),
     )
-
-
-def placed_of(found: Identification) -> tuple[Placed, ...]:
-    """The effects found, with the values that new flights get."""
-    fit = found.fit
-    values = [
-        float(np.median(fit.values[fit.layout.places[:, k]]))
-        for k in range(len(fit.layout.parameters))
-    ]
-    return placed_terms(fit.terms, values)
 
 
 def joined(flights: Sequence[MeasuredFlight], *, gap: float = 60.0) -> FlightTrack:

@@ -55,9 +55,9 @@ def test_r2_is_the_square_of_the_correlation_for_a_least_squares_line():
     rng = np.random.default_rng(0)
     x = rng.normal(size=50)
     y = 1900.0 + 40.0 * x + rng.normal(0.0, 30.0, 50)
-    line = stats.linregress(x, y)
-    whole = error_terms(y[:, None], (line.intercept + line.slope * x)[:, None]).sum(axis=0)
-    assert r2(whole) == pytest.approx([line.rvalue**2])
+    slope, intercept = np.polyfit(x, y, 1)
+    whole = error_terms(y[:, None], (intercept + slope * x)[:, None]).sum(axis=0)
+    assert r2(whole) == pytest.approx([np.corrcoef(x, y)[0, 1] ** 2])
 
 
 def test_the_overall_r2_is_the_mean_of_the_rotors_that_have_one():
@@ -86,13 +86,9 @@ def test_flights_are_drawn_whole():
     # 5 errors a flight: sums of ones, tens and hundreds that are multiples of 5, three in all.
     counts = np.stack([drawn[:, 1] / 5 // 10**k % 10 for k in range(3)])
     assert np.all(counts.sum(axis=0) == 3)
-    assert (
-        stats.chisquare(
-            np.bincount(counts[0].astype(int), minlength=4),
-            2000 * stats.binom(3, 1 / 3).pmf(range(4)),
-        ).pvalue
-        > 0.001
-    )
+    expected = 2000 * np.array([8, 12, 6, 1]) / 27  # binomial of 3 draws at 1/3
+    drawn_often = np.bincount(counts[0].astype(int), minlength=4)
+    assert np.abs(drawn_often - expected).max() < 4.0 * np.sqrt(expected.max())
 
 
 def test_blocks_are_drawn_within_their_flight_and_lone_ones_among_themselves():

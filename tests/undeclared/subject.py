@@ -89,7 +89,7 @@ def closed_and_told(
     from thrustmargin.models.identification.identify import identify
     from thrustmargin.models.identification.model_update import with_effects
 
-    found = identify(model, fit, held_out)
+    found = identify(fit, model, held_out=held_out)
     return with_effects(model, found), found.to_json()
 
 
@@ -123,4 +123,4 @@ def run_identify(
     """The answer of the loop in the schema `thrustmargin.identify/1`."""
     from thrustmargin.models.identification.identify import identify
 
-    return identify(model, fit, held_out).to_json()
+    return identify(fit, model, held_out=held_out).to_json()

@@ -63,7 +63,7 @@ def test_a_type_checker_sees_the_public_names(tmp_path: Path):
         "import thrustmargin as tm\n"
         "track = tm.read_log('a.tlog').track\n"
         "reveal_type(tm.analyse(track, tm.load_model()))\n"
-        "tm.identify(track)\n"
+        "tm.identify(1)\n"
         "tm.analyze\n"
     )
     (tmp_path / "pyrightconfig.json").write_text(

@@ -28,7 +28,7 @@ def closed() -> RotorModel:
     flights = made_flights(2, loss=0.1)
     worn = table(["rotor_degradation"])
     return with_effects(
-        curve_model(), identify(curve_model(), flights, config=QUICK, catalogue=worn)
+        curve_model(), identify(flights, curve_model(), config=QUICK, catalogue=worn)
     )
 
 

@@ -29,7 +29,7 @@ def tracks(folder: Path, names):
 def test_the_told_change_is_found_with_its_value_and_nothing_beside_it(sitl_logs, group):
     name, rotor, parameter, truth = TOLD[group]
     model, flown = tracks(sitl_logs / "dev", [f"{group}_{k}.tlog" for k in (1, 2, 3)])
-    result = identify(model, flown).to_json()
+    result = identify(flown, model).to_json()
     assert [(e["name"], e["rotor"]) for e in result["effects"]] == [(name, rotor)]
     low, high = result["effects"][0]["parameters"][parameter]["ci95"]
     assert low <= truth <= high
@@ -40,7 +40,7 @@ def test_the_told_change_is_found_with_its_value_and_nothing_beside_it(sitl_logs
 @pytest.mark.slow
 def test_a_wind_that_the_airspeed_follows_is_told_and_not_added(sitl_logs):
     model, flown = tracks(sitl_logs / "dev", [f"windy_{k}.tlog" for k in (1, 2, 3)])
-    found = identify(model, flown)
+    found = identify(flown, model)
     assert found.found == ()
     (effect,) = found.to_json()["effects"]
     assert effect["name"] == "wind"
@@ -57,7 +57,7 @@ def test_a_wind_that_the_airspeed_follows_is_told_and_not_added(sitl_logs):
 def test_nothing_is_missing_from_good_flights(sitl_logs):
     names = ("v2_m10_q2.5.tlog", "v4_m16_q1.5.tlog", "v6_m4_q3.5.tlog")
     model, flown = tracks(sitl_logs / "campaign", names)
-    result = identify(model, flown).to_json()
+    result = identify(flown, model).to_json()
     assert result["effects"] == []
     assert result["unexplained"]["mode"] is None
     assert result["after"]["r2"] > 0.98
@@ -66,7 +66,7 @@ def test_nothing_is_missing_from_good_flights(sitl_logs):
 @pytest.mark.slow
 def test_a_propeller_that_fails_in_flight_is_found_with_its_moment(sitl_logs):
     model, flown = tracks(sitl_logs / "onset", ["worn_prop_onset.tlog"])
-    effect, lift = identify(model, flown).to_json()["effects"]
+    effect, lift = identify(flown, model).to_json()["effects"]
     assert (effect["name"], effect["rotor"]) == ("rotor_degradation", 3)
     values = effect["parameters"]
     low, high = values["loss"]["ci95"]
@@ -81,10 +81,10 @@ def test_a_speed_that_ignores_the_pack_is_told_from_one_that_follows_it(sitl_log
     model, (ignores, follows) = tracks(
         sitl_logs / "voltage", ["sag_simulator_rpm.tlog", "sag_real_rpm.tlog"]
     )
-    found = identify(model, [ignores]).to_json()
+    found = identify([ignores], model).to_json()
     (voltage,) = [e for e in found["effects"] if e["name"] == "battery_voltage"]
     low, high = voltage["parameters"]["exponent"]["ci95"]
     assert low <= 2.0 <= high
     assert found["after"]["rmse_rpm"] < 0.05 * found["before"]["rmse_rpm"]
-    good = identify(model, [follows]).to_json()
+    good = identify([follows], model).to_json()
     assert "battery_voltage" not in [e["name"] for e in good["effects"]]

@@ -35,7 +35,7 @@ LOSS = 0.08
 def worn() -> Identification:
     """Two flights with a worn rotor 1, and a third that no step has used."""
     flights = made_flights(3, loss=LOSS)
-    return identify(curve_model(), flights[:2], flights[2:], config=QUICK)
+    return identify(flights[:2], curve_model(), held_out=flights[2:], config=QUICK)
 
 
 def found_by_hand(effect, rows: list[list[float]], rotor: int | None = None) -> Found:
@@ -84,7 +84,7 @@ def test_effects_join_those_that_the_model_had():
     heavy = replace(curve_model(), effects=(known,))
     flights = made_flights(3, hidden_mass=2.0, loss=LOSS)
     found = identify(
-        heavy, flights, config=QUICK, catalogue=table(["extra_mass", "rotor_degradation"])
+        flights, heavy, config=QUICK, catalogue=table(["extra_mass", "rotor_degradation"])
     )
     new = with_effects(heavy, found)
     assert [e.name for e in new.effects] == ["extra_mass", "rotor_degradation"]
@@ -157,7 +157,7 @@ def learnt_model(flights: tuple[str, ...] = ()) -> RotorModel:
 def test_the_interval_is_calibrated_anew_only_with_enough_flights(count, anew):
     flights = made_flights(count, loss=LOSS, duration=60.0)
     base = learnt_model(flights=(flights[0].name, "elsewhere.tlog"))
-    found = identify(base, flights, config=QUICK, catalogue=table(["rotor_degradation"]))
+    found = identify(flights, base, config=QUICK, catalogue=table(["rotor_degradation"]))
     closed = close_loop(base, found)
     if not anew:
         assert closed.model.interval is base.interval
@@ -214,7 +214,7 @@ def test_the_margin_before_is_with_the_effects_that_the_model_had():
     flights, worn_only = made_flights(2, hidden_mass=4.0, loss=LOSS), table(["rotor_degradation"])
     margins = []
     for base in (curve_model(), replace(curve_model(), effects=(known,))):
-        found = identify(base, flights, config=QUICK, catalogue=worn_only)
+        found = identify(flights, base, config=QUICK, catalogue=worn_only)
         margins.append(margin_changes(found)[1].typical_before)
     assert margins[1] < margins[0] - 0.04
 
@@ -249,7 +249,7 @@ def test_errors_by_rotor_are_of_the_same_rows_as_the_errors_in_all(worn):
 
 def test_without_held_out_flights_the_errors_are_cross_validated():
     flights = made_flights(3, loss=LOSS)
-    found = identify(curve_model(), flights, config=QUICK, catalogue=table(["rotor_degradation"]))
+    found = identify(flights, curve_model(), config=QUICK, catalogue=table(["rotor_degradation"]))
     (only,) = unseen_residuals(found)
     assert only.role == "fit"
     assert rotor_errors(only)[0].after == found.after

@@ -96,7 +96,7 @@ def test_a_rotor_bad_all_along_gains_more_than_any_step():
 def test_a_propeller_that_chipped_is_bad_in_the_flights_after_it():
     tracks = flights([0.0, 0.1, 0.1], [0.0, 40.0, 0.0])
     later = replace(made_flight(9, loss=0.1, rotor=2), start_unix_s=DAY + 5000.0)
-    found = identify(physics_model(F16), tracks, [later], config=QUICK)
+    found = identify(tracks, physics_model(F16), held_out=[later], config=QUICK)
     assert [(f.term.effect.variant, f.term.rotor) for f in found.found] == [("since", 2)]
     told = found.found[0].parameters(found.problem.names)
     assert told["loss"]["ci95"][0] <= 0.1 <= told["loss"]["ci95"][1]

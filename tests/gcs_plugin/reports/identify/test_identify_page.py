@@ -34,9 +34,9 @@ def result() -> Result:
     flights = made_flights(3, loss=0.08)
     flights[1] = replace(flights[1], name=HOSTILE)
     found = identify(
-        curve_model(),
         flights[:2],
-        flights[2:],
+        curve_model(),
+        held_out=flights[2:],
         config=QUICK,
         catalogue=table(["rotor_degradation"]),
     )
@@ -189,7 +189,7 @@ def test_a_flight_without_positions_has_no_map(rows):
 def test_a_pause_breaks_the_line():
     track = made_flight(1, loss=0.08)
     paused = _without(track, 30.0, 40.0)
-    found = identify(curve_model(), [paused], config=QUICK, catalogue=table(["rotor_degradation"]))
+    found = identify([paused], curve_model(), config=QUICK, catalogue=table(["rotor_degradation"]))
     made = result_of(found, tracks=[paused])
     trace = time_figure(rows_of(made.unseen, made.tracks), 0)["data"][0]
     values = np.frombuffer(_bytes(trace["y"]), dtype="<f4")

@@ -37,8 +37,8 @@ NAMES = ("front right", "rear left", "front left", "rear right")
 def whole() -> Identification:
     """Three flights with a worn rotor 1."""
     return identify(
-        curve_model(),
         made_flights(3, loss=0.08),
+        curve_model(),
         config=QUICK,
         catalogue=table(["rotor_degradation"]),
     )
@@ -271,9 +271,9 @@ def test_the_answer_names_rotor_error_and_margin_first(whole):
 def test_errors_on_held_out_flights_are_called_so():
     flights = made_flights(3, loss=0.08)
     held = identify(
-        curve_model(),
         flights[:2],
-        flights[2:],
+        curve_model(),
+        held_out=flights[2:],
         config=QUICK,
         catalogue=table(["rotor_degradation"]),
     )
@@ -287,8 +287,8 @@ def test_errors_on_held_out_flights_are_called_so():
 
 def test_one_flight_says_what_cannot_be_claimed():
     alone = identify(
-        curve_model(),
         made_flights(1, loss=0.08),
+        curve_model(),
         config=QUICK,
         catalogue=table(["rotor_degradation"]),
     )
@@ -304,7 +304,7 @@ def test_three_flights_make_no_excuses(whole):
 
 def test_nothing_missing_is_said_plainly():
     good = identify(
-        curve_model(), made_flights(3), config=QUICK, catalogue=table(["rotor_degradation"])
+        made_flights(3), curve_model(), config=QUICK, catalogue=table(["rotor_degradation"])
     )
     assert good.found == ()
     (line,) = answer(good, *margin_changes(good))
