@@ -25,7 +25,7 @@ def match(
     """Match an aircraft's load with its power system, as the paper does, and draw its Figure 10.
 
     Prints what each rotor carries with a full and an empty tank, how much of its maximum that is,
-    the largest fill for the 50 % line, and whether one lost rotor can be survived.
+    the largest fill for the 50 % limit, and whether one lost rotor can be survived.
 
     Example: thrustmargin match --airframe agras-t40 --out t40.svg
 

@@ -186,7 +186,7 @@ def _rest(row: ShownRow) -> str:
     )
     return (
         f'<div class="txt" style="margin-top:8px">{words}</div>'
-        '<div class="small">rpm: measured / predicted · bar mark: 50 % line</div>'
+        '<div class="small">rpm: measured / predicted · bar mark: 50 % limit</div>'
     )
 
 

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import math
 import re
+from typing import TypeGuard
 
 UNKNOWN = "unknown"
 #: A line of status that begins so is made to stand out.
 NOT_RECORDING = "NOT RECORDING"
 
 
+def known(value: float | None) -> TypeGuard[float]:
+    """True for a finite number."""
+    return value is not None and math.isfinite(value)
+
+
 def number(value: float | None, unit: str = "", decimals: int = 1) -> str:
     """`12.3 kg`; "unknown" for NaN and None. No number is shown as minus zero."""
-    if value is None or value - value != 0.0:
+    if not known(value):
         return UNKNOWN
     text = f"{value:,.{decimals}f}".replace(",", " ")
     if float(text.replace(" ", "")) == 0.0:
@@ -27,7 +34,7 @@ def unbroken(text: str) -> str:
 
 def significant(value: float | None, digits: int = 4) -> str:
     """A number of unknown size with so many digits that count, and no exponent up to a billion."""
-    if value is None or value - value != 0.0:
+    if not known(value):
         return UNKNOWN
     if value and not 1e-4 <= abs(value) < 1e9:
         return f"{value:.{digits - 1}e}"
@@ -48,7 +55,7 @@ def more(share: float, decimals: int = 2) -> str:
 
 def clock(seconds: float | None) -> str:
     """`3:07` or `1:02:45` of seconds, cut to the whole second; "unknown" for NaN."""
-    if seconds is None or seconds - seconds != 0.0:
+    if not known(seconds):
         return UNKNOWN
     whole = int(abs(seconds))
     hours, minutes, rest = whole // 3600, whole // 60 % 60, whole % 60
@@ -58,7 +65,7 @@ def clock(seconds: float | None) -> str:
 
 def duration(seconds: float | None) -> str:
     """`3 min 28 s`, `12 s`, `0.4 s`."""
-    if seconds is None or seconds - seconds != 0.0:
+    if not known(seconds):
         return UNKNOWN
     if seconds < 10.0:
         return number(seconds, "s", 1)
@@ -73,7 +80,7 @@ def duration(seconds: float | None) -> str:
 
 def area(square_metres: float | None) -> str:
     """`0.84 ha`, or square metres below a tenth of a hectare."""
-    if square_metres is None or square_metres - square_metres != 0.0:
+    if not known(square_metres):
         return UNKNOWN
     if square_metres < 1000.0:
         return number(square_metres, "m²", 0)
@@ -82,7 +89,7 @@ def area(square_metres: float | None) -> str:
 
 def place(north: float, east: float) -> str:
     """`12 m north, 40 m west of the start`; empty when the position is unknown."""
-    if north - north != 0.0 or east - east != 0.0:
+    if not (known(north) and known(east)):
         return ""
     along = f"{abs(north):.0f} m {'north' if north >= 0 else 'south'}"
     across = f"{abs(east):.0f} m {'east' if east >= 0 else 'west'}"
@@ -91,7 +98,7 @@ def place(north: float, east: float) -> str:
 
 def from_direction(degrees: float) -> str:
     """`from SE (142°)`; "unknown" for NaN."""
-    if degrees - degrees != 0.0:
+    if not known(degrees):
         return UNKNOWN
     names = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
     return f"from {names[round(degrees / 45.0) % 8]} ({degrees % 360:.0f}°)"

@@ -1,8 +1,8 @@
 """Colours that can be read in sunlight and by colour-blind pilots, and their legends.
 
 Light background and two families: blue where all is well, orange to dark red where it is not, with
-a jump at the line that matters (50 % of capacity, redundancy 1.0). Blue against orange is the pair
-that every common kind of colour blindness keeps apart; within a family darker means worse. The
+a jump at the limit that matters (50 % of thrust in use, redundancy 1.0). Every common kind of
+colour blindness can distinguish blue from orange; within a family darker means worse. The
 residual's scale is dark in the middle, so that only what differs shines. Grey is "no data", always.
 All colours here are those on the screen; tonemap.py says what to send for them.
 """
@@ -76,7 +76,7 @@ LOAD = ColourScale(
     factor=100.0,
     form=".0f",
     stops=_two_sided(0.0, 0.5, 1.0, GOOD, BAD),
-    marks=((0.0, "0"), (0.25, "25"), (0.5, "50 % line"), (0.75, "75"), (1.0, "100 %")),
+    marks=((0.0, "0"), (0.25, "25"), (0.5, "50 % limit"), (0.75, "75"), (1.0, "100 %")),
 )
 MARGIN = ColourScale(
     title="Thrust margin, worst rotor",
@@ -84,7 +84,7 @@ MARGIN = ColourScale(
     factor=100.0,
     form=".0f",
     stops=_two_sided(0.0, 0.5, 1.0, BAD[::-1], GOOD[::-1]),
-    marks=((0.0, "0"), (0.25, "25"), (0.5, "50 % line"), (0.75, "75"), (1.0, "100 %")),
+    marks=((0.0, "0"), (0.25, "25"), (0.5, "50 % limit"), (0.75, "75"), (1.0, "100 %")),
 )
 REDUNDANCY = ColourScale(
     title="One rotor lost: thrust that can still be held, over weight",

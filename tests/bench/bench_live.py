@@ -192,7 +192,7 @@ WATCH = """() => {
 
 
 def test_from_the_byte_on_the_socket_to_the_colour_in_the_browser(benchmark):
-    """The rotor speeds step across the 50 % line; the page notes when its gauge changes colour."""
+    """The rotor speeds step across the 50 % limit; the page notes when its gauge changes colour."""
     from tests.browser import open_page
     from thrustmargin.gcs_plugin.view.live import LiveView
 

@@ -85,7 +85,7 @@ def _plain(text: str) -> str:
 
 
 def _draw_ceilings(axes: Axes, matching: Matching, *, top: float, right: float) -> None:
-    """A line for each ceiling, and the 50 % line of the thrust curve's maximum."""
+    """A line for each ceiling, and the 50 % limit of the thrust curve's maximum."""
     heights: list[float] = []
     for limit in matching.ceilings:
         height = limit.max_thrust / G0
@@ -104,7 +104,7 @@ def _draw_ceilings(axes: Axes, matching: Matching, *, top: float, right: float) 
     half = 0.5 * heights[1]
     axes.axhline(half, color=WARN, linewidth=1.1, linestyle="--")
     axes.annotate(
-        f"50 % line: {half:.2f} kgf",
+        f"50 % limit: {half:.2f} kgf",
         (right, half),
         xytext=(-6, -4),
         textcoords="offset points",

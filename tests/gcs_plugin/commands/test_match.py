@@ -119,5 +119,5 @@ def test_help_shows_what_a_pilot_needs(capsys):
         run(["match", "--help"])
     assert stopped.value.code == 0
     text = printed(capsys)
-    assert "the largest fill for the 50 % line" in text
+    assert "the largest fill for the 50 % limit" in text
     assert "Example: thrustmargin match --airframe agras-t40" in text

@@ -76,7 +76,7 @@ def test_the_route_is_drawn_in_the_colours_of_the_legend(opened, analysis):
         assert seen(page, LOAD.screen(value)) > 30
     pixels = picture(page).reshape(-1, 3)
     assert len(np.unique(pixels, axis=0)) > 200
-    assert "50 % line" in page.inner_text(".tm-legend")
+    assert "50 % limit" in page.inner_text(".tm-legend")
     assert "no data" in page.inner_text(".tm-legend")
 
 

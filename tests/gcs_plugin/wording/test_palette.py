@@ -100,7 +100,7 @@ def test_tone_mapping_is_the_one_measured_in_the_browser():
 
 def test_the_legend_names_the_line_and_the_no_data_grey_and_escapes():
     html = legend_html(LOAD, "<script>alert(1)</script>")
-    assert "50 % line" in html
+    assert "50 % limit" in html
     assert "no data" in html
     assert css(NO_DATA) in html
     assert "<script>" not in html

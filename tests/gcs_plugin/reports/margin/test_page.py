@@ -28,14 +28,6 @@ from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import script_safe
 from thrustmargin.gcs_plugin.reports.shared.route_map import moved, plotly_scale
 from thrustmargin.gcs_plugin.reports.shared.thinning import keep_extremes, keep_worst
-from thrustmargin.gcs_plugin.wording.numbers import (
-    clock,
-    duration,
-    number,
-    percent,
-    significant,
-    unbroken,
-)
 from thrustmargin.gcs_plugin.wording.palette import LOAD
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
@@ -357,21 +349,3 @@ def test_a_report_that_stops_half_way_leaves_the_old_files_whole(
     with pytest.raises(stop):
         write_report(changed, out)
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == before
-
-
-def test_numbers_read_as_people_write_them():
-    nan = float("nan")
-    assert number(1234.56, "kg") == "1 234.6 kg"
-    assert number(-0.04, "m/s") == "0.0 m/s"
-    assert number(-3.2, "rpm") == "−3.2 rpm"
-    assert number(nan, "kg") == number(None) == percent(nan) == clock(nan) == "unknown"
-    assert percent(0.364) == "36 %"
-    assert (clock(52.9), clock(3725.0)) == ("0:52", "1:02:05")
-    assert (duration(8.04), duration(180.0), duration(207.6)) == ("8.0 s", "3 min", "3 min 28 s")
-    assert duration(59.7) == "1 min"
-    assert (significant(101228.0), significant(0.00027), significant(2.5e10)) == (
-        "101 228",
-        "0.0003",
-        "2.500e+10",
-    )
-    assert unbroken("9.0 kg in 2 parts") == "9.0\N{NO-BREAK SPACE}kg in 2 parts"

@@ -1,0 +1,255 @@
+"""The report's figures of a flight of ten rows, one a second, each worked out by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.gcs_plugin.reports.margin.report_flight import log, model
+from thrustmargin.gcs_plugin.reports.margin import report_flight
+from thrustmargin.gcs_plugin.reports.margin.data import FlightReport, Moment, Verdict
+from thrustmargin.gcs_plugin.reports.margin.headline import (
+    estimate,
+    facts,
+    headline,
+    moment_words,
+    several_headline,
+)
+from thrustmargin.gcs_plugin.reports.margin.known import (
+    end_rows,
+    least,
+    mean,
+    median,
+    most,
+    row_seconds,
+    share,
+)
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.analysis import FlightAnalysis, analyse
+from thrustmargin.models.network.records import EffectRecord, Identified
+from thrustmargin.models.physics.atmosphere import G0
+from thrustmargin.models.scores import Estimate
+
+NAN = float("nan")
+ROWS = 10
+
+
+def flown(**channels: object) -> FlightTrack:
+    """Ten rows, one a second; the first and the last on the ground, a tank of 9 kg to 0 kg."""
+    given = {
+        "tank_kg": np.arange(9.0, -1.0, -1.0),
+        "velocity_ned": np.tile([3.0, 4.0, 0.0], (ROWS, 1)),
+        "airspeed": np.full(ROWS, 5.0),
+        "voltage": np.full(ROWS, 50.0),
+        "altitude": np.zeros(ROWS),
+        **channels,
+    }
+    track = FlightTrack.of(name="ten", time_s=np.arange(float(ROWS)), rotor_count=4, **given)
+    return replace(track, flying=np.array([False, *[True] * 8, False]))
+
+
+def used(use: np.ndarray, **channels: object) -> FlightAnalysis:
+    """The ten rows with `use` (10, 4) as measured thrust utilisation; predicted 0.7 throughout."""
+    analysis = analyse(flown(**channels), model())
+    return replace(analysis, capacity_use=use, capacity_use_predicted=np.full((ROWS, 4), 0.7))
+
+
+def report_of(analysis: FlightAnalysis, limit: float = 0.5) -> FlightReport:
+    recorded = replace(log(), track=analysis.track)
+    return report_flight(analysis, recorded, max_utilisation=limit)
+
+
+def rising() -> np.ndarray:
+    """Rotor 1 at 0.1, 0.2, ... 1.0, the others at 0.3."""
+    use = np.full((ROWS, 4), 0.3)
+    use[:, 0] = np.arange(1, ROWS + 1) / 10
+    return use
+
+
+def test_time_above_the_limit_counts_airborne_rows_in_which_one_rotor_is_above():
+    verdict = report_of(used(rising()), limit=0.55).verdict
+    assert verdict.over_limit_s == pytest.approx(4.0)  # 0.6, 0.7, 0.8, 0.9; 1.0 is on the ground
+    assert verdict.over_limit_share == pytest.approx(4 / 8)
+    assert verdict.measured_share == pytest.approx(1.0)
+    assert verdict.worst is not None
+    assert (verdict.worst.rotor, verdict.worst.time_s) == (1, 8.0)
+    assert verdict.worst.capacity_use == pytest.approx(0.9)
+    assert verdict.worst.margin == pytest.approx(0.1)
+
+
+def test_each_rotor_has_its_own_most_median_and_share_above():
+    first, second, *_ = report_of(used(rising()), limit=0.55).rotors
+    assert first["measured_max"] == pytest.approx(0.9)
+    assert first["measured_median"] == pytest.approx(0.55)  # of 0.2 to 0.9
+    assert first["over_limit_share"] == pytest.approx(4 / 8)
+    assert second["measured_max"] == second["measured_median"] == pytest.approx(0.3)
+    assert second["over_limit_share"] == 0.0
+    assert first["predicted_max"] == pytest.approx(0.7)
+
+
+def test_a_silent_esc_neither_hides_the_others_nor_adds_its_prediction():
+    use = rising()
+    use[:, 3] = NAN  # predicted at 0.7, above the limit, in every row
+    analysis = used(use)
+    report = report_of(analysis, limit=0.55)
+    assert report.verdict.over_limit_s == pytest.approx(4.0)
+    assert report.verdict.over_limit_s == np.sum(analysis.above_limit(0.55))
+    assert np.isnan(report.rotors[3]["over_limit_share"])
+    rows = {row["name"]: row for row in report.load}
+    assert np.isnan(rows["thrust in use in flight, mean of the rotors"]["flight_start"])
+
+
+def test_rows_without_any_measurement_are_judged_by_the_prediction():
+    use = rising()
+    use[2:4] = NAN
+    verdict = report_of(used(use), limit=0.55).verdict
+    assert verdict.over_limit_s == pytest.approx(6.0)
+    assert verdict.measured_share == pytest.approx(6 / 8)
+    assert verdict.basis == "rotor speeds measured for 75 % of the flight, predicted for the rest"
+
+
+def test_the_flight_in_figures():
+    wind = np.tile([0.0, -2.0, 0.0], (ROWS, 1))  # blows to the west, from the east
+    found = report_of(used(rising(), wind_ned=wind)).flight
+    assert found["airborne_s"] == pytest.approx(8.0)
+    assert found["log_duration_s"] == pytest.approx(9.0)
+    assert found["distance"] == pytest.approx(8 * 5.0)
+    assert (found["tank_start_kg"], found["tank_end_kg"]) == (8.0, 1.0)
+    assert found["liquid_used_kg"] == pytest.approx(7.0)
+    assert found["ground_speed_median"] == found["ground_speed_max"] == pytest.approx(5.0)
+    assert found["wind_speed_median"] == pytest.approx(2.0)
+    assert found["wind_from_deg"] == pytest.approx(90.0)
+    assert np.isnan(found["spraying_s"])
+
+
+def test_loads_follow_eq_6_to_8():
+    airframe = model().airframe
+    rows = {row["name"]: row for row in report_of(used(rising())).load}
+    # The first and last tenth of eight airborne rows are one row: 8 kg and 1 kg in the tank.
+    load = rows["load a rotor"]
+    assert load["flight_start"] == pytest.approx((airframe.empty_mass + 8.0) / 4)
+    assert load["flight_end"] == pytest.approx((airframe.empty_mass + 1.0) / 4)
+    increase = (airframe.empty_mass + 8.0) / (airframe.empty_mass + 1.0) - 1
+    assert rows["full over empty, start over end"]["flight_start"] == pytest.approx(increase)
+    nameplate = rows["load over the maker's maximum thrust"]["flight_start"]
+    assert nameplate == pytest.approx(load["flight_start"] * G0 / airframe.nameplate_max_thrust)
+    mean_use = rows["thrust in use in flight, mean of the rotors"]
+    assert mean_use["flight_start"] == pytest.approx((0.2 + 3 * 0.3) / 4)
+    assert mean_use["flight_end"] == pytest.approx((0.9 + 3 * 0.3) / 4)
+
+
+def test_redundancy_below_one_is_counted_in_airborne_seconds():
+    free = np.array([0.1, 0.9, 0.95, 1.0, 1.1, 1.2, 1.3, 1.4, NAN, 0.1])
+    report = report_of(replace(used(rising()), redundancy_yaw_free=free))
+    assert report.verdict.level == "critical"
+    assert report.verdict.not_survivable_s == pytest.approx(2.0)
+    assert report.redundancy["below_one_share"] == pytest.approx(2 / 7)
+    assert report.redundancy["yaw_free_min"] == 0.9
+    assert report.redundancy["yaw_free_min_time_s"] == 1.0
+    assert report.redundancy["yaw_free_median"] == 1.1
+
+
+def test_the_largest_fill_counts_mass_that_the_model_knows_to_be_hidden():
+    mass = Identified(value=3.0, unit="kg", ci95=(2.9, 3.1))
+    hidden = EffectRecord(name="extra_mass", rotor=None, parameters={"mass": mass})
+    heavier = replace(model(), effects=(hidden,))
+    known, unknown = (
+        report_of(analyse(flown(), chosen)).redundancy for chosen in (heavier, model())
+    )
+    for name in ("fill_limit_start_kg", "fill_one_rotor_out_min_kg"):
+        assert known[name] == pytest.approx(unknown[name] - 3.0)
+
+
+def test_known_numbers_leave_nan_out():
+    values = np.array([NAN, 3.0, 1.0, NAN, 8.0])
+    assert (median(values), mean(values), most(values), least(values)) == (3.0, 4.0, 8.0, 1.0)
+    nothing = np.full(3, NAN)
+    assert all(np.isnan(f(nothing)) for f in (median, mean, most, least))
+    assert share(1.0, 4.0) == 0.25
+    assert np.isnan(share(0.0, 0.0))
+
+
+def test_a_row_stands_for_its_step_and_a_pause_for_two_and_a_half():
+    track = FlightTrack.of(name="x", time_s=np.array([0.0, 1.0, 2.0, 12.0, 13.0]), rotor_count=4)
+    assert row_seconds(track).tolist() == [1.0, 1.0, 2.5, 1.0, 1.0]
+    long = FlightTrack.of(name="x", time_s=np.arange(40.0), rotor_count=4)
+    first, last = end_rows(replace(long, flying=np.arange(40) < 30))
+    assert np.flatnonzero(first).tolist() == [0, 1, 2]
+    assert np.flatnonzero(last).tolist() == [27, 28, 29]
+
+
+MOMENT = Moment(
+    time_s=53.7,
+    clock_utc=None,
+    rotor=2,
+    rotor_name="rear left",
+    capacity_use=0.731,
+    margin=0.269,
+    basis="measured",
+    doing=("turning right", "spraying"),
+    tank_kg=14.56,
+    ground_speed=1.9,
+    airspeed=2.2,
+    climb_rate=0.0,
+    height_agl=3.0,
+    north=158.4,
+    east=-5.0,
+    latitude_deg=NAN,
+    longitude_deg=NAN,
+    redundancy_yaw_free=0.94,
+)
+VERDICT = Verdict(
+    level="critical",
+    headline="",
+    facts=(),
+    limit=0.5,
+    one_rotor_out_use=0.5,
+    worst=MOMENT,
+    basis="measured rotor speeds",
+    measured_share=1.0,
+    over_limit_s=115.7,
+    over_limit_share=0.558,
+    redundancy_yaw_free_min=0.919,
+    not_survivable_s=93.0,
+)
+
+
+def test_the_facts_give_part_amount_and_time():
+    assert [f"{fact.label}: {fact.text}" for fact in facts(VERDICT)] == [
+        "worst: rotor 2, rear left, at 0:53, turning right, spraying, 14.6 kg in the tank, "
+        "158 m north, 5 m west of the start",
+        "above 50 %: 1 min 56 s, 56 % of the flight",
+        "one rotor lost: too heavy for 1 min 33 s (at worst 0.92 × the weight can be held)",
+        "from: measured rotor speeds",
+    ]
+    light = replace(VERDICT, over_limit_s=0.0, not_survivable_s=0.0, redundancy_yaw_free_min=1.1)
+    said = {fact.label: fact.text for fact in facts(light)}
+    assert said["above 50 %"] == "never"
+    assert said["one rotor lost"] == (
+        "the weight can be held all flight, yaw uncontrolled (1.10 × or more)"
+    )
+    bare = replace(MOMENT, doing=(), tank_kg=NAN, north=NAN)
+    assert moment_words(bare) == "rotor 2, rear left, at 0:53"
+
+
+def test_headlines_name_the_limit_and_count_flights():
+    assert headline("over", 0.6) == "ABOVE THE 60 % LIMIT AT TIMES"
+    assert headline("under", 0.5) == "BELOW THE 50 % LIMIT"
+    levels = ["under", "critical", "over", "critical"]
+    assert several_headline(levels, 0.5) == (
+        "critical",
+        "2 OF 4 FLIGHTS TOO HEAVY TO LOSE A ROTOR",
+    )
+    assert several_headline(["under"] * 3, 0.5)[1] == "ALL 3 FLIGHTS BELOW THE 50 % LIMIT"
+    assert several_headline(["unknown"] * 2, 0.5)[1] == "ALL 2 FLIGHTS WITHOUT VERDICT"
+    assert several_headline(["over"], 0.5)[1] == "ABOVE THE 50 % LIMIT AT TIMES"
+
+
+def test_an_estimate_has_its_interval_in_brackets_where_there_is_one():
+    assert estimate(Estimate(value=41.23, low=38.04, high=44.58), "rpm") == (
+        "41.2 (38.0 to 44.6) rpm"
+    )
+    share_of_rows = Estimate(value=0.968, low=0.95, high=1.0)
+    assert estimate(share_of_rows, "%", 1, 100) == "96.8 (95.0 to 100.0) %"
+    assert estimate(Estimate(value=41.23, low=NAN, high=NAN), "rpm") == "41.2 rpm"
+    assert estimate(Estimate(value=NAN, low=NAN, high=NAN), "rpm") == "unknown"

@@ -1,0 +1,125 @@
+"""Numbers as people read them, each worked out by hand."""
+
+import math
+
+import pytest
+
+from thrustmargin.gcs_plugin.wording.numbers import (
+    area,
+    clock,
+    duration,
+    from_direction,
+    more,
+    number,
+    percent,
+    place,
+    significant,
+    unbroken,
+)
+
+MINUS = "\N{MINUS SIGN}"
+NOTHING = (float("nan"), float("inf"), None)
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "decimals", "text"),
+    [
+        (1234.56, "kg", 1, "1 234.6 kg"),
+        (1234567.0, "", 0, "1 234 567"),
+        (-3.26, "rpm", 1, f"{MINUS}3.3 rpm"),
+        (-0.04, "m/s", 1, "0.0 m/s"),
+        (-0.06, "m/s", 1, f"{MINUS}0.1 m/s"),
+        (0.5, "", 0, "0"),  # half to even, as Python rounds
+        (1.5, "", 0, "2"),
+    ],
+)
+def test_a_number_is_rounded_grouped_and_never_minus_zero(value, unit, decimals, text):
+    assert number(value, unit, decimals) == text
+
+
+@pytest.mark.parametrize("value", NOTHING)
+def test_what_is_not_known_says_so_in_every_form(value):
+    for form in (number, percent, significant, clock, duration, area):
+        assert form(value) == "unknown"
+    if value is not None:
+        assert from_direction(value) == "unknown"
+        assert place(value, 1.0) == place(1.0, value) == ""
+
+
+def test_shares_are_in_percent():
+    assert percent(0.364) == "36 %"
+    assert percent(0.0355, 1) == "3.5 %"  # 3.55 is just below in binary
+    assert percent(-0.12) == f"{MINUS}12 %"
+    assert more(0.7583) == "+75.83 %"
+    assert more(-0.7583) == f"{MINUS}75.83 %"
+    assert more(0.0) == "0.00 %"
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [
+        (0.0, "0:00"),
+        (52.9, "0:52"),
+        (187.0, "3:07"),
+        (3599.9, "59:59"),
+        (3725.0, "1:02:05"),
+        (-61.0, "-1:01"),
+        (-0.5, "0:00"),
+    ],
+)
+def test_a_clock_is_cut_to_the_whole_second(seconds, text):
+    assert clock(seconds) == text
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [
+        (0.36, "0.4 s"),
+        (8.04, "8.0 s"),
+        (10.4, "10 s"),
+        (59.4, "59 s"),
+        (59.7, "1 min"),
+        (180.0, "3 min"),
+        (207.6, "3 min 28 s"),
+        (3600.0, "1 h 0 min"),
+        (7384.0, "2 h 3 min"),
+    ],
+)
+def test_a_duration_is_rounded(seconds, text):
+    assert duration(seconds) == text
+
+
+def test_areas_are_in_hectares_from_a_tenth_of_one_on():
+    assert area(999.4) == "999 m²"
+    assert area(1000.0) == "0.10 ha"
+    assert area(4434.8) == "0.44 ha"
+
+
+def test_places_and_directions_have_the_right_sign():
+    assert place(12.4, -40.4) == "12 m north, 40 m west of the start"
+    assert place(-11.0, 30.0) == "11 m south, 30 m east of the start"
+    assert from_direction(142.0) == "from SE (142°)"
+    assert from_direction(359.0) == "from N (359°)"
+    assert from_direction(22.4) == "from N (22°)"
+    assert from_direction(22.6) == "from NE (23°)"
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (101228.0, "101 228"),
+        (12.3456, "12.35"),
+        (0.00027, "0.0003"),
+        (2.5e10, "2.500e+10"),
+        (0.0, "0.0000"),
+        (-1234.4, f"{MINUS}1 234"),
+    ],
+)
+def test_significant_digits_follow_the_size(value, text):
+    assert significant(value) == text
+    assert math.isfinite(value)
+
+
+def test_a_number_and_its_unit_stay_on_one_line():
+    assert unbroken("9.0 kg in 2 parts") == "9.0\N{NO-BREAK SPACE}kg in 2 parts"
+    assert unbroken("1 234 rpm.") == "1\N{NO-BREAK SPACE}234\N{NO-BREAK SPACE}rpm."
