@@ -1,57 +1,49 @@
-"""The table of physical effects. Adding one is adding one object to CATALOGUE.
+"""The catalogue of physical effects. Adding one is adding one file to this folder.
 
-Order is that of the text: inputs, demand, moments, coefficient. `models.effects.compose` puts
-effects together into rotor speeds; `identification.identify` searches this table and nothing else.
+Each module of the folder but the MACHINERY has its effects in `EFFECTS`. The catalogue has them in
+the order of the kinds (input, demand, moments, coefficient), then of the files' names.
+`models.effects.compose` puts effects together into rotor speeds; `identification.identify` searches
+this catalogue and nothing else.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+from importlib import import_module
+from pkgutil import iter_modules
+
 from thrustmargin.models.effects.base import Effect, Kind, Parameter, Placed
-from thrustmargin.models.effects.coefficient import (
-    AIR_DENSITY,
-    BATTERY_VOLTAGE,
-    CLIMB_INFLOW,
-    GROUND_EFFECT,
-    ONSETS,
-    ROTOR_DEGRADATION,
-    THRUST_DRIFT,
-    TRANSLATIONAL_LIFT,
-)
-from thrustmargin.models.effects.demand import EXTRA_MASS, LOAD_FACTOR, PARASITE_DRAG
-from thrustmargin.models.effects.flow_moment import FLOW_MOMENT
-from thrustmargin.models.effects.inputs import ROTOR_SPEED_LAG, SENSOR_LAG, TANK_SCALE, WIND
-from thrustmargin.models.effects.moments import (
-    CG_OFFSET,
-    CG_OFFSET_TANK,
-    MANOEUVRE_MOMENT,
-    YAW_TRIM,
-)
-from thrustmargin.models.effects.slung_load import SLUNG_LOADS
+from thrustmargin.models.physics.airframe import Airframe
 
-CATALOGUE: tuple[Effect, ...] = (
-    WIND,
-    TANK_SCALE,
-    SENSOR_LAG,
-    ROTOR_SPEED_LAG,
-    EXTRA_MASS,
-    PARASITE_DRAG,
-    LOAD_FACTOR,
-    *SLUNG_LOADS,
-    CG_OFFSET,
-    CG_OFFSET_TANK,
-    YAW_TRIM,
-    MANOEUVRE_MOMENT,
-    AIR_DENSITY,
-    TRANSLATIONAL_LIFT,
-    CLIMB_INFLOW,
-    GROUND_EFFECT,
-    ROTOR_DEGRADATION,
-    *ONSETS,
-    THRUST_DRIFT,
-    BATTERY_VOLTAGE,
+MACHINERY = {"base", "channels", "compose", "missing", "stored"}
+
+
+def _found() -> Iterator[Effect]:
+    for name in sorted(module.name for module in iter_modules(__path__)):
+        if name not in MACHINERY:
+            yield from import_module(f"{__name__}.{name}").EFFECTS
+
+
+CATALOGUE: tuple[Effect, ...] = tuple(
+    sorted(_found(), key=lambda effect: list(Kind).index(effect.kind))
 )
+BY_KEY: dict[str, Effect] = {effect.key: effect for effect in CATALOGUE}  # as in model files
 
-#: Effects that are looked for only where a search is given them.
-ON_REQUEST: tuple[Effect, ...] = (FLOW_MOMENT,)
 
-__all__ = ["CATALOGUE", "ON_REQUEST", "Effect", "Kind", "Parameter", "Placed"]
+def effects_for(airframe: Airframe, effects: Iterable[Effect] = CATALOGUE) -> tuple[Effect, ...]:
+    """The effects that an aircraft can have, with their parameters scaled to it.
+
+    For an aircraft of the F16's size they are the same objects.
+    """
+    return tuple(effect.scaled(airframe) for effect in effects if effect.possible_on(airframe))
+
+
+__all__ = [
+    "BY_KEY",
+    "CATALOGUE",
+    "Effect",
+    "Kind",
+    "Parameter",
+    "Placed",
+    "effects_for",
+]

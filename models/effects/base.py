@@ -7,14 +7,16 @@ Apparent thrust of a rotor is a0 N². An effect changes one of four things, in t
 3. moments      how the rotors share it,
 4. coefficient  the thrust that a rotor makes at a speed, as a factor kappa.
 
-The functions are written with operators and the array namespace that they are given, so the same
-code runs on numpy arrays (prediction) and on torch tensors (derivatives by torch.func).
+An effect owns all that is said of it anywhere: how its parameters scale with the aircraft, what it
+does to the airframe, how far around a row it looks, and the value of each channel at which it does
+nothing. The functions are written with operators and the array namespace that they are given, so
+the same code runs on numpy arrays (prediction) and on torch tensors (derivatives by torch.func).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any
 
@@ -24,8 +26,23 @@ from thrustmargin.models.physics.airframe import Airframe
 Array = Any  # numpy array or torch tensor of T rows
 Values = Mapping[str, Array]  # parameter name -> number or (T,) array
 Look = tuple[float, float]  # s before and s after a row
+Neutral = float | Callable[[Values, Any], Array]  # a number, or (p, channels) -> array
 #: (track, airframe, state at the first row or None) -> (channel (T, ...), state at the last row)
 OwnChannel = Callable[[FlightTrack, Airframe, Any], tuple[Array, Any]]
+
+#: The aircraft for which bounds and sizes of parameters are written down: the F16 (Han et al.
+#: 2024), kg empty and m from centre to rotor.
+USUAL_MASS, USUAL_ARM = 21.1, 0.9595439
+SAME_SIZE = 0.01  # share by which mass or arm may differ from it and nothing is scaled
+
+
+class Kind(StrEnum):
+    """Which of the four things an effect changes, in their order."""
+
+    INPUT = "input"
+    DEMAND = "demand"
+    MOMENTS = "moments"
+    COEFFICIENT = "coefficient"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,23 +56,17 @@ class FlightState:
     carried: Mapping[str, Any] = field(default_factory=dict)
 
 
-class Kind(StrEnum):
-    """Which of the four things an effect changes."""
-
-    INPUT = "input"
-    DEMAND = "demand"
-    MOMENTS = "moments"
-    COEFFICIENT = "coefficient"
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parameter:
-    """One number of an effect: unit, value at which it does nothing, bounds and usual size."""
+    """One number of an effect: unit, value at which it does nothing, bounds and usual size.
+
+    Values are those of an aircraft of USUAL_MASS and USUAL_ARM.
+    """
 
     name: str
     unit: str
-    absent: float | None  # the value at which the effect does nothing; None if there is none
-    start: float  # where a fit starts
+    absent: float | None = 0.0  # where the effect does nothing; None if there is no such value
+    start: float = 0.0  # where a fit starts
     lower: float
     upper: float
     scale: float  # usual size: a weak prior and the step of the fit
@@ -65,8 +76,51 @@ class Parameter:
     resolution: float = 0.0  # half width that no number of rows gets an interval below
     accuracy: float = 0.0  # the same as a share of the value: what the form itself is good for
 
+    def scaled(self, airframe: Airframe) -> Parameter:
+        """The parameter for another aircraft: a quantity goes with the aircraft's own of its unit.
 
-def _at_the_row(p: Values) -> Look:  # noqa: ARG001
+        Mass goes with mass, length with the arm, area with arm², moment of force with weight x arm,
+        moment of inertia with mass x arm², moment over turn rate with that over the time scale
+        sqrt(arm/g). What has no such unit stays.
+        """
+        mass, arm = airframe.empty_mass / USUAL_MASS, airframe.arm / USUAL_ARM
+        if abs(mass - 1.0) < SAME_SIZE and abs(arm - 1.0) < SAME_SIZE:
+            return self
+        factors = {
+            "kg": mass,
+            "m": arm,
+            "m^2": arm**2,
+            "N m": mass * arm,
+            "kg m^2": mass * arm**2,
+            "N m s": mass * arm**1.5,
+        }
+        if self.unit not in factors:
+            return self
+        sizes = ("start", "lower", "upper", "scale", "smallest")
+        return replace(self, **{k: getattr(self, k) * factors[self.unit] for k in sizes})
+
+
+def shaping(
+    name: str, unit: str, *, start: float, lower: float, upper: float, scale: float
+) -> Parameter:
+    """A parameter that shapes an effect and has no value at which the effect is absent."""
+    return Parameter(
+        name=name,
+        unit=unit,
+        absent=None,
+        start=start,
+        lower=lower,
+        upper=upper,
+        scale=scale,
+        detail=True,
+    )
+
+
+#: How much of the thrust loss the torque shares: 0 when drag stays, 1 when it falls as much.
+TORQUE_SHARE = shaping("torque_share", "1", start=0.5, lower=-1.0, upper=2.0, scale=0.5)
+
+
+def _at_the_row(p: Values) -> Look:
     return 0.0, 0.0
 
 
@@ -83,14 +137,16 @@ class Effect:
     name: str
     kind: Kind
     parameters: tuple[Parameter, ...]
-    needs: tuple[str, ...]  # fields of Channels that must be reported
-    shape_channels: tuple[str, ...]  # channels along which the effect has its form
+    needs: tuple[str, ...] = ()  # channels that flights must report for it to be looked for
+    #: each channel that rows may lack -> its value in them, at which the effect does nothing
+    neutral: Mapping[str, Neutral] = field(default_factory=dict)
+    shape_channels: tuple[str, ...] = ()  # channels along which the effect has its form
     source: str  # where the physics comes from
-    tell: str  # the flight that would tell it from its look-alikes
+    distinguished_by: str  # the flight that would tell it from its look-alikes
     apply: Callable[..., Any]
     torque: Callable[..., Any] | None = None  # of a coefficient: torque at a speed, as a factor
     of_one_rotor: bool = False
-    variant: str = ""  # tells forms of one effect apart
+    variant: str = ""  # names forms of one effect
     affine: bool = False  # at its start it already differs from doing nothing
     delays: bool = False  # its "lag" is how late all rotor speeds are reported
     #: (p, x, xp) -> size of what it changes, 1 being the least worth a name
@@ -100,11 +156,25 @@ class Effect:
     #: p -> how far around a row its channels look
     looks: Callable[[Values], Look] = _at_the_row
     own_channel: OwnChannel | None = None  # `Channels.own[name]`, made for this effect alone
+    #: (p, airframe, rotor from 0) -> the aircraft as it is with the effect; None: as in its file
+    on_airframe: Callable[[Values, Airframe, int | None], Airframe] | None = None
+    #: p -> K by which the air is warmer than the standard; an effect with it follows air density
+    temperature_offset: Callable[[Values], float] | None = None
+    with_tank: bool = True  # possible on an aircraft that carries its load in a tank
 
     @property
     def key(self) -> str:
         """Name with the variant, unique in the catalogue."""
         return f"{self.name}:{self.variant}" if self.variant else self.name
+
+    def possible_on(self, airframe: Airframe) -> bool:
+        """True when an aircraft of this kind can have the effect."""
+        return self.with_tank if airframe.tank_capacity_kg > 0.0 else "tank_kg" not in self.needs
+
+    def scaled(self, airframe: Airframe) -> Effect:
+        """The effect with its parameters for an aircraft; itself where nothing changes."""
+        parameters = tuple(p.scaled(airframe) for p in self.parameters)
+        return self if parameters == self.parameters else replace(self, parameters=parameters)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

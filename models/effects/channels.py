@@ -13,7 +13,6 @@ from typing import Any, Self
 import numpy as np
 
 from thrustmargin.models.effects.base import Effect, FlightState, Look
-from thrustmargin.models.effects.pendulum import shortest_cable
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0, isa_temperature, track_density
@@ -32,7 +31,7 @@ VELOCITY_SPAN = 0.3  # s over which velocity is differentiated
 ALONG_SPAN = 0.7  # s, the same for the speed along the way
 SLOW_SPAN = 2.0  # s over which the IMU's load factor is held to that of the motion
 RATE_SPAN = 0.3  # s over which angular rate is differentiated
-USUAL_ARM = 0.9  # m; the spans hold from here up, and shrink with the root of a shorter arm
+FULL_SPAN_ARM = 0.9  # m; the spans hold from here up, and shrink with the root of a shorter arm
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -72,7 +71,7 @@ class Channels:
     reference_voltage: float
     empty_weight: float  # N
     propeller_diameter: float
-    shortest_cable: float  # m, of the first column of cable_pull
+    arm: float  # m, longest of the aircraft
 
     def read(self, name: str) -> Any:
         """A channel by its name, or what the effect of that name made for itself; None if not."""
@@ -131,24 +130,25 @@ def derivative_look(span: float) -> float:
 LOAD_LOOK = derivative_look(VELOCITY_SPAN) + SLOW_SPAN / 2 + LAG_STEP
 
 
-def lag_weights(lag: Any, xp: Any, sharpening: Any = None) -> Any:
+def lag_weights(lag: Any, xp: Any, derivative_correction: Any = None) -> Any:
     """(len(LAGS),) weights with which a shift table gives the channel `lag` seconds later.
 
-    Cubic convolution (Keys 1981): smooth in the lag, and exact on the grid. `sharpening` s takes s
-    times the second difference away, twice: 1/12 undoes to third order what a derivative over two
-    rows smooths away, -1/3 is the mean of three rows taken twice.
+    Cubic convolution (Keys 1981): smooth in the lag, and exact on the grid. A
+    `derivative_correction` of s takes s times the second difference away, twice: 1/12 undoes to
+    third order what a derivative over two rows smooths away, -1/3 is the mean of three rows taken
+    twice.
     """
-    reach = 0 if sharpening is None else 2
+    reach = 0 if derivative_correction is None else 2
     first = round(LAGS[0] / LAG_STEP) - reach
     grid = xp.arange(first, first + len(LAGS) + 2 * reach, dtype=xp.float64) * LAG_STEP
     u = xp.abs(lag - grid) / LAG_STEP
     near = (1.5 * u - 2.5) * u * u + 1.0
     far = ((-0.5 * u + 2.5) * u - 4.0) * u + 2.0
     w = xp.where(u < 1, near, xp.where(u < 2, far, 0.0 * u))
-    if sharpening is None:
+    if derivative_correction is None:
         return w
     # A step of the grid is a step of the lag, so the neighbours are the same weights moved along.
-    centre, side = 1.0 + 2.0 * sharpening, -sharpening
+    centre, side = 1.0 + 2.0 * derivative_correction, -derivative_correction
     whole = (centre**2 + 2.0 * side**2) * w[2:-2]
     return whole + 2.0 * centre * side * (w[1:-3] + w[3:-1]) + side**2 * (w[:-4] + w[4:])
 
@@ -173,7 +173,7 @@ def channels_of(
     density, _ = track_density(track)
     known = track.reports("pressure") or track.reports("altitude")
     mass = airframe.empty_mass + track.tank_kg
-    quick = _quickness(airframe)
+    quick = _froude_time_scale(airframe)
     span = VELOCITY_SPAN * quick
     if forward_flight is None:
         kinematic = _load_factor(time_s, velocity, span)
@@ -226,7 +226,7 @@ def channels_of(
         reference_voltage=float(reference_voltage),
         empty_weight=float(airframe.empty_mass * G0),
         propeller_diameter=float(airframe.propeller_diameter),
-        shortest_cable=shortest_cable(airframe),
+        arm=airframe.arm,
     )
 
 
@@ -258,11 +258,10 @@ def _along(time_s: Floats, velocity: Floats, span: float) -> Floats:
     return np.nan_to_num(derivative(time_s, speed, span))
 
 
-def _quickness(airframe: Airframe) -> float:
+def _froude_time_scale(airframe: Airframe) -> float:
     """Time scale of manoeuvres against those of a sprayer: like pendulums, they go with the root
     of the size (Froude)."""
-    arm = float(np.max(np.hypot(*airframe.rotor_position_frd[:, :2].T)))
-    return min(1.0, float(np.sqrt(arm / USUAL_ARM)))
+    return min(1.0, float(np.sqrt(airframe.arm / FULL_SPAN_ARM)))
 
 
 def _three(table: Any, columns: Floats) -> tuple[Floats, Floats, Floats]:

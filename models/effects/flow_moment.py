@@ -6,7 +6,7 @@ from thrustmargin.models.effects.base import Effect, Kind, Parameter
 from thrustmargin.models.effects.channels import Channels
 
 
-def _flow_moment(p, x: Channels, thrust, xp):
+def _lifted(p, x: Channels, thrust, xp):
     east, north = xp.sin(x.heading), xp.cos(x.heading)
     forward = x.velocity_north * north + x.velocity_east * east
     right = x.velocity_east * north - x.velocity_north * east
@@ -14,17 +14,8 @@ def _flow_moment(p, x: Channels, thrust, xp):
     return p["roll"] * right * lever, -p["pitch"] * forward * lever, 0.0 * thrust
 
 
-def _gain(axis: str) -> Parameter:
-    return Parameter(
-        name=axis,
-        unit="1",
-        absent=0.0,
-        start=0.0,
-        lower=-1.0,
-        upper=1.0,
-        scale=0.1,
-        smallest=0.01,
-    )
+def _gain(name: str) -> Parameter:
+    return Parameter(name=name, unit="1", lower=-1.0, upper=1.0, scale=0.1, smallest=0.01)
 
 
 FLOW_MOMENT = Effect(
@@ -32,10 +23,13 @@ FLOW_MOMENT = Effect(
     kind=Kind.MOMENTS,
     parameters=(_gain("roll"), _gain("pitch")),
     needs=("velocity_north", "velocity_east", "heading", "hover_induced_velocity"),
+    neutral={"velocity_north": 0.0, "velocity_east": 0.0, "heading": 0.0},
     shape_channels=("airspeed",),
     source="flapping of advancing and retreating blades, and front rotors in cleaner air than rear "
     "ones: moment = gain x thrust x propeller diameter x speed / induced velocity of hover, taken "
     "in still air",
-    tell="a straight line flown forwards, backwards and sideways at one speed",
-    apply=_flow_moment,
+    distinguished_by="a straight line flown forwards, backwards and sideways at one speed",
+    apply=_lifted,
 )
+
+EFFECTS = (FLOW_MOMENT,)

@@ -1,22 +1,149 @@
-"""A load on a cable: it swings, so its pull is not its share of the aircraft's own load factor."""
+"""A load on a cable: it swings, so its pull is not its share of the aircraft's own load factor.
+
+The load hangs at distance l in direction q (a unit vector) below the hook. The hook's specific
+force f (what an accelerometer reads, turned into room axes) drives it, whatever the load's mass m:
+
+    l q'' = -(f - (f.q) q) - l |q'|² q - 2 zeta sqrt(g l) q'      tension = m (l |q'|² - f.q)
+
+Source: spherical pendulum on a moving hook in Newtonian mechanics (for multirotors: Sreenath, Lee
+and Kumar 2013). f is known from the log, so every cable length gives one history of the tension:
+a table of lengths, read between its columns, makes the length a parameter with a derivative.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import log
+from typing import NamedTuple
 
-from thrustmargin.models.effects.base import Effect, Kind, Parameter
+import numpy as np
+
+from thrustmargin.models.effects.base import USUAL_ARM, Effect, Kind, Parameter, shaping
 from thrustmargin.models.effects.channels import Channels
-from thrustmargin.models.effects.pendulum import LENGTHS, RATIO, SHORTEST, cable_pull
-from thrustmargin.models.effects.size import ARM
+from thrustmargin.models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0
 
+SHORTEST = 4.0  # arms of the aircraft
+RATIO = 1.035  # of neighbouring lengths
+LENGTHS = 82  # the longest is 16 times the shortest
+DAMPING = 0.03  # zeta, share of critical: assumed, the air drag of a load and its cable
+MOST_PULL = 4.0  # weights of the load; beyond it a swing is not one
+FINEST = 0.2  # rad of swing phase a step
 BRACKETS = 7  # pieces of the range of lengths, each searched from its middle
 OVERLAP = 1.1
 
 
+def cable_lengths(airframe: Airframe) -> Floats:
+    """Cable lengths of the table, (LENGTHS,) m."""
+    return SHORTEST * airframe.arm * RATIO ** np.arange(LENGTHS, dtype=np.float64)
+
+
+class SwingState(NamedTuple):
+    """Where the loads are at one row, and what drives them."""
+
+    load: Floats  # (2, L, 3) direction and its rate, NED
+    force: Floats  # (3,) m/s² NED, the last known
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Swing:
+    """A load on L cables, worked out along a flight of T rows; NaN where the log is silent."""
+
+    direction_ned: Floats  # (T, L, 3) unit vector from the hook to the load
+    pull: Floats  # (T, L) tension along the thrust axis, in weights of the load
+    last: SwingState | None  # at the last row; None before any force was known
+
+
+def cable_pull(
+    track: FlightTrack, airframe: Airframe, start: SwingState | None = None
+) -> tuple[Floats, SwingState | None]:
+    """What a swinging load adds along the thrust axis, (T, lengths) in weights of the load.
+
+    It is the tension along the axis less |f|/g, what the load would take if it did not swing: 0 in
+    a steady hover. NaN without accelerometer or attitude. With it comes the state at the last row,
+    and `start` is that at the first.
+    """
+    felt = np.linalg.norm(track.specific_force_frd, axis=1) / G0
+    swung = swing(track, cable_lengths(airframe), start)
+    return swung.pull - felt[:, None], swung.last
+
+
+def swing(track: FlightTrack, lengths: Floats, start: SwingState | None = None) -> Swing:
+    """The load on cables of `lengths` (L,) m. Without a `start` it hangs at rest, along the first
+    row's apparent gravity. It takes the last known force where a row has none."""
+    rows = track.time_s.size
+    force, down = force_ned(track)
+    known: Bools = np.all(np.isfinite(force) & np.isfinite(down), axis=1)
+    directions = np.full((rows, lengths.size, 3), np.nan)
+    pull = np.full((rows, lengths.size), np.nan)
+    if start is None and not known.any():
+        return Swing(direction_ned=directions, pull=pull, last=None)
+    if start is None:
+        first = int(np.argmax(known))
+        f = force[first]
+        direction = np.tile(-f / np.linalg.norm(f), (lengths.size, 1))
+        state = np.stack([direction, np.zeros_like(direction)])
+    else:
+        first, (state, f) = 0, start
+    fastest = float(np.sqrt(G0 / lengths.min()))
+    for t in range(first, rows):
+        direction, rate = state
+        if known[t]:
+            tension = lengths * np.sum(rate**2, axis=1) - direction @ f
+            directions[t] = direction
+            pull[t] = np.clip(tension * (direction @ down[t]) / G0, 0.0, MOST_PULL)
+        if t + 1 < rows:
+            after = force[t + 1] if known[t + 1] else f
+            span = float(track.time_s[t + 1] - track.time_s[t])
+            steps = max(1, int(np.ceil(span * fastest / FINEST)))
+            for k in range(steps):
+                part = [f + (after - f) * (k + c) / steps for c in (0.0, 0.5, 1.0)]
+                state = _step(state, part, lengths, span / steps)
+            f = after
+    return Swing(direction_ned=directions, pull=pull, last=SwingState(state, f))
+
+
+def _step(state: Floats, force: list[Floats], lengths: Floats, span: float) -> Floats:
+    """Direction and rate (2, L, 3) `span` s later: Runge-Kutta of order 4, back on the sphere.
+
+    `force` is that at the start, in the middle and at the end of the step.
+    """
+    start, middle, end = force
+    k1 = _motion(state, start, lengths)
+    k2 = _motion(state + 0.5 * span * k1, middle, lengths)
+    k3 = _motion(state + 0.5 * span * k2, middle, lengths)
+    k4 = _motion(state + span * k3, end, lengths)
+    direction, rate = state + span / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+    direction = direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    rate = rate - np.sum(rate * direction, axis=1, keepdims=True) * direction
+    return np.stack([direction, rate])
+
+
+def _motion(state: Floats, force: Floats, lengths: Floats) -> Floats:
+    """Time derivative of direction and rate, (2, L, 3)."""
+    direction, rate = state
+    across = force - (direction @ force)[:, None] * direction
+    turning = np.sum(rate**2, axis=1, keepdims=True)
+    damping = 2.0 * DAMPING * np.sqrt(G0 / lengths)[:, None]
+    return np.stack([rate, -across / lengths[:, None] - turning * direction - damping * rate])
+
+
+def force_ned(track: FlightTrack) -> tuple[Floats, Floats]:
+    """Specific force (T, 3) m/s² in NED and the body's down axis (T, 3) in NED."""
+    roll, pitch, yaw = track.attitude.T
+    cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
+    cy, sy = np.cos(yaw), np.sin(yaw)
+    forward = np.stack([cp * cy, cp * sy, -sp], axis=1)
+    right = np.stack([sr * sp * cy - cr * sy, sr * sp * sy + cr * cy, sr * cp], axis=1)
+    down = np.stack([cr * sp * cy + sr * sy, cr * sp * sy - sr * cy, cr * cp], axis=1)
+    body = track.specific_force_frd
+    return body[:, :1] * forward + body[:, 1:2] * right + body[:, 2:] * down, down
+
+
 def _slung_load(p, x: Channels, thrust, xp):
     columns = xp.arange(LENGTHS, dtype=xp.float64)
-    u = xp.abs(xp.log(p["cable"] / x.shortest_cable + 0.0 * columns) / log(RATIO) - columns)
+    u = xp.abs(xp.log(p["cable"] / (SHORTEST * x.arm) + 0.0 * columns) / log(RATIO) - columns)
     near = (1.5 * u - 2.5) * u * u + 1.0  # cubic convolution (Keys 1981), as for delays
     far = ((-0.5 * u + 2.5) * u - 4.0) * u + 2.0
     weights = xp.where(u < 1, near, xp.where(u < 2, far, 0.0 * u))
@@ -33,35 +160,26 @@ def _bracket(number: int) -> Effect:
         variant=f"cable of {low:.0f} to {low * width:.0f} arms",
         kind=Kind.DEMAND,
         parameters=(
-            Parameter(
-                name="mass",
-                unit="kg",
-                absent=0.0,
-                start=0.0,
-                lower=-2.0,
-                upper=20.0,
-                scale=2.0,
-                smallest=0.15,
-            ),
-            Parameter(
-                name="cable",
-                unit="m",
-                absent=None,
-                start=low * width**0.5 * ARM,
-                lower=max(SHORTEST, low / OVERLAP) * ARM,
-                upper=min(longest, low * width * OVERLAP) * ARM,
-                scale=0.2 * low * ARM,
-                detail=True,
+            Parameter(name="mass", unit="kg", lower=-2.0, upper=20.0, scale=2.0, smallest=0.15),
+            shaping(
+                "cable",
+                "m",
+                start=low * width**0.5 * USUAL_ARM,
+                lower=max(SHORTEST, low / OVERLAP) * USUAL_ARM,
+                upper=min(longest, low * width * OVERLAP) * USUAL_ARM,
+                scale=0.2 * low * USUAL_ARM,
             ),
         ),
         needs=("slung_load",),
-        shape_channels=(),
+        neutral={"slung_load": 0.0},
+        with_tank=False,
         source="a load on a cable swings as a spherical pendulum below the aircraft, driven by the "
         "specific force that the aircraft feels; its mass is part of the weight already",
-        tell="hover until the load hangs still, then stop sharply and let it swing",
+        distinguished_by="hover until the load hangs still, then stop sharply and let it swing",
         apply=_slung_load,
         own_channel=cable_pull,
     )
 
 
-SLUNG_LOADS: tuple[Effect, ...] = tuple(_bracket(k) for k in range(BRACKETS))
+SLUNG_LOADS = tuple(_bracket(k) for k in range(BRACKETS))
+EFFECTS = SLUNG_LOADS

@@ -1,4 +1,4 @@
-"""Effects of a model file as `Placed`, ready to compose.
+"""Identified effects as a model file has them, and as `Placed`, ready to compose.
 
 Rotors are numbered from 1 in files, from 0 in arrays.
 """
@@ -6,15 +6,34 @@ Rotors are numbered from 1 in files, from 0 in arrays.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from thrustmargin.models.effects import CATALOGUE, ON_REQUEST
+from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.errors import ModelError
-from thrustmargin.models.network.records import EffectRecord
 
-BY_KEY = {effect.key: effect for effect in (*CATALOGUE, *ON_REQUEST)}
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Identified:
+    """The value of one parameter of an effect, with its 95 % interval."""
+
+    value: float
+    unit: str
+    ci95: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EffectRecord:
+    """An identified effect as model files and `identify` write it; rotors count from 1."""
+
+    name: str
+    rotor: int | None
+    parameters: dict[str, Identified]
+    variant: str = ""  # which form of the effect, where there are several
+    flights: tuple[str, ...] = ()  # that it was found on
+    date: str = ""  # ISO 8601, of the identification
 
 
 def placed_from(records: Sequence[EffectRecord], rotor_count: int) -> tuple[Placed, ...]:

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from thrustmargin.models.effects.channels import Channels
-from thrustmargin.models.effects.inputs import WIND
+from thrustmargin.models.effects.wind import WIND
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.fit import Evaluator, Fit, Term
 from thrustmargin.models.identification.problem import BLOCK_SECONDS, Problem

@@ -13,9 +13,8 @@ from typing import Protocol
 
 import numpy as np
 
-from thrustmargin.models.effects import CATALOGUE, ON_REQUEST
+from thrustmargin.models.effects import CATALOGUE, effects_for
 from thrustmargin.models.effects.base import Effect
-from thrustmargin.models.effects.size import sized
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.already_followed import followed_wind
@@ -83,7 +82,7 @@ def identify(
     *,
     held_out: Sequence[Flown] = (),
     config: SearchConfig | None = None,
-    catalogue: Sequence[Effect] = (*CATALOGUE, *ON_REQUEST),
+    catalogue: Sequence[Effect] = CATALOGUE,
     progress: Progress | None = None,
 ) -> Identification:
     """Find the effects that `model` lacks on flights; report errors on the flights `held_out`.
@@ -102,7 +101,7 @@ def identify(
     if not fit:
         raise DataError("no flight to identify from; give at least one log with rotor speeds")
     model, config = model or shipped_model(), config or SearchConfig()
-    catalogue = sized(catalogue, model.airframe)
+    catalogue = effects_for(model.airframe, catalogue)
     problem = assemble(model, fit)
     evaluator = Evaluator(problem)
     generator = np.random.default_rng(config.seed)

@@ -11,11 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thrustmargin.models.effects.coefficient import (
+from thrustmargin.models.effects.rotor_degradation import (
     ROTOR_DEGRADATION,
     ROTOR_DEGRADATION_ONSET,
     ROTOR_DEGRADATION_SINCE,
 )
+from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.cross_validation import left_out_values
@@ -30,7 +31,6 @@ from thrustmargin.models.network.conformal import (
     measure_coverage,
 )
 from thrustmargin.models.network.ensemble import ensemble_speed
-from thrustmargin.models.network.records import EffectRecord, Identified
 
 COVERAGE = 0.9  # of an interval where the old model has none
 

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thrustmargin.models.effects import effects_for
 from thrustmargin.models.effects.base import Effect, Placed
 from thrustmargin.models.effects.channels import Channels, concatenate
 from thrustmargin.models.effects.compose import BaseTable
-from thrustmargin.models.effects.stored import BY_KEY
 from thrustmargin.models.errors import AirframeError, DataError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.identification.base_uncertainty import doubt_rpm
@@ -138,7 +138,7 @@ def assemble(model: RotorModel, tracks: Sequence[FlightTrack]) -> Problem:
                 f"{track.name}: {track.rotor_count} rotors, but airframe {airframe.name} has "
                 f"{airframe.rotor_count}; give the right airframe with --airframe"
             )
-        channels = model_channels(model, track, effects=BY_KEY.values())
+        channels = model_channels(model, track, effects=effects_for(airframe))
         keep = training_rows(track) & np.isfinite(channels.airspeed_shifts).all(axis=1)
         for optional in (channels.load_factor_shifts, channels.rate_shifts[2]):
             good = np.isfinite(optional).all(axis=1)

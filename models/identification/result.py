@@ -80,7 +80,9 @@ class Found:
             "rmse_after_rpm": self.rmse_after_rpm,
             "p_value": self.p_value,
             "indistinguishable_from": list(self.indistinguishable_from),
-            "tell_apart_by": self.term.effect.tell if self.indistinguishable_from else None,
+            "tell_apart_by": self.term.effect.distinguished_by
+            if self.indistinguishable_from
+            else None,
             "source": self.term.effect.source,
             "already_followed": followed,
         }

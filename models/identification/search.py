@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.models.effects.base import Effect
-from thrustmargin.models.effects.coefficient import ONSETS
-from thrustmargin.models.effects.coefficient import ROTOR_DEGRADATION as WORN
+from thrustmargin.models.effects.rotor_degradation import ONSETS
+from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION as WORN
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification import onset

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from thrustmargin.models.effects.base import FlightState
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
-from thrustmargin.models.model.flown import flown_airframe, knows_density, speed_with_effects
+from thrustmargin.models.model.flown import flown_airframe, follows_density, speed_with_effects
 from thrustmargin.models.model.rotor_model import RotorModel, hover_speed
 from thrustmargin.models.network.ensemble import ensemble_speed
 from thrustmargin.models.physics.margin import rotor_thrust
@@ -71,7 +71,7 @@ def predict(
     inside = np.zeros_like(known)
     if model.network is not None and model.envelope is not None:
         inside = known & model.envelope.covers_inputs(airspeed, tank_kg)
-        if not knows_density(model):
+        if not follows_density(model):
             inside &= model.envelope.covers(airspeed, tank_kg, density)
         speed[inside], spread = ensemble_speed(model.network, airspeed[inside], tank_kg[inside])
         basis[inside] = Basis.NETWORK

@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 
 from thrustmargin.models.effects.base import Placed, look_of
-from thrustmargin.models.effects.stored import placed_from
+from thrustmargin.models.effects.stored import EffectRecord, placed_from
 from thrustmargin.models.errors import AirframeError, ModelError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.json_values import from_plain, to_plain
 from thrustmargin.models.network.conformal import Interval
 from thrustmargin.models.network.ensemble import RotorNetwork, ensemble_speed
-from thrustmargin.models.network.records import EffectRecord, TrainingRecord
+from thrustmargin.models.network.records import TrainingRecord
 from thrustmargin.models.network.training_domain import Envelope
 from thrustmargin.models.physics.airframe import Airframe, airframe_from_table, airframe_table
 from thrustmargin.models.physics.forward_flight import ForwardFlight, thrust_ratio

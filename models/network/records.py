@@ -1,4 +1,4 @@
-"""What a model file remembers beside its numbers: identified effects, and how it was trained."""
+"""What a model file remembers of how its network was trained."""
 
 from __future__ import annotations
 
@@ -6,27 +6,6 @@ from dataclasses import dataclass
 
 from thrustmargin.models.network.network import NetConfig
 from thrustmargin.models.scores import Score
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Identified:
-    """The value of one parameter of an effect, with its 95 % interval."""
-
-    value: float
-    unit: str
-    ci95: tuple[float, float]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EffectRecord:
-    """An identified effect as model files and `identify` write it; rotors count from 1."""
-
-    name: str
-    rotor: int | None
-    parameters: dict[str, Identified]
-    variant: str = ""  # which form of the effect, where there are several
-    flights: tuple[str, ...] = ()  # that it was found on
-    date: str = ""  # ISO 8601, of the identification
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

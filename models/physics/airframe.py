@@ -92,6 +92,11 @@ class Airframe:
         return self.rotor_spin.size
 
     @property
+    def arm(self) -> float:
+        """Longest level distance of a rotor from the centre, m."""
+        return float(np.max(np.hypot(*self.rotor_position_frd[:, :2].T)))
+
+    @property
     def tank_capacity_kg(self) -> float:
         """Mass of a full tank, kg."""
         return self.tank_volume_l * self.liquid_density

@@ -13,7 +13,7 @@ from tests.measured.swing_check import check_swing
 from tests.measured.test_measured_commands import run
 from tests.measured.thrust_check import command_check, plain_check
 from tests.models.effects.test_slung_load import flown_with_load
-from thrustmargin.models.effects.pendulum import swing
+from thrustmargin.models.effects.slung_load import swing
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.atmosphere import G0

@@ -171,7 +171,7 @@ def how_to_distinguish(found: Found) -> str:
     others = " or ".join(name.replace("_", " ") for name in found.indistinguishable_from)
     return (
         f"These flights cannot distinguish {found_name(found)} from {others}; this would: "
-        f"{found.term.effect.tell}"
+        f"{found.term.effect.distinguished_by}"
     )
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from thrustmargin.gcs_plugin.reports.margin.data import JsonObject
+from thrustmargin.models.effects.stored import EffectRecord
 from thrustmargin.models.model.analysis import Basis, FlightAnalysis
-from thrustmargin.models.model.rotor_model import EffectRecord, RotorModel
+from thrustmargin.models.model.rotor_model import RotorModel
 
 
 def model_use(analysis: FlightAnalysis) -> JsonObject:

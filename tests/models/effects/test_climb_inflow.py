@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.models.effects.coefficient import CLIMB_INFLOW
+from thrustmargin.models.effects.climb_inflow import CLIMB_INFLOW
 from thrustmargin.models.model.flown import model_channels
 from thrustmargin.models.model.rotor_model import shipped_model
 

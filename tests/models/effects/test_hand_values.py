@@ -10,14 +10,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thrustmargin.models.effects import CATALOGUE, ON_REQUEST
+from thrustmargin.models.effects import CATALOGUE
+from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import physics_model
-from thrustmargin.models.network.records import EffectRecord, Identified
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 
-EFFECTS = {effect.key: effect for effect in (*CATALOGUE, *ON_REQUEST)}
+EFFECTS = {effect.key: effect for effect in CATALOGUE}
 X, Y, K = 0.5, 0.4, 0.05
 ARMS = np.array([[X, Y, 0.0], [-X, -Y, 0.0], [X, -Y, 0.0], [-X, Y, 0.0]])
 SPIN = np.array([1.0, 1.0, -1.0, -1.0])

@@ -7,9 +7,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from thrustmargin.models.effects.pendulum import LENGTHS, cable_pull, shortest_cable, swing
-from thrustmargin.models.effects.size import sized
-from thrustmargin.models.effects.slung_load import SLUNG_LOADS
+from thrustmargin.models.effects import effects_for
+from thrustmargin.models.effects.slung_load import (
+    LENGTHS,
+    SHORTEST,
+    SLUNG_LOADS,
+    cable_pull,
+    swing,
+)
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.cross_validation import intervals
 from thrustmargin.models.identification.fit import Evaluator, Term, fit_terms
@@ -105,10 +110,9 @@ def test_rows_without_a_force_are_unknown_and_the_swing_goes_on():
 
 
 def test_a_sprayer_is_never_asked_for_a_load_on_a_cable():
-    track = track_of(pushed(4.0))
-    pull, _ = cable_pull(track, load_airframe("topxgun-f16"))
-    assert pull.shape == (track.time_s.size, 1)
-    assert np.isnan(pull).all()
+    names = {e.name for e in effects_for(load_airframe("topxgun-f16"))}
+    assert "slung_load" not in names
+    assert "slung_load" in {e.name for e in effects_for(load_airframe("crazyflie-rpm"))}
 
 
 def test_without_an_accelerometer_nothing_is_known():
@@ -122,11 +126,11 @@ def test_the_brackets_cover_the_table_of_lengths_without_a_hole():
     airframe = load_airframe("crazyflie-rpm")
     ends = [
         (p.lower, p.start, p.upper)
-        for effect in sized(SLUNG_LOADS, airframe)
+        for effect in effects_for(airframe, SLUNG_LOADS)
         for p in effect.parameters
         if p.name == "cable"
     ]
-    assert ends[0][0] == pytest.approx(shortest_cable(airframe), rel=1e-3)
+    assert ends[0][0] == pytest.approx(SHORTEST * airframe.arm, rel=1e-3)
     assert all(low < start < high for low, start, high in ends)
     assert all(a[2] > b[0] for a, b in itertools.pairwise(ends))
 
@@ -184,10 +188,8 @@ def test_mass_and_cable_of_a_known_load_are_found_from_rotor_speeds():
         flown_with_load(k, mass=airframe.empty_mass, load=load, cable=cable) for k in range(3)
     ]
     problem = assemble(physics_model(airframe), tracks)
-    table = {e.key: e for e in sized((*SLUNG_LOADS,), airframe)}
-    from thrustmargin.models.effects import CATALOGUE
-
-    table |= {e.key: e for e in sized(CATALOGUE, airframe)}
+    table = {e.key: e for e in effects_for(airframe, SLUNG_LOADS)}
+    table |= {e.key: e for e in effects_for(airframe)}
     near = min(
         (e for e in table.values() if e.name == "slung_load"),
         key=lambda e: abs(np.log(e.parameters[1].start / cable)),

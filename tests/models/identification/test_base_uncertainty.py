@@ -9,8 +9,9 @@ from tests.models.made_flights import F16, made_flight
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.effects import CATALOGUE
 from thrustmargin.models.effects.base import Kind
-from thrustmargin.models.effects.demand import EXTRA_MASS
-from thrustmargin.models.effects.inputs import WIND
+from thrustmargin.models.effects.extra_mass import EXTRA_MASS
+from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.effects.wind import WIND
 from thrustmargin.models.identification.base_uncertainty import doubt_rpm
 from thrustmargin.models.identification.cross_validation import intervals
 from thrustmargin.models.identification.fit import (
@@ -22,7 +23,6 @@ from thrustmargin.models.identification.fit import (
 )
 from thrustmargin.models.identification.problem import assemble
 from thrustmargin.models.model.rotor_model import physics_model, shipped_model
-from thrustmargin.models.network.records import EffectRecord, Identified
 
 
 def with_mass(half_width: float):

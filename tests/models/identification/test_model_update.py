@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from tests.models.made_flights import F16, NOISE_RPM, QUICK, curve_model, made_flights, table
-from thrustmargin.models.effects.coefficient import ROTOR_DEGRADATION, ROTOR_DEGRADATION_ONSET
-from thrustmargin.models.effects.inputs import WIND
+from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION, ROTOR_DEGRADATION_ONSET
+from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.effects.wind import WIND
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.identification.errors import rotor_errors
 from thrustmargin.models.identification.fit import Term
@@ -24,7 +25,6 @@ from thrustmargin.models.model.rotor_model import (
     save_model,
 )
 from thrustmargin.models.network.ensemble import RotorNetwork
-from thrustmargin.models.network.records import EffectRecord, Identified
 from thrustmargin.models.network.training_domain import Envelope
 from thrustmargin.models.physics.airframe import load_airframe
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.models.made_flights import F16, QUICK, made_flight
-from thrustmargin.models.effects.coefficient import ONSETS, ROTOR_DEGRADATION
+from thrustmargin.models.effects.rotor_degradation import ONSETS, ROTOR_DEGRADATION
 from thrustmargin.models.identification import onset
 from thrustmargin.models.identification.fit import (
     Evaluator,

@@ -12,13 +12,13 @@ import pytest
 from scipy import stats
 
 from thrustmargin.models.effects import CATALOGUE
+from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse, worst_rotor
 from thrustmargin.models.model.predict import Basis, predict
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
 from thrustmargin.models.network.conformal import Interval
 from thrustmargin.models.network.ensemble import RotorNetwork
-from thrustmargin.models.network.records import EffectRecord, Identified
 from thrustmargin.models.network.training_domain import Envelope
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 from thrustmargin.models.physics.forward_flight import ForwardFlight, thrust_ratio

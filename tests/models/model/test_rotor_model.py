@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from safetensors.numpy import load_file, save_file
 
-from thrustmargin.models.effects.stored import BY_KEY
+from thrustmargin.models.effects import BY_KEY
+from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.model.rotor_model import (
     METADATA_KEY,
@@ -22,7 +23,6 @@ from thrustmargin.models.model.rotor_model import (
 )
 from thrustmargin.models.network.conformal import Interval
 from thrustmargin.models.network.ensemble import RotorNetwork
-from thrustmargin.models.network.records import EffectRecord, Identified
 from thrustmargin.models.network.training_domain import Envelope
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 from thrustmargin.models.physics.forward_flight import ForwardFlight, thrust_ratio

@@ -5,19 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thrustmargin.models.effects import CATALOGUE, ON_REQUEST
+from thrustmargin.models.effects import CATALOGUE
 from thrustmargin.models.effects.base import Effect
+from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
-from thrustmargin.models.network.records import EffectRecord, Identified
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 from thrustmargin.models.physics.forward_flight import ForwardFlight
 
 F16 = load_airframe("topxgun-f16-sitl")
 BEGAN = 1.7e9  # Unix time
 DRAG = ForwardFlight(rotor_drag=0.2, drag_area=0.3, lift_gain=0.1, known_airspeed=6.0)
-EFFECTS = (*CATALOGUE, *ON_REQUEST)
+EFFECTS = CATALOGUE
 
 
 def carrier(effect: Effect) -> Airframe:

@@ -20,6 +20,7 @@ from thrustmargin.gcs_plugin.wording.described_effect import spread
 from thrustmargin.gcs_plugin.wording.effect_sentences import SENTENCES, effect_sentence
 from thrustmargin.models.effects import CATALOGUE
 from thrustmargin.models.effects.base import Effect
+from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.identification.already_followed import FOLLOWED_WIND
 from thrustmargin.models.identification.errors import RotorErrors
 from thrustmargin.models.identification.fit import Term
@@ -27,7 +28,6 @@ from thrustmargin.models.identification.identify import identify
 from thrustmargin.models.identification.margin_change import MarginChange, margin_changes
 from thrustmargin.models.identification.result import Found, Identification
 from thrustmargin.models.identification.unexplained import Curve
-from thrustmargin.models.network.records import EffectRecord, Identified
 
 BY_KEY = {e.key: e for e in CATALOGUE}
 NAMES = ("front right", "rear left", "front left", "rear right")

@@ -24,9 +24,9 @@ from thrustmargin.gcs_plugin.reports.margin.known import (
     row_seconds,
     share,
 )
+from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
-from thrustmargin.models.network.records import EffectRecord, Identified
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.scores import Estimate
 

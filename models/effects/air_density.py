@@ -1,0 +1,52 @@
+"""Thrust that goes with air density, in a model that does not follow it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from thrustmargin.models.effects.base import TORQUE_SHARE, Effect, Kind, Parameter
+from thrustmargin.models.effects.channels import Channels
+
+LEAST_DENSITY_ERROR = 0.01  # of the model's density: 3 K, or 100 m of height
+
+
+def _warmer(p, x: Channels):
+    """Density over that of the standard temperature."""
+    return x.isa_temperature / (x.isa_temperature + p["temperature_offset"])
+
+
+def _kappa(p, x: Channels, xp):
+    return x.reported_density * _warmer(p, x) / x.reference_density
+
+
+def _torque(p, x: Channels, xp):
+    return 1.0 + p["torque_share"] * (_kappa(p, x, xp) - 1.0)
+
+
+def _weight(p, x: Channels, xp):
+    return xp.sqrt(xp.mean((_kappa(p, x, xp) - 1.0) ** 2)) / LEAST_DENSITY_ERROR
+
+
+AIR_DENSITY = Effect(
+    name="air_density",
+    kind=Kind.COEFFICIENT,
+    parameters=(
+        Parameter(
+            name="temperature_offset", unit="K", absent=None, lower=-35.0, upper=35.0, scale=8.0
+        ),
+        replace(TORQUE_SHARE, start=1.0, lower=0.0),
+    ),
+    needs=("reported_density", "isa_temperature"),
+    neutral={"reported_density": lambda p, x: x.reference_density / _warmer(p, x)},
+    shape_channels=("density",),
+    source="thrust goes with air density; the offset is that of the air to the standard atmosphere",
+    distinguished_by="read a shaded thermometer and a barometer; or fly the same load on a colder "
+    "day",
+    apply=_kappa,
+    torque=_torque,
+    weight=_weight,
+    affine=True,
+    temperature_offset=lambda p: float(p["temperature_offset"]),
+)
+
+EFFECTS = (AIR_DENSITY,)

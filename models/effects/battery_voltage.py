@@ -1,0 +1,28 @@
+"""Speeds that are no measurement and go with the battery's voltage."""
+
+from __future__ import annotations
+
+from thrustmargin.models.effects.base import Effect, Kind, Parameter
+from thrustmargin.models.effects.channels import Channels
+
+
+def _kappa(p, x: Channels, xp):
+    return xp.exp(p["exponent"] * xp.log(x.voltage / x.reference_voltage))
+
+
+BATTERY_VOLTAGE = Effect(
+    name="battery_voltage",
+    kind=Kind.COEFFICIENT,
+    parameters=(
+        Parameter(name="exponent", unit="1", lower=-4.0, upper=6.0, scale=0.5, smallest=0.05),
+    ),
+    needs=("voltage",),
+    neutral={"voltage": lambda p, x: x.reference_voltage},
+    shape_channels=("voltage",),
+    source="not physics of a measured rotor speed: simulators and estimated speeds that ignore "
+    "the pack show thrust going with voltage^p",
+    distinguished_by="the same load on a full and on an empty pack",
+    apply=_kappa,
+)
+
+EFFECTS = (BATTERY_VOLTAGE,)

@@ -1,0 +1,52 @@
+"""A centre of gravity that is not where the airframe file has it. FRD axes."""
+
+from __future__ import annotations
+
+from thrustmargin.models.effects.base import Effect, Kind, Parameter
+from thrustmargin.models.effects.channels import Channels
+
+
+def _fixed(p, x: Channels, thrust, xp):
+    return -p["y"] * thrust, p["x"] * thrust, 0.0 * thrust
+
+
+def _with_tank(p, x: Channels, thrust, xp):
+    full = x.tank_kg / x.tank_capacity_kg
+    return -p["y_full"] * full * thrust, p["x_full"] * full * thrust, 0.0 * thrust
+
+
+def _offset(name: str) -> Parameter:
+    return Parameter(
+        name=name,
+        unit="m",
+        lower=-0.5,
+        upper=0.5,
+        scale=0.05,
+        smallest=0.003,
+        accuracy=0.01,  # lift of forward flight adds to each rotor's thrust, here it multiplies it
+    )
+
+
+CG_OFFSET = Effect(
+    name="cg_offset",
+    kind=Kind.MOMENTS,
+    parameters=(_offset("x"), _offset("y")),
+    shape_channels=("tank_kg",),
+    source="balance of moments: thrust stands off the centre of gravity by (x, y)",
+    distinguished_by="hover 60 s full and 60 s empty; then swap the rotor pair in question",
+    apply=_fixed,
+)
+
+CG_OFFSET_TANK = Effect(
+    name="cg_offset",
+    variant="tank",
+    kind=Kind.MOMENTS,
+    parameters=(_offset("x_full"), _offset("y_full")),
+    needs=("tank_kg",),
+    shape_channels=("tank_kg",),
+    source="balance of moments: a tank mounted off centre shifts the balance as it fills",
+    distinguished_by="hover 60 s full and 60 s empty",
+    apply=_with_tank,
+)
+
+EFFECTS = (CG_OFFSET, CG_OFFSET_TANK)

@@ -1,0 +1,30 @@
+"""Thrust that falls as air comes in from above."""
+
+from __future__ import annotations
+
+from thrustmargin.models.effects.base import Effect, Kind, Parameter
+from thrustmargin.models.effects.channels import Channels
+
+CLIMB_SHARE = 0.15  # of the scatter of axial inflow, that must be climbing to be called so
+
+
+def _weight(p, x: Channels, xp):
+    return xp.std(x.climb_ratio) / (CLIMB_SHARE * xp.std(x.advance_ratio))
+
+
+CLIMB_INFLOW = Effect(
+    name="climb_inflow",
+    kind=Kind.COEFFICIENT,
+    parameters=(
+        Parameter(name="slope", unit="1", lower=-2.0, upper=6.0, scale=1.0, smallest=0.05),
+    ),
+    needs=("advance_ratio",),
+    neutral={"advance_ratio": 0.0},
+    shape_channels=("advance_ratio",),
+    source="blade element: thrust falls with the advance ratio of the axial inflow, J = w 60/(N D)",
+    distinguished_by="climb and descend at a steady rate at one tank level",
+    apply=lambda p, x, xp: 1.0 - p["slope"] * x.advance_ratio,
+    weight=_weight,
+)
+
+EFFECTS = (CLIMB_INFLOW,)

@@ -1,0 +1,46 @@
+"""Thrust of turns, climbs and gusts."""
+
+from __future__ import annotations
+
+from thrustmargin.models.effects.base import Effect, Kind, Parameter, shaping
+from thrustmargin.models.effects.channels import LOAD_LOOK, Channels, lag_weights, shifts_look
+
+
+def _loaded(p, x: Channels, thrust, xp):
+    weights = lag_weights(p["lag"] - x.delay, xp, p["sharpening"])
+    kinematic = x.load_factor_shifts @ weights
+    felt = x.manoeuvre_load_shifts @ weights
+    blend = kinematic + p["imu_share"] * (felt - kinematic)
+    return thrust * (1.0 + p["gain"] * (blend - 1.0))
+
+
+LOAD_FACTOR = Effect(
+    name="load_factor",
+    kind=Kind.DEMAND,
+    parameters=(
+        Parameter(
+            name="gain",
+            unit="1",
+            start=0.5,
+            lower=-0.5,
+            upper=2.0,
+            scale=1.0,
+            smallest=0.05,
+            accuracy=0.05,  # of the derivative of a velocity that is sampled and noisy
+        ),
+        shaping("imu_share", "1", start=0.5, lower=0.0, upper=1.0, scale=1.0),
+        shaping("sharpening", "1", start=0.0, lower=-0.33, upper=0.5, scale=0.2),
+        shaping("lag", "s", start=0.05, lower=0.0, upper=0.3, scale=0.2),
+    ),
+    needs=("load_factor_shifts",),
+    neutral={"load_factor_shifts": 1.0, "manoeuvre_load_shifts": 1.0},
+    shape_channels=("load_factor",),
+    source="Newton: thrust over weight is |specific force| / g in turns, climbs and gusts; "
+    "sharpening gives back what reports a few times a second smooth away, or smooths their noise",
+    distinguished_by="sharp stops and pull-ups at one tank level",
+    apply=_loaded,
+    affine=True,
+    looks=lambda p: shifts_look(p["lag"], LOAD_LOOK),
+)
+
+EFFECTS = (LOAD_FACTOR,)

@@ -1,0 +1,64 @@
+"""Moments that turning takes: inertia and damping. FRD axes."""
+
+from __future__ import annotations
+
+from thrustmargin.models.effects.base import Effect, Kind, Parameter, shaping
+from thrustmargin.models.effects.channels import (
+    RATE_SPAN,
+    Channels,
+    derivative_look,
+    lag_weights,
+    shifts_look,
+)
+
+AXES = ("roll", "pitch", "yaw")
+
+
+def _turned(p, x: Channels, thrust, xp):
+    weights = lag_weights(p["lag"] - x.delay, xp)
+    tilt, yaw = (
+        lag_weights(p["lag"] - x.delay, xp, p[f"sharpening_{of}"]) for of in ("tilt", "yaw")
+    )
+    loaded = (thrust / x.empty_weight) ** p["load_exponent"]
+    axes = zip(AXES, x.rate_shifts, x.acceleration_shifts, (tilt, tilt, yaw), strict=True)
+    return tuple(
+        acceleration @ (p[f"inertia_{axis}"] * sharpened) * loaded
+        + rate @ (p[f"damping_{axis}"] * weights)
+        for axis, rate, acceleration, sharpened in axes
+    )
+
+
+def _turning(name: str, unit: str) -> Parameter:
+    return Parameter(
+        name=name,
+        unit=unit,
+        lower=-60.0,
+        upper=60.0,
+        scale=5.0,
+        smallest=0.2,
+        accuracy=0.04,  # of the derivative of a rate that is sampled and noisy
+    )
+
+
+MANOEUVRE_MOMENT = Effect(
+    name="manoeuvre_moment",
+    kind=Kind.MOMENTS,
+    parameters=(
+        *(_turning(f"inertia_{axis}", "kg m^2") for axis in AXES),
+        *(_turning(f"damping_{axis}", "N m s") for axis in AXES),
+        shaping("load_exponent", "1", start=0.0, lower=-2.0, upper=2.0, scale=0.5),
+        shaping("sharpening_tilt", "1", start=1.0 / 12.0, lower=-0.33, upper=0.5, scale=0.2),
+        shaping("sharpening_yaw", "1", start=1.0 / 12.0, lower=-0.33, upper=0.5, scale=0.2),
+        shaping("lag", "s", start=0.02, lower=0.0, upper=0.3, scale=0.1),
+    ),
+    needs=("rate_shifts",),
+    neutral={"rate_shifts": 0.0, "acceleration_shifts": 0.0},
+    shape_channels=("yaw_acceleration", "yaw_rate"),
+    source="Euler: moment = I d(omega)/dt + damping x omega; I goes with the load, as liquid and "
+    "hidden mass change it; sharpening gives back what differences of a sampled rate smooth away",
+    distinguished_by="sharp turns about each axis in a hover",
+    apply=_turned,
+    looks=lambda p: shifts_look(p["lag"], derivative_look(RATE_SPAN)),
+)
+
+EFFECTS = (MANOEUVRE_MOMENT,)

@@ -1,0 +1,43 @@
+"""Drag area that the model lacks, as of a hose or an open hatch."""
+
+from __future__ import annotations
+
+from thrustmargin.models.effects.base import Effect, Kind, Parameter
+from thrustmargin.models.effects.channels import ALONG_SPAN, Channels, derivative_look
+from thrustmargin.models.physics.atmosphere import G0
+
+
+def _dragged(p, x: Channels, thrust, xp):
+    area = p["drag_area"]
+    pressure = 0.5 * x.density * x.airspeed**2
+    pushed = 2.0 * pressure * area * thrust / G0 * x.along_acceleration
+    square = thrust**2 + pressure**2 * area * xp.abs(area) + pushed
+    floor = 0.25 * thrust**2
+    return xp.sqrt(xp.where(square > floor, square, floor))
+
+
+PARASITE_DRAG = Effect(
+    name="parasite_drag",
+    kind=Kind.DEMAND,
+    parameters=(
+        Parameter(
+            name="drag_area",
+            unit="m^2",
+            start=0.5,
+            lower=-4.0,
+            upper=6.0,
+            scale=1.0,
+            smallest=0.05,
+        ),
+    ),
+    needs=("airspeed", "density"),
+    shape_channels=("airspeed",),
+    source="thrust carries weight, drag and acceleration: |m (a - g) - D|, D = rho CdA V^2 / 2, so "
+    "its square has D^2 and, while speeding up along the way, 2 D m a",
+    distinguished_by="a straight line flown fast and slow at the same tank level",
+    apply=_dragged,
+    affine=True,
+    looks=lambda p: (derivative_look(ALONG_SPAN),) * 2,
+)
+
+EFFECTS = (PARASITE_DRAG,)

@@ -1,0 +1,92 @@
+"""One rotor that makes less thrust at a speed: all along, or from a moment on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from thrustmargin.models.effects.base import (
+    TORQUE_SHARE,
+    Effect,
+    Kind,
+    Parameter,
+    Values,
+    shaping,
+)
+from thrustmargin.models.effects.channels import Channels
+from thrustmargin.models.physics.airframe import Airframe
+
+LONG_BEFORE = 1e4  # s
+
+
+def _kappa(p, x: Channels, xp):
+    return 1.0 - p["loss"] * _after_onset(p, x, xp)
+
+
+def _torque(p, x: Channels, xp):
+    return 1.0 - p["loss"] * p["torque_share"] * _after_onset(p, x, xp)
+
+
+def _after_onset(p, x: Channels, xp):
+    if "onset_clock" in p:
+        since = x.clock_s - p["onset_clock"]
+    elif "onset_time" in p:
+        since = x.time_s - p["onset_time"]
+    else:
+        return 1.0 + 0.0 * x.time_s
+    return 1.0 / (1.0 + xp.exp(-xp.clip(4.0 * since, -40.0, 40.0)))
+
+
+def _weaker(p: Values, airframe: Airframe, rotor: int | None) -> Airframe:
+    effectiveness = airframe.rotor_effectiveness.copy()
+    effectiveness[rotor] *= 1.0 - float(p["loss"])
+    return replace(airframe, rotor_effectiveness=effectiveness)
+
+
+LOSS = Parameter(name="loss", unit="1", lower=-0.3, upper=0.7, scale=0.05, smallest=0.008)
+ONSET_LOSS = replace(LOSS, smallest=0.015)
+
+ONSET_TIME = replace(
+    shaping("onset_time", "s", start=0.0, lower=0.0, upper=1e5, scale=60.0), resolution=0.3
+)
+
+ROTOR_DEGRADATION = Effect(
+    name="rotor_degradation",
+    kind=Kind.COEFFICIENT,
+    parameters=(LOSS, TORQUE_SHARE),
+    shape_channels=("time_s",),
+    source="a worn, chipped or dirty propeller makes less thrust at a speed",
+    distinguished_by="swap the propeller with another arm's: a worn rotor moves, a wrong sensor "
+    "stays",
+    apply=_kappa,
+    torque=_torque,
+    of_one_rotor=True,
+    on_airframe=_weaker,
+)
+
+ROTOR_DEGRADATION_ONSET = replace(
+    ROTOR_DEGRADATION,
+    variant="onset",
+    parameters=tuple(replace(p, per_flight=True) for p in (ONSET_LOSS, ONSET_TIME, TORQUE_SHARE)),
+    source="a propeller that chips in flight makes less thrust from then on",
+    begins=True,
+)
+
+ROTOR_DEGRADATION_EACH = replace(
+    ROTOR_DEGRADATION_ONSET,
+    variant="in each flight",
+    parameters=(ONSET_LOSS, ONSET_TIME, TORQUE_SHARE),
+    source="a rotor that weakens at the same time after each start, as one that gets warm",
+)
+
+ROTOR_DEGRADATION_SINCE = replace(
+    ROTOR_DEGRADATION_EACH,
+    variant="since",
+    parameters=(ONSET_LOSS, replace(ONSET_TIME, name="onset_clock", upper=1e11), TORQUE_SHARE),
+    needs=("clock_s",),
+    neutral={"clock_s": lambda p, x: p["onset_clock"] - LONG_BEFORE},
+    source="a propeller that chips in one flight stays so in the flights after it",
+)
+
+#: A rotor that goes bad at a moment: in one flight, in each at one time, in one and all later.
+ONSETS = (ROTOR_DEGRADATION_ONSET, ROTOR_DEGRADATION_EACH, ROTOR_DEGRADATION_SINCE)
+EFFECTS = (ROTOR_DEGRADATION, *ONSETS)

@@ -1,0 +1,18 @@
+"""A steady yaw moment, as of a tilted motor."""
+
+from __future__ import annotations
+
+from thrustmargin.models.effects.base import Effect, Kind, Parameter
+
+YAW_TRIM = Effect(
+    name="yaw_trim",
+    kind=Kind.MOMENTS,
+    parameters=(
+        Parameter(name="moment", unit="N m", lower=-20.0, upper=20.0, scale=1.0, smallest=0.1),
+    ),
+    source="a tilted motor turns part of its thrust into a constant yaw moment",
+    distinguished_by="measure the tilt of the arms, or hover 60 s at two tank levels",
+    apply=lambda p, x, thrust, xp: (0.0 * thrust, 0.0 * thrust, p["moment"] + 0.0 * thrust),
+)
+
+EFFECTS = (YAW_TRIM,)

@@ -1,0 +1,72 @@
+"""A row that lacks a channel is predicted as if the effects that need it were not there."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.models.model.test_windows import EFFECTS, having, lively
+from thrustmargin.models.effects import BY_KEY
+from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
+from thrustmargin.models.model.predict import Prediction, predict
+from thrustmargin.models.model.rotor_model import RotorModel
+
+#: channel of the track -> effects that it is all to
+ALL_TO = {
+    "velocity_ned": ("wind", "climb_inflow", "flow_moment"),
+    "angular_rate_frd": ("manoeuvre_moment",),
+    "specific_force_frd": ("slung_load:cable of 4 to 6 arms",),
+    "height_agl": ("ground_effect",),
+    "voltage": ("battery_voltage",),
+    "start_unix_s": ("rotor_degradation:since",),
+}
+
+
+def without(track: FlightTrack, channel: str, rows: slice = slice(None)) -> FlightTrack:
+    values = getattr(track, channel).copy()
+    values[rows] = np.nan
+    return replace(track, **{channel: values})
+
+
+def predicted(track: FlightTrack, model: RotorModel) -> Prediction:
+    """The prediction in the model's own air."""
+    return predict(model, track, np.full(track.time_s.size, model.reference_density))
+
+
+@pytest.mark.parametrize("effect", EFFECTS, ids=lambda e: e.key)
+def test_every_effect_lives_without_any_channel(effect):
+    """Wholly missing, and in a stretch: a number in each row that has airspeed and tank."""
+    track, model = lively(6.0), having(effect)
+    for channel in TRACK_CHANNELS:
+        for rows in (slice(None), slice(25, 35)):
+            gone = without(track, channel, rows)
+            known = np.isfinite(gone.airspeed) & np.isfinite(gone.tank_kg)
+            speed = predicted(gone, model).rotor_speed_rpm
+            np.testing.assert_array_equal(np.isfinite(speed).all(axis=1), known, err_msg=channel)
+    silent = replace(track, start_unix_s=None)
+    assert np.isfinite(predicted(silent, model).rotor_speed_rpm).all()
+
+
+@pytest.mark.parametrize(
+    ("channel", "key"), [(channel, key) for channel, keys in ALL_TO.items() for key in keys]
+)
+def test_without_its_channel_an_effect_does_nothing_and_the_rows_say_so(channel, key):
+    track, model = lively(6.0), having(BY_KEY[key])
+    if not model.airframe.tank_capacity_kg:
+        track = replace(track, tank_kg=0.0 * track.tank_kg)
+    plain = replace(model, effects=())
+    gone = replace(track, start_unix_s=None) if channel not in TRACK_CHANNELS else None
+    gone = gone or without(track, channel)
+    left = predicted(gone, model)
+    np.testing.assert_allclose(
+        left.rotor_speed_rpm, predicted(gone, plain).rotor_speed_rpm, rtol=1e-5
+    )
+    assert left.partial is not None
+    assert left.partial.all()
+
+
+def test_neutral_air_is_that_of_the_model_whatever_the_temperature():
+    track, model = lively(6.0), having(BY_KEY["air_density"])
+    gone = without(without(track, "pressure"), "altitude")
+    plain = predicted(gone, replace(model, effects=())).rotor_speed_rpm
+    np.testing.assert_allclose(predicted(gone, model).rotor_speed_rpm, plain, rtol=1e-5)
