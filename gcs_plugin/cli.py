@@ -13,7 +13,7 @@ from typing import Any
 
 import tyro
 
-from thrustmargin.gcs_plugin.commands.options import renamed_option
+from thrustmargin.gcs_plugin.commands.options import UsageError, refuse_renamed
 from thrustmargin.models.errors import ThrustMarginError
 
 #: subcommand -> module of thrustmargin.gcs_plugin.commands that holds a function of the same name.
@@ -48,19 +48,16 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 def run(argv: Sequence[str]) -> int:
     """Run one subcommand; returns the exit code. Raises SystemExit(2) for a wrong command line."""
-    renamed = renamed_option(argv)
-    if renamed is not None:
-        print(f"thrustmargin {argv[0]}: {renamed}", file=sys.stderr)
-        return 2
     chosen = [name for name in argv[:1] if name in COMMANDS]
     functions = {name: command_function(name) for name in chosen or COMMANDS}
     try:
+        refuse_renamed(argv)
         outcome = tyro.extras.subcommand_cli_from_dict(
             functions, prog="thrustmargin", description=DESCRIPTION, args=list(argv)
         )
     except ThrustMarginError as error:
         print(f"thrustmargin: {error}", file=sys.stderr)
-        return 1
+        return 2 if isinstance(error, UsageError) else 1
     except BrokenPipeError:
         sys.stderr.close()
         return 1

@@ -36,11 +36,10 @@ def demo(
     """
     import threading
 
+    from thrustmargin.gcs_plugin.commands.replay import replay_view
     from thrustmargin.gcs_plugin.commands.report import report
-    from thrustmargin.gcs_plugin.logs import read_log
-    from thrustmargin.gcs_plugin.view.replay import ReplayView, run_replay
+    from thrustmargin.gcs_plugin.view.replay import run_replay
     from thrustmargin.models.errors import LogError
-    from thrustmargin.models.model.analysis import analyse
     from thrustmargin.models.model.rotor_model import shipped_model
 
     if log is None:
@@ -50,17 +49,9 @@ def demo(
     code = report((log,), out=out)
     if code:
         return code
-    model = shipped_model()
-    flight = read_log(log, airframe=model.airframe)
     stop = threading.Event()
     if seconds is not None:
         threading.Timer(seconds, stop.set).start()
-    view = ReplayView(
-        analyse(flight.track, model),
-        waypoints=flight.waypoints,
-        messages=flight.messages,
-        port=port,
-        speed=speed,
-    )
+    view = replay_view(log, shipped_model(), port=port, speed=speed)
     run_replay(view, browser=browser, stop=stop)
     return 0

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional
 
-from thrustmargin.models.errors import DataError, LogError, ModelError, require_torch
+from thrustmargin.models.errors import DataError, ModelError, require_torch
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -49,7 +49,7 @@ def identify(
         model: Rotor speed model file of this aircraft; without it the one that ships is used.
         airframe: Name of a shipped airframe, or an airframe file (.toml), to start from its weight
             and thrust curve alone, without a model file.
-        held_out: Flights that are not learnt from, on which the error is told.
+        held_out: Flights that are not learnt from, on which the error is stated.
         vehicle: System id of the aircraft, when a log has several.
         out: New model file to write, with the effects added; the old one stays.
         json: Write the result as JSON to this file.
@@ -63,7 +63,8 @@ def identify(
 
     from rich.console import Console
 
-    from thrustmargin.gcs_plugin.commands.chosen_model import judged_model
+    from thrustmargin.gcs_plugin.commands.inputs import starting_model
+    from thrustmargin.gcs_plugin.commands.options import Output, check_outputs, require_logs
     from thrustmargin.gcs_plugin.reports.identify.identify_result import result_of
     from thrustmargin.gcs_plugin.wording.progress import steps
     from thrustmargin.models.identification.identify import identify as search
@@ -71,21 +72,26 @@ def identify(
     from thrustmargin.models.identification.usable_flights import require_distinct
 
     errors = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
-    if not logs:
-        errors.print("thrustmargin: no log given; name one or more recorded flights")
-        return 2
+    require_logs(logs)
     require_torch("identify")
-    check_options(logs, held_out, model=model, out=out, json=json, html=html, force=force)
+    check_outputs(
+        (
+            Output("--out", out, endings=(".safetensors",), keep=not force),
+            Output("--json", json),
+            Output("--html", html, endings=(".html", ".htm")),
+        ),
+        inputs=(*logs, *held_out, *([model] if model is not None else [])),
+    )
     settings = SearchConfig(surrogates=surrogates, seed=seed)
-    judged, model_name = judged_model(model, airframe)
+    start, model_name = starting_model(model, airframe)
     not_used: list[UnusedLog] = []
     fit, new = (
-        read_flights(paths, judged.airframe, vehicle, not_used, errors, option=option)
+        read_flights(paths, start.airframe, vehicle, not_used, errors, option=option)
         for paths, option in ((logs, ""), (held_out, "--held-out "))
     )
     require_distinct((*fit, *new))
     with steps(errors, total=1.0) as progress:
-        found = search(fit, judged, held_out=new, config=settings, progress=progress)
+        found = search(fit, start, held_out=new, config=settings, progress=progress)
         progress("what it means for the margin", 0.0)
         result = result_of(
             found,
@@ -115,76 +121,27 @@ def read_flights(
     Raises DataError when the rotor speeds of one cannot be what they are taken for, or when none of
     the logs given by `option` can serve; AirframeError for a wrong number of rotors.
     """
-    from thrustmargin.gcs_plugin.logs import read_log
+    from thrustmargin.gcs_plugin.commands.inputs import read_logs
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-    from thrustmargin.gcs_plugin.wording.progress import each_log
     from thrustmargin.models.identification.usable_flights import too_little, wrong_speeds
 
     tracks: list[FlightTrack] = []
     left_out: list[UnusedLog] = []
-    for path in each_log(logs, console):
-        try:
-            track = read_log(path, vehicle=vehicle, airframe=airframe).track
-        except LogError as error:
-            reason = str(error).removeprefix(f"{path.name}: ")
-            left_out.append(UnusedLog(name=path.name, reason=reason))
-            continue
+    for log in read_logs(logs, left_out, console, vehicle=vehicle, airframe=airframe):
+        track = log.track
         wrong = wrong_speeds(track, airframe)
         if wrong is not None:
-            raise DataError(f"{path.name}: {wrong}")
+            raise DataError(f"{log.path.name}: {wrong}")
         lacking = too_little(track)
         if lacking is None:
             tracks.append(track)
         else:
-            left_out.append(UnusedLog(name=path.name, reason=lacking))
+            left_out.append(UnusedLog(name=log.path.name, reason=lacking))
     if left_out and not tracks:
         first = left_out[0]
         raise DataError(f"no {option}flight can be used; {first.name}: {first.reason}")
     not_used += left_out
     return tuple(tracks)
-
-
-def check_options(
-    logs: Sequence[Path],
-    held_out: Sequence[Path],
-    *,
-    model: Path | None,
-    out: Path | None,
-    json: Path | None,
-    html: Path | None,
-    force: bool,
-) -> None:
-    """Before minutes of work: raise DataError when a result would have no place or do harm."""
-    inputs = {p.resolve(): p for p in (*logs, *held_out)}
-    if out is not None:
-        if out.suffix != ".safetensors":
-            raise DataError(f"the model file {out} must end in .safetensors")
-        if model is not None and _same(out, model):
-            raise DataError(
-                f"--out {out} is the model that is judged; the old one stays: give another name"
-            )
-        if out.exists() and not force:
-            raise DataError(f"{out} is already there; give another --out, or --force to replace it")
-    if html is not None and html.suffix.lower() not in (".html", ".htm"):
-        raise DataError(f"cannot write {html} as a page; end its name in .html")
-    targets: set[Path] = set()
-    for path in (out, json, html):
-        if path is None:
-            continue
-        if not path.parent.is_dir():
-            raise DataError(f"no folder {path.parent} for {path.name}; make it first")
-        place = path.resolve()
-        if place in inputs:
-            raise DataError(f"{path} is one of the logs; give another name to write to")
-        if place in targets or (model is not None and _same(path, model)):
-            raise DataError(f"{path} is needed for something else; give another name to write to")
-        targets.add(place)
-
-
-def _same(first: Path, second: Path) -> bool:
-    if first.exists() and second.exists():
-        return first.samefile(second)
-    return first.resolve() == second.resolve()
 
 
 def write_result(
@@ -213,7 +170,7 @@ def write_result(
 
 
 def show(result: Result, written: Sequence[Path]) -> None:
-    """The plain answer, then the tables, then what was written."""
+    """The answer in words, then the tables, then what was written."""
     from rich.console import Console
 
     from thrustmargin.gcs_plugin.reports.identify.identify_tables import effects_table, errors_table

@@ -54,12 +54,12 @@ def inspect(
 
     from rich.console import Console
 
+    from thrustmargin.gcs_plugin.commands.options import Output, check_outputs, require_logs
     from thrustmargin.gcs_plugin.logs.inspection import as_json
 
     console, errors = Console(highlight=False, markup=False), Console(stderr=True, markup=False)
-    if not logs:
-        errors.print("thrustmargin: no log given; name one or more recorded flights")
-        return 2
+    require_logs(logs)
+    check_outputs([Output("--json", json)], inputs=logs)
     done, failed = [], 0
     for path in logs:
         try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from thrustmargin.models.errors import DataError, ModelError
+from thrustmargin.models.errors import ModelError
 from thrustmargin.models.physics.atmosphere import G0
 
 if TYPE_CHECKING:
@@ -36,12 +36,12 @@ def match(
     """
     from rich.console import Console
 
+    from thrustmargin.gcs_plugin.commands.options import Output, check_outputs
     from thrustmargin.gcs_plugin.reports.model.figure10 import figure10, write_figure
     from thrustmargin.models.physics.airframe import load_airframe
     from thrustmargin.models.physics.matching import match_airframe
 
-    if out.suffix not in ("", ".svg", ".png"):
-        raise DataError(f"cannot draw {out}; end its name in .svg or .png, or in neither for both")
+    check_outputs([Output("--out", out, endings=(".svg", ".png") if out.suffix else ())])
     matching = match_airframe(load_airframe(airframe))
     console = Console(highlight=False, markup=False)
     console.print(load_table(matching))

@@ -73,7 +73,7 @@ def monitor(
         browser: Open the page in the browser.
         seconds: End by itself after so long.
     """
-    from thrustmargin.gcs_plugin.commands.chosen_model import chosen_model
+    from thrustmargin.gcs_plugin.commands.inputs import chosen_model
     from thrustmargin.gcs_plugin.commands.options import check_utilisation
     from thrustmargin.gcs_plugin.live.alarm import AlarmSettings
     from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorSettings

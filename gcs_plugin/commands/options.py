@@ -6,16 +6,21 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from thrustmargin.models.errors import DataError
+from thrustmargin.models.errors import DataError, ThrustMarginError
+
+
+class UsageError(ThrustMarginError):
+    """The command line is wrong: exit code 2."""
+
 
 #: What `--limit` meant in a command before `--max-utilisation` took its place in all of them.
 OLD_LIMIT = {"report": "thrust in use", "monitor": "thrust margin"}
 
 
-def renamed_option(argv: Sequence[str]) -> str | None:
-    """One line on how an option of an older command line is written now; None without one."""
+def refuse_renamed(argv: Sequence[str]) -> None:
+    """Raise UsageError that says how an option of an older command line is written now."""
     if not argv or argv[0] not in OLD_LIMIT:
-        return None
+        return
     for place, word in enumerate(argv):
         option, _, value = word.partition("=")
         if option == "--limit":
@@ -25,12 +30,17 @@ def renamed_option(argv: Sequence[str]) -> str | None:
                 same = float(value) if meant == "thrust in use" else 1.0 - float(value)
             except ValueError:
                 value, same = "0.5", 0.5
-            return (
+            raise UsageError(
                 "--limit is now --max-utilisation, the largest share of a rotor's maximum thrust "
                 f"that may be in use; for the {meant} of --limit {value} write "
                 f"--max-utilisation {same:.6g}"
             )
-    return None
+
+
+def require_logs(logs: Sequence[Path]) -> None:
+    """Raise UsageError when there is no log to work on."""
+    if not logs:
+        raise UsageError("no log given; name one or more recorded flights")
 
 
 def check_utilisation(value: float) -> None:

@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from tyro.conf import Positional
+
+if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.view.replay import ReplayView
+    from thrustmargin.models.model.rotor_model import RotorModel
 
 
 def replay(
@@ -40,30 +45,42 @@ def replay(
         browser: Open the page in the browser.
         start_paused: Wait at the start of the flight.
     """
+    from thrustmargin.gcs_plugin.commands.inputs import chosen_model
+    from thrustmargin.gcs_plugin.view.replay import run_replay
+
+    rotor_model = chosen_model(model, airframe)
+    older = None if before is None else chosen_model(before, rotor_model.airframe.name)
+    options = {"host": host, "port": port, "speed": speed, "paused": start_paused}
+    run_replay(replay_view(log, rotor_model, older, vehicle=vehicle, **options), browser=browser)
+
+
+def replay_view(
+    log: Path,
+    model: RotorModel,
+    before: RotorModel | None = None,
+    *,
+    vehicle: int | None = None,
+    **options: Any,
+) -> ReplayView:
+    """The view of a recorded flight; with a model `before` also its residual before and after.
+
+    `options` are those of ReplayView.
+    """
     from rich.console import Console
 
-    from thrustmargin.gcs_plugin.commands.chosen_model import chosen_model
     from thrustmargin.gcs_plugin.logs import read_log
     from thrustmargin.gcs_plugin.view.overlays import before_and_after
-    from thrustmargin.gcs_plugin.view.replay import ReplayView, run_replay
+    from thrustmargin.gcs_plugin.view.replay import ReplayView
     from thrustmargin.models.model.analysis import analyse
 
     with Console(stderr=True).status(f"reading {log.name}"):
-        rotor_model = chosen_model(model, airframe)
-        flight = read_log(log, vehicle=vehicle, airframe=rotor_model.airframe)
-        analysis = analyse(flight.track, rotor_model)
-        overlays = ()
-        if before is not None:
-            older = chosen_model(before, airframe or rotor_model.airframe.name)
-            overlays = before_and_after(analyse(flight.track, older), analysis)
-    view = ReplayView(
+        flight = read_log(log, vehicle=vehicle, airframe=model.airframe)
+        analysis = analyse(flight.track, model)
+        older = None if before is None else analyse(flight.track, before)
+    return ReplayView(
         analysis,
         waypoints=flight.waypoints,
         messages=flight.messages,
-        overlays=overlays,
-        host=host,
-        port=port,
-        speed=speed,
-        paused=start_paused,
+        overlays=() if older is None else before_and_after(older, analysis),
+        **options,
     )
-    run_replay(view, browser=browser)

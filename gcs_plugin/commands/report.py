@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,12 +11,7 @@ from tyro.conf import Positional
 from thrustmargin.models.errors import DataError, ThrustMarginError
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
-    from thrustmargin.gcs_plugin.logs import FlightLog
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-    from thrustmargin.models.model.analysis import FlightAnalysis
-    from thrustmargin.models.model.rotor_model import RotorModel
 
 
 def report(
@@ -46,15 +40,19 @@ def report(
     """
     from rich.console import Console
 
-    from thrustmargin.gcs_plugin.commands.chosen_model import chosen_model
-    from thrustmargin.gcs_plugin.commands.options import Output, check_outputs, check_utilisation
+    from thrustmargin.gcs_plugin.commands.inputs import chosen_model, read_logs
+    from thrustmargin.gcs_plugin.commands.options import (
+        Output,
+        check_outputs,
+        check_utilisation,
+        require_logs,
+    )
     from thrustmargin.gcs_plugin.reports.margin import build_report
     from thrustmargin.gcs_plugin.reports.margin.render import write_report
+    from thrustmargin.models.model.analysis import analyse
 
     console = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
-    if not logs:
-        console.print("thrustmargin: no log given; name one or more recorded flights")
-        return 2
+    require_logs(logs)
     check_utilisation(max_utilisation)
     check_outputs(
         (
@@ -66,7 +64,15 @@ def report(
     )
     rotor_model = chosen_model(model, airframe)
     unread: list[UnusedLog] = []
-    flights = list(analysed(logs, rotor_model, vehicle, unread, console))
+    read = read_logs(
+        logs,
+        unread,
+        console,
+        vehicle=vehicle,
+        airframe=rotor_model.airframe,
+        skipped=ThrustMarginError,
+    )
+    flights = [(analyse(log.track, rotor_model), log) for log in read]
     if not flights:
         raise DataError("; ".join(f"{log.name}: {log.reason}" for log in unread))
     with console.status("writing the report"):
@@ -85,28 +91,3 @@ def report(
         console.print(f"not read: {log.name}: {log.reason}")
     summary.print(f"wrote {written.html}, {written.json.name} and {written.csv.name}")
     return 1 if unread else 0
-
-
-def analysed(
-    logs: Sequence[Path],
-    model: RotorModel,
-    vehicle: int | None,
-    unread: list[UnusedLog],
-    console: Console,
-) -> Iterator[tuple[FlightAnalysis, FlightLog]]:
-    """Each log as an analysed flight; those that cannot be read are added to `unread`."""
-    from rich.progress import track as progress
-
-    from thrustmargin.gcs_plugin.logs import read_log
-    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-    from thrustmargin.models.model.analysis import analyse
-
-    described = "reading" if len(logs) > 1 else f"reading {logs[0].name}"
-    for path in progress(logs, description=described, console=console, transient=True):
-        try:
-            log = read_log(path, vehicle=vehicle, airframe=model.airframe)
-            analysis = analyse(log.track, model)
-        except ThrustMarginError as error:
-            unread.append(UnusedLog(name=path.name, reason=str(error)))
-            continue
-        yield analysis, log

@@ -12,10 +12,8 @@ from tyro.conf import Positional
 from thrustmargin.models.errors import DataError, LogError, require_torch
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.models.flight import FlightTrack
-    from thrustmargin.models.physics.airframe import Airframe
 
 SPLITS = {"both": ("samples", "flights"), "samples": ("samples",), "flights": ("flights",)}
 
@@ -55,6 +53,8 @@ def train(
 
     from rich.console import Console
 
+    from thrustmargin.gcs_plugin.commands.inputs import read_logs
+    from thrustmargin.gcs_plugin.commands.options import Output, check_outputs, require_logs
     from thrustmargin.gcs_plugin.reports.model.loss_figure import write_loss_curves
     from thrustmargin.gcs_plugin.reports.model.training_tables import training_tables
     from thrustmargin.gcs_plugin.wording.progress import steps
@@ -65,18 +65,22 @@ def train(
     from thrustmargin.models.physics.airframe import load_airframe
 
     progress = Console(stderr=True)
-    if not logs:
-        progress.print("thrustmargin train: give the logs to learn from; see --help")
-        return 2
+    require_logs(logs)
     require_torch("train")
-    _check_output(out, force=force)
+    check_outputs([Output("--out", out, (".safetensors",), keep=not force)], inputs=logs)
     if members < 3 or max_epochs < 1:
         raise DataError("--members must be at least 3 and --max-epochs at least 1")
     aircraft = load_airframe(airframe)
     settings = TrainSettings(
         splits=SPLITS[split], members=members, seed=seed, net=NetConfig(max_epochs=max_epochs)
     )
-    tracks, notes = _read(logs, aircraft, progress)
+    unread: list[UnusedLog] = []
+    tracks = [log.track for log in read_logs(logs, unread, progress, airframe=aircraft)]
+    if not tracks:
+        first = unread[0]
+        raise LogError(
+            f"none of {len(logs)} logs can be read; the first: {first.name}: {first.reason}"
+        )
     names = settings.names()
     with steps(progress, total=len(names)) as step:
 
@@ -97,46 +101,22 @@ def train(
     console = Console(highlight=False, markup=False)
     for part in training_tables(trained.model):
         console.print(part)
-    for note in (*notes, *_unused(tracks)):
-        console.print(f"left out: {note}", soft_wrap=True)
+    for one in (*unread, *_unused(tracks)):
+        console.print(f"left out: {one.name}: {one.reason}", soft_wrap=True)
     for path in written:
         console.print(f"wrote {path}", soft_wrap=True)
     return 0
 
 
-def _check_output(out: Path, *, force: bool) -> None:
-    """Before minutes of work: raise DataError when the result would have no place."""
-    if out.suffix != ".safetensors":
-        raise DataError(f"the model file {out} must end in .safetensors")
-    if not out.parent.is_dir():
-        raise DataError(f"no folder {out.parent} for the model file; make it first")
-    if out.exists() and not force:
-        raise DataError(f"{out} is already there; give another --out, or --force to replace it")
-
-
-def _read(
-    logs: Sequence[Path], airframe: Airframe, console: Console
-) -> tuple[list[FlightTrack], list[str]]:
-    """The flights that can be read, and a sentence for each log that cannot."""
-    from thrustmargin.gcs_plugin.logs import read_log
-    from thrustmargin.gcs_plugin.wording.progress import each_log
-
-    tracks, unread = [], []
-    for path in each_log(logs, console):
-        try:
-            tracks.append(read_log(path, airframe=airframe).track)
-        except LogError as error:
-            unread.append(str(error))
-    if not tracks:
-        raise LogError(f"none of {len(logs)} logs can be read; the first: {unread[0]}")
-    return tracks, unread
-
-
-def _unused(tracks: Sequence[FlightTrack]) -> list[str]:
+def _unused(tracks: Sequence[FlightTrack]) -> list[UnusedLog]:
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.models.network.training_rows import training_rows
 
     return [
-        f"{track.name}: no row in steady flight with rotor speeds, airspeed and tank level"
+        UnusedLog(
+            name=track.name,
+            reason="no row in steady flight with rotor speeds, airspeed and tank level",
+        )
         for track in tracks
         if not training_rows(track).any()
     ]

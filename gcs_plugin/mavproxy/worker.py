@@ -112,7 +112,7 @@ class MarginWorker:
     def _work(self) -> None:
         from pathlib import Path
 
-        from thrustmargin.gcs_plugin.commands.chosen_model import chosen_model
+        from thrustmargin.gcs_plugin.commands.inputs import chosen_model
         from thrustmargin.gcs_plugin.live.fleet import Fleet
         from thrustmargin.gcs_plugin.live.vehicle_monitor import WatchSettings
 

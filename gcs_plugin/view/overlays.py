@@ -50,8 +50,8 @@ def overlays_of(analysis: FlightAnalysis) -> tuple[Overlay, ...]:
     Where no rotor was measured the predicted load stands in, and the note says for how much.
     """
     use = analysis.known_utilisation
-    note = _basis_note(analysis.any_measured, np.isfinite(use).any(axis=1), analysis.track.flying)
     load, rotor = worst_rotor(use)
+    note = _basis_note(analysis.any_measured, np.isfinite(load), analysis.track.flying)
     residual, residual_rotor = worst_rotor(analysis.residual_rpm, np.abs(analysis.residual_rpm))
     limit = RESIDUAL_SPAN * analysis.model.airframe.max_rotor_speed_rpm
     vehicle = np.full(load.size, np.nan)

@@ -166,8 +166,8 @@ class Scene:
         ends = np.repeat(sent_for(scale.screen(values))[:, None], 2, axis=1)
         line = self._routes.get(key)
         if line is not None and len(line.points) == len(points_enu):
-            if not np.array_equal(line.points, points_enu.astype(line.points.dtype)):
-                line.points = points_enu
+            if not np.array_equal(line.points, points_enu.astype(np.float32)):
+                line.points = points_enu.astype(np.float32)
             line.colors = ends
             return
         self._routes[key] = self._api.add_line_segments(

@@ -2,26 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rich.console import Console
-
-
-def each_log(logs: Sequence[Path], console: Console) -> Iterable[Path]:
-    """The logs in their order, with a bar while they are read."""
-    from rich.progress import track
-
-    return track(
-        logs,
-        description="reading",
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )
 
 
 @contextmanager

@@ -158,7 +158,7 @@ def test_the_model_that_is_judged_is_never_overwritten(worn_logs, tmp_path, caps
     link.symlink_to(path)
     for target in (path, link, tmp_path / "." / "mine.safetensors"):
         said = refused(capsys, *worn_logs, "--model", str(path), "--out", str(target), "--force")
-        assert "is the model that is judged" in said
+        assert "would overwrite" in said
     assert path.read_bytes() == before
 
 
@@ -178,8 +178,8 @@ def test_another_file_is_replaced_only_by_force(worn_logs, tmp_path, capsys):
         (["--out", "{folder}/new.bin"], ".safetensors"),
         (["--out", "{folder}/none/new.safetensors"], "no folder"),
         (["--html", "{folder}/page.txt"], ".html"),
-        (["--json", "{log}"], "one of the logs"),
-        (["--json", "{folder}/a.html", "--html", "{folder}/a.html"], "something else"),
+        (["--json", "{log}"], "would overwrite"),
+        (["--json", "{folder}/a.html", "--html", "{folder}/a.html"], "asked for twice"),
         (["--surrogates", "19"], "49 or more"),
         (["--model", "{folder}/none.safetensors"], "no model file"),
         (["--held-out", "{log}"], "same flight"),

@@ -122,6 +122,14 @@ def test_exit_codes(capsys, tmp_path):
     assert "Traceback" not in capsys.readouterr().err
 
 
+def test_a_log_is_never_overwritten_by_what_is_said_of_it(tmp_path, capsys):
+    log = tmp_path / "flight.tlog"
+    log.write_bytes(FLIGHT.read_bytes())
+    assert run(["inspect", str(log), "--json", str(log)]) == 1
+    assert "would overwrite" in capsys.readouterr().err
+    assert log.read_bytes() == FLIGHT.read_bytes()
+
+
 def test_the_default_airframe_gives_way_to_another_rotor_count(capsys, log, tmp_path):
     six = load_airframe(OTHER)
     rotors = six.rotor_count

@@ -97,7 +97,7 @@ def test_refusals_say_what_to_do(tmp_path):
         match(airframe="no-such", out=tmp_path / "a.svg")
     with pytest.raises(DataError, match=r"end its name in \.svg or \.png"):
         match(out=tmp_path / "a.pdf")
-    with pytest.raises(DataError, match="check the folder"):
+    with pytest.raises(DataError, match=r"no folder .*nowhere"):
         match(out=tmp_path / "nowhere" / "a.svg")
     (tmp_path / "taken.svg").mkdir()
     with pytest.raises(DataError, match="check the folder"):

@@ -9,7 +9,7 @@ from thrustmargin.gcs_plugin.commands.options import (
     Output,
     check_outputs,
     check_utilisation,
-    renamed_option,
+    refuse_renamed,
 )
 from thrustmargin.models.errors import DataError
 
@@ -34,9 +34,8 @@ def test_the_old_limit_ends_with_its_new_name_and_the_same_value(argv, same, cap
 
 
 def test_other_commands_and_values_are_left_alone():
-    assert renamed_option([]) is None
-    assert renamed_option(["stream", "--limit", "1"]) is None
-    assert renamed_option(["report", "a--limit.tlog", "--max-utilisation", "0.4"]) is None
+    for argv in ([], ["stream", "--limit", "1"], ["report", "a--limit.tlog", "--out", "b.html"]):
+        refuse_renamed(argv)
 
 
 @pytest.mark.parametrize("value", [0.0, 1.0, 50.0, -0.5, float("nan")])

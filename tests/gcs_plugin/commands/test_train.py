@@ -130,7 +130,7 @@ def test_a_model_file_that_is_there_is_not_replaced_unasked(few_logs, tmp_path):
 @pytest.mark.parametrize(
     ("given", "error", "message"),
     [
-        ({"out": "model.bin"}, DataError, "must end in .safetensors"),
+        ({"out": "model.bin"}, DataError, "end its name in .safetensors"),
         ({"out": "nowhere/m.safetensors"}, DataError, "no folder"),
         ({"members": 2}, DataError, "--members must be at least 3"),
         ({"max_epochs": 0}, DataError, "--max-epochs at least 1"),

@@ -1,0 +1,89 @@
+"""What a command works on: the rotor speed model asked for, and the logs given."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from thrustmargin.models.errors import DataError, LogError, ThrustMarginError
+from thrustmargin.models.model.rotor_model import (
+    RotorModel,
+    load_model,
+    physics_model,
+    shipped_model,
+)
+from thrustmargin.models.physics.airframe import Airframe, load_airframe
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from thrustmargin.gcs_plugin.logs import FlightLog
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+
+
+def chosen_model(model: Path | None, airframe: str | None) -> RotorModel:
+    """The model file, else the shipped model, else weight and thrust curve of another airframe.
+
+    Raises ModelError or AirframeError when a file is unfit, DataError when the two disagree.
+    """
+    if model is not None:
+        return _model_of(model, airframe)
+    shipped = shipped_model()
+    if airframe is None:
+        return shipped
+    wanted = load_airframe(airframe)
+    return shipped if wanted.name == shipped.airframe.name else physics_model(wanted)
+
+
+def starting_model(model: Path | None, airframe: str | None) -> tuple[RotorModel, str]:
+    """The model that a search starts from, and its name for the result.
+
+    Unlike `chosen_model`, an airframe alone always means its weight and thrust curve, so that the
+    search can begin without what a network has learnt. Raises as `chosen_model`.
+    """
+    if model is not None:
+        return _model_of(model, airframe), str(model)
+    if airframe is None:
+        return shipped_model(), "shipped"
+    return physics_model(load_airframe(airframe)), f"airframe {airframe}"
+
+
+def _model_of(file: Path, airframe: str | None) -> RotorModel:
+    chosen = load_model(file)
+    wanted = chosen.airframe.name if airframe is None else load_airframe(airframe).name
+    if wanted != chosen.airframe.name:
+        raise DataError(
+            f"{file.name} is a model of {chosen.airframe.name}, not of {wanted}; give one"
+        )
+    return chosen
+
+
+def read_logs(
+    logs: Sequence[Path],
+    unused: list[UnusedLog],
+    console: Console,
+    *,
+    airframe: Airframe,
+    vehicle: int | None = None,
+    skipped: type[ThrustMarginError] = LogError,
+) -> Iterator[FlightLog]:
+    """Each log that can be read, in order, with a bar on the `console` meanwhile.
+
+    A log that cannot for an error of the kind `skipped` is added to `unused`.
+    """
+    from rich.progress import track
+
+    from thrustmargin.gcs_plugin.logs import read_log
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+
+    described = "reading" if len(logs) != 1 else f"reading {logs[0].name}"
+    quiet = not console.is_terminal
+    for path in track(logs, described, console=console, transient=True, disable=quiet):
+        try:
+            log = read_log(path, vehicle=vehicle, airframe=airframe)
+        except skipped as error:
+            reason = str(error).removeprefix(f"{path.name}: ")
+            unused.append(UnusedLog(name=path.name, reason=reason))
+        else:
+            yield log
