@@ -128,6 +128,9 @@ def test_a_pack_above_65_volts_is_summed_over_its_cells():
     more = np.array([4000, 0, 0, 0])
     volts = channel("BATTERY_STATUS", "battery_voltage", voltages=cells, voltages_ext=more)
     assert volts[0] == pytest.approx(74.0)
+    unused = np.array([4000, 65535, 65534, 0])  # 65535 is no cell, 65534 mV is one
+    volts = channel("BATTERY_STATUS", "battery_voltage", voltages=cells, voltages_ext=unused)
+    assert volts[0] == pytest.approx(74.0 + 65.534)
 
 
 def test_zero_rpm_is_unknown_only_while_the_esc_has_never_spoken():
