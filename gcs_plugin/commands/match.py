@@ -11,7 +11,8 @@ from thrustmargin.models.physics.atmosphere import G0
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from thrustmargin.models.physics.matching import Matching, NetworkPoints
+    from thrustmargin.models.model.network_points import NetworkPoints
+    from thrustmargin.models.physics.matching import Matching
 
 PAPER = "Han et al. 2024, F16: 9.28 kg, 5.28 kg, +75.83 %, about 50 % when full"
 
@@ -116,8 +117,8 @@ def _fill(fill: float, capacity: float) -> str:
 
 def _network(matching: Matching, path: Path | None) -> tuple[NetworkPoints | None, str]:
     """The network's points, and a sentence that says what they are or why there are none."""
+    from thrustmargin.models.model.network_points import network_points
     from thrustmargin.models.model.rotor_model import load_model, shipped_model
-    from thrustmargin.models.physics.matching import network_points
 
     if path is not None:
         model = load_model(path)

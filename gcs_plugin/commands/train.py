@@ -110,7 +110,7 @@ def train(
 
 def _unused(tracks: Sequence[FlightTrack]) -> list[UnusedLog]:
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-    from thrustmargin.models.network.training_rows import training_rows
+    from thrustmargin.models.physics.flight_phases import training_rows
 
     return [
         UnusedLog(

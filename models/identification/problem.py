@@ -24,7 +24,7 @@ from thrustmargin.models.identification.base_uncertainty import doubt_rpm
 from thrustmargin.models.identification.modes import Modes, modes
 from thrustmargin.models.model.flown import model_channels, table_of
 from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.network.training_rows import training_rows
+from thrustmargin.models.physics.flight_phases import training_rows
 
 BLOCK_SECONDS = 10.0
 LEAST_ROWS = 100

@@ -14,8 +14,8 @@ from thrustmargin.models.checks.stuck_sensor import check_stuck_sensor
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.problem import LEAST_ROWS
-from thrustmargin.models.network.training_rows import training_rows
 from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.flight_phases import training_rows
 
 
 def wrong_speeds(track: FlightTrack, airframe: Airframe) -> str | None:

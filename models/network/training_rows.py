@@ -14,80 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.models.errors import DataError
-from thrustmargin.models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.physics.atmosphere import track_density
+from thrustmargin.models.physics.flight_phases import training_rows, turning_rows
 
 Rows = NDArray[np.intp]
 
 #: share of training, validation and test. The paper prints 0.75:0.15:0.15, which adds up to 1.05.
 SHARES = (0.70, 0.15, 0.15)
-#: m/s and s: flight is level when the climb rate stays below this for this long
-LEVEL_CLIMB, LEVEL_SECONDS = 0.3, 1.0
-#: share of the usual low height of a flight below which it is still taking off or landing
-LOW_SHARE = 0.5
-#: rad/s and s: a row is in a yaw turn when the yaw rate exceeds this within this time of it
-TURN_RATE, TURN_SECONDS = np.radians(5.0), 1.0
-
-
-def training_rows(track: FlightTrack) -> Bools:
-    """(T,) rows of a flight that can teach or judge a rotor speed model.
-
-    Kept: off the ground, between take-off and landing, with airspeed, tank level and every rotor's
-    speed known and above 0. Each stretch of flight begins at its first and ends at its last second
-    of level flight (climb rate below 0.3 m/s, and not lower than half its usual low height), so
-    climbs in between stay, as do yaw turns and hover: the aircraft flies them, so the model is
-    judged on them. With neither climb rate nor height reported, the stretch is kept whole.
-    """
-    with np.errstate(invalid="ignore"):
-        known = (
-            np.isfinite(track.airspeed)
-            & np.isfinite(track.tank_kg)
-            & np.all(track.rotor_speed_rpm > 0.0, axis=1)
-        )
-    keep = track.flying & known
-    climb = _climb_rate(track)
-    if climb is None:
-        return keep
-    for first, end in _stretches(track.flying):
-        part = slice(first, end)
-        with np.errstate(invalid="ignore"):
-            level = np.abs(climb[part]) < LEVEL_CLIMB
-            height = track.height_agl[part]
-            if np.any(np.isfinite(height)):
-                level &= height >= LOW_SHARE * np.nanpercentile(height, 10.0)
-        time_s = track.time_s[part]
-        runs = [r for r in _stretches(level) if time_s[r[1] - 1] - time_s[r[0]] >= LEVEL_SECONDS]
-        if not runs:
-            keep[part] = False
-            continue
-        keep[first : first + runs[0][0]] = False
-        keep[first + runs[-1][1] : end] = False
-    return keep
-
-
-def _climb_rate(track: FlightTrack) -> Floats | None:
-    """(T,) m/s upwards from the vertical speed, else from the height; None with neither."""
-    if np.any(np.isfinite(track.velocity_ned[:, 2])):
-        return -track.velocity_ned[:, 2]
-    if np.any(np.isfinite(track.height_agl)) and track.time_s.size > 1:
-        return np.gradient(track.height_agl, track.time_s)
-    return None
-
-
-def _stretches(mask: Bools) -> list[tuple[int, int]]:
-    """(first, end) of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-
-
-def turning_rows(track: FlightTrack) -> Bools:
-    """(T,) rows in or within a second of a yaw turn of more than 5 deg/s; all False if unknown."""
-    with np.errstate(invalid="ignore"):
-        fast = np.abs(track.angular_rate_frd[:, 2]) > TURN_RATE
-    when = track.time_s[fast]
-    before = np.searchsorted(when, track.time_s - TURN_SECONDS, side="left")
-    after = np.searchsorted(when, track.time_s + TURN_SECONDS, side="right")
-    return after > before
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -6,15 +6,11 @@ over the rotors when all turn at one speed; on a coaxial airframe the upper ones
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from thrustmargin.models.errors import ModelError
-from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.model.predict import Basis, predict
-from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.margin import (
     Ceiling,
@@ -32,11 +28,6 @@ from thrustmargin.models.physics.thrust import (
     speed_from_thrust,
     thrust_coefficient_range,
 )
-
-#: m/s and shares of the tank at which the network is asked for Figure 10: the paper's three speeds
-#: and its three payloads 4, 10 and 16 of 16 kg.
-FIGURE_AIRSPEEDS = (2.0, 4.0, 6.0)
-FIGURE_TANK_SHARES = (0.25, 0.625, 1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,18 +57,6 @@ class Matching:
     thrust_coefficient: float  # C_T of the fitted curve
     thrust_coefficient_range: tuple[float, float]  # C_T of Eq. 3 over the printed parameters
     ceilings: tuple[CeilingMatch, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class NetworkPoints:
-    """Rotor speeds that a learnt model predicts at P airspeeds and tank levels."""
-
-    title: str  # of the aircraft whose flights taught it, which may be a simulated one
-    airspeed: Floats  # (P,) m/s
-    tank_kg: Floats  # (P,) kg
-    rotor_speed_rpm: Floats  # (P, R)
-    load: Floats  # (P,) N that a rotor carries
-    left_out: int  # points outside the model's training envelope
 
 
 def match_airframe(airframe: Airframe) -> Matching:
@@ -144,53 +123,4 @@ def same_aircraft(first: Airframe, second: Airframe) -> bool:
     return first.rotor_count == second.rotor_count and all(
         np.isclose(getattr(first, name), getattr(second, name))
         for name in ("empty_mass", "tank_volume_l", "propeller_diameter", "thrust_coefficient")
-    )
-
-
-def network_points(
-    airframe: Airframe,
-    model: RotorModel,
-    *,
-    airspeeds: Sequence[float] = FIGURE_AIRSPEEDS,
-    tank_shares: Sequence[float] = FIGURE_TANK_SHARES,
-) -> NetworkPoints:
-    """What the model's network predicts over a grid of airspeed (m/s) and share of the tank.
-
-    The model is asked in the air of its training, and Eq. 1 carries its speeds over to the air of
-    its airframe's thrust curve, in which the figure is drawn. Raises ModelError when it was made
-    for another aircraft, or when its network covers none of the points.
-    """
-    if not same_aircraft(airframe, model.airframe):
-        raise ModelError(
-            f"the model was made for {model.airframe.name}, not for {airframe.name}; "
-            "give --model a file trained on this aircraft"
-        )
-    speed, share = (g.ravel() for g in np.meshgrid(airspeeds, tank_shares, indexing="ij"))
-    tank = share * airframe.tank_capacity_kg
-    rows = speed.size
-    still = np.zeros((rows, 3))
-    track = FlightTrack.of(
-        name="Figure 10",
-        time_s=np.arange(rows, dtype=np.float64),
-        rotor_count=airframe.rotor_count,
-        airspeed=speed,
-        tank_kg=tank,
-        velocity_ned=np.stack([speed, still[:, 0], still[:, 0]], axis=1),
-        wind_ned=still,
-    )
-    predicted = predict(model, track, np.full(rows, model.reference_density))
-    to_curve = np.sqrt(model.reference_density / model.airframe.reference_density)
-    learnt = np.asarray(predicted.basis) == Basis.NETWORK
-    if not np.any(learnt):
-        raise ModelError(
-            f"the model for {model.airframe.name} has no network that covers these speeds and "
-            "tank levels; train one with `thrustmargin train`"
-        )
-    return NetworkPoints(
-        title=model.airframe.title,
-        airspeed=speed[learnt],
-        tank_kg=tank[learnt],
-        rotor_speed_rpm=predicted.rotor_speed_rpm[learnt] * to_curve,
-        load=weight(airframe, tank[learnt]) / airframe.rotor_count,
-        left_out=int(np.count_nonzero(~learnt)),
     )

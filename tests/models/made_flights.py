@@ -91,3 +91,18 @@ def curve_model() -> RotorModel:
 def table(names: Sequence[str]):
     """The effects of these keys, to search only among them."""
     return tuple(e for e in CATALOGUE if e.key in names)
+
+
+def level_flight(rows: int = 100, name: str = "level", **channels) -> FlightTrack:
+    """Ten rows a second at 3 m, all known."""
+    velocity = np.zeros((rows, 3))
+    given = {
+        "velocity_ned": velocity,
+        "airspeed": np.full(rows, 4.0),
+        "tank_kg": np.full(rows, 9.0),
+        "rotor_speed_rpm": np.full((rows, 4), 1900.0) + np.arange(rows)[:, None],
+        "height_agl": np.full(rows, 3.0),
+        "angular_rate_frd": np.zeros((rows, 3)),
+        **channels,
+    }
+    return FlightTrack.of(name=name, time_s=np.arange(rows) / 10.0, rotor_count=4, **given)

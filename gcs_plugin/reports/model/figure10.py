@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from thrustmargin.models.physics.matching import Matching, NetworkPoints
+    from thrustmargin.models.model.network_points import NetworkPoints
+    from thrustmargin.models.physics.matching import Matching
 
 INK = "#1f2933"
 BLUE = "#1f5fa8"

@@ -24,11 +24,10 @@ from thrustmargin.models.network.training_rows import (
     member_splits,
     split_by_flight,
     split_by_samples,
-    training_rows,
-    turning_rows,
 )
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.atmosphere import track_density
+from thrustmargin.models.physics.flight_phases import training_rows, turning_rows
 from thrustmargin.models.scores import error_terms, r2
 
 F16 = load_airframe("topxgun-f16-sitl")
