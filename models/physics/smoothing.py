@@ -10,8 +10,10 @@ from thrustmargin.models.flight import Floats
 
 
 def row_step(time_s: Floats) -> float:
-    """Usual s between rows, to four digits: the same in each window of a flight."""
-    return float(f"{np.median(np.diff(time_s)):.4g}")
+    """Usual s between rows, to the millisecond where it is about one: the same in each window."""
+    step = float(np.median(np.diff(time_s)))
+    whole = round(step, 3)
+    return whole if abs(step - whole) < 0.002 * step else float(f"{step:.4g}")
 
 
 def derivative(time_s: Floats, values: Floats, span: float) -> Floats:
