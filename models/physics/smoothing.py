@@ -13,7 +13,7 @@ def row_step(time_s: Floats) -> float:
     """Usual s between rows, to the millisecond where it is about one: the same in each window."""
     step = float(np.median(np.diff(time_s)))
     whole = round(step, 3)
-    return whole if abs(step - whole) < 0.002 * step else float(f"{step:.4g}")
+    return whole if abs(step - whole) < 0.008 * step else float(f"{step:.4g}")
 
 
 def derivative(time_s: Floats, values: Floats, span: float) -> Floats:
