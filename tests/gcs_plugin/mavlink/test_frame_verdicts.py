@@ -14,6 +14,7 @@ from thrustmargin.gcs_plugin.mavlink.frame import (
     header,
 )
 from thrustmargin.gcs_plugin.mavlink.layouts import ID_LIMIT, layout_table
+from thrustmargin.gcs_plugin.mavlink.scan import PADDING, scan
 from thrustmargin.gcs_plugin.mavlink.splitter import FrameSplitter
 
 #: HEARTBEAT: id 0, nine bytes, CRC_EXTRA 50 (MAVLink definition).
@@ -256,3 +257,20 @@ def test_a_datagram_with_a_whole_frame_ends_the_wait_for_the_one_before():
     assert splitter.feed_datagram(head, 0) == []
     assert len(splitter.feed_datagram(tail, 0)) == 1
     assert splitter.counts.bytes_skipped == 12
+
+
+@pytest.mark.parametrize("last", [b"", first()[:4], first(number=UNKNOWN)[:3]])
+def test_an_unknown_frame_at_the_end_of_a_file_is_believed(last):
+    data = first() + first(b"abc", number=UNKNOWN) + last
+    found = scan(np.frombuffer(data + bytes(PADDING), dtype=np.uint8), len(data), stamp=0)
+    assert found.start.tolist() == [0]
+    assert found.unverified == ((17, UNKNOWN),)
+    assert found.skipped == (((28, len(last)),) if last else ())
+
+
+def test_a_datagram_that_is_an_unknown_frame_is_believed_at_once_and_a_stream_waits():
+    strange = first(b"abc", number=UNKNOWN)
+    assert [f.verified for f in FrameSplitter().feed_datagram(strange, 0)] == [False]
+    stream = FrameSplitter()
+    assert stream.feed(strange, 0) == []
+    assert [f.data for f in stream.feed(first(), 0)] == [strange, first()]

@@ -1,0 +1,178 @@
+"""Steps of training on a table of eight rows of three flights, counted by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.models.model.test_training import sorties
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.model.training import (
+    TrainSettings,
+    _conditions,
+    _envelope,
+    _left_out_speeds,
+    _median,
+    _range,
+    _split_score,
+    train,
+)
+from thrustmargin.models.network.ensemble import RotorNetwork
+from thrustmargin.models.network.network import NetConfig, NetworkFit
+from thrustmargin.models.network.training_rows import Samples, Split, turning_rows
+from thrustmargin.models.physics.airframe import load_airframe
+
+NAN = float("nan")
+FLIGHT = np.array([0, 0, 0, 1, 1, 1, 2, 2])
+TABLE = Samples(
+    airspeed=np.array([2.0, 3.0, 4.0, 2.0, 3.0, 4.0, 5.0, 1.0]),
+    tank_kg=np.array([9.0, 8.0, 7.0, 6.0, 5.0, 4.0, 3.0, 2.0]),
+    rotor_speed_rpm=1000.0 + np.arange(16.0).reshape(8, 2),
+    flight=FLIGHT,
+    flights=("a", "b", "c"),
+    density=np.array([1.2, 1.2, 1.2, 1.1, 1.1, 1.1, 1.0, 1.0]),
+    height_agl=np.full(8, NAN),
+    wind_speed=np.array([NAN, 3.0, 1.0, NAN, NAN, NAN, 2.0, NAN]),
+    voltage=np.array([NAN, 50.0, 48.0, 52.0, NAN, NAN, NAN, NAN]),
+    spraying=np.array([1.0, 1.0, 0.0, 0.0, NAN, NAN, 1.0, 0.0]),
+    turning=np.array([0.0, 1.0, 0.0, 0.0, NAN, 1.0, 0.0, 0.0]),
+)
+
+
+def constant(speed: float) -> NetworkFit:
+    """A network that answers `speed` for rotor 1 and 2 rpm more for rotor 2."""
+    network = RotorNetwork(
+        weights=(np.zeros((1, 2, 2), dtype=np.float32),),
+        biases=(np.zeros((1, 2), dtype=np.float32),),
+        input_mean=np.zeros((1, 2)),
+        input_scale=np.ones((1, 2)),
+        output_mean=np.array([[speed, speed + 2.0]]),
+        output_scale=np.ones((1, 2)),
+    )
+    losses = np.array([0.5, 0.3, 0.4])
+    return NetworkFit(network=network, training_loss=losses, validation_loss=losses)
+
+
+def leaving_out(*flights: int) -> Split:
+    out = np.flatnonzero(np.isin(FLIGHT, flights))
+    rest = np.flatnonzero(~np.isin(FLIGHT, flights))
+    return Split(training=rest[1:], validation=rest[:1], test=out)
+
+
+def test_a_flight_is_predicted_by_the_mean_of_the_members_that_left_it_out():
+    members = [constant(1000.0), constant(1100.0), constant(1400.0)]
+    splits = [leaving_out(0), leaving_out(1), leaving_out(1, 2)]
+    found = _left_out_speeds(TABLE, members, splits)
+    # flight 0 by the first, flight 1 by the second and third, flight 2 by the third
+    by_hand = np.repeat([1000.0, 1250.0, 1400.0], [3, 3, 2])
+    np.testing.assert_allclose(found, np.stack([by_hand, by_hand + 2.0], axis=1))
+
+
+def test_scores_of_a_split_are_of_its_own_rows():
+    split = Split(training=np.arange(4), validation=np.array([4, 5]), test=np.array([6, 7]))
+    found = _split_score("flights", TABLE, split, constant(1000.0))
+    # Rotor 1 is 0, 2, .. 14 above 1000 and rotor 2 one less than that plus two.
+    for scored, rows in (
+        (found.training, (0, 4)),
+        (found.validation, (4, 6)),
+        (found.test, (6, 8)),
+    ):
+        error = np.arange(*rows) * 2.0
+        both = np.stack([error, error - 1.0])
+        assert scored.rmse_per_rotor_rpm == pytest.approx(np.sqrt(np.mean(both**2, axis=1)))
+        assert scored.rows == rows[1] - rows[0]
+    assert (found.epochs, found.best_epoch, found.lowest_loss) == (3, 2, 0.3)
+
+
+def test_conditions_take_the_rows_that_they_name():
+    predicted = TABLE.rotor_speed_rpm - np.arange(8.0)[:, None]  # row k is k rpm off
+    found = {c.condition: c.score for c in _conditions(TABLE, predicted, 0)}
+    rows = {
+        "all rows": [0, 1, 2, 3, 4, 5, 6, 7],
+        "pump on": [0, 1, 6],
+        "outside yaw turns": [0, 2, 3, 6, 7],
+        "in yaw turns": [1, 5],
+        "mean of rotors": [0, 1, 2, 3, 4, 5, 6, 7],
+    }
+    assert list(found) == list(rows)
+    for name, expected in rows.items():
+        by_hand = np.sqrt(np.mean(np.square(expected)))
+        assert found[name].rmse_per_rotor_rpm == pytest.approx(
+            [by_hand] * (1 if "mean" in name else 2)
+        )
+    nothing_sprayed = replace(TABLE, spraying=np.full(8, NAN))
+    assert "pump on" not in {c.condition for c in _conditions(nothing_sprayed, predicted, 0)}
+
+
+def test_the_mean_of_rotors_forgives_what_they_exchange():
+    predicted = TABLE.rotor_speed_rpm + np.array([50.0, -50.0])
+    found = {c.condition: c.score for c in _conditions(TABLE, predicted, 0)}
+    assert found["all rows"].rmse_per_rotor_rpm == pytest.approx([50.0, 50.0])
+    assert found["mean of rotors"].rmse_per_rotor_rpm == pytest.approx([0.0], abs=1e-9)
+
+
+def test_the_training_domain_is_from_the_lowest_to_the_highest_known():
+    domain = _envelope(TABLE)
+    assert domain.airspeed == (1.0, 5.0)
+    assert domain.tank_kg == (2.0, 9.0)
+    assert domain.density == (1.0, 1.2)
+    assert domain.wind_speed == (1.0, 3.0)
+    assert np.isnan(domain.height_agl).all()
+    assert domain.flights == ("a", "b", "c")
+    assert _range(np.array([NAN, 7.0])) == (7.0, 7.0)
+    assert _median(TABLE.voltage) == 50.0
+    assert np.isnan(_median(TABLE.height_agl))
+
+
+def test_networks_are_named_and_counted_from_one():
+    settings = TrainSettings(members=3)
+    assert settings.names() == [
+        "split by samples",
+        "split by flights",
+        "member 1 of 3",
+        "member 2 of 3",
+        "member 3 of 3",
+    ]
+
+
+def test_settings_reach_the_training():
+    airframe = load_airframe("topxgun-f16-sitl")
+    tracks = sorties(10)
+    settings = TrainSettings(
+        splits=("flights",),
+        members=3,
+        seed=4,
+        coverage=0.8,
+        net=NetConfig(hidden=(3,), max_epochs=1),
+    )
+    model = train(tracks, airframe, settings, date="", version="").model
+    assert model.interval is not None
+    assert model.training is not None
+    assert model.network is not None
+    assert model.interval.coverage == 0.8
+    assert model.interval.flights == 10
+    assert model.interval.measured is not None
+    assert (model.training.seed, model.training.members) == (4, 3)
+    assert model.network.hidden == (3,)
+    assert model.training.rows - model.training.learnt_rows == sum(
+        int(turning_rows(t)[(t.time_s > 7.5) & (t.time_s < 50.5)].sum()) for t in tracks
+    )
+    other = train(tracks, airframe, replace(settings, seed=5), date="", version="").model
+    assert other.network is not None
+    assert not np.array_equal(other.network.weights[0], model.network.weights[0])
+    # Members differ by their seeds and rows.
+    first, second, third = (model.network.member(k).weights[0] for k in range(3))
+    assert not np.array_equal(first, second)
+    assert not np.array_equal(second, third)
+
+
+def test_flights_of_nothing_but_turns_cannot_be_learnt():
+    spinning = [
+        replace(t, angular_rate_frd=np.tile([0.0, 0.0, 1.0], (t.time_s.size, 1)))
+        for t in sorties(4)
+    ]
+    settings = TrainSettings(members=3, net=NetConfig(max_epochs=1))
+    with pytest.raises(
+        DataError, match="no row outside yaw turns; give flights with straight legs"
+    ):
+        train(spinning, load_airframe("topxgun-f16-sitl"), settings, date="", version="")
