@@ -1,8 +1,8 @@
 """What lies ahead on a mission: tank and predicted thrust margin along the rest of the route.
 
 The aircraft flies straight from place to place at the mission's speed and sprays where the mission
-says so, at the flow that it has now. Air and pack stay as they are now; turns, climbs and gusts are
-in it only as far as the model knows them. Jumps back (DO_JUMP) are not followed.
+says so, at the flow that it has now. Air and battery stay as they are now; turns, climbs and gusts
+are in it only as far as the model knows them. Jumps back (DO_JUMP) are not followed.
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ from thrustmargin.models.whole_file import whole_file
 
 FRAME_AMSL, FRAME_MISSION, FRAME_ABOVE_HOME, FRAME_ABOVE_GROUND = 0, 2, 3, 10
 #: MAV_FRAME numbers of the integer messages -> the frame that plan files use for the same thing.
-PLAIN_FRAME = {5: FRAME_AMSL, 6: FRAME_ABOVE_HOME, 11: FRAME_ABOVE_GROUND}
+FLOAT_FRAME = {5: FRAME_AMSL, 6: FRAME_ABOVE_HOME, 11: FRAME_ABOVE_GROUND}
 #: QGroundControl's "AltitudeMode" of each frame.
 ALTITUDE_MODE = {FRAME_AMSL: 2, FRAME_ABOVE_HOME: 1, FRAME_ABOVE_GROUND: 4}
 
@@ -87,26 +87,26 @@ def plan_from_items(
     Raises PlanError when there is nothing to do in the mission.
     """
     notes: tuple[str, ...] = ()
-    plain = [replace(i, frame=PLAIN_FRAME.get(i.frame, i.frame)) for i in items]
-    if home_first and plain:
-        latitude, longitude, altitude = plain[0].parameters[4:]
-        if plain[0].frame != FRAME_AMSL:
+    mission = [replace(i, frame=FLOAT_FRAME.get(i.frame, i.frame)) for i in items]
+    if home_first and mission:
+        latitude, longitude, altitude = mission[0].parameters[4:]
+        if mission[0].frame != FRAME_AMSL:
             altitude = math.nan
-            notes = (f"home is given in frame {plain[0].frame}: {NO_HOME_HEIGHT}",)
-        home, plain = (latitude, longitude, altitude), plain[1:]
+            notes = (f"home is given in frame {mission[0].frame}: {NO_HOME_HEIGHT}",)
+        home, mission = (latitude, longitude, altitude), mission[1:]
     elif not home_first:
-        plain = [_renumbered(i) for i in plain]
-    if not plain:
+        mission = [_renumbered(i) for i in mission]
+    if not mission:
         raise PlanError("the vehicle holds no mission; upload one to it first")
     if home is None:
-        places = [place for item in plain if (place := item.place) is not None]
+        places = [place for item in mission if (place := item.place) is not None]
         if not places:
             raise PlanError(
                 "the mission has no place and the vehicle reports no home; wait for its position"
             )
         home = (*places[0][:2], math.nan)
         notes = (f"home is not known and the first waypoint stands in: {NO_HOME_HEIGHT}",)
-    return MissionPlan(items=tuple(plain), home=home, firmware=firmware, notes=notes)
+    return MissionPlan(items=tuple(mission), home=home, firmware=firmware, notes=notes)
 
 
 def _renumbered(item: PlanItem) -> PlanItem:
@@ -182,7 +182,7 @@ def _item(entry: dict[str, Any], *, default_number: int, where: str) -> PlanItem
         parameters=(values[0], values[1], values[2], values[3], values[4], values[5], values[6]),
         autocontinue=bool(entry.get("autoContinue", True)),
     )
-    item = replace(item, frame=PLAIN_FRAME.get(item.frame, item.frame))
+    item = replace(item, frame=FLOAT_FRAME.get(item.frame, item.frame))
     place = item.place
     if place is not None:
         _check_place(place[0], place[1], where=where)

@@ -65,8 +65,8 @@ def identify(
 
     from thrustmargin.gcs_plugin.commands.inputs import starting_model
     from thrustmargin.gcs_plugin.commands.options import Output, check_outputs, require_logs
+    from thrustmargin.gcs_plugin.commands.progress import steps
     from thrustmargin.gcs_plugin.reports.identify.identify_result import result_of
-    from thrustmargin.gcs_plugin.wording.progress import steps
     from thrustmargin.models.identification.identify import identify as search
     from thrustmargin.models.identification.search import SearchConfig
     from thrustmargin.models.identification.usable_flights import require_distinct

@@ -55,9 +55,9 @@ def train(
 
     from thrustmargin.gcs_plugin.commands.inputs import read_logs
     from thrustmargin.gcs_plugin.commands.options import Output, check_outputs, require_logs
+    from thrustmargin.gcs_plugin.commands.progress import steps
     from thrustmargin.gcs_plugin.reports.model.loss_figure import write_loss_curves
     from thrustmargin.gcs_plugin.reports.model.training_tables import training_tables
-    from thrustmargin.gcs_plugin.wording.progress import steps
     from thrustmargin.models.model.rotor_model import save_model
     from thrustmargin.models.model.training import TrainSettings
     from thrustmargin.models.model.training import train as fit

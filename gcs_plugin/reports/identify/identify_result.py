@@ -23,7 +23,7 @@ from thrustmargin.models.model.json_values import to_plain
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Result:
-    """An identification and everything that is said of it."""
+    """An identification and everything that its print-out, JSON and page show of it."""
 
     found: Identification
     closed: Closed
@@ -48,7 +48,7 @@ def result_of(
     model_out: str = "",
     date: str = "",
 ) -> Result:
-    """Everything that is said of an identification; `tracks` are the flights it was given."""
+    """Everything that is shown of an identification; `tracks` are the flights it was given."""
     unseen = unseen_residuals(found)
     margins, margin = margin_changes(found)
     return Result(
@@ -90,5 +90,4 @@ def json_text(result: Result) -> str:
 
 def _numbered(change: MarginChange) -> dict[str, Any]:
     """With the rotor counted from 1, as everywhere outside arrays."""
-    plain = to_plain(change)
-    return plain | {"rotor": None if change.rotor is None else change.rotor + 1}
+    return to_plain(change) | {"rotor": None if change.rotor is None else change.rotor + 1}

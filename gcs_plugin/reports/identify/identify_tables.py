@@ -1,4 +1,4 @@
-"""The tables that `identify` prints below its plain answer; they fit 80 columns."""
+"""The tables that `identify` prints below its answer in words; they fit 80 columns."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Prediction error of one flight with honest intervals: from blocks of time, not sample counts.
 
 Samples of one flight follow each other, so their number says little about how sure a figure is:
-the flight is resampled in stretches of `BLOCK_S` (models/scores.py). It tells about gusts and turns
+the flight is resampled in stretches of `BLOCK_S` (models/scores.py). It describes gusts and turns
 of this flight; another day may differ by more.
 """
 
@@ -75,7 +75,7 @@ def accuracy(analysis: FlightAnalysis, rotor_names: tuple[str, ...]) -> Accuracy
     else:
         words = (
             f"No intervals: the flight has {blocks} blocks of {BLOCK_S:.0f} s, and fewer than "
-            f"{FEWEST_BLOCKS} cannot tell how sure a figure is."
+            f"{FEWEST_BLOCKS} cannot show how sure a figure is."
         )
     return Accuracy(
         rotors=rotors,
@@ -91,9 +91,9 @@ def accuracy(analysis: FlightAnalysis, rotor_names: tuple[str, ...]) -> Accuracy
 
 def trained_on(analysis: FlightAnalysis) -> bool:
     """True when a flight of this name, whatever the format of its log, trained the network."""
-    envelope = analysis.model.envelope
+    domain = analysis.model.envelope
     name = PurePath(analysis.track.name).stem
-    return envelope is not None and name in {PurePath(f).stem for f in envelope.flights}
+    return domain is not None and name in {PurePath(f).stem for f in domain.flights}
 
 
 def _rotor_error(rotor: int, name: str, whole: Floats, drawn: Floats, blocks: int) -> RotorError:

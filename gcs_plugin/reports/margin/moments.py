@@ -28,7 +28,7 @@ TAKE_OFF_S = 5.0
 
 
 def airborne_use(analysis: FlightAnalysis) -> Floats:
-    """(T, R) thrust utilisation that the report judges by; NaN on the ground."""
+    """(T, R) known thrust utilisation; NaN on the ground."""
     return np.where(analysis.track.flying[:, None], analysis.known_utilisation, np.nan)
 
 

@@ -75,12 +75,12 @@ def figure10(matching: Matching, points: NetworkPoints | None) -> Figure:
     newtons.set_ylim(0.0, top * G0)
     newtons.set_ylabel("[N]")
     newtons.spines[["top"]].set_visible(False)
-    axes.set_title(_plain(f"{airframe.title}: thrust curve and load"), loc="left", color=INK)
+    axes.set_title(_literal(f"{airframe.title}: thrust curve and load"), loc="left", color=INK)
     axes.spines[["top"]].set_visible(False)
     return figure
 
 
-def _plain(text: str) -> str:
+def _literal(text: str) -> str:
     """Text from a file, in which a dollar sign would start mathematical notation."""
     return text.replace("$", r"\$")
 
@@ -132,7 +132,7 @@ def _draw_points(axes: Axes, points: NetworkPoints) -> None:
             color=SPEED_COLOURS[index % len(SPEED_COLOURS)],
             label=f"{airspeed:g} m/s: mean and range of rotors",
         )
-    legend_title = _plain(f"network, {points.title}")
+    legend_title = _literal(f"network, {points.title}")
     axes.legend(loc="lower right", frameon=False, title=legend_title, alignment="left")
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from thrustmargin.gcs_plugin.reports.model.figure10 import write_figure
+from thrustmargin.gcs_plugin.reports.model.figure10 import BLUE, SPEED_COLOURS, write_figure
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.training import LossCurve
 from thrustmargin.models.whole_file import whole_file
@@ -59,10 +59,12 @@ def loss_figure(curves: Sequence[LossCurve]) -> Figure:
     for index, curve in enumerate(curves):
         axes = figure.add_subplot(lines, columns, index + 1)
         epochs = range(1, curve.training_loss.size + 1)
-        axes.plot(epochs, curve.training_loss, color="#1f5fa8", linewidth=1.2, label="training")
-        axes.plot(epochs, curve.validation_loss, color="#d95f0e", linewidth=1.2, label="validation")
+        axes.plot(epochs, curve.training_loss, color=BLUE, linewidth=1.2, label="training")
+        axes.plot(
+            epochs, curve.validation_loss, color=SPEED_COLOURS[1], linewidth=1.2, label="validation"
+        )
         lowest = curve.validation_loss[curve.best_epoch - 1]
-        axes.plot(curve.best_epoch, lowest, marker="o", color="#7f2704", markersize=5)
+        axes.plot(curve.best_epoch, lowest, marker="o", color=SPEED_COLOURS[2], markersize=5)
         axes.set_yscale("log")
         axes.set_title(f"{curve.name}: lowest {lowest:.3g} at epoch {curve.best_epoch}", fontsize=9)
         axes.set_xlabel("epoch")

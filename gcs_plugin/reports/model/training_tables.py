@@ -24,11 +24,11 @@ def training_tables(model: RotorModel) -> list[RenderableType]:
     record, interval = model.training, model.interval
     if record is None or interval is None or model.envelope is None:
         return [model.description]
-    envelope = model.envelope
+    domain = model.envelope
     parts: list[RenderableType] = [
         f"{model.description}; {record.rows} rows, "
-        f"airspeed {envelope.airspeed[0]:.1f} to {envelope.airspeed[1]:.1f} m/s, "
-        f"tank {envelope.tank_kg[0]:.1f} to {envelope.tank_kg[1]:.1f} kg"
+        f"airspeed {domain.airspeed[0]:.1f} to {domain.airspeed[1]:.1f} m/s, "
+        f"tank {domain.tank_kg[0]:.1f} to {domain.tank_kg[1]:.1f} kg"
     ]
     if record.splits:
         parts.append(_split_table(record))

@@ -1,7 +1,7 @@
-"""Plotly figures as plain JSON data: colours, axes, lines, and panels stacked over one time axis.
+"""Plotly figures as JSON values: colours, axes, lines, and panels stacked over one time axis.
 
 Black on white, thick lines, large type: they are looked at in the field. Blue is measured, dashed
-orange predicted, red the limit; a print in black and white still tells them apart.
+orange predicted, red the limit; a print in black and white still shows which is which.
 Arrays go into the page as base64 of single precision, which plotly.js reads as they are.
 """
 
