@@ -163,7 +163,7 @@ def write_result(
             if json is not None:
                 drafts[json].write_text(json_text(result), encoding="utf-8")
             if out is not None:
-                save_model(result.closed.model, drafts[out])
+                save_model(result.update.model, drafts[out])
     except OSError as error:
         raise ModelError(f"cannot write {error.filename}: {error.strerror or error}") from error
     return wanted
@@ -178,13 +178,13 @@ def show(result: Result, written: Sequence[Path]) -> None:
     console = Console(highlight=False, markup=False)
     for sentence in result.answer:
         console.print(sentence, soft_wrap=True)
-    if result.found.told:
+    if result.found.reported:
         console.print(effects_table(result.found))
     console.print(errors_table(result.found, result.errors))
     for one in result.not_used:
         console.print(f"not used: {one.name}: {one.reason}", soft_wrap=True)
     if result.model_out:
-        for note in result.closed.notes:
+        for note in result.update.notes:
             console.print(f"new model: {note}", soft_wrap=True)
     for path in written:
         console.print(f"wrote {path}", soft_wrap=True)

@@ -1,7 +1,7 @@
-"""What differs from the training and is followed all the same, because a channel tells of it.
+"""What differs from the training and is followed all the same, because a channel reports it.
 
 A wind beyond that of the training flights is no effect that the model lacks where the reported
-airspeed follows it. It is told, so that a change of conditions does not pass unsaid, with how far
+airspeed follows it. It is stated, so that a change of conditions does not pass unsaid, with how far
 off the model would be with the speed over ground in place of the airspeed.
 """
 
@@ -41,12 +41,12 @@ def followed_wind(problem: Problem, fit: Fit, tracks: Sequence[FlightTrack]) -> 
         return None
     if not flight.rotor_drag > 0.0:
         return None
-    told = [_winds(track, problem, flight) for track in tracks]
-    if any(winds.shape[0] < LEAST_BLOCKS for winds in told):
+    winds = [_winds(track, problem, flight) for track in tracks]
+    if any(w.shape[0] < LEAST_BLOCKS for w in winds):
         return None
-    mean = np.stack([winds.mean(axis=0) for winds in told])  # (F, 2 ways, 2)
+    mean = np.stack([w.mean(axis=0) for w in winds])  # (F, 2 ways, 2)
     value = mean.mean(axis=1)
-    half = np.hypot(_half_widths(told, mean), G0 * LEVEL_ERROR / flight.rotor_drag)
+    half = np.hypot(_half_widths(winds, mean), G0 * LEVEL_ERROR / flight.rotor_drag)
     surely = np.hypot(*value.T) - np.hypot(*half.T)
     if not np.any(surely > model.envelope.wind_speed[1]):
         return None
@@ -80,18 +80,18 @@ def _winds(track: FlightTrack, problem: Problem, flight: ForwardFlight) -> Float
     return np.stack([both[rows][block == b].mean(axis=0) for b in np.unique(block)])
 
 
-def _half_widths(told: Sequence[Floats], mean: Floats) -> Floats:
+def _half_widths(winds: Sequence[Floats], mean: Floats) -> Floats:
     """(F, 2) m/s: 95 % from the scatter of blocks, and from how the two ways differ in all."""
     scatter = np.stack(
         [
             student.ppf(0.975, max(2, w.shape[0] // 2))
             * w.mean(axis=1).std(axis=0, ddof=1)
             / np.sqrt(w.shape[0])
-            for w in told
+            for w in winds
         ]
     )
-    apart = mean[:, 0] - mean[:, 1]
-    between = student.ppf(0.975, apart.size) * np.sqrt(np.mean(apart**2)) / 2
+    difference = mean[:, 0] - mean[:, 1]
+    between = student.ppf(0.975, difference.size) * np.sqrt(np.mean(difference**2)) / 2
     return np.hypot(scatter, between)
 
 

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from thrustmargin.models.effects.base import Effect
-from thrustmargin.models.identification.cross_validation import difference_in_doubt, held_out_cost
+from thrustmargin.models.identification.cross_validation import (
+    difference_is_uncertain,
+    held_out_cost,
+)
 from thrustmargin.models.identification.fit import (
     Evaluator,
     Fit,
@@ -17,7 +20,9 @@ from thrustmargin.models.identification.fit import (
 from thrustmargin.models.identification.search import candidates, credible, score, warm_start
 
 
-def rivals(evaluator: Evaluator, fit: Fit, catalogue: Sequence[Effect]) -> dict[str, list[str]]:
+def confounded_alternatives(
+    evaluator: Evaluator, fit: Fit, catalogue: Sequence[Effect]
+) -> dict[str, list[str]]:
     """For each accepted term, the effects that would do as well in its place."""
     problem = evaluator.problem
     scales = mode_scales(problem, fit.residual_rpm)
@@ -49,7 +54,7 @@ def rivals(evaluator: Evaluator, fit: Fit, catalogue: Sequence[Effect]) -> dict[
                 continue
             trial = score(evaluator, without, 0.0, terms, other, scales=scales, steps=5)
             regained = missed - (float(trial.held_out.sum()) - float(whole.sum()))
-            alike = difference_in_doubt(whole, trial.held_out, problem.block_flight)
+            alike = difference_is_uncertain(whole, trial.held_out, problem.block_flight)
             if alike and regained > 0.5 * missed and credible(trial, without, problem):
                 found[term.key].append(other.words)
     return found

@@ -24,7 +24,7 @@ LEAST_OF_ROTOR = 0.0035  # the same of one rotor, beyond what the middle one of 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Lingering:
+class AutocorrelatedResidual:
     """A slow residual: where, its RMS in rpm of that mode or rotor, its share of what is left."""
 
     mode: str
@@ -33,7 +33,9 @@ class Lingering:
     share: float
 
 
-def lingering(problem: Problem, residual_rpm: Floats) -> Lingering | None:
+def autocorrelated_residual(
+    problem: Problem, residual_rpm: Floats
+) -> AutocorrelatedResidual | None:
     """The largest slow residual (T, R) rpm of the modes and rotors; None when none is worth it."""
     rotors = residual_rpm.shape[1]
     modes, each = problem.modes.directions, np.eye(rotors)
@@ -52,7 +54,7 @@ def lingering(problem: Problem, residual_rpm: Floats) -> Lingering | None:
     directions = np.concatenate([modes, each], axis=1)
     names = (*problem.modes.names, *(f"rotor {k + 1}" for k in range(rotors)))
     total = float(np.mean(np.sum(residual_rpm**2, axis=1)))
-    return Lingering(
+    return AutocorrelatedResidual(
         mode=names[best],
         direction=directions[:, best],
         rms_rpm=float(np.sqrt(slow[best])),

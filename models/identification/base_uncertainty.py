@@ -2,7 +2,7 @@
 
 A network is one of many that its flights allow: its members differ. An effect identified before has
 its interval. Neither is cured by more rows of new flights, so intervals and chance must hold both.
-Beyond its airspeeds the network is carried on by physics, whose forms are good for a part only.
+Beyond its airspeeds the network is extrapolated by physics, whose forms are good for a part only.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ FORM = 0.25  # of lift and of drag, that their forms may be off by beyond the kn
 STANDARD = 1.96  # half widths of a 95 % interval in standard deviations
 
 
-def doubt_rpm(model: RotorModel, base: BaseTable, x: Channels) -> Floats:
+def base_uncertainty_rpm(model: RotorModel, base: BaseTable, x: Channels) -> Floats:
     """(D, T, R) rpm: independent directions, each of the size of one standard deviation."""
     parts = [*_of_members(model, x), *_beyond(model, base, x), *_of_effects(model, base, x)]
     return np.stack(parts) if parts else np.zeros((0, x.time_s.size, base.spread.shape[0]))

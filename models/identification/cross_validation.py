@@ -1,4 +1,4 @@
-"""Judging a fit: error on what was left out, intervals, and chance.
+"""Cross-validation of a fit: error on what was left out, intervals, and chance.
 
 All of it works on block statistics. A fit is linear near its values, so leaving a flight out moves
 the values by one solve. Parameters of one flight are found on every other block of that flight and
@@ -28,7 +28,7 @@ def held_out_cost(
     """Cost (B,) or (B, S) of every block under values found without it.
 
     With several flights a flight is left out whole; with one, every fifth run of blocks.
-    `gradient` (B, K, S) and `cost` (B, S) judge S other residuals on the same derivatives.
+    `gradient` (B, K, S) and `cost` (B, S) cross-validate S other residuals on the same derivatives.
     """
     single = gradient is None or cost is None
     g = s.gradient[:, :, None] if gradient is None else gradient
@@ -190,7 +190,7 @@ def _meat(s: Statistics, cluster: NDArray[np.intp]) -> Floats:
     return meat
 
 
-def difference_in_doubt(first: Floats, second: Floats, owner: NDArray[np.intp]) -> bool:
+def difference_is_uncertain(first: Floats, second: Floats, owner: NDArray[np.intp]) -> bool:
     """True when two held-out costs (B,) differ by less than their blocks' scatter allows (95 %)."""
     gap = second - first
     flights = np.unique(owner)

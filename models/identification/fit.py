@@ -20,7 +20,7 @@ from thrustmargin.models.effects.base import Effect, Kind, Parameter, Placed
 from thrustmargin.models.effects.compose import corrected, rotor_speed_rpm
 from thrustmargin.models.errors import require_torch
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.base_uncertainty import doubt_rpm
+from thrustmargin.models.identification.base_uncertainty import base_uncertainty_rpm
 from thrustmargin.models.identification.modes import robust_scale
 from thrustmargin.models.identification.problem import Background, Problem
 
@@ -115,6 +115,15 @@ def layout_of(terms: Sequence[Term], flights: int) -> Layout:
         places[:, k] = size + np.arange(flights) % width
         size += width
     return Layout(parameters=parameters, places=places, size=size)
+
+
+def columns_of(terms: Sequence[Term]) -> dict[str, dict[str, int]]:
+    """Where in a row of parameters those of each term stand: key of the term -> name -> column."""
+    names = [(t.key, p.name) for t in terms for p in t.effect.parameters]
+    columns: dict[str, dict[str, int]] = {t.key: {} for t in terms}
+    for k, (key, name) in enumerate(names):
+        columns[key][name] = k
+    return columns
 
 
 def starts(layout: Layout) -> Floats:
@@ -376,7 +385,7 @@ def background_of(problem: Problem, fit: Fit) -> Background:
     if not inputs:
         return problem.background(fit.scales)
     true = corrected(inputs, problem.channels, np)
-    return problem.background(fit.scales, doubt_rpm(problem.model, problem.base, true))
+    return problem.background(fit.scales, base_uncertainty_rpm(problem.model, problem.base, true))
 
 
 def whiten(problem: Problem, residual_rpm: Floats, scales: Floats) -> tuple[Floats, Floats]:

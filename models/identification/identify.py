@@ -1,8 +1,8 @@
 """Close the loop: residual -> missing effect -> added effect -> error before and after.
 
 `identify` searches the table of effects on flights with measured rotor speeds, one effect at a
-time, each judged on flights left out and against chance; then asks what is left, what could not be
-told apart, and what it means on flights that no step has used.
+time, each cross-validated and held against chance; then asks what is left, what could not be
+distinguished, and what it means on flights that no step has used.
 """
 
 from __future__ import annotations
@@ -18,8 +18,11 @@ from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.already_followed import followed_wind
-from thrustmargin.models.identification.alternatives import rivals
-from thrustmargin.models.identification.autocorrelation import Lingering, lingering
+from thrustmargin.models.identification.alternatives import confounded_alternatives
+from thrustmargin.models.identification.autocorrelation import (
+    AutocorrelatedResidual,
+    autocorrelated_residual,
+)
 from thrustmargin.models.identification.cross_validation import Interval, held_out_cost, intervals
 from thrustmargin.models.identification.errors import (
     Errors,
@@ -110,7 +113,7 @@ def identify(
     tried: list[Tried] = []
     found, steps = _search(evaluator, first, catalogue, config, generator, progress, tried)
     found, curve, slow = _disprove(evaluator, found, steps, config, generator)
-    alike = rivals(evaluator, found, catalogue) if found.terms else {}
+    alike = confounded_alternatives(evaluator, found, catalogue) if found.terms else {}
     if progress:
         progress("errors on flights not used", 0.0)
     before_rows = across_flights(evaluator, first)
@@ -156,10 +159,10 @@ def _search(
     """Add effects until none beats chance; which step brought each. `tried` gets all candidates."""
     current, steps = first, {}
     for number in range(MOST_EFFECTS):
-        told = None
+        report = None
         if progress:
-            told = lambda what, share, n=number: progress(f"effect {n + 1}: {what}", share)  # noqa: E731
-        step = look(evaluator, current, catalogue, config, generator, told)
+            report = lambda what, share, n=number: progress(f"effect {n + 1}: {what}", share)  # noqa: E731
+        step = look(evaluator, current, catalogue, config, generator, report)
         tried += tried_in(step, number + 1)
         if step.chosen is None:
             break
@@ -175,7 +178,7 @@ def _disprove(
     steps: dict[str, Step],
     config: SearchConfig,
     generator: np.random.Generator,
-) -> tuple[Fit, Curve | None, Lingering | None]:
+) -> tuple[Fit, Curve | None, AutocorrelatedResidual | None]:
     """What is left; effects that it disproves are taken out again."""
     problem = evaluator.problem
     while True:
@@ -192,7 +195,7 @@ def _disprove(
             or curve.gain < LEAST_GAIN * cost
         ):
             curve = None
-        slow = lingering(problem, found.residual_rpm)
+        slow = autocorrelated_residual(problem, found.residual_rpm)
         wrong = _of_other_form(found, curve, steps) or _stands_for(evaluator, found, slow)
         if wrong is None:
             return found, curve, slow
@@ -210,7 +213,9 @@ def _of_other_form(found: Fit, curve: Curve | None, steps: dict[str, Step]) -> T
     return wrong[-1] if wrong else None
 
 
-def _stands_for(evaluator: Evaluator, found: Fit, slow: Lingering | None) -> Term | None:
+def _stands_for(
+    evaluator: Evaluator, found: Fit, slow: AutocorrelatedResidual | None
+) -> Term | None:
     """The effect that explains less of a slow residual than it leaves, and little else.
 
     Such an effect only imitates, as far as its form allows, what has no name.

@@ -1,4 +1,4 @@
-"""Close the loop: the old model plus the effects that were found, as a new model.
+"""The model update: the old model plus the effects that were found, as a new model.
 
 What belongs to one flight is not carried to others: a wind stays behind, and a rotor that went bad
 in flight is bad from now on. With enough flights the interval is calibrated anew, on every row's
@@ -36,7 +36,7 @@ COVERAGE = 0.9  # of an interval where the old model has none
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Closed:
+class ModelUpdate:
     """The new model, and in words what did not carry over and which interval it has."""
 
     model: RotorModel
@@ -44,11 +44,11 @@ class Closed:
 
 
 def with_effects(model: RotorModel, found: Identification, *, date: str = "") -> RotorModel:
-    """The model with the effects found on it; see `close_loop`."""
-    return close_loop(model, found, date=date).model
+    """The model with the effects found on it; see `update_model`."""
+    return update_model(model, found, date=date).model
 
 
-def close_loop(model: RotorModel, found: Identification, *, date: str = "") -> Closed:
+def update_model(model: RotorModel, found: Identification, *, date: str = "") -> ModelUpdate:
     """Add the effects of an identification to the model that it was made with.
 
     `date` is ISO 8601. Raises ModelError for a model of another aircraft.
@@ -63,7 +63,7 @@ def close_loop(model: RotorModel, found: Identification, *, date: str = "") -> C
     notes = [_left_behind(f, names) for f in found.found if of_one_flight(f)]
     interval, about = _interval(model, found)
     added = tuple(r for r in records if r is not None)
-    return Closed(
+    return ModelUpdate(
         model=replace(
             model,
             effects=(*model.effects, *added),

@@ -20,7 +20,7 @@ from thrustmargin.models.effects.channels import Channels, concatenate
 from thrustmargin.models.effects.compose import BaseTable
 from thrustmargin.models.errors import AirframeError, DataError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
-from thrustmargin.models.identification.base_uncertainty import doubt_rpm
+from thrustmargin.models.identification.base_uncertainty import base_uncertainty_rpm
 from thrustmargin.models.identification.modes import Modes, modes
 from thrustmargin.models.model.flown import model_channels, table_of
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -59,7 +59,7 @@ class Problem:
     names: tuple[str, ...]  # of the flights
     durations: Floats  # (F,) s
     modes: Modes
-    doubt_rpm: Floats  # (D, T, R) by which the base model may be off, one deviation each
+    uncertainty_rpm: Floats  # (D, T, R) by which the base model may be off, one deviation each
 
     @property
     def flights(self) -> int:
@@ -81,23 +81,26 @@ class Problem:
         """Effects that the model already has."""
         return self.model.placed
 
-    def background(self, scales: Floats, doubt: Floats | None = None) -> Background:
+    def background(self, scales: Floats, uncertainty: Floats | None = None) -> Background:
         """What of the residual is the base model's own error, in scales of the modes.
 
-        `doubt` (D, T, R) rpm takes the place of what the reported channels say of it.
+        `uncertainty` (D, T, R) rpm takes the place of what the reported channels say of it.
         """
-        doubt = self.doubt_rpm if doubt is None else doubt
+        if uncertainty is None:
+            uncertainty = self.uncertainty_rpm
         known = np.asarray(self.model.background_rpm)
         constant = known / scales if known.size == scales.size else np.zeros_like(scales)
-        return Background(constant=constant, directions=doubt @ (self.modes.directions / scales))
+        return Background(
+            constant=constant, directions=uncertainty @ (self.modes.directions / scales)
+        )
 
     def known_square(self, directions: Floats) -> Floats:
         """(M,) rpm²: by how much the base model is known to be off along directions (R, M)."""
         constant = np.asarray(self.model.background_rpm)
-        doubt = np.sum((self.doubt_rpm @ directions) ** 2, axis=0).mean(axis=0)
+        known = np.sum((self.uncertainty_rpm @ directions) ** 2, axis=0).mean(axis=0)
         if constant.size != self.modes.directions.shape[0]:
-            return doubt
-        return doubt + constant**2 @ (self.modes.directions.T @ directions) ** 2
+            return known
+        return known + constant**2 @ (self.modes.directions.T @ directions) ** 2
 
     def has(self, effect: Effect) -> bool:
         """True when every channel the effect needs is reported."""
@@ -179,7 +182,7 @@ def assemble(model: RotorModel, tracks: Sequence[FlightTrack]) -> Problem:
         names=tuple(t.name for t in tracks),
         durations=np.array(durations),
         modes=modes(airframe),
-        doubt_rpm=doubt_rpm(model, table, channels),
+        uncertainty_rpm=base_uncertainty_rpm(model, table, channels),
     )
     return _thinned(problem)
 
@@ -198,5 +201,5 @@ def _thinned(problem: Problem) -> Problem:
         flight=problem.flight[which],
         block=problem.block[which],
         follows=np.zeros(which.size, dtype=np.bool_),
-        doubt_rpm=problem.doubt_rpm[:, which],
+        uncertainty_rpm=problem.uncertainty_rpm[:, which],
     )

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.autocorrelation import Lingering
+from thrustmargin.models.identification.autocorrelation import AutocorrelatedResidual
 from thrustmargin.models.identification.cross_validation import Interval
 from thrustmargin.models.identification.errors import (
     Errors,
@@ -126,7 +126,7 @@ class Identification:
     interval: Interval
     found: tuple[Found, ...]
     curve: Curve | None
-    slow: Lingering | None
+    slow: AutocorrelatedResidual | None
     before: Errors
     after: Errors
     residual_before_rpm: Floats  # (T, R) on the rows of `problem`
@@ -166,7 +166,7 @@ class Identification:
         ]
 
     @property
-    def told(self) -> tuple[Found, ...]:
+    def reported(self) -> tuple[Found, ...]:
         """The effects found, then those that are followed already."""
         return (*self.found, *self.followed)
 

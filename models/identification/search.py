@@ -28,6 +28,7 @@ from thrustmargin.models.identification.fit import (
     Layout,
     Term,
     background_of,
+    columns_of,
     fit_terms,
     layout_of,
     linearise,
@@ -53,7 +54,7 @@ LEAST_FALL = 0.01  # of the cross-validated RMSE in rpm, for an effect worth a n
 TIE = 0.1  # of the best gain, within which the plain error on left-out flights decides
 LEAST_GAIN = 0.002  # share of the held-out cost that an effect must take away
 
-DOUBT = 0.05  # that an interval misses, shared among all candidates of a look
+MISSED = 0.05  # share of intervals that miss, shared among all candidates of a look
 
 Progress = Callable[[str, float], None]
 
@@ -114,19 +115,11 @@ def candidates(evaluator: Evaluator, accepted: Sequence[Term], catalogue: Sequen
 def warm_start(terms: Sequence[Term], fit: Fit, flights: int) -> Floats:
     """Values of a fit carried over to a list of terms that may hold more, fewer or others."""
     layout = layout_of(terms, flights)
-    values = starts(layout)
-    k = 0
-    known: dict[str, Floats] = {}
-    for term in fit.terms:
-        n = len(term.effect.parameters)
-        known[term.key] = fit.values[fit.layout.places[:, k : k + n]]
-        k += n
-    k = 0
-    for term in terms:
-        n = len(term.effect.parameters)
-        if term.key in known:
-            values[layout.places[:, k : k + n]] = known[term.key]
-        k += n
+    values, known = starts(layout), columns_of(fit.terms)
+    for key, columns in columns_of(terms).items():
+        if key in known:
+            before = fit.layout.places[:, list(known[key].values())]
+            values[layout.places[:, list(columns.values())]] = fit.values[before]
     return values
 
 
@@ -236,7 +229,8 @@ def _losses(linear: Sequence[Linear], pool: Sequence[Term], base: Fit) -> Floats
     losses = np.zeros((base.whitened.shape[1], *base.whitened.shape))
     for near, term in zip(linear, pool, strict=True):
         if term.effect is WORN:
-            losses[term.rotor] = near.jacobian[:, :, -2]
+            columns = columns_of((*base.terms, term))[term.key]
+            losses[term.rotor] = near.jacobian[:, :, columns["loss"]]
     return losses
 
 
@@ -271,8 +265,8 @@ def _near(
     owner = near.statistics.owner
     chosen = start.copy()
     least = np.bincount(owner, held_out_cost(near.statistics), minlength=flights)
-    names = [p.name for p in effect.parameters]
-    columns = layout.places[:, -len(names) :]
+    names = columns_of(terms)[terms[-1].key]
+    columns = layout.places[:, list(names.values())]
     for seed in effect.seeds:
         trial = start.copy()
         for k, name in enumerate(names):
@@ -294,14 +288,16 @@ def _onset(
     terms = (*base.terms, term)
     start = warm_start(terms, base, problem.flights)
     layout = layout_of(terms, problem.flights)
-    loss, time_s = layout.places[:, -3], layout.places[:, -2]
-    of = slice(None) if effect.variant != onset.ONE else found.flight
+    columns = columns_of(terms)[term.key]
+    loss = layout.places[:, columns["loss"]]
+    own = layout.parameters[columns["loss"]].per_flight
     start[loss] = 0.0
-    start[loss[of]] = found.loss
-    at = found.time_s
-    if effect.variant == onset.SINCE:
-        at += problem.flight_start_unix_s[found.flight] - problem.first_row_s[found.flight]
-    start[time_s] = at
+    start[loss[found.flight] if own else loss] = found.loss
+    if "onset_clock" in columns:
+        began = problem.flight_start_unix_s[found.flight] - problem.first_row_s[found.flight]
+        start[layout.places[:, columns["onset_clock"]]] = began + found.time_s
+    else:
+        start[layout.places[:, columns["onset_time"]]] = found.time_s
     fit = fit_terms(evaluator, terms, scales=scales, start=start)
     cost = held_out_cost(fit.statistics)
     return Scored(term=term, fit=fit, held_out=cost, gain=base_cost - float(cost.sum()))
@@ -315,13 +311,7 @@ def cross_validated_rmse(evaluator: Evaluator, fit: Fit) -> float:
 def term_values(fit: Fit, term: Term, values: Floats | None = None) -> Floats:
     """Values of one term of a fit, (F, parameters of the term)."""
     given = fit.values if values is None else values
-    k = 0
-    for other in fit.terms:
-        n = len(other.effect.parameters)
-        if other.key == term.key:
-            return given[fit.layout.places[:, k : k + n]]
-        k += n
-    raise KeyError(term.key)
+    return given[fit.layout.places[:, list(columns_of(fit.terms)[term.key].values())]]
 
 
 def credible(
@@ -341,7 +331,7 @@ def credible(
     """
     if interval is None:
         background = None if problem is None else background_of(problem, scored.fit)
-        level = 1.0 - DOUBT / tries
+        level = 1.0 - MISSED / tries
         interval = intervals(scored.fit, background, level, few=False)
     value = term_values(scored.fit, scored.term)
     low = term_values(scored.fit, scored.term, interval.lower)

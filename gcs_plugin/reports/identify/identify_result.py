@@ -16,7 +16,7 @@ from thrustmargin.models.identification.errors import (
     rotor_errors,
 )
 from thrustmargin.models.identification.margin_change import MarginChange, margin_changes
-from thrustmargin.models.identification.model_update import Closed, close_loop
+from thrustmargin.models.identification.model_update import ModelUpdate, update_model
 from thrustmargin.models.identification.result import Identification, unseen_residuals
 from thrustmargin.models.model.json_values import to_plain
 
@@ -26,7 +26,7 @@ class Result:
     """An identification and everything that its print-out, JSON and page show of it."""
 
     found: Identification
-    closed: Closed
+    update: ModelUpdate
     tracks: tuple[FlightTrack, ...]  # the fitted flights, then the held-out ones
     not_used: tuple[UnusedLog, ...]
     unseen: tuple[Unseen, ...]  # the last one is that of the errors
@@ -53,7 +53,7 @@ def result_of(
     margins, margin = margin_changes(found)
     return Result(
         found=found,
-        closed=close_loop(found.model, found, date=date),
+        update=update_model(found.model, found, date=date),
         tracks=tuple(tracks),
         not_used=tuple(not_used),
         unseen=unseen,
@@ -82,7 +82,7 @@ def json_text(result: Result) -> str:
     config = result.found.config
     whole["search"] = {"surrogates": config.surrogates, "seed": config.seed}
     whole["answer"] = list(result.answer)
-    whole["notes"] = list(result.closed.notes)
+    whole["notes"] = list(result.update.notes)
     whole["not_used"] = [{"log": n.name, "reason": n.reason} for n in result.not_used]
     whole["date"] = result.date
     return json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1) + "\n"

@@ -39,7 +39,7 @@ def effects_table(found: Identification) -> Table:
     table.add_column("effect", overflow="fold")
     for name in ("value", "95 %", "p", "RMSE rpm"):
         table.add_column(name, justify="right", no_wrap=True)
-    for one in found.told:
+    for one in found.reported:
         table.add_row(
             Text(found_name(one), style="bold"),
             "",

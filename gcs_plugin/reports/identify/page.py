@@ -56,7 +56,7 @@ def html_text(result: Result) -> str:
         "found": result.found,
         "rotor_names": result.found.model.airframe.rotor_names,
         "headline": headline(result),
-        "effects": list(zip_longest(result.found.told, result.margins)),
+        "effects": list(zip_longest(result.found.reported, result.margins)),
         "looks": looks(result.found.tried),
         "rows": rows,
         "shown": shown,

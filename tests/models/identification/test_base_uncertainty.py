@@ -12,7 +12,7 @@ from thrustmargin.models.effects.base import Kind
 from thrustmargin.models.effects.extra_mass import EXTRA_MASS
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.effects.wind import WIND
-from thrustmargin.models.identification.base_uncertainty import doubt_rpm
+from thrustmargin.models.identification.base_uncertainty import base_uncertainty_rpm
 from thrustmargin.models.identification.cross_validation import intervals
 from thrustmargin.models.identification.fit import (
     Evaluator,
@@ -51,7 +51,7 @@ def test_an_uncertain_mass_before_makes_the_mass_found_on_top_as_uncertain():
 
 def test_a_model_that_states_no_doubt_adds_none():
     _, _, problem = mass_found(physics_model(F16))
-    assert problem.doubt_rpm.shape == (0, *problem.measured_rpm.shape)
+    assert problem.uncertainty_rpm.shape == (0, *problem.measured_rpm.shape)
 
 
 def test_quiet_sensors_do_not_make_the_model_any_truer():
@@ -77,8 +77,8 @@ def test_beyond_its_airspeeds_the_base_is_in_doubt_as_far_as_physics_carries_it(
             windy.model.forward_flight, known_airspeed=float(windy.channels.airspeed.max())
         ),
     )
-    more = np.sum(windy.doubt_rpm**2, axis=(0, 2))
-    less = np.sum(doubt_rpm(held, windy.base, windy.channels) ** 2, axis=(0, 2))
+    more = np.sum(windy.uncertainty_rpm**2, axis=(0, 2))
+    less = np.sum(base_uncertainty_rpm(held, windy.base, windy.channels) ** 2, axis=(0, 2))
     fast = windy.channels.airspeed > known + 3.0
     assert fast.sum() > 100
     assert np.sqrt(more[fast].mean()) > np.sqrt(less[fast].mean()) + 5.0
@@ -88,11 +88,11 @@ def test_a_wind_that_is_fitted_is_doubted_at_the_airspeed_it_makes(windy):
     calm = replace(
         windy, channels=replace(windy.channels, airspeed=np.full_like(windy.channels.airspeed, 2.0))
     )
-    calm = replace(calm, doubt_rpm=doubt_rpm(calm.model, calm.base, calm.channels))
+    calm = replace(calm, uncertainty_rpm=base_uncertainty_rpm(calm.model, calm.base, calm.channels))
     start = np.array([-12.0, 0.0])
     fit = fit_terms(Evaluator(calm), (Term(effect=WIND),), scales=np.ones(4), start=start, steps=1)
-    asked, told = background_of(calm, fit), calm.background(fit.scales)
-    assert asked.directions.shape[0] == told.directions.shape[0] + 2
+    asked, reported = background_of(calm, fit), calm.background(fit.scales)
+    assert asked.directions.shape[0] == reported.directions.shape[0] + 2
     assert np.abs(asked.directions[-2:]).max() > 0.0
 
 
@@ -108,7 +108,7 @@ def test_the_doubt_of_every_effect_on_the_inputs_can_be_told(windy, effect):
 
 def test_each_direction_is_one_standard_deviation_of_its_value():
     _, _, problem = mass_found(with_mass(0.5))
-    heavier = problem.doubt_rpm[0]
+    heavier = problem.uncertainty_rpm[0]
     mass = problem.channels.total_mass + 1.0
     expected = problem.measured_rpm.mean() * 0.5 * (0.5 / 1.96) / mass.mean()
     assert heavier.mean() == pytest.approx(expected, rel=0.1)

@@ -6,7 +6,7 @@ from scipy import stats
 
 from thrustmargin.models.effects.base import Parameter
 from thrustmargin.models.identification.cross_validation import (
-    difference_in_doubt,
+    difference_is_uncertain,
     held_out_cost,
     intervals,
     left_out_values,
@@ -166,10 +166,10 @@ def test_an_interval_is_never_finer_than_the_parameter_can_be():
 def test_a_difference_is_uncertain_within_two_standard_errors_of_blocks_or_of_flights():
     first, owner = np.zeros(8), np.zeros(8, dtype=np.intp)
     gap = np.tile([1.0, 3.0], 4)  # sum 16, standard error sqrt(8) * 1.069 = 3.02
-    assert not difference_in_doubt(first, gap, owner)
-    assert difference_in_doubt(first, gap - 1.5, owner)  # sum 4
+    assert not difference_is_uncertain(first, gap, owner)
+    assert difference_is_uncertain(first, gap - 1.5, owner)  # sum 4
     # Four flights of which one has it all: its scatter counts, though halved.
-    assert difference_in_doubt(first, np.repeat([16.0, 0, 0, 0], 2), np.repeat(range(4), 2))
+    assert difference_is_uncertain(first, np.repeat([16.0, 0, 0, 0], 2), np.repeat(range(4), 2))
 
 
 def test_the_observation_counts_among_the_surrogates_so_that_chance_is_never_none():

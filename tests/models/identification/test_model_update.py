@@ -14,7 +14,7 @@ from thrustmargin.models.identification.errors import rotor_errors
 from thrustmargin.models.identification.fit import Term
 from thrustmargin.models.identification.identify import identify
 from thrustmargin.models.identification.margin_change import margin_changes
-from thrustmargin.models.identification.model_update import close_loop, record_of, with_effects
+from thrustmargin.models.identification.model_update import record_of, update_model, with_effects
 from thrustmargin.models.identification.result import Found, Identification, unseen_residuals
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import (
@@ -95,9 +95,9 @@ def test_effects_join_those_that_the_model_had():
 
 def test_a_wind_stays_behind_and_it_is_said(worn):
     wind = found_by_hand(WIND, [[-6.0, 1.0], [2.0, 0.0]])
-    closed = close_loop(curve_model(), replace(worn, found=(wind, *worn.found)))
-    assert [e.name for e in closed.model.effects] == ["rotor_degradation"]
-    assert any("wind" in note and "not in the new model" in note for note in closed.notes)
+    update = update_model(curve_model(), replace(worn, found=(wind, *worn.found)))
+    assert [e.name for e in update.model.effects] == ["rotor_degradation"]
+    assert any("wind" in note and "not in the new model" in note for note in update.notes)
 
 
 def test_a_rotor_that_went_bad_in_flight_is_bad_from_now_on(worn):
@@ -109,15 +109,15 @@ def test_a_rotor_that_went_bad_in_flight_is_bad_from_now_on(worn):
     assert record.parameters["loss"].value == pytest.approx(0.12)
     assert record.parameters["torque_share"].value == pytest.approx(0.7)
     assert "onset_time" not in record.parameters
-    closed = close_loop(curve_model(), replace(worn, found=(sudden,)))
+    update = update_model(curve_model(), replace(worn, found=(sudden,)))
     track = made_flights(1)[0]
     ratio = (
-        analyse(track, closed.model).prediction.rotor_speed_rpm
+        analyse(track, update.model).prediction.rotor_speed_rpm
         / analyse(track, curve_model()).prediction.rotor_speed_rpm
     )
     assert ratio[:5, 2] == pytest.approx(ratio[-5:, 2])
     assert np.median(ratio[:, 2]) > 1.04
-    assert any(f"during {names[1]}" in note for note in closed.notes)
+    assert any(f"during {names[1]}" in note for note in update.notes)
 
 
 def test_effects_of_another_aircraft_are_refused(worn):
@@ -158,29 +158,29 @@ def test_the_interval_is_calibrated_anew_only_with_enough_flights(count, anew):
     flights = made_flights(count, loss=LOSS, duration=60.0)
     base = learnt_model(flights=(flights[0].name, "elsewhere.tlog"))
     found = identify(flights, base, config=QUICK, catalogue=table(["rotor_degradation"]))
-    closed = close_loop(base, found)
+    update = update_model(base, found)
     if not anew:
-        assert closed.model.interval is base.interval
-        assert any("needs 9 flights" in note and "these are 8" in note for note in closed.notes)
+        assert update.model.interval is base.interval
+        assert any("needs 9 flights" in note and "these are 8" in note for note in update.notes)
         return
-    interval = closed.model.interval
+    interval = update.model.interval
     assert interval is not None
     assert interval.flights == 9
     assert interval.coverage == 0.9
     fresh = made_flights(12, loss=LOSS, duration=60.0)[11]
-    prediction = analyse(fresh, closed.model).prediction
+    prediction = analyse(fresh, update.model).prediction
     inside = (fresh.rotor_speed_rpm >= prediction.lower_rpm) & (
         fresh.rotor_speed_rpm <= prediction.upper_rpm
     )
     assert 0.85 < inside.mean() < 1.0
     width = np.nanmedian(prediction.upper_rpm - prediction.lower_rpm)
     assert 2 * 1.64 * NOISE_RPM < width < 6 * 1.64 * NOISE_RPM
-    assert any("calibrated anew on 9 flights" in note for note in closed.notes)
-    assert any("learnt from 1 of them" in note for note in closed.notes)
+    assert any("calibrated anew on 9 flights" in note for note in update.notes)
+    assert any("learnt from 1 of them" in note for note in update.notes)
 
 
 def test_a_model_without_network_says_that_it_has_no_interval(worn):
-    assert any("no network" in note for note in close_loop(curve_model(), worn).notes)
+    assert any("no network" in note for note in update_model(curve_model(), worn).notes)
 
 
 def test_the_margin_is_that_which_replay_and_report_show(worn):
