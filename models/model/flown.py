@@ -47,8 +47,9 @@ def model_channels(
 
 def speed_with_effects(
     model: RotorModel, track: FlightTrack, start: FlightState | None = None
-) -> tuple[Floats, Bools]:
-    """Rotor speeds (T, R) rpm with all effects, and (T,) rows that lacked a channel of one.
+) -> tuple[Floats, Floats, Bools]:
+    """Rotor speeds (T, R) rpm with all effects, their ratio (T, R) to those of the base alone, and
+    (T,) rows that lacked a channel of one.
 
     NaN where airspeed or tank level is missing.
     """
@@ -56,7 +57,8 @@ def speed_with_effects(
     with np.errstate(invalid="ignore", divide="ignore"):
         speed = rotor_speed_rpm(table_of(model), [tolerant(item) for item in placed], x, np)
     speed[~(np.isfinite(track.airspeed) & np.isfinite(track.tank_kg))] = np.nan
-    return speed, lacking(placed, x)
+    alone = np.sqrt(table_of(model).look_up(x.airspeed, x.tank_kg) / model.thrust_coefficient)
+    return speed, speed / alone, lacking(placed, x)
 
 
 @lru_cache(maxsize=8)

@@ -2,7 +2,8 @@
 
 Inside the training envelope of the model's network: the mean of its members. Outside, and without
 a network: weight shared by the rotors and the thrust curve in the air of the row (Eq. 4 and 6),
-which knows nothing of airspeed. Each row says which in `basis`.
+which knows nothing of airspeed. Each row says which in `basis`. The identified effects are in both:
+where the network is not asked, they change the physics by the share by which they change the base.
 """
 
 from __future__ import annotations
@@ -81,9 +82,14 @@ def predict(
             coverage = model.interval.coverage
     lacking = None
     if model.effects:
-        with_effects, lacking = speed_with_effects(model, track, start)
+        with_effects, factor, lacking = speed_with_effects(model, track, start)
         replaced = inside if model.network is not None else known
         speed[replaced] = with_effects[replaced]
+        outside = known & ~replaced
+        if follows_density(model):  # its effect takes the row's air into account: not twice
+            reference = np.full(tank_kg.shape, model.reference_density)
+            speed[outside] = hover_speed(airframe, tank_kg, reference)[outside]
+        speed[outside] *= factor[outside]
     return Prediction(
         rotor_speed_rpm=speed,
         lower_rpm=np.maximum(speed - half, 0.0),

@@ -12,7 +12,7 @@ from thrustmargin.models.model.predict import Basis, predict
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model, shipped_model
 from thrustmargin.models.network.ensemble import ensemble_speed
 from thrustmargin.models.physics.airframe import load_airframe
-from thrustmargin.models.physics.atmosphere import G0
+from thrustmargin.models.physics.atmosphere import G0, track_density
 from thrustmargin.models.physics.thrust import thrust_from_speed
 
 F16 = load_airframe("topxgun-f16-sitl")
@@ -150,3 +150,37 @@ def test_an_identified_effect_is_in_the_prediction():
     predicted = predict(heavier, track, air(track))
     same_load = predict(physics_model(F16), flight([2.0, 4.0], [7.0, 14.0]), air(track))
     np.testing.assert_allclose(predicted.rotor_speed_rpm, same_load.rotor_speed_rpm, rtol=5e-4)
+
+
+@pytest.mark.parametrize(
+    ("airspeed", "tank", "density"),
+    [(12.0, 10.0, SEA_LEVEL), (4.0, 17.0, SEA_LEVEL), (4.0, 10.0, 1.0)],
+)
+def test_outside_the_training_domain_the_effects_are_there_too(model, airspeed, tank, density):
+    mass = Identified(value=5.0, unit="kg", ci95=(4.5, 5.5))
+    record = EffectRecord(name="extra_mass", rotor=None, parameters={"mass": mass})
+    heavier = replace(model, effects=(*model.effects, record))
+    track = flight([airspeed], [tank])
+    before, after = (predict(m, track, air(track, density)) for m in (model, heavier))
+    assert after.basis.tolist() == before.basis.tolist() == [Basis.PHYSICS]
+    total = F16.empty_mass + tank
+    np.testing.assert_allclose(
+        after.rotor_speed_rpm, before.rotor_speed_rpm * np.sqrt((total + 5.0) / total)
+    )
+
+
+def test_outside_the_training_domain_air_counts_once(model):
+    values = {"temperature_offset": (0.0, "K"), "torque_share": (1.0, "1")}
+    record = EffectRecord(
+        name="air_density",
+        rotor=None,
+        parameters={k: Identified(value=v, unit=u, ci95=(v, v)) for k, (v, u) in values.items()},
+    )
+    following = replace(model, effects=(record,))
+    thin = replace(flight([12.0], [10.0]), pressure=np.array([80_000.0]))
+    density, _ = track_density(thin)
+    assert density[0] < 1.05
+    predicted = predict(following, thin, density)
+    plain = predict(replace(model, effects=()), thin, density)
+    assert predicted.basis.tolist() == [Basis.PHYSICS]
+    np.testing.assert_allclose(predicted.rotor_speed_rpm, plain.rotor_speed_rpm, rtol=1e-6)
