@@ -77,18 +77,20 @@ def load_table(matching: Matching) -> Table:
     for limit in matching.ceilings:
         table.add_section()
         table.add_row(Text(limit.name), f"{limit.max_thrust / G0:.2f} kgf a rotor", "")
-        table.add_row("  capacity use", f"{limit.use_full:.1%}", f"{limit.use_empty:.1%}")
+        table.add_row("  thrust utilisation", f"{limit.use_full:.1%}", f"{limit.use_empty:.1%}")
         table.add_row(
-            "  one rotor lost, heading given up",
+            "  one rotor lost, yaw uncontrolled",
             f"{limit.redundancy_yaw_free_full:.2f} x weight",
             f"{limit.redundancy_yaw_free_empty:.2f} x weight",
         )
         table.add_row(
-            "  one rotor lost, heading kept",
+            "  one rotor lost, yaw controlled",
             f"{limit.redundancy_yaw_kept_full:.2f} x weight",
             f"{limit.redundancy_yaw_kept_empty:.2f} x weight",
         )
-        table.add_row("  largest fill for 50 % use", _fill(limit.fill_half_use, capacity), "")
+        table.add_row(
+            "  largest fill for 50 % utilisation", _fill(limit.fill_half_use, capacity), ""
+        )
         fill = _fill(limit.fill_one_rotor_out, capacity)
         table.add_row("  largest fill for one rotor lost", fill, "")
     return table
@@ -102,8 +104,8 @@ def notes(matching: Matching) -> list[str]:
         f"C_T of the thrust curve {matching.thrust_coefficient:.4f}, {inside} the range of Eq. 3, "
         f"{low:.4f} to {high:.4f} over the printed parameters.",
         "One rotor lost: thrust that can be held level and steady, over the weight. 1 or more "
-        "carries the aircraft, with nothing kept back for gusts or turns; its fill is with heading "
-        "given up.",
+        "carries the aircraft, with nothing kept back for gusts or turns; its fill is with yaw "
+        "uncontrolled.",
     ]
 
 

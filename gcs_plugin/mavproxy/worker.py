@@ -43,10 +43,10 @@ class Reading:
     vehicle: int
     stamp: float = NAN  # time.monotonic() of the newest row
     flying: bool = False
-    margin: float = NAN  # of the worst rotor, measured
+    margin: float = NAN  # of the worst rotor whose speed was measured
     rotor: int = 0  # that rotor, from 1
     margin_predicted: float = NAN
-    redundancy: float = NAN  # one rotor lost, heading given up: holdable thrust over weight
+    redundancy: float = NAN  # one rotor lost, yaw uncontrolled: holdable thrust over weight
     tank_kg: float = NAN
     tank_source: str = ""
     seconds_to_empty: float = NAN
@@ -125,9 +125,9 @@ class MarginWorker:
             updates = fleet.updates()
             for update in updates:
                 for event in update.events:
-                    self._tell(update.vehicle, event.raised, event.alarm.text)
+                    self._announce(update.vehicle, event.raised, event.alarm.text)
             for vehicle, event in fleet.tick(_unix_us(time.monotonic())):
-                self._tell(vehicle, event.raised, event.alarm.text)
+                self._announce(vehicle, event.raised, event.alarm.text)
             self._show(fleet, updates)
 
     def _take(self, fleet: Fleet) -> None:
@@ -149,7 +149,7 @@ class MarginWorker:
             if watch.alarms.settings.max_utilisation != wanted:
                 watch.alarms.settings = replace(watch.alarms.settings, max_utilisation=wanted)
 
-    def _tell(self, vehicle: int, raised: bool, text: str) -> None:
+    def _announce(self, vehicle: int, raised: bool, text: str) -> None:
         several = f" (vehicle {vehicle})" if len(self.readings) > 1 else ""
         self.said.append((raised, f"{text}{several}" if raised else f"over: {text}{several}"))
 
@@ -174,19 +174,18 @@ def _unix_us(monotonic: float) -> int:
 
 def reading(update: Update, stamp: float) -> Reading:
     """The newest row of an update that arrived at `stamp` (time.monotonic())."""
-    import numpy as np
+    from thrustmargin.models.model.analysis import worst_rotor
 
     analysis, outlook = update.analysis, update.outlook
-    margin = analysis.margin[-1]
-    predicted = analysis.margin_predicted[-1]
-    known = bool(np.all(np.isfinite(margin)))
+    measured, rotor = (float(a[0]) for a in worst_rotor(analysis.capacity_use[-1:]))
+    predicted, _ = worst_rotor(analysis.capacity_use_predicted[-1:])
     return Reading(
         vehicle=update.vehicle,
         stamp=stamp,
         flying=bool(analysis.track.flying[-1]),
-        margin=float(np.min(margin)),
-        rotor=int(np.argmin(margin)) + 1 if known else 0,
-        margin_predicted=float(np.min(predicted)),
+        margin=1.0 - measured,
+        rotor=int(rotor) + 1 if math.isfinite(rotor) else 0,
+        margin_predicted=1.0 - float(predicted[0]),
         redundancy=float(analysis.redundancy_yaw_free[-1]),
         tank_kg=float(analysis.track.tank_kg[-1]),
         tank_source=update.tank_source,
@@ -219,7 +218,7 @@ def summary(now: Reading, max_utilisation: float, age: float) -> list[str]:
     lines = [
         f"vehicle {now.vehicle}, {state}{old}: thrust margin {share(now.margin)}{rotor}, "
         f"predicted {share(now.margin_predicted)}, limit {share(1.0 - max_utilisation)}",
-        f"  one rotor lost, heading given up: {number(now.redundancy, '.2f')} of the weight",
+        f"  one rotor lost, yaw uncontrolled: {number(now.redundancy, '.2f')} of the weight",
         f"  tank {number(now.tank_kg, '.1f')} kg{source}, empty after "
         f"{number(now.seconds_to_empty, '.0f')} s of spraying, margin when refilled "
         f"{share(now.margin_full)}",

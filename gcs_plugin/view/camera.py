@@ -11,7 +11,7 @@ from thrustmargin.models.flight import Floats
 
 NO_TURN = np.array([1.0, 0.0, 0.0, 0.0])
 FIELD_OF_VIEW = np.radians(75.0)  # upright; viser's own
-#: The picture's width over its height before a page has told its own: a laptop less two panels.
+#: The picture's width over its height before a page has reported its own: a laptop less two panels.
 FIRST_ASPECT = 0.85
 #: How steeply the overview looks down: steep enough to read a field as a map.
 PITCH = np.radians(55.0)

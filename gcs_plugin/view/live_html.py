@@ -53,7 +53,7 @@ class Standing:
 
 
 def alarms_html(number: int, fleet: Sequence[Standing]) -> str:
-    """Every alarm that stands, above the gauges of vehicle `number`, its own first by severity.
+    """Every alarm that stands, above the gauges of `number`, most severe first, then its own.
 
     Those of the others are shown too: the pilot sees one tab. So is the age of old numbers.
     """

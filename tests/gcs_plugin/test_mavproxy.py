@@ -16,8 +16,10 @@ from pathlib import Path
 from typing import Any
 from urllib.request import urlopen
 
+import numpy as np
 import pytest
 
+from tests.gcs_plugin.live.live_vehicle import Vehicle
 from thrustmargin.gcs_plugin.live.fleet import Fleet
 from thrustmargin.gcs_plugin.mavlink.frame import frame_of
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
@@ -29,6 +31,7 @@ from thrustmargin.gcs_plugin.mavproxy.worker import (
     share,
     summary,
 )
+from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import physics_model, save_model
 from thrustmargin.models.physics.airframe import load_airframe
 
@@ -334,10 +337,30 @@ NOW = Reading(
 )
 
 
+def test_a_silent_esc_hides_no_margin_of_the_other_rotors():
+    fleet, vehicle = Fleet(physics_model(load_airframe("topxgun-f16-sitl"))), Vehicle(1)
+    for _ in range(20):
+        fleet.take(list(vehicle.tick(rpm=(1700, 1800, 2300, 1700))))
+    (update,) = fleet.updates()
+    whole = reading(update, 0.0)
+    track = update.analysis.track
+    speeds = track.rotor_speed_rpm.copy()
+    speeds[:, 0] = np.nan
+    silent = analyse(replace(track, rotor_speed_rpm=speeds), update.analysis.model)
+    now = reading(replace(update, analysis=silent), 0.0)
+    assert (now.rotor, now.margin) == (whole.rotor, whole.margin) == (3, pytest.approx(now.margin))
+    speeds[:] = np.nan
+    silent = analyse(replace(track, rotor_speed_rpm=speeds), update.analysis.model)
+    now = reading(replace(update, analysis=silent), 0.0)
+    assert now.rotor == 0
+    assert np.isnan(now.margin)
+    assert now.margin_predicted == pytest.approx(silent.margin_predicted[-1].min())
+
+
 def test_the_summary_says_everything_with_its_unit():
     assert summary(NOW, 0.5, 0.1) == [
         "vehicle 3, flying: thrust margin 42 % (rotor 2), predicted 45 %, limit 50 %",
-        "  one rotor lost, heading given up: 0.96 of the weight",
+        "  one rotor lost, yaw uncontrolled: 0.96 of the weight",
         "  tank 12.2 kg by NAMED_VALUE_FLOAT TANK, empty after 294 s of spraying, "
         "margin when refilled 39 %",
     ]
@@ -347,7 +370,7 @@ def test_what_is_not_known_is_two_dashes():
     unknown = Reading(vehicle=1, stamp=0.0)
     assert summary(unknown, 0.5, 0.0) == [
         "vehicle 1, on the ground: thrust margin --, predicted --, limit 50 %",
-        "  one rotor lost, heading given up: -- of the weight",
+        "  one rotor lost, yaw uncontrolled: -- of the weight",
         "  tank -- kg, empty after -- s of spraying, margin when refilled --",
     ]
     assert share(float("inf")) == "--"
