@@ -15,6 +15,7 @@ from tests.browser import open_page
 from tests.gcs_plugin.live.live_vehicle import Vehicle
 from thrustmargin.gcs_plugin.live.alarm import CRITICAL, WARNING, Alarm
 from thrustmargin.gcs_plugin.live.console import status_lines
+from thrustmargin.gcs_plugin.live.fleet import Fleet
 from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorSettings
 from thrustmargin.gcs_plugin.live.outlook import Outlook
 from thrustmargin.gcs_plugin.view.live import LiveView
@@ -25,7 +26,9 @@ from thrustmargin.gcs_plugin.view.live_html import (
     outlook_html,
     status_html,
 )
+from thrustmargin.gcs_plugin.view.tonemap import seen_for
 from thrustmargin.gcs_plugin.view.trail import Trail
+from thrustmargin.gcs_plugin.wording.palette import LOAD
 from thrustmargin.models.errors import LinkError
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
@@ -151,6 +154,55 @@ def test_an_aircraft_that_was_switched_off_leaves_the_page_and_may_return(monkey
             live.socket.sendto(two.landed(2), live.address)
             live.fly(0.1, one, two)
         page.get_by_role("tab", name="Vehicle 2").first.wait_for()
+
+
+def test_what_is_heard_is_drawn_and_greyed_out_when_it_is_old():
+    """Without a browser: rows, alarms of all and the trail in its overlay's colours."""
+    fleet, one, two = Fleet(physics_model(AIRFRAME)), Vehicle(1), Vehicle(2)
+    view = LiveView(AIRFRAME, port=0)
+    view.start()
+
+    def fly(rpm: int) -> None:
+        for _ in range(60):
+            for vehicle, speed in ((one, rpm), (two, 1700)):
+                fleet.take(list(vehicle.tick(rpm=(speed,) * 4)))
+            for update in fleet.updates():
+                view.on_update(update)
+        view.on_round(fleet, max(int(u.stamp_us[-1]) for u in stamps()))
+
+    def stamps():
+        return [watch.last for watch in fleet.vehicles.values() if watch.last is not None]
+
+    def shows(number: int, words: str) -> None:
+        end = time.monotonic() + 5.0
+        while words not in getattr(
+            getattr(view._aircraft.get(number), "gauges", None), "content", ""
+        ):
+            assert time.monotonic() < end, words
+            time.sleep(0.02)
+
+    try:
+        fly(1700)
+        shows(1, "· vehicle 1")
+        fly(2400)
+        shows(1, "Thrust margin")
+        shows(2, "Vehicle 1: Thrust margin")
+        assert "data-old" not in view._aircraft[1].gauges.content
+        end = time.monotonic() + 5.0
+        while not (line := view._scene._api.get_handle_by_name("/world/route_1")):
+            assert time.monotonic() < end
+            time.sleep(0.02)
+        view._colour_trail(view._aircraft[1])
+        trail = view._aircraft[1].trail
+        load = trail.values(0)
+        assert load.max() == pytest.approx((2400 * 58.8 / 50 / 3000) ** 2, rel=1e-3)
+        wanted = LOAD.screen(load).astype(int)
+        assert np.abs(seen_for(line.colors[:, 0]).astype(int) - wanted).max() <= 4
+        view.on_round(fleet, max(int(u.stamp_us[-1]) for u in stamps()) + 7_000_000)
+        shows(1, "no data for 7 s")
+        shows(1, "data-old")
+    finally:
+        view.close()
 
 
 def test_a_taken_port_is_an_error():
