@@ -1,4 +1,4 @@
-"""One effect of an identification, with its numbers ready to be told: signs, units, intervals."""
+"""One effect of an identification, its numbers with signs, units and intervals."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def rotor_words(rotor: int, names: tuple[str, ...]) -> str:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Told:
+class DescribedEffect:
     """An effect found, within the identification that found it."""
 
     found: Found

@@ -1,6 +1,6 @@
 """One sentence for each effect of the table: what is different on this aircraft, by how much.
 
-An effect without a sentence of its own is told by its parameters.
+An effect without a sentence of its own is described by its parameters.
 """
 
 from __future__ import annotations
@@ -11,134 +11,133 @@ from types import MappingProxyType
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.wording.described_effect import Told, spread
+from thrustmargin.gcs_plugin.wording.described_effect import DescribedEffect, spread
 from thrustmargin.gcs_plugin.wording.numbers import clock, number
 from thrustmargin.models.identification.already_followed import FOLLOWED_WIND
 from thrustmargin.models.identification.result import Found, Identification
 
-#: m/s at which the climb effect is told
-TOLD_CLIMB = 2.0
+#: m/s at which the climb effect is described
+CLIMB_RATE = 2.0
 MOST_LISTED = 4
 
 
 def effect_sentence(found: Found, whole: Identification) -> str:
     """What one effect says about the aircraft, without a full stop."""
-    told = Told(found, whole)
-    effect = found.term.effect
-    sentence = SENTENCES.get(effect.key) or SENTENCES.get(effect.name) or _plainly
-    return sentence(told)
+    key, name = found.term.effect.key, found.term.effect.name
+    sentence = SENTENCES.get(key) or SENTENCES.get(name) or _by_parameters
+    return sentence(DescribedEffect(found, whole))
 
 
-def _plainly(told: Told) -> str:
-    effect = told.found.term.effect
-    where = "" if told.found.term.rotor is None else f" of {told.rotor.lower()}"
+def _by_parameters(it: DescribedEffect) -> str:
+    term = it.found.term
+    where = "" if term.rotor is None else f" of {it.rotor.lower()}"
     values = ", ".join(
         f"{p.name.replace('_', ' ')} "
-        + told.text(p.name, "" if p.unit == "1" else p.unit.replace("^2", "²"), most=4)
-        for p in effect.parameters
+        + it.text(p.name, "" if p.unit == "1" else p.unit.replace("^2", "²"), most=4)
+        for p in term.effect.parameters
     )
-    return f"{effect.name.replace('_', ' ').capitalize()}{where}: {values}"
+    return f"{term.effect.name.replace('_', ' ').capitalize()}{where}: {values}"
 
 
-def _worn(told: Told) -> str:
-    more = "more" if told.negative("loss") else "less"
-    return f"{told.rotor} makes {_percent(told, 'loss')} {more} thrust than its model"
+def _worn(it: DescribedEffect) -> str:
+    more = "more" if it.negative("loss") else "less"
+    return f"{it.rotor} makes {_percent(it, 'loss')} {more} thrust than its model"
 
 
-def _onset(told: Told) -> str:
-    what = "gained" if told.negative("loss") else "lost"
-    when = clock(told.ends("onset_time")[0])
-    where = told.whole.problem.names[told.found.flight]
-    clear = (told.found.lower[:, 0] > 0.0) | (told.found.upper[:, 0] < 0.0)
+def _onset(it: DescribedEffect) -> str:
+    what = "gained" if it.negative("loss") else "lost"
+    when = clock(it.ends("onset_time")[0])
+    where = it.whole.problem.names[it.found.flight]
+    clear = (it.found.lower[:, 0] > 0.0) | (it.found.upper[:, 0] < 0.0)
     more = int(clear.sum()) - 1
     also = f" and in {more} more of {clear.size} flights" if more > 0 else ""
-    loss = _percent(told, "loss")
-    return f"{told.rotor} {what} {loss} of its thrust in flight, {when} into {where}{also}"
+    loss = _percent(it, "loss")
+    return f"{it.rotor} {what} {loss} of its thrust in flight, {when} into {where}{also}"
 
 
-def _each_flight(told: Told) -> str:
-    what = "gains" if told.negative("loss") else "loses"
-    when = clock(told.ends("onset_time")[0])
-    return f"{told.rotor} {what} {_percent(told, 'loss')} of its thrust {when} into every flight"
+def _each_flight(it: DescribedEffect) -> str:
+    what = "gains" if it.negative("loss") else "loses"
+    when = clock(it.ends("onset_time")[0])
+    return f"{it.rotor} {what} {_percent(it, 'loss')} of its thrust {when} into every flight"
 
 
-def _since(told: Told) -> str:
-    what = "gained" if told.negative("loss") else "lost"
-    problem, at = told.whole.problem, told.ends("onset_clock")[0]
+def _since(it: DescribedEffect) -> str:
+    what = "gained" if it.negative("loss") else "lost"
+    problem, at = it.whole.problem, it.ends("onset_clock")[0]
     began = problem.flight_start_unix_s - problem.first_row_s
     flown = np.flatnonzero(began <= at)
     when = f"from Unix time {at:.0f} s"
     if flown.size:
         flight = int(flown[np.argmax(began[flown])])
         when = f"{clock(at - float(began[flight]))} into {problem.names[flight]}"
-    loss = _percent(told, "loss")
-    return f"{told.rotor} {what} {loss} of its thrust {when}, and has stayed so in later flights"
+    loss = _percent(it, "loss")
+    return f"{it.rotor} {what} {loss} of its thrust {when}, and has stayed so in later flights"
 
 
-def _percent(told: Told, name: str) -> str:
-    return told.size(name, "%", factor=100.0, most=1)
+def _percent(it: DescribedEffect, name: str) -> str:
+    return it.size(name, "%", factor=100.0, most=1)
 
 
-def _mass(told: Told) -> str:
-    than = "lighter" if told.negative("mass") else "heavier"
-    return f"The aircraft is {told.size('mass', 'kg')} {than} than model and tank gauge say"
+def _mass(it: DescribedEffect) -> str:
+    than = "lighter" if it.negative("mass") else "heavier"
+    return f"The aircraft is {it.size('mass', 'kg')} {than} than model and tank gauge say"
 
 
-def _density(told: Told) -> str:
-    than = "colder" if told.negative("temperature_offset") else "warmer"
-    offset = f"the air is {told.size('temperature_offset', 'K', most=1)} {than} than"
-    if told.known:
+def _density(it: DescribedEffect) -> str:
+    than = "colder" if it.negative("temperature_offset") else "warmer"
+    offset = f"the air is {it.size('temperature_offset', 'K', most=1)} {than} than"
+    if it.known:
         return f"{offset} the model has it".replace("the air", "The air", 1)
-    flown = number(float(np.nanmedian(told.whole.problem.channels.density)), "kg/m³", 3)
-    known = number(told.whole.model.reference_density, "kg/m³", 3)
+    flown = number(float(np.nanmedian(it.whole.problem.channels.density)), "kg/m³", 3)
+    known = number(it.whole.model.reference_density, "kg/m³", 3)
     return (
         f"Thrust follows the air density, which the model did not: flown in about {flown}, model "
         f"of {known}; {offset} the density of pressure or height takes it to be"
     )
 
 
-def _tank(told: Told) -> str:
-    value, low, high = (end - 1.0 for end in told.ends("gain"))
+def _tank(it: DescribedEffect) -> str:
+    value, low, high = (end - 1.0 for end in it.ends("gain"))
     sign, than = (-1.0, "less") if value < 0.0 else (1.0, "more")
     amount = spread(value, low, high, "%", factor=sign * 100.0, most=1)
     return f"The tank holds {amount} {than} than its gauge shows"
 
 
-def _lag(told: Told) -> str:
-    than = "early" if told.negative("lag") else "late"
-    return f"The airspeed is reported {told.size('lag', 's')} {than}"
+def _lag(it: DescribedEffect) -> str:
+    than = "early" if it.negative("lag") else "late"
+    return f"The airspeed is reported {it.size('lag', 's')} {than}"
 
 
-def _rotor_speed_lag(told: Told) -> str:
-    than = "early" if told.negative("lag") else "late"
-    return f"The rotor speeds are reported {told.size('lag', 's')} {than}"
+def _rotor_speed_lag(it: DescribedEffect) -> str:
+    than = "early" if it.negative("lag") else "late"
+    return f"The rotor speeds are reported {it.size('lag', 's')} {than}"
 
 
-def _drag(told: Told) -> str:
-    than = "less" if told.negative("drag_area") else "more"
-    return f"The aircraft has {told.size('drag_area', 'm²')} {than} drag area than its model"
+def _drag(it: DescribedEffect) -> str:
+    than = "less" if it.negative("drag_area") else "more"
+    return f"The aircraft has {it.size('drag_area', 'm²')} {than} drag area than its model"
 
 
-def _load(told: Told) -> str:
+def _load(it: DescribedEffect) -> str:
     what = "Thrust follows the load factor of turns, climbs and gusts"
-    if told.known:
-        less = "less" if told.negative("gain") else "more"
-        return f"{what} {told.size('gain', '')} {less} than the model has it"
-    return f"{what}, which the model did not: {told.text('gain')} times what Newton's law says"
+    if it.known:
+        less = "less" if it.negative("gain") else "more"
+        return f"{what} {it.size('gain', '')} {less} than the model has it"
+    return f"{what}, which the model did not: {it.text('gain')} times what Newton's law says"
 
 
-def _slung(told: Told) -> str:
-    more = "lighter" if told.negative("mass") else "heavier"
-    than = f", {more} than the model has it" if told.known else ""
-    return f"A load of {told.size('mass', 'kg')} swings on {told.text('cable', 'm')} of cable{than}"
+def _slung(it: DescribedEffect) -> str:
+    more = "lighter" if it.negative("mass") else "heavier"
+    than = f", {more} than the model has it" if it.known else ""
+    return f"A load of {it.size('mass', 'kg')} swings on {it.text('cable', 'm')} of cable{than}"
 
 
-def _balance(told: Told) -> str:
-    full = "_full" if told.found.term.effect.variant else ""
+def _balance(it: DescribedEffect) -> str:
+    full = "_full" if it.found.term.effect.variant else ""
 
     def part(axis: str, ways: tuple[str, str]) -> str:
         name = axis + full
-        return f"{told.size(name, 'mm', factor=1e3, most=1)} {ways[told.negative(name)]}"
+        return f"{it.size(name, 'mm', factor=1e3, most=1)} {ways[it.negative(name)]}"
 
     along, across = part("x", ("forward", "aft")), part("y", ("to the right", "to the left"))
     if full:
@@ -146,17 +145,17 @@ def _balance(told: Told) -> str:
     return f"The centre of gravity is {along} and {across} of where the model has it"
 
 
-def _yaw(told: Told) -> str:
-    to = "left" if told.negative("moment") else "right"
+def _yaw(it: DescribedEffect) -> str:
+    to = "left" if it.negative("moment") else "right"
     return (
-        f"The rotors hold a steady yaw moment of {told.size('moment', 'N m')} to the {to}, as "
+        f"The rotors hold a steady yaw moment of {it.size('moment', 'N m')} to the {to}, as "
         "against a tilted motor"
     )
 
 
-def _turning(told: Told) -> str:
-    inertia, damping = told.text("inertia_yaw", "kg m²"), told.text("damping_yaw", "N m s")
-    if told.known:
+def _turning(it: DescribedEffect) -> str:
+    inertia, damping = it.text("inertia_yaw", "kg m²"), it.text("damping_yaw", "N m s")
+    if it.known:
         return (
             "Turning takes other moments than the model has: about yaw the inertia differs by "
             f"{inertia}, the damping by {damping}"
@@ -167,8 +166,8 @@ def _turning(told: Told) -> str:
     )
 
 
-def _lift(told: Told) -> str:
-    channels = told.whole.problem.channels
+def _lift(it: DescribedEffect) -> str:
+    channels = it.whole.problem.channels
     speed = float(np.nanquantile(channels.airspeed, 0.9))
     hover = float(np.nanmedian(channels.hover_induced_velocity))
     row = replace(
@@ -176,27 +175,27 @@ def _lift(told: Told) -> str:
         airspeed=np.array([speed]),
         hover_induced_velocity=np.array([hover]),
     )
-    shape = float(told.found.term.effect.apply({"gain": 1.0}, row, np)[0]) - 1.0
-    more = "less" if told.negative("gain") else "more"
-    amount = told.size("gain", "%", factor=100.0 * shape, most=1)
+    shape = float(it.found.term.effect.apply({"gain": 1.0}, row, np)[0]) - 1.0
+    more = "less" if it.negative("gain") else "more"
+    amount = it.size("gain", "%", factor=100.0 * shape, most=1)
     return (
         f"At {number(speed, 'm/s')} airspeed the rotors make {amount} {more} thrust at a speed than"
         " the model has"
     )
 
 
-def _climb(told: Told) -> str:
-    hover_rpm = float(np.median(told.whole.problem.measured_rpm))
-    ratio = TOLD_CLIMB * 60.0 / (hover_rpm * told.whole.model.airframe.propeller_diameter)
-    less = "more" if told.negative("slope") else "less"
-    amount = told.size("slope", "%", factor=100.0 * ratio, most=1)
-    return f"Climbing at {TOLD_CLIMB:.0f} m/s the rotors make {amount} {less} thrust at a speed"
+def _climb(it: DescribedEffect) -> str:
+    hover_rpm = float(np.median(it.whole.problem.measured_rpm))
+    ratio = CLIMB_RATE * 60.0 / (hover_rpm * it.whole.model.airframe.propeller_diameter)
+    less = "more" if it.negative("slope") else "less"
+    amount = it.size("slope", "%", factor=100.0 * ratio, most=1)
+    return f"Climbing at {CLIMB_RATE:.0f} m/s the rotors make {amount} {less} thrust at a speed"
 
 
-def _ground(told: Told) -> str:
-    near = float(np.median(told.whole.problem.channels.radius_over_height))
-    height = told.whole.model.airframe.propeller_diameter / 2 / near
-    value, low, high = (1.0 / (1.0 - k * near**2) - 1.0 for k in told.ends("strength"))
+def _ground(it: DescribedEffect) -> str:
+    near = float(np.median(it.whole.problem.channels.radius_over_height))
+    height = it.whole.model.airframe.propeller_diameter / 2 / near
+    value, low, high = (1.0 / (1.0 - k * near**2) - 1.0 for k in it.ends("strength"))
     sign, more = (-1.0, "less") if value < 0.0 else (1.0, "more")
     amount = spread(value, low, high, "%", factor=sign * 100.0, most=1)
     return (
@@ -204,35 +203,35 @@ def _ground(told: Told) -> str:
     )
 
 
-def _drift(told: Told) -> str:
-    what = "gain" if told.negative("rate") else "lose"
-    amount = told.size("rate", "%", factor=600.0 * 100.0, most=1)
+def _drift(it: DescribedEffect) -> str:
+    what = "gain" if it.negative("rate") else "lose"
+    amount = it.size("rate", "%", factor=600.0 * 100.0, most=1)
     return f"All rotors {what} {amount} of their thrust in 10 minutes of flight"
 
 
-def _voltage(told: Told) -> str:
+def _voltage(it: DescribedEffect) -> str:
     return (
-        f"Thrust at a rotor speed goes with the pack voltage to the power {told.text('exponent')}: "
+        f"Thrust at a rotor speed follows the battery voltage to the power {it.text('exponent')}: "
         "not physics of a measured speed, so the speeds look estimated or simulated"
     )
 
 
-def _wind(told: Told) -> str:
-    return f"The airspeed lacks a wind: {_winds(told)}"
+def _wind(it: DescribedEffect) -> str:
+    return f"The airspeed lacks a wind: {_winds(it)}"
 
 
-def _followed_wind(told: Told) -> str:
-    found, envelope = told.found, told.whole.model.envelope
+def _followed_wind(it: DescribedEffect) -> str:
+    found, envelope = it.found, it.whole.model.envelope
     known = "" if envelope is None else number(envelope.wind_speed[1], "m/s")
     return (
-        f"A wind blows, stronger than the {known} of the training: {_winds(told)}; the reported "
+        f"A wind blows, stronger than the {known} of the training: {_winds(it)}; the reported "
         "airspeed follows it, so it is not missing: with the speed over ground instead RMSE would "
         f"be {number(found.rmse_before_rpm, '', 0)}, not {number(found.rmse_after_rpm, 'rpm', 0)}"
     )
 
 
-def _winds(told: Told) -> str:
-    found, names = told.found, told.whole.problem.names
+def _winds(it: DescribedEffect) -> str:
+    found, names = it.found, it.whole.problem.names
     order = np.argsort(-np.hypot(found.value[:, 0], found.value[:, 1]), kind="stable")
     said = [f"{_wind_of(found, int(f))} in {names[f]}" for f in order[:MOST_LISTED]]
     if order.size > MOST_LISTED:
@@ -251,8 +250,8 @@ def _wind_of(found: Found, flight: int) -> str:
     return f"{wind} from {from_deg:.0f}°"
 
 
-#: key of the effect, or its name where all variants are told alike -> its sentence
-SENTENCES: Mapping[str, Callable[[Told], str]] = MappingProxyType(
+#: key of the effect, or its name where all variants are described alike -> its sentence
+SENTENCES: Mapping[str, Callable[[DescribedEffect], str]] = MappingProxyType(
     {
         "rotor_degradation": _worn,
         "rotor_degradation:onset": _onset,
