@@ -151,6 +151,14 @@ class FlightTrack:
         given.setdefault("flying", np.ones(rows, dtype=np.bool_))
         return cls(name=name, time_s=np.asarray(time_s, dtype=np.float64), **given)  # type: ignore[arg-type]
 
+    def __repr__(self) -> str:
+        silent = [name for name in TRACK_CHANNELS if not self.reports(name)]
+        without = f"\n  not reported: {', '.join(silent)}" if silent else ""
+        return (
+            f"FlightTrack {self.name}: {self.time_s.size} rows of {self.rotor_count} rotors in "
+            f"{self.duration:.1f} s{without}"
+        )
+
     @property
     def rotor_count(self) -> int:
         return self.rotor_speed_rpm.shape[1]

@@ -52,6 +52,21 @@ class FlightAnalysis:
     trimmable_loss: Floats  # (T,) largest share of one rotor's thrust that can be lost in trim
     start: FlightState | None = None  # that the first row was analysed from
 
+    def __repr__(self) -> str:
+        def worst(use: Floats) -> str:
+            return f"{np.nanmin(1.0 - use):.1%}" if np.isfinite(use).any() else "unknown"
+
+        error = self.residual_rpm[np.isfinite(self.residual_rpm)]
+        off = f"{np.sqrt(np.mean(error**2)):.1f} rpm" if error.size else "unknown"
+        return (
+            f"FlightAnalysis of {self.track.name}: {self.track.time_s.size} rows, "
+            f"{self.track.duration:.1f} s\n"
+            f"  model: {self.model.description}\n"
+            f"  least thrust margin {worst(self.capacity_use)} measured, "
+            f"{worst(self.capacity_use_predicted)} predicted; rotor speed error {off} RMS\n"
+            f"  air: {self.density_basis}\n  ceiling: {self.voltage_basis}"
+        )
+
     def state_at(self, row: int) -> FlightState:
         """What the model's effects carry at a row, from which a window that begins there goes on.
 

@@ -43,6 +43,14 @@ class Prediction:
     basis: NDArray[np.int8]  # (T,) Basis
     partial: Bools | None = None  # (T,) rows that lacked a channel of one of the model's effects
 
+    def __repr__(self) -> str:
+        rows, rotors = self.rotor_speed_rpm.shape
+        shares = ", ".join(
+            f"{np.count_nonzero(self.basis == basis)} by {basis.name.lower()}" for basis in Basis
+        )
+        interval = f", interval of {self.coverage:.0%}" if np.isfinite(self.coverage) else ""
+        return f"Prediction: {rows} rows of {rotors} rotors ({shares}){interval}"
+
 
 def predict(
     model: RotorModel, track: FlightTrack, density: Floats, *, start: FlightState | None = None

@@ -82,6 +82,10 @@ class RotorModel:
         if not self.reference_density > 0.0:
             raise ModelError(f"reference density {self.reference_density} must be above 0")
 
+    def __repr__(self) -> str:
+        effects = ", ".join(item.effect.key for item in self.placed) or "none"
+        return f"RotorModel: {self.description}\n  effects: {effects}"
+
     @property
     def placed(self) -> tuple[Placed, ...]:
         """The identified effects, ready to compose."""

@@ -87,6 +87,13 @@ class Airframe:
     quantities: MappingProxyType[str, Quantity] = field(repr=False)
     tank_source: str = "auto"  # which message its tank level comes from, as readers name sources
 
+    def __repr__(self) -> str:
+        return (
+            f"Airframe {self.name}: {self.title}\n"
+            f"  {self.layout}, {self.rotor_count} rotors on arms of {self.arm:.3g} m, "
+            f"{self.empty_mass:.4g} kg empty, tank of {self.tank_capacity_kg:.4g} kg"
+        )
+
     @property
     def rotor_count(self) -> int:
         return self.rotor_spin.size

@@ -1,0 +1,38 @@
+"""A result in a notebook is a few lines that a person can read."""
+
+import pytest
+
+from tests.models.model.test_windows import lively
+from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.rotor_model import shipped_model
+from thrustmargin.models.physics.airframe import load_airframe
+
+
+@pytest.fixture(scope="module")
+def analysis():
+    return analyse(lively(5.0), shipped_model())
+
+
+def test_results_are_a_few_lines(analysis):
+    things = (
+        analysis,
+        analysis.track,
+        analysis.model,
+        analysis.prediction,
+        analysis.model.airframe,
+        analyse(analysis.track.rows(slice(0, 0)), analysis.model),
+    )
+    for thing in things:
+        lines = repr(thing).splitlines()
+        assert lines[0].startswith(type(thing).__name__)
+        assert len(lines) <= 5
+        assert all(len(line) < 160 and "array(" not in line for line in lines)
+
+
+def test_they_say_what_matters(analysis):
+    assert "50 rows of 4 rotors in 4.9 s" in repr(analysis.track)
+    assert "not reported: position_ned, throttle" in repr(analysis.track)
+    assert "effects: manoeuvre_moment, load_factor" in repr(analysis.model)
+    assert "50 by network" in repr(analysis.prediction)
+    assert "least thrust margin" in repr(analysis)
+    assert "21.1 kg empty, tank of 16 kg" in repr(load_airframe("topxgun-f16"))
