@@ -7,7 +7,7 @@ from collections import defaultdict
 
 import pytest
 
-from tests.import_graph import PACKAGES, ROOT, modules
+from tests.import_graph import PACKAGES, ROOT, modules, picture, room_graph
 
 LONGEST, SHORTEST = 300, 40  # lines of a file
 #: Files outside these bounds, and why.
@@ -100,3 +100,20 @@ def test_the_version_is_the_newest_of_the_changelog():
     newest = re.search(r"^## (\S+)(.*)$", (ROOT / "CHANGELOG.md").read_text(), re.M)
     assert newest
     assert version == newest[1] + (".dev0" if newest[2] == " (unreleased)" else "")
+
+
+def test_the_picture_of_the_architecture_is_that_of_the_imports():
+    drawn = (ROOT / "docs" / "architecture.md").read_text()
+    assert f"```mermaid\n{picture(room_graph())}\n```" in drawn, "python -m tests.import_graph"
+
+
+def test_every_file_that_a_document_names_is_there():
+    documents = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")]
+    named = {
+        (document.name, word)
+        for document in documents
+        for word in re.findall(
+            r"`((?:models|mission|gcs_plugin|tests|docs)/[\w/.-]*)`", document.read_text()
+        )
+    }
+    assert {(d, w) for d, w in named if not (ROOT / w).exists()} == set()
