@@ -255,3 +255,14 @@ def test_without_held_out_flights_the_errors_are_cross_validated():
     assert rotor_errors(only)[0].after == found.after
     # Values found without a flight fit it less well than those found with it.
     assert np.sum(only.after_rpm**2) > np.sum(found.residual_after_rpm**2)
+
+
+def test_an_identification_prints_in_a_few_lines(worn):
+    first, second = repr(worn).splitlines()
+    assert first == (
+        f"{F16.name}, 2 flights: rotor speed error {worn.before.rmse_rpm:.1f} -> "
+        f"{worn.after.rmse_rpm:.1f} rpm, flights that were not used"
+    )
+    low, high = worn.found[0].lower[0, 0], worn.found[0].upper[0, 0]
+    assert second == f"rotor_degradation of rotor 1: loss 0.08 ({low:.2g} to {high:.2g})"
+    assert "no effect is missing" in repr(replace(worn, found=()))

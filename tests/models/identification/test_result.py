@@ -1,11 +1,18 @@
-"""Errors with intervals: blocks are drawn within a flight, and flights of one block as blocks."""
+"""What `identify` takes and gives: flights in any form, aircraft of any size, errors of blocks."""
+
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 from tests.models.effects.test_slung_load import flown_with_load
+from tests.models.made_flights import QUICK, curve_model, made_flights, table
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.errors import errors_of
+from thrustmargin.models.identification.identify import identify
 from thrustmargin.models.identification.problem import BLOCK_SECONDS, assemble
+from thrustmargin.models.identification.search import SearchConfig
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
@@ -32,3 +39,41 @@ def test_flights_of_a_single_block_give_an_interval_from_their_spread():
 def test_flights_that_are_alike_give_a_narrow_interval():
     low, high = interval(0.6 * BLOCK_SECONDS, 4, np.full(4, 75.0))
     assert (low, high) == pytest.approx((75.0, 75.0))
+
+
+@dataclass(frozen=True)
+class Log:
+    """A log that was read, as far as `identify` looks at it."""
+
+    track: FlightTrack
+
+
+def test_a_flight_may_be_given_alone_as_a_track_or_as_a_log_that_was_read():
+    (track,) = made_flights(1, loss=0.08)
+    given = {"config": QUICK, "catalogue": table(["rotor_degradation"])}
+    found = [
+        repr(identify(flights, curve_model(), **given))
+        for flights in (track, Log(track), [track], (Log(track),))
+    ]
+    assert set(found) == {found[0]}
+    assert "rotor_degradation of rotor 1" in found[0]
+
+
+def test_no_flight_and_too_few_surrogates_are_one_sentence():
+    with pytest.raises(DataError, match="no flight to identify from; give at least one"):
+        identify([], curve_model())
+    with pytest.raises(DataError, match="19 surrogates cannot tell an effect from chance at 2 %"):
+        SearchConfig(surrogates=19)
+
+
+def test_effects_are_looked_for_at_the_size_of_the_aircraft():
+    """3 g on an aircraft of 37 g: of the F16's 0.3 kg it would not be worth a name."""
+    tracks = [
+        flown_with_load(k, mass=SMALL.empty_mass + 0.003, load=0.0, cable=0.5) for k in range(3)
+    ]
+    found = identify(tracks, physics_model(SMALL), config=QUICK, catalogue=table(["extra_mass"]))
+    assert [f.term.effect.name for f in found.found] == ["extra_mass"]
+    assert found.found[0].value[0, 0] == pytest.approx(
+        0.003, rel=0.2
+    )  # the load factor of its turns is missing too
+    assert found.found[0].term.effect.parameters[0].smallest < 0.001
