@@ -159,7 +159,7 @@ class MarginWorker:
         for number, watch in fleet.vehicles.items():
             before = self.readings.get(number, Reading(vehicle=number))
             update = fresh.get(number)
-            now = before if update is None else reading(update, time.monotonic())
+            now = before if update is None else reading(update, _heard_s(update))
             words = tuple(alarm.text for alarm in watch.alarms.standing.values())
             shown[number] = replace(now, alarms=words, problem=watch.problem)
         self.readings = shown
@@ -172,8 +172,13 @@ def _unix_us(monotonic: float) -> int:
     return round((monotonic + _UNIX_MINUS_MONOTONIC) * 1e6)
 
 
+def _heard_s(update: Update) -> float:
+    """time.monotonic() at which the newest row was reported; it may be computed later."""
+    return int(update.stamp_us[-1]) * 1e-6 - _UNIX_MINUS_MONOTONIC
+
+
 def reading(update: Update, stamp: float) -> Reading:
-    """The newest row of an update that arrived at `stamp` (time.monotonic())."""
+    """The newest row of an update, which was reported at `stamp` (time.monotonic())."""
     from thrustmargin.models.model.analysis import worst_rotor
 
     analysis, outlook = update.analysis, update.outlook

@@ -24,6 +24,7 @@ from thrustmargin.gcs_plugin.live.fleet import Fleet
 from thrustmargin.gcs_plugin.mavlink.frame import frame_of
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.gcs_plugin.mavproxy.worker import (
+    MarginWorker,
     Options,
     Reading,
     fields,
@@ -335,6 +336,17 @@ NOW = Reading(
     seconds_to_empty=294.4,
     margin_full=0.39,
 )
+
+
+def test_a_row_that_is_computed_late_is_as_old_as_its_report():
+    worker = MarginWorker(Options())
+    fleet, vehicle = Fleet(physics_model(load_airframe("topxgun-f16-sitl"))), Vehicle(1)
+    for _ in range(20):
+        fleet.take(list(vehicle.tick(rpm=(1700,) * 4)))
+    (update,) = fleet.updates()
+    stamp_us = np.full_like(update.stamp_us, round((time.time() - 7.0) * 1e6))
+    worker._show(fleet, [replace(update, stamp_us=stamp_us)])
+    assert time.monotonic() - worker.readings[1].stamp == pytest.approx(7.0, abs=1.0)
 
 
 def test_a_silent_esc_hides_no_margin_of_the_other_rotors():
