@@ -103,14 +103,14 @@ def test_every_plot_is_drawn_when_it_comes_into_view(page, tmp_path):
     page.screenshot(path=folder / "report.png")
 
 
-def test_the_buttons_switch_the_map_between_heading_given_up_and_kept(page):
+def test_the_buttons_switch_the_map_between_yaw_uncontrolled_and_controlled(page):
     draw_all(page)
     fills = (
-        "[...document.querySelector('[data-figure$=map_redundancy]')"
+        "[...document.querySelector('[data-figure*=map_redundancy]')"
         ".querySelectorAll('.points path')].slice(0, 5).map(p => p.style.fill).join()"
     )
     before = page.evaluate(fills)
-    page.locator("[data-figure$=map_redundancy] .updatemenu-button").nth(1).click()
+    page.locator("[data-figure*=map_redundancy] .updatemenu-button").nth(1).click()
     page.wait_for_function(f"{fills} !== '{before}'")
 
 
