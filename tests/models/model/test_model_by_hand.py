@@ -13,6 +13,7 @@ from scipy import stats
 
 from thrustmargin.models.effects import CATALOGUE
 from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.errors import ModelError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse, worst_rotor
 from thrustmargin.models.model.predict import Basis, predict
@@ -291,3 +292,30 @@ def test_the_worst_rotor_of_each_row(badness, value, rotor):
     worst, which = worst_rotor(values, None if badness is None else -values)
     np.testing.assert_array_equal(worst, value)
     np.testing.assert_array_equal(which, rotor)
+
+
+def test_a_model_in_words():
+    title = AIRFRAME.title
+    assert physics_model(AIRFRAME).description == f"weight and thrust curve of {title}, no network"
+    assert learnt().description == f"network of 2 members for {title} from 1 flights"
+    assert np.isnan(physics_model(AIRFRAME).known_airspeed)
+
+
+@pytest.mark.parametrize("lacking", ["network", "envelope"])
+def test_a_network_without_its_training_domain_is_no_model(lacking):
+    with pytest.raises(ModelError, match="belong together"):
+        learnt(**{lacking: None})
+
+
+def test_an_interval_is_of_as_many_rotors_as_the_aircraft_has():
+    interval = learnt().interval
+    assert interval is not None
+    for wrong in (
+        replace(interval, factor=(1.0,) * 3),
+        replace(interval, scatter_rpm=((10.0,) * 4, (30.0,) * 3)),
+    ):
+        with pytest.raises(ModelError, match="the interval is not of 4 rotors"):
+            learnt(interval=wrong)
+    for density in (0.0, -1.0, NAN):
+        with pytest.raises(ModelError, match="must be above 0"):
+            learnt(reference_density=density)
