@@ -24,7 +24,7 @@ SENDERS = 256
 
 
 class SteadyClock:
-    """Unix time that never jumps: the wall clock once, carried on by the monotonic clock."""
+    """Unix time that never jumps: the wall clock once, then the monotonic clock from there."""
 
     def __init__(self) -> None:
         self._offset_ns = time.time_ns() - time.monotonic_ns()

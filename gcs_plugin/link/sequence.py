@@ -1,4 +1,4 @@
-"""What sequence numbers and repeated bytes tell about the senders of frames.
+"""What sequence numbers and repeated bytes show about the senders of frames.
 
 One watch a sender (system and component id): doubled frames, frames that come late, frames that
 are missing, and two vehicles that were given one id.
@@ -34,7 +34,7 @@ class SenderWatch:
         self.missing = 0
         self._last: int | None = None
         self._seen: dict[int, tuple[bytes, int]] = {}  # number -> its bytes, and when in frames
-        # Two counts that frames may carry on; one vehicle leaves a count for good after a loss,
+        # Two counts that frames may continue; one vehicle leaves a count for good after a loss,
         # two vehicles come back to each other's.
         self._tracks: list[int] = []
         self._touched: list[int] = []
@@ -75,7 +75,7 @@ class SenderWatch:
             if sequence == (track + 1) % 256:
                 if number != self._running and self._touched[number] < 0:
                     self._returns.append(self.frames)
-                # Below zero: this count has been carried on, and is not just a first frame.
+                # Below zero: this count has gone on, and is not just a first frame.
                 self._touched[number] = -self.frames
                 self._tracks[number] = sequence
                 self._running = number

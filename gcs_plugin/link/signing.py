@@ -116,7 +116,7 @@ class SigningFilter:
         verdict = self._verdict(frame)
         with self._lock:
             if verdict == "accepted":
-                verdict = self._judge_age(frame)
+                verdict = self._age_verdict(frame)
             self._counts[verdict] += 1
         return verdict == "accepted"
 
@@ -140,7 +140,7 @@ class SigningFilter:
         known = int.from_bytes(frame[7:10], "little") in self._known
         return "accepted" if known else "unknown_id"
 
-    def _judge_age(self, frame: bytes) -> str:
+    def _age_verdict(self, frame: bytes) -> str:
         """Whether a frame with a good digest is new; remembers it when it is."""
         link_id, stamp = frame[-SIGNATURE], int.from_bytes(frame[-12:-6], "little")
         stream = (frame[5], frame[6], link_id)
@@ -159,7 +159,7 @@ class SigningFilter:
 class Signer:
     """Signs what is sent. `after` gives a time stamp to stay ahead of: a filter's `latest`.
 
-    `link_id` tells receivers the streams of several senders apart. Mutable and thread-safe.
+    `link_id` lets receivers distinguish the streams of several senders. Mutable and thread-safe.
     """
 
     def __init__(

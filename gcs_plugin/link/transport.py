@@ -11,7 +11,7 @@ the receiving thread.
 | `udpout:host:port` | send to the address, and hear what it sends back |
 | `tcp:host:port` | connect, and connect again whenever the other side goes away |
 | `tcpin:host:port` | wait for one client at a time |
-| `/dev/ttyACM0`, `COM3`, each with `,baud` | serial port, 115200 baud unless said |
+| `/dev/ttyACM0`, `COM3`, each with `,baud` | serial port, 115200 baud unless given |
 | `flight.tlog` | a recording, as fast as it can be read, with its own time stamps |
 """
 
@@ -40,7 +40,7 @@ class Chunk:
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """A URL taken apart."""
+    """The parts of a URL."""
 
     kind: str  # udpin, udpout, tcp, tcpin, serial or tlog
     host: str = ""
@@ -91,7 +91,7 @@ class Transport(Protocol):
 
     datagrams: bool  # each chunk begins with a new frame
     live: bool  # bytes come as they happen, not out of a recording
-    kernel_drops: int  # datagrams lost before they could be received, where the system tells
+    kernel_drops: int  # datagrams lost before they could be received, where the system counts them
 
     @property
     def ready(self) -> bool:

@@ -105,16 +105,16 @@ def read_csv(path: Path, *, rotor_count: int = 0) -> FlightTrack:
             ),
         )
     except (pa.ArrowInvalid, pa.ArrowKeyError) as error:
-        said = clean(" ".join(str(error).split())[:160])
-        raise LogError(f"{path.name}: not a table of numbers: {said}") from error
+        reason = clean(" ".join(str(error).split())[:160])
+        raise LogError(f"{path.name}: not a table of numbers: {reason}") from error
     found = {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}
     unused = [name for name in names if not _known(name)]
     return _track(path, found, unused, about, rotor_count)
 
 
 def _known(name: str) -> bool:
-    plain = any(name in columns for columns in COLUMNS.values())
-    return plain or name in ("time_s", "flying") or _ROTOR.fullmatch(name) is not None
+    fixed = any(name in columns for columns in COLUMNS.values())
+    return fixed or name in ("time_s", "flying") or _ROTOR.fullmatch(name) is not None
 
 
 def _about(data: bytes, path: Path) -> tuple[dict[str, Any], bytes]:
@@ -163,10 +163,10 @@ def _track(
     if not channels:
         raise LogError(f"{path.name}: no column but time_s is known; see the README for the names")
     flying = found.get("flying")
-    told = about.get("sources")
-    told = {clean(str(k)): clean(str(v)) for k, v in told.items()} if isinstance(told, dict) else {}
-    said = about.get("notes")
-    notes = tuple(clean(str(n)) for n in said) if isinstance(said, list) else ()
+    stated = about.get("sources")
+    stated = stated if isinstance(stated, dict) else {}
+    written = about.get("notes")
+    notes = tuple(clean(str(n)) for n in written) if isinstance(written, list) else ()
     if unused:
         notes += (clean(f"columns not used: {', '.join(unused)[:200]}"),)
     sources = {name: f"{path.name} column {COLUMNS.get(name, (name,))[0]}" for name in channels}
@@ -177,7 +177,7 @@ def _track(
         flying=np.ones(time_s.size, dtype=np.bool_) if flying is None else flying > 0.5,
         origin=_origin(path, about.get("origin")),
         start_unix_s=_start(about.get("start_unix_s")),
-        sources={**sources, **told},
+        sources=sources | {clean(str(k)): clean(str(v)) for k, v in stated.items()},
         notes=notes,
         **channels,
     )

@@ -182,7 +182,7 @@ def _absent(track: FlightTrack) -> list[Finding]:
 
 
 def as_json(inspection: Inspection) -> dict[str, Any]:
-    """The inspection as plain tables, numbers and strings; None for what is not known."""
+    """The inspection as JSON values; None for what is not known."""
     log, quality = inspection.log, inspection.log.quality
     order, scale = inspection.motor_order, inspection.speed_scale
     return {

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.gcs_plugin.logs.files import worst_places
 from thrustmargin.gcs_plugin.mavlink.decode import MAVLINK_RULES
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.mavlink.scan import PADDING, Frames, columns, read_bytes, scan
@@ -19,6 +18,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     Recording,
     Stream,
     Waypoint,
+    worst_places,
 )
 from thrustmargin.gcs_plugin.telemetry.timeline import pauses
 from thrustmargin.models.errors import LogError
@@ -127,8 +127,8 @@ def _vehicles(frames: Frames, system: NDArray[np.uint8]) -> list[int]:
         int(s) for s in np.unique(system[rows]) if np.all(kinds[system[rows] == s] == GCS_TYPE)
     }
     stations.add(255)
-    spoken = np.flatnonzero(np.bincount(system, minlength=256))
-    return [int(s) for s in spoken if int(s) not in stations]
+    heard = np.flatnonzero(np.bincount(system, minlength=256))
+    return [int(s) for s in heard if int(s) not in stations]
 
 
 def _choose(
@@ -140,16 +140,16 @@ def _choose(
     notes: list[str],
 ) -> int:
     if not vehicles:
-        raise LogError(f"{path.name}: only a ground station speaks in it; no vehicle was recorded")
+        raise LogError(f"{path.name}: only a ground station sends in it; no vehicle was recorded")
     if wanted is not None:
         if wanted not in vehicles:
             there = ", ".join(map(str, vehicles))
             raise LogError(f"{path.name}: no vehicle {wanted}; it holds vehicle {there}")
         return wanted
     escs = [_IDS[r.message] for r in MAVLINK_RULES if r.channel == "esc_rpm"]
-    speaks_rpm = np.isin(frames.id, escs)
+    sends_rpm = np.isin(frames.id, escs)
     counts = np.bincount(system, minlength=256)
-    rpms = np.bincount(system[speaks_rpm], minlength=256)
+    rpms = np.bincount(system[sends_rpm], minlength=256)
     chosen = max(vehicles, key=lambda s: (rpms[s] > 0, counts[s]))
     if len(vehicles) > 1:
         there = ", ".join(map(str, vehicles))
@@ -163,9 +163,9 @@ def _choose(
 def _main_component(frames: Frames, mine: Bools, component: NDArray[np.uint8]) -> int:
     """The autopilot among the components of one vehicle: the one that sends most of ATTITUDE."""
     for name in ("ATTITUDE", "GLOBAL_POSITION_INT", "HEARTBEAT"):
-        senders = component[mine & (frames.id == _IDS[name])]
-        if senders.size:
-            return int(np.bincount(senders).argmax())
+        sources = component[mine & (frames.id == _IDS[name])]
+        if sources.size:
+            return int(np.bincount(sources).argmax())
     return int(np.bincount(component[mine]).argmax())
 
 

@@ -26,10 +26,10 @@ def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Sig
     """
     from pyulog import ULog
 
-    said = io.StringIO()
+    printed = io.StringIO()
     try:
         # pyulog leaves a file that it opened itself open when it fails.
-        with contextlib.redirect_stdout(said), path.open("rb") as file:
+        with contextlib.redirect_stdout(printed), path.open("rb") as file:
             log = ULog(file, list(TOPICS), disable_str_exceptions=True)
     except OSError:
         raise

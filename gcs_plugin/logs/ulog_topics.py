@@ -92,9 +92,9 @@ def ulog_signals(topics: Mapping[str, list[Topic]]) -> tuple[Signals, list[str]]
     for number, topic in enumerate(topics.get("fuel_tank_status", [])):
         signals += _fuel(topic, number)
     if "esc_status" in first:
-        made, said = _escs(first["esc_status"])
+        made, remarks = _escs(first["esc_status"])
         signals += made
-        notes += said
+        notes += remarks
     signals += _airspeed_by_wind(first)
     return collected(signals), notes
 
@@ -243,9 +243,9 @@ def _escs(topic: Topic) -> tuple[list[Signal], list[str]]:
                 made.append(
                     _signal(channel, f"esc_status {field}", topic, _si(topic, name, unit), motor)
                 )
-    told = int(topic["esc_count"].max()) if "esc_count" in topic and topic["esc_count"].size else 0
-    if told and told != len(seen):
-        notes.append(f"esc_status says {told} ESCs; {len(seen)} of them are motors that report")
+    stated = int(topic["esc_count"].max(initial=0)) if "esc_count" in topic else 0
+    if stated and stated != len(seen):
+        notes.append(f"esc_status says {stated} ESCs; {len(seen)} of them are motors that report")
     return made, notes
 
 

@@ -1,7 +1,7 @@
 """Rules: one line each of the tables that turn message fields into channels in SI.
 
 A `Rule` names a message and its fields, the unit they carry on the wire, the channel they become,
-and the words that tell people where the channel came from. `decode` applies a table to columns of
+and the words that say where the channel came from. `decode` applies a table to columns of
 any length, so that a live listener (length 1) and a log reader (a whole flight) share it. Tables
 list the preferred source of a channel first.
 """
@@ -75,8 +75,8 @@ class Rule:
 
     `unit` holds for all `fields`, or is one unit for each. `note` is what people should know of
     this source. `unknown` are wire values that mean "not known". `index` names the field that
-    tells several senders apart (battery id, IMU number); `only` keeps the rows in which it has
-    that value. `convert` replaces the plain scaling: it takes the columns, of which it may read
+    distinguishes several sources (battery id, IMU number); `only` keeps the rows in which it has
+    that value. `convert` replaces the scaling: it takes the columns, of which it may read
     more than `fields`, and returns (n,) or (n, k) in SI.
     """
 
@@ -94,8 +94,8 @@ class Rule:
     @property
     def source(self) -> str:
         """Message, fields and what people should know about them."""
-        plain = f"{self.message} {', '.join(self.fields)}"
-        return f"{plain} ({self.note})" if self.note else plain
+        words = f"{self.message} {', '.join(self.fields)}"
+        return f"{words} ({self.note})" if self.note else words
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -118,11 +118,7 @@ def quantity(rule: Rule, columns: Columns) -> Floats:
     for name, unit in zip(rule.fields, units, strict=True):
         raw = columns[name]
         factor, offset = UNITS[unit]
-        value = raw.astype(np.float64)
-        if factor != 1.0:
-            value *= factor
-        if offset:
-            value += offset
+        value = raw.astype(np.float64) * factor + offset
         for code in rule.unknown:
             value[raw == code] = np.nan
         parts.append(value)

@@ -219,7 +219,7 @@ def _explain_gaps(
     bad = 0
     for low, high in gaps:
         lost_from = low
-        # Two of the longest frames may have to be read behind the gap to tell what is in it.
+        # Two of the longest frames may have to be read behind the gap to know what is in it.
         ahead = min(high + _AHEAD, size)
         raw = data[low : ahead + HEADER_PADDING].tobytes()
         walk = Walk().over(raw, high - low, ahead - low, gap=stamp, closed=True, wait=False)

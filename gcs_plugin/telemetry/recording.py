@@ -7,7 +7,7 @@ one file. Readers of each format make a Recording; `assemble` makes the FlightLo
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -136,3 +136,11 @@ class FlightLog:
             + (skipped if quality.damaged_places else "nothing"),
         )
         return textwrap.indent("\n".join(textwrap.shorten(x, 240) for x in lines), "  ")[2:]
+
+
+def worst_places(
+    skipped: Sequence[tuple[int, int]], time_before: Callable[[int], float]
+) -> tuple[Damage, ...]:
+    """The 20 longest of the skipped stretches (offset, length), in file order."""
+    worst = sorted(skipped, key=lambda place: -place[1])[:20]
+    return tuple(Damage(byte, length, time_before(byte)) for byte, length in sorted(worst))

@@ -33,7 +33,7 @@ SECOND_VEHICLE = 1.3
 #: s without any answer after which a transfer is given up; MAVSDK's own retries are shorter.
 SILENCE = 15.0
 POLL = 0.05  # s between two looks at what has come
-#: Kind of the listener's URL -> MAVSDK's scheme: plain "tcp" connects.
+#: Kind of the listener's URL -> MAVSDK's scheme: its "tcp" connects.
 SCHEMES = {"udpin": "udpin", "udpout": "udpout", "tcp": "tcpout", "tcpin": "tcpin"}
 
 Event = TypeVar("Event")
@@ -175,7 +175,7 @@ def _reason(result: Any) -> str:
 
 
 def _to_logging(level: LogLevel, message: str, _file: str | None, _line: int) -> bool:
-    """MAVSDK prints on its own to standard output unless told not to; keep it for --verbose."""
+    """MAVSDK prints to standard output unless a callback takes it; kept for --verbose."""
     log.debug("mavsdk %s: %s", level.name.lower(), message)
     return True
 

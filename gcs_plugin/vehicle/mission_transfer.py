@@ -111,7 +111,7 @@ def _home(
 
 
 def _plan_item(item: Any) -> PlanItem:
-    """MAVLink's integer item in degrees; MAV_FRAME_MISSION holds plain numbers instead."""
+    """MAVLink's integer item in degrees; MAV_FRAME_MISSION holds numbers without a unit instead."""
     scale, places = (1.0, 0) if item.frame == FRAME_MISSION else (1e-7, 7)
     return PlanItem(
         number=item.seq,

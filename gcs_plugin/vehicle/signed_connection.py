@@ -21,7 +21,7 @@ def signed_link(url: str, key: bytes) -> Iterator[VehicleLink]:
     """As `VehicleLink.open(url)`, with `key` for both directions.
 
     MAVSDK does not sign; so its bytes go over a listener of this project's, which does. Errors of
-    the link tell what became of messages that were not let in. Raises LinkError.
+    the link state what became of messages that were not let in. Raises LinkError.
     """
     door = SigningFilter(key)
     signer = Signer(key, link_id=LINK_ID, after=lambda: door.latest)

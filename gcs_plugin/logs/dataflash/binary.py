@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from thrustmargin.gcs_plugin.logs.dataflash.columns import DataFlashColumns, Units
 from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import MESSAGES, REQUIRED, columns_of
 from thrustmargin.gcs_plugin.logs.dataflash.message_scan import PADDING, Found, scan
-from thrustmargin.gcs_plugin.logs.files import worst_places
 from thrustmargin.gcs_plugin.mavlink.scan import gather, read_bytes
 from thrustmargin.gcs_plugin.mavlink.text import printable
 from thrustmargin.gcs_plugin.telemetry.recording import (
@@ -20,6 +19,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     Recording,
     Stream,
     Waypoint,
+    worst_places,
 )
 from thrustmargin.gcs_plugin.telemetry.timeline import longest_stretch, pauses, without_leaps
 from thrustmargin.models.errors import LogError

@@ -68,7 +68,7 @@ REQUIRED: Mapping[str, tuple[str, ...]] = {
 MESSAGES = tuple(dict.fromkeys([*(rule.message for rule in RULES), *REQUIRED]))
 
 #: ESCs or batteries of one vehicle.
-_MOST_SENDERS = 32
+_MOST_SOURCES = 32
 _ON_GROUND, _IN_AIR = 1.0, 2.0
 #: LogEvent: 18 landed, 28 not landed any more, 11 disarmed.
 _EVENTS = {18: _ON_GROUND, 28: _IN_AIR, 11: _ON_GROUND}
@@ -124,10 +124,10 @@ def _by_rule(rule: Rule, stream: Stream) -> list[Signal]:
 
 
 def _real_numbers(numbers: Floats) -> list[int]:
-    """The senders' numbers; those of a few damaged rows, which nothing else catches, left out."""
+    """The sources' numbers; those of a few damaged rows, which nothing else catches, left out."""
     found, counts = np.unique(numbers[np.isfinite(numbers)], return_counts=True)
     common = counts >= 0.02 * counts.max() if counts.size else counts > 0
-    return [int(n) for n in found[common] if 0 <= n < _MOST_SENDERS and n == int(n)]
+    return [int(n) for n in found[common] if 0 <= n < _MOST_SOURCES and n == int(n)]
 
 
 def _rangefinder_good(columns: DataFlashColumns) -> np.ndarray:
@@ -217,11 +217,11 @@ def _landed(streams: Mapping[str, Stream]) -> list[Signal]:
     state = np.full(number.size, np.nan)
     for event, meaning in _EVENTS.items():
         state[number == event] = meaning
-    told = np.isfinite(state)
+    reported = np.isfinite(state)
     if not np.any(state == _IN_AIR):
         return []
     source = "EV 28 (not landed) and 18 (landed)"
-    return [_signal("landed", source, stream.time_s[told], state[told])]
+    return [_signal("landed", source, stream.time_s[reported], state[reported])]
 
 
 def _origins(streams: Mapping[str, Stream]) -> list[Signal]:

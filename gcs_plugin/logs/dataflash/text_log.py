@@ -14,8 +14,7 @@ from thrustmargin.gcs_plugin.logs.dataflash.binary import recording_of
 from thrustmargin.gcs_plugin.logs.dataflash.columns import DataFlashColumns, Units
 from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import MESSAGES
 from thrustmargin.gcs_plugin.logs.dataflash.message_scan import Format, make_format
-from thrustmargin.gcs_plugin.logs.files import worst_places
-from thrustmargin.gcs_plugin.telemetry.recording import LogQuality, Recording
+from thrustmargin.gcs_plugin.telemetry.recording import LogQuality, Recording, worst_places
 from thrustmargin.gcs_plugin.telemetry.timeline import longest_stretch, pauses, without_leaps
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Floats

@@ -99,6 +99,7 @@ def test_a_frame_is_unfinished_until_its_last_byte_and_good_from_then(frame):
     assert good is not None
     assert good == (frame, 0, 11, 12, 7, True, 5, 3)
     assert good.payload == BODY
+    assert frame_of(frame) == (frame, 0, 11, 12, 7, True, 0, 0)
     assert frame_of(frame + b"\0") is None
     assert frame_of(frame[:-1]) is None
 
@@ -147,6 +148,9 @@ def test_a_good_frame_inside_an_unknown_one_is_the_one_that_counts():
     assert verdict(claimed, closed=True) is Verdict.NOTHING
     harmless = v2(number=50_000, payload=b"ab\xfd\x09\xfe" + bytes(20))
     assert verdict(harmless + v2()) is Verdict.UNVERIFIED
+    # FE, a length of 253, and the id 9, which is no message: a good frame from its second byte on.
+    shifted = b"\xfe" + v2(sequence=9)
+    assert verdict(shifted.ljust(261, b"\0") + v2()) is Verdict.NOTHING
     # A frame that begins inside and ends behind must be waited for.
     overlapped = bytes([0xFD, 12, 0, 0, 0, 1, 1]) + (50_000).to_bytes(3, "little") + b"ab" + v1()
     assert verdict(overlapped[:-1]) is Verdict.UNFINISHED
@@ -225,6 +229,8 @@ def test_unknown_frames_in_a_file_have_their_place_and_are_counted_by_id():
     assert found.stamps_s().tolist() == [1e9, 1e9]
     assert not found.unstamped()
     assert raw_scan(v2() * 5, STAMP).unstamped()
+    # The end of the file is as good as another frame.
+    assert raw_scan(data[: 2 * step], STAMP).unknown_ids == {50_000: 1}
 
 
 def test_of_frames_within_frames_the_earlier_counts():
