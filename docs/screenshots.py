@@ -51,29 +51,21 @@ def main() -> None:
 
 
 def photograph_measured(folder: Path) -> None:
-    """Close the loop on the measured flights and photograph the page's first two figures."""
+    """Close the loop on the measured flights and photograph the errors before and after."""
     import tempfile
 
     from tests.browser import open_page
-    from tests.measured.measured import measured
+    from tests.measured.crazyflie import FOLDER
+    from tests.measured.crazyflie_find import fly
+    from tests.measured.picture import HEIGHT, WIDTH, picture
 
+    figure = picture(fly(folder / FOLDER, surrogates=99, quick=False))
     with tempfile.TemporaryDirectory() as place:
         page_file = Path(place) / "measured.html"
-        measured(folder, html=page_file, only=("imrc_crazyflie_rpm",))
-        with open_page(page_file.as_uri(), width=1000, height=1400) as page:
+        figure.write_html(page_file)
+        with open_page(page_file.as_uri(), width=WIDTH, height=HEIGHT) as page:
             page.wait_for_timeout(3000)
-            boxes = [page.locator("figure").nth(k).bounding_box() for k in range(2)]
-            first, last = (box for box in boxes if box is not None)
-            picture = page.screenshot(
-                full_page=True,
-                clip={
-                    "x": first["x"],
-                    "y": first["y"],
-                    "width": first["width"],
-                    "height": last["y"] + last["height"] - first["y"],
-                },
-            )
-            small_png(picture, ROOT / "docs" / "measured.png")
+            small_png(page.screenshot(), ROOT / "docs" / "measured.png")
 
 
 def photograph_report(report) -> None:

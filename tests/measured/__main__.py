@@ -75,7 +75,7 @@ def show(found: Study, console: Console) -> None:
     for finding in found.findings:
         console.print(_table(finding))
         for note in finding.notes:
-            console.print(f"  note: {note}")
+            console.print(f"  note: {note}", soft_wrap=True)
 
 
 def _table(finding: Finding) -> Table:
