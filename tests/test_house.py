@@ -5,14 +5,26 @@ import re
 import tomllib
 from collections import defaultdict
 
-import pytest
-
 from tests.import_graph import PACKAGES, ROOT, modules, picture, room_graph
 
-LONGEST, SHORTEST = 300, 40  # lines of a file
+LONGEST, SHORTEST = 310, 40  # lines of a file
 #: Files outside these bounds, and why.
-LONG: dict[str, str] = {}
-SHORT: dict[str, str] = {}
+LONG = {
+    "models/identification/fit.py": "the fit and its sufficient statistics are one algebra",
+    "models/identification/search.py": "one step of the search after the other",
+}
+SHORT = {
+    "gcs_plugin/commands/progress.py": "what commands show while they work, of no single command",
+    "models/whole_file.py": "the one writer of files, which every package uses",
+    "models/physics/attitude.py": "formulas of attitude that stand below all others",
+}
+#: Folders whose files may be short: one file a thing, so that adding one is adding a file.
+ONE_FILE_EACH = ("models/effects", "gcs_plugin/reports", "gcs_plugin/wording", "gcs_plugin/mavlink")
+#: Folders whose tests are those of what they make, and where.
+TESTED_BY = {
+    "gcs_plugin/reports/model": "tests/gcs_plugin/commands/test_match.py and test_train.py",
+    "gcs_plugin/reports/shared": "tests/gcs_plugin/reports/margin/test_page.py",
+}
 #: Folders of tests that mirror no folder of the source, and what they hold.
 NOT_MIRRORED = {
     "tests": "this, and what all tests share",
@@ -40,17 +52,17 @@ def test_each_folder_of_tests_has_its_room():
     assert alone == set()
 
 
-@pytest.mark.xfail(reason="rooms are still being filled")
 def test_each_room_has_its_tests():
     bare = {
         folder
         for folder, held in source_folders().items()
-        if held and not list((ROOT / "tests" / folder).glob("test_*.py"))
+        if held
+        and folder not in TESTED_BY
+        and not list((ROOT / "tests" / folder).glob("test_*.py"))
     }
     assert bare == set()
 
 
-@pytest.mark.xfail(reason="rooms are still being filled")
 def test_no_two_modules_have_the_same_name():
     places: dict[str, list[str]] = defaultdict(list)
     for folder, held in source_folders().items():
@@ -60,7 +72,6 @@ def test_no_two_modules_have_the_same_name():
     assert {name: where for name, where in places.items() if len(where) > 1} == {}
 
 
-@pytest.mark.xfail(reason="rooms are still being filled")
 def test_no_two_public_classes_have_the_same_name():
     places: dict[str, list[str]] = defaultdict(list)
     for name, path in modules().items():
@@ -70,7 +81,6 @@ def test_no_two_public_classes_have_the_same_name():
     assert {name: where for name, where in places.items() if len(where) > 1} == {}
 
 
-@pytest.mark.xfail(reason="rooms are still being filled")
 def test_no_file_is_too_long_or_too_short_without_a_reason():
     lines = {
         path.relative_to(ROOT).as_posix(): len(path.read_text("utf-8").splitlines())
@@ -78,7 +88,8 @@ def test_no_file_is_too_long_or_too_short_without_a_reason():
         if path.name != "__init__.py"
     }
     assert {f: n for f, n in lines.items() if n > LONGEST}.keys() == LONG.keys()
-    assert {f: n for f, n in lines.items() if n < SHORTEST}.keys() == SHORT.keys()
+    short = {f for f, n in lines.items() if n < SHORTEST and not f.startswith(ONE_FILE_EACH)}
+    assert short == SHORT.keys()
 
 
 def test_every_package_folder_and_every_data_file_is_installed():

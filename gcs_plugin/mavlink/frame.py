@@ -83,7 +83,7 @@ def header(data: Any, at: Any, sizes: Any) -> Header:
     return Header(number, covered, covered + 3 + SIGNATURE * (flags & SIGNED), largest, possible)
 
 
-class Verdict(Enum):
+class FrameKind(Enum):
     """What the bytes from one offset on are."""
 
     GOOD = "a frame whose checksum agrees"
@@ -101,51 +101,51 @@ def _tables() -> tuple[memoryview, memoryview]:
 
 def examine(
     data: bytes, at: int, size: int, *, gap: int = 0, closed: bool = False
-) -> tuple[Verdict, Header | None]:
+) -> tuple[FrameKind, Header | None]:
     """The verdict on the bytes from `at` of the first `size`; `data` has HEADER_PADDING more.
 
     `gap` bytes lie between two frames (the time stamps of a .tlog). `closed`: another frame may
     begin behind the last byte, as behind a datagram or a file.
     """
     verdict, head = _checked(data, at, size)
-    if verdict is not Verdict.UNVERIFIED or head is None:
+    if verdict is not FrameKind.UNVERIFIED or head is None:
         return verdict, head
     end = at + head.length
     for inner in _magic_bytes(data, at + 1, end):
         within, _ = _checked(data, inner, size)
-        if within is Verdict.GOOD:
-            return Verdict.NOTHING, head
-        if within is Verdict.UNFINISHED and not closed:
-            return Verdict.UNFINISHED, head
+        if within is FrameKind.GOOD:
+            return FrameKind.NOTHING, head
+        if within is FrameKind.UNFINISHED and not closed:
+            return FrameKind.UNFINISHED, head
     following = end + gap
     if following >= size:
-        return (Verdict.UNVERIFIED if closed else Verdict.UNFINISHED), head
+        return (FrameKind.UNVERIFIED if closed else FrameKind.UNFINISHED), head
     after, header_after = _checked(data, following, size)
-    if after is Verdict.UNFINISHED and header_after is None and not closed:
-        return Verdict.UNFINISHED, head
-    return (Verdict.NOTHING if after is Verdict.NOTHING else Verdict.UNVERIFIED), head
+    if after is FrameKind.UNFINISHED and header_after is None and not closed:
+        return FrameKind.UNFINISHED, head
+    return (FrameKind.NOTHING if after is FrameKind.NOTHING else FrameKind.UNVERIFIED), head
 
 
-def _checked(data: bytes, at: int, size: int) -> tuple[Verdict, Header | None]:
+def _checked(data: bytes, at: int, size: int) -> tuple[FrameKind, Header | None]:
     """The same by the header and the checksum alone: UNVERIFIED is any frame of unknown id."""
     magic = data[at]
     if magic not in (V1, V2):
-        return Verdict.NOTHING, None
+        return FrameKind.NOTHING, None
     if at + (10 if magic == V2 else 6) > size:
-        return Verdict.UNFINISHED, None
+        return FrameKind.UNFINISHED, None
     sizes, extras = _tables()
     head = header(data, at, sizes)
     if not head.possible:
-        return Verdict.NOTHING, head
+        return FrameKind.NOTHING, head
     if at + head.length > size:
-        return Verdict.UNFINISHED, head
+        return FrameKind.UNFINISHED, head
     if head.largest < 0:
-        return Verdict.UNVERIFIED, head
+        return FrameKind.UNVERIFIED, head
     end = at + 1 + head.covered
     stated = data[end] | data[end + 1] << 8
     if checksum(data[at + 1 : end], extras[head.id]) == stated:
-        return Verdict.GOOD, head
-    return Verdict.BAD_CHECKSUM, head
+        return FrameKind.GOOD, head
+    return FrameKind.BAD_CHECKSUM, head
 
 
 def _magic_bytes(data: bytes, low: int, high: int) -> Iterator[int]:
@@ -166,7 +166,7 @@ class Walk:
 
     def over(
         self, data: bytes, stop: int, size: int, *, gap: int = 0, closed: bool, wait: bool
-    ) -> Iterator[tuple[Verdict, int, Header]]:
+    ) -> Iterator[tuple[FrameKind, int, Header]]:
         """(verdict, offset of the stamp or frame, header) of frames that begin before `stop`.
 
         Good and unverified frames, and those with a wrong checksum where a frame was expected.
@@ -179,14 +179,16 @@ class Walk:
                 self.at = min(found, default=stop) - gap
                 continue
             verdict, head = examine(data, start, size, gap=gap, closed=closed)
-            if verdict is Verdict.UNFINISHED and wait:
+            if verdict is FrameKind.UNFINISHED and wait:
                 return
             step = 1
-            if head is not None and verdict in (Verdict.GOOD, Verdict.UNVERIFIED):
+            if head is not None and verdict in (FrameKind.GOOD, FrameKind.UNVERIFIED):
                 step = gap + head.length
                 self.expected = self.at + step
                 yield verdict, self.at, head
-            elif head is not None and verdict is Verdict.BAD_CHECKSUM and self.at == self.expected:
+            elif (
+                head is not None and verdict is FrameKind.BAD_CHECKSUM and self.at == self.expected
+            ):
                 self.expected = start + head.length
                 yield verdict, self.at, head
             self.at += step
@@ -195,18 +197,18 @@ class Walk:
 def frame_of(data: bytes, *, stamp_us: int = 0, link: int = 0) -> Frame | None:
     """The frame that these bytes are; None when they are not one whole frame."""
     verdict, head = examine(data + bytes(HEADER_PADDING), 0, len(data), closed=True)
-    if verdict not in (Verdict.GOOD, Verdict.UNVERIFIED) or head is None:
+    if verdict not in (FrameKind.GOOD, FrameKind.UNVERIFIED) or head is None:
         return None
     if head.length != len(data):
         return None
     return made(data, verdict, head, stamp_us, link)
 
 
-def made(data: bytes, verdict: Verdict, head: Header, stamp_us: int, link: int) -> Frame:
+def made(data: bytes, verdict: FrameKind, head: Header, stamp_us: int, link: int) -> Frame:
     """The Frame of exactly these bytes."""
     place = 4 if data[0] == V2 else 2
     sequence, system, component = data[place : place + 3]
-    good = verdict is Verdict.GOOD
+    good = verdict is FrameKind.GOOD
     return Frame(data, head.id, system, component, sequence, good, stamp_us, link)
 
 

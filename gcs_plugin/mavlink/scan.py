@@ -20,8 +20,8 @@ from thrustmargin.gcs_plugin.mavlink.frame import (
     HEADER_PADDING,
     V1,
     V2,
+    FrameKind,
     Header,
-    Verdict,
     Walk,
     header,
 )
@@ -225,7 +225,7 @@ def _explain_gaps(
         walk = Walk().over(raw, high - low, ahead - low, gap=stamp, closed=True, wait=False)
         for verdict, place, head in walk:
             at = low + place
-            if verdict is Verdict.BAD_CHECKSUM:
+            if verdict is FrameKind.BAD_CHECKSUM:
                 bad += 1
                 continue
             unverified.append((at + stamp, head.id))

@@ -9,7 +9,7 @@ from thrustmargin.gcs_plugin.mavlink.frame import (
     V1,
     V2,
     Frame,
-    Verdict,
+    FrameKind,
     Walk,
     examine,
     made,
@@ -60,7 +60,7 @@ class FrameSplitter:
         """
         if self._rest and data and data[0] in (V1, V2):
             verdict, _ = examine(data + _PADDING, 0, len(data), closed=True)
-            if verdict in (Verdict.GOOD, Verdict.UNVERIFIED):
+            if verdict in (FrameKind.GOOD, FrameKind.UNVERIFIED):
                 self.counts.bytes_skipped += len(self._rest)
                 self._rest, self._expected = b"", 0
         return self._split(data, stamp_us, closed=True)
@@ -75,13 +75,13 @@ class FrameSplitter:
         walk = Walk(0, self._expected)
         padded = buffer + _PADDING
         for verdict, at, head in walk.over(padded, size, size, closed=closed, wait=True):
-            if verdict is Verdict.BAD_CHECKSUM:
+            if verdict is FrameKind.BAD_CHECKSUM:
                 counts.bad_checksum += 1
                 continue
             end = at + head.length
             frames.append(made(buffer[at:end], verdict, head, stamp_us, link))
             kept += head.length
-            counts.unknown += verdict is Verdict.UNVERIFIED
+            counts.unknown += verdict is FrameKind.UNVERIFIED
         counts.frames += len(frames)
         counts.bytes_skipped += walk.at - kept
         self.passed, self._rest = buffer[: walk.at], buffer[walk.at :]

@@ -6,8 +6,8 @@ import pytest
 from thrustmargin.gcs_plugin.mavlink.checksum import checksum, checksum_rows
 from thrustmargin.gcs_plugin.mavlink.frame import (
     HEADER_PADDING,
+    FrameKind,
     Header,
-    Verdict,
     examine,
     fields,
     frame_of,
@@ -39,7 +39,7 @@ def read(data: bytes, at: int = 0) -> Header:
     return header(data + bytes(HEADER_PADDING), at, memoryview(layout_table().size))
 
 
-def verdict(data: bytes, *, gap: int = 0, closed: bool = False) -> Verdict:
+def verdict(data: bytes, *, gap: int = 0, closed: bool = False) -> FrameKind:
     return examine(data + bytes(HEADER_PADDING), 0, len(data), gap=gap, closed=closed)[0]
 
 
@@ -91,10 +91,10 @@ def test_many_headers_are_read_as_each_alone():
 @pytest.mark.parametrize("frame", [v1(), v2(), v2(flags=1)], ids=["v1", "v2", "signed"])
 def test_a_frame_is_unfinished_until_its_last_byte_and_good_from_then(frame):
     for size in range(1, len(frame)):
-        assert verdict(frame[:size]) is Verdict.UNFINISHED
-        assert verdict(frame[:size], closed=True) is Verdict.UNFINISHED
-    assert verdict(frame) is Verdict.GOOD
-    assert verdict(frame + b"\0") is Verdict.GOOD
+        assert verdict(frame[:size]) is FrameKind.UNFINISHED
+        assert verdict(frame[:size], closed=True) is FrameKind.UNFINISHED
+    assert verdict(frame) is FrameKind.GOOD
+    assert verdict(frame + b"\0") is FrameKind.GOOD
     good = frame_of(frame, stamp_us=5, link=3)
     assert good is not None
     assert good == (frame, 0, 11, 12, 7, True, 5, 3)
@@ -116,45 +116,45 @@ def test_each_byte_that_the_checksum_covers_counts():
 
 def test_a_wrong_checksum_is_told_from_no_frame():
     damaged = v2()[:-1] + bytes([v2()[-1] ^ 1])
-    assert verdict(damaged) is Verdict.BAD_CHECKSUM
+    assert verdict(damaged) is FrameKind.BAD_CHECKSUM
     assert frame_of(damaged) is None
-    assert verdict(b"\x00" + v2()) is Verdict.NOTHING
-    assert verdict(v2(flags=2)) is Verdict.NOTHING
+    assert verdict(b"\x00" + v2()) is FrameKind.NOTHING
+    assert verdict(v2(flags=2)) is FrameKind.NOTHING
 
 
 def test_an_unknown_frame_waits_for_the_next_header_in_a_stream():
     unknown = v2(number=50_000)
-    assert verdict(unknown) is Verdict.UNFINISHED
-    assert verdict(unknown, closed=True) is Verdict.UNVERIFIED
-    assert verdict(unknown + v2()[:9]) is Verdict.UNFINISHED
-    assert verdict(unknown + v2()[:10]) is Verdict.UNVERIFIED
-    assert verdict(unknown + v1()[:5]) is Verdict.UNFINISHED
-    assert verdict(unknown + v1()[:6]) is Verdict.UNVERIFIED
-    assert verdict(unknown + b"\0") is Verdict.NOTHING
-    assert verdict(unknown + v2(flags=2)) is Verdict.NOTHING
-    assert verdict(unknown + v2()[:3], closed=True) is Verdict.UNVERIFIED
+    assert verdict(unknown) is FrameKind.UNFINISHED
+    assert verdict(unknown, closed=True) is FrameKind.UNVERIFIED
+    assert verdict(unknown + v2()[:9]) is FrameKind.UNFINISHED
+    assert verdict(unknown + v2()[:10]) is FrameKind.UNVERIFIED
+    assert verdict(unknown + v1()[:5]) is FrameKind.UNFINISHED
+    assert verdict(unknown + v1()[:6]) is FrameKind.UNVERIFIED
+    assert verdict(unknown + b"\0") is FrameKind.NOTHING
+    assert verdict(unknown + v2(flags=2)) is FrameKind.NOTHING
+    assert verdict(unknown + v2()[:3], closed=True) is FrameKind.UNVERIFIED
 
 
 def test_an_unknown_frame_in_a_file_is_followed_after_the_stamp():
     unknown = v2(number=50_000)
-    assert verdict(unknown + bytes(8) + v2(), gap=8) is Verdict.UNVERIFIED
-    assert verdict(unknown + bytes(7) + v2(), gap=8) is Verdict.NOTHING
-    assert verdict(unknown + v2(), gap=8) is Verdict.NOTHING
+    assert verdict(unknown + bytes(8) + v2(), gap=8) is FrameKind.UNVERIFIED
+    assert verdict(unknown + bytes(7) + v2(), gap=8) is FrameKind.NOTHING
+    assert verdict(unknown + v2(), gap=8) is FrameKind.NOTHING
 
 
 def test_a_good_frame_inside_an_unknown_one_is_the_one_that_counts():
     claimed = v2(number=50_000, payload=b"ab" + v1() + b"cd")
-    assert verdict(claimed + v2()) is Verdict.NOTHING
-    assert verdict(claimed, closed=True) is Verdict.NOTHING
+    assert verdict(claimed + v2()) is FrameKind.NOTHING
+    assert verdict(claimed, closed=True) is FrameKind.NOTHING
     harmless = v2(number=50_000, payload=b"ab\xfd\x09\xfe" + bytes(20))
-    assert verdict(harmless + v2()) is Verdict.UNVERIFIED
+    assert verdict(harmless + v2()) is FrameKind.UNVERIFIED
     # FE, a length of 253, and the id 9, which is no message: a good frame from its second byte on.
     shifted = b"\xfe" + v2(sequence=9)
-    assert verdict(shifted.ljust(261, b"\0") + v2()) is Verdict.NOTHING
+    assert verdict(shifted.ljust(261, b"\0") + v2()) is FrameKind.NOTHING
     # A frame that begins inside and ends behind must be waited for.
     overlapped = bytes([0xFD, 12, 0, 0, 0, 1, 1]) + (50_000).to_bytes(3, "little") + b"ab" + v1()
-    assert verdict(overlapped[:-1]) is Verdict.UNFINISHED
-    assert verdict(overlapped) is Verdict.NOTHING
+    assert verdict(overlapped[:-1]) is FrameKind.UNFINISHED
+    assert verdict(overlapped) is FrameKind.NOTHING
 
 
 def test_a_frame_too_short_for_its_message_has_its_zeros_put_back():

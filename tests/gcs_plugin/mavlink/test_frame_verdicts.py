@@ -6,7 +6,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from thrustmargin.gcs_plugin.mavlink.frame import (
     HEADER_PADDING,
-    Verdict,
+    FrameKind,
     Walk,
     examine,
     fields,
@@ -41,14 +41,14 @@ def second(
     return sealed(head + number.to_bytes(3, "little") + payload, extra)
 
 
-def verdict(data: bytes, at: int = 0, **given) -> Verdict:
+def verdict(data: bytes, at: int = 0, **given) -> FrameKind:
     return examine(data + bytes(HEADER_PADDING), at, len(data), **given)[0]
 
 
 @pytest.mark.parametrize(("frame", "length"), [(first(), 17), (second(), 21)])
 def test_a_frame_of_each_version(frame, length):
     assert len(frame) == length  # 6 or 10 of header, 9 of payload, 2 of checksum
-    assert verdict(frame) is Verdict.GOOD
+    assert verdict(frame) is FrameKind.GOOD
     found = frame_of(frame)
     assert found is not None
     assert (found.id, found.system, found.component, found.sequence) == (0, 11, 12, 7)
@@ -76,11 +76,11 @@ def test_trimmed_zeros_come_back_as_zeros():
 
 def test_a_signature_is_thirteen_bytes_after_the_checksum():
     signed = second(flags=1) + bytes(range(13))
-    assert verdict(signed) is Verdict.GOOD
+    assert verdict(signed) is FrameKind.GOOD
     assert frame_of(signed) is not None
     assert frame_of(signed[:-1]) is None
     assert frame_of(signed + b"\0") is None
-    assert verdict(second(flags=2)) is Verdict.NOTHING  # a flag that MAVLink does not define
+    assert verdict(second(flags=2)) is FrameKind.NOTHING  # a flag that MAVLink does not define
 
 
 def test_headers_by_hand_one_by_one_and_all_at_once():
@@ -99,14 +99,14 @@ def test_headers_by_hand_one_by_one_and_all_at_once():
 
 
 def test_a_payload_longer_than_its_message_is_no_frame():
-    assert verdict(second(BEAT + b"\1")) is Verdict.NOTHING
-    assert verdict(first(BEAT + b"\1")) is Verdict.NOTHING
+    assert verdict(second(BEAT + b"\1")) is FrameKind.NOTHING
+    assert verdict(first(BEAT + b"\1")) is FrameKind.NOTHING
 
 
 @pytest.mark.parametrize("number", [ID_LIMIT - 1, ID_LIMIT, ID_LIMIT + 1, 0xFFFFFF])
 def test_ids_beyond_the_table_are_unknown(number):
     frame = second(number=number)
-    assert verdict(frame, closed=True) is Verdict.UNVERIFIED
+    assert verdict(frame, closed=True) is FrameKind.UNVERIFIED
     found = frame_of(frame)
     assert found is not None
     assert (found.id, found.verified) == (number, False)
@@ -116,48 +116,48 @@ def test_ids_beyond_the_table_are_unknown(number):
 @pytest.mark.parametrize("frame", [first(), second()])
 def test_damage_and_cuts(frame):
     hurt = frame[:-3] + bytes([frame[-3] ^ 1]) + frame[-2:]
-    assert verdict(hurt) is Verdict.BAD_CHECKSUM
+    assert verdict(hurt) is FrameKind.BAD_CHECKSUM
     assert frame_of(hurt) is None
     for byte in (-1, -2):  # either byte of the checksum
         wrong = bytearray(frame)
         wrong[byte] ^= 0x80
-        assert verdict(bytes(wrong)) is Verdict.BAD_CHECKSUM
+        assert verdict(bytes(wrong)) is FrameKind.BAD_CHECKSUM
     for size in range(1, len(frame)):
-        assert verdict(frame[:size]) is Verdict.UNFINISHED
-    assert verdict(b"\x00" + frame) is Verdict.NOTHING
-    assert verdict(b"\x00" + frame, 1) is Verdict.GOOD
+        assert verdict(frame[:size]) is FrameKind.UNFINISHED
+    assert verdict(b"\x00" + frame) is FrameKind.NOTHING
+    assert verdict(b"\x00" + frame, 1) is FrameKind.GOOD
 
 
 def test_an_unknown_frame_counts_only_when_another_frame_can_follow():
     strange = first(b"abc", number=UNKNOWN)
-    assert verdict(strange + first()) is Verdict.UNVERIFIED
-    assert verdict(strange + b"\x00" * 20) is Verdict.NOTHING
+    assert verdict(strange + first()) is FrameKind.UNVERIFIED
+    assert verdict(strange + b"\x00" * 20) is FrameKind.NOTHING
     # The next one may be of unknown id too, damaged, or cut: its header is enough.
-    assert verdict(strange + strange) is Verdict.UNVERIFIED
-    assert verdict(strange + first()[:6]) is Verdict.UNVERIFIED
-    assert verdict(strange + first()[:-1] + b"\x00") is Verdict.UNVERIFIED
+    assert verdict(strange + strange) is FrameKind.UNVERIFIED
+    assert verdict(strange + first()[:6]) is FrameKind.UNVERIFIED
+    assert verdict(strange + first()[:-1] + b"\x00") is FrameKind.UNVERIFIED
     # Too little of it to be read: wait, or, where nothing more comes, believe it.
     for next_bytes in (b"", first()[:1], first()[:5], second()[:9]):
-        assert verdict(strange + next_bytes) is Verdict.UNFINISHED
-        assert verdict(strange + next_bytes, closed=True) is Verdict.UNVERIFIED
+        assert verdict(strange + next_bytes) is FrameKind.UNFINISHED
+        assert verdict(strange + next_bytes, closed=True) is FrameKind.UNVERIFIED
 
 
 def test_a_gap_of_time_stamps_lies_between_two_frames():
     strange = first(b"abc", number=UNKNOWN)
     stamp = b"\x00" * 8
-    assert verdict(strange + stamp + first(), gap=8) is Verdict.UNVERIFIED
-    assert verdict(strange + first() + stamp, gap=8) is Verdict.NOTHING
-    assert verdict(strange + stamp, gap=8) is Verdict.UNFINISHED
-    assert verdict(strange + stamp, gap=8, closed=True) is Verdict.UNVERIFIED
+    assert verdict(strange + stamp + first(), gap=8) is FrameKind.UNVERIFIED
+    assert verdict(strange + first() + stamp, gap=8) is FrameKind.NOTHING
+    assert verdict(strange + stamp, gap=8) is FrameKind.UNFINISHED
+    assert verdict(strange + stamp, gap=8, closed=True) is FrameKind.UNVERIFIED
 
 
 @pytest.mark.parametrize("before", [0, 1, 30])
 def test_an_unknown_frame_with_a_good_one_inside_is_none(before):
     inside = bytes(before) + second()
     phantom = first(inside + bytes(60 - len(inside)), number=UNKNOWN)
-    assert verdict(phantom + first()) is Verdict.NOTHING
+    assert verdict(phantom + first()) is FrameKind.NOTHING
     cut = phantom[: 6 + before + 15]  # of the outer frame and of the inner one
-    assert verdict(cut) is Verdict.UNFINISHED
+    assert verdict(cut) is FrameKind.UNFINISHED
 
 
 def test_a_good_frame_may_begin_at_the_second_byte_of_a_phantom():
@@ -165,7 +165,7 @@ def test_a_good_frame_may_begin_at_the_second_byte_of_a_phantom():
     inner = second(sequence=UNKNOWN)
     stream = b"\xfe" + inner
     stream += bytes(261 - len(stream))  # 6 + 253 + 2
-    assert verdict(stream + first()) is Verdict.NOTHING
+    assert verdict(stream + first()) is FrameKind.NOTHING
     found = FrameSplitter().feed(stream + first(), 0)
     assert [frame.data for frame in found] == [inner, first()]
 
@@ -174,13 +174,13 @@ def test_an_inner_frame_that_is_cut_by_the_end_of_the_bytes_is_waited_for():
     # The outer one of unknown id is whole, a frame inside it would end beyond it.
     inner = second()
     outer = first(bytes(20) + inner[:12], number=UNKNOWN)
-    assert verdict(outer) is Verdict.UNFINISHED
-    assert verdict(outer, closed=True) is Verdict.UNVERIFIED
+    assert verdict(outer) is FrameKind.UNFINISHED
+    assert verdict(outer, closed=True) is FrameKind.UNVERIFIED
     good = outer[:-2] + inner[12:] + first()
-    assert verdict(good) is Verdict.NOTHING
+    assert verdict(good) is FrameKind.NOTHING
 
 
-def walked(data: bytes, **given) -> list[tuple[Verdict, int]]:
+def walked(data: bytes, **given) -> list[tuple[FrameKind, int]]:
     options = {"closed": True, "wait": False, **given}
     walk = Walk()
     found = walk.over(data + bytes(HEADER_PADDING), len(data), len(data), **options)
@@ -192,23 +192,23 @@ def test_a_walk_reports_frames_and_one_bad_checksum_where_a_frame_was_due():
     hurt[12] ^= 1
     stream = first() + bytes(hurt) + first() + b"\0\0" + bytes(hurt) + second()
     assert walked(stream) == [
-        (Verdict.GOOD, 0),
-        (Verdict.BAD_CHECKSUM, 17),
-        (Verdict.GOOD, 38),
-        (Verdict.GOOD, 78),  # the second damaged one stood where none was due
+        (FrameKind.GOOD, 0),
+        (FrameKind.BAD_CHECKSUM, 17),
+        (FrameKind.GOOD, 38),
+        (FrameKind.GOOD, 78),  # the second damaged one stood where none was due
     ]
     # Two damaged ones in a row are both counted.
     assert walked(bytes(hurt) * 2 + first()) == [
-        (Verdict.BAD_CHECKSUM, 0),
-        (Verdict.BAD_CHECKSUM, 21),
-        (Verdict.GOOD, 42),
+        (FrameKind.BAD_CHECKSUM, 0),
+        (FrameKind.BAD_CHECKSUM, 21),
+        (FrameKind.GOOD, 42),
     ]
 
 
 def test_a_walk_over_time_stamps_tells_where_the_stamp_is():
     stamp = b"\x00" * 8
     data = stamp + first() + b"\x01" * 3 + stamp + second()
-    assert walked(data, gap=8) == [(Verdict.GOOD, 0), (Verdict.GOOD, 28)]
+    assert walked(data, gap=8) == [(FrameKind.GOOD, 0), (FrameKind.GOOD, 28)]
 
 
 def test_a_walk_waits_at_what_may_become_a_frame():
@@ -219,7 +219,7 @@ def test_a_walk_waits_at_what_may_become_a_frame():
     )
     assert [at for _, at, _ in found] == [0]
     assert walk.at == walk.expected == 17
-    assert walked(data) == [(Verdict.GOOD, 0)]
+    assert walked(data) == [(FrameKind.GOOD, 0)]
 
 
 def test_counts_of_a_stream_by_hand():
