@@ -172,6 +172,15 @@ class FlightTrack:
         """True when the channel has at least one number."""
         return bool(np.any(np.isfinite(getattr(self, channel))))
 
+    def followed_by(self, later: Self) -> Self:
+        """Both tracks as one, described as the later; Raises TrackError unless time goes on."""
+        arrays = {
+            f.name: np.concatenate([getattr(self, f.name), getattr(later, f.name)])
+            for f in fields(self)
+            if f.name in TRACK_CHANNELS or f.name in ("time_s", "flying")
+        }
+        return replace(later, **arrays)
+
     def rows(self, which: slice | Bools | NDArray[np.intp]) -> Self:
         """The same track with only the rows chosen by a slice, mask or index array."""
         arrays = {

@@ -157,7 +157,7 @@ def write_result(
         with ExitStack() as files:
             drafts = {path: files.enter_context(whole_file(path)) for path in wanted}
             if html is not None:
-                from thrustmargin.gcs_plugin.reports.identify.identify_page import html_text
+                from thrustmargin.gcs_plugin.reports.identify.page import html_text
 
                 drafts[html].write_text(html_text(result), encoding="utf-8")
             if json is not None:

@@ -1,4 +1,4 @@
-"""What an alarm is, its thresholds, how its change is told, and the condition that must hold."""
+"""What an alarm is, its thresholds, how it changes, and the condition that must hold."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class AlarmSettings:
     rotor_threshold: float = 0.04  # s
     rotor_unloaded: float = 0.2  # share of the expected thrust whose lack means: on the ground
     rotor_agree: float = 0.05  # disagreement of the others from which it is no sign of recovery
-    tank_share: float = 0.5  # of the larger loss by which two witnesses may part
+    tank_share: float = 0.5  # of the larger loss by which two estimates may part
     tank_kg: float = 0.5  # kg by which they must part besides
     tank_mass_kg: float = 3.0  # kg between gauge and thrust
     saturation: float = 0.97

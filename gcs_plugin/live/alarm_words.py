@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.live.alarm import AlarmSettings
-from thrustmargin.gcs_plugin.live.tank import TankBalance
+from thrustmargin.gcs_plugin.live.tank_balance import TankBalance
 
 #: ESC_FAILURE_FLAGS, gravest first
 FAILURES = {
@@ -45,7 +45,7 @@ def unheard_words(missing: NDArray[np.intp], rotors: int) -> str:
 
 
 def tank_verdict(balance: TankBalance, settings: AlarmSettings) -> str:
-    """What is wrong with the tank, for people; empty when its witnesses agree or are too few."""
+    """What is wrong with the tank, for people; empty when its estimates agree or are too few."""
     gauge, pump, thrust = balance.gauge, balance.pump, balance.thrust
     if parts(gauge, pump, settings):
         if balance.level_kg < 0.3 and gauge < pump:

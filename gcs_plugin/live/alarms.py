@@ -19,7 +19,6 @@ false alarms: tests/bench/bench_alarms.py.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -40,11 +39,11 @@ from thrustmargin.gcs_plugin.live.alarm_words import (
     unheard_words,
 )
 from thrustmargin.gcs_plugin.live.rotor_sums import RotorSums, thrust_excess
-from thrustmargin.gcs_plugin.live.tank import BalanceWatch
+from thrustmargin.gcs_plugin.live.tank_balance import BalanceWatch
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import Basis, FlightAnalysis
 
-ROTORS_HOLD = 1.0  # s of the time after which missing rotor speeds are told
+ROTORS_HOLD = 1.0  # s of the time after which missing rotor speeds are reported
 
 
 class Alarms:
@@ -83,38 +82,31 @@ class Alarms:
         pumped_kg: Floats,
         virtual_kg: Floats,
         settled: slice | None = None,
-        margin_ahead: float = float("nan"),
-        esc_failures: Sequence[int] = (),
+        margin_ahead: Floats | None = None,
+        esc_failures: Floats | None = None,
     ) -> list[AlarmEvent]:
         """Take the rows from `first` on, in order; arrays are (T,), as long as the analysis.
 
         What rests on the prediction is judged in the rows `settled`, where that may come later.
         `pumped_kg` is the liquid pumped so far, `virtual_kg` the virtual gauge, `margin_ahead` the
-        least predicted margin on the rest of the route; NaN where unknown. `esc_failures` are the
-        last ESC_FAILURE_FLAGS of each rotor, where ESCs report on themselves.
+        least predicted margin on the rest of the route; NaN where unknown. `esc_failures` (T, R)
+        are ESC_FAILURE_FLAGS, NaN where an ESC does not report on itself.
         """
         events: list[AlarmEvent] = []
         track, margin = analysis.track, analysis.margin
         rows = track.time_s.size
         for row in range(first, rows):
             time_s = float(clock_s[row])
+            if esc_failures is not None:
+                self._escs(events, time_s, esc_failures[row])
             if not track.flying[row]:
                 self._landed(events, time_s)
                 continue
             self._margin(events, time_s, margin[row])
-            self._ahead(events, time_s, margin_ahead)
+            if margin_ahead is not None:
+                self._ahead(events, time_s, float(margin_ahead[row]))
             used = np.fmax(track.throttle[row], np.sqrt(analysis.capacity_use[row]))
             self._saturation(events, time_s, used)
-        for rotor, flags in enumerate(esc_failures, start=1):
-            self._set(
-                events,
-                ("esc", rotor),
-                float(clock_s[-1]),
-                on=flags != 0,
-                off=flags == 0,
-                severity=CRITICAL,
-                text=f"ESC of rotor {rotor}: {failure_words(flags)}" if flags else "",
-            )
         excess = thrust_excess(analysis)
         for row in range(rows)[slice(first, None) if settled is None else settled]:
             time_s = float(clock_s[row])
@@ -134,6 +126,19 @@ class Alarms:
             )
             self._tank(events, time_s)
         return events
+
+    def _escs(self, events: list[AlarmEvent], time_s: float, failures: Floats) -> None:
+        for rotor in np.flatnonzero(np.isfinite(failures)).tolist():
+            flags = int(failures[rotor])
+            self._set(
+                events,
+                ("esc", rotor + 1),
+                time_s,
+                on=flags != 0,
+                off=flags == 0,
+                severity=CRITICAL,
+                text=f"ESC of rotor {rotor + 1}: {failure_words(flags)}" if flags else "",
+            )
 
     def _landed(self, events: list[AlarmEvent], time_s: float) -> None:
         """On the ground nothing of the flight stands, but for a rotor that was found bad."""

@@ -16,7 +16,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.live.alarm import CRITICAL, NOTICE, WARNING, Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.live.fleet import Fleet
 from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorStatus
-from thrustmargin.gcs_plugin.live.vehicle_monitor import Update, VehicleWatch
+from thrustmargin.gcs_plugin.live.vehicle_monitor import Update, VehicleMonitor
 from thrustmargin.gcs_plugin.wording.numbers import NOT_RECORDING
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ def screen(monitor: LiveMonitor, width: int = WIDE) -> RenderableType:
     return Group(*parts)
 
 
-def vehicle_cells(watch: VehicleWatch, now_us: int, limit: float) -> list[str]:
+def vehicle_cells(watch: VehicleMonitor, now_us: int, limit: float) -> list[str]:
     """One row of the table; rich markup only from here, never from what a vehicle sent."""
     update = watch.last
     silent = watch.silent(now_us)

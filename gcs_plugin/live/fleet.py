@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from thrustmargin.gcs_plugin.live.alarm import AlarmEvent
-from thrustmargin.gcs_plugin.live.vehicle_monitor import Update, VehicleWatch, WatchSettings
+from thrustmargin.gcs_plugin.live.vehicle_monitor import Update, VehicleMonitor, WatchSettings
 from thrustmargin.gcs_plugin.live.vehicle_state import (
     GROUND_STATION,
     MISSION_MESSAGES,
@@ -25,7 +25,7 @@ class Fleet:
         self._model = model
         self._settings = WatchSettings() if settings is None else settings
         self._stations: set[int] = set(STATIONS)
-        self._watches: dict[int, VehicleWatch] = {}
+        self._watches: dict[int, VehicleMonitor] = {}
 
     @property
     def max_utilisation(self) -> float:
@@ -33,7 +33,7 @@ class Fleet:
         return self._settings.alarms.max_utilisation
 
     @property
-    def vehicles(self) -> dict[int, VehicleWatch]:
+    def vehicles(self) -> dict[int, VehicleMonitor]:
         """System id -> watch, in the order of ids."""
         return {n: w for n, w in sorted(self._watches.items()) if w.seen}
 
@@ -51,17 +51,17 @@ class Fleet:
                 continue
             watch = self._watches.get(frame.system)
             if watch is None:
-                watch = VehicleWatch(frame.system, self._model, self._settings)
+                watch = VehicleMonitor(frame.system, self._model, self._settings)
                 self._watches[frame.system] = watch
             watch.take(frame)
 
     def updates(self) -> list[Update]:
         """The new rows of every vehicle."""
-        return [u for w in self._watches.values() if w.waiting and (u := w.update()) is not None]
+        return [u for w in self._watches.values() if w.waiting for u in w.updates()]
 
     def finish(self) -> list[Update]:
         """What is still to be said of the last rows when no more will come."""
-        return [u for w in self._watches.values() if (u := w.update(final=True)) is not None]
+        return [u for w in self._watches.values() for u in w.updates(final=True)]
 
     def tick(self, now_us: int) -> list[tuple[int, AlarmEvent]]:
         """Judge every link at a time of the ground's clock."""

@@ -13,7 +13,7 @@ from typing import Any
 from thrustmargin.gcs_plugin.link.sender import Sender
 from thrustmargin.gcs_plugin.live.alarm import AlarmEvent
 from thrustmargin.gcs_plugin.live.fleet import Fleet
-from thrustmargin.gcs_plugin.live.vehicle_monitor import Update, VehicleWatch
+from thrustmargin.gcs_plugin.live.vehicle_monitor import Update, VehicleMonitor
 from thrustmargin.gcs_plugin.live.vehicle_state import ARDUPILOT
 
 SET_MESSAGE_INTERVAL = 511
@@ -79,8 +79,8 @@ class RateRequester:
             if watch.state.autopilot < 0 or watch.silent(now_us) > SILENT:
                 continue
             asked = self._asked.get(number)
-            if asked is None or asked.boot != watch.state.boot:
-                asked = self._asked[number] = _Asked(watch.state.boot)
+            if asked is None or asked.boot != watch.telemetry.clock.boot:
+                asked = self._asked[number] = _Asked(watch.telemetry.clock.boot)
                 self._sender.heartbeat(number)
             if asked.waiting:
                 if now_s - asked.last_s >= SPACING:
@@ -91,9 +91,9 @@ class RateRequester:
                 asked.last_s = now_s
                 asked.waiting = self._requests(watch)
 
-    def _requests(self, watch: VehicleWatch) -> list[Any]:
+    def _requests(self, watch: VehicleMonitor) -> list[Any]:
         dialect, target = self._sender.dialect, watch.state.component or 1
-        heard = {r.source.split()[0] for r in watch.state.readings.values()}
+        heard = watch.telemetry.heard
         requests = [
             dialect.MAVLink_command_long_message(
                 watch.system, target, SET_MESSAGE_INTERVAL, 0, number, 1e6 / rate, 0, 0, 0, 0, 0
@@ -116,7 +116,7 @@ def wanted(autopilot: int, rotor_count: int) -> dict[str, tuple[int, float]]:
     return COMMON | OF_ARDUPILOT | (OF_ARDUPILOT_MORE if rotor_count > 4 else {})
 
 
-def wanted_parameters(watch: VehicleWatch) -> list[str]:
+def wanted_parameters(watch: VehicleMonitor) -> list[str]:
     """Parameters that are not known yet; the pump's range once its output is."""
     known = watch.state.parameters
     names = list(PARAMETERS)

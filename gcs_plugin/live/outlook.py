@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.live.live_rows import COLUMNS, Sample
 from thrustmargin.gcs_plugin.live.vehicle_state import ARDUPILOT, VehicleState
 from thrustmargin.gcs_plugin.telemetry.recording import Waypoint
 from thrustmargin.mission.forecast import (
@@ -21,7 +20,7 @@ from thrustmargin.mission.forecast import (
 )
 from thrustmargin.mission.plan import MissionPlan, PlanItem, plan_from_items
 from thrustmargin.models.errors import PlanError
-from thrustmargin.models.flight import Origin
+from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.rotor_model import RotorModel
 
@@ -34,7 +33,7 @@ class Outlook:
     """What the rest of the flight will be like, as far as it can be told now."""
 
     seconds_to_empty: float = math.nan  # at the present flow, spraying on; inf without flow
-    margin_full: float = math.nan  # predicted worst-rotor margin after a refill to the brim
+    margin_full: float = math.nan  # predicted worst-rotor margin with a full tank
     route: Forecast | None = None  # the rest of the mission, where one is known
 
     @property
@@ -68,82 +67,83 @@ class LookAhead:
     def look(
         self,
         analysis: FlightAnalysis,
-        samples: Sequence[Sample],
-        state: VehicleState,
-        origin: Origin | None,
+        row: int,
         *,
-        let_through: float,
+        clock_s: float,
+        pump_share: float,
+        delivery: float,
+        mission_item: int,
+        state: VehicleState,
     ) -> None:
-        """Forecast from the last of the rows, if it is time.
+        """Forecast from one row, if it is time.
 
-        `let_through` is the share of what the pump's output says that the nozzles let through.
+        `clock_s` is the vehicle's at the row, `pump_share` its pump's output from 0 to 1, of which
+        the nozzles deliver the factor `delivery`; `mission_item` is flown to, -1 unknown.
         """
-        last = samples[-1]
-        if last.clock_s - self._done_s < FORECAST_EVERY:
+        if clock_s - self._done_s < FORECAST_EVERY:
             return
-        self._done_s = last.clock_s
+        self._done_s = clock_s
         track, airframe = analysis.track, self._model.airframe
-        tank = float(track.tank_kg[-1])
-        flow = self._flow(last, let_through)
-        wind = track.wind_ned[-1]
+        tank = float(track.tank_kg[row])
+        flow = self._flow(clock_s, tank, pump_share, delivery)
         conditions = Conditions(
             tank_kg=tank,
             flow=flow,
-            density=float(analysis.density[-1]),
-            voltage=float(track.voltage[-1]),
-            wind_ned=tuple(float(w) for w in np.nan_to_num(wind)),  # type: ignore[arg-type]
+            density=float(analysis.density[row]),
+            voltage=float(track.voltage[row]),
+            wind_ned=tuple(float(w) for w in np.nan_to_num(track.wind_ned[row])),  # type: ignore[arg-type]
         )
         full = margin_at_fill(
             airframe,
             self._model,
             conditions,
             airframe.tank_capacity_kg,
-            float(track.airspeed[-1]),
+            float(track.airspeed[row]),
         )
         self.now = Outlook(
             seconds_to_empty=tank / flow if flow > 0.0 else (math.inf if flow == 0.0 else math.nan),
             margin_full=full,
-            route=self._route(analysis, conditions, state, origin),
+            route=self._route(track, row, conditions, state, mission_item),
         )
 
-    def _flow(self, last: Sample, let_through: float) -> float:
+    def _flow(self, clock_s: float, level: float, pump_share: float, delivery: float) -> float:
         """kg/s out of the tank while spraying: by the pump, else by the gauge; NaN unknown."""
-        airframe, tank = self._model.airframe, last.tank
-        if math.isfinite(tank.pump_share):
+        airframe = self._model.airframe
+        if math.isfinite(pump_share):
             full = airframe.pump_max_flow_l_min / 60.0 * airframe.liquid_density
-            if tank.pump_share > 0.0:
-                self._last_flow = full * tank.pump_share
-            return self._last_flow * max(let_through, 0.0)
-        level = float(last.values[COLUMNS["tank_kg"]])
-        self._levels.append((last.clock_s, level))
+            if pump_share > 0.0:
+                self._last_flow = full * pump_share
+            return self._last_flow * max(delivery, 0.0)
+        self._levels.append((clock_s, level))
         while self._levels[-1][0] - self._levels[0][0] > FLOW_WINDOW:
             self._levels.popleft()
         began, before = self._levels[0]
-        seconds = last.clock_s - began
+        seconds = clock_s - began
         # Without a full window a slope would be mostly the gauge's noise.
         return max(before - level, 0.0) / seconds if seconds > 0.8 * FLOW_WINDOW else math.nan
 
     def _route(
         self,
-        analysis: FlightAnalysis,
+        track: FlightTrack,
+        row: int,
         conditions: Conditions,
         state: VehicleState,
-        origin: Origin | None,
+        mission_item: int,
     ) -> Forecast | None:
         if not self._given_plan and state.mission is not self._items:
             self._items = state.mission
             self.plan = _plan(state.mission.values(), home_first=state.autopilot == ARDUPILOT)
-        position = analysis.track.position_ned[-1]
-        if self.plan is None or origin is None or not np.all(np.isfinite(position)):
+        position = track.position_ned[row]
+        if self.plan is None or track.origin is None or not np.all(np.isfinite(position)):
             return None
         speed = state.parameters.get("WPNAV_SPEED", 100.0 * self.plan.cruise_speed) / 100.0
         legs = route_ahead(
             self.plan,
-            max(state.mission_item, 0),
+            max(mission_item, 0),
             position,
-            origin,
+            track.origin,
             speed=speed,
-            spraying=float(analysis.track.spraying[-1]) > 0.5,
+            spraying=float(track.spraying[row]) > 0.5,
         )
         return forecast(legs, self._model, conditions)
 

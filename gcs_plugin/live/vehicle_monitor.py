@@ -7,35 +7,30 @@ given, so that a recording gives live what it gives from its file.
 from __future__ import annotations
 
 import math
-from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.link.sequence import SenderWatch, Verdict
-from thrustmargin.gcs_plugin.live.ages import stale, stale_words
 from thrustmargin.gcs_plugin.live.alarm import Alarm, AlarmEvent, AlarmSettings
 from thrustmargin.gcs_plugin.live.alarms import Alarms
-from thrustmargin.gcs_plugin.live.live_rows import COLUMNS, FIXED, Sample, track_of
 from thrustmargin.gcs_plugin.live.outlook import LookAhead, Outlook
-from thrustmargin.gcs_plugin.live.sampler import Sampler
-from thrustmargin.gcs_plugin.live.tank import FlowMeter, TankReading, virtual_gauge
-from thrustmargin.gcs_plugin.live.vehicle_state import (
-    VehicleState,
-    fold,
-    fold_mission,
-)
+from thrustmargin.gcs_plugin.live.tank_balance import DeliveryMeter, virtual_gauge
+from thrustmargin.gcs_plugin.live.vehicle_state import VehicleState, fold_mission
+from thrustmargin.gcs_plugin.live.vehicle_telemetry import LiveRows, VehicleTelemetry, stale_words
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
+from thrustmargin.gcs_plugin.telemetry.rows import Options
 from thrustmargin.mission.plan import MissionPlan
-from thrustmargin.models.flight import Floats
-from thrustmargin.models.model.analysis import FlightAnalysis, analyse
+from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.model.analysis import FlightAnalysis, FlightState, analyse
 from thrustmargin.models.model.rotor_model import RotorModel
 
-#: Rows before the new ones that the analysis also gets: effects need neighbours for rates.
-CONTEXT = 40
-#: s after which more rows no longer change a prediction by effects, which look both ways.
-SETTLED_AFTER = 1.2
+#: Rows of which screens show a mean: at least so many stay in every update.
+SHOWN = 10
+#: Arrays of an Update that the next one goes on with.
+CARRIED = ("clock_s", "stamp_us", "pumped_kg", "delivered_kg", "margin_ahead")
 #: s for which two vehicles with one id stay suspended after they were last seen to take turns.
 SHARED_HOLD = 10.0
 #: s of silence after which a vehicle has left.
@@ -60,6 +55,8 @@ class Update:
     stamp_us: NDArray[np.int64]  # ground's clock when the row's report came
     virtual_kg: Floats  # tank by thrust
     pumped_kg: Floats  # by the pump since it was first heard
+    delivered_kg: Floats  # of that, by the delivery factor that was known at the row
+    margin_ahead: Floats  # least predicted on the rest of the route, NaN without a mission
     outlook: Outlook
     alarms: tuple[Alarm, ...]  # that stand after the last row
     events: tuple[AlarmEvent, ...]
@@ -86,36 +83,36 @@ class WatchSettings:
     alarms: AlarmSettings = field(default_factory=AlarmSettings)
 
 
-class VehicleWatch:
-    """One system id. Call `take` with its frames, `update` when there may be rows, `tick` often."""
+class VehicleMonitor:
+    """One system id. Call `take` with its frames, `updates` for its rows, `tick` often."""
 
     def __init__(self, system: int, model: RotorModel, settings: WatchSettings) -> None:
         self.system = system
-        self.state = VehicleState(system=system)
         self.alarms = Alarms(settings.alarms)
         self.senders: dict[int, SenderWatch] = {}
         self.shared_until_us = 0
         self.notes: list[str] = []  # what happened since they were last taken
         self.last: Update | None = None
         self.rows = 0
-        self._model = model
-        self._sampler = Sampler(
-            f"vehicle {system}",
-            model.airframe,
+        options = Options(
+            airframe=model.airframe,
+            sampling="hold",
             tank=settings.tank,
             tank_start_kg=settings.tank_start_kg,
         )
-        self._known: deque[Sample] = deque(maxlen=CONTEXT)
-        self._new: list[Sample] = []
+        self.telemetry = VehicleTelemetry(system, options)
+        self._model = model
         self._unsettled = 0  # of the known rows, the last so many
-        self._start_s = math.nan
-        self._boot = 0
         self._ahead = LookAhead(model)
         #: (R,) ground's clock when each rotor's speed was last known; 0 before any was.
         self._rotor_us = np.zeros(model.airframe.rotor_count, dtype=np.int64)
-        self._flying: bool | None = None  # in the last row
-        self._tank: TankReading | None = None  # the last that had a level
-        self._flow_meter = FlowMeter()
+        self._delivery = DeliveryMeter()
+        self._look_back_s, self._look_ahead_s = model.look_back_s, model.look_ahead_s
+
+    @property
+    def state(self) -> VehicleState:
+        """What the vehicle says of itself."""
+        return self.telemetry.state
 
     @property
     def seen(self) -> bool:
@@ -130,7 +127,7 @@ class VehicleWatch:
                 f"two vehicles send as system {self.system}: nothing is computed; "
                 "give each its own id (SYSID_THISMAV)"
             )
-        return self._sampler.problem
+        return self.telemetry.problem
 
     @property
     def shared(self) -> bool:
@@ -139,8 +136,8 @@ class VehicleWatch:
 
     @property
     def waiting(self) -> bool:
-        """True when `update` would have rows."""
-        return bool(self._new)
+        """True when `updates` may have rows."""
+        return self.telemetry.waiting
 
     @property
     def plan(self) -> MissionPlan | None:
@@ -163,103 +160,127 @@ class VehicleWatch:
             return
         if frame.stamp_us < self.shared_until_us:
             # A mix of two aircraft must not pass for one: heard, but not used.
-            self.state = VehicleState(
-                system=self.system, boot=self.state.boot, stamp_us=frame.stamp_us
-            )
-            self._new.clear()
+            self.telemetry.state = replace(self.state, stamp_us=frame.stamp_us)
+            self.telemetry.forget()
             return
-        self.state = fold(self.state, frame)
-        if self.state.note:
-            self.notes.append(self.state.note)
-        sample = self._sampler.after(self.state)
-        if sample is None:
-            return
-        if sample.boot != self._boot or math.isnan(self._start_s):
-            self._boot, self._start_s = sample.boot, sample.clock_s
-            self._tank = None
-            self._known.clear()
-            self._new.clear()
-            self._unsettled = 0
-            self._ahead.restart()
-        self._flying = sample.flying
-        if math.isfinite(sample.tank.level_kg):
-            self._tank = sample.tank
-        if sample.rotors_heard:
-            heard = np.isfinite(sample.values[FIXED : FIXED + self._rotor_us.size])
-            # One that never spoke is missed as soon as another did.
-            heard |= self._rotor_us == 0
-            self._rotor_us[heard] = sample.stamp_us
-        self._flow_meter.add(float(sample.values[COLUMNS["tank_kg"]]), sample.tank.pumped_kg)
-        self._new.append(sample)
+        self.telemetry.take(frame)
 
     def overhear(self, frame: Frame) -> None:
         """A mission item that somebody sends to this vehicle."""
-        self.state = fold_mission(self.state, frame)
+        self.telemetry.state = fold_mission(self.state, frame)
 
-    def update(self, *, final: bool = False) -> Update | None:
-        """The rows that came since the last call, analysed; None when there is none.
+    def updates(self, *, final: bool = False) -> list[Update]:
+        """The rows that came since the last call, analysed; one part for each start of the vehicle.
 
         `final`: no more will come, and the last predictions count as settled.
         """
-        if not self._new and not (final and self._unsettled):
-            return None
-        samples = [*self._known, *self._new]
-        first = len(self._known)
-        track = track_of(
-            samples,
-            name=f"vehicle {self.system}",
-            rotor_count=self._model.airframe.rotor_count,
-            origin=self._sampler.origin,
-            start_s=self._start_s,
-        )
-        analysis = analyse(track, self._model)
-        clock_s = np.array([s.clock_s for s in samples])
-        unsettled = first - self._unsettled
-        settled = clock_s.size
-        if self._model.effects and not final:
-            until = np.searchsorted(clock_s, clock_s[-1] - SETTLED_AFTER, side="right")
-            settled = max(int(until), unsettled)
-        self._unsettled = clock_s.size - settled
+        made = [self._update(rows) for rows in self.telemetry.rows()]
+        self.notes += self.telemetry.events
+        self.telemetry.events.clear()
+        if final and self._unsettled and self.last is not None:
+            made.append(self._update(None))
+        return made
+
+    def _update(self, new: LiveRows | None) -> Update:
+        """The next update: with new rows, or (None) with the last predictions settled."""
+        last = self.last
+        if last is None or (new is not None and last.boot != new.boot):
+            last, self._unsettled = None, 0
+            self._ahead.restart()
+        window, start = slice(0, 0), None
+        if last is not None:
+            window, start = self._window(last)
+        track = _joined(last, window, new)
+        analysis = analyse(track, self._model, start=start)
+        total = track.time_s.size
+        first = total - (0 if new is None else new.clock_s.size)
+        unsettled, settled = first - self._unsettled, total
+        if self._model.effects and new is not None:
+            sure_s = track.time_s[-1] - self._look_ahead_s
+            until = int(np.searchsorted(track.time_s, sure_s, side="right"))
+            settled = max(until, unsettled)
+        self._unsettled = total - settled
+        arrays = {
+            name: np.zeros(0) if last is None else getattr(last, name)[window] for name in CARRIED
+        }
+        if new is not None:
+            added = self._beyond_the_rows(analysis, first, new)
+            arrays = {name: np.concatenate([arrays[name], added[name]]) for name in CARRIED}
+            self.rows += new.clock_s.size
         virtual = virtual_gauge(analysis)
-        pumped = np.array([s.tank.pumped_kg for s in samples])
-        self._ahead.look(
-            analysis,
-            samples,
-            self.state,
-            self._sampler.origin,
-            let_through=self._flow_meter.now,
-        )
         events = self.alarms.rows(
             analysis,
             first,
             settled=slice(unsettled, settled),
-            clock_s=clock_s,
-            pumped_kg=pumped * self._flow_meter.first,
+            clock_s=arrays["clock_s"],
+            pumped_kg=arrays["delivered_kg"],
             virtual_kg=virtual,
-            margin_ahead=self._ahead.now.margin_ahead,
-            esc_failures=samples[-1].esc_failures,
+            margin_ahead=arrays["margin_ahead"],
+            esc_failures=None if new is None else _below(first, new.esc_failures),
         )
+        kept = self.last
         self.last = Update(
             vehicle=self.system,
-            boot=self._boot,
+            boot=new.boot if new is not None else kept.boot if kept is not None else 0,
             analysis=analysis,
             first=first,
             unsettled=unsettled,
             settled=settled,
-            clock_s=clock_s,
-            stamp_us=np.array([s.stamp_us for s in samples], dtype=np.int64),
+            clock_s=arrays["clock_s"],
+            stamp_us=arrays["stamp_us"].astype(np.int64),
             virtual_kg=virtual,
-            pumped_kg=pumped,
+            pumped_kg=arrays["pumped_kg"],
+            delivered_kg=arrays["delivered_kg"],
+            margin_ahead=arrays["margin_ahead"],
             outlook=self._ahead.now,
             alarms=tuple(self.alarms.standing.values()),
             events=tuple(events),
-            tank_source=samples[-1].tank.source,
-            notes=(*self._sampler.notes, *samples[-1].tank.notes),
+            tank_source=track.sources.get("tank_kg", ""),
+            notes=new.notes if new is not None else kept.notes if kept is not None else (),
         )
-        self.rows += len(self._new)
-        self._known.extend(self._new)
-        self._new.clear()
         return self.last
+
+    def _window(self, last: Update) -> tuple[slice, FlightState | None]:
+        """Rows of the last update that the next one needs, and what the model carries to them."""
+        time_s = last.analysis.track.time_s
+        needed = min(last.settled, time_s.size - 1)
+        back = np.searchsorted(time_s, time_s[needed] - self._look_back_s, side="right") - 1
+        begin = max(min(int(back), time_s.size - SHOWN), 0)
+        start = last.analysis.start if begin == 0 else last.analysis.state_at(begin)
+        return slice(begin, None), start
+
+    def _beyond_the_rows(
+        self, analysis: FlightAnalysis, first: int, new: LiveRows
+    ) -> dict[str, NDArray[Any]]:
+        """What is known at each new row of pump, route and rotors; as `CARRIED`."""
+        track = analysis.track
+        delivered, ahead = np.full((2, new.clock_s.size), np.nan)
+        for k, row in enumerate(range(first, track.time_s.size)):
+            self._delivery.add(float(track.tank_kg[row]), float(new.pumped_kg[k]))
+            delivered[k] = new.pumped_kg[k] * self._delivery.first
+            item = new.mission_item[k]
+            self._ahead.look(
+                analysis,
+                row,
+                clock_s=float(new.clock_s[k]),
+                pump_share=float(new.pump_share[k]),
+                delivery=self._delivery.now,
+                mission_item=int(item) if math.isfinite(item) else -1,
+                state=self.state,
+            )
+            ahead[k] = self._ahead.now.margin_ahead
+            heard = np.isfinite(track.rotor_speed_rpm[row])
+            if heard.any():
+                # One that never spoke is missed as soon as another did.
+                heard |= self._rotor_us == 0
+                self._rotor_us[heard] = new.stamp_us[k]
+        return {
+            "clock_s": new.clock_s,
+            "stamp_us": new.stamp_us,
+            "pumped_kg": new.pumped_kg,
+            "delivered_kg": delivered,
+            "margin_ahead": ahead,
+        }
 
     def tick(self, now_us: int) -> list[AlarmEvent]:
         """Judge the link at a time of the ground's clock."""
@@ -281,12 +302,12 @@ class VehicleWatch:
         """
         if self.shared or self.silent(now_us) > self.alarms.settings.silence:
             return ""
-        return stale_words(stale(self.state, self._tank, now_us))
+        return stale_words(self.telemetry.stale(now_us))
 
     @property
     def flying(self) -> bool:
         """Off the ground when last heard; armed counts where no row has told."""
-        return self.state.armed if self._flying is None else self._flying
+        return self.state.armed if self.last is None else bool(self.last.analysis.track.flying[-1])
 
     def left(self, now_us: int) -> bool:
         """Whether it is gone for good: long silent, and on the ground when last heard.
@@ -294,3 +315,17 @@ class VehicleWatch:
         One that fell silent in flight is missed and never forgotten.
         """
         return self.silent(now_us) > GONE and not self.flying
+
+
+def _joined(last: Update | None, window: slice, new: LiveRows | None) -> FlightTrack:
+    """The rows that stay of the last update, and the new ones."""
+    if last is None:
+        assert new is not None
+        return new.track
+    kept = last.analysis.track.rows(window)
+    return kept if new is None else kept.followed_by(new.track)
+
+
+def _below(rows: int, values: Floats) -> Floats:
+    """Values (n, R) below so many rows of NaN."""
+    return np.concatenate([np.full((rows, values.shape[1]), np.nan), values])

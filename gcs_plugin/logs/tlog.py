@@ -59,7 +59,11 @@ def read_tlog(path: Path, *, vehicle: int | None = None, on_arrival: bool = Fals
     mine = system == chosen
     pilot = _main_component(frames, mine, component)
     clock = vehicle_clock(
-        path.name, frames, mine & (component == pilot), stamps_s, on_arrival=on_arrival
+        path.name,
+        frames,
+        mine & (component == pilot),
+        stamps_s,
+        listened=mine if on_arrival else None,
     )
     del stamps_s
     notes += clock.notes
@@ -185,25 +189,9 @@ def _waypoints(frames: Frames, system: NDArray[np.uint8], chosen: int) -> tuple[
         rows = _of(frames, name)
         fields = columns(frames, rows, layouts()[_IDS[name]])
         concerns = (system[rows] == chosen) | (fields["target_system"] == chosen)
-        scale = 1e-7 if name == "MISSION_ITEM_INT" else 1.0
         for item in fields[concerns & (fields["mission_type"] == 0)]:
-            number = int(item["seq"])
-            latitude, longitude = float(item["x"]) * scale, float(item["y"]) * scale
-            placed = (latitude, longitude) != (0.0, 0.0)
-            items[number] = Waypoint(
-                number=number,
-                command=int(item["command"]),
-                frame=int(item["frame"]),
-                latitude_deg=latitude if placed else float("nan"),
-                longitude_deg=longitude if placed else float("nan"),
-                altitude=float(item["z"]),
-                parameters=(
-                    float(item["param1"]),
-                    float(item["param2"]),
-                    float(item["param3"]),
-                    float(item["param4"]),
-                ),
-            )
+            waypoint = Waypoint.of_message(name, item)
+            items[waypoint.number] = waypoint
         if items:
             break
     return tuple(items[number] for number in sorted(items))

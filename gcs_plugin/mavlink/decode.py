@@ -3,7 +3,8 @@
 `MAVLINK_RULES` is the table, for logs and for live links alike; see `mavlink.rules`.
 
 Channels that do not go into a FlightTrack as they are: `geodetic` (latitude °, longitude °,
-altitude m), `home` and `ekf_origin` (the same), `landed` (MAV_LANDED_STATE), `servo_us`
+altitude m), `home` and `ekf_origin` (the same), `landed` (MAV_LANDED_STATE), `armed` (1 or 0),
+`mission_item` (that is flown), `servo_us`
 (16 outputs), `esc_rpm`, `esc_voltage`, `esc_current`, `esc_failure` (by output number from 0; the
 last is ESC_FAILURE_FLAGS), `battery_voltage`, `battery_current`, `battery_percent`,
 `battery_consumed` (by battery id; mAh, in a tank ml), `named_value` (by name), `fuel_remaining`,
@@ -75,6 +76,12 @@ def esc_silent(columns: Columns) -> Bools:
     still = np.zeros(rpm.shape, dtype=np.bool_)
     still[1:] = count[1:] == count[:-1]
     return still & (rpm == 0)
+
+
+def _armed(columns: Columns) -> Floats:
+    # MAV_MODE_FLAG_SAFETY_ARMED, of an autopilot; 8 is MAV_AUTOPILOT_INVALID, a component without.
+    armed = (columns["base_mode"] & 128 > 0).astype(np.float64)
+    return np.where(columns["autopilot"] == 8, np.nan, armed)
 
 
 def _liquid(field: str) -> Callable[[Columns], Floats]:
@@ -190,6 +197,8 @@ MAVLINK_RULES: tuple[Rule, ...] = (
     Rule("SCALED_PRESSURE", ("temperature",), "temperature", "cdegC", note=WARM_BOARD),
     Rule("HIGHRES_IMU", ("temperature",), "temperature", "degC", note=WARM_BOARD),
     Rule("EXTENDED_SYS_STATE", ("landed_state",), "landed", unknown=(0,)),
+    Rule("HEARTBEAT", ("base_mode",), "armed", convert=_armed),
+    Rule("MISSION_CURRENT", ("seq",), "mission_item"),
     Rule("SERVO_OUTPUT_RAW", _SERVOS, "servo_us", "us", unknown=(65535,)),
     *_esc_rules(),
     Rule("ESC_STATUS", ("rpm",), "esc_rpm", "rpm", index="index"),

@@ -27,7 +27,7 @@ NAN = float("nan")
 
 
 @dataclass(frozen=True, slots=True)
-class ModuleOptions:
+class Options:
     """What the module was loaded with."""
 
     model: str | None = None  # model file; None: the shipped one
@@ -37,7 +37,7 @@ class ModuleOptions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MarginReading:
+class Reading:
     """What is known of one vehicle now; NaN where it is not. Margins are shares."""
 
     vehicle: int
@@ -62,12 +62,12 @@ class MarginWorker:
     `thread` computes; `failure` says why it had to end, for people.
     """
 
-    def __init__(self, options: ModuleOptions) -> None:
+    def __init__(self, options: Options) -> None:
         self.options = options
         self.max_utilisation = options.max_utilisation
         self.failure = ""
         self.dropped = 0
-        self.readings: dict[int, MarginReading] = {}  # replaced as a whole, never changed
+        self.readings: dict[int, Reading] = {}  # replaced as a whole, never changed
         self.said: deque[tuple[bool, str]] = deque(maxlen=200)  # (urgent, words) to announce
         self.thread = threading.Thread(target=self._run, name="thrustmargin", daemon=True)
         self._waiting: deque[tuple[bytes, float]] = deque()
@@ -155,9 +155,9 @@ class MarginWorker:
 
     def _show(self, fleet: Fleet, updates: list[Update]) -> None:
         fresh = {update.vehicle: update for update in updates}
-        shown: dict[int, MarginReading] = {}
+        shown: dict[int, Reading] = {}
         for number, watch in fleet.vehicles.items():
-            before = self.readings.get(number, MarginReading(vehicle=number))
+            before = self.readings.get(number, Reading(vehicle=number))
             update = fresh.get(number)
             now = before if update is None else reading(update, _heard_s(update))
             words = tuple(alarm.text for alarm in watch.alarms.standing.values())
@@ -177,14 +177,14 @@ def _heard_s(update: Update) -> float:
     return int(update.stamp_us[-1]) * 1e-6 - _UNIX_MINUS_MONOTONIC
 
 
-def reading(update: Update, stamp: float) -> MarginReading:
+def reading(update: Update, stamp: float) -> Reading:
     """The newest row of an update, which was reported at `stamp` (time.monotonic())."""
     from thrustmargin.models.model.analysis import worst_rotor
 
     analysis, outlook = update.analysis, update.outlook
     measured, rotor = (float(a[0]) for a in worst_rotor(analysis.capacity_use[-1:]))
     predicted, _ = worst_rotor(analysis.capacity_use_predicted[-1:])
-    return MarginReading(
+    return Reading(
         vehicle=update.vehicle,
         stamp=stamp,
         flying=bool(analysis.track.flying[-1]),
@@ -210,7 +210,7 @@ def number(value: float, form: str) -> str:
     return format(value, form) if math.isfinite(value) else "--"
 
 
-def summary(now: MarginReading, max_utilisation: float, age: float) -> list[str]:
+def summary(now: Reading, max_utilisation: float, age: float) -> list[str]:
     """The lines that `margin` prints for one vehicle; `age` s of its newest row."""
     if now.problem:
         return [f"vehicle {now.vehicle}: {now.problem}"]
@@ -233,9 +233,7 @@ def summary(now: MarginReading, max_utilisation: float, age: float) -> list[str]
     return lines + [f"  ALARM {text}" for text in now.alarms]
 
 
-def fields(
-    now: MarginReading | None, max_utilisation: float, age: float
-) -> dict[str, tuple[str, str]]:
+def fields(now: Reading | None, max_utilisation: float, age: float) -> dict[str, tuple[str, str]]:
     """Console fields: name -> (text, colour); grey when there is nothing recent to show."""
     if now is None or age > STALE or math.isnan(age) or now.problem:
         names = {"Margin": "Margin --", "OneOut": "OneOut --", "Tank": "Tank --"}

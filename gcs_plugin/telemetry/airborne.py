@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
+from thrustmargin.gcs_plugin.telemetry.resample import last_before
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, best
 from thrustmargin.models.flight import Bools, Floats
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.atmosphere import G0
+
+NAN = float("nan")
 
 #: MAV_LANDED_STATE: in the air, taking off, landing.
 IN_AIR, TAKING_OFF, LANDING = 2, 3, 4
@@ -48,6 +54,56 @@ def airborne(
         with np.errstate(invalid="ignore"):
             return height > 1.0, "more than 1 m above home (no landed state, no rotor speeds)"
     return np.ones(clock_s.size, dtype=np.bool_), "unknown: every row counts as flying"
+
+
+@dataclass(frozen=True, slots=True)
+class GroundContact:
+    """What is known of the last time on the ground, from which later rows go on."""
+
+    on_ground: bool = False  # the vehicle has been heard on the ground
+    height: float = NAN  # m, of the ground: the first height since it said that it flies
+    clear: bool = False  # it has been CLEAR above that
+
+
+def airborne_so_far(
+    signals: Signals,
+    clock_s: Floats,
+    channels: Mapping[str, Floats],
+    airframe: Airframe | None,
+    contact: GroundContact,
+) -> tuple[Bools, str, GroundContact]:
+    """(T,) True off the ground by what is known up to each row, the evidence, and what is carried.
+
+    As `airborne`, but that the last moments before a landing count as flying, that cruise is not
+    known (half the empty weight counts), and that armed counts where no rotor is heard.
+    """
+    landed = best(signals, "landed")
+    state = np.full(clock_s.size, NAN) if landed is None else last_before(landed, clock_s)
+    armed = best(signals, "armed")
+    motors_on = np.full(clock_s.size, NAN) if armed is None else last_before(armed, clock_s)
+    speeds = channels["rotor_speed_rpm"]
+    carried = np.isfinite(speeds).any(axis=1) & (airframe is not None)
+    least = IDLE_SHARE * airframe.empty_mass * G0 if airframe is not None else 0.0
+    coefficient = airframe.thrust_coefficient if airframe is not None else 0.0
+    lifted = coefficient * np.nansum(np.square(speeds), axis=1) > least
+    heights = channels.get("height_agl", np.full(clock_s.size, NAN))
+    with np.errstate(invalid="ignore"):
+        flying = np.where(np.isfinite(motors_on), motors_on > 0, heights > 1.0)
+    flying = np.where(carried, lifted, flying)
+    for row in np.flatnonzero(np.isfinite(state)).tolist():
+        flying[row] = int(state[row]) in (IN_AIR, TAKING_OFF, LANDING)
+        if not flying[row]:
+            contact = GroundContact(on_ground=True)
+        elif contact.on_ground and not contact.clear and np.isfinite(heights[row]):
+            # First heard in the air, where the ground is cannot be known.
+            ground = heights[row] if np.isnan(contact.height) else contact.height
+            clear = bool(heights[row] > ground + CLEAR)
+            contact = GroundContact(on_ground=True, height=float(ground), clear=clear)
+            flying[row] = clear
+        elif contact.on_ground and not contact.clear:
+            flying[row] = np.isnan(contact.height)
+    words = "rotor speeds, else armed" if landed is None else landed.source
+    return flying.astype(np.bool_), words, contact
 
 
 def _clear_of_ground(flying: Bools, height: Floats) -> Bools:

@@ -8,7 +8,8 @@ of the last nine clocked messages before it, which a live listener can do just t
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,12 @@ from scipy.ndimage import median_filter
 
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.mavlink.scan import Frames, Index, columns
-from thrustmargin.gcs_plugin.telemetry.timeline import FORWARD, longest_stretch, without_leaps
+from thrustmargin.gcs_plugin.telemetry.timeline import (
+    BACKWARD,
+    FORWARD,
+    longest_stretch,
+    without_leaps,
+)
 from thrustmargin.models.flight import Bools, Floats
 
 #: Messages whose clock is read when they are sent; others carry the time of a fix or of a change.
@@ -34,6 +40,10 @@ REFERENCES = (
 WINDOW = 9  # clocked messages whose median offset counts
 TRUST = 2.0  # s; an own clock further than this from the estimate counts something else
 COAST = 1.0  # s without a clocked message after which, on arrival, the stamps carry the clock on
+AHEAD = 0.1  # s by which a message may be taken to be later than the newest clock
+RESTART_AFTER = 3  # clocked messages running that must agree on a restart
+_LONG_AGO = -(2**62)  # ns
+JUMP = 30.0  # s forward between two messages that is reported as a jump
 _NEAR = 0.5  # s round a restart in which messages without a clock are still told apart
 _US_WRAP = 2**32 * 1e-6  # s; SERVO_OUTPUT_RAW counts µs in 32 bits and wraps after 71 minutes
 
@@ -78,15 +88,14 @@ def own_clock_wraps(fields: NDArray[np.void]) -> bool:
 
 
 def vehicle_clock(
-    name: str, frames: Frames, pilot: Bools, stamps_s: Floats, *, on_arrival: bool = False
+    name: str, frames: Frames, pilot: Bools, stamps_s: Floats, *, listened: Bools | None = None
 ) -> Clock:
     """The clock of the component whose frames `pilot` (n,) marks, between two restarts.
 
-    With `on_arrival` a frame's time is that of the last clocked message up to it, as a live
-    listener has it, so that frames keep the order in which they came.
+    The frames `listened` (n,), if given, get the time at which a live listener has them.
     Raises LogError when two clocks run in turns, as two vehicles of one system id do.
     """
-    stamps_s = _mended(stamps_s)
+    stamps_s = _repaired(stamps_s)
     numbers = {layout.name: number for number, layout in layouts().items()}
     own = np.full(stamps_s.size, np.nan)
     for reference in REFERENCES:
@@ -118,8 +127,12 @@ def vehicle_clock(
         between = np.arange(int(rows[step - 1]) + 1, int(rows[step]))
         after = np.abs(estimate[between] - own[step]) > TRUST
         estimate[between[after]] = stamps_s[between[after]] - offset[step]
-    if on_arrival:
-        estimate = _on_arrival(own, stamps_s - np.repeat(stamps_s[rows], counts), counts)
+    if listened is not None:
+        own_s = np.full(stamps_s.size, np.nan)
+        own_s[rows] = own
+        mine = np.arange(before, behind)[listened[before:behind]]
+        stamps_us = np.round(stamps_s[mine] * 1e6).astype(np.int64)
+        estimate[mine] = arrival_times(ArrivalClock(), stamps_us, own_s[mine])[0]
     # Of the frames between two stretches, those close by belong to this one.
     near = (estimate >= own[0] - _NEAR) & (estimate <= own[-1] + _NEAR)
     inside = np.flatnonzero(near[before:behind]) + before
@@ -130,18 +143,113 @@ def vehicle_clock(
         float(np.median(offset)),
         stretch.jumps,
         stretch.notes,
-        on_arrival,
+        listened is not None,
     )
 
 
-def _on_arrival(own: Floats, since: Floats, counts: NDArray[np.int64]) -> Floats:
-    """(n,) s: the newest clock (m,) up to each frame, carried on by the stamps after COAST.
+@dataclass(frozen=True, slots=True)
+class ArrivalClock:
+    """What a listener knows of one vehicle's clock after its last message; times in ns."""
 
-    `since` (n,) is the ground's time since the last clocked frame, which leads `counts` (m,)
-    frames. A nanosecond a frame keeps frames of one clock in the order in which they came.
+    offsets: tuple[int, ...] = ()  # ground's stamp less own clock, of the last WINDOW clocked ones
+    newest: int = 0  # the highest own clock
+    stamp: int = 0  # when that came
+    last: int = _LONG_AGO  # time given to the last message
+    boot: int = 0  # restarts seen
+    earlier: tuple[int, int] | None = None  # a clock behind the newest, and how often it was seen
+    late: int = 0  # clocked messages left out because their clock was behind
+
+    @property
+    def known(self) -> bool:
+        """Whether a clocked message has come."""
+        return bool(self.offsets)
+
+    def now_s(self, stamp_us: int) -> float:
+        """The vehicle's clock at a time of the ground's clock, s; NaN before any is known."""
+        if not self.known:
+            return float("nan")
+        return (
+            float(_held_back([self], np.zeros(1, dtype=np.intp), np.array([1000 * stamp_us]))[0])
+            * 1e-9
+        )
+
+    def after(self, own: int, stamp: int) -> tuple[ArrivalClock, str]:
+        """The clock after one clocked message, and what to report."""
+        if not self.known:
+            return replace(self, offsets=(stamp - own,), newest=own, stamp=stamp), ""
+        ahead, note = own - self.newest, ""
+        if ahead < -1e9 * BACKWARD:
+            before, times = self.earlier or (own, 0)
+            times = times + 1 if -1e9 * BACKWARD <= own - before < 1e9 * JUMP else 1
+            if times < RESTART_AFTER:
+                late = self.late + 1
+                return replace(self, earlier=(own, times), late=late), ""
+            note = f"the vehicle restarted: its clock went from {self.newest * 1e-9:.0f} s to "
+            new = ArrivalClock((stamp - own,), own, stamp, boot=self.boot + 1, late=self.late)
+            return new, f"{note}{own * 1e-9:.0f} s"
+        if ahead - (stamp - self.stamp) > 1e9 * JUMP:
+            note = (
+                f"the vehicle's clock jumped {ahead * 1e-9:.0f} s ahead; older readings are stale"
+            )
+        offsets = (*self.offsets, stamp - own)[-WINDOW:]
+        newest = max(own, self.newest)
+        return replace(self, offsets=offsets, newest=newest, stamp=stamp, earlier=None), note
+
+
+def _held_back(
+    clocks: Sequence[ArrivalClock], which: NDArray[np.intp], stamps: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Stamps (n,) less the median offset, held between the newest clock and shortly after it.
+
+    So that a burst after a stalled link, or a recording played fast, keeps the vehicle's times.
+    When clocked messages stay away for COAST the stamps carry the clock on. `which` (n,) of the
+    clocks each stamp goes by.
     """
-    newest = np.repeat(np.maximum.accumulate(own), counts)
-    return newest + np.maximum(since - COAST, 0.0) + 1e-9 * np.arange(since.size, dtype=np.float64)
+    found = [(c.newest, c.stamp, sorted(c.offsets)[len(c.offsets) // 2]) for c in clocks]
+    newest, stamp, median = np.array(found, dtype=np.int64)[which].T
+    since = np.maximum(stamps - stamp, 0)
+    most = np.minimum(since, int(1e9 * AHEAD)) + np.maximum(since - int(1e9 * COAST), 0)
+    return newest + np.clip(stamps - median - newest, 0, most)
+
+
+def arrival_times(
+    clock: ArrivalClock, stamps_us: NDArray[np.int64], own_s: Floats
+) -> tuple[Floats, NDArray[np.int64], ArrivalClock, tuple[str, ...]]:
+    """The vehicle's time of each message as a listener has it, s, rising from message to message.
+
+    `stamps_us` (n,) are the ground's, `own_s` (n,) the clock that messages carry, NaN where none.
+    Also the boot (n,) in which each came, -1 for one to be left out (a clock went back), the
+    clock after them, and what to report. However the messages are cut into pieces, the times are
+    the same; those before the first clocked one count back from it. Raises ValueError when no
+    clock is known and none comes.
+    """
+    stamps = 1000 * stamps_us.astype(np.int64)
+    clocked = np.flatnonzero(np.isfinite(own_s)).tolist()
+    if not clock.known and not clocked:
+        raise ValueError("no message carries the vehicle's clock")
+    states, notes = [clock], []
+    for row in clocked:
+        state, note = states[-1].after(round(1e9 * own_s[row]), int(stamps[row]))
+        states.append(state)
+        notes += [note] if note else []
+    which = np.cumsum(np.isfinite(own_s))
+    early = 0 if clock.known else int(clocked[0])
+    if not clock.known:
+        states[0] = replace(states[1], last=_LONG_AGO)
+    boots = np.array([state.boot for state in states], dtype=np.int64)[which]
+    held = _held_back(states, which, stamps)
+    held[:early] = stamps[:early] - states[0].offsets[0]
+    for boot in np.unique(boots).tolist():
+        rows = np.flatnonzero(boots == boot)
+        count = np.arange(1, rows.size + 1)
+        # At least a nanosecond after the one before: the order in which they came is kept.
+        floor = states[0].last if boot == clock.boot else _LONG_AGO
+        rising = np.maximum.accumulate(np.concatenate([[floor], held[rows] - count]))
+        held[rows] = rising[1:] + count
+    # While a clock that went back may be a restart, nothing is sure of either start.
+    boots[np.array([state.earlier is not None for state in states])[which]] = -1
+    after = replace(states[-1], last=int(held[-1])) if held.size else states[-1]
+    return held * 1e-9, boots, after, tuple(notes)
 
 
 def _steps(offset: Floats) -> Index:
@@ -162,7 +270,7 @@ def _running_median(offset: Floats) -> Floats:
     return causal
 
 
-def _mended(stamps_s: Floats) -> Floats:
+def _repaired(stamps_s: Floats) -> Floats:
     """Stamps with lone leaps (damaged stamp bytes) replaced by the stamp before."""
     known = without_leaps(stamps_s)
     bad = np.flatnonzero(~np.isfinite(known))

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.recording import Recording
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, by_index
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.physics.airframe import Airframe
@@ -83,36 +82,46 @@ def _pulse_range(parameters: Mapping[str, float]) -> tuple[float, float]:
     return (low, high) if high > low > 0 else (1000.0, 2000.0)
 
 
-def motor_map(recording: Recording, signals: Signals, airframe: Airframe | None) -> MotorMap:
+def motor_map(
+    name: str,
+    parameters: Mapping[str, float],
+    signals: Signals,
+    airframe: Airframe | None,
+    *,
+    rotor_count_hint: int | None = None,
+    motor_order: str = "",
+) -> MotorMap:
     """Outputs of the motors and of the pump.
 
+    `rotor_count_hint` is the number of rotors of the vehicle's type, `motor_order` says in words
+    that ESC channels are numbered by motor already.
     Raises AirframeError when the vehicle has another number of rotors than `airframe`.
     """
     functions = {
-        n - 1: int(recording.parameters[f"SERVO{n}_FUNCTION"])
+        n - 1: int(parameters[f"SERVO{n}_FUNCTION"])
         for n in range(1, 33)
-        if f"SERVO{n}_FUNCTION" in recording.parameters
+        if f"SERVO{n}_FUNCTION" in parameters
     }
     on_output = {_MOTOR_FUNCTIONS[f]: o for o, f in functions.items() if f in _MOTOR_FUNCTIONS}
     pump = next((o for o, f in functions.items() if f == _PUMP_FUNCTION), None)
-    told, how = _rotor_count(recording, signals, on_output)
-    if airframe is not None and told is not None and told != airframe.rotor_count:
+    reported, how = _rotor_count(parameters, rotor_count_hint, signals, on_output)
+    if airframe is not None and reported is not None and reported != airframe.rotor_count:
         raise AirframeError(
-            f"{recording.path.name}: {told} rotors by {how}, but airframe {airframe.name} has "
+            f"{name}: {reported} rotors by {how}, but airframe {airframe.name} has "
             f"{airframe.rotor_count}; choose another with --airframe"
         )
     notes = []
     if airframe is not None:
         count = airframe.rotor_count
-    elif told is not None:
-        count = told
+    elif reported is not None:
+        count = reported
     else:
         count = 4
         notes.append("nothing in the log tells the number of rotors: 4 assumed")
     outputs = tuple(range(count))
     assumed = False
-    if recording.motor_order:
-        words = recording.motor_order
+    if motor_order:
+        words = motor_order
     elif all(k in on_output for k in range(count)):
         outputs = tuple(on_output[k] for k in range(count))
         words = f"motors on outputs {_listed(outputs)} by SERVOn_FUNCTION"
@@ -127,16 +136,19 @@ def _listed(outputs: tuple[int, ...]) -> str:
 
 
 def _rotor_count(
-    recording: Recording, signals: Signals, on_output: Mapping[int, int]
+    parameters: Mapping[str, float],
+    hint: int | None,
+    signals: Signals,
+    on_output: Mapping[int, int],
 ) -> tuple[int | None, str]:
     """Rotors of the vehicle and what says so; None when nothing does."""
     if on_output and set(on_output) == set(range(len(on_output))) and len(on_output) >= 3:
         return len(on_output), "SERVOn_FUNCTION"
-    frame = _FRAME_ROTORS.get(int(recording.parameters.get("FRAME_CLASS", 0)))
+    frame = _FRAME_ROTORS.get(int(parameters.get("FRAME_CLASS", 0)))
     if frame is not None:
         return frame, "FRAME_CLASS"
-    if recording.rotor_count_hint is not None:
-        return recording.rotor_count_hint, "the vehicle type in its heartbeat"
+    if hint is not None:
+        return hint, "the vehicle type in its heartbeat"
     turning = [
         int(number)
         for number, signal in by_index(signals, "esc_rpm").items()

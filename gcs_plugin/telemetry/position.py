@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pymap3d
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.resample import Sampling, known_rows, plausible, sample
+from thrustmargin.gcs_plugin.telemetry.resample import known_rows, plausible
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, best
 from thrustmargin.models.flight import Bools, Floats, Origin
 
@@ -16,66 +16,74 @@ from thrustmargin.models.flight import Bools, Floats, Origin
 _PLACES = (("home", "home"), ("ekf_origin", "the estimator's origin"))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Place:
-    """Position (T, 3) m and what it counts from; None where nothing tells."""
+@dataclass(frozen=True, slots=True)
+class PlaceOfZero:
+    """Where positions count from, how good that is (0: home), and whether it still may move."""
 
-    position_ned: Floats | None
-    origin: Origin | None
-    signal: Signal | None = None
-    words: str = ""
+    origin: Origin
+    rank: int
+    words: str
+    settled: bool  # by a take-off since
 
 
-def position_of(signals: Signals, clock_s: Floats, flying: Bools, sampling: Sampling) -> Place:
-    """Position from home (or the first fix) by latitude and longitude, else the local position."""
+def position_sources(
+    signals: Signals, zero: PlaceOfZero | None
+) -> tuple[tuple[Signal, ...], dict[str, str]]:
+    """Sources of the position, and their words: latitude and longitude from zero, the local one."""
+    sources, words = [], {}
     fixes = best(signals, "geodetic")
-    # Local positions count from the estimator's own origin, wherever home is.
-    places = _PLACES if fixes is not None else _PLACES[1:]
-    origin, whose = _origin(signals, fixes, clock_s, flying, places)
-    if fixes is not None and origin is not None:
+    if fixes is not None and zero is not None:
         latitude, longitude, altitude = fixes.values.T
         at_zero = (latitude == 0) & (longitude == 0)
-        inside = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 360) & ~at_zero
+        with np.errstate(invalid="ignore"):
+            inside = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 360) & ~at_zero
         ned = pymap3d.geodetic2ned(
             np.where(inside, latitude, np.nan),
             longitude,
             plausible("altitude", altitude),
-            origin.latitude_deg,
-            origin.longitude_deg,
-            origin.altitude,
+            zero.origin.latitude_deg,
+            zero.origin.longitude_deg,
+            zero.origin.altitude,
         )
-        signal = Signal("position_ned", fixes.source, fixes.time_s, np.stack(ned, axis=-1))
-        words = f"{fixes.source} from {whose}"
-        return Place(sample("position_ned", signal, clock_s, sampling), origin, signal, words)
+        placed = Signal("position_ned", fixes.source, fixes.time_s, np.stack(ned, axis=-1))
+        sources.append(placed)
+        words[fixes.source] = f"{fixes.source} from {zero.words}"
     local = best(signals, "position_ned")
-    if local is None:
-        return Place(None, origin)
-    position = sample("position_ned", local, clock_s, sampling)
-    return Place(position, origin, local, local.source)
+    if local is not None:
+        sources.append(local)
+    return tuple(sources), words
 
 
-def _origin(
-    signals: Signals,
-    fixes: Signal | None,
-    clock_s: Floats,
-    flying: Bools,
-    places: tuple[tuple[str, str], ...],
-) -> tuple[Origin | None, str]:
+def place_of_zero(
+    signals: Signals, clock_s: Floats, flying: Bools, before: PlaceOfZero | None = None
+) -> PlaceOfZero | None:
+    """Home as it was at take-off, else the estimator's origin, else the first fix.
+
+    A place `before` that a take-off has settled gives way only to a better kind of place.
+    """
+    fixes = best(signals, "geodetic")
+    settled = bool(flying.any()) or (before is not None and before.settled)
     takeoff = clock_s[int(np.argmax(flying))] if flying.any() else clock_s[-1]
-    for channel, whose in places:
+    for rank, (channel, whose) in enumerate(_PLACES):
+        # Local positions count from the estimator's own origin, wherever home is.
+        if fixes is None and channel == "home":
+            continue
+        if before is not None and before.settled and rank >= before.rank:
+            break
         for signal in signals.get(channel, ()):
             placed = np.flatnonzero(_on_earth(signal.values))
             if placed.size:
-                before = placed[signal.time_s[placed] <= takeoff]
-                row = before[-1] if before.size else placed[0]
-                return _as_origin(signal.values[row]), f"{whose} ({signal.source.split()[0]})"
-    if fixes is not None:
-        good = _on_earth(fixes.values)
-        if good.any():
-            return _as_origin(
-                fixes.values[int(np.argmax(good))]
-            ), "the first fix (no home reported)"
-    return None, ""
+                earlier = placed[signal.time_s[placed] <= takeoff]
+                row = earlier[-1] if earlier.size else placed[0]
+                words = f"{whose} ({signal.source.split()[0]})"
+                return PlaceOfZero(_as_origin(signal.values[row]), rank, words, settled)
+    if before is not None:
+        return replace(before, settled=settled)
+    good = np.empty(0) if fixes is None else np.flatnonzero(_on_earth(fixes.values))
+    if fixes is None or good.size == 0:
+        return None
+    words = "the first fix (no home reported)"
+    return PlaceOfZero(_as_origin(fixes.values[good[0]]), len(_PLACES), words, settled)
 
 
 def _on_earth(places: Floats) -> Bools:

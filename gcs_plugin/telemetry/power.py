@@ -5,32 +5,29 @@ from __future__ import annotations
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.signals import SENDER_VOLTAGE, Signals, best, by_index
+from thrustmargin.gcs_plugin.telemetry.resample import Sampling, last_before
+from thrustmargin.gcs_plugin.telemetry.signals import SENDER_VOLTAGE, Signals, by_index
 from thrustmargin.gcs_plugin.telemetry.tank_source import TankContext, pack_id, pump_share
+from thrustmargin.models.flight import Floats
 
 #: A tank that loses more than this over the window is being sprayed, kg/s.
 _SPRAY_RATE = 0.008
 _SPRAY_WINDOW = 4.0  # s
 
 
-def power(signals: Signals, notes: list[str]) -> dict[str, Signal]:
-    """Voltage and current of the flight pack: its battery message, SYS_STATUS, or the ESCs.
+def power(signals: Signals, sampling: Sampling, notes: list[str]) -> dict[str, tuple[Signal, ...]]:
+    """Sources of the flight pack's voltage and current: its battery message, SYS_STATUS, the ESCs.
 
     Adds to `notes` when there are more packs than the one that is used.
     """
-    chosen: dict[str, Signal] = {}
+    sources: dict[str, tuple[Signal, ...]] = {}
     pack = pack_id(signals)
     for channel in ("voltage", "current"):
         battery = by_index(signals, f"battery_{channel}")
         candidates = [*signals.get(channel, ())]
         if pack is not None and pack in battery:
             candidates.insert(0, battery[pack])
-        escs = [s for s in by_index(signals, f"esc_{channel}").values() if np.any(s.values > 0)]
-        if escs:
-            candidates.append(_of_escs(channel, escs))
-        found = best({channel: tuple(candidates)}, channel)
-        if found is not None:
-            chosen[channel] = found
+        sources[channel] = (*candidates, *_of_escs(channel, signals, sampling))
     others = [
         str(number)
         for number, signal in by_index(signals, "battery_voltage").items()
@@ -39,15 +36,32 @@ def power(signals: Signals, notes: list[str]) -> dict[str, Signal]:
     if pack is not None and others:
         extra = ", ".join(others)
         notes.append(f"battery {extra} reads a pack's voltage too; only battery {pack} is used")
-    return chosen
+    return sources
 
 
-def _of_escs(channel: str, escs: list[Signal]) -> Signal:
+def _of_escs(channel: str, signals: Signals, sampling: Sampling) -> tuple[Signal, ...]:
+    """Mean voltage or summed current of the ESCs at each report of the first."""
+    escs = [s for s in by_index(signals, f"esc_{channel}").values() if np.any(s.values > 0)]
+    if not escs:
+        return ()
     time_s = escs[0].time_s
-    stack = np.stack([np.interp(time_s, s.time_s, s.values) for s in escs], axis=-1)
-    if channel == "voltage":
-        return Signal(channel, f"{escs[0].source} (mean of ESCs)", time_s, stack.mean(axis=-1))
-    return Signal(channel, f"{escs[0].source} (sum of ESCs)", time_s, stack.sum(axis=-1))
+
+    def at_first(signal: Signal) -> Floats:
+        if sampling == "hold":
+            return last_before(signal, time_s)
+        return np.interp(time_s, signal.time_s, signal.values)
+
+    stack = np.stack([at_first(s) for s in escs], axis=-1)
+    if channel == "current":
+        total = np.nansum(stack, axis=-1)
+        if sampling == "hold":
+            # Whether an ESC measures current at all shows only when some flows.
+            total = np.where(total > 0, total, np.nan)
+        return (Signal(channel, f"{escs[0].source} (sum of ESCs)", time_s, total),)
+    known = np.count_nonzero(stack > 0, axis=-1)
+    total = np.sum(stack, axis=-1, where=stack > 0)
+    mean = np.where(known > 0, total / np.maximum(known, 1), np.nan)
+    return (Signal(channel, f"{escs[0].source} (mean of ESCs)", time_s, mean),)
 
 
 def spraying_of(

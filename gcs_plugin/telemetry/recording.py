@@ -10,6 +10,9 @@ import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Self
+
+import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Columns
 from thrustmargin.models.errors import LogError
@@ -67,6 +70,23 @@ class Waypoint:
     longitude_deg: float
     altitude: float  # m in `frame`
     parameters: tuple[float, float, float, float]
+
+    @classmethod
+    def of_message(cls, message: str, item: np.void) -> Self:
+        """The fields of one MISSION_ITEM_INT or MISSION_ITEM."""
+        scale = 1e-7 if message == "MISSION_ITEM_INT" else 1.0
+        latitude, longitude = float(item["x"]) * scale, float(item["y"]) * scale
+        placed = (latitude, longitude) != (0.0, 0.0)
+        one, two, three, four = (float(item[f"param{k}"]) for k in (1, 2, 3, 4))
+        return cls(
+            number=int(item["seq"]),
+            command=int(item["command"]),
+            frame=int(item["frame"]),
+            latitude_deg=latitude if placed else float("nan"),
+            longitude_deg=longitude if placed else float("nan"),
+            altitude=float(item["z"]),
+            parameters=(one, two, three, four),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,6 +7,7 @@ not used: NaN.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, Literal
 
 import numpy as np
@@ -19,7 +20,7 @@ Sampling = Literal["linear", "hold"]
 
 #: Rows closer than this to the one before are thinned out: at most 10 Hz, with room for jitter.
 ROW_SPACING = 0.09
-GRID = 0.1  # s between rows when nothing gives a rhythm
+GRID = 0.1  # s between rows when no report triggers them
 _BLOCK = 1 << 14
 
 
@@ -111,9 +112,43 @@ def _masked(values: Floats, keep: Bools) -> Floats:
     return np.where(_shaped(keep, values), values, np.nan)
 
 
-def thinned(time_s: Floats) -> Floats:
-    """Strictly increasing times with at least ROW_SPACING between them, the first kept."""
+def first_known(
+    channel: str, sources: Iterable[Signal], time_s: Floats
+) -> tuple[Floats | None, list[Signal]]:
+    """The channel as a listener has it at `time_s` (T,): at each row the first source, in the order
+    given, that has a fresh report; and the sources that were used. None without any source."""
+    values, used = None, []
+    for signal in sources:
+        held = sample(channel, signal, time_s, "hold")
+        if values is None:
+            values, used = held, [signal]
+        else:
+            missing = ~known_rows(values)
+            if np.any(known_rows(held) & missing):
+                values = np.where(_shaped(missing, values), held, values)
+                used.append(signal)
+        if np.all(known_rows(values)):
+            break
+    return values, used
+
+
+def last_before(signal: Signal, time_s: Floats) -> Floats:
+    """(T,) or (T, k) last known report at each time, however old; NaN before the first."""
+    keep = known_rows(signal.values)
+    values, when = signal.values[keep], signal.time_s[keep]
+    if when.size == 0:
+        return np.full((time_s.size, *values.shape[1:]), np.nan)
+    last = np.searchsorted(when, time_s, side="right") - 1
+    return _masked(values[np.maximum(last, 0)], last >= 0)
+
+
+def thinned(time_s: Floats, after_s: float = -np.inf) -> Floats:
+    """Strictly increasing times with at least ROW_SPACING between them, the first kept.
+
+    `after_s` is the row before them, from which the first is as far.
+    """
     time_s = np.unique(time_s[np.isfinite(time_s)])
+    time_s = time_s[np.searchsorted(time_s, after_s + ROW_SPACING) :]
     if time_s.size == 0 or np.all(np.diff(time_s) >= ROW_SPACING):
         return time_s
     kept = []

@@ -2,32 +2,46 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.airborne import airborne
+from thrustmargin.gcs_plugin.telemetry.airborne import GroundContact, airborne, airborne_so_far
 from thrustmargin.gcs_plugin.telemetry.channel_report import channel_report
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap, motor_map
-from thrustmargin.gcs_plugin.telemetry.position import position_of
+from thrustmargin.gcs_plugin.telemetry.position import PlaceOfZero, place_of_zero, position_sources
 from thrustmargin.gcs_plugin.telemetry.power import power, spraying_of
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog, LogQuality, Recording
 from thrustmargin.gcs_plugin.telemetry.resample import (
-    GRID,
     Sampling,
+    first_known,
     known_rows,
+    last_before,
     sample,
     thinned,
 )
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, best
-from thrustmargin.gcs_plugin.telemetry.tank_source import TankContext, tank_level
+from thrustmargin.gcs_plugin.telemetry.tank_source import (
+    PumpedSoFar,
+    TankContext,
+    pump_share,
+    pumped,
+    tank_level,
+    tank_levels,
+)
 from thrustmargin.gcs_plugin.telemetry.timeline import pauses
 from thrustmargin.models.errors import LogError
-from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats
+from thrustmargin.models.flight import TRACK_CHANNELS, Bools, FlightTrack, Floats, Origin
 from thrustmargin.models.physics.airframe import Airframe
 
+SILENT = 2.0  # s without reports after which the next kind of report triggers the rows
+KEPT = 8.0  # s of reports that rows may need: the longest age limit, and the falling tank's window
+_PLAIN: Mapping[str, str] = MappingProxyType({})  # sources are described by their own words
 _LONGEST = 7 * 86_400.0  # s; a log that seems longer has damaged times
 
 
@@ -41,56 +55,87 @@ class Options:
     tank_start_kg: float | None = None
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Carried:
+    """What the rows of one vehicle need from before the signals that are still kept."""
+
+    heard_s: float = -np.inf  # vehicle's clock up to which reports have made their rows
+    row_s: float = -np.inf  # of the last row
+    contact: GroundContact = field(default_factory=GroundContact)
+    zero: PlaceOfZero | None = None
+    pumped: PumpedSoFar | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FlightRows:
+    """Every channel of T rows, and what a listener must carry on to the next ones."""
+
+    clock_s: Floats  # (T,) vehicle's clock
+    channels: Mapping[str, Floats]  # as in TRACK_CHANNELS
+    flying: Bools
+    origin: Origin | None
+    sources: Mapping[str, str]
+    reported: Mapping[str, list[Signal]]
+    notes: tuple[str, ...]
+    pump_share: Floats  # (T,) 0 off to 1 full, as last reported
+    pumped_kg: Floats  # (T,) by the pump's output since it was first heard
+    carried: Carried
+
+    def track(self, name: str, start_s: float, rotor_count: int, **more: Any) -> FlightTrack:
+        """The rows as a FlightTrack whose time counts from the vehicle's clock `start_s`."""
+        return FlightTrack.of(
+            name=name,
+            time_s=self.clock_s - start_s,
+            rotor_count=rotor_count,
+            flying=self.flying,
+            origin=self.origin,
+            sources=self.sources,
+            **{"notes": self.notes} | more,
+            **self.channels,
+        )
+
+
 def assemble(recording: Recording, signals: Signals, options: Options) -> FlightLog:
     """The flight of one vehicle as a table.
 
     Raises LogError when nothing in it makes a flight, AirframeError when the airframe given has
     another number of rotors.
     """
-    motors = motor_map(recording, signals, options.airframe)
-    notes = [*recording.notes, *motors.notes]
-    chosen = _chosen(recording, signals, motors, options, notes)
-    clock_s = _row_times(recording, signals, motors, chosen)
-    channels = {name: sample(name, s, clock_s, options.sampling) for name, s in chosen.items()}
-    sources = {name: signal.source for name, signal in chosen.items()}
-    reported: dict[str, list[Signal]] = {name: [signal] for name, signal in chosen.items()}
-
-    speeds = motors.rotor_speed(signals)
-    outputs = motors.throttle(signals, recording.parameters)
-    for name, by_rotor in (("rotor_speed_rpm", speeds), ("throttle", outputs)):
-        channels[name] = _columns(name, by_rotor, clock_s, options.sampling)
-        reported[name] = [signal for signal in by_rotor if signal is not None]
-    if reported["rotor_speed_rpm"]:
-        sources["rotor_speed_rpm"] = motors.rotor_speed_words(speeds)
-    if reported["throttle"]:
-        sources["throttle"] = motors.throttle_words(outputs, recording.parameters)
-    flying, sources["flying"] = airborne(signals, clock_s, channels)
-    place = position_of(signals, clock_s, flying, options.sampling)
-    if place.position_ned is not None and place.signal is not None:
-        channels["position_ned"] = place.position_ned
-        sources["position_ned"] = place.words
-        reported["position_ned"] = [place.signal]
-
-    start = recording.unix_minus_clock
-    track = FlightTrack.of(
-        name=recording.path.name,
-        time_s=clock_s - clock_s[0],
-        rotor_count=motors.rotor_count,
-        flying=flying,
-        origin=place.origin,
-        start_unix_s=None if start is None else float(start + clock_s[0]),
-        sources=sources,
-        notes=tuple(notes),
-        **channels,
+    name = recording.path.name
+    motors = motor_map(
+        name,
+        recording.parameters,
+        signals,
+        options.airframe,
+        rotor_count_hint=recording.rotor_count_hint,
+        motor_order=recording.motor_order,
     )
+    rows = flight_rows(signals, motors, recording.parameters, options)
+    if rows is None:
+        raise LogError(
+            f"{name}: {recording.quality.frames} messages, but none with rotor speed, attitude, "
+            "position or tank level and a time; there is no flight to show"
+        )
+    if rows.clock_s[-1] - rows.clock_s[0] > _LONGEST:
+        days = (rows.clock_s[-1] - rows.clock_s[0]) / 86_400
+        raise LogError(f"{name}: its times span {days:.0f} days; the log is too damaged")
+    start_s, unix = float(rows.clock_s[0]), recording.unix_minus_clock
+    track = rows.track(
+        name,
+        start_s,
+        motors.rotor_count,
+        start_unix_s=None if unix is None else float(unix + start_s),
+        notes=(*recording.notes, *motors.notes, *rows.notes),
+    )
+    reported = rows.reported
     return FlightLog(
         track=_with_absences(track),
         quality=recording.quality,
         channels=tuple(channel_report(track, n, reported.get(n, [])) for n in TRACK_CHANNELS),
         waypoints=recording.waypoints,
-        messages=tuple((time - float(clock_s[0]), text) for time, text in recording.messages),
+        messages=tuple((time - start_s, text) for time, text in recording.messages),
         parameters=recording.parameters,
-        clock_start_s=float(clock_s[0]),
+        clock_start_s=start_s,
         vehicle=recording.vehicle,
         vehicles=recording.vehicles,
         autopilot=recording.autopilot,
@@ -99,33 +144,111 @@ def assemble(recording: Recording, signals: Signals, options: Options) -> Flight
     )
 
 
-def _chosen(
-    recording: Recording,
+def flight_rows(
     signals: Signals,
     motors: MotorMap,
+    parameters: Mapping[str, float],
     options: Options,
-    notes: list[str],
-) -> dict[str, Signal]:
-    """The source of every channel but those by rotor and position; adds to `notes`."""
-    chosen = {}
+    carried: Carried | None = None,
+) -> FlightRows | None:
+    """Every channel on the rows that the signals make; None when they make none.
+
+    With sampling "hold" no row depends on a later report, and `carried` makes the rows of a stretch
+    those of the flight in one piece, if `signals` still has the last KEPT seconds before it. Raises
+    LogError when the tank source that the options name is not there.
+    """
+    live = options.sampling == "hold"
+    before = Carried() if carried is None else carried
+    clock_s = row_times(signals, motors, before, options.sampling)
+    if clock_s.size == 0:
+        return None
+    notes: list[str] = []
+    channels: dict[str, Floats] = {}
+    sources: dict[str, str] = {}
+    reported: dict[str, list[Signal]] = {}
+
+    def put(
+        channel: str, candidates: Iterable[Signal], words: Mapping[str, str] | None = None
+    ) -> None:
+        words = {} if words is None else words
+        if live:
+            values, used = first_known(channel, candidates, clock_s)
+        else:
+            found = best({channel: tuple(candidates)}, channel)
+            used = [] if found is None else [found]
+            values = None if found is None else sample(channel, found, clock_s, "linear")
+        if values is not None:
+            channels[channel], reported[channel] = values, used
+            sources[channel] = words.get(used[0].source, used[0].source)
+
     for channel, column in TRACK_CHANNELS.items():
-        found = best(signals, channel) if column.direct else None
-        if found is not None:
-            chosen[channel] = found
-    chosen |= power(signals, notes)
+        if column.direct:
+            put(channel, signals.get(channel, ()))
+    for channel, candidates in power(signals, options.sampling, notes).items():
+        put(channel, candidates)
     context = TankContext(
         airframe=options.airframe,
-        parameters=recording.parameters,
+        parameters=parameters,
         start_kg=options.tank_start_kg,
         pump_output=motors.pump_output,
+        pumped=before.pumped,
     )
     tank = tank_level(signals, context, options.tank)
     notes += tank.notes
+    if live:
+        levels = tank_levels(signals, context, options.tank)
+        put("tank_kg", (level.signal for level in levels if level.signal is not None))
+    elif tank.signal is not None:
+        put("tank_kg", (tank.signal,))
     spraying = spraying_of(signals, context, tank.signal, notes)
-    for channel, signal in (("tank_kg", tank.signal), ("spraying", spraying)):
-        if signal is not None:
-            chosen[channel] = signal
-    return chosen
+    if spraying is not None:
+        put("spraying", (spraying,))
+
+    by_rotor = {
+        "rotor_speed_rpm": motors.rotor_speed(signals),
+        "throttle": motors.throttle(signals, parameters),
+    }
+    for channel, found in by_rotor.items():
+        channels[channel] = _columns(channel, found, clock_s, options.sampling)
+        reported[channel] = [signal for signal in found if signal is not None]
+    if reported["rotor_speed_rpm"]:
+        sources["rotor_speed_rpm"] = motors.rotor_speed_words(by_rotor["rotor_speed_rpm"])
+    if reported["throttle"]:
+        sources["throttle"] = motors.throttle_words(by_rotor["throttle"], parameters)
+    contact = before.contact
+    if live:
+        flying, sources["flying"], contact = airborne_so_far(
+            signals, clock_s, channels, options.airframe, contact
+        )
+    else:
+        flying, sources["flying"] = airborne(signals, clock_s, channels)
+    zero = place_of_zero(signals, clock_s, flying, before.zero)
+    put("position_ned", *position_sources(signals, zero))
+    share = pump_share(signals, context)
+    nothing = np.full(clock_s.size, np.nan)
+    total = None if share is None else pumped(share, context)
+    return FlightRows(
+        clock_s=clock_s,
+        channels=channels,
+        flying=flying,
+        origin=None if zero is None else zero.origin,
+        sources=sources,
+        reported=reported,
+        notes=tuple(notes),
+        pump_share=nothing if share is None else last_before(share, clock_s),
+        pumped_kg=nothing if total is None else last_before(total, clock_s),
+        carried=Carried(
+            row_s=float(clock_s[-1]),
+            contact=contact,
+            zero=zero,
+            pumped=before.pumped if share is None or total is None else _so_far(share, total),
+        ),
+    )
+
+
+def _so_far(share: Signal, total: Signal) -> PumpedSoFar:
+    output = float(np.nan_to_num(share.values[-1]))
+    return PumpedSoFar(float(total.time_s[-1]), output, float(total.values[-1]))
 
 
 def log_of_track(track: FlightTrack, path: Path, size: int) -> FlightLog:
@@ -150,36 +273,43 @@ def log_of_track(track: FlightTrack, path: Path, size: int) -> FlightLog:
     )
 
 
-def _row_times(
-    recording: Recording, signals: Signals, motors: MotorMap, chosen: dict[str, Signal]
-) -> Floats:
-    """(T,) vehicle's clock of the rows: rotor speed reports, else attitude, else a 10 Hz grid."""
-    speeds = [s for s in motors.rotor_speed(signals) if s is not None]
-    if speeds:
-        rhythm = max(speeds, key=lambda s: int(known_rows(s.values).sum()))
-        time_s = thinned(rhythm.time_s)
-    elif "attitude" in chosen:
-        time_s = thinned(chosen["attitude"].time_s)
-    else:
-        ends = [s.time_s for s in chosen.values()]
-        ends += [s.time_s for s in signals.get("geodetic", ())]
-        ends = [e[np.isfinite(e)] for e in ends]
-        ends = [e for e in ends if e.size]
-        if not ends:
-            raise LogError(
-                f"{recording.path.name}: {recording.quality.frames} messages, but none with rotor "
-                "speed, attitude, position or tank level; there is no flight to show"
-            )
-        first, last = min(e[0] for e in ends), max(e[-1] for e in ends)
-        if last - first > _LONGEST:
-            raise LogError(
-                f"{recording.path.name}: its times span {(last - first) / 86_400:.0f} days; "
-                "the log is too damaged"
-            )
-        time_s = np.arange(first, last + GRID / 2, GRID)
-    if time_s.size == 0:
-        raise LogError(f"{recording.path.name}: no row has a time; the log is too damaged")
-    return time_s
+def row_times(signals: Signals, motors: MotorMap, carried: Carried, sampling: Sampling) -> Floats:
+    """(T,) vehicle's clock of the rows: each report that triggers one, thinned to at most 10 Hz.
+
+    The trigger is the speed of rotor 1; where none has come for SILENT seconds, that of the next
+    rotor; then attitude; then any report of the flight. A recorded flight (sampling "linear")
+    takes the rotor that reports most first, and begins with the first rotor speed if it has any.
+    """
+    speeds = [_known_times([s]) for s in motors.rotor_speed(signals) if s is not None]
+    if sampling == "linear":
+        speeds.sort(key=lambda times: -times.size)
+    direct = [name for name, column in TRACK_CHANNELS.items() if column.direct]
+    others = (*direct, "geodetic", "named_value", "battery_percent", "fuel_remaining")
+    triggers = [
+        *speeds,
+        _known_times(signals.get("attitude", ())),
+        _known_times(s for name in others for s in signals.get(name, ())),
+    ]
+    rows = np.empty(0)
+    for times in triggers:
+        rows = np.union1d(rows, times[_silent(rows, times)])
+    if sampling == "linear" and speeds:
+        rows = rows[rows >= speeds[0][0]]
+    return thinned(rows[rows > carried.heard_s], carried.row_s)
+
+
+def _known_times(signals: Iterable[Signal]) -> Floats:
+    """Times of all known reports of the signals, sorted."""
+    times = [s.time_s[known_rows(s.values) & np.isfinite(s.time_s)] for s in signals]
+    return np.unique(np.concatenate(times)) if times else np.empty(0)
+
+
+def _silent(triggers: Floats, time_s: Floats) -> Bools:
+    """(n,) times for which no trigger has come in the SILENT seconds before."""
+    if triggers.size == 0:
+        return np.ones(time_s.size, dtype=np.bool_)
+    last = np.searchsorted(triggers, time_s, side="right") - 1
+    return (last < 0) | (time_s - triggers[np.maximum(last, 0)] > SILENT)
 
 
 def _columns(

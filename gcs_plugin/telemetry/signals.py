@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.decode import ESC_TELEMETRY_FIRST, MAVLINK_RULES, esc_silent
-from thrustmargin.gcs_plugin.mavlink.rules import Signal, decode
+from thrustmargin.gcs_plugin.mavlink.rules import Rule, Signal, decode
 from thrustmargin.gcs_plugin.mavlink.text import printable
 from thrustmargin.gcs_plugin.telemetry.recording import Stream
-from thrustmargin.gcs_plugin.telemetry.resample import coverage, in_time_order
+from thrustmargin.gcs_plugin.telemetry.resample import coverage, in_time_order, known_rows
 from thrustmargin.models.flight import Floats
 
 #: A flight pack reads more than this, the level sender of a tank less, V.
 SENDER_VOLTAGE = 2.5
-_POWER = ("battery_voltage", "voltage")
-_SPARE = ("esc_voltage", "esc_current")
 
 #: Channel -> its sources, preferred first.
 Signals = Mapping[str, tuple[Signal, ...]]
@@ -54,46 +54,94 @@ def by_index(signals: Signals, channel: str) -> dict[int | str, Signal]:
 def mavlink_signals(streams: dict[str, Stream], airspeed_words: str) -> Signals:
     """Signals of every MAVLink message in `streams`; `airspeed_words` say what VFR_HUD's is.
 
-    `streams` is emptied on the way, so that a message and its signals are not both kept. Voltage
-    and current of the ESCs are decoded only when no battery message has them.
+    `streams` is emptied on the way, so that a message and its signals are not both kept.
     """
-    order = {id(rule): number for number, rule in enumerate(MAVLINK_RULES)}
-    found: dict[int, list[Signal]] = {}
-    powered = False
-    # ESC messages come last: by then it is known whether a battery reports.
-    for message in sorted(streams, key=lambda name: name.startswith("ESC_")):
-        stream = streams.pop(message)
-        rules = tuple(r for r in MAVLINK_RULES if not (powered and r.channel in _SPARE))
-        for rule, index, rows, values in decode(rules, message, stream.columns):
-            time_s = stream.time_s if rows is None else stream.time_s[rows]
+    found = sorted(decoded(streams, airspeed_words), key=lambda item: item[0])
+    return collected(_used_outputs(s) if s.channel == "servo_us" else s for _, s in found)
+
+
+def decoded(streams: dict[str, Stream], airspeed_words: str) -> Iterator[tuple[int, Signal]]:
+    """Each signal of the messages in `streams`, which is emptied, with its source's rank."""
+    while streams:
+        message, stream = streams.popitem()
+        for rank, rule in _ranked(message):
             source = rule.source
-            if rule.message == "VFR_HUD" and rule.channel == "airspeed":
+            if message == "VFR_HUD" and rule.channel == "airspeed":
                 source = airspeed_words
-            made = found.setdefault(order[id(rule)], [])
-            if rule.channel == "servo_us":
-                values = _used_outputs(values)
-            if rule.channel == "named_value":
-                made += _by_name(stream, values)
-            elif rule.channel.startswith("esc_"):
-                if rule.channel == "esc_rpm" and message in ESC_TELEMETRY_FIRST:
-                    values = np.where(esc_silent(stream.columns), np.nan, values)
-                first = ESC_TELEMETRY_FIRST.get(message, index or 0)
-                made += [
-                    _signal(rule.channel, source, time_s, values[:, k], first + k)
-                    for k in range(values.shape[1])
-                ]
-            else:
-                if index is not None:
-                    source = f"{source} of id {index}"
-                made.append(_signal(rule.channel, source, time_s, values, index))
-            powered |= rule.channel in _POWER and bool(np.any(values > SENDER_VOLTAGE))
-    return collected(signal for number in sorted(found) for signal in found[number])
+            for _, index, rows, values in decode((rule,), message, stream.columns):
+                time_s = stream.time_s if rows is None else stream.time_s[rows]
+                if rule.channel == "named_value":
+                    yield from ((rank, signal) for signal in _by_name(stream, values))
+                elif rule.channel.startswith("esc_"):
+                    if rule.channel == "esc_rpm" and message in ESC_TELEMETRY_FIRST:
+                        values = np.where(esc_silent(stream.columns), np.nan, values)
+                    first = ESC_TELEMETRY_FIRST.get(message, index or 0)
+                    for k in range(values.shape[1]):
+                        yield rank, _signal(rule.channel, source, time_s, values[:, k], first + k)
+                else:
+                    words = source if index is None else f"{source} of id {index}"
+                    yield rank, _signal(rule.channel, words, time_s, values, index)
 
 
-def _used_outputs(values: Floats) -> Floats:
+@cache
+def _ranked(message: str) -> tuple[tuple[int, Rule], ...]:
+    """The rules for a message with their places in the table, preferred first."""
+    return tuple((n, rule) for n, rule in enumerate(MAVLINK_RULES) if rule.message == message)
+
+
+class SignalBuffer:
+    """Every signal of one vehicle from `seconds` before its new reports, and the last known before.
+
+    `heard` are the names of the messages that had one.
+    """
+
+    def __init__(self, seconds: float) -> None:
+        self._seconds = seconds
+        self._kept: dict[tuple[int, int | str], Signal] = {}
+        self.heard: set[str] = set()
+
+    def add(self, streams: dict[str, Stream], airspeed_words: str, after_s: float) -> None:
+        """Take the reports in `streams` (emptied) that are later than `after_s`."""
+        self.heard |= set(streams)
+        for rank, new in decoded(streams, airspeed_words):
+            rows = slice(int(np.searchsorted(new.time_s, after_s, side="right")), None)
+            key = (rank, -1 if new.index is None else new.index)
+            old = self._kept.get(key)
+            if old is None:
+                self._kept[key] = replace(new, time_s=new.time_s[rows], values=new.values[rows])
+                continue
+            time_s = np.concatenate([old.time_s, new.time_s[rows]])
+            values = np.concatenate([old.values, new.values[rows]])
+            self._kept[key] = self._shortened(
+                replace(old, time_s=time_s, values=values), after_s - self._seconds
+            )
+
+    def _shortened(self, signal: Signal, since: float) -> Signal:
+        # In large steps, so that most rounds copy nothing twice.
+        if signal.time_s.size < 3 or signal.time_s[1] > since - self._seconds:
+            return signal
+        first = int(np.searchsorted(signal.time_s, since))
+        rows = np.arange(first, signal.time_s.size)
+        known = np.flatnonzero(known_rows(signal.values[:first]))
+        rows = np.concatenate([known[-1:], rows])
+        return replace(signal, time_s=signal.time_s[rows], values=signal.values[rows])
+
+    @property
+    def signals(self) -> Signals:
+        """All that is kept, preferred sources first."""
+        return collected(self._kept[key] for key in sorted(self._kept, key=_order))
+
+
+def _order(key: tuple[int, int | str]) -> tuple[int, int, str]:
+    """Order of signals: by rank, then number or name."""
+    rank, index = key
+    return (rank, index, "") if isinstance(index, int) else (rank, -1, index)
+
+
+def _used_outputs(servos: Signal) -> Signal:
     """Servo outputs up to the last one that ever has a pulse: most of the 16 never do."""
-    used = np.flatnonzero(np.any(values > 0, axis=0))
-    return values[:, : int(used[-1]) + 1 if used.size else 1].copy()
+    used = np.flatnonzero(np.any(servos.values > 0, axis=0))
+    return replace(servos, values=servos.values[:, : int(used[-1]) + 1 if used.size else 1].copy())
 
 
 def _by_name(stream: Stream, values: Floats) -> list[Signal]:

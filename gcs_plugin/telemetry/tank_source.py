@@ -14,7 +14,7 @@ A source that is named is never replaced by another. Nothing is assumed about ho
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -28,6 +28,7 @@ from thrustmargin.models.physics.airframe import Airframe
 #: % by which the level from ml used may differ from the level in % and still be the same thing.
 AGREEMENT = 1.5
 WATER = 1.0  # kg/L
+LONGEST_STEP = 2.0  # s between pump reports beyond which nothing is summed up
 NUMBERED = ("FUEL_STATUS", "BATTERY_STATUS")  # sources that are told apart by a number
 #: Names that `auto` knows -> True for litres.
 NAMES = {"TANK": False, "TANK_KG": False, "TANK_L": True}
@@ -49,6 +50,7 @@ class TankContext:
     parameters: Mapping[str, float]
     start_kg: float | None = None
     pump_output: int | None = None  # number of the pump's servo output, from 0
+    pumped: PumpedSoFar | None = None  # before the signals begin
 
     @property
     def liquid_density(self) -> float:
@@ -66,15 +68,35 @@ def pack_id(signals: Signals) -> int | None:
 
 
 def tank_level(signals: Signals, context: TankContext, source: str = "auto") -> TankLevel:
-    """The tank level by `source`. Raises LogError when a forced source is not in the log."""
+    """The tank level by `source`, with the notes of all sources that were tried before it.
+
+    Raises LogError when a forced source is not in the log.
+    """
+    notes: tuple[str, ...] = ()
+    for found in tank_levels(signals, context, source):
+        notes += found.notes
+        if found.signal is not None:
+            return replace(found, notes=notes)
+    return TankLevel(None, notes)
+
+
+def tank_levels(
+    signals: Signals, context: TankContext, source: str = "auto"
+) -> Iterator[TankLevel]:
+    """Each way to the level by `source` that the signals give, preferred first.
+
+    Raises LogError when a forced source is not in the log.
+    """
     if source.strip().upper() == "AUTO" and context.airframe is not None:
         source = context.airframe.tank_source
     kind, _, rest = source.strip().partition(" ")
     match kind.upper():
         case "AUTO":
-            return _automatic(signals, context)
+            yield from _automatic(signals, context)
+            return
         case "NONE":
-            return TankLevel(None, ("tank level left out, as asked",))
+            yield TankLevel(None, ("tank level left out, as asked",))
+            return
         case "NAMED_VALUE_FLOAT":
             found = _named(signals, context, rest or "TANK")
         case "FUEL_STATUS":
@@ -89,7 +111,7 @@ def tank_level(signals: Signals, context: TankContext, source: str = "auto") -> 
         named = context.airframe is not None and source == context.airframe.tank_source
         by = f", which airframe {context.airframe.name} names" if named and context.airframe else ""
         raise LogError(f"no tank level from {source!r}{by} in this log; name another with --tank")
-    return found
+    yield found
 
 
 def check_source(source: str) -> None:
@@ -117,26 +139,18 @@ def _number(text: str, source: str) -> int | None:
     return int(text)
 
 
-def _automatic(signals: Signals, context: TankContext) -> TankLevel:
-    for name in by_index(signals, "named_value"):
-        if str(name).upper() in NAMES:
-            unit = ":l" if NAMES[str(name).upper()] else ""
-            found = _named(signals, context, f"{name}{unit}")
-            if found is not None:
-                return found
-    notes: tuple[str, ...] = ()
-    for method in (_fuel, _battery):
-        found = method(signals, context, None)
+def _automatic(signals: Signals, context: TankContext) -> Iterator[TankLevel]:
+    named = by_index(signals, "named_value")
+    for name in (n for n in named if str(n).upper() in NAMES):
+        unit = ":l" if NAMES[str(name).upper()] else ""
+        found = _named(signals, context, f"{name}{unit}")
         if found is not None:
-            notes += found.notes
-            if found.signal is not None:
-                return replace(found, notes=notes)
-    found = _pump(signals, context)
-    if found is not None:
-        return replace(found, notes=notes + found.notes)
-    return TankLevel(
-        None, (*notes, "no tank gauge and no pump output in the log: tank level unknown")
-    )
+            yield found
+    for found in (_fuel(signals, context, None), _battery(signals, context, None)):
+        if found is not None:
+            yield found
+    note = "no tank gauge and no pump output in the log: tank level unknown"
+    yield _pump(signals, context) or TankLevel(None, (note,))
 
 
 def _in_kg(signal: Signal, kilograms: Floats, words: str) -> Signal:
@@ -222,10 +236,13 @@ def _battery_level(signals: Signals, context: TankContext, number: int) -> TankL
     capacity_kg = capacity_l * context.liquid_density
     if used is not None and used.values.size == percent.values.size:
         left = 1.0 - used.values * 1e-3 / capacity_l
-        apart = np.abs(left * 100.0 - percent.values)
-        if np.isfinite(apart).any() and float(np.nanmax(apart)) <= AGREEMENT:
+        with np.errstate(invalid="ignore"):
+            agrees = np.abs(left * 100.0 - percent.values) <= AGREEMENT
+        if agrees.any():
+            # Report by report: a tank that is refilled leaves the ml used behind.
+            share = np.where(agrees, left, percent.values * 1e-2)
             words = f"{message} id {number} (a tank: ml used of {whose})"
-            return TankLevel(_in_kg(used, left * capacity_kg, words), notes)
+            return TankLevel(_in_kg(used, share * capacity_kg, words), notes)
     words = f"{message} id {number} (a tank: % of {whose})"
     return TankLevel(_in_kg(percent, percent.values * 1e-2 * capacity_kg, words), notes)
 
@@ -240,16 +257,43 @@ def _pump(signals: Signals, context: TankContext) -> TankLevel | None:
             None,
             (f"no tank gauge: the pump's output could give the level, but {missing} is unknown",),
         )
-    flow = context.airframe.pump_max_flow_l_min / 60.0 * context.liquid_density  # kg/s
-    step = np.diff(share.time_s, prepend=share.time_s[:1])
-    # Held from report to report; a pause in the reports longer than this is not summed over.
-    held = np.concatenate([[0.0], np.nan_to_num(share.values[:-1])]) * np.minimum(step, 2.0)
-    level = np.maximum(context.start_kg - flow * np.cumsum(held), 0.0)
+    total = pumped(share, context)
+    level = np.maximum(context.start_kg - total.values, 0.0)
     words = (
         f"pump output (servo {(context.pump_output or 0) + 1}) summed from the stated "
         f"{context.start_kg:g} kg, {context.airframe.pump_max_flow_l_min:g} L/min at full output"
     )
-    return TankLevel(Signal("tank_kg", words, share.time_s, level))
+    return TankLevel(Signal("tank_kg", words, total.time_s, level))
+
+
+@dataclass(frozen=True, slots=True)
+class PumpedSoFar:
+    """What the pump's output summed up to at a time, from which a later stretch goes on."""
+
+    time_s: float  # of the pump's last report
+    share: float  # its output there, 0 off to 1 full
+    kg: float
+
+
+def pumped(share: Signal, context: TankContext) -> Signal:
+    """kg that the pump's output `share` says have left the tank, at each of its reports.
+
+    0 at the first one, or what `context.pumped` carries. Without an airframe the flow is unknown.
+    """
+    time_s, output, before = share.time_s, np.nan_to_num(share.values), 0.0
+    if context.pumped is not None:
+        later = time_s > context.pumped.time_s
+        time_s = np.concatenate([[context.pumped.time_s], time_s[later]])
+        output = np.concatenate([[context.pumped.share], output[later]])
+        before = context.pumped.kg
+    flow = np.nan
+    if context.airframe is not None:
+        flow = context.airframe.pump_max_flow_l_min / 60.0 * context.liquid_density  # kg/s
+    step = np.diff(time_s, prepend=time_s[:1])
+    # Held from report to report; a pause in the reports longer than this is not summed over.
+    held = np.concatenate([[0.0], output[:-1]]) * np.minimum(step, LONGEST_STEP)
+    kilograms = before + flow * np.cumsum(held)
+    return Signal("pumped_kg", share.source, time_s, kilograms)
 
 
 def pump_share(signals: Signals, context: TankContext) -> Signal | None:
@@ -262,6 +306,9 @@ def pump_share(signals: Signals, context: TankContext) -> Signal | None:
     high = context.parameters.get(f"SERVO{number}_MAX", 1900.0)
     if high <= low or servos[0].values.shape[1] < number:
         return None
-    share = np.clip((servos[0].values[:, context.pump_output] - low) / (high - low), 0.0, 1.0)
+    pulse = servos[0].values[:, context.pump_output]
+    if not np.any(pulse > 0):
+        return None
+    share = np.clip((pulse - low) / (high - low), 0.0, 1.0)
     words = f"{servos[0].source.split()[0]} servo {number} (pump)"
     return Signal("spraying", words, servos[0].time_s, share)

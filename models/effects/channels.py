@@ -6,7 +6,7 @@ a derivative: column k holds the channel `LAGS[k]` later, which undoes a report 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, Self
 
@@ -189,8 +189,7 @@ def channels_of(
     height = np.maximum(track.height_agl, 0.1)
     axial = _along_axis(track)
 
-    def table(a: Floats) -> Floats:
-        return np.stack([_later(time_s, a, lag) for lag in LAGS], axis=1)
+    table = _shift_tables(time_s)
 
     return Channels(
         time_s=time_s,
@@ -275,21 +274,27 @@ def _along_axis(track: FlightTrack) -> Floats:
     return -(track.velocity_ned - wind) * down_axis(track.attitude)
 
 
-def _later(time_s: Floats, values: Floats, lag: float) -> Floats:
-    """The channel `lag` seconds later, (T,); NaN where either neighbour is missing or far.
+def _shift_tables(time_s: Floats) -> Callable[[Floats], Floats]:
+    """Makes of a channel (T,) its values (T, len(LAGS)) so much later, NaN where not known.
 
-    Further off than NEAR_LAG, where only late reports look, the channel is held over its ends.
+    That is where either neighbour is missing or far, and over the ends of the rows. Further off
+    than NEAR_LAG, where only late reports look, the channel is held over gaps and ends.
     """
-    if lag == 0.0 or time_s.size < 2:
-        return values
-    if abs(lag) > NEAR_LAG:
+    if time_s.size < 2:
+        return lambda values: np.repeat(values[:, None], len(LAGS), axis=1)
+    lags = np.array(LAGS)
+    near, at = np.abs(lags) <= NEAR_LAG, time_s[:, None] + lags
+    right = np.clip(np.searchsorted(time_s, at[:, near]), 1, time_s.size - 1)
+    far = np.diff(time_s)[right - 1] > 5 * row_step(time_s)
+    unknown = far | (at[:, near] < time_s[0]) | (at[:, near] > time_s[-1])
+
+    def table(values: Floats) -> Floats:
         known = np.isfinite(values)
-        if not known.any():
-            return values
-        return np.interp(time_s + lag, time_s[known], values[known])
-    moved = np.interp(time_s + lag, time_s, values)
-    step = row_step(time_s)
-    right = np.clip(np.searchsorted(time_s, time_s + lag), 1, time_s.size - 1)
-    far = np.diff(time_s)[right - 1] > 5 * step
-    outside = (time_s + lag < time_s[0]) | (time_s + lag > time_s[-1])
-    return np.where(far | outside, np.nan, moved)
+        shifted = np.repeat(values[:, None], lags.size, axis=1)
+        if known.any():
+            shifted[:, ~near] = np.interp(at[:, ~near], time_s[known], values[known])
+        shifted[:, near] = np.where(unknown, np.nan, np.interp(at[:, near], time_s, values))
+        shifted[:, lags == 0.0] = values[:, None]
+        return shifted
+
+    return table

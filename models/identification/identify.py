@@ -23,10 +23,12 @@ from thrustmargin.models.identification.autocorrelation import (
     AutocorrelatedResidual,
     autocorrelated_residual,
 )
-from thrustmargin.models.identification.cross_validation import (
-    ParameterInterval,
-    held_out_cost,
-    intervals,
+from thrustmargin.models.identification.cross_validation import Interval, held_out_cost, intervals
+from thrustmargin.models.identification.errors import (
+    Errors,
+    across_flights,
+    errors_of,
+    on_new_flights,
 )
 from thrustmargin.models.identification.fit import (
     Evaluator,
@@ -57,12 +59,6 @@ from thrustmargin.models.identification.search import (
     warm_start,
 )
 from thrustmargin.models.identification.unexplained import LEAST_SHARE, Curve, best_curve, floor_rpm
-from thrustmargin.models.identification.unseen_errors import (
-    Errors,
-    across_flights,
-    errors_of,
-    on_new_flights,
-)
 from thrustmargin.models.model.rotor_model import RotorModel, shipped_model
 
 Progress = Callable[[str, float], None]
@@ -257,7 +253,7 @@ def _found(
 ) -> tuple[Found, ...]:
     """The accepted effects in order, each with its values, interval and errors around it."""
     problem = evaluator.problem
-    interval: ParameterInterval = intervals(fit, background_of(problem, fit))
+    interval: Interval = intervals(fit, background_of(problem, fit))
     scales = mode_scales(problem, fit.residual_rpm)
     errors = []
     for count in range(len(fit.terms) + 1):

@@ -32,8 +32,7 @@ from scipy.stats import chi2
 
 from thrustmargin.gcs_plugin.live.alarms import Alarms
 from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorSettings
-from thrustmargin.gcs_plugin.live.tank import virtual_gauge
-from thrustmargin.gcs_plugin.live.vehicle_monitor import SETTLED_AFTER
+from thrustmargin.gcs_plugin.live.tank_balance import virtual_gauge
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import shipped_model
@@ -167,7 +166,7 @@ def named(track, model, loss: float, rotor: int, onset: float) -> list[tuple[flo
     )
     # Live a prediction with effects settles a moment later, which comes on top.
     return [
-        (e.time_s - onset + SETTLED_AFTER, e.alarm.rotor or 0)
+        (e.time_s - onset + shipped_model().look_ahead_s, e.alarm.rotor or 0)
         for e in events
         if e.raised and e.alarm.name == "rotor"
     ]
@@ -208,5 +207,5 @@ def test_the_recorded_onset(benchmark, sitl_logs):
     )
     for _, event, _ in kept[0].events:
         if event.alarm.name == "rotor" and event.raised:
-            delay = event.time_s - 180.0 + SETTLED_AFTER
+            delay = event.time_s - 180.0 + shipped_model().look_ahead_s
             print(f"\nrecorded onset of 12 %: after {delay:.1f} s, {event.alarm.text}")

@@ -69,7 +69,7 @@ class Format:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FoundMessages:
+class Found:
     """Messages of a .BIN in file order."""
 
     data: Bytes  # the file followed by PADDING zeros
@@ -102,7 +102,7 @@ def make_format(number: int, length: int, name: str, letters: str, columns: str)
     return form if form.dtype.itemsize == length else None
 
 
-def scan(data: Bytes, size: int) -> FoundMessages:
+def scan(data: Bytes, size: int) -> Found:
     """All messages in the first `size` bytes of `data`, which ends with PADDING more."""
     formats = _formats(data, size)
     lengths = np.zeros(256, dtype=np.int64)
@@ -116,7 +116,7 @@ def scan(data: Bytes, size: int) -> FoundMessages:
     keep = _chain(start, end, size, torn=_torn_tail(data, size, lengths))
     if not keep.all():
         start, kinds, end = start[keep], kinds[keep], end[keep]
-    return FoundMessages(data, start, kinds, formats, tuple(_gaps(start, end, size)))
+    return Found(data, start, kinds, formats, tuple(_gaps(start, end, size)))
 
 
 def _heads(data: Bytes, size: int, low: int) -> Index:

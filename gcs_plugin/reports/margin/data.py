@@ -58,7 +58,7 @@ class Fact:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MarginVerdict:
+class Verdict:
     """The answer to "how close was it?"."""
 
     level: Level
@@ -107,7 +107,7 @@ class FlightReport:
     """One flight's report; `rows` are the columns of its CSV, each (T,) or (T, R)."""
 
     name: str
-    verdict: MarginVerdict
+    verdict: Verdict
     flight: JsonObject
     model: JsonObject
     load: tuple[JsonObject, ...]

@@ -3,15 +3,17 @@
 import subprocess
 import sys
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from functools import reduce
 from pathlib import Path
 
+import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from thrustmargin.gcs_plugin.live.live_rows import Sample
-from thrustmargin.gcs_plugin.live.sampler import Sampler
-from thrustmargin.gcs_plugin.live.vehicle_state import VehicleState, fold
+from thrustmargin.gcs_plugin.live.vehicle_telemetry import LiveRows, VehicleTelemetry
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, frame_of
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
+from thrustmargin.gcs_plugin.telemetry.rows import Options
 from thrustmargin.models.physics.airframe import Airframe
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -92,17 +94,25 @@ def log_frames(path: Path) -> list[Frame]:
 
 
 def live_rows(
-    frames: Iterable[Frame], airframe: Airframe, **options
-) -> tuple[list[Sample], Sampler]:
-    """The rows that vehicle 1's frames give live, and what made them."""
-    state, sampler = VehicleState(system=1), Sampler("vehicle 1", airframe, **options)
-    rows = []
-    for frame in frames:
-        if frame.system == 1:
-            state = fold(state, frame)
-            row = sampler.after(state)
-            rows += [row] if row else []
-    return rows, sampler
+    frames: Iterable[Frame], airframe: Airframe, *, piece: int = 7, **options
+) -> tuple[LiveRows | None, VehicleTelemetry]:
+    """The rows that vehicle 1's frames give live, `piece` frames a round, and what made them."""
+    telemetry = VehicleTelemetry(1, Options(airframe=airframe, sampling="hold", **options))
+    mine = [frame for frame in frames if frame.system == 1]
+    parts: list[LiveRows] = []
+    for first in range(0, len(mine), piece):
+        for frame in mine[first : first + piece]:
+            telemetry.take(frame)
+        parts += telemetry.rows()
+    return (joined(parts) if parts else None), telemetry
+
+
+def joined(parts: Sequence[LiveRows]) -> LiveRows:
+    """Rows of one start as one piece; what is no array is that of the last."""
+    names = ("clock_s", "stamp_us", "pump_share", "pumped_kg", "mission_item", "esc_failures")
+    arrays = {name: np.concatenate([getattr(p, name) for p in parts]) for name in names}
+    track = reduce(lambda one, later: one.followed_by(later), [p.track for p in parts])
+    return replace(parts[-1], track=track, **arrays)
 
 
 def command(name: str, *arguments: str, **options) -> subprocess.Popen:

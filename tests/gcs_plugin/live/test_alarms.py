@@ -10,7 +10,7 @@ from thrustmargin.gcs_plugin.live.alarm import CRITICAL, NOTICE, AlarmSettings, 
 from thrustmargin.gcs_plugin.live.alarm_words import tank_verdict
 from thrustmargin.gcs_plugin.live.alarms import Alarms
 from thrustmargin.gcs_plugin.live.rotor_sums import standing_out
-from thrustmargin.gcs_plugin.live.tank import TankBalance, virtual_gauge
+from thrustmargin.gcs_plugin.live.tank_balance import TankBalance, virtual_gauge
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import Basis, analyse
@@ -154,16 +154,16 @@ def test_a_motor_at_its_end_is_told_at_once():
 def test_what_an_esc_says_of_itself_is_told_at_once_with_its_rotor():
     alarms = Alarms()
     said = []
-    for turn, failures in enumerate([(), (0, 0, 36, 0), (0, 0, 0, 0), (0, 0, 0, 0)]):
+    for turn, failures in enumerate([(np.nan,) * 4, (0, 0, 36, 0), (0, 0, 0, 0)]):
         track = hover(4.0)
         track = replace(track, time_s=track.time_s + 4.0 * turn)
-        said.append(watched(track, alarms, esc_failures=failures))
+        said.append(watched(track, alarms, esc_failures=np.tile(failures, (track.time_s.size, 1))))
     assert said[0] == []
     assert [(e[1], e[3], e[4]) for e in said[1]] == [
         (True, 3, "ESC of rotor 3: motor stuck, too hot")
     ]
-    assert said[2] == []
-    assert [(e[1], e[2]) for e in said[3]] == [(False, "esc")]
+    # Cleared when nothing has been reported for 3 s.
+    assert [(e[1], e[2], round(e[0], 1)) for e in said[2]] == [(False, "esc", 11.0)]
 
 
 def test_outside_the_models_training_is_told_and_not_for_a_model_without_any():
@@ -179,7 +179,7 @@ def test_outside_the_models_training_is_told_and_not_for_a_model_without_any():
 
 
 def test_the_route_ahead_raises_before_the_margin_itself_does():
-    events = watched(hover(10.0), margin_ahead=0.41)
+    events = watched(hover(10.0), margin_ahead=np.full(100, 0.41))
     assert [(e[2], e[4]) for e in events] == [("margin ahead", "Route ahead: margin 41% under 50%")]
 
 

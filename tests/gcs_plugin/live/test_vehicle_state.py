@@ -3,120 +3,120 @@
 import math
 import random
 
+import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from tests.gcs_plugin.live.live_vehicle import SECOND, Vehicle, as_frame, log_frames
+from tests.gcs_plugin.live.live_vehicle import (
+    SECOND,
+    Vehicle,
+    as_frame,
+    live_rows,
+    log_frames,
+)
+from tests.gcs_plugin.live.monitored import AIRFRAME
 from thrustmargin.gcs_plugin.link.sequence import SenderWatch, Verdict
 from thrustmargin.gcs_plugin.live.vehicle_state import VehicleState, fold
+from thrustmargin.gcs_plugin.live.vehicle_telemetry import VehicleTelemetry
+from thrustmargin.gcs_plugin.telemetry.rows import Options
+from thrustmargin.models.flight import FlightTrack
 
 
-def after(state: VehicleState, *frames) -> VehicleState:
+def after(*frames) -> VehicleTelemetry:
+    telemetry = VehicleTelemetry(1, Options(airframe=AIRFRAME, sampling="hold"))
     for frame in frames:
-        state = fold(state, frame)
-    return state
+        telemetry.take(frame)
+    telemetry.rows()
+    return telemetry
 
 
-def value(state: VehicleState, channel: str):
-    reading = state.best(channel)
-    assert reading is not None
-    return reading.value
+def track(*frames) -> FlightTrack:
+    rows, _ = live_rows(frames, AIRFRAME)
+    assert rows is not None
+    return rows.track
 
 
 def test_folding_leaves_the_state_before_as_it_was():
     vehicle = Vehicle()
-    before = after(VehicleState(system=1), *vehicle.tick())
-    held = dict(before.readings)
-    later = after(before, *vehicle.tick())
-    assert dict(before.readings) == held
-    assert later.clock_s == pytest.approx(before.clock_s + 0.1)
-
-
-def test_every_reading_has_the_vehicles_time_and_the_grounds():
-    vehicle = Vehicle(clock_s=50.0)
-    state = after(VehicleState(system=1), *vehicle.tick())
-    # ESC telemetry has no clock of its own: it has that of the last message that does.
-    rpm = state.by_index("esc_rpm")[2]
-    assert (rpm.value, rpm.clock_s, rpm.stamp_us) == (2000.0, 50.1, vehicle.stamp_us)
-    assert value(state, "airspeed") == pytest.approx(4.0)
-    assert state.by_index("named_value")["TANK"].value == pytest.approx(10.0)
+    before = fold(VehicleState(system=1), as_frame(vehicle.heartbeat(), 5))
+    parameter = dialect.MAVLink_param_value_message(b"SERVO5_FUNCTION", 22.0, 9, 1, 0)
+    later = fold(before, vehicle.frame(parameter))
+    assert (dict(before.parameters), before.stamp_us) == ({}, 5)
+    assert dict(later.parameters) == {"SERVO5_FUNCTION": 22.0}
+    assert (later.component, later.autopilot, later.kind, later.armed) == (1, 3, 2, True)
 
 
 def test_values_that_cannot_be_true_do_not_replace_the_last_good_one():
     vehicle = Vehicle()
-    state = after(VehicleState(system=1), *vehicle.tick())
-    bad = [as_frame(vehicle.speed(float("nan"))), as_frame(vehicle.speed(1e9))]
-    assert value(after(state, *bad), "airspeed") == pytest.approx(4.0)
+    frames = vehicle.tick()
+    frames += [as_frame(vehicle.speed(v), vehicle.stamp_us) for v in (float("nan"), 1e9)]
+    assert track(*frames, *vehicle.tick()).airspeed[-1] == pytest.approx(4.0)
 
 
 def test_an_esc_that_was_never_heard_is_unknown_and_not_stopped():
     vehicle = Vehicle()
     four = [0] * 4
     silent = dialect.MAVLink_esc_telemetry_1_to_4_message(four, four, four, four, four, four)
-    state = after(VehicleState(system=1), vehicle.frame(silent))
-    assert state.by_index("esc_rpm") == {}
+    frames = [as_frame(vehicle.attitude(), 1), as_frame(vehicle.pack(silent), 2)]
+    assert np.isnan(track(*frames).rotor_speed_rpm).all()
 
 
 def test_a_companion_does_not_speak_over_the_autopilot():
     vehicle, companion = Vehicle(), Vehicle()
     companion.packer.srcComponent = 191
-    state = after(VehicleState(system=1), as_frame(vehicle.heartbeat()), *vehicle.tick())
-    state = after(state, as_frame(companion.speed(9.0)), as_frame(companion.attitude(1.0)))
-    assert value(state, "airspeed") == pytest.approx(4.0)
+    stamp = vehicle.stamp_us
+    frames = [as_frame(vehicle.heartbeat(), stamp), *vehicle.tick()]
     # But it may add what the autopilot does not send.
     extra = dialect.MAVLink_named_value_float_message(1, b"TANK_L", 3.0)
-    state = after(state, companion.frame(extra))
-    assert state.by_index("named_value")["TANK_L"].value == pytest.approx(3.0)
+    others = [companion.speed(9.0), companion.attitude(1.0), companion.pack(extra)]
+    frames += [as_frame(data, vehicle.stamp_us) for data in others]
+    heard = track(*frames, *vehicle.tick())
+    assert heard.airspeed[-1] == pytest.approx(4.0)
+    assert np.all(heard.attitude[:, 0] == 0.0)
 
 
 def test_an_overtaken_clock_is_left_out_and_counted():
     vehicle = Vehicle(clock_s=100.0)
-    state = after(VehicleState(system=1), *vehicle.tick())
+    frames = vehicle.tick()
     vehicle.clock_s -= 5.0
-    late = as_frame(vehicle.attitude(roll=1.0), vehicle.stamp_us)
+    frames.append(as_frame(vehicle.attitude(roll=1.0), vehicle.stamp_us))
     vehicle.clock_s += 5.0
-    state = after(state, late)
-    assert (state.late, state.boot) == (1, 0)
-    assert value(state, "attitude").tolist() == [0.0, 0.0, 0.0]
-    state = after(state, *vehicle.tick())
-    assert state.doubt is None
-    assert state.clock_s == pytest.approx(100.2)
+    frames += vehicle.tick()
+    telemetry = after(*frames)
+    assert (telemetry.clock.late, telemetry.clock.boot) == (1, 0)
+    assert np.all(track(*frames).attitude[:, 0] == 0.0)
+    assert telemetry.clock.now_s(vehicle.stamp_us) == pytest.approx(100.2)
 
 
 def test_a_restart_forgets_the_readings_but_not_what_is_stored_aboard():
     vehicle = Vehicle(clock_s=500.0)
     parameter = dialect.MAVLink_param_value_message(b"SERVO5_FUNCTION", 22.0, 9, 1, 0)
-    state = after(VehicleState(system=1), *vehicle.tick(), vehicle.frame(parameter))
+    frames = [*vehicle.tick(), vehicle.frame(parameter)]
     vehicle.clock_s = 3.0
-    frames = [f for _ in range(4) for f in vehicle.tick()]
-    notes = []
-    for frame in frames:
-        state = fold(state, frame)
-        notes += [state.note] if state.note else []
-    assert state.boot == 1
-    assert [n for n in notes if "restarted" in n] == notes
-    assert len(notes) == 1
-    assert state.parameters == {"SERVO5_FUNCTION": 22.0}
-    assert all(r.clock_s < 5.0 for r in state.readings.values())
+    frames += [f for _ in range(4) for f in vehicle.tick()]
+    telemetry = after(*frames)
+    assert telemetry.clock.boot == 1
+    assert len(telemetry.events) == 1
+    assert "restarted" in telemetry.events[0]
+    assert telemetry.state.parameters == {"SERVO5_FUNCTION": 22.0}
 
 
-def test_a_clock_that_leaps_ahead_is_told_and_makes_older_readings_stale():
+def test_a_clock_that_leaps_ahead_is_reported_and_makes_older_readings_stale():
     vehicle = Vehicle(clock_s=100.0)
-    state = after(VehicleState(system=1), *vehicle.tick())
+    frames = vehicle.tick()
     vehicle.clock_s += 1000.0
-    state = fold(state, as_frame(vehicle.attitude(), vehicle.stamp_us + SECOND))
-    assert "jumped 1000 s ahead" in state.note
-    airspeed = state.best("airspeed")
-    assert airspeed is not None
-    assert state.now(state.stamp_us) - airspeed.clock_s > 900.0
+    stamp = vehicle.stamp_us + SECOND
+    telemetry = after(*frames, as_frame(vehicle.attitude(), stamp))
+    assert "jumped 1000 s ahead" in telemetry.events[0]
+    assert telemetry.stale(stamp)["airspeed"] > 900.0
 
 
 def test_when_clocked_messages_stay_away_the_grounds_clock_carries_on():
     vehicle = Vehicle(clock_s=10.0)
-    state = after(VehicleState(system=1), *vehicle.tick())
+    telemetry = after(*vehicle.tick())
     stamp = vehicle.stamp_us
-    assert state.now(stamp + SECOND // 2) == pytest.approx(10.1)
-    assert state.now(stamp + 4 * SECOND) == pytest.approx(13.1)
+    assert telemetry.clock.now_s(stamp + SECOND // 2) == pytest.approx(10.2)
+    assert telemetry.clock.now_s(stamp + 4 * SECOND) == pytest.approx(13.2)
 
 
 def test_a_mission_is_overheard_whoever_uploads_it(sitl_logs):
@@ -199,7 +199,8 @@ def test_two_senders_of_one_id_are_found_out(apart, burst):
     assert shared > 0.8 * len(mixed)
 
 
-def test_a_state_before_anything_was_heard_knows_nothing():
-    state = VehicleState(system=1)
-    assert math.isnan(state.clock_s)
-    assert state.best("airspeed") is None
+def test_before_anything_was_heard_nothing_is_known():
+    telemetry = after()
+    assert math.isnan(telemetry.clock.now_s(0))
+    assert telemetry.rows() == []
+    assert telemetry.stale(0) == {}

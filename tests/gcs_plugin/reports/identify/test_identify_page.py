@@ -11,9 +11,9 @@ import pytest
 from tests.browser import open_page, screenshot_folder
 from tests.models.made_flights import QUICK, curve_model, made_flight, made_flights, table
 from thrustmargin.gcs_plugin.reports.identify.channel_figures import channels_figure, shares
-from thrustmargin.gcs_plugin.reports.identify.identify_page import html_text, looks
 from thrustmargin.gcs_plugin.reports.identify.identify_result import Result, result_of
 from thrustmargin.gcs_plugin.reports.identify.identify_sentences import term_name
+from thrustmargin.gcs_plugin.reports.identify.page import html_text, looks
 from thrustmargin.gcs_plugin.reports.identify.residual_figures import (
     map_figure,
     map_limit,

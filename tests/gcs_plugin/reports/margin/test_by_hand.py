@@ -7,7 +7,7 @@ import pytest
 
 from tests.gcs_plugin.reports.margin.report_flight import log, model
 from thrustmargin.gcs_plugin.reports.margin import report_flight
-from thrustmargin.gcs_plugin.reports.margin.data import FlightReport, MarginVerdict, Moment
+from thrustmargin.gcs_plugin.reports.margin.data import FlightReport, Moment, Verdict
 from thrustmargin.gcs_plugin.reports.margin.headline import (
     estimate,
     facts,
@@ -198,7 +198,7 @@ MOMENT = Moment(
     longitude_deg=NAN,
     redundancy_yaw_free=0.94,
 )
-VERDICT = MarginVerdict(
+VERDICT = Verdict(
     level="critical",
     headline="",
     facts=(),

@@ -1,10 +1,9 @@
-"""The tank while flying: the level now by the source in use, and three ways to know what is in it.
+"""Three independent estimates of what is in the tank, and how they compare.
 
 - gauge: what the vehicle reports, by the same rules as for a log (`telemetry.tank_source`);
 - pump: what its servo output says has been sprayed, full output being the airframe's largest flow;
 - thrust: what the rotors carry beyond what the model expects, as a mass ("virtual gauge").
-They are compared over windows, each with the thrust as the third witness: `compare` says which of
-them parts from the others.
+They are compared over windows: `tank_verdict` says which of them parts from the others.
 
     virtual gauge  m = m_gauge + (sum T_measured - sum T_predicted)/g    with a gauge
                    m = sum T_measured/g - m_empty                        without, in steady flight
@@ -15,119 +14,21 @@ many seconds count.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.live.vehicle_state import VehicleState
-from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.motors import MotorMap
-from thrustmargin.gcs_plugin.telemetry.tank_source import TankContext, pump_share, tank_level
-from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0
 
 if TYPE_CHECKING:
     from thrustmargin.models.model.analysis import FlightAnalysis
 
 NAN = float("nan")
-#: s between pump reports beyond which nothing is summed up, as in telemetry/tank_source.
-LONGEST_STEP = 2.0
-#: Channels that a level can come from.
-CHANNELS = (
-    "named_value",
-    "fuel_remaining",
-    "fuel_percent",
-    "fuel_maximum",
-    "battery_voltage",
-    "battery_percent",
-    "battery_consumed",
-    "servo_us",
-)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TankReading:
-    """The level by the source in use."""
-
-    level_kg: float = NAN
-    clock_s: float = NAN  # of the report
-    source: str = ""  # in words; empty when there is none
-    notes: tuple[str, ...] = ()
-    pump_share: float = NAN  # pump output, 0 off to 1 full
-    pump_clock_s: float = NAN
-    pumped_kg: float = NAN  # by the pump's output since it was first heard
-
-
-class TankWatch:
-    """Follows one vehicle's tank. `source` as for `telemetry.tank_source`, `auto` by default."""
-
-    def __init__(
-        self, airframe: Airframe | None, source: str = "auto", start_kg: float | None = None
-    ) -> None:
-        self._airframe = airframe
-        by_airframe = airframe is not None and source.strip().lower() == "auto"
-        self._source = airframe.tank_source if by_airframe and airframe else source
-        self._start_kg = start_kg
-        self._pumped = NAN
-        self._share = NAN
-        self._share_clock = NAN
-
-    def read(self, state: VehicleState, motors: MotorMap) -> TankReading:
-        """The level after the vehicle's last message; call it for every sample, in order."""
-        signals = state.signals(*CHANNELS)
-        context = TankContext(
-            airframe=self._airframe,
-            parameters=state.parameters,
-            pump_output=motors.pump_output,
-        )
-        share = pump_share(signals, context)
-        self._follow(share, context)
-        none = TankReading(
-            pump_share=self._share, pump_clock_s=self._share_clock, pumped_kg=self._pumped
-        )
-        source = self._source
-        try:
-            found = tank_level(signals, context, source)
-        except LogError as error:
-            # Named by the user and not heard (yet): no other source steps in unasked.
-            if source.strip().lower() != "pump":
-                return replace(none, notes=(str(error),))
-            found = None
-        if found is not None and found.signal is not None:
-            return replace(
-                none,
-                level_kg=float(found.signal.values[-1]),
-                clock_s=float(found.signal.time_s[-1]),
-                source=found.signal.source,
-                notes=found.notes,
-            )
-        if self._start_kg is not None and np.isfinite(self._pumped):
-            return replace(
-                none,
-                level_kg=max(self._start_kg - self._pumped, 0.0),
-                clock_s=self._share_clock,
-                source=f"pump output summed from the stated {self._start_kg:g} kg",
-            )
-        return replace(none, notes=found.notes if found is not None else ())
-
-    def _follow(self, share: Signal | None, context: TankContext) -> None:
-        if share is None or self._airframe is None:
-            return
-        clock, value = float(share.time_s[-1]), float(np.nan_to_num(share.values[-1]))
-        if np.isnan(self._pumped):
-            self._pumped = 0.0
-        elif clock > self._share_clock:
-            full = self._airframe.pump_max_flow_l_min / 60.0 * context.liquid_density  # kg/s
-            step = min(clock - self._share_clock, LONGEST_STEP)
-            # Held from report to report: the output before this one was in force until now.
-            self._pumped += full * float(np.nan_to_num(self._share)) * step
-        self._share, self._share_clock = value, clock
-
-
-class FlowMeter:
+class DeliveryMeter:
     """What the pump really delivers of what its output says: nozzles decide, not the pump's limit.
 
     Factor on the pumped mass, from the gauge: `first` from the first kilogram, to judge the rest of
@@ -178,7 +79,7 @@ def virtual_gauge(analysis: FlightAnalysis) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class TankBalance:
-    """How much the tank lost over a window by each witness, kg; NaN where a witness is missing."""
+    """How much the tank lost over a window by each estimate, kg; NaN where one is missing."""
 
     seconds: float
     gauge: float
@@ -189,7 +90,7 @@ class TankBalance:
 
 
 class BalanceWatch:
-    """Means of the three witnesses at both ends of a sliding window of `seconds`."""
+    """Means of the three estimates at both ends of a sliding window of `seconds`."""
 
     def __init__(self, seconds: float = 40.0, end: float = 10.0) -> None:
         self.seconds, self.end = seconds, end

@@ -9,8 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from tests.gcs_plugin.live.live_vehicle import Vehicle, as_frame, live_rows, log_frames
-from thrustmargin.gcs_plugin.live.live_rows import COLUMNS
-from thrustmargin.gcs_plugin.live.tank import BalanceWatch, FlowMeter, virtual_gauge
+from thrustmargin.gcs_plugin.live.tank_balance import BalanceWatch, DeliveryMeter, virtual_gauge
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import physics_model
@@ -20,11 +19,13 @@ AIRFRAME = load_airframe("topxgun-f16-sitl")
 
 
 def levels(frames, tank: str = "auto", start: float | None = None):
-    """Level (kg), its source and notes at each row."""
-    rows, _ = live_rows(frames, AIRFRAME, tank=tank, tank_start_kg=start)
+    """Level (kg), its source, notes and what was pumped, at each row."""
+    rows, _ = live_rows(frames, AIRFRAME, tank=tank, tank_start_kg=start, piece=50)
+    assert rows is not None
+    source = rows.track.sources.get("tank_kg", "")
     return [
-        (float(r.values[COLUMNS["tank_kg"]]), r.tank.source, r.tank.notes, r.tank.pumped_kg)
-        for r in rows
+        (float(level), source, rows.notes, float(pumped))
+        for level, pumped in zip(rows.track.tank_kg, rows.pumped_kg, strict=True)
     ]
 
 
@@ -79,7 +80,7 @@ def test_px4s_fuel_status_is_the_tank_too():
 def test_a_named_source_that_is_silent_is_not_replaced_by_another():
     found = levels(hover(lambda _: [], gauge=True), tank="FUEL_STATUS 0")
     assert math.isnan(found[-1][0])
-    assert "FUEL_STATUS" in found[-1][2][0]
+    assert "FUEL_STATUS" in " ".join(found[-1][2])
     assert levels(hover(lambda _: [], gauge=True), tank="none")[-1][:2][1] == ""
 
 
@@ -111,8 +112,8 @@ def test_the_pump_alone_gives_the_level_from_a_stated_start(sitl_logs):
     assert math.isnan(levels(without, tank="pump")[-1][0])
 
 
-def test_the_flow_meter_finds_what_the_nozzles_let_through(sitl_logs):
-    meter = FlowMeter()
+def test_the_delivery_meter_finds_what_the_nozzles_let_through(sitl_logs):
+    meter = DeliveryMeter()
     for level, _, _, pumped in levels(log_frames(sitl_logs / "campaign" / "v6_m10_q3.5.tlog")):
         meter.add(level, pumped)
     # The simulated nozzles pass 3.5 of the pump's 4.5 L/min.
@@ -120,8 +121,8 @@ def test_the_flow_meter_finds_what_the_nozzles_let_through(sitl_logs):
     assert meter.now == pytest.approx(3.5 / 4.5, abs=0.04)
 
 
-def test_the_flow_meter_starts_anew_after_a_refill_and_ignores_an_empty_gauge():
-    meter = FlowMeter()
+def test_the_delivery_meter_starts_anew_after_a_refill_and_ignores_an_empty_gauge():
+    meter = DeliveryMeter()
     for step in range(200):
         meter.add(10.0 - 0.04 * step, 0.05 * step)
     assert meter.now == pytest.approx(0.8, abs=0.01)

@@ -24,9 +24,9 @@ from thrustmargin.gcs_plugin.live.fleet import Fleet
 from thrustmargin.gcs_plugin.mavlink.frame import frame_of
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.gcs_plugin.mavproxy.worker import (
-    MarginReading,
     MarginWorker,
-    ModuleOptions,
+    Options,
+    Reading,
     fields,
     reading,
     share,
@@ -37,7 +37,7 @@ from thrustmargin.models.model.rotor_model import physics_model, save_model
 from thrustmargin.models.physics.airframe import load_airframe
 
 MODULE = "thrustmargin.gcs_plugin.mavproxy_module"
-PEERS = Path(__file__).parents[1] / "peers"
+PEERS = Path(__file__).parent / "peers"
 INSTALLED = importlib.util.find_spec("MAVProxy") is not None
 if not INSTALLED and os.environ.get("THRUSTMARGIN_REQUIRE_MAVPROXY"):
     pytest.fail("THRUSTMARGIN_REQUIRE_MAVPROXY is set and the extra [mavproxy] is not installed")
@@ -169,9 +169,7 @@ def playing(flight: list[tuple[int, bytes]], port: int, start: float, stop: floa
         thread.join()
 
 
-def watched(
-    flight: list[tuple[int, bytes]], start: float, stop: float, model: Path
-) -> MarginReading:
+def watched(flight: list[tuple[int, bytes]], start: float, stop: float, model: Path) -> Reading:
     """What `live.vehicle_monitor` makes of the same frames in this process."""
     from thrustmargin.models.model.rotor_model import load_model
 
@@ -325,7 +323,7 @@ def test_importing_the_module_does_nothing():
 
 # --- words ------------------------------------------------------------------------------------
 
-NOW = MarginReading(
+NOW = Reading(
     vehicle=3,
     stamp=100.0,
     flying=True,
@@ -341,7 +339,7 @@ NOW = MarginReading(
 
 
 def test_a_row_that_is_computed_late_is_as_old_as_its_report():
-    worker = MarginWorker(ModuleOptions())
+    worker = MarginWorker(Options())
     fleet, vehicle = Fleet(physics_model(load_airframe("topxgun-f16-sitl"))), Vehicle(1)
     for _ in range(20):
         fleet.take(list(vehicle.tick(rpm=(1700,) * 4)))
@@ -381,7 +379,7 @@ def test_the_summary_says_everything_with_its_unit():
 
 
 def test_what_is_not_known_is_two_dashes():
-    unknown = MarginReading(vehicle=1, stamp=0.0)
+    unknown = Reading(vehicle=1, stamp=0.0)
     assert summary(unknown, 0.5, 0.0) == [
         "vehicle 1, on the ground: thrust margin --, predicted --, limit 50 %",
         "  one rotor lost, yaw uncontrolled: -- of the weight",
@@ -402,7 +400,7 @@ def test_a_problem_takes_the_place_of_numbers():
     stopped = replace(NOW, problem="two vehicles send as system 3")
     assert summary(stopped, 0.5, 0.0) == ["vehicle 3: two vehicles send as system 3"]
     assert fields(stopped, 0.5, 0.0)["Margin"] == ("Margin --", "grey")
-    assert summary(MarginReading(vehicle=3), 0.5, 0.0) == ["vehicle 3: no rotor speeds yet"]
+    assert summary(Reading(vehicle=3), 0.5, 0.0) == ["vehicle 3: no rotor speeds yet"]
 
 
 @pytest.mark.parametrize(
@@ -421,6 +419,4 @@ def test_fields_of_old_rows_are_grey(age: float):
 
 
 def test_options_have_the_monitors_defaults():
-    assert ModuleOptions() == ModuleOptions(
-        model=None, airframe=None, tank="auto", max_utilisation=0.5
-    )
+    assert Options() == Options(model=None, airframe=None, tank="auto", max_utilisation=0.5)

@@ -1,0 +1,304 @@
+"""From the frames of one vehicle to the rows of its flight, as they come.
+
+The rows are those that `read_log(..., sampling="hold")` makes of a recording of the same frames:
+`telemetry` makes both, here with the last seconds of every signal and what is carried from before.
+However the frames are cut into pieces, the rows are the same. They differ from the file's only
+- before a message from which the file knows something from its start on: the parameters that say
+  which output is which motor and how large the tank is; which component is the autopilot;
+- in Unix time, which is the ground's at the first row and not the GPS time that follows;
+- in `position_ned`, before take-off or the first home: where zero is may change until then;
+- after a restart, by the clocked messages that it takes to believe it; each start is a flight;
+- where frames came twice or late, which are left out here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thrustmargin.gcs_plugin.live.vehicle_state import VehicleState, fold
+from thrustmargin.gcs_plugin.logs.tlog import AUTOPILOTS, ROTORS_OF_TYPE
+from thrustmargin.gcs_plugin.mavlink.decode import ESC_TELEMETRY_FIRST, MAVLINK_RULES
+from thrustmargin.gcs_plugin.mavlink.frame import Frame
+from thrustmargin.gcs_plugin.mavlink.layouts import layouts
+from thrustmargin.gcs_plugin.mavlink.rules import Signal
+from thrustmargin.gcs_plugin.telemetry.clock import (
+    REFERENCES,
+    ArrivalClock,
+    arrival_times,
+    own_clock,
+)
+from thrustmargin.gcs_plugin.telemetry.motors import MotorMap, motor_map
+from thrustmargin.gcs_plugin.telemetry.recording import Stream
+from thrustmargin.gcs_plugin.telemetry.resample import known_rows, last_before
+from thrustmargin.gcs_plugin.telemetry.rows import KEPT, Carried, Options, flight_rows
+from thrustmargin.gcs_plugin.telemetry.signals import (
+    SignalBuffer,
+    Signals,
+    airspeed_words,
+    best,
+    by_index,
+    pitot_present,
+)
+from thrustmargin.models.errors import AirframeError, LogError
+from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, Origin
+
+FAILURES_AGE = 5.0  # s for which an ESC's report on itself holds; PX4 sends one a second
+CLOCK_WAIT = 20.0  # s without the vehicle's clock after which the ground's counts
+_NEEDED = frozenset(rule.message for rule in MAVLINK_RULES)
+#: field for people -> its channels in the signals, any of which will do, and the limit's name
+FIELDS: Mapping[str, tuple[tuple[str, ...], str]] = {
+    "attitude": (("attitude",), "attitude"),
+    "position": (("geodetic", "position_ned"), "position_ned"),
+    "speed over ground": (("velocity_ned",), "velocity_ned"),
+    "height": (("height_agl",), "height_agl"),
+    "airspeed": (("airspeed",), "airspeed"),
+    "wind": (("wind_ned",), "wind_ned"),
+    "pack voltage": (("battery_voltage", "voltage", "esc_voltage"), "voltage"),
+    "air pressure": (("pressure",), "pressure"),
+    "motor outputs": (("servo_us",), "throttle"),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LiveRows:
+    """T new rows of one start of a vehicle, and what only a listener needs besides."""
+
+    boot: int  # restarts heard before
+    track: FlightTrack  # time counts from the first row of this start
+    clock_s: Floats  # (T,) vehicle's clock
+    stamp_us: NDArray[np.int64]  # (T,) ground's clock when the row's report came
+    pump_share: Floats  # (T,) 0 off to 1 full
+    pumped_kg: Floats  # (T,) by the pump since it was first heard
+    mission_item: Floats  # (T,) that is flown; NaN unknown
+    esc_failures: Floats  # (T, R) ESC_FAILURE_FLAGS; NaN where none are reported
+    notes: tuple[str, ...]
+
+
+class VehicleTelemetry:
+    """Makes the rows of one vehicle. `problem` says why there can be none; empty when all is well.
+
+    `options` as for a log, with sampling "hold".
+    """
+
+    def __init__(self, system: int, options: Options) -> None:
+        self.state = VehicleState(system=system)
+        self.clock = ArrivalClock()
+        self.problem = ""
+        self.events: list[str] = []  # restarts and leaps of its clock since they were last taken
+        self.heard: set[str] = set()  # names of all messages
+        self._options = options
+        self._frames: list[Frame] = []
+        self._motors: MotorMap | None = None
+        self._known: object = None  # what the motors were found from
+        self._restart()
+
+    def _restart(self) -> None:
+        self._buffer = SignalBuffer(KEPT)
+        self._carried = Carried()
+        self._start_s = math.nan  # vehicle's clock at the first row
+        self._start_unix_s = math.nan  # ground's clock there
+        self._last_escs: dict[str, Stream] = {}
+        self._tank_s = math.nan  # vehicle's clock at the last report of the tank level
+
+    @property
+    def waiting(self) -> bool:
+        """Whether frames have come that `rows` has not taken."""
+        return bool(self._frames)
+
+    @property
+    def origin(self) -> Origin | None:
+        """Where positions count from now."""
+        zero = self._carried.zero
+        return None if zero is None else zero.origin
+
+    def take(self, frame: Frame) -> None:
+        """One frame of this vehicle, in the order in which it came."""
+        self.state = fold(self.state, frame)
+        self._frames.append(frame)
+
+    def forget(self) -> None:
+        """Begin anew, as with a vehicle that was never heard."""
+        self.state = VehicleState(system=self.state.system, stamp_us=self.state.stamp_us)
+        self._frames.clear()
+        self._restart()
+
+    def rows(self) -> list[LiveRows]:
+        """The new rows of the frames that were taken; more than one part where it restarted."""
+        stamps = np.array([frame.stamp_us for frame in self._frames], dtype=np.int64)
+        groups = _grouped(self._frames, self.state.component)
+        own = np.full(stamps.size, np.nan)
+        for name, (places, columns) in groups.items():
+            clock = own_clock(columns) if name in REFERENCES else None
+            if clock is not None:
+                ours = [self._frames[n].component == self.state.component for n in places]
+                main = np.array(ours) | (self.state.component is None)
+                own[places[main]] = clock[main]
+        if not self.clock.known and not np.isfinite(own).any():
+            if stamps.size == 0 or stamps[-1] - stamps[0] < CLOCK_WAIT * 1e6:
+                return []
+            own[0] = 0.0
+        self._frames = []
+        clock_s, boots, clock, notes = arrival_times(self.clock, stamps, own)
+        before, self.clock = self.clock.boot, clock
+        self.events += notes
+        parts = []
+        for boot in np.unique(boots[boots >= 0]).tolist():
+            if boot != before:
+                self._restart()
+            streams = {
+                name: Stream(clock_s[places[chosen]], columns[chosen])
+                for name, (places, columns) in groups.items()
+                if (chosen := boots[places] == boot).any()
+            }
+            inside = boots == boot
+            made = self._part(boot, streams, float(clock_s[inside][-1]))
+            if made is not None:
+                at = np.searchsorted(clock_s[inside], made.clock_s)
+                row_stamps = stamps[inside][at]
+                if math.isnan(self._start_unix_s):
+                    self._start_unix_s = float(row_stamps[0]) * 1e-6
+                track = replace(made.track, start_unix_s=self._start_unix_s)
+                parts.append(replace(made, stamp_us=row_stamps, track=track))
+        return parts
+
+    def _part(self, boot: int, streams: dict[str, Stream], until_s: float) -> LiveRows | None:
+        """Rows of one start from messages up to `until_s`; their stamps are still to be set."""
+        state, carried = self.state, self._carried
+        self.heard |= set(streams)
+        for name in [n for n in streams if n in ESC_TELEMETRY_FIRST]:
+            # An ESC is silent when its counter stands still from message to message.
+            last, now = self._last_escs.get(name), streams[name]
+            self._last_escs[name] = Stream(now.time_s[-1:], now.columns[-1:])  # type: ignore[index]
+            if last is not None:
+                streams[name] = Stream(
+                    np.concatenate([last.time_s, now.time_s]),
+                    np.concatenate([last.columns, now.columns]),  # type: ignore[list-item]
+                )
+        pitot = pitot_present({}, state.parameters)
+        words = airspeed_words(AUTOPILOTS.get(state.autopilot, "unknown"), pitot)
+        self._buffer.add(streams, words, carried.heard_s)
+        self._carried = replace(carried, heard_s=until_s)
+        signals = self._buffer.signals
+        motors = self._layout(signals)
+        if motors is None:
+            return None
+        notes = list(motors.notes)
+        if motors.assumed:
+            notes.append(f"{motors.order_words}; --request-rates asks")
+        try:
+            made = flight_rows(signals, motors, state.parameters, self._options, carried)
+        except LogError as error:
+            # Named by the user and not heard (yet): no other source steps in unasked.
+            notes.append(str(error))
+            options = replace(self._options, tank="none")
+            made = flight_rows(signals, motors, state.parameters, options, carried)
+        if made is None:
+            return None
+        self._carried = replace(made.carried, heard_s=until_s)
+        for signal in made.reported.get("tank_kg", ()):
+            self._tank_s = np.fmax(self._tank_s, signal.time_s[known_rows(signal.values)][-1])
+        if math.isnan(self._start_s):
+            self._start_s = float(made.clock_s[0])
+        item = best(signals, "mission_item")
+        rows = made.clock_s.size
+        return LiveRows(
+            boot=boot,
+            track=made.track(f"vehicle {state.system}", self._start_s, motors.rotor_count),
+            clock_s=made.clock_s,
+            stamp_us=np.zeros(rows, dtype=np.int64),
+            pump_share=made.pump_share,
+            pumped_kg=made.pumped_kg,
+            mission_item=np.full(rows, np.nan) if item is None else last_before(item, made.clock_s),
+            esc_failures=_failures(signals, motors, made.clock_s),
+            notes=(*notes, *made.notes),
+        )
+
+    def _layout(self, signals: Signals) -> MotorMap | None:
+        state = self.state
+        known = (state.parameters, state.kind, len(signals.get("esc_rpm", ())))
+        if known == self._known:
+            return self._motors
+        self._known = known
+        try:
+            self._motors = motor_map(
+                f"vehicle {state.system}",
+                state.parameters,
+                signals,
+                self._options.airframe,
+                rotor_count_hint=ROTORS_OF_TYPE.get(state.kind),
+            )
+            self.problem = ""
+        except AirframeError as error:
+            self._motors, self.problem = None, str(error)
+        return self._motors
+
+    def stale(self, now_us: int) -> dict[str, float]:
+        """Field -> s since it was last known, of those once known and now too old to be used.
+
+        `now_us` is the ground's clock.
+        """
+        now, signals = self.clock.now_s(now_us), self._buffer.signals
+        ages: dict[str, float] = {}
+        for words, (channels, limit) in FIELDS.items():
+            known = [_last_known(s) for name in channels for s in signals.get(name, ())]
+            age = now - max(known, default=math.nan)
+            if age > TRACK_CHANNELS[limit].max_age and math.isfinite(age):
+                ages[words] = age
+        if now - self._tank_s > TRACK_CHANNELS["tank_kg"].max_age:
+            ages["tank level"] = now - self._tank_s
+        return ages
+
+
+def stale_words(ages: dict[str, float]) -> str:
+    """One sentence, longest missing first; empty when all is fresh."""
+    if not ages:
+        return ""
+    parts = [f"{words} ({age:.0f} s)" for words, age in sorted(ages.items(), key=lambda a: -a[1])]
+    return "no longer reported: " + ", ".join(parts)
+
+
+def _grouped(
+    frames: Sequence[Frame], pilot: int | None
+) -> dict[str, tuple[NDArray[np.intp], NDArray[np.void]]]:
+    """Message -> (places of its frames, their fields), of messages that rows need.
+
+    Where the autopilot, component `pilot`, sends a message, what its companions say is left out.
+    """
+    places: dict[int, list[int]] = {}
+    for place, frame in enumerate(frames):
+        if frame.verified:
+            places.setdefault(frame.id, []).append(place)
+    groups = {}
+    for number, found in places.items():
+        name = layouts()[number].name
+        if name not in _NEEDED and name not in REFERENCES:
+            continue
+        by_pilot = [place for place in found if frames[place].component == pilot]
+        chosen = by_pilot or found
+        layout = layouts()[number].dtype
+        payloads = [frames[place].payload.ljust(layout.itemsize, b"\0") for place in chosen]
+        groups[name] = (np.array(chosen), np.frombuffer(b"".join(payloads), dtype=layout))
+    return groups
+
+
+def _failures(signals: Signals, motors: MotorMap, clock_s: Floats) -> Floats:
+    """(T, R) what each ESC says of itself, NaN where that is not known or too old."""
+    result = np.full((clock_s.size, motors.rotor_count), np.nan)
+    reported = by_index(signals, "esc_failure")
+    for rotor, output in enumerate(motors.outputs):
+        signal = reported.get(output)
+        if signal is not None:
+            said_s = last_before(replace(signal, values=signal.time_s), clock_s)
+            fresh = clock_s - said_s <= FAILURES_AGE
+            result[fresh, rotor] = last_before(signal, clock_s)[fresh]
+    return result
+
+
+def _last_known(signal: Signal) -> float:
+    known = signal.time_s[known_rows(signal.values)]
+    return float(known[-1]) if known.size else -math.inf
