@@ -8,8 +8,7 @@ flight, without its fifth).
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,9 +36,6 @@ class Errors:
     r2: float  # of all rotors together, each about its own mean
     per_rotor_rmse_rpm: tuple[float, ...]  # (R,)
     rmse_ci95_rpm: tuple[float, float]
-
-    def to_json(self) -> dict[str, Any]:
-        return {k: list(v) if isinstance(v, tuple) else v for k, v in asdict(self).items()}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -20,6 +20,7 @@ from thrustmargin.models.identification.fit import Evaluator, Fit, Term, layout_
 from thrustmargin.models.identification.problem import Problem
 from thrustmargin.models.identification.search import SearchConfig, Step
 from thrustmargin.models.identification.unexplained import Curve
+from thrustmargin.models.model.json_values import to_plain
 from thrustmargin.models.model.rotor_model import RotorModel
 
 
@@ -185,14 +186,14 @@ class Identification:
             ]
         effects = [f.to_json(self.problem.names) for f in self.found]
         effects += [f.to_json(self.problem.names, followed=True) for f in self.followed]
-        return _plain(
+        return to_plain(
             {
                 "schema": "thrustmargin.identify/1",
                 "model": {"in": model_in, "out": model_out},
                 "flights": flights,
                 "errors_from": "held_out" if self.held_out is not None else "cross_validation",
-                "before": self.before.to_json(),
-                "after": self.after.to_json(),
+                "before": self.before,
+                "after": self.after,
                 "effects": effects,
                 "unexplained": self.unexplained(),
                 "floor_rpm": self.floor_rpm,
@@ -242,13 +243,3 @@ def unseen_residuals(found: Identification) -> tuple[Unseen, ...]:
         role="held_out",
     )
     return fitted, unused
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {k: _plain(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(v) for v in value]
-    if isinstance(value, (float, np.floating)):
-        return float(value) if np.isfinite(value) else None
-    return value
