@@ -145,7 +145,8 @@ def test_settings_reach_the_training():
         coverage=0.8,
         net=NetConfig(hidden=(3,), max_epochs=1),
     )
-    model = train(tracks, airframe, settings, date="", version="").model
+    model = train(tracks, airframe, settings, date="2025-06-01", version="").model
+    assert model.description.endswith("from 10 flights, trained 2025-06-01")
     assert model.interval is not None
     assert model.training is not None
     assert model.network is not None

@@ -241,3 +241,11 @@ def test_a_folder_or_binary_file_is_refused(tmp_path):
     for name in ("folder.toml", "binary.toml"):
         with pytest.raises(AirframeError, match="cannot read"):
             load_airframe(tmp_path / name)
+
+
+def test_a_quantity_needs_its_unit_and_source_and_may_have_a_note(tmp_path):
+    entry = 'extends = "topxgun-f16"\n[quantities]\nempty_mass = { value = 22.0, unit = "kg"'
+    with pytest.raises(AirframeError, match=r"empty_mass needs value, unit \(kg\) and source"):
+        load_airframe(write(tmp_path, entry + " }\n"))
+    noted = entry + ', source = "own scale", note = "without the rear cover" }\n'
+    assert load_airframe(write(tmp_path, noted)).empty_mass == 22.0

@@ -120,3 +120,7 @@ def test_a_long_gap_does_not_widen_the_rows_of_a_mean():
     t = times(9)
     t[8] += 50.0
     np.testing.assert_allclose(moving_mean(t, np.arange(9.0), 0.3)[4], 4.0)
+
+
+def test_two_rows_have_a_mean():
+    np.testing.assert_allclose(moving_mean(times(2), np.array([1.0, 3.0]), 0.3), [2.0, 2.0])
