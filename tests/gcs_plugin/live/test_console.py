@@ -63,8 +63,8 @@ def test_a_field_that_is_no_longer_reported_is_named_with_its_age():
         # All but the tank (fourth) and the airspeed (third).
         parts = vehicle.tick()
         fleet.take([parts[n] for n in range(len(parts)) if n not in (2, 3)])
-    assert watch.stale(vehicle.stamp_us) == ("no longer reported: airspeed (8 s), tank level (8 s)")
     assert math.isnan(fleet.updates()[-1].analysis.track.tank_kg[-1])
+    assert watch.stale(vehicle.stamp_us) == ("no longer reported: airspeed (8 s), tank level (8 s)")
     # A silent vehicle is told as a whole.
     assert watch.stale(vehicle.stamp_us + 10 * SECOND) == ""
 
@@ -91,6 +91,7 @@ def test_a_vehicle_silent_on_the_ground_leaves_and_one_silent_in_flight_never_do
     assert not watch.left(later)
     fleet.take([as_frame(vehicle.landed(1), vehicle.stamp_us)])
     fleet.take(vehicle.tick(rpm=(0,) * 4))
+    fleet.updates()
     assert not watch.left(vehicle.stamp_us + 59 * SECOND)
     assert watch.left(vehicle.stamp_us + 61 * SECOND)
 
