@@ -1,0 +1,153 @@
+"""Which output is which motor, throttle by pulses, the pack's voltage and current; by hand."""
+
+import numpy as np
+import pytest
+
+from thrustmargin.gcs_plugin.mavlink.rules import Signal
+from thrustmargin.gcs_plugin.telemetry.motors import motor_map
+from thrustmargin.gcs_plugin.telemetry.power import power
+from thrustmargin.gcs_plugin.telemetry.signals import collected
+from thrustmargin.models.errors import AirframeError
+from thrustmargin.models.physics.airframe import load_airframe
+
+NAN = float("nan")
+TIME = np.array([0.0, 1.0, 2.0])
+F16 = load_airframe("topxgun-f16")
+
+
+def reports(channel: str, values, index=None, times=TIME) -> Signal:
+    return Signal(
+        channel, f"{channel.upper()} x", np.asarray(times, float), np.asarray(values, float), index
+    )
+
+
+def functions(*outputs: int, first: int = 33) -> dict[str, float]:
+    """Motors 1, 2, .. on these outputs, counted from 1."""
+    return {f"SERVO{output}_FUNCTION": first + k for k, output in enumerate(outputs)}
+
+
+def motors(parameters=None, signals=(), airframe=None, **given):
+    return motor_map("log", parameters or {}, collected(signals), airframe, **given)
+
+
+def test_motors_are_where_their_functions_are():
+    found = motors({**functions(3, 1, 4, 2), "SERVO9_FUNCTION": 22.0})
+    assert (found.rotor_count, found.outputs, found.pump_output) == (4, (2, 0, 3, 1), 8)
+    assert found.order_words == "motors on outputs 3, 1, 4, 2 by SERVOn_FUNCTION"
+    assert not found.assumed
+    # Functions 33 to 40 are motors 1 to 8, 82 to 85 are 9 to 12; outputs go up to 32.
+    twelve = {**functions(*range(1, 9)), **functions(29, 30, 31, 32, first=82)}
+    found = motors(twelve)
+    assert found.rotor_count == 12
+    assert found.outputs == (0, 1, 2, 3, 4, 5, 6, 7, 28, 29, 30, 31)
+
+
+def test_motors_that_nothing_names_are_taken_in_order():
+    found = motors(airframe=F16)
+    assert (found.outputs, found.assumed, found.pump_output) == ((0, 1, 2, 3), True, None)
+    assert found.order_words == "motor n taken to be on output n: 1, 2, 3, 4"
+    assert found.notes == ()
+    # A motor short: the functions do not say where it is.
+    assert motors(functions(5, 6, 7), airframe=None).rotor_count == 3
+    broken = {k: v for k, v in functions(5, 6, 7, 8).items() if k != "SERVO6_FUNCTION"}
+    assert motors(broken, airframe=F16).assumed
+    ordered = motors(motor_order="numbered by motor", rotor_count_hint=6)
+    assert (ordered.order_words, ordered.assumed) == ("numbered by motor", False)
+
+
+@pytest.mark.parametrize(
+    ("given", "count"),
+    [
+        ({"parameters": {"FRAME_CLASS": 2.0}}, 6),
+        ({"parameters": {"FRAME_CLASS": 2.0} | functions(1, 2, 3, 4)}, 4),  # functions first
+        ({"parameters": {"FRAME_CLASS": 3.0} | functions(1, 2)}, 8),  # two motors are no aircraft
+        ({"parameters": {"FRAME_CLASS": 99.0}, "rotor_count_hint": 6}, 6),
+        ({"rotor_count_hint": 3}, 3),
+        ({"signals": [reports("esc_rpm", [0.0, 900.0, NAN], k) for k in (0, 1, 4)]}, 5),
+        ({"signals": [reports("esc_rpm", [0.0, 900.0, NAN], k) for k in (0, 1)]}, 4),  # assumed
+        ({"signals": [reports("esc_rpm", [0.0, 0.0, NAN], k) for k in range(6)]}, 4),
+    ],
+)
+def test_what_tells_the_number_of_rotors(given, count):
+    found = motors(**given)
+    assert found.rotor_count == count
+    said = any("4 assumed" in note for note in found.notes)
+    assert said == (count == 4 and "parameters" not in given)
+
+
+def test_another_number_of_rotors_than_the_airframes_is_refused_with_its_evidence():
+    with pytest.raises(AirframeError, match=r"log: 6 rotors by FRAME_CLASS, but airframe .* has 4"):
+        motors({"FRAME_CLASS": 2.0}, airframe=F16)
+    assert motors({"FRAME_CLASS": 1.0}, airframe=F16).rotor_count == 4
+
+
+def throttles(pulses, parameters=None, outputs=(1, 2, 3, 4)):
+    signals = collected([reports("servo_us", pulses)])
+    found = motors(functions(*outputs)).throttle(signals, parameters or {})
+    return [None if s is None else s.values.tolist() for s in found]
+
+
+def test_throttle_is_the_share_of_the_pulse_range():
+    pulses = [[1000, 1500, 2000, 2100], [1250, 900, 0, 1100], [1000, 1000, 1000, 1000]]
+    found = np.array(throttles(pulses), float).T
+    np.testing.assert_allclose(
+        found, [[0.0, 0.5, 1.0, 1.0], [0.25, 0.0, NAN, 0.1], [0.0, 0.0, 0.0, 0.0]]
+    )
+    narrow = np.array(throttles(pulses, {"MOT_PWM_MIN": 1100.0, "MOT_PWM_MAX": 1900.0})).T
+    np.testing.assert_allclose(narrow[0], [0.0, 0.5, 1.0, 1.0])
+    np.testing.assert_allclose(narrow[1, 0], 0.1875)
+    # A range that cannot be is not believed.
+    for low, high in ((1900.0, 1100.0), (0.0, 0.0), (0.0, 2000.0)):
+        wrong = np.array(throttles(pulses, {"MOT_PWM_MIN": low, "MOT_PWM_MAX": high})).T
+        np.testing.assert_allclose(wrong[0], found[0])
+
+
+def test_outputs_without_a_pulse_or_beyond_the_reported_have_no_throttle():
+    assert throttles([[1500, 0, 1500]] * 3, outputs=(1, 2, 4)) == [[0.5] * 3, None, None]
+    none = motors(functions(1, 2, 3)).throttle(collected([]), {})
+    assert none == [None, None, None]
+    direct = reports("throttle", [0.1, 0.2, 0.3], 1)
+    found = motors(functions(1, 2, 3)).throttle(collected([direct]), {})
+    assert found == [None, direct, None]
+
+
+def test_rotor_speeds_follow_the_outputs_and_silent_ones_are_none():
+    escs = [reports("esc_rpm", [1000.0 + k] * 3, k) for k in (0, 2)]
+    escs.append(reports("esc_rpm", [NAN] * 3, 1))
+    found = motors(functions(3, 2, 1)).rotor_speed(collected(escs))
+    assert [None if s is None else s.values[0] for s in found] == [1002.0, None, 1000.0]
+
+
+def first_of(channel: str, *signals: Signal, sampling="linear"):
+    notes: list[str] = []
+    sources = power(collected(signals), sampling, notes)[channel]
+    return sources, notes
+
+
+def test_the_packs_own_message_goes_before_the_boards_and_the_escs():
+    pack = reports("battery_voltage", [50.0] * 3, 0)
+    board = reports("voltage", [49.0] * 3)
+    escs = [
+        reports("esc_voltage", [48.0, 48.0, 0.0], 0),
+        reports("esc_voltage", [46.0, NAN, 0.0], 1),
+    ]
+    sources, notes = first_of("voltage", *escs, board, pack)
+    assert [s.values[0] for s in sources] == [50.0, 49.0, 47.0]
+    np.testing.assert_array_equal(sources[2].values, [47.0, 48.0, NAN])  # of those above 0
+    assert notes == []
+
+
+def test_currents_of_escs_add_up():
+    escs = [reports("esc_current", [5.0, 6.0, 0.0], 0), reports("esc_current", [1.0, NAN, 0.0], 1)]
+    for sampling, last in (("linear", 0.0), ("hold", NAN)):
+        sources, _ = first_of("current", *escs, sampling=sampling)
+        assert sources[0].values[0] == 6.0
+        np.testing.assert_array_equal(sources[0].values[2], last)
+    assert first_of("current", reports("esc_current", [0.0] * 3, 0))[0] == ()
+
+
+def test_a_second_pack_is_named():
+    tank = reports("battery_voltage", [1.5] * 3, 3)
+    packs = [reports("battery_voltage", [50.0] * 3, k) for k in (0, 1)]
+    _, notes = first_of("voltage", *packs, tank)
+    assert notes == ["battery 1 reads a pack's voltage too; only battery 0 is used"]

@@ -1,0 +1,223 @@
+"""Tank levels, the pump and what says that a vehicle flies, on signals of a few reports."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from thrustmargin.gcs_plugin.mavlink.rules import Signal
+from thrustmargin.gcs_plugin.telemetry.airborne import airborne
+from thrustmargin.gcs_plugin.telemetry.power import spraying_of
+from thrustmargin.gcs_plugin.telemetry.signals import collected
+from thrustmargin.gcs_plugin.telemetry.tank_source import (
+    AGREEMENT,
+    TankContext,
+    pack_id,
+    tank_level,
+)
+from thrustmargin.models.physics.airframe import load_airframe
+
+NAN = float("nan")
+#: A tank of 10 L of a liquid of 1.2 kg/L, and a pump of at most 6 L/min: 0.12 kg/s.
+OURS = replace(
+    load_airframe("topxgun-f16"), tank_volume_l=10.0, liquid_density=1.2, pump_max_flow_l_min=6.0
+)
+TIME = np.array([0.0, 1.0, 2.0, 3.0])
+
+
+def reports(channel: str, values, index=None, times=TIME) -> Signal:
+    values = np.asarray(values, float)
+    return Signal(channel, f"{channel.upper()} x", np.asarray(times, float), values, index)
+
+
+def level(*signals: Signal, airframe=OURS, source="auto", **given):
+    context = TankContext(airframe=airframe, parameters=given.pop("parameters", {}), **given)
+    return tank_level(collected(signals), context, source)
+
+
+def kilograms(*signals: Signal, **given) -> list[float]:
+    found = level(*signals, **given)
+    assert found.signal is not None, found.notes
+    return found.signal.values.tolist()
+
+
+def test_kilograms_litres_and_millilitres():
+    tank = reports("named_value", [5.0, 4.0, 3.0, 2.0], "TANK")
+    assert kilograms(tank) == [5.0, 4.0, 3.0, 2.0]
+    litres = reports("named_value", [5.0, 4.0, 3.0, 2.0], "TANK_L")
+    assert kilograms(litres) == pytest.approx([6.0, 4.8, 3.6, 2.4])
+    assert kilograms(litres, airframe=None) == [5.0, 4.0, 3.0, 2.0]  # as water
+    fuel = reports("fuel_remaining", [5000.0, 4000.0, 3000.0, 2000.0], 0)
+    assert kilograms(fuel) == pytest.approx([6.0, 4.8, 3.6, 2.4])
+    percent = reports("fuel_percent", [50.0, 40.0, 30.0, 20.0], 0)
+    assert kilograms(percent) == pytest.approx([6.0, 4.8, 3.6, 2.4])  # of 12 kg
+    share = level(percent, airframe=None)
+    assert share.signal is None
+    assert any("only a share: give an airframe" in note for note in share.notes)
+
+
+def test_of_several_fuel_tanks_the_first_known_or_the_one_asked_for():
+    first = reports("fuel_remaining", [1000.0] * 4, 1)
+    second = reports("fuel_remaining", [2000.0] * 4, 2)
+    silent = reports("fuel_remaining", [NAN] * 4, 0)
+    assert kilograms(second, first, silent)[0] == pytest.approx(1.2)
+    assert kilograms(first, second, source="FUEL_STATUS 2")[0] == pytest.approx(2.4)
+    assert kilograms(first, second, source="fuel_status id 2")[0] == pytest.approx(2.4)
+
+
+def pack(volts: float, number: int) -> Signal:
+    return reports("battery_voltage", [volts] * 4, number)
+
+
+def test_a_pack_reads_more_than_two_and_a_half_volts():
+    assert pack_id(collected([pack(2.5, 0), pack(2.51, 1)])) == 1
+    assert pack_id(collected([pack(50.0, 2), pack(48.0, 1)])) == 1  # the lowest number
+    assert pack_id(collected([pack(2.0, 0)])) is None
+    assert pack_id(collected([reports("battery_voltage", [NAN] * 4, 0)])) is None
+
+
+def battery_tank(percent, used=None, number=1) -> list[Signal]:
+    made = [pack(50.0, 0), pack(1.5, number), reports("battery_percent", percent, number)]
+    made.append(reports("battery_percent", [90.0] * 4, 0))
+    return made + ([] if used is None else [reports("battery_consumed", used, number)])
+
+
+def test_a_tank_battery_by_ml_used_where_its_percentage_agrees():
+    # 20 L: 1000 ml used leave 95 %; within 1.5 % it is the finer of the two.
+    parameters = {"BATT2_CAPACITY": 20_000.0}
+    used = [1000.0, 1000.0, 1000.0, 19_000.0]
+    percent = [95.0, 95.0 + AGREEMENT - 0.01, 95.0 + AGREEMENT + 0.1, 95.0]
+    found = kilograms(*battery_tank(percent, used), parameters=parameters)
+    # 20 L x 1.2 kg/L = 24 kg: 95 % is 22.8; by its percentage 96.6 % 23.184, and 22.8.
+    assert found == pytest.approx([22.8, 22.8, 23.184, 22.8])
+    assert kilograms(*battery_tank([50.0] * 4), parameters=parameters)[0] == pytest.approx(12.0)
+    # Without a capacity the airframe's 10 L; parameters of battery 0 have no number.
+    assert kilograms(*battery_tank([50.0] * 4))[0] == pytest.approx(6.0)
+    zero = {"BATT2_CAPACITY": 0.0}
+    assert kilograms(*battery_tank([50.0] * 4), parameters=zero)[0] == pytest.approx(6.0)
+    first = kilograms(
+        reports("battery_percent", [50.0] * 4, 0),
+        source="BATTERY_STATUS 0",
+        parameters={"BATT_CAPACITY": 5000.0},
+    )
+    assert first[0] == pytest.approx(3.0)
+
+
+def pulses(*values: float, output: int = 4, times=TIME) -> Signal:
+    table = np.zeros((len(values), 6))
+    table[:, output] = values
+    return reports("servo_us", table, times=times)
+
+
+def test_the_pump_is_summed_from_report_to_report():
+    # 1100 to 1900 µs unless the parameters say: 1500 is half, 0.06 kg/s; the last is not held on.
+    found = kilograms(pulses(1100, 1500, 1900, 1500), start_kg=5.0, pump_output=4)
+    assert found == pytest.approx([5.0, 5.0, 4.94, 4.82])
+    given = {"SERVO5_MIN": 1000.0, "SERVO5_MAX": 2000.0}
+    found = kilograms(pulses(1250, 1250, 900, 2500), start_kg=5.0, pump_output=4, parameters=given)
+    assert found == pytest.approx([5.0, 4.97, 4.94, 4.94])
+
+
+def test_a_pause_of_the_reports_is_summed_over_for_two_seconds_only():
+    times = [0.0, 1.0, 11.0, 12.0]
+    found = kilograms(pulses(1900, 1900, 1900, 1900, times=times), start_kg=5.0, pump_output=4)
+    assert found == pytest.approx([5.0, 4.88, 4.64, 4.52])
+
+
+def test_a_tank_that_is_empty_stays_empty():
+    found = kilograms(pulses(1900, 1900, 1900, 1900), start_kg=0.2, pump_output=4)
+    assert found == pytest.approx([0.2, 0.08, 0.0, 0.0])
+
+
+def test_a_pump_that_is_not_known_gives_no_level():
+    for signal, given in (
+        (pulses(1900, 1900, 1900, 1900), {"pump_output": None}),
+        (pulses(1900, 1900, 1900, 1900), {"pump_output": 6}),  # only six outputs
+        (pulses(0, 0, 0, 0), {"pump_output": 4}),
+        (
+            pulses(1900, 1900, 1900, 1900),
+            {"pump_output": 4, "parameters": {"SERVO5_MIN": 1500.0, "SERVO5_MAX": 1500.0}},
+        ),
+    ):
+        assert level(signal, start_kg=5.0, **given).signal is None
+
+
+def spraying(*signals: Signal, tank: Signal | None = None, **given):
+    context = TankContext(airframe=OURS, parameters=given.pop("parameters", {}), **given)
+    notes: list[str] = []
+    return spraying_of(collected(signals), context, tank, notes), notes
+
+
+def test_the_pump_sprays_above_its_least_pulse():
+    found, notes = spraying(pulses(1100, 1101, 900, 1900), pump_output=4)
+    assert found is not None
+    assert found.values.tolist() == [0.0, 1.0, 0.0, 1.0]
+    assert notes == []
+
+
+def test_a_tank_that_falls_by_more_than_half_a_litre_a_minute_is_sprayed():
+    # 0.008 kg/s over the four seconds before: 0.04 kg in them is 0.01 kg/s, 0.02 kg half of it.
+    times = np.arange(0.0, 16.0, 1.0)
+    kg = 5.0 - np.where(times < 8, 0.01 * times, 0.08 + 0.005 * (times - 8))
+    tank = reports("tank_kg", kg, times=times)
+    found, notes = spraying(tank=tank)
+    assert found is not None
+    # At 4 s four seconds of it are behind; at 8 s the last whole 0.04; at 9 s 0.035 is 0.00875,
+    # at 10 s 0.03 is 0.0075.
+    assert found.values.tolist() == [0.0] * 4 + [1.0] * 6 + [0.0] * 6
+    assert notes == ["no pump output known: spraying is read from the falling tank level"]
+    assert "0.48 kg/min" in found.source
+    assert spraying(tank=reports("tank_kg", [5.0], times=[0.0]))[0] is None
+    assert spraying()[0] is None
+
+
+CLOCK = np.arange(12.0)
+
+
+def flying(*signals: Signal, **channels) -> tuple[list[int], str]:
+    off, words = airborne(
+        collected(signals), CLOCK, {name: np.asarray(v, float) for name, v in channels.items()}
+    )
+    return np.flatnonzero(off).tolist(), words
+
+
+def test_landed_states_by_hand():
+    # 1 on ground, 2 in air, 3 taking off, 4 landing; unknown reports do not count.
+    state = reports("landed", [1.0, 3.0, 2.0, NAN, 4.0, 1.0], times=[1, 3, 4, 5, 7, 9])
+    assert flying(state)[0] == [3, 4, 5, 6, 7, 8]
+
+
+def test_the_legs_are_clear_of_the_ground_at_two_tenths_of_a_metre():
+    state = reports("landed", [1.0, 2.0, 1.0], times=[0, 2, 10])
+    height = [5.0, 5.0, 5.0, 5.19, 5.21, 8.0, 8.0, 7.0, 6.3, 6.15, 6.1, 6.1]
+    # Up from 5.0 at row 4; the last height in the air is 6.15, cleared by 0.2 m until row 7.
+    rows, words = flying(state, height_agl=height)
+    assert rows == [4, 5, 6, 7]
+    assert words.endswith("0.2 m clear of it")
+    # Still in the air at the end of the log: nothing is taken off there.
+    still = reports("landed", [1.0, 2.0], times=[0, 2])
+    assert flying(still, height_agl=height)[0] == [4, 5, 6, 7, 8, 9, 10, 11]
+    # Without a height that rises, or without any, the state alone counts.
+    assert flying(state, height_agl=[5.0] * 12)[0] == list(range(2, 10))
+    assert flying(state, height_agl=[NAN] * 12)[0] == list(range(2, 10))
+
+
+def test_half_the_thrust_of_cruise_is_flight():
+    # Squares add up: 2 rotors of 1000 are 2e6; cruise is the 75th percentile, half of it 1e6.
+    speeds = np.tile([1000.0, 1000.0], (12, 1))
+    speeds[:3] = [[700.0, 700.0], [710.0, 710.0], [0.0, 1000.1]]
+    rows, words = flying(rotor_speed_rpm=speeds)
+    assert rows == [1, 2, *range(3, 12)]
+    assert words.startswith("rotor speeds above 0.5 of the thrust in cruise")
+    rows, words = flying(rotor_speed_rpm=speeds * NAN, throttle=[[0.1, 0.1]] * 4 + [[0.5, 0.3]] * 8)
+    assert rows == list(range(4, 12))
+    assert words.startswith("motor outputs above")
+
+
+def test_a_metre_above_home_or_nothing_at_all():
+    rows, words = flying(height_agl=[0.0, 1.0, 1.1, NAN, 2.0] + [0.5] * 7)
+    assert rows == [2, 4]
+    assert words.startswith("more than 1 m above home")
+    rows, words = flying()
+    assert rows == list(range(12))
+    assert words == "unknown: every row counts as flying"
