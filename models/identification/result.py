@@ -20,7 +20,7 @@ from thrustmargin.models.identification.fit import Evaluator, Fit, Term, layout_
 from thrustmargin.models.identification.problem import Problem
 from thrustmargin.models.identification.search import SearchConfig, Step
 from thrustmargin.models.identification.unexplained import Curve
-from thrustmargin.models.model.json_values import to_plain
+from thrustmargin.models.model.json_values import to_json_values
 from thrustmargin.models.model.rotor_model import RotorModel
 
 
@@ -186,7 +186,7 @@ class Identification:
             ]
         effects = [f.to_json(self.problem.names) for f in self.found]
         effects += [f.to_json(self.problem.names, followed=True) for f in self.followed]
-        return to_plain(
+        return to_json_values(
             {
                 "schema": "thrustmargin.identify/1",
                 "model": {"in": model_in, "out": model_out},

@@ -19,7 +19,7 @@ from thrustmargin.models.effects.base import Placed, look_of
 from thrustmargin.models.effects.stored import EffectRecord, placed_from
 from thrustmargin.models.errors import AirframeError, ModelError
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.model.json_values import from_plain, to_plain
+from thrustmargin.models.model.json_values import from_json_values, to_json_values
 from thrustmargin.models.network.conformal import Interval
 from thrustmargin.models.network.ensemble import RotorNetwork, ensemble_speed
 from thrustmargin.models.network.records import TrainingRecord
@@ -38,7 +38,7 @@ METADATA_KEY = "thrustmargin"
 STANDARDISATION = ("input_mean", "input_scale", "output_mean", "output_scale")
 
 #: fields of RotorModel that are kept as JSON, and what they are
-PLAIN_FIELDS: dict[str, Any] = {
+JSON_FIELDS: dict[str, Any] = {
     "envelope": Envelope | None,
     "interval": Interval | None,
     "effects": tuple[EffectRecord, ...],
@@ -233,7 +233,7 @@ def load_model(path: str | Path | None = None) -> RotorModel:
         raise _unreadable(path, error) from error
     try:
         return _model(json.loads(metadata.get(METADATA_KEY, "null")), tensors)
-    except (ModelError, AirframeError, ValueError) as error:
+    except (ModelError, AirframeError, ValueError, RecursionError) as error:
         raise ModelError(
             f"model file {path}: {error}; train a new one with: thrustmargin train"
         ) from error
@@ -281,7 +281,7 @@ def _metadata(model: RotorModel) -> dict[str, Any]:
     return {
         "schema": SCHEMA,
         "airframe": airframe_table(model.airframe),
-        **{name: to_plain(getattr(model, name)) for name in PLAIN_FIELDS},
+        **{name: to_json_values(getattr(model, name)) for name in JSON_FIELDS},
     }
 
 
@@ -290,11 +290,11 @@ def _model(data: Any, tensors: dict[str, np.ndarray]) -> RotorModel:
     if schema != SCHEMA:
         raise ModelError(f"its schema is {schema!r}, this version reads {SCHEMA!r}")
     data = {"forward_flight": None, **data}
-    missing = sorted({"airframe", *PLAIN_FIELDS} - data.keys())
+    missing = sorted({"airframe", *JSON_FIELDS} - data.keys())
     if missing or not isinstance(data["airframe"], dict):
         raise ModelError(f"its metadata lacks {(missing or ['airframe'])[0]!r}")
     return RotorModel(
         airframe=airframe_from_table(data["airframe"], "the airframe in it"),
         network=_network(tensors),
-        **{name: from_plain(kind, data[name], name) for name, kind in PLAIN_FIELDS.items()},
+        **{name: from_json_values(kind, data[name], name) for name, kind in JSON_FIELDS.items()},
     )

@@ -18,7 +18,7 @@ from thrustmargin.models.identification.errors import (
 from thrustmargin.models.identification.margin_change import MarginChange, margin_changes
 from thrustmargin.models.identification.model_update import ModelUpdate, update_model
 from thrustmargin.models.identification.result import Identification, unseen_residuals
-from thrustmargin.models.model.json_values import to_plain
+from thrustmargin.models.model.json_values import to_json_values
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -90,4 +90,4 @@ def json_text(result: Result) -> str:
 
 def _numbered(change: MarginChange) -> dict[str, Any]:
     """With the rotor counted from 1, as everywhere outside arrays."""
-    return to_plain(change) | {"rotor": None if change.rotor is None else change.rotor + 1}
+    return to_json_values(change) | {"rotor": None if change.rotor is None else change.rotor + 1}

@@ -19,7 +19,7 @@ from thrustmargin.gcs_plugin.reports.margin.data import SCHEMA, Report
 from thrustmargin.gcs_plugin.reports.margin.figures import figures
 from thrustmargin.gcs_plugin.reports.shared.page_shell import page_text, script_safe
 from thrustmargin.gcs_plugin.wording import numbers as words
-from thrustmargin.models.model.json_values import to_plain
+from thrustmargin.models.model.json_values import to_json_values
 from thrustmargin.models.whole_file import whole_file
 
 #: What the template may call.
@@ -72,16 +72,20 @@ def json_text(report: Report, csv_name: str) -> str:
         "made_utc": report.made_utc,
         "version": report.version,
         "limit": report.max_utilisation,
-        "overview": to_plain(report.overview),
+        "overview": to_json_values(report.overview),
         "csv": {
             "file": csv_name,
             "columns": ["flight", *(f"{name} [{unit}]" for _, name, unit, _ in COLUMNS)],
         },
         "flights": [
-            {f.name: to_plain(getattr(flight, f.name)) for f in fields(flight) if f.name != "rows"}
+            {
+                f.name: to_json_values(getattr(flight, f.name))
+                for f in fields(flight)
+                if f.name != "rows"
+            }
             for flight in report.flights
         ],
-        "unread": to_plain(report.unread),
+        "unread": to_json_values(report.unread),
     }
     return json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
 

@@ -252,7 +252,7 @@ def put(key, value):
         (lambda d: d.pop("airframe"), "lacks 'airframe'"),
         (put("airframe", []), "lacks 'airframe'"),
         (lambda d: d["airframe"]["quantities"].pop("empty_mass"), "empty_mass"),
-        (lambda d: d["envelope"].pop("tank_kg"), "envelope lacks 'tank_kg'"),
+        (lambda d: d["envelope"].pop("tank_kg"), "envelope.tank_kg is missing"),
         (put("envelope", None), "belong together"),
         (lambda d: d["envelope"].update(airspeed=[1.0]), "envelope.airspeed has 1 entries"),
         (lambda d: d["interval"].update(factor="wide"), "interval.factor is str"),
@@ -271,6 +271,14 @@ def test_damaged_metadata_is_named(change, message, tmp_path):
         load_model(rewritten(tmp_path, change_metadata=change))
     assert "\n" not in str(caught.value)
     assert "model.safetensors" in str(caught.value)
+
+
+def test_metadata_nested_without_end_is_refused_in_one_line(tmp_path):
+    path = saved(tmp_path)
+    deep = "[" * 100_000 + "]" * 100_000
+    save_file(load_file(path), path, metadata={METADATA_KEY: deep})
+    with pytest.raises(ModelError, match="recursion"):
+        load_model(path)
 
 
 def fill(name, value):

@@ -8,7 +8,7 @@ import pytest
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.errors import AirframeError, DataError
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.model.json_values import to_plain
+from thrustmargin.models.model.json_values import to_json_values
 from thrustmargin.models.model.predict import Basis, predict
 from thrustmargin.models.model.rotor_model import load_model, save_model, shipped_model
 from thrustmargin.models.model.training import TrainSettings, train
@@ -204,7 +204,9 @@ def test_training_keeps_its_settings_and_fills_the_model(tmp_path):
     assert model.reference_density == pytest.approx(1.225, abs=0.001)
     assert np.isnan(model.reference_voltage)
     save_model(model, tmp_path / "m.safetensors")
-    assert to_plain(load_model(tmp_path / "m.safetensors").training) == to_plain(model.training)
+    assert to_json_values(load_model(tmp_path / "m.safetensors").training) == to_json_values(
+        model.training
+    )
     again = train(tracks, F16, QUICK, date="2025-06-01", version="1.2").model
     for a, b in zip(weights(model), weights(again), strict=True):
         np.testing.assert_array_equal(a, b)
