@@ -7,7 +7,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.airborne import GroundContact, airborne_so_far
 from thrustmargin.gcs_plugin.telemetry.signals import collected
-from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.physics.airframe import Airframe, load_airframe
 
 NAN = float("nan")
 #: Two rotors of 2e-5 N²: half of the empty weight, 10 kg, is 49.03325 N.
@@ -20,7 +20,14 @@ def reports(channel: str, values, times) -> Signal:
     )
 
 
-def flying(rows: int, *signals: Signal, speeds=None, height=None, airframe=OURS, contact=None):
+def flying(
+    rows: int,
+    *signals: Signal,
+    speeds=None,
+    height=None,
+    airframe: Airframe | None = OURS,
+    contact=None,
+):
     """Rows one second apart that count as flying, and what is known of the ground after them."""
     channels = {"rotor_speed_rpm": np.full((rows, 2), NAN) if speeds is None else speeds}
     if height is not None:

@@ -1,5 +1,7 @@
 """Which output is which motor, throttle by pulses, the pack's voltage and current; by hand."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -118,7 +120,7 @@ def test_rotor_speeds_follow_the_outputs_and_silent_ones_are_none():
     assert [None if s is None else s.values[0] for s in found] == [1002.0, None, 1000.0]
 
 
-def first_of(channel: str, *signals: Signal, sampling="linear"):
+def first_of(channel: str, *signals: Signal, sampling: Any = "linear"):
     notes: list[str] = []
     sources = power(collected(signals), sampling, notes)[channel]
     return sources, notes

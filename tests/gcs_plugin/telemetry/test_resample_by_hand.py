@@ -1,5 +1,7 @@
 """Reports onto rows, worked out by hand: shares, ages at both ends, means, thinning, clocks."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -32,7 +34,7 @@ def signal(times, values, channel="voltage", source="a", index=None) -> Signal:
     return Signal(channel, source, np.array(times, float), np.array(values, float), index)
 
 
-def on_rows(channel, times, values, rows, sampling="linear") -> list[float]:
+def on_rows(channel, times, values, rows, sampling: Any = "linear") -> list[float]:
     found = sample(channel, signal(times, values, channel), np.array(rows, float), sampling)
     return found.tolist()
 
@@ -104,7 +106,7 @@ def test_of_two_reports_at_one_instant_the_last_that_is_known_counts():
 def test_fast_reports_are_means_over_a_tenth_of_a_second():
     # Four reports in each tenth, at 0, 25, 50 and 75 ms: their mean lies 37.5 ms in, and has the
     # mean of the values, 0 1 2 3 and 4 5 6 7. Half way between the means: 3.5.
-    times = np.arange(8) * 0.025 + 0.001
+    times: Any = np.arange(8) * 0.025 + 0.001
     values = np.zeros((8, 3))
     values[:, 2] = np.arange(8)
     rows = np.array([0.0385, 0.0885, 0.1385])
@@ -117,7 +119,7 @@ def test_fast_reports_are_means_over_a_tenth_of_a_second():
         "angular_rate_frd", signal(times, values, "angular_rate_frd"), times[2:4], "linear"
     )
     np.testing.assert_allclose(picked[:, 2], [2.0, 3.0])
-    slow = np.arange(8) * (GRID / 2 + 0.001)
+    slow: Any = np.arange(8) * (GRID / 2 + 0.001)
     found = sample("specific_force_frd", signal(slow, values, "specific_force_frd"), slow, "linear")
     np.testing.assert_allclose(found[:, 2], np.arange(8))
 
@@ -174,7 +176,7 @@ MILLI = 0.001  # s from message to message
 def test_a_clock_that_falls_by_less_than_a_second_goes_on_and_by_more_is_a_restart():
     times = np.arange(4000) * MILLI
     for fall, restarts in ((BACKWARD - 0.05, 0), (BACKWARD + 0.05, 1)):
-        clock = np.concatenate([times[:3000], times[2999] - fall + times[1:1001]])
+        clock: Any = np.concatenate([times[:3000], times[2999] - fall + times[1:1001]])
         stretch = longest_stretch(clock, "x")
         assert len(stretch.jumps) == restarts
         assert (stretch.first, stretch.last) == ((0, 3999) if restarts == 0 else (0, 2999))
@@ -183,7 +185,8 @@ def test_a_clock_that_falls_by_less_than_a_second_goes_on_and_by_more_is_a_resta
 
 def test_the_longest_stretch_is_that_of_most_messages():
     parts = [np.arange(size) * 0.01 for size in (1001, 2501, 1201)]
-    stretch = longest_stretch(np.concatenate(parts), "x")
+    whole: Any = np.concatenate(parts)
+    stretch = longest_stretch(whole, "x")
     assert (stretch.first, stretch.last) == (1001, 3501)
     assert stretch.jumps == ((10.0, 0.0), (25.0, 0.0))
     assert stretch.notes == (
@@ -201,7 +204,7 @@ def test_two_clocks_in_turns_are_two_vehicles():
 
 
 def test_a_step_of_five_seconds_is_time_and_a_lone_longer_one_is_damage():
-    clock = 100.0 + np.arange(20) * MILLI
+    clock: Any = 100.0 + np.arange(20) * MILLI
     for leap, damaged in (
         (FORWARD - 0.1, False),
         (FORWARD + 0.1, True),

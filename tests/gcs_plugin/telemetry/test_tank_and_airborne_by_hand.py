@@ -1,6 +1,7 @@
 """Tank levels, the pump and what says that a vehicle flies, on signals of a few reports."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,12 +26,12 @@ OURS = replace(
 TIME = np.array([0.0, 1.0, 2.0, 3.0])
 
 
-def reports(channel: str, values, index=None, times=TIME) -> Signal:
+def reports(channel: str, values, index=None, times: Any = TIME) -> Signal:
     values = np.asarray(values, float)
     return Signal(channel, f"{channel.upper()} x", np.asarray(times, float), values, index)
 
 
-def level(*signals: Signal, airframe=OURS, source="auto", **given):
+def level(*signals: Signal, airframe: Any = OURS, source: str = "auto", **given: Any):
     context = TankContext(airframe=airframe, parameters=given.pop("parameters", {}), **given)
     return tank_level(collected(signals), context, source)
 
@@ -103,7 +104,7 @@ def test_a_tank_battery_by_ml_used_where_its_percentage_agrees():
     assert first[0] == pytest.approx(3.0)
 
 
-def pulses(*values: float, output: int = 4, times=TIME) -> Signal:
+def pulses(*values: float, output: int = 4, times: Any = TIME) -> Signal:
     table = np.zeros((len(values), 6))
     table[:, output] = values
     return reports("servo_us", table, times=times)
@@ -130,7 +131,7 @@ def test_a_tank_that_is_empty_stays_empty():
 
 
 def test_a_pump_that_is_not_known_gives_no_level():
-    for signal, given in (
+    unknown: list[tuple[Signal, dict[str, Any]]] = [
         (pulses(1900, 1900, 1900, 1900), {"pump_output": None}),
         (pulses(1900, 1900, 1900, 1900), {"pump_output": 6}),  # only six outputs
         (pulses(0, 0, 0, 0), {"pump_output": 4}),
@@ -138,7 +139,8 @@ def test_a_pump_that_is_not_known_gives_no_level():
             pulses(1900, 1900, 1900, 1900),
             {"pump_output": 4, "parameters": {"SERVO5_MIN": 1500.0, "SERVO5_MAX": 1500.0}},
         ),
-    ):
+    ]
+    for signal, given in unknown:
         assert level(signal, start_kg=5.0, **given).signal is None
 
 

@@ -6,6 +6,7 @@ torque 0.05 m x thrust, empty 20 kg, tank 20 kg, propellers of 1 m. With 10 kg o
 """
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -215,7 +216,7 @@ def test_moments_of_turning(axis, lever):
     # for 5 x 0.4 + 2 x 1.2 = 4.4 N m, shared by the levers.
     rate = np.zeros((60, 3))
     rate[:, ("roll", "pitch", "yaw").index(axis)] = 0.4 * np.arange(60) / 10.0
-    turning = {f"inertia_{axis}": 5.0, f"damping_{axis}": 2.0}
+    turning: dict[str, Any] = {f"inertia_{axis}": 5.0, f"damping_{axis}": 2.0}
     by_hand = 1.0 + 4.4 * lever / (lever @ lever) / 73.549875
     track = steady(angular_rate_frd=rate)
     np.testing.assert_allclose(

@@ -131,7 +131,9 @@ def test_inside_its_training_it_is_the_network_with_its_interval():
 
 
 def test_no_interval_goes_below_standing_still():
-    wide = replace(learnt().interval, factor=(100.0,) * 4)
+    interval = learnt().interval
+    assert interval is not None
+    wide = replace(interval, factor=(100.0,) * 4)
     predicted = predict(learnt(interval=wide), flight([3.0], [4.0]), np.array([1.2]))
     np.testing.assert_array_equal(predicted.lower_rpm, 0.0)
     assert np.all(predicted.upper_rpm > 5000.0)

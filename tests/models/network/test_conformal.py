@@ -1,5 +1,7 @@
 """Conformal intervals of a few rows, worked out by hand."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -14,7 +16,7 @@ from thrustmargin.models.network.conformal import (
 )
 
 
-def one_row_flights(sizes, airspeed=3.0):
+def one_row_flights(sizes, airspeed: Any = 3.0):
     """A flight of one row for each residual size, all at one airspeed, one rotor, no spread."""
     count = len(sizes)
     residual = np.array(sizes, dtype=float)[:, None]

@@ -1,6 +1,7 @@
 """Ceiling, capacity use, redundancy, trimmable loss and largest fill: the paper's and the laws."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -304,7 +305,7 @@ def test_use_redundancy_and_fill_of_a_quad_by_hand():
     # Half use: 67.5 N = 6.883084 kg; 30 %: 40.5 N = 4.129850 kg; 67.5 N / 1.25 = 5.506467 kg.
     assert largest_fill(ROUND, limits) == pytest.approx([6.883084 - 20.0], abs=1e-6)
     assert largest_fill(ROUND, limits, limit=0.3) == pytest.approx([4.129850 - 20.0], abs=1e-6)
-    free = {"criterion": "yaw free"}
+    free: dict[str, Any] = {"criterion": "yaw free"}
     assert largest_fill(ROUND, limits, **free) == pytest.approx([6.883084 - 20.0], abs=1e-6)
     strict = largest_fill(ROUND, limits, **free, limit=1.25)
     assert strict == pytest.approx([5.506467 - 20.0], abs=1e-6)
@@ -313,7 +314,7 @@ def test_use_redundancy_and_fill_of_a_quad_by_hand():
 def test_a_centre_of_gravity_in_front_loads_the_front_pair_by_hand():
     limits = ceiling(ROUND, 0.9, 25.0)
     arm = float(ROUND.rotor_position_frd[:, 0].max())
-    ahead = {"cg_offset": (0.2 * arm, 0.0)}
+    ahead: dict[str, Any] = {"cg_offset": (0.2 * arm, 0.0)}
     # The front pair carries 1.2 of its share: 100/4 x 1.2 = 30 N of 33.75, so 1/9 can be lost.
     assert trimmable_loss(ROUND, limits, 100.0, **ahead) == pytest.approx([1.0 / 9.0])
     # A lost front rotor cannot be replaced; with a rear one lost its diagonal pair is level at no
