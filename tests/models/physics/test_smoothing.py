@@ -8,8 +8,8 @@ from thrustmargin.models.physics.smoothing import derivative, moving_mean, row_s
 STEP = 0.1
 
 
-def times(rows: int) -> np.ndarray:
-    return np.arange(rows) * STEP
+def times(rows: int, step: float = STEP) -> np.ndarray:
+    return np.arange(rows) * step
 
 
 def test_the_slope_of_a_parabola_is_exact_and_unknown_at_the_ends():
@@ -33,7 +33,7 @@ def test_the_window_is_that_of_the_span(span, side):
 
 @pytest.mark.parametrize("rate", [400.0, 30.0, 10.0, 2.5])
 def test_a_slope_is_right_at_any_rate(rate: float):
-    t = np.arange(50.0) * float(1.0 / rate)
+    t = times(50, 1.0 / rate)
     assert row_step(t) == pytest.approx(1.0 / rate, rel=2e-4)
     np.testing.assert_allclose(derivative(t, 5.0 * t, 8.0 / rate)[10:40], 5.0, rtol=2e-4)
 
