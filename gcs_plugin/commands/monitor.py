@@ -140,7 +140,7 @@ def monitor(
             fetcher.close()
         live.close()
         if page is not None:
-            page.close()
+            page.stop()
         _summary(live)
     live.check()
 

@@ -1,13 +1,12 @@
 """The pilot's controls of a replay: time, play, speed, colours of the route, camera.
 
-The browser's events only put a request into a queue; the one worker that drives the view takes
-them from there. What a page sends is checked: it could be anything.
+The browser's events only `ask` the one thread that draws the page. What a page sends is checked: it
+could be anything.
 """
 
 from __future__ import annotations
 
 import math
-import queue
 import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
@@ -26,19 +25,19 @@ HANDS_OFF = 0.6
 
 
 class ReplayControls:
-    """Controls in the current GUI container. `requests` holds callables for the worker."""
+    """Controls in the current GUI container. `ask` has the drawing thread do what they ask for."""
 
     def __init__(
         self,
         gui: GuiApi,
         clock: ReplayClock,
         overlays: Sequence[Overlay],
+        ask: Callable[[Callable[[], None]], None],
         *,
         on_overlay: Callable[[Overlay], None],
         on_camera: Callable[[Camera], None],
         on_worst: Callable[[], None],
     ) -> None:
-        self.requests: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._clock = clock
         self._touched = -math.inf
         self._time = gui.add_html(time_html(clock))
@@ -48,13 +47,12 @@ class ReplayControls:
         speeds = [f"x{s}" for s in SPEEDS]
         self._speed = gui.add_button_group("Speed", speeds)
         self._worst = gui.add_button("Go to the worst moment", color=(200, 20, 110))
-        put = self.requests.put
         by_name = {o.name: o for o in overlays}
         self._colour = choice(
-            gui, "Colour", [*by_name], put, lambda name: on_overlay(by_name[name])
+            gui, "Colour", [*by_name], ask, lambda name: on_overlay(by_name[name])
         )
         self._legend = gui.add_html("")
-        choice(gui, "Camera", [*Camera], put, lambda name: on_camera(Camera(name)))
+        choice(gui, "Camera", [*Camera], ask, lambda name: on_camera(Camera(name)))
         self.set_legend(overlays[0])
 
         @self._slider.on_update
@@ -62,21 +60,21 @@ class ReplayControls:
             value = event.target.value
             if event.client_id is not None and math.isfinite(value):
                 self._touched = time.monotonic()
-                put(lambda: clock.seek(value))
+                ask(lambda: clock.seek(value))
 
         @self._play.on_click
         async def _(_event) -> None:
-            put(lambda: clock.pause() if clock.playing else clock.play())
+            ask(lambda: clock.pause() if clock.playing else clock.play())
 
         @self._speed.on_click
         async def _(event) -> None:
             if event.target.value in speeds:
                 speed = SPEEDS[speeds.index(event.target.value)]
-                put(lambda: clock.set_speed(speed))
+                ask(lambda: clock.set_speed(speed))
 
         @self._worst.on_click
         async def _(_event) -> None:
-            put(on_worst)
+            ask(on_worst)
 
     def show(self, time_s: float) -> None:
         """Show the clock, and move the slider unless a hand is on it."""
@@ -93,17 +91,17 @@ def choice(
     gui: GuiApi,
     label: str,
     options: Sequence[str],
-    put: Callable[[Callable[[], None]], None],
+    ask: Callable[[Callable[[], None]], None],
     act: Callable[[str], None],
 ) -> GuiDropdownHandle[str]:
-    """A dropdown that puts `act` with the chosen option into a queue, and never anything else."""
+    """A dropdown that asks for `act` with the chosen option, and never for anything else."""
     dropdown = gui.add_dropdown(label, [str(option) for option in options])
 
     @dropdown.on_update
     async def _(event) -> None:
         name = event.target.value
         if name in dropdown.options:
-            put(lambda: act(name))
+            ask(lambda: act(name))
 
     return dropdown
 

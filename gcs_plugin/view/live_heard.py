@@ -18,7 +18,7 @@ from thrustmargin.gcs_plugin.live.fleet import Fleet
 from thrustmargin.gcs_plugin.live.vehicle_monitor import Update
 from thrustmargin.gcs_plugin.view.live_html import Standing
 from thrustmargin.gcs_plugin.view.overlays import Overlay, overlays_of
-from thrustmargin.gcs_plugin.view.shown_row import ShownRow, enu
+from thrustmargin.gcs_plugin.view.shown_row import ShownRow
 from thrustmargin.models.flight import Floats
 
 STALE_EVERY = 0.5  # s between two looks at which fields are no longer reported
@@ -30,11 +30,11 @@ class Heard:
     `wake` is set when there is something new to draw; `overlays` are those of the last rows.
     """
 
-    def __init__(self) -> None:
-        self.wake = threading.Event()
+    def __init__(self, wake: threading.Event) -> None:
+        self.wake = wake
         self.overlays: tuple[Overlay, ...] = ()
-        #: For the trails, rows in flight: time s, place ENU m, value of each overlay.
-        self.rows: dict[int, deque[tuple[float, Floats, Floats]]] = defaultdict(deque)
+        #: For the trails, rows in flight: (N,) time s, (N, 3) position NED m, (N, K) of overlays.
+        self.rows: dict[int, deque[tuple[Floats, Floats, Floats]]] = defaultdict(deque)
         self._standing: dict[int, Standing] = {}  # in the order in which they were first heard
         self._stale_s = 0.0
 
@@ -48,10 +48,8 @@ class Heard:
         number, track = update.vehicle, update.analysis.track
         overlays = overlays_of(update.analysis)
         values = np.column_stack([overlay.values for overlay in overlays])
-        places = enu(track.position_ned)
-        for row in range(update.first, track.time_s.size):
-            if track.flying[row]:
-                self.rows[number].append((float(update.clock_s[row]), places[row], values[row]))
+        fresh = update.first + np.flatnonzero(track.flying[update.first :])
+        self.rows[number].append((update.clock_s[fresh], track.position_ned[fresh], values[fresh]))
         self.overlays = overlays
         self._put(
             replace(

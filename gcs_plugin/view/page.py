@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import logging
 import os
+import queue
 import sys
 import threading
+import time
+from abc import ABC, abstractmethod
+from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -15,57 +20,59 @@ if TYPE_CHECKING:
     import viser
 
 WIDTH = 370  # of the panel on the left, with the gauges
+FASTEST = 0.04  # s between two drawings
+_log = logging.getLogger(__name__)
 
 
-class Page:
-    """A page that one thread of its own draws; `open` opens it, `close` ends it.
+class ViewPage(ABC):
+    """A page that one thread of its own draws, all `every` s and whenever it is woken.
 
-    `port` 0 is any free one. `stopping` is set when the thread has to end.
+    `start` opens it, `stop` ends it. What is on it is built by `_build` and drawn by `_draw`.
+    `what` names it for people; `port` 0 is any free one.
     """
 
-    def __init__(self, *, host: str, port: int) -> None:
-        self.host = host
-        self.stopping = threading.Event()
-        self._port = port
+    def __init__(self, what: str, *, host: str, port: int, every: float) -> None:
+        self.wake = threading.Event()  # set: draw at once
+        self.draw_seconds: deque[float] = deque(maxlen=1000)  # how long the last drawings took
+        self._what, self._host, self._port, self._every = what, host, port, every
+        self._requests: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._stopping = threading.Event()
         self._server: viser.ViserServer | None = None
         self._thread: threading.Thread | None = None
 
-    @property
-    def server(self) -> viser.ViserServer:
-        """The server. Raises DataError before `open` and after `close`."""
-        if self._server is None:
-            raise DataError("the view is not open; call start() first")
-        return self._server
+    @abstractmethod
+    def _build(self, server: viser.ViserServer) -> None:
+        """Put everything on the page, before the first drawing."""
+
+    @abstractmethod
+    def _draw(self, *, hurry: bool) -> None:
+        """Assign to what is on the page; `hurry`: somebody asked for something, show it all."""
 
     @property
     def url(self) -> str:
-        """Where the page is. Raises DataError before `open` and after `close`."""
-        return f"http://{address_of(self.host)}:{self.server.get_port()}"
+        """Where the page is. Raises DataError before `start` and after `stop`."""
+        if self._server is None:
+            raise DataError("the view is not open; call start() first")
+        return f"http://{address_of(self._host)}:{self._server.get_port()}"
 
     @property
     def drawing(self) -> bool:
         """Whether the thread runs."""
         return self._thread is not None and self._thread.is_alive()
 
-    def open(
-        self,
-        build: Callable[[viser.ViserServer], None],
-        draw: Callable[[viser.ViserServer], None],
-        *,
-        name: str,
-    ) -> None:
-        """Open the port, `build` what is on the page, then `draw` in a thread of this `name`.
-
-        Raises LinkError when the port is taken.
-        """
-        self._server = guarded_server(host=self.host, port=self._port, label="thrustmargin")
-        build(self._server)
-        self._thread = threading.Thread(target=draw, args=(self._server,), name=name, daemon=True)
+    def start(self) -> None:
+        """Open the port, build the page and begin to draw. Raises LinkError for a taken port."""
+        self._server = guarded_server(host=self._host, port=self._port, label="thrustmargin")
+        self._build(self._server)
+        self._thread = threading.Thread(
+            target=self._run, args=(self._server,), name=f"{self._what}-page", daemon=True
+        )
         self._thread.start()
 
-    def close(self) -> None:
+    def stop(self) -> None:
         """Stop drawing and close the page; harmless when called twice."""
-        self.stopping.set()
+        self._stopping.set()
+        self.wake.set()
         if self._thread is not None:
             self._thread.join(timeout=5.0)
             self._thread = None
@@ -73,13 +80,35 @@ class Page:
             server, self._server = self._server, None
             stop_server(server)
 
-    def announce(self, what: str, *, browser: bool) -> None:
-        """Print where `what` is shown, warn when others can reach it, and open the `browser`."""
-        print(f"{what} at {self.url} - Ctrl-C ends it", flush=True)
-        if not is_loopback(self.host):
-            print(f"on {self.host} anyone who can reach this computer can open it", flush=True)
+    def announce(self, *, browser: bool) -> None:
+        """Print where the page is, warn when others can reach it, and open the `browser`."""
+        print(f"{self._what} at {self.url} - Ctrl-C ends it", flush=True)
+        if not is_loopback(self._host):
+            print(f"on {self._host} anyone who can reach this computer can open it", flush=True)
         if browser:
             _open_browser(self.url)
+
+    def ask(self, act: Callable[[], None]) -> None:
+        """Let the drawing thread `act`, then draw all; callable from any thread."""
+        self._requests.put(act)
+        self.wake.set()
+
+    def _run(self, server: viser.ViserServer) -> None:
+        """The thread. What goes wrong in one drawing is logged and does not end it."""
+        while not self._stopping.is_set():
+            hurry = self.wake.wait(max(self._every - FASTEST, 0.0))
+            self.wake.clear()
+            begun = time.perf_counter()
+            try:
+                while not self._requests.empty():
+                    self._requests.get()()
+                with server.atomic():
+                    self._draw(hurry=hurry)
+            except Exception:
+                _log.exception("the %s could not be drawn", self._what)
+            took = time.perf_counter() - begun
+            self.draw_seconds.append(took)
+            self._stopping.wait(max(FASTEST - took, 0.0))
 
 
 def arrange(gui: viser.GuiApi, *, width: int) -> None:

@@ -1,15 +1,12 @@
-"""A flight replayed on the screen: one worker moves the scene, gauges, charts and controls.
+"""A flight replayed on the screen: one thread moves the scene, gauges, charts and controls.
 
-The worker is the only thread that draws. It ticks at a fixed rate and assigns to nodes that exist;
-the analysis was done before, and the browser's events only queue requests for it.
+It is the only one that draws. It ticks at a fixed rate and assigns to nodes that exist; the
+analysis was done before, and the browser's events only ask it for something.
 """
 
 from __future__ import annotations
 
-import logging
 import threading
-import time
-from collections import deque
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -21,7 +18,7 @@ from thrustmargin.gcs_plugin.view.controls import ReplayControls
 from thrustmargin.gcs_plugin.view.gauges import STYLE, gauges_html
 from thrustmargin.gcs_plugin.view.guard import LOOPBACK
 from thrustmargin.gcs_plugin.view.overlays import Overlay, overlays_of
-from thrustmargin.gcs_plugin.view.page import Page, arrange, left_panel
+from thrustmargin.gcs_plugin.view.page import ViewPage, arrange, left_panel
 from thrustmargin.gcs_plugin.view.planned_path import plan_enu
 from thrustmargin.gcs_plugin.view.replay_clock import ReplayClock
 from thrustmargin.gcs_plugin.view.scene import Scene
@@ -42,10 +39,9 @@ GAUGE_TICKS, CHART_TICKS = 3, 5
 #: How long a message of the vehicle stays on the screen, s of the flight.
 MESSAGE_S = 10.0
 VEHICLE = "1"
-_log = logging.getLogger(__name__)
 
 
-class ReplayView:
+class ReplayView(ViewPage):
     """The view of one analysed flight. `start` opens it, `stop` closes it; `url` is where it is.
 
     `waypoints` are the log's mission items and `messages` its texts with their time in s from the
@@ -65,6 +61,7 @@ class ReplayView:
         speed: float = 1.0,
         paused: bool = False,
     ) -> None:
+        super().__init__("replay", host=host, port=port, every=1 / TICK_HZ)
         track = analysis.track
         if track.time_s.size == 0:
             raise DataError(f"{track.name}: no rows to replay; is the log empty?")
@@ -77,49 +74,30 @@ class ReplayView:
         self._waypoints = waypoints
         self._messages = sorted(messages)
         self._message_times = np.array([t for t, _ in self._messages])
-        self._page = Page(host=host, port=port)
         self._start_s = float(track.time_s[0])
         self._route = route_segments(
             track.position_ned,
             [o.values for o in self._overlays],
             shown=track.flying if track.flying.any() else None,
         )
-        self._hurry = threading.Event()  # somebody asked for something: show it all at once
+        self._ticks = 0
         self.clock = ReplayClock(track.duration, speed=speed, paused=paused)
-        self.tick_seconds: deque[float] = deque(maxlen=1000)  # how long the last ticks took
-
-    @property
-    def url(self) -> str:
-        """Where the page is. Raises DataError before `start` and after `stop`."""
-        return self._page.url
-
-    def start(self) -> None:
-        """Open the port, build the scene and let the replay run in its own thread."""
-        self._page.open(self._build, self._run, name="replay-view")
-
-    def stop(self) -> None:
-        """Stop the worker and the server; harmless when called twice."""
-        self._page.close()
-
-    def announce(self, *, browser: bool) -> None:
-        """Print where the replay is, and open the `browser` on it."""
-        self._page.announce("replay", browser=browser)
 
     def seek(self, time_s: float) -> None:
         """Go to a time of the flight, s after its first row."""
         self.clock.seek(time_s)
-        self._hurry.set()
+        self.wake.set()
 
     def set_overlay(self, name: str) -> None:
         """Colour the route by the overlay of this name. Raises DataError when there is none."""
         by_name = {o.name: o for o in self._overlays}
         if name not in by_name:
             raise DataError(f"no colour {name!r} for the route; there are {', '.join(by_name)}")
-        self._controls.requests.put(lambda: self._recolour(by_name[name]))
+        self.ask(lambda: self._recolour(by_name[name]))
 
     def set_camera(self, camera: Camera) -> None:
         """Look at the whole field or follow the aircraft."""
-        self._controls.requests.put(lambda: self._scene.set_camera(camera))
+        self.ask(lambda: self._scene.set_camera(camera))
 
     def _build(self, server: viser.ViserServer) -> None:
         gui, track = server.gui, self._analysis.track
@@ -132,6 +110,7 @@ class ReplayView:
             gui,
             self.clock,
             self._overlays,
+            self.ask,
             on_overlay=self._recolour,
             on_camera=self._scene.set_camera,
             on_worst=self._to_worst,
@@ -143,40 +122,19 @@ class ReplayView:
         self._scene.set_plan(VEHICLE, plan_enu(self._waypoints, track.origin, ground), ground)
         self._scene.add_vehicle(VEHICLE, self._airframe)
         self._recolour(self._overlay)
-        self._draw(server, gauges=True, charts=True)
+        self._draw(hurry=True)
 
-    def _run(self, server: viser.ViserServer) -> None:
-        """The worker. What goes wrong in one tick is logged and does not end the replay."""
-        ticks = 0
-        while not self._page.stopping.wait(1 / TICK_HZ):
-            begun = time.perf_counter()
-            try:
-                while not self._controls.requests.empty():
-                    self._controls.requests.get()()
-                    self._hurry.set()
-                now = self._hurry.is_set()
-                self._hurry.clear()
-                self._draw(
-                    server,
-                    gauges=now or ticks % GAUGE_TICKS == 0,
-                    charts=now or ticks % CHART_TICKS == 0,
-                )
-            except Exception:
-                _log.exception("the view could not draw the flight at %.1f s", self.clock.now())
-            ticks += 1
-            self.tick_seconds.append(time.perf_counter() - begun)
-
-    def _draw(self, server: viser.ViserServer, *, gauges: bool, charts: bool) -> None:
+    def _draw(self, *, hurry: bool) -> None:
         time_s = self.clock.now()
         row = ShownRow(self._analysis, row_at(self._analysis.track.time_s, self._start_s + time_s))
-        with server.atomic():
-            self._scene.show(VEHICLE, row)
-            if gauges:
-                title = f"{self._airframe.title} · {self._analysis.track.name}"
-                self._gauges.content = gauges_html(row, title, self._message_at(time_s))
-                self._controls.show(time_s)
-            if charts:
-                self._charts.show(self._start_s + time_s)
+        self._scene.show(VEHICLE, row)
+        if hurry or self._ticks % GAUGE_TICKS == 0:
+            title = f"{self._airframe.title} · {self._analysis.track.name}"
+            self._gauges.content = gauges_html(row, title, self._message_at(time_s))
+            self._controls.show(time_s)
+        if hurry or self._ticks % CHART_TICKS == 0:
+            self._charts.show(self._start_s + time_s)
+        self._ticks += 1
 
     def _message_at(self, time_s: float) -> str:
         """The last message of the vehicle at `time_s`, unless it is old."""

@@ -23,12 +23,12 @@ FRD_FLU = np.diag([1.0, -1.0, -1.0])
 class ShownRow:
     """Row number `row` (negative: from the end) of an analysis of R rotors; NaN where unknown.
 
-    `offset` (3,) m is added to the position: a scene may have another origin than the track.
+    `offset_ned` (3,) m is the track's origin from that of the scene.
     """
 
     analysis: FlightAnalysis
     row: int
-    offset: Floats | float = 0.0
+    offset_ned: Floats | float = 0.0
 
     @property
     def track(self) -> FlightTrack:
@@ -37,7 +37,7 @@ class ShownRow:
     @property
     def position_enu(self) -> Floats:
         """(3,) m."""
-        return enu(self.track.position_ned[self.row]) + self.offset
+        return enu(self.track.position_ned[self.row] + self.offset_ned)
 
     @property
     def wxyz(self) -> Floats:

@@ -222,7 +222,7 @@ def test_from_the_byte_on_the_socket_to_the_colour_in_the_browser(benchmark):
 
     benchmark.pedantic(measure, rounds=1)
     monitor.close()
-    view.close()
+    view.stop()
     delays = []
     for at in sent:
         after = [s - at for s in seen if 0 <= s - at < 1000]

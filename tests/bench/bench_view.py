@@ -22,10 +22,9 @@ def view():
     view.stop()
 
 
-@pytest.mark.parametrize("part", ["scene", "scene and gauges", "scene, gauges and charts"])
-def test_one_tick_on_the_server(benchmark, view, part):
-    server = view._page.server
-    benchmark(view._draw, server, gauges="gauges" in part, charts="charts" in part)
+@pytest.mark.parametrize("hurry", [False, True], ids=["a tick", "all of it"])
+def test_one_tick_on_the_server(benchmark, view, hurry):
+    benchmark(view._draw, hurry=hurry)
 
 
 @pytest.mark.parametrize("rows", [3_000, 36_000])

@@ -67,7 +67,7 @@ def flying() -> Iterator[Live]:
         yield live
     finally:
         live.monitor.close()
-        live.view.close()
+        live.view.stop()
         live.socket.close()
     live.monitor.check()
 
@@ -194,7 +194,7 @@ def test_what_is_heard_is_drawn_and_greyed_out_when_it_is_old():
             time.sleep(0.02)
         view._colour_trail(view._aircraft[1])
         trail = view._aircraft[1].trail
-        load = trail.values(0)
+        load = trail.route.worst(trail.values(0), "max")
         assert load.max() == pytest.approx((2400 * 58.8 / 50 / 3000) ** 2, rel=1e-3)
         wanted = LOAD.screen(load).astype(int)
         assert np.abs(seen_for(line.colors[:, 0]).astype(int) - wanted).max() <= 4
@@ -202,7 +202,7 @@ def test_what_is_heard_is_drawn_and_greyed_out_when_it_is_old():
         shows(1, "no data for 7 s")
         shows(1, "data-old")
     finally:
-        view.close()
+        view.stop()
 
 
 def test_a_taken_port_is_an_error():
@@ -280,50 +280,50 @@ def test_unknown_outlooks_are_left_out_and_not_made_up():
     assert "43 %" in known
 
 
-def line(trail: Trail, length: float, values, step: float = 0.1) -> None:
-    """A straight flight at 1 m/s; `values` gives (K,) for each distance."""
-    for number in range(round(length / step)):
-        along = number * step
-        trail.add(along, np.array([along, 0.0, 3.0]), np.atleast_1d(values(along)))
+def fly(trail: Trail, time_s, values, *, speed: float = 1.0) -> None:
+    """A straight flight north, in the few rows at a time that a monitor gives; (T,) and (T, K)."""
+    time_s = np.asarray(time_s, dtype=float)
+    for rows in np.array_split(np.arange(time_s.size), max(time_s.size // 7, 1)):
+        place = np.outer(speed * time_s[rows], [1.0, 0.0, 0.0]) - np.array([0.0, 0.0, 3.0])
+        trail.add(time_s[rows], place, np.asarray(values)[rows])
 
 
 def test_the_worst_row_is_on_the_trail_however_long_it_gets():
-    trail = Trail(["max", "min", "abs"], limit=50)
-
-    def values(along: float):
-        peak = 1.0 if abs(along - 123.4) < 0.05 else 0.0
-        return np.array([peak, -peak, -2 * peak])
-
-    line(trail, 400.0, values)
-    assert trail.count <= 51
-    assert np.max(trail.values(0)) == 1.0
-    assert np.min(trail.values(1)) == -1.0
-    assert np.min(trail.values(2)) == -2.0
-    points = trail.points()
+    kinds = ("max", "min", "abs")
+    trail = Trail(kinds, limit=50)
+    time_s = 0.1 * np.arange(4000)
+    peak = np.isclose(time_s, 123.4).astype(float)
+    fly(trail, time_s, np.column_stack([peak, -peak, -2 * peak]))
+    route = trail.route
+    assert 25 <= route.count <= 51
+    assert trail.values(0).size <= 500  # rows that no segment needs are forgotten
+    worst = [route.worst(trail.values(k), kind) for k, kind in enumerate(kinds)]
+    for k, most in enumerate((1.0, -1.0, -2.0)):
+        at = int(np.argmax(np.abs(worst[k])))
+        assert worst[k][at] == most
+        assert np.count_nonzero(worst[k]) <= 2  # where it was and nowhere else
+        assert route.start_ned[at, 0] <= 123.4 <= route.end_ned[at, 0]
     # One unbroken line from the first row to the last.
-    assert np.array_equal(points[1:, 0], points[:-1, 1])
-    assert points[0, 0, 0] == 0.0
-    assert points[-1, 1, 0] == pytest.approx(399.9)
-    at = int(np.argmax(trail.values(0)))
-    assert points[at, 0, 0] <= 123.4 <= points[at, 1, 0]
+    assert np.array_equal(route.start_ned[1:], route.end_ned[:-1])
+    assert route.start_ned[0, 0] == 0.0
+    assert route.end_ned[-1, 0] == pytest.approx(399.9)
 
 
 def test_a_pause_and_a_lost_position_break_the_trail():
-    trail = Trail(["max"])
-    line(trail, 5.0, lambda _: 0.0)
-    trail.add(5.0, np.full(3, np.nan), np.zeros(1))
-    for number in range(50):
-        trail.add(5.1 + number / 10, np.array([5.1 + number / 10, 0, 3.0]), np.zeros(1))
-    for number in range(50):
-        trail.add(60.0 + number / 10, np.array([60.0 + number / 10, 0, 3.0]), np.zeros(1))
-    points = trail.points()
-    breaks = np.flatnonzero(points[1:, 0, 0] != points[:-1, 1, 0])
-    assert breaks.size == 2
-    assert np.max(np.diff(points[:, :, 0], axis=1)) < 1.2
+    trail, none = Trail(["max"]), np.zeros((50, 1))
+    assert trail.route.count == 0
+    fly(trail, 0.1 * np.arange(50), none)
+    trail.add(np.array([5.0]), np.full((1, 3), np.nan), none[:1])
+    fly(trail, 5.1 + 0.1 * np.arange(50), none)
+    fly(trail, 60.0 + 0.1 * np.arange(50), none)
+    north = np.column_stack([trail.route.start_ned[:, 0], trail.route.end_ned[:, 0]])
+    broken = np.flatnonzero(north[1:, 0] != north[:-1, 1])
+    assert north[broken, 1] == pytest.approx([4.9, 10.0])
+    assert north[broken + 1, 0] == pytest.approx([5.1, 60.0])
+    assert np.max(np.diff(north, axis=1)) < 1.2
 
 
 def test_an_aircraft_that_stands_still_makes_a_segment_every_two_seconds():
     trail = Trail(["max"])
-    for number in range(600):
-        trail.add(number / 10, np.array([0.0, 0.0, 3.0]), np.zeros(1))
-    assert 25 <= trail.count <= 31
+    fly(trail, 0.1 * np.arange(600), np.zeros((600, 1)), speed=0.0)
+    assert 25 <= trail.route.count <= 31

@@ -46,7 +46,7 @@ def settled(view: ReplayView, done, timeout: float = 5.0) -> None:
     while not done():
         assert time.monotonic() < end, "the view did not get there in time"
         time.sleep(0.02)
-    assert view._page.drawing
+    assert view.drawing
 
 
 def route_colours(view: ReplayView) -> np.ndarray:
@@ -94,10 +94,10 @@ def test_the_switch_recolours_the_same_route_and_its_legend(view, analysis):
     for overlay in overlays_of(analysis):
         view.set_overlay(overlay.name)
         settled(view, lambda title=overlay.scale.title: title in view._controls._legend.content)
-        time.sleep(0.1)
+        worst = view._route.worst(overlay.values, overlay.worst)
+        wanted = overlay.scale.screen(worst).astype(int)
+        settled(view, lambda wanted=wanted: np.abs(route_colours(view) - wanted).max() <= 4)
         seen[overlay.name] = route_colours(view)
-        wanted = overlay.scale.screen(view._route.worst(overlay.values, overlay.worst))
-        assert np.abs(seen[overlay.name] - wanted.astype(int)).max() <= 4
     np.testing.assert_array_equal(node(view, "/world/route_1").points, points)
     # Load and margin are the same thing from two ends; the others differ.
     np.testing.assert_array_equal(seen["Load"], seen["Thrust margin"])
@@ -111,7 +111,7 @@ def test_the_worst_moment_is_pinned_and_one_press_away(view, analysis):
     use = analysis.capacity_use.max(axis=1)
     worst = int(np.argmax(use))
     assert f"{100 * use[worst]:.0f} %" in node(view, "/world/pin").text
-    view._controls.requests.put(view._to_worst)
+    view.ask(view._to_worst)
     settled(view, lambda: view.clock.now() == pytest.approx(analysis.track.time_s[worst]))
     assert not view.clock.playing
 

@@ -66,10 +66,10 @@ def test_a_silent_rotor_is_never_called_the_worst_while_others_are_measured():
 def test_every_row_holds_the_numbers_of_its_analysis_where_its_scene_is():
     analysis = flight()
     for i in (0, 17, ROWS - 1, -1):
-        row = ShownRow(analysis, i, np.array([100.0, 0.0, 0.0]))
+        row = ShownRow(analysis, i, np.array([100.0, 30.0, -2.0]))
         np.testing.assert_array_equal(row.margin, analysis.margin[i])
         north, east, down = analysis.track.position_ned[i]
-        np.testing.assert_allclose(row.position_enu, [east + 100.0, north, -down])
+        np.testing.assert_allclose(row.position_enu, [east + 30.0, north + 100.0, 2.0 - down])
         assert row.worst == (
             pytest.approx(analysis.margin[i].min()),
             int(np.argmin(analysis.margin[i])),
