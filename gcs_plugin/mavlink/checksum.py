@@ -15,22 +15,15 @@ Bytes = NDArray[np.uint8]
 Words = NDArray[np.uint16]
 
 
-def _two_byte_table() -> Words:
-    register = np.arange(65536, dtype=np.uint32)
-    for _ in range(16):
+def _table(bits: int) -> Words:
+    """What a register becomes when so many bits go in, by its own last bits and theirs."""
+    register = np.arange(1 << bits, dtype=np.uint32)
+    for _ in range(bits):
         register = (register >> 1) ^ np.where(register & 1, np.uint32(0x8408), np.uint32(0))
     return register.astype(np.uint16)
 
 
-def _one_byte_table() -> Words:
-    register = np.arange(256, dtype=np.uint32)
-    for _ in range(8):
-        register = (register >> 1) ^ np.where(register & 1, np.uint32(0x8408), np.uint32(0))
-    return register.astype(np.uint16)
-
-
-_PAIR = _two_byte_table()
-_SINGLE = _one_byte_table()
+_PAIR, _SINGLE = _table(16), _table(8)
 
 
 def checksum(covered: bytes, extra: int) -> int:

@@ -18,7 +18,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.mavlink.rules import ABOVE_HOME, UNITS, WARM_BOARD, Columns, Rule
+from thrustmargin.gcs_plugin.mavlink.rules import ABOVE_HOME, WARM_BOARD, Columns, Rule, in_si
 from thrustmargin.models.flight import Bools, Floats
 
 
@@ -84,20 +84,17 @@ def _armed(columns: Columns) -> Floats:
     return np.where(columns["autopilot"] == 8, np.nan, armed)
 
 
-def _liquid(field: str) -> Callable[[Columns], Floats]:
+def _liquid(field: str, channel: str) -> Rule:
     # Only fuel type 1 is a liquid in ml; others are shares of one, or a gas in Pa.
     def convert(columns: Columns) -> Floats:
         return np.where(columns["fuel_type"] == 1, columns[field].astype(np.float64), np.nan)
 
-    return convert
+    return Rule("FUEL_STATUS", (field,), channel, index="id", convert=convert)
 
 
 def _unless_silent(field: str, unit: str) -> Callable[[Columns], Floats]:
-    factor = UNITS[unit][0]
-
     def convert(columns: Columns) -> Floats:
-        value = columns[field].astype(np.float64) * factor
-        return np.where(columns["count"] == 0, np.nan, value)
+        return np.where(columns["count"] == 0, np.nan, in_si(columns, field, unit))
 
     return convert
 
@@ -108,6 +105,8 @@ ESC_TELEMETRY_FIRST: Mapping[str, int] = MappingProxyType(
 )
 
 _PLACE = ("degE7", "degE7", "mm")
+_RATES, _FORCE = ("rollspeed", "pitchspeed", "yawspeed"), ("xacc", "yacc", "zacc")
+_AS_SENT = "in mG, as ArduPilot sends them"
 _SERVOS = tuple(f"servo{n}_raw" for n in range(1, 17))
 
 
@@ -126,23 +125,11 @@ def _esc_rules() -> tuple[Rule, ...]:
 MAVLINK_RULES: tuple[Rule, ...] = (
     Rule("ATTITUDE", ("roll", "pitch", "yaw"), "attitude", "rad"),
     Rule("ATTITUDE_QUATERNION", ("q1", "q2", "q3", "q4"), "attitude", convert=_attitude_quaternion),
-    Rule("ATTITUDE", ("rollspeed", "pitchspeed", "yawspeed"), "angular_rate_frd", "rad/s"),
-    Rule(
-        "ATTITUDE_QUATERNION", ("rollspeed", "pitchspeed", "yawspeed"), "angular_rate_frd", "rad/s"
-    ),
-    Rule(
-        "HIGHRES_IMU", ("xacc", "yacc", "zacc"), "specific_force_frd", "m/s/s", index="id", only=0
-    ),
-    Rule(
-        "RAW_IMU",
-        ("xacc", "yacc", "zacc"),
-        "specific_force_frd",
-        "mG",
-        index="id",
-        only=0,
-        note="in mG, as ArduPilot sends them",
-    ),
-    Rule("SCALED_IMU", ("xacc", "yacc", "zacc"), "specific_force_frd", "mG"),
+    Rule("ATTITUDE", _RATES, "angular_rate_frd", "rad/s"),
+    Rule("ATTITUDE_QUATERNION", _RATES, "angular_rate_frd", "rad/s"),
+    Rule("HIGHRES_IMU", _FORCE, "specific_force_frd", "m/s/s", index="id", only=0),
+    Rule("RAW_IMU", _FORCE, "specific_force_frd", "mG", index="id", only=0, note=_AS_SENT),
+    Rule("SCALED_IMU", _FORCE, "specific_force_frd", "mG"),
     Rule("GLOBAL_POSITION_INT", ("lat", "lon", "alt"), "geodetic", _PLACE),
     Rule("HOME_POSITION", ("latitude", "longitude", "altitude"), "home", _PLACE),
     Rule("GPS_GLOBAL_ORIGIN", ("latitude", "longitude", "altitude"), "ekf_origin", _PLACE),
@@ -206,19 +193,7 @@ MAVLINK_RULES: tuple[Rule, ...] = (
     Rule("ESC_STATUS", ("current",), "esc_current", "A", index="index"),
     Rule("ESC_INFO", ("failure_flags",), "esc_failure", index="index"),
     Rule("NAMED_VALUE_FLOAT", ("value",), "named_value"),
-    Rule(
-        "FUEL_STATUS",
-        ("remaining_fuel",),
-        "fuel_remaining",
-        index="id",
-        convert=_liquid("remaining_fuel"),
-    ),
+    _liquid("remaining_fuel", "fuel_remaining"),
     Rule("FUEL_STATUS", ("percent_remaining",), "fuel_percent", "%", index="id", unknown=(255,)),
-    Rule(
-        "FUEL_STATUS",
-        ("maximum_fuel",),
-        "fuel_maximum",
-        index="id",
-        convert=_liquid("maximum_fuel"),
-    ),
+    _liquid("maximum_fuel", "fuel_maximum"),
 )

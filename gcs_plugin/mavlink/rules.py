@@ -31,40 +31,45 @@ class Columns(Protocol):
     def __getitem__(self, name: str, /) -> NDArray[Any]: ...
 
 
-#: unit on the wire -> (factor, offset) to SI; geodetic degrees stay degrees.
+#: Units that stay as they are.
+_SI = (
+    "1",
+    "%",
+    "latlon deg",
+    "rad",
+    "rad/s",
+    "m",
+    "m/s",
+    "m/s/s",
+    "V",
+    "A",
+    "mAh",
+    "Pa",
+    "K",
+    "rpm",
+    "us",
+    "ml",
+)
+#: unit on the wire -> (factor, offset) to SI; geodetic degrees stay degrees, a share becomes %.
 UNITS: Mapping[str, tuple[float, float]] = MappingProxyType(
     {
-        "1": (1.0, 0.0),
-        "%": (1.0, 0.0),
+        **dict.fromkeys(_SI, (1.0, 0.0)),
         "degE7": (1e-7, 0.0),
-        "latlon deg": (1.0, 0.0),
-        "rad": (1.0, 0.0),
-        "rad/s": (1.0, 0.0),
         "mrad/s": (1e-3, 0.0),
         "deg": (math.pi / 180.0, 0.0),
         "deg/s": (math.pi / 180.0, 0.0),
-        "m": (1.0, 0.0),
         "cm": (1e-2, 0.0),
         "mm": (1e-3, 0.0),
-        "m/s": (1.0, 0.0),
         "cm/s": (1e-2, 0.0),
-        "m/s/s": (1.0, 0.0),
         "mG": (G_PER_MG, 0.0),
-        "V": (1.0, 0.0),
         "mV": (1e-3, 0.0),
         "cV": (1e-2, 0.0),
-        "A": (1.0, 0.0),
         "cA": (1e-2, 0.0),
-        "mAh": (1.0, 0.0),
-        "Pa": (1.0, 0.0),
         "hPa": (100.0, 0.0),
-        "K": (1.0, 0.0),
         "degC": (1.0, 273.15),
         "cdegC": (1e-2, 273.15),
-        "rpm": (1.0, 0.0),
-        "us": (1.0, 0.0),
         "ms": (1e-3, 0.0),
-        "ml": (1.0, 0.0),
+        "share": (100.0, 0.0),
     }
 )
 
@@ -109,18 +114,25 @@ class Signal:
     index: int | str | None = None
 
 
-def quantity(rule: Rule, columns: Columns) -> Floats:
-    """The rule's channel in SI, (n,) for one field or (n, k) for several; NaN where unknown."""
+def in_si(columns: Columns, name: str, unit: str) -> Floats:
+    """(n,) or (n, k) the field `name`, given in `unit`, in SI."""
+    factor, offset = UNITS[unit]
+    return columns[name].astype(np.float64) * factor + offset
+
+
+def quantity(rule: Rule, columns: Columns, si: Callable[[Any, str, str], Floats] = in_si) -> Floats:
+    """The rule's channel in SI, (n,) for one field or (n, k) for several; NaN where unknown.
+
+    `si` puts a field into SI where columns know more of their units than the rule.
+    """
     if rule.convert is not None:
         return rule.convert(columns)
     units = (rule.unit,) * len(rule.fields) if isinstance(rule.unit, str) else rule.unit
     parts = []
     for name, unit in zip(rule.fields, units, strict=True):
-        raw = columns[name]
-        factor, offset = UNITS[unit]
-        value = raw.astype(np.float64) * factor + offset
+        value = si(columns, name, unit)
         for code in rule.unknown:
-            value[raw == code] = np.nan
+            value[columns[name] == code] = np.nan
         parts.append(value)
     return parts[0] if len(parts) == 1 else np.stack(parts, axis=-1)
 

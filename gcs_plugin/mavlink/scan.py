@@ -21,7 +21,6 @@ from thrustmargin.gcs_plugin.mavlink.frame import (
     V1,
     V2,
     FrameKind,
-    Header,
     Walk,
     header,
 )
@@ -145,18 +144,14 @@ def scan(data: Bytes, size: int, *, stamp: int = STAMP) -> Frames:
     keep = _without_overlap(start, end)
     if keep is not None:
         start, ids, end = start[keep], ids[keep], end[keep]
-    gaps = _gaps(start, end, size, stamp)
+    gaps = gaps_between(start, end, size, stamp)
     skipped, bad, unverified = _explain_gaps(data, gaps, size, stamp) if gaps else ([], 0, [])
     return Frames(data, start, ids, tuple(skipped), bad, tuple(unverified))
 
 
-def _headers(data: Bytes, start: Index) -> Header:
-    return header(data, start, layout_table().size)
-
-
 def _ends(data: Bytes, start: Index) -> Index:
     """(n,) offset behind each frame."""
-    return start + _headers(data, start).length
+    return start + header(data, start, layout_table().size).length
 
 
 def _good_in_chunk(
@@ -165,7 +160,7 @@ def _good_in_chunk(
     part = data[low : min(low + _CHUNK, size)]
     start = np.flatnonzero((part == V1) | (part == V2)).astype(np.int64) + low
     start = start[start >= stamp]
-    head = _headers(data, start)
+    head = header(data, start, layout_table().size)
     possible = head.possible & (head.largest >= 0) & (start + head.length <= size)
     start, ids = start[possible], head.id[possible].astype(np.uint16)
     good = _checked(data, start, head.covered[possible], layout_table().crc_extra[ids])
@@ -204,7 +199,7 @@ def _without_overlap(start: Index, end: Index) -> NDArray[np.bool_] | None:
     return keep
 
 
-def _gaps(start: Index, end: Index, size: int, stamp: int) -> list[tuple[int, int]]:
+def gaps_between(start: Index, end: Index, size: int, stamp: int = 0) -> list[tuple[int, int]]:
     """(from, to) of every stretch outside the frames and their stamps."""
     edges = np.concatenate([[0], end]), np.concatenate([start - stamp, [size]])
     return [(int(edges[0][i]), int(edges[1][i])) for i in np.flatnonzero(edges[1] > edges[0])]

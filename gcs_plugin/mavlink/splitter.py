@@ -49,10 +49,6 @@ class FrameSplitter:
         """Bytes kept of a frame that is not whole yet."""
         return len(self._rest)
 
-    def feed(self, data: bytes, stamp_us: int) -> list[Frame]:
-        """Frames that are whole with these bytes of a stream (TCP, serial)."""
-        return self._split(data, stamp_us)
-
     def feed_datagram(self, data: bytes, stamp_us: int) -> list[Frame]:
         """The same for one datagram, which starts a new frame unless it can only be a sequel.
 
@@ -63,9 +59,13 @@ class FrameSplitter:
             if verdict in (FrameKind.GOOD, FrameKind.UNVERIFIED):
                 self.counts.bytes_skipped += len(self._rest)
                 self._rest, self._expected = b"", 0
-        return self._split(data, stamp_us, closed=True)
+        return self.feed(data, stamp_us, closed=True)
 
-    def _split(self, data: bytes, stamp_us: int, *, closed: bool = False) -> list[Frame]:
+    def feed(self, data: bytes, stamp_us: int, *, closed: bool = False) -> list[Frame]:
+        """Frames that are whole with these bytes of a stream (TCP, serial).
+
+        `closed`: the next bytes begin a new frame.
+        """
         counts, link = self.counts, self.link
         counts.bytes += len(data)
         buffer = self._rest + data

@@ -47,6 +47,7 @@ IN_SI = {
     "us": 12345.0,
     "ms": 12.345,
     "ml": 12345.0,
+    "share": 1_234_500.0,
 }
 
 
@@ -119,6 +120,8 @@ VALUES: dict[tuple[str, str], tuple[Mapping[str, object], object]] = {
     ("SCALED_PRESSURE", "temperature"): ({"temperature": 1500}, 288.15),
     ("HIGHRES_IMU", "temperature"): ({"temperature": 15.0}, 288.15),
     ("EXTENDED_SYS_STATE", "landed"): ({"landed_state": 2}, 2.0),
+    ("HEARTBEAT", "armed"): ({"base_mode": 128 + 64 + 1, "autopilot": 3}, 1.0),
+    ("MISSION_CURRENT", "mission_item"): ({"seq": 7}, 7.0),
     ("SERVO_OUTPUT_RAW", "servo_us"): (
         {f"servo{n}_raw": 1000 + n for n in range(1, 17)},
         [1000 + n for n in range(1, 17)],
