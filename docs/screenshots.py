@@ -25,7 +25,7 @@ def main() -> None:
     from thrustmargin.gcs_plugin.logs import read_log
     from thrustmargin.gcs_plugin.view.replay import ReplayView
     from thrustmargin.models.model.analysis import analyse
-    from thrustmargin.models.model.rotor_model import shipped_model
+    from thrustmargin.models.model.model_file import shipped_model
 
     model = shipped_model()
     flight = read_log(LOG, airframe=model.airframe)

@@ -10,7 +10,7 @@ import pytest
 from thrustmargin.gcs_plugin.cli import COMMANDS
 from thrustmargin.models.errors import InstallError
 from thrustmargin.models.identification.identify import identify
-from thrustmargin.models.model.rotor_model import load_model
+from thrustmargin.models.model.model_file import load_model
 
 ROOT = Path(__file__).resolve().parents[1]
 FLIGHT = str(ROOT / "sitl_logs/campaign/v2_m4_q1.5.tlog")

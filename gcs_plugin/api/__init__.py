@@ -20,13 +20,13 @@ if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.logs import read_log
     from thrustmargin.models.identification.identify import identify
     from thrustmargin.models.model.analysis import analyse
-    from thrustmargin.models.model.rotor_model import load_model
+    from thrustmargin.models.model.model_file import load_model
 
 _HOMES = {
     "LiveMonitor": "thrustmargin.gcs_plugin.live.monitor",
     "analyse": "thrustmargin.models.model.analysis",
     "identify": "thrustmargin.models.identification.identify",
-    "load_model": "thrustmargin.models.model.rotor_model",
+    "load_model": "thrustmargin.models.model.model_file",
     "read_log": "thrustmargin.gcs_plugin.logs",
 }
 

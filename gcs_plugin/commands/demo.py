@@ -40,7 +40,7 @@ def demo(
     from thrustmargin.gcs_plugin.commands.report import report
     from thrustmargin.gcs_plugin.view.replay import run_replay
     from thrustmargin.models.errors import LogError
-    from thrustmargin.models.model.rotor_model import shipped_model
+    from thrustmargin.models.model.model_file import shipped_model
 
     if log is None:
         log = BUNDLED

@@ -149,7 +149,7 @@ def write_result(
 ) -> list[Path]:
     """Write what was asked for; all files are made before any is put in its place."""
     from thrustmargin.gcs_plugin.reports.identify.identify_result import json_text
-    from thrustmargin.models.model.rotor_model import save_model
+    from thrustmargin.models.model.model_file import save_model
     from thrustmargin.models.whole_file import whole_file
 
     wanted = [path for path in (out, json, html) if path is not None]

@@ -7,12 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from thrustmargin.models.errors import DataError, LogError, ThrustMarginError
-from thrustmargin.models.model.rotor_model import (
-    RotorModel,
-    load_model,
-    physics_model,
-    shipped_model,
-)
+from thrustmargin.models.model.model_file import load_model, shipped_model
+from thrustmargin.models.model.rotor_model import RotorModel, physics_model
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 
 if TYPE_CHECKING:

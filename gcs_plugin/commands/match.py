@@ -119,8 +119,8 @@ def _fill(fill: float, capacity: float) -> str:
 
 def _network(matching: Matching, path: Path | None) -> tuple[NetworkPoints | None, str]:
     """The network's points, and a sentence that says what they are or why there are none."""
+    from thrustmargin.models.model.model_file import load_model, shipped_model
     from thrustmargin.models.model.network_points import network_points
-    from thrustmargin.models.model.rotor_model import load_model, shipped_model
 
     if path is not None:
         model = load_model(path)
@@ -133,5 +133,5 @@ def _network(matching: Matching, path: Path | None) -> tuple[NetworkPoints | Non
             return None, f"no network in the figure: {error}"
     sentence = f"network in the figure: {points.load.size} points of the model for {points.title}"
     if points.left_out:
-        sentence += f"; {points.left_out} more lie outside its training envelope"
+        sentence += f"; {points.left_out} more lie outside its training domain"
     return points, sentence

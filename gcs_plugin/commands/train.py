@@ -58,7 +58,7 @@ def train(
     from thrustmargin.gcs_plugin.commands.progress import steps
     from thrustmargin.gcs_plugin.reports.model.loss_figure import write_loss_curves
     from thrustmargin.gcs_plugin.reports.model.training_tables import training_tables
-    from thrustmargin.models.model.rotor_model import save_model
+    from thrustmargin.models.model.model_file import save_model
     from thrustmargin.models.model.training import TrainSettings
     from thrustmargin.models.model.training import train as fit
     from thrustmargin.models.network.network import NetConfig

@@ -221,8 +221,8 @@ def _wind(it: DescribedEffect) -> str:
 
 
 def _followed_wind(it: DescribedEffect) -> str:
-    found, envelope = it.found, it.whole.model.envelope
-    known = "" if envelope is None else number(envelope.wind_speed[1], "m/s")
+    found, domain = it.found, it.whole.model.training_domain
+    known = "" if domain is None else number(domain.wind_speed[1], "m/s")
     return (
         f"A wind blows, stronger than the {known} of the training: {_winds(it)}; the reported "
         "airspeed follows it, so it is not missing: with the speed over ground instead RMSE would "

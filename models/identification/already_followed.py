@@ -37,7 +37,7 @@ def followed_wind(problem: Problem, fit: Fit, tracks: Sequence[FlightTrack]) -> 
     either is missing, or the speed over ground would do as well.
     """
     model, flight = problem.model, problem.model.forward_flight
-    if model.envelope is None or flight is None or not problem.has(WIND):
+    if model.training_domain is None or flight is None or not problem.has(WIND):
         return None
     if not flight.rotor_drag > 0.0:
         return None
@@ -48,7 +48,7 @@ def followed_wind(problem: Problem, fit: Fit, tracks: Sequence[FlightTrack]) -> 
     value = mean.mean(axis=1)
     half = np.hypot(_half_widths(winds, mean), G0 * LEVEL_ERROR / flight.rotor_drag)
     surely = np.hypot(*value.T) - np.hypot(*half.T)
-    if not np.any(surely > model.envelope.wind_speed[1]):
+    if not np.any(surely > model.training_domain.wind_speed[1]):
         return None
     x = problem.channels
     speed = np.hypot(x.velocity_north, x.velocity_east)

@@ -32,13 +32,13 @@ def base_uncertainty_rpm(model: RotorModel, base: BaseTable, x: Channels) -> Flo
 def _of_members(model: RotorModel, x: Channels) -> list[Floats]:
     """How each member of the ensemble differs from their mean, at the edge of the training beyond
     it; scaled so that the squares add up to the members' variance."""
-    network, envelope = model.network, model.envelope
-    if network is None or envelope is None or network.members < 2:
+    network, domain = model.network, model.training_domain
+    if network is None or domain is None or network.members < 2:
         return []
     speeds = member_speeds(
         network,
-        np.clip(x.airspeed, envelope.airspeed[0], model.known_airspeed),
-        np.clip(x.tank_kg, *envelope.tank_kg),
+        np.clip(x.airspeed, domain.airspeed[0], model.known_airspeed),
+        np.clip(x.tank_kg, *domain.tank_kg),
     )
     return list((speeds - speeds.mean(axis=0)) / np.sqrt(network.members - 1.0))
 

@@ -59,7 +59,8 @@ from thrustmargin.models.identification.search import (
     warm_start,
 )
 from thrustmargin.models.identification.unexplained import LEAST_SHARE, Curve, best_curve, floor_rpm
-from thrustmargin.models.model.rotor_model import RotorModel, shipped_model
+from thrustmargin.models.model.model_file import shipped_model
+from thrustmargin.models.model.rotor_model import RotorModel
 
 Progress = Callable[[str, float], None]
 

@@ -24,13 +24,13 @@ from thrustmargin.models.identification.fit import Evaluator, Term, layout_of
 from thrustmargin.models.identification.result import Found, Identification
 from thrustmargin.models.identification.search import warm_start
 from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.network.conformal import (
+from thrustmargin.models.network.ensemble import ensemble_speed
+from thrustmargin.models.network.validity import (
     Interval,
     calibrate,
     flights_needed,
     measure_coverage,
 )
-from thrustmargin.models.network.ensemble import ensemble_speed
 
 COVERAGE = 0.9  # of an interval where the old model has none
 
@@ -140,7 +140,7 @@ def _background(model: RotorModel, found: Identification) -> tuple[float, ...]:
 def _interval(model: RotorModel, found: Identification) -> tuple[Interval | None, str]:
     """The new model's interval, and in words where it comes from."""
     old = model.interval
-    if model.network is None or model.envelope is None:
+    if model.network is None or model.training_domain is None:
         return old, "no interval: the model has no network to calibrate one for"
     kept = "the interval is that of the old model"
     coverage = old.coverage if old is not None else COVERAGE
@@ -148,7 +148,7 @@ def _interval(model: RotorModel, found: Identification) -> tuple[Interval | None
     if any(t.effect.begins for t in found.fit.terms):
         return old, f"{kept}: a rotor changed during these flights"
     airspeed, tank_kg = problem.channels.airspeed, problem.channels.tank_kg
-    inside = model.envelope.covers_inputs(airspeed, tank_kg)
+    inside = model.training_domain.covers_inputs(airspeed, tank_kg)
     flights = np.unique(problem.flight[inside])
     if flights.size < needed:
         return old, (
@@ -160,7 +160,7 @@ def _interval(model: RotorModel, found: Identification) -> tuple[Interval | None
     interval = calibrate(*rows, coverage=coverage)
     measured = measure_coverage(*rows, coverage=coverage)
     words = f"the interval for {100 * coverage:.0f} % is calibrated anew on {flights.size} flights"
-    learnt = len(set(problem.names) & set(model.envelope.flights))
+    learnt = len(set(problem.names) & set(model.training_domain.flights))
     if learnt:
         words += (
             f"; the network has learnt from {learnt} of them, so it may be a little narrow "

@@ -30,7 +30,7 @@ class NetworkPoints:
     tank_kg: Floats  # (P,) kg
     rotor_speed_rpm: Floats  # (P, R)
     load: Floats  # (P,) N that a rotor carries
-    left_out: int  # points outside the model's training envelope
+    left_out: int  # points outside the model's training domain
 
 
 def network_points(

@@ -1,6 +1,6 @@
 """Predicted rotor speeds of a flight, with their interval and what each row rests on.
 
-Inside the training envelope of the model's network: the mean of its members. Outside, and without
+Inside the training domain of the model's network: the mean of its members. Outside, and without
 a network: weight shared by the rotors and the thrust curve in the air of the row (Eq. 4 and 6),
 which knows nothing of airspeed. Each row says which in `basis`. The identified effects are in both:
 where the network is not asked, they change the physics by the share by which they change the base.
@@ -27,8 +27,8 @@ class Basis(IntEnum):
     """What a predicted row rests on."""
 
     NONE = 0  # an input is missing: no prediction
-    NETWORK = 1  # the learnt network, inside its training envelope
-    PHYSICS = 2  # weight and thrust curve: no network, or outside its envelope
+    NETWORK = 1  # the learnt network, inside its training domain
+    PHYSICS = 2  # weight and thrust curve: no network, or outside its training domain
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -78,10 +78,10 @@ def predict(
     air = np.where(known, density, np.nan)
     coverage = float("nan")
     inside = np.zeros_like(known)
-    if model.network is not None and model.envelope is not None:
-        inside = known & model.envelope.covers_inputs(airspeed, tank_kg)
+    if model.network is not None and model.training_domain is not None:
+        inside = known & model.training_domain.covers_inputs(airspeed, tank_kg)
         if not follows_density(model):
-            inside &= model.envelope.covers(airspeed, tank_kg, density)
+            inside &= model.training_domain.covers(airspeed, tank_kg, density)
         speed[inside], spread = ensemble_speed(model.network, airspeed[inside], tank_kg[inside])
         basis[inside] = Basis.NETWORK
         air[inside] = model.reference_density

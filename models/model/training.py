@@ -25,11 +25,9 @@ import numpy as np
 from thrustmargin.models.errors import AirframeError, DataError
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.network.conformal import calibrate, measure_coverage
 from thrustmargin.models.network.ensemble import ensemble_speed, member_speeds, stack_networks
 from thrustmargin.models.network.network import NetConfig, NetworkFit, fit_network
 from thrustmargin.models.network.records import ConditionScore, SplitScore, TrainingRecord
-from thrustmargin.models.network.training_domain import Envelope, Range
 from thrustmargin.models.network.training_rows import (
     Rows,
     Samples,
@@ -39,6 +37,7 @@ from thrustmargin.models.network.training_rows import (
     split_by_flight,
     split_by_samples,
 )
+from thrustmargin.models.network.validity import Range, TrainingDomain, calibrate, measure_coverage
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.forward_flight import fit_forward_flight
 from thrustmargin.models.scores import Score, score
@@ -161,7 +160,7 @@ def train(
     model = RotorModel(
         airframe=airframe,
         network=network,
-        envelope=_envelope(samples),
+        training_domain=_training_domain(samples),
         interval=replace(interval, measured=measured),
         reference_density=float(np.median(samples.density)),
         reference_voltage=_median(samples.voltage),
@@ -240,8 +239,8 @@ def _conditions(samples: Samples, predicted: Floats, seed: int) -> tuple[Conditi
     return (*scores, ConditionScore(condition="mean of rotors", score=together))
 
 
-def _envelope(samples: Samples) -> Envelope:
-    return Envelope(
+def _training_domain(samples: Samples) -> TrainingDomain:
+    return TrainingDomain(
         airspeed=_range(samples.airspeed),
         tank_kg=_range(samples.tank_kg),
         density=_range(samples.density),

@@ -8,11 +8,11 @@ False alarms are counted on three groups of recorded flights, each through the w
 - other aircraft: 3 kg too heavy, or its centre of gravity shifted; a rotor named bad would be
   false.
 Explained is: a margin where weight, air and pack alone leave less than the limit; an empty tank; a
-tank that parts from the thrust of the aircraft that is too heavy; and an envelope that is left in
-conditions that the model has not seen. A margin is always measured: where it is not explained,
-wind, climb or a turn took it, and it is counted as false all the same. The largest rate that goes
-with what was counted is given beside it (95 %, Poisson): no alarm in an hour does not prove none in
-ten.
+tank that parts from the thrust of the aircraft that is too heavy; and a training domain that is
+left in conditions that the model has not seen. A margin is always measured: where it is not
+explained, wind, climb or a turn took it, and it is counted as false all the same. The largest rate
+that goes with what was counted is given beside it (95 %, Poisson): no alarm in an hour does not
+prove none in ten.
 
 Losses of a propeller are put into the healthy flights: the autopilot holds the thrust, so that the
 rotor turns faster by 1/sqrt(1 - loss). That the others answer is only in the recorded onset.
@@ -35,7 +35,7 @@ from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorSettings
 from thrustmargin.gcs_plugin.live.tank_balance import virtual_gauge
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.rotor_model import shipped_model
+from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.physics.margin import ceiling, hover_use, weight
 
 LIMIT = 0.5

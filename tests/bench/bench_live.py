@@ -20,7 +20,7 @@ import pytest
 from tests.gcs_plugin.live.live_vehicle import ROOT, Vehicle
 from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorSettings
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
-from thrustmargin.models.model.rotor_model import shipped_model
+from thrustmargin.models.model.model_file import shipped_model
 
 SENDER = Path(__file__).with_name("many_vehicles.py")
 RUN = "import sys; from thrustmargin.gcs_plugin.cli import main; main(sys.argv[1:])"

@@ -33,7 +33,8 @@ from thrustmargin.gcs_plugin.mavproxy.worker import (
     summary,
 )
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.rotor_model import physics_model, save_model
+from thrustmargin.models.model.model_file import save_model
+from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
 MODULE = "thrustmargin.gcs_plugin.mavproxy_module"
@@ -171,7 +172,7 @@ def playing(flight: list[tuple[int, bytes]], port: int, start: float, stop: floa
 
 def watched(flight: list[tuple[int, bytes]], start: float, stop: float, model: Path) -> Reading:
     """What `live.vehicle_monitor` makes of the same frames in this process."""
-    from thrustmargin.models.model.rotor_model import load_model
+    from thrustmargin.models.model.model_file import load_model
 
     fleet = Fleet(load_model(model))
     chosen = [(t, data) for t, data in flight if start * 1e6 <= t < stop * 1e6]

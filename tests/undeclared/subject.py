@@ -96,7 +96,7 @@ def closed_and_told(
 def save_base(folder: Path) -> Path:
     """Build the trained model once and keep it in a file, for several workers."""
     path = folder / "healthy.safetensors"
-    from thrustmargin.models.model.rotor_model import save_model
+    from thrustmargin.models.model.model_file import save_model
 
     save_model(trained_model(folder), path)
     return path
@@ -104,7 +104,7 @@ def save_base(folder: Path) -> Path:
 
 @cache
 def load_base(path: Path) -> RotorModel:
-    from thrustmargin.models.model.rotor_model import load_model
+    from thrustmargin.models.model.model_file import load_model
 
     return load_model(path)
 
@@ -112,7 +112,7 @@ def load_base(path: Path) -> RotorModel:
 @cache
 def shipped() -> RotorModel:
     """The model that the project ships for the recorded flights' aircraft."""
-    from thrustmargin.models.model.rotor_model import shipped_model
+    from thrustmargin.models.model.model_file import shipped_model
 
     return shipped_model()
 

@@ -91,7 +91,7 @@ def accuracy(analysis: FlightAnalysis, rotor_names: tuple[str, ...]) -> Accuracy
 
 def trained_on(analysis: FlightAnalysis) -> bool:
     """True when a flight of this name, whatever the format of its log, trained the network."""
-    domain = analysis.model.envelope
+    domain = analysis.model.training_domain
     name = PurePath(analysis.track.name).stem
     return domain is not None and name in {PurePath(f).stem for f in domain.flights}
 

@@ -39,8 +39,8 @@ def model_use(analysis: FlightAnalysis) -> JsonObject:
 def model_words(model: RotorModel) -> list[str]:
     """Training domain and interval of a model, in words."""
     words = []
-    if model.envelope is not None:
-        covers = model.envelope
+    if model.training_domain is not None:
+        covers = model.training_domain
         words.append(
             "trained at "
             f"{covers.airspeed[0]:.1f} to {covers.airspeed[1]:.1f} m/s airspeed, "

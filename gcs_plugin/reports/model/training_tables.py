@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.model.training import PAPER_BEST_EPOCH, PAPER_LOWEST_LOSS, PAPER_R2
-from thrustmargin.models.network.conformal import Interval, flights_needed
 from thrustmargin.models.network.records import ConditionScore, SplitScore, TrainingRecord
+from thrustmargin.models.network.validity import Interval, flights_needed
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -22,9 +22,9 @@ SPLIT_WORDS = {
 def training_tables(model: RotorModel) -> list[RenderableType]:
     """Tables and sentences about a trained model, in the order to print them."""
     record, interval = model.training, model.interval
-    if record is None or interval is None or model.envelope is None:
+    if record is None or interval is None or model.training_domain is None:
         return [model.description]
-    domain = model.envelope
+    domain = model.training_domain
     parts: list[RenderableType] = [
         f"{model.description}; {record.rows} rows, "
         f"airspeed {domain.airspeed[0]:.1f} to {domain.airspeed[1]:.1f} m/s, "

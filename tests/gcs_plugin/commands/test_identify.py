@@ -18,7 +18,8 @@ from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.rotor_model import load_model, physics_model, save_model
+from thrustmargin.models.model.model_file import load_model, save_model
+from thrustmargin.models.model.rotor_model import physics_model
 
 LOSS = 0.08
 CURVE = ("--airframe", F16.name, "--surrogates", "49")

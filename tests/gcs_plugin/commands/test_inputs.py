@@ -4,12 +4,8 @@ import pytest
 
 from thrustmargin.gcs_plugin.commands.inputs import chosen_model, starting_model
 from thrustmargin.models.errors import DataError
-from thrustmargin.models.model.rotor_model import (
-    RotorModel,
-    physics_model,
-    save_model,
-    shipped_model,
-)
+from thrustmargin.models.model.model_file import save_model, shipped_model
+from thrustmargin.models.model.rotor_model import RotorModel, physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
 OTHER = "agras-t20"

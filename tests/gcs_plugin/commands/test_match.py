@@ -9,8 +9,9 @@ from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.match import match
 from thrustmargin.gcs_plugin.reports.model.figure10 import figure10, write_figure
 from thrustmargin.models.errors import AirframeError, DataError, ModelError
+from thrustmargin.models.model.model_file import save_model
 from thrustmargin.models.model.network_points import NetworkPoints
-from thrustmargin.models.model.rotor_model import physics_model, save_model
+from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import airframe_names, load_airframe
 from thrustmargin.models.physics.matching import match_airframe
 

@@ -26,7 +26,7 @@ from thrustmargin.gcs_plugin.live.recorded_table import read_samples, sample_tab
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.rotor_model import save_model
+from thrustmargin.models.model.model_file import save_model
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,8 @@ import pytest
 
 from tests.gcs_plugin.reports.margin.report_flight import LOG
 from thrustmargin.gcs_plugin.cli import run
-from thrustmargin.models.model.rotor_model import physics_model, save_model
+from thrustmargin.models.model.model_file import save_model
+from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
 

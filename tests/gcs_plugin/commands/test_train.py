@@ -16,9 +16,10 @@ from thrustmargin.gcs_plugin.commands.train import train
 from thrustmargin.gcs_plugin.reports.model.loss_figure import loss_figure, write_loss_curves
 from thrustmargin.gcs_plugin.reports.model.training_tables import interval_sentence, training_tables
 from thrustmargin.models.errors import AirframeError, DataError, LogError
-from thrustmargin.models.model.rotor_model import load_model, physics_model, shipped_model
+from thrustmargin.models.model.model_file import load_model, shipped_model
+from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.model.training import LossCurve
-from thrustmargin.models.network.conformal import Interval, MeasuredCoverage
+from thrustmargin.models.network.validity import Interval, MeasuredCoverage
 from thrustmargin.models.physics.airframe import load_airframe
 
 
@@ -45,8 +46,8 @@ def test_four_flights_make_a_model_with_its_table_and_loss_curves(few_logs, tmp_
         assert said in text
     assert "needs at least 9 flights" in " ".join(text.split())
     model = load_model(out)
-    assert model.envelope is not None
-    assert model.envelope.flights == tuple(path.name for path in few_logs)
+    assert model.training_domain is not None
+    assert model.training_domain.flights == tuple(path.name for path in few_logs)
     assert sorted(p.name for p in tmp_path.iterdir()) == [
         "own.loss.csv",
         "own.loss.svg",

@@ -14,7 +14,8 @@ from thrustmargin.gcs_plugin.live.tank_balance import TankBalance, virtual_gauge
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import Basis, analyse
-from thrustmargin.models.model.rotor_model import physics_model, shipped_model
+from thrustmargin.models.model.model_file import shipped_model
+from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
 AIRFRAME = load_airframe("topxgun-f16-sitl")

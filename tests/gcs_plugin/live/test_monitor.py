@@ -28,7 +28,7 @@ from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.models.errors import LinkError
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.rotor_model import shipped_model
+from thrustmargin.models.model.model_file import shipped_model
 
 
 class Seen:

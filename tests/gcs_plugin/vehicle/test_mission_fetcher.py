@@ -15,7 +15,8 @@ from thrustmargin.gcs_plugin.link.listener import Listener
 from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter
 from thrustmargin.gcs_plugin.live.fleet import Fleet
 from thrustmargin.gcs_plugin.vehicle.mission_fetcher import MissionFetcher
-from thrustmargin.models.model.rotor_model import physics_model, save_model
+from thrustmargin.models.model.model_file import save_model
+from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
 pytestmark = pytest.mark.slow

@@ -19,7 +19,8 @@ from thrustmargin.models.errors import DataError
 from thrustmargin.models.identification.identify import identify
 from thrustmargin.models.identification.model_update import with_effects
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.rotor_model import RotorModel, save_model
+from thrustmargin.models.model.model_file import save_model
+from thrustmargin.models.model.rotor_model import RotorModel
 
 
 @pytest.fixture(scope="module")

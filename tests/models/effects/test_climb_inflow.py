@@ -6,7 +6,7 @@ import pytest
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.effects.climb_inflow import CLIMB_INFLOW
 from thrustmargin.models.model.flown import model_channels
-from thrustmargin.models.model.rotor_model import shipped_model
+from thrustmargin.models.model.model_file import shipped_model
 
 
 def weight_on(path) -> float:

@@ -22,7 +22,8 @@ from thrustmargin.models.identification.fit import (
     mode_scales,
 )
 from thrustmargin.models.identification.problem import assemble
-from thrustmargin.models.model.rotor_model import physics_model, shipped_model
+from thrustmargin.models.model.model_file import shipped_model
+from thrustmargin.models.model.rotor_model import physics_model
 
 
 def with_mass(half_width: float):

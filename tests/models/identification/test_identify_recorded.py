@@ -8,7 +8,7 @@ import pytest
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.identification.identify import identify
 from thrustmargin.models.identification.model_update import with_effects
-from thrustmargin.models.model.rotor_model import shipped_model
+from thrustmargin.models.model.model_file import shipped_model
 
 #: group -> effect, rotor, parameter, true value (sitl_logs/manifest.toml)
 TOLD = {

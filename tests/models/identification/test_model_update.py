@@ -17,15 +17,10 @@ from thrustmargin.models.identification.margin_change import margin_changes
 from thrustmargin.models.identification.model_update import record_of, update_model, with_effects
 from thrustmargin.models.identification.result import Found, Identification, unseen_residuals
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.rotor_model import (
-    RotorModel,
-    hover_speed,
-    load_model,
-    physics_model,
-    save_model,
-)
+from thrustmargin.models.model.model_file import load_model, save_model
+from thrustmargin.models.model.rotor_model import RotorModel, hover_speed, physics_model
 from thrustmargin.models.network.ensemble import RotorNetwork
-from thrustmargin.models.network.training_domain import Envelope
+from thrustmargin.models.network.validity import TrainingDomain
 from thrustmargin.models.physics.airframe import load_airframe
 
 LOSS = 0.08
@@ -140,7 +135,7 @@ def learnt_model(flights: tuple[str, ...] = ()) -> RotorModel:
             output_mean=np.full((2, 4), (full + empty) / 2),
             output_scale=np.ones((2, 4)),
         ),
-        envelope=Envelope(
+        training_domain=TrainingDomain(
             airspeed=(0.0, 7.0),
             tank_kg=(0.0, 16.0),
             density=(1.2, 1.25),

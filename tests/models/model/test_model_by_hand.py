@@ -18,9 +18,8 @@ from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse, worst_rotor
 from thrustmargin.models.model.predict import Basis, predict
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
-from thrustmargin.models.network.conformal import Interval
 from thrustmargin.models.network.ensemble import RotorNetwork
-from thrustmargin.models.network.training_domain import Envelope
+from thrustmargin.models.network.validity import Interval, TrainingDomain
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 from thrustmargin.models.physics.forward_flight import ForwardFlight, thrust_ratio
 
@@ -61,7 +60,7 @@ def learnt(**given) -> RotorModel:
     parts = {
         "airframe": AIRFRAME,
         "network": linear_network(),
-        "envelope": Envelope(
+        "training_domain": TrainingDomain(
             airspeed=(1.0, 5.0),
             tank_kg=(2.0, 8.0),
             density=(1.2, 1.2),
@@ -303,7 +302,7 @@ def test_a_model_in_words():
     assert np.isnan(physics_model(AIRFRAME).known_airspeed)
 
 
-@pytest.mark.parametrize("lacking", ["network", "envelope"])
+@pytest.mark.parametrize("lacking", ["network", "training_domain"])
 def test_a_network_without_its_training_domain_is_no_model(lacking):
     with pytest.raises(ModelError, match="belong together"):
         learnt(**{lacking: None})

@@ -7,7 +7,7 @@ from thrustmargin.models.errors import ModelError
 from thrustmargin.models.model.network_points import network_points
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
 from thrustmargin.models.network.network import RotorNetwork
-from thrustmargin.models.network.training_domain import Envelope
+from thrustmargin.models.network.validity import TrainingDomain
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.atmosphere import G0
 
@@ -25,7 +25,7 @@ def linear_model(density: float = 1.15) -> RotorModel:
         output_scale=np.ones((1, 4)),
     )
     nothing = (float("nan"), float("nan"))
-    envelope = Envelope(
+    domain = TrainingDomain(
         airspeed=(0.0, 5.0),
         tank_kg=(0.0, 16.0),
         density=(density, density),
@@ -36,7 +36,7 @@ def linear_model(density: float = 1.15) -> RotorModel:
     return RotorModel(
         airframe=load_airframe("topxgun-f16-sitl"),
         network=network,
-        envelope=envelope,
+        training_domain=domain,
         reference_density=density,
         reference_voltage=58.8,
     )

@@ -8,8 +8,9 @@ import pytest
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.predict import Basis, predict
-from thrustmargin.models.model.rotor_model import RotorModel, physics_model, shipped_model
+from thrustmargin.models.model.rotor_model import RotorModel, physics_model
 from thrustmargin.models.network.ensemble import ensemble_speed
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.atmosphere import G0, track_density
@@ -41,7 +42,7 @@ def air(track, density=SEA_LEVEL):
     return np.broadcast_to(np.asarray(density, dtype=np.float64), track.time_s.shape)
 
 
-def test_inside_the_envelope_it_is_the_network_with_its_interval(model):
+def test_inside_the_training_domain_it_is_the_network_with_its_interval(model):
     track = flight([0.5, 4.0, 6.0], [16.0, 10.0, 2.0])
     predicted = predict(model, track, air(track))
     speed, _ = ensemble_speed(model.network, track.airspeed, track.tank_kg)

@@ -4,7 +4,7 @@ import pytest
 
 from tests.models.model.test_windows import lively
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.rotor_model import shipped_model
+from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.physics.airframe import load_airframe
 
 

@@ -9,21 +9,21 @@ from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.errors import AirframeError, DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.json_values import to_json_values
+from thrustmargin.models.model.model_file import load_model, save_model, shipped_model
 from thrustmargin.models.model.predict import Basis, predict
-from thrustmargin.models.model.rotor_model import load_model, save_model, shipped_model
 from thrustmargin.models.model.training import TrainSettings, train
-from thrustmargin.models.network.conformal import (
-    calibrate,
-    flights_needed,
-    hierarchical_quantile,
-    measure_coverage,
-)
 from thrustmargin.models.network.network import NetConfig
 from thrustmargin.models.network.training_rows import (
     gather,
     member_splits,
     split_by_flight,
     split_by_samples,
+)
+from thrustmargin.models.network.validity import (
+    calibrate,
+    flights_needed,
+    hierarchical_quantile,
+    measure_coverage,
 )
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.atmosphere import track_density
@@ -195,8 +195,8 @@ def test_training_keeps_its_settings_and_fills_the_model(tmp_path):
     assert [name for name, epoch, _ in seen if epoch == 1] == QUICK.names()
     assert model.network is not None
     assert model.network.members == 3
-    assert model.envelope is not None
-    assert model.envelope.flights == tuple(t.name for t in tracks)
+    assert model.training_domain is not None
+    assert model.training_domain.flights == tuple(t.name for t in tracks)
     assert model.training is not None
     assert (model.training.date, model.training.version) == ("2025-06-01", "1.2")
     assert [s.split for s in model.training.splits] == ["samples", "flights"]

@@ -10,11 +10,11 @@ from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.training import (
     TrainSettings,
     _conditions,
-    _envelope,
     _left_out_speeds,
     _median,
     _range,
     _split_score,
+    _training_domain,
     train,
 )
 from thrustmargin.models.network.ensemble import RotorNetwork
@@ -112,7 +112,7 @@ def test_the_mean_of_rotors_forgives_what_they_exchange():
 
 
 def test_the_training_domain_is_from_the_lowest_to_the_highest_known():
-    domain = _envelope(TABLE)
+    domain = _training_domain(TABLE)
     assert domain.airspeed == (1.0, 5.0)
     assert domain.tank_kg == (2.0, 9.0)
     assert domain.density == (1.0, 1.2)

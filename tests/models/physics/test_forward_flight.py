@@ -8,7 +8,7 @@ import pytest
 from tests.models.made_flights import made_flights
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.model.rotor_model import shipped_model
+from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.forward_flight import (
     KNOWN_SHARE,

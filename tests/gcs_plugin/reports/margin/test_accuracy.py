@@ -10,7 +10,7 @@ from thrustmargin.gcs_plugin.reports.margin import report_flight
 from thrustmargin.gcs_plugin.reports.margin.accuracy import BLOCK_S, FEWEST_BLOCKS, accuracy
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import FlightAnalysis, Prediction, analyse
-from thrustmargin.models.model.rotor_model import shipped_model
+from thrustmargin.models.model.model_file import shipped_model
 
 NAMES = ("a", "b", "c", "d")
 

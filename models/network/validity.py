@@ -1,4 +1,7 @@
-"""Intervals of the predicted rotor speed, calibrated on flights that the network has not seen.
+"""Where a network may be asked, and how sure it is there.
+
+The training domain is the range of each input over the training flights. Inside it the predicted
+rotor speed has an interval, calibrated on flights that the network has not seen:
 
     half width of rotor i = q_i s_i,   s_i = sqrt(c_i(V)^2 + (z spread_i)^2)
 
@@ -25,13 +28,47 @@ from statistics import NormalDist
 
 import numpy as np
 
-from thrustmargin.models.flight import Floats
+from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.network.training_rows import Rows
 
 KNOT_STEP = 0.5  # m/s between the airspeeds at which the scatter is kept
 BANDWIDTH = 0.5  # m/s, standard deviation of the weights of like airspeeds
 #: rpm below which a scatter is not believed: no rotor speed sensor is better than this
 SCATTER_FLOOR_RPM = 1.0
+#: How far beyond its training the network is still asked: m/s, kg, share of density.
+#: 2 % of density is 1 % of rotor speed, about the error of the network in straight flight.
+AIRSPEED_TOLERANCE, TANK_TOLERANCE, DENSITY_TOLERANCE = 0.25, 0.25, 0.02
+
+Range = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainingDomain:
+    """Ranges that the training flights covered, lowest and highest; NaN where unreported."""
+
+    airspeed: Range  # m/s
+    tank_kg: Range
+    density: Range  # kg/m³
+    height_agl: Range  # m
+    wind_speed: Range  # m/s
+    flights: tuple[str, ...]
+
+    def covers_inputs(self, airspeed: Floats, tank_kg: Floats) -> Bools:
+        """(N,) rows whose airspeed and tank level the network has learnt; NaN is not covered."""
+        return _within(airspeed, self.airspeed, AIRSPEED_TOLERANCE) & _within(
+            tank_kg, self.tank_kg, TANK_TOLERANCE
+        )
+
+    def covers(self, airspeed: Floats, tank_kg: Floats, density: Floats) -> Bools:
+        """(N,) rows that are covered in airspeed, tank level and air density."""
+        return self.covers_inputs(airspeed, tank_kg) & _within(
+            density, self.density, DENSITY_TOLERANCE * self.density[1]
+        )
+
+
+def _within(values: Floats, limits: Range, tolerance: float) -> Bools:
+    with np.errstate(invalid="ignore"):
+        return (values >= limits[0] - tolerance) & (values <= limits[1] + tolerance)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +76,7 @@ class MeasuredCoverage:
     """Share of rows inside the interval on flights that took no part in calibrating it."""
 
     per_rotor: tuple[float, ...]  # mean over flights
-    per_flight: tuple[float, ...]  # mean over rotors, in the order of the envelope's flights
+    per_flight: tuple[float, ...]  # mean over rotors, in the order of the training domain's flights
     mean: float
     width_rpm: float  # mean full width
 

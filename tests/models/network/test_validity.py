@@ -1,4 +1,4 @@
-"""Conformal intervals of a few rows, worked out by hand."""
+"""Where a network may be asked, and conformal intervals of a few rows, worked out by hand."""
 
 from typing import Any
 
@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from thrustmargin.models.network.conformal import (
+from thrustmargin.models.network.validity import (
     SCATTER_FLOOR_RPM,
     Interval,
+    TrainingDomain,
     calibrate,
     flights_needed,
     hierarchical_quantile,
@@ -139,3 +140,29 @@ def test_coverage_is_told_for_each_rotor_and_each_flight():
     assert measured.mean == pytest.approx(5.0 / 6.0)
     widths = [(2 * 20 + 2 * 5) / 2, (2 * 15 + 2 * 5) / 2, (2 * 20 + 2 * 5) / 2]
     assert measured.width_rpm == pytest.approx(np.mean(widths))
+
+
+NAN = float("nan")
+DOMAIN = TrainingDomain(
+    airspeed=(2.0, 6.0),
+    tank_kg=(4.0, 16.0),
+    density=(1.0, 1.2),
+    height_agl=(NAN, NAN),
+    wind_speed=(NAN, NAN),
+    flights=("one",),
+)
+
+
+def test_a_quarter_of_a_metre_a_second_and_of_a_kilogram_beyond_are_covered():
+    airspeed = np.array([1.75, 1.74, 6.25, 6.26, 4.0, NAN, 4.0, 4.0, 4.0, 4.0, 4.0])
+    tank = np.array([9.0, 9.0, 9.0, 9.0, 9.0, 9.0, 3.75, 3.74, 16.25, 16.26, NAN])
+    expected = [True, False, True, False, True, False, True, False, True, False, False]
+    assert DOMAIN.covers_inputs(airspeed, tank).tolist() == expected
+    assert DOMAIN.covers(airspeed, tank, np.full(11, 1.1)).tolist() == expected
+
+
+def test_two_percent_of_density_beyond_are_covered():
+    # 2 % of the upper limit, 1.2, is 0.024 at either end.
+    density = np.array([0.977, 0.975, 1.223, 1.225, 1.1, NAN])
+    inside = DOMAIN.covers(np.full(6, 4.0), np.full(6, 9.0), density)
+    assert inside.tolist() == [True, False, True, False, True, False]

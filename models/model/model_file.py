@@ -1,0 +1,154 @@
+"""Model files: one safetensors file holds all that is known about an aircraft's rotor speeds.
+
+The weights are tensors, the rest is JSON in the metadata, the airframe included, so that it needs
+no other file.
+"""
+
+from __future__ import annotations
+
+import json
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from thrustmargin.models.effects.stored import EffectRecord
+from thrustmargin.models.errors import AirframeError, ModelError
+from thrustmargin.models.model.json_values import from_json_values, to_json_values
+from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.network.ensemble import RotorNetwork
+from thrustmargin.models.network.records import TrainingRecord
+from thrustmargin.models.network.validity import Interval, TrainingDomain
+from thrustmargin.models.physics.airframe import airframe_from_table, airframe_table
+from thrustmargin.models.physics.forward_flight import ForwardFlight
+from thrustmargin.models.whole_file import whole_file
+
+#: what the JSON in a model file says it is
+SCHEMA = "thrustmargin.model/1"
+METADATA_KEY = "thrustmargin"
+
+#: arrays of RotorNetwork beside its layers
+STANDARDISATION = ("input_mean", "input_scale", "output_mean", "output_scale")
+
+#: fields of RotorModel that are kept as JSON: key in the file, field, and what it is
+JSON_FIELDS: tuple[tuple[str, str, Any], ...] = (
+    ("envelope", "training_domain", TrainingDomain | None),
+    ("interval", "interval", Interval | None),
+    ("effects", "effects", tuple[EffectRecord, ...]),
+    ("reference_density", "reference_density", float),
+    ("reference_voltage", "reference_voltage", float),
+    ("training", "training", TrainingRecord | None),
+    ("forward_flight", "forward_flight", ForwardFlight | None),
+    ("background_rpm", "background_rpm", tuple[float, ...]),
+)
+
+
+def shipped_model() -> RotorModel:
+    """The model that comes with the package, of the simulated F16; ModelError if it is damaged."""
+    shipped = resources.files("thrustmargin.models.shipped")
+    with resources.as_file(shipped / "default.safetensors") as path:
+        return load_model(path)
+
+
+def save_model(model: RotorModel, path: Path) -> None:
+    """Write a model file; an older file of that name is replaced in one step or stays whole.
+
+    Raises ModelError when the file cannot be written.
+    """
+    from safetensors.numpy import save
+
+    content = save(_tensors(model.network), metadata={METADATA_KEY: json.dumps(_metadata(model))})
+    try:
+        with whole_file(path) as draft:
+            draft.write_bytes(content)
+    except OSError as error:
+        raise ModelError(f"cannot write the model file {path}: {error.strerror}") from error
+
+
+def load_model(path: str | Path | None = None) -> RotorModel:
+    """Read a model file; without a path the one that ships, of the simulated F16.
+
+    Raises ModelError when it is missing, damaged or of another kind.
+
+        >>> load_model().airframe.name
+        'topxgun-f16-sitl'
+    """
+    from safetensors import SafetensorError, safe_open
+
+    if path is None:
+        return shipped_model()
+    path = Path(path)
+    try:
+        with safe_open(str(path), framework="numpy") as file:
+            metadata = file.metadata() or {}
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    except (OSError, SafetensorError) as error:
+        raise _unreadable(path, error) from error
+    try:
+        return _model(json.loads(metadata.get(METADATA_KEY, "null")), tensors)
+    except (ModelError, AirframeError, ValueError, RecursionError) as error:
+        raise ModelError(
+            f"model file {path}: {error}; train a new one with: thrustmargin train"
+        ) from error
+
+
+def _unreadable(path: Path, error: Exception) -> ModelError:
+    if not path.exists():
+        return ModelError(f"no model file {path}; make one with: thrustmargin train LOG...")
+    if path.is_dir():
+        return ModelError(f"{path} is a folder; give the .safetensors file in it")
+    return ModelError(f"{path} is not a whole model file ({error}); give another --model")
+
+
+def _tensors(network: RotorNetwork | None) -> dict[str, np.ndarray]:
+    if network is None:
+        return {}
+    layers = {
+        f"layer{index}.{kind}": array
+        for index, pair in enumerate(zip(network.weights, network.biases, strict=True))
+        for kind, array in zip(("weight", "bias"), pair, strict=True)
+    }
+    return layers | {name: getattr(network, name) for name in STANDARDISATION}
+
+
+def _network(tensors: dict[str, np.ndarray]) -> RotorNetwork | None:
+    if not tensors:
+        return None
+    depth = sum(name.endswith(".weight") for name in tensors)
+    layers = [f"layer{i}.{kind}" for i in range(depth) for kind in ("weight", "bias")]
+    if tensors.keys() != {*layers, *STANDARDISATION}:
+        wrong = sorted(tensors.keys() ^ {*layers, *STANDARDISATION})[0]
+        raise ModelError(f"tensor {wrong!r} is missing or too many")
+    for name, array in tensors.items():
+        want = np.float64 if name in STANDARDISATION else np.float32
+        if array.dtype != want:
+            raise ModelError(f"tensor {name!r} is {array.dtype}, not {np.dtype(want)}")
+    return RotorNetwork(
+        weights=tuple(tensors[f"layer{i}.weight"] for i in range(depth)),
+        biases=tuple(tensors[f"layer{i}.bias"] for i in range(depth)),
+        **{name: tensors[name] for name in STANDARDISATION},
+    )
+
+
+def _metadata(model: RotorModel) -> dict[str, Any]:
+    return {
+        "schema": SCHEMA,
+        "airframe": airframe_table(model.airframe),
+        **{key: to_json_values(getattr(model, field)) for key, field, _ in JSON_FIELDS},
+    }
+
+
+def _model(data: Any, tensors: dict[str, np.ndarray]) -> RotorModel:
+    schema = data.get("schema") if isinstance(data, dict) else None
+    if schema != SCHEMA:
+        raise ModelError(f"its schema is {schema!r}, this version reads {SCHEMA!r}")
+    data = {"forward_flight": None, **data}
+    missing = sorted({"airframe", *(key for key, _, _ in JSON_FIELDS)} - data.keys())
+    if missing or not isinstance(data["airframe"], dict):
+        raise ModelError(f"its metadata lacks {(missing or ['airframe'])[0]!r}")
+    return RotorModel(
+        airframe=airframe_from_table(data["airframe"], "the airframe in it"),
+        network=_network(tensors),
+        **{field: from_json_values(kind, data[key], key) for key, field, kind in JSON_FIELDS},
+    )
