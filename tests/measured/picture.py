@@ -8,7 +8,7 @@ from plotly.subplots import make_subplots
 
 from tests.measured.crazyflie_errors import ThrustLeft, fast_part
 from tests.measured.crazyflie_numbers import Flown
-from thrustmargin.gcs_plugin.reports.shared.plot_style import LAYOUT, MEASURED, PREDICTED
+from thrustmargin.gcs_plugin.reports.shared.plot_style import MEASURED, PREDICTED, STYLE
 
 WIDTH, HEIGHT = 980, 950  # px
 THRUST = "Error of thrust on flights left out, with 95 % intervals over flights"
@@ -30,7 +30,8 @@ def picture(flown: Flown) -> Figure:
     texts = [f"{v:.0f}" for v in values]
     bars = Bar(x=names, y=values, text=texts, marker_color=PREDICTED, showlegend=False)
     figure.add_trace(bars, row=2, col=1)
-    figure.update_layout(LAYOUT, width=WIDTH, height=HEIGHT, legend={"x": 0.02, "y": 0.98})
+    legend = {"x": 0.02, "y": 0.98, "yref": "paper", "orientation": "v"}
+    figure.update_layout(template=STYLE, width=WIDTH, height=HEIGHT, legend=legend)
     figure.update_yaxes(title="RMSE, % of weight", row=1, col=1)
     figure.update_yaxes(title="RMSE, rpm", row=2, col=1)
     return figure

@@ -9,21 +9,12 @@ from html import escape
 
 import numpy as np
 from numpy.typing import NDArray
+from plotly.graph_objects import Figure, Scatter
+from plotly.subplots import make_subplots
 
 from thrustmargin.gcs_plugin.reports.identify.identify_sentences import channel_name, channel_title
 from thrustmargin.gcs_plugin.reports.identify.residual_rows import Rows
-from thrustmargin.gcs_plugin.reports.shared.plot_style import (
-    AFTER,
-    AXIS,
-    BEFORE,
-    INK,
-    LAYOUT,
-    LEGEND,
-    PlotJson,
-    filled,
-    heading,
-    packed,
-)
+from thrustmargin.gcs_plugin.reports.shared.plot_style import AFTER, BEFORE, STYLE, filled, single
 from thrustmargin.models.flight import Floats
 
 COLOURS = {"before": BEFORE, "after": AFTER}
@@ -35,55 +26,37 @@ ACROSS = 5  # panels in a line of channel plots
 PANEL_PX, UNDER_PX = 180, 66  # of a panel, and of its axis below
 
 
-def channels_figure(rows: Rows, mode: int) -> PlotJson:
+def channels_figure(rows: Rows, mode: int) -> Figure:
     """One mode against every channel: medians of bins, with the middle 80 % as a band."""
     lines = -(-len(rows.channels) // ACROSS)
-    width, height = 1.0 / ACROSS, 1.0 / max(lines, 1)
-    data: list[PlotJson] = []
-    axes: PlotJson = {}
+    height = lines * (PANEL_PX + UNDER_PX) - UNDER_PX
+    made = make_subplots(
+        rows=lines,
+        cols=ACROSS,
+        shared_yaxes="all",
+        horizontal_spacing=0.024,
+        vertical_spacing=UNDER_PX / height if lines > 1 else 0.0,
+    )
     reach = 0.0
     for k, (name, channel) in enumerate(rows.channels.items()):
-        axis = "" if k == 0 else str(k + 1)
+        row, column = k // ACROSS + 1, k % ACROSS + 1
         for which, table in (("before", rows.before_modes), ("after", rows.after_modes)):
-            traces, high = _binned(channel, table[:, mode], which, axis, legend=k == 0)
-            data += traces
+            traces, high = _binned(channel, table[:, mode], which, legend=k == 0)
+            made.add_traces(traces, rows=row, cols=column)
             reach = max(reach, high)
-        row, column = divmod(k, ACROSS)
-        top = 1.0 - row * height
-        axes[f"xaxis{axis}"] = {
-            **AXIS,
-            "domain": [column * width + 0.012, (column + 1) * width - 0.012],
-            "anchor": f"y{axis}",
-            "title": {"text": escape(channel_title(name)), "font": {"size": 14}, "standoff": 4},
-            "tickfont": {"size": 13},
-            "nticks": 5,
-            "tickangle": 0,
-        }
-        axes[f"yaxis{axis}"] = {
-            **AXIS,
-            "domain": [top - height * PANEL_PX / (PANEL_PX + UNDER_PX), top],
-            "anchor": f"x{axis}",
-            "showticklabels": column == 0,
-            "zeroline": True,
-            "zerolinecolor": INK,
-            "tickfont": {"size": 13},
-            "title": {"text": "rpm" if column == 0 else "", "font": {"size": 14}},
-        }
-    for name, axis in axes.items():
-        if name.startswith("yaxis"):
-            axis["range"] = [-1.06 * reach, 1.06 * reach]
-    layout = {
-        **LAYOUT,
-        "height": lines * (PANEL_PX + UNDER_PX) + 40,
-        "margin": {"l": 70, "r": 10, "t": 40, "b": 0},
-        "legend": LEGEND,
-    }
-    return {"data": data, "layout": {**layout, **axes}}
+        title = {"text": escape(channel_title(name)), "font": {"size": 14}, "standoff": 4}
+        made.update_xaxes(title=title, nticks=5, tickangle=0, row=row, col=column)
+    made.update_yaxes(range=[-1.06 * reach, 1.06 * reach], zeroline=True)
+    made.update_yaxes(title={"text": "rpm", "font": {"size": 14}}, col=1)
+    made.for_each_xaxis(lambda axis: axis.update(visible=axis.title.text is not None))
+    margin = {"l": 70, "r": 10, "t": 40, "b": UNDER_PX}
+    made.update_layout(template=STYLE, height=height + 40 + UNDER_PX, margin=margin)
+    return made.update_xaxes(tickfont_size=13).update_yaxes(tickfont_size=13)
 
 
 def _binned(
-    channel: Floats, values: Floats, which: str, axis: str, *, legend: bool
-) -> tuple[list[PlotJson], float]:
+    channel: Floats, values: Floats, which: str, *, legend: bool
+) -> tuple[list[Scatter], float]:
     """Band and median of one mode in bins of a channel, and how far they reach."""
     index, low, width = _bins(channel)
     inside = (channel >= low) & (channel <= low + BINS * width)
@@ -96,20 +69,18 @@ def _binned(
     if not centre:
         return [], 0.0
     x, y = np.array(centre), np.array(ends)
-    common = {"xaxis": f"x{axis}", "yaxis": f"y{axis}", "legendgroup": which}
-    band = {**filled(x, y[:, 0], y[:, 2], color=BANDS[which]), **common}
-    median = {
-        "type": "scatter",
-        "mode": "lines+markers",
-        "x": packed(x),
-        "y": packed(y[:, 1]),
-        "line": {"color": COLOURS[which], "width": 2.5},
-        "marker": {"size": 5},
-        "name": which,
-        "showlegend": legend,
-        "hovertemplate": "%{x:.3g}: %{y:.1f} rpm<extra>" + which + "</extra>",
-        **common,
-    }
+    band = filled(x, y[:, 0], y[:, 2], color=BANDS[which], legendgroup=which)
+    median = Scatter(
+        mode="lines+markers",
+        x=single(x),
+        y=single(y[:, 1]),
+        line={"color": COLOURS[which], "width": 2.5},
+        marker={"size": 5},
+        name=which,
+        legendgroup=which,
+        showlegend=legend,
+        hovertemplate="%{x:.3g}: %{y:.1f} rpm<extra>" + which + "</extra>",
+    )
     return [band, median], float(np.max(np.abs(y)))
 
 
@@ -139,42 +110,34 @@ def shares(rows: Rows, modes: Floats) -> Floats:
     return np.stack(columns, axis=1)
 
 
-def shares_figure(rows: Rows) -> PlotJson:
+def shares_figure(rows: Rows) -> Figure:
     """Which mode goes with which channel, before and after, as shares of the square before."""
     tables = [shares(rows, rows.before_modes), shares(rows, rows.after_modes)]
+    made = make_subplots(
+        cols=2,
+        shared_yaxes=True,
+        horizontal_spacing=0.03,
+        subplot_titles=("<b>before, %</b>", "<b>after, % of the same</b>"),
+    )
     labels = ["constant", *(escape(channel_name(name).split(" (")[0]) for name in rows.channels)]
-    data: list[PlotJson] = [
-        {
-            "type": "heatmap",
-            "x": labels,
-            "y": list(rows.mode_names),
-            "z": (100.0 * table).tolist(),
-            "zmin": 0.0,
-            "zmax": float(max(1.0, 100.0 * tables[0].max())),
-            "colorscale": [[0.0, "#ffffff"], [0.5, "#ec9623"], [1.0, "#700004"]],
-            "texttemplate": "%{z:.1f}",
-            "hovertemplate": "%{y} with %{x}: %{z:.2f} %<extra></extra>",
-            "xaxis": f"x{axis}",
-            "yaxis": f"y{axis}",
-            "showscale": False,
-            "xgap": 2,
-            "ygap": 2,
-        }
-        for table, axis in zip(tables, ("", "2"), strict=True)
-    ]
+    for column, table in enumerate(tables, 1):
+        made.add_heatmap(
+            x=labels,
+            y=rows.mode_names,
+            z=(100.0 * table).tolist(),
+            zmin=0.0,
+            zmax=float(max(1.0, 100.0 * tables[0].max())),
+            colorscale=[[0.0, "#ffffff"], [0.5, "#ec9623"], [1.0, "#700004"]],
+            texttemplate="%{z:.1f}",
+            hovertemplate="%{y} with %{x}: %{z:.2f} %<extra></extra>",
+            showscale=False,
+            xgap=2,
+            ygap=2,
+            row=1,
+            col=column,
+        )
+    made.update_xaxes(gridcolor="white", tickangle=40, tickfont_size=13)
+    made.update_yaxes(gridcolor="white", autorange="reversed", tickfont_size=14)
     height = 34 * len(rows.mode_names) + 190
-    side = {**AXIS, "gridcolor": "white", "tickangle": 40, "tickfont": {"size": 13}}
-    up = {**AXIS, "gridcolor": "white", "autorange": "reversed", "tickfont": {"size": 14}}
-    layout = {
-        **LAYOUT,
-        "height": height,
-        "margin": {"l": 90, "r": 60, "t": 40, "b": 130},
-        "xaxis": {**side, "domain": [0.0, 0.485]},
-        "xaxis2": {**side, "domain": [0.515, 1.0], "anchor": "y2"},
-        "yaxis": up,
-        "yaxis2": {**up, "anchor": "x2", "showticklabels": False},
-        "annotations": [
-            heading(text, x=x) for text, x in (("before, %", 0.0), ("after, % of the same", 0.515))
-        ],
-    }
-    return {"data": data, "layout": layout}
+    margin = {"l": 90, "r": 60, "t": 40, "b": 130}
+    return made.update_layout(template=STYLE, height=height, margin=margin)

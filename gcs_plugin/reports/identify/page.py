@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from itertools import zip_longest
 
 import numpy as np
+from plotly.graph_objects import Figure
 
 from thrustmargin.gcs_plugin.reports.identify import identify_sentences as sentences
 from thrustmargin.gcs_plugin.reports.identify.channel_figures import channels_figure, shares_figure
@@ -22,7 +22,6 @@ from thrustmargin.gcs_plugin.reports.shared.page_shell import (
     script_safe,
     software_version,
 )
-from thrustmargin.gcs_plugin.reports.shared.plot_style import PlotJson
 from thrustmargin.gcs_plugin.wording.numbers import number, percent
 from thrustmargin.models.identification.result import Tried
 
@@ -50,7 +49,7 @@ def html_text(result: Result) -> str:
     """The page; figures are drawn when they come into view."""
     rows = rows_of(result.unseen, result.tracks)
     shown = rows.worst_first()[:MOST_FLIGHTS]
-    made = {n: script_safe(json.dumps(f)) for n, f in figures(result, rows, shown).items()}
+    made = {n: script_safe(f.to_json()) for n, f in figures(result, rows, shown).items()}
     context = {
         "result": result,
         "found": result.found,
@@ -67,7 +66,7 @@ def html_text(result: Result) -> str:
     return page_text(package, context, functions=_WORDS, own_style=True)
 
 
-def figures(result: Result, rows: Rows, shown: list[int]) -> dict[str, PlotJson]:
+def figures(result: Result, rows: Rows, shown: list[int]) -> dict[str, Figure]:
     """Name -> plotly figure; over time and on the route those of the flights `shown`."""
     curve = result.found.curve
     made = {

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from html import escape
 
 import numpy as np
+from plotly.graph_objects import Figure
 
 from thrustmargin.gcs_plugin.reports.identify.identify_sentences import (
     channel_factor,
@@ -17,15 +18,12 @@ from thrustmargin.gcs_plugin.reports.identify.identify_sentences import (
 from thrustmargin.gcs_plugin.reports.identify.residual_rows import Rows
 from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     AFTER,
-    AXIS,
     BEFORE,
-    LAYOUT,
-    LEGEND,
-    PlotJson,
+    STYLE,
     line,
     over_time,
-    packed,
     rotor_panels,
+    single,
 )
 from thrustmargin.gcs_plugin.reports.shared.route_map import route_map
 from thrustmargin.gcs_plugin.wording.palette import residual_scale
@@ -35,7 +33,7 @@ from thrustmargin.models.identification.unexplained import Curve
 LONGEST_STEP_S = 1.0  # beyond which a line is broken
 
 
-def time_figure(rows: Rows, flight: int) -> PlotJson:
+def time_figure(rows: Rows, flight: int) -> Figure:
     """Residual of each rotor of one flight over time, before and after."""
     mine = rows.of(flight)
     time_s, before, after = _broken(rows.time_s[mine], rows.before_rpm[mine], rows.after_rpm[mine])
@@ -46,9 +44,7 @@ def time_figure(rows: Rows, flight: int) -> PlotJson:
             line(time_s, table[:, k], color=color, name=name, width=1.5, legend=legend)
             for name, color, table in (("before", BEFORE, before), ("after", AFTER, after))
         ],
-        unit="rpm",
-        low=-reach,
-        high=reach,
+        axis={"title_text": "rpm", "range": [-reach, reach]},
     )
     return over_time(panels, end_s=float(time_s[-1]))
 
@@ -63,35 +59,25 @@ def _broken(time_s: Floats, *tables: Floats) -> tuple[Floats, ...]:
     )
 
 
-def modes_figure(rows: Rows) -> PlotJson:
+def modes_figure(rows: Rows) -> Figure:
     """RMS of each mode before and after."""
-    data: list[PlotJson] = [
-        {
-            "type": "bar",
-            "name": which,
-            "x": list(rows.mode_names),
-            "y": np.sqrt(np.mean(table**2, axis=0)).tolist(),
-            "marker": {"color": colour},
-            "texttemplate": "%{y:.0f}",
-            "textposition": "outside",
-            "cliponaxis": False,
-            "hovertemplate": "%{x}: %{y:.1f} rpm<extra>" + which + "</extra>",
-        }
-        for which, table, colour in (
-            ("before", rows.before_modes, BEFORE),
-            ("after", rows.after_modes, AFTER),
+    margin = {"l": 80, "r": 20, "t": 40, "b": 40}
+    made = Figure(layout={"template": STYLE, "height": 340, "margin": margin})
+    for which, table, colour in (
+        ("before", rows.before_modes, BEFORE),
+        ("after", rows.after_modes, AFTER),
+    ):
+        made.add_bar(
+            name=which,
+            x=rows.mode_names,
+            y=np.sqrt(np.mean(table**2, axis=0)).tolist(),
+            marker_color=colour,
+            texttemplate="%{y:.0f}",
+            textposition="outside",
+            cliponaxis=False,
+            hovertemplate="%{x}: %{y:.1f} rpm<extra>" + which + "</extra>",
         )
-    ]
-    layout = {
-        **LAYOUT,
-        "height": 340,
-        "barmode": "group",
-        "margin": {"l": 80, "r": 20, "t": 40, "b": 40},
-        "legend": LEGEND,
-        "xaxis": {**AXIS},
-        "yaxis": {**AXIS, "title": {"text": "RMS, rpm"}, "rangemode": "tozero"},
-    }
-    return {"data": data, "layout": layout}
+    return made.update_yaxes(title_text="RMS, rpm", rangemode="tozero")
 
 
 def map_limit(rows: Rows) -> float:
@@ -100,7 +86,7 @@ def map_limit(rows: Rows) -> float:
     return float(max(1.0, np.quantile(worst, 0.98)))
 
 
-def map_figure(rows: Rows, flight: int, residual_rpm: Floats, limit_rpm: float) -> PlotJson | None:
+def map_figure(rows: Rows, flight: int, residual_rpm: Floats, limit_rpm: float) -> Figure | None:
     """The route of a flight from above, coloured by the residual of the rotor that is furthest off.
 
     None when the log has no positions.
@@ -114,8 +100,7 @@ def map_figure(rows: Rows, flight: int, residual_rpm: Floats, limit_rpm: float) 
     return route_map(
         (north, east),
         time_s,
-        worst,
-        np.abs(worst),
+        {"residual": (worst, np.abs(worst))},
         residual_scale(limit_rpm),
         form="+.0f",
         height=480,
@@ -123,33 +108,24 @@ def map_figure(rows: Rows, flight: int, residual_rpm: Floats, limit_rpm: float) 
     )
 
 
-def curve_figure(curve: Curve, mode: str) -> PlotJson:
+def curve_figure(curve: Curve, mode: str) -> Figure:
     """The smooth curve of what no effect explains."""
-    return {
-        "data": [
-            {
-                "type": "scatter",
-                "mode": "lines",
-                "x": packed(curve.grid * channel_factor(curve.channel)),
-                "y": packed(curve.value_rpm),
-                "line": {"color": AFTER, "width": 3},
-                "hovertemplate": "%{x:.3g}: %{y:.1f} rpm<extra></extra>",
-            }
-        ],
-        "layout": {
-            **LAYOUT,
-            "height": 320,
-            "margin": {"l": 80, "r": 20, "t": 20, "b": 60},
-            "xaxis": {**AXIS, "title": {"text": escape(channel_title(curve.channel))}},
-            "yaxis": {**AXIS, "zeroline": True, "title": {"text": escape(f"{mode}, rpm")}},
-        },
-    }
+    margin = {"l": 80, "r": 20, "t": 20, "b": 60}
+    made = Figure(layout={"template": STYLE, "height": 320, "margin": margin})
+    made.add_scatter(
+        x=single(curve.grid * channel_factor(curve.channel)),
+        y=single(curve.value_rpm),
+        line={"color": AFTER, "width": 3},
+        hovertemplate="%{x:.3g}: %{y:.1f} rpm<extra></extra>",
+    )
+    made.update_xaxes(title_text=escape(channel_title(curve.channel)))
+    return made.update_yaxes(title_text=escape(f"{mode}, rpm"), zeroline=True)
 
 
-def per_flight(rows: Rows, chosen: Sequence[int]) -> dict[str, PlotJson]:
+def per_flight(rows: Rows, chosen: Sequence[int]) -> dict[str, Figure]:
     """Name -> figure over time and maps before and after, of the chosen flights."""
     limit = map_limit(rows)
-    made: dict[str, PlotJson] = {}
+    made: dict[str, Figure] = {}
     for f in chosen:
         made[f"time_{f}"] = time_figure(rows, f)
         for which, table in (("before", rows.before_rpm), ("after", rows.after_rpm)):

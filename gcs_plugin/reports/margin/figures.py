@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from plotly.graph_objects import Figure
 
 from thrustmargin.gcs_plugin.reports.margin.data import FlightReport, Moment
-from thrustmargin.gcs_plugin.reports.margin.maps import redundancy_map, use_map
 from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     BAND,
     INK,
@@ -18,21 +18,22 @@ from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     PREDICTED,
     SPRAYING,
     Panel,
-    PlotJson,
     band,
     line,
     milliseconds,
     over_time,
     rotor_panels,
 )
+from thrustmargin.gcs_plugin.reports.shared.route_map import moved, route_map
+from thrustmargin.gcs_plugin.wording.palette import LOAD, REDUNDANCY, ColourScale
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import worst_rotor
 
 Rows = Mapping[str, Floats]
 
 
-def figures(report: FlightReport) -> Mapping[str, PlotJson]:
-    """Name -> plotly figure; those whose channels the flight lacks are left out."""
+def figures(report: FlightReport) -> Mapping[str, Figure]:
+    """Name -> figure; those whose channels the flight lacks are left out."""
     rows, limit, worst = airborne(report.rows), report.verdict.limit, report.verdict.worst
     if not rows["time_s"].size:
         return {}
@@ -41,7 +42,7 @@ def figures(report: FlightReport) -> Mapping[str, PlotJson]:
     knows_use = bool(np.any(np.isfinite(use)))
     knows_redundancy = bool(np.any(np.isfinite(rows["redundancy_yaw_free"])))
     placed = bool(np.any(np.isfinite(rows["north"]) & np.isfinite(rows["east"])))
-    made: dict[str, PlotJson] = {}
+    made: dict[str, Figure] = {}
     if knows_use:
         made["use"] = use_figure(rows, use, limit, worst)
         made["rotors"] = rotors_figure(rows, limit, names)
@@ -56,111 +57,90 @@ def figures(report: FlightReport) -> Mapping[str, PlotJson]:
     return made
 
 
-def use_figure(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> PlotJson:
+def use_figure(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> Figure:
     """Thrust in use of the worst rotor and of the mean rotor over time, above the tank level."""
     time_s, tank = rows["time_s"], rows["tank_kg"]
     top, mean = worst_rotor(use)[0] * 100, use.mean(axis=1) * 100
     above = np.where(top > limit * 100, top, limit * 100)
-    panels = [
-        Panel(
-            traces=[
-                band(time_s, np.full(top.size, limit * 100), above, color=OVER_FILL),
-                line(time_s, top, color=MEASURED, name="worst rotor"),
-                line(time_s, mean, color=MEAN, name="mean of the rotors", width=2),
-            ],
-            height_px=280,
-            unit="thrust in use",
-            suffix=" %",
-            low=0.0,
-            high=max(float(np.nanmax(top)) * 1.3, limit * 130),
-            lines=[_limit(limit)],
-            notes=[_arrow(worst)] if worst is not None else [],
-        )
+    traces = [
+        band(time_s, np.full(top.size, limit * 100), above, color=OVER_FILL),
+        line(time_s, top, color=MEASURED, name="worst rotor"),
+        line(time_s, mean, color=MEAN, name="mean of the rotors", width=2),
     ]
+    high = max(float(np.nanmax(top)) * 1.3, limit * 130)
+    axis = {"title_text": "thrust in use", "ticksuffix": " %", "range": [0.0, high]}
+    panels = [Panel(traces=traces, axis=axis, height_px=280, limit=_limit(limit))]
     if np.any(np.isfinite(tank)):
         sprayed = np.where(rows["spraying"] > 0.5, tank, np.nan)
-        panels.append(
-            Panel(
-                traces=[
-                    line(time_s, tank, color=INK, name="tank", width=2),
-                    line(time_s, sprayed, color=SPRAYING, name="tank while spraying", width=5),
-                ],
-                height_px=80,
-                unit="tank, kg",
-                low=0.0,
-                high=float(np.nanmax(tank)) * 1.1 + 0.1,
-            )
+        traces = [
+            line(time_s, tank, color=INK, name="tank", width=2),
+            line(time_s, sprayed, color=SPRAYING, name="tank while spraying", width=5),
+        ]
+        axis = {"title_text": "tank, kg", "range": [0.0, float(np.nanmax(tank)) * 1.1 + 0.1]}
+        panels.append(Panel(traces=traces, axis=axis, height_px=80))
+    made = over_time(panels, end_s=float(time_s[-1]))
+    if worst is not None:
+        made.add_annotation(
+            text=f"<b>{worst.capacity_use * 100:.0f} % rotor {worst.rotor}</b>",
+            x=milliseconds(np.array(worst.time_s)).item(),
+            y=worst.capacity_use * 100,
+            ax=0,
+            ay=-36,
+            showarrow=True,
+            arrowhead=2,
+            arrowwidth=2,
+            font_size=18,
         )
-    return over_time(panels, end_s=float(time_s[-1]))
+    return made
 
 
-def rotors_figure(rows: Rows, limit: float, names: Sequence[str]) -> PlotJson:
+def rotors_figure(rows: Rows, limit: float, names: Sequence[str]) -> Figure:
     """Thrust in use of each rotor, measured and predicted, one strip a rotor."""
     time_s = rows["time_s"]
     measured, predicted = rows["capacity_use"] * 100, rows["capacity_use_predicted"] * 100
     high = max(limit * 130, float(np.nanmax([measured, predicted])) * 1.08)
+    as_predicted = {"color": PREDICTED, "name": "predicted", "width": 3, "dash": "dash"}
     panels = rotor_panels(
         names,
         lambda k, legend: [
             line(time_s, measured[:, k], color=MEASURED, name="measured", legend=legend),
-            line(
-                time_s,
-                predicted[:, k],
-                color=PREDICTED,
-                name="predicted",
-                width=3,
-                dash="dash",
-                legend=legend,
-            ),
+            line(time_s, predicted[:, k], legend=legend, **as_predicted),
         ],
-        unit="",
-        suffix=" %",
-        low=0.0,
-        high=high,
-        lines=[_limit(limit)],
+        axis={"ticksuffix": " %", "range": [0.0, high]},
+        limit=_limit(limit),
     )
     return over_time(panels, end_s=float(time_s[-1]))
 
 
-def residual_figure(rows: Rows, names: Sequence[str]) -> PlotJson:
+def residual_figure(rows: Rows, names: Sequence[str]) -> Figure:
     """Measured minus predicted rotor speed over time, with the promised interval as a band."""
     time_s, predicted = rows["time_s"], rows["rotor_speed_predicted_rpm"]
     residual, lower, upper = (
         rows[f"rotor_speed_{name}rpm"] - predicted for name in ("", "lower_", "upper_")
     )
     reach = max(float(np.nanmax(np.abs(residual))) * 1.08, 1.0)
+    promised = {"color": BAND, "name": "promised interval"}
+    left = {"color": MEASURED, "name": "measured minus predicted", "width": 2}
     panels = rotor_panels(
         names,
         lambda k, legend: [
-            band(
-                time_s,
-                lower[:, k],
-                upper[:, k],
-                color=BAND,
-                name="promised interval",
-                legend=legend,
-            ),
-            line(
-                time_s,
-                residual[:, k],
-                color=MEASURED,
-                name="measured minus predicted",
-                width=2,
-                legend=legend,
-            ),
+            band(time_s, lower[:, k], upper[:, k], legend=legend, **promised),
+            line(time_s, residual[:, k], legend=legend, **left),
         ],
-        unit="rpm",
-        low=-reach,
-        high=reach,
+        axis={"title_text": "rpm", "range": [-reach, reach]},
     )
     return over_time(panels, end_s=float(time_s[-1]))
 
 
-def redundancy_figure(rows: Rows, limit: float) -> PlotJson:
+def redundancy_figure(rows: Rows, limit: float) -> Figure:
     """Redundancy over time, yaw uncontrolled and controlled; below it the tank and the fills."""
     time_s, tank = rows["time_s"], rows["tank_kg"]
     free, kept = rows["redundancy_yaw_free"], rows["redundancy_yaw_kept"]
     one_out, of_limit = rows["fill_one_rotor_out_kg"], rows["fill_limit_kg"]
+    held = [
+        line(time_s, free, color=MEASURED, name="yaw uncontrolled"),
+        line(time_s, kept, color=PREDICTED, name="yaw controlled", dash="dash"),
+    ]
     fills = [
         line(time_s, tank, color=INK, name="in the tank"),
         line(time_s, one_out, color=OVER, name="most to lose a rotor", dash="dash"),
@@ -168,28 +148,57 @@ def redundancy_figure(rows: Rows, limit: float) -> PlotJson:
     if not np.allclose(one_out, of_limit, atol=0.05, equal_nan=True):
         name = f"most for {limit * 100:.0f} % in hover"
         fills.append(line(time_s, of_limit, color=PREDICTED, name=name, dash="dot"))
+    high = max(1.2, float(np.nanmax([free, kept])) * 1.1)
+    over_weight = {"title_text": "thrust over weight", "range": [-0.03, high]}
     kilograms = np.concatenate([tank, one_out, of_limit])
+    low, high = min(0.0, float(np.nanmin(kilograms))), float(np.nanmax(kilograms)) * 1.1 + 0.1
+    in_tank = {"title_text": "kg", "range": [low, high]}
+    carries = (1.0, "1 = just\ncarries")
     panels = [
-        Panel(
-            traces=[
-                line(time_s, free, color=MEASURED, name="yaw uncontrolled"),
-                line(time_s, kept, color=PREDICTED, name="yaw controlled", dash="dash"),
-            ],
-            height_px=190,
-            unit="thrust over weight",
-            low=-0.03,
-            high=max(1.2, float(np.nanmax(np.concatenate([free, kept]))) * 1.1),
-            lines=[(1.0, "1 = just\ncarries")],
-        ),
-        Panel(
-            traces=fills,
-            height_px=190,
-            unit="kg",
-            low=min(0.0, float(np.nanmin(kilograms))),
-            high=float(np.nanmax(kilograms)) * 1.1 + 0.1,
-        ),
+        Panel(traces=held, axis=over_weight, height_px=190, limit=carries),
+        Panel(traces=fills, axis=in_tank, height_px=190),
     ]
     return over_time(panels, end_s=float(time_s[-1]))
+
+
+def use_map(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> Figure:
+    """The route coloured by `use` (T,) of the worst rotor; the worst moment is ringed."""
+    made = _map(rows, {"use": (use, use)}, moved(LOAD, limit))
+    if worst is not None and np.isfinite(worst.north) and np.isfinite(worst.east):
+        made.add_scatter(
+            mode="markers+text",
+            x=[worst.east],
+            y=[worst.north],
+            marker={"size": 22, "symbol": "circle-open", "color": INK, "line": {"width": 4}},
+            text=["<b>worst</b>"],
+            textposition="top center",
+            textfont={"size": 17, "color": INK},
+            hoverinfo="skip",
+            showlegend=False,
+        )
+    return made
+
+
+def redundancy_map(rows: Rows) -> Figure:
+    """The map of redundancy, with buttons for yaw uncontrolled and controlled."""
+    free, kept = rows["redundancy_yaw_free"], rows["redundancy_yaw_kept"]
+    coloured = {"yaw uncontrolled": (free, -free)}
+    if not np.any(np.isfinite(kept)):
+        return _map(rows, coloured, REDUNDANCY)
+    made = _map(rows, coloured | {"yaw controlled": (kept, -kept)}, REDUNDANCY)
+    return made.update_layout(height=620, margin_b=120)
+
+
+def _map(rows: Rows, coloured: Mapping[str, tuple[Floats, Floats]], scale: ColourScale) -> Figure:
+    return route_map(
+        (rows["north"], rows["east"]),
+        rows["time_s"],
+        coloured,
+        scale,
+        form=".2f",
+        height=560,
+        margin={"l": 70, "r": 20, "t": 90, "b": 60},
+    )
 
 
 def airborne(rows: Rows) -> Rows:
@@ -205,16 +214,3 @@ def airborne(rows: Rows) -> Rows:
 
 def _limit(limit: float) -> tuple[float, str]:
     return limit * 100, f"{limit * 100:.0f} %\nlimit"
-
-
-def _arrow(worst: Moment) -> PlotJson:
-    return {
-        "text": f"<b>{worst.capacity_use * 100:.0f} % rotor {worst.rotor}</b>",
-        "x": float(milliseconds(np.array([worst.time_s]))[0]),
-        "y": worst.capacity_use * 100,
-        "ax": 0,
-        "ay": -36,
-        "arrowhead": 2,
-        "arrowwidth": 2,
-        "font": {"size": 18},
-    }

@@ -113,7 +113,7 @@ def csv_bytes(report: Report) -> bytes:
 def html_text(report: Report, written: Written) -> str:
     """The page; the figures of every flight are drawn when they come into view."""
     drawn = {
-        f"{name}_{index}": script_safe(json.dumps(made, allow_nan=False))
+        f"{name}_{index}": script_safe(made.to_json())
         for index, flight in enumerate(report.flights)
         for name, made in figures(flight).items()
     }

@@ -5,17 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from html import escape
+from typing import Any
 
 import numpy as np
+from plotly.graph_objects import Figure
 
-from thrustmargin.gcs_plugin.reports.shared.plot_style import (
-    AXIS,
-    GRID,
-    LAYOUT,
-    PlotJson,
-    milliseconds,
-    packed,
-)
+from thrustmargin.gcs_plugin.reports.shared.plot_style import GRID, STYLE, milliseconds, single
 from thrustmargin.gcs_plugin.reports.shared.thinning import keep_worst
 from thrustmargin.gcs_plugin.wording.palette import ColourScale, css
 from thrustmargin.models.flight import Floats
@@ -26,54 +21,65 @@ MAP_POINTS = 900
 def route_map(
     place: tuple[Floats, Floats],
     time_s: Floats,
-    values: Floats,
-    badness: Floats,
+    coloured: Mapping[str, tuple[Floats, Floats]],
     scale: ColourScale,
     *,
     form: str,
     height: int,
     margin: Mapping[str, int],
-) -> PlotJson:
-    """The route through `place` (north and east (T,), m), coloured by `values` (T,).
+) -> Figure:
+    """The route through `place` (north and east (T,), m), coloured by values (T,).
 
-    Of each stretch the row of the most `badness` (T,) is drawn; `form` is that of the number shown
-    under the mouse, `height` and `margin` are in pixels.
+    `coloured`: name -> values and their badness, both (T,). Of each stretch the row of the most
+    badness is drawn. The first is shown; several have a button each. `form` is that of the number
+    shown under the mouse, `height` and `margin` are in pixels.
     """
     north, east = place
     placed = np.isfinite(north) & np.isfinite(east)
-    kept = keep_worst(np.where(placed, badness, np.nan), MAP_POINTS)
-    # Worst last, so that a later pass over the same place does not hide it.
-    kept = kept[np.argsort(badness[kept], kind="stable")]
+    made = Figure(layout={"template": STYLE, "height": height, "margin": dict(margin)})
+    made.update_xaxes(title_text="east, m")
+    made.update_yaxes(title_text="north, m", scaleanchor="x")
+    way = {"x": single(east[placed]), "y": single(north[placed])}
+    made.add_scatter(**way, line={"color": GRID, "width": 2}, hoverinfo="skip", showlegend=False)
     number = "%{marker.color:" + form + "}" + scale.unit
-    data: list[PlotJson] = [
-        {
-            "type": "scatter",
-            "mode": "lines",
-            "x": packed(east[placed]),
-            "y": packed(north[placed]),
-            "line": {"color": GRID, "width": 2},
-            "hoverinfo": "skip",
-            "showlegend": False,
-        },
-        {
-            "type": "scatter",
-            "mode": "markers",
-            "x": packed(east[kept]),
-            "y": packed(north[kept]),
-            "marker": _marker(values[kept], scale),
-            "customdata": packed(milliseconds(time_s[kept])),
-            "hovertemplate": "%{customdata|%M:%S}  " + number + "<extra></extra>",
-            "showlegend": False,
-        },
-    ]
-    layout = {
-        **LAYOUT,
-        "height": height,
-        "margin": dict(margin),
-        "xaxis": {**AXIS, "title": {"text": "east, m", "font": {"size": 16}}},
-        "yaxis": {**AXIS, "title": {"text": "north, m", "font": {"size": 16}}, "scaleanchor": "x"},
+    for k, (values, badness) in enumerate(coloured.values()):
+        kept = keep_worst(np.where(placed, badness, np.nan), MAP_POINTS)
+        # Worst last, so that a later pass over the same place does not hide it.
+        kept = kept[np.argsort(badness[kept], kind="stable")]
+        made.add_scatter(
+            mode="markers",
+            x=single(east[kept]),
+            y=single(north[kept]),
+            marker=_marker(values[kept], scale),
+            customdata=milliseconds(time_s[kept]),
+            hovertemplate="%{customdata|%M:%S}  " + number + "<extra></extra>",
+            showlegend=False,
+            visible=k == 0,
+        )
+    if len(coloured) > 1:
+        made.update_layout(updatemenus=[_buttons(list(coloured))])
+    return made
+
+
+def _buttons(names: list[str]) -> dict[str, Any]:
+    """A button for each trace of markers, which follow the one trace of the way."""
+    return {
+        "type": "buttons",
+        "direction": "right",
+        "x": 0.0,
+        "xanchor": "left",
+        "y": -0.16,
+        "yanchor": "top",
+        "font": {"size": 16},
+        "buttons": [
+            {
+                "label": name,
+                "method": "restyle",
+                "args": [{"visible": [True, *(other == name for other in names)]}],
+            }
+            for name in names
+        ],
     }
-    return {"data": data, "layout": layout}
 
 
 def moved(scale: ColourScale, limit: float) -> ColourScale:
@@ -97,10 +103,10 @@ def plotly_scale(scale: ColourScale) -> list[list[float | str]]:
     return [[(value - scale.low) / span, css(colour)] for value, colour in scale.stops]
 
 
-def _marker(values: Floats, scale: ColourScale) -> PlotJson:
+def _marker(values: Floats, scale: ColourScale) -> dict[str, Any]:
     return {
         "size": 9,
-        "color": packed(values * scale.factor),
+        "color": single(values * scale.factor),
         "cmin": scale.low * scale.factor,
         "cmax": scale.high * scale.factor,
         "colorscale": plotly_scale(scale),

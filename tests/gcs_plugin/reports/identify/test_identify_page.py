@@ -171,13 +171,9 @@ def test_before_and_after_share_axes_and_colours(rows):
     markers = [f["data"][1]["marker"] for f in (first, second)]
     assert markers[0]["cmin"] == markers[1]["cmin"] == -limit
     assert markers[0]["colorscale"] == markers[1]["colorscale"]
-    names = [t["name"] for t in time_figure(rows, 0)["data"]]
+    names = [t.name for t in time_figure(rows, 0).select_traces()]
     assert names == ["before", "after"] * 4
-    ranges = {
-        tuple(v["range"])
-        for k, v in channels_figure(rows, 0)["layout"].items()
-        if k.startswith("yaxis")
-    }
+    ranges = {axis.range for axis in channels_figure(rows, 0).select_yaxes()}
     assert len(ranges) == 1
 
 
@@ -191,19 +187,12 @@ def test_a_pause_breaks_the_line():
     paused = _without(track, 30.0, 40.0)
     found = identify([paused], curve_model(), config=QUICK, catalogue=table(["rotor_degradation"]))
     made = result_of(found, tracks=[paused])
-    trace = time_figure(rows_of(made.unseen, made.tracks), 0)["data"][0]
-    values = np.frombuffer(_bytes(trace["y"]), dtype="<f4")
-    assert np.count_nonzero(np.isnan(values)) == 1
+    trace = next(time_figure(rows_of(made.unseen, made.tracks), 0).select_traces())
+    assert np.count_nonzero(np.isnan(trace.y)) == 1
 
 
 def _without(track: FlightTrack, start_s: float, end_s: float) -> FlightTrack:
     return track.rows((track.time_s < start_s) | (track.time_s > end_s))
-
-
-def _bytes(packed: dict) -> bytes:
-    import base64
-
-    return base64.b64decode(packed["bdata"])
 
 
 def test_what_is_unexplained_is_drawn_and_said(result):
