@@ -24,6 +24,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, Origin
+from thrustmargin.models.model.json_values import from_json_values, to_json_values
 from thrustmargin.models.whole_file import whole_file
 
 _NED = ("north", "east", "down")
@@ -48,13 +49,7 @@ def write_csv(track: FlightTrack, path: Path) -> None:
     """
     about = {
         "name": track.name,
-        "origin": None
-        if track.origin is None
-        else {
-            "latitude_deg": track.origin.latitude_deg,
-            "longitude_deg": track.origin.longitude_deg,
-            "altitude": track.origin.altitude,
-        },
+        "origin": to_json_values(track.origin),
         "start_unix_s": track.start_unix_s,
         "sources": dict(track.sources),
         "notes": list(track.notes),
@@ -187,16 +182,10 @@ def _origin(path: Path, given: Any) -> Origin | None:
     if given is None:
         return None
     try:
-        return Origin(
-            latitude_deg=float(given["latitude_deg"]),
-            longitude_deg=float(given["longitude_deg"]),
-            altitude=float(given["altitude"]),
-        )
-    except (KeyError, TypeError, ValueError) as error:
-        raise LogError(
-            f"{path.name}: its comment line has an origin without {error}; give latitude_deg, "
-            "longitude_deg and altitude"
-        ) from error
+        return from_json_values(Origin, given, "origin")
+    except ValueError as error:
+        wanted = "give latitude_deg, longitude_deg and altitude"
+        raise LogError(f"{path.name}: in its comment line {error}; {wanted}") from error
 
 
 def _start(given: Any) -> float | None:

@@ -8,11 +8,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.logs import ChannelReport, FlightLog, LogQuality
+from thrustmargin.gcs_plugin.logs import FlightLog, LogQuality
 from thrustmargin.models.checks.motor_order import MotorOrder, check_motor_order
 from thrustmargin.models.checks.speed_scale import SpeedScale, check_speed_scale
 from thrustmargin.models.checks.stuck_sensor import StuckSensor, check_stuck_sensor
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.json_values import to_json_values
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0
 
@@ -21,17 +22,24 @@ _STEADY_FORCE = (8.5, 11.5)
 #: pack voltage over the airframe's nominal one
 _PACK = (0.7, 1.25)
 
+Level = Literal["ok", "warning", "unknown"]
+#: Verdicts of the checks that are no warning.
+_LEVELS: dict[str, Level] = {
+    **dict.fromkeys(("agrees", "rotor", "follows"), "ok"),
+    **dict.fromkeys(("unclear", "unknown"), "unknown"),
+}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
     """One answer: `ok`, `warning` or `unknown`, and why in words."""
 
     check: str
-    level: Literal["ok", "warning", "unknown"]
+    level: Level
     words: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Inspection:
     """Channels, quality and findings of one log."""
 
@@ -40,6 +48,10 @@ class Inspection:
     findings: tuple[Finding, ...]
     motor_order: MotorOrder | None
     speed_scale: SpeedScale | None
+
+    def __repr__(self) -> str:
+        found = [f"  {f.level}: {f.check}: {f.words}" for f in self.findings]
+        return "\n".join([f"Inspection of {self.log!r}", *found])
 
 
 def inspect_log(log: FlightLog, airframe: Airframe | None) -> Inspection:
@@ -114,22 +126,16 @@ def _order(order: MotorOrder) -> Finding:
     if all(math.isfinite(c) for c in order.correlation):
         roll, pitch, yaw = order.correlation
         words += f" (correlation: roll {roll:.2f}, pitch {pitch:.2f}, yaw {yaw:.2f})"
-    level: dict[str, Literal["ok", "warning", "unknown"]]
-    level = {"agrees": "ok", "differs": "warning", "unclear": "unknown"}
-    return Finding(check="motor order", level=level[order.verdict], words=words)
+    return Finding(check="motor order", level=_LEVELS.get(order.verdict, "warning"), words=words)
 
 
 def _scale(scale: SpeedScale) -> Finding:
-    level: Literal["ok", "warning", "unknown"] = "warning"
-    if scale.verdict in ("rotor", "unknown"):
-        level = "ok" if scale.verdict == "rotor" else "unknown"
+    level = _LEVELS.get(scale.verdict, "warning")
     return Finding(check="rotor speed", level=level, words=scale.words)
 
 
 def _stuck(stuck: StuckSensor) -> Finding:
-    level: Literal["ok", "warning", "unknown"] = "warning"
-    if stuck.verdict in ("follows", "unknown"):
-        level = "ok" if stuck.verdict == "follows" else "unknown"
+    level = _LEVELS.get(stuck.verdict, "warning")
     return Finding(check="rotor speed sensors", level=level, words=stuck.words)
 
 
@@ -183,7 +189,7 @@ def _absent(track: FlightTrack) -> list[Finding]:
 
 def as_json(inspection: Inspection) -> dict[str, Any]:
     """The inspection as JSON values; None for what is not known."""
-    log, quality = inspection.log, inspection.log.quality
+    log, plain = inspection.log, to_json_values(inspection.log.quality)
     order, scale = inspection.motor_order, inspection.speed_scale
     return {
         "file": log.path.name,
@@ -199,21 +205,11 @@ def as_json(inspection: Inspection) -> dict[str, Any]:
         "start_unix_s": log.track.start_unix_s,
         "clock_start_s": log.clock_start_s,
         "notes": list(log.track.notes),
-        "channels": [_channel(channel) for channel in log.channels],
+        "channels": to_json_values(log.channels),
         "quality": {
-            "bytes": quality.bytes,
-            "messages": quality.frames,
-            "bad_checksum": quality.bad_checksum,
-            "bytes_skipped": quality.bytes_skipped,
-            "damaged_places": quality.damaged_places,
-            "damage": [
-                {"byte": d.byte, "length": d.length, "time_s": _number(d.time_s)}
-                for d in quality.damage
-            ],
-            "unknown_ids": {str(k): v for k, v in quality.unknown_ids.items()},
-            "frames_missing": quality.frames_missing,
-            "clock_jumps": [list(jump) for jump in quality.clock_jumps],
-            "gaps": [list(gap) for gap in quality.gaps],
+            "bytes": plain.pop("bytes"),
+            "messages": plain.pop("frames"),
+            **plain,
         },
         "motor_order": None
         if order is None
@@ -221,37 +217,16 @@ def as_json(inspection: Inspection) -> dict[str, Any]:
             "verdict": order.verdict,
             "words": order.words,
             "motors": [place + 1 for place in order.places],
-            "correlation": [_number(c) for c in order.correlation],
-            "lead": _number(order.lead),
+            "correlation": to_json_values(order.correlation),
+            "lead": to_json_values(order.lead),
         },
         "speed_scale": None
         if scale is None
-        else {"verdict": scale.verdict, "words": scale.words, "ratio": _number(scale.ratio)},
-        "findings": [
-            {"check": f.check, "level": f.level, "words": f.words} for f in inspection.findings
-        ],
+        else {"verdict": scale.verdict, "words": scale.words, "ratio": to_json_values(scale.ratio)},
+        "findings": to_json_values(inspection.findings),
     }
 
 
 def flying_seconds(track: FlightTrack) -> float:
     """Time off the ground: each row counts until the next."""
     return float(np.sum(np.diff(track.time_s)[track.flying[:-1]]))
-
-
-def _channel(report: ChannelReport) -> dict[str, Any]:
-    return {
-        "name": report.name,
-        "unit": report.unit,
-        "source": report.source,
-        "samples": report.samples,
-        "rate_hz": _number(report.rate_hz),
-        "gaps": report.gaps,
-        "longest_gap_s": _number(report.longest_gap_s),
-        "minimum": _number(report.minimum),
-        "median": _number(report.median),
-        "maximum": _number(report.maximum),
-    }
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None

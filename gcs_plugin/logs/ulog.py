@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.logs.ulog_topics import TOPICS, Topic, ulog_signals
+from thrustmargin.gcs_plugin.logs.ulog_topics import TOPICS, Topic, ulog_signals, with_vectors
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.telemetry.recording import LogQuality, Recording
 from thrustmargin.gcs_plugin.telemetry.signals import Signals
@@ -92,9 +92,8 @@ def _ordered(data: Topic, name: str) -> Topic:
         data = {field: column[:size][known] for field, column in data.items()}
         time_s = time_s[known]
     stretch = longest_stretch(time_s, name)
-    return {
-        field: column[:size][stretch.first : stretch.last + 1] for field, column in data.items()
-    }
+    rows = slice(stretch.first, stretch.last + 1)
+    return with_vectors({field: column[:size][rows] for field, column in data.items()})
 
 
 def _unix_offset(topics: Mapping[str, list[Topic]]) -> float | None:

@@ -37,7 +37,7 @@ _AHEAD = 1024
 _ROWS = 1 << 13  # checksummed at once: keeps the working set in the processor's cache
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Frames:
     """Whole frames of known id and good checksum, in file order; and what lies between them."""
 
@@ -47,6 +47,12 @@ class Frames:
     skipped: tuple[tuple[int, int], ...]  # (offset, length) of stretches with no frame kept
     bad_checksum: int
     unverified: tuple[tuple[int, int], ...]  # (offset of the magic byte, unknown id)
+
+    def __repr__(self) -> str:
+        return (
+            f"Frames: {self.start.size} good, {len(self.unverified)} of unknown id, "
+            f"{self.bad_checksum} with a wrong checksum, {len(self.skipped)} stretches skipped"
+        )
 
     @property
     def unknown_ids(self) -> dict[int, int]:

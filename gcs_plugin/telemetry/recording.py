@@ -105,7 +105,7 @@ class ChannelReport:
     maximum: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Recording:
     """The needed messages of one vehicle in one file."""
 
@@ -123,6 +123,13 @@ class Recording:
     rotor_count_hint: int | None  # from the vehicle type; None unknown
     motor_order: str = ""  # in words, where ESC channels are numbered by motor already
     notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        quality, whose = self.quality, f"vehicle {self.vehicle} ({self.autopilot})"
+        return (
+            f"Recording {self.path.name}: {self.format}, {whose}, {len(self.streams)} types read\n"
+            f"  {quality.frames} messages in {quality.bytes} bytes"
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)

@@ -77,10 +77,13 @@ def decoded(streams: dict[str, Stream], airspeed_words: str) -> Iterator[tuple[i
                         values = np.where(esc_silent(stream.columns), np.nan, values)
                     first = ESC_TELEMETRY_FIRST.get(message, index or 0)
                     for k in range(values.shape[1]):
-                        yield rank, _signal(rule.channel, source, time_s, values[:, k], first + k)
+                        yield (
+                            rank,
+                            ordered_signal(rule.channel, source, time_s, values[:, k], first + k),
+                        )
                 else:
                     words = source if index is None else f"{source} of id {index}"
-                    yield rank, _signal(rule.channel, words, time_s, values, index)
+                    yield rank, ordered_signal(rule.channel, words, time_s, values, index)
 
 
 @cache
@@ -151,15 +154,22 @@ def _by_name(stream: Stream, values: Floats) -> list[Signal]:
         rows = names == raw
         name = printable(raw)
         source = f"NAMED_VALUE_FLOAT {name}"
-        made.append(_signal("named_value", source, stream.time_s[rows], values[rows], name))
+        made.append(ordered_signal("named_value", source, stream.time_s[rows], values[rows], name))
     return made
 
 
-def _signal(
-    channel: str, source: str, time_s: Floats, values: Floats, index: int | str | None
+def ordered_signal(
+    channel: str, source: str, time_s: Floats, values: Floats, index: int | str | None = None
 ) -> Signal:
-    time_s, values = in_time_order(time_s, values)
-    return Signal(channel, source, time_s, values, index)
+    """The Signal of reports in any order of time."""
+    return Signal(channel, source, *in_time_order(time_s, values), index)
+
+
+def speed_through_air(time_s: Floats, velocity: Floats, wind_s: Floats, wind: Floats) -> Floats:
+    """(n,) m/s: the length of velocity (n, 3) at `time_s` less wind (m, 3) at `wind_s`."""
+    when, order = np.unique(wind_s, return_index=True)
+    blown = np.stack([np.interp(time_s, when, part[order]) for part in wind.T], axis=-1)
+    return np.linalg.norm(velocity - blown, axis=1)
 
 
 def pitot_present(streams: Mapping[str, Stream], parameters: Mapping[str, float]) -> bool | None:

@@ -7,12 +7,17 @@ from collections.abc import Mapping
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs.dataflash.columns import DataFlashColumns
-from thrustmargin.gcs_plugin.mavlink.rules import ABOVE_HOME, WARM_BOARD, Rule, Signal
+from thrustmargin.gcs_plugin.mavlink.rules import ABOVE_HOME, WARM_BOARD, Rule, Signal, quantity
 from thrustmargin.gcs_plugin.telemetry.recording import Stream
-from thrustmargin.gcs_plugin.telemetry.resample import in_time_order
-from thrustmargin.gcs_plugin.telemetry.signals import Signals, collected
+from thrustmargin.gcs_plugin.telemetry.signals import (
+    Signals,
+    collected,
+    ordered_signal,
+    speed_through_air,
+)
 from thrustmargin.models.flight import Floats
 
+_SMOOTHED = "smoothed by the autopilot's slew limit"
 _PLACE = ("latlon deg", "latlon deg", "m")
 #: Preferred sources first. `unit` holds where the log states none; `index` and `only` apply where
 #: the log has that column (older logs number their sensors by message name).
@@ -42,14 +47,7 @@ RULES: tuple[Rule, ...] = (
     Rule("ESC", ("Volt",), "esc_voltage", "V", index="Instance"),
     Rule("ESC", ("Curr",), "esc_current", "A", index="Instance"),
     Rule("ESC", ("RawRPM",), "esc_rpm", "rpm", index="Instance"),
-    Rule(
-        "ESC",
-        ("RPM",),
-        "esc_rpm",
-        "rpm",
-        index="Instance",
-        note="smoothed by the autopilot's slew limit",
-    ),
+    Rule("ESC", ("RPM",), "esc_rpm", "rpm", index="Instance", note=_SMOOTHED),
 )
 
 #: Message types that are read besides, and the columns without which they say nothing.
@@ -81,8 +79,10 @@ def dataflash_signals(streams: Mapping[str, Stream]) -> Signals:
         stream = streams.get(rule.message)
         if stream is not None:
             signals += _by_rule(rule, stream)
-    for method in (_airspeed, _wind, _servos, _named, _landed, _origins, _ground_speed):
-        signals += method(streams)
+    signals += _wind_and_airspeed(streams)
+    for name, method in _METHODS:
+        if name in streams:
+            signals += method(streams[name])
     return collected(signals)
 
 
@@ -92,24 +92,16 @@ def columns_of(stream: Stream) -> DataFlashColumns:
     return stream.columns
 
 
-def _signal(
-    channel: str, source: str, time_s: Floats, values: Floats, index: int | str | None = None
-) -> Signal:
-    return Signal(channel, source, *in_time_order(time_s, values), index)
-
-
 def _by_rule(rule: Rule, stream: Stream) -> list[Signal]:
     columns = columns_of(stream)
     if any(name not in columns for name in rule.fields):
         return []
-    units = (rule.unit,) * len(rule.fields) if isinstance(rule.unit, str) else rule.unit
-    parts = [columns.si(name, unit) for name, unit in zip(rule.fields, units, strict=True)]
-    values = parts[0] if len(parts) == 1 else np.stack(parts, axis=-1)
+    values = quantity(rule, columns, DataFlashColumns.si)
     if rule.message == "RFND":
         values = np.where(_rangefinder_good(columns), values, np.nan)
     if rule.index is None or rule.index not in columns:
         number = 0 if rule.channel.startswith(("battery_", "esc_")) else None
-        return [_signal(rule.channel, rule.source, stream.time_s, values, number)]
+        return [ordered_signal(rule.channel, rule.source, stream.time_s, values, number)]
     numbers = columns.number(rule.index)
     made = []
     for number in _real_numbers(numbers):
@@ -119,7 +111,7 @@ def _by_rule(rule: Rule, stream: Stream) -> list[Signal]:
         source = rule.source
         if rule.channel.startswith("battery_"):
             source = f"{source} of id {number}"
-        made.append(_signal(rule.channel, source, stream.time_s[rows], values[rows], number))
+        made.append(ordered_signal(rule.channel, source, stream.time_s[rows], values[rows], number))
     return made
 
 
@@ -154,34 +146,26 @@ def _core(streams: Mapping[str, Stream], names: tuple[str, ...]) -> Stream | Non
     return None
 
 
-def _airspeed(streams: Mapping[str, Stream]) -> list[Signal]:
-    """Speed through the air by the EKF, for a copter without pitot."""
+def _wind_and_airspeed(streams: Mapping[str, Stream]) -> list[Signal]:
+    """Wind, and speed through the air for a copter without pitot, both by the EKF."""
     ground, air = _core(streams, ("XKF1", "NKF1")), _core(streams, ("XKF2", "NKF2"))
-    if ground is None or air is None or air.time_s.size == 0:
+    if air is None:
         return []
-    velocity, wind = columns_of(ground), columns_of(air)
-    if any(name not in velocity for name in ("VN", "VE", "VD")):
-        return []
-    when, order = np.unique(air.time_s, return_index=True)
-    north = velocity.si("VN", "m/s") - np.interp(ground.time_s, when, wind.si("VWN", "m/s")[order])
-    east = velocity.si("VE", "m/s") - np.interp(ground.time_s, when, wind.si("VWE", "m/s")[order])
-    speed = np.sqrt(north**2 + east**2 + velocity.si("VD", "m/s") ** 2)
-    return [_signal("airspeed", "XKF1 velocity less XKF2 wind (EKF)", ground.time_s, speed)]
-
-
-def _wind(streams: Mapping[str, Stream]) -> list[Signal]:
-    stream = _core(streams, ("XKF2", "NKF2"))
-    if stream is None:
-        return []
-    north, east = (columns_of(stream).si(name, "m/s") for name in ("VWN", "VWE"))
+    north, east = (columns_of(air).si(name, "m/s") for name in ("VWN", "VWE"))
     wind = np.stack([north, east, np.zeros(north.size)], axis=-1)
-    return [_signal("wind_ned", "XKF2 VWN, VWE (EKF; level)", stream.time_s, wind)]
+    made = [ordered_signal("wind_ned", "XKF2 VWN, VWE (EKF; level)", air.time_s, wind)]
+    if ground is None or air.time_s.size == 0:
+        return made
+    columns = columns_of(ground)
+    if any(name not in columns for name in ("VN", "VE", "VD")):
+        return made
+    velocity = np.stack([columns.si(name, "m/s") for name in ("VN", "VE", "VD")], axis=-1)
+    speed = speed_through_air(ground.time_s, velocity, air.time_s, wind)
+    words = "XKF1 velocity less XKF2 wind (EKF)"
+    return [*made, ordered_signal("airspeed", words, ground.time_s, speed)]
 
 
-def _servos(streams: Mapping[str, Stream]) -> list[Signal]:
-    stream = streams.get("RCOU")
-    if stream is None:
-        return []
+def _servos(stream: Stream) -> list[Signal]:
     columns = columns_of(stream)
     names = ("C", "Ch", "Chan")
     outputs = []
@@ -192,27 +176,21 @@ def _servos(streams: Mapping[str, Stream]) -> list[Signal]:
         outputs.append(columns.number(name))
     if not outputs:
         return []
-    return [_signal("servo_us", "RCOU", stream.time_s, np.stack(outputs, axis=-1))]
+    return [ordered_signal("servo_us", "RCOU", stream.time_s, np.stack(outputs, axis=-1))]
 
 
-def _named(streams: Mapping[str, Stream]) -> list[Signal]:
-    stream = streams.get("NVF")
-    if stream is None:
-        return []
+def _named(stream: Stream) -> list[Signal]:
     columns = columns_of(stream)
     names, values = np.array(columns.texts("Name")), columns.number("Value")
     made = []
     for name in np.unique(names):
         rows = names == name
         time_s = stream.time_s[rows]
-        made.append(_signal("named_value", f"NVF {name}", time_s, values[rows], str(name)))
+        made.append(ordered_signal("named_value", f"NVF {name}", time_s, values[rows], str(name)))
     return made
 
 
-def _landed(streams: Mapping[str, Stream]) -> list[Signal]:
-    stream = streams.get("EV")
-    if stream is None:
-        return []
+def _landed(stream: Stream) -> list[Signal]:
     number = columns_of(stream).number("Id")
     state = np.full(number.size, np.nan)
     for event, meaning in _EVENTS.items():
@@ -221,13 +199,10 @@ def _landed(streams: Mapping[str, Stream]) -> list[Signal]:
     if not np.any(state == _IN_AIR):
         return []
     source = "EV 28 (not landed) and 18 (landed)"
-    return [_signal("landed", source, stream.time_s[reported], state[reported])]
+    return [ordered_signal("landed", source, stream.time_s[reported], state[reported])]
 
 
-def _origins(streams: Mapping[str, Stream]) -> list[Signal]:
-    stream = streams.get("ORGN")
-    if stream is None:
-        return []
+def _origins(stream: Stream) -> list[Signal]:
     columns = columns_of(stream)
     place = np.stack([columns.number(n) for n in ("Lat", "Lng", "Alt")], axis=-1)
     kinds = columns.number("Type")
@@ -235,27 +210,31 @@ def _origins(streams: Mapping[str, Stream]) -> list[Signal]:
     for kind, channel in ((1, "home"), (0, "ekf_origin")):
         rows = kinds == kind
         if rows.any():
-            made.append(_signal(channel, "ORGN", stream.time_s[rows], place[rows]))
+            made.append(ordered_signal(channel, "ORGN", stream.time_s[rows], place[rows]))
     return made
 
 
-def _ground_speed(streams: Mapping[str, Stream]) -> list[Signal]:
+def _ground_speed(stream: Stream) -> list[Signal]:
     """GPS speed: the last choice for velocity and airspeed."""
-    stream = streams.get("GPS")
-    if stream is None:
-        return []
     columns = columns_of(stream)
     if any(name not in columns for name in ("Spd", "GCrs", "VZ")):
         return []
-    rows = (
-        columns.number("I") == 0 if "I" in columns else np.ones(stream.time_s.size, dtype=np.bool_)
-    )
-    course = columns.si("GCrs", "deg")[rows]
-    speed = columns.si("Spd", "m/s")[rows]
+    rows = columns.number("I") == 0 if "I" in columns else slice(None)
+    course, speed = columns.si("GCrs", "deg")[rows], columns.si("Spd", "m/s")[rows]
     down = columns.si("VZ", "m/s")[rows]
     velocity = np.stack([speed * np.cos(course), speed * np.sin(course), down], axis=-1)
     time_s = stream.time_s[rows]
     return [
-        _signal("velocity_ned", "GPS Spd, GCrs, VZ", time_s, velocity),
-        _signal("airspeed", "GPS Spd (ground speed: no pitot, no EKF wind)", time_s, speed),
+        ordered_signal("velocity_ned", "GPS Spd, GCrs, VZ", time_s, velocity),
+        ordered_signal("airspeed", "GPS Spd (ground speed: no pitot, no EKF wind)", time_s, speed),
     ]
+
+
+#: Messages that need more than scaling, in the order of preference.
+_METHODS = (
+    ("RCOU", _servos),
+    ("NVF", _named),
+    ("EV", _landed),
+    ("ORGN", _origins),
+    ("GPS", _ground_speed),
+)
