@@ -66,7 +66,9 @@ def without_leaps(time_s: Floats) -> Floats:
         return time_s
     # Only rows next to an odd step can be leaps; each is held against the median of five.
     rows = np.unique(np.clip(odd[:, None] + np.arange(-1, 3), 0, time_s.size - 1))
-    around = np.clip(rows[:, None] + np.arange(-2, 3), 0, time_s.size - 1)
+    # The first and last row have neighbours on one side only: two of five are their own time.
+    centre = np.clip(rows, 1, time_s.size - 2)
+    around = np.clip(centre[:, None] + np.arange(-2, 3), 0, time_s.size - 1)
     middle = np.median(time_s[around], axis=1)
     mended = time_s.copy()
     mended[rows[np.abs(time_s[rows] - middle) > FORWARD]] = np.nan
