@@ -17,6 +17,7 @@ from queue import Empty, Queue
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from thrustmargin.gcs_plugin.link.transport import parse_url
+from thrustmargin.gcs_plugin.mavlink.splitter import FrameSplitter
 from thrustmargin.models.errors import LinkError
 
 if TYPE_CHECKING:
@@ -70,13 +71,18 @@ class VehicleLink:
 
     @classmethod
     def over(cls, send: Callable[[bytes], None], *, name: str) -> Self:
-        """A link over a socket that somebody else owns: `send` takes bytes for the vehicle.
+        """A link over a socket that somebody else owns: `send` takes whole frames for the vehicle.
 
         `send` is called from MAVSDK's thread; give what arrives to `feed`. `name` is for messages.
         """
-        link = cls(name)
+        link, outgoing = cls(name), FrameSplitter()
+
+        def send_frames(data: bytes) -> None:
+            for frame in outgoing.feed(data, 0):
+                send(frame.data)
+
         link._mavsdk.add_any_connection("raw://")
-        link._mavsdk.subscribe_raw_bytes_to_be_sent(send)
+        link._mavsdk.subscribe_raw_bytes_to_be_sent(send_frames)
         return link
 
     def feed(self, data: bytes) -> None:

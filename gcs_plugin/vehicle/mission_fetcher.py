@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.link.listener import Listener
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
-from thrustmargin.gcs_plugin.mavlink.splitter import FrameSplitter
 from thrustmargin.models.errors import ThrustMarginError
 
 if TYPE_CHECKING:
@@ -108,12 +107,9 @@ class MissionFetcher:
         from thrustmargin.gcs_plugin.vehicle.connection import VehicleLink
         from thrustmargin.gcs_plugin.vehicle.mission_transfer import download_mission
 
-        outgoing = FrameSplitter()
-
-        def send(data: bytes) -> None:
-            for frame in outgoing.feed(data, 0):
-                signed = frame.data if self._sign is None else self._sign(frame.data)
-                self._listener.send(signed, system=number)
+        def send(frame: bytes) -> None:
+            signed = frame if self._sign is None else self._sign(frame)
+            self._listener.send(signed, system=number)
 
         link = VehicleLink.over(send, name=f"vehicle {number}")
         self._vehicle = number

@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from thrustmargin.gcs_plugin.link.listener import Listener
 from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
-from thrustmargin.gcs_plugin.mavlink.splitter import FrameSplitter
 from thrustmargin.gcs_plugin.vehicle.connection import VehicleLink
 from thrustmargin.models.errors import LinkError
 
@@ -25,11 +24,9 @@ def signed_link(url: str, key: bytes) -> Iterator[VehicleLink]:
     """
     door = SigningFilter(key)
     signer = Signer(key, link_id=LINK_ID, after=lambda: door.latest)
-    outgoing = FrameSplitter()
 
-    def send(data: bytes) -> None:
-        for frame in outgoing.feed(data, 0):
-            listener.send(signer.sign(frame.data), system=None)
+    def send(frame: bytes) -> None:
+        listener.send(signer.sign(frame))
 
     def receive(frames: list[Frame]) -> None:
         link.feed(b"".join(frame.data for frame in frames))

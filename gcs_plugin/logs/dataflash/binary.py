@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,6 @@ from thrustmargin.gcs_plugin.logs.dataflash.columns import DataFlashColumns, Uni
 from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import MESSAGES, REQUIRED, columns_of
 from thrustmargin.gcs_plugin.logs.dataflash.message_scan import PADDING, Found, scan
 from thrustmargin.gcs_plugin.mavlink.scan import gather, read_bytes
-from thrustmargin.gcs_plugin.mavlink.text import printable
 from thrustmargin.gcs_plugin.telemetry.recording import (
     LogQuality,
     NotThisFormat,
@@ -53,7 +53,13 @@ def read_dataflash(path: Path, *, vehicle: int | None = None) -> Recording:
         known = np.flatnonzero(timed)
         usable[: known[stretch.first]] = False
         usable[known[stretch.last] + 1 :] = False
-    units = _units(found)
+
+    def columns(name: str) -> Mapping[str, NDArray[Any]]:
+        rows, form = found.rows_of(name)
+        table = None if form is None or rows.size == 0 else found.table(rows, form)
+        return {} if form is None or table is None else {c: table[c] for c in form.columns}
+
+    units = Units.of(columns)
 
     def lookup(name: str) -> tuple[DataFlashColumns, Floats] | None:
         rows, form = found.rows_of(name)
@@ -96,32 +102,6 @@ def _clock(found: Found) -> tuple[Floats, NDArray[np.bool_]]:
             clock[rows] = without_leaps(raw * unit)
             usable[rows] = np.isfinite(clock[rows])
     return clock, usable
-
-
-def _units(found: Found) -> Units:
-    def table(name: str, *needed: str) -> NDArray[np.void] | None:
-        rows, form = found.rows_of(name)
-        if form is None or rows.size == 0 or not set(needed) <= set(form.columns):
-            return None
-        return found.table(rows, form)
-
-    units = table("UNIT", "Id", "Label")
-    factors = table("MULT", "Id", "Mult")
-    formats = table("FMTU", "FmtType", "UnitIds", "MultIds")
-    label: dict[int, str] = {}
-    factor: dict[int, float] = {}
-    of_type: dict[int, tuple[str, str]] = {}
-    if units is not None:
-        for code, text in zip(units["Id"], units["Label"], strict=True):
-            label[int(code) & 0xFF] = printable(text)
-    if factors is not None:
-        # Logged as single precision widened to double.
-        for code, value in zip(factors["Id"], factors["Mult"], strict=True):
-            factor[int(code) & 0xFF] = float(f"{float(value):.7g}")
-    if formats is not None:
-        for row in formats:
-            of_type[int(row["FmtType"])] = (printable(row["UnitIds"]), printable(row["MultIds"]))
-    return Units(label, factor, of_type)
 
 
 def recording_of(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -78,6 +78,30 @@ class Units:
     label: Mapping[int, str] = field(default_factory=dict)
     factor: Mapping[int, float] = field(default_factory=dict)
     of_type: Mapping[int, tuple[str, str]] = field(default_factory=dict)  # (unit ids, mult ids)
+
+    @classmethod
+    def of(cls, table: Callable[[str], Mapping[str, NDArray[Any]]]) -> Units:
+        """The units that a log states; `table` gives columns by a message's name, none if absent.
+
+        Factors are logged as single precision widened to double.
+        """
+
+        def rows(name: str, *columns: str) -> Iterator[tuple[Any, ...]]:
+            found = table(name)
+            return (
+                zip(*(found[c] for c in columns), strict=True)
+                if set(columns) <= set(found)
+                else iter(())
+            )
+
+        return cls(
+            {int(i) & 0xFF: printable(text) for i, text in rows("UNIT", "Id", "Label")},
+            {int(i) & 0xFF: float(f"{float(v):.7g}") for i, v in rows("MULT", "Id", "Mult")},
+            {
+                int(number): (printable(units), printable(factors))
+                for number, units, factors in rows("FMTU", "FmtType", "UnitIds", "MultIds")
+            },
+        )
 
     def describe(self, form: Format, *, text: bool) -> tuple[dict[str, float], dict[str, str]]:
         """Factor and unit label of each column of `form`.

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.mavlink.checksum import Bytes
-from thrustmargin.gcs_plugin.mavlink.scan import Index, gather
+from thrustmargin.gcs_plugin.mavlink.scan import Index, gaps_between, gather
 from thrustmargin.gcs_plugin.mavlink.text import printable
 
 HEAD = (0xA3, 0x95)
@@ -116,7 +116,8 @@ def scan(data: Bytes, size: int) -> Found:
     keep = _chain(start, end, size, torn=_torn_tail(data, size, lengths))
     if not keep.all():
         start, kinds, end = start[keep], kinds[keep], end[keep]
-    return Found(data, start, kinds, formats, tuple(_gaps(start, end, size)))
+    gaps = ((low, high - low) for low, high in gaps_between(start, end, size))
+    return Found(data, start, kinds, formats, tuple(gaps))
 
 
 def _heads(data: Bytes, size: int, low: int) -> Index:
@@ -208,13 +209,3 @@ def _chain(start: Index, end: Index, size: int, *, torn: int) -> NDArray[np.bool
         else:
             at = last + 1
     return keep
-
-
-def _gaps(start: Index, end: Index, size: int) -> list[tuple[int, int]]:
-    """(offset, length) of every stretch outside the messages."""
-    if start.size == 0:
-        return [(0, size)] if size else []
-    gaps = [(0, int(start[0]))]
-    gaps += [(int(end[i]), int(start[i + 1])) for i in np.flatnonzero(start[1:] > end[:-1])]
-    gaps.append((int(end[-1]), size))
-    return [(low, high - low) for low, high in gaps if high > low]

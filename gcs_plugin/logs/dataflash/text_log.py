@@ -51,7 +51,7 @@ def read_dataflash_text(path: Path, *, vehicle: int | None = None) -> Recording:
         lines.kept -= int(np.sum(~good))
         tables[name] = (table, _clock(table))
         offsets.append(at[good])
-    units = _units({name: table for name, (table, _) in tables.items()})
+    units = Units.of(lambda name: tables[name][0] if name in tables else {})
     known = np.empty(0)
     if tables:
         order = np.argsort(np.concatenate(offsets), kind="stable")
@@ -156,22 +156,3 @@ def _clock(table: Mapping[str, NDArray[Any]]) -> Floats:
         return without_leaps(table["TimeMS"] * 1e-3)
     size = len(next(iter(table.values()))) if table else 0
     return np.full(size, np.nan)
-
-
-def _units(tables: Mapping[str, Mapping[str, NDArray[Any]]]) -> Units:
-    label: dict[int, str] = {}
-    factor: dict[int, float] = {}
-    of_type: dict[int, tuple[str, str]] = {}
-    if "UNIT" in tables:
-        table = tables["UNIT"]
-        for code, text in zip(table["Id"], table["Label"], strict=True):
-            label[int(code) & 0xFF] = text.decode()
-    if "MULT" in tables:
-        table = tables["MULT"]
-        for code, value in zip(table["Id"], table["Mult"], strict=True):
-            factor[int(code) & 0xFF] = float(f"{float(value):.7g}")
-    if "FMTU" in tables:
-        table = tables["FMTU"]
-        for row in zip(table["FmtType"], table["UnitIds"], table["MultIds"], strict=True):
-            of_type[int(row[0])] = (row[1].decode(), row[2].decode())
-    return Units(label, factor, of_type)
