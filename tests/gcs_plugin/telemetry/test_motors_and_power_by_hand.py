@@ -1,5 +1,6 @@
 """Which output is which motor, throttle by pulses, the pack's voltage and current; by hand."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -83,6 +84,15 @@ def test_another_number_of_rotors_than_the_airframes_is_refused_with_its_evidenc
     assert motors({"FRAME_CLASS": 1.0}, airframe=F16).rotor_count == 4
 
 
+@pytest.mark.parametrize(
+    ("frame_class", "count"),
+    [(1, 4), (2, 6), (3, 8), (4, 8), (5, 6), (7, 3), (12, 12), (14, 10), (6, None), (0, None)],
+)
+def test_rotors_of_ardupilots_frame_classes(frame_class, count):
+    # 6 is a single-rotor helicopter: the class does not tell.
+    assert motors({"FRAME_CLASS": frame_class}, rotor_count_hint=11).rotor_count == (count or 11)
+
+
 def throttles(pulses, parameters=None, outputs=(1, 2, 3, 4)):
     signals = collected([reports("servo_us", pulses)])
     found = motors(functions(*outputs)).throttle(signals, parameters or {})
@@ -120,6 +130,22 @@ def test_rotor_speeds_follow_the_outputs_and_silent_ones_are_none():
     assert [None if s is None else s.values[0] for s in found] == [1002.0, None, 1000.0]
 
 
+def test_words_say_where_rotor_speed_and_throttle_come_from():
+    found = motors(functions(1, 2, 3))
+    by = "motors on outputs 1, 2, 3 by SERVOn_FUNCTION"
+    speeds = [reports("esc_rpm", [1.0] * 3), None, reports("esc_rpm", [2.0] * 3)]
+    assert found.rotor_speed_words(speeds) == f"ESC_RPM x ({by})"
+    pulses = Signal("throttle", "SERVO_OUTPUT_RAW servo1_raw", TIME, TIME)
+    assert found.throttle_words([None, pulses], {}) == (
+        f"SERVO_OUTPUT_RAW from 1000 to 2000 µs (assumed; {by})"
+    )
+    given = {"MOT_PWM_MIN": 1100.0, "MOT_PWM_MAX": 1940.0}
+    words = found.throttle_words([replace(pulses, source="RCOU C1")], given)
+    assert words == f"RCOU from 1100 to 1940 µs (MOT_PWM_MIN/MAX; {by})"
+    own = found.throttle_words([replace(pulses, source="actuator_motors control")], given)
+    assert own == f"actuator_motors control ({by})"
+
+
 def first_of(channel: str, *signals: Signal, sampling: Any = "linear"):
     notes: list[str] = []
     sources = power(collected(signals), sampling, notes)[channel]
@@ -153,3 +179,21 @@ def test_a_second_pack_is_named():
     packs = [reports("battery_voltage", [50.0] * 3, k) for k in (0, 1)]
     _, notes = first_of("voltage", *packs, tank)
     assert notes == ["battery 1 reads a pack's voltage too; only battery 0 is used"]
+    # A little over twice a level sender's voltage in most reports is a pack; up to it is none.
+    for volts, said in (([5.0] * 3, 0), ([5.01, 5.01, 5.0], 1), ([5.01, 5.0, 5.0], 0)):
+        _, notes = first_of("voltage", packs[0], reports("battery_voltage", volts, 1))
+        assert len(notes) == said
+    assert first_of("voltage", tank)[1] == []
+
+
+def test_a_listener_holds_the_escs_at_the_reports_of_the_first():
+    first = reports("esc_voltage", [48.0, 48.0, 48.0], 0)
+    second = reports("esc_voltage", [40.0, 44.0], 1, times=[0.0, 2.0])
+    sources, _ = first_of("voltage", first, second)
+    np.testing.assert_array_equal(sources[0].values, [44.0, 45.0, 46.0])  # 40, 42, 44 between
+    sources, _ = first_of("voltage", first, second, sampling="hold")
+    np.testing.assert_array_equal(sources[0].values, [44.0, 44.0, 46.0])
+    assert sources[0].source == "ESC_VOLTAGE x (mean of ESCs)"
+    silent = reports("esc_voltage", [0.0] * 3, 2)
+    sources, _ = first_of("voltage", silent, first, second)
+    assert sources[0].values[0] == 44.0

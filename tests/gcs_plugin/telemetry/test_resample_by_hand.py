@@ -10,8 +10,10 @@ from thrustmargin.gcs_plugin.telemetry.resample import (
     GRID,
     ROW_SPACING,
     coverage,
+    first_known,
     in_time_order,
     known_rows,
+    last_before,
     plausible,
     sample,
     thinned,
@@ -119,6 +121,13 @@ def test_fast_reports_are_means_over_a_tenth_of_a_second():
         "angular_rate_frd", signal(times, values, "angular_rate_frd"), times[2:4], "linear"
     )
     np.testing.assert_allclose(picked[:, 2], [2.0, 3.0])
+    # Four reports are too few to tell how fast they come.
+    few = signal(times[:4], values[:4], "specific_force_frd")
+    found = sample("specific_force_frd", few, times[:4], "linear")
+    np.testing.assert_allclose(found[:, 2], [0.0, 1.0, 2.0, 3.0])
+    five = signal(times[:5], values[:5], "specific_force_frd")
+    found = sample("specific_force_frd", five, times[:1], "linear")
+    np.testing.assert_allclose(found[:, 2], [1.5])
     slow: Any = np.arange(8) * (GRID / 2 + 0.001)
     found = sample("specific_force_frd", signal(slow, values, "specific_force_frd"), slow, "linear")
     np.testing.assert_allclose(found[:, 2], np.arange(8))
@@ -136,6 +145,36 @@ def test_rows_are_thinned_one_by_one():
     assert thinned(np.array([0.0, 0.09])).tolist() == [0.0, 0.09]
     assert ROW_SPACING == 0.09
     assert thinned(np.array([])).size == 0
+    # After a row at 10 s the first is as far: 10.05 is too near, 10.1 is not.
+    assert thinned(np.array([1.0, 10.05, 10.1, 10.3]), 10.0).tolist() == [10.1, 10.3]
+    assert thinned(np.array([0.125, 0.25]), 0.125 - ROW_SPACING).tolist() == [0.125, 0.25]
+
+
+def test_a_listener_takes_the_first_source_that_is_fresh_at_each_row():
+    rows = np.array([0.0, 1.0, 2.0, 9.0])
+    first = signal([0.0], [1.0], "airspeed")
+    second = signal([0.0, 2.0], [2.0, 3.0], "airspeed")
+    third = signal([0.0, 2.0], [4.0, 4.0], "airspeed")
+    values, used = first_known("airspeed", [first, second, third], rows)
+    assert values is not None
+    np.testing.assert_array_equal(values, [1.0, 1.0, 3.0, NAN])
+    assert used == [first, second]  # the third adds nothing
+    assert first_known("airspeed", [], rows) == (None, [])
+    # Once every row is known no further source is asked.
+    held, used = first_known("airspeed", (s for s in (first, second)), rows[:2])
+    assert held is not None
+    assert (held.tolist(), used) == ([1.0, 1.0], [first])
+
+
+def test_the_last_report_however_old():
+    reports = signal([1.0, 2.0, 3.0], [5.0, NAN, 7.0])
+    found = last_before(reports, np.array([0.9, 1.0, 2.5, 3.0, 1e6]))
+    np.testing.assert_array_equal(found, [NAN, 5.0, 5.0, 7.0, 7.0])
+    places = Signal("position_ned", "a", np.array([1.0]), np.array([[1.0, 2.0, 3.0]]))
+    found = last_before(places, np.array([0.0, 2.0]))
+    np.testing.assert_array_equal(found, [[NAN] * 3, [1.0, 2.0, 3.0]])
+    empty = Signal("position_ned", "a", np.empty(0), np.empty((0, 3)))
+    assert last_before(empty, np.array([0.0, 2.0])).shape == (2, 3)
 
 
 def test_coverage_counts_seconds_with_a_number():
@@ -225,3 +264,10 @@ def test_a_step_of_five_seconds_is_time_and_a_lone_longer_one_is_damage():
 def test_pauses_are_longer_than_a_second():
     assert pauses(np.array([0.0, 1.0, 2.1, 5.0])) == ((1.0, pytest.approx(1.1)), (2.1, 2.9))
     assert pauses(np.array([])) == ()
+
+
+@pytest.mark.parametrize("row", [0, 1, 18, 19])
+def test_a_damaged_time_at_an_end_is_a_leap_too(row):
+    clock = np.arange(20) * MILLI
+    clock[row] = 9e9
+    assert np.flatnonzero(np.isnan(without_leaps(clock))).tolist() == [row]

@@ -1,0 +1,314 @@
+"""From signals of a few reports to rows and a FlightLog, live and recorded; worked out by hand."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from thrustmargin.gcs_plugin.mavlink.rules import Signal
+from thrustmargin.gcs_plugin.telemetry.motors import MotorMap
+from thrustmargin.gcs_plugin.telemetry.recording import LogQuality, Recording
+from thrustmargin.gcs_plugin.telemetry.rows import (
+    Carried,
+    Options,
+    assemble,
+    flight_rows,
+    log_of_track,
+    row_times,
+)
+from thrustmargin.gcs_plugin.telemetry.signals import collected
+from thrustmargin.models.errors import LogError
+from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
+from thrustmargin.models.physics.airframe import load_airframe
+
+NAN = float("nan")
+#: Rotors that carry half the empty weight of 10 kg at 783 rpm each; a pump of 0.12 kg/s at most.
+OURS = replace(
+    load_airframe("topxgun-f16"),
+    empty_mass=10.0,
+    thrust_coefficient=2e-5,
+    tank_volume_l=10.0,
+    liquid_density=1.2,
+    pump_max_flow_l_min=6.0,
+)
+FOUR = MotorMap(4, (0, 1, 2, 3), 4, "as numbered", ())
+
+
+def reports(channel: str, times, values, index=None, source: str = "") -> Signal:
+    values = np.asarray(values, float)
+    return Signal(channel, source or f"{channel} x", np.asarray(times, float), values, index)
+
+
+def rotor(number: int, times, speed: float = 900.0) -> Signal:
+    return reports("esc_rpm", times, np.full(len(times), speed), number)
+
+
+def rows_of(*signals: Signal, sampling: Any = "hold", **carried) -> list[float]:
+    return row_times(collected(signals), FOUR, Carried(**carried), sampling).tolist()
+
+
+TURNING = (
+    rotor(0, [0.0, 0.25, 0.5, 5.0]),
+    rotor(1, [0.125, 1.0, 2.5, 2.75, 3.0, 6.75, 7.25]),
+    reports("attitude", [4.5, 5.125, 9.25, 9.5], np.zeros((4, 3))),
+    reports("geodetic", [-1.0, 11.25, 11.75], np.ones((3, 3))),
+)
+
+
+def test_rows_are_the_reports_of_rotor_one_and_of_the_next_where_that_is_silent():
+    # Rotor 2 steps in more than 2 s after 0.5 and 5.0, attitude after 7.25, any report after 9.5.
+    live = [-1.0, 0.0, 0.25, 0.5, 2.75, 3.0, 5.0, 7.25, 9.5, 11.75]
+    assert rows_of(*TURNING) == live
+    # Up to what made rows already nothing is made again, and the next row is 0.09 s later.
+    assert rows_of(*TURNING, heard_s=3.0, row_s=3.0) == live[6:]
+    assert rows_of(*TURNING, heard_s=2.9, row_s=2.92) == live[6:]
+    assert rows_of(*TURNING, heard_s=2.9, row_s=2.9) == live[5:]
+    unknown = replace(TURNING[0], values=np.array([900.0, NAN, 900.0, 900.0]))
+    assert rows_of(unknown, *TURNING[1:]) == [-1.0, 0.0, 0.5, *live[4:]]
+
+
+def test_a_recording_takes_the_rotor_that_reports_most_and_begins_with_it():
+    # Rotor 2 first; rotor 1's 5.0 comes 2 s after 3.0 and no later. Nothing before rotor 2's 0.125.
+    found = rows_of(*TURNING, sampling="linear")
+    assert found == [0.125, 1.0, 2.5, 2.75, 3.0, 5.125, 6.75, 7.25, 9.5, 11.75]
+    late = (rotor(0, [0.0, 5.0625]), *TURNING[1:])
+    assert rows_of(*late, sampling="linear")[4:7] == [3.0, 5.0625, 6.75]
+    # Without rotor speeds it begins with the first attitude, or before that with any report.
+    assert rows_of(*TURNING[2:], sampling="linear") == [-1.0, 4.5, 5.125, 9.25, 9.5, 11.75]
+    assert rows_of(sampling="linear") == []
+    # More than 10 Hz is thinned.
+    assert rows_of(rotor(0, [0.0, 0.0625, 0.125, 0.25])) == [0.0, 0.125, 0.25]
+
+
+@pytest.mark.parametrize("channel", ["named_value", "battery_percent", "fuel_remaining", "voltage"])
+def test_what_makes_rows_when_no_rotor_turns(channel):
+    found = rows_of(reports(channel, [1.0, 2.0], [5.0, 5.0], 1))
+    assert found == ([] if channel == "voltage" else [1.0, 2.0])
+
+
+def tenths(count: int, values: Any = 1.0, every: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    times = 100.0 + np.arange(0, count, every) / 10
+    return times, np.broadcast_to(values, (times.size, *np.shape(values)[1:])).copy()
+
+
+def flight(seconds: int = 12) -> list[Signal]:
+    """On the ground for 2 s, then a climb of 1/8 m a report to 1 m; the pump at half from 4 s on.
+
+    ESCs at 10 Hz, all else at 5 Hz; the tank is known by its pump only.
+    """
+    count = 10 * seconds
+    times, _ = tenths(count)
+    slow, _ = tenths(count, every=2)
+    up = np.clip(0.125 * np.arange(slow.size) - 1.25, 0.0, 1.0)
+    pulses = np.zeros((slow.size, 5))
+    pulses[:, :4] = 1500.0
+    pulses[:, 4] = np.where(slow >= 104.0, 1500.0, 1100.0)
+    north = np.stack([slow * 0 + 40.0, slow * 0 + 116.0, 50.0 + up], axis=1)
+    return [
+        *(rotor(k, times, 1000.0 + k) for k in range(4)),
+        reports("landed", [100.0, 102.0], [1.0, 2.0]),
+        reports("height_agl", slow, up),
+        reports("servo_us", slow, pulses),
+        reports("geodetic", slow, north, source="GLOBAL_POSITION_INT x"),
+        reports("home", [100.0], [[40.0, 116.0, 50.0]], source="HOME_POSITION x"),
+        reports("voltage", slow, slow - 50.0),
+    ]
+
+
+LIVE = Options(airframe=OURS, sampling="hold", tank_start_kg=5.0)
+
+
+def made(signals: list[Signal], options: Options = LIVE, carried: Carried | None = None):
+    found = flight_rows(collected(signals), FOUR, {}, options, carried)
+    assert found is not None
+    return found
+
+
+def test_live_rows_hold_the_last_report_of_every_channel():
+    rows = made(flight())
+    np.testing.assert_allclose(rows.clock_s, 100.0 + np.arange(120) / 10)
+    np.testing.assert_array_equal(rows.channels["rotor_speed_rpm"][7], [1000, 1001, 1002, 1003])
+    np.testing.assert_array_equal(rows.channels["throttle"][7], [0.5] * 4)
+    np.testing.assert_allclose(rows.channels["voltage"][[0, 1, 2]], [50.0, 50.0, 50.2])
+    # 0.2 m above the ground's height at 2 s: 1/8 m at 2.2 s, 1/4 at 2.4.
+    assert np.flatnonzero(rows.flying)[0] == 24
+    assert rows.flying[24:].all()
+    # Half of 0.12 kg/s from 4 s on, as last reported at 11.8 s: 7.8 s.
+    assert rows.pump_share[[39, 40, 119]].tolist() == [0.0, 0.5, 0.5]
+    assert rows.pumped_kg[[40, 42, 119]] == pytest.approx([0.0, 0.012, 0.468])
+    assert rows.channels["tank_kg"][119] == pytest.approx(4.532)
+    assert rows.channels["spraying"][[39, 40]].tolist() == [0.0, 1.0]
+    np.testing.assert_allclose(rows.channels["position_ned"][119], [0.0, 0.0, -1.0], atol=1e-6)
+    assert rows.sources["position_ned"] == "GLOBAL_POSITION_INT x from home (HOME_POSITION)"
+    assert rows.sources["rotor_speed_rpm"] == "esc_rpm x (as numbered)"
+    assert rows.sources["throttle"] == "servo_us x (as numbered)"
+    assert rows.sources["flying"] == "landed x"
+    assert rows.origin is not None
+    assert rows.origin.altitude == 50.0
+    track = rows.track("x", 99.0, 4)
+    assert (track.time_s[0], track.rotor_count, track.notes) == (1.0, 4, rows.notes)
+
+
+@pytest.mark.parametrize("cut", [1.05, 2.45, 4.3, 9.0])
+def test_rows_in_pieces_are_those_in_one_piece(cut):
+    whole, until = made(flight()), 100.0 + cut
+    early = [
+        replace(s, time_s=s.time_s[s.time_s <= until], values=s.values[s.time_s <= until])
+        for s in flight()
+    ]
+    first = made(early)
+    second = made(flight(), carried=replace(first.carried, heard_s=until))
+    assert first.clock_s.size + second.clock_s.size == 120
+    for name in TRACK_CHANNELS:
+        if name in whole.channels:
+            parts = [p.channels[name] for p in (first, second)]
+            np.testing.assert_allclose(np.concatenate(parts), whole.channels[name], atol=1e-6)
+    for name in ("flying", "pump_share", "pumped_kg"):
+        parts = [getattr(p, name) for p in (first, second)]
+        np.testing.assert_allclose(np.concatenate(parts), getattr(whole, name))
+    assert second.carried.row_s == pytest.approx(111.9)
+    assert second.carried.pumped is not None
+    assert second.carried.pumped.time_s == pytest.approx(111.8)
+    assert second.carried.pumped.share == 0.5
+    assert second.carried.pumped.kg == pytest.approx(0.468)
+    assert second.carried.contact == whole.carried.contact
+
+
+def test_recorded_rows_lie_between_their_reports():
+    rows = made(flight(), Options(airframe=OURS, tank_start_kg=5.0))
+    np.testing.assert_allclose(rows.channels["voltage"][[0, 1, 2]], [50.0, 50.1, 50.2])
+    assert rows.channels["tank_kg"][41] == pytest.approx(5.0 - 0.006)
+    assert rows.sources["flying"] == "landed x, and 0.2 m clear of it"
+    assert rows.sources["tank_kg"].startswith("pump output (servo 5) summed from the stated 5 kg")
+    # In the air to the end: only the start is cut, above 0.2 m from 2.4 s on.
+    assert np.flatnonzero(rows.flying)[0] == 24
+
+
+def test_a_live_channel_takes_the_first_source_that_is_fresh():
+    times = np.array([0.0, 1.0, 2.0, 8.0])
+    first = reports("airspeed", [0.0, 1.0], [5.0, 6.0], source="first")
+    second = reports("airspeed", times, [1.0, 2.0, 3.0, 4.0], source="second")
+    rows = made([first, second, rotor(0, times)])
+    assert rows.channels["airspeed"].tolist() == [5.0, 6.0, 6.0, 4.0]
+    assert rows.sources["airspeed"] == "first"
+    assert rows.reported["airspeed"] == [first, second]
+    recorded = made([first, second, rotor(0, times)], replace(LIVE, sampling="linear"))
+    assert recorded.channels["airspeed"].tolist() == [1.0, 2.0, 3.0, 4.0]  # it covers more
+    assert recorded.reported["airspeed"] == [second]
+
+
+def test_what_is_not_heard_is_not_made_up():
+    rows = made([rotor(0, [0.0, 1.0])])
+    assert np.isnan(rows.pump_share).all()
+    assert np.isnan(rows.pumped_kg).all()
+    assert (rows.origin, rows.carried.zero, rows.carried.pumped) == (None, None, None)
+    assert "tank_kg" not in rows.channels
+    assert "throttle" not in rows.sources
+    assert np.isnan(rows.channels["rotor_speed_rpm"][:, 1:]).all()
+    assert flight_rows({}, FOUR, {}, LIVE) is None
+    # A gauge that was asked for and is not there is an error; asked to leave it out, none.
+    with pytest.raises(LogError, match="no tank level from 'pump'"):
+        made([rotor(0, [0.0])], replace(LIVE, tank="pump"))
+    assert "tank_kg" not in made(flight(), replace(LIVE, tank="none")).channels
+
+
+def recording(**given: Any) -> Recording:
+    plain: dict[str, Any] = {
+        "path": Path("north.tlog"),
+        "format": "tlog",
+        "streams": {},
+        "parameters": {"SERVO5_FUNCTION": 22.0},
+        "waypoints": (),
+        "messages": ((103.0, "Mission: 2 WP"),),
+        "unix_minus_clock": 1e9,
+        "quality": LogQuality(bytes=900, frames=90),
+        "vehicle": 3,
+        "vehicles": (3, 4),
+        "autopilot": "ArduPilot",
+        "rotor_count_hint": 4,
+        "notes": ("read",),
+    }
+    return Recording(**(plain | given))
+
+
+def test_a_flight_counts_from_its_first_row():
+    log = assemble(recording(), collected(flight()), Options(airframe=OURS, tank_start_kg=5.0))
+    track = log.track
+    assert (log.clock_start_s, track.start_unix_s, track.name) == (100.0, 1e9 + 100.0, "north.tlog")
+    assert (track.time_s[0], track.time_s[-1]) == (0.0, pytest.approx(11.9))
+    assert log.messages == ((3.0, "Mission: 2 WP"),)
+    assert track.notes == ("read",)
+    assert (log.vehicle, log.vehicles, log.format) == (3, (3, 4), "tlog")
+    found = {report.name: report for report in log.channels}
+    voltage = found["voltage"]
+    assert list(found) == list(TRACK_CHANNELS)
+    assert (voltage.samples, voltage.gaps, voltage.unit) == (60, 0, "V")
+    assert voltage.rate_hz == pytest.approx(5.0)
+    assert voltage.longest_gap_s == pytest.approx(0.2)
+    # 50.0 at the first row to 61.8, which is held to 11.9 s; the middle of 120 rows is at 5.95 s.
+    assert (voltage.minimum, voltage.median, voltage.maximum) == pytest.approx((50.0, 55.95, 61.8))
+    assert (found["wind_ned"].samples, found["wind_ned"].source) == (0, "not in the log")
+    assert np.isnan(found["wind_ned"].rate_hz)
+    unknown = assemble(recording(unix_minus_clock=None), collected(flight()), LIVE).track
+    assert unknown.start_unix_s is None
+
+
+def test_absent_rotor_speeds_are_told():
+    signals = collected([rotor(k, [0.0, 1.0]) for k in (0, 2)])
+    log = assemble(recording(), signals, Options())
+    assert log.track.notes[-1] == "no rotor speed of motor 2, 4"
+    log = assemble(recording(), collected([reports("airspeed", [0.0], [1.0])]), Options())
+    assert log.track.notes[-1] == "no ESC telemetry in the log: rotor speeds are unknown"
+    with pytest.raises(LogError, match=r"north.tlog: 90 messages, but none with rotor speed"):
+        assemble(recording(), {}, Options())
+
+
+@pytest.mark.parametrize(("days", "fine"), [(7.0, True), (7.6, False)])
+def test_a_flight_of_more_than_a_week_has_damaged_times(days, fine):
+    signals = collected([rotor(0, [50.0, 60.0, 50.0 + days * 86_400.0])])
+    if fine:
+        assert assemble(recording(), signals, Options()).track.duration == days * 86_400
+    else:
+        with pytest.raises(LogError, match="its times span 8 days; the log is too damaged"):
+            assemble(recording(), signals, Options())
+
+
+def test_a_table_is_a_log_of_its_own_rows():
+    times = np.array([2.0, 2.1, 2.2, 5.2])
+    speeds = np.array([[900.0, NAN]] * 4)
+    track = FlightTrack.of(
+        name="t", time_s=times, rotor_count=2, rotor_speed_rpm=speeds, voltage=times * 10
+    )
+    log = log_of_track(track, Path("t.csv"), 77)
+    assert (log.quality.bytes, log.quality.frames) == (77, 4)
+    assert log.quality.gaps == ((2.2, pytest.approx(3.0)),)
+    assert (log.clock_start_s, log.format, log.vehicles) == (2.0, "CSV", (1,))
+    assert log.track.notes == ("no rotor speed of motor 2",)
+    found = {report.name: report for report in log.channels}
+    voltage = found["voltage"]
+    assert (voltage.samples, voltage.gaps) == (4, 0)  # 3 s are still young enough
+    assert (voltage.minimum, voltage.median, voltage.maximum) == pytest.approx((20.0, 21.5, 52.0))
+    assert voltage.rate_hz == pytest.approx(10.0)
+    assert found["airspeed"].samples == 0
+
+
+def test_reports_of_a_channel_are_counted_with_their_pauses():
+    # Ten reports a second but for pauses of 3 s (no gap for voltage) and 3.5 s (one).
+    times = np.array([0.0, 0.0, 0.1, 0.2, 0.3, 3.3, 3.4, 6.9, 7.0, 7.1])
+    values = np.array([50.0, 50.0, 50.0, NAN, 50.0, 50.0, 50.0, 50.0, 50.0, 50.0])
+    signals = [rotor(0, np.arange(0, 8, 0.5)), reports("voltage", times, values)]
+    log = assemble(recording(), collected(signals), Options())
+    found = next(r for r in log.channels if r.name == "voltage")
+    assert (found.samples, found.gaps) == (9, 1)
+    assert found.longest_gap_s == pytest.approx(3.5)
+    assert found.rate_hz == pytest.approx(10.0)
+    twice = [rotor(0, [0.0, 1.0]), reports("voltage", [0.0, 0.0, 0.5, 0.5, 1.0, 1.0], [50.0] * 6)]
+    found = assemble(recording(), collected(twice), Options()).channels
+    assert next(r for r in found if r.name == "voltage").rate_hz == pytest.approx(2.0)
+    once = [rotor(0, [0.0, 1.0]), reports("voltage", [0.0], [50.0])]
+    found = assemble(recording(), collected(once), Options()).channels
+    voltage = next(r for r in found if r.name == "voltage")
+    assert (voltage.samples, voltage.gaps, np.isnan(voltage.rate_hz)) == (1, 0, True)
+    assert np.isnan(voltage.longest_gap_s)
