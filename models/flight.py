@@ -106,8 +106,8 @@ class FlightTrack:
     tank_kg: Floats  # (T,) kg of liquid
     rotor_speed_rpm: Floats  # (T, R) measured, in the autopilot's motor order
     throttle: Floats  # (T, R) motor output, 0 idle to 1 full
-    voltage: Floats  # (T,) V of the pack
-    current: Floats  # (T,) A of the pack
+    voltage: Floats  # (T,) V of the battery
+    current: Floats  # (T,) A of the battery
     pressure: Floats  # (T,) Pa static
     temperature: Floats  # (T,) K of the sensor, which sits in the autopilot and reads warm
     altitude: Floats  # (T,) m AMSL

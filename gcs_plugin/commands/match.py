@@ -80,8 +80,8 @@ def load_table(matching: Matching) -> Table:
         table.add_row("  thrust utilisation", f"{limit.use_full:.1%}", f"{limit.use_empty:.1%}")
         table.add_row(
             "  one rotor lost, yaw uncontrolled",
-            f"{limit.redundancy_yaw_free_full:.2f} x weight",
-            f"{limit.redundancy_yaw_free_empty:.2f} x weight",
+            f"{limit.redundancy_yaw_uncontrolled_full:.2f} x weight",
+            f"{limit.redundancy_yaw_uncontrolled_empty:.2f} x weight",
         )
         table.add_row(
             "  one rotor lost, yaw controlled",

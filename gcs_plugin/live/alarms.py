@@ -105,7 +105,7 @@ class Alarms:
             self._margin(events, time_s, margin[row])
             if margin_ahead is not None:
                 self._ahead(events, time_s, float(margin_ahead[row]))
-            used = np.fmax(track.throttle[row], np.sqrt(analysis.capacity_use[row]))
+            used = np.fmax(track.throttle[row], np.sqrt(analysis.utilisation[row]))
             self._saturation(events, time_s, used)
         excess = thrust_excess(analysis)
         for row in range(rows)[slice(first, None) if settled is None else settled]:

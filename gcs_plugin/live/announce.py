@@ -9,7 +9,7 @@ Figures go out once a second:
     MARGIN      measured thrust margin of the worst rotor, %
     MARGIN_PRE  the same as predicted, %
     MARGIN_AHD  least predicted on the rest of the route, %
-    REDUND      thrust with one rotor lost over weight, heading given up
+    REDUND      thrust with one rotor lost over weight, yaw uncontrolled
     TANK_THR    kg of liquid by thrust
 Unknown figures are not sent.
 """
@@ -110,7 +110,7 @@ def figures(update: Update) -> dict[str, float]:
         "MARGIN": 100.0 * float(np.min(analysis.margin[-1])),
         "MARGIN_PRE": 100.0 * float(np.min(analysis.margin_predicted[-1])),
         "MARGIN_AHD": 100.0 * update.outlook.margin_ahead,
-        "REDUND": float(analysis.redundancy_yaw_free[-1]),
+        "REDUND": float(analysis.redundancy_yaw_uncontrolled[-1]),
         "TANK_THR": float(update.virtual_kg[-1]),
     }
     return {name: value for name, value in found.items() if math.isfinite(value)}

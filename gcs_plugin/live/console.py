@@ -42,8 +42,8 @@ COLUMNS = {
 WRAPPED = (3, 6, 7)  # of the headings, those of several words; cells are shorter
 WIDE = 110  # characters
 LEGEND = (
-    "margin: measured, worst rotor · one rotor lost: thrust that can be held over weight, heading "
-    "given up · ~ old, the last that was known"
+    "margin: measured, worst rotor · one rotor lost: thrust that can be held over weight, yaw "
+    "uncontrolled · ~ old, the last that was known"
 )
 
 
@@ -128,7 +128,7 @@ def numbers(update: Update, limit: float, *, old: bool = False) -> list[str]:
     analysis, outlook = update.analysis, update.outlook
     margin = analysis.margin[-1]
     predicted = float(np.min(analysis.margin_predicted[-1]))
-    free = float(analysis.redundancy_yaw_free[-1])
+    free = float(analysis.redundancy_yaw_uncontrolled[-1])
     tank = float(analysis.track.tank_kg[-1])
     return [
         _margin_cell(margin, limit, flying=bool(analysis.track.flying[-1]), old=old),

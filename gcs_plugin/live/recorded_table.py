@@ -54,7 +54,7 @@ def sample_batch(update: Update, new: slice) -> pa.RecordBatch:
         "max_rotor_speed_rpm": analysis.max_rotor_speed_rpm[new],
         "weight": analysis.weight[new],
         "redundancy_yaw_kept": analysis.redundancy_yaw_kept[new],
-        "redundancy_yaw_free": analysis.redundancy_yaw_free[new],
+        "redundancy_yaw_free": analysis.redundancy_yaw_uncontrolled[new],
         "trimmable_loss": analysis.trimmable_loss[new],
         "tank_by_thrust_kg": update.virtual_kg[new],
         "pumped_kg": update.pumped_kg[new],

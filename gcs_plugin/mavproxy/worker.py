@@ -182,8 +182,8 @@ def reading(update: Update, stamp: float) -> Reading:
     from thrustmargin.models.model.analysis import worst_rotor
 
     analysis, outlook = update.analysis, update.outlook
-    measured, rotor = (float(a[0]) for a in worst_rotor(analysis.capacity_use[-1:]))
-    predicted, _ = worst_rotor(analysis.capacity_use_predicted[-1:])
+    measured, rotor = (float(a[0]) for a in worst_rotor(analysis.utilisation[-1:]))
+    predicted, _ = worst_rotor(analysis.utilisation_predicted[-1:])
     return Reading(
         vehicle=update.vehicle,
         stamp=stamp,
@@ -191,7 +191,7 @@ def reading(update: Update, stamp: float) -> Reading:
         margin=1.0 - measured,
         rotor=int(rotor) + 1 if math.isfinite(rotor) else 0,
         margin_predicted=1.0 - float(predicted[0]),
-        redundancy=float(analysis.redundancy_yaw_free[-1]),
+        redundancy=float(analysis.redundancy_yaw_uncontrolled[-1]),
         tank_kg=float(analysis.track.tank_kg[-1]),
         tank_source=update.tank_source,
         seconds_to_empty=outlook.seconds_to_empty,

@@ -96,7 +96,7 @@ def _big_box(caption: str, margin: float, words: str) -> str:
 
 
 def _redundancy_box(row: ShownRow) -> str:
-    free = row.analysis.redundancy_yaw_free[row.row]
+    free = row.analysis.redundancy_yaw_uncontrolled[row.row]
     kept = row.analysis.redundancy_yaw_kept[row.row]
     caption = "One rotor lost"
     if not np.isfinite(free):

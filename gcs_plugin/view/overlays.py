@@ -67,7 +67,7 @@ def overlays_of(analysis: FlightAnalysis) -> tuple[Overlay, ...]:
         ),
         Overlay(
             name="Redundancy",
-            values=analysis.redundancy_yaw_free,
+            values=analysis.redundancy_yaw_uncontrolled,
             scale=colours.REDUNDANCY,
             worst="min",
             rotor=vehicle,

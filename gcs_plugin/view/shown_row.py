@@ -51,18 +51,18 @@ class ShownRow:
     @property
     def measured(self) -> Bools:
         """(R,) rotors whose margin rests on a measured speed."""
-        return np.isfinite(self.analysis.capacity_use[self.row])
+        return np.isfinite(self.analysis.utilisation[self.row])
 
     @property
     def margin(self) -> Floats:
         """(R,) thrust margin from the measured speed, else from the predicted one."""
-        use = self.analysis.capacity_use[self.row]
+        use = self.analysis.utilisation[self.row]
         return np.where(self.measured, 1.0 - use, self.margin_predicted)
 
     @property
     def margin_predicted(self) -> Floats:
         """(R,) thrust margin from the predicted speed."""
-        return 1.0 - self.analysis.capacity_use_predicted[self.row]
+        return 1.0 - self.analysis.utilisation_predicted[self.row]
 
     @property
     def worst(self) -> tuple[float, int | None]:

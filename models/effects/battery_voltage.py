@@ -20,8 +20,8 @@ BATTERY_VOLTAGE = Effect(
     neutral={"voltage": lambda p, x: x.reference_voltage},
     shape_channels=("voltage",),
     source="not physics of a measured rotor speed: simulators and estimated speeds that ignore "
-    "the pack show thrust going with voltage^p",
-    distinguished_by="the same load on a full and on an empty pack",
+    "the battery show thrust going with voltage^p",
+    distinguished_by="the same load on a full and on an empty battery",
     apply=_kappa,
 )
 

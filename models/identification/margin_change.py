@@ -1,9 +1,9 @@
 """What each effect does to the thrust margin: predicted margin before it and with it.
 
 Effects are put in one after the other, in the order in which they were accepted, with the values
-found at the end; the margin is that of the predicted rotor speeds under the ceiling of the pack's
-voltage, on rows in flight. The typical margin is the median row; the worst moments are the
-lowest 1 % of the rows, at their upper end.
+found at the end; the margin is that of the predicted rotor speeds under the ceiling of the
+battery's voltage, on rows in flight. The typical margin is the median row; the worst moments are
+the lowest 1 % of the rows, at their upper end.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.problem import Problem
 from thrustmargin.models.identification.result import Found, Identification
 from thrustmargin.models.model.flown import flown_airframe
-from thrustmargin.models.physics.margin import capacity_use, ceiling
+from thrustmargin.models.physics.margin import ceiling, utilisation
 
 WORST_SHARE = 0.01  # of the rows
 
@@ -47,7 +47,7 @@ def margin_changes(found: Identification) -> tuple[tuple[MarginChange, ...], Mar
     flights = "fit" if fitted else "held_out"
     limit = _ceiling(problem)
     stages = [
-        capacity_use(_speeds(problem, found.found[:count], own), limit)
+        utilisation(_speeds(problem, found.found[:count], own), limit)
         for count in range(len(found.found) + 1)
     ]
     steps = tuple(

@@ -1,4 +1,4 @@
-"""One flight through the model: prediction, ceiling, capacity use, margin and redundancy per row.
+"""One flight through the model: prediction, ceiling, utilisation, margin and redundancy per row.
 
 Replay, report and monitor all show these arrays; none of them computes its own.
 """
@@ -21,11 +21,11 @@ from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import track_density
 from thrustmargin.models.physics.margin import (
-    capacity_use,
     ceiling,
     redundancy,
     rotor_thrust,
     trimmable_loss,
+    utilisation,
     weight,
 )
 
@@ -41,14 +41,14 @@ class FlightAnalysis:
     voltage_basis: str
     prediction: Prediction
     residual_rpm: Floats  # (T, R) measured minus predicted
-    max_rotor_speed_rpm: Floats  # (T,) rpm, ceiling at the pack's voltage
+    max_rotor_speed_rpm: Floats  # (T,) rpm, ceiling at the battery's voltage
     max_thrust: Floats  # (T, R) N
     thrust: Floats  # (T, R) N from the measured rotor speed
-    capacity_use: Floats  # (T, R) from the measured rotor speed
-    capacity_use_predicted: Floats  # (T, R) from the predicted rotor speed
+    utilisation: Floats  # (T, R) from the measured rotor speed
+    utilisation_predicted: Floats  # (T, R) from the predicted rotor speed
     weight: Floats  # (T,) N of the vehicle with its liquid
     redundancy_yaw_kept: Floats  # (T,) worst single rotor lost: holdable thrust over weight
-    redundancy_yaw_free: Floats  # (T,) the same with heading given up
+    redundancy_yaw_uncontrolled: Floats  # (T,) the same with yaw uncontrolled
     trimmable_loss: Floats  # (T,) largest share of one rotor's thrust that can be lost in trim
     start: FlightState | None = None  # that the first row was analysed from
 
@@ -62,8 +62,8 @@ class FlightAnalysis:
             f"FlightAnalysis of {self.track.name}: {self.track.time_s.size} rows, "
             f"{self.track.duration:.1f} s\n"
             f"  model: {self.model.description}\n"
-            f"  least thrust margin {worst(self.capacity_use)} measured, "
-            f"{worst(self.capacity_use_predicted)} predicted; rotor speed error {off} RMS\n"
+            f"  least thrust margin {worst(self.utilisation)} measured, "
+            f"{worst(self.utilisation_predicted)} predicted; rotor speed error {off} RMS\n"
             f"  air: {self.density_basis}\n  ceiling: {self.voltage_basis}"
         )
 
@@ -79,23 +79,23 @@ class FlightAnalysis:
 
     @property
     def margin(self) -> Floats:
-        """(T, R) thrust margin, 1 - capacity use, from measured rotor speeds."""
-        return 1.0 - self.capacity_use
+        """(T, R) thrust margin, 1 - utilisation, from measured rotor speeds."""
+        return 1.0 - self.utilisation
 
     @property
     def margin_predicted(self) -> Floats:
         """(T, R) thrust margin from predicted rotor speeds."""
-        return 1.0 - self.capacity_use_predicted
+        return 1.0 - self.utilisation_predicted
 
     @property
     def measured(self) -> Bools:
         """(T,) rows in which every rotor's speed was measured."""
-        return np.all(np.isfinite(self.capacity_use), axis=1)
+        return np.all(np.isfinite(self.utilisation), axis=1)
 
     @property
     def any_measured(self) -> Bools:
         """(T,) rows in which at least one rotor's speed was measured."""
-        return np.any(np.isfinite(self.capacity_use), axis=1)
+        return np.any(np.isfinite(self.utilisation), axis=1)
 
     @property
     def known_utilisation(self) -> Floats:
@@ -104,7 +104,7 @@ class FlightAnalysis:
         That of the rotors whose speed was measured; a silent rotor stays NaN, for a prediction
         beside measurements would be compared with them. In a row without any, all are predicted.
         """
-        return np.where(self.any_measured[:, None], self.capacity_use, self.capacity_use_predicted)
+        return np.where(self.any_measured[:, None], self.utilisation, self.utilisation_predicted)
 
     def above_limit(self, limit: float) -> Bools:
         """(T,) rows off the ground in which the known utilisation of a rotor is more than `limit`.
@@ -158,11 +158,11 @@ def analyse(
         max_rotor_speed_rpm=limits.max_rotor_speed_rpm,
         max_thrust=limits.max_thrust,
         thrust=rotor_thrust(airframe, track.rotor_speed_rpm, rho),
-        capacity_use=capacity_use(track.rotor_speed_rpm, limits.max_rotor_speed_rpm),
-        capacity_use_predicted=capacity_use(prediction.rotor_speed_rpm, limits.max_rotor_speed_rpm),
+        utilisation=utilisation(track.rotor_speed_rpm, limits.max_rotor_speed_rpm),
+        utilisation_predicted=utilisation(prediction.rotor_speed_rpm, limits.max_rotor_speed_rpm),
         weight=load,
         redundancy_yaw_kept=redundancy(airframe, limits, load, yaw_kept=True),
-        redundancy_yaw_free=redundancy(airframe, limits, load, yaw_kept=False),
+        redundancy_yaw_uncontrolled=redundancy(airframe, limits, load, yaw_kept=False),
         trimmable_loss=trimmable_loss(airframe, limits, load),
         start=start,
     )

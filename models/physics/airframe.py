@@ -77,7 +77,7 @@ class Airframe:
     nameplate_max_thrust: float  # N a rotor, as the maker prints it
     ceiling_voltage: float  # V at which max_rotor_speed_rpm holds
     ceiling_voltage_exponent: float  # max rotor speed goes with (voltage/ceiling_voltage)^this
-    nominal_voltage: float  # V of the pack
+    nominal_voltage: float  # V of the battery
     torque_ratio: float  # m, rotor torque over rotor thrust
     motor_poles: float
     rotor_position_frd: Floats  # (R, 3) m

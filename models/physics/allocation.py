@@ -6,7 +6,7 @@ with s_i = +1 for a rotor that turns counter-clockwise seen from above (its drag
 the right) and k the torque ratio. Level trim is roll = pitch = 0, and yaw = 0 if heading is kept.
 
 Thrusts here are in units of a free rotor's ceiling, so that each rotor lies in 0..its relative
-ceiling (below 1 for the lower rotor of a coaxial pair). Air density and pack voltage scale all
+ceiling (below 1 for the lower rotor of a coaxial pair). Air density and battery voltage scale all
 rotors alike: the programs are solved once per airframe and only scaled afterwards.
 
 A collective that can be held is a statement about steady trim. It leaves no reserve to turn or to
@@ -33,9 +33,9 @@ ROUNDING = 1e-9
 class Holdable:
     """Largest level collective of R rotors in units of a free rotor's ceiling."""
 
-    intact: float  # all rotors work, heading kept
-    yaw_kept: Floats  # (R,) rotor i lost, heading kept
-    yaw_free: Floats  # (R,) rotor i lost, heading given up
+    intact: float  # all rotors work, yaw kept
+    yaw_kept: Floats  # (R,) rotor i lost, yaw kept
+    yaw_uncontrolled: Floats  # (R,) rotor i lost, yaw uncontrolled
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,7 +71,7 @@ def holdable(airframe: Airframe, cg_offset: tuple[float, float] = (0.0, 0.0)) ->
     return Holdable(
         intact=float(_best(airframe, cg_offset, yaw_kept=True).sum()),
         yaw_kept=np.array([without(i, True) for i in rotors]),
-        yaw_free=np.array([without(i, False) for i in rotors]),
+        yaw_uncontrolled=np.array([without(i, False) for i in rotors]),
     )
 
 

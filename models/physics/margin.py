@@ -1,13 +1,13 @@
 """Thrust margin, redundancy and largest fill: defined here once for forecast, view and report.
 
     ceiling          N_max = N_max,ref min(V/V_ref, 1)^n,   T_max,i = a e_i rho/rho_ref N_max²
-    capacity use     u_i = T_i/T_max,i = (N_i/N_max)²       thrust margin = 1 - u_i
+    utilisation      u_i = T_i/T_max,i = (N_i/N_max)²       thrust margin = 1 - u_i
     redundancy       largest level collective with one rotor lost / weight; >= 1 survives in trim
     trimmable loss   largest share of one rotor's thrust that can go while the weight is held level
 
-a thrust coefficient at rho_ref, e_i effectiveness of rotor i, V pack voltage. Rotors are the last
-axis, time the first: T rows, R rotors. NaN in gives NaN out. On a quad redundancy with heading
-given up is 1/(2u): it crosses 1 at u = 0.5, which is where the 50 % line comes from.
+a thrust coefficient at rho_ref, e_i effectiveness of rotor i, V battery voltage. Rotors are the
+last axis, time the first: T rows, R rotors. NaN in gives NaN out. On a quad redundancy with yaw
+uncontrolled is 1/(2u): it crosses 1 at u = 0.5, which is where the 50 % line comes from.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from thrustmargin.models.physics.allocation import holdable, trim_curve
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.thrust import speed_from_thrust, thrust_from_speed
 
-Criterion = Literal["capacity use", "yaw free", "yaw kept"]
+Criterion = Literal["utilisation", "yaw uncontrolled", "yaw kept"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -38,16 +38,16 @@ class Ceiling:
 
 
 def ceiling(airframe: Airframe, density: ArrayLike, voltage: ArrayLike | None = None) -> Ceiling:
-    """Ceiling at `density` (T,) or a number, kg/m³, and pack `voltage` (T,) V; NaN is unknown.
+    """Ceiling at `density` (T,) or a number, kg/m³, and battery `voltage` (T,) V; NaN is unknown.
 
-    An unknown voltage is taken as the pack's nominal one, and `voltage_basis` says so. Above the
+    An unknown voltage is taken as the battery's nominal one, and `voltage_basis` says so. Above the
     voltage of the ceiling nothing is added: the bench did not go there.
     """
     rho = np.atleast_1d(np.asarray(density, dtype=np.float64))
     given = np.nan if voltage is None else voltage
-    rho, pack = np.broadcast_arrays(rho, np.asarray(given, dtype=np.float64))
-    known = np.isfinite(pack) & (pack > 0.0)
-    volts = np.where(known, pack, airframe.nominal_voltage)
+    rho, volts = np.broadcast_arrays(rho, np.asarray(given, dtype=np.float64))
+    known = np.isfinite(volts) & (volts > 0.0)
+    volts = np.where(known, volts, airframe.nominal_voltage)
     share = np.minimum(volts / airframe.ceiling_voltage, 1.0) ** airframe.ceiling_voltage_exponent
     speed = airframe.max_rotor_speed_rpm * share
     free = thrust_from_speed(
@@ -58,11 +58,13 @@ def ceiling(airframe: Airframe, density: ArrayLike, voltage: ArrayLike | None = 
     )
     nominal = f"nominal voltage {airframe.nominal_voltage:g} V"
     if np.all(known):
-        basis = "measured pack voltage"
+        basis = "measured battery voltage"
     elif not np.any(known):
-        basis = f"{nominal}: pack voltage not reported"
+        basis = f"{nominal}: battery voltage not reported"
     else:
-        basis = f"measured pack voltage; {nominal} in {np.count_nonzero(~known)} rows without one"
+        basis = (
+            f"measured battery voltage; {nominal} in {np.count_nonzero(~known)} rows without one"
+        )
     return Ceiling(
         max_rotor_speed_rpm=speed,
         free_thrust=free,
@@ -72,7 +74,7 @@ def ceiling(airframe: Airframe, density: ArrayLike, voltage: ArrayLike | None = 
 
 
 def nameplate_ceiling(airframe: Airframe) -> Ceiling:
-    """One row: the maker's printed maximum thrust, whatever the air and the pack."""
+    """One row: the maker's printed maximum thrust, whatever the air and the battery."""
     free = np.array([airframe.nameplate_max_thrust])
     return Ceiling(
         max_rotor_speed_rpm=speed_from_thrust(free, coefficient=airframe.thrust_coefficient),
@@ -98,7 +100,7 @@ def rotor_thrust(airframe: Airframe, rotor_speed_rpm: Floats, density: Floats) -
     return free * airframe.rotor_effectiveness
 
 
-def capacity_use(rotor_speed_rpm: Floats, max_rotor_speed_rpm: Floats) -> Floats:
+def utilisation(rotor_speed_rpm: Floats, max_rotor_speed_rpm: Floats) -> Floats:
     """u (T, R) of rotor speeds (T, R) under a ceiling (T,), both rpm.
 
     Thrust over largest thrust at one density and one coefficient: both cancel.
@@ -124,7 +126,7 @@ def redundancy(
 ) -> Floats:
     """(T,) largest level thrust with the worst single rotor lost, over `load` (T,) in N."""
     held = holdable(airframe, cg_offset)
-    worst = float(np.min(held.yaw_kept if yaw_kept else held.yaw_free))
+    worst = float(np.min(held.yaw_kept if yaw_kept else held.yaw_uncontrolled))
     return worst * limits.free_thrust / np.asarray(load, dtype=np.float64)
 
 
@@ -139,7 +141,7 @@ def redundancy_by_rotor(
     """(T, R) the same for each rotor lost."""
     held = holdable(airframe, cg_offset)
     share = limits.free_thrust / np.asarray(load, dtype=np.float64)
-    return share[:, None] * (held.yaw_kept if yaw_kept else held.yaw_free)
+    return share[:, None] * (held.yaw_kept if yaw_kept else held.yaw_uncontrolled)
 
 
 def trimmable_loss(
@@ -153,7 +155,7 @@ def trimmable_loss(
     """(T,) share of its largest thrust that the worst-placed rotor can lose with `load` held level.
 
     1 where a rotor can be lost altogether, 0 where there is nothing to lose. On a quad with heading
-    kept it is the thrust margin 1 - u, with heading given up 2 (1 - u) up to 1.
+    kept it is the thrust margin 1 - u, with yaw uncontrolled 2 (1 - u) up to 1.
     """
     collective = np.asarray(load, dtype=np.float64) / limits.free_thrust
     worst = np.full(collective.shape, np.inf)
@@ -168,19 +170,19 @@ def largest_fill(
     airframe: Airframe,
     limits: Ceiling,
     *,
-    criterion: Criterion = "capacity use",
+    criterion: Criterion = "utilisation",
     limit: float | None = None,
     cg_offset: tuple[float, float] = (0.0, 0.0),
 ) -> Floats:
     """(T,) kg of liquid at which the worst rotor's u, or the redundancy, just meets `limit`.
 
-    `limit` is 0.5 for capacity use and 1 for redundancy unless given. The answer is not cut to the
+    `limit` is 0.5 for utilisation and 1 for redundancy unless given. The answer is not cut to the
     tank: above its capacity a full tank is within the limit, below 0 the empty aircraft is beyond.
     """
     held = holdable(airframe, cg_offset)
-    if criterion == "capacity use":
+    if criterion == "utilisation":
         collective = (0.5 if limit is None else limit) * held.intact
     else:
-        lost = held.yaw_kept if criterion == "yaw kept" else held.yaw_free
+        lost = held.yaw_kept if criterion == "yaw kept" else held.yaw_uncontrolled
         collective = float(np.min(lost)) / (1.0 if limit is None else limit)
     return collective * limits.free_thrust / G0 - airframe.empty_mass

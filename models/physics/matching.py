@@ -7,6 +7,7 @@ over the rotors when all turn at one speed; on a coaxial airframe the upper ones
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -38,12 +39,12 @@ class CeilingMatch:
     max_thrust: float  # N, mean over the rotors
     use_full: float
     use_empty: float
-    redundancy_yaw_free_full: float
-    redundancy_yaw_free_empty: float
+    redundancy_yaw_uncontrolled_full: float
+    redundancy_yaw_uncontrolled_empty: float
     redundancy_yaw_kept_full: float
     redundancy_yaw_kept_empty: float
-    fill_half_use: float  # kg at which capacity use is 50 %; not cut to the tank
-    fill_one_rotor_out: float  # kg at which redundancy with heading given up is 1; likewise
+    fill_half_use: float  # kg at which utilisation is 50 %; not cut to the tank
+    fill_one_rotor_out: float  # kg at which redundancy with yaw uncontrolled is 1; likewise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,7 +64,7 @@ def match_airframe(airframe: Airframe) -> Matching:
     """Eq. 6-8, the two thrust coefficients, and the load against each ceiling of the airframe.
 
     Ceilings are the nameplate or what stands for it, the maximum of the thrust curve at its own
-    voltage, and that at the pack's nominal voltage where this is lower.
+    voltage, and that at the battery's nominal voltage where this is lower.
     """
     full, empty = weight(airframe, airframe.tank_capacity_kg), weight(airframe, 0.0)
     effective = float(airframe.rotor_effectiveness.sum()) * airframe.thrust_coefficient
@@ -101,17 +102,18 @@ def match_airframe(airframe: Airframe) -> Matching:
 def _against(
     airframe: Airframe, name: str, limits: Ceiling, full: Floats, empty: Floats
 ) -> CeilingMatch:
+    survived = partial(redundancy, airframe, limits)
     return CeilingMatch(
         name=name,
         max_thrust=float(limits.max_thrust.mean()),
         use_full=hover_use(airframe, limits, full).item(),
         use_empty=hover_use(airframe, limits, empty).item(),
-        redundancy_yaw_free_full=redundancy(airframe, limits, full, yaw_kept=False).item(),
-        redundancy_yaw_free_empty=redundancy(airframe, limits, empty, yaw_kept=False).item(),
-        redundancy_yaw_kept_full=redundancy(airframe, limits, full, yaw_kept=True).item(),
-        redundancy_yaw_kept_empty=redundancy(airframe, limits, empty, yaw_kept=True).item(),
+        redundancy_yaw_uncontrolled_full=survived(full, yaw_kept=False).item(),
+        redundancy_yaw_uncontrolled_empty=survived(empty, yaw_kept=False).item(),
+        redundancy_yaw_kept_full=survived(full, yaw_kept=True).item(),
+        redundancy_yaw_kept_empty=survived(empty, yaw_kept=True).item(),
         fill_half_use=largest_fill(airframe, limits).item(),
-        fill_one_rotor_out=largest_fill(airframe, limits, criterion="yaw free").item(),
+        fill_one_rotor_out=largest_fill(airframe, limits, criterion="yaw uncontrolled").item(),
     )
 
 

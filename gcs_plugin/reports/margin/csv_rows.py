@@ -23,7 +23,7 @@ COLUMNS: tuple[tuple[str, str, str, int], ...] = (
     ("voltage", "pack voltage", "V", 3),
     ("density", "air density", "kg/m3", 4),
     ("basis", "prediction basis", "0 none 1 network 2 physics", 0),
-    ("redundancy_yaw_free", "redundancy heading given up", "1", 4),
+    ("redundancy_yaw_uncontrolled", "redundancy heading given up", "1", 4),
     ("redundancy_yaw_kept", "redundancy heading kept", "1", 4),
     ("trimmable_loss", "trimmable loss", "1", 4),
     ("fill_limit_kg", "largest fill for the limit", "kg", 3),
@@ -32,8 +32,8 @@ COLUMNS: tuple[tuple[str, str, str, int], ...] = (
     ("rotor_speed_predicted_rpm", "rotor {} speed predicted", "rpm", 1),
     ("rotor_speed_lower_rpm", "rotor {} speed predicted lower", "rpm", 1),
     ("rotor_speed_upper_rpm", "rotor {} speed predicted upper", "rpm", 1),
-    ("capacity_use", "rotor {} capacity use measured", "1", 5),
-    ("capacity_use_predicted", "rotor {} capacity use predicted", "1", 5),
+    ("utilisation", "rotor {} capacity use measured", "1", 5),
+    ("utilisation_predicted", "rotor {} capacity use predicted", "1", 5),
 )
 
 
@@ -58,7 +58,7 @@ def rows_of(
         "voltage": track.voltage,
         "density": analysis.density,
         "basis": prediction.basis,
-        "redundancy_yaw_free": analysis.redundancy_yaw_free,
+        "redundancy_yaw_uncontrolled": analysis.redundancy_yaw_uncontrolled,
         "redundancy_yaw_kept": analysis.redundancy_yaw_kept,
         "trimmable_loss": analysis.trimmable_loss,
         "fill_limit_kg": fill_limit_kg,
@@ -67,8 +67,8 @@ def rows_of(
         "rotor_speed_predicted_rpm": prediction.rotor_speed_rpm,
         "rotor_speed_lower_rpm": prediction.lower_rpm,
         "rotor_speed_upper_rpm": prediction.upper_rpm,
-        "capacity_use": analysis.capacity_use,
-        "capacity_use_predicted": analysis.capacity_use_predicted,
+        "utilisation": analysis.utilisation,
+        "utilisation_predicted": analysis.utilisation_predicted,
         "known_utilisation": analysis.known_utilisation,
     }
     return {key: np.asarray(value, dtype=np.float64) for key, value in values.items()}

@@ -1,8 +1,9 @@
 """The numbers of a margin report, as frozen data: HTML, JSON and CSV all show these.
 
-Units as everywhere: a bare name is SI, anything else wears its unit. Shares and thrust utilisation
-(`capacity_use`) are 0..1. NaN is unknown, and becomes null in JSON, an empty cell in CSV and
-"unknown" on the page. Rotors are numbered from 1, in the autopilot's motor order. `time_s` counts
+Units as everywhere: a bare name is SI, anything else wears its unit. The fields are the keys of the
+JSON, which keep their spelling: `capacity_use` is thrust utilisation, `yaw_free` yaw uncontrolled.
+Shares are 0..1. NaN is unknown, and becomes null in JSON, an empty cell in CSV and "unknown" on
+the page. Rotors are numbered from 1, in the autopilot's motor order. `time_s` counts
 from the first row. What is read by name in this code has a class; the other parts of a flight's
 report are JSON objects, made in the module of their name and shown as they are.
 """

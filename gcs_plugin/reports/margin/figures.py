@@ -40,7 +40,7 @@ def figures(report: FlightReport) -> Mapping[str, Figure]:
     names = report.model["rotor_names"]
     use = rows["known_utilisation"]
     knows_use = bool(np.any(np.isfinite(use)))
-    knows_redundancy = bool(np.any(np.isfinite(rows["redundancy_yaw_free"])))
+    knows_redundancy = bool(np.any(np.isfinite(rows["redundancy_yaw_uncontrolled"])))
     placed = bool(np.any(np.isfinite(rows["north"]) & np.isfinite(rows["east"])))
     made: dict[str, Figure] = {}
     if knows_use:
@@ -97,7 +97,7 @@ def use_figure(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> F
 def rotors_figure(rows: Rows, limit: float, names: Sequence[str]) -> Figure:
     """Thrust in use of each rotor, measured and predicted, one strip a rotor."""
     time_s = rows["time_s"]
-    measured, predicted = rows["capacity_use"] * 100, rows["capacity_use_predicted"] * 100
+    measured, predicted = rows["utilisation"] * 100, rows["utilisation_predicted"] * 100
     high = max(limit * 130, float(np.nanmax([measured, predicted])) * 1.08)
     as_predicted = {"color": PREDICTED, "name": "predicted", "width": 3, "dash": "dash"}
     panels = rotor_panels(
@@ -135,7 +135,7 @@ def residual_figure(rows: Rows, names: Sequence[str]) -> Figure:
 def redundancy_figure(rows: Rows, limit: float) -> Figure:
     """Redundancy over time, yaw uncontrolled and controlled; below it the tank and the fills."""
     time_s, tank = rows["time_s"], rows["tank_kg"]
-    free, kept = rows["redundancy_yaw_free"], rows["redundancy_yaw_kept"]
+    free, kept = rows["redundancy_yaw_uncontrolled"], rows["redundancy_yaw_kept"]
     one_out, of_limit = rows["fill_one_rotor_out_kg"], rows["fill_limit_kg"]
     held = [
         line(time_s, free, color=MEASURED, name="yaw uncontrolled"),
@@ -181,7 +181,7 @@ def use_map(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> Figu
 
 def redundancy_map(rows: Rows) -> Figure:
     """The map of redundancy, with buttons for yaw uncontrolled and controlled."""
-    free, kept = rows["redundancy_yaw_free"], rows["redundancy_yaw_kept"]
+    free, kept = rows["redundancy_yaw_uncontrolled"], rows["redundancy_yaw_kept"]
     coloured = {"yaw uncontrolled": (free, -free)}
     if not np.any(np.isfinite(kept)):
         return _map(rows, coloured, REDUNDANCY)
@@ -207,7 +207,7 @@ def airborne(rows: Rows) -> Rows:
     span = slice(int(flown[0]), int(flown[-1]) + 1) if flown.size else slice(0, 0)
     cut = {key: values[span] for key, values in rows.items()}
     landed = cut["airborne"] == 0.0
-    for key in ("known_utilisation", "capacity_use", "capacity_use_predicted", "rotor_speed_rpm"):
+    for key in ("known_utilisation", "utilisation", "utilisation_predicted", "rotor_speed_rpm"):
         cut[key] = np.where(landed[:, None], np.nan, cut[key])
     return cut
 

@@ -75,7 +75,7 @@ def _moment(analysis: FlightAnalysis, use: Floats, row: int, names: tuple[str, .
         rotor_name=names[rotor],
         capacity_use=value,
         margin=1.0 - value,
-        basis="measured" if np.isfinite(analysis.capacity_use[row, rotor]) else "predicted",
+        basis="measured" if np.isfinite(analysis.utilisation[row, rotor]) else "predicted",
         doing=doing(analysis, row),
         tank_kg=float(track.tank_kg[row]),
         ground_speed=float(np.hypot(*track.velocity_ned[row, :2])),
@@ -86,7 +86,7 @@ def _moment(analysis: FlightAnalysis, use: Floats, row: int, names: tuple[str, .
         east=east,
         latitude_deg=latitude,
         longitude_deg=longitude,
-        redundancy_yaw_free=float(analysis.redundancy_yaw_free[row]),
+        redundancy_yaw_free=float(analysis.redundancy_yaw_uncontrolled[row]),
     )
 
 

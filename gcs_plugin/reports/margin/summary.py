@@ -47,7 +47,7 @@ def report_flight(
     rows = rows_of(
         analysis,
         fill_limit_kg=largest_fill(as_flown, limits, limit=limit),
-        fill_one_rotor_out_kg=largest_fill(as_flown, limits, criterion="yaw free"),
+        fill_one_rotor_out_kg=largest_fill(as_flown, limits, criterion="yaw uncontrolled"),
     )
     seconds = row_seconds(track)
     moments = worst_moments(analysis, airframe.rotor_names)
@@ -74,7 +74,7 @@ def _verdict(analysis: FlightAnalysis, seconds: Floats, limit: float) -> Verdict
     known_s = float(seconds[known].sum())
     measured_s = float(seconds[known & analysis.any_measured].sum())
     over_s = float(seconds[analysis.above_limit(limit)].sum())
-    free = analysis.redundancy_yaw_free[track.flying]
+    free = analysis.redundancy_yaw_uncontrolled[track.flying]
     lost_s = float(seconds[track.flying][free < 1.0].sum())
     level: Level = "unknown"
     if np.any(known):
@@ -98,7 +98,7 @@ def _verdict(analysis: FlightAnalysis, seconds: Floats, limit: float) -> Verdict
 def one_rotor_out_use(airframe: Airframe) -> float:
     """Thrust utilisation in hover at redundancy 1 with yaw uncontrolled; 0.5 on a quad."""
     limits = ceiling(airframe, airframe.reference_density, airframe.ceiling_voltage)
-    fill = largest_fill(airframe, limits, criterion="yaw free")
+    fill = largest_fill(airframe, limits, criterion="yaw uncontrolled")
     return float(hover_use(airframe, limits, weight(airframe, fill)).item())
 
 
@@ -172,7 +172,7 @@ def _path_length(speed: Floats, seconds: Floats, rows: Bools) -> float:
 def _rotors(analysis: FlightAnalysis, seconds: Floats, limit: float) -> tuple[JsonObject, ...]:
     """Thrust utilisation of each rotor; over_limit_share is of the time in which it is known."""
     flying, use = analysis.track.flying, airborne_use(analysis)
-    measured, predicted = analysis.capacity_use[flying], analysis.capacity_use_predicted[flying]
+    measured, predicted = analysis.utilisation[flying], analysis.utilisation_predicted[flying]
     known_s = seconds @ np.isfinite(use)
     over_s = seconds @ (use > limit)
     return tuple(
@@ -199,7 +199,7 @@ def _redundancy(
     """
     track = analysis.track
     flying, (first, _) = track.flying, end_rows(track)
-    free, kept = analysis.redundancy_yaw_free[flying], analysis.redundancy_yaw_kept[flying]
+    free, kept = analysis.redundancy_yaw_uncontrolled[flying], analysis.redundancy_yaw_kept[flying]
     known = np.isfinite(free)
     air_s = seconds[flying]
     fills = {name: rows[f"{name}_kg"] for name in ("fill_limit", "fill_one_rotor_out")}

@@ -90,7 +90,7 @@ def test_streamed_over_udp_a_flight_gives_the_samples_and_margins_of_its_file(
     )
     assert np.array_equal(
         table["redundancy_yaw_free"].to_numpy()[settled],
-        expected.redundancy_yaw_free[settled],
+        expected.redundancy_yaw_uncontrolled[settled],
         equal_nan=True,
     )
 

@@ -102,7 +102,7 @@ def assert_the_same(frames, track, model, cuts):
         ours = [getattr(u.analysis.prediction, name)[s] for u, s in zip(made, final, strict=True)]
         theirs = getattr(whole.prediction, name)
         np.testing.assert_allclose(np.concatenate(ours), theirs, rtol=1e-9, atol=1e-6)
-    for name in ("margin", "redundancy_yaw_free"):
+    for name in ("margin", "redundancy_yaw_uncontrolled"):
         ours = np.concatenate([getattr(u.analysis, name)[u.first :] for u in made])
         np.testing.assert_allclose(ours, getattr(whole, name), rtol=1e-9, atol=1e-9)
     alarms = Alarms()

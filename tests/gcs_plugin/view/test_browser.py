@@ -36,7 +36,7 @@ def opened(analysis) -> Iterator[tuple[ReplayView, Page]]:
         with open_page(view.url, width=1500, height=850) as page:
             page.set_default_timeout(PATIENCE_MS)
             page.wait_for_selector('[data-gauge="worst"]')
-            until(page, lambda: seen(page, LOAD.screen(analysis.capacity_use.max())) > 50)
+            until(page, lambda: seen(page, LOAD.screen(analysis.utilisation.max())) > 50)
             yield view, page
     finally:
         view.stop()
@@ -71,7 +71,7 @@ def gauge(page: Page, key: str) -> str:
 
 def test_the_route_is_drawn_in_the_colours_of_the_legend(opened, analysis):
     view, page = opened
-    use = view._route.worst(analysis.capacity_use.max(axis=1), "max")
+    use = view._route.worst(analysis.utilisation.max(axis=1), "max")
     for value in (np.quantile(use, 0.1), np.quantile(use, 0.9)):
         assert seen(page, LOAD.screen(value)) > 30
     pixels = picture(page).reshape(-1, 3)
@@ -115,7 +115,7 @@ def test_the_buttons_play_pause_and_go_to_the_worst_moment(opened, analysis):
     page.get_by_role("button", name="Pause", exact=True).click()
     until(page, lambda: not view.clock.playing)
     page.get_by_role("button", name="Go to the worst moment").click()
-    worst = int(np.argmax(analysis.capacity_use.max(axis=1)))
+    worst = int(np.argmax(analysis.utilisation.max(axis=1)))
     until(page, lambda: abs(view.clock.now() - analysis.track.time_s[worst]) < 1e-6)
     least = f"{100 * analysis.margin.min():.0f} %"
     until(page, lambda: least in gauge(page, "worst"))

@@ -39,7 +39,7 @@ def test_each_gauge_shows_its_rotors_margin_and_the_worst_is_named():
     assert f"{100 * margin[worst]:.0f} %" in box(html, "worst")
     assert f"rotor {worst + 1}, {analysis.model.airframe.rotor_names[worst]}" in box(html, "worst")
     assert f"{analysis.track.tank_kg[123]:.1f} kg" in box(html, "tank")
-    assert f"{analysis.redundancy_yaw_free[123]:.2f} x" in box(html, "redundancy")
+    assert f"{analysis.redundancy_yaw_uncontrolled[123]:.2f} x" in box(html, "redundancy")
 
 
 def test_on_the_ground_the_big_number_is_what_will_be_left_in_the_air():
@@ -86,7 +86,7 @@ def test_nothing_known_shows_no_number_at_all():
 )
 def test_redundancy_speaks_for_itself_on_both_sides_of_one(tank, verdict):
     analysis = flight(tank_kg=np.full(ROWS, tank))
-    assert (analysis.redundancy_yaw_free[10] >= 1) == (tank == 1.0)
+    assert (analysis.redundancy_yaw_uncontrolled[10] >= 1) == (tank == 1.0)
     assert verdict in box(shown(tank_kg=np.full(ROWS, tank)), "redundancy")
 
 

@@ -22,10 +22,12 @@ def by_name(analysis):
 def test_load_is_the_highest_rotor_and_margin_its_complement():
     analysis = flight()
     overlays = by_name(analysis)
-    np.testing.assert_allclose(overlays["Load"].values, analysis.capacity_use.max(axis=1))
+    np.testing.assert_allclose(overlays["Load"].values, analysis.utilisation.max(axis=1))
     np.testing.assert_allclose(overlays["Thrust margin"].values, analysis.margin.min(axis=1))
-    np.testing.assert_array_equal(overlays["Load"].rotor, np.argmax(analysis.capacity_use, axis=1))
-    np.testing.assert_array_equal(overlays["Redundancy"].values, analysis.redundancy_yaw_free)
+    np.testing.assert_array_equal(overlays["Load"].rotor, np.argmax(analysis.utilisation, axis=1))
+    np.testing.assert_array_equal(
+        overlays["Redundancy"].values, analysis.redundancy_yaw_uncontrolled
+    )
 
 
 def test_residual_is_the_rotor_furthest_off_with_its_sign():

@@ -108,7 +108,7 @@ def test_the_switch_recolours_the_same_route_and_its_legend(view, analysis):
 
 
 def test_the_worst_moment_is_pinned_and_one_press_away(view, analysis):
-    use = analysis.capacity_use.max(axis=1)
+    use = analysis.utilisation.max(axis=1)
     worst = int(np.argmax(use))
     assert f"{100 * use[worst]:.0f} %" in node(view, "/world/pin").text
     view.ask(view._to_worst)

@@ -358,7 +358,7 @@ def test_thrust_that_drifts_away():
     np.testing.assert_allclose(share(steady(), drift), 1.0 / 0.997, rtol=1e-6)
 
 
-def test_thrust_that_follows_the_pack():
+def test_thrust_that_follows_the_battery():
     # 45 of 50 V to the power 2: 0.81
     track = steady(voltage=np.full(60, 45.0))
     sags = effect("battery_voltage", exponent=2.0)

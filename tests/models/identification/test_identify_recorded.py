@@ -77,7 +77,7 @@ def test_a_propeller_that_fails_in_flight_is_found_with_its_moment(sitl_logs):
 
 
 @pytest.mark.slow
-def test_a_speed_that_ignores_the_pack_is_told_from_one_that_follows_it(sitl_logs):
+def test_a_speed_that_ignores_the_battery_is_told_from_one_that_follows_it(sitl_logs):
     model, (ignores, follows) = tracks(
         sitl_logs / "voltage", ["sag_simulator_rpm.tlog", "sag_real_rpm.tlog"]
     )

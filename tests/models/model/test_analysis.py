@@ -48,32 +48,32 @@ def test_a_perfect_hover_leaves_no_residual_and_its_thrust_is_its_weight(name):
     flight = analyse(hovering(airframe), physics_model(airframe))
     np.testing.assert_allclose(flight.residual_rpm, 0.0, atol=1e-6)
     np.testing.assert_allclose(flight.thrust.sum(axis=1), flight.weight)
-    np.testing.assert_allclose(flight.capacity_use, flight.capacity_use_predicted)
-    np.testing.assert_allclose(flight.capacity_use, flight.thrust / flight.max_thrust)
-    np.testing.assert_allclose(flight.margin, 1.0 - flight.capacity_use)
+    np.testing.assert_allclose(flight.utilisation, flight.utilisation_predicted)
+    np.testing.assert_allclose(flight.utilisation, flight.thrust / flight.max_thrust)
+    np.testing.assert_allclose(flight.margin, 1.0 - flight.utilisation)
     np.testing.assert_allclose(flight.margin_predicted, flight.margin)
     assert flight.measured.all()
 
 
 def test_on_a_quad_margin_redundancy_and_trimmable_loss_say_the_same():
     flight = analyse(hovering(), MODEL)
-    use = flight.capacity_use.max(axis=1)
-    np.testing.assert_allclose(flight.redundancy_yaw_free, 1.0 / (2.0 * use))
+    use = flight.utilisation.max(axis=1)
+    np.testing.assert_allclose(flight.redundancy_yaw_uncontrolled, 1.0 / (2.0 * use))
     np.testing.assert_allclose(flight.redundancy_yaw_kept, 0.0, atol=1e-12)
     np.testing.assert_allclose(flight.trimmable_loss, 1.0 - use, atol=1e-7)
 
 
-def test_a_sagging_pack_lowers_the_ceiling_and_not_the_thrust():
+def test_a_sagging_battery_lowers_the_ceiling_and_not_the_thrust():
     full = analyse(hovering(voltage=np.full(ROWS, 58.8)), MODEL)
     low = analyse(hovering(voltage=np.full(ROWS, 48.0)), MODEL)
     np.testing.assert_array_equal(full.thrust, low.thrust)
-    np.testing.assert_allclose(full.capacity_use / low.capacity_use, (48.0 / 58.8) ** 2)
+    np.testing.assert_allclose(full.utilisation / low.utilisation, (48.0 / 58.8) ** 2)
     assert np.all(low.margin < full.margin)
 
 
 def test_what_was_assumed_is_said():
     flight = analyse(hovering(voltage=np.full(ROWS, np.nan), altitude=np.full(ROWS, np.nan)), MODEL)
-    assert flight.voltage_basis == "nominal voltage 51.8 V: pack voltage not reported"
+    assert flight.voltage_basis == "nominal voltage 51.8 V: battery voltage not reported"
     assert flight.density_basis.startswith("assumed 1.225 kg/m³")
 
 
@@ -89,20 +89,20 @@ def test_rows_lack_what_they_cannot_know():
     rpm[3, 1] = np.nan
     tank[5] = np.nan
     flight = analyse(hovering(rotor_speed_rpm=rpm, tank_kg=tank), MODEL)
-    assert np.isnan(flight.capacity_use[3]).tolist() == [False, True, False, False]
+    assert np.isnan(flight.utilisation[3]).tolist() == [False, True, False, False]
     assert np.isnan(flight.residual_rpm[3]).tolist() == [False, True, False, False]
     assert np.flatnonzero(~flight.measured).tolist() == [3]
-    for array in (flight.weight, flight.redundancy_yaw_free, flight.trimmable_loss):
+    for array in (flight.weight, flight.redundancy_yaw_uncontrolled, flight.trimmable_loss):
         assert np.flatnonzero(np.isnan(array)).tolist() == [5]
     assert np.isnan(flight.prediction.rotor_speed_rpm[5]).all()
-    assert np.isfinite(flight.capacity_use[5]).all()
+    assert np.isfinite(flight.utilisation[5]).all()
 
 
 def test_a_flight_without_tank_or_rotor_speed_still_has_its_ceiling():
     nothing = FlightTrack.of(name="bare", time_s=np.arange(3.0), rotor_count=4)
     flight = analyse(nothing, MODEL)
     assert np.isfinite(flight.max_thrust).all()
-    for array in (flight.capacity_use, flight.weight, flight.redundancy_yaw_free):
+    for array in (flight.utilisation, flight.weight, flight.redundancy_yaw_uncontrolled):
         assert np.isnan(array).all()
 
 
@@ -115,14 +115,14 @@ def test_one_rotor_above_the_limit_is_enough_and_a_silent_esc_hides_none():
     on_ground = replace(track, flying=np.arange(ROWS) != 5)
     analysis = analyse(on_ground, physics_model(SITL))
     # Row 4 has no measured rotor: there the prediction counts, which is above the limit.
-    assert np.min(analysis.capacity_use_predicted[4]) > 0.5
+    assert np.min(analysis.utilisation_predicted[4]) > 0.5
     assert np.flatnonzero(analysis.above_limit(0.5)).tolist() == [1, 2, 4]
     assert np.isnan(analysis.known_utilisation[2, 1])
 
 
 def test_a_flight_of_no_rows_is_no_error():
     flight = analyse(hovering().rows(slice(0, 0)), MODEL)
-    assert flight.capacity_use.shape == (0, 4)
+    assert flight.utilisation.shape == (0, 4)
     assert flight.trimmable_loss.shape == (0,)
 
 
@@ -131,7 +131,13 @@ def test_batch_is_the_loop():
     whole = analyse(track, MODEL)
     for row in (0, 17, ROWS - 1):
         one = analyse(track.rows(slice(row, row + 1)), MODEL)
-        for name in ("thrust", "capacity_use", "redundancy_yaw_free", "trimmable_loss", "weight"):
+        for name in (
+            "thrust",
+            "utilisation",
+            "redundancy_yaw_uncontrolled",
+            "trimmable_loss",
+            "weight",
+        ):
             np.testing.assert_allclose(getattr(one, name)[0], getattr(whole, name)[row])
 
 
@@ -140,7 +146,7 @@ def test_weight_makes_the_hover_use_of_the_forecast():
     flight = analyse(track, MODEL, density=np.full(ROWS, SITL.reference_density))
     limits = ceiling(SITL, flight.density, track.voltage)
     forecast = hover_use(SITL, limits, flight.weight)
-    np.testing.assert_allclose(flight.capacity_use_predicted.max(axis=1), forecast)
+    np.testing.assert_allclose(flight.utilisation_predicted.max(axis=1), forecast)
 
 
 def test_a_flight_with_another_number_of_rotors_is_refused_with_both_counts():

@@ -247,7 +247,7 @@ def test_a_flight_through_the_model_by_hand():
     np.testing.assert_allclose(found.margin_predicted[:, 2], [0.673112, 0.489237], atol=1e-5)
     np.testing.assert_allclose(found.residual_rpm[0, 1], 1800.0 - hover_rpm(24.0), rtol=1e-4)
     # A diagonal pair holds 2 x 180 and 2 x 115.2 N of 235.3596 N.
-    np.testing.assert_allclose(found.redundancy_yaw_free, [1.529574, 0.978927], rtol=2e-5)
+    np.testing.assert_allclose(found.redundancy_yaw_uncontrolled, [1.529574, 0.978927], rtol=2e-5)
     np.testing.assert_allclose(found.redundancy_yaw_kept, 0.0, atol=1e-9)
     np.testing.assert_allclose(found.trimmable_loss, [0.673112, 0.489237], atol=2e-5)
 

@@ -86,7 +86,7 @@ def test_heading_needs_the_torques_balanced_not_only_the_moments():
     for spin, most in (([1, 1, 1, 1], 0.0), ([1, 1, 1, -1], 2.0)):
         odd = replace(QUAD, rotor_spin=np.array(spin, dtype=float))
         assert holdable(odd).intact == pytest.approx(most, abs=1e-9)
-        np.testing.assert_allclose(holdable(odd).yaw_free, 2.0)
+        np.testing.assert_allclose(holdable(odd).yaw_uncontrolled, 2.0)
 
 
 @pytest.mark.parametrize("axis", [0, 1])
@@ -97,16 +97,16 @@ def test_rotors_on_a_line_along_or_across_are_held_too(axis):
     position[:, axis] = [1.0, 0.0, -1.0]
     held = holdable(rearranged(QUAD, position, [1, -1, 1]))
     assert held.intact == pytest.approx(2.0)
-    np.testing.assert_allclose(held.yaw_free, [1.0, 2.0, 1.0])
+    np.testing.assert_allclose(held.yaw_uncontrolled, [1.0, 2.0, 1.0])
     np.testing.assert_allclose(held.yaw_kept, 0.0, atol=1e-9)
 
 
 def test_a_trim_curve_by_hand():
-    # Quad, heading kept: all four carry a quarter each, so rotor 0 does.
+    # Quad, yaw kept: all four carry a quarter each, so rotor 0 does.
     kept = trim_curve(QUAD, 0)
     np.testing.assert_allclose(kept.collective, [0.0, 4.0], atol=1e-9)
     np.testing.assert_allclose(kept.rotor, [0.0, 1.0], atol=1e-9)
-    # Heading given up: nothing needed up to 2, where its own diagonal has to join; full at 4.
+    # Yaw uncontrolled: nothing needed up to 2, where its own diagonal has to join; full at 4.
     free = trim_curve(QUAD, 0, False)
     np.testing.assert_allclose(free.collective, [2.0, 4.0], atol=1e-9)
     np.testing.assert_allclose(free.rotor, [0.0, 1.0], atol=1e-9)
@@ -127,7 +127,7 @@ def test_equal_thrust_is_trim_until_the_centre_of_gravity_moves():
 def test_quad_with_one_rotor_lost_keeps_a_diagonal_pair_and_no_heading():
     held = holdable(QUAD)
     assert held.intact == pytest.approx(4.0)
-    np.testing.assert_allclose(held.yaw_free, 2.0)
+    np.testing.assert_allclose(held.yaw_uncontrolled, 2.0)
     np.testing.assert_allclose(held.yaw_kept, 0.0, atol=1e-12)
 
 
@@ -136,7 +136,7 @@ def test_alternating_hexa_keeps_four_of_six_either_way():
     # pairs a (60, 300) and b (120, 240): the sum 3a + b is largest at a = b = 1, rotor 180 stopped.
     held = holdable(HEXA)
     assert held.intact == pytest.approx(6.0)
-    np.testing.assert_allclose(held.yaw_free, 4.0)
+    np.testing.assert_allclose(held.yaw_uncontrolled, 4.0)
     np.testing.assert_allclose(held.yaw_kept, 4.0)
 
 
@@ -144,37 +144,37 @@ def test_hexa_with_neighbours_of_one_spin_holds_as_much_but_can_turn_its_nose_bo
     # The PPNNPN hexa is known for staying controllable (Du et al. 2015); its largest level thrust
     # does not show that, which is why the docstring of the module speaks of trim only.
     held = holdable(ring(6, [1, 1, -1, -1, 1, -1]))
-    assert held.yaw_free == pytest.approx(np.full(6, 4.0))
+    assert held.yaw_uncontrolled == pytest.approx(np.full(6, 4.0))
     assert np.all(held.yaw_kept <= 4.0 + 1e-9)
 
 
 def test_flat_octo_keeps_six_of_eight_or_four_root_two_with_its_heading():
-    # Rotor 0 lost. Heading given up: the opposite one stops, six stay at full thrust. Heading kept:
+    # Rotor 0 lost. Yaw uncontrolled: the opposite one stops, six stay at full thrust. Yaw kept:
     # the opposite one T has the spin of the lost, so that pitch sqrt2 (1 - b) = T and yaw 2 b = T
     # for the pair b at 135 degrees: b = sqrt2 - 1, and 4 + 2 b + T = 4 + 4 b = 4 sqrt2.
     held = holdable(ring(8, [1, -1] * 4))
-    np.testing.assert_allclose(held.yaw_free, 6.0)
+    np.testing.assert_allclose(held.yaw_uncontrolled, 6.0)
     np.testing.assert_allclose(held.yaw_kept, 4.0 * np.sqrt(2.0))
 
 
 def test_coaxial_octo_keeps_what_its_pairs_leave():
     # e = 0.8 is the lower rotor. Lost upper: its arm and the opposite one hold e each, the others
-    # 1 + e: 2 + 4e. With heading kept the other arms must spin balanced too, e and e: 6e.
+    # 1 + e: 2 + 4e. With yaw kept the other arms must spin balanced too, e and e: 6e.
     # Lost lower: 1 on its arm and the opposite one, 1 + e on the others, with yaw balanced: 4 + 2e.
     held = holdable(X8)
     upper, lower = slice(0, 4), slice(4, 8)
     assert held.intact == pytest.approx(4 + 4 * 0.8)
-    np.testing.assert_allclose(held.yaw_free[upper], 2 + 4 * 0.8)
+    np.testing.assert_allclose(held.yaw_uncontrolled[upper], 2 + 4 * 0.8)
     np.testing.assert_allclose(held.yaw_kept[upper], 6 * 0.8)
-    np.testing.assert_allclose(held.yaw_free[lower], 4 + 2 * 0.8)
+    np.testing.assert_allclose(held.yaw_uncontrolled[lower], 4 + 2 * 0.8)
     np.testing.assert_allclose(held.yaw_kept[lower], 4 + 2 * 0.8)
 
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_heading_and_a_lost_rotor_only_take_away(name):
     held = holdable(load_airframe(name))
-    assert np.all(held.yaw_kept <= held.yaw_free + 1e-9)
-    assert np.all(held.yaw_free < held.intact)
+    assert np.all(held.yaw_kept <= held.yaw_uncontrolled + 1e-9)
+    assert np.all(held.yaw_uncontrolled < held.intact)
 
 
 @settings(max_examples=25, deadline=None)
@@ -182,7 +182,7 @@ def test_heading_and_a_lost_rotor_only_take_away(name):
 def test_rectangular_quads_of_any_size_hold_the_same(length, width):
     position = np.sign(QUAD.rotor_position_frd) * [length, width, 0.0]
     held = holdable(rearranged(QUAD, position, QUAD.rotor_spin))
-    np.testing.assert_allclose(held.yaw_free, 2.0, rtol=1e-9)
+    np.testing.assert_allclose(held.yaw_uncontrolled, 2.0, rtol=1e-9)
 
 
 def test_a_centre_of_gravity_off_the_middle_costs_thrust():
@@ -192,8 +192,8 @@ def test_a_centre_of_gravity_off_the_middle_costs_thrust():
     assert off.intact == pytest.approx(whole.intact / (1 + 0.1 / arm))
     # Nose-heavy, a quad can stand on the other diagonal only if the lost rotor is a rear one.
     front = QUAD.rotor_position_frd[:, 0] > 0
-    np.testing.assert_allclose(off.yaw_free[front], 0.0, atol=1e-9)
-    np.testing.assert_allclose(off.yaw_free[~front], 2.0)
+    np.testing.assert_allclose(off.yaw_uncontrolled[front], 0.0, atol=1e-9)
+    np.testing.assert_allclose(off.yaw_uncontrolled[~front], 2.0)
 
 
 def _least_by_brute_force(airframe, rotor, collective, yaw_kept, cg_offset=(0.0, 0.0)):

@@ -1,4 +1,4 @@
-"""Ceiling, capacity use, redundancy, trimmable loss and largest fill: the paper's and the laws."""
+"""Ceiling, utilisation, redundancy, trimmable loss and largest fill: the paper's and the laws."""
 
 from dataclasses import replace
 from typing import Any
@@ -12,7 +12,6 @@ from thrustmargin.models.physics.airframe import airframe_names, load_airframe
 from thrustmargin.models.physics.allocation import holdable
 from thrustmargin.models.physics.atmosphere import G0, isa_density
 from thrustmargin.models.physics.margin import (
-    capacity_use,
     ceiling,
     hover_use,
     largest_fill,
@@ -21,6 +20,7 @@ from thrustmargin.models.physics.margin import (
     redundancy_by_rotor,
     rotor_thrust,
     trimmable_loss,
+    utilisation,
     weight,
 )
 
@@ -42,7 +42,7 @@ def test_f16_full_tank_is_54_6_percent_of_the_nameplate_and_about_half_of_the_be
 def test_f16_at_17_kgf_keeps_the_one_rotor_out_line_up_to_12_9_kg():
     limits = nameplate_ceiling(F16)
     half = largest_fill(F16, limits).item()
-    survives = largest_fill(F16, limits, criterion="yaw free").item()
+    survives = largest_fill(F16, limits, criterion="yaw uncontrolled").item()
     assert half == pytest.approx(0.5 * 4 * 17.0 - 21.1, abs=1e-4)  # 12.9 kg
     assert survives == pytest.approx(half)
 
@@ -66,10 +66,10 @@ def test_ceiling_thrust_goes_with_density():
 @pytest.mark.parametrize(
     ("voltage", "basis"),
     [
-        (None, "nominal voltage 51.8 V: pack voltage not reported"),
-        (np.array([np.nan, 0.0]), "nominal voltage 51.8 V: pack voltage not reported"),
-        (np.array([58.8, np.nan]), "measured pack voltage; nominal voltage 51.8 V in 1 row"),
-        (np.array([58.8, 50.0]), "measured pack voltage"),
+        (None, "nominal voltage 51.8 V: battery voltage not reported"),
+        (np.array([np.nan, 0.0]), "nominal voltage 51.8 V: battery voltage not reported"),
+        (np.array([58.8, np.nan]), "measured battery voltage; nominal voltage 51.8 V in 1 row"),
+        (np.array([58.8, 50.0]), "measured battery voltage"),
     ],
 )
 def test_an_unknown_voltage_is_nominal_and_said(voltage, basis):
@@ -80,7 +80,7 @@ def test_an_unknown_voltage_is_nominal_and_said(voltage, basis):
     np.testing.assert_allclose(limits.max_rotor_speed_rpm[~known], nominal)
 
 
-def test_capacity_use_is_thrust_over_largest_thrust_in_any_air_and_for_any_worn_rotor():
+def test_utilisation_is_thrust_over_largest_thrust_in_any_air_and_for_any_worn_rotor():
     rng = np.random.default_rng(3)
     rpm = rng.uniform(500, 2900, (20, 8))
     rho, volts = rng.uniform(0.8, 1.3, 20), rng.uniform(44, 58, 20)
@@ -89,7 +89,7 @@ def test_capacity_use_is_thrust_over_largest_thrust_in_any_air_and_for_any_worn_
         airframe = replace(base, thrust_coefficient=base.thrust_coefficient * wear)
         limits = ceiling(airframe, rho, volts)
         by_thrust = rotor_thrust(airframe, rpm, rho) / limits.max_thrust
-        np.testing.assert_allclose(capacity_use(rpm, limits.max_rotor_speed_rpm), by_thrust)
+        np.testing.assert_allclose(utilisation(rpm, limits.max_rotor_speed_rpm), by_thrust)
 
 
 def test_unknown_in_unknown_out():
@@ -100,7 +100,7 @@ def test_unknown_in_unknown_out():
         trimmable_loss(F16, limits, load),
     ):
         np.testing.assert_array_equal(np.isnan(value), [False, True, True])
-    use = capacity_use(np.array([[np.nan, 1000.0, 1.0, 1.0]]), np.array([3000.0]))
+    use = utilisation(np.array([[np.nan, 1000.0, 1.0, 1.0]]), np.array([3000.0]))
     np.testing.assert_array_equal(np.isnan(use), [[True, False, False, False]])
 
 
@@ -197,7 +197,7 @@ def test_a_rotor_can_be_lost_altogether_exactly_where_redundancy_is_one(name, us
 
 
 def test_a_share_lost_is_of_what_that_rotor_can_make():
-    # Rotor 1 reaches 0.8 of the others. With heading kept all four must be equal, so at 0.6 of a
+    # Rotor 1 reaches 0.8 of the others. With yaw kept all four must be equal, so at 0.6 of a
     # free rotor's ceiling it may lose 1 - 0.6/0.8, and the others 1 - 0.6.
     weak = replace(F16, rotor_effectiveness=np.array([0.8, 1.0, 1.0, 1.0]))
     limits = at_reference(weak)
@@ -218,13 +218,13 @@ def test_nothing_can_be_lost_by_an_aircraft_too_heavy_to_fly():
                 assert loss == pytest.approx(0.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("criterion", ["capacity use", "yaw free", "yaw kept"])
+@pytest.mark.parametrize("criterion", ["utilisation", "yaw uncontrolled", "yaw kept"])
 @pytest.mark.parametrize("name", SHIPPED)
 def test_at_the_largest_fill_the_limit_is_just_met(name, criterion):
     airframe = load_airframe(name)
     limits = ceiling(airframe, np.array([1.0, 1.2]), airframe.ceiling_voltage)
     fill = largest_fill(airframe, limits, criterion=criterion)
-    if criterion == "capacity use":
+    if criterion == "utilisation":
         met = hover_use(airframe, limits, weight(airframe, fill))
         np.testing.assert_allclose(met, 0.5)
     elif airframe.rotor_count == 4 and criterion == "yaw kept":
@@ -237,8 +237,8 @@ def test_at_the_largest_fill_the_limit_is_just_met(name, criterion):
 def test_a_stricter_limit_takes_liquid_off_the_aircraft():
     limits = at_reference(F16)
     assert largest_fill(F16, limits, limit=0.45) < largest_fill(F16, limits)
-    with_reserve = largest_fill(F16, limits, criterion="yaw free", limit=1.1)
-    assert with_reserve < largest_fill(F16, limits, criterion="yaw free")
+    with_reserve = largest_fill(F16, limits, criterion="yaw uncontrolled", limit=1.1)
+    assert with_reserve < largest_fill(F16, limits, criterion="yaw uncontrolled")
 
 
 def test_weight_is_mass_under_standard_gravity():
@@ -305,7 +305,7 @@ def test_use_redundancy_and_fill_of_a_quad_by_hand():
     # Half use: 67.5 N = 6.883084 kg; 30 %: 40.5 N = 4.129850 kg; 67.5 N / 1.25 = 5.506467 kg.
     assert largest_fill(ROUND, limits) == pytest.approx([6.883084 - 20.0], abs=1e-6)
     assert largest_fill(ROUND, limits, limit=0.3) == pytest.approx([4.129850 - 20.0], abs=1e-6)
-    free: dict[str, Any] = {"criterion": "yaw free"}
+    free: dict[str, Any] = {"criterion": "yaw uncontrolled"}
     assert largest_fill(ROUND, limits, **free) == pytest.approx([6.883084 - 20.0], abs=1e-6)
     strict = largest_fill(ROUND, limits, **free, limit=1.25)
     assert strict == pytest.approx([5.506467 - 20.0], abs=1e-6)
@@ -342,9 +342,9 @@ def test_redundancy_of_a_hexa_by_rotor_is_that_of_its_worst():
 def test_fill_with_heading_kept_counts_the_worst_lower_rotor():
     octo = load_airframe("agras-t40")
     limits = at_reference(octo)
-    # Of 8 rotors, four at 0.8: 6 x 0.8 = 4.8 free rotors with an upper one lost and heading kept,
-    # 2 + 4 x 0.8 = 5.2 with heading given up.
+    # Of 8 rotors, four at 0.8: 6 x 0.8 = 4.8 free rotors with an upper one lost and yaw kept,
+    # 2 + 4 x 0.8 = 5.2 with yaw uncontrolled.
     kept = largest_fill(octo, limits, criterion="yaw kept")
-    free = largest_fill(octo, limits, criterion="yaw free")
+    free = largest_fill(octo, limits, criterion="yaw uncontrolled")
     np.testing.assert_allclose(kept, 4.8 * limits.free_thrust / G0 - octo.empty_mass)
     np.testing.assert_allclose(free, 5.2 * limits.free_thrust / G0 - octo.empty_mass)

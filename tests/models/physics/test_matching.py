@@ -27,8 +27,12 @@ def test_f16_is_the_papers_matching():
 
 def test_f16_survives_a_lost_rotor_when_empty_and_not_when_full():
     nameplate = match_airframe(F16).ceilings[0]
-    assert nameplate.redundancy_yaw_free_full == pytest.approx(1 / (2 * 0.54559), rel=1e-4)
-    assert nameplate.redundancy_yaw_free_empty > 1.0 > nameplate.redundancy_yaw_free_full
+    assert nameplate.redundancy_yaw_uncontrolled_full == pytest.approx(1 / (2 * 0.54559), rel=1e-4)
+    assert (
+        nameplate.redundancy_yaw_uncontrolled_empty
+        > 1.0
+        > nameplate.redundancy_yaw_uncontrolled_full
+    )
     assert nameplate.redundancy_yaw_kept_empty == pytest.approx(0.0, abs=1e-12)
 
 
@@ -63,7 +67,7 @@ def test_use_of_each_ceiling_is_load_over_maximum(name):
             assert limit.use_empty < limit.use_full
 
 
-def test_a_pack_below_the_bench_voltage_gets_its_own_ceiling():
+def test_a_battery_below_the_bench_voltage_gets_its_own_ceiling():
     names = [limit.name for limit in match_airframe(load_airframe("topxgun-f16-sitl")).ceilings]
     assert names == [
         "nameplate",

@@ -51,7 +51,7 @@ def flown(**channels: object) -> FlightTrack:
 def used(use: np.ndarray, **channels: object) -> FlightAnalysis:
     """The ten rows with `use` (10, 4) as measured thrust utilisation; predicted 0.7 throughout."""
     analysis = analyse(flown(**channels), model())
-    return replace(analysis, capacity_use=use, capacity_use_predicted=np.full((ROWS, 4), 0.7))
+    return replace(analysis, utilisation=use, utilisation_predicted=np.full((ROWS, 4), 0.7))
 
 
 def report_of(analysis: FlightAnalysis, limit: float = 0.5) -> FlightReport:
@@ -140,7 +140,7 @@ def test_loads_follow_eq_6_to_8():
 
 def test_redundancy_below_one_is_counted_in_airborne_seconds():
     free = np.array([0.1, 0.9, 0.95, 1.0, 1.1, 1.2, 1.3, 1.4, NAN, 0.1])
-    report = report_of(replace(used(rising()), redundancy_yaw_free=free))
+    report = report_of(replace(used(rising()), redundancy_yaw_uncontrolled=free))
     assert report.verdict.level == "critical"
     assert report.verdict.not_survivable_s == pytest.approx(2.0)
     assert report.redundancy["below_one_share"] == pytest.approx(2 / 7)

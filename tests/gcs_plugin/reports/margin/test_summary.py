@@ -26,7 +26,7 @@ def report():
 
 
 def airborne_use(analysis):
-    return np.where(analysis.track.flying[:, None], analysis.capacity_use, np.nan)
+    return np.where(analysis.track.flying[:, None], analysis.utilisation, np.nan)
 
 
 def test_the_worst_moment_is_the_greatest_measured_use_in_the_air(analysis, report):
@@ -53,10 +53,12 @@ def test_time_above_the_limit_is_the_share_of_airborne_rows(analysis, report):
 def test_the_level_follows_the_limit_and_the_redundancy():
     analysis, recorded = flight()
     assert report_flight(analysis, recorded, max_utilisation=0.9).verdict.level == "under"
-    heavy = replace(analysis, redundancy_yaw_free=analysis.redundancy_yaw_free * 0.7)
+    heavy = replace(
+        analysis, redundancy_yaw_uncontrolled=analysis.redundancy_yaw_uncontrolled * 0.7
+    )
     verdict = report_flight(heavy, recorded, max_utilisation=0.9).verdict
     assert verdict.level == "critical"
-    lost = analysis.track.flying & (heavy.redundancy_yaw_free < 1)
+    lost = analysis.track.flying & (heavy.redundancy_yaw_uncontrolled < 1)
     assert verdict.not_survivable_s == pytest.approx(0.1 * np.sum(lost), rel=0.02)
 
 
@@ -75,7 +77,7 @@ def test_a_hexacopter_survives_more_than_half_of_capacity():
 def test_the_largest_fill_is_the_tank_at_which_redundancy_is_one(analysis, report):
     track, airframe = analysis.track, model().airframe
     # Redundancy goes with 1/weight, so weight times redundancy is what one lost rotor would allow.
-    allowed = analysis.redundancy_yaw_free * analysis.weight / G0 - airframe.empty_mass
+    allowed = analysis.redundancy_yaw_uncontrolled * analysis.weight / G0 - airframe.empty_mass
     assert report.redundancy["fill_one_rotor_out_min_kg"] == pytest.approx(
         np.nanmin(allowed[track.flying])
     )
@@ -87,11 +89,11 @@ def test_the_largest_fill_is_the_tank_at_which_redundancy_is_one(analysis, repor
 def test_redundancy_figures_are_the_least_of_the_airborne_rows(analysis, report):
     flying = analysis.track.flying
     found = report.redundancy
-    assert found["yaw_free_min"] == np.nanmin(analysis.redundancy_yaw_free[flying])
+    assert found["yaw_free_min"] == np.nanmin(analysis.redundancy_yaw_uncontrolled[flying])
     assert found["yaw_kept_min"] == np.nanmin(analysis.redundancy_yaw_kept[flying])
     assert found["trimmable_loss_min"] == np.nanmin(analysis.trimmable_loss[flying])
     at = np.flatnonzero(analysis.track.time_s == found["yaw_free_min_time_s"])[0]
-    assert analysis.redundancy_yaw_free[at] == found["yaw_free_min"]
+    assert analysis.redundancy_yaw_uncontrolled[at] == found["yaw_free_min"]
 
 
 def test_the_papers_figures_stand_beside_the_flights(analysis, report):
@@ -111,11 +113,11 @@ def test_the_papers_figures_stand_beside_the_flights(analysis, report):
     assert load["flight_end"] == pytest.approx((21.1 + end) / 4)
     ratio = rows["full over empty, start over end"]["flight_start"]
     assert ratio == pytest.approx(load["flight_start"] / load["flight_end"] - 1)
-    # On a quad at even load, capacity use in hover is 1/(2 x redundancy).
-    expected = np.nanmedian(1 / (2 * analysis.redundancy_yaw_free[end_rows(track)[0]]))
+    # On a quad at even load, utilisation in hover is 1/(2 x redundancy).
+    expected = np.nanmedian(1 / (2 * analysis.redundancy_yaw_uncontrolled[end_rows(track)[0]]))
     assert hover["flight_start"] == pytest.approx(expected)
     flown = rows["thrust in use in flight, mean of the rotors"]["flight_start"]
-    assert flown == pytest.approx(np.median(analysis.capacity_use[end_rows(track)[0]].mean(axis=1)))
+    assert flown == pytest.approx(np.median(analysis.utilisation[end_rows(track)[0]].mean(axis=1)))
 
 
 def test_each_rotor_has_its_own_greatest_and_median_use(analysis, report):
@@ -155,7 +157,7 @@ def test_moments_are_apart_worst_first_and_of_one_rotor_each(analysis, report):
     assert len(moments) > 4
     for m in moments:
         row = np.flatnonzero(analysis.track.time_s == m.time_s)[0]
-        assert m.capacity_use == np.nanmax(analysis.capacity_use[row])
+        assert m.capacity_use == np.nanmax(analysis.utilisation[row])
 
 
 def test_what_was_happening_is_named_from_the_channels(report):
@@ -202,7 +204,7 @@ def test_without_rotor_speeds_everything_is_predicted_and_said_so():
     assert worst is not None
     assert worst.basis == "predicted"
     flying = analysis.track.flying
-    assert worst.capacity_use == np.nanmax(analysis.capacity_use_predicted[flying])
+    assert worst.capacity_use == np.nanmax(analysis.utilisation_predicted[flying])
     assert report.verdict.measured_share == 0.0
     assert report.verdict.basis == "predicted; no rotor speeds in this log"
     assert "no rotor speeds in this log: all figures are predicted" in report.quality["missing"]
@@ -268,7 +270,7 @@ def test_a_flight_of_one_row_is_reported():
     analysis, recorded = flight(track=track.rows(slice(900, 901)))
     report = report_flight(analysis, recorded, max_utilisation=0.5)
     assert report.verdict.worst is not None
-    assert report.verdict.worst.capacity_use == np.nanmax(analysis.capacity_use)
+    assert report.verdict.worst.capacity_use == np.nanmax(analysis.utilisation)
 
 
 def test_a_pause_of_the_log_is_not_counted_as_time_above_the_limit():
@@ -304,8 +306,8 @@ def test_several_flights_are_counted_by_verdict_and_the_worst_is_named():
     analysis, recorded = flight()
     heavier = replace(
         analysis,
-        capacity_use=analysis.capacity_use * 1.2,
-        redundancy_yaw_free=analysis.redundancy_yaw_free / 1.2,
+        utilisation=analysis.utilisation * 1.2,
+        redundancy_yaw_uncontrolled=analysis.redundancy_yaw_uncontrolled / 1.2,
     )
     report = build_report([(analysis, recorded), (heavier, recorded)])
     assert report.flights[0].verdict == light.verdict
