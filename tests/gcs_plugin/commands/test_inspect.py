@@ -97,6 +97,14 @@ def test_json_holds_the_same_and_no_nan(log):
     assert len(told["channels"]) == 17
 
 
+def test_an_inspection_is_a_few_lines_to_read(log):
+    found = inspect_log(log, F16)
+    lines = repr(found).splitlines()
+    assert lines[0].startswith("Inspection of FlightLog")
+    assert len(lines) < 25
+    assert any(line.startswith("  ok: motor order: ") for line in lines)
+
+
 def test_the_command_prints_channels_and_findings(capsys):
     assert run(["inspect", str(FLIGHT), "--airframe", "topxgun-f16-sitl"]) == 0
     out = capsys.readouterr().out
