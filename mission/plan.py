@@ -169,7 +169,7 @@ def _simple_entries(entry: Any, *, where: str) -> list[Any]:
     kind = entry.get("complexItemType") or entry.get("type")
     raise PlanError(
         f"{where} is of type {kind!r}, which does not store its waypoints; upload the plan to the "
-        "vehicle and get it back with: thrustmargin fetch mission URL -o thrustmargin.mission.plan"
+        "vehicle and get it back with: thrustmargin fetch mission URL -o mission.plan"
     )
 
 

@@ -18,20 +18,13 @@ if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.vehicle.connection import Progress, VehicleLink
     from thrustmargin.gcs_plugin.vehicle.log_download import LogEntry
 
-Url = Annotated[Positional[str], tyro.conf.arg(metavar="URL")]
-
 
 @dataclass(frozen=True, slots=True)
-class FetchMission:
-    """Download the mission and save it as a QGroundControl plan (fence and rally points are not).
+class FetchFrom:
+    """The vehicle on a link."""
 
-    Example: thrustmargin fetch mission udpin:127.0.0.1:14550 -o field.plan
-    """
-
-    url: Url
+    url: Annotated[Positional[str], tyro.conf.arg(metavar="URL")]
     """Link: udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or /dev/ttyUSB0,57600."""
-    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("thrustmargin.mission.plan")
-    """File to write."""
     vehicle: int | None = None
     """System id, needed when the link carries several vehicles."""
     timeout: float = 10.0
@@ -41,14 +34,23 @@ class FetchMission:
 
 
 @dataclass(frozen=True, slots=True)
-class FetchLog:
+class FetchMission(FetchFrom):
+    """Download the mission and save it as a QGroundControl plan (fence and rally points are not).
+
+    Example: thrustmargin fetch mission udpin:127.0.0.1:14550 -o field.plan
+    """
+
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("mission.plan")
+    """File to write."""
+
+
+@dataclass(frozen=True, slots=True)
+class FetchLog(FetchFrom):
     """Download a flight log; without --id the latest one. Land first: it takes minutes by radio.
 
     Example: thrustmargin fetch log /dev/ttyACM0,115200 --id 12 -o flight.BIN
     """
 
-    url: Url
-    """Link: udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or /dev/ttyUSB0,57600."""
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
     """File to write; without it log_NUMBER.BIN (.ulg from PX4) in this folder."""
     list: bool = False
@@ -57,12 +59,6 @@ class FetchLog:
     """Number of the log, as --list shows it."""
     latest: bool = False
     """Take the latest log that is not empty, which is also what happens without --id."""
-    vehicle: int | None = None
-    """System id, needed when the link carries several vehicles."""
-    timeout: float = 10.0
-    """Seconds to wait for the vehicle's first heartbeat."""
-    signing_key_file: Path | None = None
-    """Key of a vehicle that wants signed messages: 32 bytes, 64 hex digits or a passphrase."""
 
 
 def fetch(
@@ -121,7 +117,7 @@ def _fetch_log(order: FetchLog) -> None:
         print(f"{path}: log {entry.number}, {entry.size_bytes} bytes")
 
 
-def _link(order: FetchMission | FetchLog) -> AbstractContextManager[VehicleLink]:
+def _link(order: FetchFrom) -> AbstractContextManager[VehicleLink]:
     from thrustmargin.gcs_plugin.vehicle.connection import VehicleLink
 
     if order.signing_key_file is None:

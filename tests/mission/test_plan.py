@@ -216,7 +216,7 @@ def test_latitude_and_longitude_zero_is_no_place():
         (changed("items", 0, to=7), "item 1 is not an item"),
         (
             changed("items", 1, to={"type": "ComplexItem", "complexItemType": "StructureScan"}),
-            "item 2 is of type 'StructureScan', which does not store its waypoints; upload",
+            "item 2 is of type 'StructureScan', which does not store its waypoints.*-o mission\.plan; upload",
         ),
         (
             changed("items", 0, "params", 6, to=None),
