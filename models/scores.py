@@ -24,7 +24,7 @@ from thrustmargin.models.flight import Bools, Floats
 
 CONFIDENCE = 0.95
 DRAWS = 2000
-#: With fewer blocks than this the spread of one flight cannot be told.
+#: With fewer blocks than this the spread of one flight cannot be known.
 FEWEST_BLOCKS = 5
 #: Columns of the sums: rows, errors, squares, measured about its mean, its squares, rows inside
 #: the interval of the prediction, rows that have one.

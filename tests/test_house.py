@@ -31,7 +31,7 @@ NOT_MIRRORED = {
     "tests/bench": "measurements of speed and memory, run by `make bench`",
     "tests/measured": "the loop on measured data of others, run by `make measured`",
     "tests/mutation": "a count of what fast tests notice, run as its first lines say",
-    "tests/undeclared": "effects that the code was not told about",
+    "tests/undeclared": "effects that the code does not know",
     "tests/gcs_plugin/peers": "the programs at the other end of a link",
 }
 

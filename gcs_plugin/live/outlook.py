@@ -30,7 +30,7 @@ FORECAST_EVERY, FLOW_WINDOW = 2.0, 20.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Outlook:
-    """What the rest of the flight will be like, as far as it can be told now."""
+    """What the rest of the flight will be like, as far as it is known now."""
 
     seconds_to_empty: float = math.nan  # at the present flow, spraying on; inf without flow
     margin_full: float = math.nan  # predicted worst-rotor margin with a full tank

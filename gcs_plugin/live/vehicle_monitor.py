@@ -306,7 +306,7 @@ class VehicleMonitor:
 
     @property
     def flying(self) -> bool:
-        """Off the ground when last heard; armed counts where no row has told."""
+        """Off the ground when last heard; armed counts before the first row."""
         return self.state.armed if self.last is None else bool(self.last.analysis.track.flying[-1])
 
     def left(self, now_us: int) -> bool:

@@ -44,7 +44,7 @@ AHEAD = 0.1  # s by which a message may be taken to be later than the newest clo
 RESTART_AFTER = 3  # clocked messages running that must agree on a restart
 _LONG_AGO = -(2**62)  # ns
 JUMP = 30.0  # s forward between two messages that is reported as a jump
-_NEAR = 0.5  # s round a restart in which messages without a clock are still told apart
+_NEAR = 0.5  # s round a restart in which messages without a clock are still distinguished
 _US_WRAP = 2**32 * 1e-6  # s; SERVO_OUTPUT_RAW counts µs in 32 bits and wraps after 71 minutes
 
 

@@ -29,7 +29,7 @@ from thrustmargin.models.physics.airframe import Airframe
 AGREEMENT = 1.5
 WATER = 1.0  # kg/L
 LONGEST_STEP = 2.0  # s between pump reports beyond which nothing is summed up
-NUMBERED = ("FUEL_STATUS", "BATTERY_STATUS")  # sources that are told apart by a number
+NUMBERED = ("FUEL_STATUS", "BATTERY_STATUS")  # sources that a number distinguishes
 #: Names that `auto` knows -> True for litres.
 NAMES = {"TANK": False, "TANK_KG": False, "TANK_L": True}
 

@@ -70,9 +70,9 @@ def without_leaps(time_s: Floats) -> Floats:
     centre = np.clip(rows, 1, time_s.size - 2)
     around = np.clip(centre[:, None] + np.arange(-2, 3), 0, time_s.size - 1)
     middle = np.median(time_s[around], axis=1)
-    mended = time_s.copy()
-    mended[rows[np.abs(time_s[rows] - middle) > FORWARD]] = np.nan
-    return mended
+    repaired = time_s.copy()
+    repaired[rows[np.abs(time_s[rows] - middle) > FORWARD]] = np.nan
+    return repaired
 
 
 def pauses(time_s: Floats) -> tuple[tuple[float, float], ...]:

@@ -77,12 +77,12 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
     correlation = []
     for axis in range(3):
         weights = arms[axis][places]  # (P, R): arm of each reported speed under each assignment
-        told, effective = _correlations(
+        correlated, effective = _correlations(
             acceleration[:, axis], rate[:, axis], squares, weights, step
         )
-        correlation.append(float(told[0]))
+        correlation.append(float(correlated[0]))
         for spins, sign in enumerate((1.0, -1.0 if axis == 2 else 1.0)):
-            explained = np.clip(sign * told, 0.0, 0.999999) ** 2
+            explained = np.clip(sign * correlated, 0.0, 0.999999) ** 2
             likelihood[spins] -= 0.5 * effective * np.log1p(-explained)
     measured = (correlation[0], correlation[1], correlation[2])
     return _judge(airframe, places, arms, likelihood, measured, rows)
@@ -151,13 +151,13 @@ def _correlations(
     moment_power = np.einsum("pi,ij,pj->p", weights, gram, weights)
     scale = np.sqrt(np.maximum(moment_power * power, 1e-300))
     with np.errstate(invalid="ignore"):
-        told = np.where(moment_power > 1e-12 * np.trace(gram), weights @ cross / scale, 0.0)
+        correlated = np.where(moment_power > 1e-12 * np.trace(gram), weights @ cross / scale, 0.0)
     lagged = speeds[1:].T @ speeds[:-1]
     own = np.einsum("pi,ij,pj->p", weights, lagged, weights) / np.maximum(moment_power, 1e-300)
     alike = np.clip(own * float(response[1:] @ response[:-1]) / max(power, 1e-300), 0.0, 0.999)
     # Rows overlap by half, because each difference spans two steps.
     samples = 0.5 * step.size * (1.0 - alike) / (1.0 + alike)
-    return np.nan_to_num(told), samples
+    return np.nan_to_num(correlated), samples
 
 
 def _judge(

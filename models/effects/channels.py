@@ -252,7 +252,7 @@ def _load_factor(time_s: Floats, velocity: Floats, span: float) -> Floats:
 
 
 def _along(time_s: Floats, velocity: Floats, span: float) -> Floats:
-    """(T,) m/s² by which the horizontal speed grows; 0 where it cannot be told."""
+    """(T,) m/s² by which the horizontal speed grows; 0 where it is unknown."""
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     return np.nan_to_num(derivative(time_s, speed, span))
 

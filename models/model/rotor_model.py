@@ -107,9 +107,9 @@ class RotorModel:
     def held_speed(self, airspeed: Floats, tank_kg: Floats) -> Floats:
         """(N, R) rpm like `base_speed`, without its jump at the edge of the training.
 
-        Beyond what the network knows it is held at its edge, and carried on from there by physics:
-        the weight, and drag and lift of forward flight, so that an effect fitted on top sees no
-        step of the model's own.
+        Beyond what the network knows it is held at its edge, and extrapolated from there by
+        physics: the weight, and drag and lift of forward flight, so that an effect fitted on top
+        sees no step of the model's own.
         """
         if self.network is None or self.training_domain is None:
             return self.base_speed(airspeed, tank_kg)

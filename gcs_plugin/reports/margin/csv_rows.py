@@ -45,31 +45,22 @@ def rows_of(
     The fills are (T,) kg.
     """
     track, prediction = analysis.track, analysis.prediction
+    of_track = ("time_s", "height_agl", "airspeed", "tank_kg", "spraying", "voltage")
+    of_analysis = ("density", "redundancy_yaw_uncontrolled", "redundancy_yaw_kept")
+    used = ("utilisation", "utilisation_predicted", "known_utilisation", "trimmable_loss")
     values = {
-        "time_s": track.time_s,
+        **{key: getattr(track, key) for key in (*of_track, "rotor_speed_rpm")},
+        **{key: getattr(analysis, key) for key in (*of_analysis, *used)},
         "airborne": track.flying,
         "north": track.position_ned[:, 0],
         "east": track.position_ned[:, 1],
-        "height_agl": track.height_agl,
         "ground_speed": np.hypot(track.velocity_ned[:, 0], track.velocity_ned[:, 1]),
-        "airspeed": track.airspeed,
-        "tank_kg": track.tank_kg,
-        "spraying": track.spraying,
-        "voltage": track.voltage,
-        "density": analysis.density,
         "basis": prediction.basis,
-        "redundancy_yaw_uncontrolled": analysis.redundancy_yaw_uncontrolled,
-        "redundancy_yaw_kept": analysis.redundancy_yaw_kept,
-        "trimmable_loss": analysis.trimmable_loss,
         "fill_limit_kg": fill_limit_kg,
         "fill_one_rotor_out_kg": fill_one_rotor_out_kg,
-        "rotor_speed_rpm": track.rotor_speed_rpm,
         "rotor_speed_predicted_rpm": prediction.rotor_speed_rpm,
         "rotor_speed_lower_rpm": prediction.lower_rpm,
         "rotor_speed_upper_rpm": prediction.upper_rpm,
-        "utilisation": analysis.utilisation,
-        "utilisation_predicted": analysis.utilisation_predicted,
-        "known_utilisation": analysis.known_utilisation,
     }
     return {key: np.asarray(value, dtype=np.float64) for key, value in values.items()}
 

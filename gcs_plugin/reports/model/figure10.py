@@ -56,14 +56,7 @@ def figure10(matching: Matching, points: NetworkPoints | None) -> Figure:
         ("full", load.full_load, matching.rotor_speed_full_rpm),
         ("empty", load.empty_load, matching.rotor_speed_empty_rpm),
     ):
-        axes.annotate(
-            f"{tank} tank {mass:.2f} kg, {rpm:.0f} rpm",
-            (0.0, mass),
-            xytext=(6, -4),
-            textcoords="offset points",
-            va="top",
-            color=INK,
-        )
+        _label(axes, f"{tank} tank {mass:.2f} kg, {rpm:.0f} rpm", (0.0, mass), color=INK)
     _draw_ceilings(axes, matching, top=top, right=right)
     if points is not None:
         _draw_points(axes, points)
@@ -94,24 +87,30 @@ def _draw_ceilings(axes: Axes, matching: Matching, *, top: float, right: float) 
         # Two ceilings of nearly one height would print their names over each other.
         below = any(abs(height - other) < 0.035 * top for other in heights)
         heights.append(height)
-        axes.annotate(
-            f"{limit.name}: {height:.2f} kgf",
-            (0.0, height),
-            xytext=(6, -4 if below else 3),
-            textcoords="offset points",
-            va="top" if below else "bottom",
-            color=WARN,
-        )
+        _label(axes, f"{limit.name}: {height:.2f} kgf", (0.0, height), below=below)
     half = 0.5 * heights[1]
     axes.axhline(half, color=WARN, linewidth=1.1, linestyle="--")
+    _label(axes, f"50 % limit: {half:.2f} kgf", (right, half), left=True)
+
+
+def _label(
+    axes: Axes,
+    text: str,
+    at: tuple[float, float],
+    *,
+    below: bool = True,
+    left: bool = False,
+    color: str = WARN,
+) -> None:
+    """Text a little off the place (rpm, kgf)."""
     axes.annotate(
-        f"50 % limit: {half:.2f} kgf",
-        (right, half),
-        xytext=(-6, -4),
+        text,
+        at,
+        xytext=(-6 if left else 6, -4 if below else 3),
         textcoords="offset points",
-        ha="right",
-        va="top",
-        color=WARN,
+        ha="right" if left else "left",
+        va="top" if below else "bottom",
+        color=color,
     )
 
 
