@@ -217,7 +217,8 @@ def test_latitude_and_longitude_zero_is_no_place():
         (
             changed("items", 1, to={"type": "ComplexItem", "complexItemType": "StructureScan"}),
             "item 2 is of type 'StructureScan', which does not store its waypoints; upload the "
-            "plan to the vehicle and get it back with: thrustmargin fetch mission URL -o mission.plan",
+            "plan to the vehicle and get it back with: thrustmargin fetch mission URL "
+            "-o mission.plan",
         ),
         (
             changed("items", 0, "params", 6, to=None),
