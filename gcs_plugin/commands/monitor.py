@@ -125,9 +125,9 @@ def monitor(
         live.subscribers.append(fetcher)
         live.taps.append(fetcher.feed)
     if not sys.stdout.isatty():
-        from thrustmargin.gcs_plugin.live.console import Teller
+        from thrustmargin.gcs_plugin.live.console import EventPrinter
 
-        live.subscribers.append(Teller(live, lambda words: print(words, flush=True)))
+        live.subscribers.append(EventPrinter(live, lambda words: print(words, flush=True)))
     page = _page(live, chosen.airframe, host, port) if view else None
     until = math.inf if seconds is None else time.monotonic() + seconds
     try:

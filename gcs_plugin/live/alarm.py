@@ -15,7 +15,6 @@ class AlarmSettings:
 
     max_utilisation: float = 0.5  # largest share of a rotor's maximum thrust in use
     margin_hysteresis: float = 0.03
-    margin_hold: float = 3.0
     rotor_slack: float = 0.02  # k of the CUSUM
     rotor_threshold: float = 0.04  # s
     rotor_unloaded: float = 0.2  # share of the expected thrust whose lack means: on the ground

@@ -4,7 +4,7 @@ A text goes out when an alarm is raised (with its severity) and when it is clear
 still stands is said again every 30 s. At most one text a second and vehicle, the gravest first; of
 more than 8 waiting the least grave are dropped. Nothing is said in the name of a vehicle that is
 itself silent: ground stations (QGroundControl's VehicleLinkManager) take any message of its system
-for a sign of life, and would not tell that the link is lost. The texts wait for its return.
+for a sign of life, and would not report that the link is lost. The texts wait for its return.
 Figures go out once a second:
     MARGIN      measured thrust margin of the worst rotor, %
     MARGIN_PRE  the same as predicted, %
@@ -41,7 +41,7 @@ class _Vehicle:
 
 
 class Announcer:
-    """A subscriber of the monitor that tells ground stations what it finds out."""
+    """A subscriber of the monitor that reports to ground stations what it finds out."""
 
     def __init__(self, sender: Sender) -> None:
         self._sender = sender

@@ -2,7 +2,7 @@
 
 Called from the main thread; reads what the compute thread last published and changes nothing. A
 number that is older than its channel allows is shown with its age and never as if it were new.
-Where there is no terminal, `Teller` prints a line whenever something happens.
+Where there is no terminal, `EventPrinter` prints a line whenever something happens.
 """
 
 from __future__ import annotations
@@ -212,7 +212,7 @@ def seconds(time_s: float) -> str:
     return f"{time_s:.1f} s"
 
 
-class Teller:
+class EventPrinter:
     """A subscriber that prints what happens, a line each: for output into a file or a log."""
 
     def __init__(self, monitor: LiveMonitor, say: Callable[[str], None]) -> None:

@@ -30,6 +30,7 @@ from rich.console import Console
 from rich.table import Table
 from scipy.stats import chi2
 
+from thrustmargin.gcs_plugin.live.alarm_rules import RULES
 from thrustmargin.gcs_plugin.live.alarms import Alarms
 from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorSettings
 from thrustmargin.gcs_plugin.live.tank_balance import virtual_gauge
@@ -129,7 +130,7 @@ def counted(paths: list[Path]) -> Count:
 def table(counts: dict[str, Count]) -> Table:
     titles = [f"{name}: {c.flights} flights, {c.hours:.2f} h" for name, c in counts.items()]
     shown = Table("alarm", *titles, title="alarms raised: false (an hour, at most), and explained")
-    for name in Alarms().names:
+    for name in (rule.name for rule in RULES):
         shown.add_row(
             name,
             *(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.live.alarm import CRITICAL, NOTICE, AlarmSettings, Debounce
-from thrustmargin.gcs_plugin.live.alarm_words import tank_verdict
+from thrustmargin.gcs_plugin.live.alarm_rules import tank_verdict
 from thrustmargin.gcs_plugin.live.alarms import Alarms
 from thrustmargin.gcs_plugin.live.rotor_sums import standing_out
 from thrustmargin.gcs_plugin.live.tank_balance import TankBalance, virtual_gauge
@@ -72,12 +72,12 @@ def test_a_margin_under_the_limit_is_raised_after_its_hold_time_and_cleared_afte
     events = watched(with_rotors(track, low))
     margins = [e for e in events if e[2] == "margin"]
     assert [(round(e[0], 1), e[1]) for e in margins] == [(13.0, True), (33.0, False)]
-    assert "under 50%" in margins[0][4]
+    assert "below 50%" in margins[0][4]
 
 
 def test_the_alarm_asks_for_the_margin_that_the_largest_utilisation_leaves():
     track = hover(10.0, rpm=math.sqrt(0.45) * AIRFRAME.max_rotor_speed_rpm)
-    for allowed, words in ((0.5, []), (0.4, ["Thrust margin 55% under 60%: rotor 1"])):
+    for allowed, words in ((0.5, []), (0.4, ["Thrust margin 55% below 60%: rotor 1"])):
         events = watched(track, Alarms(AlarmSettings(max_utilisation=allowed)))
         assert [e[4] for e in events if e[2] == "margin"] == words
 
@@ -141,7 +141,7 @@ def test_a_rotor_stands_out_only_by_what_the_others_do_not_share():
     assert spread[0] == pytest.approx(0.4)
 
 
-def test_a_motor_at_its_end_is_told_at_once():
+def test_a_motor_at_its_end_is_reported_at_once():
     track = hover(10.0)
     throttle = track.throttle.copy()
     throttle[50:60, 1] = 0.99
@@ -152,7 +152,7 @@ def test_a_motor_at_its_end_is_told_at_once():
     ]
 
 
-def test_what_an_esc_says_of_itself_is_told_at_once_with_its_rotor():
+def test_what_an_esc_says_of_itself_is_reported_at_once_with_its_rotor():
     alarms = Alarms()
     said = []
     for turn, failures in enumerate([(np.nan,) * 4, (0, 0, 36, 0), (0, 0, 0, 0)]):
@@ -167,7 +167,7 @@ def test_what_an_esc_says_of_itself_is_told_at_once_with_its_rotor():
     assert [(e[1], e[2], round(e[0], 1)) for e in said[2]] == [(False, "esc", 11.0)]
 
 
-def test_outside_the_models_training_is_told_and_not_for_a_model_without_any():
+def test_outside_the_models_training_is_reported_and_not_for_a_model_without_any():
     track = hover(30.0)
     airspeed = np.full(300, 3.0)
     airspeed[100:200] = 30.0
@@ -181,10 +181,10 @@ def test_outside_the_models_training_is_told_and_not_for_a_model_without_any():
 
 def test_the_route_ahead_raises_before_the_margin_itself_does():
     events = watched(hover(10.0), margin_ahead=np.full(100, 0.41))
-    assert [(e[2], e[4]) for e in events] == [("margin ahead", "Route ahead: margin 41% under 50%")]
+    assert [(e[2], e[4]) for e in events] == [("margin ahead", "Route ahead: margin 41% below 50%")]
 
 
-def test_lost_telemetry_is_told_and_taken_back():
+def test_lost_telemetry_is_reported_and_taken_back():
     alarms = Alarms()
     silences = [0.1, 1.0, 2.9, 3.1, 30.0, 0.0, 0.0, 0.0]
     events = [
@@ -258,8 +258,8 @@ def test_while_an_alarm_stands_its_words_follow_the_numbers():
         watched(replace(track, time_s=track.time_s + 10.0 * turn), alarms)
         said.append([a.text for a in alarms.standing.values() if a.name == "margin"])
     assert said == [
-        ["Thrust margin 40% under 50%: rotor 1"],
-        ["Thrust margin 45% under 50%: rotor 1"],
+        ["Thrust margin 40% below 50%: rotor 1"],
+        ["Thrust margin 45% below 50%: rotor 1"],
         # Within the hysteresis it still stands, and does not repeat the old number.
         ["Thrust margin 52% near 50%: rotor 1"],
     ]
@@ -284,12 +284,12 @@ def balance(**given: float) -> TankBalance:
         ({"apart_kg": 4.0}, "Thrust says +4.0 kg against the gauge"),
     ],
 )
-def test_the_tanks_witnesses_convict_the_one_that_parts(given, words):
+def test_the_tanks_estimates_name_the_one_that_parts(given, words):
     assert tank_verdict(balance(**given), AlarmSettings()) == words
     assert len(words) <= 50
 
 
-def test_a_leak_put_into_a_flight_is_told():
+def test_a_leak_put_into_a_flight_is_reported():
     track = hover(120.0, tank=14.0)
     spent = np.clip(track.time_s - 40.0, 0.0, None) * 0.04
     pumped = np.clip(track.time_s - 40.0, 0.0, None) * 0.01

@@ -194,7 +194,7 @@ def test_what_still_stands_is_said_again_every_half_minute():
     vehicle = Vehicle()
     fleet.take([f for _ in range(20) for f in vehicle.tick()])
     watch = fleet.vehicles[1]
-    alarm = Alarm("margin", None, WARNING, "Thrust margin 41% under 50%: rotor 2", 0.0)
+    alarm = Alarm("margin", None, WARNING, "Thrust margin 41% below 50%: rotor 2", 0.0)
     watch.alarms.standing[alarm.key] = alarm
     announcer.on_event(1, AlarmEvent(True, alarm, 0.0))
     for _ in range(100):

@@ -10,8 +10,8 @@ from rich.console import Console
 from tests.gcs_plugin.live.live_vehicle import SECOND, Vehicle, as_frame
 from thrustmargin.gcs_plugin.live.alarm import Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.live.console import (
+    EventPrinter,
     Screen,
-    Teller,
     kilograms,
     minutes,
     percent,
@@ -98,13 +98,13 @@ def test_a_vehicle_silent_on_the_ground_leaves_and_one_silent_in_flight_never_do
 
 def test_without_a_terminal_every_event_is_a_line(monitor):
     said: list[str] = []
-    teller = Teller(monitor, said.append)
+    printer = EventPrinter(monitor, said.append)
     fleet, vehicle = flown(rpm=2300)
     for event in fleet.vehicles[3].last.events:  # type: ignore[union-attr]
-        teller.on_event(3, event)
-    teller.on_event(3, AlarmEvent(True, Alarm("margin", None, 4, "Thrust margin 39%", 0.0), 0.0))
-    teller.on_round(fleet, vehicle.stamp_us)
-    teller.on_round(fleet, vehicle.stamp_us)
+        printer.on_event(3, event)
+    printer.on_event(3, AlarmEvent(True, Alarm("margin", None, 4, "Thrust margin 39%", 0.0), 0.0))
+    printer.on_round(fleet, vehicle.stamp_us)
+    printer.on_round(fleet, vehicle.stamp_us)
     assert said == ["vehicle 3: Thrust margin 39%", "vehicle 3: heard"]
 
 

@@ -1,4 +1,4 @@
-"""Where the tank level comes from live, and whether its witnesses agree."""
+"""Where the tank level comes from live, and whether its estimates agree."""
 
 import math
 import struct

@@ -101,7 +101,7 @@ def test_the_page_follows_the_flight_and_says_when_it_is_old():
         assert "tank by NAMED_VALUE_FLOAT TANK" in rests
         assert "motor n taken to be on output n" in rests
         until(page, '[data-gauge="worst"]', f"{left[1]} %", live, vehicle, rpm=2300)
-        until(page, "[data-alarm]", "under 50%", live, vehicle, rpm=2300)
+        until(page, "[data-alarm]", "below 50%", live, vehicle, rpm=2300)
         assert page.locator("[data-old]").count() == 0
         time.sleep(4.5)  # nothing is sent any more
         assert "no data for" in shown(page, "[data-age]")
@@ -123,7 +123,7 @@ def test_two_vehicles_have_a_tab_each_and_stand_where_they_are():
         tab.click()
         until(page, "body", "· vehicle 2", live, one, two, rpm=1700)
         assert page.locator("[data-fleet]").count() == 2
-        # The other one loses thrust: told on this page too.
+        # The other one loses thrust: reported on this page too.
         for _ in range(40):
             for vehicle, rpm in ((one, 2300), (two, 1700)):
                 for frame in vehicle.tick(rpm=(rpm,) * 4):
@@ -219,9 +219,9 @@ def test_text_of_alarms_and_status_is_never_markup():
         assert "&lt;img" in html
 
 
-def test_the_page_of_one_aircraft_tells_the_alarms_of_all_gravest_first():
+def test_the_page_of_one_aircraft_shows_the_alarms_of_all_gravest_first():
     """A pilot sees one tab; a bad propeller of another aircraft must not hide behind it."""
-    margin = Alarm("margin", None, WARNING, "Thrust margin 46% under 50%: rotor 2", 0.0)
+    margin = Alarm("margin", None, WARNING, "Thrust margin 46% below 50%: rotor 2", 0.0)
     rotor = Alarm("rotor", 3, CRITICAL, "Rotor 3 makes 10% less thrust", 0.0)
     fleet = [Standing(number=1, alarms=(rotor,)), Standing(number=2, alarms=(margin,))]
     html = alarms_html(2, fleet)

@@ -1,0 +1,212 @@
+"""Every alarm is one rule here: a name, the times that it must hold, and what it judges by.
+
+| alarm | raised when | for | cleared when | for |
+|---|---|---|---|---|
+| `margin` | worst rotor's measured thrust margin < limit | 3 s | > limit + 0.03 | 3 s |
+| `margin ahead` | predicted margin on the rest of the route < limit | 3 s | > limit + 0.03 | 3 s |
+| `esc` | the ESC reports a failure of its own (ESC_INFO) | - | it reports none | 3 s |
+| `rotor` | CUSUM of one rotor's thrust residual > 0.04 s | - | sum back under 0.02 s | 3 s |
+| `tank` | gauge, pump and thrust part (TankBalance) | 5 s | they agree again | 10 s |
+| `envelope` | the flight is outside the training of the model's network | 5 s | inside | 5 s |
+| `saturation` | a motor's output or a rotor's speed > 0.97 of its most | 0.5 s | < 0.92 | 2 s |
+| `telemetry` | nothing heard | 3 s | heard | 1 s |
+| `rotor speeds` | in flight other messages come, but not every rotor's speed | 3 s | heard | 1 s |
+What is not known (NaN) neither raises nor clears; a rotor below the limit counts though another is
+unknown. Texts are short, for a STATUSTEXT has 50 characters.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.live.alarm import CRITICAL, NOTICE, WARNING, AlarmSettings
+from thrustmargin.gcs_plugin.live.rotor_sums import RotorSums
+from thrustmargin.gcs_plugin.live.tank_balance import TankBalance
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.model.analysis import Basis, FlightAnalysis
+
+ROTORS_HOLD = 1.0  # s of the time after which missing rotor speeds are reported
+#: ESC_FAILURE_FLAGS of MAVLink's common.xml, gravest first
+FAILURES = {
+    32: "motor stuck",
+    4: "too hot",
+    1: "too much current",
+    2: "voltage too high",
+    8: "too fast",
+    16: "does not follow",
+    64: "failure",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """What a rule says now: `on` to raise its alarm, `off` to clear it, neither to leave it."""
+
+    on: bool
+    off: bool
+    severity: int  # MAV_SEVERITY
+    text: str
+    rotor: int | None = None  # from 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RowNow:
+    """Row number `row` of an analysis of R rotors and what else is known at it; NaN: unknown."""
+
+    analysis: FlightAnalysis
+    row: int
+    margin_ahead: float = math.nan  # least predicted on the rest of the route
+    esc_failures: Floats | None = None  # (R,) ESC_FAILURE_FLAGS
+    sums: RotorSums | None = None  # in settled rows; None where they rest
+    balance: TankBalance | None = None  # the same, about once a second
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkNow:
+    """s since anything, and (R,) since each rotor's speed, was heard (NaN: never was)."""
+
+    silent: float
+    rotors_silent: Floats
+    flying: bool  # when last heard
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """One alarm: how long, s, it must hold to be raised and be gone to be cleared."""
+
+    name: str
+    hold: float
+    release: float
+    judge: Callable[[AlarmSettings, Any], Iterator[Judged]]
+    on_ground: str = "cleared"  # or "kept" as it was, or "judged" there too
+
+
+def margin(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:
+    margins = 1.0 - now.analysis.utilisation[now.row]
+    known = np.isfinite(margins)
+    worst = float(np.min(margins[known], initial=np.inf))
+    rotor = int(np.argmin(np.where(known, margins, np.inf))) + 1
+    yield _low(s, "Thrust margin", worst, f": rotor {rotor}", clears=bool(np.all(known)))
+
+
+def margin_ahead(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:
+    yield _low(s, "Route ahead: margin", now.margin_ahead)
+
+
+def _low(s: AlarmSettings, what: str, least: float, of: str = "", *, clears=True) -> Judged:
+    """A margin against the limit; rounded down, so that what is below it also reads so."""
+    limit = 1.0 - s.max_utilisation
+    off = clears and least > limit + s.margin_hysteresis
+    text = ""
+    if math.isfinite(least):
+        place = "below" if least < limit else "near"
+        text = f"{what} {math.floor(100 * least + 1e-6)}% {place} {limit:.0%}{of}"
+    return Judged(least < limit, off, WARNING, text)
+
+
+def saturation(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:
+    analysis = now.analysis
+    used = np.fmax(analysis.track.throttle[now.row], np.sqrt(analysis.utilisation[now.row]))
+    for rotor, share in enumerate(used.tolist(), start=1):
+        text = f"Rotor {rotor} at its limit: no thrust left"
+        yield Judged(share > s.saturation, share < s.saturation - 0.05, CRITICAL, text, rotor)
+
+
+def esc(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:  # noqa: ARG001
+    failures = np.empty(0) if now.esc_failures is None else now.esc_failures
+    for i in np.flatnonzero(np.isfinite(failures)).tolist():
+        flags = int(failures[i])
+        known = ", ".join(words for bit, words in FAILURES.items() if flags & bit)
+        text = f"ESC of rotor {i + 1}: {known or f'failure {flags}'}" if flags else ""
+        yield Judged(flags != 0, flags == 0, CRITICAL, text, i + 1)
+
+
+def rotor_thrust(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:
+    if now.sums is None:
+        return
+    found = zip(now.sums.sums.tolist(), now.sums.needed.tolist(), strict=True)
+    for rotor, (total, more) in enumerate(found, start=1):
+        text = f"Rotor {rotor} makes {more / (1 + more):.0%} less thrust: check propeller"
+        on, off = total > s.rotor_threshold, total < 0.5 * s.rotor_threshold
+        yield Judged(on, off, CRITICAL, text, rotor)
+
+
+def envelope(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:  # noqa: ARG001
+    if now.analysis.model.network is not None:
+        basis = int(now.analysis.prediction.basis[now.row])
+        text = "Outside the model's training: weight only"
+        yield Judged(basis == Basis.PHYSICS, basis == Basis.NETWORK, NOTICE, text)
+
+
+def tank(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:
+    if now.balance is not None:
+        words = tank_verdict(now.balance, s)
+        yield Judged(bool(words), not words, WARNING, words)
+
+
+def tank_verdict(balance: TankBalance, settings: AlarmSettings) -> str:
+    """What is wrong with the tank, for people; empty when its estimates agree or are too few."""
+
+    def parts(one: float, other: float) -> bool:
+        """Whether two losses, kg, differ by more than either tolerance; False for an unknown."""
+        allowed = settings.tank_share * max(abs(one), abs(other))
+        return abs(one - other) > max(settings.tank_kg, allowed)
+
+    gauge, pump, thrust = balance.gauge, balance.pump, balance.thrust
+    if parts(gauge, pump):
+        if balance.level_kg < 0.3 and gauge < pump:
+            return "Tank empty, pump still on"
+        if gauge > pump:
+            backed = parts(thrust, pump) and thrust > pump
+            return "Tank falls faster than the pump" + (": leak?" if backed else "")
+        backed = parts(pump, thrust) and thrust < pump
+        return "Tank falls slower than the pump" + (": clogged?" if backed else ": gauge?")
+    if abs(balance.apart_kg) > settings.tank_mass_kg:
+        return f"Thrust says {balance.apart_kg:+.1f} kg against the gauge"
+    return ""
+
+
+def telemetry(s: AlarmSettings, now: LinkNow) -> Iterator[Judged]:
+    lost = now.silent > s.silence
+    if now.flying:
+        yield Judged(lost, not lost, CRITICAL, "Telemetry lost in flight")
+    else:
+        yield Judged(lost, not lost, NOTICE, "No telemetry, last on the ground")
+
+
+def rotor_speeds(s: AlarmSettings, now: LinkNow) -> Iterator[Judged]:
+    # Counted until the last message of any kind, or a lost link would look like lost ESCs; a
+    # part of the time as hold, for rotor speeds are not the first to be heard on its return.
+    behind, limit = now.rotors_silent - now.silent, s.silence - ROTORS_HOLD
+    missing = np.flatnonzero(behind > limit)
+    several = "s" if missing.size > 1 else ""
+    text = f"No speed of rotor{several} {', '.join(str(k + 1) for k in missing)}: ESC?"
+    if missing.size == behind.size:
+        text = "No rotor speeds: ESC telemetry lost"
+    on = missing.size > 0 and now.silent <= s.silence and now.flying
+    yield Judged(on, bool(np.all(behind <= limit)) or not now.flying, WARNING, text)
+
+
+#: Judged in each row, in each row whose prediction is final, and by a LinkNow.
+OF_ROWS = (
+    Rule("esc", 0.0, 3.0, esc, on_ground="judged"),
+    Rule("margin", 3.0, 3.0, margin),
+    Rule("margin ahead", 3.0, 3.0, margin_ahead),
+    Rule("saturation", 0.5, 2.0, saturation),
+)
+OF_SETTLED_ROWS = (
+    # On the ground nothing of the flight stands, but for a rotor that was found bad.
+    Rule("rotor", 0.0, 3.0, rotor_thrust, on_ground="kept"),
+    Rule("envelope", 5.0, 5.0, envelope),
+    Rule("tank", 5.0, 10.0, tank),
+)
+OF_THE_LINK = (
+    Rule("telemetry", 0.0, 1.0, telemetry),
+    Rule("rotor speeds", ROTORS_HOLD, 1.0, rotor_speeds),
+)
+RULES = (*OF_ROWS, *OF_SETTLED_ROWS, *OF_THE_LINK)
