@@ -18,7 +18,7 @@ TIME = np.array([0.0, 1.0, 2.0])
 F16 = load_airframe("topxgun-f16")
 
 
-def reports(channel: str, values, index=None, times=TIME) -> Signal:
+def reports(channel: str, values, index=None, times: Any = TIME) -> Signal:
     return Signal(
         channel, f"{channel.upper()} x", np.asarray(times, float), np.asarray(values, float), index
     )

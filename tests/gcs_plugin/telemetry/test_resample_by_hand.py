@@ -268,6 +268,6 @@ def test_pauses_are_longer_than_a_second():
 
 @pytest.mark.parametrize("row", [0, 1, 18, 19])
 def test_a_damaged_time_at_an_end_is_a_leap_too(row):
-    clock = np.arange(20) * MILLI
+    clock: Any = np.arange(20) * MILLI
     clock[row] = 9e9
     assert np.flatnonzero(np.isnan(without_leaps(clock))).tolist() == [row]
