@@ -152,6 +152,7 @@ class Effect:
     #: (p, x, xp) -> size of what it changes, 1 being the least worth a name
     weight: Callable[..., Any] | None = None
     begins: bool = False  # a step in time, found by `models.identification.onset`
+    afterwards: Effect | None = None  # what it is after its step, for flights to come
     seeds: tuple[Mapping[str, float], ...] = ()  # other starts of a fit that has several valleys
     #: p -> how far around a row its channels look
     looks: Callable[[Values], Look] = _at_the_row

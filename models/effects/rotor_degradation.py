@@ -69,6 +69,7 @@ ROTOR_DEGRADATION_ONSET = replace(
     parameters=tuple(replace(p, per_flight=True) for p in (ONSET_LOSS, ONSET_TIME, TORQUE_SHARE)),
     source="a propeller that chips in flight makes less thrust from then on",
     begins=True,
+    afterwards=ROTOR_DEGRADATION,
 )
 
 ROTOR_DEGRADATION_EACH = replace(
@@ -76,6 +77,7 @@ ROTOR_DEGRADATION_EACH = replace(
     variant="in each flight",
     parameters=(ONSET_LOSS, ONSET_TIME, TORQUE_SHARE),
     source="a rotor that weakens at the same time after each start, as one that gets warm",
+    afterwards=None,
 )
 
 ROTOR_DEGRADATION_SINCE = replace(
@@ -85,6 +87,7 @@ ROTOR_DEGRADATION_SINCE = replace(
     needs=("clock_s",),
     neutral={"clock_s": lambda p, x: p["onset_clock"] - LONG_BEFORE},
     source="a propeller that chips in one flight stays so in the flights after it",
+    afterwards=ROTOR_DEGRADATION,
 )
 
 #: A rotor that goes bad at a moment: in one flight, in each at one time, in one and all later.

@@ -11,16 +11,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thrustmargin.models.effects.rotor_degradation import (
-    ROTOR_DEGRADATION,
-    ROTOR_DEGRADATION_ONSET,
-    ROTOR_DEGRADATION_SINCE,
-)
+from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.cross_validation import left_out_values
-from thrustmargin.models.identification.fit import Evaluator, Term, layout_of
+from thrustmargin.models.identification.fit import Evaluator, layout_of
 from thrustmargin.models.identification.result import Found, Identification
 from thrustmargin.models.identification.search import warm_start
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -60,7 +56,7 @@ def update_model(model: RotorModel, found: Identification, *, date: str = "") ->
         )
     names = found.problem.names
     records = [record_of(f, names, date) for f in found.found]
-    notes = [_left_behind(f, names) for f in found.found if of_one_flight(f)]
+    notes = [_left_behind(f, names) for f in found.found if of_single_flights(f.term.effect)]
     interval, about = _interval(model, found)
     added = tuple(r for r in records if r is not None)
     return ModelUpdate(
@@ -74,21 +70,15 @@ def update_model(model: RotorModel, found: Identification, *, date: str = "") ->
     )
 
 
-def of_one_flight(found: Found) -> bool:
+def of_single_flights(effect: Effect) -> bool:
     """True when the effect has values of single flights."""
-    return _own(found.term)
-
-
-def _own(term: Term) -> bool:
-    return any(p.per_flight for p in term.effect.parameters)
+    return any(p.per_flight for p in effect.parameters)
 
 
 def record_of(found: Found, names: tuple[str, ...], date: str = "") -> EffectRecord | None:
     """The effect as a model file keeps it; None when it belongs to its flights alone."""
-    effect = found.term.effect
-    if effect in (ROTOR_DEGRADATION_ONSET, ROTOR_DEGRADATION_SINCE):
-        effect = ROTOR_DEGRADATION
-    elif of_one_flight(found):
+    effect = found.term.effect.afterwards or found.term.effect
+    if of_single_flights(effect):
         return None
     kept = {p.name for p in effect.parameters}
     row = found.flight
@@ -113,7 +103,7 @@ def record_of(found: Found, names: tuple[str, ...], date: str = "") -> EffectRec
 def _left_behind(found: Found, names: tuple[str, ...]) -> str:
     """What of an effect with values of single flights does not reach the new model."""
     effect = found.term.effect
-    if effect is ROTOR_DEGRADATION_ONSET:
+    if effect.afterwards is not None:
         return (
             f"rotor {(found.term.rotor or 0) + 1} went bad during {names[found.flight]}: "
             "the new model has it bad throughout, as after the onset"
@@ -173,7 +163,7 @@ def _unseen_residual(found: Identification) -> Floats:
     """Residual (T, R) rpm of the new model, every row under values found without its flight."""
     fit, problem = found.fit, found.problem
     evaluator = Evaluator(problem)
-    carried = tuple(t for t in fit.terms if not _own(t))
+    carried = tuple(t for t in fit.terms if not of_single_flights(t.effect))
     layout = layout_of(carried, problem.flights)
     out = np.empty_like(fit.residual_rpm)
     for blocks, moved in left_out_values(fit.statistics):

@@ -2,13 +2,14 @@
 
     N = f(V, m):  V airspeed [m/s], m liquid in the tank [kg]  ->  N_1..N_R rotor speeds [rpm]
 
-Same numbers as torch to float32; how the weights come about is in `rotor_net`.
+Same numbers as torch to float32; how the weights come about is in `network`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,31 +78,26 @@ class RotorNetwork:
 
     def member(self, index: int) -> RotorNetwork:
         """One of the networks, as an ensemble of one."""
-        i = slice(index, index + 1)
-        return RotorNetwork(
-            weights=tuple(w[i] for w in self.weights),
-            biases=tuple(b[i] for b in self.biases),
-            input_mean=self.input_mean[i],
-            input_scale=self.input_scale[i],
-            output_mean=self.output_mean[i],
-            output_scale=self.output_scale[i],
-        )
+        return _made_of(lambda arrays: arrays[0][index : index + 1], self)
 
 
 def stack_networks(networks: Sequence[RotorNetwork]) -> RotorNetwork:
     """One ensemble of all members of the given networks, in order."""
-    return RotorNetwork(
-        weights=tuple(
-            np.concatenate(layer) for layer in zip(*(n.weights for n in networks), strict=True)
-        ),
-        biases=tuple(
-            np.concatenate(layer) for layer in zip(*(n.biases for n in networks), strict=True)
-        ),
-        input_mean=np.concatenate([n.input_mean for n in networks]),
-        input_scale=np.concatenate([n.input_scale for n in networks]),
-        output_mean=np.concatenate([n.output_mean for n in networks]),
-        output_scale=np.concatenate([n.output_scale for n in networks]),
-    )
+    return _made_of(np.concatenate, *networks)
+
+
+def _made_of(
+    make: Callable[[Sequence[np.ndarray]], np.ndarray], *networks: RotorNetwork
+) -> RotorNetwork:
+    """Each array of the result is made of the like arrays of `networks`."""
+
+    def like(name: str) -> Any:
+        arrays = [getattr(network, name) for network in networks]
+        if isinstance(arrays[0], tuple):
+            return tuple(make(layer) for layer in zip(*arrays, strict=True))
+        return make(arrays)
+
+    return RotorNetwork(**{f.name: like(f.name) for f in fields(RotorNetwork)})
 
 
 def member_speeds(network: RotorNetwork, airspeed: Floats, tank_kg: Floats) -> Floats:
