@@ -95,6 +95,16 @@ def test_a_wind_stays_behind_and_it_is_said(worn):
     assert any("wind" in note and "not in the new model" in note for note in update.notes)
 
 
+def test_an_onset_with_limits_of_another_aircraft_is_kept_too():
+    loss, *others = ROTOR_DEGRADATION_ONSET.parameters
+    other = replace(ROTOR_DEGRADATION_ONSET, parameters=(replace(loss, upper=0.5), *others))
+    sudden = found_by_hand(other, [[0.0, 30.0, 0.5], [0.12, 45.0, 0.7]], rotor=2)
+    record = record_of(sudden, ("one", "two"))
+    assert record is not None
+    assert (record.name, record.variant) == ("rotor_degradation", "")
+    assert record.parameters.keys() == {"loss", "torque_share"}
+
+
 def test_a_rotor_that_went_bad_in_flight_is_bad_from_now_on(worn):
     names = worn.problem.names
     sudden = found_by_hand(ROTOR_DEGRADATION_ONSET, [[0.0, 30.0, 0.5], [0.12, 45.0, 0.7]], rotor=2)
