@@ -68,13 +68,14 @@ class Alarms:
             flying = bool(track.flying[row])
             self._judge(events, OF_ROWS, float(clock_s[row]), now, flying=flying)
             if not flying:
-                self._landed(events, float(clock_s[row]))
+                self._landed(events, OF_ROWS, float(clock_s[row]))
         excess = thrust_excess(analysis)
         for row in range(rows)[slice(first, None) if settled is None else settled]:
             time_s = float(clock_s[row])
             step, self._last_s = time_s - self._last_s, time_s
             if not track.flying[row]:
                 self._balance = BalanceWatch()
+                self._landed(events, OF_SETTLED_ROWS, time_s)
                 continue
             sums = self._sums if self._sums.add(excess[row], step) else None
             tank = (float(a[row]) for a in (track.tank_kg, pumped_kg, virtual_kg))
@@ -114,8 +115,8 @@ class Alarms:
                 for found in rule.judge(self.settings, now):
                     self._set(events, rule, time_s, found)
 
-    def _landed(self, events: list[AlarmEvent], time_s: float) -> None:
-        rules = [r for r in (*OF_ROWS, *OF_SETTLED_ROWS) if r.on_ground == "cleared"]
+    def _landed(self, events: list[AlarmEvent], of: tuple[Rule, ...], time_s: float) -> None:
+        rules = [r for r in of if r.on_ground == "cleared"]
         for name, rotor in list(self._states):
             for rule in rules:
                 if rule.name == name:

@@ -6,7 +6,6 @@ given, so that a recording gives live what it gives from its file.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -16,8 +15,9 @@ from numpy.typing import NDArray
 from thrustmargin.gcs_plugin.link.sequence import SenderWatch, Verdict
 from thrustmargin.gcs_plugin.live.alarm import Alarm, AlarmEvent, AlarmSettings
 from thrustmargin.gcs_plugin.live.alarms import Alarms
-from thrustmargin.gcs_plugin.live.outlook import LookAhead, Outlook
-from thrustmargin.gcs_plugin.live.tank_balance import DeliveryMeter, virtual_gauge
+from thrustmargin.gcs_plugin.live.outlook import Outlook
+from thrustmargin.gcs_plugin.live.pump_and_route import PumpAndRoute
+from thrustmargin.gcs_plugin.live.tank_balance import virtual_gauge
 from thrustmargin.gcs_plugin.live.vehicle_state import VehicleState, fold_mission
 from thrustmargin.gcs_plugin.live.vehicle_telemetry import LiveRows, VehicleTelemetry, stale_words
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
@@ -103,10 +103,9 @@ class VehicleMonitor:
         self.telemetry = VehicleTelemetry(system, options)
         self._model = model
         self._unsettled = 0  # of the known rows, the last so many
-        self._ahead = LookAhead(model)
+        self._route = PumpAndRoute(model)
         #: (R,) ground's clock when each rotor's speed was last known; 0 before any was.
         self._rotor_us = np.zeros(model.airframe.rotor_count, dtype=np.int64)
-        self._delivery = DeliveryMeter()
         self._look_back_s, self._look_ahead_s = model.look_back_s, model.look_ahead_s
 
     @property
@@ -142,11 +141,11 @@ class VehicleMonitor:
     @property
     def plan(self) -> MissionPlan | None:
         """The mission that is forecast; None while none is known."""
-        return self._ahead.plan
+        return self._route.ahead.plan
 
     def use_plan(self, plan: MissionPlan) -> None:
         """Forecast along this mission rather than along one overheard."""
-        self._ahead.use_plan(plan)
+        self._route.ahead.use_plan(plan)
 
     def take(self, frame: Frame) -> None:
         """One frame of this vehicle, in the order in which it came."""
@@ -186,7 +185,7 @@ class VehicleMonitor:
         last = self.last
         if last is None or (new is not None and last.boot != new.boot):
             last, self._unsettled = None, 0
-            self._ahead.restart()
+            self._route.ahead.restart()
         window, start = slice(0, 0), None
         if last is not None:
             window, start = self._window(last)
@@ -232,7 +231,7 @@ class VehicleMonitor:
             pumped_kg=arrays["pumped_kg"],
             delivered_kg=arrays["delivered_kg"],
             margin_ahead=arrays["margin_ahead"],
-            outlook=self._ahead.now,
+            outlook=self._route.ahead.now,
             alarms=tuple(self.alarms.standing.values()),
             events=tuple(events),
             tank_source=track.sources.get("tank_kg", ""),
@@ -253,27 +252,23 @@ class VehicleMonitor:
         self, analysis: FlightAnalysis, first: int, new: LiveRows
     ) -> dict[str, NDArray[Any]]:
         """What is known at each new row of pump, route and rotors; as `CARRIED`."""
-        track = analysis.track
-        delivered, ahead = np.full((2, new.clock_s.size), np.nan)
-        for k, row in enumerate(range(first, track.time_s.size)):
-            self._delivery.add(float(track.tank_kg[row]), float(new.pumped_kg[k]))
-            delivered[k] = new.pumped_kg[k] * self._delivery.first
-            item = new.mission_item[k]
-            self._ahead.look(
-                analysis,
-                row,
-                clock_s=float(new.clock_s[k]),
-                pump_share=float(new.pump_share[k]),
-                delivery=self._delivery.now,
-                mission_item=int(item) if math.isfinite(item) else -1,
-                state=self.state,
-            )
-            ahead[k] = self._ahead.now.margin_ahead
-            heard = np.isfinite(track.rotor_speed_rpm[row])
+        delivered, ahead = self._route.rows(
+            analysis,
+            first,
+            clock_s=new.clock_s,
+            pump_share=new.pump_share,
+            pumped_kg=new.pumped_kg,
+            mission_item=new.mission_item,
+            state=self.state,
+        )
+        for speeds, stamp_us in zip(
+            analysis.track.rotor_speed_rpm[first:], new.stamp_us, strict=True
+        ):
+            heard = np.isfinite(speeds)
             if heard.any():
                 # One that never spoke is missed as soon as another did.
                 heard |= self._rotor_us == 0
-                self._rotor_us[heard] = new.stamp_us[k]
+                self._rotor_us[heard] = stamp_us
         return {
             "clock_s": new.clock_s,
             "stamp_us": new.stamp_us,

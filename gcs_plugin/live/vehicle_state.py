@@ -43,8 +43,10 @@ def fold(state: VehicleState, frame: Frame) -> VehicleState:
     if name not in ("HEARTBEAT", "PARAM_VALUE") or (columns := fields(frame)) is None:
         return state
     if name == "PARAM_VALUE":
-        value = {printable(columns["param_id"][0]): float(columns["param_value"][0])}
-        return replace(state, parameters={**state.parameters, **value})
+        named, value = printable(columns["param_id"][0]), float(columns["param_value"][0])
+        if state.parameters.get(named) == value:
+            return state
+        return replace(state, parameters={**state.parameters, named: value})
     if int(columns["autopilot"][0]) == NO_AUTOPILOT:
         return state  # of a component that is no autopilot
     return replace(

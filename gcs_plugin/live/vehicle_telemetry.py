@@ -4,8 +4,8 @@ The rows are those that `read_log(..., sampling="hold")` makes of a recording of
 `telemetry` makes both, here with the last seconds of every signal and what is carried from before.
 However the frames are cut into pieces, the rows are the same. They differ from the file's only
 - before a message from which the file knows something from its start on: the parameters that say
-  which output is which motor and how large the tank is; which component is the autopilot;
-- in Unix time, which is the ground's at the first row and not the GPS time that follows;
+  which output is which motor and how large the tank is; which component is the autopilot; the first
+  SYSTEM_TIME with a GPS time, before which Unix time is by the ground's clock;
 - in `position_ned`, before take-off or the first home: where zero is may change until then;
 - after a restart, by the clocked messages that it takes to believe it; each start is a flight;
 - where frames came twice or late, which are left out here.
@@ -31,6 +31,7 @@ from thrustmargin.gcs_plugin.telemetry.clock import (
     ArrivalClock,
     arrival_times,
     own_clock,
+    unix_minus_clock,
 )
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap, motor_map
 from thrustmargin.gcs_plugin.telemetry.recording import Stream
@@ -41,15 +42,16 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
     Signals,
     airspeed_words,
     best,
-    by_index,
     pitot_present,
 )
 from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, Origin
 
-FAILURES_AGE = 5.0  # s for which an ESC's report on itself holds; PX4 sends one a second
 CLOCK_WAIT = 20.0  # s without the vehicle's clock after which the ground's counts
-_NEEDED = frozenset(rule.message for rule in MAVLINK_RULES)
+_NEEDED = frozenset((*(rule.message for rule in MAVLINK_RULES), *REFERENCES, "SYSTEM_TIME"))
+#: Messages that make no row: what changes with them holds from the next row on.
+_SAYS = frozenset(n for n, m in layouts().items() if m.name in ("HEARTBEAT", "PARAM_VALUE"))
+_TIME = next(n for n, m in layouts().items() if m.name == "SYSTEM_TIME")
 #: field for people -> its channels in the signals, any of which will do, and the limit's name
 FIELDS: Mapping[str, tuple[tuple[str, ...], str]] = {
     "attitude": (("attitude",), "attitude"),
@@ -79,6 +81,15 @@ class LiveRows:
     notes: tuple[str, ...]
 
 
+@dataclass(slots=True)
+class _Piece:
+    """Frames in the order in which they came, over which the vehicle says the same of itself."""
+
+    state: VehicleState
+    frames: list[Frame]
+    rowless: bool = True  # as yet
+
+
 class VehicleTelemetry:
     """Makes the rows of one vehicle. `problem` says why there can be none; empty when all is well.
 
@@ -92,7 +103,8 @@ class VehicleTelemetry:
         self.events: list[str] = []  # restarts and leaps of its clock since they were last taken
         self.heard: set[str] = set()  # names of all messages
         self._options = options
-        self._frames: list[Frame] = []
+        self._pieces: list[_Piece] = []
+        self._by_pilot: set[str] = set()  # messages that the autopilot has sent
         self._motors: MotorMap | None = None
         self._known: object = None  # what the motors were found from
         self._restart()
@@ -101,14 +113,15 @@ class VehicleTelemetry:
         self._buffer = SignalBuffer(KEPT)
         self._carried = Carried()
         self._start_s = math.nan  # vehicle's clock at the first row
-        self._start_unix_s = math.nan  # ground's clock there
+        self._unix_minus_clock = math.nan  # s from the vehicle's clock to Unix time
+        self._gps_time = False  # by SYSTEM_TIME, and no longer by the ground's clock
         self._last_escs: dict[str, Stream] = {}
         self._tank_s = math.nan  # vehicle's clock at the last report of the tank level
 
     @property
     def waiting(self) -> bool:
         """Whether frames have come that `rows` has not taken."""
-        return bool(self._frames)
+        return bool(self._pieces)
 
     @property
     def origin(self) -> Origin | None:
@@ -118,58 +131,76 @@ class VehicleTelemetry:
 
     def take(self, frame: Frame) -> None:
         """One frame of this vehicle, in the order in which it came."""
-        self.state = fold(self.state, frame)
-        self._frames.append(frame)
+        before, self.state = self.state, fold(self.state, frame)
+        changed = _said(before) != _said(self.state)
+        if frame.id == _TIME and not self._gps_time:
+            changed = True
+        if not self._pieces or (changed and not self._pieces[-1].rowless):
+            self._pieces.append(_Piece(self.state, []))
+        piece = self._pieces[-1]
+        piece.state = self.state
+        piece.frames.append(frame)
+        piece.rowless &= frame.id in _SAYS or frame.id == _TIME
 
     def forget(self) -> None:
         """Begin anew, as with a vehicle that was never heard."""
         self.state = VehicleState(system=self.state.system, stamp_us=self.state.stamp_us)
-        self._frames.clear()
+        self._pieces.clear()
+        self._by_pilot.clear()
         self._restart()
 
     def rows(self) -> list[LiveRows]:
         """The new rows of the frames that were taken; more than one part where it restarted."""
-        stamps = np.array([frame.stamp_us for frame in self._frames], dtype=np.int64)
-        groups = _grouped(self._frames, self.state.component)
-        own = np.full(stamps.size, np.nan)
-        for name, (places, columns) in groups.items():
-            clock = own_clock(columns) if name in REFERENCES else None
-            if clock is not None:
-                ours = [self._frames[n].component == self.state.component for n in places]
-                main = np.array(ours) | (self.state.component is None)
-                own[places[main]] = clock[main]
+        frames = [frame for piece in self._pieces for frame in piece.frames]
+        pilots = [piece.state.component for piece in self._pieces for _ in piece.frames]
+        stamps = np.array([frame.stamp_us for frame in frames], dtype=np.int64)
+        places = _places(frames)
+        own = _own_clocks(places, frames, pilots)
         if not self.clock.known and not np.isfinite(own).any():
             if stamps.size == 0 or stamps[-1] - stamps[0] < CLOCK_WAIT * 1e6:
                 return []
             own[0] = 0.0
-        self._frames = []
+        pieces, self._pieces = self._pieces, []
+        groups = _grouped(places, frames, pilots, self._by_pilot)
         clock_s, boots, clock, notes = arrival_times(self.clock, stamps, own)
         before, self.clock = self.clock.boot, clock
         self.events += notes
         parts = []
-        for boot in np.unique(boots[boots >= 0]).tolist():
+        numbers = np.repeat(np.arange(len(pieces)), [len(piece.frames) for piece in pieces])
+        sure = boots >= 0
+        for boot, number in dict.fromkeys(
+            zip(boots[sure].tolist(), numbers[sure].tolist(), strict=True)
+        ):
             if boot != before:
                 self._restart()
+                before = boot
+            if math.isnan(self._unix_minus_clock):
+                clocked = np.flatnonzero((boots == boot) & np.isfinite(own))
+                if clocked.size:
+                    first = clocked[0]
+                    self._unix_minus_clock = float(stamps[first] * 1e-6 - own[first])
+            inside = (boots == boot) & (numbers == number)
             streams = {
-                name: Stream(clock_s[places[chosen]], columns[chosen])
-                for name, (places, columns) in groups.items()
-                if (chosen := boots[places] == boot).any()
+                name: Stream(clock_s[at[chosen]], columns[chosen])
+                for name, (at, columns) in groups.items()
+                if (chosen := inside[at]).any()
             }
-            inside = boots == boot
-            made = self._part(boot, streams, float(clock_s[inside][-1]))
+            made = self._part(boot, pieces[number].state, streams, float(clock_s[inside][-1]))
             if made is not None:
                 at = np.searchsorted(clock_s[inside], made.clock_s)
-                row_stamps = stamps[inside][at]
-                if math.isnan(self._start_unix_s):
-                    self._start_unix_s = float(row_stamps[0]) * 1e-6
-                track = replace(made.track, start_unix_s=self._start_unix_s)
-                parts.append(replace(made, stamp_us=row_stamps, track=track))
+                parts.append(replace(made, stamp_us=stamps[inside][at]))
         return parts
 
-    def _part(self, boot: int, streams: dict[str, Stream], until_s: float) -> LiveRows | None:
+    def _part(
+        self, boot: int, state: VehicleState, streams: dict[str, Stream], until_s: float
+    ) -> LiveRows | None:
         """Rows of one start from messages up to `until_s`; their stamps are still to be set."""
-        state, carried = self.state, self._carried
+        carried = self._carried
         self.heard |= set(streams)
+        if not self._gps_time and "SYSTEM_TIME" in streams:
+            found = unix_minus_clock(streams["SYSTEM_TIME"].columns)
+            if found is not None:
+                self._unix_minus_clock, self._gps_time = found, True
         for name in [n for n in streams if n in ESC_TELEMETRY_FIRST]:
             # An ESC is silent when its counter stands still from message to message.
             last, now = self._last_escs.get(name), streams[name]
@@ -184,7 +215,7 @@ class VehicleTelemetry:
         self._buffer.add(streams, words, carried.heard_s)
         self._carried = replace(carried, heard_s=until_s)
         signals = self._buffer.signals
-        motors = self._layout(signals)
+        motors = self._layout(state, signals)
         if motors is None:
             return None
         notes = list(motors.notes)
@@ -208,18 +239,22 @@ class VehicleTelemetry:
         rows = made.clock_s.size
         return LiveRows(
             boot=boot,
-            track=made.track(f"vehicle {state.system}", self._start_s, motors.rotor_count),
+            track=made.track(
+                f"vehicle {state.system}",
+                self._start_s,
+                motors.rotor_count,
+                start_unix_s=self._unix_minus_clock + self._start_s,
+            ),
             clock_s=made.clock_s,
             stamp_us=np.zeros(rows, dtype=np.int64),
             pump_share=made.pump_share,
             pumped_kg=made.pumped_kg,
             mission_item=np.full(rows, np.nan) if item is None else last_before(item, made.clock_s),
-            esc_failures=_failures(signals, motors, made.clock_s),
+            esc_failures=motors.failures(signals, made.clock_s),
             notes=(*notes, *made.notes),
         )
 
-    def _layout(self, signals: Signals) -> MotorMap | None:
-        state = self.state
+    def _layout(self, state: VehicleState, signals: Signals) -> MotorMap | None:
         known = (state.parameters, state.kind, len(signals.get("esc_rpm", ())))
         if known == self._known:
             return self._motors
@@ -262,41 +297,62 @@ def stale_words(ages: dict[str, float]) -> str:
     return "no longer reported: " + ", ".join(parts)
 
 
+def _said(state: VehicleState) -> tuple[object, ...]:
+    """What of a state rows depend on."""
+    return id(state.parameters), state.kind, state.autopilot, state.component
+
+
+def _fields(frames: Sequence[Frame], places: Sequence[int]) -> NDArray[np.void]:
+    """Fields of the frames at `places`, which are of one message."""
+    layout = layouts()[frames[places[0]].id].dtype
+    payloads = [frames[place].payload.ljust(layout.itemsize, b"\0") for place in places]
+    return np.frombuffer(b"".join(payloads), dtype=layout)
+
+
+def _places(frames: Sequence[Frame]) -> dict[str, list[int]]:
+    """Message -> places of its frames, of messages that rows need."""
+    places: dict[str, list[int]] = {}
+    for place, frame in enumerate(frames):
+        if frame.verified and (name := layouts()[frame.id].name) in _NEEDED:
+            places.setdefault(name, []).append(place)
+    return places
+
+
+def _own_clocks(
+    places: Mapping[str, list[int]], frames: Sequence[Frame], pilots: Sequence[int | None]
+) -> Floats:
+    """(n,) s since boot by frames of the autopilot, component `pilots` (n,); NaN where none."""
+    own = np.full(len(frames), np.nan)
+    for name in REFERENCES:
+        main = [p for p in places.get(name, ()) if pilots[p] in (None, frames[p].component)]
+        if main and (clock := own_clock(_fields(frames, main))) is not None:
+            own[main] = clock
+    return own
+
+
 def _grouped(
-    frames: Sequence[Frame], pilot: int | None
+    places: Mapping[str, list[int]],
+    frames: Sequence[Frame],
+    pilots: Sequence[int | None],
+    by_pilot: set[str],
 ) -> dict[str, tuple[NDArray[np.intp], NDArray[np.void]]]:
     """Message -> (places of its frames, their fields), of messages that rows need.
 
-    Where the autopilot, component `pilot`, sends a message, what its companions say is left out.
+    Once the autopilot, component `pilots` (n,), has sent a message, which `by_pilot` remembers,
+    what its companions say is left out.
     """
-    places: dict[int, list[int]] = {}
-    for place, frame in enumerate(frames):
-        if frame.verified:
-            places.setdefault(frame.id, []).append(place)
     groups = {}
-    for number, found in places.items():
-        name = layouts()[number].name
-        if name not in _NEEDED and name not in REFERENCES:
-            continue
-        by_pilot = [place for place in found if frames[place].component == pilot]
-        chosen = by_pilot or found
-        layout = layouts()[number].dtype
-        payloads = [frames[place].payload.ljust(layout.itemsize, b"\0") for place in chosen]
-        groups[name] = (np.array(chosen), np.frombuffer(b"".join(payloads), dtype=layout))
+    for name, found in places.items():
+        chosen = []
+        for place in found:
+            if pilots[place] == frames[place].component:
+                by_pilot.add(name)
+            elif name in by_pilot:
+                continue
+            chosen.append(place)
+        if chosen:
+            groups[name] = (np.array(chosen), _fields(frames, chosen))
     return groups
-
-
-def _failures(signals: Signals, motors: MotorMap, clock_s: Floats) -> Floats:
-    """(T, R) what each ESC says of itself, NaN where that is not known or too old."""
-    result = np.full((clock_s.size, motors.rotor_count), np.nan)
-    reported = by_index(signals, "esc_failure")
-    for rotor, output in enumerate(motors.outputs):
-        signal = reported.get(output)
-        if signal is not None:
-            said_s = last_before(replace(signal, values=signal.time_s), clock_s)
-            fresh = clock_s - said_s <= FAILURES_AGE
-            result[fresh, rotor] = last_before(signal, clock_s)[fresh]
-    return result
 
 
 def _last_known(signal: Signal) -> float:

@@ -11,7 +11,7 @@ from thrustmargin.gcs_plugin.mavlink.decode import MAVLINK_RULES
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.mavlink.scan import PADDING, Frames, columns, read_bytes, scan
 from thrustmargin.gcs_plugin.mavlink.text import piece, printable
-from thrustmargin.gcs_plugin.telemetry.clock import Clock, vehicle_clock
+from thrustmargin.gcs_plugin.telemetry.clock import Clock, unix_minus_clock, vehicle_clock
 from thrustmargin.gcs_plugin.telemetry.recording import (
     LogQuality,
     NotThisFormat,
@@ -22,7 +22,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
 )
 from thrustmargin.gcs_plugin.telemetry.timeline import pauses
 from thrustmargin.models.errors import LogError
-from thrustmargin.models.flight import Bools, Floats
+from thrustmargin.models.flight import Bools
 
 AUTOPILOTS = {3: "ArduPilot", 12: "PX4"}
 #: MAV_TYPE -> rotors
@@ -217,13 +217,8 @@ def _texts(streams: dict[str, Stream]) -> tuple[tuple[float, str], ...]:
 def _unix_offset(streams: dict[str, Stream], clock: Clock) -> float | None:
     """Seconds from the vehicle's clock to Unix time: its own (GPS) time, else the log's stamps."""
     stream = streams.get("SYSTEM_TIME")
-    if stream is not None:
-        unix: Floats = stream.columns["time_unix_usec"].astype(np.float64) * 1e-6
-        known = unix > 1e9
-        if known.any():
-            boot = stream.columns["time_boot_ms"].astype(np.float64) * 1e-3
-            return float(np.median((unix - boot)[known]))
-    return clock.stamp_minus_clock
+    known = None if stream is None else unix_minus_clock(stream.columns)
+    return clock.stamp_minus_clock if known is None else known
 
 
 def _missing(component: NDArray[np.uint8], sequence: NDArray[np.uint8]) -> int:

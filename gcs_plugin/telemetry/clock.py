@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
+from thrustmargin.gcs_plugin.mavlink.rules import Columns
 from thrustmargin.gcs_plugin.mavlink.scan import Frames, Index, columns
 from thrustmargin.gcs_plugin.telemetry.timeline import (
     BACKWARD,
@@ -55,7 +56,7 @@ class Clock:
     first_row: int  # the stretch between two restarts that is kept
     last_row: int
     estimate_s: Floats  # (n,) s since boot of all frames, by the ground's stamps
-    stamp_minus_clock: float | None  # typical; None without a clock of its own
+    stamp_minus_clock: float | None  # typical, or a listener's first; None without an own clock
     jumps: tuple[tuple[float, float], ...]
     notes: tuple[str, ...]
     on_arrival: bool = False  # every message has the time at which a listener got it
@@ -79,6 +80,19 @@ def own_clock(fields: NDArray[np.void]) -> Floats | None:
     if "time_usec" in names:
         return fields["time_usec"].astype(np.float64) * 1e-6
     return None
+
+
+def unix_minus_clock(system_time: Columns) -> float | None:
+    """s from the vehicle's clock to Unix time by the first SYSTEM_TIME that knows it, or None.
+
+    The first and not a mean, so that a listener has the same.
+    """
+    unix_us: Floats = system_time["time_unix_usec"].astype(np.float64)
+    known = np.flatnonzero(unix_us > 1e15)
+    if known.size == 0:
+        return None
+    boot_ms = float(system_time["time_boot_ms"][known[0]])
+    return float(unix_us[known[0]]) * 1e-6 - boot_ms * 1e-3
 
 
 def own_clock_wraps(fields: NDArray[np.void]) -> bool:
@@ -140,7 +154,7 @@ def vehicle_clock(
         int(inside[0]) if a else 0,
         int(inside[-1]) if behind < stamps_s.size else last,
         estimate,
-        float(np.median(offset)),
+        float(stamps_s[rows[0]] - own[0]) if listened is not None else float(np.median(offset)),
         stretch.jumps,
         stretch.notes,
         listened is not None,

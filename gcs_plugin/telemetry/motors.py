@@ -7,15 +7,18 @@ ESC telemetry is numbered by servo output, not by motor; ArduPilot's SERVOn_FUNC
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
+from thrustmargin.gcs_plugin.telemetry.resample import last_before
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, by_index
 from thrustmargin.models.errors import AirframeError
+from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.airframe import Airframe
 
+FAILURES_AGE = 5.0  # s for which an ESC's report on itself holds; PX4 sends one a second
 _MOTOR_FUNCTIONS = {**{33 + k: k for k in range(8)}, **{82 + k: 8 + k for k in range(4)}}
 _PUMP_FUNCTION = 22
 #: ArduPilot FRAME_CLASS -> rotors
@@ -62,6 +65,18 @@ class MotorMap:
                 else None
             )
         return made
+
+    def failures(self, signals: Signals, clock_s: Floats) -> Floats:
+        """(T, R) ESC_FAILURE_FLAGS that each ESC reports, NaN where not known or too old."""
+        result = np.full((clock_s.size, self.rotor_count), np.nan)
+        reported = by_index(signals, "esc_failure")
+        for rotor, output in enumerate(self.outputs):
+            signal = reported.get(output)
+            if signal is not None:
+                said_s = last_before(replace(signal, values=signal.time_s), clock_s)
+                fresh = clock_s - said_s <= FAILURES_AGE
+                result[fresh, rotor] = last_before(signal, clock_s)[fresh]
+        return result
 
     def rotor_speed_words(self, found: list[Signal | None]) -> str:
         messages = list(dict.fromkeys(s.source for s in found if s is not None))
