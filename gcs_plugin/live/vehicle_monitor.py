@@ -169,8 +169,9 @@ class VehicleMonitor:
         self.telemetry.state = fold_mission(self.state, frame)
 
     def updates(self, *, final: bool = False) -> list[Update]:
-        """The rows that came since the last call, analysed; one part for each start of the vehicle.
+        """The rows that came since the last call, analysed.
 
+        One part for each start of the vehicle, and for each change of what it says of itself.
         `final`: no more will come, and the last predictions count as settled.
         """
         made = [self._update(rows) for rows in self.telemetry.rows()]

@@ -150,7 +150,11 @@ class VehicleTelemetry:
         self._restart()
 
     def rows(self) -> list[LiveRows]:
-        """The new rows of the frames that were taken; more than one part where it restarted."""
+        """The new rows of the frames that were taken, in order.
+
+        A new part begins where the vehicle restarted, and where it said something new of itself:
+        its parameters, what it is, its first GPS time. That holds from the next row on.
+        """
         frames = [frame for piece in self._pieces for frame in piece.frames]
         pilots = [piece.state.component for piece in self._pieces for _ in piece.frames]
         stamps = np.array([frame.stamp_us for frame in frames], dtype=np.int64)

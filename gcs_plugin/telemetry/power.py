@@ -64,18 +64,30 @@ def _of_escs(channel: str, signals: Signals, sampling: Sampling) -> tuple[Signal
     return (Signal(channel, f"{escs[0].source} (mean of ESCs)", time_s, mean),)
 
 
-def spraying_of(
-    signals: Signals, context: TankContext, tank: Signal | None, notes: list[str]
-) -> Signal | None:
-    """1 while the pump runs, by its servo output or else by the falling tank; adds to `notes`."""
+def spraying_sources(
+    signals: Signals,
+    context: TankContext,
+    tank: Signal | None,
+    sampling: Sampling,
+    notes: list[str],
+) -> tuple[Signal, ...]:
+    """1 while the pump runs, preferred first: by its servo output, by the falling tank.
+
+    Adds to `notes` when the output is not known.
+    """
+    sources = []
     share = pump_share(signals, context)
     if share is not None:
-        on = np.where(np.isfinite(share.values), (share.values > 0.0).astype(np.float64), np.nan)
-        return Signal("spraying", f"{share.source} above its minimum", share.time_s, on)
-    if tank is None or tank.time_s.size < 2:
-        return None
-    earlier = np.interp(tank.time_s - _SPRAY_WINDOW, tank.time_s, tank.values)
-    falling = (earlier - tank.values) / _SPRAY_WINDOW > _SPRAY_RATE
-    notes.append("no pump output known: spraying is read from the falling tank level")
-    words = f"tank level falling by more than {_SPRAY_RATE * 60:.2f} kg/min"
-    return Signal("spraying", words, tank.time_s, falling.astype(np.float64))
+        on = (share.values > 0.0).astype(np.float64)
+        if sampling == "hold":
+            # That an output without a pulse will have one later, a listener cannot know.
+            on[np.isnan(share.values)] = np.nan
+        sources.append(Signal("spraying", f"{share.source} above its minimum", share.time_s, on))
+    if tank is not None and tank.time_s.size:
+        earlier = np.interp(tank.time_s - _SPRAY_WINDOW, tank.time_s, tank.values)
+        falling = (earlier - tank.values) / _SPRAY_WINDOW > _SPRAY_RATE
+        if share is None:
+            notes.append("no pump output known: spraying is read from the falling tank level")
+        words = f"tank level falling by more than {_SPRAY_RATE * 60:.2f} kg/min"
+        sources.append(Signal("spraying", words, tank.time_s, falling.astype(np.float64)))
+    return tuple(sources)

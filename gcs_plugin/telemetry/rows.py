@@ -15,7 +15,7 @@ from thrustmargin.gcs_plugin.telemetry.airborne import GroundContact, airborne, 
 from thrustmargin.gcs_plugin.telemetry.channel_report import channel_report
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap, motor_map
 from thrustmargin.gcs_plugin.telemetry.position import PlaceOfZero, place_of_zero, position_sources
-from thrustmargin.gcs_plugin.telemetry.power import power, spraying_of
+from thrustmargin.gcs_plugin.telemetry.power import power, spraying_sources
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog, LogQuality, Recording
 from thrustmargin.gcs_plugin.telemetry.resample import (
     Sampling,
@@ -200,9 +200,8 @@ def flight_rows(
         put("tank_kg", (level.signal for level in levels if level.signal is not None))
     elif tank.signal is not None:
         put("tank_kg", (tank.signal,))
-    spraying = spraying_of(signals, context, tank.signal, notes)
-    if spraying is not None:
-        put("spraying", (spraying,))
+    spraying = spraying_sources(signals, context, tank.signal, options.sampling, notes)
+    put("spraying", spraying if live else spraying[:1])
 
     by_rotor = {
         "rotor_speed_rpm": motors.rotor_speed(signals),

@@ -309,6 +309,7 @@ def pump_share(signals: Signals, context: TankContext) -> Signal | None:
     pulse = servos[0].values[:, context.pump_output]
     if not np.any(pulse > 0):
         return None
-    share = np.clip((pulse - low) / (high - low), 0.0, 1.0)
+    # No pulse at all says nothing about the pump.
+    share = np.where(pulse > 0, np.clip((pulse - low) / (high - low), 0.0, 1.0), np.nan)
     words = f"{servos[0].source.split()[0]} servo {number} (pump)"
     return Signal("spraying", words, servos[0].time_s, share)

@@ -53,7 +53,7 @@ def test_when_rotor_speeds_fall_silent_rows_go_on_with_the_speeds_unknown():
     frames = [f for _ in range(20) for f in vehicle.tick()]
     frames += [f for _ in range(50) for f in vehicle.tick() if f.id != 11030]
     rows, _ = run(frames)
-    heard = np.isfinite(rows.track.rotor_speed_rpm).all(axis=1)
+    heard = np.all(np.isfinite(rows.track.rotor_speed_rpm), axis=1)
     # For two seconds nothing triggers a row; what follows comes with the attitude.
     assert heard[1:20].all()
     assert not heard[21:].any()

@@ -8,7 +8,8 @@ import pytest
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.airborne import airborne
-from thrustmargin.gcs_plugin.telemetry.power import spraying_of
+from thrustmargin.gcs_plugin.telemetry.power import spraying_sources
+from thrustmargin.gcs_plugin.telemetry.resample import Sampling
 from thrustmargin.gcs_plugin.telemetry.signals import collected
 from thrustmargin.gcs_plugin.telemetry.tank_source import (
     AGREEMENT,
@@ -144,16 +145,21 @@ def test_a_pump_that_is_not_known_gives_no_level():
         assert level(signal, start_kg=5.0, **given).signal is None
 
 
-def spraying(*signals: Signal, tank: Signal | None = None, **given):
+def spraying(*signals: Signal, tank: Signal | None = None, sampling: Sampling = "linear", **given):
     context = TankContext(airframe=OURS, parameters=given.pop("parameters", {}), **given)
     notes: list[str] = []
-    return spraying_of(collected(signals), context, tank, notes), notes
+    found = spraying_sources(collected(signals), context, tank, sampling, notes)
+    return found[0] if found else None, notes
 
 
 def test_the_pump_sprays_above_its_least_pulse():
     found, notes = spraying(pulses(1100, 1101, 900, 1900), pump_output=4)
     assert found is not None
     assert found.values.tolist() == [0.0, 1.0, 0.0, 1.0]
+    # An output without a pulse says nothing; that it will have one later, a listener cannot know.
+    silent, _ = spraying(pulses(0, 1100, 1900, 0), pump_output=4, sampling="hold")
+    assert silent is not None
+    np.testing.assert_array_equal(silent.values, [NAN, 0.0, 1.0, NAN])
     assert notes == []
 
 
@@ -169,7 +175,9 @@ def test_a_tank_that_falls_by_more_than_half_a_litre_a_minute_is_sprayed():
     assert found.values.tolist() == [0.0] * 4 + [1.0] * 6 + [0.0] * 6
     assert notes == ["no pump output known: spraying is read from the falling tank level"]
     assert "0.48 kg/min" in found.source
-    assert spraying(tank=reports("tank_kg", [5.0], times=[0.0]))[0] is None
+    first = spraying(tank=reports("tank_kg", [5.0], times=[0.0]))[0]
+    assert first is not None
+    assert first.values.tolist() == [0.0]  # as a listener has it, which cannot wait for a second
     assert spraying()[0] is None
 
 
