@@ -79,3 +79,13 @@ def test_a_turn_is_more_than_five_degrees_a_second(rate_deg, turns):
     assert rows.tolist() == (list(range(40, 61)) if turns else [])
     rate[:, 2], rate[:, 0] = 0.0, 1.0  # rolling is no turn
     assert not turning_rows(level_flight(angular_rate_frd=rate)).any()
+
+
+def test_without_vertical_speed_the_height_tells_and_without_both_every_row_is_level():
+    velocity = np.zeros((100, 3))
+    velocity[:, 2] = NAN  # north and east are known
+    height = np.full(100, 3.0)
+    height[:21] = np.linspace(2.0, 3.0, 21)
+    assert kept(level_flight(height_agl=height, velocity_ned=velocity)) == list(range(20, 100))
+    unknown = level_flight(height_agl=np.full(100, NAN), velocity_ned=velocity)
+    assert kept(unknown) == list(range(100))

@@ -97,6 +97,16 @@ def test_a_span_longer_than_the_flight_gives_nothing_and_does_not_fail(rows):
     assert np.isnan(derivative(times(rows), times(rows), 100.0)).all()
 
 
+@pytest.mark.parametrize("rows", [9, 11, 13, 15, 17])
+def test_a_window_as_long_as_the_flight_leaves_no_row(rows):
+    t = np.arange(rows) / 10
+    assert np.isnan(derivative(t, 4.0 * t, (rows - 0.5) / 10)).all()
+    # Two rows fewer leave the middle one: of 11 rows, five and five are left out at the ends.
+    shorter = derivative(t, 4.0 * t, (rows - 2.5) / 10)
+    np.testing.assert_allclose(shorter[np.isfinite(shorter)], 4.0)
+    assert np.flatnonzero(np.isfinite(shorter)).tolist() == [rows // 2]
+
+
 def test_a_mean_over_three_rows_by_hand():
     # 0.3 s of rows 0.1 s apart are three rows; at the ends two are there.
     mean = moving_mean(times(5), np.array([3.0, 6.0, 0.0, 9.0, 1.0]), 0.3)
