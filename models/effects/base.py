@@ -161,7 +161,7 @@ class Effect:
     on_airframe: Callable[[Values, Airframe, int | None], Airframe] | None = None
     #: p -> K by which the air is warmer than the standard; an effect with it follows air density
     temperature_offset: Callable[[Values], float] | None = None
-    with_tank: bool = True  # possible on an aircraft that carries its load in a tank
+    with_tank: bool = True  # looked for on an aircraft that carries its load in a tank
 
     @property
     def key(self) -> str:
@@ -169,7 +169,7 @@ class Effect:
         return f"{self.name}:{self.variant}" if self.variant else self.name
 
     def possible_on(self, airframe: Airframe) -> bool:
-        """True when an aircraft of this kind can have the effect."""
+        """True when the effect is looked for on an aircraft of this kind."""
         return self.with_tank if airframe.tank_capacity_kg > 0.0 else "tank_kg" not in self.needs
 
     def scaled(self, airframe: Airframe) -> Effect:

@@ -29,6 +29,9 @@ FLOW_MOMENT = Effect(
     "ones: moment = gain x thrust x propeller diameter x speed / induced velocity of hover, taken "
     "in still air",
     distinguished_by="a straight line flown forwards, backwards and sideways at one speed",
+    # Slow under its load, a sprayer shows too little of it: looked for there, it takes the place
+    # of a speed channel that is late.
+    with_tank=False,
     apply=_lifted,
 )
 
