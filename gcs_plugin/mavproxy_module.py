@@ -17,7 +17,7 @@ from typing import Any
 from MAVProxy.modules.lib import mp_module
 
 from thrustmargin.gcs_plugin.mavproxy.monitor_process import ViewProcess
-from thrustmargin.gcs_plugin.mavproxy.worker import MarginWorker, Options, fields, summary
+from thrustmargin.gcs_plugin.mavproxy.worker import MarginOptions, MarginWorker, fields, summary
 
 #: MAVProxy finds a module again by the name that it was loaded under.
 NAME = "thrustmargin.gcs_plugin.mavproxy_module"
@@ -37,7 +37,7 @@ ROW = 4  # of the console, below MAVProxy's own
 class MarginModule(mp_module.MPModule):
     """Shows and announces the thrust margin of every vehicle that MAVProxy hears."""
 
-    def __init__(self, mpstate: Any, options: Options) -> None:
+    def __init__(self, mpstate: Any, options: MarginOptions) -> None:
         super().__init__(mpstate, NAME, "thrust margin and redundancy", multi_vehicle=True)
         self._worker = MarginWorker(options)
         self._view: ViewProcess | None = None
@@ -140,14 +140,14 @@ def init(mpstate: Any, **options: Any) -> MarginModule:
     """Called by MAVProxy when it loads the module, which prints an ImportError as one line."""
     if "limit" in options:
         raise ImportError(f"limit is now {RENAMED}")
-    unknown = sorted(set(options) - {field.name for field in dataclasses.fields(Options)})
+    unknown = sorted(set(options) - {field.name for field in dataclasses.fields(MarginOptions)})
     if unknown:
         raise ImportError(f"no option {', '.join(unknown)}; see docs/live.md")
     try:
         options["max_utilisation"] = usable(options.get("max_utilisation", 0.5))
     except ValueError as error:
         raise ImportError(f"max_utilisation {error}") from error
-    return MarginModule(mpstate, Options(**options))
+    return MarginModule(mpstate, MarginOptions(**options))
 
 
 def usable(value: Any) -> float:

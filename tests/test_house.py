@@ -7,7 +7,7 @@ from collections import defaultdict
 
 from tests.import_graph import PACKAGES, ROOT, modules, picture, room_graph
 
-LONGEST, SHORTEST = 310, 40  # lines of a file
+LONGEST, SHORTEST = 370, 40  # lines of a file; near 400 it is two files
 #: Files outside these bounds, and why.
 LONG = {
     "models/identification/fit.py": "the fit and its sufficient statistics are one algebra",

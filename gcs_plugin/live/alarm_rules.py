@@ -76,7 +76,7 @@ class LinkNow:
 
 
 @dataclass(frozen=True, slots=True)
-class Rule:
+class AlarmRule:
     """One alarm: how long, s, it must hold to be raised and be gone to be cleared."""
 
     name: str
@@ -194,19 +194,19 @@ def rotor_speeds(s: AlarmSettings, now: LinkNow) -> Iterator[Judged]:
 
 #: Judged in each row, in each row whose prediction is final, and by a LinkNow.
 OF_ROWS = (
-    Rule("esc", 0.0, 3.0, esc, on_ground="judged"),
-    Rule("margin", 3.0, 3.0, margin),
-    Rule("margin ahead", 3.0, 3.0, margin_ahead),
-    Rule("saturation", 0.5, 2.0, saturation),
+    AlarmRule("esc", 0.0, 3.0, esc, on_ground="judged"),
+    AlarmRule("margin", 3.0, 3.0, margin),
+    AlarmRule("margin ahead", 3.0, 3.0, margin_ahead),
+    AlarmRule("saturation", 0.5, 2.0, saturation),
 )
 OF_SETTLED_ROWS = (
     # On the ground nothing of the flight stands, but for a rotor that was found bad.
-    Rule("rotor", 0.0, 3.0, rotor_thrust, on_ground="kept"),
-    Rule("envelope", 5.0, 5.0, envelope),
-    Rule("tank", 5.0, 10.0, tank),
+    AlarmRule("rotor", 0.0, 3.0, rotor_thrust, on_ground="kept"),
+    AlarmRule("envelope", 5.0, 5.0, envelope),
+    AlarmRule("tank", 5.0, 10.0, tank),
 )
 OF_THE_LINK = (
-    Rule("telemetry", 0.0, 1.0, telemetry),
-    Rule("rotor speeds", ROTORS_HOLD, 1.0, rotor_speeds),
+    AlarmRule("telemetry", 0.0, 1.0, telemetry),
+    AlarmRule("rotor speeds", ROTORS_HOLD, 1.0, rotor_speeds),
 )
 RULES = (*OF_ROWS, *OF_SETTLED_ROWS, *OF_THE_LINK)

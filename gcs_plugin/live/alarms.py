@@ -14,10 +14,10 @@ from thrustmargin.gcs_plugin.live.alarm_rules import (
     OF_ROWS,
     OF_SETTLED_ROWS,
     OF_THE_LINK,
+    AlarmRule,
     Judged,
     LinkNow,
     RowNow,
-    Rule,
 )
 from thrustmargin.gcs_plugin.live.rotor_sums import RotorSums, thrust_excess
 from thrustmargin.gcs_plugin.live.tank_balance import BalanceWatch
@@ -104,7 +104,7 @@ class Alarms:
     def _judge(
         self,
         events: list[AlarmEvent],
-        rules: Sequence[Rule],
+        rules: Sequence[AlarmRule],
         time_s: float,
         now: RowNow | LinkNow,
         *,
@@ -115,14 +115,14 @@ class Alarms:
                 for found in rule.judge(self.settings, now):
                     self._set(events, rule, time_s, found)
 
-    def _landed(self, events: list[AlarmEvent], of: tuple[Rule, ...], time_s: float) -> None:
+    def _landed(self, events: list[AlarmEvent], of: tuple[AlarmRule, ...], time_s: float) -> None:
         rules = [r for r in of if r.on_ground == "cleared"]
         for name, rotor in list(self._states):
             for rule in rules:
                 if rule.name == name:
                     self._set(events, rule, time_s, Judged(False, True, 0, "", rotor))
 
-    def _set(self, events: list[AlarmEvent], rule: Rule, time_s: float, found: Judged) -> None:
+    def _set(self, events: list[AlarmEvent], rule: AlarmRule, time_s: float, found: Judged) -> None:
         key = rule.name, found.rotor
         before = self._states.get(key) or Debounce(rule.hold, rule.release)
         after = self._states[key] = before.after(time_s, found.on, found.off)

@@ -124,8 +124,10 @@ def examine(
         if within is FrameKind.UNFINISHED and not closed:
             return FrameKind.UNFINISHED, head
     following = end + gap
+    if following >= size and not closed:
+        return FrameKind.UNFINISHED, head
     if following >= size:
-        return (FrameKind.UNVERIFIED if closed else FrameKind.UNFINISHED), head
+        return (FrameKind.UNVERIFIED if end == size else FrameKind.NOTHING), head
     after, header_after = _checked(data, following, size)
     if after is FrameKind.UNFINISHED and header_after is None and not closed:
         return FrameKind.UNFINISHED, head

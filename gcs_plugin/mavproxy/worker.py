@@ -27,7 +27,7 @@ NAN = float("nan")
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class MarginOptions:
     """What the module was loaded with."""
 
     model: str | None = None  # model file; None: the shipped one
@@ -62,7 +62,7 @@ class MarginWorker:
     `thread` computes; `failure` says why it had to end, for people.
     """
 
-    def __init__(self, options: Options) -> None:
+    def __init__(self, options: MarginOptions) -> None:
         self.options = options
         self.max_utilisation = options.max_utilisation
         self.failure = ""

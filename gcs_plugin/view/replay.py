@@ -18,11 +18,11 @@ from thrustmargin.gcs_plugin.view.controls import ReplayControls
 from thrustmargin.gcs_plugin.view.gauges import STYLE, gauges_html
 from thrustmargin.gcs_plugin.view.guard import LOOPBACK
 from thrustmargin.gcs_plugin.view.overlays import Overlay, overlays_of
-from thrustmargin.gcs_plugin.view.page import ViewPage, arrange, left_panel
 from thrustmargin.gcs_plugin.view.planned_path import plan_enu
 from thrustmargin.gcs_plugin.view.replay_clock import ReplayClock
 from thrustmargin.gcs_plugin.view.scene import Scene
 from thrustmargin.gcs_plugin.view.shown_row import ShownRow, enu, ground_height, row_at
+from thrustmargin.gcs_plugin.view.view_page import ViewPage, arrange, left_panel
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.mission.route import route_segments
 from thrustmargin.models.errors import DataError

@@ -106,7 +106,7 @@ def _cost(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Interval:
+class ParameterInterval:
     """95 % intervals of the P values of a fit, and their covariance."""
 
     lower: Floats
@@ -120,7 +120,7 @@ def intervals(
     confidence: float = 0.95,
     *,
     few: bool = True,
-) -> Interval:
+) -> ParameterInterval:
     """Intervals from blocks and flights (cluster sandwich), never from the number of rows.
 
     `background` is what the base model itself does not know: no number of rows can teach it.
@@ -159,7 +159,9 @@ def intervals(
         where = fit.layout.places[:, k]
         finest[where] = parameter.resolution + parameter.accuracy * np.abs(fit.values[where])
     half = np.sqrt(square) + finest
-    return Interval(lower=fit.values - half, upper=fit.values + half, covariance=covariance)
+    return ParameterInterval(
+        lower=fit.values - half, upper=fit.values + half, covariance=covariance
+    )
 
 
 def _background_meat(fit: Fit, background: Background) -> Floats:

@@ -50,7 +50,7 @@ class Term:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Layout:
+class FitLayout:
     """Where the parameters of a list of terms stand: K in a row, P altogether."""
 
     parameters: tuple[Parameter, ...]  # (K,) of all terms, in order
@@ -68,7 +68,7 @@ class Layout:
 class Statistics:
     """What the blocks keep of a linear problem e = J d, with a weak prior on d."""
 
-    layout: Layout
+    layout: FitLayout
     owner: NDArray[np.intp]  # (B,) flight of each block
     hessian: Floats  # (B, K, K)
     gradient: Floats  # (B, K)
@@ -94,7 +94,7 @@ class Fit:
     """Values found, and statistics by block at those values."""
 
     terms: tuple[Term, ...]
-    layout: Layout
+    layout: FitLayout
     values: Floats  # (P,)
     residual_rpm: Floats  # (T, R) measured minus predicted
     whitened: Floats  # (T, R) weighted mode residuals
@@ -106,7 +106,7 @@ class Fit:
     converged: bool
 
 
-def layout_of(terms: Sequence[Term], flights: int) -> Layout:
+def layout_of(terms: Sequence[Term], flights: int) -> FitLayout:
     parameters = tuple(p for t in terms for p in t.effect.parameters)
     places = np.zeros((flights, len(parameters)), dtype=np.intp)
     size = 0
@@ -114,7 +114,7 @@ def layout_of(terms: Sequence[Term], flights: int) -> Layout:
         width = flights if parameter.per_flight else 1
         places[:, k] = size + np.arange(flights) % width
         size += width
-    return Layout(parameters=parameters, places=places, size=size)
+    return FitLayout(parameters=parameters, places=places, size=size)
 
 
 def columns_of(terms: Sequence[Term]) -> dict[str, dict[str, int]]:
@@ -126,7 +126,7 @@ def columns_of(terms: Sequence[Term]) -> dict[str, dict[str, int]]:
     return columns
 
 
-def starts(layout: Layout) -> Floats:
+def starts(layout: FitLayout) -> Floats:
     """(P,) where a fit starts."""
     values = np.zeros(layout.size)
     for k, parameter in enumerate(layout.parameters):
@@ -184,12 +184,12 @@ class Evaluator:
         self.problem = problem
         self._base, self._channels = problem.torch_parts()
 
-    def predict(self, terms: Sequence[Term], layout: Layout, values: Floats) -> Floats:
+    def predict(self, terms: Sequence[Term], layout: FitLayout, values: Floats) -> Floats:
         """(T, R) rpm."""
         return self._function(terms, self._rows(layout, values))(None).numpy()
 
     def jacobian(
-        self, terms: Sequence[Term], layout: Layout, values: Floats, wanted: Sequence[int]
+        self, terms: Sequence[Term], layout: FitLayout, values: Floats, wanted: Sequence[int]
     ) -> tuple[Floats, Callable[[], Floats]]:
         """Prediction (T, R), and what works out its derivatives by the row parameters wanted,
         (T, R, len(wanted)): a step that is not taken never asks for them."""
@@ -213,7 +213,7 @@ class Evaluator:
 
         return prediction.numpy(), derivatives
 
-    def _rows(self, layout: Layout, values: Floats) -> list[Any]:
+    def _rows(self, layout: FitLayout, values: Floats) -> list[Any]:
         import torch
 
         by_flight = values[layout.places]
@@ -289,7 +289,7 @@ def fit_terms(
     return replace(best, converged=converged)
 
 
-def _bounds(layout: Layout, values: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+def _bounds(layout: FitLayout, values: Floats) -> tuple[Floats, Floats, Floats, Floats]:
     """Lower and upper bound, size, and centre of the prior of each value.
 
     A value that has no "absent" is held near where it stands; it is drawn to nothing.
@@ -310,7 +310,7 @@ def _prior(problem: Problem, size: Floats) -> Floats:
 def linearise(
     evaluator: Evaluator,
     terms: Sequence[Term],
-    layout: Layout,
+    layout: FitLayout,
     values: Floats,
     scales: Floats,
     known: Floats | None = None,
@@ -331,7 +331,7 @@ def linearise(
 def _straight(
     problem: Problem,
     terms: Sequence[Term],
-    layout: Layout,
+    layout: FitLayout,
     values: Floats,
     scales: Floats,
     prediction: Floats,

@@ -23,12 +23,10 @@ from thrustmargin.models.identification.autocorrelation import (
     AutocorrelatedResidual,
     autocorrelated_residual,
 )
-from thrustmargin.models.identification.cross_validation import Interval, held_out_cost, intervals
-from thrustmargin.models.identification.errors import (
-    Errors,
-    across_flights,
-    errors_of,
-    on_new_flights,
+from thrustmargin.models.identification.cross_validation import (
+    ParameterInterval,
+    held_out_cost,
+    intervals,
 )
 from thrustmargin.models.identification.fit import (
     Evaluator,
@@ -59,6 +57,12 @@ from thrustmargin.models.identification.search import (
     warm_start,
 )
 from thrustmargin.models.identification.unexplained import LEAST_SHARE, Curve, best_curve, floor_rpm
+from thrustmargin.models.identification.unseen_errors import (
+    Errors,
+    across_flights,
+    errors_of,
+    on_new_flights,
+)
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import RotorModel
 
@@ -98,8 +102,8 @@ def identify(
 
         >>> found = identify(read_log("sitl_logs/dev/worn_prop_1.tlog"))
         >>> print(found)
-        topxgun-f16-sitl, 1 flight: rotor speed error 42.5 -> 11.9 rpm, each fifth left out in turn
-        rotor_degradation of rotor 2: loss 0.081 (0.079 to 0.083)
+        topxgun-f16-sitl, 1 flight: rotor speed error 41.3 -> 10.8 rpm, each fifth left out in turn
+        rotor_degradation of rotor 1: loss 0.08 (0.077 to 0.082)
     """
     fit, unused_tracks = _tracks(flights), _tracks(held_out)
     if not fit:
@@ -254,7 +258,7 @@ def _found(
 ) -> tuple[Found, ...]:
     """The accepted effects in order, each with its values, interval and errors around it."""
     problem = evaluator.problem
-    interval: Interval = intervals(fit, background_of(problem, fit))
+    interval: ParameterInterval = intervals(fit, background_of(problem, fit))
     scales = mode_scales(problem, fit.residual_rpm)
     errors = []
     for count in range(len(fit.terms) + 1):

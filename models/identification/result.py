@@ -9,17 +9,17 @@ import numpy as np
 
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.autocorrelation import AutocorrelatedResidual
-from thrustmargin.models.identification.cross_validation import Interval
-from thrustmargin.models.identification.errors import (
+from thrustmargin.models.identification.cross_validation import ParameterInterval
+from thrustmargin.models.identification.fit import Evaluator, Fit, Term, layout_of
+from thrustmargin.models.identification.problem import Problem
+from thrustmargin.models.identification.search import SearchConfig, Step
+from thrustmargin.models.identification.unexplained import Curve
+from thrustmargin.models.identification.unseen_errors import (
     Errors,
     Unseen,
     across_flights,
     on_new_flights,
 )
-from thrustmargin.models.identification.fit import Evaluator, Fit, Term, layout_of
-from thrustmargin.models.identification.problem import Problem
-from thrustmargin.models.identification.search import SearchConfig, Step
-from thrustmargin.models.identification.unexplained import Curve
 from thrustmargin.models.model.json_values import to_json_values
 from thrustmargin.models.model.rotor_model import RotorModel
 
@@ -124,7 +124,7 @@ class Identification:
     problem: Problem
     held_out: Problem | None
     fit: Fit
-    interval: Interval
+    interval: ParameterInterval
     found: tuple[Found, ...]
     curve: Curve | None
     slow: AutocorrelatedResidual | None

@@ -20,12 +20,15 @@ from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION as W
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification import onset
-from thrustmargin.models.identification.cross_validation import Interval, held_out_cost, intervals
-from thrustmargin.models.identification.errors import nearly_across_flights
+from thrustmargin.models.identification.cross_validation import (
+    ParameterInterval,
+    held_out_cost,
+    intervals,
+)
 from thrustmargin.models.identification.fit import (
     Evaluator,
     Fit,
-    Layout,
+    FitLayout,
     Term,
     background_of,
     columns_of,
@@ -43,6 +46,7 @@ from thrustmargin.models.identification.surrogates import (
     p_value,
     surrogate_residuals,
 )
+from thrustmargin.models.identification.unseen_errors import nearly_across_flights
 
 SHORT_LIST = 5  # candidates that are fitted in full
 LEAST_MOVE = 0.0008  # of rotor speed, RMS, below which an effect is not worth a name
@@ -252,7 +256,7 @@ def _fitted_gain(scored: Scored, base_cost: float) -> float:
 
 
 def _near(
-    evaluator: Evaluator, base: Fit, terms: Sequence[Term], layout: Layout, scales: Floats
+    evaluator: Evaluator, base: Fit, terms: Sequence[Term], layout: FitLayout, scales: Floats
 ) -> Fit:
     """The problem with the last term at its start; of several starts, each flight takes the one
     from which a step leaves it least."""
@@ -318,7 +322,7 @@ def credible(
     scored: Scored,
     base: Fit | None = None,
     problem: Problem | None = None,
-    interval: Interval | None = None,
+    interval: ParameterInterval | None = None,
     tries: int = 1,
 ) -> bool:
     """True when the effect is possible, its interval excludes absent, and it matters.

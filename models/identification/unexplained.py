@@ -17,7 +17,7 @@ from thrustmargin.models.effects.base import Parameter
 from thrustmargin.models.effects.channels import Channels
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.cross_validation import held_out_cost
-from thrustmargin.models.identification.fit import Fit, Layout, Statistics, block_statistics
+from thrustmargin.models.identification.fit import Fit, FitLayout, Statistics, block_statistics
 from thrustmargin.models.identification.problem import Problem
 from thrustmargin.models.identification.surrogates import (
     Linear,
@@ -141,7 +141,7 @@ def _with_columns(problem: Problem, fit: Fit, columns: Floats, mode: int, scales
     return Linear(statistics=statistics, jacobian=jacobian)
 
 
-def _extended(layout: Layout, count: int) -> Layout:
+def _extended(layout: FitLayout, count: int) -> FitLayout:
     flights = layout.places.shape[0]
     own = np.tile(layout.size + np.arange(count), (flights, 1))
     blank = Parameter(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.logs.dataflash.columns import DataFlashColumns, Units
 from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import MESSAGES, REQUIRED, columns_of
-from thrustmargin.gcs_plugin.logs.dataflash.message_scan import PADDING, Found, scan
+from thrustmargin.gcs_plugin.logs.dataflash.message_scan import PADDING, FoundMessages, scan
 from thrustmargin.gcs_plugin.mavlink.scan import gather, read_bytes
 from thrustmargin.gcs_plugin.telemetry.recording import (
     LogQuality,
@@ -86,7 +86,7 @@ def read_dataflash(path: Path, *, vehicle: int | None = None) -> Recording:
     return recording_of(path, "DataFlash", lookup, quality, vehicle, stretch.notes)
 
 
-def _clock(found: Found) -> tuple[Floats, NDArray[np.bool_]]:
+def _clock(found: FoundMessages) -> tuple[Floats, NDArray[np.bool_]]:
     """(n,) s since boot of each message, NaN where it has none; (n,) False where it is damaged."""
     clock = np.full(found.start.size, np.nan)
     usable = np.ones(found.start.size, dtype=np.bool_)

@@ -69,7 +69,7 @@ class Format:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Found:
+class FoundMessages:
     """Messages of a .BIN in file order."""
 
     data: Bytes  # the file followed by PADDING zeros
@@ -102,7 +102,7 @@ def make_format(number: int, length: int, name: str, letters: str, columns: str)
     return form if form.dtype.itemsize == length else None
 
 
-def scan(data: Bytes, size: int) -> Found:
+def scan(data: Bytes, size: int) -> FoundMessages:
     """All messages in the first `size` bytes of `data`, which ends with PADDING more."""
     formats = _formats(data, size)
     lengths = np.zeros(256, dtype=np.int64)
@@ -117,7 +117,7 @@ def scan(data: Bytes, size: int) -> Found:
     if not keep.all():
         start, kinds, end = start[keep], kinds[keep], end[keep]
     gaps = ((low, high - low) for low, high in gaps_between(start, end, size))
-    return Found(data, start, kinds, formats, tuple(gaps))
+    return FoundMessages(data, start, kinds, formats, tuple(gaps))
 
 
 def _heads(data: Bytes, size: int, low: int) -> Index:

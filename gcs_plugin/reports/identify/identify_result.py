@@ -10,14 +10,14 @@ from typing import Any
 from thrustmargin.gcs_plugin.reports.identify.identify_sentences import answer
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.identification.errors import (
+from thrustmargin.models.identification.margin_change import MarginChange, margin_changes
+from thrustmargin.models.identification.model_update import ModelUpdate, update_model
+from thrustmargin.models.identification.result import Identification, unseen_residuals
+from thrustmargin.models.identification.unseen_errors import (
     RotorErrors,
     Unseen,
     rotor_errors,
 )
-from thrustmargin.models.identification.margin_change import MarginChange, margin_changes
-from thrustmargin.models.identification.model_update import ModelUpdate, update_model
-from thrustmargin.models.identification.result import Identification, unseen_residuals
 from thrustmargin.models.model.json_values import to_json_values
 
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.reports.identify.identify_sentences import found_name, where_from
 from thrustmargin.gcs_plugin.wording.numbers import number
-from thrustmargin.models.identification.errors import RotorErrors
 from thrustmargin.models.identification.result import Found, Identification
+from thrustmargin.models.identification.unseen_errors import RotorErrors
 
 if TYPE_CHECKING:
     from rich.table import Table

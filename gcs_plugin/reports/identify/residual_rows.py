@@ -16,8 +16,8 @@ from thrustmargin.gcs_plugin.reports.identify.identify_sentences import (
     channel_factor,
 )
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.identification.errors import Unseen
 from thrustmargin.models.identification.problem import Problem
+from thrustmargin.models.identification.unseen_errors import Unseen
 
 LEAST_VARIATION = 0.02  # of its median, below which nothing can be seen to go with a channel
 

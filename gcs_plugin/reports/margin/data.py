@@ -59,7 +59,7 @@ class Fact:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
+class MarginVerdict:
     """The answer to "how close was it?"."""
 
     level: Level
@@ -108,7 +108,7 @@ class FlightReport:
     """One flight's report; `rows` are the columns of its CSV, each (T,) or (T, R)."""
 
     name: str
-    verdict: Verdict
+    verdict: MarginVerdict
     flight: JsonObject
     model: JsonObject
     load: tuple[JsonObject, ...]

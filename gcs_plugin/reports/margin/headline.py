@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from thrustmargin.gcs_plugin.reports.margin.data import Fact, Level, Moment, Verdict
+from thrustmargin.gcs_plugin.reports.margin.data import Fact, Level, MarginVerdict, Moment
 from thrustmargin.gcs_plugin.wording.numbers import (
     UNKNOWN,
     clock,
@@ -42,7 +42,7 @@ def several_headline(levels: Sequence[Level], limit: float) -> tuple[Level, str]
     return level, f"{counted} FLIGHTS {words}"
 
 
-def facts(verdict: Verdict) -> tuple[Fact, ...]:
+def facts(verdict: MarginVerdict) -> tuple[Fact, ...]:
     """What a pilot needs beside the big numbers, one thing a line."""
     if verdict.worst is None:
         return (Fact("why", "neither rotor speeds nor what a prediction needs is in this log"),)
@@ -58,7 +58,7 @@ def facts(verdict: Verdict) -> tuple[Fact, ...]:
     )
 
 
-def _one_rotor_out(verdict: Verdict) -> str:
+def _one_rotor_out(verdict: MarginVerdict) -> str:
     least = verdict.redundancy_yaw_free_min
     if not math.isfinite(least):
         return "not known, because the tank level is unknown"

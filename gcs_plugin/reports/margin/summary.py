@@ -10,7 +10,12 @@ import numpy as np
 from thrustmargin.gcs_plugin.logs import FlightLog
 from thrustmargin.gcs_plugin.reports.margin.accuracy import accuracy
 from thrustmargin.gcs_plugin.reports.margin.csv_rows import rows_of
-from thrustmargin.gcs_plugin.reports.margin.data import FlightReport, JsonObject, Level, Verdict
+from thrustmargin.gcs_plugin.reports.margin.data import (
+    FlightReport,
+    JsonObject,
+    Level,
+    MarginVerdict,
+)
 from thrustmargin.gcs_plugin.reports.margin.headline import facts, headline
 from thrustmargin.gcs_plugin.reports.margin.known import (
     end_rows,
@@ -67,7 +72,7 @@ def report_flight(
     )
 
 
-def _verdict(analysis: FlightAnalysis, seconds: Floats, limit: float) -> Verdict:
+def _verdict(analysis: FlightAnalysis, seconds: Floats, limit: float) -> MarginVerdict:
     track = analysis.track
     known = np.any(np.isfinite(airborne_use(analysis)), axis=1)
     airborne_s = float(seconds[track.flying].sum())
@@ -79,7 +84,7 @@ def _verdict(analysis: FlightAnalysis, seconds: Floats, limit: float) -> Verdict
     level: Level = "unknown"
     if np.any(known):
         level = "critical" if lost_s > 0.0 else "over" if over_s > 0.0 else "under"
-    return Verdict(
+    return MarginVerdict(
         level=level,
         headline="",
         facts=(),

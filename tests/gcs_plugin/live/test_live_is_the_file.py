@@ -132,7 +132,7 @@ def having(effects, flight: Recorded) -> RotorModel:
     A load on a cable hangs below an aircraft without a tank. What begins, begins in mid-flight.
     """
     middle = flight.track.duration / 2
-    start_s = flight.track.start_unix_s or 0.0
+    start_s: float = flight.track.start_unix_s or 0.0
     onset: dict[str, float] = {"onset_time": middle, "onset_clock": start_s + middle}
     records = tuple(
         EffectRecord(
@@ -141,7 +141,7 @@ def having(effects, flight: Recorded) -> RotorModel:
             rotor=2 if effect.of_one_rotor else None,
             parameters={
                 p.name: Identified(
-                    value=onset.get(p.name, p.start + 0.4 * p.scale),
+                    value=float(onset.get(p.name, p.start + 0.4 * p.scale) or 0.0),
                     unit=p.unit,
                     ci95=(0.0, 0.0),
                 )

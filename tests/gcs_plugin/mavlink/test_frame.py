@@ -36,7 +36,7 @@ def v2(number=0, payload=BODY, extra=HEARTBEAT_EXTRA, flags=0, sequence=7) -> by
 
 
 def read(data: bytes, at: int = 0) -> Header:
-    return header(data + bytes(HEADER_PADDING), at, memoryview(layout_table().size))
+    return header(data + bytes(HEADER_PADDING), at, layout_table().size)
 
 
 def verdict(data: bytes, *, gap: int = 0, closed: bool = False) -> FrameKind:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pytest
@@ -61,7 +62,7 @@ def test_every_unit_becomes_si_by_its_factor():
 
 
 #: (message, channel) -> fields on the wire, the channel in SI.
-VALUES: dict[tuple[str, str], tuple[Mapping[str, object], object]] = {
+VALUES: dict[tuple[str, str], tuple[Mapping[str, object], Any]] = {
     ("ATTITUDE", "attitude"): ({"roll": 0.1, "pitch": -0.2, "yaw": 3.0}, [0.1, -0.2, 3.0]),
     # A quarter turn to the right: q = (cos 45°, 0, 0, sin 45°).
     ("ATTITUDE_QUATERNION", "attitude"): ({"q1": 0.5**0.5, "q4": 0.5**0.5}, [0, 0, math.pi / 2]),
@@ -172,7 +173,7 @@ UNKNOWN = {
 }
 
 
-def table(message: str, fields: Mapping[str, object]) -> np.ndarray:
+def table(message: str, fields: Mapping[str, Any]) -> np.ndarray:
     rows = np.zeros(1, dtype=DTYPES[message])
     for name, value in fields.items():
         rows[name] = value

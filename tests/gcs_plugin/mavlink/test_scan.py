@@ -120,7 +120,9 @@ def test_a_log_cut_at_any_byte_keeps_every_frame_before_the_cut(end):
     found = scanned(WHOLE[:end])
     assert found.start.size == int(np.searchsorted(lengths, end, side="right"))
     kept = int(lengths[found.start.size - 1]) if found.start.size else 0
-    assert sum(length for _, length in found.skipped) == end - kept
+    skipped = sum(length for _, length in found.skipped)
+    # What looks like a frame of unknown id up to the very cut cannot be known from one.
+    assert skipped == end - kept or found.unverified
 
 
 def test_more_than_99_percent_survive_a_hundred_wounds(tmp_path):

@@ -24,8 +24,8 @@ from thrustmargin.gcs_plugin.live.fleet import Fleet
 from thrustmargin.gcs_plugin.mavlink.frame import frame_of
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.gcs_plugin.mavproxy.worker import (
+    MarginOptions,
     MarginWorker,
-    Options,
     Reading,
     fields,
     reading,
@@ -344,7 +344,7 @@ NOW = Reading(
 
 
 def test_a_row_that_is_computed_late_is_as_old_as_its_report():
-    worker = MarginWorker(Options())
+    worker = MarginWorker(MarginOptions())
     fleet, vehicle = Fleet(physics_model(load_airframe("topxgun-f16-sitl"))), Vehicle(1)
     for _ in range(20):
         fleet.take(list(vehicle.tick(rpm=(1700,) * 4)))
@@ -424,4 +424,6 @@ def test_fields_of_old_rows_are_grey(age: float):
 
 
 def test_options_have_the_monitors_defaults():
-    assert Options() == Options(model=None, airframe=None, tank="auto", max_utilisation=0.5)
+    assert MarginOptions() == MarginOptions(
+        model=None, airframe=None, tank="auto", max_utilisation=0.5
+    )

@@ -1,5 +1,7 @@
 """Left-out errors, intervals and chance on small linear problems, worked out by hand."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -11,13 +13,13 @@ from thrustmargin.models.identification.cross_validation import (
     intervals,
     left_out_values,
 )
-from thrustmargin.models.identification.fit import Fit, Layout, Statistics
+from thrustmargin.models.identification.fit import Fit, FitLayout, Statistics
 from thrustmargin.models.identification.problem import Background
 from thrustmargin.models.identification.surrogates import p_value
 
 
 def parameter(**given) -> Parameter:
-    usual = {"absent": 0.0, "start": 0.0, "lower": -1e6, "upper": 1e6, "scale": 1.0}
+    usual: dict[str, Any] = {"absent": 0.0, "start": 0.0, "lower": -1e6, "upper": 1e6, "scale": 1.0}
     return Parameter(name="p", unit="1", **(usual | given))
 
 
@@ -26,7 +28,7 @@ def statistics(owner, gradient, hessian, cost, *, per_flight=False, prior=0.0) -
     owner, flights = np.array(owner), max(owner) + 1
     size = flights if per_flight else 1
     places = np.arange(flights)[:, None] % size
-    layout = Layout(parameters=(parameter(per_flight=per_flight),), places=places, size=size)
+    layout = FitLayout(parameters=(parameter(per_flight=per_flight),), places=places, size=size)
     return Statistics(
         layout=layout,
         owner=owner,
@@ -41,7 +43,7 @@ def statistics(owner, gradient, hessian, cost, *, per_flight=False, prior=0.0) -
 def fitted(s: Statistics, value: float = 0.0, **given) -> Fit:
     """A fit with these statistics, one row a block."""
     blocks = s.owner.size
-    layout = Layout(parameters=(parameter(**given),), places=s.layout.places, size=s.layout.size)
+    layout = FitLayout(parameters=(parameter(**given),), places=s.layout.places, size=s.layout.size)
     return Fit(
         terms=(),
         layout=layout,

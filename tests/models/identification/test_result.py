@@ -9,10 +9,10 @@ from tests.models.effects.test_slung_load import flown_with_load
 from tests.models.made_flights import QUICK, curve_model, made_flights, table
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.identification.errors import errors_of
 from thrustmargin.models.identification.identify import identify
 from thrustmargin.models.identification.problem import BLOCK_SECONDS, assemble
 from thrustmargin.models.identification.search import SearchConfig
+from thrustmargin.models.identification.unseen_errors import errors_of
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 

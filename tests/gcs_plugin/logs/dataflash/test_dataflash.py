@@ -31,7 +31,7 @@ WHOLE = FLIGHT.read_bytes()
 PART = WHOLE[:400_000]
 
 
-def scanned(data: bytes) -> dataflash_scan.Found:
+def scanned(data: bytes) -> dataflash_scan.FoundMessages:
     padded = np.frombuffer(data + bytes(dataflash_scan.PADDING), dtype=np.uint8)
     return dataflash_scan.scan(padded, len(data))
 

@@ -22,12 +22,12 @@ from thrustmargin.models.effects import CATALOGUE
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.identification.already_followed import FOLLOWED_WIND
-from thrustmargin.models.identification.errors import RotorErrors
 from thrustmargin.models.identification.fit import Term
 from thrustmargin.models.identification.identify import identify
 from thrustmargin.models.identification.margin_change import MarginChange, margin_changes
 from thrustmargin.models.identification.result import Found, Identification
 from thrustmargin.models.identification.unexplained import Curve
+from thrustmargin.models.identification.unseen_errors import RotorErrors
 
 BY_KEY = {e.key: e for e in CATALOGUE}
 NAMES = ("front right", "rear left", "front left", "rear right")

@@ -7,7 +7,7 @@ import pytest
 
 from tests.gcs_plugin.reports.margin.report_flight import log, model
 from thrustmargin.gcs_plugin.reports.margin import report_flight
-from thrustmargin.gcs_plugin.reports.margin.data import FlightReport, Moment, Verdict
+from thrustmargin.gcs_plugin.reports.margin.data import FlightReport, Level, MarginVerdict, Moment
 from thrustmargin.gcs_plugin.reports.margin.headline import (
     estimate,
     facts,
@@ -198,7 +198,7 @@ MOMENT = Moment(
     longitude_deg=NAN,
     redundancy_yaw_free=0.94,
 )
-VERDICT = Verdict(
+VERDICT = MarginVerdict(
     level="critical",
     headline="",
     facts=(),
@@ -235,13 +235,15 @@ def test_the_facts_give_part_amount_and_time():
 def test_headlines_name_the_limit_and_count_flights():
     assert headline("over", 0.6) == "ABOVE THE 60 % LIMIT AT TIMES"
     assert headline("under", 0.5) == "BELOW THE 50 % LIMIT"
-    levels = ["under", "critical", "over", "critical"]
+    levels: list[Level] = ["under", "critical", "over", "critical"]
     assert several_headline(levels, 0.5) == (
         "critical",
         "2 OF 4 FLIGHTS TOO HEAVY TO LOSE A ROTOR",
     )
-    assert several_headline(["under"] * 3, 0.5)[1] == "ALL 3 FLIGHTS BELOW THE 50 % LIMIT"
-    assert several_headline(["unknown"] * 2, 0.5)[1] == "ALL 2 FLIGHTS WITHOUT VERDICT"
+    below: list[Level] = ["under"] * 3
+    silent: list[Level] = ["unknown"] * 2
+    assert several_headline(below, 0.5)[1] == "ALL 3 FLIGHTS BELOW THE 50 % LIMIT"
+    assert several_headline(silent, 0.5)[1] == "ALL 2 FLIGHTS WITHOUT VERDICT"
     assert several_headline(["over"], 0.5)[1] == "ABOVE THE 50 % LIMIT AT TIMES"
 
 
