@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -189,6 +189,7 @@ def test_what_is_heard_is_drawn_and_greyed_out_when_it_is_old():
         shows(2, "Vehicle 1: Thrust margin")
         assert "data-old" not in view._aircraft[1].gauges.content
         end = time.monotonic() + 5.0
+        line: Any = None
         while not (line := view._scene._api.get_handle_by_name("/world/route_1")):
             assert time.monotonic() < end
             time.sleep(0.02)
