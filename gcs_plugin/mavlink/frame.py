@@ -127,7 +127,7 @@ def examine(
     if following >= size and not closed:
         return FrameKind.UNFINISHED, head
     if following >= size:
-        return (FrameKind.UNVERIFIED if end == size else FrameKind.NOTHING), head
+        return (FrameKind.UNVERIFIED if size in (end, following) else FrameKind.NOTHING), head
     after, header_after = _checked(data, following, size)
     if after is FrameKind.UNFINISHED and header_after is None and not closed:
         return FrameKind.UNFINISHED, head

@@ -149,6 +149,7 @@ def test_a_gap_of_time_stamps_lies_between_two_frames():
     assert verdict(strange + first() + stamp, gap=8) is FrameKind.NOTHING
     assert verdict(strange + stamp, gap=8) is FrameKind.UNFINISHED
     assert verdict(strange + stamp, gap=8, closed=True) is FrameKind.UNVERIFIED
+    assert verdict(strange + stamp[:7], gap=8, closed=True) is FrameKind.NOTHING
 
 
 @pytest.mark.parametrize("before", [0, 1, 30])
