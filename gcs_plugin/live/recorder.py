@@ -193,7 +193,7 @@ class _Appended:
             while written < len(data):
                 written += os.write(self._file, view[written:])
         except OSError as error:
-            self.trouble = error.strerror or str(error)
+            self.trouble = _words(error)
             with contextlib.suppress(OSError):
                 os.ftruncate(self._file, self.size)
                 os.lseek(self._file, self.size, os.SEEK_SET)
@@ -209,7 +209,7 @@ class _Appended:
                 os.fsync(self._file)
                 self._changed = False
             except OSError as error:
-                self.trouble = error.strerror or str(error)
+                self.trouble = _words(error)
 
     def close(self) -> None:
         self.sync()
@@ -248,7 +248,7 @@ class _Parts:
         try:
             self._replace(shown)
         except OSError as error:
-            self.trouble = error.strerror or str(error)
+            self.trouble = _words(error)
             # The rows on the disk stay; the newest go when more wait than a part may hold.
             while waiting > 2 * PART_ROWS:
                 dropped = self._batches.pop().num_rows
@@ -271,3 +271,8 @@ class _Parts:
         # The draft's name begins with a dot and does not end in .parquet: no reader takes it.
         with whole_file(path) as draft:
             pq.write_table(table, draft)
+
+
+def _words(error: OSError) -> str:
+    """The system's own words for its number: writers of Parquet put theirs around it."""
+    return os.strerror(error.errno) if error.errno else str(error)
