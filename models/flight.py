@@ -4,6 +4,8 @@ Frames: `_ned` is north, east, down from `origin`; `_frd` is forward, right, dow
 Attitude is roll, pitch, yaw of the body against NED (aerospace order Z-Y-X).
 Every channel is an array with one row a time; NaN where it was not reported or is stale.
 `sources` remembers for each channel which message it came from, in words for people.
+A channel that was inferred from others, not measured, has its standard error in `standard_errors`,
+in the channel's own shape and unit.
 """
 
 from __future__ import annotations
@@ -118,6 +120,7 @@ class FlightTrack:
     start_unix_s: float | None = None
     sources: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    standard_errors: Mapping[str, Floats] = field(default_factory=dict)  # of inferred channels
 
     def __post_init__(self) -> None:
         time_s = self.time_s
@@ -133,6 +136,12 @@ class FlightTrack:
             got = getattr(self, channel).shape
             if got != want:
                 raise TrackError(f"{self.name}: {channel} has shape {got}; it must be {want}")
+        for channel, errors in self.standard_errors.items():
+            if errors.shape != (want := getattr(self, channel).shape):
+                raise TrackError(
+                    f"{self.name}: standard error of {channel} has shape {errors.shape}; it must "
+                    f"be {want}"
+                )
         if self.flying.shape != time_s.shape:
             raise TrackError(
                 f"{self.name}: flying has shape {self.flying.shape}; it must be {time_s.shape}"
@@ -179,7 +188,15 @@ class FlightTrack:
             for f in fields(self)
             if f.name in TRACK_CHANNELS or f.name in ("time_s", "flying")
         }
-        return replace(later, **arrays)
+        errors = {
+            channel: np.concatenate([track._error_of(channel) for track in (self, later)])
+            for channel in {**self.standard_errors, **later.standard_errors}
+        }
+        return replace(later, standard_errors=errors, **arrays)
+
+    def _error_of(self, channel: str) -> Floats:
+        """Standard error of a channel in its shape; 0 where it was measured."""
+        return self.standard_errors.get(channel, np.zeros_like(getattr(self, channel)))
 
     def rows(self, which: slice | Bools | NDArray[np.intp]) -> Self:
         """The same track with only the rows chosen by a slice, mask or index array."""
@@ -188,4 +205,5 @@ class FlightTrack:
             for f in fields(self)
             if f.name in TRACK_CHANNELS or f.name in ("time_s", "flying")
         }
-        return replace(self, **arrays)
+        errors = {channel: error[which] for channel, error in self.standard_errors.items()}
+        return replace(self, standard_errors=errors, **arrays)

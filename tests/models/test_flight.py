@@ -48,3 +48,16 @@ def test_a_channel_of_another_shape_is_refused_with_both_shapes(channel, shape, 
 def test_time_that_does_not_grow_is_refused(time_s):
     with pytest.raises(TrackError, match="increase from row to row"):
         FlightTrack.of(name="x", time_s=np.array(time_s), rotor_count=4)
+
+
+def test_standard_errors_go_with_the_rows_and_have_the_shape_of_their_channel():
+    error = np.array([0.1, 0.2, 0.3, 0.4, 0.5])
+    told = FlightTrack.of(
+        name="x", time_s=TIME_S, rotor_count=4, standard_errors={"tank_kg": error}
+    )
+    np.testing.assert_array_equal(told.rows(slice(1, 3)).standard_errors["tank_kg"], [0.2, 0.3])
+    measured = FlightTrack.of(name="x", time_s=TIME_S + 5.0, rotor_count=4)
+    both = told.followed_by(measured).standard_errors["tank_kg"]
+    np.testing.assert_array_equal(both, [*error, 0, 0, 0, 0, 0])
+    with pytest.raises(TrackError, match=r"standard error of throttle has shape \(5,\)"):
+        FlightTrack.of(name="x", time_s=TIME_S, rotor_count=4, standard_errors={"throttle": error})
