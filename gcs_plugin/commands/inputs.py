@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -72,14 +73,16 @@ def read_logs(
 
     from thrustmargin.gcs_plugin.logs import read_log
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+    from thrustmargin.models.model.prepared import prepared
 
     described = "reading" if len(logs) != 1 else f"reading {logs[0].name}"
     quiet = not console.is_terminal
     for path in track(logs, described, console=console, transient=True, disable=quiet):
         try:
             log = read_log(path, vehicle=vehicle, airframe=airframe)
+            track = prepared(log.track, airframe, log.parameters)
         except skipped as error:
             reason = str(error).removeprefix(f"{path.name}: ")
             unused.append(UnusedLog(name=path.name, reason=reason))
         else:
-            yield log
+            yield replace(log, track=track)

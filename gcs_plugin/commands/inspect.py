@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
     from thrustmargin.gcs_plugin.logs import FlightLog
     from thrustmargin.gcs_plugin.logs.inspection import Inspection
+    from thrustmargin.models.physics.airframe import Airframe
 
 DEFAULT_AIRFRAME = "topxgun-f16"
 _MARK = {"ok": ("ok", "green"), "warning": ("look", "yellow"), "unknown": ("?", "cyan")}
@@ -89,9 +91,10 @@ def _inspect(
 ) -> Inspection:
     from thrustmargin.gcs_plugin.logs import read_log
     from thrustmargin.gcs_plugin.logs.inspection import inspect_log
+    from thrustmargin.models.model.prepared import prepared
     from thrustmargin.models.physics.airframe import load_airframe
 
-    craft = load_airframe(airframe or DEFAULT_AIRFRAME)
+    craft: Airframe | None = load_airframe(airframe or DEFAULT_AIRFRAME)
     try:
         log = read_log(
             path, vehicle=vehicle, airframe=craft, tank=tank, tank_start_kg=tank_start_kg
@@ -99,8 +102,9 @@ def _inspect(
     except AirframeError:
         if airframe is not None:
             raise
+        craft = None
         log = read_log(path, vehicle=vehicle, tank=tank, tank_start_kg=tank_start_kg)
-        return inspect_log(log, None)
+    log = replace(log, track=prepared(log.track, craft, log.parameters))
     return inspect_log(log, craft)
 
 

@@ -72,11 +72,13 @@ def replay_view(
     from thrustmargin.gcs_plugin.view.overlays import before_and_after
     from thrustmargin.gcs_plugin.view.replay import ReplayView
     from thrustmargin.models.model.analysis import analyse
+    from thrustmargin.models.model.prepared import prepared
 
     with Console(stderr=True).status(f"reading {log.name}"):
         flight = read_log(log, vehicle=vehicle, airframe=model.airframe)
-        analysis = analyse(flight.track, model)
-        older = None if before is None else analyse(flight.track, before)
+        track = prepared(flight.track, model.airframe, flight.parameters)
+        analysis = analyse(track, model)
+        older = None if before is None else analyse(track, before)
     return ReplayView(
         analysis,
         waypoints=flight.waypoints,

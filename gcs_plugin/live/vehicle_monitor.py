@@ -25,6 +25,7 @@ from thrustmargin.gcs_plugin.telemetry.rows import Options
 from thrustmargin.mission.plan import MissionPlan
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, FlightState, analyse
+from thrustmargin.models.model.prepared import prepared
 from thrustmargin.models.model.rotor_model import RotorModel
 
 #: Rows of which screens show a mean: at least so many stay in every update.
@@ -190,6 +191,9 @@ class VehicleMonitor:
         window, start = slice(0, 0), None
         if last is not None:
             window, start = self._window(last)
+        if new is not None:
+            airframe, parameters = self._model.airframe, self.state.parameters
+            new = replace(new, track=prepared(new.track, airframe, parameters))
         track = _joined(last, window, new)
         analysis = analyse(track, self._model, start=start)
         total = track.time_s.size

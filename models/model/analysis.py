@@ -51,6 +51,7 @@ class FlightAnalysis:
     redundancy_yaw_uncontrolled: Floats  # (T,) the same with yaw uncontrolled
     trimmable_loss: Floats  # (T,) largest share of one rotor's thrust that can be lost in trim
     start: FlightState | None = None  # that the first row was analysed from
+    withheld: tuple[str, ...] = ()  # why no margin is claimed; where there is one, all such is NaN
 
     def __repr__(self) -> str:
         def worst(use: Floats) -> str:
@@ -65,6 +66,7 @@ class FlightAnalysis:
             f"  least thrust margin {worst(self.utilisation)} measured, "
             f"{worst(self.utilisation_predicted)} predicted; rotor speed error {off} RMS\n"
             f"  air: {self.density_basis}\n  ceiling: {self.voltage_basis}"
+            + "".join(f"\n  NO VERDICT: {reason}" for reason in self.withheld)
         )
 
     def state_at(self, row: int) -> FlightState:
@@ -121,12 +123,14 @@ def analyse(
     density: Floats | None = None,
     *,
     start: FlightState | None = None,
+    withheld: tuple[str, ...] = (),
 ) -> FlightAnalysis:
     """Run one flight of T rows and R rotors through the model.
 
     `density` (T,) kg/m³ replaces that made from the track's own pressure or altitude. A row lacks
     (is NaN in) what needs a channel that it lacks: thrust and use need rotor speed; weight,
-    redundancy and trimmable loss the tank. Voltage and density have stated fallbacks.
+    redundancy and trimmable loss the tank. Voltage and density have stated fallbacks. With reasons
+    in `withheld` no margin is claimed: all that rests on weight, thrust or ceiling is NaN.
 
     A track may be a window of a flight: its `time_s` counts from the flight's start, and `start` is
     `state_at` of its first row in the window before. Rows at least `model.look_back_s` after the
@@ -147,6 +151,7 @@ def analyse(
     limits = ceiling(airframe, rho, track.voltage)
     prediction = predict(model, track, rho, start=start)
     load = weight(airframe, track.tank_kg)
+    claimed = np.nan if withheld else 1.0
     return FlightAnalysis(
         track=track,
         model=model,
@@ -158,13 +163,15 @@ def analyse(
         max_rotor_speed_rpm=limits.max_rotor_speed_rpm,
         max_thrust=limits.max_thrust,
         thrust=rotor_thrust(airframe, track.rotor_speed_rpm, rho),
-        utilisation=utilisation(track.rotor_speed_rpm, limits.max_rotor_speed_rpm),
-        utilisation_predicted=utilisation(prediction.rotor_speed_rpm, limits.max_rotor_speed_rpm),
-        weight=load,
-        redundancy_yaw_kept=redundancy(airframe, limits, load, yaw_kept=True),
-        redundancy_yaw_uncontrolled=redundancy(airframe, limits, load, yaw_kept=False),
-        trimmable_loss=trimmable_loss(airframe, limits, load),
+        utilisation=claimed * utilisation(track.rotor_speed_rpm, limits.max_rotor_speed_rpm),
+        utilisation_predicted=claimed
+        * utilisation(prediction.rotor_speed_rpm, limits.max_rotor_speed_rpm),
+        weight=claimed * load,
+        redundancy_yaw_kept=claimed * redundancy(airframe, limits, load, yaw_kept=True),
+        redundancy_yaw_uncontrolled=claimed * redundancy(airframe, limits, load, yaw_kept=False),
+        trimmable_loss=claimed * trimmable_loss(airframe, limits, load),
         start=start,
+        withheld=withheld,
     )
 
 

@@ -152,3 +152,21 @@ def test_weight_makes_the_hover_use_of_the_forecast():
 def test_a_flight_with_another_number_of_rotors_is_refused_with_both_counts():
     with pytest.raises(AirframeError, match=r"reports 6 rotors .* topxgun-f16-sitl has 4.*give"):
         analyse(hovering(load_airframe("agras-t20")), MODEL)
+
+
+def test_with_a_reason_to_withhold_no_margin_is_claimed_and_the_speeds_stay():
+    flight = analyse(hovering(), MODEL, withheld=("another aircraft",))
+    for claim in (
+        flight.utilisation,
+        flight.utilisation_predicted,
+        flight.margin,
+        flight.known_utilisation,
+        flight.weight,
+        flight.redundancy_yaw_kept,
+        flight.redundancy_yaw_uncontrolled,
+        flight.trimmable_loss,
+    ):
+        assert np.isnan(claim).all()
+    assert not flight.above_limit(0.0).any()
+    assert np.isfinite(flight.track.rotor_speed_rpm).all()
+    assert "NO VERDICT: another aircraft" in repr(flight)
