@@ -25,7 +25,7 @@ from thrustmargin.gcs_plugin.telemetry.rows import Options
 from thrustmargin.mission.plan import MissionPlan
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, FlightState, analyse
-from thrustmargin.models.model.prepared import prepared
+from thrustmargin.models.model.prepared import Inferred, prepared_part
 from thrustmargin.models.model.rotor_model import RotorModel
 
 #: Rows of which screens show a mean: at least so many stay in every update.
@@ -103,6 +103,7 @@ class VehicleMonitor:
         )
         self.telemetry = VehicleTelemetry(system, options)
         self._model = model
+        self._inferred = Inferred()
         self._unsettled = 0  # of the known rows, the last so many
         self._route = PumpAndRoute(model)
         #: (R,) ground's clock when each rotor's speed was last known; 0 before any was.
@@ -186,14 +187,15 @@ class VehicleMonitor:
         """The next update: with new rows, or (None) with the last predictions settled."""
         last = self.last
         if last is None or (new is not None and last.boot != new.boot):
-            last, self._unsettled = None, 0
+            last, self._unsettled, self._inferred = None, 0, Inferred()
             self._route.ahead.restart()
         window, start = slice(0, 0), None
         if last is not None:
             window, start = self._window(last)
         if new is not None:
             airframe, parameters = self._model.airframe, self.state.parameters
-            new = replace(new, track=prepared(new.track, airframe, parameters))
+            track, self._inferred = prepared_part(new.track, airframe, parameters, self._inferred)
+            new = replace(new, track=track)
         track = _joined(last, window, new)
         analysis = analyse(track, self._model, start=start)
         total = track.time_s.size

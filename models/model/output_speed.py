@@ -1,0 +1,218 @@
+"""Rotor speeds of a flight that reports motor outputs only, calibrated where thrust is known.
+
+    ln N_i² = a + s ln(f(x_i)/f_hover) + n ln(V/V_c)
+
+N_i equivalent rotor speed [rpm], x_i motor output, f the autopilot's thrust curve
+(`physics.motor_output`), V battery voltage, V_c that of the airframe's ceiling. Before the flight
+says anything: a from the airframe's ceiling at full output, s = 1 by the curve, and n = 1, between
+an ESC that holds its speed (0; the Quiver's) and one that passes the voltage on (2). The flight
+corrects all three by least squares over means of 10 s, by whatever it knows:
+
+    weight   N² = W/(cos(tilt) k rho/rho_ref sum e_i)   where the liquid is known
+    power    N² ~ (V I/rho)^(2/3) up to a factor        battery's sag from load, as in hover
+    rotors   N_r² of the rotors whose speed is measured
+
+Each is one row of the same regression, so the standard error of each speed follows from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from thrustmargin.models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.atmosphere import track_density
+from thrustmargin.models.physics.margin import weight
+from thrustmargin.models.physics.motor_output import OutputCurve, output_curve
+
+#: How a channel of inferred rotor speeds is named wherever it is shown.
+FROM_OUTPUTS = "from motor outputs"
+SPAN = 10.0  # s of one mean
+HOVER_SHARE = 0.35  # of full thrust, about which the curve is turned
+#: Standard errors before the flight, of ln N²: maker's full thrust, voltage exponent
+CEILING_ERROR, VOLTAGE_ERROR = 0.25, 1.0
+#: Standard errors of one 10 s mean of ln N²: thrust against weight, against power, rotor's speed
+MEAN_ERRORS = (0.02, 0.04, 0.02)
+#: of ln N²: one motor and propeller against the next, and translational lift at 5 m/s (as square)
+ROTOR_ERROR, LIFT_ERROR = 0.03, 0.05
+WAIT = 3.0  # s of a flight after which an ESC that reports has been heard
+LAG = 0.2  # s by which a rotor and the report of its speed follow its output (Quiver 77 and 80)
+_WEIGHT, _POWER, _ROTORS = range(3)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OutputCalibration:
+    """What a flight has said so far: for each 10 s the sums of three kinds of evidence.
+
+    The five sums are weight w [s], w ln N², w ln f, w ln V and w (lift error)².
+    """
+
+    bins: Mapping[int, Floats] = field(default_factory=dict)  # time_s // SPAN -> (3, 5)
+    measured: frozenset[int] = frozenset()  # rotors, from 0, whose speed was ever measured
+    last_s: float = np.nan  # of the last row, and its ln f (R,)
+    last_share: Floats | None = None
+
+    def seconds(self, kind: int) -> float:
+        """s of evidence of one kind."""
+        return float(sum(sums[kind, 0] for sums in self.bins.values()))
+
+    def fit(self, airframe: Airframe, curve: OutputCurve) -> tuple[Floats, Floats]:
+        """(4,) a, s, n and the factor of power, and their covariance (4, 4)."""
+        full = np.log(airframe.max_rotor_speed_rpm**2)
+        before = np.array([full + np.log(HOVER_SHARE), 1.0, 1.0, 0.0])
+        spread = np.array([CEILING_ERROR, curve.steepness_error, VOLTAGE_ERROR, 100.0])
+        information = np.diag(spread**-2.0)
+        pull = information @ before
+        for sums in self.bins.values():
+            for kind, (seconds, *moments, _) in enumerate(sums):
+                if seconds < 0.1 * SPAN:
+                    continue
+                square, share, volts = np.array(moments) / seconds
+                row = np.array([1.0, share, volts, -1.0 if kind == _POWER else 0.0])
+                certainty = seconds / SPAN / MEAN_ERRORS[kind] ** 2
+                information = information + certainty * np.outer(row, row)
+                pull = pull + certainty * row * square
+        covariance = np.linalg.inv(information)
+        return covariance @ pull, covariance
+
+    def common_variance(self, airframe: Airframe) -> float:
+        """Variance of ln N² that no amount of flight lessens: lift, and a guessed mass or curve."""
+        sums = np.sum([bin_[_WEIGHT] for bin_ in self.bins.values()], axis=0)
+        if not self.bins or sums[0] <= 0.0 or self.seconds(_ROTORS) > 0.0:
+            return 0.0
+        guessed = ("empty_mass", "thrust_coefficient")
+        guesses = sum(getattr(airframe.quantities[name], "guessed", False) for name in guessed)
+        return float(sums[4] / sums[0]) + guesses * 0.1**2
+
+
+def with_outputs(
+    track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
+) -> FlightTrack:
+    """The flight with equivalent rotor speeds where a rotor reports an output and no speed.
+
+    `parameters` are the vehicle's. Rotors with a measured speed keep it. The speeds' standard
+    errors and the words of their source come with the track.
+    """
+    return filled_speeds(track, airframe, parameters, OutputCalibration())[0]
+
+
+def filled_speeds(
+    track: FlightTrack,
+    airframe: Airframe,
+    parameters: Mapping[str, float],
+    so_far: OutputCalibration,
+) -> tuple[FlightTrack, OutputCalibration]:
+    """As `with_outputs` for a part of a flight, going on from what the parts before it said."""
+    heard = np.flatnonzero(np.any(np.isfinite(track.rotor_speed_rpm), axis=0))
+    measured = so_far.measured | frozenset(heard.tolist())
+    silent = np.array([rotor not in measured for rotor in range(track.rotor_count)], dtype=bool)
+    silent &= np.any(np.isfinite(track.throttle), axis=0)
+    if track.rotor_count != airframe.rotor_count or not np.any(silent):
+        return track, replace(so_far, measured=measured)
+    curve = output_curve(parameters, track.sources.get("throttle", ""))
+    before_s = so_far.last_s if so_far.last_share is not None else track.time_s[0]
+    seconds = np.minimum(np.diff(track.time_s, prepend=before_s), 1.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = np.log(curve.thrust_share(track.throttle) / HOVER_SHARE)
+        volts = np.where(track.voltage > 0.0, track.voltage, airframe.nominal_voltage)
+        volts = np.log(volts / airframe.ceiling_voltage)
+        now = OutputCalibration(
+            _with_evidence(so_far.bins, track, airframe, share, volts, seconds),
+            measured,
+            float(track.time_s[-1]),
+            share[-1],
+        )
+        before = share[0] if so_far.last_share is None else so_far.last_share
+        change = np.diff(share, axis=0, prepend=before[None]) * (LAG / seconds)[:, None]
+    found, covariance = now.fit(airframe, curve)
+    terms = np.stack([np.ones_like(share), share, np.broadcast_to(volts[:, None], share.shape)], -1)
+    square = terms @ found[:3]
+    variance = np.einsum("trj,jk,trk->tr", terms, covariance[:3, :3], terms)
+    variance += ROTOR_ERROR**2 + now.common_variance(airframe) + np.nan_to_num(change) ** 2
+    speed = np.exp(0.5 * square)
+    put = silent & (track.flying & (track.time_s >= WAIT))[:, None] & np.isfinite(speed)
+    error = np.where(put, 0.5 * np.sqrt(variance) * speed, 0.0)
+    filled = replace(
+        track,
+        rotor_speed_rpm=np.where(put, speed, track.rotor_speed_rpm),
+        standard_errors={**track.standard_errors, "rotor_speed_rpm": error},
+        sources={**track.sources, "rotor_speed_rpm": _words(track, silent, curve, now)},
+    )
+    return filled, now
+
+
+def _with_evidence(
+    bins: Mapping[int, Floats],
+    track: FlightTrack,
+    airframe: Airframe,
+    share: Floats,
+    volts: Floats,
+    seconds: Floats,
+) -> dict[int, Floats]:
+    """The sums of `OutputCalibration` with those of the level rows of this track."""
+    density, _ = track_density(track)
+    density = density / airframe.reference_density
+    cosine = np.prod(np.cos(np.nan_to_num(track.attitude[:, :2])), axis=1)
+    effectiveness = airframe.rotor_effectiveness
+    share_of = np.exp(share) @ effectiveness / effectiveness.sum()
+    load = weight(
+        airframe, track.tank_kg if airframe.tank_volume_l else np.nan_to_num(track.tank_kg)
+    )
+    carried = airframe.thrust_coefficient * density * effectiveness.sum() * cosine
+    lift = LIFT_ERROR * (_speed_through_air(track) / 5.0) ** 2
+    power = (track.voltage * track.current / density) ** (2.0 / 3.0)
+    level = _level(track, cosine)
+    evidence = [
+        (_WEIGHT, np.log(load / carried), np.log(share_of), lift),
+        (_POWER, np.log(power), np.log(share_of), lift),
+    ]
+    evidence += [
+        (_ROTORS, np.log(track.rotor_speed_rpm[:, r] ** 2), share[:, r], np.zeros_like(lift))
+        for r in range(track.rotor_count)
+    ]
+    found = {index: sums.copy() for index, sums in bins.items()}
+    place = (track.time_s // SPAN).astype(int)
+    for kind, square, f, error in evidence:
+        trust = seconds / (1.0 + (error / MEAN_ERRORS[_WEIGHT]) ** 2)
+        rows = np.stack([np.ones_like(f), square, f, volts, error**2], 1) * trust[:, None]
+        good = level & np.all(np.isfinite(rows), axis=1)
+        for index in np.unique(place[good]).tolist():
+            added = rows[good & (place == index)].sum(axis=0)
+            found.setdefault(index, np.zeros((3, 5)))[kind] += added
+    return found
+
+
+def _speed_through_air(track: FlightTrack) -> Floats:
+    """(T,) m/s: airspeed, else ground speed against the wind, else over ground; 0 if unknown."""
+    ground = np.hypot(*track.velocity_ned[:, :2].T)
+    wind = np.hypot(*(track.velocity_ned - track.wind_ned)[:, :2].T)
+    speed = np.where(np.isfinite(track.airspeed), track.airspeed, wind)
+    return np.nan_to_num(np.where(np.isfinite(speed), speed, ground))
+
+
+def _level(track: FlightTrack, cosine: Floats) -> Bools:
+    """(T,) rows in flight that neither climb, sink nor bank much."""
+    climb = np.nan_to_num(track.velocity_ned[:, 2])
+    return track.flying & (np.abs(climb) < 0.5) & (cosine > 0.9)
+
+
+def _words(
+    track: FlightTrack, silent: Bools, curve: OutputCurve, calibration: OutputCalibration
+) -> str:
+    message = track.sources.get("throttle", "motor outputs").split()[0]
+    by_weight, by_rotors = calibration.seconds(_WEIGHT), calibration.seconds(_ROTORS)
+    if by_rotors > 0.0:
+        how = "set by the rotors whose speed is measured"
+    elif by_weight > 0.0:
+        how = f"set by the weight over {by_weight:.0f} s of level flight"
+    else:
+        how = "by the airframe's full thrust, for the weight is not known"
+    words = f"{FROM_OUTPUTS} ({message}, {curve.described}; {how})"
+    if np.all(silent):
+        return words
+    rotors = ", ".join(str(k + 1) for k in np.flatnonzero(silent))
+    several = "s" if np.count_nonzero(silent) > 1 else ""
+    return f"{track.sources.get('rotor_speed_rpm', 'measured')}; rotor{several} {rotors} {words}"

@@ -1,0 +1,84 @@
+"""Thrust of a motor output: the curve by which the autopilot turns thrust into output, inverted.
+
+    ArduPilot   c = (x - spin_min)/(spin_max - spin_min)      T/T_full = (1 - e) c + e c²
+    PX4         T/T_full = f x² + (1 - f) x
+
+x motor output from 0 to 1 of the pulse range, e MOT_THST_EXPO, f THR_MDL_FAC. Sources: ArduPilot
+libraries/AP_Motors/AP_Motors_Thrust_Linearization.cpp (thrust_to_actuator and its inverse), PX4
+src/lib/mixer_module/functions/FunctionMotors.hpp. Both say what the builder set, not what the
+motor does: ArduPilot's MOT_BAT_VOLT_MAX makes full thrust follow (1 - e) v + e v² of the battery's
+share v, which holds for an ESC that passes the voltage on and not for one that holds a speed. So
+voltage is no part of this curve: `model.output_speed` finds its exponent in the flight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from thrustmargin.models.flight import Floats
+
+#: ArduPilot's defaults; the exponent is that of most propellers, so PX4 without a factor has it too
+USUAL_EXPO, USUAL_SPIN_MIN, USUAL_SPIN_MAX = 0.65, 0.15, 0.95
+#: standard error of the curve's steepness, as a share: on the Quiver thrust rises 1.87 times as
+#: fast as output where its own MOT_THST_EXPO says 2.2. Twice that where no parameter sets a curve.
+STEEPNESS_SET, STEEPNESS_ASSUMED = 0.15, 0.3
+_LEAST = 0.01  # share of full thrust below which the curve says nothing
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutputCurve:
+    """T/T_full = (1 - expo) c + expo c² with c from 0 at `low` to 1 at `high` of the output."""
+
+    expo: float
+    low: float = 0.0
+    high: float = 1.0
+    is_thrust_factor: float = 0.0  # PX4 output that is thrust by this factor, not yet the signal
+    steepness_error: float = STEEPNESS_SET
+    described: str
+
+    def thrust_share(self, throttle: Floats) -> Floats:
+        """Thrust (any shape) over that of full output; NaN where the motor idles or is unknown."""
+        signal = throttle
+        if (f := self.is_thrust_factor) > 0.0:
+            signal = (f - 1.0 + np.sqrt((1.0 - f) ** 2 + 4.0 * f * throttle)) / (2.0 * f)
+        c = (signal - self.low) / (self.high - self.low)
+        share = (1.0 - self.expo) * c + self.expo * c**2
+        return np.where((c > 0.0) & (share > _LEAST), share, np.nan)
+
+
+def output_curve(parameters: Mapping[str, float], source: str = "") -> OutputCurve:
+    """The curve that a vehicle's parameters set; `source` is where its outputs come from in words.
+
+    PX4's `actuator_motors` is thrust before its curve, its servo outputs are after it. A parameter
+    outside the range that the firmware allows is taken as not set.
+    """
+    factor = parameters.get("THR_MDL_FAC")
+    if factor is not None or source.startswith("actuator_motors"):
+        before = source.startswith("actuator_motors")
+        if factor is not None and 0.0 < factor <= 1.0:
+            return OutputCurve(
+                expo=factor,
+                is_thrust_factor=factor if before else 0.0,
+                described=f"THR_MDL_FAC {factor:g}",
+            )
+        return OutputCurve(
+            expo=USUAL_EXPO,
+            steepness_error=STEEPNESS_ASSUMED,
+            described=f"an assumed thrust exponent of {USUAL_EXPO:g}",
+        )
+    low = parameters.get("MOT_SPIN_MIN", USUAL_SPIN_MIN)
+    high = parameters.get("MOT_SPIN_MAX", USUAL_SPIN_MAX)
+    if not 0.0 <= low < high <= 1.0:
+        low, high = USUAL_SPIN_MIN, USUAL_SPIN_MAX
+    expo = parameters.get("MOT_THST_EXPO", np.nan)
+    is_set = -1.0 <= expo <= 1.0
+    return OutputCurve(
+        expo=expo if is_set else USUAL_EXPO,
+        low=low,
+        high=high,
+        steepness_error=STEEPNESS_SET if is_set else STEEPNESS_ASSUMED,
+        described=f"MOT_THST_EXPO {expo:g}" if is_set else f"an assumed exponent of {USUAL_EXPO:g}",
+    )

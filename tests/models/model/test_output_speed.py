@@ -1,0 +1,133 @@
+"""Rotor speeds from outputs, of flights made by hand: an ESC and a curve that we choose."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.output_speed import (
+    FROM_OUTPUTS,
+    OutputCalibration,
+    filled_speeds,
+    with_outputs,
+)
+from thrustmargin.models.physics.airframe import load_airframe
+
+F16 = load_airframe("topxgun-f16-sitl")
+ARDUPILOT = {"MOT_THST_EXPO": 1.0, "MOT_SPIN_MIN": 0.1, "MOT_SPIN_MAX": 0.9}
+
+
+def hover(*, gain=3000.0, voltage_exponent=1.0, tank_kg=8.0, sag=6.0) -> FlightTrack:
+    """A minute of hover of an F16 whose ESC makes N = gain c (V/58.8)^exponent of output c."""
+    time_s = np.linspace(0.0, 59.9, 600).round(1)
+    voltage = 58.0 - sag * time_s / 60.0
+    tank = np.full(600, tank_kg)
+    thrust = (21.1 + tank)[:, None] * 9.80665 * np.array([0.22, 0.26, 0.24, 0.28])
+    speed = np.sqrt(thrust / 2.011e-5)
+    c = speed / (gain * (voltage / 58.8)[:, None] ** voltage_exponent)
+    return FlightTrack.of(
+        name="hover",
+        time_s=time_s,
+        rotor_count=4,
+        rotor_speed_rpm=speed,
+        throttle=0.1 + 0.8 * c,
+        voltage=voltage,
+        current=400.0 * (58.0 / voltage),
+        tank_kg=tank,
+        velocity_ned=np.zeros((600, 3)),
+        attitude=np.zeros((600, 3)),
+        altitude=np.zeros(600),
+        sources={"throttle": "SERVO_OUTPUT_RAW from 1000 to 2000 µs"},
+    )
+
+
+def silent(track: FlightTrack) -> FlightTrack:
+    return replace(track, rotor_speed_rpm=np.full_like(track.rotor_speed_rpm, np.nan))
+
+
+def misses(track: FlightTrack, filled: FlightTrack) -> np.ndarray:
+    """(T, R) error over standard error, in the rows that were filled."""
+    error = filled.standard_errors["rotor_speed_rpm"]
+    return ((filled.rotor_speed_rpm - track.rotor_speed_rpm) / error)[error > 0.0]
+
+
+@pytest.mark.parametrize("gain", [2600.0, 3000.0, 3300.0])
+@pytest.mark.parametrize("exponent", [0.0, 1.0])
+def test_hover_sets_the_speeds_whatever_the_esc_makes_of_voltage(gain, exponent):
+    flown = hover(gain=gain, voltage_exponent=exponent)
+    filled = with_outputs(silent(flown), F16, ARDUPILOT)
+    found, true = filled.rotor_speed_rpm[30:], flown.rotor_speed_rpm[30:]
+    assert np.max(np.abs(found / true - 1.0)) < 0.03
+    assert np.max(np.abs(misses(flown, filled))) < 1.645
+    assert filled.sources["rotor_speed_rpm"].startswith(FROM_OUTPUTS)
+    assert "weight" in filled.sources["rotor_speed_rpm"]
+
+
+def test_without_the_load_the_airframes_full_thrust_stands_and_the_error_is_wide():
+    flown = replace(hover(gain=2700.0), tank_kg=np.full(600, np.nan))
+    filled = with_outputs(silent(flown), F16, ARDUPILOT)
+    share = (filled.standard_errors["rotor_speed_rpm"] / filled.rotor_speed_rpm)[30:]
+    assert np.min(share) > 0.12
+    assert np.max(np.abs(misses(flown, filled))) < 1.645
+    assert "weight is not known" in filled.sources["rotor_speed_rpm"]
+
+
+def test_an_aircraft_without_a_tank_has_its_weight():
+    dry = load_airframe("topxgun-f16-sitl")
+    dry = replace(dry, tank_volume_l=0.0)
+    flown = replace(hover(tank_kg=0.0), tank_kg=np.full(600, np.nan))
+    filled = with_outputs(silent(flown), dry, ARDUPILOT)
+    assert np.max(np.abs(filled.rotor_speed_rpm / flown.rotor_speed_rpm - 1.0)[30:]) < 0.03
+
+
+def test_power_tells_sag_from_load_where_the_load_is_unknown():
+    held = replace(hover(voltage_exponent=0.0), tank_kg=np.full(600, np.nan))  # speed is held
+    filled = with_outputs(silent(held), F16, ARDUPILOT).rotor_speed_rpm
+    blind = replace(held, current=np.full(600, np.nan))
+    blind = with_outputs(silent(blind), F16, ARDUPILOT).rotor_speed_rpm
+    trend, without = filled[-1, 0] / filled[40, 0], blind[-1, 0] / blind[40, 0]
+    assert abs(trend - 1.0) < 0.5 * abs(without - 1.0)
+
+
+def test_a_measured_rotor_stays_and_sets_the_others():
+    flown = replace(hover(gain=2500.0), tank_kg=np.full(600, np.nan))
+    part = flown.rotor_speed_rpm.copy()
+    part[:, 2] = np.nan
+    filled = with_outputs(replace(flown, rotor_speed_rpm=part), F16, ARDUPILOT)
+    assert np.array_equal(filled.rotor_speed_rpm[:, :2], flown.rotor_speed_rpm[:, :2])
+    assert np.max(np.abs(filled.rotor_speed_rpm[30:, 2] / flown.rotor_speed_rpm[30:, 2] - 1)) < 0.03
+    assert np.all(filled.standard_errors["rotor_speed_rpm"][:, [0, 1, 3]] == 0.0)
+    assert "rotor 3 from motor outputs" in filled.sources["rotor_speed_rpm"]
+
+
+def test_what_is_measured_is_left_alone():
+    flown = hover()
+    assert with_outputs(flown, F16, ARDUPILOT) is flown
+
+
+def test_on_the_ground_and_before_an_esc_could_be_heard_nothing_is_filled():
+    flown = silent(hover())
+    filled = with_outputs(replace(flown, flying=flown.time_s > 20.0), F16, ARDUPILOT)
+    assert np.flatnonzero(np.isfinite(filled.rotor_speed_rpm[:, 0]))[0] == 201
+    assert np.flatnonzero(np.isfinite(with_outputs(flown, F16, {}).rotor_speed_rpm[:, 0]))[0] == 30
+
+
+@pytest.mark.parametrize("rows", [1, 37])
+def test_parts_of_a_flight_end_where_the_whole_flight_does(rows):
+    flown = silent(hover(gain=2700.0))
+    whole, so_far, parts = with_outputs(flown, F16, ARDUPILOT), OutputCalibration(), []
+    for begin in range(0, 600, rows):
+        part, so_far = filled_speeds(flown.rows(slice(begin, begin + rows)), F16, ARDUPILOT, so_far)
+        parts.append(part)
+    assert np.allclose(parts[-1].rotor_speed_rpm[-1], whole.rotor_speed_rpm[-1])
+    errors = np.concatenate([part.standard_errors["rotor_speed_rpm"] for part in parts])
+    assert np.allclose(errors[-1], whole.standard_errors["rotor_speed_rpm"][-1])
+    assert errors[31, 0] > errors[-1, 0]  # what is not yet heard is not yet known
+
+
+def test_a_rotor_that_was_heard_once_is_never_filled():
+    flown = hover()
+    _, so_far = filled_speeds(flown.rows(slice(0, 100)), F16, ARDUPILOT, OutputCalibration())
+    lost, _ = filled_speeds(silent(flown).rows(slice(100, 600)), F16, ARDUPILOT, so_far)
+    assert not lost.reports("rotor_speed_rpm")
