@@ -2,7 +2,8 @@
 
 Options at loading are those of `thrustmargin monitor`, as JSON without spaces:
 `module load thrustmargin.gcs_plugin.mavproxy_module:{"model":"f16.safetensors","tank":"pump"}`;
-there are model, airframe, tank and max_utilisation.
+there are model, airframe, max_utilisation and the reading options: vehicle, tank, tank_start_kg,
+load, load_end, air_temperature_c.
 Nothing happens when this file is imported (MAVProxy imports it twice); everything that takes time
 runs in `thrustmargin.gcs_plugin.mavproxy.worker`, on a thread of its own.
 """
@@ -119,13 +120,11 @@ class MarginModule(mp_module.MPModule):
             return
         self._close_view()
         options = self._worker.options
-        given = {
-            "--model": options.model,
-            "--airframe": options.airframe,
-            "--tank": options.tank,
-            "--max-utilisation": f"{self._worker.max_utilisation:g}",
-        }
-        self._view = ViewProcess([t for k, v in given.items() if v for t in (k, v)])
+        given = dataclasses.asdict(options)
+        given["max_utilisation"] = self._worker.max_utilisation
+        given["air_temperature"] = given.pop("air_temperature_c")
+        words = {f"--{name.replace('_', '-')}": value for name, value in given.items()}
+        self._view = ViewProcess([f"{k}={v}" for k, v in words.items() if v is not None])
         self._worker.pass_on_to(self._view.send)
         print(f"margin view: {self._view.address}")
 

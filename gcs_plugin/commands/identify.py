@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional
 
+from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading, ReadingOptions
 from thrustmargin.models.errors import DataError, ModelError, require_torch
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ def identify(
     model: Path | None = None,
     airframe: str | None = None,
     held_out: tuple[Path, ...] = (),
-    vehicle: int | None = None,
+    reading: Reading = AS_HEARD,
     out: Path | None = None,
     json: Path | None = None,
     html: Path | None = None,
@@ -50,7 +51,7 @@ def identify(
         airframe: Name of a shipped airframe, or an airframe file (.toml), to start from its weight
             and thrust curve alone, without a model file.
         held_out: Flights that are not learnt from, on which the error is stated.
-        vehicle: System id of the aircraft, when a log has several.
+        reading: How the logs are read.
         out: New model file to write, with the effects added; the old one stays.
         json: Write the result as JSON to this file.
         html: Write a page with the residual before and after to this file.
@@ -86,7 +87,7 @@ def identify(
     start, model_name = starting_model(model, airframe)
     not_used: list[UnusedLog] = []
     fit, new = (
-        read_flights(paths, start.airframe, vehicle, not_used, errors, option=option)
+        read_flights(paths, start.airframe, reading, not_used, errors, option=option)
         for paths, option in ((logs, ""), (held_out, "--held-out "))
     )
     require_distinct((*fit, *new))
@@ -110,7 +111,7 @@ def identify(
 def read_flights(
     logs: Sequence[Path],
     airframe: Airframe,
-    vehicle: int | None,
+    reading: ReadingOptions,
     not_used: list[UnusedLog],
     console: Console,
     *,
@@ -127,7 +128,7 @@ def read_flights(
 
     tracks: list[FlightTrack] = []
     left_out: list[UnusedLog] = []
-    for log in read_logs(logs, left_out, console, vehicle=vehicle, airframe=airframe):
+    for log in read_logs(logs, left_out, console, reading=reading, airframe=airframe):
         track = log.track
         wrong = wrong_speeds(track, airframe)
         if wrong is not None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, ReadingOptions, reading_keywords
 from thrustmargin.models.errors import DataError, LogError, ThrustMarginError
 from thrustmargin.models.model.model_file import load_model, shipped_model
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
@@ -62,7 +63,7 @@ def read_logs(
     console: Console,
     *,
     airframe: Airframe,
-    vehicle: int | None = None,
+    reading: ReadingOptions = AS_HEARD,
     skipped: type[ThrustMarginError] = LogError,
 ) -> Iterator[FlightLog]:
     """Each log that can be read, in order, with a bar on the `console` meanwhile.
@@ -75,11 +76,12 @@ def read_logs(
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.models.model.prepared import prepared
 
+    keywords = reading_keywords(reading)
     described = "reading" if len(logs) != 1 else f"reading {logs[0].name}"
     quiet = not console.is_terminal
     for path in track(logs, described, console=console, transient=True, disable=quiet):
         try:
-            log = read_log(path, vehicle=vehicle, airframe=airframe)
+            log = read_log(path, airframe=airframe, **keywords)
             track = prepared(log.track, airframe, log.parameters)
         except skipped as error:
             reason = str(error).removeprefix(f"{path.name}: ")

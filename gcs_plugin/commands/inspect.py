@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 from tyro.conf import Positional
 
+from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading, reading_keywords
 from thrustmargin.models.errors import AirframeError, LogError, ThrustMarginError
 from thrustmargin.models.whole_file import whole_file
 
@@ -28,10 +30,8 @@ _WIDE = 110  # columns of the terminal from which the whole table fits
 def inspect(
     logs: Positional[Annotated[tuple[Path, ...], tyro.conf.arg(metavar="LOG...")]],
     *,
-    vehicle: int | None = None,
     airframe: str | None = None,
-    tank: str = "auto",
-    tank_start_kg: float | None = None,
+    reading: Reading = AS_HEARD,
     json: Path | None = None,
 ) -> int:
     """Show what a log holds: every channel, the message it came from, its rate, gaps and range.
@@ -44,12 +44,9 @@ def inspect(
 
     Args:
         logs: Recorded flights: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv.
-        vehicle: System id of the aircraft, when a log has several.
         airframe: Name of a shipped airframe, or your airframe file (.toml); without it topxgun-f16
             is taken when the log has as many rotors.
-        tank: Where the tank level comes from: auto, none, pump, or the message and its number
-            or name, such as "BATTERY_STATUS 1" or "NAMED_VALUE_FLOAT TANK".
-        tank_start_kg: What the tank held at the start, for a log without a gauge.
+        reading: How the logs are read.
         json: Write the same as JSON to this file.
     """
     import json as json_module
@@ -66,7 +63,7 @@ def inspect(
     for path in logs:
         try:
             with errors.status(f"reading {path.name}"):
-                inspection = _inspect(path, vehicle, airframe, tank, tank_start_kg)
+                inspection = _inspect(path, airframe, reading_keywords(reading))
         except ThrustMarginError as error:
             # One bad log must not hide the others.
             if len(logs) == 1:
@@ -86,9 +83,7 @@ def inspect(
     return 1 if failed else 0
 
 
-def _inspect(
-    path: Path, vehicle: int | None, airframe: str | None, tank: str, tank_start_kg: float | None
-) -> Inspection:
+def _inspect(path: Path, airframe: str | None, keywords: Mapping[str, Any]) -> Inspection:
     from thrustmargin.gcs_plugin.logs import read_log
     from thrustmargin.gcs_plugin.logs.inspection import inspect_log
     from thrustmargin.models.model.prepared import prepared
@@ -96,14 +91,12 @@ def _inspect(
 
     craft: Airframe | None = load_airframe(airframe or DEFAULT_AIRFRAME)
     try:
-        log = read_log(
-            path, vehicle=vehicle, airframe=craft, tank=tank, tank_start_kg=tank_start_kg
-        )
+        log = read_log(path, airframe=craft, **keywords)
     except AirframeError:
         if airframe is not None:
             raise
         craft = None
-        log = read_log(path, vehicle=vehicle, tank=tank, tank_start_kg=tank_start_kg)
+        log = read_log(path, **keywords)
     log = replace(log, track=prepared(log.track, craft, log.parameters))
     return inspect_log(log, craft)
 

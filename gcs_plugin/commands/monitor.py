@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 from tyro.conf import Positional, UseAppendAction
 
+from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading, reading_keywords
+
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.monitor import LiveMonitor
     from thrustmargin.gcs_plugin.view.live import LiveView
@@ -24,8 +26,7 @@ def monitor(
     record: Path = Path("recordings"),
     model: Path | None = None,
     airframe: str | None = None,
-    tank: str = "auto",
-    tank_start_kg: float | None = None,
+    reading: Reading = AS_HEARD,
     max_utilisation: float = 0.5,
     announce: bool = False,
     request_rates: bool = False,
@@ -54,10 +55,7 @@ def monitor(
         record: Folder in which the recording's own folder is made.
         model: Rotor speed model file of this aircraft; without it the one that ships is used.
         airframe: Name of a shipped airframe, or an airframe file (.toml); without it the model's.
-        tank: Where the tank level comes from: auto, none, pump, "NAMED_VALUE_FLOAT NAME",
-            "FUEL_STATUS ID" or "BATTERY_STATUS ID"; auto is what the airframe file names
-            (tank_source), else the best that is heard.
-        tank_start_kg: What a tank without a gauge holds at the start.
+        reading: How the link is read.
         max_utilisation: Largest share of a rotor's maximum thrust that may be in use; above it an
             alarm is raised.
         announce: Send alarms and figures to vehicles and ground stations as STATUSTEXT and
@@ -81,7 +79,7 @@ def monitor(
     from thrustmargin.gcs_plugin.telemetry.tank_source import check_source
 
     check_utilisation(max_utilisation)
-    check_source(tank)
+    keywords = reading_keywords(reading)
     accept = sign = None
     if signing_key_file is not None:
         from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter, read_signing_key
@@ -98,11 +96,7 @@ def monitor(
         urls=(url,),
         forwards=tuple(forward),
         record=record,
-        watch=WatchSettings(
-            tank=tank,
-            tank_start_kg=tank_start_kg,
-            alarms=AlarmSettings(max_utilisation=max_utilisation),
-        ),
+        watch=WatchSettings(alarms=AlarmSettings(max_utilisation=max_utilisation), **keywords),
     )
     chosen = chosen_model(model, airframe)
     check_source(chosen.airframe.tank_source)

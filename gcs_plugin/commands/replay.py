@@ -7,6 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 from tyro.conf import Positional
 
+from thrustmargin.gcs_plugin.commands.reading import (
+    AS_HEARD,
+    Reading,
+    ReadingOptions,
+    reading_keywords,
+)
+
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.view.replay import ReplayView
     from thrustmargin.models.model.rotor_model import RotorModel
@@ -18,7 +25,7 @@ def replay(
     model: Path | None = None,
     before: Path | None = None,
     airframe: str | None = None,
-    vehicle: int | None = None,
+    reading: Reading = AS_HEARD,
     port: int = 8080,
     host: str = "127.0.0.1",
     speed: float = 1.0,
@@ -38,7 +45,7 @@ def replay(
         before: Model file that --model was made from by `identify`; the route can then be coloured
             by the residual before and after.
         airframe: Name of a shipped airframe, or an airframe file (.toml); without it the model's.
-        vehicle: System id of the aircraft, when the log has several.
+        reading: How the log is read.
         port: Port of the page.
         host: Address to serve the page on; only this computer can reach 127.0.0.1.
         speed: Speed of the replay, 1 is real time; the page offers x1 to x60.
@@ -51,7 +58,7 @@ def replay(
     rotor_model = chosen_model(model, airframe)
     older = None if before is None else chosen_model(before, rotor_model.airframe.name)
     options = {"host": host, "port": port, "speed": speed, "paused": start_paused}
-    run_replay(replay_view(log, rotor_model, older, vehicle=vehicle, **options), browser=browser)
+    run_replay(replay_view(log, rotor_model, older, reading=reading, **options), browser=browser)
 
 
 def replay_view(
@@ -59,7 +66,7 @@ def replay_view(
     model: RotorModel,
     before: RotorModel | None = None,
     *,
-    vehicle: int | None = None,
+    reading: ReadingOptions = AS_HEARD,
     **options: Any,
 ) -> ReplayView:
     """The view of a recorded flight; with a model `before` also its residual before and after.
@@ -75,7 +82,7 @@ def replay_view(
     from thrustmargin.models.model.prepared import prepared
 
     with Console(stderr=True).status(f"reading {log.name}"):
-        flight = read_log(log, vehicle=vehicle, airframe=model.airframe)
+        flight = read_log(log, airframe=model.airframe, **reading_keywords(reading))
         track = prepared(flight.track, model.airframe, flight.parameters)
         analysis = analyse(track, model)
         older = None if before is None else analyse(track, before)

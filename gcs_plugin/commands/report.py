@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional
 
+from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading
 from thrustmargin.models.errors import DataError, ThrustMarginError
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ def report(
     *,
     model: Path | None = None,
     airframe: str | None = None,
-    vehicle: int | None = None,
+    reading: Reading = AS_HEARD,
     out: Path = Path("report.html"),
     max_utilisation: float = 0.5,
 ) -> int:
@@ -34,7 +35,7 @@ def report(
         logs: Recorded flights: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv.
         model: Rotor speed model file of this aircraft; without it the one that ships is used.
         airframe: Name of a shipped airframe, or an airframe file (.toml); without it the model's.
-        vehicle: System id of the aircraft, when a log has several.
+        reading: How the logs are read.
         out: Page to write (.html).
         max_utilisation: Largest share of a rotor's maximum thrust that may be in use.
     """
@@ -68,7 +69,7 @@ def report(
         logs,
         unread,
         console,
-        vehicle=vehicle,
+        reading=reading,
         airframe=rotor_model.airframe,
         skipped=ThrustMarginError,
     )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import tyro
 from tyro.conf import Positional
 
+from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading
 from thrustmargin.models.errors import DataError, LogError, require_torch
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ def train(
     logs: Positional[tuple[Path, ...]],
     *,
     airframe: str = "topxgun-f16-sitl",
+    reading: Reading = AS_HEARD,
     out: Path = Path("my-model.safetensors"),
     members: int = 5,
     seed: int = 0,
@@ -41,6 +43,7 @@ def train(
     Args:
         logs: Recorded flights: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv.
         airframe: Name of a shipped airframe, or an airframe file (.toml), of the aircraft.
+        reading: How the logs are read.
         out: Model file to write.
         members: Networks in the ensemble; their disagreement is the model's uncertainty.
         seed: Number from which all chance is drawn; the same seed gives the same model.
@@ -75,7 +78,8 @@ def train(
         splits=SPLITS[split], members=members, seed=seed, net=NetConfig(max_epochs=max_epochs)
     )
     unread: list[UnusedLog] = []
-    tracks = [log.track for log in read_logs(logs, unread, progress, airframe=aircraft)]
+    read = read_logs(logs, unread, progress, airframe=aircraft, reading=reading)
+    tracks = [log.track for log in read]
     if not tracks:
         first = unread[0]
         raise LogError(

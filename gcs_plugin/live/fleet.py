@@ -51,6 +51,8 @@ class Fleet:
                 continue
             watch = self._watches.get(frame.system)
             if watch is None:
+                if self._settings.vehicle not in (None, frame.system):
+                    continue
                 watch = VehicleMonitor(frame.system, self._model, self._settings)
                 self._watches[frame.system] = watch
             watch.take(frame)

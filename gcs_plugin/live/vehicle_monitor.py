@@ -21,7 +21,7 @@ from thrustmargin.gcs_plugin.live.tank_balance import virtual_gauge
 from thrustmargin.gcs_plugin.live.vehicle_state import VehicleState, fold_mission
 from thrustmargin.gcs_plugin.live.vehicle_telemetry import LiveRows, VehicleTelemetry, stale_words
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
-from thrustmargin.gcs_plugin.telemetry.rows import Options
+from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.mission.plan import MissionPlan
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, FlightState, analyse
@@ -76,11 +76,10 @@ class Update:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WatchSettings:
-    """How vehicles are watched."""
+class WatchSettings(Options):
+    """How vehicles are watched: how they are read, and when an alarm is raised."""
 
-    tank: str = "auto"
-    tank_start_kg: float | None = None
+    vehicle: int | None = None  # system id of the only one; None: all that are heard
     alarms: AlarmSettings = field(default_factory=AlarmSettings)
 
 
@@ -95,12 +94,7 @@ class VehicleMonitor:
         self.notes: list[str] = []  # what happened since they were last taken
         self.last: Update | None = None
         self.rows = 0
-        options = Options(
-            airframe=model.airframe,
-            sampling="hold",
-            tank=settings.tank,
-            tank_start_kg=settings.tank_start_kg,
-        )
+        options = replace(settings, airframe=model.airframe, sampling="hold")
         self.telemetry = VehicleTelemetry(system, options)
         self._model = model
         self._inferred = Inferred()

@@ -36,7 +36,7 @@ from thrustmargin.gcs_plugin.telemetry.clock import (
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap, motor_map
 from thrustmargin.gcs_plugin.telemetry.recording import Stream
 from thrustmargin.gcs_plugin.telemetry.resample import known_rows, last_before
-from thrustmargin.gcs_plugin.telemetry.rows import KEPT, Carried, Options, flight_rows
+from thrustmargin.gcs_plugin.telemetry.rows import KEPT, Carried, flight_rows
 from thrustmargin.gcs_plugin.telemetry.signals import (
     SignalBuffer,
     Signals,
@@ -44,6 +44,7 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
     best,
     pitot_present,
 )
+from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, Origin
 

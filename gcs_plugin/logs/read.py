@@ -13,8 +13,9 @@ from thrustmargin.gcs_plugin.logs.dataflash.text_log import read_dataflash_text
 from thrustmargin.gcs_plugin.logs.tlog import read_tlog
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog, NotThisFormat
 from thrustmargin.gcs_plugin.telemetry.resample import Sampling
-from thrustmargin.gcs_plugin.telemetry.rows import Options, assemble, log_of_track
+from thrustmargin.gcs_plugin.telemetry.rows import assemble, log_of_track
 from thrustmargin.gcs_plugin.telemetry.signals import airspeed_words, mavlink_signals, pitot_present
+from thrustmargin.gcs_plugin.telemetry.statements import Options, stated_track
 from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.physics.airframe import Airframe
 
@@ -38,6 +39,9 @@ def read_log(
     sampling: Sampling = "linear",
     tank: str = "auto",
     tank_start_kg: float | None = None,
+    load: float | None = None,
+    load_end: float | None = None,
+    air_temperature: float | None = None,
 ) -> FlightLog:
     """Read one vehicle's flight from a .tlog, DataFlash .BIN or .log, PX4 .ulg or .csv file.
 
@@ -45,7 +49,9 @@ def read_log(
     the number of rotors, the tank and the liquid; `sampling` puts other channels onto the rows by
     interpolation ("linear") or as a live listener would ("hold"); `tank` names the source of the
     tank level as `telemetry.tank_source` lists them; `tank_start_kg` is what a tank without a
-    gauge held at the start of the log. Raises LogError when the file holds no flight,
+    gauge held at the start of the log. `load` and `load_end`, kg on board at the start and at the
+    end, take the place of any gauge, `air_temperature` in K that of the autopilot's own reading
+    (see `telemetry.statements`). Raises LogError when the file holds no flight,
     AirframeError when the airframe has another number of rotors.
 
         >>> log = read_log("sitl_logs/campaign/v4_m16_q2.5.tlog")
@@ -53,7 +59,15 @@ def read_log(
         (2210, 4)
     """
     path = Path(path)
-    options = Options(airframe=airframe, sampling=sampling, tank=tank, tank_start_kg=tank_start_kg)
+    options = Options(
+        airframe=airframe,
+        sampling=sampling,
+        tank=tank,
+        tank_start_kg=tank_start_kg,
+        load=load,
+        load_end=load_end,
+        air_temperature=air_temperature,
+    )
     try:
         kind, log = _read_as(path, _kinds(path), vehicle, options)
     except FileNotFoundError as error:
@@ -87,7 +101,7 @@ def _read(path: Path, kind: str, vehicle: int | None, options: Options) -> Fligh
         craft = options.airframe
         track = read_csv(path, rotor_count=0 if craft is None else craft.rotor_count)
         _check_rotors(path, track.rotor_count, options.airframe)
-        return log_of_track(track, path, path.stat().st_size)
+        return log_of_track(stated_track(track, options), path, path.stat().st_size)
     if kind == "ULog":
         recording, signals = ulog.read_ulog(path, vehicle=vehicle)
         return assemble(recording, signals, options)

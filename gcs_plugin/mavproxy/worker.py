@@ -14,6 +14,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from thrustmargin.gcs_plugin.commands.reading import ReadingOptions, reading_keywords
+
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.fleet import Fleet
     from thrustmargin.gcs_plugin.live.vehicle_monitor import Update
@@ -26,13 +28,12 @@ STALE = 2.0  # s after which what is shown is called old
 NAN = float("nan")
 
 
-@dataclass(frozen=True, slots=True)
-class MarginOptions:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MarginOptions(ReadingOptions):
     """What the module was loaded with."""
 
     model: str | None = None  # model file; None: the shipped one
     airframe: str | None = None  # name or file
-    tank: str = "auto"
     max_utilisation: float = 0.5  # largest share of a rotor's maximum thrust in use
 
 
@@ -118,7 +119,9 @@ class MarginWorker:
 
         options = self.options
         path = None if options.model is None else Path(options.model)
-        fleet = Fleet(chosen_model(path, options.airframe), WatchSettings(tank=options.tank))
+        fleet = Fleet(
+            chosen_model(path, options.airframe), WatchSettings(**reading_keywords(options))
+        )
         while not self._stop.wait(PERIOD):
             self._take(fleet)
             self._use_max_utilisation(fleet)

@@ -26,9 +26,11 @@ from thrustmargin.gcs_plugin.telemetry.resample import (
     thinned,
 )
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, best
+from thrustmargin.gcs_plugin.telemetry.statements import Options, stated_channels
 from thrustmargin.gcs_plugin.telemetry.tank_source import (
     PumpedSoFar,
     TankContext,
+    TankLevel,
     pump_share,
     pumped,
     tank_level,
@@ -37,22 +39,11 @@ from thrustmargin.gcs_plugin.telemetry.tank_source import (
 from thrustmargin.gcs_plugin.telemetry.timeline import pauses
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, Bools, FlightTrack, Floats, Origin
-from thrustmargin.models.physics.airframe import Airframe
 
 SILENT = 2.0  # s without reports after which the next kind of report triggers the rows
 KEPT = 8.0  # s of reports that rows may need: the longest age limit, and the falling tank's window
 _PLAIN: Mapping[str, str] = MappingProxyType({})  # sources are described by their own words
 _LONGEST = 7 * 86_400.0  # s; a log that seems longer has damaged times
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Options:
-    """How to read: see `logs.read_log`."""
-
-    airframe: Airframe | None = None
-    sampling: Sampling = "linear"
-    tank: str = "auto"
-    tank_start_kg: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,6 +66,7 @@ class FlightRows:
     flying: Bools
     origin: Origin | None
     sources: Mapping[str, str]
+    standard_errors: Mapping[str, Floats]  # of channels that were not measured
     reported: Mapping[str, list[Signal]]
     notes: tuple[str, ...]
     pump_share: Floats  # (T,) 0 off to 1 full, as last reported
@@ -90,6 +82,7 @@ class FlightRows:
             flying=self.flying,
             origin=self.origin,
             sources=self.sources,
+            standard_errors=self.standard_errors,
             **{"notes": self.notes} | more,
             **self.channels,
         )
@@ -193,9 +186,10 @@ def flight_rows(
         pump_output=motors.pump_output,
         pumped=before.pumped,
     )
-    tank = tank_level(signals, context, options.tank)
+    stated = options.load is not None
+    tank = TankLevel(None) if stated else tank_level(signals, context, options.tank)
     notes += tank.notes
-    if live:
+    if live and not stated:
         levels = tank_levels(signals, context, options.tank)
         put("tank_kg", (level.signal for level in levels if level.signal is not None))
     elif tank.signal is not None:
@@ -226,16 +220,31 @@ def flight_rows(
     share = pump_share(signals, context)
     nothing = np.full(clock_s.size, np.nan)
     total = None if share is None else pumped(share, context)
+    pumped_kg = nothing if total is None else last_before(total, clock_s)
+    errors: dict[str, Floats] = {}
+    for channel, values, words, error in stated_channels(
+        options,
+        time_s=clock_s,
+        flying=flying,
+        spraying=channels.get("spraying", nothing),
+        pumped_kg=pumped_kg,
+        gauged="tank_kg" in channels,
+    ):
+        channels[channel], sources[channel] = values, words
+        reported[channel] = [Signal(channel, words, clock_s, values)]
+        if error is not None:
+            errors[channel] = error
     return FlightRows(
         clock_s=clock_s,
         channels=channels,
         flying=flying,
         origin=None if zero is None else zero.origin,
         sources=sources,
+        standard_errors=errors,
         reported=reported,
         notes=tuple(notes),
         pump_share=nothing if share is None else last_before(share, clock_s),
-        pumped_kg=nothing if total is None else last_before(total, clock_s),
+        pumped_kg=pumped_kg,
         carried=Carried(
             row_s=float(clock_s[-1]),
             contact=contact,

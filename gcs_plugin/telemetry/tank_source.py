@@ -149,8 +149,9 @@ def _automatic(signals: Signals, context: TankContext) -> Iterator[TankLevel]:
     for found in (_fuel(signals, context, None), _battery(signals, context, None)):
         if found is not None:
             yield found
-    note = "no tank gauge and no pump output in the log: tank level unknown"
-    yield _pump(signals, context) or TankLevel(None, (note,))
+    unknown = ("no tank gauge and no pump output in the log: tank level unknown",)
+    no_tank = context.airframe is not None and context.airframe.tank_volume_l == 0.0
+    yield _pump(signals, context) or TankLevel(None, () if no_tank else unknown)
 
 
 def _in_kg(signal: Signal, kilograms: Floats, words: str) -> Signal:
@@ -232,6 +233,8 @@ def _battery_level(signals: Signals, context: TankContext, number: int) -> TankL
             f"{message} id {number} looks like a tank, but its volume is unknown: give an airframe"
         )
         return TankLevel(None, (note,))
+    if capacity_l == 0.0:
+        return TankLevel(None)  # an airframe without a tank: some other battery
     notes = _density_notes(context)
     capacity_kg = capacity_l * context.liquid_density
     if used is not None and used.values.size == percent.values.size:

@@ -32,8 +32,9 @@ from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap, motor_map
 from thrustmargin.gcs_plugin.telemetry.resample import last_before
-from thrustmargin.gcs_plugin.telemetry.rows import FlightRows, Options, flight_rows
+from thrustmargin.gcs_plugin.telemetry.rows import FlightRows, flight_rows
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, best, mavlink_signals
+from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.models.effects import CATALOGUE
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
