@@ -1,4 +1,4 @@
-"""Phases of a flight: between take-off and landing, and yaw turns."""
+"""Phases of a flight: between take-off and landing, steady hover, and yaw turns."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ LEVEL_CLIMB, LEVEL_SECONDS = 0.3, 1.0
 LOW_SHARE = 0.5
 #: rad/s and s: a row is in a yaw turn when the yaw rate exceeds this within this time of it
 TURN_RATE, TURN_SECONDS = np.radians(5.0), 1.0
+#: cosine of the tilt, m/s level: a hover within these needs its weight in thrust to about 1 %
+HOVER_UPRIGHT, HOVER_SPEED = 0.99, 2.0
 
 
 def training_rows(track: FlightTrack) -> Bools:
@@ -48,6 +50,27 @@ def training_rows(track: FlightTrack) -> Bools:
         keep[first : first + runs[0][0]] = False
         keep[first + runs[-1][1] : end] = False
     return keep
+
+
+def hover_rows(track: FlightTrack) -> Bools:
+    """(T,) rows of steady hover: off the ground, upright, slow, neither climbing nor turning.
+
+    Each lies in a second or more of it. Tilt and climb rate must be known; level speed is that
+    through the air where it is reported, else over ground, and may be unknown. Wind may blow.
+    """
+    climb = _climb_rate(track)
+    if climb is None:
+        return np.zeros(track.time_s.size, dtype=np.bool_)
+    upright = np.cos(track.attitude[:, 0]) * np.cos(track.attitude[:, 1])
+    speed = np.hypot(track.velocity_ned[:, 0], track.velocity_ned[:, 1])
+    speed = np.where(np.isfinite(track.airspeed), track.airspeed, speed)
+    with np.errstate(invalid="ignore"):
+        calm = (upright >= HOVER_UPRIGHT) & (np.abs(climb) < LEVEL_CLIMB) & ~(speed >= HOVER_SPEED)
+    hover = track.flying & calm & ~turning_rows(track)
+    for first, end in _stretches(hover):
+        if track.time_s[end - 1] - track.time_s[first] < LEVEL_SECONDS:
+            hover[first:end] = False
+    return hover
 
 
 def _climb_rate(track: FlightTrack) -> Floats | None:

@@ -1,0 +1,100 @@
+"""A bench table as CSV: rotor speed, thrust, throttle and voltage by their columns' names.
+
+The first line names the columns, in any order and with any others beside them; the unit of thrust
+stands in its name: `thrust_g`, `Thrust (N)`, `thrust [kgf]`. Commas, semicolons or tabs.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.physics.atmosphere import G0
+from thrustmargin.models.physics.bench_fit import BenchFit, fit_bench
+
+#: N of one unit of thrust, by the word in the column's name
+_THRUST_UNITS: Mapping[str, float] = {
+    **dict.fromkeys(("n", "newton", "newtons"), 1.0),
+    **dict.fromkeys(("g", "gf", "gram", "grams"), 1e-3 * G0),
+    **dict.fromkeys(("kg", "kgf"), G0),
+    **dict.fromkeys(("lb", "lbf", "lbs"), 0.45359237 * G0),
+    **dict.fromkeys(("oz", "ozf"), 0.028349523125 * G0),
+}
+#: quantity -> words of which its column's name has one
+_WORDS: Mapping[str, tuple[str, ...]] = {
+    "rotor_speed_rpm": ("rpm",),
+    "thrust": ("thrust", "pull", "lift"),
+    "throttle": ("throttle", "esc", "pwm", "command"),
+    "voltage": ("voltage", "volt", "volts", "v"),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BenchTable:
+    """A bench table's fit, the columns that it is of, and the lines that were left out."""
+
+    fit: BenchFit
+    columns: Mapping[str, str]  # quantity -> column's name
+    lines_left_out: tuple[int, ...]  # of the file, from 1
+
+
+def read_bench(path: Path) -> BenchTable:
+    """The thrust curve of a bench table. Raises DataError naming what is missing or unfit."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise DataError(f"cannot read bench table {path}: {error}") from error
+    rows = list(csv.reader(text.splitlines(), delimiter=_delimiter(text)))
+    names = [name.strip() for name in rows[0]] if rows else []
+    columns = {quantity: _column(names, words) for quantity, words in _WORDS.items()}
+    found = {quantity: name for quantity, name in columns.items() if name is not None}
+    for quantity, wanted in (("rotor_speed_rpm", "rpm"), ("thrust", "thrust_g, thrust_N")):
+        if quantity not in found:
+            raise DataError(
+                f"{path.name}: no column of {quantity}; name one like {wanted} (found "
+                f"{', '.join(names)[:120] or 'nothing'})"
+            )
+    unit = next((u for word in _split(found["thrust"]) if (u := _THRUST_UNITS.get(word))), None)
+    if unit is None:
+        raise DataError(
+            f"{path.name}: column {found['thrust']!r} does not say its unit; name it thrust_N, "
+            "thrust_g or thrust_kgf"
+        )
+    table = {
+        quantity: np.array([_number(row, names.index(name)) for row in rows[1:]])
+        for quantity, name in found.items()
+    }
+    table["thrust"] = table["thrust"] * unit
+    try:
+        fit = fit_bench(**table)
+    except DataError as error:
+        raise DataError(f"{path.name}: {error}") from error
+    return BenchTable(fit=fit, columns=found, lines_left_out=tuple(r + 2 for r in fit.left_out))
+
+
+def _delimiter(text: str) -> str:
+    head = text.split("\n", 1)[0]
+    return max(",;\t", key=head.count)
+
+
+def _column(names: list[str], words: tuple[str, ...]) -> str | None:
+    """The first column with one of the words in its name; a rotor's own speed before electrical."""
+    fitting = [name for name in names if set(words) & set(_split(name))]
+    return min(fitting, key=lambda name: "electrical" in name.lower(), default=None)
+
+
+def _split(name: str) -> list[str]:
+    return re.findall(r"[a-z]+", name.lower())
+
+
+def _number(row: list[str], place: int) -> float:
+    try:
+        return float(row[place])
+    except (IndexError, ValueError):
+        return float("nan")

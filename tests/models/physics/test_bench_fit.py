@@ -1,0 +1,97 @@
+"""A bench table's curve, exponent, ceiling and their intervals, on tables made from known laws."""
+
+import numpy as np
+import pytest
+
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.physics.bench_fit import fit_bench
+
+SPEED = np.linspace(1000.0, 3000.0, 9)
+
+
+def test_an_exact_curve_is_found_with_no_width():
+    fit = fit_bench(rotor_speed_rpm=SPEED, thrust=2e-5 * SPEED**2)
+    assert fit.coefficient.value == pytest.approx(2e-5)
+    assert fit.coefficient.high - fit.coefficient.low < 1e-12
+    assert fit.exponent.value == pytest.approx(2.0)
+    assert fit.max_rotor_speed_rpm == 3000.0
+    assert fit.max_thrust == pytest.approx(180.0)
+    assert not fit.full_throttle
+
+
+@pytest.mark.parametrize("points", [7, 12, 200])
+def test_intervals_hold_the_truth_where_scatter_grows_with_thrust(points: int):
+    held = 0
+    for seed in range(60):
+        random = np.random.default_rng(seed)
+        speed = np.linspace(1000.0, 3000.0, points)
+        thrust = 2e-5 * speed**2 * (1.0 + 0.03 * random.normal(size=points))
+        found = fit_bench(rotor_speed_rpm=speed, thrust=thrust).coefficient
+        held += found.low <= 2e-5 <= found.high
+    assert held / 60 >= 0.88  # 95 % is promised
+
+
+def test_a_curve_of_another_power_says_so():
+    random = np.random.default_rng(0)
+    thrust = 1e-6 * SPEED**2.3 * (1.0 + 0.005 * random.normal(size=SPEED.size))
+    exponent = fit_bench(rotor_speed_rpm=SPEED, thrust=thrust).exponent
+    assert 2.0 < exponent.low < 2.3 < exponent.high < 2.5
+
+
+def test_a_typing_error_is_named_and_does_not_move_the_curve():
+    speed = SPEED.copy()
+    speed[3] = 149.0
+    fit = fit_bench(rotor_speed_rpm=speed, thrust=2e-5 * SPEED**2)
+    assert fit.left_out == (3,)
+    assert fit.coefficient.value == pytest.approx(2e-5)
+
+
+def test_a_load_cell_that_is_pushed_reads_negative():
+    fit = fit_bench(rotor_speed_rpm=SPEED, thrust=-2e-5 * SPEED**2)
+    assert fit.coefficient.value == pytest.approx(2e-5)
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.5, 1.0), (50.0, 100.0), (1500.0, 2000.0)])
+def test_full_throttle_in_any_unit_gives_the_ceiling(low: float, high: float):
+    throttle = np.linspace(low, high, SPEED.size)
+    fit = fit_bench(
+        rotor_speed_rpm=SPEED, thrust=2e-5 * SPEED**2, throttle=throttle, voltage=48.0 + 0 * SPEED
+    )
+    assert fit.full_throttle
+    assert (fit.max_rotor_speed_rpm, fit.ceiling_voltage) == (3000.0, 48.0)
+
+
+def test_a_table_that_stops_at_half_throttle_does_not_claim_a_ceiling():
+    fit = fit_bench(
+        rotor_speed_rpm=SPEED, thrust=2e-5 * SPEED**2, throttle=np.linspace(10.0, 50.0, 9)
+    )
+    assert not fit.full_throttle
+
+
+def test_the_exponent_of_voltage_is_that_of_the_rows_at_full_throttle():
+    volts = np.linspace(40.0, 50.0, 8)
+    top = 3000.0 * (volts / 50.0) ** 0.8
+    speed = np.concatenate([SPEED, top])
+    fit = fit_bench(
+        rotor_speed_rpm=speed,
+        thrust=2e-5 * speed**2,
+        throttle=np.concatenate([np.linspace(20.0, 90.0, 9), np.full(8, 100.0)]),
+        voltage=np.concatenate([np.full(9, 45.0), volts]),
+    )
+    assert fit.voltage_exponent.value == pytest.approx(0.8)
+    assert fit.max_rotor_speed_rpm == pytest.approx(3000.0)
+    assert fit.ceiling_voltage == 50.0
+
+
+def test_tables_of_several_propellers_are_refused():
+    speed = np.tile(SPEED, 2)
+    thrust = np.concatenate([2e-5 * SPEED**2, 1e-5 * SPEED**2])
+    with pytest.raises(DataError, match="too far for one curve"):
+        fit_bench(rotor_speed_rpm=speed, thrust=thrust)
+
+
+def test_too_little_is_refused():
+    with pytest.raises(DataError, match="3 bench points"):
+        fit_bench(rotor_speed_rpm=SPEED[:3], thrust=SPEED[:3])
+    with pytest.raises(DataError, match="different speeds"):
+        fit_bench(rotor_speed_rpm=np.full(5, 2000.0), thrust=np.full(5, 80.0))

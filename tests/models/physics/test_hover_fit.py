@@ -1,0 +1,107 @@
+"""Thrust coefficient and trim from steady hover: a made-up hover, and the recorded flights."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.physics.allocation import mixer
+from thrustmargin.models.physics.atmosphere import G0
+from thrustmargin.models.physics.flight_phases import hover_rows
+from thrustmargin.models.physics.hover_fit import fit_hover
+
+ROOT = Path(__file__).resolve().parents[3]
+F16 = load_airframe("topxgun-f16")
+
+
+def hover(
+    mass: float,
+    coefficient: float,
+    moments: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    *,
+    seconds: float = 60.0,
+    noise: float = 0.0,
+    seed: int = 0,
+) -> FlightTrack:
+    """A hover of the F16 in standard air whose rotors hold the weight and moments in N m."""
+    random = np.random.default_rng(seed)
+    time_s = np.arange(0.0, seconds, 0.1)
+    thrust = np.linalg.pinv(mixer(F16)) @ [mass * G0, *moments]
+    swing = 1.0 + noise * random.normal(size=(time_s.size, 4))
+    return FlightTrack.of(
+        name=f"hover {seed}",
+        time_s=time_s,
+        rotor_count=4,
+        rotor_speed_rpm=np.sqrt(thrust / coefficient) * swing,
+        attitude=np.zeros((time_s.size, 3)),
+        velocity_ned=np.zeros((time_s.size, 3)),
+        angular_rate_frd=np.zeros((time_s.size, 3)),
+        altitude=np.zeros(time_s.size),
+    )
+
+
+def test_a_hover_gives_the_coefficient_it_was_made_with():
+    fit = fit_hover([hover(25.0, 2e-5)], F16, mass=25.0)
+    assert fit.coefficient.value == pytest.approx(2e-5)
+    assert fit.reference_density == pytest.approx(1.225, rel=1e-4)
+    assert [t.value for t in fit.trim] == pytest.approx([1.0] * 4)
+
+
+def test_the_load_and_the_yaw_moment_stand_where_they_were_put():
+    weight = 25.0 * G0
+    fit = fit_hover([hover(25.0, 2e-5, (-0.02 * weight, 0.03 * weight, 1.5))], F16, mass=25.0)
+    assert fit.load_place[0].value == pytest.approx(0.03)
+    assert fit.load_place[1].value == pytest.approx(0.02)
+    assert fit.yaw_split.value == pytest.approx(1.5 / F16.torque_ratio / weight)
+
+
+def test_the_interval_is_of_whole_flights_when_they_differ_more_than_their_rows():
+    coefficients = (1.96e-5, 2.0e-5, 2.04e-5)
+    flights = [hover(25.0, a, seed=k, noise=0.005) for k, a in enumerate(coefficients)]
+    found = fit_hover(flights, F16, mass=25.0).coefficient
+    # Spread of three means, Student's t with two degrees of freedom: 4.303 x 0.04 / sqrt(3).
+    assert (found.high - found.low) / 2 == pytest.approx(4.303 * 0.04e-5 / np.sqrt(3), rel=0.05)
+
+
+def test_thin_air_is_put_in_before_flights_are_compared():
+    thin = replace(hover(25.0, 1.8e-5), altitude=np.full(600, 870.0))  # 8 % thinner
+    fit = fit_hover([hover(25.0, 2e-5), thin], F16, mass=25.0)
+    at_sea_level = fit.coefficient.value * 1.225 / fit.reference_density
+    assert at_sea_level == pytest.approx(1.96e-5, rel=0.01)
+
+
+def test_what_is_no_hover_is_not_taken():
+    track = hover(25.0, 2e-5)
+    fast, tilted, turning = (np.zeros((600, 3)) for _ in range(3))
+    fast[:, 0], tilted[:, 1], turning[:, 2] = 5.0, 0.2, 0.3
+    for moved in (
+        replace(track, velocity_ned=fast),
+        replace(track, attitude=tilted),
+        replace(track, angular_rate_frd=turning),
+        replace(track, flying=np.zeros(600, dtype=bool)),
+        replace(track, attitude=np.full((600, 3), np.nan)),
+    ):
+        assert not hover_rows(moved).any()
+        with pytest.raises(DataError, match="0 rows of steady hover"):
+            fit_hover([moved], F16, mass=25.0)
+    assert hover_rows(replace(track, airspeed=np.full(600, np.nan))).all()
+
+
+def test_a_flight_of_another_aircraft_is_refused():
+    with pytest.raises(DataError, match="give flights of this aircraft"):
+        fit_hover([hover(25.0, 2e-5)], load_airframe("agras-t40"), mass=25.0)
+
+
+def test_recorded_slow_flights_give_the_simulators_own_curve():
+    airframe = load_airframe("topxgun-f16-sitl")
+    folder = ROOT / "sitl_logs/campaign"
+    logs = [read_log(folder / f"v2_m{m}_q1.5.tlog", airframe=airframe) for m in (4, 10, 16)]
+    fit = fit_hover([log.track for log in logs], airframe)
+    at_sea_level = fit.coefficient.value * 1.225 / fit.reference_density
+    assert at_sea_level == pytest.approx(2.011e-5, rel=0.015)
+    assert [t.value for t in fit.trim] == pytest.approx([1.0] * 4, abs=0.02)
