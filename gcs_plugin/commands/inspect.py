@@ -90,13 +90,16 @@ def _inspect(path: Path, airframe: str | None, keywords: Mapping[str, Any]) -> I
     from thrustmargin.models.physics.airframe import load_airframe
 
     craft: Airframe | None = load_airframe(airframe or DEFAULT_AIRFRAME)
+    log = None
     try:
-        log = read_log(path, airframe=craft, **keywords)
+        log = read_log(path, airframe=craft, any_vehicle=True, **keywords)
     except AirframeError:
         if airframe is not None:
             raise
+    if log is None or (airframe is None and not log.facts.rotor_count):
+        log, craft = read_log(path, any_vehicle=True, **keywords), None
+    if not log.facts.has_lifting_rotors:
         craft = None
-        log = read_log(path, **keywords)
     log = replace(log, track=prepared(log.track, craft, log.parameters))
     return inspect_log(log, craft)
 
@@ -113,11 +116,12 @@ def _print(console: Console, inspection: Inspection) -> None:
     console.print(
         f"{log.path.name}: {log.format}, {log.autopilot}, vehicle {log.vehicle}"
         + (f" (also in the log: {', '.join(others)})" if others else "")
-        + f", {track.rotor_count} rotors, {track.duration:.1f} s of which "
-        f"{flying_seconds(track):.1f} s in flight, {track.time_s.size} rows; "
+        + f", {track.duration:.1f} s of which {flying_seconds(track):.1f} s in flight, "
+        f"{track.time_s.size} rows; "
         + (f"held against airframe {craft.name}" if craft else "no airframe given"),
         soft_wrap=True,
     )
+    console.print(f"vehicle: {log.facts.words}", soft_wrap=True)
     console.print(f"in flight by: {track.sources.get('flying', 'unknown')}", soft_wrap=True)
     wide = console.width >= _WIDE
     console.print(_channels(log, wide=wide))

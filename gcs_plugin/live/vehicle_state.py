@@ -13,6 +13,8 @@ from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.mavlink.text import printable
 from thrustmargin.gcs_plugin.telemetry.recording import Waypoint
+from thrustmargin.gcs_plugin.telemetry.vehicle_kind import vehicle_facts
+from thrustmargin.models.vehicle_facts import VehicleFacts
 
 ARDUPILOT, NO_AUTOPILOT = 3, 8  # MAV_AUTOPILOT_ARDUPILOTMEGA, MAV_AUTOPILOT_INVALID
 GROUND_STATION = 6  # MAV_TYPE_GCS
@@ -32,6 +34,11 @@ class VehicleState:
     stamp_us: int = 0  # ground's clock when anything last came
     parameters: Mapping[str, float] = field(default_factory=dict)
     mission: Mapping[int, Waypoint] = field(default_factory=dict)
+
+    @property
+    def facts(self) -> VehicleFacts:
+        """What kind of vehicle it is by its heartbeat and its parameters."""
+        return vehicle_facts(self.parameters, mav_type=self.kind)
 
 
 def fold(state: VehicleState, frame: Frame) -> VehicleState:

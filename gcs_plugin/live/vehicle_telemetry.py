@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.live.vehicle_state import VehicleState, fold
-from thrustmargin.gcs_plugin.logs.tlog import AUTOPILOTS, ROTORS_OF_TYPE
+from thrustmargin.gcs_plugin.logs.tlog import AUTOPILOTS
 from thrustmargin.gcs_plugin.mavlink.decode import ESC_TELEMETRY_FIRST, MAVLINK_RULES
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
@@ -264,13 +264,13 @@ class VehicleTelemetry:
         if known == self._known:
             return self._motors
         self._known = known
+        name, facts = f"vehicle {state.system}", state.facts
+        if facts.refusal(name):
+            self._motors, self.problem = None, facts.refusal(name)
+            return None
         try:
             self._motors = motor_map(
-                f"vehicle {state.system}",
-                state.parameters,
-                signals,
-                self._options.airframe,
-                rotor_count_hint=ROTORS_OF_TYPE.get(state.kind),
+                name, state.parameters, signals, self._options.airframe, facts=facts
             )
             self.problem = ""
         except AirframeError as error:

@@ -42,6 +42,7 @@ def read_log(
     load: float | None = None,
     load_end: float | None = None,
     air_temperature: float | None = None,
+    any_vehicle: bool = False,
 ) -> FlightLog:
     """Read one vehicle's flight from a .tlog, DataFlash .BIN or .log, PX4 .ulg or .csv file.
 
@@ -51,8 +52,9 @@ def read_log(
     tank level as `telemetry.tank_source` lists them; `tank_start_kg` is what a tank without a
     gauge held at the start of the log. `load` and `load_end`, kg on board at the start and at the
     end, take the place of any gauge, `air_temperature` in K that of the autopilot's own reading
-    (see `telemetry.statements`). Raises LogError when the file holds no flight,
-    AirframeError when the airframe has another number of rotors.
+    (see `telemetry.statements`). `any_vehicle` reads one that is no multirotor, too. Raises
+    LogError when the file holds no flight or is of another vehicle, AirframeError when the
+    airframe has another number of rotors.
 
         >>> log = read_log("sitl_logs/campaign/v4_m16_q2.5.tlog")
         >>> log.track.rotor_speed_rpm.shape
@@ -74,6 +76,9 @@ def read_log(
         raise LogError(f"no file {path}; check the name") from error
     except OSError as error:
         raise LogError(f"{path} cannot be read: {error.strerror or error}") from error
+    refusal = log.facts.refusal(path.name)
+    if refusal and not any_vehicle:
+        raise LogError(refusal)
     if path.suffix.lower() not in _SUFFIXES[kind]:
         note = f"{path.name} is a {kind} file by its content, whatever its name says"
         log = replace(log, track=replace(log.track, notes=(*log.track.notes, note)))

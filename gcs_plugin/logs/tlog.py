@@ -25,8 +25,6 @@ from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Bools
 
 AUTOPILOTS = {3: "ArduPilot", 12: "PX4"}
-#: MAV_TYPE -> rotors
-ROTORS_OF_TYPE = {2: 4, 13: 6, 14: 8, 29: 12, 35: 10}
 GCS_TYPE = 6
 _IDS = {layout.name: number for number, layout in layouts().items()}
 _OTHER = ("HEARTBEAT", "SYSTEM_TIME", "STATUSTEXT", "PARAM_VALUE", "SYS_STATUS")
@@ -84,7 +82,7 @@ def read_tlog(path: Path, *, vehicle: int | None = None, on_arrival: bool = Fals
             streams[name] = Stream(clock.of(fields, rows), fields)
 
     heart = streams.get("HEARTBEAT")
-    kind = int(heart.columns["type"][-1]) if heart else -1
+    kind = int(heart.columns["type"][-1]) if heart else None
     maker = int(heart.columns["autopilot"][-1]) if heart else -1
 
     def time_before(byte: int) -> float:
@@ -114,7 +112,7 @@ def read_tlog(path: Path, *, vehicle: int | None = None, on_arrival: bool = Fals
         vehicle=chosen,
         vehicles=tuple(vehicles),
         autopilot=AUTOPILOTS.get(maker, "unknown"),
-        rotor_count_hint=ROTORS_OF_TYPE.get(kind),
+        mav_type=kind,
         notes=tuple(notes),
     )
 

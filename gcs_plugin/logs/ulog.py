@@ -14,6 +14,7 @@ from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.telemetry.recording import LogQuality, Recording
 from thrustmargin.gcs_plugin.telemetry.signals import Signals
 from thrustmargin.gcs_plugin.telemetry.timeline import longest_stretch, pauses, without_leaps
+from thrustmargin.gcs_plugin.telemetry.vehicle_kind import whole_number
 from thrustmargin.models.errors import LogError
 
 MAGIC = b"ULog\x01\x12\x35"
@@ -48,7 +49,7 @@ def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Sig
         for name, value in log.initial_parameters.items()
         if isinstance(value, (int, float))
     }
-    own = int(parameters.get("MAV_SYS_ID", 1))
+    own = whole_number(parameters, "MAV_SYS_ID") or 1
     if vehicle is not None and vehicle != own:
         raise LogError(f"{path.name}: no vehicle {vehicle}; it is the log of vehicle {own}")
     signals, notes = ulog_signals(topics)
@@ -57,7 +58,6 @@ def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Sig
     if log.dropouts:
         lost = sum(d.duration for d in log.dropouts) * 1e-3
         notes.append(f"{len(log.dropouts)} dropouts while logging, {lost:.1f} s in all")
-    count = int(parameters.get("CA_ROTOR_COUNT", 0))
     times = [t["timestamp"] for group in topics.values() for t in group]
     seconds = np.sort(np.concatenate(times)) * 1e-6 if times else np.empty(0)
     recording = Recording(
@@ -76,7 +76,7 @@ def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Sig
         vehicle=own,
         vehicles=(own,),
         autopilot="PX4",
-        rotor_count_hint=count if count > 0 else None,
+        mav_type=_mav_type(topics, parameters),
         motor_order="by PX4's actuator functions",
         notes=tuple(notes),
     )
@@ -94,6 +94,14 @@ def _ordered(data: Topic, name: str) -> Topic:
     stretch = longest_stretch(time_s, name)
     rows = slice(stretch.first, stretch.last + 1)
     return with_vectors({field: column[:size][rows] for field, column in data.items()})
+
+
+def _mav_type(topics: Mapping[str, list[Topic]], parameters: Mapping[str, float]) -> int | None:
+    """The vehicle type that the vehicle reports, else the one that it is set to."""
+    for status in topics.get("vehicle_status", []):
+        if "system_type" in status and status["system_type"].size:
+            return int(status["system_type"][-1])
+    return whole_number(parameters, "MAV_TYPE")
 
 
 def _unix_offset(topics: Mapping[str, list[Topic]]) -> float | None:

@@ -118,6 +118,7 @@ TOPICS = (
     "esc_status",
     "actuator_motors",
     "vehicle_gps_position",
+    "vehicle_status",
 )
 
 

@@ -7,22 +7,21 @@ ESC telemetry is numbered by servo output, not by motor; ArduPilot's SERVOn_FUNC
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.resample import last_before
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, by_index
+from thrustmargin.gcs_plugin.telemetry.vehicle_kind import motor_outputs, whole_number
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.vehicle_facts import VehicleFacts
 
 FAILURES_AGE = 5.0  # s for which an ESC's report on itself holds; PX4 sends one a second
-_MOTOR_FUNCTIONS = {**{33 + k: k for k in range(8)}, **{82 + k: 8 + k for k in range(4)}}
 _PUMP_FUNCTION = 22
-#: ArduPilot FRAME_CLASS -> rotors
-_FRAME_ROTORS = {1: 4, 2: 6, 3: 8, 4: 8, 5: 6, 7: 3, 12: 12, 14: 10}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,6 +33,7 @@ class MotorMap:
     pump_output: int | None
     order_words: str  # how motors were matched to outputs
     notes: tuple[str, ...]
+    facts: VehicleFacts = field(default_factory=VehicleFacts)
     assumed: bool = False  # nothing says which output is which motor
 
     def rotor_speed(self, signals: Signals) -> list[Signal | None]:
@@ -103,72 +103,70 @@ def motor_map(
     signals: Signals,
     airframe: Airframe | None,
     *,
-    rotor_count_hint: int | None = None,
+    facts: VehicleFacts | None = None,
     motor_order: str = "",
 ) -> MotorMap:
     """Outputs of the motors and of the pump.
 
-    `rotor_count_hint` is the number of rotors of the vehicle's type, `motor_order` says in words
-    that ESC channels are numbered by motor already.
-    Raises AirframeError when the vehicle has another number of rotors than `airframe`.
+    `facts` are what the vehicle says it is, `motor_order` says in words that ESC channels are
+    numbered by motor already. Raises AirframeError when the vehicle has another number of rotors
+    than `airframe`.
     """
-    functions = {
-        n - 1: int(parameters[f"SERVO{n}_FUNCTION"])
-        for n in range(1, 33)
-        if f"SERVO{n}_FUNCTION" in parameters
-    }
-    on_output = {_MOTOR_FUNCTIONS[f]: o for o, f in functions.items() if f in _MOTOR_FUNCTIONS}
-    pump = next((o for o, f in functions.items() if f == _PUMP_FUNCTION), None)
-    reported, how = _rotor_count(parameters, rotor_count_hint, signals, on_output)
-    if airframe is not None and reported is not None and reported != airframe.rotor_count:
-        raise AirframeError(
-            f"{name}: {reported} rotors by {how}, but airframe {airframe.name} has "
-            f"{airframe.rotor_count}; choose another with --airframe"
-        )
+    facts = VehicleFacts() if facts is None else facts
+    pump = next(
+        (
+            o
+            for o in range(32)
+            if whole_number(parameters, f"SERVO{o + 1}_FUNCTION") == _PUMP_FUNCTION
+        ),
+        None,
+    )
+    if facts.refusal(name):
+        return MotorMap(0, (), pump, "no motors that lift", (), facts)
+    if not facts.rotor_count:
+        facts = _by_reports(facts, signals)
+    count = facts.rotor_count
     notes = []
+    if facts.kind == "quadplane":
+        notes.append(
+            f"a quadplane by {facts.evidence}: only its hover motors are shown, and forward flight "
+            "on its wings is not hover"
+        )
     if airframe is not None:
+        if count not in (0, airframe.rotor_count):
+            raise AirframeError(
+                f"{name}: {count} rotors by {facts.rotor_evidence}, but airframe {airframe.name} "
+                f"has {airframe.rotor_count}; choose another with --airframe"
+            )
         count = airframe.rotor_count
-    elif reported is not None:
-        count = reported
-    else:
-        count = 4
-        notes.append("nothing in the log tells the number of rotors: 4 assumed")
+    elif not count:
+        notes.append("nothing in the log tells the number of rotors: give the airframe")
+    on_output = motor_outputs(parameters)
     outputs = tuple(range(count))
     assumed = False
     if motor_order:
         words = motor_order
-    elif all(k in on_output for k in range(count)):
+    elif count and all(k in on_output for k in range(count)):
         outputs = tuple(on_output[k] for k in range(count))
         words = f"motors on outputs {_listed(outputs)} by SERVOn_FUNCTION"
     else:
-        assumed = True
+        assumed = count > 0
         words = f"motor n taken to be on output n: {_listed(outputs)}"
-    return MotorMap(count, outputs, pump, words, tuple(notes), assumed)
+    return MotorMap(count, outputs, pump, words, tuple(notes), facts, assumed)
 
 
 def _listed(outputs: tuple[int, ...]) -> str:
     return ", ".join(str(output + 1) for output in outputs)
 
 
-def _rotor_count(
-    parameters: Mapping[str, float],
-    hint: int | None,
-    signals: Signals,
-    on_output: Mapping[int, int],
-) -> tuple[int | None, str]:
-    """Rotors of the vehicle and what says so; None when nothing does."""
-    if on_output and set(on_output) == set(range(len(on_output))) and len(on_output) >= 3:
-        return len(on_output), "SERVOn_FUNCTION"
-    frame = _FRAME_ROTORS.get(int(parameters.get("FRAME_CLASS", 0)))
-    if frame is not None:
-        return frame, "FRAME_CLASS"
-    if hint is not None:
-        return hint, "the vehicle type in its heartbeat"
-    turning = [
-        int(number)
-        for number, signal in by_index(signals, "esc_rpm").items()
-        if np.any(np.abs(np.nan_to_num(signal.values)) > 0)
-    ]
-    if len(turning) >= 3:
-        return max(turning) + 1, "the ESCs that report"
-    return None, ""
+def _by_reports(facts: VehicleFacts, signals: Signals) -> VehicleFacts:
+    """The facts with as many rotors as ESCs have turned or motors were driven, from 3 on."""
+    for channel, words in (("esc_rpm", "the ESCs that report"), ("throttle", "its motor outputs")):
+        turning = [
+            int(number)
+            for number, signal in by_index(signals, channel).items()
+            if np.any(np.abs(np.nan_to_num(signal.values)) > 0)
+        ]
+        if len(turning) >= 3:
+            return replace(facts, rotor_count=max(turning) + 1, rotor_evidence=words)
+    return facts

@@ -17,6 +17,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.mavlink.rules import Columns
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.vehicle_facts import VehicleFacts
 
 
 class NotThisFormat(LogError):
@@ -120,7 +121,7 @@ class Recording:
     vehicle: int
     vehicles: tuple[int, ...]
     autopilot: str  # "ArduPilot", "PX4" or "unknown"
-    rotor_count_hint: int | None  # from the vehicle type; None unknown
+    mav_type: int | None = None  # as the vehicle reports itself; None unknown
     motor_order: str = ""  # in words, where ESC channels are numbered by motor already
     notes: tuple[str, ...] = ()
 
@@ -148,6 +149,7 @@ class FlightLog:
     autopilot: str
     format: str
     path: Path
+    facts: VehicleFacts = field(default_factory=VehicleFacts)  # what kind of vehicle it is
 
     def __repr__(self) -> str:
         track, quality = self.track, self.quality
@@ -156,7 +158,7 @@ class FlightLog:
         skipped = f"{quality.bytes_skipped} bytes in {quality.damaged_places} damaged place(s)"
         lines = (
             f"FlightLog {self.path.name}: {self.format}, vehicle {self.vehicle} ({self.autopilot})",
-            f"{track.duration:.1f} s in {track.time_s.size} rows, {track.rotor_count} rotors",
+            f"{track.duration:.1f} s in {track.time_s.size} rows; {self.facts.words}",
             f"channels: {present or 'none'}",
             f"not in the log: {absent or 'nothing'}",
             f"file: {quality.frames} messages in {quality.bytes} bytes, skipped: "

@@ -37,8 +37,10 @@ from thrustmargin.gcs_plugin.telemetry.tank_source import (
     tank_levels,
 )
 from thrustmargin.gcs_plugin.telemetry.timeline import pauses
+from thrustmargin.gcs_plugin.telemetry.vehicle_kind import vehicle_facts
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, Bools, FlightTrack, Floats, Origin
+from thrustmargin.models.vehicle_facts import VehicleFacts
 
 SILENT = 2.0  # s without reports after which the next kind of report triggers the rows
 KEPT = 8.0  # s of reports that rows may need: the longest age limit, and the falling tank's window
@@ -89,18 +91,23 @@ class FlightRows:
 
 
 def assemble(recording: Recording, signals: Signals, options: Options) -> FlightLog:
-    """The flight of one vehicle as a table.
+    """The flight of one vehicle as a table; without rotors where it is no multirotor.
 
     Raises LogError when nothing in it makes a flight, AirframeError when the airframe given has
     another number of rotors.
     """
     name = recording.path.name
+    facts = vehicle_facts(
+        recording.parameters,
+        mav_type=recording.mav_type,
+        texts=(text for _, text in recording.messages),
+    )
     motors = motor_map(
         name,
         recording.parameters,
         signals,
         options.airframe,
-        rotor_count_hint=recording.rotor_count_hint,
+        facts=facts,
         motor_order=recording.motor_order,
     )
     rows = flight_rows(signals, motors, recording.parameters, options)
@@ -134,6 +141,7 @@ def assemble(recording: Recording, signals: Signals, options: Options) -> Flight
         autopilot=recording.autopilot,
         format=recording.format,
         path=recording.path,
+        facts=motors.facts,
     )
 
 
@@ -278,6 +286,7 @@ def log_of_track(track: FlightTrack, path: Path, size: int) -> FlightLog:
         autopilot="unknown",
         format="CSV",
         path=path,
+        facts=VehicleFacts(rotor_count=track.rotor_count, rotor_evidence="its columns"),
     )
 
 

@@ -146,7 +146,6 @@ def recording_of(
         vehicle=own,
         vehicles=(own,),
         autopilot="ArduPilot",
-        rotor_count_hint=None,
         notes=notes,
     )
 

@@ -35,6 +35,7 @@ from thrustmargin.gcs_plugin.telemetry.resample import last_before
 from thrustmargin.gcs_plugin.telemetry.rows import FlightRows, flight_rows
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, best, mavlink_signals
 from thrustmargin.gcs_plugin.telemetry.statements import Options
+from thrustmargin.gcs_plugin.telemetry.vehicle_kind import vehicle_facts
 from thrustmargin.models.effects import CATALOGUE
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
@@ -101,8 +102,8 @@ def as_recorded(frames: list[Frame], airframe: Airframe) -> Recorded:
         track = read_log(path, airframe=airframe, sampling="hold", vehicle=1).track
         recording = read_tlog(path, vehicle=1, on_arrival=True)
     signals = mavlink_signals(dict(recording.streams), "airspeed")
-    hint = recording.rotor_count_hint
-    motors = motor_map("flight", recording.parameters, signals, airframe, rotor_count_hint=hint)
+    facts = vehicle_facts(recording.parameters, mav_type=recording.mav_type)
+    motors = motor_map("flight", recording.parameters, signals, airframe, facts=facts)
     rows = flight_rows(signals, motors, recording.parameters, options)
     assert rows is not None
     state, said_us, gps_us = VehicleState(system=1), 0, 0

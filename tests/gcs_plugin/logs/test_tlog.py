@@ -18,6 +18,7 @@ from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.tlog import read_tlog
 from thrustmargin.gcs_plugin.mavlink.scan import read_bytes, scan
 from thrustmargin.models.errors import LogError
+from thrustmargin.models.physics.airframe import load_airframe
 
 
 def test_two_vehicles_are_told_apart_and_the_choice_is_said(tmp_path):
@@ -125,7 +126,7 @@ def test_a_jittering_link_does_not_move_messages_that_carry_a_clock(tmp_path):
             dialect.MAVLink_servo_output_raw_message(int(t * 1e6) % 2**32, 0, *[1000 + tick] * 8),
         ]
         out += [stamped(m.pack(made), t + rng.uniform(0, 0.4)) for m in messages]
-    track = read_log(written(tmp_path, b"".join(out))).track
+    track = read_log(written(tmp_path, b"".join(out)), airframe=load_airframe("topxgun-f16")).track
     np.testing.assert_allclose(track.time_s, np.arange(100) / 10, atol=1e-6)
     np.testing.assert_allclose(track.attitude[:, 0], np.arange(100) / 1000, atol=1e-6)
     np.testing.assert_allclose(track.throttle[:, 0], np.arange(100) / 1000, atol=1e-6)
@@ -175,7 +176,7 @@ def test_repr_says_in_a_few_lines_which_flight_it_is_how_long_and_how_whole(tmp_
     log = read_log(written(tmp_path, data + bytes(7), "hover.tlog"))
     assert repr(log).splitlines() == [
         "FlightLog hover.tlog: tlog, vehicle 1 (unknown)",
-        "  4.9 s in 50 rows, 4 rotors",
+        "  4.9 s in 50 rows; kind of vehicle: not told; 4 rotors by the ESCs that report",
         "  channels: attitude, angular_rate_frd, tank_kg, rotor_speed_rpm, voltage, current, "
         "spraying",
         "  not in the log: position_ned, velocity_ned, specific_force_frd, airspeed, wind_ned, "

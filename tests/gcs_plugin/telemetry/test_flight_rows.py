@@ -227,7 +227,7 @@ def recording(**given: Any) -> Recording:
         "vehicle": 3,
         "vehicles": (3, 4),
         "autopilot": "ArduPilot",
-        "rotor_count_hint": 4,
+        "mav_type": 2,
         "notes": ("read",),
     }
     return Recording(**(plain | given))

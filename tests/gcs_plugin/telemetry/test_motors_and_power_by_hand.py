@@ -10,6 +10,7 @@ from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.motors import motor_map
 from thrustmargin.gcs_plugin.telemetry.power import power
 from thrustmargin.gcs_plugin.telemetry.signals import collected
+from thrustmargin.gcs_plugin.telemetry.vehicle_kind import vehicle_facts
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.physics.airframe import load_airframe
 
@@ -30,7 +31,8 @@ def functions(*outputs: int, first: int = 33) -> dict[str, float]:
 
 
 def motors(parameters=None, signals=(), airframe=None, **given):
-    return motor_map("log", parameters or {}, collected(signals), airframe, **given)
+    facts = vehicle_facts(parameters or {}, mav_type=given.pop("mav_type", None))
+    return motor_map("log", parameters or {}, collected(signals), airframe, facts=facts, **given)
 
 
 def test_motors_are_where_their_functions_are():
@@ -54,7 +56,7 @@ def test_motors_that_nothing_names_are_taken_in_order():
     assert motors(functions(5, 6, 7), airframe=None).rotor_count == 3
     broken = {k: v for k, v in functions(5, 6, 7, 8).items() if k != "SERVO6_FUNCTION"}
     assert motors(broken, airframe=F16).assumed
-    ordered = motors(motor_order="numbered by motor", rotor_count_hint=6)
+    ordered = motors(motor_order="numbered by motor", mav_type=13)
     assert (ordered.order_words, ordered.assumed) == ("numbered by motor", False)
 
 
@@ -64,33 +66,33 @@ def test_motors_that_nothing_names_are_taken_in_order():
         ({"parameters": {"FRAME_CLASS": 2.0}}, 6),
         ({"parameters": {"FRAME_CLASS": 2.0} | functions(1, 2, 3, 4)}, 4),  # functions first
         ({"parameters": {"FRAME_CLASS": 3.0} | functions(1, 2)}, 8),  # two motors are no aircraft
-        ({"parameters": {"FRAME_CLASS": 99.0}, "rotor_count_hint": 6}, 6),
-        ({"rotor_count_hint": 3}, 3),
+        ({"parameters": {"FRAME_CLASS": 99.0}, "mav_type": 13}, 6),
+        ({"mav_type": 15}, 3),
         ({"signals": [reports("esc_rpm", [0.0, 900.0, NAN], k) for k in (0, 1, 4)]}, 5),
-        ({"signals": [reports("esc_rpm", [0.0, 900.0, NAN], k) for k in (0, 1)]}, 4),  # assumed
-        ({"signals": [reports("esc_rpm", [0.0, 0.0, NAN], k) for k in range(6)]}, 4),
+        ({"signals": [reports("esc_rpm", [0.0, 900.0, NAN], k) for k in (0, 1)]}, 0),
+        ({"signals": [reports("esc_rpm", [0.0, 0.0, NAN], k) for k in range(6)]}, 0),
     ],
 )
 def test_what_tells_the_number_of_rotors(given, count):
     found = motors(**given)
     assert found.rotor_count == count
-    said = any("4 assumed" in note for note in found.notes)
-    assert said == (count == 4 and "parameters" not in given)
+    assert found.facts.rotor_count == count
+    assert any("tells the number of rotors" in note for note in found.notes) == (count == 0)
 
 
 def test_another_number_of_rotors_than_the_airframes_is_refused_with_its_evidence():
-    with pytest.raises(AirframeError, match=r"log: 6 rotors by FRAME_CLASS, but airframe .* has 4"):
+    with pytest.raises(AirframeError, match=r"6 rotors by FRAME_CLASS 2, but airframe .* has 4"):
         motors({"FRAME_CLASS": 2.0}, airframe=F16)
     assert motors({"FRAME_CLASS": 1.0}, airframe=F16).rotor_count == 4
 
 
 @pytest.mark.parametrize(
     ("frame_class", "count"),
-    [(1, 4), (2, 6), (3, 8), (4, 8), (5, 6), (7, 3), (12, 12), (14, 10), (6, None), (0, None)],
+    [(1, 4), (2, 6), (3, 8), (4, 8), (5, 6), (7, 3), (12, 12), (14, 10), (99, None), (0, None)],
 )
 def test_rotors_of_ardupilots_frame_classes(frame_class, count):
-    # 6 is a single-rotor helicopter: the class does not tell.
-    assert motors({"FRAME_CLASS": frame_class}, rotor_count_hint=11).rotor_count == (count or 11)
+    # Where the class does not tell, the vehicle's type does: 29 has twelve.
+    assert motors({"FRAME_CLASS": frame_class}, mav_type=29).rotor_count == (count or 12)
 
 
 def throttles(pulses, parameters=None, outputs=(1, 2, 3, 4)):

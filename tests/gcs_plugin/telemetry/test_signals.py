@@ -23,6 +23,7 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
     pitot_present,
 )
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.vehicle_facts import VehicleFacts
 
 NAN = float("nan")
 
@@ -241,10 +242,11 @@ def test_a_log_in_five_lines():
         autopilot="PX4",
         format="tlog",
         path=Path("north.tlog"),
+        facts=VehicleFacts(kind="plane", evidence="MAV_TYPE 1"),
     )
     assert repr(log).splitlines() == [
         "FlightLog north.tlog: tlog, vehicle 3 (PX4)",
-        "  2.5 s in 2 rows, 4 rotors",
+        "  2.5 s in 2 rows; plane by MAV_TYPE 1",
         "  channels: voltage",
         "  not in the log: current",
         "  file: 90 messages in 900 bytes, skipped: nothing",

@@ -1,0 +1,183 @@
+"""What kind of vehicle sends, and how many rotors lift it, by everything it says of itself.
+
+ArduPilot: its boot text, its vehicle type (HEARTBEAT), FRAME_CLASS or Q_FRAME_CLASS,
+SERVOn_FUNCTION; where none of these is there, parameters that one vehicle alone has.
+PX4: its vehicle type, CA_AIRFRAME, CA_ROTORn, SYS_AUTOSTART.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+from thrustmargin.models.vehicle_facts import VehicleFacts, VehicleKind
+
+#: SERVOn_FUNCTION -> motor, both counted as ArduPilot does, the motor from 0.
+MOTOR_FUNCTIONS = {**{33 + k: k for k in range(8)}, **{82 + k: 8 + k for k in range(4)}}
+#: FRAME_CLASS of ArduCopter and Q_FRAME_CLASS -> rotors
+FRAME_ROTORS = {1: 4, 2: 6, 3: 8, 4: 8, 5: 6, 7: 3, 12: 12, 14: 10}
+_HELICOPTER_CLASSES = (6, 11, 13)
+_BOAT_CLASS = 2  # FRAME_CLASS of ArduRover
+#: First word of ArduCopter's text "Frame: QUAD/X" -> rotors
+_FRAME_TEXTS = {"QUAD": 4, "HEXA": 6, "OCTA": 8, "OCTAQUAD": 8, "Y6": 6, "TRI": 3}
+_FRAME_TEXTS |= {"DODECAHEXA": 12, "DECA": 10}
+
+#: MAV_TYPE -> rotors
+_TYPE_ROTORS = {2: 4, 13: 6, 14: 8, 15: 3, 29: 12, 35: 10}
+#: MAV_TYPE -> kind; those that are not here (generic, reserved) say nothing.
+_TYPES: dict[int, VehicleKind] = {
+    **dict.fromkeys((*_TYPE_ROTORS, 43), "multirotor"),
+    **dict.fromkeys(range(19, 26), "quadplane"),
+    **dict.fromkeys((1, 16, 17, 28), "plane"),
+    **dict.fromkeys((3, 4), "helicopter"),  # coaxial and single rotor: steered by blades or vanes
+    **dict.fromkeys((7, 8), "airship"),
+    **dict.fromkeys((9, 18, 26), "other vehicle"),
+    5: "antenna tracker",
+    10: "rover",
+    11: "boat",
+    12: "submarine",
+}
+#: Program that introduces itself when it starts, as "ArduCopter V4.5.7 (2a3dc4b7)".
+_BOOT = re.compile(
+    r"(?:Ardu|APM:)(Copter|Plane|Rover|Sub)\b[ .Vv]*[\d.]*|(Blimp|AntennaTracker)\b[ .Vv]*[\d.]*"
+)
+_PROGRAMS: dict[str, VehicleKind] = {
+    "Copter": "multirotor",
+    "Plane": "plane",
+    "Rover": "rover",
+    "Sub": "submarine",
+    "Blimp": "airship",
+    "AntennaTracker": "antenna tracker",
+}
+#: Parameters that only one of ArduPilot's vehicles has.
+_OWN_PARAMETERS: tuple[tuple[str, VehicleKind], ...] = (
+    ("TECS_CLMB_MAX", "plane"),
+    ("ATC_STR_RAT_P", "rover"),
+    ("JS_GAIN_DEFAULT", "submarine"),
+    ("H_RSC_MODE", "helicopter"),
+    ("MOT_SPIN_MIN", "multirotor"),
+)
+#: PX4's CA_AIRFRAME -> kind; 9 is custom.
+_CONTROL_ALLOCATION: dict[int, VehicleKind] = {
+    **dict.fromkeys((0, 8), "multirotor"),
+    1: "plane",
+    **dict.fromkeys((2, 3, 4), "quadplane"),
+    **dict.fromkeys((5, 6, 13), "rover"),
+    7: "submarine",
+    **dict.fromkeys((10, 11, 12), "helicopter"),
+    **dict.fromkeys((14, 15), "other vehicle"),
+}
+#: PX4's SYS_AUTOSTART in thousands -> kind (of its airframe reference).
+_AUTOSTART: dict[int, VehicleKind] = {
+    **dict.fromkeys((2, 3), "plane"),
+    **dict.fromkeys((*range(4, 10), 11, 12, 14), "multirotor"),
+    13: "quadplane",
+    **dict.fromkeys((15, 16), "helicopter"),
+    **dict.fromkeys((50, 51, 52, 53), "rover"),
+    60: "submarine",
+}
+
+
+def whole_number(parameters: Mapping[str, float], name: str) -> int | None:
+    """A parameter that counts or selects; None where it is absent, not finite or no whole number.
+
+    Every parameter that is used as a whole number is read by this function.
+    """
+    value = parameters.get(name, math.nan)
+    return int(value) if math.isfinite(value) and value == round(value) else None
+
+
+def motor_outputs(parameters: Mapping[str, float]) -> dict[int, int]:
+    """Motor -> its servo output by SERVOn_FUNCTION, both from 0; empty where none is said."""
+    found: dict[int, int] = {}
+    for output in range(32):
+        function = whole_number(parameters, f"SERVO{output + 1}_FUNCTION")
+        if function in MOTOR_FUNCTIONS:
+            found[MOTOR_FUNCTIONS[function]] = output
+    return found
+
+
+def vehicle_facts(
+    parameters: Mapping[str, float], *, mav_type: int | None = None, texts: Iterable[str] = ()
+) -> VehicleFacts:
+    """Kind and rotors of a vehicle by its parameters, its MAV_TYPE and its status texts."""
+    texts = tuple(texts)
+    kind, evidence = _kind(parameters, mav_type, texts)
+    facts = VehicleFacts(kind=kind, evidence=evidence)
+    if not facts.has_lifting_rotors:
+        return facts
+    count, how = _rotors(parameters, mav_type, texts, winged=kind == "quadplane")
+    return replace(facts, rotor_count=count, rotor_evidence=how)
+
+
+def _kind(
+    parameters: Mapping[str, float], mav_type: int | None, texts: tuple[str, ...]
+) -> tuple[VehicleKind, str]:
+    """The kind and what says so; "unknown" without evidence."""
+    kind, evidence = _program(parameters, mav_type, texts)
+    frame = whole_number(parameters, "FRAME_CLASS")
+    if kind == "multirotor" and mav_type == 4:
+        return "helicopter", "MAV_TYPE 4"
+    if kind in ("multirotor", "unknown") and frame in _HELICOPTER_CLASSES:
+        return "helicopter", f"FRAME_CLASS {frame}"
+    if kind == "rover" and frame == _BOAT_CLASS:
+        return "boat", f"{evidence} and FRAME_CLASS {frame}"
+    if kind == "plane":
+        if whole_number(parameters, "Q_ENABLE"):
+            return "quadplane", f"{evidence} and Q_ENABLE 1"
+        if len(motor_outputs(parameters)) >= 3:
+            return "quadplane", f"{evidence} and motors among SERVOn_FUNCTION"
+    return kind, evidence
+
+
+def _program(
+    parameters: Mapping[str, float], mav_type: int | None, texts: tuple[str, ...]
+) -> tuple[VehicleKind, str]:
+    """What the vehicle says first: its program, its type, its airframe, its parameters."""
+    for text in texts:
+        found = _BOOT.match(text)
+        if found:
+            return _PROGRAMS[found[1] or found[2]], f"boot text '{found[0].strip()}'"
+    if mav_type in _TYPES:
+        return _TYPES[mav_type], f"MAV_TYPE {mav_type}"
+    airframe = whole_number(parameters, "CA_AIRFRAME")
+    start = whole_number(parameters, "SYS_AUTOSTART")
+    if airframe in _CONTROL_ALLOCATION and "CA_ROTOR_COUNT" in parameters:
+        return _CONTROL_ALLOCATION[airframe], f"CA_AIRFRAME {airframe}"
+    if start is not None and start // 1000 in _AUTOSTART:
+        return _AUTOSTART[start // 1000], f"SYS_AUTOSTART {start}"
+    for name, kind in _OWN_PARAMETERS:
+        if name in parameters:
+            return kind, f"its parameter {name}"
+    return "unknown", ""
+
+
+def _rotors(
+    parameters: Mapping[str, float], mav_type: int | None, texts: tuple[str, ...], *, winged: bool
+) -> tuple[int, str]:
+    """Rotors that lift and what says so; 0 when nothing does."""
+    on_output = motor_outputs(parameters)
+    by_function = len(on_output) if set(on_output) == set(range(len(on_output))) else 0
+    name = "Q_FRAME_CLASS" if winged else "FRAME_CLASS"
+    frame = whole_number(parameters, name)
+    by_class = FRAME_ROTORS.get(-1 if frame is None else frame, 0)
+    # More outputs than the frame has motors are spare; fewer say that the frame is another. A
+    # quadplane's hover motors are on any outputs, so that these must be known.
+    if by_class and (by_function >= by_class or (by_function < 3 and not winged)):
+        return by_class, f"{name} {frame}"
+    if by_function >= 3:
+        return by_function, "SERVOn_FUNCTION"
+    for text in texts:
+        head, _, rest = text.partition(": ")
+        if head == "Frame" and (count := _FRAME_TEXTS.get(rest.split("/")[0].strip(), 0)):
+            return count, f"text '{text}'"
+    listed = whole_number(parameters, "CA_ROTOR_COUNT") or 0
+    inside = range(listed if 0 <= listed <= 12 else 0)
+    upward = sum(abs(parameters.get(f"CA_ROTOR{n}_AX", 0.0)) < 0.5 for n in inside)
+    if upward:
+        return upward, "CA_ROTOR_COUNT" if upward == listed else "CA_ROTORn_AX"
+    if mav_type in _TYPE_ROTORS:
+        return _TYPE_ROTORS[mav_type], f"MAV_TYPE {mav_type}"
+    return 0, ""

@@ -1,0 +1,121 @@
+"""What kind of vehicle it is, by each thing it can say of itself; by hand."""
+
+import math
+
+import pytest
+
+from thrustmargin.gcs_plugin.telemetry.vehicle_kind import (
+    motor_outputs,
+    vehicle_facts,
+    whole_number,
+)
+
+FOUR = {f"SERVO{n}_FUNCTION": 32.0 + n for n in range(1, 5)}
+REAR = {f"SERVO{n}_FUNCTION": 28.0 + n for n in range(5, 9)}
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "evidence"),
+    [
+        ("ArduCopter V4.5.7 (2a3dc4b7)", "multirotor", "ArduCopter V4.5.7"),
+        ("APM:Copter V3.3 (acf7b8a2)", "multirotor", "APM:Copter V3.3"),
+        ("ArduPlane V4.3.0beta1 (abc)", "plane", "ArduPlane V4.3.0"),
+        ("APM:Plane V3.8.0", "plane", "APM:Plane V3.8.0"),
+        ("ArduRover V4.2.3", "rover", "ArduRover V4.2.3"),
+        ("ArduSub V4.1.0", "submarine", "ArduSub V4.1.0"),
+        ("Blimp V4.4.0", "airship", "Blimp V4.4.0"),
+    ],
+)
+def test_a_program_introduces_itself(text, kind, evidence):
+    facts = vehicle_facts({}, texts=("Free RAM: 1331", text, "ArduPlane is not this"))
+    assert (facts.kind, facts.evidence) == (kind, f"boot text '{evidence}'")
+    assert facts.rotor_count == 0
+    assert vehicle_facts({}, texts=("upgrade from ArduPlane V4",)).kind == "unknown"
+
+
+@pytest.mark.parametrize(
+    ("mav_type", "kind", "rotors"),
+    [
+        (1, "plane", 0),
+        (2, "multirotor", 4),
+        (4, "helicopter", 0),
+        (10, "rover", 0),
+        (11, "boat", 0),
+        (12, "submarine", 0),
+        (13, "multirotor", 6),
+        (14, "multirotor", 8),
+        (15, "multirotor", 3),
+        (20, "quadplane", 0),
+        (29, "multirotor", 12),
+        (35, "multirotor", 10),
+        (0, "unknown", 0),
+        (-1, "unknown", 0),
+        (None, "unknown", 0),
+    ],
+)
+def test_a_heartbeat_names_the_type(mav_type, kind, rotors):
+    facts = vehicle_facts({}, mav_type=mav_type)
+    assert (facts.kind, facts.rotor_count) == (kind, rotors)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "kind", "rotors"),
+    [
+        # PX4
+        ({"CA_AIRFRAME": 0, "CA_ROTOR_COUNT": 6}, "multirotor", 6),
+        ({"CA_AIRFRAME": 1, "CA_ROTOR_COUNT": 1}, "plane", 0),
+        ({"CA_AIRFRAME": 2, "CA_ROTOR_COUNT": 5, "CA_ROTOR4_AX": 1.0}, "quadplane", 4),
+        ({"SYS_AUTOSTART": 4001}, "multirotor", 0),
+        ({"SYS_AUTOSTART": 2100}, "plane", 0),
+        ({"SYS_AUTOSTART": 50000}, "rover", 0),
+        # ArduPilot without its boot text
+        ({"TECS_CLMB_MAX": 5.0}, "plane", 0),
+        ({"ATC_STR_RAT_P": 0.2, "FRAME_CLASS": 1.0}, "rover", 0),
+        ({"ATC_STR_RAT_P": 0.2, "FRAME_CLASS": 2.0}, "boat", 0),
+        ({"JS_GAIN_DEFAULT": 0.5, **FOUR}, "submarine", 0),
+        ({"MOT_SPIN_MIN": 0.15, "FRAME_CLASS": 3.0}, "multirotor", 8),
+        ({"MOT_SPIN_MIN": 0.15, "FRAME_CLASS": 6.0, **FOUR}, "helicopter", 0),
+        ({"FRAME_CLASS": 13.0}, "helicopter", 0),
+        ({"FRAME_CLASS": 1.0, **FOUR, **REAR}, "unknown", 4),
+        # Quadplanes: the hover motors must be found among the outputs
+        ({"TECS_CLMB_MAX": 5.0, "Q_ENABLE": 1.0, "Q_FRAME_CLASS": 1.0, **REAR}, "quadplane", 4),
+        ({"TECS_CLMB_MAX": 5.0, "Q_ENABLE": 1.0, "Q_FRAME_CLASS": 1.0}, "quadplane", 0),
+        ({"TECS_CLMB_MAX": 5.0, "Q_ENABLE": 0.0, "Q_FRAME_CLASS": 1.0}, "plane", 0),
+        ({}, "unknown", 0),
+    ],
+)
+def test_parameters_tell_where_nothing_else_does(parameters, kind, rotors):
+    facts = vehicle_facts(parameters)
+    assert (facts.kind, facts.rotor_count) == (kind, rotors)
+    assert bool(facts.evidence) == (kind != "unknown")
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1.5, 1e300])
+def test_a_parameter_that_is_no_whole_number_is_none(value):
+    damaged = {"FRAME_CLASS": value, "SERVO1_FUNCTION": value, "Q_ENABLE": value}
+    assert whole_number(damaged, "FRAME_CLASS") in (None, int(1e300))
+    assert motor_outputs(damaged) == {}
+    facts = vehicle_facts({**damaged, "CA_ROTOR_COUNT": value, "SYS_AUTOSTART": value})
+    assert (facts.kind, facts.rotor_count) == ("unknown", 0)
+
+
+def test_the_frame_text_tells_the_rotors():
+    texts = ("ArduCopter V4.5.7", "Frame: HEXA/X")
+    facts = vehicle_facts({}, texts=texts)
+    assert (facts.rotor_count, facts.rotor_evidence) == (6, "text 'Frame: HEXA/X'")
+    assert vehicle_facts({}, texts=("ArduCopter V4.5.7", "Frame: UNSUPPORTED")).rotor_count == 0
+
+
+def test_what_is_refused_and_in_which_words():
+    plane = vehicle_facts({}, texts=("ArduPlane V4.3.0",))
+    assert plane.refusal("north.BIN") == (
+        "north.BIN is a plane (by boot text 'ArduPlane V4.3.0'): thrustmargin is for multirotors"
+    )
+    hidden = vehicle_facts({"Q_FRAME_CLASS": 1.0}, mav_type=20)
+    assert "nothing says which outputs are its hover motors" in hidden.refusal("x")
+    quad = vehicle_facts(FOUR, mav_type=2)
+    assert (quad.refusal("x"), quad.words) == (
+        "",
+        "multirotor by MAV_TYPE 2; 4 rotors by SERVOn_FUNCTION",
+    )
+    assert vehicle_facts({}).words == "kind of vehicle: not told; rotors: not told"
