@@ -18,6 +18,7 @@ from thrustmargin.models.errors import ThrustMarginError
 
 #: subcommand -> module of thrustmargin.gcs_plugin.commands that holds a function of the same name.
 COMMANDS = (
+    "airframe",
     "demo",
     "fetch",
     "identify",

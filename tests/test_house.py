@@ -14,7 +14,6 @@ LONG = {
     "models/identification/search.py": "one step of the search after the other",
 }
 SHORT = {
-    "gcs_plugin/commands/progress.py": "what commands show while they work, of no single command",
     "models/whole_file.py": "the one writer of files, which every package uses",
     "models/physics/attitude.py": "formulas of attitude that stand below all others",
 }

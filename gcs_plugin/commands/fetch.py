@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,10 +11,11 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional
 
+from thrustmargin.gcs_plugin.commands.progress import transfer_bar
 from thrustmargin.models.errors import LinkError
 
 if TYPE_CHECKING:
-    from thrustmargin.gcs_plugin.vehicle.connection import Progress, VehicleLink
+    from thrustmargin.gcs_plugin.vehicle.connection import VehicleLink
     from thrustmargin.gcs_plugin.vehicle.log_download import LogEntry
 
 
@@ -82,7 +82,7 @@ def _fetch_mission(order: FetchMission) -> None:
     from thrustmargin.gcs_plugin.vehicle.mission_transfer import download_mission
     from thrustmargin.mission.plan import write_plan
 
-    with _link(order) as link, _progress_bar() as (say, progress):
+    with _link(order) as link, transfer_bar() as (say, progress):
         say(f"waiting for a heartbeat at {order.url}")
         vehicle = link.vehicle(order.vehicle, timeout=order.timeout)
         number = vehicle.get_system_id()
@@ -100,7 +100,7 @@ def _fetch_log(order: FetchLog) -> None:
 
     if (order.id is not None) + order.latest + order.list > 1:
         raise LinkError("--id, --latest and --list exclude each other; give one of them")
-    with _link(order) as link, _progress_bar() as (say, progress):
+    with _link(order) as link, transfer_bar() as (say, progress):
         say(f"waiting for a heartbeat at {order.url}")
         vehicle = link.vehicle(order.vehicle, timeout=order.timeout)
         say(f"list of logs of vehicle {vehicle.get_system_id()}")
@@ -136,25 +136,3 @@ def _print_logs(entries: tuple[LogEntry, ...]) -> None:
         print("the vehicle holds no logs")
     for entry in entries:
         print(f"{entry.number:6d}  {entry.date or 'date unknown':20}  {entry.size_bytes:12d} bytes")
-
-
-@contextmanager
-def _progress_bar() -> Iterator[tuple[Callable[[str], None], Progress]]:
-    """A bar on standard error: what to call with its text, and with done and total."""
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
-    from rich.progress import Progress as Bars
-
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
-    console = Console(stderr=True)
-    with Bars(*columns, console=console, transient=True, disable=not console.is_terminal) as bars:
-        task = bars.add_task("", total=None)
-
-        def say(text: str) -> None:
-            bars.update(task, description=escape(text))
-
-        def show(done: int, total: int) -> None:
-            bars.update(task, completed=done, total=total)
-
-        yield say, show

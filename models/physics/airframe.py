@@ -1,9 +1,11 @@
 """Airframe: what the aircraft is, read once from a TOML file in which every value has its source.
 
-A file is a set of tables of quantities `{ value = 21.1, unit = "kg", source = "..." }`.
+A file is a set of tables of quantities `{ value = 21.1, unit = "kg", source = "..." }`, with
+`guessed = true` where nobody measured or printed the value.
 `extends = "other"` takes every value of another airframe and replaces those given; other is a
 shipped name, or the path of a .toml file as seen from this one. `tank_source` may name the message
 that carries the tank level, say "BATTERY_STATUS 1"; without it the best that is heard is taken.
+Without `[[rotors]]` they are made from a known `layout` (`frames.py`) and the quantity `arm`.
 Rotor order is the autopilot's motor order; positions are `_frd` from the centre of gravity.
 `spin` is +1 for a rotor that turns counter-clockwise seen from above, -1 for clockwise.
 """
@@ -13,7 +15,6 @@ from __future__ import annotations
 import tomllib
 from dataclasses import dataclass, field
 from importlib import resources
-from math import inf
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -22,30 +23,12 @@ import numpy as np
 
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.flight import Floats
-
-#: name of the quantity -> unit that its file must state.
-QUANTITIES = MappingProxyType(
-    {
-        "empty_mass": "kg",
-        "tank_volume_l": "L",
-        "liquid_density": "kg/L",
-        "pump_max_flow_l_min": "L/min",
-        "propeller_diameter": "m",
-        "propeller_pitch": "m",
-        "propeller_blades": "1",
-        "thrust_coefficient": "N/rpm^2",
-        "reference_density": "kg/m^3",
-        "max_rotor_speed_rpm": "rpm",
-        "nameplate_max_thrust": "N",
-        "ceiling_voltage": "V",
-        "ceiling_voltage_exponent": "1",
-        "nominal_voltage": "V",
-        "torque_ratio": "m",
-        "motor_poles": "1",
-    }
+from thrustmargin.models.physics.airframe_checks import (
+    QUANTITIES,
+    ROTOR_QUANTITIES,
+    table_problems,
+    with_rotors,
 )
-#: Quantities for which zero has a meaning: a ceiling that voltage does not move, no tank, no pump.
-MAY_BE_ZERO = frozenset({"ceiling_voltage_exponent", "tank_volume_l", "pump_max_flow_l_min"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +38,7 @@ class Quantity:
     value: float
     unit: str
     source: str
+    guessed: bool = False  # nobody measured or printed it: say so where a result depends on it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -102,6 +86,11 @@ class Airframe:
     def arm(self) -> float:
         """Longest level distance of a rotor from the centre, m."""
         return float(np.max(np.hypot(*self.rotor_position_frd[:, :2].T)))
+
+    @property
+    def guessed(self) -> tuple[str, ...]:
+        """Names of the quantities that are guesses, in the order of the file."""
+        return tuple(name for name, quantity in self.quantities.items() if quantity.guessed)
 
     @property
     def tank_capacity_kg(self) -> float:
@@ -160,8 +149,27 @@ def _read(name_or_path: str, children: tuple[str, ...]) -> dict[str, Any]:
     if parent in (name_or_path, *children):
         raise AirframeError(f"{name_or_path}: extends {parent!r}, which extends it again")
     base = _read(parent, (name_or_path, *children))
-    quantities = {**base.get("quantities", {}), **table.pop("quantities", {})}
-    return {**base, **table, "quantities": quantities}
+    return _extended(base, table)
+
+
+def _extended(base: dict[str, Any], table: dict[str, Any]) -> dict[str, Any]:
+    """`base` with what `table` replaces. The rotors go with the layout and the arm: a new layout or
+    arm without rotors of its own does not keep those of the base."""
+    own, inherited = table.get("quantities", {}), dict(base.get("quantities", {}))
+    base = dict(base)
+    if "rotors" in table:
+        inherited.pop("arm", None)
+    elif "arm" in own or table.get("layout", base.get("layout")) != base.get("layout"):
+        base.pop("rotors", None)
+        if "layout" in table and table["layout"] != base.get("layout"):
+            inherited.pop("arm", None)
+    return {**base, **table, "quantities": {**inherited, **own}}
+
+
+def quantity_table(quantity: Quantity) -> dict[str, Any]:
+    """A quantity as its file holds it; only a guess says whether it is one."""
+    table = {"value": quantity.value, "unit": quantity.unit, "source": quantity.source}
+    return table | ({"guessed": True} if quantity.guessed else {})
 
 
 def airframe_table(airframe: Airframe) -> dict[str, Any]:
@@ -171,10 +179,7 @@ def airframe_table(airframe: Airframe) -> dict[str, Any]:
         "title": airframe.title,
         "layout": airframe.layout,
         "tank_source": airframe.tank_source,
-        "quantities": {
-            name: {"value": q.value, "unit": q.unit, "source": q.source}
-            for name, q in airframe.quantities.items()
-        },
+        "quantities": {name: quantity_table(q) for name, q in airframe.quantities.items()},
         "rotors": [
             {
                 "name": name,
@@ -196,53 +201,36 @@ def airframe_table(airframe: Airframe) -> dict[str, Any]:
 def airframe_from_table(table: dict[str, Any], where: str) -> Airframe:
     """The airframe of a complete table; `where` it is from goes into the messages.
 
-    Raises AirframeError when a value is missing, impossible or in another unit.
+    Rotors that it lacks are made from a known layout and its arm. Raises AirframeError, which
+    lists every value that is missing, impossible, misspelt or in another unit.
     """
-    given = table.get("quantities", {})
-    quantities: dict[str, Quantity] = {}
-    for name, unit in QUANTITIES.items():
-        entry = given.get(name)
-        if not isinstance(entry, dict) or not {"value", "unit", "source"} <= entry.keys():
-            raise AirframeError(f"{where}: {name} needs value, unit ({unit}) and source")
-        if entry["unit"] != unit:
-            raise AirframeError(f"{where}: {name} is in {entry['unit']!r}; give it in {unit!r}")
-        value = entry["value"]
-        is_number = isinstance(value, int | float) and not isinstance(value, bool)
-        if not is_number or not (0 < value < inf or (value == 0 and name in MAY_BE_ZERO)):
-            raise AirframeError(f"{where}: {name} is {value!r}; it must be a number above 0")
-        quantities[name] = Quantity(float(value), unit, str(entry["source"]))
-    unknown = set(given) - set(QUANTITIES)
-    if unknown:
-        raise AirframeError(f"{where}: unknown quantity {sorted(unknown)[0]!r}; check its spelling")
-    rotors = table.get("rotors", [])
-    if len(rotors) < 3:
-        raise AirframeError(f"{where}: {len(rotors)} [[rotors]]; a multirotor has at least 3")
-    try:
-        positions = np.array([r["position_frd"] for r in rotors], dtype=np.float64)
-        spin = np.array([{"ccw": 1.0, "cw": -1.0}[r["spin"]] for r in rotors])
-        effectiveness = np.array([float(r.get("effectiveness", 1.0)) for r in rotors])
-        names = tuple(str(r["name"]) for r in rotors)
-        title, layout = str(table["title"]), str(table["layout"])
-    except (KeyError, TypeError, ValueError) as error:
-        raise AirframeError(
-            f"{where}: needs title, layout, and for each rotor name, position_frd and "
-            f"spin ('ccw' or 'cw'); stopped at {error}"
-        ) from error
-    if positions.shape != (len(rotors), 3) or not np.all(np.isfinite(positions)):
-        raise AirframeError(f"{where}: position_frd must be three numbers in m for each rotor")
-    if not np.all((effectiveness > 0.0) & (effectiveness <= 1.0)):
-        raise AirframeError(f"{where}: effectiveness of a rotor must be above 0 and at most 1")
-    if not np.any(np.hypot(positions[:, 0], positions[:, 1])):
-        raise AirframeError(f"{where}: all rotors are at the centre; give position_frd in m")
+    table = with_rotors(table)
+    problems = table_problems(table)
+    if len(problems) == 1:
+        raise AirframeError(f"{where}: {problems[0]}")
+    if problems:
+        listed = "".join(f"\n  - {problem}" for problem in problems)
+        raise AirframeError(f"{where}: {len(problems)} things to correct:{listed}")
+    given, rotors = table["quantities"], table["rotors"]
+    quantities = {
+        name: Quantity(
+            float(given[name]["value"]),
+            unit,
+            str(given[name]["source"]),
+            given[name].get("guessed", False),
+        )
+        for name, unit in (QUANTITIES | ROTOR_QUANTITIES).items()
+        if name in given
+    }
     return Airframe(
         name=str(table.get("name", Path(where).stem)),
-        title=title,
-        layout=layout,
-        rotor_position_frd=positions,
-        rotor_spin=spin,
-        rotor_effectiveness=effectiveness,
-        rotor_names=names,
+        title=table["title"],
+        layout=table["layout"],
+        rotor_position_frd=np.array([r["position_frd"] for r in rotors], dtype=np.float64),
+        rotor_spin=np.array([1.0 if r["spin"] == "ccw" else -1.0 for r in rotors]),
+        rotor_effectiveness=np.array([float(r.get("effectiveness", 1.0)) for r in rotors]),
+        rotor_names=tuple(r["name"] for r in rotors),
         quantities=MappingProxyType(quantities),
         tank_source=str(table.get("tank_source", "auto")),
-        **{name: q.value for name, q in quantities.items()},
+        **{name: quantities[name].value for name in QUANTITIES},
     )

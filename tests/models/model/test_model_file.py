@@ -182,7 +182,11 @@ def put(key, value):
         (lambda d: d["effects"][0].update(rotor=5), "rotor 5 of 4"),
         (lambda d: d["effects"][0].update(name="magic"), "'magic'"),
         (lambda d: d["effects"][0]["parameters"]["loss"].update(unit="kg"), "loss in '1'"),
-        (lambda d: d["airframe"]["rotors"].pop(), "the network has 4 rotors"),
+        (lambda d: d["airframe"]["rotors"].pop(), "quad-x has 4 rotors, not 3"),
+        (
+            lambda d: d["airframe"]["rotors"].pop() and d["airframe"].update(layout="tri"),
+            "the network has 4 rotors",
+        ),
     ],
 )
 def test_damaged_metadata_is_named(change, message, tmp_path):

@@ -183,6 +183,7 @@ def test_a_wrong_file_is_refused_with_what_to_do(tmp_path, text, message):
 
 ROTORS = """
 extends = "topxgun-f16"
+layout = "custom"
 [[rotors]]
 name = "one"
 position_frd = [1.0, 0.0, 0.0]
@@ -217,8 +218,8 @@ def test_rotors_on_a_line_fly_and_rotors_in_one_place_do_not(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ('spin = "ccw"', 'spin = "left"', "stopped at 'left'"),
-        ("[1.0, 0.0, 0.0]", "[1.0, 0.0]", "stopped at"),
+        ('spin = "ccw"', 'spin = "left"', "rotor 1: spin is 'left'; write 'ccw' or 'cw'"),
+        ("[1.0, 0.0, 0.0]", "[1.0, 0.0]", "three numbers in m"),
         ("[1.0, 0.0, 0.0]", "[inf, 0.0, 0.0]", "three numbers in m"),
         ('name = "one"', 'name = "one"\neffectiveness = 1.4', "above 0 and at most 1"),
         ('name = "one"', 'name = "one"\neffectiveness = 0.0', "above 0 and at most 1"),

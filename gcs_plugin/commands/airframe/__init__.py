@@ -1,0 +1,25 @@
+"""`thrustmargin airframe`: the files that say what an aircraft is."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import tyro
+
+from thrustmargin.gcs_plugin.commands.airframe.list_show import AirframeList, AirframeShow
+from thrustmargin.gcs_plugin.commands.airframe.new import AirframeNew
+
+
+def airframe(
+    what: Annotated[
+        Annotated[AirframeList, tyro.conf.subcommand("list", prefix_name=False)]
+        | Annotated[AirframeShow, tyro.conf.subcommand("show", prefix_name=False)]
+        | Annotated[AirframeNew, tyro.conf.subcommand("new", prefix_name=False)],
+        tyro.conf.arg(name=""),
+    ],
+) -> int:
+    """Make, show and check the file of an aircraft: masses, rotors, battery, thrust curve.
+
+    Example: thrustmargin airframe new --from flight.BIN --out my-aircraft.toml
+    """
+    return what.run()

@@ -1,0 +1,110 @@
+"""`thrustmargin airframe list` and `show`: the airframes that ship, and every value of one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from tyro.conf import Positional
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from thrustmargin.models.physics.airframe import Airframe
+
+
+@dataclass(frozen=True, slots=True)
+class AirframeList:
+    """Show the airframes and the power sets that ship with thrustmargin.
+
+    Example: thrustmargin airframe list
+    """
+
+    def run(self) -> int:
+        from thrustmargin.models.physics.airframe import airframe_names, load_airframe
+        from thrustmargin.models.physics.airframe_draft import power_sets
+
+        console, table = _console(), _table()
+        for heading in ("name", "layout"):
+            table.add_column(heading, no_wrap=True)
+        for heading in ("rotors", "empty kg", "tank kg"):
+            table.add_column(heading, justify="right")
+        table.add_column("aircraft")
+        for name in airframe_names():
+            craft = load_airframe(name)
+            masses = (f"{craft.empty_mass:g}", f"{craft.tank_capacity_kg:g}")
+            table.add_row(name, craft.layout, str(craft.rotor_count), *masses, craft.title)
+        console.print(table)
+        console.print("power sets, for: thrustmargin airframe new --power-set NAME")
+        sets = _table()
+        sets.add_column("name", no_wrap=True)
+        sets.add_column("motor and propeller")
+        sets.add_column("kgf a rotor", justify="right")
+        for one in power_sets().values():
+            top = one.quantities["nameplate_max_thrust"]
+            words = f"{top.value / 9.80665:.3g}" + (" guessed" if top.guessed else "")
+            sets.add_row(one.name, one.title, words)
+        console.print(sets)
+        return 0
+
+
+@dataclass(frozen=True, slots=True)
+class AirframeShow:
+    """Show every value of an airframe with its unit and source, and which are guesses.
+
+    Example: thrustmargin airframe show topxgun-f16
+    """
+
+    name: Annotated[Positional[str], tyro.conf.arg(metavar="NAME|FILE")]
+    """Name of a shipped airframe, or an airframe file (.toml)."""
+
+    def run(self) -> int:
+        from thrustmargin.models.physics.airframe import load_airframe
+
+        print_airframe(_console(), load_airframe(self.name))
+        return 0
+
+
+def print_airframe(console: Console, craft: Airframe) -> None:
+    """The aircraft in a sentence, its quantities and its rotors as tables."""
+    console.print(repr(craft), soft_wrap=True)
+    table = _table()
+    table.add_column("quantity", no_wrap=True)
+    table.add_column("value", justify="right", no_wrap=True)
+    table.add_column("unit", no_wrap=True)
+    table.add_column("from", overflow="fold")
+    for name, q in craft.quantities.items():
+        guessed = q.guessed and not q.source.startswith("guessed")
+        source = f"guessed: {q.source}" if guessed else q.source
+        unit = "" if q.unit == "1" else q.unit
+        table.add_row(name, f"{q.value:.5g}", unit, source, style="yellow" if q.guessed else "")
+    console.print(table)
+    rotors = _table()
+    for heading in ("motor", "forward m", "right m", "down m", "effectiveness"):
+        rotors.add_column(heading, justify="right")
+    rotors.add_column("turns", no_wrap=True)
+    rotors.add_column("place")
+    for n, name in enumerate(craft.rotor_names):
+        cells = [f"{p:.3f}" for p in craft.rotor_position_frd[n]]
+        turns = "ccw" if craft.rotor_spin[n] > 0 else "cw"
+        rotors.add_row(str(n + 1), *cells, f"{craft.rotor_effectiveness[n]:g}", turns, name)
+    console.print(rotors)
+    if craft.guessed:
+        console.print(
+            f"guessed, not measured and not printed by a maker: {', '.join(craft.guessed)}",
+            soft_wrap=True,
+        )
+
+
+def _console() -> Console:
+    from rich.console import Console
+
+    return Console(highlight=False, markup=False)
+
+
+def _table():
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    return Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))

@@ -1,0 +1,122 @@
+"""`thrustmargin airframe new`: an airframe file from what the vehicle says and the owner adds."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from thrustmargin.gcs_plugin.commands.airframe.stated import (
+    OwnerStatement,
+    asked,
+    require_all,
+    stated,
+)
+from thrustmargin.models.errors import DataError
+
+if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.telemetry.reported_airframe import ReportedAirframe
+    from thrustmargin.models.physics.airframe import Airframe
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AirframeNew:
+    """Make the airframe file of your own aircraft.
+
+    Takes what the vehicle says (layout, motor order, battery) from a log, a parameter file or the
+    vehicle itself, and asks for what it cannot know; every value keeps its source, and what nobody
+    stated is marked as guessed.
+
+    Example: thrustmargin airframe new --from flight.BIN --mass 18 --arm 0.74 --tank-litres 0
+    --power-set hobbywing-x6-plus --out my-aircraft.toml
+    """
+
+    source: Annotated[str | None, tyro.conf.arg(name="from", metavar="LOG|PARAMS|URL")] = None
+    """A flight log, a parameter file (.param, .parm, .params), or the vehicle's link, such as
+    udpin:127.0.0.1:14550."""
+    out: Path = Path("my-aircraft.toml")
+    """Airframe file to write."""
+    owner: Annotated[OwnerStatement, tyro.conf.OmitArgPrefixes] = field(
+        default_factory=OwnerStatement
+    )
+    vehicle: int | None = None
+    """System id, when a log or a link has several."""
+    timeout: float = 10.0
+    """s to wait for a vehicle on a link."""
+    force: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Replace the file if it is there."""
+
+    def run(self) -> int:
+        from rich.console import Console
+
+        from thrustmargin.gcs_plugin.commands.airframe.list_show import print_airframe
+        from thrustmargin.gcs_plugin.commands.airframe.source import VehicleParameters, read_source
+        from thrustmargin.gcs_plugin.commands.options import Output, check_outputs
+        from thrustmargin.gcs_plugin.telemetry.reported_airframe import reported_airframe
+        from thrustmargin.models.physics.airframe_draft import airframe_toml
+        from thrustmargin.models.whole_file import whole_file
+
+        inputs = [Path(self.source)] if self.source and Path(self.source).exists() else []
+        check_outputs([Output("--out", self.out, (".toml",), keep=not self.force)], inputs=inputs)
+        found = VehicleParameters(parameters={})
+        if self.source is not None:
+            found = read_source(self.source, vehicle=self.vehicle, timeout=self.timeout)
+        reported = reported_airframe(
+            found.parameters, found.highest_voltage, layout=self.owner.layout
+        )
+        owner = asked(self.owner, reported) if sys.stdin.isatty() else self.owner
+        craft = new_airframe(owner, reported, name=self.owner.name or self.out.stem)
+        heading = (
+            f"Made by `thrustmargin airframe new` from {found.words}. What is marked as guessed is "
+            "not known:\ncorrect it when you know better, and remove the mark. "
+            "Rotors are in the order of the autopilot's motors."
+        )
+        try:
+            with whole_file(self.out) as draft:
+                draft.write_text(airframe_toml(craft, heading), encoding="utf-8")
+        except OSError as error:
+            raise DataError(f"cannot write {self.out}: {error.strerror or error}") from error
+        console = Console(highlight=False, markup=False)
+        print_airframe(console, craft)
+        for note in reported.notes:
+            console.print(f"note: {note}", soft_wrap=True)
+        console.print(f"wrote {self.out}", soft_wrap=True)
+        return 0
+
+
+def new_airframe(owner: OwnerStatement, reported: ReportedAirframe, *, name: str) -> Airframe:
+    """The airframe of what the owner states and the vehicle reports; the rest is guessed.
+
+    Raises UsageError that names every missing option, AirframeError when values contradict.
+    """
+    from thrustmargin.models.physics.airframe import airframe_from_table, quantity_table
+    from thrustmargin.models.physics.airframe_draft import completed, guess
+    from thrustmargin.models.physics.frames import motor_layouts
+
+    require_all(owner, reported)
+    quantities, rotors = stated(owner, reported), reported.rotors
+    arm = quantities["arm"].value
+    if rotors is None:
+        layout = motor_layouts()[str(reported.layout)]
+        lower = guess("lower_rotor_effectiveness", 0.8, "it works in the wash of the upper rotor")
+        if any(layout.lower):
+            quantities["lower_rotor_effectiveness"] = lower
+        rotors = layout.rotors(arm, lower.value)
+    else:
+        scale = arm / reported.quantities["arm"].value
+        rotors = [
+            {**r, "position_frd": [round(scale * p, 5) for p in r["position_frd"]]} for r in rotors
+        ]
+    table = {
+        "name": name,
+        "title": owner.title or f"{name} ({reported.layout}, {len(rotors)} rotors)",
+        "layout": reported.layout,
+        "quantities": {
+            key: quantity_table(q) for key, q in completed(quantities, len(rotors)).items()
+        },
+        "rotors": rotors,
+    }
+    return airframe_from_table(table, where=name)

@@ -1,0 +1,244 @@
+"""What the owner of an aircraft states: as quantities, what of it is missing, and the questions.
+
+An option that the vehicle has answered already is not asked for.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from math import isfinite, pi, sin
+from typing import TYPE_CHECKING, Any
+
+from thrustmargin.gcs_plugin.commands.options import UsageError
+from thrustmargin.models.errors import DataError
+
+if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.telemetry.reported_airframe import ReportedAirframe
+    from thrustmargin.models.physics.airframe import Quantity
+
+EXAMPLE = (
+    "thrustmargin airframe new --from flight.BIN --mass 18 --arm 0.74 --tank-litres 0 "
+    "--power-set hobbywing-x6-plus --out my-aircraft.toml"
+)
+#: option -> quantity, unit of the file, and what the stated number is multiplied by.
+_NUMBERS = {
+    "mass": ("empty_mass", "kg", 1.0),
+    "arm": ("arm", "m", 1.0),
+    "wheelbase": ("arm", "m", 0.5),
+    "max_thrust_kgf": ("nameplate_max_thrust", "N", 9.80665),
+    "max_speed_rpm": ("max_rotor_speed_rpm", "rpm", 1.0),
+    "tank_litres": ("tank_volume_l", "L", 1.0),
+    "liquid_density": ("liquid_density", "kg/L", 1.0),
+    "pump_litres_min": ("pump_max_flow_l_min", "L/min", 1.0),
+    "cells": ("nominal_voltage", "V", 3.7),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OwnerStatement:
+    """What the owner of an aircraft says of it; None is left open."""
+
+    name: str | None = None
+    """Short name of the aircraft; without it the name of the file."""
+    title: str | None = None
+    """What the aircraft is, in a line."""
+    mass: float | None = None
+    """kg, ready to fly with its battery and without liquid."""
+    arm: float | None = None
+    """m from the centre to a motor."""
+    wheelbase: float | None = None
+    """m from motor to motor across the centre, instead of --arm."""
+    power_set: str | None = None
+    """Motor and propeller by a name of `thrustmargin airframe list`."""
+    propeller: str | None = None
+    """Propeller diameter x pitch in inches, such as 24x8."""
+    max_thrust_kgf: float | None = None
+    """kgf of one rotor at full throttle, by the maker's data sheet."""
+    max_speed_rpm: float | None = None
+    """rpm of the rotor at that thrust, by the maker's data sheet."""
+    tank_litres: float | None = None
+    """L of the full tank; 0 when it carries no liquid."""
+    liquid_density: float | None = None
+    """kg/L; without it water."""
+    pump_litres_min: float | None = None
+    """L/min, largest flow of the pump."""
+    cells: int | None = None
+    """Battery cells in series, when the vehicle does not say."""
+    layout: str | None = None
+    """Layout of the motors, such as hexa-x, when the vehicle does not say or says it wrongly."""
+
+
+def stated(owner: OwnerStatement, reported: ReportedAirframe) -> dict[str, Quantity]:
+    """Quantities of the power set, over them the vehicle's, over them what the owner states.
+
+    Raises UsageError for a number or propeller that cannot be one, or a power set not known.
+    """
+    from thrustmargin.models.physics.airframe import Quantity
+    from thrustmargin.models.physics.airframe_draft import INCH, power_sets
+
+    quantities: dict[str, Quantity] = {}
+    if owner.power_set is not None:
+        if owner.power_set not in power_sets():
+            raise UsageError(
+                f"no power set {owner.power_set!r}; known are {', '.join(power_sets())}; for "
+                "another give --propeller and --max-thrust-kgf"
+            )
+        chosen = power_sets()[owner.power_set]
+        quantities |= {
+            name: replace(q, source=f"{chosen.name}: {q.source}")
+            for name, q in chosen.quantities.items()
+        }
+    quantities |= reported.quantities
+    if owner.propeller is not None:
+        sizes = re.fullmatch(r"\s*([\d.]+)\s*[xX*]\s*([\d.]+)\s*", owner.propeller)
+        if sizes is None:
+            raise UsageError(f"--propeller {owner.propeller!r}; write it in inches, as in 24x8")
+        if "thrust_coefficient" in quantities:
+            del quantities["thrust_coefficient"]  # it is that of the set's own propeller
+        source = f"stated: propeller {owner.propeller} in"
+        for name, text in zip(
+            ("propeller_diameter", "propeller_pitch"), sizes.groups(), strict=True
+        ):
+            quantities[name] = Quantity(round(float(text) * INCH, 5), "m", source)
+    for option, (name, unit, factor) in _NUMBERS.items():
+        value = getattr(owner, option)
+        if value is not None:
+            flag = "--" + option.replace("_", "-")
+            if not isfinite(value) or value < 0 or (value == 0 and option != "tank_litres"):
+                raise UsageError(f"{flag} {value:g} is not a number above 0")
+            quantities[name] = Quantity(round(value * factor, 5), unit, f"stated: {flag} {value:g}")
+    return quantities
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Question:
+    """What only the owner knows: the option that says it, and when the vehicle has not."""
+
+    field: str
+    option: str
+    words: str
+    needed: Callable[[OwnerStatement, ReportedAirframe], bool]
+    default: Callable[[OwnerStatement, ReportedAirframe], Any]
+    read: Callable[[str], Any] = float
+
+
+def _has_power(owner: OwnerStatement) -> bool:
+    return owner.power_set is not None or (
+        owner.propeller is not None and owner.max_thrust_kgf is not None
+    )
+
+
+def _typical_arm(owner: OwnerStatement, reported: ReportedAirframe) -> float:
+    """m at which the tips of neighbouring propellers are a tenth of their diameter apart."""
+    import numpy as np
+
+    from thrustmargin.models.physics.frames import bearings, motor_layouts
+
+    layout = motor_layouts()[str(reported.layout)]
+    arms = len(np.unique(np.round(bearings(layout.place))))
+    return round(
+        1.1 * stated(owner, reported)["propeller_diameter"].value / (2 * sin(pi / arms)), 2
+    )
+
+
+def _hover_mass(owner: OwnerStatement, reported: ReportedAirframe) -> float:
+    """kg by the hover throttle that the autopilot learnt; a third of all thrust without one."""
+    from thrustmargin.models.physics.frames import motor_layouts
+
+    share = reported.hover_throttle if isfinite(reported.hover_throttle) else 1.0 / 3.0
+    rotors = len(reported.rotors or motor_layouts()[str(reported.layout)].spin)
+    top = stated(owner, reported)["nameplate_max_thrust"].value
+    return round(share * rotors * top / 9.80665, 1)
+
+
+_QUESTIONS = (
+    _Question(
+        field="layout",
+        option="--layout quad-x",
+        words="layout of the motors; the vehicle does not say",
+        needed=lambda _, reported: reported.layout is None,
+        default=lambda *_: "quad-x",
+        read=str,
+    ),
+    _Question(
+        field="power_set",
+        option="--power-set NAME, or --propeller 24x8 with --max-thrust-kgf 11.8",
+        words="motor and propeller; `thrustmargin airframe list` shows the sets that are known",
+        needed=lambda owner, _: not _has_power(owner),
+        default=lambda *_: "hobbywing-x6-plus",
+        read=str,
+    ),
+    _Question(
+        field="cells",
+        option="--cells 14",
+        words="battery cells in series; the vehicle does not say",
+        needed=lambda owner, reported: (
+            owner.cells is None and "nominal_voltage" not in reported.quantities
+        ),
+        default=lambda *_: 14,
+        read=int,
+    ),
+    _Question(
+        field="arm",
+        option="--arm 0.74 or --wheelbase 1.48",
+        words="m from the centre to a motor, or from motor to motor across",
+        needed=lambda owner, reported: (
+            owner.arm is None and owner.wheelbase is None and "arm" not in reported.quantities
+        ),
+        default=_typical_arm,
+    ),
+    _Question(
+        field="mass",
+        option="--mass 18",
+        words="kg, ready to fly with its battery and without liquid",
+        needed=lambda owner, _: owner.mass is None,
+        default=_hover_mass,
+    ),
+    _Question(
+        field="tank_litres",
+        option="--tank-litres 16",
+        words="L of the full tank; 0 when it carries no liquid",
+        needed=lambda owner, _: owner.tank_litres is None,
+        default=lambda *_: 0.0,
+    ),
+)
+
+
+def require_all(owner: OwnerStatement, reported: ReportedAirframe) -> None:
+    """Raise UsageError that names every option that is missing."""
+    missing = [q for q in _QUESTIONS if q.needed(owner, reported)]
+    if missing:
+        listed = "".join(f"\n  {q.option}: {q.words}" for q in missing)
+        raise UsageError(f"what the vehicle cannot know is missing:{listed}\nExample: {EXAMPLE}")
+
+
+def asked(owner: OwnerStatement, reported: ReportedAirframe) -> OwnerStatement:
+    """`owner` with an answer to every question that is open; an empty answer takes the default.
+
+    Raises DataError when the answers end before the questions.
+    """
+    for question in _QUESTIONS:
+        if question.needed(owner, reported):
+            owner = _answered(question, owner, reported)
+    return owner
+
+
+def _answered(
+    question: _Question, owner: OwnerStatement, reported: ReportedAirframe
+) -> OwnerStatement:
+    default = question.default(owner, reported)
+    while True:
+        try:
+            answer = input(f"{question.words} [{default}]: ").strip()
+        except EOFError as error:
+            raise DataError(f"no answer; give {question.option}") from error
+        try:
+            value = question.read(answer) if answer else default
+            candidate = replace(owner, **{question.field: value})
+            stated(candidate, reported)
+        except (ValueError, UsageError) as error:
+            print(error)
+            continue
+        return candidate

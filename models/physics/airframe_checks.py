@@ -1,0 +1,201 @@
+"""What an airframe file must hold, and all that is wrong with one, said at once.
+
+A table is what a TOML file becomes: `quantities` of `{ value, unit, source, guessed }` and a list
+of `rotors`. Nothing here reads a file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+from math import inf, isfinite
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from thrustmargin.models.physics.frames import motor_layouts
+
+#: name of the quantity -> unit that its file must state.
+QUANTITIES = MappingProxyType(
+    {
+        "empty_mass": "kg",
+        "tank_volume_l": "L",
+        "liquid_density": "kg/L",
+        "pump_max_flow_l_min": "L/min",
+        "propeller_diameter": "m",
+        "propeller_pitch": "m",
+        "propeller_blades": "1",
+        "thrust_coefficient": "N/rpm^2",
+        "reference_density": "kg/m^3",
+        "max_rotor_speed_rpm": "rpm",
+        "nameplate_max_thrust": "N",
+        "ceiling_voltage": "V",
+        "ceiling_voltage_exponent": "1",
+        "nominal_voltage": "V",
+        "torque_ratio": "m",
+        "motor_poles": "1",
+    }
+)
+#: Quantities from which [[rotors]] are made where a file has none: how far the farthest rotor is
+#: from the centre, and what a lower coaxial rotor makes of the thrust of a free one.
+ROTOR_QUANTITIES = MappingProxyType({"arm": "m", "lower_rotor_effectiveness": "1"})
+#: Quantities for which zero has a meaning: a ceiling that voltage does not move, no tank, no pump.
+MAY_BE_ZERO = frozenset({"ceiling_voltage_exponent", "tank_volume_l", "pump_max_flow_l_min"})
+#: C_T = a 3600/(rho D^4) of propellers: UIUC's and the makers' tables lie between 0.02 and 0.2.
+_COEFFICIENT_RANGE = (0.01, 0.5)
+_GRAVITY = 9.80665  # m/s^2
+_KEYS = ("name", "title", "layout", "tank_source", "extends", "quantities", "rotors")
+_QUANTITY_KEYS = ("value", "unit", "source", "guessed", "note")
+_ROTOR_KEYS = ("name", "position_frd", "spin", "effectiveness")
+
+
+def with_rotors(table: dict[str, Any]) -> dict[str, Any]:
+    """`table` with the [[rotors]] of its layout where it has none but a known layout and an arm."""
+    layout = motor_layouts().get(str(table.get("layout")))
+    arm = _value(table, "arm")
+    if "rotors" in table or layout is None or not 0.0 < arm < inf:
+        return table
+    effectiveness = _value(table, "lower_rotor_effectiveness")
+    if any(layout.lower) and not 0.0 < effectiveness <= 1.0:
+        return table
+    return {**table, "rotors": layout.rotors(arm, effectiveness)}
+
+
+def table_problems(table: dict[str, Any]) -> list[str]:
+    """All that is wrong with a complete table, each with what to write instead; [] when nothing."""
+    problems = _unknown(table, _KEYS, "key")
+    problems += [f"{key} must be text" for key in ("title", "layout") if not _is_text(table, key)]
+    given = table.get("quantities", {})
+    for name, unit in (QUANTITIES | ROTOR_QUANTITIES).items():
+        if name in given or name in QUANTITIES:
+            problems += _quantity_problems(name, unit, given.get(name))
+    problems += _unknown(given, (*QUANTITIES, *ROTOR_QUANTITIES), "quantity")
+    rotors = _rotors_problems(table)
+    return [*problems, *rotors] or _impossible(table)
+
+
+def _quantity_problems(name: str, unit: str, entry: Any) -> list[str]:
+    if not isinstance(entry, dict) or not {"value", "unit", "source"} <= entry.keys():
+        return [f"{name} needs value, unit ({unit}) and source"]
+    problems = _unknown(entry, _QUANTITY_KEYS, f"key of {name}")
+    value = entry["value"]
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if entry["unit"] != unit:
+        problems.append(f"{name} is in {entry['unit']!r}; give it in {unit!r}")
+    elif not is_number or not (0 < value < inf or (value == 0 and name in MAY_BE_ZERO)):
+        problems.append(f"{name} is {value!r}; it must be a number above 0")
+    if not isinstance(entry.get("guessed", False), bool):
+        problems.append(f"{name}: guessed is {entry['guessed']!r}; write true or false")
+    return problems
+
+
+def _rotors_problems(table: dict[str, Any]) -> list[str]:
+    name = table.get("layout")
+    layout = motor_layouts().get(str(name))
+    if "rotors" not in table:
+        if layout is None:
+            near = _suggestion(str(name), motor_layouts())
+            return [f"layout {name!r} is none of the known ones{near}; give its [[rotors]]"]
+        lower = ", lower_rotor_effectiveness" if any(layout.lower) else ""
+        return [
+            f"layout {name} without rotors: give its {layout.rotor_count} [[rotors]], or in "
+            f"[quantities] arm{lower}, from which they are made"
+        ]
+    rotors = table["rotors"]
+    if len(rotors) < 3:
+        return [f"{len(rotors)} [[rotors]]; a multirotor has at least 3"]
+    problems = [p for n, rotor in enumerate(rotors, 1) for p in _rotor_problems(n, rotor)]
+    if problems:
+        return problems
+    positions = np.array([rotor["position_frd"] for rotor in rotors], dtype=np.float64)
+    arm = float(np.max(np.hypot(*positions[:, :2].T)))
+    if arm == 0.0:
+        return ["all rotors are at the centre; give position_frd in m"]
+    if layout is not None and (words := layout.mismatch(positions)):
+        problems.append(
+            f"layout and [[rotors]] disagree: {words}; correct one of them (a layout of your own "
+            "may have any other name, such as 'custom')"
+        )
+    stated = _value(table, "arm")
+    if isfinite(stated) and abs(stated - arm) > 0.01 * arm:
+        problems.append(
+            f"arm is {stated:g} m, but the farthest of the [[rotors]] is {arm:.4g} m from the "
+            "centre; correct one of them, or leave the [[rotors]] out and they are made from arm"
+        )
+    return problems
+
+
+def _rotor_problems(number: int, rotor: Any) -> list[str]:
+    where = f"rotor {number}"
+    if not isinstance(rotor, dict):
+        return [f"{where} must be a table with name, position_frd and spin"]
+    problems = _unknown(rotor, _ROTOR_KEYS, f"key of {where}")
+    if not isinstance(rotor.get("name"), str):
+        problems.append(f"{where} needs a name, such as 'front right'")
+    position = rotor.get("position_frd")
+    if (
+        not isinstance(position, list | tuple)
+        or len(position) != 3
+        or not all(map(_real, position))
+    ):
+        problems.append(f"{where}: position_frd must be three numbers in m")
+    elif max(map(abs, position)) > 50.0:
+        problems.append(f"{where}: position_frd {position} is not in m")
+    if rotor.get("spin") not in ("ccw", "cw"):
+        problems.append(f"{where}: spin is {rotor.get('spin')!r}; write 'ccw' or 'cw'")
+    effectiveness = rotor.get("effectiveness", 1.0)
+    if not _real(effectiveness) or not 0.0 < effectiveness <= 1.0:
+        problems.append(f"{where}: effectiveness of a rotor must be above 0 and at most 1")
+    return problems
+
+
+def _impossible(table: dict[str, Any]) -> list[str]:
+    """Values that are right each alone and impossible together: mostly a wrong unit."""
+    problems = []
+    slope, top = _value(table, "thrust_coefficient"), _value(table, "max_rotor_speed_rpm")
+    density, diameter = _value(table, "reference_density"), _value(table, "propeller_diameter")
+    coefficient = slope * 3600.0 / (density * diameter**4)
+    low, high = _COEFFICIENT_RANGE
+    if not low <= coefficient <= high:
+        problems.append(
+            f"thrust_coefficient {slope:g} N/rpm^2 and propeller_diameter {diameter:g} m make a "
+            f"C_T of {coefficient:.3g}; a propeller has {low:g} to {high:g}: check both units"
+        )
+    share = sum(rotor.get("effectiveness", 1.0) for rotor in table["rotors"])
+    lift, weight = share * slope * top**2, _value(table, "empty_mass") * _GRAVITY
+    if lift <= weight:
+        problems.append(
+            f"all rotors at max_rotor_speed_rpm make {lift:.4g} N, which does not lift the empty "
+            f"weight of {weight:.4g} N: check empty_mass, thrust_coefficient, max_rotor_speed_rpm"
+        )
+    return problems
+
+
+def _unknown(given: dict[str, Any], known: Iterable[str], kind: str) -> list[str]:
+    known = tuple(known)
+    return [
+        f"unknown {kind} {key!r}{_suggestion(key, known) or '; check its spelling'}"
+        for key in sorted(map(str, given))
+        if key not in known
+    ]
+
+
+def _suggestion(word: str, known: Iterable[str]) -> str:
+    near = get_close_matches(word, list(known), n=1)
+    return f"; did you mean {near[0]}?" if near else ""
+
+
+def _is_text(table: dict[str, Any], key: str) -> bool:
+    return isinstance(table.get(key), str)
+
+
+def _real(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+
+
+def _value(table: dict[str, Any], name: str) -> float:
+    """A quantity's number; NaN where there is none."""
+    entry = table.get("quantities", {}).get(name)
+    value = entry.get("value") if isinstance(entry, dict) else None
+    return float(value) if isinstance(value, int | float) else float("nan")

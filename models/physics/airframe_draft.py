@@ -1,0 +1,138 @@
+"""The quantities of an airframe that nobody stated, from those that somebody did.
+
+    k      = C_T rho D^4/3600            thrust coefficient [N/rpm^2] (Eq. 1 of the paper)
+    N_max  = sqrt(T_max/k)               largest rotor speed [rpm]
+    v_i    = sqrt(T/(2 rho A)),  q = v_i/(FM w)     rotor torque over thrust [m] in hover
+
+T thrust of one rotor [N], D propeller diameter [m], A its disc [m^2], w = 2 pi N/60 [rad/s], FM the
+figure of merit. What is filled in like this is marked as guessed.
+"""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from math import pi, sqrt
+from types import MappingProxyType
+from typing import Any
+
+from thrustmargin.models.physics.airframe import Airframe, Quantity, airframe_table
+from thrustmargin.models.physics.airframe_checks import QUANTITIES, ROTOR_QUANTITIES
+
+GRAVITY = 9.80665  # m/s^2
+INCH = 0.0254  # m
+#: C_T of two-blade propellers: median of the makers' tables of 19 of them, 18 to 40 in, whose
+#: standard deviation is 0.007 (T-Motor and KDE Direct; pitch 0.30 to 0.35 of the diameter).
+TYPICAL_C_T = 0.070
+_STANDARD_DENSITY = 1.225  # kg/m^3
+_FIGURE_OF_MERIT = 0.7
+#: L/min of pump for each litre of tank: the F16's 0.28, the T20's and T40's 0.30.
+_PUMP_PER_LITRE = 0.29
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PowerSet:
+    """Motor, ESC and propeller as its maker describes them."""
+
+    name: str
+    title: str
+    quantities: Mapping[str, Quantity]
+
+
+@cache
+def power_sets() -> MappingProxyType[str, PowerSet]:
+    """The power sets that ship with the package, by name."""
+    text = (resources.files("thrustmargin.models.shipped") / "power_sets.toml").read_text("utf-8")
+    return MappingProxyType(
+        {
+            name: PowerSet(
+                name=name,
+                title=table["title"],
+                quantities={key: Quantity(**q) for key, q in table["quantities"].items()},
+            )
+            for name, table in tomllib.loads(text).items()
+        }
+    )
+
+
+def guess(name: str, value: float, source: str) -> Quantity:
+    """A quantity that nobody stated."""
+    return Quantity(value, (QUANTITIES | ROTOR_QUANTITIES)[name], f"guessed: {source}", True)
+
+
+def completed(given: Mapping[str, Quantity], rotors: int) -> dict[str, Quantity]:
+    """All quantities of an airframe of so many `rotors`, in the order of its file.
+
+    `given` must hold empty_mass, tank_volume_l, propeller_diameter, propeller_pitch,
+    nominal_voltage, and nameplate_max_thrust or thrust_coefficient with max_rotor_speed_rpm.
+    Raises KeyError when it does not.
+    """
+    q = dict(given)
+
+    def fill(name: str, value: float, source: str) -> None:
+        if name not in q:
+            q[name] = guess(name, value, source)
+
+    mass, diameter = q["empty_mass"].value, q["propeller_diameter"].value
+    litres = q["tank_volume_l"].value
+    if "liquid_density" not in q:
+        q["liquid_density"] = Quantity(1.0, "kg/L", "water; change it for another liquid")
+    if litres == 0.0 and "pump_max_flow_l_min" not in q:
+        q["pump_max_flow_l_min"] = Quantity(0.0, "L/min", "it has no tank")
+    fill("pump_max_flow_l_min", _PUMP_PER_LITRE * litres, "0.29 L/min for each litre of tank")
+    fill("propeller_blades", 2.0, "two blades")
+    fill("reference_density", _STANDARD_DENSITY, "standard air at sea level")
+    density = q["reference_density"].value
+    fill(
+        "thrust_coefficient",
+        float(f"{TYPICAL_C_T * density * diameter**4 / 3600.0:.4g}"),
+        f"C_T = {TYPICAL_C_T} (0.057 to 0.078 in makers' tables) at this diameter, by Eq. 1",
+    )
+    slope = q["thrust_coefficient"]
+    if "nameplate_max_thrust" not in q:
+        top = slope.value * q["max_rotor_speed_rpm"].value ** 2
+        fill("nameplate_max_thrust", round(top, 2), "thrust curve at max_rotor_speed_rpm")
+    fill(
+        "max_rotor_speed_rpm",
+        round(sqrt(q["nameplate_max_thrust"].value / slope.value), 0),
+        "where the thrust curve reaches nameplate_max_thrust",
+    )
+    fill("ceiling_voltage", q["nominal_voltage"].value, "nominal_voltage")
+    fill("ceiling_voltage_exponent", 1.0, "at full duty the speed of a motor goes with its voltage")
+    full = (mass + litres * q["liquid_density"].value) * GRAVITY / rotors
+    induced = sqrt(full / (2.0 * density * pi * diameter**2 / 4.0))
+    turning = sqrt(full / slope.value) * 2.0 * pi / 60.0
+    fill(
+        "torque_ratio",
+        float(f"{induced / (_FIGURE_OF_MERIT * turning):.3g}"),
+        f"momentum theory in hover with a full tank, figure of merit {_FIGURE_OF_MERIT}",
+    )
+    fill("motor_poles", 28.0, "usual for motors of this class")
+    return {name: q[name] for name in (*QUANTITIES, *ROTOR_QUANTITIES) if name in q}
+
+
+def airframe_toml(airframe: Airframe, heading: str = "") -> str:
+    """The airframe as the text of its file; each line of `heading` becomes a comment at the top."""
+    table = airframe_table(airframe)
+    lines = [f"# {line}".rstrip() for line in heading.splitlines()]
+    lines += [f"{key} = {_toml(table[key])}" for key in ("name", "title", "layout", "tank_source")]
+    lines += ["", "[quantities]"]
+    lines += [f"{name} = {_toml(quantity)}" for name, quantity in table["quantities"].items()]
+    for rotor in table["rotors"]:
+        lines += ["", "[[rotors]]", *(f"{key} = {_toml(value)}" for key, value in rotor.items())]
+    return "\n".join(lines) + "\n"
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {_toml(v)}" for key, v in value.items()) + " }"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    if isinstance(value, str):
+        # A JSON string is a TOML string but for the one control character that JSON leaves.
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return json.dumps(value)

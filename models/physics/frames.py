@@ -1,0 +1,150 @@
+"""Motor layouts by name: where each motor stands, which way it turns, in the autopilot's order.
+
+Bearings are in degrees from the nose, clockwise positive seen from above; positions are `_frd` in m
+from the centre; spin is +1 counter-clockwise seen from above, -1 clockwise.
+Source: `models/shipped/layouts.toml`, facts of ArduPilot's AP_MotorsMatrix.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections import Counter
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from thrustmargin.models.flight import Floats
+
+#: Half the height between the rotors of a coaxial pair, as a share of the arm: assumed.
+_PAIR_HEIGHT = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MotorLayout:
+    """One arrangement of motors; R motors, motor 1 first."""
+
+    name: str
+    place: Floats  # (R, 2) forward and right, the farthest at 1
+    spin: Floats  # (R,) +1 CCW, -1 CW
+    lower: tuple[bool, ...]  # the lower rotor of a coaxial pair
+    ardupilot: tuple[tuple[int, int], ...]  # FRAME_CLASS and FRAME_TYPE; type -1: all others
+
+    @property
+    def rotor_count(self) -> int:
+        return self.spin.size
+
+    def rotors(self, arm: float, lower_effectiveness: float = 1.0) -> list[dict[str, Any]]:
+        """The [[rotors]] of an airframe file: `arm` is the farthest rotor's distance in m."""
+        coaxial = any(self.lower)
+        names = rotor_names(self.place, self.lower)
+        height = _PAIR_HEIGHT * arm if coaxial else 0.0
+        table = []
+        for name, place, spin, lower in zip(names, self.place, self.spin, self.lower, strict=True):
+            rotor = {
+                "name": name,
+                "position_frd": [*(round(float(p) * arm, 5) for p in place), 0.0],
+                "spin": "ccw" if spin > 0 else "cw",
+            }
+            paired = np.sum(np.all(np.isclose(self.place, place), axis=1)) > 1
+            if paired:
+                rotor["position_frd"][2] = round(height if lower else -height, 5)
+            if lower:
+                rotor["effectiveness"] = lower_effectiveness
+            table.append(rotor)
+        return table
+
+    def mismatch(self, position_frd: Floats) -> str:
+        """How rotors at `position_frd` (R, 3) differ from this layout in words; empty: they agree.
+
+        Only number and shape count: the order and the spin are the file's own.
+        """
+        if len(position_frd) != self.rotor_count:
+            return f"{self.name} has {self.rotor_count} rotors, not {len(position_frd)}"
+        found, own = (np.sort(bearings(p)) for p in (position_frd[:, :2], self.place))
+        # Half of the smallest angle between two arms: less is still the nearer arm.
+        steps = np.diff(np.unique(np.round(np.append(own, own[0] + 360.0), 3)))
+        worst = min(
+            np.max(np.abs((np.roll(found, k) - own + 180.0) % 360.0 - 180.0)) for k in range(-2, 3)
+        )
+        if worst >= 0.5 * np.min(steps):
+            listed = ", ".join(f"{b:.0f}" for b in sorted(bearings(self.place)))
+            return f"{self.name} has arms at {listed} deg from the nose, clockwise"
+        return ""
+
+
+def bearings(place: Floats) -> Floats:
+    """Bearing in degrees, -180 to 180, of `place` (R, 2): forward and right."""
+    angle = np.degrees(np.arctan2(place[:, 1], place[:, 0]))
+    return np.where(angle <= -180.0 + 1e-9, 180.0, angle)
+
+
+def rotor_names(place: Floats, lower: tuple[bool, ...]) -> list[str]:
+    """A name for each rotor by where it stands: "front right", "left, lower", "front left 22.5"."""
+    plain = [_sector(float(b)) for b in bearings(place)]
+    if any(lower):
+        plain = [
+            f"{name}, {'lower' if low else 'upper'}" for name, low in zip(plain, lower, strict=True)
+        ]
+    often = Counter(plain)
+    return [
+        f"{name} {abs(bearing):g}" if often[name] > 1 else name
+        for name, bearing in zip(plain, np.round(bearings(place), 1), strict=True)
+    ]
+
+
+def _sector(bearing: float) -> str:
+    along = "front" if abs(bearing) < 75.0 else "rear" if abs(bearing) > 105.0 else ""
+    across = "" if not 15.0 <= abs(bearing) <= 165.0 else "right" if bearing > 0.0 else "left"
+    return " ".join(word for word in (along, across) if word)
+
+
+@cache
+def motor_layouts() -> MappingProxyType[str, MotorLayout]:
+    """Every layout known, by name."""
+    text = (resources.files("thrustmargin.models.shipped") / "layouts.toml").read_text("utf-8")
+    return MappingProxyType({name: _layout(name, t) for name, t in tomllib.loads(text).items()})
+
+
+def _layout(name: str, table: dict[str, Any]) -> MotorLayout:
+    place, spin, lower = [], [], []
+    for motor in table["motors"]:
+        where, turns, *below = motor.split()
+        if "," in where:
+            place.append([float(v) for v in where.split(",")])
+        else:
+            angle = np.radians(float(where))
+            place.append([np.cos(angle), np.sin(angle)])
+        spin.append({"ccw": 1.0, "cw": -1.0}[turns])
+        lower.append(below == ["lower"])
+    places = np.array(place)
+    return MotorLayout(
+        name=name,
+        place=places / np.max(np.hypot(*places.T)),
+        spin=np.array(spin),
+        lower=tuple(lower),
+        ardupilot=tuple((int(c), int(t)) for c, t in table["ardupilot"]),
+    )
+
+
+def ardupilot_layout(frame_class: int, frame_type: int) -> MotorLayout | None:
+    """The layout of ArduPilot's FRAME_CLASS and FRAME_TYPE; None where none is known."""
+    for wanted in (frame_type, -1):
+        for layout in motor_layouts().values():
+            if (frame_class, wanted) in layout.ardupilot:
+                return layout
+    return None
+
+
+def layout_of_rotors(position_frd: Floats, spin: Floats) -> MotorLayout | None:
+    """The layout that rotors at `position_frd` (R, 3) with `spin` (R,) are, in its motor order."""
+    for layout in motor_layouts().values():
+        if layout.rotor_count != len(position_frd) or np.any(layout.spin != spin):
+            continue
+        turned = bearings(position_frd[:, :2]) - bearings(layout.place)
+        if np.max(np.abs((turned + 180.0) % 360.0 - 180.0)) < 15.0:
+            return layout
+    return None
