@@ -11,8 +11,8 @@ LEAST_DENSITY_ERROR = 0.01  # of the model's density: 3 K, or 100 m of height
 
 
 def _warmer(p, x: Channels):
-    """Density over that of the standard temperature."""
-    return x.isa_temperature / (x.isa_temperature + p["temperature_offset"])
+    """Density over that at the temperature which the flight says or leaves to be assumed."""
+    return x.air_temperature / (x.air_temperature + p["temperature_offset"])
 
 
 def _kappa(p, x: Channels, xp):
@@ -36,10 +36,10 @@ AIR_DENSITY = Effect(
         ),
         replace(TORQUE_SHARE, start=1.0, lower=0.0),
     ),
-    needs=("reported_density", "isa_temperature"),
+    needs=("reported_density", "air_temperature"),
     neutral={"reported_density": lambda p, x: x.reference_density / _warmer(p, x)},
     shape_channels=("density",),
-    source="thrust goes with air density; the offset is that of the air to the standard atmosphere",
+    source="thrust goes with air density; the offset is of the air to what the log has",
     distinguished_by="read a shaded thermometer and a barometer; or fly the same load on a colder "
     "day",
     apply=_kappa,

@@ -15,7 +15,7 @@ import numpy as np
 from thrustmargin.models.effects.base import Effect, FlightState, Look
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
-from thrustmargin.models.physics.atmosphere import G0, isa_temperature, track_density
+from thrustmargin.models.physics.atmosphere import G0, track_air
 from thrustmargin.models.physics.attitude import down_axis
 from thrustmargin.models.physics.forward_flight import (
     ForwardFlight,
@@ -49,7 +49,7 @@ class Channels:
     velocity_east: Any
     density: Any  # reported or assumed
     reported_density: Any  # NaN where neither pressure nor altitude is reported
-    isa_temperature: Any
+    air_temperature: Any  # K, as the density has it
     hover_induced_velocity: Any
     advance_ratio: Any  # of the axial inflow, w 60 / (N D), positive in climb
     climb_ratio: Any  # what of it is climb: the rest is airspeed through tilted rotors
@@ -170,7 +170,8 @@ def channels_of(
     from the state `start` of the first row.
     """
     time_s, velocity = track.time_s, track.velocity_ned
-    density, _ = track_density(track)
+    air = track_air(track)
+    density = air.density
     known = track.reports("pressure") or track.reports("altitude")
     mass = airframe.empty_mass + track.tank_kg
     quick = _froude_time_scale(airframe)
@@ -185,7 +186,6 @@ def channels_of(
     manoeuvre = felt + moving_mean(time_s, kinematic - felt, SLOW_SPAN * quick)
     turn = derivative(time_s, track.angular_rate_frd, RATE_SPAN * quick)
     hover_rpm = np.sqrt(mass * G0 / airframe.rotor_count / airframe.thrust_coefficient)
-    altitude = np.where(np.isfinite(track.altitude), track.altitude, 0.0)
     height = np.maximum(track.height_agl, 0.1)
     axial = _along_axis(track)
 
@@ -203,7 +203,7 @@ def channels_of(
         velocity_east=velocity[:, 1],
         density=density,
         reported_density=density if known else np.full_like(density, np.nan),
-        isa_temperature=isa_temperature(altitude),
+        air_temperature=air.temperature,
         hover_induced_velocity=hover_induced_velocity(mass, density, airframe),
         advance_ratio=axial.sum(axis=1) * 60 / (hover_rpm * airframe.propeller_diameter),
         climb_ratio=axial[:, 2] * 60 / (hover_rpm * airframe.propeller_diameter),

@@ -19,7 +19,7 @@ from thrustmargin.models.model.predict import Prediction as Prediction
 from thrustmargin.models.model.predict import predict
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.airframe import Airframe
-from thrustmargin.models.physics.atmosphere import track_density
+from thrustmargin.models.physics.atmosphere import track_air
 from thrustmargin.models.physics.margin import (
     ceiling,
     redundancy,
@@ -37,6 +37,7 @@ class FlightAnalysis:
     track: FlightTrack
     model: RotorModel
     density: Floats  # (T,) kg/m³
+    density_error: Floats  # (T,) kg/m³, standard error
     density_basis: str
     voltage_basis: str
     prediction: Prediction
@@ -145,9 +146,11 @@ def analyse(
     airframe = flown_airframe(model)
     require_rotors(track, airframe)
     if density is None:
-        rho, density_basis = track_density(track, temperature_offset(model))
+        air = track_air(track, temperature_offset(model))
+        rho, density_error, density_basis = air.density, air.density_error, air.basis
     else:
         rho, density_basis = np.asarray(density, dtype=np.float64), "given with the flight"
+        density_error = np.zeros_like(rho)
     limits = ceiling(airframe, rho, track.voltage)
     prediction = predict(model, track, rho, start=start)
     load = weight(airframe, track.tank_kg)
@@ -156,6 +159,7 @@ def analyse(
         track=track,
         model=model,
         density=rho,
+        density_error=density_error,
         density_basis=density_basis,
         voltage_basis=limits.voltage_basis,
         prediction=prediction,

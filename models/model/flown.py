@@ -75,7 +75,7 @@ def flown_airframe(model: RotorModel) -> Airframe:
 
 
 def temperature_offset(model: RotorModel) -> float:
-    """K by which the model knows the air to differ from the standard atmosphere."""
+    """K by which the model knows the air to be warmer than a flight has it (`track_air`)."""
     known = ((item.effect.temperature_offset, item.values) for item in model.placed)
     return sum(offset(values) for offset, values in known if offset is not None)
 

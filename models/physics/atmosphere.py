@@ -9,6 +9,8 @@ Air is taken as dry: at 30 degC and 80 % humidity the true density is 1.5 % lowe
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -24,6 +26,16 @@ _EXPONENT = G0 / (GAS_CONSTANT * LAPSE_RATE)
 
 #: Pa. A static pressure outside these (about 9200 m, and 700 m below the sea) is a sensor fault.
 PLAUSIBLE_PRESSURE = (30_000.0, 110_000.0)
+
+#: K: the autopilot's sensor sits on a warm board. Median and scatter over five flights of a
+#: Pixhawk 6X (11 to 23 K); ArduPilot's own simulator has 20 K too.
+BOARD_WARMER, BOARD_ERROR = 20.0, 6.0
+#: K: weather about the standard atmosphere, from a cold morning to a hot noon of the season
+STANDARD_ERROR = 10.0
+FARTHEST_FROM_STANDARD = 40.0  # K beyond which a reading is a fault
+#: Standard errors as shares of density: a static sensor with dry air assumed; the day's weather too
+SENSOR_ERROR, WEATHER_ERROR = 0.005, 0.012
+ASSUMED_ERROR = 0.1  # kg/m³ of air of which nothing is known: sea level to 2 km
 
 
 def isa_temperature(altitude: ArrayLike, temperature_offset: float = 0.0) -> Floats:
@@ -52,15 +64,31 @@ def isa_density(altitude: ArrayLike, temperature_offset: float = 0.0) -> Floats:
     return air_density(isa_pressure(altitude), isa_temperature(altitude, temperature_offset))
 
 
-def track_density(track: FlightTrack, temperature_offset: float = 0.0) -> tuple[Floats, str]:
-    """Density (T,) kg/m³ of a flight's air, and in words what it was made from.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Air:
+    """The air of T rows of a flight, and in words what it was found from."""
 
-    Row by row the first that is there: static pressure, with the standard temperature of its
-    altitude; altitude AMSL in the standard atmosphere; the flight's own median (a field differs
-    by some tens of metres, 1 % of density is 100 m). A flight with neither pressure nor altitude
-    gets 1.225 kg/m³, called assumed. The autopilot's own temperature is not used: its sensor sits
-    on a warm board and makes the density 6 to 12 % too low. 10 K between the true and the standard
-    temperature is 3.5 % of density; `temperature_offset` in K puts a known difference in.
+    density: Floats  # (T,) kg/m³
+    density_error: Floats  # (T,) kg/m³, standard error
+    temperature: Floats  # (T,) K, outside, as the density has it
+    basis: str
+
+
+def track_density(track: FlightTrack, temperature_offset: float = 0.0) -> tuple[Floats, str]:
+    """Density (T,) kg/m³ of a flight's air, and in words what it was made from: `track_air`."""
+    air = track_air(track, temperature_offset)
+    return air.density, air.basis
+
+
+def track_air(track: FlightTrack, temperature_offset: float = 0.0) -> Air:
+    """The air of a flight: pressure and outside temperature, row by row the best that is there.
+
+    Pressure: static; by altitude AMSL in the standard atmosphere; the flight's median density (a
+    field differs by some tens of metres, 1 % of density is 100 m). With neither in the whole
+    flight, density is 1.225 kg/m³, called assumed.
+    Temperature: outside, where the track has it with a standard error; the autopilot's own reading
+    less BOARD_WARMER; the standard atmosphere. 10 K are 3.5 % of density. `temperature_offset` in K
+    is what the air is known to be warmer than that.
     """
     low, high = PLAUSIBLE_PRESSURE
     reported = np.isfinite(track.pressure)
@@ -69,28 +97,30 @@ def track_density(track: FlightTrack, temperature_offset: float = 0.0) -> tuple[
     altitude = np.where(np.isfinite(track.altitude), track.altitude, np.nan)
     pressure = np.where(by_pressure, track.pressure, np.nan)
     level = np.where(np.isfinite(altitude), altitude, pressure_altitude(pressure))
-    density = np.where(
-        by_pressure,
-        air_density(pressure, isa_temperature(level, temperature_offset)),
-        isa_density(altitude, temperature_offset),
-    )
-
-    isa = "standard atmosphere" + (
-        f" {temperature_offset:+g} K" if temperature_offset else " (outside temperature not known)"
-    )
+    temperature, error, source = _outside(track, np.nan_to_num(level))
+    temperature = temperature + temperature_offset
+    density = air_density(np.where(by_pressure, pressure, isa_pressure(altitude)), temperature)
     known = np.isfinite(density)
     if not np.any(known):
         basis = (
             f"assumed {SEA_LEVEL_DENSITY} kg/m³ (sea level, 15 °C): "
             "neither pressure nor altitude was reported"
         )
-        return np.full(track.time_s.size, SEA_LEVEL_DENSITY), basis
+        rows = np.ones(track.time_s.size)
+        return Air(
+            density=SEA_LEVEL_DENSITY * rows,
+            density_error=ASSUMED_ERROR * rows,
+            temperature=temperature,
+            basis=basis,
+        )
+    if temperature_offset:
+        source += f" {temperature_offset:+g} K"
     parts = []
     if np.any(by_pressure):
-        parts.append(f"static pressure and the temperature of the {isa}")
+        parts.append(f"static pressure and the temperature of {source}")
     if np.any(by_altitude):
-        where = f" in {_rows(by_altitude)}" if parts else ""
-        parts.append(f"altitude in the {isa}{where}")
+        where = f" in {_rows(by_altitude)}" if parts else f" at the temperature of {source}"
+        parts.append(f"altitude in the standard atmosphere{where}")
     if not np.all(known):
         parts.append(f"the flight's median in {_rows(~known)} that reported neither")
     faulty = reported & ~by_pressure
@@ -98,7 +128,37 @@ def track_density(track: FlightTrack, temperature_offset: float = 0.0) -> tuple[
         parts.append(
             f"pressure outside {low / 100:.0f}..{high / 100:.0f} hPa ignored in {_rows(faulty)}"
         )
-    return np.where(known, density, np.nanmedian(density)), "; ".join(parts)
+    density = np.where(known, density, np.nanmedian(density))
+    pressure_error = np.where(by_pressure, SENSOR_ERROR, WEATHER_ERROR)
+    return Air(
+        density=density,
+        density_error=density * np.hypot(error / temperature, pressure_error),
+        temperature=temperature,
+        basis="; ".join(parts),
+    )
+
+
+def _outside(track: FlightTrack, level: Floats) -> tuple[Floats, Floats, str]:
+    """Outside temperature (T,) K at `level` m AMSL, its standard error, and where it is from."""
+    standard = isa_temperature(level)
+    if "temperature" in track.standard_errors:
+        found, error = track.temperature, track.standard_errors["temperature"]
+        source = f"the air as {track.sources.get('temperature', 'given')}"
+    else:
+        found, error = track.temperature - BOARD_WARMER, np.full(level.size, BOARD_ERROR)
+        source = (
+            f"the autopilot's board less {BOARD_WARMER:g} K (± {BOARD_ERROR:g} K, for outside "
+            "temperature is not known)"
+        )
+    warmer = found - standard
+    with np.errstate(invalid="ignore"):
+        warmer = np.where(np.abs(warmer) <= FARTHEST_FROM_STANDARD, warmer, np.nan)
+    if not np.any(np.isfinite(warmer)):
+        words = f"the standard atmosphere (± {STANDARD_ERROR:g} K: outside temperature not known)"
+        return standard, np.full(level.size, STANDARD_ERROR), words
+    # A row without a reading takes the flight's median: the air changes less than a jump would.
+    warmer = np.where(np.isfinite(warmer), warmer, np.nanmedian(warmer))
+    return standard + warmer, error, source
 
 
 def _floats(values: ArrayLike) -> Floats:

@@ -13,6 +13,7 @@ from thrustmargin.models.physics.atmosphere import (
     isa_pressure,
     isa_temperature,
     pressure_altitude,
+    track_air,
     track_density,
 )
 
@@ -64,7 +65,7 @@ def test_pressure_comes_before_altitude_and_uses_the_temperature_of_that_altitud
     np.testing.assert_allclose(density, air_density(95_000.0, isa_temperature(300.0)))
     assert basis == (
         "static pressure and the temperature of the standard atmosphere "
-        "(outside temperature not known)"
+        "(± 10 K: outside temperature not known)"
     )
 
 
@@ -73,23 +74,50 @@ def test_pressure_alone_gives_its_own_altitude():
     np.testing.assert_allclose(density, isa_density(1200.0))
 
 
-def test_the_warm_board_sensor_changes_nothing():
-    pressure = np.full(5, 95_000.0)
-    cold, _ = track_density(flight(pressure=pressure, temperature=np.full(5, 280.0)))
-    warm, _ = track_density(flight(pressure=pressure, temperature=np.full(5, 320.0)))
-    np.testing.assert_array_equal(cold, warm)
+def test_the_warm_board_is_20_k_above_the_air_give_or_take_6():
+    air = track_air(flight(pressure=np.full(5, 95_000.0), temperature=np.full(5, 313.15)))
+    density = 95_000.0 / (287.05287 * 293.15)  # p / (R T)
+    np.testing.assert_allclose(air.density, density)
+    np.testing.assert_allclose(air.temperature, 293.15)
+    np.testing.assert_allclose(air.density_error, density * np.hypot(6.0 / 293.15, 0.005))
+    assert "the autopilot's board less 20 K (± 6 K" in air.basis
+
+
+def test_a_stated_temperature_is_that_of_the_air_itself():
+    stated = flight(
+        altitude=np.zeros(5),
+        temperature=np.full(5, 303.15),
+        sources={"temperature": "stated: 30 °C outside"},
+        standard_errors={"temperature": np.full(5, 2.0)},
+    )
+    air = track_air(stated)
+    np.testing.assert_allclose(air.density, air_density(101_325.0, 303.15))
+    np.testing.assert_allclose(air.density_error / air.density, np.hypot(2.0 / 303.15, 0.012))
+    assert air.basis.endswith("at the temperature of the air as stated: 30 °C outside")
+
+
+def test_a_board_that_cannot_be_is_not_believed_and_a_gap_takes_the_flights_median():
+    level = {"altitude": np.zeros(5)}
+    hot = track_air(flight(temperature=np.full(5, 400.0), **level))
+    np.testing.assert_allclose(hot.temperature, 288.15)
+    assert "the standard atmosphere (± 10 K" in hot.basis
+    readings = np.array([310.15, np.nan, 312.15, np.nan, 311.15])
+    some = track_air(flight(temperature=readings, **level)).temperature
+    np.testing.assert_allclose(some, [290.15, 291.15, 292.15, 291.15, 291.15])
 
 
 def test_altitude_stands_in_for_pressure_and_says_so():
     density, basis = track_density(flight(altitude=np.full(5, 1500.0)))
     np.testing.assert_allclose(density, isa_density(1500.0))
-    assert basis.startswith("altitude in the standard atmosphere")
+    assert basis.startswith(
+        "altitude in the standard atmosphere at the temperature of the standard"
+    )
 
 
 def test_an_outside_temperature_offset_reaches_density_and_basis():
     density, basis = track_density(flight(altitude=np.zeros(5)), temperature_offset=15.0)
     np.testing.assert_allclose(density, air_density(101_325.0, 303.15))
-    assert "standard atmosphere +15 K" in basis
+    assert basis.endswith("not known) +15 K")
 
 
 def test_rows_without_either_take_the_flights_median_and_are_counted():
@@ -103,7 +131,7 @@ def test_impossible_pressure_is_ignored_and_counted():
     pressure = np.array([0.0, 95_000.0, 95_000.0, 950.0, 9_500_000.0])
     density, basis = track_density(flight(pressure=pressure, altitude=np.full(5, 400.0)))
     np.testing.assert_allclose(density[[0, 3, 4]], isa_density(400.0))
-    assert "altitude in the standard atmosphere (outside temperature not known) in 3 rows" in basis
+    assert "altitude in the standard atmosphere in 3 rows" in basis
     assert "pressure outside 300..1100 hPa ignored in 3 rows" in basis
 
 
@@ -133,13 +161,14 @@ def test_known_rows_keep_their_own_density_beside_the_median():
 def test_an_offset_of_temperature_acts_on_rows_with_pressure_too():
     density, basis = track_density(flight(pressure=np.full(5, 101_325.0)), temperature_offset=-15.0)
     np.testing.assert_allclose(density, 101_325.0 / (287.05287 * 273.15), rtol=1e-9)
-    assert basis.endswith("standard atmosphere -15 K")
+    assert basis.endswith("not known) -15 K")
 
 
 def test_nothing_known_is_sea_level_air_called_assumed():
     density, basis = track_density(flight())
     np.testing.assert_array_equal(density, SEA_LEVEL_DENSITY)
     assert basis.startswith("assumed 1.225 kg/m³")
+    np.testing.assert_array_equal(track_air(flight()).density_error, 0.1)
 
 
 def test_a_flight_of_no_rows_has_no_density():
