@@ -13,6 +13,7 @@ from thrustmargin.gcs_plugin.mavlink.rules import Columns, Rule, Signal, in_si, 
 from thrustmargin.gcs_plugin.telemetry.resample import in_time_order
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, collected, speed_through_air
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.physics.atmosphere import BOARD_READING
 
 #: PX4's output function of motor 1; motors 2 to 12 follow.
 MOTOR_1 = 101
@@ -70,7 +71,7 @@ _REF = ("ref_lat", "ref_lon", "ref_alt")
 _WIND = ("windspeed_north", "windspeed_east")
 _POSITION, _BATTERY, _FUEL = "vehicle_local_position", "battery_status", "fuel_tank_status"
 _ABOVE_ORIGIN = "height above the estimator's origin, not above the crop"
-_WARM_BAROMETER = "of the barometer: warmer than the air"
+_WARM_BAROMETER = f"of the barometer: {BOARD_READING}"
 #: Preferred sources first. A source needs all its fields. Batteries and tanks are all read, of
 #: other topics the first instance.
 RULES: tuple[Rule, ...] = (

@@ -18,10 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.physics.atmosphere import BOARD_READING
 
 #: What people should know of these sources, on whichever autopilot.
 ABOVE_HOME = "height above home, not above the crop"
-WARM_BOARD = "of the autopilot's board: warmer than the air"
+WARM_BOARD = f"of the autopilot's board: {BOARD_READING}"
 G_PER_MG = 9.80665e-3  # m/s² in one mG
 
 

@@ -30,6 +30,8 @@ PLAUSIBLE_PRESSURE = (30_000.0, 110_000.0)
 #: K: the autopilot's sensor sits on a warm board. Median and scatter over five flights of a
 #: Pixhawk 6X (11 to 23 K); ArduPilot's own simulator has 20 K too.
 BOARD_WARMER, BOARD_ERROR = 20.0, 6.0
+#: In the words of a source of `temperature`: its sensor is on the board.
+BOARD_READING = "warmer than the air"
 #: K: weather about the standard atmosphere, from a cold morning to a hot noon of the season
 STANDARD_ERROR = 10.0
 FARTHEST_FROM_STANDARD = 40.0  # K beyond which a reading is a fault
@@ -86,9 +88,9 @@ def track_air(track: FlightTrack, temperature_offset: float = 0.0) -> Air:
     Pressure: static; by altitude AMSL in the standard atmosphere; the flight's median density (a
     field differs by some tens of metres, 1 % of density is 100 m). With neither in the whole
     flight, density is 1.225 kg/m³, called assumed.
-    Temperature: outside, where the track has it with a standard error; the autopilot's own reading
-    less BOARD_WARMER; the standard atmosphere. 10 K are 3.5 % of density. `temperature_offset` in K
-    is what the air is known to be warmer than that.
+    Temperature: outside, where the track has it with a standard error; a reading whose source says
+    that it is the board's, less BOARD_WARMER; the standard atmosphere. 10 K are 3.5 % of density.
+    `temperature_offset` in K is what the air is known to be warmer than that.
     """
     low, high = PLAUSIBLE_PRESSURE
     reported = np.isfinite(track.pressure)
@@ -141,24 +143,24 @@ def track_air(track: FlightTrack, temperature_offset: float = 0.0) -> Air:
 def _outside(track: FlightTrack, level: Floats) -> tuple[Floats, Floats, str]:
     """Outside temperature (T,) K at `level` m AMSL, its standard error, and where it is from."""
     standard = isa_temperature(level)
+    words = track.sources.get("temperature", "")
     if "temperature" in track.standard_errors:
         found, error = track.temperature, track.standard_errors["temperature"]
-        source = f"the air as {track.sources.get('temperature', 'given')}"
-    else:
+        source = f"the air as {words}"
+    elif BOARD_READING in words:
         found, error = track.temperature - BOARD_WARMER, np.full(level.size, BOARD_ERROR)
         source = (
-            f"the autopilot's board less {BOARD_WARMER:g} K (± {BOARD_ERROR:g} K, for outside "
-            "temperature is not known)"
+            f"the autopilot's board less {BOARD_WARMER:g} K (± {BOARD_ERROR:g} K: outside "
+            "temperature not known)"
         )
-    warmer = found - standard
+    else:
+        found = error = np.full(level.size, np.nan)
+        source = ""
     with np.errstate(invalid="ignore"):
-        warmer = np.where(np.abs(warmer) <= FARTHEST_FROM_STANDARD, warmer, np.nan)
-    if not np.any(np.isfinite(warmer)):
-        words = f"the standard atmosphere (± {STANDARD_ERROR:g} K: outside temperature not known)"
-        return standard, np.full(level.size, STANDARD_ERROR), words
-    # A row without a reading takes the flight's median: the air changes less than a jump would.
-    warmer = np.where(np.isfinite(warmer), warmer, np.nanmedian(warmer))
-    return standard + warmer, error, source
+        there = np.abs(found - standard) <= FARTHEST_FROM_STANDARD
+    if not np.any(there):
+        source = f"the standard atmosphere (± {STANDARD_ERROR:g} K: outside temperature not known)"
+    return np.where(there, found, standard), np.where(there, error, STANDARD_ERROR), source
 
 
 def _floats(values: ArrayLike) -> Floats:

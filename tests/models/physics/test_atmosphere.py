@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from thrustmargin.gcs_plugin.mavlink.rules import WARM_BOARD
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.atmosphere import (
     SEA_LEVEL_DENSITY,
@@ -74,8 +75,11 @@ def test_pressure_alone_gives_its_own_altitude():
     np.testing.assert_allclose(density, isa_density(1200.0))
 
 
+BOARD = {"sources": {"temperature": f"SCALED_PRESSURE temperature ({WARM_BOARD})"}}
+
+
 def test_the_warm_board_is_20_k_above_the_air_give_or_take_6():
-    air = track_air(flight(pressure=np.full(5, 95_000.0), temperature=np.full(5, 313.15)))
+    air = track_air(flight(pressure=np.full(5, 95_000.0), temperature=np.full(5, 313.15), **BOARD))
     density = 95_000.0 / (287.05287 * 293.15)  # p / (R T)
     np.testing.assert_allclose(air.density, density)
     np.testing.assert_allclose(air.temperature, 293.15)
@@ -96,14 +100,20 @@ def test_a_stated_temperature_is_that_of_the_air_itself():
     assert air.basis.endswith("at the temperature of the air as stated: 30 °C outside")
 
 
-def test_a_board_that_cannot_be_is_not_believed_and_a_gap_takes_the_flights_median():
-    level = {"altitude": np.zeros(5)}
+def test_a_reading_that_nobody_says_to_be_the_boards_is_not_used():
+    air = track_air(flight(altitude=np.zeros(5), temperature=np.full(5, 313.15)))
+    np.testing.assert_allclose(air.temperature, 288.15)
+
+
+def test_a_board_that_cannot_be_is_not_believed_and_a_gap_is_of_the_standard_atmosphere():
+    level = {"altitude": np.zeros(5), **BOARD}
     hot = track_air(flight(temperature=np.full(5, 400.0), **level))
     np.testing.assert_allclose(hot.temperature, 288.15)
     assert "the standard atmosphere (± 10 K" in hot.basis
     readings = np.array([310.15, np.nan, 312.15, np.nan, 311.15])
-    some = track_air(flight(temperature=readings, **level)).temperature
-    np.testing.assert_allclose(some, [290.15, 291.15, 292.15, 291.15, 291.15])
+    some = track_air(flight(temperature=readings, **level))
+    np.testing.assert_allclose(some.temperature, [290.15, 288.15, 292.15, 288.15, 291.15])
+    assert some.density_error[1] > 1.5 * some.density_error[0]
 
 
 def test_altitude_stands_in_for_pressure_and_says_so():
