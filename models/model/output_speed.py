@@ -17,16 +17,18 @@ Each is one row of the same regression, so the standard error of each speed foll
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import track_density
 from thrustmargin.models.physics.margin import weight
 from thrustmargin.models.physics.motor_output import OutputCurve, output_curve
+from thrustmargin.models.scores import Estimate
 
 #: How a channel of inferred rotor speeds is named wherever it is shown.
 FROM_OUTPUTS = "from motor outputs"
@@ -216,3 +218,41 @@ def _words(
     rotors = ", ".join(str(k + 1) for k in np.flatnonzero(silent))
     several = "s" if np.count_nonzero(silent) > 1 else ""
     return f"{track.sources.get('rotor_speed_rpm', 'measured')}; rotor{several} {rotors} {words}"
+
+
+def full_output_speed(
+    flights: Sequence[tuple[FlightTrack, Mapping[str, float]]], airframe: Airframe
+) -> tuple[Estimate, float]:
+    """Rotor speed, rpm, that flights show for full output, and the battery's voltage there, V.
+
+    Each flight comes with its vehicle's parameters. By the measured speeds where there are any,
+    else by the weight; the curve extrapolates from the outputs flown, as its interval says. The
+    airframe's own ceiling is where it starts from. Raises DataError when no flight shows anything.
+    """
+    curve, bins, volts = None, {}, []
+    for number, (track, parameters) in enumerate(flights):
+        if track.rotor_count != airframe.rotor_count or not track.reports("throttle"):
+            continue
+        curve = output_curve(parameters, track.sources.get("throttle", ""))
+        voltage = np.where(track.voltage > 0.0, track.voltage, airframe.nominal_voltage)
+        volts.append(float(np.median(voltage[track.flying])) if track.flying.any() else np.nan)
+        seconds = np.minimum(np.diff(track.time_s, prepend=track.time_s[0]), 1.0)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            share = np.log(curve.thrust_share(track.throttle) / HOVER_SHARE)
+            there = np.log(voltage / airframe.ceiling_voltage)
+            found = _with_evidence({}, track, airframe, share, there, seconds)
+        bins |= {int(1e6 * number) + index: sums for index, sums in found.items()}
+    said = OutputCalibration(bins)
+    if curve is None or said.seconds(_ROTORS) + said.seconds(_WEIGHT) < SPAN:
+        raise DataError("no level flight with motor outputs and either rotor speeds or the weight")
+    # Of two witnesses the nearer one: the weight speaks by a thrust curve that may be a guess.
+    useless = slice(0, _ROTORS) if said.seconds(_ROTORS) >= SPAN else slice(_ROTORS, None)
+    for sums in bins.values():
+        sums[useless] = 0.0
+    solution, covariance = said.fit(airframe, curve)
+    voltage = float(np.nanmedian(volts))
+    row = np.array([1.0, -np.log(HOVER_SHARE), np.log(voltage / airframe.ceiling_voltage), 0.0])
+    reach = 1.96 * np.sqrt(row @ covariance @ row + ROTOR_ERROR**2)
+    middle = float(row @ solution)
+    low, value, high = (float(np.exp(0.5 * (middle + d))) for d in (-reach, 0.0, reach))
+    return Estimate(value=value, low=low, high=high), voltage

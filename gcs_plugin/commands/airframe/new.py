@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
@@ -15,11 +17,12 @@ from thrustmargin.gcs_plugin.commands.airframe.stated import (
     require_all,
     stated,
 )
-from thrustmargin.models.errors import DataError
+from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading
+from thrustmargin.models.errors import DataError, LogError
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.telemetry.reported_airframe import ReportedAirframe
-    from thrustmargin.models.physics.airframe import Airframe
+    from thrustmargin.models.physics.airframe import Airframe, Quantity
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,8 +45,13 @@ class AirframeNew:
     owner: Annotated[OwnerStatement, tyro.conf.OmitArgPrefixes] = field(
         default_factory=OwnerStatement
     )
-    vehicle: int | None = None
-    """System id, when a log or a link has several."""
+    bench: Annotated[Path | None, tyro.conf.arg(metavar="CSV")] = None
+    """Bench table of motor and propeller: columns of rpm and thrust (its unit in the name, as
+    thrust_g), optionally throttle and voltage. Gives thrust curve and ceiling."""
+    hover: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="LOG...")] = ()
+    """Flights with ten seconds or more of steady hover at --mass and the load below. Give the
+    thrust coefficient, and how the rotors are trimmed; without --from the first is that too."""
+    reading: Reading = AS_HEARD
     timeout: float = 10.0
     """s to wait for a vehicle on a link."""
     force: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
@@ -52,6 +60,11 @@ class AirframeNew:
     def run(self) -> int:
         from rich.console import Console
 
+        from thrustmargin.gcs_plugin.commands.airframe.fitted import (
+            Fitted,
+            bench_quantities,
+            hover_quantities,
+        )
         from thrustmargin.gcs_plugin.commands.airframe.list_show import print_airframe
         from thrustmargin.gcs_plugin.commands.airframe.source import VehicleParameters, read_source
         from thrustmargin.gcs_plugin.commands.options import Output, check_outputs
@@ -59,16 +72,29 @@ class AirframeNew:
         from thrustmargin.models.physics.airframe_draft import airframe_toml
         from thrustmargin.models.whole_file import whole_file
 
-        inputs = [Path(self.source)] if self.source and Path(self.source).exists() else []
+        source = self.source or (str(self.hover[0]) if self.hover else None)
+        inputs = [Path(source)] if source and Path(source).exists() else []
+        inputs += [*self.hover, *([self.bench] if self.bench else [])]
         check_outputs([Output("--out", self.out, (".toml",), keep=not self.force)], inputs=inputs)
         found = VehicleParameters(parameters={})
-        if self.source is not None:
-            found = read_source(self.source, vehicle=self.vehicle, timeout=self.timeout)
+        if source is not None:
+            try:
+                found = read_source(source, vehicle=self.reading.vehicle, timeout=self.timeout)
+            except LogError:
+                if self.source is not None:
+                    raise  # a hover may be of a log without parameters, such as .csv
         reported = reported_airframe(
             found.parameters, found.highest_voltage, layout=self.owner.layout
         )
+        fitted = bench_quantities(self.bench) if self.bench else Fitted()
         owner = asked(self.owner, reported) if sys.stdin.isatty() else self.owner
-        craft = new_airframe(owner, reported, name=self.owner.name or self.out.stem)
+        name, notes = self.owner.name or self.out.stem, [*reported.notes, *fitted.notes]
+        craft = new_airframe(owner, reported, name=name, fitted=fitted.quantities)
+        if self.hover:
+            hovered = hover_quantities(self.hover, craft, self.reading)
+            notes += hovered.notes
+            together = fitted.quantities | hovered.quantities
+            craft = new_airframe(owner, reported, name=name, fitted=together)
         heading = (
             f"Made by `thrustmargin airframe new` from {found.words}. What is marked as guessed is "
             "not known:\ncorrect it when you know better, and remove the mark. "
@@ -81,14 +107,22 @@ class AirframeNew:
             raise DataError(f"cannot write {self.out}: {error.strerror or error}") from error
         console = Console(highlight=False, markup=False)
         print_airframe(console, craft)
-        for note in reported.notes:
+        for note in notes:
             console.print(f"note: {note}", soft_wrap=True)
         console.print(f"wrote {self.out}", soft_wrap=True)
         return 0
 
 
-def new_airframe(owner: OwnerStatement, reported: ReportedAirframe, *, name: str) -> Airframe:
+def new_airframe(
+    owner: OwnerStatement,
+    reported: ReportedAirframe,
+    *,
+    name: str,
+    fitted: Mapping[str, Quantity] = MappingProxyType({}),
+) -> Airframe:
     """The airframe of what the owner states and the vehicle reports; the rest is guessed.
+
+    What is `fitted` to data takes the place of all but what the owner states.
 
     Raises UsageError that names every missing option, AirframeError when values contradict.
     """
@@ -96,6 +130,7 @@ def new_airframe(owner: OwnerStatement, reported: ReportedAirframe, *, name: str
     from thrustmargin.models.physics.airframe_draft import completed, guess
     from thrustmargin.models.physics.frames import motor_layouts
 
+    reported = replace(reported, quantities={**reported.quantities, **fitted})
     require_all(owner, reported)
     quantities, rotors = stated(owner, reported), reported.rotors
     arm = quantities["arm"].value

@@ -90,7 +90,6 @@ def stated(owner: OwnerStatement, reported: ReportedAirframe) -> dict[str, Quant
             name: replace(q, source=f"{chosen.name}: {q.source}")
             for name, q in chosen.quantities.items()
         }
-    quantities |= reported.quantities
     if owner.propeller is not None:
         sizes = re.fullmatch(r"\s*([\d.]+)\s*[xX*]\s*([\d.]+)\s*", owner.propeller)
         if sizes is None:
@@ -102,6 +101,7 @@ def stated(owner: OwnerStatement, reported: ReportedAirframe) -> dict[str, Quant
             ("propeller_diameter", "propeller_pitch"), sizes.groups(), strict=True
         ):
             quantities[name] = Quantity(round(float(text) * INCH, 5), "m", source)
+    quantities |= reported.quantities
     for option, (name, unit, factor) in _NUMBERS.items():
         value = getattr(owner, option)
         if value is not None:
@@ -124,10 +124,9 @@ class _Question:
     read: Callable[[str], Any] = float
 
 
-def _has_power(owner: OwnerStatement) -> bool:
-    return owner.power_set is not None or (
-        owner.propeller is not None and owner.max_thrust_kgf is not None
-    )
+def _has_power(owner: OwnerStatement, reported: ReportedAirframe) -> bool:
+    thrust = owner.max_thrust_kgf is not None or "nameplate_max_thrust" in reported.quantities
+    return owner.power_set is not None or (owner.propeller is not None and thrust)
 
 
 def _typical_arm(owner: OwnerStatement, reported: ReportedAirframe) -> float:
@@ -166,7 +165,7 @@ _QUESTIONS = (
         field="power_set",
         option="--power-set NAME, or --propeller 24x8 with --max-thrust-kgf 11.8",
         words="motor and propeller; `thrustmargin airframe list` shows the sets that are known",
-        needed=lambda owner, _: not _has_power(owner),
+        needed=lambda owner, reported: not _has_power(owner, reported),
         default=lambda *_: "hobbywing-x6-plus",
         read=str,
     ),

@@ -1,0 +1,180 @@
+"""Quantities of an airframe fitted to a bench table or to the hover of its own flights."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from thrustmargin.gcs_plugin.commands.reading import ReadingOptions, reading_keywords
+from thrustmargin.models.errors import DataError
+
+if TYPE_CHECKING:
+    from thrustmargin.models.physics.airframe import Airframe, Quantity
+    from thrustmargin.models.physics.hover_fit import HoverFit
+    from thrustmargin.models.scores import Estimate
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fitted:
+    """Quantities with their sources, and what else the data say, in sentences."""
+
+    quantities: dict[str, Quantity] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+def bench_quantities(path: Path) -> Fitted:
+    """Thrust curve and ceiling of a bench table. Raises DataError when it is unfit."""
+    from thrustmargin.gcs_plugin.logs.bench_table import read_bench
+    from thrustmargin.models.physics.airframe import Quantity
+
+    table = read_bench(path)
+    fit = table.fit
+    where = f"fitted: {fit.points} rows of {path.name}"
+    made = {
+        "thrust_coefficient": Quantity(
+            float(f"{fit.coefficient.value:.5g}"),
+            "N/rpm^2",
+            f"{where}, {interval(fit.coefficient)}",
+        )
+    }
+    ends = "at full throttle" if fit.full_throttle else "in its fastest row"
+    made["max_rotor_speed_rpm"] = Quantity(
+        round(fit.max_rotor_speed_rpm, 1), "rpm", f"{path.name}: {ends}", not fit.full_throttle
+    )
+    made["nameplate_max_thrust"] = Quantity(
+        round(fit.max_thrust, 3), "N", f"{path.name}: largest thrust", not fit.full_throttle
+    )
+    if fit.ceiling_voltage > 0.0:
+        volts = f"{path.name}: voltage {ends}"
+        made["ceiling_voltage"] = Quantity(round(fit.ceiling_voltage, 2), "V", volts)
+    power = fit.voltage_exponent
+    if power.value >= 0.0:
+        made["ceiling_voltage_exponent"] = Quantity(
+            round(power.value, 3), "1", f"{where} at full throttle, {interval(power)}"
+        )
+    notes = [
+        f"{path.name}: thrust goes with speed to the power {interval(fit.exponent)}; "
+        + (
+            "the file's T = a N² holds"
+            if fit.exponent.low <= 2.0 <= fit.exponent.high
+            else "the file's T = a N² is an approximation, best near the largest thrusts"
+        )
+        + f" (R² {fit.r2:.4f})"
+    ]
+    if not fit.full_throttle:
+        notes.append(
+            f"{path.name} does not say which row is at full throttle; its fastest is taken"
+        )
+    if table.lines_left_out:
+        shown = ", ".join(map(str, table.lines_left_out[:8]))
+        more = len(table.lines_left_out) - 8
+        notes.append(
+            f"{path.name}: left out for being off the curve of the others: line {shown}"
+            + (f" and {more} more" if more > 0 else "")
+        )
+    if "electrical" in table.columns["rotor_speed_rpm"].lower():
+        notes.append(
+            f"{path.name}: column {table.columns['rotor_speed_rpm']!r} is taken as the rotor's own "
+            "speed; if it counts magnetic poles, divide it by half the number of poles"
+        )
+    return Fitted(quantities=made, notes=tuple(notes))
+
+
+def hover_quantities(logs: Sequence[Path], craft: Airframe, reading: ReadingOptions) -> Fitted:
+    """Thrust coefficient of the steady hover of flights at the mass of `craft` and their load.
+
+    Where the ceiling is a guess, it becomes what outputs and rotor speeds extrapolate to. Flights
+    without rotor speeds give that alone. Raises DataError or LogError when there is neither.
+    """
+    from thrustmargin.gcs_plugin.logs import read_log
+    from thrustmargin.models.model.output_speed import full_output_speed
+    from thrustmargin.models.physics.airframe import Quantity
+    from thrustmargin.models.physics.hover_fit import fit_hover
+
+    read = [read_log(path, airframe=craft, **reading_keywords(reading)) for path in logs]
+    names = ", ".join(log.path.name for log in read)
+    mass = f"{craft.empty_mass:g} kg" + (" and its liquid" if craft.tank_volume_l else "")
+    made: dict[str, Quantity] = {}
+    notes: tuple[str, ...] = ()
+    measured = any(log.track.reports("rotor_speed_rpm") for log in read)
+    if measured:
+        fit = fit_hover([log.track for log in read], craft)
+        scale = craft.reference_density / fit.reference_density
+        made["thrust_coefficient"] = Quantity(
+            float(f"{fit.coefficient.value * scale:.5g}"),
+            "N/rpm^2",
+            f"fitted: hover of {', '.join(fit.flights)} at {mass}, "
+            f"{interval(fit.coefficient, scale)}, from air of {fit.reference_density:.4g} kg/m³",
+        )
+        made["reference_density"] = Quantity(
+            craft.reference_density, "kg/m^3", "the air to which the hover's coefficient is scaled"
+        )
+        notes = hover_sentences(fit)
+    else:
+        notes = (
+            f"no rotor speed in {names}: the thrust coefficient stays as it is, and the ceiling "
+            "follows from motor outputs against the weight",
+        )
+    ceiling = craft.quantities["max_rotor_speed_rpm"]
+    if ceiling.guessed or not measured:
+        try:
+            flights = [(log.track, log.parameters) for log in read]
+            top, volts = full_output_speed(flights, craft)
+        except DataError as error:
+            if not measured:
+                raise DataError(f"{names}: {error}") from error
+        else:
+            against = "rotor speeds" if measured else "the weight"
+            made["max_rotor_speed_rpm"] = Quantity(
+                round(top.value, 0),
+                "rpm",
+                f"extrapolated to full output from motor outputs and {against} of {names}, "
+                f"{interval(top)}",
+                True,
+            )
+            words = f"battery in flight, {names}"
+            made["ceiling_voltage"] = Quantity(round(volts, 2), "V", words)
+    return Fitted(quantities=made, notes=notes)
+
+
+def hover_sentences(fit: HoverFit) -> tuple[str, ...]:
+    """What a hover says of trim, each part with its interval."""
+    trims = ", ".join(f"{n + 1}: {t.value:.0%}" for n, t in enumerate(fit.trim))
+    place = ", ".join(
+        f"{abs(e.value) * 1000:.0f} mm {forward if e.value >= 0 else back} "
+        f"({abs(e.high - e.low) * 500:.0f} either way)"
+        for e, forward, back in zip(
+            fit.load_place, ("forward", "right"), ("back", "left"), strict=True
+        )
+    )
+    split = fit.yaw_split
+    stands = split.low > 0.0 or split.high < 0.0
+    sentences = [
+        f"thrust of each rotor over its share, in hover: {trims}; as if the weight hung {place}"
+    ]
+    if stands:
+        more = "counter-clockwise" if split.value > 0 else "clockwise"
+        sentences.append(
+            f"the {more} rotors carry {interval_percent(split)} more of the weight than the "
+            "others: a standing yaw moment, as of motors that are not level (`identify`: yaw trim)"
+        )
+    if len(fit.flights) == 1:
+        sentences.append(
+            "one flight only: another wind or temperature may move the coefficient by some percent "
+            "more than its interval says"
+        )
+    return tuple(sentences)
+
+
+def interval(e: Estimate, scale: float = 1.0) -> str:
+    """`2.58e-06 (2.53e-06 to 2.63e-06)`, with the digits that the width allows."""
+    value, low, high = (scale * x for x in (e.value, e.low, e.high))
+    return f"{value:.4g} ({low:.4g} to {high:.4g})"
+
+
+def interval_percent(e: Estimate) -> str:
+    """`12 % (9 to 15)` of a share, whatever its sign."""
+    low, high = sorted((abs(e.low), abs(e.high)))
+    return f"{100 * abs(e.value):.0f} % ({100 * low:.0f} to {100 * high:.0f})"

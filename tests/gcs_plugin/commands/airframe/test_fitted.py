@@ -1,0 +1,79 @@
+"""`airframe new --bench` and `--hover`: fitted values with their source and interval."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from thrustmargin.gcs_plugin.cli import run
+from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.logs.csv_table import write_csv
+from thrustmargin.models.physics.airframe import load_airframe
+
+ROOT = Path(__file__).resolve().parents[4]
+SLOW = [str(ROOT / f"sitl_logs/campaign/v2_m{kg}_q1.5.tlog") for kg in (4, 10, 16)]
+F16 = ["--layout", "quad-x", "--cells", "14", "--arm", "0.96", "--mass", "21.1"]
+F16 += ["--tank-litres", "16", "--power-set", "hobbywing-x9-plus"]
+
+
+@pytest.fixture
+def made(tmp_path, capsys):
+    """The airframe that `airframe new` makes with some options, and what was printed."""
+
+    def make(*options: str):
+        out = tmp_path / "mine.toml"
+        code = run(["airframe", "new", "--out", str(out), "--force", *options])
+        printed = capsys.readouterr()
+        return (load_airframe(out) if code == 0 else None), printed.out + printed.err
+
+    return make
+
+
+def test_hover_gives_the_simulators_curve_with_its_flights_and_interval(made):
+    craft, printed = made("--hover", *SLOW, *F16)
+    found = craft.quantities["thrust_coefficient"]
+    at_sea_level = found.value * 1.225 / craft.reference_density
+    assert at_sea_level == pytest.approx(2.011e-5, rel=0.015)
+    assert not found.guessed
+    assert re.search(
+        r"fitted: hover of v2_m4_q1\.5\.tlog.* at 21\.1 kg and its liquid", found.source
+    )
+    low, high = map(float, re.search(r"\((\S+) to (\S+)\)", found.source).groups())
+    assert low < 2.011e-5 * craft.reference_density / 1.225 < high
+    assert "thrust of each rotor over its share" in printed
+
+
+def test_without_rotor_speeds_the_weight_sets_the_ceiling_and_says_so(made, tmp_path):
+    log = read_log(SLOW[1], airframe=load_airframe("topxgun-f16-sitl"))
+    silent = np.full_like(log.track.rotor_speed_rpm, np.nan)
+    write_csv(replace(log.track, rotor_speed_rpm=silent), tmp_path / "silent.csv")
+    craft, printed = made("--hover", str(tmp_path / "silent.csv"), *F16)
+    assert "no rotor speed in silent.csv" in printed
+    assert craft.quantities["max_rotor_speed_rpm"].guessed
+    # 181 N a rotor, in a simulation whose motors follow another curve than the one assumed here
+    top = craft.thrust_coefficient * craft.max_rotor_speed_rpm**2
+    assert top == pytest.approx(181.0, rel=0.3)
+
+
+def test_a_bench_table_gives_curve_and_ceiling_without_a_power_set(made, tmp_path):
+    speed = np.linspace(1000.0, 3000.0, 9)
+    rows = [f"{30 + 8.75 * k},{n},{2e-5 * n**2},48" for k, n in enumerate(speed)]
+    bench = tmp_path / "bench.csv"
+    bench.write_text("\n".join(["throttle,rpm,thrust_N,voltage", *rows]))
+    owner = [*F16[:-2], "--propeller", "36x11.5"]
+    craft, printed = made("--bench", str(bench), *owner)
+    assert craft.thrust_coefficient == pytest.approx(2e-5)
+    assert craft.max_rotor_speed_rpm == 3000.0
+    assert craft.ceiling_voltage == 48.0
+    assert not {"thrust_coefficient", "max_rotor_speed_rpm", "ceiling_voltage"} & {*craft.guessed}
+    assert "T = a N² holds" in printed
+    half, _ = made("--bench", str(bench), *owner, "--max-thrust-kgf", "20")
+    assert half.nameplate_max_thrust == pytest.approx(196.133)  # what is stated comes first
+
+
+def test_a_flight_without_hover_is_refused_with_what_to_give(made):
+    _, printed = made("--hover", str(ROOT / "sitl_logs/dev/windy_1.tlog"), *F16)
+    assert "0 rows of steady hover" in printed
+    assert "hovers for ten seconds" in printed
