@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.reports.identify.identify_result import Result
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.models.flight import FlightTrack
-    from thrustmargin.models.physics.airframe import Airframe
+    from thrustmargin.models.model.rotor_model import RotorModel
 
 
 def identify(
@@ -87,7 +87,7 @@ def identify(
     start, model_name = starting_model(model, airframe)
     not_used: list[UnusedLog] = []
     fit, new = (
-        read_flights(paths, start.airframe, reading, not_used, errors, option=option)
+        read_flights(paths, start, reading, not_used, errors, option=option)
         for paths, option in ((logs, ""), (held_out, "--held-out "))
     )
     require_distinct((*fit, *new))
@@ -110,7 +110,7 @@ def identify(
 
 def read_flights(
     logs: Sequence[Path],
-    airframe: Airframe,
+    model: RotorModel,
     reading: ReadingOptions,
     not_used: list[UnusedLog],
     console: Console,
@@ -128,12 +128,12 @@ def read_flights(
 
     tracks: list[FlightTrack] = []
     left_out: list[UnusedLog] = []
-    for log in read_logs(logs, left_out, console, reading=reading, airframe=airframe):
+    for log in read_logs(logs, left_out, console, reading=reading, airframe=model.airframe):
         track = log.track
-        wrong = wrong_speeds(track, airframe)
+        wrong = wrong_speeds(track, model.airframe)
         if wrong is not None:
             raise DataError(f"{log.path.name}: {wrong}")
-        lacking = too_little(track)
+        lacking = too_little(track, model)
         if lacking is None:
             tracks.append(track)
         else:

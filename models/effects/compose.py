@@ -42,7 +42,7 @@ class BaseTable:
     yaw: Any  # (R,) N m per N: the mixer's yaw row
 
     def look_up(self, airspeed: Array, tank_kg: Array) -> Array:
-        """Apparent thrust, (T, R) N; held at the edge of the grid."""
+        """Apparent thrust, (T, R) N; held at the edge of the grid, where NaN counts as 0."""
         i, u = _cell(airspeed / self.airspeed_step, self.thrust.shape[0])
         j, v = _cell(tank_kg / self.tank_step_kg, self.thrust.shape[1])
         u, v, grid = u[:, None], v[:, None], self.thrust
@@ -57,7 +57,7 @@ def _cell(x: Array, size: int) -> tuple[Array, Array]:
         x = np.clip(np.nan_to_num(x), 0.0, size - 1.0)
         index = np.minimum(x.astype(np.intp), size - 2)
     else:
-        x = x.clip(0.0, size - 1.0)
+        x = x.nan_to_num().clip(0.0, size - 1.0)
         index = x.detach().long().clip(max=size - 2)
     return index, x - index
 

@@ -37,7 +37,7 @@ def followed_wind(problem: Problem, fit: Fit, tracks: Sequence[FlightTrack]) -> 
     either is missing, or the speed over ground would do as well.
     """
     model, flight = problem.model, problem.model.forward_flight
-    if model.training_domain is None or flight is None or not problem.has(WIND):
+    if model.training_domain is None or flight is None or problem.lacks(WIND):
         return None
     if not flight.rotor_drag > 0.0:
         return None

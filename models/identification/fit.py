@@ -126,6 +126,12 @@ def columns_of(terms: Sequence[Term]) -> dict[str, dict[str, int]]:
     return columns
 
 
+def term_values(fit: Fit, term: Term, values: Floats | None = None) -> Floats:
+    """Values of one term of a fit, (F, parameters of the term)."""
+    given = fit.values if values is None else values
+    return given[fit.layout.places[:, list(columns_of(fit.terms)[term.key].values())]]
+
+
 def starts(layout: FitLayout) -> Floats:
     """(P,) where a fit starts."""
     values = np.zeros(layout.size)

@@ -36,6 +36,7 @@ from thrustmargin.models.identification.fit import (
     fit_terms,
     mode_scales,
     one_thread,
+    term_values,
 )
 from thrustmargin.models.identification.modes import sensor_noise_rpm
 from thrustmargin.models.identification.problem import Problem, assemble
@@ -53,7 +54,6 @@ from thrustmargin.models.identification.search import (
     cross_validated_rmse,
     look,
     prune,
-    term_values,
     warm_start,
 )
 from thrustmargin.models.identification.unexplained import LEAST_SHARE, Curve, best_curve, floor_rpm

@@ -14,6 +14,7 @@ import numpy as np
 
 from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.effects.compose import rotor_speed_rpm
+from thrustmargin.models.effects.missing import tolerant
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.problem import Problem
 from thrustmargin.models.identification.result import Found, Identification
@@ -69,13 +70,14 @@ def _speeds(problem: Problem, effects: tuple[Found, ...], own: bool) -> Floats:
             effect=f.term.effect,
             rotor=f.term.rotor,
             values={
-                p.name: f.value[problem.flight, k] if own else float(f.value[0, k])
+                p.name: f.value[problem.flight, k] if own and p.per_flight else float(f.value[0, k])
                 for k, p in enumerate(f.term.effect.parameters)
             },
         )
         for f in effects
     ]
-    return rotor_speed_rpm(problem.base, (*problem.placed, *placed), problem.channels, np)
+    every = [tolerant(item) for item in (*problem.placed, *placed)]
+    return rotor_speed_rpm(problem.base, every, problem.channels, np)
 
 
 def _change(before: Floats, after: Floats, rotor: int | None, flights: str) -> MarginChange:

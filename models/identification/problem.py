@@ -8,7 +8,7 @@ with a rotor speed, airspeed or tank level missing. The unit of everything stati
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from thrustmargin.models.effects import effects_for
 from thrustmargin.models.effects.base import Effect, Placed
 from thrustmargin.models.effects.channels import Channels, concatenate
 from thrustmargin.models.effects.compose import BaseTable
+from thrustmargin.models.effects.missing import filled
 from thrustmargin.models.errors import AirframeError, DataError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.identification.base_uncertainty import base_uncertainty_rpm
@@ -102,14 +103,13 @@ class Problem:
             return known
         return known + constant**2 @ (self.modes.directions.T @ directions) ** 2
 
-    def has(self, effect: Effect) -> bool:
-        """True when every channel the effect needs is reported."""
-        return all(_reported(self.channels.read(name)) for name in effect.needs)
+    def lacks(self, effect: Effect) -> tuple[str, ...]:
+        """The channels that the effect needs or reads and that not every row has."""
+        read = dict.fromkeys((*effect.needs, *effect.neutral))
+        return tuple(name for name in read if not _reported(self.channels.read(name)))
 
     def torch_parts(self) -> tuple[BaseTable, Channels]:
         """The base table and the channels as torch tensors."""
-        from dataclasses import replace
-
         import torch
 
         base = replace(
@@ -119,6 +119,19 @@ class Problem:
             yaw=torch.as_tensor(self.base.yaw.copy()),
         )
         return base, self.channels.as_torch()
+
+
+def airspeed_is_ground_speed(track: FlightTrack) -> bool:
+    """True when the airspeed is the speed over ground less a wind that was never estimated.
+
+    An EKF without a sensor for it holds its wind at exactly nothing.
+    """
+    wind = track.wind_ned[:, :2]
+    known = np.isfinite(wind).all(axis=1)
+    speed = np.hypot(track.velocity_ned[:, 0], track.velocity_ned[:, 1])
+    with np.errstate(invalid="ignore"):
+        same = np.nanmedian(np.abs(track.airspeed - speed)) if known.any() else np.inf
+    return bool(known.any() and np.all(wind[known] == 0.0) and same < 0.1)
 
 
 def _reported(channel: Any) -> bool:
@@ -141,9 +154,17 @@ def assemble(model: RotorModel, tracks: Sequence[FlightTrack]) -> Problem:
                 f"{track.name}: {track.rotor_count} rotors, but airframe {airframe.name} has "
                 f"{airframe.rotor_count}; give the right airframe with --airframe"
             )
+        if model.network is None and airspeed_is_ground_speed(track):
+            track = replace(track, airspeed=np.full_like(track.airspeed, np.nan))
         channels = model_channels(model, track, effects=effects_for(airframe))
-        keep = training_rows(track) & np.isfinite(channels.airspeed_shifts).all(axis=1)
-        for optional in (channels.load_factor_shifts, channels.rate_shifts[2]):
+        keep = training_rows(track, model.inputs)
+        if "airspeed" in model.inputs:
+            keep &= np.isfinite(channels.airspeed_shifts).all(axis=1)
+        for optional in (
+            channels.airspeed_shifts,
+            channels.load_factor_shifts,
+            channels.rate_shifts[2],
+        ):
             good = np.isfinite(optional).all(axis=1)
             if np.sum(keep & ~good) < WINDOW_SHARE * np.sum(keep):
                 keep &= good
@@ -154,8 +175,8 @@ def assemble(model: RotorModel, tracks: Sequence[FlightTrack]) -> Problem:
         rows = np.flatnonzero(keep)
         if rows.size < LEAST_ROWS:
             raise DataError(
-                f"{track.name}: {rows.size} rows in flight with rotor speeds, airspeed and tank "
-                f"level; {LEAST_ROWS} are needed. Look at it with: thrustmargin inspect"
+                f"{track.name}: {rows.size} rows in flight with rotor speeds and all that the "
+                f"model needs; {LEAST_ROWS} are needed. Look at it with: thrustmargin inspect"
             )
         parts.append(channels.rows(rows))
         measured.append(track.rotor_speed_rpm[rows])
@@ -170,6 +191,8 @@ def assemble(model: RotorModel, tracks: Sequence[FlightTrack]) -> Problem:
         follows.append(np.concatenate([[False], np.diff(rows) == 1]))
         durations.append(float(elapsed[-1]))
     table, channels = table_of(model), concatenate(parts)
+    for item in model.placed:
+        channels = filled(item.effect, item.values, channels)
     problem = Problem(
         model=model,
         base=table,
@@ -188,8 +211,6 @@ def assemble(model: RotorModel, tracks: Sequence[FlightTrack]) -> Problem:
 
 
 def _thinned(problem: Problem) -> Problem:
-    from dataclasses import replace
-
     stride = -(-problem.measured_rpm.shape[0] // MOST_ROWS)
     if stride == 1:
         return problem

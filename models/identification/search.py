@@ -37,6 +37,7 @@ from thrustmargin.models.identification.fit import (
     linearise,
     mode_scales,
     starts,
+    term_values,
 )
 from thrustmargin.models.identification.onset import Onset
 from thrustmargin.models.identification.problem import Problem
@@ -108,7 +109,7 @@ def candidates(evaluator: Evaluator, accepted: Sequence[Term], catalogue: Sequen
     begun = {t.rotor for t in accepted if t.effect.begins}
     rotors = evaluator.problem.measured_rpm.shape[1]
     for effect in catalogue:
-        if evaluator.problem.has(effect):
+        if not evaluator.problem.lacks(effect):
             places = range(rotors) if effect.of_one_rotor else (None,)
             for rotor in places:
                 term = Term(effect=effect, rotor=rotor)
@@ -310,12 +311,6 @@ def _onset(
 def cross_validated_rmse(evaluator: Evaluator, fit: Fit) -> float:
     """RMSE in rpm of every row under values found without its flight, the fit taken as straight."""
     return float(np.sqrt(np.mean(nearly_across_flights(evaluator.problem, fit) ** 2)))
-
-
-def term_values(fit: Fit, term: Term, values: Floats | None = None) -> Floats:
-    """Values of one term of a fit, (F, parameters of the term)."""
-    given = fit.values if values is None else values
-    return given[fit.layout.places[:, list(columns_of(fit.terms)[term.key].values())]]
 
 
 def credible(

@@ -8,12 +8,13 @@ flight, without its fifth).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.models import scores
+from thrustmargin.models.effects.missing import filled
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.identification.cross_validation import left_out_values
 from thrustmargin.models.identification.fit import (
@@ -22,6 +23,7 @@ from thrustmargin.models.identification.fit import (
     layout_of,
     linearise,
     mode_scales,
+    term_values,
     whiten,
 )
 from thrustmargin.models.identification.problem import Problem
@@ -116,6 +118,12 @@ def nearly_across_flights(problem: Problem, fit: Fit) -> Floats:
 
 def on_new_flights(unused: Problem, evaluator: Evaluator, fit: Fit) -> Floats:
     """Residual (T, R) rpm of flights that no step has used."""
+    x = unused.channels
+    for term in fit.terms:
+        middle = np.median(term_values(fit, term), axis=0)
+        names = (p.name for p in term.effect.parameters)
+        x = filled(term.effect, dict(zip(names, middle, strict=True)), x)
+    unused = replace(unused, channels=x)
     new = Evaluator(unused)
     layout = layout_of(fit.terms, unused.flights)
     values = np.zeros(layout.size)

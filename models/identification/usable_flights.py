@@ -14,6 +14,7 @@ from thrustmargin.models.checks.stuck_sensor import check_stuck_sensor
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.problem import LEAST_ROWS
+from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.flight_phases import training_rows
 
@@ -35,20 +36,17 @@ def wrong_speeds(track: FlightTrack, airframe: Airframe) -> str | None:
     return None
 
 
-def too_little(track: FlightTrack) -> str | None:
+def too_little(track: FlightTrack, model: RotorModel) -> str | None:
     """Why a flight has too few rows to fit or to validate on; None when it has enough."""
-    rows = int(training_rows(track).sum())
+    rows = int(training_rows(track, model.inputs).sum())
     if rows >= LEAST_ROWS:
         return None
-    words = {
-        "rotor_speed_rpm": "rotor speeds",
-        "airspeed": "airspeed",
-        "tank_kg": "tank level",
-    }
-    absent = [name for channel, name in words.items() if not track.reports(channel)]
+    words = {"airspeed": "airspeed", "tank_kg": "tank level"}
+    needed = {"rotor_speed_rpm": "rotor speeds", **{name: words[name] for name in model.inputs}}
+    absent = [name for channel, name in needed.items() if not track.reports(channel)]
     if absent:
         return f"it reports no {' and no '.join(absent)}"
-    return f"{rows} rows in steady flight with rotor speeds, airspeed and tank; needs {LEAST_ROWS}"
+    return f"{rows} rows in steady flight with {', '.join(needed.values())}; needs {LEAST_ROWS}"
 
 
 def require_distinct(tracks: Sequence[FlightTrack]) -> None:

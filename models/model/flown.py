@@ -51,12 +51,13 @@ def speed_with_effects(
     """Rotor speeds (T, R) rpm with all effects, their ratio (T, R) to those of the base alone, and
     (T,) rows that lacked a channel of one.
 
-    NaN where airspeed or tank level is missing.
+    NaN where one of the model's `inputs` is missing.
     """
     x, placed = model_channels(model, track, start=start), model.placed
     with np.errstate(invalid="ignore", divide="ignore"):
         speed = rotor_speed_rpm(table_of(model), [tolerant(item) for item in placed], x, np)
-    speed[~(np.isfinite(track.airspeed) & np.isfinite(track.tank_kg))] = np.nan
+    for channel in model.inputs:
+        speed[~np.isfinite(getattr(track, channel))] = np.nan
     alone = np.sqrt(table_of(model).look_up(x.airspeed, x.tank_kg) / model.thrust_coefficient)
     return speed, speed / alone, lacking(placed, x)
 

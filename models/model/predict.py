@@ -57,7 +57,7 @@ def predict(
 ) -> Prediction:
     """Predict the rotor speeds of T rows from airspeed and tank level, in air of `density` (T,).
 
-    NaN and Basis.NONE where airspeed, tank level or density is missing. Physics rows have no
+    NaN and Basis.NONE where density or one of the model's `inputs` is missing. Physics rows have no
     interval: there is nothing to calibrate one on. Thrust is that of the predicted speeds by the
     thrust curve, in reference air for the network, which is the air that it learnt in.
     A model with identified effects has them in every row. Raises AirframeError when the rotor count
@@ -70,7 +70,9 @@ def predict(
             f"{airframe.rotor_count}; give the model of this aircraft with --model"
         )
     airspeed, tank_kg = track.airspeed, track.tank_kg
-    known = np.isfinite(airspeed) & np.isfinite(tank_kg) & np.isfinite(density)
+    known = np.isfinite(density)
+    for channel in model.inputs:
+        known &= np.isfinite(getattr(track, channel))
     basis = np.where(known, Basis.PHYSICS, Basis.NONE).astype(np.int8)
     speed = hover_speed(airframe, tank_kg, density)
     speed[~known] = np.nan

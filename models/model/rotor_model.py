@@ -65,6 +65,11 @@ class RotorModel:
         return placed_from(self.effects, self.airframe.rotor_count)
 
     @property
+    def inputs(self) -> tuple[str, ...]:
+        """Channels without which a row has no prediction; without a network airspeed is none."""
+        return ("tank_kg",) if self.network is None else ("airspeed", "tank_kg")
+
+    @property
     def look_back_s(self) -> float:
         """s before a row that its prediction looks at, in rows of 0.1 s; follows from effects."""
         return look_of(self.placed)[0]
@@ -95,11 +100,11 @@ class RotorModel:
         """(N, R) rpm for airspeeds (N,) m/s and tank masses (N,) kg, in reference air.
 
         The network where its training covers airspeed and tank, else weight and thrust curve; no
-        effect is applied. NaN where an input is.
+        effect is applied. NaN where one of the model's `inputs` is.
         """
         speeds = hover_speed(self.airframe, tank_kg, np.full(tank_kg.shape, self.reference_density))
-        speeds[~np.isfinite(airspeed)] = np.nan
         if self.network is not None and self.training_domain is not None:
+            speeds[~np.isfinite(airspeed)] = np.nan
             inside = self.training_domain.covers_inputs(airspeed, tank_kg)
             speeds[inside] = ensemble_speed(self.network, airspeed[inside], tank_kg[inside])[0]
         return speeds

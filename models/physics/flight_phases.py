@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
@@ -16,21 +18,20 @@ TURN_RATE, TURN_SECONDS = np.radians(5.0), 1.0
 HOVER_UPRIGHT, HOVER_SPEED = 0.99, 2.0
 
 
-def training_rows(track: FlightTrack) -> Bools:
+def training_rows(track: FlightTrack, inputs: Sequence[str] = ("airspeed", "tank_kg")) -> Bools:
     """(T,) rows of a flight that can teach or judge a rotor speed model.
 
-    Kept: off the ground, between take-off and landing, with airspeed, tank level and every rotor's
-    speed known and above 0. Each stretch of flight begins at its first and ends at its last second
-    of level flight (climb rate below 0.3 m/s, and not lower than half its usual low height), so
-    climbs in between stay, as do yaw turns and hover: the aircraft flies them, so the model is
-    judged on them. With neither climb rate nor height reported, the stretch is kept whole.
+    Kept: off the ground, between take-off and landing, with the `inputs` of the model and every
+    rotor's speed known, the speeds above 0. Each stretch of flight begins at its first and ends at
+    its last second of level flight (climb rate below 0.3 m/s, and not lower than half its usual
+    low height), so climbs in between stay, as do yaw turns and hover: the aircraft flies them, so
+    the model is judged on them. With neither climb rate nor height reported, the stretch is kept
+    whole.
     """
     with np.errstate(invalid="ignore"):
-        known = (
-            np.isfinite(track.airspeed)
-            & np.isfinite(track.tank_kg)
-            & np.all(track.rotor_speed_rpm > 0.0, axis=1)
-        )
+        known = np.all(track.rotor_speed_rpm > 0.0, axis=1)
+    for channel in inputs:
+        known &= np.isfinite(getattr(track, channel))
     keep = track.flying & known
     climb = _climb_rate(track)
     if climb is None:

@@ -30,7 +30,7 @@ def evaluator(sitl_logs):
 
 @pytest.mark.parametrize("effect", CATALOGUE, ids=lambda e: e.key)
 def test_derivatives_are_those_of_differences_in_the_prediction(evaluator, effect):
-    assert evaluator.problem.has(effect)
+    assert not evaluator.problem.lacks(effect)
     terms = (Term(effect=effect, rotor=1 if effect.of_one_rotor else None),)
     layout = layout_of(terms, 2)
     size = np.zeros(layout.size)
