@@ -13,6 +13,7 @@ from thrustmargin.models.model.rotor_model import RotorModel
 
 #: channel of the track -> effects that it is all to
 ALL_TO = {
+    "airspeed": ("translational_lift", "parasite_drag"),
     "velocity_ned": ("wind", "climb_inflow", "flow_moment"),
     "angular_rate_frd": ("manoeuvre_moment",),
     "specific_force_frd": ("slung_load:cable of 4 to 6 arms",),
