@@ -105,11 +105,8 @@ def member_speeds(network: RotorNetwork, airspeed: Floats, tank_kg: Floats) -> F
     inputs = np.stack(
         [np.asarray(airspeed, dtype=np.float64), np.asarray(tank_kg, dtype=np.float64)], axis=-1
     )
-    rows = inputs.shape[0]
-    if rows <= CHUNK_ROWS:
-        return _forward(network, inputs)
-    out = np.empty((network.members, rows, network.rotor_count))
-    for start in range(0, rows, CHUNK_ROWS):
+    out = np.empty((network.members, len(inputs), network.rotor_count))
+    for start in range(0, len(inputs), CHUNK_ROWS):
         part = slice(start, start + CHUNK_ROWS)
         out[:, part] = _forward(network, inputs[part])
     return out

@@ -10,11 +10,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from thrustmargin.models.effects import CATALOGUE
+from thrustmargin.models.effects.base import USUAL_ARM, USUAL_MASS
+from thrustmargin.models.effects.slung_load import force_ned
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.flown import model_channels
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 
@@ -389,3 +393,39 @@ def test_a_rotor_that_would_have_to_pull_down_stands_all_but_still():
 def test_a_rotor_that_makes_no_thrust_counts_as_making_a_twentieth():
     gone = effect("thrust_drift", rate=1.0)  # after 3 s: 1 - 3
     np.testing.assert_allclose(share(steady(), gone), 20.0, rtol=1e-6)
+
+
+def test_thin_air_weighs_as_its_rms_over_one_percent():
+    """Half the rows 10 % thinner, half 10 % denser than the model's air: 0.1 RMS, 10 hundredths."""
+    effect = EFFECTS["air_density"]
+    x = model_channels(physics_model(AIRFRAME), steady())
+    density = np.where(np.arange(60) < 30, 0.9, 1.1) * x.reference_density
+    values = {"temperature_offset": 0.0, "torque_share": 1.0}
+    assert effect.weight is not None
+    assert effect.weight(values, replace(x, reported_density=density), np) == pytest.approx(10.0)
+
+
+def test_a_wind_weighs_as_the_airspeed_that_it_moves():
+    """5 m/s over ground and by the sensor; a tail wind of 2.4 m/s leaves 2.6: off by 3 x 0.8."""
+    effect = EFFECTS["wind"]
+    x = model_channels(physics_model(AIRFRAME), moving(5.0, airspeed=np.full(60, 5.0)))
+    assert effect.weight is not None
+    weight = effect.weight({"wind_north": 2.4, "wind_east": 0.0}, x, np)
+    assert weight == pytest.approx(3.0, rel=1e-5)
+
+
+def test_an_aircraft_of_the_usual_mass_on_longer_arms_gets_moments_of_its_arms():
+    moment = next(p for p in EFFECTS["yaw_trim"].parameters if p.unit == "N m")
+    longer = ARMS * 2.0 * USUAL_ARM / np.hypot(X, Y)
+    same = replace(AIRFRAME, empty_mass=USUAL_MASS, rotor_position_frd=longer)
+    assert moment.scaled(same).upper == pytest.approx(2.0 * moment.upper)
+
+
+def test_specific_force_is_turned_into_ned_as_scipy_turns_it():
+    rng = np.random.default_rng(5)
+    attitude = rng.uniform([-1.0, -1.0, -3.0], [1.0, 1.0, 3.0], (60, 3))
+    force = rng.normal(size=(60, 3))
+    turn = Rotation.from_euler("ZYX", attitude[:, ::-1])
+    ned, down = force_ned(steady(attitude=attitude, specific_force_frd=force))
+    np.testing.assert_allclose(ned, turn.apply(force), atol=1e-12)
+    np.testing.assert_allclose(down, turn.apply([0.0, 0.0, 1.0]), atol=1e-12)

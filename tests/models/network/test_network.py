@@ -174,6 +174,8 @@ def test_missing_inputs_and_empty_sets_are_refused():
     rows, none = np.arange(20), np.arange(0)
     with pytest.raises(DataError, match="0 validation rows"):
         fit_network(inputs, speeds, training=rows, validation=none, config=QUICK, seed=0)
+    with pytest.raises(DataError, match="0 training and 20 validation rows"):
+        fit_network(inputs, speeds, training=none, validation=rows, config=QUICK, seed=0)
     inputs[3, 1] = np.nan
     with pytest.raises(DataError, match="missing airspeed, tank or rotor speed"):
         fit_network(inputs, speeds, training=rows, validation=rows, config=QUICK, seed=0)
@@ -194,6 +196,7 @@ def test_shapes_that_do_not_fit_together_are_refused():
         ({"weights": network.weights[:3]}, "3 layers"),
         ({"weights": (*network.weights[:1], *network.weights[2:], network.weights[1])}, "layer 2"),
         ({"biases": (network.biases[0][:, :5], *network.biases[1:])}, "layer 1 has biases"),
+        ({"biases": (np.zeros((9, 9)), *network.biases[1:])}, "layer 1 has biases"),
         ({"output_mean": network.output_mean[:, :3]}, "output_mean"),
         ({"input_mean": network.input_mean[0]}, "input_mean"),
         ({"input_scale": 0.0 * network.input_scale}, "not positive"),

@@ -1,0 +1,65 @@
+"""How large each effect may be found, and what is too small to name: lower, upper, usual, smallest.
+
+Bounds are physical or generous: a rotor cannot gain a third of its thrust nor fly with 70 % of it
+lost; a mass on board below -10 kg or above 20 kg is no sprayer of this size any more.
+"""
+
+import pytest
+
+from thrustmargin.models.effects import CATALOGUE
+
+#: (effect, parameter) of an aircraft of USUAL_MASS and USUAL_ARM -> lower, upper, scale, smallest
+SIZES = {
+    ("sensor_lag", "lag"): (-0.5, 0.5, 0.2, 0.05),
+    ("tank_scale", "gain"): (0.5, 2, 0.1, 0.02),
+    ("wind", "wind_north"): (-20, 20, 5, 1),
+    ("wind", "wind_east"): (-20, 20, 5, 1),
+    ("extra_mass", "mass"): (-10, 20, 2, 0.15),
+    ("load_factor", "gain"): (-0.5, 2, 1, 0.05),
+    ("load_factor", "imu_share"): (0, 1, 1, 0),
+    ("load_factor", "sharpening"): (-0.33, 0.5, 0.2, 0),
+    ("load_factor", "lag"): (0, 0.3, 0.2, 0),
+    ("parasite_drag", "drag_area"): (-4, 6, 1, 0.05),
+    ("slung_load", "mass"): (-2, 20, 2, 0.15),
+    ("slung_load", "cable"): (3.838176, 6.286352, 0.7676351, 0),
+    ("cg_offset", "x"): (-0.5, 0.5, 0.05, 0.003),
+    ("cg_offset", "y"): (-0.5, 0.5, 0.05, 0.003),
+    ("cg_offset", "x_full"): (-0.5, 0.5, 0.05, 0.003),
+    ("cg_offset", "y_full"): (-0.5, 0.5, 0.05, 0.003),
+    ("flow_moment", "roll"): (-1, 1, 0.1, 0.01),
+    ("flow_moment", "pitch"): (-1, 1, 0.1, 0.01),
+    ("manoeuvre_moment", "inertia_roll"): (-60, 60, 5, 0.2),
+    ("manoeuvre_moment", "inertia_pitch"): (-60, 60, 5, 0.2),
+    ("manoeuvre_moment", "inertia_yaw"): (-60, 60, 5, 0.2),
+    ("manoeuvre_moment", "damping_roll"): (-60, 60, 5, 0.2),
+    ("manoeuvre_moment", "damping_pitch"): (-60, 60, 5, 0.2),
+    ("manoeuvre_moment", "damping_yaw"): (-60, 60, 5, 0.2),
+    ("manoeuvre_moment", "load_exponent"): (-2, 2, 0.5, 0),
+    ("manoeuvre_moment", "sharpening_tilt"): (-0.33, 0.5, 0.2, 0),
+    ("manoeuvre_moment", "sharpening_yaw"): (-0.33, 0.5, 0.2, 0),
+    ("manoeuvre_moment", "lag"): (0, 0.3, 0.1, 0),
+    ("yaw_trim", "moment"): (-20, 20, 1, 0.1),
+    ("air_density", "temperature_offset"): (-35, 35, 8, 0),
+    ("air_density", "torque_share"): (0, 2, 0.5, 0),
+    ("battery_voltage", "exponent"): (-4, 6, 0.5, 0.05),
+    ("climb_inflow", "slope"): (-2, 6, 1, 0.05),
+    ("ground_effect", "strength"): (-1, 3, 0.2, 0.02),
+    ("rotor_degradation", "loss"): (-0.3, 0.7, 0.05, 0.008),
+    ("rotor_degradation", "torque_share"): (-1, 2, 0.5, 0),
+    ("rotor_degradation", "onset_time"): (0, 100000, 60, 0),
+    ("rotor_degradation", "onset_clock"): (0, 1e11, 60, 0),
+    ("thrust_drift", "rate"): (-0.001, 0.002, 0.0001, 2e-05),
+    ("translational_lift", "gain"): (-0.5, 1, 0.1, 0.01),
+}
+FOUND = {(e.name, p.name): p for e in reversed(CATALOGUE) for p in e.parameters}
+
+
+def test_every_parameter_has_its_size():
+    assert {(e.name, p.name) for e in CATALOGUE for p in e.parameters} == set(SIZES)
+
+
+@pytest.mark.parametrize(("place", "sizes"), SIZES.items(), ids=lambda v: str(v))
+def test_a_parameter_may_be_found_between_its_bounds(place, sizes):
+    p = FOUND[place]
+    assert (p.lower, p.upper, p.scale, p.smallest) == pytest.approx(sizes, rel=1e-5)
+    assert p.lower <= p.start < p.upper
