@@ -6,6 +6,9 @@ Exit codes: 0 done, 1 the input or the environment does not allow it, 2 the comm
 
 from __future__ import annotations
 
+import contextlib
+import io
+import os
 import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
@@ -14,6 +17,7 @@ from typing import Any
 import tyro
 
 from thrustmargin.gcs_plugin.commands.options import UsageError, refuse_renamed
+from thrustmargin.gcs_plugin.mavlink.text import clean_lines
 from thrustmargin.models.errors import ThrustMarginError
 
 #: subcommand -> module of thrustmargin.gcs_plugin.commands that holds a function of the same name.
@@ -44,6 +48,12 @@ def command_function(name: str) -> Callable[..., Any]:
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Run one subcommand and exit with its code."""
+    # Either may be closed, and a name that the terminal cannot show is no reason to fail.
+    sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115
+    sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     sys.exit(run(sys.argv[1:] if argv is None else list(argv)))
 
 
@@ -53,19 +63,41 @@ def run(argv: Sequence[str]) -> int:
     functions = {name: command_function(name) for name in chosen or COMMANDS}
     try:
         refuse_renamed(argv)
-        outcome = tyro.extras.subcommand_cli_from_dict(
-            functions, prog="thrustmargin", description=DESCRIPTION, args=list(argv)
-        )
+        try:
+            outcome = tyro.extras.subcommand_cli_from_dict(
+                functions, prog="thrustmargin", description=DESCRIPTION, args=list(argv)
+            )
+        finally:
+            _flush()
     except ThrustMarginError as error:
-        print(f"thrustmargin: {error}", file=sys.stderr)
+        _complain(str(error))
         return 2 if isinstance(error, UsageError) else 1
     except BrokenPipeError:
-        sys.stderr.close()
+        return 1  # whoever read has heard enough
+    except OSError as error:
+        where = error.filename or "standard output"
+        _complain(f"cannot read or write {where}: {error.strerror or error}")
         return 1
     except KeyboardInterrupt:
-        print("thrustmargin: stopped; files that were finished are whole", file=sys.stderr)
+        _complain("stopped; files that were finished are whole")
         return 130
     return outcome if isinstance(outcome, int) else 0
+
+
+def _complain(words: str) -> None:
+    with contextlib.suppress(OSError):
+        print(f"thrustmargin: {clean_lines(words)}", file=sys.stderr)
+
+
+def _flush() -> None:
+    """Write out what is still held back; raises OSError when it cannot, and gives it up."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        # Else it would be tried again, and complained about, at the very end.
+        with contextlib.suppress(OSError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise
 
 
 if __name__ == "__main__":

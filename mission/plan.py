@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from thrustmargin.models.errors import PlanError
-from thrustmargin.models.whole_file import whole_file
+from thrustmargin.models.whole_file import regular, whole_file
 
 FRAME_AMSL, FRAME_MISSION, FRAME_ABOVE_HOME, FRAME_ABOVE_GROUND = 0, 2, 3, 10
 #: MAV_FRAME numbers of the integer messages -> the frame that plan files use for the same thing.
@@ -124,7 +124,7 @@ def read_plan(path: Path) -> MissionPlan:
     """
     name = path.name
     try:
-        if path.stat().st_size > LARGEST_FILE:
+        if regular(path).stat().st_size > LARGEST_FILE:
             raise PlanError(f"{name} has more than {LARGEST_FILE >> 20} MiB; that is no plan file")
         content = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:

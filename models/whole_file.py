@@ -1,11 +1,27 @@
-"""Write a file whole or not at all: a draft beside it, put in its place when it is finished."""
+"""Files that are read and written whole.
+
+What is written is a draft beside the file, put in its place when it is finished.
+"""
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+
+def regular(path: Path) -> Path:
+    """The path itself, of a file whose end can be reached.
+
+    Raises OSError when it is missing or a folder, a pipe or a device, which may never end.
+    """
+    path.stat()
+    if not path.is_file():
+        what = "it is a folder" if path.is_dir() else "it is a pipe or a device; copy it to a file"
+        raise OSError(errno.EINVAL, what, str(path))
+    return path
 
 
 @contextmanager
@@ -13,8 +29,10 @@ def whole_file(path: Path) -> Iterator[Path]:
     """Yields the path of a draft to write; it replaces `path` only when the block ends well.
 
     On any error, Ctrl-C included, the draft is removed and what stood at `path` stays as it was.
-    Raises OSError when the folder is missing or cannot be written.
+    Raises OSError when the folder is missing or cannot be written, or `path` is no file.
     """
+    if path.exists():
+        regular(path)
     draft = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         yield draft

@@ -14,7 +14,6 @@ LONG = {
     "models/identification/search.py": "one step of the search after the other",
 }
 SHORT = {
-    "models/whole_file.py": "the one writer of files, which every package uses",
     "models/physics/attitude.py": "formulas of attitude that stand below all others",
 }
 #: Folders whose files may be short: one file a thing, so that adding one is adding a file.

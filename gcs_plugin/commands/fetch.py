@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.progress import transfer_bar
 from thrustmargin.models.errors import LinkError
 
 if TYPE_CHECKING:
@@ -72,6 +70,9 @@ def fetch(
 
     Example: thrustmargin fetch mission udpin:127.0.0.1:14550 -o field.plan
     """
+    from thrustmargin.gcs_plugin.commands.options import Output, check_outputs
+
+    check_outputs([Output("--output", what.output)], inputs=[what.signing_key_file])
     if isinstance(what, FetchMission):
         _fetch_mission(what)
     else:
@@ -79,6 +80,7 @@ def fetch(
 
 
 def _fetch_mission(order: FetchMission) -> None:
+    from thrustmargin.gcs_plugin.commands.terminal import transfer_bar
     from thrustmargin.gcs_plugin.vehicle.mission_transfer import download_mission
     from thrustmargin.mission.plan import write_plan
 
@@ -90,12 +92,13 @@ def _fetch_mission(order: FetchMission) -> None:
         plan = download_mission(link, vehicle, progress)
     write_plan(plan, order.output)
     places = sum(item.place is not None for item in plan.items)
-    print(f"{order.output}: {len(plan.items)} items ({places} places) from vehicle {number}")
+    _say(f"{order.output}: {len(plan.items)} items ({places} places) from vehicle {number}")
     for note in plan.notes:
-        print(f"note: {note}")
+        _say(f"note: {note}")
 
 
 def _fetch_log(order: FetchLog) -> None:
+    from thrustmargin.gcs_plugin.commands.terminal import transfer_bar
     from thrustmargin.gcs_plugin.vehicle.log_download import VehicleLogs
 
     if (order.id is not None) + order.latest + order.list > 1:
@@ -114,7 +117,7 @@ def _fetch_log(order: FetchLog) -> None:
     if order.list:
         _print_logs(logs.entries)
     else:
-        print(f"{path}: log {entry.number}, {entry.size_bytes} bytes")
+        _say(f"{path}: log {entry.number}, {entry.size_bytes} bytes")
 
 
 def _link(order: FetchFrom) -> AbstractContextManager[VehicleLink]:
@@ -127,12 +130,18 @@ def _link(order: FetchFrom) -> AbstractContextManager[VehicleLink]:
 
     key = read_signing_key(order.signing_key_file)
     for note in key.notes:
-        print(f"note: {note}", file=sys.stderr)
+        _say(f"note: {note}", stderr=True)
     return signed_link(order.url, key.key)
 
 
 def _print_logs(entries: tuple[LogEntry, ...]) -> None:
     if not entries:
-        print("the vehicle holds no logs")
+        _say("the vehicle holds no logs")
     for entry in entries:
-        print(f"{entry.number:6d}  {entry.date or 'date unknown':20}  {entry.size_bytes:12d} bytes")
+        _say(f"{entry.number:6d}  {entry.date or 'date unknown':20}  {entry.size_bytes:12d} bytes")
+
+
+def _say(line: str, *, stderr: bool = False) -> None:
+    from thrustmargin.gcs_plugin.commands.terminal import Terminal
+
+    Terminal(stderr=stderr, soft_wrap=True).print(line)

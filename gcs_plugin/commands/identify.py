@@ -62,17 +62,15 @@ def identify(
     """
     from datetime import UTC, datetime
 
-    from rich.console import Console
-
     from thrustmargin.gcs_plugin.commands.inputs import starting_model
     from thrustmargin.gcs_plugin.commands.options import Output, check_outputs, require_logs
-    from thrustmargin.gcs_plugin.commands.progress import steps
+    from thrustmargin.gcs_plugin.commands.terminal import Terminal, steps
     from thrustmargin.gcs_plugin.reports.identify.identify_result import result_of
     from thrustmargin.models.identification.identify import identify as search
     from thrustmargin.models.identification.search import SearchConfig
     from thrustmargin.models.identification.usable_flights import require_distinct
 
-    errors = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
+    errors = Terminal(stderr=True, soft_wrap=True)
     require_logs(logs)
     require_torch("identify")
     check_outputs(
@@ -81,7 +79,7 @@ def identify(
             Output("--json", json),
             Output("--html", html, endings=(".html", ".htm")),
         ),
-        inputs=(*logs, *held_out, *([model] if model is not None else [])),
+        inputs=[*logs, *held_out, model, airframe],
     )
     settings = SearchConfig(surrogates=surrogates, seed=seed)
     start, model_name = starting_model(model, airframe)
@@ -160,9 +158,9 @@ def write_result(
             if html is not None:
                 from thrustmargin.gcs_plugin.reports.identify.page import html_text
 
-                drafts[html].write_text(html_text(result), encoding="utf-8")
+                drafts[html].write_bytes(html_text(result).encode("utf-8", "replace"))
             if json is not None:
-                drafts[json].write_text(json_text(result), encoding="utf-8")
+                drafts[json].write_bytes(json_text(result).encode("utf-8", "replace"))
             if out is not None:
                 save_model(result.update.model, drafts[out])
     except OSError as error:
@@ -172,11 +170,10 @@ def write_result(
 
 def show(result: Result, written: Sequence[Path]) -> None:
     """The answer in words, then the tables, then what was written."""
-    from rich.console import Console
-
+    from thrustmargin.gcs_plugin.commands.terminal import Terminal
     from thrustmargin.gcs_plugin.reports.identify.identify_tables import effects_table, errors_table
 
-    console = Console(highlight=False, markup=False)
+    console = Terminal()
     for sentence in result.answer:
         console.print(sentence, soft_wrap=True)
     if result.found.reported:

@@ -70,6 +70,7 @@ def read_logs(
 
     A log that cannot for an error of the kind `skipped` is added to `unused`.
     """
+    from rich.markup import escape
     from rich.progress import track
 
     from thrustmargin.gcs_plugin.logs import read_log
@@ -77,7 +78,7 @@ def read_logs(
     from thrustmargin.models.model.prepared import prepared
 
     keywords = reading_keywords(reading)
-    described = "reading" if len(logs) != 1 else f"reading {logs[0].name}"
+    described = "reading" if len(logs) != 1 else f"reading {escape(logs[0].name)}"
     quiet = not console.is_terminal
     for path in track(logs, described, console=console, transient=True, disable=quiet):
         try:

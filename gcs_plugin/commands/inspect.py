@@ -51,18 +51,19 @@ def inspect(
     """
     import json as json_module
 
-    from rich.console import Console
+    from rich.markup import escape
 
     from thrustmargin.gcs_plugin.commands.options import Output, check_outputs, require_logs
+    from thrustmargin.gcs_plugin.commands.terminal import Terminal
     from thrustmargin.gcs_plugin.logs.inspection import as_json
 
-    console, errors = Console(highlight=False, markup=False), Console(stderr=True, markup=False)
+    console, errors = Terminal(), Terminal(stderr=True)
     require_logs(logs)
-    check_outputs([Output("--json", json)], inputs=logs)
+    check_outputs([Output("--json", json)], inputs=[*logs, airframe])
     done, failed = [], 0
     for path in logs:
         try:
-            with errors.status(f"reading {path.name}"):
+            with errors.status(escape(f"reading {path.name}")):
                 inspection = _inspect(path, airframe, reading_keywords(reading))
         except ThrustMarginError as error:
             # One bad log must not hide the others.

@@ -35,16 +35,18 @@ def match(
         model: Rotor speed model whose predictions are drawn as points; else the shipped one.
         out: Figure to write, .svg or .png; without an ending both are written.
     """
-    from rich.console import Console
-
     from thrustmargin.gcs_plugin.commands.options import Output, check_outputs
-    from thrustmargin.gcs_plugin.reports.model.figure10 import figure10, write_figure
+    from thrustmargin.gcs_plugin.commands.terminal import Terminal
+    from thrustmargin.gcs_plugin.reports.model.figure10 import figure10, figure_paths, write_figure
     from thrustmargin.models.physics.airframe import load_airframe
     from thrustmargin.models.physics.matching import match_airframe
 
-    check_outputs([Output("--out", out, endings=(".svg", ".png") if out.suffix else ())])
+    check_outputs(
+        [Output("--out", path, endings=(".svg", ".png")) for path in figure_paths(out)],
+        inputs=[model, airframe],
+    )
     matching = match_airframe(load_airframe(airframe))
-    console = Console(highlight=False, markup=False)
+    console = Terminal()
     console.print(load_table(matching))
     for note in notes(matching):
         console.print(note)

@@ -73,6 +73,7 @@ def monitor(
     """
     from thrustmargin.gcs_plugin.commands.inputs import chosen_model
     from thrustmargin.gcs_plugin.commands.options import check_utilisation
+    from thrustmargin.gcs_plugin.commands.terminal import Terminal
     from thrustmargin.gcs_plugin.live.alarm import AlarmSettings
     from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorSettings
     from thrustmargin.gcs_plugin.live.vehicle_monitor import WatchSettings
@@ -86,7 +87,7 @@ def monitor(
 
         found = read_signing_key(signing_key_file)
         for note in found.notes:
-            print(f"note: {note}", file=sys.stderr)
+            Terminal(stderr=True, soft_wrap=True).print(f"note: {note}")
         key = found.key
         recorded = url.lower().endswith(".tlog")
         guard = SigningFilter(key, clock=None) if recorded else SigningFilter(key)
@@ -121,7 +122,7 @@ def monitor(
     if not sys.stdout.isatty():
         from thrustmargin.gcs_plugin.live.console import EventPrinter
 
-        live.subscribers.append(EventPrinter(live, lambda words: print(words, flush=True)))
+        live.subscribers.append(EventPrinter(live, Terminal(soft_wrap=True).print))
     page = _page(live, chosen.airframe, host, port) if view else None
     until = math.inf if seconds is None else time.monotonic() + seconds
     try:
@@ -154,12 +155,12 @@ def _page(live: LiveMonitor, airframe: Airframe, host: str, port: int) -> LiveVi
 
 
 def _show(live: LiveMonitor, until: float) -> None:
-    from rich.console import Console
     from rich.live import Live
 
+    from thrustmargin.gcs_plugin.commands.terminal import Terminal
     from thrustmargin.gcs_plugin.live.console import Screen
 
-    console = Console()
+    console = Terminal()
     if not console.is_terminal:
         while time.monotonic() < until and not live.finished:
             time.sleep(0.1)
@@ -173,11 +174,10 @@ def _show(live: LiveMonitor, until: float) -> None:
 
 def _summary(live: LiveMonitor) -> None:
     """What has been heard, on one line a vehicle; also when nobody watches the table."""
-    from rich.console import Console
-
+    from thrustmargin.gcs_plugin.commands.terminal import Terminal
     from thrustmargin.gcs_plugin.live.console import status_lines
 
-    out = Console(stderr=True, highlight=False, markup=False)
+    out = Terminal(stderr=True)
     for number, watch in live.fleet.vehicles.items():
         words = f"vehicle {number}: {watch.rows} samples {watch.problem}".rstrip()
         out.print(words, soft_wrap=True)

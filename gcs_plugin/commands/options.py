@@ -62,10 +62,14 @@ class Output:
     keep: bool = False  # what stands there already is not replaced
 
 
-def check_outputs(outputs: Iterable[Output], *, inputs: Iterable[Path] = ()) -> None:
-    """Raise DataError when a result would have no place or would harm one of the `inputs`."""
-    inputs = list(inputs)
-    taken: set[Path] = set()
+def check_outputs(outputs: Iterable[Output], *, inputs: Iterable[Path | str | None]) -> None:
+    """Raise DataError when a result would have no place or would harm one of the `inputs`.
+
+    Those are all files that the command reads: logs, models, airframes, keys; None and names of
+    what is shipped are passed over.
+    """
+    inputs = [Path(read) for read in inputs if read is not None]
+    taken: set[str] = set()
     for output in outputs:
         path = output.path
         if path is None:
@@ -74,14 +78,19 @@ def check_outputs(outputs: Iterable[Output], *, inputs: Iterable[Path] = ()) -> 
             raise DataError(f"cannot write {path}; end its name in {' or '.join(output.endings)}")
         if not path.parent.is_dir():
             raise DataError(f"no folder {path.parent}; make it, or give another {output.option}")
+        if path.exists() and not path.is_file():
+            what = "a folder" if path.is_dir() else "a device or a pipe"
+            raise DataError(f"{path} is {what}, not a file; give another {output.option}")
         for read in inputs:
             if _same(path, read):
                 raise DataError(
                     f"{path} would overwrite {read}, which is read; give another {output.option}"
                 )
-        if path.resolve() in taken:
+        # Many disks do not distinguish capitals.
+        name = str(path.resolve()).casefold()
+        if name in taken:
             raise DataError(f"{path} is asked for twice; give another {output.option}")
-        taken.add(path.resolve())
+        taken.add(name)
         if output.keep and path.exists():
             raise DataError(
                 f"{path} is already there; give another {output.option}, or --force to replace it"

@@ -73,15 +73,16 @@ def replay_view(
 
     `options` are those of ReplayView.
     """
-    from rich.console import Console
+    from rich.markup import escape
 
+    from thrustmargin.gcs_plugin.commands.terminal import Terminal
     from thrustmargin.gcs_plugin.logs import read_log
     from thrustmargin.gcs_plugin.view.overlays import before_and_after
     from thrustmargin.gcs_plugin.view.replay import ReplayView
     from thrustmargin.models.model.analysis import analyse
     from thrustmargin.models.model.prepared import prepared
 
-    with Console(stderr=True).status(f"reading {log.name}"):
+    with Terminal(stderr=True).status(escape(f"reading {log.name}")):
         flight = read_log(log, airframe=model.airframe, **reading_keywords(reading))
         track = prepared(flight.track, model.airframe, flight.parameters)
         analysis = analyse(track, model)

@@ -39,8 +39,6 @@ def report(
         out: Page to write (.html).
         max_utilisation: Largest share of a rotor's maximum thrust that may be in use.
     """
-    from rich.console import Console
-
     from thrustmargin.gcs_plugin.commands.inputs import chosen_model, read_logs
     from thrustmargin.gcs_plugin.commands.options import (
         Output,
@@ -48,11 +46,12 @@ def report(
         check_utilisation,
         require_logs,
     )
+    from thrustmargin.gcs_plugin.commands.terminal import Terminal
     from thrustmargin.gcs_plugin.reports.margin import build_report
     from thrustmargin.gcs_plugin.reports.margin.render import write_report
     from thrustmargin.models.model.analysis import analyse
 
-    console = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
+    console = Terminal(stderr=True, soft_wrap=True)
     require_logs(logs)
     check_utilisation(max_utilisation)
     check_outputs(
@@ -61,7 +60,7 @@ def report(
             Output("--out", out.with_suffix(".json")),
             Output("--out", out.with_suffix(".csv")),
         ),
-        inputs=logs,
+        inputs=[*logs, model, airframe],
     )
     rotor_model = chosen_model(model, airframe)
     unread: list[UnusedLog] = []
@@ -82,7 +81,7 @@ def report(
             written = write_report(made, out)
         except OSError as error:
             raise DataError(f"cannot write {out}: {error.strerror or error}") from error
-    summary = Console(highlight=False, markup=False, soft_wrap=True)
+    summary = Terminal(soft_wrap=True)
     for flight in made.flights:
         verdict = flight.verdict
         summary.print(f"{flight.name}: {verdict.headline}", style="bold")

@@ -32,23 +32,30 @@ def stream(
         speed: How many times as fast as it was recorded.
         loop: Start again at the end, until stopped with Ctrl-C.
     """
-    from rich.console import Console
     from rich.progress import Progress, TextColumn, TimeElapsedColumn
 
+    from thrustmargin.gcs_plugin.commands.terminal import Terminal
     from thrustmargin.gcs_plugin.link.open_transport import open_transport
     from thrustmargin.gcs_plugin.link.playback import Played, play
     from thrustmargin.gcs_plugin.link.transport import parse_url
+    from thrustmargin.gcs_plugin.logs.read import formats
 
     if not (speed > 0.0 and math.isfinite(speed)):
         raise LinkError(f"--speed {speed:g} is no speed; give a number above 0")
     if not log.is_file():
         raise LogError(f"no file {log}; check the name")
+    found = formats(log)[0]
+    if found != "tlog":
+        raise LogError(
+            f"{log.name} is a {found} log, which has no frames to send; stream plays telemetry "
+            f"logs (.tlog); to look at this one: thrustmargin replay {log}"
+        )
     if parse_url(to).kind == "tlog":
         raise LinkError(f"--to {to} is a recording; give a link such as udpout:127.0.0.1:14550")
     transport = open_transport(to)
     try:
-        columns = (TextColumn("{task.description}"), TimeElapsedColumn())
-        with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        columns = (TextColumn("{task.description}", markup=False), TimeElapsedColumn())
+        with Progress(*columns, console=Terminal(stderr=True), transient=True) as progress:
             task = progress.add_task(f"{log.name} to {to}", total=None)
 
             def show(played: Played) -> None:
@@ -57,7 +64,7 @@ def stream(
             played = play(log, transport, speed=speed, loop=loop, progress=show)
     finally:
         transport.close()
-    Console(stderr=True).print(_words(played, log, to), highlight=False)
+    Terminal(stderr=True).print(_words(played, log, to))
 
 
 def _words(played: object, log: Path, to: str) -> str:

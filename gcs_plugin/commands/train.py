@@ -54,12 +54,10 @@ def train(
     from datetime import UTC, datetime
     from importlib.metadata import version
 
-    from rich.console import Console
-
     from thrustmargin.gcs_plugin.commands.inputs import read_logs
     from thrustmargin.gcs_plugin.commands.options import Output, check_outputs, require_logs
-    from thrustmargin.gcs_plugin.commands.progress import steps
-    from thrustmargin.gcs_plugin.reports.model.loss_figure import write_loss_curves
+    from thrustmargin.gcs_plugin.commands.terminal import Terminal, steps
+    from thrustmargin.gcs_plugin.reports.model.loss_figure import loss_paths, write_loss_curves
     from thrustmargin.gcs_plugin.reports.model.training_tables import training_tables
     from thrustmargin.models.model.model_file import save_model
     from thrustmargin.models.model.training import TrainSettings
@@ -67,10 +65,16 @@ def train(
     from thrustmargin.models.network.network import NetConfig
     from thrustmargin.models.physics.airframe import load_airframe
 
-    progress = Console(stderr=True)
+    progress = Terminal(stderr=True)
     require_logs(logs)
     require_torch("train")
-    check_outputs([Output("--out", out, (".safetensors",), keep=not force)], inputs=logs)
+    check_outputs(
+        [
+            Output("--out", out, (".safetensors",), keep=not force),
+            *(Output("--out", path) for path in loss_paths(out)),
+        ],
+        inputs=[*logs, airframe],
+    )
     if members < 3 or max_epochs < 1:
         raise DataError("--members must be at least 3 and --max-epochs at least 1")
     aircraft = load_airframe(airframe)
@@ -102,7 +106,7 @@ def train(
     save_model(trained.model, out)
     written = [out, *write_loss_curves(trained.curves, out)]
 
-    console = Console(highlight=False, markup=False)
+    console = Terminal()
     for part in training_tables(trained.model):
         console.print(part)
     for one in (*unread, *_unused(tracks)):

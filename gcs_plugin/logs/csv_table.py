@@ -8,14 +8,19 @@ One row a time. Columns, in SI but for rpm, all but `time_s` optional, empty whe
 `current`, `pressure` (Pa), `temperature` (K), `altitude` (m AMSL), `height_agl` (m),
 `spraying` (1 or 0), `flying` (1 or 0). A first line `# {...}` holds what has no column: the place
 of zero, the start in Unix time, where each channel came from.
+
+Tables of other programs are read too: separated by commas, semicolons or tabs, with a decimal
+point or comma, in quotes, in UTF-8 or UTF-16; and the CSV of a margin report, by its own headings.
 """
 
 from __future__ import annotations
 
+import codecs
+import csv
 import io
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +45,22 @@ COLUMNS: Mapping[str, tuple[str, ...]] = {
     **{name: (name,) for name, c in TRACK_CHANNELS.items() if not (c.axes or c.per_rotor)},
 }
 _ROTOR = re.compile(r"(rotor_speed_rpm|throttle)_([1-9][0-9]?)")
+#: headings of a margin report's CSV, without their units -> ours
+_OF_REPORT = {
+    "time": "time_s",
+    "airborne": "flying",
+    "north": "position_north",
+    "east": "position_east",
+    "height above ground": "height_agl",
+    "tank": "tank_kg",
+    "pack voltage": "voltage",
+    "flight": "flight_number",
+}
+_OF_REPORT_ROTOR = re.compile(r"rotor ([1-9][0-9]?) speed measured")
+_LATEST = 1e11  # s of Unix time
+_SHOWN = 50  # rows by which the decimal sign is known
+_DECIMAL_COMMA = re.compile(r"[-+]?[0-9]*,[0-9]+(e[-+]?[0-9]+)?", re.IGNORECASE)
+_NULLS = ["", "-", "nan", "NaN", "NAN", "null", "NULL", "None", "NA", "N/A", "#N/A"]
 
 
 def write_csv(track: FlightTrack, path: Path) -> None:
@@ -72,59 +93,118 @@ def write_csv(track: FlightTrack, path: Path) -> None:
         draft.write_text(out.getvalue(), encoding="utf-8", newline="")
 
 
+def names_time(text: str) -> bool:
+    """Whether a text begins as a table of a flight does: comment lines, or a heading of time."""
+    comments, names, _, _ = _parts(text)
+    return bool(comments) or "time_s" in names
+
+
 def read_csv(path: Path, *, rotor_count: int = 0) -> FlightTrack:
     """The track of a CSV file; `rotor_count` is for a file without columns of rotors.
 
     Raises LogError naming the column or row that is wrong.
     """
     import pyarrow as pa
-    from pyarrow import csv
+    from pyarrow import csv as table_of
 
-    data = path.read_bytes()
-    about, body = _about(data, path)
-    header = body.split(b"\n", 1)[0].decode("utf-8", "replace").strip().lstrip("\ufeff")
-    names = [name.strip() for name in header.split(",")]
+    comments, names, body, separator = _parts(decoded(path.read_bytes()))
     if "time_s" not in names:
-        raise LogError(f"{path.name}: its first line names no column time_s; found {header[:60]!r}")
-    if len(set(names)) != len(names):
-        twice = next(name for name in names if names.count(name) > 1)
+        first = clean(body.split("\n", 1)[0][:60])
+        raise LogError(f"{path.name}: its first line names no column time_s; found {first!r}")
+    used = [name for name in names if _known(name)]
+    twice = next((name for name in used if used.count(name) > 1), None)
+    if twice is not None:
         raise LogError(f"{path.name}: column {twice!r} is there twice; keep one")
+    first_rows = csv.reader(body.split("\n", _SHOWN)[1:_SHOWN], delimiter=separator)
+    comma = any(_DECIMAL_COMMA.fullmatch(cell.strip()) for row in first_rows for cell in row)
     try:
-        table = csv.read_csv(
-            io.BytesIO(body),
-            read_options=csv.ReadOptions(column_names=names, skip_rows=1),
-            convert_options=csv.ConvertOptions(
-                column_types={n: pa.float64() for n in names if _known(n)},
-                include_columns=[n for n in names if _known(n)],
-                null_values=["", "nan", "NaN", "null"],
+        table = table_of.read_csv(
+            io.BytesIO(body.encode("utf-8", "replace")),
+            # Names that no other column has: what is not used may be called alike.
+            read_options=table_of.ReadOptions(
+                column_names=[n if _known(n) else f"{k} {n}" for k, n in enumerate(names)],
+                skip_rows=1,
+            ),
+            parse_options=table_of.ParseOptions(delimiter=separator),
+            convert_options=table_of.ConvertOptions(
+                column_types={n: pa.float64() for n in used},
+                include_columns=used,
+                null_values=_NULLS,
+                quoted_strings_can_be_null=True,
+                decimal_point="," if comma else ".",
             ),
         )
     except (pa.ArrowInvalid, pa.ArrowKeyError) as error:
         reason = clean(" ".join(str(error).split())[:160])
         raise LogError(f"{path.name}: not a table of numbers: {reason}") from error
-    found = {name: table[name].to_numpy(zero_copy_only=False) for name in table.column_names}
+    found = {name: table[name].to_numpy(zero_copy_only=False) for name in used}
     unused = [name for name in names if not _known(name)]
+    about = _about(comments, path)
+    if "flight_number" in found:
+        found = _first_flight(found, about)
     return _track(path, found, unused, about, rotor_count)
 
 
 def _known(name: str) -> bool:
     fixed = any(name in columns for columns in COLUMNS.values())
-    return fixed or name in ("time_s", "flying") or _ROTOR.fullmatch(name) is not None
+    others = ("time_s", "flying", "flight_number")
+    return fixed or name in others or _ROTOR.fullmatch(name) is not None
 
 
-def _about(data: bytes, path: Path) -> tuple[dict[str, Any], bytes]:
-    """The comment line as a table, and the file without its comment lines."""
+def decoded(data: bytes) -> str:
+    """UTF-8 or UTF-16 as a text of whole lines; bytes that are neither become marks."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        encoding = "utf-16"
+    elif data[:2].count(0) == 1:
+        encoding = "utf-16-be" if data[0] == 0 else "utf-16-le"
+    else:
+        encoding = "utf-8-sig"
+    text = data.decode(encoding, "replace").removeprefix("\ufeff")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _parts(text: str) -> tuple[list[str], list[str], str, str]:
+    """Comment lines, our names of the columns, the table with its heading, and the separator."""
+    comments: list[str] = []
+    while text.startswith(("#", "sep=")):
+        line, _, text = text.partition("\n")
+        comments.append(line[1:].strip())
+    heading = text.split("\n", 1)[0]
+    separator = max(",;\t", key=heading.count)
+    names = [name.strip() for name in next(csv.reader([heading], delimiter=separator), [])]
+    if "time [s]" in names:
+        names = [_of_report(name) for name in names]
+    return comments, names, text, separator
+
+
+def _of_report(heading: str) -> str:
+    """Our name of a column of a margin report."""
+    name = heading.partition(" [")[0]
+    rotor = _OF_REPORT_ROTOR.fullmatch(name)
+    return f"rotor_speed_rpm_{rotor[1]}" if rotor else _OF_REPORT.get(name, name)
+
+
+def _about(comments: Sequence[str], path: Path) -> dict[str, Any]:
+    """The comment line that is a table."""
     about: dict[str, Any] = {}
-    body = data.removeprefix(b"\xef\xbb\xbf")
-    while body.startswith(b"#"):
-        line, _, body = body.partition(b"\n")
-        text = line[1:].decode("utf-8", "replace").strip()
+    for text in comments:
         if text.startswith("{"):
             try:
                 about = json.loads(text)
-            except ValueError as error:
+            except (ValueError, RecursionError) as error:
                 raise LogError(f"{path.name}: its comment line is not JSON: {error}") from error
-    return about, body
+    return about
+
+
+def _first_flight(found: Mapping[str, Floats], about: dict[str, Any]) -> dict[str, Floats]:
+    """The rows of the first flight of a report of several, which is said in a note."""
+    numbers = found["flight_number"]
+    first = numbers == numbers[0] if numbers.size else numbers == numbers
+    others = np.unique(numbers[~first])
+    if others.size:
+        note = f"{others.size + 1} flights in the file, the first is read; the others are not"
+        about["notes"] = [note]
+    return {name: values[first] for name, values in found.items() if name != "flight_number"}
 
 
 def _track(
@@ -157,22 +237,23 @@ def _track(
             channels[channel] = np.stack([found.get(n, nothing) for n in names], axis=-1)
     if not channels:
         raise LogError(f"{path.name}: no column but time_s is known; see the README for the names")
-    flying = found.get("flying")
+    flying, name = found.get("flying"), about.get("name")
     stated = about.get("sources")
     stated = stated if isinstance(stated, dict) else {}
     written = about.get("notes")
-    notes = tuple(clean(str(n)) for n in written) if isinstance(written, list) else ()
+    written = written if isinstance(written, list) else []
+    notes = tuple(clean(n) for n in written if isinstance(n, str))
     if unused:
         notes += (clean(f"columns not used: {', '.join(unused)[:200]}"),)
     sources = {name: f"{path.name} column {COLUMNS.get(name, (name,))[0]}" for name in channels}
     return FlightTrack.of(
-        name=clean(str(about.get("name", path.name))),
+        name=clean(name if isinstance(name, str) else path.name),
         time_s=time_s,
         rotor_count=rotors,
         flying=np.ones(time_s.size, dtype=np.bool_) if flying is None else flying > 0.5,
         origin=_origin(path, about.get("origin")),
         start_unix_s=_start(about.get("start_unix_s")),
-        sources=sources | {clean(str(k)): clean(str(v)) for k, v in stated.items()},
+        sources=sources | {clean(k): clean(v) for k, v in stated.items() if isinstance(v, str)},
         notes=notes,
         **channels,
     )
@@ -182,11 +263,14 @@ def _origin(path: Path, given: Any) -> Origin | None:
     if given is None:
         return None
     try:
-        return from_json_values(Origin, given, "origin")
+        origin = from_json_values(Origin, given, "origin")
+        if not (abs(origin.latitude_deg) <= 90.0 and abs(origin.longitude_deg) <= 180.0):
+            raise ValueError(f"origin is at {origin.latitude_deg}, {origin.longitude_deg} degrees")
+        return origin
     except ValueError as error:
         wanted = "give latitude_deg, longitude_deg and altitude"
         raise LogError(f"{path.name}: in its comment line {error}; {wanted}") from error
 
 
 def _start(given: Any) -> float | None:
-    return float(given) if isinstance(given, (int, float)) else None
+    return float(given) if isinstance(given, (int, float)) and abs(given) < _LATEST else None

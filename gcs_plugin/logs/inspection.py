@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs import FlightLog, LogQuality
+from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.models.checks.motor_order import MotorOrder, check_motor_order
 from thrustmargin.models.checks.speed_scale import SpeedScale, check_speed_scale
 from thrustmargin.models.checks.stuck_sensor import StuckSensor, check_stuck_sensor
@@ -192,7 +193,7 @@ def as_json(inspection: Inspection) -> dict[str, Any]:
     log, plain = inspection.log, to_json_values(inspection.log.quality)
     order, scale = inspection.motor_order, inspection.speed_scale
     return {
-        "file": log.path.name,
+        "file": clean(log.path.name),
         "format": log.format,
         "autopilot": log.autopilot,
         "vehicle": log.vehicle,

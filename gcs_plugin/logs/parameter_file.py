@@ -11,6 +11,7 @@ from math import isfinite
 from pathlib import Path
 
 from thrustmargin.models.errors import LogError
+from thrustmargin.models.whole_file import regular
 
 SUFFIXES = (".param", ".parm", ".params", ".txt")
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{1,31}")
@@ -20,7 +21,7 @@ _MOST_BYTES = 4 << 20
 def read_parameters(path: Path) -> dict[str, float]:
     """Every parameter of the file by name. Raises LogError when it holds none."""
     try:
-        if path.stat().st_size > _MOST_BYTES:
+        if regular(path).stat().st_size > _MOST_BYTES:
             raise LogError(f"{path.name} is too large for a parameter file")
         text = path.read_bytes().decode("utf-8", "replace")
     except OSError as error:

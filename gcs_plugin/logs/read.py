@@ -6,18 +6,20 @@ from dataclasses import replace
 from pathlib import Path
 
 from thrustmargin.gcs_plugin.logs import ulog
-from thrustmargin.gcs_plugin.logs.csv_table import read_csv
+from thrustmargin.gcs_plugin.logs.csv_table import decoded, names_time, read_csv
 from thrustmargin.gcs_plugin.logs.dataflash.binary import read_dataflash
 from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import dataflash_signals
 from thrustmargin.gcs_plugin.logs.dataflash.text_log import read_dataflash_text
 from thrustmargin.gcs_plugin.logs.tlog import read_tlog
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog, NotThisFormat
-from thrustmargin.gcs_plugin.telemetry.resample import Sampling
+from thrustmargin.gcs_plugin.telemetry.resample import Sampling, plausible
 from thrustmargin.gcs_plugin.telemetry.rows import assemble, log_of_track
 from thrustmargin.gcs_plugin.telemetry.signals import airspeed_words, mavlink_signals, pitot_present
 from thrustmargin.gcs_plugin.telemetry.statements import Options, stated_track
 from thrustmargin.models.errors import AirframeError, LogError
+from thrustmargin.models.flight import TRACK_CHANNELS
 from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.whole_file import regular
 
 _FMT_HEAD = b"\xa3\x95\x80"
 _LOOK = 1 << 20  # bytes in which the format shows
@@ -71,7 +73,7 @@ def read_log(
         air_temperature=air_temperature,
     )
     try:
-        kind, log = _read_as(path, _kinds(path), vehicle, options)
+        kind, log = _read_as(path, formats(path), vehicle, options)
     except FileNotFoundError as error:
         raise LogError(f"no file {path}; check the name") from error
     except OSError as error:
@@ -106,7 +108,9 @@ def _read(path: Path, kind: str, vehicle: int | None, options: Options) -> Fligh
         craft = options.airframe
         track = read_csv(path, rotor_count=0 if craft is None else craft.rotor_count)
         _check_rotors(path, track.rotor_count, options.airframe)
-        return log_of_track(stated_track(track, options), path, path.stat().st_size)
+        known = {name: plausible(name, getattr(track, name)) for name in TRACK_CHANNELS}
+        track = stated_track(replace(track, **known), options)
+        return log_of_track(track, path, path.stat().st_size)
     if kind == "ULog":
         recording, signals = ulog.read_ulog(path, vehicle=vehicle)
         return assemble(recording, signals, options)
@@ -123,20 +127,20 @@ def _read(path: Path, kind: str, vehicle: int | None, options: Options) -> Fligh
     return assemble(recording, dataflash_signals(recording.streams), options)
 
 
-def _kinds(path: Path) -> tuple[str, ...]:
+def formats(path: Path) -> tuple[str, ...]:
     """Formats to try, by the first bytes. Raises LogError for a folder, nothing, other text."""
     if path.is_dir():
         raise LogError(f"{path} is a folder; give a log file in it")
-    with path.open("rb") as file:
+    with regular(path).open("rb") as file:
         head = file.read(_LOOK)
     if not head:
         raise LogError(f"{path.name} is empty (0 bytes); copy it from the vehicle again")
     if head.startswith(ulog.MAGIC):
         return ("ULog",)
-    if b"\0" not in head[:4096] and _is_text(head[:4096]):
+    if _is_text(decoded(head[:4096])):
         if b"FMT," in head:
             return ("DataFlash text",)
-        if path.suffix.lower() == ".csv" or b"time_s" in head[:4096]:
+        if path.suffix.lower() == ".csv" or names_time(decoded(head)):
             return ("CSV",)
         raise LogError(
             f"{path.name} is text, but neither a DataFlash log (FMT lines) nor a CSV with time_s"
@@ -146,9 +150,9 @@ def _kinds(path: Path) -> tuple[str, ...]:
     return ("tlog", "DataFlash")
 
 
-def _is_text(head: bytes) -> bool:
-    control = sum(byte < 32 and byte not in (9, 10, 13) for byte in head)
-    return control == 0 and head.decode("utf-8", "replace").count("\ufffd") <= 1 + len(head) // 100
+def _is_text(text: str) -> bool:
+    control = any(character < " " and character not in "\t\n" for character in text)
+    return not control and text.count("\ufffd") <= 1 + len(text) // 100
 
 
 def _check_rotors(path: Path, rotors: int, airframe: Airframe | None) -> None:

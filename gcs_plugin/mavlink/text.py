@@ -14,7 +14,16 @@ def piece(raw: bytes) -> str:
 
 
 def clean(text: str) -> str:
-    """The text with control and other unprintable characters as spaces."""
+    """The text with control and other unprintable characters as spaces.
+
+    Bytes of a file name that are no UTF-8 become question marks.
+    """
     if text.isprintable():
         return text
+    text = text.encode("utf-8", "replace").decode("utf-8")
     return "".join(c if c.isprintable() else " " for c in text)
+
+
+def clean_lines(text: str) -> str:
+    """The same for a text of several lines, which stay apart."""
+    return "\n".join(map(clean, text.split("\n")))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
+from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.telemetry.airborne import GroundContact, airborne, airborne_so_far
 from thrustmargin.gcs_plugin.telemetry.channel_report import channel_report
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap, motor_map
@@ -96,7 +97,7 @@ def assemble(recording: Recording, signals: Signals, options: Options) -> Flight
     Raises LogError when nothing in it makes a flight, AirframeError when the airframe given has
     another number of rotors.
     """
-    name = recording.path.name
+    name = clean(recording.path.name)
     facts = vehicle_facts(
         recording.parameters,
         mav_type=recording.mav_type,

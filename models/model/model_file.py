@@ -22,7 +22,7 @@ from thrustmargin.models.network.records import TrainingRecord
 from thrustmargin.models.network.validity import Interval, TrainingDomain
 from thrustmargin.models.physics.airframe import airframe_from_table, airframe_table
 from thrustmargin.models.physics.forward_flight import ForwardFlight
-from thrustmargin.models.whole_file import whole_file
+from thrustmargin.models.whole_file import regular, whole_file
 
 #: what the JSON in a model file says it is
 SCHEMA = "thrustmargin.model/1"
@@ -80,7 +80,7 @@ def load_model(path: str | Path | None = None) -> RotorModel:
         return shipped_model()
     path = Path(path)
     try:
-        with safe_open(str(path), framework="numpy") as file:
+        with safe_open(str(regular(path)), framework="numpy") as file:
             metadata = file.metadata() or {}
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
     except (OSError, SafetensorError) as error:

@@ -29,6 +29,7 @@ from thrustmargin.models.physics.airframe_checks import (
     table_problems,
     with_rotors,
 )
+from thrustmargin.models.whole_file import regular
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +119,7 @@ def _read(name_or_path: str, children: tuple[str, ...]) -> dict[str, Any]:
     path = Path(name_or_path)
     if path.suffix == ".toml":
         try:
-            text = path.read_text(encoding="utf-8")
+            text = regular(path).read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             raise AirframeError(
                 f"cannot read airframe file {path}: {error}; give a path to a .toml file"
@@ -135,7 +136,7 @@ def _read(name_or_path: str, children: tuple[str, ...]) -> dict[str, Any]:
         ).read_text("utf-8")
     try:
         table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise AirframeError(f"{name_or_path}: not a TOML file: {error}") from error
     for key, kind in (("quantities", dict), ("rotors", list)):
         if not isinstance(table.get(key, kind()), kind):

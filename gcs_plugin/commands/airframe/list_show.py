@@ -22,10 +22,11 @@ class AirframeList:
     """
 
     def run(self) -> int:
+        from thrustmargin.gcs_plugin.commands.terminal import Terminal
         from thrustmargin.models.physics.airframe import airframe_names, load_airframe
         from thrustmargin.models.physics.airframe_draft import power_sets
 
-        console, table = _console(), _table()
+        console, table = Terminal(), _table()
         for heading in ("name", "layout"):
             table.add_column(heading, no_wrap=True)
         for heading in ("rotors", "empty kg", "tank kg"):
@@ -60,9 +61,10 @@ class AirframeShow:
     """Name of a shipped airframe, or an airframe file (.toml)."""
 
     def run(self) -> int:
+        from thrustmargin.gcs_plugin.commands.terminal import Terminal
         from thrustmargin.models.physics.airframe import load_airframe
 
-        print_airframe(_console(), load_airframe(self.name))
+        print_airframe(Terminal(), load_airframe(self.name))
         return 0
 
 
@@ -95,12 +97,6 @@ def print_airframe(console: Console, craft: Airframe) -> None:
             f"guessed, not measured and not printed by a maker: {', '.join(craft.guessed)}",
             soft_wrap=True,
         )
-
-
-def _console() -> Console:
-    from rich.console import Console
-
-    return Console(highlight=False, markup=False)
 
 
 def _table():

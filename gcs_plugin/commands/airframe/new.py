@@ -58,8 +58,6 @@ class AirframeNew:
     """Replace the file if it is there."""
 
     def run(self) -> int:
-        from rich.console import Console
-
         from thrustmargin.gcs_plugin.commands.airframe.fitted import (
             Fitted,
             bench_quantities,
@@ -68,14 +66,16 @@ class AirframeNew:
         from thrustmargin.gcs_plugin.commands.airframe.list_show import print_airframe
         from thrustmargin.gcs_plugin.commands.airframe.source import VehicleParameters, read_source
         from thrustmargin.gcs_plugin.commands.options import Output, check_outputs
+        from thrustmargin.gcs_plugin.commands.terminal import Terminal
         from thrustmargin.gcs_plugin.telemetry.reported_airframe import reported_airframe
         from thrustmargin.models.physics.airframe_draft import airframe_toml
         from thrustmargin.models.whole_file import whole_file
 
         source = self.source or (str(self.hover[0]) if self.hover else None)
-        inputs = [Path(source)] if source and Path(source).exists() else []
-        inputs += [*self.hover, *([self.bench] if self.bench else [])]
-        check_outputs([Output("--out", self.out, (".toml",), keep=not self.force)], inputs=inputs)
+        check_outputs(
+            [Output("--out", self.out, (".toml",), keep=not self.force)],
+            inputs=[source, *self.hover, self.bench],
+        )
         found = VehicleParameters(parameters={})
         if source is not None:
             try:
@@ -105,7 +105,7 @@ class AirframeNew:
                 draft.write_text(airframe_toml(craft, heading), encoding="utf-8")
         except OSError as error:
             raise DataError(f"cannot write {self.out}: {error.strerror or error}") from error
-        console = Console(highlight=False, markup=False)
+        console = Terminal()
         print_airframe(console, craft)
         for note in notes:
             console.print(f"note: {note}", soft_wrap=True)

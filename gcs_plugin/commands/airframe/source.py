@@ -46,7 +46,7 @@ def read_source(source: str, *, vehicle: int | None, timeout: float) -> VehicleP
 
 
 def _fetched(url: str, vehicle: int | None, timeout: float) -> VehicleParameters:
-    from thrustmargin.gcs_plugin.commands.progress import transfer_bar
+    from thrustmargin.gcs_plugin.commands.terminal import transfer_bar
     from thrustmargin.gcs_plugin.vehicle.connection import VehicleLink
     from thrustmargin.gcs_plugin.vehicle.parameters import download_parameters
 

@@ -227,6 +227,8 @@ def asked(owner: OwnerStatement, reported: ReportedAirframe) -> OwnerStatement:
 def _answered(
     question: _Question, owner: OwnerStatement, reported: ReportedAirframe
 ) -> OwnerStatement:
+    from thrustmargin.gcs_plugin.commands.terminal import Terminal
+
     default = question.default(owner, reported)
     while True:
         try:
@@ -238,6 +240,6 @@ def _answered(
             candidate = replace(owner, **{question.field: value})
             stated(candidate, reported)
         except (ValueError, UsageError) as error:
-            print(error)
+            Terminal(soft_wrap=True).print(str(error))
             continue
         return candidate

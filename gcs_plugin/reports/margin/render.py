@@ -60,8 +60,11 @@ def write_report(report: Report, out: Path) -> Written:
     with ExitStack() as files:
         drafts = {p: files.enter_context(whole_file(p)) for p in (written.csv, written.json, out)}
         drafts[written.csv].write_bytes(csv_bytes(report))
-        drafts[written.json].write_text(json_text(report, written.csv.name), encoding="utf-8")
-        drafts[out].write_text(html_text(report, written), encoding="utf-8")
+        # Names of files may hold what is no character.
+        drafts[written.json].write_bytes(
+            json_text(report, written.csv.name).encode("utf-8", "replace")
+        )
+        drafts[out].write_bytes(html_text(report, written).encode("utf-8", "replace"))
     return written
 
 

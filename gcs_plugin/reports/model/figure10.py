@@ -135,13 +135,18 @@ def _draw_points(axes: Axes, points: NetworkPoints) -> None:
     axes.legend(loc="lower right", frameon=False, title=legend_title, alignment="left")
 
 
+def figure_paths(out: Path) -> list[Path]:
+    """The files that `write_figure` writes: `out` itself, or without an ending .svg and .png."""
+    return [out] if out.suffix else [out.with_suffix(".svg"), out.with_suffix(".png")]
+
+
 def write_figure(figure: Figure, out: Path) -> list[Path]:
     """Write the figure as .svg, .png or both; each file appears whole or not at all."""
     from matplotlib import rc_context
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     FigureCanvasAgg(figure)
-    paths = [out] if out.suffix else [out.with_suffix(".svg"), out.with_suffix(".png")]
+    paths = figure_paths(out)
     for path in paths:
         kind = path.suffix[1:]
         try:

@@ -16,18 +16,23 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+def loss_paths(model_path: Path) -> tuple[Path, Path]:
+    """MODEL.loss.csv and MODEL.loss.svg, beside the model file."""
+    return model_path.with_suffix(".loss.csv"), model_path.with_suffix(".loss.svg")
+
+
 def write_loss_curves(curves: Sequence[LossCurve], model_path: Path) -> list[Path]:
-    """Write MODEL.loss.csv and MODEL.loss.svg beside the model file; returns their paths.
+    """Write the table and the figure beside the model file; returns their paths.
 
     Raises DataError when they cannot be written.
     """
-    table = model_path.with_suffix(".loss.csv")
+    table, drawn = loss_paths(model_path)
     try:
         with whole_file(table) as draft:
             write_table(curves, draft)
     except OSError as error:
         raise DataError(f"cannot write {table}: {error.strerror}; check the folder") from error
-    return [table, *write_figure(loss_figure(curves), model_path.with_suffix(".loss.svg"))]
+    return [table, *write_figure(loss_figure(curves), drawn)]
 
 
 def write_table(curves: Sequence[LossCurve], path: Path) -> None:

@@ -102,7 +102,7 @@ def test_refusals_say_what_to_do(tmp_path):
     with pytest.raises(DataError, match=r"no folder .*nowhere"):
         match(out=tmp_path / "nowhere" / "a.svg")
     (tmp_path / "taken.svg").mkdir()
-    with pytest.raises(DataError, match="check the folder"):
+    with pytest.raises(DataError, match="is a folder, not a file"):
         match(out=tmp_path / "taken.svg")
     assert [p.name for p in tmp_path.iterdir()] == ["taken.svg"]
     with pytest.raises(ModelError):

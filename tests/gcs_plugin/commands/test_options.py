@@ -50,7 +50,7 @@ def test_a_result_needs_a_place_that_harms_nothing(tmp_path: Path):
     there.touch()
     (tmp_path / "link.csv").symlink_to(log)
     html = (".html", ".htm")
-    check_outputs([Output("--out", tmp_path / "r.HTML", html), Output("--json", None)])
+    check_outputs([Output("--out", tmp_path / "r.HTML", html), Output("--json", None)], inputs=[])
     check_outputs([Output("--json", there)], inputs=[log])
     for outputs, message in (
         ([Output("--out", tmp_path / "r.pdf", html)], "end its name in .html or .htm"),

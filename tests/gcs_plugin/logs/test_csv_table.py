@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
+from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.csv_table import COLUMNS, read_csv, write_csv
 from thrustmargin.models.errors import AirframeError, LogError
@@ -61,7 +62,8 @@ def test_the_documented_names_are_the_ones_that_are_read(tmp_path):
     names = [name for columns in COLUMNS.values() for name in columns]
     names += [f"rotor_speed_rpm_{k}" for k in range(1, 5)] + [f"throttle_{k}" for k in range(1, 5)]
     header = ",".join(["time_s", *names, "flying"])
-    row = ",".join(str(k) for k in range(len(names) + 2))
+    can_be = {"pressure": "90000", "temperature": "300"}
+    row = ",".join(can_be.get(name, "0.5") for name in ["time_s", *names, "flying"])
     (tmp_path / "all.csv").write_text(f"{header}\n{row}\n")
     log = read_log(tmp_path / "all.csv")
     assert log.format == "CSV"
@@ -139,3 +141,77 @@ def test_a_write_that_fails_leaves_the_old_file(tmp_path, monkeypatch):
         write_csv(track, path)
     assert path.read_text() == "old"
     assert [p.name for p in tmp_path.iterdir()] == ["flight.csv"]
+
+
+ROTORS = "rotor_speed_rpm_1,rotor_speed_rpm_2,rotor_speed_rpm_3"
+ROWS = f"time_s,airspeed,{ROTORS}\n0,1.5,2000,2001,2002\n0.1,2.5,,2003,2004\n"
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+@pytest.mark.parametrize("quote", ["", '"'])
+@pytest.mark.parametrize("comma", [False, True])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be"])
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_tables_as_other_programs_write_them(tmp_path, separator, quote, comma, encoding, end):
+    if comma and separator == "," and not quote:
+        return  # cannot be read by anyone
+    lines = []
+    for line in ROWS.splitlines():
+        cells = [quote + (c.replace(".", ",") if comma else c) + quote for c in line.split(",")]
+        lines.append(separator.join(cells))
+    (tmp_path / "x.log").write_bytes((end.join(lines) + end).encode(encoding))
+    track = read_log(tmp_path / "x.log").track
+    np.testing.assert_array_equal(track.time_s, [0.0, 0.1])
+    np.testing.assert_array_equal(track.airspeed, [1.5, 2.5])
+    np.testing.assert_array_equal(track.rotor_speed_rpm, [[2000, 2001, 2002], [np.nan, 2003, 2004]])
+
+
+def test_a_line_that_names_the_separator_is_passed_over(tmp_path):
+    (tmp_path / "x.csv").write_text("sep=;\ntime_s;airspeed\n0;1\n1; 2,5\n")
+    np.testing.assert_array_equal(read_log(tmp_path / "x.csv").track.airspeed, [1.0, 2.5])
+
+
+def test_the_csv_of_a_report_is_a_flight_again(sitl_logs, tmp_path):
+    log = str(sitl_logs / "campaign/v4_m16_q2.5.tlog")
+    assert run(["report", log, "--out", str(tmp_path / "one.html")]) == 0
+    track, again = read_log(log).track, read_log(tmp_path / "one.csv").track
+    np.testing.assert_allclose(again.time_s, track.time_s, atol=1e-3)
+    np.testing.assert_array_equal(again.flying, track.flying)
+    for channel in ("rotor_speed_rpm", "airspeed", "tank_kg", "voltage", "height_agl", "spraying"):
+        was, now = getattr(track, channel), getattr(again, channel)
+        np.testing.assert_allclose(now, was, atol=0.051, err_msg=channel)
+    np.testing.assert_allclose(again.position_ned[:, :2], track.position_ned[:, :2], atol=0.0051)
+    assert run(["report", log, log, "--out", str(tmp_path / "two.html")]) == 0
+    two = read_log(tmp_path / "two.csv").track
+    np.testing.assert_array_equal(two.time_s, again.time_s)
+    assert any("2 flights in the file, the first is read" in note for note in two.notes)
+
+
+@pytest.mark.parametrize(
+    "about",
+    [
+        '{"notes": ' + "[" * 5000 + "]" * 5000 + "}",
+        '{"origin": {"latitude_deg": 1e300, "longitude_deg": 0, "altitude": 0}}',
+        '{"origin": {"latitude_deg": 1' + "0" * 400 + ', "longitude_deg": 0, "altitude": 0}}',
+    ],
+)
+def test_a_comment_line_that_cannot_be_is_refused(tmp_path, about):
+    (tmp_path / "x.csv").write_text(f"# {about}\ntime_s,airspeed\n0,1\n1,2\n")
+    with pytest.raises(LogError, match="comment line"):
+        read_log(tmp_path / "x.csv")
+
+
+@pytest.mark.parametrize(
+    "about",
+    [
+        '{"start_unix_s": 1' + "0" * 400 + "}",
+        '{"start_unix_s": Infinity}',
+        '{"name": {"a": 1}, "sources": [1], "notes": 7}',
+        "[" * 5000,
+        "time, as the logger has it",
+    ],
+)
+def test_what_a_comment_line_says_amiss_is_passed_over(tmp_path, about):
+    (tmp_path / "x.csv").write_text(f"# {about}\ntime_s,airspeed\n0,1\n1,2\n")
+    track = read_log(tmp_path / "x.csv").track
+    assert (track.name, track.start_unix_s, track.notes[1:]) == ("x.csv", None, ())
