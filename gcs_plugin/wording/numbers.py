@@ -47,6 +47,14 @@ def percent(share: float | None, decimals: int = 0) -> str:
     return number(None if share is None else share * 100.0, "%", decimals)
 
 
+def percent_within(share: float, low: float, high: float) -> str:
+    """`52 % (47 to 57)`; `52 %` alone where both ends are the same, or unknown."""
+    if not (known(low) and known(high)) or high - low < 1e-9:
+        return percent(share)
+    ends = f"({number(low * 100.0, '', 0)} to {number(high * 100.0, '', 0)})"
+    return f"{percent(share)} {ends}"
+
+
 def more(share: float, decimals: int = 2) -> str:
     """`+75.83 %` of 0.7583."""
     text = percent(share, decimals)

@@ -14,10 +14,12 @@ from thrustmargin.models.effects.channels import own_channels
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.flown import flown_airframe, temperature_offset
+from thrustmargin.models.model.output_speed import FROM_OUTPUTS as FROM_OUTPUTS
 from thrustmargin.models.model.predict import Basis as Basis
 from thrustmargin.models.model.predict import Prediction as Prediction
 from thrustmargin.models.model.predict import predict
 from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.model.utilisation_error import INTERVAL, load_error, utilisation_error
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import track_air
 from thrustmargin.models.physics.margin import (
@@ -28,6 +30,8 @@ from thrustmargin.models.physics.margin import (
     utilisation,
     weight,
 )
+
+MEASURED = "measured"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -44,12 +48,14 @@ class FlightAnalysis:
     residual_rpm: Floats  # (T, R) measured minus predicted
     max_rotor_speed_rpm: Floats  # (T,) rpm, ceiling at the battery's voltage
     max_thrust: Floats  # (T, R) N
-    thrust: Floats  # (T, R) N from the measured rotor speed
-    utilisation: Floats  # (T, R) from the measured rotor speed
+    thrust: Floats  # (T, R) N from the measured rotor speed, or that from motor outputs
+    utilisation: Floats  # (T, R) from the same speed
+    utilisation_error: Floats  # (T, R) standard error of the known utilisation
     utilisation_predicted: Floats  # (T, R) from the predicted rotor speed
     weight: Floats  # (T,) N of the vehicle with its liquid
     redundancy_yaw_kept: Floats  # (T,) worst single rotor lost: holdable thrust over weight
     redundancy_yaw_uncontrolled: Floats  # (T,) the same with yaw uncontrolled
+    redundancy_error: Floats  # (T,) standard error of ln of either
     trimmable_loss: Floats  # (T,) largest share of one rotor's thrust that can be lost in trim
     start: FlightState | None = None  # that the first row was analysed from
     withheld: tuple[str, ...] = ()  # why no margin is claimed; where there is one, all such is NaN
@@ -64,7 +70,7 @@ class FlightAnalysis:
             f"FlightAnalysis of {self.track.name}: {self.track.time_s.size} rows, "
             f"{self.track.duration:.1f} s\n"
             f"  model: {self.model.description}\n"
-            f"  least thrust margin {worst(self.utilisation)} measured, "
+            f"  least thrust margin {worst(self.utilisation)} {self.words_of_speed}, "
             f"{worst(self.utilisation_predicted)} predicted; rotor speed error {off} RMS\n"
             f"  air: {self.density_basis}\n  ceiling: {self.voltage_basis}"
             + "".join(f"\n  NO VERDICT: {reason}" for reason in self.withheld)
@@ -109,13 +115,49 @@ class FlightAnalysis:
         """
         return np.where(self.any_measured[:, None], self.utilisation, self.utilisation_predicted)
 
+    @property
+    def from_outputs(self) -> Bools:
+        """(T, R) rotors whose speed was not measured, but made from their motor's output."""
+        error = self.track.standard_errors.get("rotor_speed_rpm")
+        return np.zeros(self.utilisation.shape, bool) if error is None else error > 0.0
+
+    @property
+    def words_of_speed(self) -> str:
+        """What `utilisation` rests on where it is known: "measured", or what stands in for it."""
+        known = np.isfinite(self.utilisation)
+        inferred = known & self.from_outputs
+        if not np.any(inferred):
+            return MEASURED
+        return FROM_OUTPUTS if np.array_equal(inferred, known) else f"{MEASURED}, or {FROM_OUTPUTS}"
+
+    def basis_of(self, row: int, rotor: int) -> str:
+        """What a rotor's margin rests on in a row: "measured", "from motor outputs", "predicted".
+
+        Empty where it is not known at all.
+        """
+        if np.isfinite(self.utilisation[row, rotor]):
+            return FROM_OUTPUTS if self.from_outputs[row, rotor] else MEASURED
+        return "predicted" if np.isfinite(self.utilisation_predicted[row, rotor]) else ""
+
     def above_limit(self, limit: float) -> Bools:
         """(T,) rows off the ground in which the known utilisation of a rotor is more than `limit`.
 
         One rotor is enough, whatever is known of the others: a silent ESC hides no overload.
         """
+        return self._more_than(limit, 0.0)
+
+    def surely_above(self, limit: float) -> Bools:
+        """(T,) as `above_limit`, where the whole 90 % interval of that rotor is."""
+        return self._more_than(limit, -INTERVAL)
+
+    def maybe_above(self, limit: float) -> Bools:
+        """(T,) as `above_limit`, where any of the interval is."""
+        return self._more_than(limit, INTERVAL)
+
+    def _more_than(self, limit: float, errors: float) -> Bools:
+        use = self.known_utilisation + errors * self.utilisation_error
         with np.errstate(invalid="ignore"):
-            return self.track.flying & np.any(self.known_utilisation > limit, axis=1)
+            return self.track.flying & np.any(use > limit, axis=1)
 
 
 def analyse(
@@ -155,6 +197,8 @@ def analyse(
     prediction = predict(model, track, rho, start=start)
     load = weight(airframe, track.tank_kg)
     claimed = np.nan if withheld else 1.0
+    use = claimed * utilisation(track.rotor_speed_rpm, limits.max_rotor_speed_rpm)
+    use_predicted = claimed * utilisation(prediction.rotor_speed_rpm, limits.max_rotor_speed_rpm)
     return FlightAnalysis(
         track=track,
         model=model,
@@ -167,12 +211,13 @@ def analyse(
         max_rotor_speed_rpm=limits.max_rotor_speed_rpm,
         max_thrust=limits.max_thrust,
         thrust=rotor_thrust(airframe, track.rotor_speed_rpm, rho),
-        utilisation=claimed * utilisation(track.rotor_speed_rpm, limits.max_rotor_speed_rpm),
-        utilisation_predicted=claimed
-        * utilisation(prediction.rotor_speed_rpm, limits.max_rotor_speed_rpm),
+        utilisation=use,
+        utilisation_error=utilisation_error(track, airframe, prediction, use, use_predicted),
+        utilisation_predicted=use_predicted,
         weight=claimed * load,
         redundancy_yaw_kept=claimed * redundancy(airframe, limits, load, yaw_kept=True),
         redundancy_yaw_uncontrolled=claimed * redundancy(airframe, limits, load, yaw_kept=False),
+        redundancy_error=load_error(track, airframe),
         trimmable_loss=claimed * trimmable_loss(airframe, limits, load),
         start=start,
         withheld=withheld,

@@ -24,8 +24,9 @@ import numpy as np
 
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.model.utilisation_error import guessed_variance
 from thrustmargin.models.physics.airframe import Airframe
-from thrustmargin.models.physics.atmosphere import track_density
+from thrustmargin.models.physics.atmosphere import G0, track_density
 from thrustmargin.models.physics.margin import weight
 from thrustmargin.models.physics.motor_output import OutputCurve, output_curve
 from thrustmargin.models.scores import Estimate
@@ -85,9 +86,8 @@ class OutputCalibration:
         sums = np.sum([bin_[_WEIGHT] for bin_ in self.bins.values()], axis=0)
         if not self.bins or sums[0] <= 0.0 or self.seconds(_ROTORS) > 0.0:
             return 0.0
-        guessed = ("empty_mass", "thrust_coefficient")
-        guesses = sum(getattr(airframe.quantities[name], "guessed", False) for name in guessed)
-        return float(sums[4] / sums[0]) + guesses * 0.1**2
+        guesses = guessed_variance(airframe, "empty_mass", "thrust_coefficient")
+        return float(sums[4] / sums[0]) + guesses
 
 
 def with_outputs(
@@ -165,10 +165,11 @@ def _with_evidence(
     )
     carried = airframe.thrust_coefficient * density * effectiveness.sum() * cosine
     lift = LIFT_ERROR * (_speed_through_air(track) / 5.0) ** 2
+    of_load = G0 * track.standard_errors.get("tank_kg", np.zeros_like(load)) / load
     power = (track.voltage * track.current / density) ** (2.0 / 3.0)
     level = _level(track, cosine)
     evidence = [
-        (_WEIGHT, np.log(load / carried), np.log(share_of), lift),
+        (_WEIGHT, np.log(load / carried), np.log(share_of), np.hypot(lift, of_load)),
         (_POWER, np.log(power), np.log(share_of), lift),
     ]
     evidence += [

@@ -15,7 +15,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.reports.margin.data import Accuracy, RotorError
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.model.analysis import FROM_OUTPUTS, FlightAnalysis
 from thrustmargin.models.scores import (
     CONFIDENCE,
     FEWEST_BLOCKS,
@@ -46,7 +46,7 @@ def accuracy(analysis: FlightAnalysis, rotor_names: tuple[str, ...]) -> Accuracy
     """
     track, prediction = analysis.track, analysis.prediction
     terms = error_terms(
-        track.rotor_speed_rpm,
+        np.where(analysis.from_outputs, np.nan, track.rotor_speed_rpm),
         prediction.rotor_speed_rpm,
         lower=prediction.lower_rpm,
         upper=prediction.upper_rpm,
@@ -112,9 +112,12 @@ def _rotor_error(rotor: int, name: str, whole: Floats, drawn: Floats, blocks: in
 
 
 def _nothing(coverage: float, analysis: FlightAnalysis) -> Accuracy:
-    measured = np.isfinite(analysis.track.rotor_speed_rpm)
+    known = np.isfinite(analysis.track.rotor_speed_rpm)
+    measured = known & ~analysis.from_outputs
     predicted = np.isfinite(analysis.prediction.rotor_speed_rpm)
-    if not measured.any():
+    if known.any() and not measured.any():
+        words = f"The rotor speeds are {FROM_OUTPUTS}: they cannot check the prediction."
+    elif not known.any():
         words = "No rotor speeds in this log: the prediction cannot be checked against it."
     elif not predicted.any():
         words = "No prediction for this log: an input of the model is missing throughout."

@@ -61,6 +61,7 @@ def overview_of(reports: Sequence[FlightReport], limit: float) -> Overview:
         worst_flight=first + 1 if report.verdict.worst else None,
         critical=levels.count("critical"),
         over=levels.count("over"),
+        near=levels.count("near"),
         under=levels.count("under"),
         unknown=levels.count("unknown"),
     )

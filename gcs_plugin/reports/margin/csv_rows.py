@@ -29,11 +29,14 @@ COLUMNS: tuple[tuple[str, str, str, int], ...] = (
     ("fill_limit_kg", "largest fill for the limit", "kg", 3),
     ("fill_one_rotor_out_kg", "largest fill for one rotor out", "kg", 3),
     ("rotor_speed_rpm", "rotor {} speed measured", "rpm", 1),
+    ("rotor_speed_from_outputs_rpm", "rotor {} speed from motor outputs", "rpm", 1),
     ("rotor_speed_predicted_rpm", "rotor {} speed predicted", "rpm", 1),
     ("rotor_speed_lower_rpm", "rotor {} speed predicted lower", "rpm", 1),
     ("rotor_speed_upper_rpm", "rotor {} speed predicted upper", "rpm", 1),
     ("utilisation", "rotor {} capacity use measured", "1", 5),
+    ("utilisation_from_outputs", "rotor {} capacity use from motor outputs", "1", 5),
     ("utilisation_predicted", "rotor {} capacity use predicted", "1", 5),
+    ("utilisation_error", "rotor {} capacity use standard error", "1", 5),
 )
 
 
@@ -47,9 +50,16 @@ def rows_of(
     track, prediction = analysis.track, analysis.prediction
     of_track = ("time_s", "height_agl", "airspeed", "tank_kg", "spraying", "voltage")
     of_analysis = ("density", "redundancy_yaw_uncontrolled", "redundancy_yaw_kept")
-    used = ("utilisation", "utilisation_predicted", "known_utilisation", "trimmable_loss")
+    used = ("utilisation_predicted", "known_utilisation", "utilisation_error", "trimmable_loss")
+    measured = ~analysis.from_outputs
+    by_speed = {"rotor_speed{}_rpm": track.rotor_speed_rpm, "utilisation{}": analysis.utilisation}
     values = {
-        **{key: getattr(track, key) for key in (*of_track, "rotor_speed_rpm")},
+        **{key: getattr(track, key) for key in of_track},
+        **{key.format(""): np.where(measured, x, np.nan) for key, x in by_speed.items()},
+        **{
+            key.format("_from_outputs"): np.where(measured, np.nan, x)
+            for key, x in by_speed.items()
+        },
         **{key: getattr(analysis, key) for key in (*of_analysis, *used)},
         "airborne": track.flying,
         "north": track.position_ned[:, 0],

@@ -21,8 +21,9 @@ from thrustmargin.models.scores import Estimate
 SCHEMA = "thrustmargin.report/1"
 
 #: under: below the limit all flight. over: above it at times, and one lost rotor could be survived
-#: throughout. critical: at times one lost rotor could not. unknown: no thrust utilisation at all.
-Level = Literal["under", "over", "critical", "unknown"]
+#: throughout. critical: at times one lost rotor could not. near: the limit, or a lost rotor that
+#: is just survived, lies within the 90 % interval. unknown: no thrust utilisation at all.
+Level = Literal["under", "near", "over", "critical", "unknown"]
 JsonObject = Mapping[str, Any]
 
 
@@ -35,8 +36,10 @@ class Moment:
     rotor: int
     rotor_name: str
     capacity_use: float
+    capacity_use_low: float  # ends of its 90 % interval: the same where nothing was inferred
+    capacity_use_high: float
     margin: float
-    basis: str  # "measured" or "predicted"
+    basis: str  # "measured", "from motor outputs" or "predicted"
     doing: tuple[str, ...]  # what the vehicle was doing, in words
     tank_kg: float
     ground_speed: float
@@ -69,10 +72,13 @@ class MarginVerdict:
     one_rotor_out_use: float  # utilisation in hover at which one lost rotor is just survived
     worst: Moment | None
     basis: str  # what the utilisation rests on, in words
+    speed_basis: str  # "measured", or what stands in for a rotor's speed
     measured_share: float  # of the airborne time
     over_limit_s: float
     over_limit_share: float  # of the airborne time with a known utilisation
     redundancy_yaw_free_min: float
+    redundancy_yaw_free_low: float  # ends of its 90 % interval
+    redundancy_yaw_free_high: float
     not_survivable_s: float  # airborne time with redundancy, yaw uncontrolled, below 1
 
 
@@ -129,6 +135,7 @@ class Overview:
     worst_flight: int | None  # number in the list of flights, from 1
     critical: int  # flights of each level
     over: int
+    near: int
     under: int
     unknown: int
 

@@ -27,7 +27,7 @@ from thrustmargin.gcs_plugin.reports.shared.plot_style import (
 from thrustmargin.gcs_plugin.reports.shared.route_map import moved, route_map
 from thrustmargin.gcs_plugin.wording.palette import LOAD, REDUNDANCY, ColourScale
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.model.analysis import worst_rotor
+from thrustmargin.models.model.analysis import FROM_OUTPUTS, worst_rotor
 
 Rows = Mapping[str, Floats]
 
@@ -97,13 +97,19 @@ def use_figure(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> F
 def rotors_figure(rows: Rows, limit: float, names: Sequence[str]) -> Figure:
     """Thrust in use of each rotor, measured and predicted, one strip a rotor."""
     time_s = rows["time_s"]
-    measured, predicted = rows["utilisation"] * 100, rows["utilisation_predicted"] * 100
-    high = max(limit * 130, float(np.nanmax([measured, predicted])) * 1.08)
+    use = rows["utilisation"], rows["utilisation_from_outputs"], rows["utilisation_predicted"]
+    measured, inferred, predicted = (shares * 100 for shares in use)
+    high = max(limit * 130, float(np.nanmax([measured, inferred, predicted])) * 1.08)
+    shown = (measured, "measured"), (inferred, FROM_OUTPUTS)
+    by_speed = [(values, name) for values, name in shown if np.isfinite(values).any()]
     as_predicted = {"color": PREDICTED, "name": "predicted", "width": 3, "dash": "dash"}
     panels = rotor_panels(
         names,
         lambda k, legend: [
-            line(time_s, measured[:, k], color=MEASURED, name="measured", legend=legend),
+            *(
+                line(time_s, values[:, k], color=MEASURED, name=name, legend=legend)
+                for values, name in by_speed or shown[:1]
+            ),
             line(time_s, predicted[:, k], legend=legend, **as_predicted),
         ],
         axis={"ticksuffix": " %", "range": [0.0, high]},
@@ -207,7 +213,9 @@ def airborne(rows: Rows) -> Rows:
     span = slice(int(flown[0]), int(flown[-1]) + 1) if flown.size else slice(0, 0)
     cut = {key: values[span] for key, values in rows.items()}
     landed = cut["airborne"] == 0.0
-    for key in ("known_utilisation", "utilisation", "utilisation_predicted", "rotor_speed_rpm"):
+    for key, of_rotors in cut.items():
+        if of_rotors.ndim < 2:
+            continue
         cut[key] = np.where(landed[:, None], np.nan, cut[key])
     return cut
 

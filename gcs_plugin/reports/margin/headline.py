@@ -12,6 +12,7 @@ from thrustmargin.gcs_plugin.wording.numbers import (
     duration,
     number,
     percent,
+    percent_within,
     place,
 )
 from thrustmargin.models.scores import Estimate
@@ -20,6 +21,7 @@ from thrustmargin.models.scores import Estimate
 _VERDICTS: Mapping[Level, str] = {
     "critical": "TOO HEAVY TO LOSE A ROTOR",
     "over": "ABOVE THE {limit} LIMIT AT TIMES",
+    "near": "NEAR THE {limit} LIMIT: CANNOT TELL",
     "under": "BELOW THE {limit} LIMIT",
     "unknown": "NO VERDICT",
 }
@@ -50,6 +52,8 @@ def facts(verdict: MarginVerdict) -> tuple[Fact, ...]:
     if verdict.over_limit_s > 0.0:
         share = percent(verdict.over_limit_share)
         above = f"{duration(verdict.over_limit_s)}, {share} of the flight"
+    if verdict.level == "near":
+        above += "; the limit lies within the error"
     return (
         Fact("worst", moment_words(verdict.worst)),
         Fact(f"above {percent(verdict.limit)}", above),
@@ -63,6 +67,10 @@ def _one_rotor_out(verdict: MarginVerdict) -> str:
     if not math.isfinite(least):
         return "not known, because the tank level is unknown"
     held = number(least, "×", 2)
+    low, high = verdict.redundancy_yaw_free_low, verdict.redundancy_yaw_free_high
+    if low < 1.0 <= high:
+        held += f", {number(low, '', 2)} to {number(high, '', 2)}"
+        return f"cannot tell: the weight is within the error of what could be held ({held})"
     if verdict.not_survivable_s > 0.0:
         too_long = duration(verdict.not_survivable_s)
         return f"too heavy for {too_long} (at worst {held} the weight can be held)"
@@ -72,6 +80,9 @@ def _one_rotor_out(verdict: MarginVerdict) -> str:
 def moment_words(moment: Moment) -> str:
     """Which, when and in what movement: `rotor 1, front right, at 0:52, turning left, 9.0 kg`."""
     parts = [f"rotor {moment.rotor}, {moment.rotor_name}, at {clock(moment.time_s)}"]
+    if moment.capacity_use_high - moment.capacity_use_low > 1e-9:
+        use = moment.capacity_use, moment.capacity_use_low, moment.capacity_use_high
+        parts.append(f"{percent_within(*use)} in use, {moment.basis}")
     parts += [", ".join(moment.doing)] if moment.doing else []
     if math.isfinite(moment.tank_kg):
         parts.append(f"{number(moment.tank_kg, 'kg')} in the tank")

@@ -11,6 +11,7 @@ from thrustmargin.gcs_plugin.reports.margin.data import Moment
 from thrustmargin.gcs_plugin.reports.margin.known import mean
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
+from thrustmargin.models.model.utilisation_error import INTERVAL
 
 #: Moments closer than this are one moment, s: about the length of a turn at a line end.
 APART_S = 6.0
@@ -54,6 +55,7 @@ def _moment(analysis: FlightAnalysis, use: Floats, row: int, names: tuple[str, .
     track = analysis.track
     rotor = int(np.nanargmax(use[row]))
     value = float(use[row, rotor])
+    reach = INTERVAL * float(analysis.utilisation_error[row, rotor])
     north, east, down = (float(x) for x in track.position_ned[row])
     latitude = longitude = float("nan")
     if track.origin is not None and np.isfinite(north) and np.isfinite(east):
@@ -74,8 +76,10 @@ def _moment(analysis: FlightAnalysis, use: Floats, row: int, names: tuple[str, .
         rotor=rotor + 1,
         rotor_name=names[rotor],
         capacity_use=value,
+        capacity_use_low=value - reach,
+        capacity_use_high=value + reach,
         margin=1.0 - value,
-        basis="measured" if np.isfinite(analysis.utilisation[row, rotor]) else "predicted",
+        basis=analysis.basis_of(row, rotor),
         doing=doing(analysis, row),
         tank_kg=float(track.tank_kg[row]),
         ground_speed=float(np.hypot(*track.velocity_ned[row, :2])),

@@ -28,6 +28,7 @@ _WORDS = {
     for function in (
         words.number,
         words.percent,
+        words.percent_within,
         words.significant,
         words.more,
         words.clock,

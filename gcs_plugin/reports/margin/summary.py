@@ -31,9 +31,10 @@ from thrustmargin.gcs_plugin.reports.margin.moments import airborne_use, utc_wor
 from thrustmargin.gcs_plugin.reports.margin.quality import quality_of
 from thrustmargin.gcs_plugin.wording import numbers as words
 from thrustmargin.mission.field import sprayed_field
-from thrustmargin.models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.flown import flown_airframe
+from thrustmargin.models.model.utilisation_error import INTERVAL
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.margin import ceiling, hover_use, largest_fill, weight
 
@@ -80,10 +81,17 @@ def _verdict(analysis: FlightAnalysis, seconds: Floats, limit: float) -> MarginV
     measured_s = float(seconds[known & analysis.any_measured].sum())
     over_s = float(seconds[analysis.above_limit(limit)].sum())
     free = analysis.redundancy_yaw_uncontrolled[track.flying]
+    reach = np.exp(INTERVAL * analysis.redundancy_error[track.flying])
     lost_s = float(seconds[track.flying][free < 1.0].sum())
     level: Level = "unknown"
     if np.any(known):
-        level = "critical" if lost_s > 0.0 else "over" if over_s > 0.0 else "under"
+        level = "under"
+        if np.any(analysis.maybe_above(limit)) or np.any(free / reach < 1.0):
+            level = "near"
+        if np.any(analysis.surely_above(limit)):
+            level = "over"
+        if np.any(free * reach < 1.0):
+            level = "critical"
     return MarginVerdict(
         level=level,
         headline="",
@@ -91,11 +99,14 @@ def _verdict(analysis: FlightAnalysis, seconds: Floats, limit: float) -> MarginV
         limit=limit,
         one_rotor_out_use=one_rotor_out_use(analysis.model.airframe),
         worst=None,
-        basis=_basis_words(track, measured_s, known_s, airborne_s),
+        basis=_basis_words(analysis, measured_s, known_s, airborne_s),
+        speed_basis=analysis.words_of_speed,
         measured_share=share(measured_s, airborne_s),
         over_limit_s=over_s,
         over_limit_share=share(over_s, known_s),
         redundancy_yaw_free_min=least(free),
+        redundancy_yaw_free_low=least(free / reach),
+        redundancy_yaw_free_high=least(free * reach),
         not_survivable_s=lost_s,
     )
 
@@ -107,17 +118,22 @@ def one_rotor_out_use(airframe: Airframe) -> float:
     return float(hover_use(airframe, limits, weight(airframe, fill)).item())
 
 
-def _basis_words(track: FlightTrack, measured_s: float, known_s: float, airborne_s: float) -> str:
+def _basis_words(
+    analysis: FlightAnalysis, measured_s: float, known_s: float, airborne_s: float
+) -> str:
     if known_s == 0.0:
         return "nothing measured, nothing predicted"
     missing = airborne_s - known_s
     tail = "" if missing < 0.05 * airborne_s else f"; unknown for {words.duration(missing)}"
     if measured_s == 0.0:
-        why = "in the air " if track.reports("rotor_speed_rpm") else ""
+        why = "in the air " if analysis.track.reports("rotor_speed_rpm") else ""
         return f"predicted; no rotor speeds {why}in this log{tail}"
     if measured_s < 0.999 * known_s:
         part = words.percent(measured_s / known_s)
-        return f"rotor speeds measured for {part} of the flight, predicted for the rest{tail}"
+        basis = analysis.words_of_speed
+        return f"rotor speeds {basis} for {part} of the flight, predicted for the rest{tail}"
+    if np.any(analysis.from_outputs):
+        return f"rotor speeds {analysis.track.sources['rotor_speed_rpm']}{tail}"
     return f"measured rotor speeds{tail}"
 
 

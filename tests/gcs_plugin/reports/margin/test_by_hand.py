@@ -184,6 +184,8 @@ MOMENT = Moment(
     rotor=2,
     rotor_name="rear left",
     capacity_use=0.731,
+    capacity_use_low=0.731,
+    capacity_use_high=0.731,
     margin=0.269,
     basis="measured",
     doing=("turning right", "spraying"),
@@ -206,10 +208,13 @@ VERDICT = MarginVerdict(
     one_rotor_out_use=0.5,
     worst=MOMENT,
     basis="measured rotor speeds",
+    speed_basis="measured",
     measured_share=1.0,
     over_limit_s=115.7,
     over_limit_share=0.558,
     redundancy_yaw_free_min=0.919,
+    redundancy_yaw_free_low=0.919,
+    redundancy_yaw_free_high=0.919,
     not_survivable_s=93.0,
 )
 
@@ -223,6 +228,7 @@ def test_the_facts_give_part_amount_and_time():
         "from: measured rotor speeds",
     ]
     light = replace(VERDICT, over_limit_s=0.0, not_survivable_s=0.0, redundancy_yaw_free_min=1.1)
+    light = replace(light, redundancy_yaw_free_low=1.1, redundancy_yaw_free_high=1.1)
     said = {fact.label: fact.text for fact in facts(light)}
     assert said["above 50 %"] == "never"
     assert said["one rotor lost"] == (
@@ -230,6 +236,24 @@ def test_the_facts_give_part_amount_and_time():
     )
     bare = replace(MOMENT, doing=(), tank_kg=NAN, north=NAN)
     assert moment_words(bare) == "rotor 2, rear left, at 0:53"
+
+
+def test_what_was_inferred_has_its_interval_and_says_what_the_error_holds():
+    worst = replace(MOMENT, capacity_use=0.48, capacity_use_low=0.43, capacity_use_high=0.53)
+    worst = replace(worst, basis="from motor outputs", doing=(), tank_kg=NAN, north=NAN)
+    within = {"redundancy_yaw_free_low": 0.96, "redundancy_yaw_free_high": 1.1}
+    near = replace(
+        VERDICT, level="near", worst=worst, over_limit_s=0.0, redundancy_yaw_free_min=1.03, **within
+    )
+    said = {fact.label: fact.text for fact in facts(near)}
+    assert said["worst"] == (
+        "rotor 2, rear left, at 0:53, 48 % (43 to 53) in use, from motor outputs"
+    )
+    assert said["above 50 %"] == "never; the limit lies within the error"
+    assert said["one rotor lost"] == (
+        "cannot tell: the weight is within the error of what could be held (1.03 ×, 0.96 to 1.10)"
+    )
+    assert headline("near", 0.5) == "NEAR THE 50 % LIMIT: CANNOT TELL"
 
 
 def test_headlines_name_the_limit_and_count_flights():

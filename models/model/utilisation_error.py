@@ -1,0 +1,68 @@
+"""How well thrust utilisation is known: from rotor speeds, load, and what the airframe guesses.
+
+    by speed      s(ln u)² = (2 s_N/N)² + s_c²           u = (N/N_max)²
+    by prediction s(ln u)² = (s_m/m)² + s_g² + s_c² (+ the network's own interval)
+    redundancy    s(ln r)² = (s_m/m)² + s_g² + s_c²
+
+s_N, s_m standard errors of rotor speed and mass, 0 where they were measured; s_c of the ceiling
+where its rotor speed or voltage is guessed, s_g of a guessed mass or thrust curve. The density of
+the air is in none of them: by speed it cancels, and the few per cent by which it moves a prediction
+are said beside it, or every verdict near the limit would be "cannot tell" for a warm day.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.model.predict import Prediction
+from thrustmargin.models.physics.airframe import Airframe
+
+#: Standard errors of one 90 % interval, which is what every screen shows.
+INTERVAL = 1.645
+#: Share of thrust by which a guessed quantity may be off: makers' thrusts of one power class, and
+#: hover masses of one frame size, differ by about so much (one standard deviation).
+GUESS = 0.1
+
+
+def guessed_variance(airframe: Airframe, *names: str) -> float:
+    """Variance of ln thrust from those of the airframe's quantities that are guessed."""
+    quantities = airframe.quantities
+    return GUESS**2 * sum(quantities[name].guessed for name in names)
+
+
+def ceiling_variance(airframe: Airframe) -> float:
+    """Variance of ln of the largest thrust."""
+    return guessed_variance(airframe, "max_rotor_speed_rpm", "ceiling_voltage")
+
+
+def load_error(track: FlightTrack, airframe: Airframe) -> Floats:
+    """(T,) standard error of ln(weight over largest thrust), for redundancy and prediction."""
+    tank = track.standard_errors.get("tank_kg", np.zeros(track.time_s.size))
+    share = tank / (airframe.empty_mass + np.nan_to_num(track.tank_kg))
+    guesses = guessed_variance(airframe, "empty_mass", "thrust_coefficient")
+    return np.sqrt(share**2 + guesses + ceiling_variance(airframe))
+
+
+def utilisation_error(
+    track: FlightTrack,
+    airframe: Airframe,
+    prediction: Prediction,
+    utilisation: Floats,
+    utilisation_predicted: Floats,
+) -> Floats:
+    """(T, R) standard error of the known utilisation; NaN where it is unknown.
+
+    That is the one by speed in rows with any, and else the predicted one.
+    """
+    speed = track.rotor_speed_rpm
+    error = track.standard_errors.get("rotor_speed_rpm", np.zeros_like(speed))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        of_speed = np.where(error > 0.0, 2.0 * error / speed, 0.0)
+        half = (prediction.upper_rpm - prediction.lower_rpm) / 2.0
+        of_network = np.nan_to_num(2.0 * half / INTERVAL / prediction.rotor_speed_rpm)
+    by_speed = utilisation * np.sqrt(of_speed**2 + ceiling_variance(airframe))
+    load = load_error(track, airframe)[:, None]
+    predicted = utilisation_predicted * np.sqrt(load**2 + of_network**2)
+    any_speed = np.any(np.isfinite(utilisation), axis=1)[:, None]
+    return np.where(any_speed, by_speed, predicted)

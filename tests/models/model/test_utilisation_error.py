@@ -1,0 +1,87 @@
+"""The error of thrust utilisation against hand calculations, and what the limit makes of it."""
+
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+import pytest
+
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.physics.airframe import Airframe, load_airframe
+
+F16 = load_airframe("topxgun-f16-sitl")
+
+
+def flight(speed_rpm=2100.0, **given) -> FlightTrack:
+    rows = np.full((2, 4), speed_rpm)
+    return FlightTrack.of(
+        name="x",
+        time_s=np.array([0.0, 1.0]),
+        rotor_count=4,
+        rotor_speed_rpm=rows,
+        tank_kg=np.full(2, 8.0),
+        airspeed=np.zeros(2),
+        voltage=np.full(2, 58.8),
+        **given,
+    )
+
+
+def guessing(*names: str) -> Airframe:
+    quantities = {
+        **F16.quantities,
+        **{name: replace(F16.quantities[name], guessed=True) for name in names},
+    }
+    return replace(F16, quantities=MappingProxyType(quantities))
+
+
+def test_what_is_measured_with_a_sourced_airframe_has_no_error():
+    analysis = analyse(flight(), physics_model(F16))
+    assert np.all(analysis.utilisation_error == 0.0)
+    assert np.all(analysis.redundancy_error == 0.0)
+    assert analysis.words_of_speed == analysis.basis_of(0, 2) == "measured"
+
+
+def test_an_inferred_speed_counts_twice_its_share():
+    # u = (2100/3000)² = 0.49; 21 rpm of 2100 are 1 %, of u 2 %
+    error = np.zeros((2, 4))
+    error[:, 1] = 21.0
+    inferred = flight(standard_errors={"rotor_speed_rpm": error})
+    analysis = analyse(inferred, physics_model(F16))
+    assert analysis.utilisation_error[0] == pytest.approx([0.0, 0.02 * 0.49, 0.0, 0.0])
+    assert analysis.basis_of(0, 1) == "from motor outputs"
+    assert analysis.words_of_speed == "measured, or from motor outputs"
+    # 90 %: 0.49 + 1.645 x 0.0098 = 0.506
+    assert not analysis.above_limit(0.5).any()
+    assert analysis.maybe_above(0.5).all()
+    assert not analysis.maybe_above(0.51).any()
+    assert analysis.above_limit(0.48).all()
+
+
+def test_the_whole_interval_of_one_rotor_must_be_above():
+    error = np.full((2, 4), 21.0)
+    analysis = analyse(
+        flight(standard_errors={"rotor_speed_rpm": error}), physics_model(F16)
+    )  # 0.474 to 0.506
+    assert analysis.surely_above(0.47).all()
+    assert not analysis.surely_above(0.48).any()
+
+
+def test_a_guessed_ceiling_widens_what_was_measured():
+    analysis = analyse(flight(), physics_model(guessing("max_rotor_speed_rpm")))
+    assert analysis.utilisation_error[0, 0] == pytest.approx(0.1 * 0.49)
+    assert analysis.redundancy_error == pytest.approx([0.1, 0.1])
+    mass = analyse(flight(), physics_model(guessing("empty_mass")))
+    assert np.all(mass.utilisation_error == 0.0)  # a measured speed needs no mass
+
+
+def test_a_prediction_has_the_error_of_its_load_and_of_the_guesses_behind_it():
+    load = {"tank_kg": np.full(2, 2.91)}  # of 21.1 + 8 kg: 10 %
+    silent = flight(np.nan, standard_errors=load)
+    analysis = analyse(silent, physics_model(F16))
+    assert analysis.utilisation_error == pytest.approx(0.1 * analysis.utilisation_predicted)
+    both = analyse(silent, physics_model(guessing("thrust_coefficient")))
+    share = both.utilisation_error / both.utilisation_predicted
+    assert share == pytest.approx(np.full((2, 4), np.hypot(0.1, 0.1)))
+    assert analysis.basis_of(0, 0) == "predicted"
