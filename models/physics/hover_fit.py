@@ -23,7 +23,7 @@ from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.allocation import mixer
-from thrustmargin.models.physics.atmosphere import G0, track_density
+from thrustmargin.models.physics.atmosphere import G0, track_air
 from thrustmargin.models.physics.flight_phases import hover_rows
 from thrustmargin.models.scores import Estimate, jackknife
 
@@ -37,6 +37,8 @@ class HoverFit:
 
     coefficient: Estimate  # N/rpm² at reference_density
     reference_density: float  # kg/m³, the median of the hover
+    density_error: float  # kg/m³, its standard error, which the coefficient's interval leaves out
+    air: str  # what the density is from, in the first flight
     trim: tuple[Estimate, ...]  # thrust of a rotor over its share on a balanced aircraft
     load_place: tuple[Estimate, Estimate]  # m, x and y frd at which the weight seems to hang
     yaw_split: Estimate  # thrust of the rotors that turn CCW minus CW, over all of it
@@ -49,23 +51,24 @@ def fit_hover(
     airframe: Airframe,
     *,
     mass: float | None = None,
-    densities: Sequence[Floats] | None = None,
 ) -> HoverFit:
     """Thrust coefficient and trim from the steady hover of flights with measured rotor speeds.
 
     `mass` kg of the aircraft as it flew; without it the airframe's empty mass and the tank's
-    content. `densities` of each flight's rows, kg/m³, else from its own pressure or altitude. Of
-    the airframe only its rotors' places, spin and effectiveness are used, and its empty mass.
+    content. Of the airframe only its rotors' places, spin and effectiveness are used, and its empty
+    mass.
     Raises DataError when there is too little steady hover with every rotor's speed.
     """
-    parts = []
+    parts, airs = [], []
     for number, track in enumerate(tracks):
         if track.rotor_count != airframe.rotor_count:
             raise DataError(
                 f"{track.name}: {track.rotor_count} rotors, but the airframe has "
                 f"{airframe.rotor_count}; give flights of this aircraft"
             )
-        density = track_density(track)[0] if densities is None else densities[number]
+        air = track_air(track)
+        airs.append(air)
+        density = air.density
         carried = np.full(density.shape, mass) if mass else airframe.empty_mass + track.tank_kg
         upright = np.cos(track.attitude[:, 0]) * np.cos(track.attitude[:, 1])
         weight = carried * G0 / upright
@@ -116,6 +119,8 @@ def fit_hover(
     return HoverFit(
         coefficient=found[0],
         reference_density=reference,
+        density_error=float(np.median(airs[int(hovered[0])].density_error)),
+        air=airs[int(hovered[0])].basis,
         trim=tuple(found[1 : 1 + rotors]),
         load_place=(found[1 + rotors], found[2 + rotors]),
         yaw_split=found[3 + rotors],

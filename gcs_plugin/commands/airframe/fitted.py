@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -91,25 +91,25 @@ def hover_quantities(logs: Sequence[Path], craft: Airframe, reading: ReadingOpti
     from thrustmargin.gcs_plugin.logs import read_log
     from thrustmargin.models.model.output_speed import full_output_speed
     from thrustmargin.models.physics.airframe import Quantity
+    from thrustmargin.models.physics.atmosphere import SEA_LEVEL_DENSITY
     from thrustmargin.models.physics.hover_fit import fit_hover
 
     read = [read_log(path, airframe=craft, **reading_keywords(reading)) for path in logs]
     names = ", ".join(log.path.name for log in read)
     mass = f"{craft.empty_mass:g} kg" + (" and its liquid" if craft.tank_volume_l else "")
     made: dict[str, Quantity] = {}
-    notes: tuple[str, ...] = ()
     measured = any(log.track.reports("rotor_speed_rpm") for log in read)
-    if measured:
-        fit = fit_hover([log.track for log in read], craft)
-        scale = craft.reference_density / fit.reference_density
+    fit = fit_hover([log.track for log in read], craft) if measured else None
+    if fit is not None:
         made["thrust_coefficient"] = Quantity(
-            float(f"{fit.coefficient.value * scale:.5g}"),
+            float(f"{fit.coefficient.value:.5g}"),
             "N/rpm^2",
-            f"fitted: hover of {', '.join(fit.flights)} at {mass}, "
-            f"{interval(fit.coefficient, scale)}, from air of {fit.reference_density:.4g} kg/m³",
+            f"fitted: hover of {', '.join(fit.flights)} at {mass}, {interval(fit.coefficient)}",
         )
         made["reference_density"] = Quantity(
-            craft.reference_density, "kg/m^3", "the air to which the hover's coefficient is scaled"
+            float(f"{fit.reference_density:.5g}"),
+            "kg/m^3",
+            f"air of that hover, +- {fit.density_error:.2g}: {fit.air}",
         )
         notes = hover_sentences(fit)
     else:
@@ -123,8 +123,13 @@ def hover_quantities(logs: Sequence[Path], craft: Airframe, reading: ReadingOpti
             flights = [(log.track, log.parameters) for log in read]
             top, volts = full_output_speed(flights, craft)
         except DataError as error:
-            if not measured:
+            if fit is None:
                 raise DataError(f"{names}: {error}") from error
+            # The maker's thrust is one of standard air, the coefficient one of the hover's.
+            standard = fit.coefficient.value * SEA_LEVEL_DENSITY / fit.reference_density
+            made["max_rotor_speed_rpm"] = replace(
+                ceiling, value=round((craft.nameplate_max_thrust / standard) ** 0.5, 0)
+            )
         else:
             against = "rotor speeds" if measured else "the weight"
             made["max_rotor_speed_rpm"] = Quantity(
