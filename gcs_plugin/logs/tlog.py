@@ -28,6 +28,7 @@ AUTOPILOTS = {3: "ArduPilot", 12: "PX4"}
 GCS_TYPE = 6
 _IDS = {layout.name: number for number, layout in layouts().items()}
 _OTHER = ("HEARTBEAT", "SYSTEM_TIME", "STATUSTEXT", "PARAM_VALUE", "SYS_STATUS")
+_INT32 = 6  # MAV_PARAM_TYPE
 _MISSION = ("MISSION_ITEM_INT", "MISSION_ITEM")
 
 
@@ -174,9 +175,12 @@ def _main_component(frames: Frames, mine: Bools, component: NDArray[np.uint8]) -
 def _parameters(frames: Frames, mine: Bools) -> dict[str, float]:
     rows = np.flatnonzero(mine & (frames.id == _IDS["PARAM_VALUE"]))
     fields = columns(frames, rows, layouts()[_IDS["PARAM_VALUE"]])
+    values = np.ascontiguousarray(fields["param_value"], dtype=np.float32)
+    # PX4 puts the bits of an integer where the number should be: what is no whole number then.
+    bits = (fields["param_type"] == _INT32) & (values != 0.0) & ~(np.abs(values) >= 1.0)
+    known = np.where(bits, values.view(np.int32), values.astype(np.float64))
     return {
-        printable(name): float(value)
-        for name, value in zip(fields["param_id"], fields["param_value"], strict=True)
+        printable(name): float(value) for name, value in zip(fields["param_id"], known, strict=True)
     }
 
 

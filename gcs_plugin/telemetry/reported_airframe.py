@@ -7,7 +7,7 @@ counter-clockwise), BATn_N_CELLS.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from math import isfinite
 from typing import Any
@@ -28,6 +28,10 @@ _CELL_OF = {"MOT_BAT_VOLT_MAX": 4.2, "MOT_BAT_VOLT_MIN": 3.3, "BATT_LOW_VOLT": 3
 _FULL_CELL = 4.1  # V a cell at take-off
 #: Cells in series that batteries are sold with.
 _CELLS = (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 13, 14, 16, 18, 20, 24, 28)
+#: FRAME_CLASS and FRAME_TYPE as ArduPilot writes them at boot: "Frame: HEXA/X".
+_CLASS = {"QUAD": 1, "HEXA": 2, "OCTA": 3, "OCTAQUAD": 4, "Y6": 5, "DODECAHEXA": 12, "DECA": 14}
+_TYPE = {"PLUS": 0, "X": 1, "V": 2, "H": 3, "PLUSREV": 6, "Y6B": 10, "Y6F": 11, "BF_X": 12}
+_TYPE |= {"DJI_X": 13, "CW_X": 14, "I": 15, "X_REV": 18, "Y4": 19, "default": 1}
 _MOTOR_OUTPUTS = (*range(33, 41), *range(82, 86))  # SERVOn_FUNCTION of motors 1 to 12
 
 
@@ -36,9 +40,9 @@ class ReportedAirframe:
     """What could be read; a layout with `rotors` of its own has positions in m already."""
 
     layout: str | None = None
-    layout_source: str = ""
     rotors: list[dict[str, Any]] | None = None
     quantities: Mapping[str, Quantity] = field(default_factory=dict)
+    rotor_count: int = 0  # by other evidence than the layout; 0: none
     hover_throttle: float = float("nan")  # share of a rotor's maximum thrust in hover
     notes: tuple[str, ...] = ()
 
@@ -47,21 +51,24 @@ def reported_airframe(
     parameters: Mapping[str, float],
     highest_voltage: float = float("nan"),
     *,
+    rotor_count: int = 0,
     layout: str | None = None,
 ) -> ReportedAirframe:
     """The airframe that `parameters` describe; `highest_voltage` [V] is the battery's in a flight.
 
-    A `layout` that is stated takes the place of what the parameters say of it. Raises AirframeError
-    when the vehicle is no multirotor, or of a frame that is not known.
+    `rotor_count` is what other reports say of the number of rotors, 0 nothing; a `layout` that is
+    stated takes the place of what the parameters say of it. Raises AirframeError when the vehicle
+    is no multirotor, or of a frame that is not known.
     """
+    for name in ("Q_ENABLE", "CA_AIRFRAME"):
+        if parameters.get(name, 0.0) > 0.0:
+            raise AirframeError(
+                f"{name} {parameters[name]:g} is a vehicle with wings or tilting rotors, not a "
+                "multirotor; its margin of thrust cannot be told here"
+            )
     if layout is None and parameters.get("CA_ROTOR_COUNT", 0.0) >= 3.0:
         return _px4(parameters, highest_voltage)
-    source, notes = "", []
-    if parameters.get("Q_ENABLE", 0.0) > 0.0 or "Q_FRAME_CLASS" in parameters:
-        raise AirframeError(
-            "the parameters are of a plane with lifting rotors (Q_FRAME_CLASS), which has no "
-            "thrust margin here"
-        )
+    notes: list[str] = []
     if layout is None and "FRAME_CLASS" in parameters:
         kind, shape = (_whole(parameters.get(f"FRAME_{k}", 1.0)) for k in ("CLASS", "TYPE"))
         found = ardupilot_layout(kind, shape)
@@ -73,21 +80,29 @@ def reported_airframe(
         layout, source = found.name, f"FRAME_CLASS {kind}, FRAME_TYPE {shape}"
         functions = [_whole(parameters.get(f"SERVO{n}_FUNCTION", 0.0)) for n in range(1, 33)]
         motors = sum(function in _MOTOR_OUTPUTS for function in functions)
-        if motors and motors != found.rotor_count:
-            notes.append(
-                f"SERVOn_FUNCTION names {motors} motors, but {source} has {found.rotor_count}"
-            )
+        for count, whose in ((motors, "SERVOn_FUNCTION"), (rotor_count, "the log")):
+            if count and count != found.rotor_count:
+                notes.append(f"{whose} tells of {count} motors, {source} of {found.rotor_count}")
     quantities = dict(_battery(parameters, highest_voltage))
     if parameters.get("SERVO_BLH_MASK", 0.0) > 0.0 and parameters.get("SERVO_BLH_POLES", 0.0) > 0.0:
         poles = parameters["SERVO_BLH_POLES"]
         quantities["motor_poles"] = Quantity(poles, "1", "SERVO_BLH_POLES")
     return ReportedAirframe(
         layout=layout,
-        layout_source=source,
         quantities=quantities,
+        rotor_count=rotor_count,
         hover_throttle=parameters.get("MOT_THST_HOVER", float("nan")),
         notes=tuple(notes),
     )
+
+
+def frame_of_text(texts: Iterable[str]) -> dict[str, float]:
+    """FRAME_CLASS and FRAME_TYPE by the boot text "Frame: HEXA/X"; {} where there is none."""
+    for text in texts:
+        kind, _, shape = text.strip().removeprefix("Frame: ").partition("/")
+        if text.strip().startswith("Frame: ") and kind in _CLASS:
+            return {"FRAME_CLASS": _CLASS[kind], "FRAME_TYPE": _TYPE.get(shape.split("/")[0], -2)}
+    return {}
 
 
 def _px4(parameters: Mapping[str, float], highest_voltage: float) -> ReportedAirframe:
@@ -102,7 +117,6 @@ def _px4(parameters: Mapping[str, float], highest_voltage: float) -> ReportedAir
         raise AirframeError("CA_ROTORn_PX and PY put all rotors at the centre; set them in PX4")
     found = layout_of_rotors(places, spin)
     names = rotor_names(places[:, :2], (False,) * count)
-    source = f"CA_ROTOR_COUNT {count}, CA_ROTORn_PX, _PY, _PZ, _KM"
     quantities = dict(_battery(parameters, highest_voltage))
     farthest = float(np.max(np.hypot(*places[:, :2].T)))
     quantities["arm"] = Quantity(
@@ -112,7 +126,6 @@ def _px4(parameters: Mapping[str, float], highest_voltage: float) -> ReportedAir
         quantities["torque_ratio"] = Quantity(float(np.mean(np.abs(torque))), "m", "CA_ROTORn_KM")
     return ReportedAirframe(
         layout="custom" if found is None else found.name,
-        layout_source=source,
         rotors=[
             {"name": name, "position_frd": place.tolist(), "spin": "ccw" if turns > 0 else "cw"}
             for name, place, turns in zip(names, places, spin, strict=True)

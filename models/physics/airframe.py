@@ -28,6 +28,7 @@ from thrustmargin.models.physics.airframe_checks import (
     ROTOR_QUANTITIES,
     table_problems,
     with_rotors,
+    wrong_kinds,
 )
 from thrustmargin.models.whole_file import regular
 
@@ -138,9 +139,7 @@ def _read(name_or_path: str, children: tuple[str, ...]) -> dict[str, Any]:
         table = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise AirframeError(f"{name_or_path}: not a TOML file: {error}") from error
-    for key, kind in (("quantities", dict), ("rotors", list)):
-        if not isinstance(table.get(key, kind()), kind):
-            raise AirframeError(f"{name_or_path}: {key} must be a table, is {table[key]!r}")
+    _raise(wrong_kinds(table), name_or_path)
     parent = table.pop("extends", None)
     if parent is None:
         return table
@@ -205,13 +204,9 @@ def airframe_from_table(table: dict[str, Any], where: str) -> Airframe:
     Rotors that it lacks are made from a known layout and its arm. Raises AirframeError, which
     lists every value that is missing, impossible, misspelt or in another unit.
     """
+    _raise(wrong_kinds(table), where)
     table = with_rotors(table)
-    problems = table_problems(table)
-    if len(problems) == 1:
-        raise AirframeError(f"{where}: {problems[0]}")
-    if problems:
-        listed = "".join(f"\n  - {problem}" for problem in problems)
-        raise AirframeError(f"{where}: {len(problems)} things to correct:{listed}")
+    _raise(table_problems(table), where)
     given, rotors = table["quantities"], table["rotors"]
     quantities = {
         name: Quantity(
@@ -235,3 +230,11 @@ def airframe_from_table(table: dict[str, Any], where: str) -> Airframe:
         tank_source=str(table.get("tank_source", "auto")),
         **{name: quantities[name].value for name in QUANTITIES},
     )
+
+
+def _raise(problems: list[str], where: str) -> None:
+    if len(problems) == 1:
+        raise AirframeError(f"{where}: {problems[0]}")
+    if problems:
+        listed = "".join(f"\n  - {problem}" for problem in problems)
+        raise AirframeError(f"{where}: {len(problems)} things to correct:{listed}")

@@ -50,6 +50,16 @@ _QUANTITY_KEYS = ("value", "unit", "source", "guessed", "note")
 _ROTOR_KEYS = ("name", "position_frd", "spin", "effectiveness")
 
 
+def wrong_kinds(table: dict[str, Any]) -> list[str]:
+    """What of a table is no table at all, so that nothing else of it can be looked at."""
+    kinds = (("quantities", dict), ("rotors", list))
+    return [
+        f"{key} must be a table, is {table[key]!r}"
+        for key, kind in kinds
+        if not isinstance(table.get(key, kind()), kind)
+    ]
+
+
 def with_rotors(table: dict[str, Any]) -> dict[str, Any]:
     """`table` with the [[rotors]] of its layout where it has none but a known layout and an arm."""
     layout = motor_layouts().get(str(table.get("layout")))

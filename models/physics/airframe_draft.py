@@ -87,6 +87,17 @@ def completed(given: Mapping[str, Quantity], rotors: int) -> dict[str, Quantity]
     fill("propeller_blades", 2.0, "two blades")
     fill("reference_density", _STANDARD_DENSITY, "standard air at sea level")
     density = q["reference_density"].value
+    if {
+        "nameplate_max_thrust",
+        "max_rotor_speed_rpm",
+    } <= q.keys() and "thrust_coefficient" not in q:
+        top, speed = q["nameplate_max_thrust"], q["max_rotor_speed_rpm"]
+        q["thrust_coefficient"] = Quantity(
+            float(f"{top.value / speed.value**2:.4g}"),
+            "N/rpm^2",
+            "derived: nameplate_max_thrust at max_rotor_speed_rpm",
+            top.guessed or speed.guessed,
+        )
     fill(
         "thrust_coefficient",
         float(f"{TYPICAL_C_T * density * diameter**4 / 3600.0:.4g}"),
@@ -94,8 +105,8 @@ def completed(given: Mapping[str, Quantity], rotors: int) -> dict[str, Quantity]
     )
     slope = q["thrust_coefficient"]
     if "nameplate_max_thrust" not in q:
-        top = slope.value * q["max_rotor_speed_rpm"].value ** 2
-        fill("nameplate_max_thrust", round(top, 2), "thrust curve at max_rotor_speed_rpm")
+        reached = slope.value * q["max_rotor_speed_rpm"].value ** 2
+        fill("nameplate_max_thrust", round(reached, 2), "thrust curve at max_rotor_speed_rpm")
     fill(
         "max_rotor_speed_rpm",
         round(sqrt(q["nameplate_max_thrust"].value / slope.value), 0),

@@ -84,10 +84,15 @@ class AirframeNew:
                 if self.source is not None:
                     raise  # a hover may be of a log without parameters, such as .csv
         reported = reported_airframe(
-            found.parameters, found.highest_voltage, layout=self.owner.layout
+            found.parameters,
+            found.highest_voltage,
+            rotor_count=found.rotor_count,
+            layout=self.owner.layout,
         )
         fitted = bench_quantities(self.bench) if self.bench else Fitted()
-        owner = asked(self.owner, reported) if sys.stdin.isatty() else self.owner
+        known = replace(reported, quantities={**reported.quantities, **fitted.quantities})
+        owner = asked(self.owner, known) if sys.stdin.isatty() else self.owner
+        reported = replace(reported, layout=owner.layout or reported.layout)
         name, notes = self.owner.name or self.out.stem, [*reported.notes, *fitted.notes]
         craft = new_airframe(owner, reported, name=name, fitted=fitted.quantities)
         if self.hover:

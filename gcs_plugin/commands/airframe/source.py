@@ -13,10 +13,11 @@ from thrustmargin.models.errors import LogError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VehicleParameters:
-    """Parameters by name, the battery's highest voltage [V] in a flight, and their origin."""
+    """Parameters by name, what else a log says of the same, and their origin in words."""
 
     parameters: Mapping[str, float]
-    highest_voltage: float = float("nan")
+    rotor_count: int = 0
+    highest_voltage: float = float("nan")  # V of the battery
     words: str = "nothing"
 
 
@@ -30,11 +31,13 @@ def read_source(source: str, *, vehicle: int | None, timeout: float) -> VehicleP
         return _fetched(source, vehicle, timeout)
     from thrustmargin.gcs_plugin.logs import read_log
     from thrustmargin.gcs_plugin.logs.parameter_file import SUFFIXES, read_parameters
+    from thrustmargin.gcs_plugin.telemetry.reported_airframe import frame_of_text
 
     if path.suffix.lower() in SUFFIXES:
         return VehicleParameters(parameters=read_parameters(path), words=path.name)
     log = read_log(path, vehicle=vehicle)
-    if not log.parameters:
+    parameters = frame_of_text(text for _, text in log.messages) | {**log.parameters}
+    if not parameters:
         raise LogError(
             f"{path.name} holds no parameters; save them from the ground station to a .param file "
             "and give that, or connect the vehicle and give its URL"
@@ -42,7 +45,12 @@ def read_source(source: str, *, vehicle: int | None, timeout: float) -> VehicleP
     voltage = log.track.voltage[np.isfinite(log.track.voltage)]
     # One wild report must not decide the number of cells.
     highest = float(np.percentile(voltage, 99.0)) if voltage.size else float("nan")
-    return VehicleParameters(parameters=log.parameters, highest_voltage=highest, words=path.name)
+    return VehicleParameters(
+        parameters=parameters,
+        rotor_count=log.track.rotor_count,
+        highest_voltage=highest,
+        words=path.name,
+    )
 
 
 def _fetched(url: str, vehicle: int | None, timeout: float) -> VehicleParameters:
@@ -53,6 +61,7 @@ def _fetched(url: str, vehicle: int | None, timeout: float) -> VehicleParameters
     with VehicleLink.open(url) as link, transfer_bar() as (say, progress):
         say(f"waiting for a heartbeat at {url}")
         system = link.vehicle(vehicle, timeout=timeout)
-        say(f"parameters of vehicle {system.get_system_id()}")
+        number = system.get_system_id()
+        say(f"parameters of vehicle {number}")
         found = download_parameters(link, system, progress)
-    return VehicleParameters(parameters=found, words=f"vehicle {system.get_system_id()} at {url}")
+    return VehicleParameters(parameters=found, words=f"vehicle {number} at {url}")

@@ -9,7 +9,9 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from math import isfinite, pi, sin
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
 
 from thrustmargin.gcs_plugin.commands.options import UsageError
 from thrustmargin.models.errors import DataError
@@ -22,6 +24,8 @@ EXAMPLE = (
     "thrustmargin airframe new --from flight.BIN --mass 18 --arm 0.74 --tank-litres 0 "
     "--power-set hobbywing-x6-plus --out my-aircraft.toml"
 )
+#: A power set that does not ship: its propeller and thrust are stated.
+OTHER = "other"
 #: option -> quantity, unit of the file, and what the stated number is multiplied by.
 _NUMBERS = {
     "mass": ("empty_mass", "kg", 1.0),
@@ -51,7 +55,7 @@ class OwnerStatement:
     wheelbase: float | None = None
     """m from motor to motor across the centre, instead of --arm."""
     power_set: str | None = None
-    """Motor and propeller by a name of `thrustmargin airframe list`."""
+    """Motor and propeller by a name of `thrustmargin airframe list`, or other."""
     propeller: str | None = None
     """Propeller diameter x pitch in inches, such as 24x8."""
     max_thrust_kgf: float | None = None
@@ -68,6 +72,8 @@ class OwnerStatement:
     """Battery cells in series, when the vehicle does not say."""
     layout: str | None = None
     """Layout of the motors, such as hexa-x, when the vehicle does not say or says it wrongly."""
+    defaults: Annotated[frozenset[str], tyro.conf.Suppress] = frozenset()
+    """Those of the above that nobody stated: a default was taken."""
 
 
 def stated(owner: OwnerStatement, reported: ReportedAirframe) -> dict[str, Quantity]:
@@ -79,28 +85,29 @@ def stated(owner: OwnerStatement, reported: ReportedAirframe) -> dict[str, Quant
     from thrustmargin.models.physics.airframe_draft import INCH, power_sets
 
     quantities: dict[str, Quantity] = {}
-    if owner.power_set is not None:
+    if owner.power_set not in (None, OTHER):
         if owner.power_set not in power_sets():
             raise UsageError(
                 f"no power set {owner.power_set!r}; known are {', '.join(power_sets())}; for "
                 "another give --propeller and --max-thrust-kgf"
             )
-        chosen = power_sets()[owner.power_set]
+        chosen, default = power_sets()[owner.power_set], "power_set" in owner.defaults
         quantities |= {
-            name: replace(q, source=f"{chosen.name}: {q.source}")
+            name: replace(q, source=f"{chosen.name}: {q.source}", guessed=q.guessed or default)
             for name, q in chosen.quantities.items()
         }
     if owner.propeller is not None:
         sizes = re.fullmatch(r"\s*([\d.]+)\s*[xX*]\s*([\d.]+)\s*", owner.propeller)
         if sizes is None:
             raise UsageError(f"--propeller {owner.propeller!r}; write it in inches, as in 24x8")
-        if "thrust_coefficient" in quantities:
-            del quantities["thrust_coefficient"]  # it is that of the set's own propeller
+        quantities.pop("thrust_coefficient", None)  # it is that of the set's own propeller
         source = f"stated: propeller {owner.propeller} in"
-        for name, text in zip(
-            ("propeller_diameter", "propeller_pitch"), sizes.groups(), strict=True
-        ):
-            quantities[name] = Quantity(round(float(text) * INCH, 5), "m", source)
+        for name, size in (("propeller_diameter", sizes[1]), ("propeller_pitch", sizes[2])):
+            quantities[name] = Quantity(
+                round(float(size) * INCH, 5), "m", source, "propeller" in owner.defaults
+            )
+    if owner.propeller is not None or owner.max_thrust_kgf is not None:
+        quantities.pop("max_rotor_speed_rpm", None)  # another thrust is reached at another speed
     quantities |= reported.quantities
     for option, (name, unit, factor) in _NUMBERS.items():
         value = getattr(owner, option)
@@ -108,7 +115,9 @@ def stated(owner: OwnerStatement, reported: ReportedAirframe) -> dict[str, Quant
             flag = "--" + option.replace("_", "-")
             if not isfinite(value) or value < 0 or (value == 0 and option != "tank_litres"):
                 raise UsageError(f"{flag} {value:g} is not a number above 0")
-            quantities[name] = Quantity(round(value * factor, 5), unit, f"stated: {flag} {value:g}")
+            assumed = option in owner.defaults
+            words = f"{'default taken' if assumed else 'stated'}: {flag} {value:g}"
+            quantities[name] = Quantity(round(value * factor, 5), unit, words, assumed)
     return quantities
 
 
@@ -124,9 +133,20 @@ class _Question:
     read: Callable[[str], Any] = float
 
 
-def _has_power(owner: OwnerStatement, reported: ReportedAirframe) -> bool:
-    thrust = owner.max_thrust_kgf is not None or "nameplate_max_thrust" in reported.quantities
-    return owner.power_set is not None or (owner.propeller is not None and thrust)
+def _thrust_known(owner: OwnerStatement, reported: ReportedAirframe) -> bool:
+    return owner.max_thrust_kgf is not None or "nameplate_max_thrust" in reported.quantities
+
+
+def _typical_thrust(owner: OwnerStatement, reported: ReportedAirframe) -> float:
+    """kgf of the sets that ship at this propeller's diameter: thrust goes with its square."""
+    from thrustmargin.models.physics.airframe_draft import power_sets
+
+    diameter = stated(owner, reported)["propeller_diameter"].value
+    known = sorted(
+        s.quantities["nameplate_max_thrust"].value / s.quantities["propeller_diameter"].value ** 2
+        for s in power_sets().values()
+    )
+    return round(known[len(known) // 2] * diameter**2 / 9.80665, 1)
 
 
 def _typical_arm(owner: OwnerStatement, reported: ReportedAirframe) -> float:
@@ -135,7 +155,7 @@ def _typical_arm(owner: OwnerStatement, reported: ReportedAirframe) -> float:
 
     from thrustmargin.models.physics.frames import bearings, motor_layouts
 
-    layout = motor_layouts()[str(reported.layout)]
+    layout = motor_layouts()[str(owner.layout or reported.layout)]
     arms = len(np.unique(np.round(bearings(layout.place))))
     return round(
         1.1 * stated(owner, reported)["propeller_diameter"].value / (2 * sin(pi / arms)), 2
@@ -147,27 +167,56 @@ def _hover_mass(owner: OwnerStatement, reported: ReportedAirframe) -> float:
     from thrustmargin.models.physics.frames import motor_layouts
 
     share = reported.hover_throttle if isfinite(reported.hover_throttle) else 1.0 / 3.0
-    rotors = len(reported.rotors or motor_layouts()[str(reported.layout)].spin)
+    rotors = len(reported.rotors or motor_layouts()[str(owner.layout or reported.layout)].spin)
     top = stated(owner, reported)["nameplate_max_thrust"].value
     return round(share * rotors * top / 9.80665, 1)
 
 
+#: Layout offered for so many rotors.
+_USUAL = {6: "hexa-x", 8: "octo-x", 10: "deca-x", 12: "dodecahexa-x"}
 _QUESTIONS = (
     _Question(
         field="layout",
         option="--layout quad-x",
         words="layout of the motors; the vehicle does not say",
-        needed=lambda _, reported: reported.layout is None,
-        default=lambda *_: "quad-x",
+        needed=lambda owner, reported: owner.layout is None and reported.layout is None,
+        default=lambda _, reported: _USUAL.get(reported.rotor_count, "quad-x"),
         read=str,
     ),
     _Question(
         field="power_set",
         option="--power-set NAME, or --propeller 24x8 with --max-thrust-kgf 11.8",
-        words="motor and propeller; `thrustmargin airframe list` shows the sets that are known",
-        needed=lambda owner, reported: not _has_power(owner, reported),
+        words="motor and propeller, a name of `thrustmargin airframe list` or other",
+        needed=lambda owner, reported: (
+            owner.power_set is None
+            and owner.propeller is None
+            and not _thrust_known(owner, reported)
+        ),
         default=lambda *_: "hobbywing-x6-plus",
         read=str,
+    ),
+    _Question(
+        field="propeller",
+        option="--propeller 24x8",
+        words="diameter x pitch of the propeller in inches",
+        needed=lambda owner, reported: (
+            owner.propeller is None
+            and owner.power_set in (None, OTHER)
+            and (owner.power_set == OTHER or _thrust_known(owner, reported))
+        ),
+        default=lambda *_: "24x8",
+        read=str,
+    ),
+    _Question(
+        field="max_thrust_kgf",
+        option="--max-thrust-kgf 11.8",
+        words="kgf of one rotor at full throttle, by the maker's data sheet",
+        needed=lambda owner, reported: (
+            owner.power_set in (None, OTHER)
+            and owner.propeller is not None
+            and not _thrust_known(owner, reported)
+        ),
+        default=_typical_thrust,
     ),
     _Question(
         field="cells",
@@ -206,11 +255,21 @@ _QUESTIONS = (
 
 
 def require_all(owner: OwnerStatement, reported: ReportedAirframe) -> None:
-    """Raise UsageError that names every option that is missing."""
+    """Raise UsageError that names every option that is missing, or a layout that is not known."""
+    from thrustmargin.models.physics.frames import motor_layouts
+
     missing = [q for q in _QUESTIONS if q.needed(owner, reported)]
     if missing:
         listed = "".join(f"\n  {q.option}: {q.words}" for q in missing)
-        raise UsageError(f"what the vehicle cannot know is missing:{listed}\nExample: {EXAMPLE}")
+        reported_count = reported.layout is None and reported.rotor_count
+        hint = f"\nThe vehicle reports {reported_count} rotors." if reported_count else ""
+        raise UsageError(
+            f"what the vehicle cannot know is missing:{listed}{hint}\nExample: {EXAMPLE}"
+        )
+    if reported.rotors is None and reported.layout not in motor_layouts():
+        raise UsageError(f"no layout {reported.layout!r}; known are {', '.join(motor_layouts())}")
+    if owner.arm is not None and owner.wheelbase is not None:
+        raise UsageError("--arm and --wheelbase say the same; give one of them")
 
 
 def asked(owner: OwnerStatement, reported: ReportedAirframe) -> OwnerStatement:
@@ -238,6 +297,8 @@ def _answered(
         try:
             value = question.read(answer) if answer else default
             candidate = replace(owner, **{question.field: value})
+            if not answer:
+                candidate = replace(candidate, defaults=owner.defaults | {question.field})
             stated(candidate, reported)
         except (ValueError, UsageError) as error:
             Terminal(soft_wrap=True).print(str(error))

@@ -192,3 +192,16 @@ def test_a_recording_and_its_frames_are_a_few_lines_to_read():
     assert second == f"  {recording.quality.frames} messages in {FLIGHT.stat().st_size} bytes"
     frames = scan(*read_bytes(FLIGHT))
     assert repr(frames).startswith(f"Frames: {frames.start.size} good, 0 of unknown id, 0 with")
+
+
+def test_px4_sends_the_bits_of_a_whole_number_and_ardupilot_the_number(tmp_path):
+    craft, whole, real = link(), 6, 9
+    bits = struct.unpack("<f", struct.pack("<i", 6))[0]
+    minus = struct.unpack("<f", struct.pack("<i", -3))[0]
+    given = [("A", bits, whole), ("B", 6.0, whole), ("C", 0.05, real), ("D", minus, whole)]
+    data = b"".join(
+        stamped(dialect.MAVLink_param_value_message(n.encode(), v, k, 4, 0).pack(craft), 12)
+        for n, v, k in given
+    )
+    log = read_log(written(tmp_path, flight_of(lambda m: m.pack(craft), 2) + data))
+    assert log.parameters == {"A": 6.0, "B": 6.0, "C": pytest.approx(0.05), "D": -3.0}

@@ -7,11 +7,13 @@ the first line of standard input, says "ready", and runs until standard input is
   logs {number: [unix seconds, file]}, drop (one LOG_DATA in so many is lost, the first time),
   silent_after (LOG_DATA sent before it falls silent), mute (heartbeats only),
   key (hex: it signs, and hears only what is signed), overstate (bytes that its list of logs adds
-  to every size).
+  to every size), parameters (rows of name, value, MAV_PARAM_TYPE), lose_parameters (indices that
+  are lost the first time).
 """
 
 import json
 import os
+import struct
 import sys
 import threading
 import time
@@ -69,6 +71,21 @@ class Vehicle:
             message.seq,
             *self.orders["items"][message.seq],
         )
+
+    def param_request_list(self, _) -> None:
+        for index in range(len(self.orders.get("parameters", []))):
+            if index not in self.orders.get("lose_parameters", []):
+                self.send_parameter(index)
+
+    def param_request_read(self, message) -> None:
+        self.send_parameter(message.param_index)
+
+    def send_parameter(self, index: int) -> None:
+        name, value, kind = self.orders["parameters"][index]
+        if self.orders.get("autopilot", 3) == 12 and kind == 6:
+            value = struct.unpack("<f", struct.pack("<i", value))[0]
+        count = len(self.orders["parameters"])
+        self.link.mav.param_value_send(name.encode(), value, kind, count, index)
 
     def log_request_list(self, message) -> None:
         for number, (unix, data) in self.logs.items():

@@ -250,3 +250,102 @@ def test_a_quantity_needs_its_unit_and_source_and_may_have_a_note(tmp_path):
         load_airframe(write(tmp_path, entry + " }\n"))
     noted = entry + ', source = "own scale", note = "without the rear cover" }\n'
     assert load_airframe(write(tmp_path, noted)).empty_mass == 22.0
+
+
+CHILD = 'extends = "topxgun-f16"\nlayout = "hexa-x"\n'
+ARM = '[quantities]\narm = { value = 0.9, unit = "m", source = "own tape" }\n'
+
+
+def test_a_layout_alone_does_not_keep_the_rotors_of_another(tmp_path):
+    with pytest.raises(AirframeError, match=r"hexa-x without rotors: give its 6 \[\[rotors"):
+        load_airframe(write(tmp_path, CHILD))
+    craft = load_airframe(write(tmp_path, CHILD + ARM))
+    assert craft.rotor_spin.tolist() == [-1, 1, -1, 1, 1, -1]
+    assert craft.arm == pytest.approx(0.9)
+    again = airframe_from_table(airframe_table(craft), "table")
+    np.testing.assert_array_equal(again.rotor_position_frd, craft.rotor_position_frd)
+    longer = load_airframe(write(tmp_path, 'extends = "topxgun-f16"\n' + ARM))
+    assert (longer.rotor_count, round(longer.arm, 3)) == (4, 0.9)
+
+
+def test_rotors_of_another_number_than_the_layout_are_refused(tmp_path):
+    wrong = ROTORS.replace('layout = "custom"', 'layout = "quad-x"')
+    with pytest.raises(AirframeError, match=r"disagree: quad-x has 4 rotors, not 3"):
+        load_airframe(write(tmp_path, wrong))
+    with pytest.raises(AirframeError, match=r"layout 'hexx-x' is none .* did you mean hexa-x"):
+        load_airframe(write(tmp_path, CHILD.replace("hexa-x", "hexx-x") + ARM))
+    both = airframe_table(load_airframe("topxgun-f16"))
+    both["quantities"]["arm"] = {"value": 0.7, "unit": "m", "source": "own tape"}
+    with pytest.raises(AirframeError, match=r"arm is 0.7 m, but the farthest .* is 0.9595 m"):
+        airframe_from_table(both, "table")
+
+
+def test_all_that_is_wrong_is_said_at_once(tmp_path):
+    text = """extends = "topxgun-f16"
+titel = "mine"
+[quantities]
+empty_mass = { value = 22400, unit = "g", source = "own scale" }
+propeler_pitch = { value = 0.3, unit = "m", source = "own" }
+liquid_density = { value = -1, unit = "kg/L", source = "own", guesed = true }
+torque_ratio = { value = 0.05, unit = "m", source = "own", guessed = "yes" }
+[[rotors]]
+name = "one"
+spin = "left"
+position_frd = [1.0, 2.0]
+[[rotors]]
+name = 2
+spin = "cw"
+position_frd = [500.0, 500.0, 0.0]
+efectiveness = 0.8
+[[rotors]]
+name = "three"
+spin = "cw"
+position_frd = [0.0, -1.0, 0.0]
+"""
+    with pytest.raises(AirframeError) as error:
+        load_airframe(write(tmp_path, text))
+    said = str(error.value)
+    assert "11 things to correct" in said
+    for words in (
+        "unknown key 'titel'; did you mean title?",
+        "empty_mass is in 'g'; give it in 'kg'",
+        "unknown quantity 'propeler_pitch'; did you mean propeller_pitch?",
+        "liquid_density is -1; it must be a number above 0",
+        "unknown key of liquid_density 'guesed'; did you mean guessed?",
+        "torque_ratio: guessed is 'yes'; write true or false",
+        "rotor 1: spin is 'left'",
+        "rotor 1: position_frd must be three numbers in m",
+        "rotor 2 needs a name",
+        "rotor 2: position_frd [500.0, 500.0, 0.0] is not in m",
+        "unknown key of rotor 2 'efectiveness'; did you mean effectiveness?",
+    ):
+        assert words in said
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "unit", "message"),
+    [
+        ("propeller_diameter", 36.0, "m", "C_T of .* check both units"),
+        ("thrust_coefficient", 2.05e-6, "N/rpm^2", "C_T of .* check both units"),
+        ("empty_mass", 211.0, "kg", "does not lift the empty weight of 2069 N"),
+    ],
+)
+def test_values_that_are_impossible_together_are_refused(tmp_path, name, value, unit, message):
+    with pytest.raises(AirframeError, match=message):
+        load_airframe(write(tmp_path, quantity(name, value, unit)))
+
+
+@pytest.mark.parametrize(("key", "value"), [("quantities", [1]), ("rotors", {"a": 1})])
+def test_a_table_of_the_wrong_kind_is_refused(key, value):
+    table = airframe_table(load_airframe("topxgun-f16"))
+    with pytest.raises(AirframeError, match=f"{key} must be a table"):
+        airframe_from_table(table | {key: value}, "table")
+
+
+def test_a_guess_stays_a_guess_through_file_and_table(tmp_path):
+    text = quantity("torque_ratio", 0.05, "m").replace(" }", ", guessed = true }")
+    craft = load_airframe(write(tmp_path, text))
+    assert "torque_ratio" in craft.guessed
+    again = airframe_from_table(airframe_table(craft), "table")
+    assert again.guessed == craft.guessed
+    assert again.quantities["torque_ratio"].guessed

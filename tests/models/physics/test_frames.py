@@ -1,0 +1,83 @@
+"""Motor layouts are ArduPilot's: places, order and spin; each can be flown."""
+
+import numpy as np
+import pytest
+
+from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.physics.frames import (
+    ardupilot_layout,
+    bearings,
+    layout_of_rotors,
+    motor_layouts,
+)
+
+CCW, CW = 1, -1
+#: FRAME_CLASS, FRAME_TYPE -> degrees from the nose and spin of motor 1 to n, from the tables of
+#: ArduPilot's AP_MotorsMatrix.
+PUBLISHED = {
+    (1, 0): ([90, -90, 0, 180], [CCW, CCW, CW, CW]),
+    (1, 1): ([45, -135, -45, 135], [CCW, CCW, CW, CW]),
+    (1, 3): ([45, -135, -45, 135], [CW, CW, CCW, CCW]),
+    (1, 12): ([135, 45, -135, -45], [CW, CCW, CCW, CW]),
+    (1, 13): ([45, -45, -135, 135], [CCW, CW, CCW, CW]),
+    (1, 14): ([45, 135, -135, -45], [CCW, CW, CCW, CW]),
+    (2, 0): ([0, 180, -120, 60, -60, 120], [CW, CCW, CW, CCW, CCW, CW]),
+    (2, 1): ([90, -90, -30, 150, 30, -150], [CW, CCW, CW, CCW, CCW, CW]),
+    (3, 0): ([0, 180, 45, 135, -45, -135, -90, 90], [CW, CW, CCW, CCW, CCW, CCW, CW, CW]),
+    (3, 1): (
+        [22.5, -157.5, 67.5, 157.5, -22.5, -112.5, -67.5, 112.5],
+        [CW, CW, CCW, CCW, CCW, CCW, CW, CW],
+    ),
+    (4, 0): ([0, -90, 180, 90, -90, 0, 90, 180], [CCW, CW, CCW, CW, CCW, CW, CCW, CW]),
+    (4, 1): ([45, -45, -135, 135, -45, 45, 135, -135], [CCW, CW, CCW, CW, CCW, CW, CCW, CW]),
+    (5, 10): ([60, 60, 180, 180, -60, -60], [CW, CCW, CW, CCW, CW, CCW]),
+    (5, 0): ([60, -60, -60, 180, 60, 180], [CCW, CW, CCW, CW, CW, CCW]),
+}
+
+
+@pytest.mark.parametrize(("kind", "shape"), PUBLISHED)
+def test_order_and_spin_are_ardupilots(kind, shape):
+    layout = ardupilot_layout(kind, shape)
+    angles, spin = PUBLISHED[kind, shape]
+    assert layout is not None
+    np.testing.assert_allclose(bearings(layout.place), angles, atol=1e-9)
+    assert layout.spin.tolist() == spin
+
+
+@pytest.mark.parametrize("name", motor_layouts())
+def test_every_layout_turns_evenly_controls_all_axes_and_names_each_rotor(name):
+    layout = motor_layouts()[name]
+    assert layout.spin.sum() == 0.0
+    effect = np.vstack([np.ones(layout.rotor_count), layout.place.T, layout.spin])
+    assert np.linalg.matrix_rank(effect) == 4
+    rotors = layout.rotors(0.8, 0.9)
+    assert len({rotor["name"] for rotor in rotors}) == layout.rotor_count
+    positions = np.array([rotor["position_frd"] for rotor in rotors])
+    assert np.hypot(*positions[:, :2].T).max() == pytest.approx(0.8, abs=1e-5)
+    assert layout.mismatch(positions) == ""
+    below = positions[:, 2] > 0.0
+    assert below.tolist() == list(layout.lower)
+    assert [rotor.get("effectiveness", 1.0) < 1.0 for rotor in rotors] == list(layout.lower)
+
+
+@pytest.mark.parametrize("name", ["topxgun-f16", "agras-t20", "agras-t40"])
+def test_shipped_aircraft_have_the_rotors_of_their_layout(name):
+    craft = load_airframe(name)
+    layout = motor_layouts()[craft.layout]
+    made = layout.rotors(craft.arm)
+    assert tuple(rotor["name"] for rotor in made) == craft.rotor_names
+    np.testing.assert_allclose(
+        [rotor["position_frd"][:2] for rotor in made], craft.rotor_position_frd[:, :2], atol=1e-4
+    )
+    assert layout.spin.tolist() == craft.rotor_spin.tolist()
+    assert layout_of_rotors(craft.rotor_position_frd, craft.rotor_spin) is layout
+
+
+def test_another_number_or_shape_of_rotors_is_no_such_layout():
+    plus = np.array([r["position_frd"] for r in motor_layouts()["quad-plus"].rotors(1.0)])
+    assert "6 rotors, not 4" in motor_layouts()["hexa-x"].mismatch(plus)
+    assert "arms at -135, -45, 45, 135 deg" in motor_layouts()["quad-x"].mismatch(plus)
+    narrow = plus[:, :] * [1.0, 0.7, 1.0]
+    assert motor_layouts()["quad-plus"].mismatch(narrow) == ""
+    assert ardupilot_layout(1, 4) is None
+    assert ardupilot_layout(6, 0) is None
