@@ -17,6 +17,7 @@ FLIGHT = str(ROOT / "sitl_logs/campaign/v2_m4_q1.5.tlog")
 VIEW = ["--port", "0", "--no-browser", "--seconds", "1"]
 WITHOUT_TORCH = {
     "demo": [FLIGHT, *VIEW],
+    "airframe": ["check", "topxgun-f16-sitl", FLIGHT],
     "fetch": ["mission", "--help"],
     "inspect": [FLIGHT],
     "match": ["--airframe", "topxgun-f16"],

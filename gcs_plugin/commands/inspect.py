@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from thrustmargin.models.physics.airframe import Airframe
 
 DEFAULT_AIRFRAME = "topxgun-f16"
-_MARK = {"ok": ("ok", "green"), "warning": ("look", "yellow"), "unknown": ("?", "cyan")}
+MARK = {"ok": ("ok", "green"), "warning": ("look", "yellow"), "unknown": ("?", "cyan")}
 _WIDE = 110  # columns of the terminal from which the whole table fits
 
 
@@ -130,7 +130,7 @@ def _print(console: Console, inspection: Inspection) -> None:
         console.print(_sources(log))
     findings = Table(show_header=False, box=None, pad_edge=False)
     for finding in inspection.findings:
-        mark, colour = _MARK[finding.level]
+        mark, colour = MARK[finding.level]
         findings.add_row(Text(mark, style=colour), Text(finding.check), Text(finding.words))
     console.print(findings)
     for note in track.notes:

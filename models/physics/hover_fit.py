@@ -81,6 +81,8 @@ def fit_hover(
         parts.append(np.column_stack([flight, when, weight[use], density[use], squares[use]]))
     table = np.concatenate(parts) if parts else np.empty((0, 4 + airframe.rotor_count))
     if len(table) < FEWEST_ROWS:
+        if all(not np.isfinite(track.tank_kg).any() for track in tracks) and mass is None:
+            raise DataError("what is on board is not known; give --load KG")
         raise DataError(
             f"{len(table)} rows of steady hover with the speed of every rotor, {FEWEST_ROWS} are "
             "needed: give a flight that hovers for ten seconds or more, with ESC telemetry"

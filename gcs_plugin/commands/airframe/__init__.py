@@ -6,6 +6,7 @@ from typing import Annotated
 
 import tyro
 
+from thrustmargin.gcs_plugin.commands.airframe.check import AirframeCheck
 from thrustmargin.gcs_plugin.commands.airframe.list_show import AirframeList, AirframeShow
 from thrustmargin.gcs_plugin.commands.airframe.new import AirframeNew
 
@@ -14,7 +15,8 @@ def airframe(
     what: Annotated[
         Annotated[AirframeList, tyro.conf.subcommand("list", prefix_name=False)]
         | Annotated[AirframeShow, tyro.conf.subcommand("show", prefix_name=False)]
-        | Annotated[AirframeNew, tyro.conf.subcommand("new", prefix_name=False)],
+        | Annotated[AirframeNew, tyro.conf.subcommand("new", prefix_name=False)]
+        | Annotated[AirframeCheck, tyro.conf.subcommand("check", prefix_name=False)],
         tyro.conf.arg(name=""),
     ],
 ) -> int:

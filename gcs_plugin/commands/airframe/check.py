@@ -1,0 +1,165 @@
+"""`thrustmargin airframe check`: what an airframe file claims, held against flights."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from tyro.conf import Positional
+
+from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading, reading_keywords
+from thrustmargin.models.errors import AirframeError, DataError
+
+if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.logs import FlightLog
+    from thrustmargin.gcs_plugin.logs.inspection import Finding
+    from thrustmargin.models.physics.airframe import Airframe
+
+#: Of the airframe's checks in `inspect`, those that are about its file.
+_OF_INSPECT = ("motor order", "rotor speed", "voltage", "tank")  # the tank where it has one
+
+
+@dataclass(frozen=True, slots=True)
+class AirframeCheck:
+    """Hold what an airframe file claims against flights of the aircraft.
+
+    Layout, motor order, ESC poles, voltage, the thrust coefficient against the weight in hover, the
+    trim of the rotors, and the largest rotor speed. Says of each whether the flights agree.
+
+    Example: thrustmargin airframe check my-aircraft.toml flight.BIN --load 0
+    """
+
+    file: Annotated[Positional[str], tyro.conf.arg(metavar="FILE|NAME")]
+    """Airframe file (.toml), or the name of a shipped airframe."""
+    logs: Annotated[Positional[tuple[Path, ...]], tyro.conf.arg(metavar="LOG...")]
+    """Flights of the aircraft, best with ten seconds or more of steady hover."""
+    reading: Reading = AS_HEARD
+
+    def run(self) -> int:
+        from rich.console import Console
+        from rich.table import Table
+        from rich.text import Text
+
+        from thrustmargin.gcs_plugin.commands.inspect import MARK
+        from thrustmargin.gcs_plugin.commands.options import require_logs
+        from thrustmargin.gcs_plugin.logs import read_log
+        from thrustmargin.models.physics.airframe import load_airframe
+
+        require_logs(self.logs)
+        craft = load_airframe(self.file)
+        keywords = reading_keywords(self.reading)
+        logs = [read_log(path, airframe=craft, **keywords) for path in self.logs]
+        console = Console(highlight=False, markup=False)
+        table = Table(show_header=False, box=None, pad_edge=False)
+        for finding in airframe_findings(craft, logs):
+            mark, colour = MARK[finding.level]
+            table.add_row(Text(mark, style=colour), Text(finding.check), Text(finding.words))
+        console.print(f"{craft.title}, held against {', '.join(log.path.name for log in logs)}")
+        console.print(table)
+        if craft.guessed:
+            console.print(f"guessed in the file: {', '.join(craft.guessed)}", soft_wrap=True)
+        return 0
+
+
+def airframe_findings(craft: Airframe, logs: Sequence[FlightLog]) -> list[Finding]:
+    """What flights say of each claim of an airframe file."""
+    from thrustmargin.gcs_plugin.logs.inspection import inspect_log
+
+    found: list[Finding] = []
+    for log in logs:
+        checks = _OF_INSPECT if craft.tank_volume_l else _OF_INSPECT[:-1]
+        of_one = [f for f in inspect_log(log, craft).findings if f.check in checks]
+        found += [*_layout(craft, log), *of_one]
+    # The same answer of several flights is one answer, the graver of two the first.
+    order = {"warning": 0, "ok": 1, "unknown": 2}
+    kept: dict[str, Finding] = {}
+    for finding in sorted(found, key=lambda f: order[f.level]):
+        kept.setdefault(finding.check, finding)
+    return [*kept.values(), *_hover(craft, logs), *_ceiling(craft, logs)]
+
+
+def _layout(craft: Airframe, log: FlightLog) -> Iterator[Finding]:
+    from thrustmargin.gcs_plugin.logs.inspection import Finding
+    from thrustmargin.gcs_plugin.telemetry.reported_airframe import reported_airframe
+
+    try:
+        reported = reported_airframe(log.parameters)
+    except AirframeError as error:
+        yield Finding(check="layout", level="warning", words=str(error))
+        return
+    if reported.layout is None:
+        yield Finding(check="layout", level="unknown", words=f"{log.path.name} does not say")
+        return
+    agrees = reported.layout == craft.layout
+    words = f"{reported.layout} by {reported.layout_source}"
+    words += "" if agrees else f", but {craft.layout} in the file"
+    yield Finding(check="layout", level="ok" if agrees else "warning", words=words)
+
+
+def _hover(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
+    """The thrust coefficient against the weight in hover, and the trim of the rotors."""
+    from thrustmargin.gcs_plugin.commands.airframe.fitted import hover_sentences, interval
+    from thrustmargin.gcs_plugin.logs.inspection import Finding
+    from thrustmargin.models.physics.hover_fit import fit_hover
+
+    check = "thrust coefficient"
+    try:
+        fit = fit_hover([log.track for log in logs], craft)
+    except DataError as error:
+        yield Finding(check=check, level="unknown", words=str(error))
+        return
+    claim = craft.thrust_coefficient * fit.reference_density / craft.reference_density
+    # Two standard errors of the air's density, beside what the flights scatter.
+    air = 1.96 * fit.density_error / fit.reference_density
+    apart = claim / fit.coefficient.value - 1.0
+    inside = fit.coefficient.low * (1 - air) <= claim <= fit.coefficient.high * (1 + air)
+    words = (
+        f"{claim:.4g} N/rpm² by the file in this air, {interval(fit.coefficient)} by "
+        f"{fit.rows} rows of hover, +- {air:.1%} for the air"
+    )
+    if not inside:
+        words += (
+            f": {abs(apart):.0%} {'more' if apart > 0 else 'less'} than the flights show; is the "
+            f"mass {craft.empty_mass:g} kg and the load right? else `airframe new --hover`"
+        )
+    yield Finding(check=check, level="ok" if inside else "warning", words=words)
+    even = all(t.low <= 1.1 and t.high >= 0.9 for t in fit.trim)
+    level = "ok" if even else "warning"
+    for sentence in hover_sentences(fit):
+        yield Finding(check="trim", level=level, words=sentence)
+
+
+def _ceiling(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
+    """The largest rotor speed against the highest measured and what outputs extrapolate to."""
+    import numpy as np
+
+    from thrustmargin.gcs_plugin.commands.airframe.fitted import interval
+    from thrustmargin.gcs_plugin.logs.inspection import Finding
+    from thrustmargin.models.model.output_speed import full_output_speed
+    from thrustmargin.models.physics.margin import ceiling
+
+    check = "largest rotor speed"
+    try:
+        top, volts = full_output_speed([(log.track, log.parameters) for log in logs], craft)
+    except DataError as error:
+        yield Finding(check=check, level="unknown", words=str(error))
+        return
+    claim = float(ceiling(craft, craft.reference_density, volts).max_rotor_speed_rpm[0])
+    speeds = np.concatenate([log.track.rotor_speed_rpm[log.track.flying].ravel() for log in logs])
+    speeds = speeds[np.isfinite(speeds)]
+    highest = float(np.percentile(speeds, 99.9)) if speeds.size else float("nan")
+    words = (
+        f"{claim:.0f} rpm by the file at {volts:.1f} V; full output extrapolates to {interval(top)}"
+    )
+    if speeds.size:
+        words += f", the highest measured is {highest:.0f}"
+    low = claim < top.low or claim < highest
+    if low:
+        words += ": the file claims too little, so margins read too small"
+    elif claim > top.high:
+        words += ": the file claims more than these motors seem to make, so margins read too large"
+    right = not low and claim <= top.high
+    yield Finding(check=check, level="ok" if right else "warning", words=words)
