@@ -9,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from thrustmargin.gcs_plugin.logs.ulog_messages import whole_messages
 from thrustmargin.gcs_plugin.logs.ulog_topics import TOPICS, Topic, ulog_signals, with_vectors
 from thrustmargin.gcs_plugin.mavlink.text import clean
-from thrustmargin.gcs_plugin.telemetry.recording import LogQuality, Recording
+from thrustmargin.gcs_plugin.telemetry.recording import LogQuality, Recording, worst_places
 from thrustmargin.gcs_plugin.telemetry.signals import Signals
 from thrustmargin.gcs_plugin.telemetry.timeline import longest_stretch, pauses, without_leaps
 from thrustmargin.gcs_plugin.telemetry.vehicle_kind import whole_number
@@ -27,15 +28,12 @@ def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Sig
     """
     from pyulog import ULog
 
-    printed = io.StringIO()
+    whole = whole_messages(path.read_bytes(), TOPICS)
     try:
-        # pyulog leaves a file that it opened itself open when it fails.
-        with contextlib.redirect_stdout(printed), path.open("rb") as file:
-            log = ULog(file, list(TOPICS), disable_str_exceptions=True)
-    except OSError:
-        raise
+        with contextlib.redirect_stdout(io.StringIO()):
+            log = ULog(io.BytesIO(whole.data), disable_str_exceptions=True)
     except Exception as error:
-        # pyulog meets damage with whatever its parsing runs into.
+        # pyulog meets what it cannot read with whatever its parsing runs into.
         raise LogError(
             f"{path.name}: damaged PX4 log, {type(error).__name__} while reading it; "
             "download it from the vehicle again"
@@ -53,8 +51,6 @@ def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Sig
     if vehicle is not None and vehicle != own:
         raise LogError(f"{path.name}: no vehicle {vehicle}; it is the log of vehicle {own}")
     signals, notes = ulog_signals(topics)
-    if log.file_corruption:
-        notes.append("the log is damaged: pyulog left out what it could not read")
     if log.dropouts:
         lost = sum(d.duration for d in log.dropouts) * 1e-3
         notes.append(f"{len(log.dropouts)} dropouts while logging, {lost:.1f} s in all")
@@ -71,6 +67,9 @@ def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Sig
         quality=LogQuality(
             bytes=path.stat().st_size,
             frames=int(sum(t.size for t in times)),
+            bytes_skipped=sum(length for _, length in whole.skipped),
+            damage=worst_places(whole.skipped, lambda _: float("nan")),
+            damaged_places=len(whole.skipped),
             gaps=pauses(seconds),
         ),
         vehicle=own,

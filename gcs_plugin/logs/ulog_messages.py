@@ -1,0 +1,158 @@
+"""The whole messages of a PX4 log, so that pyulog never meets a damaged one.
+
+On damage pyulog goes back by what it could not read, and near the end of a file for ever; and it
+makes a list of every element that a damaged format names. Here each message is held against what
+the log itself says of it, and damage is left out up to the next place from which several messages
+in a row are whole. Time grows with the size of the file alone.
+Format: PX4 guide, "ULog File Format".
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Container
+from dataclasses import dataclass, field
+
+HEADER = 16  # bytes before the first message
+SYNC = b"\x2f\x73\x13\x20\x25\x0c\xbb\x12"
+_HEAD = struct.Struct("<HB")
+_ID = struct.Struct("<H")
+_TYPE = re.compile(rb"[ABCDFILMOPQRS]")
+_FORMAT = re.compile(rb"([\w/-]+):((?:\w+(?:\[\d{1,5}\])? [\w\[\].]+;)+)")
+_FIELD = re.compile(rb"(\w+?)(?:\[(\d+)\])? ([\w\[\].]+);")
+_KEY = re.compile(rb"(\w+)(?:\[\d+\])? [\w\[\]. /-]+")
+_BYTES = {b"int8_t": 1, b"uint8_t": 1, b"int16_t": 2, b"uint16_t": 2, b"int32_t": 4, b"uint32_t": 4}
+_BYTES |= {b"int64_t": 8, b"uint64_t": 8, b"float": 4, b"double": 8, b"bool": 1, b"char": 1}
+_TIMED = (b"uint64_t", 1, b"timestamp")  # a field that every topic of use has
+_MOST = 0xFFFF  # bytes of a message
+_DEEPEST = 8  # types within types
+_CHAIN = 4  # messages in a row that are no chance
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WholeMessages:
+    """A log without its damage and without what is not needed."""
+
+    data: bytes  # again a log
+    skipped: tuple[tuple[int, int], ...]  # (offset, length) of what is damaged
+
+
+@dataclass(slots=True)
+class _Log:
+    """What the messages so far say of those that follow."""
+
+    data: bytes
+    formats: dict[bytes, list[tuple[bytes, int, bytes]]] = field(default_factory=dict)
+    sizes: dict[int, tuple[int, int]] = field(default_factory=dict)  # least and most bytes by id
+
+    def end(self, at: int) -> int:
+        """Where the message at an offset ends; 0 when there is none."""
+        data = self.data
+        if at + 3 > len(data):
+            return 0
+        size, kind = _HEAD.unpack_from(data, at)
+        start, end = at + 3, at + 3 + size
+        if end > len(data):
+            return 0
+        if kind == 68:  # D, by far the most
+            known = self.sizes.get(_ID.unpack_from(data, start)[0]) if size > 2 else None
+            return end if known and known[0] <= size - 2 <= known[1] else 0
+        body = data[start:end]
+        match chr(kind):
+            case "F":
+                good = _FORMAT.fullmatch(body) is not None
+            case "A":
+                good = size > 3 and self.size_of(body[3:]) is not None
+            case "P" | "I":
+                good = _keyed(body)
+            case "M" | "Q":
+                good = _keyed(body[1:])
+            case "L":
+                good = size >= 9 and body[0] & ~0x30 < 8
+            case "C":
+                good = size >= 11 and body[0] & ~0x30 < 8
+            case "S":
+                good = body == SYNC
+            case "O" | "R":
+                good = size == 2
+            case "B":
+                good = at == HEADER and size >= 40
+            case _:
+                good = False
+        return end if good else 0
+
+    def size_of(self, name: bytes, depth: int = 0) -> tuple[int, int] | None:
+        """Least and most bytes of a topic, padding at its end left out or not; None if unknown."""
+        total = padding = 0
+        for kind, count, field_name in self.formats.get(name, ()):
+            one = _BYTES.get(kind)
+            if one is None:
+                inner = self.size_of(kind, depth + 1) if depth < _DEEPEST else None
+                if inner is None:
+                    return None
+                one = inner[1]
+            total += one * count
+            padding = padding + one * count if field_name.startswith(b"_padding") else 0
+            if total > _MOST:
+                return None
+        return (total - padding, total) if total > padding else None
+
+
+def whole_messages(data: bytes, topics: Container[str]) -> WholeMessages:
+    """The messages of a log that are whole, of data those of `topics` alone."""
+    log, kept, at = _Log(data), bytearray(data[:HEADER]), HEADER
+    skipped: list[tuple[int, int]] = []
+    wanted: dict[int, bytes] = {}  # topics by id
+    while at < len(data):
+        end = log.end(at)
+        if not end:
+            end = _next_whole(log, at + 1)
+            skipped.append((at, end - at))
+            at = end
+            continue
+        kind, body = data[at + 2], data[at + 3 : end]
+        keep = kind in b"PLO"
+        if kind == 68:
+            keep = bool(wanted.get(_ID.unpack_from(body)[0]))
+        elif kind == 70:
+            name, fields = body.split(b":", 1)
+            log.formats[name] = [(k, int(n or 1), f) for k, n, f in _FIELD.findall(fields)]
+            keep = True
+        elif kind == 65:
+            number, name = _ID.unpack_from(body, 1)[0], body[3:]
+            log.sizes[number] = log.size_of(name) or (0, 0)
+            needed = name.decode("utf-8", "replace") in topics and _TIMED in log.formats[name]
+            # At a topic that is added again pyulog would drop what it has of it.
+            keep = needed and wanted.get(number) != name
+            wanted |= {number: name if needed else b""}
+        elif kind == 66:
+            # What was written behind a crash needs no offset: whatever is damaged is left out.
+            body, keep = body[:16] + bytes(len(body) - 16), True
+        if keep:
+            kept += data[at : at + 3] + body
+        at = end
+    return WholeMessages(data=bytes(kept), skipped=tuple(skipped))
+
+
+def _next_whole(log: _Log, at: int) -> int:
+    """The first offset from which several messages in a row, or all to the end, are whole."""
+    size = len(log.data)
+    for found in _TYPE.finditer(log.data, at + 2):
+        place = end = found.start() - 2
+        for _ in range(_CHAIN):
+            end = log.end(end)
+            if end in (0, size):
+                break
+        if end:
+            return place
+    return size
+
+
+def _keyed(body: bytes) -> bool:
+    """Whether a key stands first, and behind it a value of the size that its type says."""
+    size = body[0] if body else 0
+    key = _KEY.fullmatch(body[1 : 1 + size])
+    if key is None or 1 + size > len(body):
+        return False
+    return key[1] not in _BYTES or b"[" in key[0] or len(body) - 1 - size == _BYTES[key[1]]
