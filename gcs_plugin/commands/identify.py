@@ -11,7 +11,13 @@ import tyro
 from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading, ReadingOptions
-from thrustmargin.models.errors import DataError, ModelError, require_torch
+from thrustmargin.models.errors import (
+    AirframeError,
+    DataError,
+    LogError,
+    ModelError,
+    require_torch,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -117,28 +123,32 @@ def read_flights(
 ) -> tuple[FlightTrack, ...]:
     """Read and check logs in their order; those that cannot serve are added to `not_used`.
 
-    Raises DataError when the rotor speeds of one cannot be what they are taken for, or when none of
-    the logs given by `option` can serve; AirframeError for a wrong number of rotors.
+    Raises DataError that names them all when the rotor speeds of some cannot be what they are taken
+    for, or when none of the logs given by `option` can serve.
     """
-    from thrustmargin.gcs_plugin.commands.inputs import read_logs
+    from thrustmargin.gcs_plugin.commands.inputs import listed, read_logs
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.models.identification.usable_flights import too_little, wrong_speeds
 
     tracks: list[FlightTrack] = []
     left_out: list[UnusedLog] = []
-    for log in read_logs(logs, left_out, console, reading=reading, airframe=model.airframe):
-        track = log.track
-        wrong = wrong_speeds(track, model.airframe)
-        if wrong is not None:
-            raise DataError(f"{log.path.name}: {wrong}")
-        lacking = too_little(track, model)
+    impossible: list[UnusedLog] = []
+    unfit = (LogError, AirframeError)
+    read = read_logs(
+        logs, left_out, console, reading=reading, airframe=model.airframe, skipped=unfit
+    )
+    for log in read:
+        wrong = wrong_speeds(log.track, model.airframe)
+        lacking = wrong or too_little(log.track, model)
         if lacking is None:
-            tracks.append(track)
+            tracks.append(log.track)
         else:
-            left_out.append(UnusedLog(name=log.path.name, reason=lacking))
+            group = left_out if wrong is None else impossible
+            group.append(UnusedLog(name=log.path.name, reason=lacking))
+    if impossible:
+        raise DataError(listed(impossible))
     if left_out and not tracks:
-        first = left_out[0]
-        raise DataError(f"no {option}flight can be used; {first.name}: {first.reason}")
+        raise DataError(f"no {option}flight can be used; {listed(left_out)}")
     not_used += left_out
     return tuple(tracks)
 

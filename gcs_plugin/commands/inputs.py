@@ -57,6 +57,11 @@ def _model_of(file: Path, airframe: str | None) -> RotorModel:
     return chosen
 
 
+def listed(unused: Sequence[UnusedLog]) -> str:
+    """Every log that cannot be used, with its reason, as one sentence."""
+    return "; ".join(f"{log.name}: {log.reason}" for log in unused)
+
+
 def read_logs(
     logs: Sequence[Path],
     unused: list[UnusedLog],
@@ -64,7 +69,7 @@ def read_logs(
     *,
     airframe: Airframe,
     reading: ReadingOptions = AS_HEARD,
-    skipped: type[ThrustMarginError] = LogError,
+    skipped: type[ThrustMarginError] | tuple[type[ThrustMarginError], ...] = LogError,
 ) -> Iterator[FlightLog]:
     """Each log that can be read, in order, with a bar on the `console` meanwhile.
 

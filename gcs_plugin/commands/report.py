@@ -39,7 +39,7 @@ def report(
         out: Page to write (.html).
         max_utilisation: Largest share of a rotor's maximum thrust that may be in use.
     """
-    from thrustmargin.gcs_plugin.commands.inputs import chosen_model, read_logs
+    from thrustmargin.gcs_plugin.commands.inputs import chosen_model, listed, read_logs
     from thrustmargin.gcs_plugin.commands.options import (
         Output,
         check_outputs,
@@ -74,7 +74,7 @@ def report(
     )
     flights = [(analyse(log.track, rotor_model), log) for log in read]
     if not flights:
-        raise DataError("; ".join(f"{log.name}: {log.reason}" for log in unread))
+        raise DataError(listed(unread))
     with console.status("writing the report"):
         made = build_report(flights, max_utilisation=max_utilisation, unread=unread)
         try:

@@ -10,7 +10,7 @@ import tyro
 from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading
-from thrustmargin.models.errors import DataError, LogError, require_torch
+from thrustmargin.models.errors import AirframeError, DataError, LogError, require_torch
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
@@ -54,7 +54,7 @@ def train(
     from datetime import UTC, datetime
     from importlib.metadata import version
 
-    from thrustmargin.gcs_plugin.commands.inputs import read_logs
+    from thrustmargin.gcs_plugin.commands.inputs import listed, read_logs
     from thrustmargin.gcs_plugin.commands.options import Output, check_outputs, require_logs
     from thrustmargin.gcs_plugin.commands.terminal import Terminal, steps
     from thrustmargin.gcs_plugin.reports.model.loss_figure import loss_paths, write_loss_curves
@@ -82,13 +82,11 @@ def train(
         splits=SPLITS[split], members=members, seed=seed, net=NetConfig(max_epochs=max_epochs)
     )
     unread: list[UnusedLog] = []
-    read = read_logs(logs, unread, progress, airframe=aircraft, reading=reading)
+    unfit = (LogError, AirframeError)
+    read = read_logs(logs, unread, progress, airframe=aircraft, reading=reading, skipped=unfit)
     tracks = [log.track for log in read]
     if not tracks:
-        first = unread[0]
-        raise LogError(
-            f"none of {len(logs)} logs can be read; the first: {first.name}: {first.reason}"
-        )
+        raise LogError(f"no flight can be read; {listed(unread)}")
     names = settings.names()
     with steps(progress, total=len(names)) as step:
 

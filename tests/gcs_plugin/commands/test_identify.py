@@ -240,6 +240,21 @@ def test_logs_that_cannot_serve_are_named_and_the_rest_is_used(worn_logs, tmp_pa
     assert out.startswith("Rotor 1 (front right) makes")
 
 
+def test_every_log_that_cannot_serve_is_named_when_none_is_left(tmp_path, capsys):
+    broken, six = tmp_path / "broken.csv", tmp_path / "six.csv"
+    broken.write_text("time_s,colour\nnever,blue\n")
+    names = ",".join(f"rotor_speed_rpm_{k}" for k in range(1, 7))
+    six.write_text(f"time_s,{names}\n0,1,2,3,4,5,6\n")
+    said = refused(capsys, str(broken), str(six), str(tmp_path / "none.tlog"), *CURVE)
+    for words in ("no flight can be used; ", "broken.csv: ", "six.csv: columns of 6", "no file"):
+        assert words in said
+    track = made_flight(1)
+    rpm = F16.motor_poles / 2 * track.rotor_speed_rpm
+    electrical = written(tmp_path, [replace(track, rotor_speed_rpm=rpm)] * 2)
+    said = refused(capsys, *electrical, str(broken), *CURVE)
+    assert said.count("electrical rpm") == 2
+
+
 def test_no_log_is_a_wrong_command_line(capsys):
     assert run(["identify"]) == 2
     assert "no log given" in lines_of(capsys)[1]
