@@ -24,12 +24,15 @@ from thrustmargin.mission.plan import (
     PlanItem,
 )
 from thrustmargin.models.flight import FlightTrack, Floats, Origin
+from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.airframe import Airframe
 
 #: m/s below which a mission speed is taken as unknown
 SLOWEST = 0.2
+#: A route ahead is no flight: there is nothing in it that could speak against the airframe.
+AHEAD = AirframeClaim(words="a route ahead")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -174,7 +177,7 @@ def forecast(
         airspeed=np.array([r[3] for r in rows]),
         voltage=np.full(count, now.voltage),
     )
-    analysis = analyse(track, model, np.full(count, now.density))
+    analysis = analyse(track, model, np.full(count, now.density), claim=AHEAD)
     return Forecast(item=np.array([r[4] for r in rows], dtype=np.intp), analysis=analysis)
 
 
@@ -190,4 +193,5 @@ def margin_at_fill(
         airspeed=np.array([airspeed]),
         voltage=np.array([now.voltage]),
     )
-    return float(np.min(analyse(track, model, np.array([now.density])).margin_predicted))
+    density = np.array([now.density])
+    return float(np.min(analyse(track, model, density, claim=AHEAD).margin_predicted))

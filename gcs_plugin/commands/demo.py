@@ -52,6 +52,6 @@ def demo(
     stop = threading.Event()
     if seconds is not None:
         threading.Timer(seconds, stop.set).start()
-    view = replay_view(log, shipped_model(), port=port, speed=speed)
+    view = replay_view(log, shipped_model(), given=False, port=port, speed=speed)
     run_replay(view, browser=browser, stop=stop)
     return 0

@@ -12,9 +12,7 @@ from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading, ReadingOptions
 from thrustmargin.models.errors import (
-    AirframeError,
     DataError,
-    LogError,
     ModelError,
     require_torch,
 )
@@ -90,8 +88,9 @@ def identify(
     settings = SearchConfig(surrogates=surrogates, seed=seed)
     start, model_name = starting_model(model, airframe)
     not_used: list[UnusedLog] = []
+    given = model is not None or airframe is not None
     fit, new = (
-        read_flights(paths, start, reading, not_used, errors, option=option)
+        read_flights(paths, start, given, reading, not_used, errors, option=option)
         for paths, option in ((logs, ""), (held_out, "--held-out "))
     )
     require_distinct((*fit, *new))
@@ -115,6 +114,7 @@ def identify(
 def read_flights(
     logs: Sequence[Path],
     model: RotorModel,
+    given: bool,
     reading: ReadingOptions,
     not_used: list[UnusedLog],
     console: Console,
@@ -123,21 +123,19 @@ def read_flights(
 ) -> tuple[FlightTrack, ...]:
     """Read and check logs in their order; those that cannot serve are added to `not_used`.
 
+    That is also one that is not a flight of the model's airframe, `given` by the user or not.
     Raises DataError that names them all when the rotor speeds of some cannot be what they are taken
     for, or when none of the logs given by `option` can serve.
     """
-    from thrustmargin.gcs_plugin.commands.inputs import listed, read_logs
+    from thrustmargin.gcs_plugin.commands.inputs import claimed, listed, read_logs
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.models.identification.usable_flights import too_little, wrong_speeds
 
     tracks: list[FlightTrack] = []
     left_out: list[UnusedLog] = []
     impossible: list[UnusedLog] = []
-    unfit = (LogError, AirframeError)
-    read = read_logs(
-        logs, left_out, console, reading=reading, airframe=model.airframe, skipped=unfit
-    )
-    for log in read:
+    read = read_logs(logs, left_out, console, model=model, given=given, reading=reading)
+    for log in claimed(read, left_out):
         wrong = wrong_speeds(log.track, model.airframe)
         lacking = wrong or too_little(log.track, model)
         if lacking is None:

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, ReadingOptions, reading_keywords
-from thrustmargin.models.errors import DataError, LogError, ThrustMarginError
+from thrustmargin.models.errors import AirframeError, DataError, LogError, ThrustMarginError
 from thrustmargin.models.model.model_file import load_model, shipped_model
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
-from thrustmargin.models.physics.airframe import Airframe, load_airframe
+from thrustmargin.models.physics.airframe import load_airframe
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from thrustmargin.gcs_plugin.logs import FlightLog
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+    from thrustmargin.models.model.airframe_claim import AirframeClaim
+
+
+#: Airframe of the shipped model: taken where none is given, for a flight recognised as one of it.
+SHIPPED_AIRFRAME = "topxgun-f16-sitl"
 
 
 def chosen_model(model: Path | None, airframe: str | None) -> RotorModel:
@@ -67,30 +72,71 @@ def read_logs(
     unused: list[UnusedLog],
     console: Console,
     *,
-    airframe: Airframe,
+    model: RotorModel,
+    given: bool,
     reading: ReadingOptions = AS_HEARD,
-    skipped: type[ThrustMarginError] | tuple[type[ThrustMarginError], ...] = LogError,
-) -> Iterator[FlightLog]:
-    """Each log that can be read, in order, with a bar on the `console` meanwhile.
+    skipped: type[ThrustMarginError] = LogError,
+) -> Iterator[tuple[FlightLog, AirframeClaim]]:
+    """Each log that can be read, in order, with a bar on the `console` meanwhile; as `read_flight`.
 
     A log that cannot for an error of the kind `skipped` is added to `unused`.
     """
     from rich.markup import escape
     from rich.progress import track
 
-    from thrustmargin.gcs_plugin.logs import read_log
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-    from thrustmargin.models.model.prepared import prepared
 
-    keywords = reading_keywords(reading)
     described = "reading" if len(logs) != 1 else f"reading {escape(logs[0].name)}"
     quiet = not console.is_terminal
     for path in track(logs, described, console=console, transient=True, disable=quiet):
         try:
-            log = read_log(path, airframe=airframe, **keywords)
-            track = prepared(log.track, airframe, log.parameters)
+            yield read_flight(path, model, given=given, reading=reading)
         except skipped as error:
             reason = str(error).removeprefix(f"{path.name}: ")
             unused.append(UnusedLog(name=path.name, reason=reason))
+
+
+def claimed(
+    read: Iterable[tuple[FlightLog, AirframeClaim]], unused: list[UnusedLog]
+) -> Iterator[FlightLog]:
+    """The logs of flights of the airframe; the others are added to `unused` with the reason."""
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+
+    for log, claim in read:
+        if claim.withheld:
+            name = log.path.name
+            reason = f"{'; '.join(claim.withheld)}; {claim.remedy}"
+            unused.append(UnusedLog(name=name, reason=reason))
         else:
-            yield replace(log, track=track)
+            yield log
+
+
+def read_flight(
+    path: Path,
+    model: RotorModel,
+    *,
+    given: bool,
+    reading: ReadingOptions = AS_HEARD,
+    any_vehicle: bool = False,
+) -> tuple[FlightLog, AirframeClaim]:
+    """A log with what can be inferred of it, and the ground on which it is one of the model's
+    airframe, which the user gave or not.
+
+    Where there is none, the log is read without an airframe. Raises as `read_log`.
+    """
+    from thrustmargin.gcs_plugin.logs import read_log
+    from thrustmargin.models.model.airframe_claim import airframe_claim
+    from thrustmargin.models.model.flown import flown_airframe
+    from thrustmargin.models.model.prepared import prepared
+
+    keywords = {**reading_keywords(reading), "any_vehicle": any_vehicle}
+    try:
+        log, fits = read_log(path, airframe=model.airframe, **keywords), True
+    except AirframeError:  # another number of rotors, which the claim will say
+        log, fits = read_log(path, **keywords), False
+    claim = airframe_claim(log.track, flown_airframe(model), log.facts, log.parameters, given=given)
+    if claim.basis == "not known":
+        log = read_log(path, **keywords) if fits else log
+    elif fits:
+        log = replace(log, track=prepared(log.track, model.airframe, log.parameters))
+    return log, claim

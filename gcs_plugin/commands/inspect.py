@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading, reading_keywords
-from thrustmargin.models.errors import AirframeError, LogError, ThrustMarginError
+from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading, ReadingOptions
+from thrustmargin.models.errors import LogError, ThrustMarginError
 from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
@@ -20,9 +18,7 @@ if TYPE_CHECKING:
 
     from thrustmargin.gcs_plugin.logs import FlightLog
     from thrustmargin.gcs_plugin.logs.inspection import Inspection
-    from thrustmargin.models.physics.airframe import Airframe
 
-DEFAULT_AIRFRAME = "topxgun-f16"
 MARK = {"ok": ("ok", "green"), "warning": ("look", "yellow"), "unknown": ("?", "cyan")}
 _WIDE = 110  # columns of the terminal from which the whole table fits
 
@@ -44,8 +40,8 @@ def inspect(
 
     Args:
         logs: Recorded flights: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv.
-        airframe: Name of a shipped airframe, or your airframe file (.toml); without it topxgun-f16
-            is taken when the log has as many rotors.
+        airframe: Name of a shipped airframe, or your airframe file (.toml); without it
+            topxgun-f16-sitl is taken when the flight is recognised as one of it.
         reading: How the logs are read.
         json: Write the same as JSON to this file.
     """
@@ -64,7 +60,7 @@ def inspect(
     for path in logs:
         try:
             with errors.status(escape(f"reading {path.name}")):
-                inspection = _inspect(path, airframe, reading_keywords(reading))
+                inspection = _inspect(path, airframe, reading)
         except ThrustMarginError as error:
             # One bad log must not hide the others.
             if len(logs) == 1:
@@ -84,25 +80,17 @@ def inspect(
     return 1 if failed else 0
 
 
-def _inspect(path: Path, airframe: str | None, keywords: Mapping[str, Any]) -> Inspection:
-    from thrustmargin.gcs_plugin.logs import read_log
+def _inspect(path: Path, airframe: str | None, reading: ReadingOptions) -> Inspection:
+    from thrustmargin.gcs_plugin.commands.inputs import SHIPPED_AIRFRAME, read_flight
     from thrustmargin.gcs_plugin.logs.inspection import inspect_log
-    from thrustmargin.models.model.prepared import prepared
+    from thrustmargin.models.model.rotor_model import physics_model
     from thrustmargin.models.physics.airframe import load_airframe
 
-    craft: Airframe | None = load_airframe(airframe or DEFAULT_AIRFRAME)
-    log = None
-    try:
-        log = read_log(path, airframe=craft, any_vehicle=True, **keywords)
-    except AirframeError:
-        if airframe is not None:
-            raise
-    if log is None or (airframe is None and not log.facts.rotor_count):
-        log, craft = read_log(path, any_vehicle=True, **keywords), None
-    if not log.facts.has_lifting_rotors:
-        craft = None
-    log = replace(log, track=prepared(log.track, craft, log.parameters))
-    return inspect_log(log, craft)
+    given = airframe is not None
+    craft = load_airframe(airframe if given else SHIPPED_AIRFRAME)
+    model = physics_model(craft)
+    log, claim = read_flight(path, model, given=given, reading=reading, any_vehicle=True)
+    return inspect_log(log, craft, claim)
 
 
 def _print(console: Console, inspection: Inspection) -> None:
@@ -113,13 +101,11 @@ def _print(console: Console, inspection: Inspection) -> None:
 
     log, track = inspection.log, inspection.log.track
     others = [str(v) for v in log.vehicles if v != log.vehicle]
-    craft = inspection.airframe
     console.print(
         f"{log.path.name}: {log.format}, {log.autopilot}, vehicle {log.vehicle}"
         + (f" (also in the log: {', '.join(others)})" if others else "")
         + f", {track.duration:.1f} s of which {flying_seconds(track):.1f} s in flight, "
-        f"{track.time_s.size} rows; "
-        + (f"held against airframe {craft.name}" if craft else "no airframe given"),
+        f"{track.time_s.size} rows; " + inspection.claim.words,
         soft_wrap=True,
     )
     console.print(f"vehicle: {log.facts.words}", soft_wrap=True)

@@ -7,12 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.reading import (
-    AS_HEARD,
-    Reading,
-    ReadingOptions,
-    reading_keywords,
-)
+from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading, ReadingOptions
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.view.replay import ReplayView
@@ -58,7 +53,9 @@ def replay(
     rotor_model = chosen_model(model, airframe)
     older = None if before is None else chosen_model(before, rotor_model.airframe.name)
     options = {"host": host, "port": port, "speed": speed, "paused": start_paused}
-    run_replay(replay_view(log, rotor_model, older, reading=reading, **options), browser=browser)
+    given = model is not None or airframe is not None
+    view = replay_view(log, rotor_model, older, given=given, reading=reading, **options)
+    run_replay(view, browser=browser)
 
 
 def replay_view(
@@ -66,27 +63,27 @@ def replay_view(
     model: RotorModel,
     before: RotorModel | None = None,
     *,
+    given: bool = True,
     reading: ReadingOptions = AS_HEARD,
     **options: Any,
 ) -> ReplayView:
     """The view of a recorded flight; with a model `before` also its residual before and after.
 
-    `options` are those of ReplayView.
+    A model that was not `given` is taken only for a flight that is recognised as one of its
+    airframe. `options` are those of ReplayView.
     """
     from rich.markup import escape
 
+    from thrustmargin.gcs_plugin.commands.inputs import read_flight
     from thrustmargin.gcs_plugin.commands.terminal import Terminal
-    from thrustmargin.gcs_plugin.logs import read_log
     from thrustmargin.gcs_plugin.view.overlays import before_and_after
     from thrustmargin.gcs_plugin.view.replay import ReplayView
     from thrustmargin.models.model.analysis import analyse
-    from thrustmargin.models.model.prepared import prepared
 
     with Terminal(stderr=True).status(escape(f"reading {log.name}")):
-        flight = read_log(log, airframe=model.airframe, **reading_keywords(reading))
-        track = prepared(flight.track, model.airframe, flight.parameters)
-        analysis = analyse(track, model)
-        older = None if before is None else analyse(track, before)
+        flight, claim = read_flight(log, model, given=given, reading=reading)
+        analysis = analyse(flight.track, model, claim=claim)
+        older = None if before is None else analyse(flight.track, before, claim=claim)
     return ReplayView(
         analysis,
         waypoints=flight.waypoints,

@@ -68,11 +68,12 @@ def report(
         logs,
         unread,
         console,
+        model=rotor_model,
+        given=model is not None or airframe is not None,
         reading=reading,
-        airframe=rotor_model.airframe,
         skipped=ThrustMarginError,
     )
-    flights = [(analyse(log.track, rotor_model), log) for log in read]
+    flights = [(analyse(log.track, rotor_model, claim=claim), log) for log, claim in read]
     if not flights:
         raise DataError(listed(unread))
     with console.status("writing the report"):

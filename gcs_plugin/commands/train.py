@@ -10,7 +10,7 @@ import tyro
 from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading
-from thrustmargin.models.errors import AirframeError, DataError, LogError, require_torch
+from thrustmargin.models.errors import DataError, LogError, require_torch
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
@@ -22,7 +22,7 @@ SPLITS = {"both": ("samples", "flights"), "samples": ("samples",), "flights": ("
 def train(
     logs: Positional[tuple[Path, ...]],
     *,
-    airframe: str = "topxgun-f16-sitl",
+    airframe: str | None = None,
     reading: Reading = AS_HEARD,
     out: Path = Path("my-model.safetensors"),
     members: int = 5,
@@ -42,7 +42,8 @@ def train(
 
     Args:
         logs: Recorded flights: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv.
-        airframe: Name of a shipped airframe, or an airframe file (.toml), of the aircraft.
+        airframe: Name of a shipped airframe, or an airframe file (.toml), of the aircraft; without
+            it only flights that are recognised as those of topxgun-f16-sitl are learnt from.
         reading: How the logs are read.
         out: Model file to write.
         members: Networks in the ensemble; their disagreement is the model's uncertainty.
@@ -54,12 +55,18 @@ def train(
     from datetime import UTC, datetime
     from importlib.metadata import version
 
-    from thrustmargin.gcs_plugin.commands.inputs import listed, read_logs
+    from thrustmargin.gcs_plugin.commands.inputs import (
+        SHIPPED_AIRFRAME,
+        claimed,
+        listed,
+        read_logs,
+    )
     from thrustmargin.gcs_plugin.commands.options import Output, check_outputs, require_logs
     from thrustmargin.gcs_plugin.commands.terminal import Terminal, steps
     from thrustmargin.gcs_plugin.reports.model.loss_figure import loss_paths, write_loss_curves
     from thrustmargin.gcs_plugin.reports.model.training_tables import training_tables
     from thrustmargin.models.model.model_file import save_model
+    from thrustmargin.models.model.rotor_model import physics_model
     from thrustmargin.models.model.training import TrainSettings
     from thrustmargin.models.model.training import train as fit
     from thrustmargin.models.network.network import NetConfig
@@ -77,16 +84,17 @@ def train(
     )
     if members < 3 or max_epochs < 1:
         raise DataError("--members must be at least 3 and --max-epochs at least 1")
-    aircraft = load_airframe(airframe)
+    given = airframe is not None
+    aircraft = load_airframe(airframe if given else SHIPPED_AIRFRAME)
     settings = TrainSettings(
         splits=SPLITS[split], members=members, seed=seed, net=NetConfig(max_epochs=max_epochs)
     )
     unread: list[UnusedLog] = []
-    unfit = (LogError, AirframeError)
-    read = read_logs(logs, unread, progress, airframe=aircraft, reading=reading, skipped=unfit)
-    tracks = [log.track for log in read]
+    model = physics_model(aircraft)
+    read = read_logs(logs, unread, progress, model=model, given=given, reading=reading)
+    tracks = [log.track for log in claimed(read, unread)]
     if not tracks:
-        raise LogError(f"no flight can be read; {listed(unread)}")
+        raise LogError(f"no flight can be used; {listed(unread)}")
     names = settings.names()
     with steps(progress, total=len(names)) as step:
 

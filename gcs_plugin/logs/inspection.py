@@ -11,22 +11,22 @@ import numpy as np
 from thrustmargin.gcs_plugin.logs import FlightLog, LogQuality
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.models.checks.motor_order import MotorOrder, check_motor_order
+from thrustmargin.models.checks.plausible import comparisons
 from thrustmargin.models.checks.speed_scale import SpeedScale, check_speed_scale
 from thrustmargin.models.checks.stuck_sensor import StuckSensor, check_stuck_sensor
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim
 from thrustmargin.models.model.json_values import to_json_values
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0
 
 #: m/s² that a body in steady flight feels, between these
 _STEADY_FORCE = (8.5, 11.5)
-#: pack voltage over the airframe's nominal one
-_PACK = (0.7, 1.25)
 
 Level = Literal["ok", "warning", "unknown"]
 #: Verdicts of the checks that are no warning.
 _LEVELS: dict[str, Level] = {
-    **dict.fromkeys(("agrees", "rotor", "follows"), "ok"),
+    **dict.fromkeys(("agrees", "follows", "close", "fits"), "ok"),
     **dict.fromkeys(("unclear", "unknown"), "unknown"),
 }
 
@@ -45,7 +45,8 @@ class Inspection:
     """Channels, quality and findings of one log."""
 
     log: FlightLog
-    airframe: Airframe | None
+    airframe: Airframe | None  # None: not known
+    claim: AirframeClaim
     findings: tuple[Finding, ...]
     motor_order: MotorOrder | None
     speed_scale: SpeedScale | None
@@ -55,30 +56,38 @@ class Inspection:
         return "\n".join([f"Inspection of {self.log!r}", *found])
 
 
-def inspect_log(log: FlightLog, airframe: Airframe | None) -> Inspection:
-    """Check a log's quality, units, motor order and rotor speed scale.
+def inspect_log(
+    log: FlightLog, airframe: Airframe, claim: AirframeClaim | None = None
+) -> Inspection:
+    """Check a log's quality, whether it can be of the airframe, motor order and rotor speed scale.
 
-    Motor order and scale need an airframe; without one they are left out.
+    `claim` says on what ground the flight is one of the airframe; without it that was given. One
+    that is not known is compared with nothing.
     """
     findings = [_whole(log.quality), _continuous(log)]
     order = scale = None
-    if airframe is not None:
-        scale = check_speed_scale(log.track, airframe)
-        order = check_motor_order(log.track, airframe)
-        findings += [_order(order), _scale(scale)]
-        findings += _units(log.track, airframe)
+    found = comparisons(log.track, airframe, log.facts, log.parameters)
+    if claim is None:
+        claim = airframe_claim(log.track, airframe, log.facts, log.parameters, given=True)
+    known = None if claim.basis == "not known" else airframe
+    if known is None:
+        for reason in (*claim.withheld, claim.remedy):
+            findings.append(Finding(check="airframe", level="unknown", words=reason))
     else:
-        findings.append(
-            Finding(
-                check="motor order",
-                level="unknown",
-                words="needs the airframe: give one with --airframe",
-            )
-        )
+        if log.track.rotor_count == airframe.rotor_count:
+            scale = check_speed_scale(log.track, airframe)
+            order = check_motor_order(log.track, airframe)
+            findings.append(_order(order))
+        findings += [
+            Finding(check=c.check, level=_LEVELS.get(c.verdict, "warning"), words=c.words)
+            for c in found
+        ]
+        findings += _tank(log.track, airframe)
     findings += [_stuck(check_stuck_sensor(log.track)), _sensor(log.track), *_absent(log.track)]
     return Inspection(
         log=log,
-        airframe=airframe,
+        airframe=known,
+        claim=claim,
         findings=tuple(findings),
         motor_order=order,
         speed_scale=scale,
@@ -130,34 +139,19 @@ def _order(order: MotorOrder) -> Finding:
     return Finding(check="motor order", level=_LEVELS.get(order.verdict, "warning"), words=words)
 
 
-def _scale(scale: SpeedScale) -> Finding:
-    level = _LEVELS.get(scale.verdict, "warning")
-    return Finding(check="rotor speed", level=level, words=scale.words)
-
-
 def _stuck(stuck: StuckSensor) -> Finding:
     level = _LEVELS.get(stuck.verdict, "warning")
     return Finding(check="rotor speed sensors", level=level, words=stuck.words)
 
 
-def _units(track: FlightTrack, airframe: Airframe) -> list[Finding]:
-    findings = []
-    volts = track.voltage[track.flying & np.isfinite(track.voltage)]
-    if volts.size:
-        share = float(np.median(volts)) / airframe.nominal_voltage
-        good = _PACK[0] <= share <= _PACK[1]
-        words = (
-            f"{np.median(volts):.1f} V in flight, {share:.0%} of the airframe's nominal "
-            f"{airframe.nominal_voltage:.1f} V"
-        )
-        findings.append(Finding(check="voltage", level="ok" if good else "warning", words=words))
+def _tank(track: FlightTrack, airframe: Airframe) -> list[Finding]:
     level = track.tank_kg[np.isfinite(track.tank_kg)]
-    if level.size:
-        low, high = float(level.min()), float(level.max())
-        good = low > -0.2 and high <= 1.05 * airframe.tank_capacity_kg
-        words = f"{low:.2f} to {high:.2f} kg, the tank holds {airframe.tank_capacity_kg:.1f} kg"
-        findings.append(Finding(check="tank", level="ok" if good else "warning", words=words))
-    return findings
+    if not level.size:
+        return []
+    low, high = float(level.min()), float(level.max())
+    good = low > -0.2 and high <= 1.05 * airframe.tank_capacity_kg
+    words = f"{low:.2f} to {high:.2f} kg, the tank holds {airframe.tank_capacity_kg:.1f} kg"
+    return [Finding(check="tank", level="ok" if good else "warning", words=words)]
 
 
 def _sensor(track: FlightTrack) -> Finding:
@@ -202,6 +196,8 @@ def as_json(inspection: Inspection) -> dict[str, Any]:
         "vehicle_kind_by": log.facts.evidence,
         "rotor_count_by": log.facts.rotor_evidence,
         "airframe": None if inspection.airframe is None else inspection.airframe.name,
+        "airframe_basis": inspection.claim.basis,
+        "withheld": list(inspection.claim.withheld),
         "rows": int(log.track.time_s.size),
         "duration_s": log.track.duration,
         "flying_s": flying_seconds(log.track),

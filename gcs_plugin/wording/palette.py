@@ -70,6 +70,14 @@ def _two_sided(low: float, middle: float, high: float, low_side, high_side):
     return (*zip(left, low_side, strict=True), *zip(right, high_side, strict=True))
 
 
+GROUND_SPEED = ColourScale(
+    title="Speed over ground",
+    unit=" m/s",
+    factor=1.0,
+    form=".1f",
+    stops=((0.0, GOOD[0]), (5.0, GOOD[1]), (10.0, GOOD[2])),
+    marks=((0.0, "0"), (5.0, "5"), (10.0, "10 m/s")),
+)
 LOAD = ColourScale(
     title="Load: thrust in use, worst rotor",
     unit=" %",

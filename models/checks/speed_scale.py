@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0, track_density
 
@@ -66,10 +66,8 @@ def check_speed_scale(track: FlightTrack, airframe: Airframe) -> SpeedScale:
         * (density / airframe.reference_density)
         * np.sum(airframe.rotor_effectiveness * track.rotor_speed_rpm**2, axis=1)
     )
-    # Thrust points up the body's axis: its specific force, without the drag of the body.
-    upward = -track.specific_force_frd[:, 2]
-    upward = np.where(np.isfinite(upward), upward, G0)
-    use = track.flying & np.isfinite(thrust) & (thrust > 0) & (upward > 0.5 * G0)
+    lift = lifted_mass(track, thrust)
+    use = np.isfinite(lift)
     rows = int(np.sum(use))
     if rows < FEWEST_ROWS:
         return replace(unknown, rows=rows)
@@ -77,7 +75,7 @@ def check_speed_scale(track: FlightTrack, airframe: Airframe) -> SpeedScale:
     def ratio_with(tank_kg: np.ndarray | float) -> float:
         return float(np.nanmedian(np.sqrt(lift / (airframe.empty_mass + tank_kg))))
 
-    lift = thrust[use] / upward[use]  # kg that the reported speeds would hold
+    lift = lift[use]
     tank_kg = np.where(track.tank_kg >= 0, track.tank_kg, np.nan)[use]
     full, empty = ratio_with(airframe.tank_capacity_kg), ratio_with(0.0)
     ratio = ratio_with(0.5 * airframe.tank_capacity_kg)
@@ -85,6 +83,15 @@ def check_speed_scale(track: FlightTrack, airframe: Airframe) -> SpeedScale:
         ratio = full = empty = ratio_with(tank_kg)
     verdict, words = _named(ratio, full, empty, airframe)
     return SpeedScale(verdict=verdict, words=words, ratio=ratio, low=full, high=empty, rows=rows)
+
+
+def lifted_mass(track: FlightTrack, thrust: Floats) -> Floats:
+    """(T,) kg that `thrust` (T,) N holds in the rows in flight, as the body accelerates in them."""
+    # Thrust points up the body's axis: its specific force, without the drag of the body.
+    upward = -track.specific_force_frd[:, 2]
+    upward = np.where(np.isfinite(upward), upward, G0)
+    use = track.flying & np.isfinite(thrust) & (thrust > 0) & (upward > 0.5 * G0)
+    return np.where(use, thrust / np.where(use, upward, np.nan), np.nan)
 
 
 def _named(

@@ -13,6 +13,11 @@ from thrustmargin.models.effects.base import FlightState as FlightState
 from thrustmargin.models.effects.channels import own_channels
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.model.airframe_claim import (
+    AirframeClaim,
+    airframe_claim,
+    unknown_aircraft,
+)
 from thrustmargin.models.model.flown import flown_airframe, temperature_offset
 from thrustmargin.models.model.output_speed import FROM_OUTPUTS as FROM_OUTPUTS
 from thrustmargin.models.model.predict import Basis as Basis
@@ -30,6 +35,7 @@ from thrustmargin.models.physics.margin import (
     utilisation,
     weight,
 )
+from thrustmargin.models.vehicle_facts import VehicleFacts
 
 MEASURED = "measured"
 
@@ -57,8 +63,8 @@ class FlightAnalysis:
     redundancy_yaw_uncontrolled: Floats  # (T,) the same with yaw uncontrolled
     redundancy_error: Floats  # (T,) standard error of ln of either
     trimmable_loss: Floats  # (T,) largest share of one rotor's thrust that can be lost in trim
+    claim: AirframeClaim  # on what ground it is a flight of the model's airframe
     start: FlightState | None = None  # that the first row was analysed from
-    withheld: tuple[str, ...] = ()  # why no margin is claimed; where there is one, all such is NaN
 
     def __repr__(self) -> str:
         def worst(use: Floats) -> str:
@@ -85,6 +91,11 @@ class FlightAnalysis:
         effects = [item.effect for item in self.model.placed]
         before = self.track.rows(slice(0, rows))
         return own_channels(before, self.model.airframe, effects, self.start)[1]
+
+    @property
+    def withheld(self) -> tuple[str, ...]:
+        """Why no margin is claimed: then all that needs the airframe is NaN; empty when it is."""
+        return self.claim.withheld
 
     @property
     def margin(self) -> Floats:
@@ -166,14 +177,17 @@ def analyse(
     density: Floats | None = None,
     *,
     start: FlightState | None = None,
-    withheld: tuple[str, ...] = (),
+    claim: AirframeClaim | None = None,
 ) -> FlightAnalysis:
     """Run one flight of T rows and R rotors through the model.
 
     `density` (T,) kg/m³ replaces that made from the track's own pressure or altitude. A row lacks
     (is NaN in) what needs a channel that it lacks: thrust and use need rotor speed; weight,
-    redundancy and trimmable loss the tank. Voltage and density have stated fallbacks. With reasons
-    in `withheld` no margin is claimed: all that rests on weight, thrust or ceiling is NaN.
+    redundancy and trimmable loss the tank. Voltage and density have stated fallbacks.
+
+    `claim` says on what ground the flight is one of the model's airframe; without it the model is
+    taken as given, and the flight itself is asked for what speaks against it. Where something does,
+    no margin is claimed: the analysis is that of an aircraft of which nothing is known.
 
     A track may be a window of a flight: its `time_s` counts from the flight's start, and `start` is
     `state_at` of its first row in the window before. Rows at least `model.look_back_s` after the
@@ -185,6 +199,12 @@ def analyse(
         >>> round(float(flight.margin.min()), 2)
         0.25
     """
+    if claim is None:
+        require_rotors(track, model.airframe)
+        facts = VehicleFacts()
+        claim = airframe_claim(track, flown_airframe(model), facts, {}, given=True)
+    if claim.withheld:
+        model = unknown_aircraft(track.rotor_count)
     airframe = flown_airframe(model)
     require_rotors(track, airframe)
     if density is None:
@@ -196,16 +216,15 @@ def analyse(
     limits = ceiling(airframe, rho, track.voltage)
     prediction = predict(model, track, rho, start=start)
     load = weight(airframe, track.tank_kg)
-    claimed = np.nan if withheld else 1.0
-    use = claimed * utilisation(track.rotor_speed_rpm, limits.max_rotor_speed_rpm)
-    use_predicted = claimed * utilisation(prediction.rotor_speed_rpm, limits.max_rotor_speed_rpm)
+    use = utilisation(track.rotor_speed_rpm, limits.max_rotor_speed_rpm)
+    use_predicted = utilisation(prediction.rotor_speed_rpm, limits.max_rotor_speed_rpm)
     return FlightAnalysis(
         track=track,
         model=model,
         density=rho,
         density_error=density_error,
         density_basis=density_basis,
-        voltage_basis=limits.voltage_basis,
+        voltage_basis="no airframe" if claim.withheld else limits.voltage_basis,
         prediction=prediction,
         residual_rpm=track.rotor_speed_rpm - prediction.rotor_speed_rpm,
         max_rotor_speed_rpm=limits.max_rotor_speed_rpm,
@@ -214,13 +233,13 @@ def analyse(
         utilisation=use,
         utilisation_error=utilisation_error(track, airframe, prediction, use, use_predicted),
         utilisation_predicted=use_predicted,
-        weight=claimed * load,
-        redundancy_yaw_kept=claimed * redundancy(airframe, limits, load, yaw_kept=True),
-        redundancy_yaw_uncontrolled=claimed * redundancy(airframe, limits, load, yaw_kept=False),
+        weight=load,
+        redundancy_yaw_kept=redundancy(airframe, limits, load, yaw_kept=True),
+        redundancy_yaw_uncontrolled=redundancy(airframe, limits, load, yaw_kept=False),
         redundancy_error=load_error(track, airframe),
-        trimmable_loss=claimed * trimmable_loss(airframe, limits, load),
+        trimmable_loss=trimmable_loss(airframe, limits, load),
         start=start,
-        withheld=withheld,
+        claim=claim,
     )
 
 
@@ -230,6 +249,8 @@ def worst_rotor(values: Floats, badness: Floats | None = None) -> tuple[Floats, 
     `values` and `badness` are (T, R); without badness the largest value is the worst. NaN where
     none is known.
     """
+    if not values.shape[1]:
+        return np.full((2, values.shape[0]), np.nan)
     badness = values if badness is None else badness
     score = np.where(np.isfinite(badness), badness, -np.inf)
     which = np.argmax(score, axis=1)

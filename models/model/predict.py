@@ -70,7 +70,7 @@ def predict(
             f"{airframe.rotor_count}; give the model of this aircraft with --model"
         )
     airspeed, tank_kg = track.airspeed, track.tank_kg
-    known = np.isfinite(density)
+    known = np.isfinite(density) & np.isfinite(airframe.empty_mass)
     for channel in model.inputs:
         known &= np.isfinite(getattr(track, channel))
     basis = np.where(known, Basis.PHYSICS, Basis.NONE).astype(np.int8)

@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from math import nan
 
 import numpy as np
 
@@ -33,7 +34,7 @@ ROUNDING = 1e-9
 class Holdable:
     """Largest level collective of R rotors in units of a free rotor's ceiling."""
 
-    intact: float  # all rotors work, yaw kept
+    intact: float  # all rotors work, yaw kept; NaN for an aircraft of unknown rotors
     yaw_kept: Floats  # (R,) rotor i lost, yaw kept
     yaw_uncontrolled: Floats  # (R,) rotor i lost, yaw uncontrolled
 
@@ -64,6 +65,8 @@ def holdable(airframe: Airframe, cg_offset: tuple[float, float] = (0.0, 0.0)) ->
     rotors on a diagonal hold a weight between them and no other.
     """
     rotors = range(airframe.rotor_count)
+    if not rotors:
+        return Holdable(intact=nan, yaw_kept=np.array([nan]), yaw_uncontrolled=np.array([nan]))
 
     def without(rotor: int, yaw_kept: bool) -> float:
         return float(_best(airframe, cg_offset, yaw_kept=yaw_kept, lost=rotor).sum())

@@ -158,7 +158,7 @@ def trimmable_loss(
     kept it is the thrust margin 1 - u, with yaw uncontrolled 2 (1 - u) up to 1.
     """
     collective = np.asarray(load, dtype=np.float64) / limits.free_thrust
-    worst = np.full(collective.shape, np.inf)
+    worst = np.where(np.isnan(collective), np.nan, np.inf)
     for rotor, full in enumerate(airframe.rotor_effectiveness):
         curve = trim_curve(airframe, rotor, yaw_kept, cg_offset)
         needed = np.interp(collective, curve.collective, curve.rotor)

@@ -16,6 +16,7 @@ from typing import Any, Literal
 
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.model.airframe_claim import AirframeBasis
 from thrustmargin.models.scores import Estimate
 
 SCHEMA = "thrustmargin.report/1"
@@ -123,6 +124,8 @@ class FlightReport:
     redundancy: JsonObject
     accuracy: Accuracy
     quality: JsonObject
+    airframe_basis: AirframeBasis
+    withheld: tuple[str, ...]  # why there is no verdict; empty where the airframe is known
     rows: Mapping[str, Floats]
 
 

@@ -25,7 +25,7 @@ from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     rotor_panels,
 )
 from thrustmargin.gcs_plugin.reports.shared.route_map import moved, route_map
-from thrustmargin.gcs_plugin.wording.palette import LOAD, REDUNDANCY, ColourScale
+from thrustmargin.gcs_plugin.wording.palette import GROUND_SPEED, LOAD, REDUNDANCY, ColourScale
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FROM_OUTPUTS, worst_rotor
 
@@ -48,6 +48,9 @@ def figures(report: FlightReport) -> Mapping[str, Figure]:
         made["rotors"] = rotors_figure(rows, limit, names)
     if knows_use and placed:
         made["map_use"] = use_map(rows, worst_rotor(use)[0], limit, worst)
+    if report.withheld and placed:
+        speed = rows["ground_speed"]
+        made["map_speed"] = _map(rows, {"speed": (speed, speed)}, GROUND_SPEED)
     if knows_redundancy and placed:
         made["map_redundancy"] = redundancy_map(rows)
     if knows_redundancy:

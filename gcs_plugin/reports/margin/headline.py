@@ -15,6 +15,7 @@ from thrustmargin.gcs_plugin.wording.numbers import (
     percent_within,
     place,
 )
+from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.scores import Estimate
 
 #: The verdict by its level, the worst first; {limit} is like "50 %".
@@ -44,10 +45,15 @@ def several_headline(levels: Sequence[Level], limit: float) -> tuple[Level, str]
     return level, f"{counted} FLIGHTS {words}"
 
 
-def facts(verdict: MarginVerdict) -> tuple[Fact, ...]:
+def facts(verdict: MarginVerdict, claim: AirframeClaim) -> tuple[Fact, ...]:
     """What a pilot needs beside the big numbers, one thing a line."""
+    airframe = Fact("airframe", claim.words.removeprefix("airframe "))
+    if claim.withheld:
+        why = (Fact("why", reason) for reason in claim.withheld)
+        return (*why, Fact("what helps", claim.remedy), airframe)
     if verdict.worst is None:
-        return (Fact("why", "neither rotor speeds nor what a prediction needs is in this log"),)
+        why = "neither rotor speeds nor what a prediction needs is in this log"
+        return (Fact("why", why), airframe)
     above = "never"
     if verdict.over_limit_s > 0.0:
         share = percent(verdict.over_limit_share)
@@ -59,6 +65,7 @@ def facts(verdict: MarginVerdict) -> tuple[Fact, ...]:
         Fact(f"above {percent(verdict.limit)}", above),
         Fact("one rotor lost", _one_rotor_out(verdict)),
         Fact("from", verdict.basis),
+        airframe,
     )
 
 

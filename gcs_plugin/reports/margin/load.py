@@ -32,7 +32,8 @@ def load_rows(analysis: FlightAnalysis, limits: Ceiling) -> tuple[JsonObject, ..
     `limits` of this flight's own air and battery: full as at its start, empty as at its end.
     """
     airframe, track = analysis.model.airframe, analysis.track
-    rotors, effectiveness = airframe.rotor_count, float(airframe.rotor_effectiveness.mean())
+    rotors = max(airframe.rotor_count, 1)  # of an aircraft that is not known none may be
+    effectiveness = float(airframe.rotor_effectiveness.sum() / rotors)
     first, last = end_rows(track)
     paper = match_airframe(load_airframe(PAPER_AIRFRAME))
     own = load_matching(airframe)
@@ -42,7 +43,9 @@ def load_rows(analysis: FlightAnalysis, limits: Ceiling) -> tuple[JsonObject, ..
         hover_use(airframe, limits, weight)
         for weight in (own.full_load * rotors * G0, own.empty_load * rotors * G0, analysis.weight)
     )
-    use = np.where(track.flying, analysis.known_utilisation.mean(axis=1), np.nan)
+    use = np.full(track.time_s.size, np.nan)
+    if airframe.rotor_count:
+        use = np.where(track.flying, analysis.known_utilisation.mean(axis=1), np.nan)
 
     def row(name: str, unit: str, *figures: float, approximate: bool = False) -> JsonObject:
         columns = dict(zip(COLUMNS, map(float, figures), strict=True))

@@ -22,11 +22,12 @@ def model_use(analysis: FlightAnalysis) -> JsonObject:
     return {
         "airframe": airframe.name,
         "airframe_title": airframe.title,
+        "airframe_words": analysis.claim.words,
         "rotor_count": airframe.rotor_count,
         "rotor_names": airframe.rotor_names,
         "empty_mass": airframe.empty_mass,
         "tank_capacity_kg": airframe.tank_capacity_kg,
-        "model": model.description,
+        "model": "none" if analysis.withheld else model.description,
         "model_words": tuple(model_words(model)),
         "network_share": shares[Basis.NETWORK],
         "physics_share": shares[Basis.PHYSICS],

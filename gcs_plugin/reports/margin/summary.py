@@ -60,7 +60,11 @@ def report_flight(
     verdict = replace(_verdict(analysis, seconds, limit), worst=moments[0] if moments else None)
     return FlightReport(
         name=track.name,
-        verdict=replace(verdict, headline=headline(verdict.level, limit), facts=facts(verdict)),
+        verdict=replace(
+            verdict,
+            headline=headline(verdict.level, limit),
+            facts=facts(verdict, analysis.claim),
+        ),
         flight=_flight(analysis, rows["ground_speed"], seconds),
         model=model_use(analysis),
         load=load_rows(analysis, limits),
@@ -69,6 +73,8 @@ def report_flight(
         redundancy=_redundancy(analysis, rows, seconds),
         accuracy=accuracy(analysis, airframe.rotor_names),
         quality=quality_of(log),
+        airframe_basis=analysis.claim.basis,
+        withheld=analysis.withheld,
         rows=rows,
     )
 

@@ -136,7 +136,7 @@ def test_a_model_file_that_is_there_is_not_replaced_unasked(few_logs, tmp_path):
         ({"members": 2}, DataError, "--members must be at least 3"),
         ({"max_epochs": 0}, DataError, "--max-epochs at least 1"),
         ({"airframe": "zeppelin"}, AirframeError, "no airframe 'zeppelin'"),
-        ({"airframe": "agras-t40"}, LogError, "no flight can be read; .*4 rotors.*; .*4 rotors"),
+        ({"airframe": "agras-t40"}, LogError, "no flight can be used; .*4 rotors.*; .*4 rotors"),
     ],
 )
 def test_what_cannot_be_trained_is_said_before_the_work(given, error, message, few_logs, tmp_path):
@@ -159,7 +159,7 @@ def test_too_few_flights_and_no_flights_end_with_one_line(few_logs, tmp_path, ca
 def test_logs_that_cannot_be_read_are_left_out_aloud(few_logs, tmp_path, capsys):
     broken = tmp_path / "broken.tlog"
     broken.write_bytes(b"\x00" * 5000)
-    with pytest.raises(LogError, match=r"no flight can be read; broken\.tlog: .*; other\.tlog: "):
+    with pytest.raises(LogError, match=r"no flight can be used; broken\.tlog: .*; other\.tlog: "):
         train((broken, tmp_path / "other.tlog"), out=tmp_path / "m.safetensors")
     train(
         (*few_logs[:3], broken),

@@ -7,6 +7,7 @@ import pytest
 
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
@@ -155,18 +156,30 @@ def test_a_flight_with_another_number_of_rotors_is_refused_with_both_counts():
 
 
 def test_with_a_reason_to_withhold_no_margin_is_claimed_and_the_speeds_stay():
-    flight = analyse(hovering(), MODEL, withheld=("another aircraft",))
-    for claim in (
+    claim = AirframeClaim(basis="not known", withheld=("another aircraft",))
+    flight = analyse(hovering(), MODEL, claim=claim)
+    for number in (
         flight.utilisation,
         flight.utilisation_predicted,
         flight.margin,
         flight.known_utilisation,
+        flight.residual_rpm,
+        flight.max_thrust,
+        flight.thrust,
         flight.weight,
         flight.redundancy_yaw_kept,
         flight.redundancy_yaw_uncontrolled,
         flight.trimmable_loss,
     ):
-        assert np.isnan(claim).all()
+        assert np.isnan(number).all()
     assert not flight.above_limit(0.0).any()
+    assert flight.withheld == ("another aircraft",)
     assert np.isfinite(flight.track.rotor_speed_rpm).all()
     assert "NO VERDICT: another aircraft" in repr(flight)
+
+
+def test_a_flight_of_another_aircraft_is_withheld_without_being_asked_for():
+    # The speeds and the battery of a small quad, analysed as an F16.
+    flight = analyse(hovering(voltage=np.full(ROWS, 16.0)), MODEL)
+    assert "16.0 V in flight" in flight.withheld[0]
+    assert np.isnan(flight.utilisation).all()

@@ -26,6 +26,7 @@ from thrustmargin.gcs_plugin.reports.margin.known import (
 )
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.scores import Estimate
@@ -220,20 +221,26 @@ VERDICT = MarginVerdict(
 
 
 def test_the_facts_give_part_amount_and_time():
-    assert [f"{fact.label}: {fact.text}" for fact in facts(VERDICT)] == [
+    given = AirframeClaim(words="airframe my-quad, given")
+    assert [f"{fact.label}: {fact.text}" for fact in facts(VERDICT, given)] == [
         "worst: rotor 2, rear left, at 0:53, turning right, spraying, 14.6 kg in the tank, "
         "158 m north, 5 m west of the start",
         "above 50 %: 1 min 56 s, 56 % of the flight",
         "one rotor lost: too heavy for 1 min 33 s (at worst 0.92 × the weight can be held)",
         "from: measured rotor speeds",
+        "airframe: my-quad, given",
     ]
     light = replace(VERDICT, over_limit_s=0.0, not_survivable_s=0.0, redundancy_yaw_free_min=1.1)
     light = replace(light, redundancy_yaw_free_low=1.1, redundancy_yaw_free_high=1.1)
-    said = {fact.label: fact.text for fact in facts(light)}
+    said = {fact.label: fact.text for fact in facts(light, given)}
     assert said["above 50 %"] == "never"
     assert said["one rotor lost"] == (
         "the weight can be held all flight, yaw uncontrolled (1.10 × or more)"
     )
+    doubted = replace(given, withheld=("16 V in flight", "6 rotors"), source="north.tlog")
+    said = [f"{fact.label}: {fact.text}" for fact in facts(VERDICT, doubted)]
+    assert said[:2] == ["why: 16 V in flight", "why: 6 rotors"]
+    assert "`thrustmargin airframe new --from north.tlog`" in said[2]
     bare = replace(MOMENT, doing=(), tank_kg=NAN, north=NAN)
     assert moment_words(bare) == "rotor 2, rear left, at 0:53"
 
@@ -245,7 +252,7 @@ def test_what_was_inferred_has_its_interval_and_says_what_the_error_holds():
     near = replace(
         VERDICT, level="near", worst=worst, over_limit_s=0.0, redundancy_yaw_free_min=1.03, **within
     )
-    said = {fact.label: fact.text for fact in facts(near)}
+    said = {fact.label: fact.text for fact in facts(near, AirframeClaim())}
     assert said["worst"] == (
         "rotor 2, rear left, at 0:53, 48 % (43 to 53) in use, from motor outputs"
     )

@@ -1,0 +1,267 @@
+"""Can a flight be that of an airframe? Everything that both speak of, compared.
+
+| compared | of the flight | close | fits |
+|---|---|---|---|
+| vehicle | kind that it says it is | | a multirotor, or not told |
+| motors | number of rotors that it reports | told, and the airframe's | not told |
+| frame | FRAME_CLASS and FRAME_TYPE | | motors in the airframe's places and order |
+| voltage | median in flight over nominal | 0.92 to 1.15 | 0.78 to 1.22 |
+| rotor speed | median over what the weight needs | 0.92 to 1.15 | 0.75 to 1.35 |
+| rotor speed limit | s above 1.2 of the largest thrust | | under 3 s, or under 5 % of the flight |
+| motor output | square root of its thrust over weight | 0.92 to 1.08 | 0.6 to 1.7 |
+
+What does not fit is a doubt, and no margin is claimed; an airframe that nobody gave is recognised
+by what is close. Where the tolerances come from: a lithium cell of 3.7 V flies at 3.4 to 4.25 V,
+and 2.9 V (a tired one, or of 3.6 V) to 4.5 V (of 4.35 V full, its gauge 3 % off) bound what can be
+the same number of cells. 3 kg that an empty sprayer of 21 kg does not know of raise rotor speed by
+7 %, 8 % less thrust of every propeller by 4 %, air 20 K warmer than standard by 3.5 %: 15 %
+together; lift of forward flight and cold air lower it by 8 %. A coefficient off by a third and a
+rotor speed that a voltage fault distorts still fit. A falling or unloaded rotor passes its ceiling
+by 10 % of speed, for moments.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from thrustmargin.models.checks.speed_scale import FEWEST_ROWS, check_speed_scale, lifted_mass
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.atmosphere import track_density
+from thrustmargin.models.physics.frames import ardupilot_layout, bearings
+from thrustmargin.models.physics.margin import ceiling, utilisation
+from thrustmargin.models.physics.motor_output import output_curve
+from thrustmargin.models.vehicle_facts import VehicleFacts
+
+Range = tuple[float, float]
+CLOSE_VOLTAGE, POSSIBLE_VOLTAGE = (0.92, 1.15), (0.78, 1.22)
+CLOSE_SPEED = (0.92, 1.15)
+CLOSE_OUTPUT, POSSIBLE_OUTPUT = (0.92, 1.08), (0.6, 1.7)
+#: Utilisation that no rotor holds, s and share of the flight for which it may pass for a moment.
+IMPOSSIBLE_USE, MOMENT_S, MOMENT_SHARE = 1.2, 3.0, 0.05
+#: deg by which an arm may stand elsewhere; the next arm of an octocopter is 45 away.
+ARM_BEARING = 22.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison:
+    """One thing that flight and airframe both speak of."""
+
+    check: str
+    verdict: Literal["close", "fits", "doubt", "unknown"]
+    words: str  # what was found, what the airframe says, and why it cannot be
+    brief: str = ""  # what was found, in a few words
+
+
+def comparisons(
+    track: FlightTrack,
+    airframe: Airframe,
+    facts: VehicleFacts,
+    parameters: Mapping[str, float],
+) -> tuple[Comparison, ...]:
+    """Everything that can be compared of a flight and an airframe, as in the table above.
+
+    What was inferred with the help of the airframe itself is no evidence, and left out.
+    `parameters` are the autopilot's.
+    """
+    found: list[Comparison | None] = [_vehicle(track, facts)]
+    found.append(motors := _motors(track, airframe, facts))
+    if motors.verdict != "doubt":
+        track = _as_measured(track)
+        found.append(_frame(airframe, parameters))
+        found.append(_rotor_speed(track, airframe))
+        found.append(voltage := _voltage(track, airframe))
+        if voltage.verdict != "doubt":  # else what rests on the voltage says the same again
+            found.append(_speed_limit(track, airframe))
+            found.append(_output(track, airframe, parameters))
+    return tuple(c for c in found if c is not None)
+
+
+def doubts_of(
+    track: FlightTrack,
+    airframe: Airframe,
+    facts: VehicleFacts,
+    parameters: Mapping[str, float],
+) -> tuple[str, ...]:
+    """Why the flight cannot be that of the airframe, in words; empty when nothing says so."""
+    found = comparisons(track, airframe, facts, parameters)
+    return tuple(c.words for c in found if c.verdict == "doubt")
+
+
+def recognised(found: tuple[Comparison, ...]) -> str:
+    """By what a flight is recognised as that of the airframe, in words; empty when it is not.
+
+    Number of rotors and voltage must be close, and rotor speed, else motor output, that which the
+    weight needs; nothing may speak against it.
+    """
+    by_name = {c.check: c for c in found}
+    strength = by_name.get("rotor speed")
+    if strength is None or strength.verdict != "close":
+        strength = by_name.get("motor output")
+    needed = [by_name.get("motors"), by_name.get("voltage"), strength]
+    if "vehicle" in by_name or any(c.verdict == "doubt" for c in found):
+        return ""
+    if any(c is None or c.verdict != "close" for c in needed):
+        return ""
+    return ", ".join(c.brief for c in needed if c is not None)
+
+
+def _as_measured(track: FlightTrack) -> FlightTrack:
+    """The track without what was inferred."""
+    return replace(
+        track,
+        **{
+            name: np.where(error == 0.0, getattr(track, name), np.nan)
+            for name, error in track.standard_errors.items()
+        },
+    )
+
+
+def _vehicle(track: FlightTrack, facts: VehicleFacts) -> Comparison | None:
+    if refusal := facts.refusal(track.name):
+        return Comparison(check="vehicle", verdict="doubt", words=refusal)
+    if facts.kind != "quadplane":
+        return None
+    words = f"a quadplane by {facts.evidence}: it can be compared in hover alone"
+    return Comparison(check="vehicle", verdict="fits", words=words)
+
+
+def _motors(track: FlightTrack, airframe: Airframe, facts: VehicleFacts) -> Comparison:
+    count, how = facts.rotor_count, facts.rotor_evidence
+    if not count and track.rotor_count == airframe.rotor_count:
+        words = (
+            "nothing reports the number of rotors; "
+            f"airframe {airframe.name} has {airframe.rotor_count}"
+        )
+        return Comparison(check="motors", verdict="fits", words=words)
+    brief = f"{count} rotors by {how}" if count else f"{track.rotor_count} rotors in the flight"
+    same = (count or track.rotor_count) == track.rotor_count == airframe.rotor_count
+    return Comparison(
+        check="motors",
+        verdict="close" if same else "doubt",
+        words=f"{brief}; airframe {airframe.name} has {airframe.rotor_count}",
+        brief=brief,
+    )
+
+
+def _frame(airframe: Airframe, parameters: Mapping[str, float]) -> Comparison | None:
+    kind, shape = parameters.get("FRAME_CLASS", np.nan), parameters.get("FRAME_TYPE", np.nan)
+    if not np.isfinite([kind, shape]).all():
+        return None
+    layout = ardupilot_layout(int(kind), int(shape))
+    if layout is None or layout.rotor_count != airframe.rotor_count:
+        return None
+    places = airframe.rotor_position_frd[:, :2]
+    turned = (bearings(places) - bearings(layout.place) + 180.0) % 360.0 - 180.0
+    same = np.max(np.abs(turned)) <= ARM_BEARING
+    words = f"FRAME_CLASS {kind:.0f} and FRAME_TYPE {shape:.0f} are {layout.name}"
+    other = "as in" if same else "which puts the motors elsewhere than"
+    return Comparison(
+        check="frame",
+        verdict="fits" if same else "doubt",
+        words=f"{words}, {other} airframe {airframe.name} ({airframe.layout})",
+    )
+
+
+def _voltage(track: FlightTrack, airframe: Airframe) -> Comparison:
+    volts = track.voltage[track.flying & (track.voltage > 0.0)]
+    if volts.size < FEWEST_ROWS:
+        return Comparison(check="voltage", verdict="unknown", words="no battery voltage in flight")
+    found = float(np.median(volts))
+    share = found / airframe.nominal_voltage
+    verdict = _verdict(share, share, CLOSE_VOLTAGE, POSSIBLE_VOLTAGE)
+    words = (
+        f"{found:.1f} V in flight, {share:.0%} of the {airframe.nominal_voltage:.1f} V of airframe "
+        f"{airframe.name}"
+    )
+    if verdict == "doubt":
+        low, high = POSSIBLE_VOLTAGE
+        words += f"; the same battery stays within {low:.0%} to {high:.0%}"
+    return Comparison(check="voltage", verdict=verdict, words=words, brief=f"{found:.1f} V")
+
+
+def _rotor_speed(track: FlightTrack, airframe: Airframe) -> Comparison:
+    scale = check_speed_scale(track, airframe)
+    if scale.verdict == "unknown":
+        return Comparison(check="rotor speed", verdict="unknown", words=scale.words)
+    if scale.verdict != "rotor":
+        return Comparison(check="rotor speed", verdict="doubt", words=scale.words)
+    speed = float(np.nanmedian(track.rotor_speed_rpm[track.flying]))
+    close = _verdict(scale.low, scale.high, CLOSE_SPEED, CLOSE_SPEED) != "doubt"
+    return Comparison(
+        check="rotor speed",
+        verdict="close" if close else "fits",
+        words=scale.words,
+        brief=f"rotors at {speed:,.0f} rpm {_for_mass(track, airframe, scale.ratio)}",
+    )
+
+
+def _speed_limit(track: FlightTrack, airframe: Airframe) -> Comparison | None:
+    limit = ceiling(airframe, track_density(track)[0], track.voltage).max_rotor_speed_rpm
+    with np.errstate(invalid="ignore"):
+        use = np.nan_to_num(utilisation(track.rotor_speed_rpm, limit)).max(axis=1)
+    above = use[track.flying] > IMPOSSIBLE_USE
+    step = float(np.median(np.diff(track.time_s))) if track.time_s.size > 1 else 0.0
+    seconds = float(np.count_nonzero(above)) * step
+    if not seconds > MOMENT_S or np.mean(above) < MOMENT_SHARE:
+        return None
+    fastest = float(np.nanmax(track.rotor_speed_rpm[track.flying]))
+    return Comparison(
+        check="rotor speed limit",
+        verdict="doubt",
+        words=(
+            f"a rotor turns at up to {fastest:,.0f} rpm, where airframe {airframe.name} reaches at "
+            f"most {np.median(limit):,.0f} rpm at this voltage: "
+            f"{use.max():.0%} of its thrust would be in use"
+        ),
+    )
+
+
+def _output(
+    track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
+) -> Comparison | None:
+    """Thrust of the outputs, by the autopilot's curve and the airframe's ceiling, over weight."""
+    curve = output_curve(parameters, track.sources.get("throttle", ""))
+    limit = ceiling(airframe, track_density(track)[0], track.voltage)
+    thrust = np.sum(limit.max_thrust * curve.thrust_share(track.throttle), axis=1)
+    lifted = lifted_mass(track, thrust)
+    lifted = lifted[np.isfinite(lifted)]
+    if lifted.size < FEWEST_ROWS:
+        return None
+    mass = float(np.median(lifted))
+    tank_kg = track.tank_kg[track.flying & (track.tank_kg >= 0.0)]
+    known = tank_kg.size > 0
+    tank = (float(np.median(tank_kg)),) * 2 if known else (0.0, airframe.tank_capacity_kg)
+    high, low = (float(np.sqrt(mass / (airframe.empty_mass + kg))) for kg in tank)
+    output = float(np.nanmedian(track.throttle[track.flying]))
+    verdict = _verdict(low, high, CLOSE_OUTPUT, POSSIBLE_OUTPUT)
+    # Most aircraft hover near half of their thrust: without the load that is no likeness.
+    verdict = "fits" if verdict == "close" and not known else verdict
+    brief = f"motor outputs of {output:.0%}"
+    weighs = airframe.empty_mass + tank[0]
+    words = f"{brief} would lift {mass:.3g} kg with the rotors of airframe {airframe.name}, "
+    words += f"which weighs {weighs:.3g} kg" + ("" if known else " without a load")
+    brief += f" {_for_mass(track, airframe, np.sqrt(low * high))}"
+    return Comparison(check="motor output", verdict=verdict, words=words, brief=brief)
+
+
+def _for_mass(track: FlightTrack, airframe: Airframe, ratio: float) -> str:
+    tank_kg = track.tank_kg[track.flying & (track.tank_kg >= 0.0)]
+    if not tank_kg.size:
+        full = airframe.empty_mass + airframe.tank_capacity_kg
+        return f"for {airframe.empty_mass:.0f} to {full:.0f} kg"
+    mass = airframe.empty_mass + float(np.median(tank_kg))
+    return f"for {mass:.0f} kg within {max(abs(ratio - 1.0), 0.01):.0%}"
+
+
+def _verdict(
+    low: float, high: float, close: Range, possible: Range
+) -> Literal["close", "fits", "doubt"]:
+    """Where a ratio known to lie between `low` and `high` may be."""
+    if low <= close[1] and high >= close[0]:
+        return "close"
+    return "fits" if low <= possible[1] and high >= possible[0] else "doubt"

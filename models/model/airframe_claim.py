@@ -1,0 +1,97 @@
+"""On what ground a flight is analysed as one of an airframe: given, recognised, or not known.
+
+Without a ground no margin is claimed: the flight is then analysed as one of an aircraft of which
+nothing is known, so that no number of a wrong airframe can reach a screen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from math import cos, nan, pi, sin
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from thrustmargin.models.checks.plausible import comparisons, recognised
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.physics.airframe import QUANTITIES, Airframe, Quantity
+from thrustmargin.models.physics.atmosphere import SEA_LEVEL_DENSITY
+from thrustmargin.models.vehicle_facts import VehicleFacts
+
+#: m, of an aircraft that is only drawn, on arms of 1 m.
+DRAWN_PROPELLER = 0.9
+AirframeBasis = Literal["given", "recognised", "not known"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AirframeClaim:
+    """On what ground a flight is one of an airframe, and the reasons for which it is not."""
+
+    basis: AirframeBasis = "given"
+    words: str = ""  # for people
+    withheld: tuple[str, ...] = ()  # why no margin is claimed; empty: nothing speaks against it
+    source: str = "LOG"  # log or link of the flight
+
+    @property
+    def remedy(self) -> str:
+        """What helps a flight without a claim to its margin, for people."""
+        return (
+            "make the aircraft's own airframe with "
+            f"`thrustmargin airframe new --from {self.source}`, or name one with --airframe"
+        )
+
+
+def airframe_claim(
+    track: FlightTrack,
+    airframe: Airframe,
+    facts: VehicleFacts,
+    parameters: Mapping[str, float],
+    *,
+    given: bool,
+) -> AirframeClaim:
+    """Whether a flight may be analysed as one of `airframe`.
+
+    One that was `given` is taken unless something speaks against it; one that was not, only when
+    the flight is recognised as one of it. `parameters` are the autopilot's.
+    """
+    found = comparisons(track, airframe, facts, parameters)
+    doubts = tuple(c.words for c in found if c.verdict == "doubt")
+    if given:
+        words = f"airframe {airframe.name}, given"
+        return AirframeClaim(words=words, withheld=doubts, source=track.name)
+    if by := recognised(found):
+        words = f"airframe {airframe.name}, recognised ({by}); none was given"
+        return AirframeClaim(basis="recognised", words=words)
+    why = f" ({'; '.join(doubts)})" if doubts else ""
+    reason = f"no airframe was given, and the flight is not recognised as {airframe.name}{why}"
+    return AirframeClaim(
+        basis="not known", words="airframe not known", withheld=(reason,), source=track.name
+    )
+
+
+@lru_cache(maxsize=16)
+def unknown_aircraft(rotor_count: int) -> RotorModel:
+    """The model of an aircraft of which only the number of rotors is known: all it says is NaN.
+
+    Its rotors stand in a circle of 1 m, only to be drawn.
+    """
+    angles = [2.0 * pi * (k + 0.5) / max(rotor_count, 1) for k in range(rotor_count)]
+    places = [(cos(angle), sin(angle), 0.0) for angle in angles]
+    airframe = Airframe(
+        name="not known",
+        title="aircraft not known",
+        layout="not known",
+        rotor_position_frd=np.array(places, dtype=np.float64).reshape(rotor_count, 3),
+        rotor_spin=np.ones(rotor_count),
+        rotor_effectiveness=np.ones(rotor_count),
+        rotor_names=tuple(f"motor {k + 1}" for k in range(rotor_count)),
+        quantities=MappingProxyType(
+            {name: Quantity(nan, unit, "not known") for name, unit in QUANTITIES.items()}
+        ),
+        **(dict.fromkeys(QUANTITIES, nan) | {"propeller_diameter": DRAWN_PROPELLER}),
+    )
+    return RotorModel(airframe=airframe, reference_density=SEA_LEVEL_DENSITY, reference_voltage=nan)

@@ -1,0 +1,68 @@
+"""Given, recognised or not known: when a margin is claimed, and that nothing leaks when not."""
+
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.models.model.airframe_claim import airframe_claim, unknown_aircraft
+from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.vehicle_facts import VehicleFacts
+
+ROOT = Path(__file__).resolve().parents[3]
+F16 = load_airframe("topxgun-f16-sitl")
+LOG = read_log(ROOT / "sitl_logs/campaign/v4_m10_q2.5.tlog", airframe=F16)
+SMALL = replace(LOG.track, voltage=np.full_like(LOG.track.voltage, 16.0))
+
+
+def claim(track=LOG.track, *, given: bool):
+    return airframe_claim(track, F16, LOG.facts, LOG.parameters, given=given)
+
+
+def test_an_airframe_that_nobody_gave_is_taken_when_it_is_recognised_and_this_is_said():
+    found = claim(given=False)
+    assert (found.basis, found.withheld) == ("recognised", ())
+    assert found.words.startswith("airframe topxgun-f16-sitl, recognised (4 rotors by FRAME_CLASS")
+    assert found.words.endswith("; none was given")
+
+
+def test_without_grounds_there_is_no_airframe_and_the_reason_and_the_command_are_said():
+    found = claim(SMALL, given=False)
+    assert found.basis == "not known"
+    assert found.withheld[0].startswith("no airframe was given, and the flight is not recognised")
+    assert "16.0 V in flight" in found.withheld[0]
+    assert f"`thrustmargin airframe new --from {SMALL.name}`" in found.remedy
+
+
+def test_a_given_airframe_stays_unless_something_speaks_against_it():
+    assert claim(given=True).withheld == ()
+    nothing = replace(LOG.track, flying=np.zeros_like(LOG.track.flying))
+    assert claim(nothing, given=True).withheld == ()
+    doubted = claim(SMALL, given=True)
+    assert doubted.basis == "given"
+    assert "16.0 V" in doubted.withheld[0]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("rotors", [0, 4, 6])
+def test_no_number_of_a_withheld_analysis_needs_an_airframe(rotors):
+    track = LOG.track
+    if rotors != 4:
+        wide = np.resize(track.rotor_speed_rpm, (track.time_s.size, rotors))
+        track = replace(track, rotor_speed_rpm=wide, throttle=wide / 3000.0)
+    facts = VehicleFacts(rotor_count=rotors, rotor_evidence="a test")
+    doubted = airframe_claim(SMALL, F16, facts, {}, given=True)
+    flight = analyse(track, physics_model(F16), claim=replace(doubted, withheld=("another",)))
+    plain = {"track", "model", "claim", "start", "density_error"}
+    plain |= {"density", "density_basis", "voltage_basis"}
+    for field in fields(flight):
+        if field.name == "prediction":
+            assert not flight.prediction.basis.any()
+        elif field.name not in plain:
+            assert np.isnan(getattr(flight, field.name)).all(), field.name
+    assert flight.model is unknown_aircraft(rotors)
+    assert flight.model.airframe.rotor_count == rotors
