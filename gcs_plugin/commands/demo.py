@@ -22,7 +22,7 @@ def demo(
     """Show what thrustmargin does: write the margin report of a flight, then replay it in 3D.
 
     The flight is a simulated F16 that starts with 16 kg in the tank. The view is served to this
-    computer alone; Ctrl-C ends it.
+    computer alone; Ctrl-C ends it. Your own aircraft begins with `thrustmargin airframe new`.
 
     Example: thrustmargin demo
 

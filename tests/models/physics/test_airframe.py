@@ -349,3 +349,9 @@ def test_a_guess_stays_a_guess_through_file_and_table(tmp_path):
     again = airframe_from_table(airframe_table(craft), "table")
     assert again.guessed == craft.guessed
     assert again.quantities["torque_ratio"].guessed
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_what_is_assumed_of_a_shipped_aircraft_is_marked_as_a_guess(name):
+    for quantity in load_airframe(name).quantities.values():
+        assert quantity.guessed == quantity.source.startswith(("assumed", "derived"))
