@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs import FlightLog, LogQuality
+from thrustmargin.gcs_plugin.mavlink.rules import OVER_GROUND
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.models.checks.motor_order import MotorOrder, check_motor_order
 from thrustmargin.models.checks.plausible import comparisons
@@ -83,7 +84,12 @@ def inspect_log(
             for c in found
         ]
         findings += _tank(log.track, airframe)
-    findings += [_stuck(check_stuck_sensor(log.track)), _sensor(log.track), *_absent(log.track)]
+    findings += [_stuck(check_stuck_sensor(log.track)), _sensor(log.track)]
+    findings += [
+        Finding(check="ESC voltage", level="warning", words=words)
+        for words in instrument_offsets(log)
+    ]
+    findings += [*_airspeed(log.track), *_absent(log.track)]
     return Inspection(
         log=log,
         airframe=known,
@@ -166,6 +172,24 @@ def _sensor(track: FlightTrack) -> Finding:
         return Finding(check="accelerometer", level="ok", words=words)
     words = f"{felt:.3g} m/s² in flight where gravity is {G0:.2f}: not in the unit it should be"
     return Finding(check="accelerometer", level="warning", words=words)
+
+
+def instrument_offsets(log: FlightLog) -> list[str]:
+    """Sentences of the ESCs whose voltage is off the others'."""
+    return [
+        f"the ESC of motor {n + 1} reads {abs(off):.1f} V {'below' if off < 0 else 'above'} the "
+        "others, loaded or not: an offset of its instrument, not of its motor"
+        for n, off in enumerate(log.esc_voltage_offset_v)
+        if math.isfinite(off)
+    ]
+
+
+def _airspeed(track: FlightTrack) -> list[Finding]:
+    source = track.sources.get("airspeed", "")
+    if OVER_GROUND not in source:
+        return []
+    words = f"{source}; in wind it is not the speed through the air"
+    return [Finding(check="airspeed", level="warning", words=words)]
 
 
 def _absent(track: FlightTrack) -> list[Finding]:

@@ -22,6 +22,7 @@ from thrustmargin.models.physics.atmosphere import BOARD_READING
 
 #: What people should know of these sources, on whichever autopilot.
 ABOVE_HOME = "height above home, not above the crop"
+OVER_GROUND = "ground speed: no airspeed sensor, no wind by the EKF"
 WARM_BOARD = f"of the autopilot's board: {BOARD_READING}"
 G_PER_MG = 9.80665e-3  # m/s² in one mG
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
@@ -13,6 +15,8 @@ from thrustmargin.models.flight import Floats
 #: A tank that loses more than this over the window is being sprayed, kg/s.
 _SPRAY_RATE = 0.008
 _SPRAY_WINDOW = 4.0  # s
+#: V by which an ESC's voltage must be off the others': three steps of what most ESCs report.
+_ESC_OFFSET = 0.3
 
 
 def power(signals: Signals, sampling: Sampling, notes: list[str]) -> dict[str, tuple[Signal, ...]]:
@@ -62,6 +66,37 @@ def _of_escs(channel: str, signals: Signals, sampling: Sampling) -> tuple[Signal
     total = np.sum(stack, axis=-1, where=stack > 0)
     mean = np.where(known > 0, total / np.maximum(known, 1), np.nan)
     return (Signal(channel, f"{escs[0].source} (mean of ESCs)", time_s, mean),)
+
+
+def esc_voltage_offsets(signals: Signals, outputs: Sequence[int]) -> tuple[float, ...]:
+    """V that each motor's ESC reads off the others, loaded or not; NaN where it does not.
+
+    All hang on one battery: what a cable loses grows with the load, an instrument's offset does
+    not. Needs three ESCs, of which all but one agree.
+    """
+    escs = by_index(signals, "esc_voltage")
+    found = [escs.get(output) for output in outputs]
+    nothing = (float("nan"),) * len(outputs)
+    heard = [s for s in found if s is not None and np.mean(s.values > SENDER_VOLTAGE) > 0.5]
+    if len(heard) < max(3, len(outputs)):
+        return nothing
+    time_s = heard[0].time_s
+    volts = np.stack([np.interp(time_s, s.time_s, s.values) for s in heard], axis=-1)
+    volts = volts[np.all(volts > SENDER_VOLTAGE, axis=1)]
+    if not len(volts):
+        return nothing
+    middle = np.median(volts, axis=1)
+    low, high = np.quantile(middle, [0.2, 0.8])  # the battery sags under load
+
+    def offset(rotor: int) -> float:
+        off = volts - np.median(np.delete(volts, rotor, axis=1), axis=1)[:, None]
+        size, others = np.median(off[:, rotor]), np.delete(np.median(off, axis=0), rotor)
+        loaded, free = (np.median(off[part, rotor]) for part in (middle <= low, middle >= high))
+        stays = abs(loaded - free) < 0.5 * abs(size)
+        alone = np.ptp(others) < 0.5 * abs(size)
+        return float(size) if abs(size) >= _ESC_OFFSET and stays and alone else float("nan")
+
+    return tuple(offset(rotor) for rotor in range(len(outputs)))
 
 
 def spraying_sources(

@@ -150,6 +150,7 @@ class FlightLog:
     format: str
     path: Path
     facts: VehicleFacts = field(default_factory=VehicleFacts)  # what kind of vehicle it is
+    esc_voltage_offset_v: tuple[float, ...] = ()  # of each motor's ESC off the others; NaN none
 
     def __repr__(self) -> str:
         track, quality = self.track, self.quality

@@ -16,7 +16,7 @@ from thrustmargin.gcs_plugin.telemetry.airborne import GroundContact, airborne, 
 from thrustmargin.gcs_plugin.telemetry.channel_report import channel_report
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap, motor_map
 from thrustmargin.gcs_plugin.telemetry.position import PlaceOfZero, place_of_zero, position_sources
-from thrustmargin.gcs_plugin.telemetry.power import power, spraying_sources
+from thrustmargin.gcs_plugin.telemetry.power import esc_voltage_offsets, power, spraying_sources
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog, LogQuality, Recording
 from thrustmargin.gcs_plugin.telemetry.resample import (
     Sampling,
@@ -143,6 +143,7 @@ def assemble(recording: Recording, signals: Signals, options: Options) -> Flight
         format=recording.format,
         path=recording.path,
         facts=motors.facts,
+        esc_voltage_offset_v=esc_voltage_offsets(signals, motors.outputs),
     )
 
 

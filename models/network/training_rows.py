@@ -106,6 +106,11 @@ def _nothing_usable(tracks: Sequence[FlightTrack]) -> str:
         if not any(track.reports(channel) for track in tracks)
     ]
     why = f"none reports {', '.join(lacking)}" if lacking else "none is steadily in the air"
+    if lacking[:1] != ["rotor speeds (ESC telemetry)"] and lacking:
+        why += (
+            "; without them start from weight and thrust curve: thrustmargin identify LOG... "
+            "--airframe FILE (and --load KG)"
+        )
     return f"no usable rows in {len(tracks)} logs: {why}; look at one with: thrustmargin inspect"
 
 

@@ -7,7 +7,14 @@ from collections.abc import Mapping
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs.dataflash.columns import DataFlashColumns
-from thrustmargin.gcs_plugin.mavlink.rules import ABOVE_HOME, WARM_BOARD, Rule, Signal, quantity
+from thrustmargin.gcs_plugin.mavlink.rules import (
+    ABOVE_HOME,
+    OVER_GROUND,
+    WARM_BOARD,
+    Rule,
+    Signal,
+    quantity,
+)
 from thrustmargin.gcs_plugin.telemetry.recording import Stream
 from thrustmargin.gcs_plugin.telemetry.signals import (
     Signals,
@@ -147,13 +154,18 @@ def _core(streams: Mapping[str, Stream], names: tuple[str, ...]) -> Stream | Non
 
 
 def _wind_and_airspeed(streams: Mapping[str, Stream]) -> list[Signal]:
-    """Wind, and speed through the air for a copter without pitot, both by the EKF."""
+    """Wind, and speed through the air for a copter without pitot, both by the EKF.
+
+    A wind of 0 throughout is no estimate: the EKF then has neither airspeed nor a drag model.
+    """
     ground, air = _core(streams, ("XKF1", "NKF1")), _core(streams, ("XKF2", "NKF2"))
     if air is None:
         return []
     north, east = (columns_of(air).si(name, "m/s") for name in ("VWN", "VWE"))
     wind = np.stack([north, east, np.zeros(north.size)], axis=-1)
+    estimated = bool(np.any(wind))
     made = [ordered_signal("wind_ned", "XKF2 VWN, VWE (EKF; level)", air.time_s, wind)]
+    made = made if estimated else []
     if ground is None or air.time_s.size == 0:
         return made
     columns = columns_of(ground)
@@ -161,7 +173,7 @@ def _wind_and_airspeed(streams: Mapping[str, Stream]) -> list[Signal]:
         return made
     velocity = np.stack([columns.si(name, "m/s") for name in ("VN", "VE", "VD")], axis=-1)
     speed = speed_through_air(ground.time_s, velocity, air.time_s, wind)
-    words = "XKF1 velocity less XKF2 wind (EKF)"
+    words = "XKF1 velocity less XKF2 wind (EKF)" if estimated else f"XKF1 velocity ({OVER_GROUND})"
     return [*made, ordered_signal("airspeed", words, ground.time_s, speed)]
 
 
@@ -226,7 +238,7 @@ def _ground_speed(stream: Stream) -> list[Signal]:
     time_s = stream.time_s[rows]
     return [
         ordered_signal("velocity_ned", "GPS Spd, GCrs, VZ", time_s, velocity),
-        ordered_signal("airspeed", "GPS Spd (ground speed: no pitot, no EKF wind)", time_s, speed),
+        ordered_signal("airspeed", f"GPS Spd ({OVER_GROUND})", time_s, speed),
     ]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -33,7 +34,19 @@ def training_tables(model: RotorModel) -> list[RenderableType]:
     if record.splits:
         parts.append(_split_table(record))
     parts += [_left_out_table(record.left_out), interval_sentence(interval)]
-    return parts
+    return [*parts, *unfit_sentence(record.left_out)]
+
+
+def unfit_sentence(left_out: Sequence[ConditionScore]) -> list[str]:
+    """What to do instead where the network foretells nothing of a flight that it has not seen."""
+    if left_out and left_out[0].score.r2 < 0.0:
+        return [
+            f"Do not use this network: on flights left out it is worse than their mean speed (R² "
+            f"{left_out[0].score.r2:.2f}). Its inputs, airspeed and tank level, say too little of "
+            "these flights. Start from weight and thrust curve instead: thrustmargin identify "
+            "LOG... --airframe FILE"
+        ]
+    return []
 
 
 def _split_table(record: TrainingRecord) -> Table:

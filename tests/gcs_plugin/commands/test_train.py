@@ -14,13 +14,19 @@ import pytest
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.train import train
 from thrustmargin.gcs_plugin.reports.model.loss_figure import loss_figure, write_loss_curves
-from thrustmargin.gcs_plugin.reports.model.training_tables import interval_sentence, training_tables
+from thrustmargin.gcs_plugin.reports.model.training_tables import (
+    interval_sentence,
+    training_tables,
+    unfit_sentence,
+)
 from thrustmargin.models.errors import AirframeError, DataError, LogError
 from thrustmargin.models.model.model_file import load_model, shipped_model
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.model.training import LossCurve
+from thrustmargin.models.network.records import ConditionScore
 from thrustmargin.models.network.validity import Interval, MeasuredCoverage
 from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.scores import Score
 
 
 @pytest.fixture
@@ -80,6 +86,15 @@ def test_a_model_without_network_is_described_by_its_own_words():
     assert training_tables(physics_model(load_airframe("topxgun-f16"))) == [
         "weight and thrust curve of TopXGun F16 (quad, 16 L), no network"
     ]
+
+
+@pytest.mark.parametrize(("r2", "said"), [(0.62, 0), (0.0, 0), (-0.29, 1)])
+def test_a_network_that_foretells_nothing_says_what_to_do_instead(r2: float, said: int):
+    of_one = {"rmse_per_rotor_rpm": (9.0,), "bias_per_rotor_rpm": (0.0,)}
+    made = Score(rows=9, flights=5, r2_per_rotor=(r2,), **of_one)
+    sentences = unfit_sentence([ConditionScore(condition="all rows", score=made)])
+    assert len(sentences) == said
+    assert all("thrustmargin identify LOG... --airframe FILE" in s for s in sentences)
 
 
 def test_the_interval_is_told_with_what_it_held():

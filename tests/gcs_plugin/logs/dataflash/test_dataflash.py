@@ -1,5 +1,6 @@
 """The DataFlash readers against pymavlink's own, against the .tlog of the same flight, damaged."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import (
     columns_of,
     dataflash_signals,
 )
+from thrustmargin.gcs_plugin.mavlink.rules import OVER_GROUND
 from thrustmargin.gcs_plugin.mavlink.scan import read_bytes
 from thrustmargin.gcs_plugin.telemetry.signals import by_index
 from thrustmargin.models.errors import AirframeError, LogError
@@ -337,3 +339,13 @@ def test_a_log_says_which_messages_its_channels_came_from():
     assert sources["airspeed"] == "XKF1 velocity less XKF2 wind (EKF)"
     assert sources["rotor_speed_rpm"].startswith("ESC RawRPM (motors on outputs 1, 2, 3, 4 by")
     assert sources["position_ned"] == "POS Lat, Lng, Alt from home (ORGN)"
+
+
+def test_a_wind_of_zero_throughout_is_no_wind_and_the_airspeed_then_is_ground_speed():
+    streams = dict(read_dataflash(FLIGHT).streams)
+    still = columns_of(streams["XKF2"])
+    table = {n: still.table[n] * (n not in ("VWN", "VWE")) for n in still.scale}
+    streams["XKF2"] = replace(streams["XKF2"], columns=replace(still, table=table))
+    signals = dataflash_signals(streams)
+    assert "wind_ned" not in signals
+    assert OVER_GROUND in signals["airspeed"][0].source
