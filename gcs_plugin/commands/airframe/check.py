@@ -11,15 +11,16 @@ import tyro
 from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading, reading_keywords
-from thrustmargin.models.errors import AirframeError, DataError
+from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.logs import FlightLog
     from thrustmargin.gcs_plugin.logs.inspection import Finding
     from thrustmargin.models.physics.airframe import Airframe
 
-#: Of the airframe's checks in `inspect`, those that are about its file.
-_OF_INSPECT = ("motor order", "rotor speed", "voltage", "tank")  # the tank where it has one
+#: The checks of `inspect` that are about the airframe, in the order of the answer.
+_OF_INSPECT = ("vehicle", "motors", "frame", "motor order", "voltage", "tank", "rotor speed")
+_OF_INSPECT += ("rotor speed limit", "motor output")
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,35 +69,18 @@ def airframe_findings(craft: Airframe, logs: Sequence[FlightLog]) -> list[Findin
     """What flights say of each claim of an airframe file."""
     from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 
-    found: list[Finding] = []
-    for log in logs:
-        checks = _OF_INSPECT if craft.tank_volume_l else _OF_INSPECT[:-1]
-        of_one = [f for f in inspect_log(log, craft).findings if f.check in checks]
-        found += [*_layout(craft, log), *of_one]
+    found = [
+        finding
+        for log in logs
+        for finding in inspect_log(log, craft).findings
+        if finding.check in _OF_INSPECT and (finding.check != "tank" or craft.tank_volume_l)
+    ]
     # The same answer of several flights is one answer, the graver of two the first.
     order = {"warning": 0, "ok": 1, "unknown": 2}
     kept: dict[str, Finding] = {}
-    for finding in sorted(found, key=lambda f: order[f.level]):
+    for finding in sorted(found, key=lambda f: (_OF_INSPECT.index(f.check), order[f.level])):
         kept.setdefault(finding.check, finding)
     return [*kept.values(), *_hover(craft, logs), *_ceiling(craft, logs)]
-
-
-def _layout(craft: Airframe, log: FlightLog) -> Iterator[Finding]:
-    from thrustmargin.gcs_plugin.logs.inspection import Finding
-    from thrustmargin.gcs_plugin.telemetry.reported_airframe import reported_airframe
-
-    try:
-        reported = reported_airframe(log.parameters)
-    except AirframeError as error:
-        yield Finding(check="layout", level="warning", words=str(error))
-        return
-    if reported.layout is None:
-        yield Finding(check="layout", level="unknown", words=f"{log.path.name} does not say")
-        return
-    agrees = reported.layout == craft.layout
-    words = f"{reported.layout} by {reported.layout_source}"
-    words += "" if agrees else f", but {craft.layout} in the file"
-    yield Finding(check="layout", level="ok" if agrees else "warning", words=words)
 
 
 def _hover(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:

@@ -36,7 +36,7 @@ def test_the_simulators_own_airframe_agrees_with_its_flights(logs):
         ({"max_rotor_speed_rpm": 3500.0}, "largest rotor speed"),
         ({"max_rotor_speed_rpm": 2200.0}, "largest rotor speed"),
         ({"nominal_voltage": 22.2}, "voltage"),
-        ({"layout": "quad-plus"}, "layout"),
+        ({"rotor_position_frd": F16.rotor_position_frd[::-1].copy()}, "frame"),
         ({"rotor_spin": -F16.rotor_spin}, "motor order"),
     ],
 )
