@@ -40,6 +40,7 @@ class ReportedAirframe:
     """What could be read; a layout with `rotors` of its own has positions in m already."""
 
     layout: str | None = None
+    layout_source: str = ""  # parameters by which the layout is known
     rotors: list[dict[str, Any]] | None = None
     quantities: Mapping[str, Quantity] = field(default_factory=dict)
     rotor_count: int = 0  # by other evidence than the layout; 0: none
@@ -68,7 +69,7 @@ def reported_airframe(
             )
     if layout is None and parameters.get("CA_ROTOR_COUNT", 0.0) >= 3.0:
         return _px4(parameters, highest_voltage)
-    notes: list[str] = []
+    source, notes = "", []
     if layout is None and "FRAME_CLASS" in parameters:
         kind, shape = (_whole(parameters.get(f"FRAME_{k}", 1.0)) for k in ("CLASS", "TYPE"))
         found = ardupilot_layout(kind, shape)
@@ -89,6 +90,7 @@ def reported_airframe(
         quantities["motor_poles"] = Quantity(poles, "1", "SERVO_BLH_POLES")
     return ReportedAirframe(
         layout=layout,
+        layout_source=source,
         quantities=quantities,
         rotor_count=rotor_count,
         hover_throttle=parameters.get("MOT_THST_HOVER", float("nan")),
@@ -126,6 +128,7 @@ def _px4(parameters: Mapping[str, float], highest_voltage: float) -> ReportedAir
         quantities["torque_ratio"] = Quantity(float(np.mean(np.abs(torque))), "m", "CA_ROTORn_KM")
     return ReportedAirframe(
         layout="custom" if found is None else found.name,
+        layout_source="CA_ROTORn_PX, _PY and _KM",
         rotors=[
             {"name": name, "position_frd": place.tolist(), "spin": "ccw" if turns > 0 else "cw"}
             for name, place, turns in zip(names, places, spin, strict=True)
