@@ -181,6 +181,10 @@ class FlightTrack:
         """True when the channel has at least one number."""
         return bool(np.any(np.isfinite(getattr(self, channel))))
 
+    def measured(self, channel: str) -> Floats:
+        """The channel in its shape; NaN where it was inferred, which confirms nothing."""
+        return np.where(self._error_of(channel) > 0.0, np.nan, getattr(self, channel))
+
     def followed_by(self, later: Self) -> Self:
         """Both tracks as one, described as the later; Raises TrackError unless time goes on."""
         arrays = {

@@ -138,5 +138,5 @@ def read_flight(
     if claim.basis == "not known":
         log = read_log(path, **keywords) if fits else log
     elif fits:
-        log = replace(log, track=prepared(log.track, model.airframe, log.parameters))
+        log = replace(log, track=prepared(log.track, flown_airframe(model), log.parameters))
     return log, claim

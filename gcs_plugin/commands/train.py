@@ -124,12 +124,15 @@ def train(
 
 def _unused(tracks: Sequence[FlightTrack]) -> list[UnusedLog]:
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+    from thrustmargin.models.model.load_inference import LOAD_FROM_SPEEDS
     from thrustmargin.models.physics.flight_phases import training_rows
 
     return [
         UnusedLog(
             name=track.name,
-            reason="no row in steady flight with rotor speeds, airspeed and tank level",
+            reason=LOAD_FROM_SPEEDS
+            if "tank_kg" in track.standard_errors
+            else "no row in steady flight with rotor speeds, airspeed and tank level",
         )
         for track in tracks
         if not training_rows(track).any()

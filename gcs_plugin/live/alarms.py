@@ -69,7 +69,7 @@ class Alarms:
             self._judge(events, OF_ROWS, float(clock_s[row]), now, flying=flying)
             if not flying:
                 self._landed(events, OF_ROWS, float(clock_s[row]))
-        excess = thrust_excess(analysis)
+        excess, gauge = thrust_excess(analysis), track.measured("tank_kg")
         for row in range(rows)[slice(first, None) if settled is None else settled]:
             time_s = float(clock_s[row])
             step, self._last_s = time_s - self._last_s, time_s
@@ -78,7 +78,7 @@ class Alarms:
                 self._landed(events, OF_SETTLED_ROWS, time_s)
                 continue
             sums = self._sums if self._sums.add(excess[row], step) else None
-            tank = (float(a[row]) for a in (track.tank_kg, pumped_kg, virtual_kg))
+            tank = (float(a[row]) for a in (gauge, pumped_kg, virtual_kg))
             self._balance.add(time_s, *tank)
             balance = None
             if time_s - self._weighed_s >= 1.0:

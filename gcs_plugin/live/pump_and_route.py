@@ -39,9 +39,10 @@ class PumpAndRoute:
         `pump_share` is the pump's output from 0 to 1, `pumped_kg` what that sums up to at full
         delivery, `mission_item` flown to (NaN unknown).
         """
+        gauge = analysis.track.measured("tank_kg")
         delivered, ahead = np.full((2, clock_s.size), np.nan)
         for k, row in enumerate(range(first, analysis.track.time_s.size)):
-            self._delivery.add(float(analysis.track.tank_kg[row]), float(pumped_kg[k]))
+            self._delivery.add(float(gauge[row]), float(pumped_kg[k]))
             delivered[k] = pumped_kg[k] * self._delivery.first
             self.ahead.look(
                 analysis,

@@ -71,9 +71,10 @@ def virtual_gauge(analysis: FlightAnalysis) -> Floats:
     track, airframe = analysis.track, analysis.model.airframe
     carried = np.sum(analysis.thrust, axis=1)
     expected = np.sum(analysis.prediction.thrust, axis=1)
-    with_gauge = track.tank_kg + (carried - expected) / G0
+    gauge = track.measured("tank_kg")
+    with_gauge = gauge + (carried - expected) / G0
     without = carried / G0 - airframe.empty_mass
-    mass = np.where(np.isfinite(track.tank_kg), with_gauge, without)
+    mass = np.where(np.isfinite(gauge), with_gauge, without)
     return np.where(track.flying, mass, np.nan)
 
 

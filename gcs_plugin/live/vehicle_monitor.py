@@ -25,6 +25,7 @@ from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.mission.plan import MissionPlan
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, FlightState, analyse
+from thrustmargin.models.model.flown import flown_airframe
 from thrustmargin.models.model.prepared import Inferred, prepared_part
 from thrustmargin.models.model.rotor_model import RotorModel
 
@@ -187,7 +188,7 @@ class VehicleMonitor:
         if last is not None:
             window, start = self._window(last)
         if new is not None:
-            airframe, parameters = self._model.airframe, self.state.parameters
+            airframe, parameters = flown_airframe(self._model), self.state.parameters
             track, self._inferred = prepared_part(new.track, airframe, parameters, self._inferred)
             new = replace(new, track=track)
         track = _joined(last, window, new)

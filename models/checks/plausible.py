@@ -233,7 +233,8 @@ def _output(
     if lifted.size < FEWEST_ROWS:
         return None
     mass = float(np.median(lifted))
-    tank_kg = track.tank_kg[track.flying & (track.tank_kg >= 0.0)]
+    gauge = track.measured("tank_kg")
+    tank_kg = gauge[track.flying & (gauge >= 0.0)]
     known = tank_kg.size > 0
     tank = (float(np.median(tank_kg)),) * 2 if known else (0.0, airframe.tank_capacity_kg)
     high, low = (float(np.sqrt(mass / (airframe.empty_mass + kg))) for kg in tank)
@@ -250,7 +251,8 @@ def _output(
 
 
 def _for_mass(track: FlightTrack, airframe: Airframe, ratio: float) -> str:
-    tank_kg = track.tank_kg[track.flying & (track.tank_kg >= 0.0)]
+    gauge = track.measured("tank_kg")
+    tank_kg = gauge[track.flying & (gauge >= 0.0)]
     if not tank_kg.size:
         full = airframe.empty_mass + airframe.tank_capacity_kg
         return f"for {airframe.empty_mass:.0f} to {full:.0f} kg"

@@ -76,7 +76,8 @@ def check_speed_scale(track: FlightTrack, airframe: Airframe) -> SpeedScale:
         return float(np.nanmedian(np.sqrt(lift / (airframe.empty_mass + tank_kg))))
 
     lift = lift[use]
-    tank_kg = np.where(track.tank_kg >= 0, track.tank_kg, np.nan)[use]
+    gauge = track.measured("tank_kg")
+    tank_kg = np.where(gauge >= 0, gauge, np.nan)[use]
     full, empty = ratio_with(airframe.tank_capacity_kg), ratio_with(0.0)
     ratio = ratio_with(0.5 * airframe.tank_capacity_kg)
     if np.isfinite(tank_kg).any():

@@ -14,6 +14,7 @@ from thrustmargin.models.checks.stuck_sensor import check_stuck_sensor
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.problem import LEAST_ROWS
+from thrustmargin.models.model.load_inference import LOAD_FROM_SPEEDS
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.flight_phases import training_rows
@@ -41,6 +42,8 @@ def too_little(track: FlightTrack, model: RotorModel) -> str | None:
     rows = int(training_rows(track, model.inputs).sum())
     if rows >= LEAST_ROWS:
         return None
+    if "tank_kg" in model.inputs and "tank_kg" in track.standard_errors:
+        return LOAD_FROM_SPEEDS
     words = {"airspeed": "airspeed", "tank_kg": "tank level"}
     needed = {"rotor_speed_rpm": "rotor speeds", **{name: words[name] for name in model.inputs}}
     absent = [name for channel, name in needed.items() if not track.reports(channel)]

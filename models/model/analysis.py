@@ -51,7 +51,7 @@ class FlightAnalysis:
     density_basis: str
     voltage_basis: str
     prediction: Prediction
-    residual_rpm: Floats  # (T, R) measured minus predicted
+    residual_rpm: Floats  # (T, R) measured minus predicted; NaN where the load was inferred from it
     max_rotor_speed_rpm: Floats  # (T,) rpm, ceiling at the battery's voltage
     max_thrust: Floats  # (T, R) N
     thrust: Floats  # (T, R) N from the measured rotor speed, or that from motor outputs
@@ -218,6 +218,7 @@ def analyse(
     load = weight(airframe, track.tank_kg)
     use = utilisation(track.rotor_speed_rpm, limits.max_rotor_speed_rpm)
     use_predicted = utilisation(prediction.rotor_speed_rpm, limits.max_rotor_speed_rpm)
+    load_known = np.isfinite(track.measured("tank_kg"))[:, None]
     return FlightAnalysis(
         track=track,
         model=model,
@@ -226,7 +227,8 @@ def analyse(
         density_basis=density_basis,
         voltage_basis="no airframe" if claim.withheld else limits.voltage_basis,
         prediction=prediction,
-        residual_rpm=track.rotor_speed_rpm - prediction.rotor_speed_rpm,
+        residual_rpm=np.where(load_known, track.rotor_speed_rpm, np.nan)
+        - prediction.rotor_speed_rpm,
         max_rotor_speed_rpm=limits.max_rotor_speed_rpm,
         max_thrust=limits.max_thrust,
         thrust=rotor_thrust(airframe, track.rotor_speed_rpm, rho),

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.load_inference import LoadEvidence, with_load, with_load_so_far
 from thrustmargin.models.model.output_speed import OutputCalibration, filled_speeds
 from thrustmargin.models.physics.airframe import Airframe
 
@@ -19,6 +20,7 @@ class Inferred:
     """What the parts of a flight before said, for the next part of a live one."""
 
     outputs: OutputCalibration = field(default_factory=OutputCalibration)
+    load: LoadEvidence = field(default_factory=LoadEvidence)
 
 
 def prepared(
@@ -30,7 +32,10 @@ def prepared(
 
     `airframe` is None where it is not known; `parameters` are the autopilot's own, by name.
     """
-    return prepared_part(track, airframe, parameters, Inferred())[0]
+    if airframe is None:
+        return track
+    track, _ = filled_speeds(track, airframe, parameters, OutputCalibration())
+    return with_load(track, airframe)
 
 
 def prepared_part(
@@ -39,8 +44,12 @@ def prepared_part(
     parameters: Mapping[str, float],
     so_far: Inferred,
 ) -> tuple[FlightTrack, Inferred]:
-    """As `prepared` for the next rows of a flight, by what it said before them and in them."""
+    """As `prepared` for the next rows of a flight, by what it said before them and in them.
+
+    The load is inferred without looking ahead, so that it differs from that of the whole flight.
+    """
     if airframe is None:
         return track, so_far
     track, outputs = filled_speeds(track, airframe, parameters, so_far.outputs)
-    return track, Inferred(outputs=outputs)
+    track, load = with_load_so_far(track, airframe, so_far.load)
+    return track, Inferred(outputs=outputs, load=load)

@@ -4,10 +4,11 @@
     by prediction s(ln u)² = (s_m/m)² + s_g² + s_c² (+ the network's own interval)
     redundancy    s(ln r)² = (s_m/m)² + s_g² + s_c²
 
-s_N, s_m standard errors of rotor speed and mass, 0 where they were measured; s_c of the ceiling
-where its rotor speed or voltage is guessed, s_g of a guessed mass or thrust curve. The density of
-the air is in none of them: by speed it cancels, and the few per cent by which it moves a prediction
-are said beside it, or every verdict near the limit would be "cannot tell" for a warm day.
+s_N, s_m standard errors of rotor speed and mass, 0 where they were measured (of one that hover
+thrust shows, only what the largest thrust does not share); s_c of the ceiling where its rotor speed
+or voltage is guessed, s_g of a guessed mass or thrust curve. The density of the air is in none of
+them: by speed it cancels, and the few per cent by which it moves a prediction are said beside it,
+or every verdict near the limit would be "cannot tell" for a warm day.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from __future__ import annotations
 import numpy as np
 
 from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.model.load_inference import FROM_THRUST, shared_error
 from thrustmargin.models.model.predict import Prediction
 from thrustmargin.models.physics.airframe import Airframe
 
@@ -38,9 +40,15 @@ def ceiling_variance(airframe: Airframe) -> float:
 
 def load_error(track: FlightTrack, airframe: Airframe) -> Floats:
     """(T,) standard error of ln(weight over largest thrust), for redundancy and prediction."""
-    tank = track.standard_errors.get("tank_kg", np.zeros(track.time_s.size))
-    share = tank / (airframe.empty_mass + np.nan_to_num(track.tank_kg))
-    guesses = guessed_variance(airframe, "empty_mass", "thrust_coefficient")
+    tank = np.nan_to_num(track.standard_errors.get("tank_kg", np.zeros(track.time_s.size)))
+    load = np.nan_to_num(track.tank_kg)
+    inferred = (tank > 0.0) & (FROM_THRUST in track.sources.get("tank_kg", ""))
+    own = tank**2 - np.where(inferred, shared_error(track, airframe, load), 0.0) ** 2
+    share = np.sqrt(np.maximum(own, 0.0)) / (airframe.empty_mass + load)
+    # A load that hover thrust shows is off as the curve is, and so is the largest thrust.
+    guesses = np.where(
+        inferred, 0.0, guessed_variance(airframe, "empty_mass", "thrust_coefficient")
+    )
     return np.sqrt(share**2 + guesses + ceiling_variance(airframe))
 
 

@@ -69,7 +69,8 @@ def fit_hover(
         air = track_air(track)
         airs.append(air)
         density = air.density
-        carried = np.full(density.shape, mass) if mass else airframe.empty_mass + track.tank_kg
+        load = track.measured("tank_kg")
+        carried = np.full(density.shape, mass) if mass else airframe.empty_mass + load
         upright = np.cos(track.attitude[:, 0]) * np.cos(track.attitude[:, 1])
         weight = carried * G0 / upright
         squares = airframe.rotor_effectiveness * track.rotor_speed_rpm**2

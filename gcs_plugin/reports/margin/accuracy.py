@@ -16,6 +16,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.reports.margin.data import Accuracy, RotorError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FROM_OUTPUTS, FlightAnalysis
+from thrustmargin.models.model.load_inference import LOAD_FROM_SPEEDS
 from thrustmargin.models.scores import (
     CONFIDENCE,
     FEWEST_BLOCKS,
@@ -50,7 +51,7 @@ def accuracy(analysis: FlightAnalysis, rotor_names: tuple[str, ...]) -> Accuracy
         prediction.rotor_speed_rpm,
         lower=prediction.lower_rpm,
         upper=prediction.upper_rpm,
-        rows=track.flying,
+        rows=track.flying & np.isfinite(track.measured("tank_kg")),
     )
     used = np.any(terms[..., N] > 0, axis=1)
     if not np.any(used):
@@ -121,6 +122,8 @@ def _nothing(coverage: float, analysis: FlightAnalysis) -> Accuracy:
         words = "No rotor speeds in this log: the prediction cannot be checked against it."
     elif not predicted.any():
         words = "No prediction for this log: an input of the model is missing throughout."
+    elif not np.isfinite(analysis.track.measured("tank_kg")).any():
+        words = f"No prediction error: {LOAD_FROM_SPEEDS}."
     else:
         words = "No airborne row has both a measured and a predicted rotor speed."
     return Accuracy(
