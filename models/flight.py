@@ -24,6 +24,12 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 
+#: A pause of the log longer than this many usual steps is not counted as time of the row before.
+LONGEST_STEP = 2.5
+#: s that a row can usually stand for: of a table with one row an hour little is known.
+LONGEST_ROW = 5.0
+
+
 @dataclass(frozen=True, slots=True)
 class TrackChannel:
     """One float channel of a FlightTrack: its shape, its unit, and how reports become rows."""
@@ -176,6 +182,15 @@ class FlightTrack:
     def duration(self) -> float:
         """Seconds from the first row to the last; 0 for fewer than two rows."""
         return float(self.time_s[-1] - self.time_s[0]) if self.time_s.size > 1 else 0.0
+
+    @property
+    def row_seconds(self) -> Floats:
+        """(T,) s that each row stands for: the step to the next, without the log's pauses."""
+        if self.time_s.size < 2:
+            return np.zeros(self.time_s.size)
+        steps = np.diff(self.time_s)
+        usual = min(float(np.median(steps)), LONGEST_ROW)
+        return np.minimum(np.append(steps, usual), LONGEST_STEP * usual)
 
     def reports(self, channel: str) -> bool:
         """True when the channel has at least one number."""

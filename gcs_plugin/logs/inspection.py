@@ -252,5 +252,5 @@ def as_json(inspection: Inspection) -> dict[str, Any]:
 
 
 def flying_seconds(track: FlightTrack) -> float:
-    """Time off the ground: each row counts until the next."""
-    return float(np.sum(np.diff(track.time_s)[track.flying[:-1]]))
+    """Time off the ground: each row counts until the next, pauses of the log do not."""
+    return float(np.sum(track.row_seconds[track.flying]))

@@ -30,6 +30,7 @@ LENGTHS = 82  # the longest is 16 times the shortest
 DAMPING = 0.03  # zeta, share of critical: assumed, the air drag of a load and its cable
 MOST_PULL = 4.0  # weights of the load; beyond it a swing is not one
 FINEST = 0.2  # rad of swing phase a step
+FORGOTTEN = 10.0  # s without a row, after which the load is taken to hang at rest again
 BRACKETS = 7  # pieces of the range of lengths, each searched from its middle
 OVERLAP = 1.1
 
@@ -70,8 +71,9 @@ def cable_pull(
 
 
 def swing(track: FlightTrack, lengths: Floats, start: SwingState | None = None) -> Swing:
-    """The load on cables of `lengths` (L,) m. Without a `start` it hangs at rest, along the first
-    row's apparent gravity. It takes the last known force where a row has none."""
+    """The load on cables of `lengths` (L,) m. Without a `start`, and after a pause of the rows, it
+    hangs at rest, along the row's apparent gravity. It takes the last known force where a row has
+    none."""
     rows = track.time_s.size
     force, down = force_ned(track)
     known: Bools = np.all(np.isfinite(force) & np.isfinite(down), axis=1)
@@ -82,8 +84,7 @@ def swing(track: FlightTrack, lengths: Floats, start: SwingState | None = None) 
     if start is None:
         first = int(np.argmax(known))
         f = force[first]
-        direction = np.tile(-f / np.linalg.norm(f), (lengths.size, 1))
-        state = np.stack([direction, np.zeros_like(direction)])
+        state = _at_rest(f, lengths)
     else:
         first, (state, f) = 0, start
     fastest = float(np.sqrt(G0 / lengths.min()))
@@ -96,12 +97,21 @@ def swing(track: FlightTrack, lengths: Floats, start: SwingState | None = None) 
         if t + 1 < rows:
             after = force[t + 1] if known[t + 1] else f
             span = float(track.time_s[t + 1] - track.time_s[t])
+            if span > FORGOTTEN:
+                state, f = _at_rest(after, lengths), after
+                continue
             steps = max(1, int(np.ceil(span * fastest / FINEST)))
             for k in range(steps):
                 part = [f + (after - f) * (k + c) / steps for c in (0.0, 0.5, 1.0)]
                 state = _step(state, part, lengths, span / steps)
             f = after
     return Swing(direction_ned=directions, pull=pull, last=SwingState(state, f))
+
+
+def _at_rest(force: Floats, lengths: Floats) -> Floats:
+    """Direction and rate (2, L, 3) of loads that hang along the apparent gravity."""
+    direction = np.tile(-force / np.linalg.norm(force), (lengths.size, 1))
+    return np.stack([direction, np.zeros_like(direction)])
 
 
 def _step(state: Floats, force: list[Floats], lengths: Floats, span: float) -> Floats:

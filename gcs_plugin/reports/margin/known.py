@@ -6,8 +6,6 @@ import numpy as np
 
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 
-#: A pause of the log longer than this many usual steps is not counted as time of the row before.
-LONGEST_STEP = 2.5
 #: Share of the airborne rows that counts as the start and as the end of a flight.
 END_SHARE = 0.1
 
@@ -34,15 +32,6 @@ def least(values: Floats) -> float:
 def share(part: float, whole: float) -> float:
     """Part over whole; NaN of nothing."""
     return part / whole if whole > 0.0 else float("nan")
-
-
-def row_seconds(track: FlightTrack) -> Floats:
-    """(T,) s that each row stands for: the step to the next, without the log's pauses."""
-    if track.time_s.size < 2:
-        return np.zeros(track.time_s.size)
-    steps = np.diff(track.time_s)
-    usual = float(np.median(steps))
-    return np.minimum(np.append(steps, usual), LONGEST_STEP * usual)
 
 
 def end_rows(track: FlightTrack) -> tuple[Bools, Bools]:

@@ -22,7 +22,6 @@ from thrustmargin.gcs_plugin.reports.margin.known import (
     least,
     median,
     most,
-    row_seconds,
     share,
 )
 from thrustmargin.gcs_plugin.reports.margin.load import load_rows
@@ -55,7 +54,7 @@ def report_flight(
         fill_limit_kg=largest_fill(as_flown, limits, limit=limit),
         fill_one_rotor_out_kg=largest_fill(as_flown, limits, criterion="yaw uncontrolled"),
     )
-    seconds = row_seconds(track)
+    seconds = track.row_seconds
     moments = worst_moments(analysis, airframe.rotor_names)
     verdict = replace(_verdict(analysis, seconds, limit), worst=moments[0] if moments else None)
     return FlightReport(

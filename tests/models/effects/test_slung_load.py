@@ -90,6 +90,16 @@ def test_under_a_lasting_acceleration_the_load_comes_to_hang_along_apparent_grav
     assert told.pull[-1, 0] == pytest.approx(felt, rel=2e-3)
 
 
+def test_after_a_pause_of_the_log_the_load_hangs_at_rest_at_no_cost():
+    track = track_of(pushed(4.0))
+    later = track.time_s + np.where(np.arange(track.time_s.size) < 30, 0.0, 300_000.0)
+    lengths = np.array([0.3, 1.0])
+    found = swing(replace(track, time_s=later), lengths)
+    still = swing(track_of(pushed(4.0, push=0.0)), lengths)
+    np.testing.assert_allclose(found.direction_ned[30:], still.direction_ned[30:], atol=1e-9)
+    assert np.abs(found.direction_ned[29] - still.direction_ned[29]).max() > 1e-3
+
+
 def test_many_lengths_at_once_are_the_same_as_one_by_one():
     track = track_of(pushed(4.0, push=4.0))
     lengths = np.array([0.4, 0.7, 1.9])
