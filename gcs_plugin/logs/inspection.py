@@ -14,7 +14,6 @@ from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.models.checks.motor_order import MotorOrder, check_motor_order
 from thrustmargin.models.checks.plausible import comparisons
 from thrustmargin.models.checks.speed_scale import SpeedScale, check_speed_scale
-from thrustmargin.models.checks.stuck_sensor import StuckSensor, check_stuck_sensor
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim
 from thrustmargin.models.model.json_values import to_json_values
@@ -84,7 +83,7 @@ def inspect_log(
             for c in found
         ]
         findings += _tank(log.track, airframe)
-    findings += [_stuck(check_stuck_sensor(log.track)), _sensor(log.track)]
+    findings += [_speed_readings(log), _sensor(log.track)]
     findings += [
         Finding(check="ESC voltage", level="warning", words=words)
         for words in instrument_offsets(log)
@@ -145,9 +144,14 @@ def _order(order: MotorOrder) -> Finding:
     return Finding(check="motor order", level=_LEVELS.get(order.verdict, "warning"), words=words)
 
 
-def _stuck(stuck: StuckSensor) -> Finding:
-    level = _LEVELS.get(stuck.verdict, "warning")
-    return Finding(check="rotor speed sensors", level=level, words=stuck.words)
+def _speed_readings(log: FlightLog) -> Finding:
+    if log.unmeasured:
+        level, words = "warning", "; ".join(log.unmeasured)
+    elif log.track.reports("rotor_speed_rpm"):
+        level, words = "ok", "no reading is held, lone, or zero while thrust was asked"
+    else:
+        level, words = "unknown", "no readings"
+    return Finding(check="rotor speed sensors", level=level, words=words)
 
 
 def _tank(track: FlightTrack, airframe: Airframe) -> list[Finding]:

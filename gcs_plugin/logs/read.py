@@ -110,7 +110,7 @@ def _read(path: Path, kind: str, vehicle: int | None, options: Options) -> Fligh
         _check_rotors(path, track.rotor_count, options.airframe)
         known = {name: plausible(name, getattr(track, name)) for name in TRACK_CHANNELS}
         track = stated_track(replace(track, **known), options)
-        return log_of_track(track, path, path.stat().st_size)
+        return log_of_track(track, path, path.stat().st_size, options.airframe)
     if kind == "ULog":
         recording, signals = ulog.read_ulog(path, vehicle=vehicle)
         return assemble(recording, signals, options)

@@ -38,7 +38,8 @@ def _origin(topic: Columns) -> Floats:
 
 
 def _altitude(topic: Columns) -> Floats:
-    return np.where(topic["z_global"] > 0, _origin(topic)[:, 2] - in_si(topic, "z", "m"), np.nan)
+    above_origin = in_si(topic, "ref_alt", "m") - in_si(topic, "z", "m")
+    return np.where(topic["z_global"] > 0, above_origin, np.nan)
 
 
 def _level_wind(topic: Columns) -> Floats:

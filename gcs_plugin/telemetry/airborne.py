@@ -39,11 +39,11 @@ def airborne(
             return flying, landed.source
         return _clear_of_ground(flying, height), f"{landed.source}, and {CLEAR:g} m clear of it"
     speeds = channels.get("rotor_speed_rpm")
-    thrust = np.sum(np.square(speeds), axis=1) if speeds is not None else np.empty(0)
+    thrust = _known_mean(np.square(speeds)) if speeds is not None else np.empty(0)
     words = "rotor speeds"
     if not np.isfinite(thrust).any():
         throttle = channels.get("throttle")
-        thrust = np.sum(throttle, axis=1) if throttle is not None else np.empty(0)
+        thrust = _known_mean(throttle) if throttle is not None else np.empty(0)
         words = "motor outputs"
     if np.any(thrust > 0):
         cruise = float(np.nanpercentile(thrust, 75))
@@ -82,7 +82,8 @@ def airborne_so_far(
     armed = best(signals, "armed")
     motors_on = np.full(clock_s.size, NAN) if armed is None else last_before(armed, clock_s)
     speeds = channels["rotor_speed_rpm"]
-    carried = np.isfinite(speeds).any(axis=1) & (airframe is not None)
+    # Zero says nothing: most ESCs report it while they have not measured.
+    carried = (np.nan_to_num(speeds) != 0.0).any(axis=1) & (airframe is not None)
     least = IDLE_SHARE * airframe.empty_mass * G0 if airframe is not None else 0.0
     coefficient = airframe.thrust_coefficient if airframe is not None else 0.0
     lifted = coefficient * np.nansum(np.square(speeds), axis=1) > least
@@ -104,6 +105,15 @@ def airborne_so_far(
             flying[row] = np.isnan(contact.height)
     words = "rotor speeds, else armed" if landed is None else landed.source
     return flying.astype(np.bool_), words, contact
+
+
+def _known_mean(values: Floats) -> Floats:
+    """(T,) mean of the known columns of (T, R); NaN where none is."""
+    known = np.isfinite(values)
+    total = np.sum(values, axis=1, where=known)
+    return np.divide(
+        total, known.sum(axis=1), out=np.full(total.size, NAN), where=known.any(axis=1)
+    )
 
 
 def _clear_of_ground(flying: Bools, height: Floats) -> Bools:

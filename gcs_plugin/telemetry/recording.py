@@ -151,6 +151,7 @@ class FlightLog:
     path: Path
     facts: VehicleFacts = field(default_factory=VehicleFacts)  # what kind of vehicle it is
     esc_voltage_offset_v: tuple[float, ...] = ()  # of each motor's ESC off the others; NaN none
+    unmeasured: tuple[str, ...] = ()  # of the notes, those on ESC readings that are none
 
     def __repr__(self) -> str:
         track, quality = self.track, self.quality

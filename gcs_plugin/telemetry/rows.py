@@ -26,6 +26,12 @@ from thrustmargin.gcs_plugin.telemetry.resample import (
     sample,
     thinned,
 )
+from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
+    RotorMemory,
+    measured_speeds,
+    rejected_words,
+    standing_in_flight,
+)
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, best
 from thrustmargin.gcs_plugin.telemetry.statements import Options, stated_channels
 from thrustmargin.gcs_plugin.telemetry.tank_source import (
@@ -41,6 +47,7 @@ from thrustmargin.gcs_plugin.telemetry.timeline import pauses
 from thrustmargin.gcs_plugin.telemetry.vehicle_kind import vehicle_facts
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, Bools, FlightTrack, Floats, Origin
+from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 SILENT = 2.0  # s without reports after which the next kind of report triggers the rows
@@ -56,6 +63,7 @@ class Carried:
     heard_s: float = -np.inf  # vehicle's clock up to which reports have made their rows
     row_s: float = -np.inf  # of the last row
     contact: GroundContact = field(default_factory=GroundContact)
+    rotors: tuple[RotorMemory, ...] = ()
     zero: PlaceOfZero | None = None
     pumped: PumpedSoFar | None = None
 
@@ -72,6 +80,7 @@ class FlightRows:
     standard_errors: Mapping[str, Floats]  # of channels that were not measured
     reported: Mapping[str, list[Signal]]
     notes: tuple[str, ...]
+    unmeasured: tuple[str, ...]  # of the notes, those on readings that are no measurement
     pump_share: Floats  # (T,) 0 off to 1 full, as last reported
     pumped_kg: Floats  # (T,) by the pump's output since it was first heard
     carried: Carried
@@ -144,6 +153,7 @@ def assemble(recording: Recording, signals: Signals, options: Options) -> Flight
         path=recording.path,
         facts=motors.facts,
         esc_voltage_offset_v=esc_voltage_offsets(signals, motors.outputs),
+        unmeasured=rows.unmeasured,
     )
 
 
@@ -211,6 +221,15 @@ def flight_rows(
         "rotor_speed_rpm": motors.rotor_speed(signals),
         "throttle": motors.throttle(signals, parameters),
     }
+    measured = measured_speeds(
+        by_rotor["rotor_speed_rpm"],
+        by_rotor["throttle"],
+        options.airframe,
+        look_ahead=not live,
+        heard_s=before.heard_s,
+        memory=before.rotors,
+    )
+    by_rotor["rotor_speed_rpm"] = measured.signals
     for channel, found in by_rotor.items():
         channels[channel] = _columns(channel, found, clock_s, options.sampling)
         reported[channel] = [signal for signal in found if signal is not None]
@@ -225,6 +244,10 @@ def flight_rows(
         )
     else:
         flying, sources["flying"] = airborne(signals, clock_s, channels)
+    speeds = channels["rotor_speed_rpm"]
+    hidden = standing_in_flight(speeds, channels["throttle"], flying)
+    channels["rotor_speed_rpm"] = np.where(hidden, np.nan, speeds)
+    unmeasured = rejected_words(measured, hidden, clock_s, flying, counted=not live)
     zero = place_of_zero(signals, clock_s, flying, before.zero)
     put("position_ned", *position_sources(signals, zero))
     share = pump_share(signals, context)
@@ -252,12 +275,14 @@ def flight_rows(
         sources=sources,
         standard_errors=errors,
         reported=reported,
-        notes=tuple(notes),
+        notes=(*notes, *unmeasured),
+        unmeasured=unmeasured,
         pump_share=nothing if share is None else last_before(share, clock_s),
         pumped_kg=pumped_kg,
         carried=Carried(
             row_s=float(clock_s[-1]),
             contact=contact,
+            rotors=measured.memory,
             zero=zero,
             pumped=before.pumped if share is None or total is None else _so_far(share, total),
         ),
@@ -269,8 +294,23 @@ def _so_far(share: Signal, total: Signal) -> PumpedSoFar:
     return PumpedSoFar(float(total.time_s[-1]), output, float(total.values[-1]))
 
 
-def log_of_track(track: FlightTrack, path: Path, size: int) -> FlightLog:
+def log_of_track(
+    track: FlightTrack, path: Path, size: int, airframe: Airframe | None = None
+) -> FlightLog:
     """A FlightLog of a track that was read as a table."""
+    speeds, outputs = (
+        [Signal(name, "", track.time_s, values) for values in getattr(track, name).T]
+        for name in ("rotor_speed_rpm", "throttle")
+    )
+    measured = measured_speeds(speeds, outputs, airframe, look_ahead=True)
+    rpm = track.rotor_speed_rpm.copy()
+    for rotor, signal in enumerate(measured.signals):
+        if signal is not None:
+            rpm[~np.isin(track.time_s, signal.time_s), rotor] = np.nan
+    hidden = standing_in_flight(rpm, track.throttle, track.flying)
+    unmeasured = rejected_words(measured, hidden, track.time_s, track.flying, counted=True)
+    rpm[hidden] = np.nan
+    track = replace(track, rotor_speed_rpm=rpm, notes=(*track.notes, *unmeasured))
     channels = []
     for name in TRACK_CHANNELS:
         signal = Signal(name, track.sources.get(name, ""), track.time_s, getattr(track, name))
@@ -289,6 +329,7 @@ def log_of_track(track: FlightTrack, path: Path, size: int) -> FlightLog:
         format="CSV",
         path=path,
         facts=VehicleFacts(rotor_count=track.rotor_count, rotor_evidence="its columns"),
+        unmeasured=unmeasured,
     )
 
 
@@ -342,7 +383,9 @@ def _columns(
 def _with_absences(track: FlightTrack) -> FlightTrack:
     """The track with notes of what a reader of a report must know is not there."""
     if not track.reports("rotor_speed_rpm"):
-        note = "no ESC telemetry in the log: rotor speeds are unknown"
+        silent = "rotor_speed_rpm" not in track.sources
+        found = "no ESC telemetry" if silent else "no ESC telemetry that measures"
+        note = f"{found} in the log: rotor speeds are unknown"
         return replace(track, notes=(*track.notes, note))
     silent = [
         str(k + 1)

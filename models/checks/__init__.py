@@ -1,1 +1,1 @@
-"""Can the measured numbers be believed: motor order, unit of speed, stuck sensors."""
+"""Can the measured numbers be believed: motor order, unit of speed, readings that are none."""

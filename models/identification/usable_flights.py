@@ -1,7 +1,8 @@
 """Which flights may be fitted: rotor speeds that can be believed, enough rows, each flight once.
 
-Rotor speeds that are swapped, electrical, in another unit or of a sensor that sticks are no matter
-of physics: fitted, they would come out as a wrong effect, so they end the work with one sentence.
+Rotor speeds that are swapped, electrical or in another unit are no matter of physics: fitted, they
+would come out as a wrong effect, so they end the work with one sentence. Readings that are no
+measurement were left out when the log was read.
 """
 
 from __future__ import annotations
@@ -10,7 +11,6 @@ from collections.abc import Sequence
 
 from thrustmargin.models.checks.motor_order import check_motor_order
 from thrustmargin.models.checks.speed_scale import check_speed_scale
-from thrustmargin.models.checks.stuck_sensor import check_stuck_sensor
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.problem import LEAST_ROWS
@@ -31,9 +31,6 @@ def wrong_speeds(track: FlightTrack, airframe: Airframe) -> str | None:
     scale = check_speed_scale(track, airframe)
     if scale.verdict in ("electrical", "unit", "odd"):
         return f"{scale.words}; nothing was fitted: it is not for physics to explain"
-    stuck = check_stuck_sensor(track)
-    if stuck.verdict in ("sticks", "stale"):
-        return f"{stuck.words}; nothing was fitted: repair it, or leave this log out"
     return None
 
 

@@ -108,7 +108,8 @@ def filled_speeds(
     so_far: OutputCalibration,
 ) -> tuple[FlightTrack, OutputCalibration]:
     """As `with_outputs` for a part of a flight, going on from what the parts before it said."""
-    heard = np.flatnonzero(np.any(np.isfinite(track.rotor_speed_rpm), axis=0))
+    # Standing still on the ground, an ESC that measures reads as one that does not.
+    heard = np.flatnonzero(np.any(np.nan_to_num(track.rotor_speed_rpm) != 0.0, axis=0))
     measured = so_far.measured | frozenset(heard.tolist())
     silent = np.array([rotor not in measured for rotor in range(track.rotor_count)], dtype=bool)
     silent &= np.any(np.isfinite(track.throttle), axis=0)

@@ -21,6 +21,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from tests.gcs_plugin.live.live_vehicle import ROOT, as_frame, log_frames, write_log
 from tests.gcs_plugin.live.monitored import AIRFRAME
+from tests.gcs_plugin.logs.log_files import with_rotor_speeds
 from thrustmargin.gcs_plugin.live.alarms import Alarms
 from thrustmargin.gcs_plugin.live.pump_and_route import PumpAndRoute
 from thrustmargin.gcs_plugin.live.tank_balance import virtual_gauge
@@ -269,6 +270,28 @@ def test_what_grows_swings_or_begins_in_flight_does_so_live(keys):
     raised = assert_the_same(flight, having([EFFECTS[key] for key in keys], flight), cuts)
     # What is compared did happen: with a load on a cable the route has no tank to be forecast by.
     assert raised >= {"margin", "esc"} | ({"margin ahead"} if len(keys) == 1 else {"tank"})
+
+
+def with_faults(speeds: np.ndarray) -> np.ndarray:
+    """Rotor 2 reads zero for a while, 3 repeats a value, 1 and 4 have a lone one; all in flight."""
+    bad = speeds.copy()
+    bad[500:560, 1] = 0
+    bad[600:700, 2] = bad[600, 2]
+    bad[720, 0], bad[730, 3] = 65535, 0
+    return bad
+
+
+@pytest.mark.parametrize("step", [31, 150])
+def test_readings_that_are_no_measurement_are_none_live_too(tmp_path, step):
+    path = tmp_path / "faults.tlog"
+    path.write_bytes(with_rotor_speeds(ROOT / "sitl_logs/dev/windy_1.tlog", with_faults))
+    flight = as_recorded(log_frames(path)[:5500], AIRFRAME)
+    speeds = flight.track.rotor_speed_rpm
+    assert np.isnan(speeds[510:555, 1]).all()
+    assert np.isnan(speeds[640:695, 2]).all()
+    assert np.isfinite(speeds[300:490]).all()
+    assert np.nanmax(speeds) < 4000
+    assert_the_same(flight, having([], flight), list(range(40, len(flight.frames), step)))
 
 
 @pytest.mark.slow

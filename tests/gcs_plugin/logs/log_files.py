@@ -1,6 +1,7 @@
 """Logs made for tests from the recorded flights: longer, damaged, merged or in another format."""
 
 import struct
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 
@@ -148,3 +149,21 @@ class UlogWriter:
 
     def bytes(self) -> bytes:
         return b"".join([*self._head, *self._body])
+
+
+def with_rotor_speeds(path: Path, change: Callable[[np.ndarray], np.ndarray]) -> bytes:
+    """The telemetry log with the speeds (n, 4) of ESC_TELEMETRY_1_TO_4 as `change` makes them."""
+    data, size = read_bytes(path, frames.PADDING)
+    data = data.copy()
+    found = frames.scan(data, size)
+    layout = next(m for m in layouts().values() if m.name == "ESC_TELEMETRY_1_TO_4")
+    start = found.start[found.id == layout.id]
+    fields = layout.dtype.fields
+    assert fields is not None
+    assert np.all(data[start + 1] == layout.dtype.itemsize), "a payload is shortened"
+    at = start + 10 + fields["rpm"][1]
+    speeds = frames.gather(data, at, 8).view("<u2").reshape(-1, 4)
+    for rotor, column in enumerate(change(speeds.astype(np.float64)).T):
+        _write(data, at + 2 * rotor, column, "<u2")
+    reseal(data, start, layout.crc_extra)
+    return data[:size].tobytes()

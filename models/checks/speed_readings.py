@@ -1,0 +1,145 @@
+"""Which readings of a rotor's speed are no measurement of it.
+
+A reading is none where
+- it is zero although thrust is asked of the rotor: most ESCs and simulators report 0 for "unknown".
+  A rotor that really stands still in flight reads the same, and no log alone can tell the two
+  apart; either way there is no speed from which a margin could be had;
+- it stays the same to the last bit while what drives the rotor changes: the last value, repeated;
+- it stands alone far above the readings around it, or above what a propeller can survive.
+Whether a reading counts depends on earlier ones only, so that a listener comes to the same, unless
+the whole flight is there to look ahead in.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thrustmargin.models.flight import TRACK_CHANNELS, Bools, Floats
+
+TURNING = 30.0  # rpm; no propeller that lifts an aircraft turns slower
+HELD_S = 3.0  # s; slow ESC telemetry repeats a value for one or two
+MOVED = 0.02  # of a motor output: moves the speed by half of that, ten turns a minute and more
+STEPS = 2.0  # of the sensor that the speed should have moved by
+COARSE = 0.05  # of the speed: the step of a sensor that has not shown its own
+FLOOR = 0.2  # motor output up to which a motor may turn at its idle speed whatever is asked
+JUMP = 2.0  # times the last reading and the other rotors: not within one report
+SLOW = 1000.0  # rpm up to which a jump is a rotor that starts
+SOUND = 343.0  # m/s: no propeller of an aircraft turns with its tips at the speed of sound
+
+MEASURED, ZERO, HELD, LONE = range(4)
+REASONS = MappingProxyType(
+    {
+        ZERO: "zero speed while thrust was asked (its ESC does not measure, or it stood still)",
+        HELD: "one value held while what drives the rotor changed",
+        LONE: "a lone value that no rotor can have",
+    }
+)
+
+
+@dataclass(frozen=True, slots=True)
+class LastReading:
+    """What is known of one sensor up to its last reading, for the next ones."""
+
+    value: float = np.nan  # rpm
+    since_s: float = np.nan  # its time, or that of the first like it
+    low: float = np.inf  # of what drove the rotor since then
+    high: float = -np.inf
+    held: bool = False  # found to be repeated
+    step: float = np.inf  # rpm, the smallest change that the sensor has shown
+
+
+def judged_readings(
+    time_s: Floats,
+    rpm: Floats,
+    *,
+    output: Floats,
+    asked: Bools,
+    others: Floats,
+    before: LastReading,
+    look_ahead: bool,
+) -> tuple[NDArray[np.uint8], LastReading]:
+    """(n,) MEASURED, ZERO, HELD or LONE of the readings of one rotor, and its last reading.
+
+    `rpm` (n,) are finite; at each reading `output` (n,) is the motor output, NaN where unknown,
+    `asked` says that it is above idle, and `others` (n,) is the median speed of the other rotors.
+    `look_ahead`: the readings are those of the whole flight.
+    """
+    verdict = np.full(time_s.size, MEASURED, dtype=np.uint8)
+    if time_s.size == 0:
+        return verdict, before
+    size = np.abs(rpm)
+    last = _held(verdict, time_s, rpm, output, others, before, look_ahead=look_ahead)
+    limit = JUMP * np.fmax(np.fmax(np.abs(np.append(before.value, rpm[:-1])), others), SLOW)
+    if look_ahead:
+        limit = np.fmax(limit, JUMP * np.append(size[1:], 0.0))
+    verdict[(size > limit) | (size > TRACK_CHANNELS["rotor_speed_rpm"].high)] = LONE
+    still = size < TURNING
+    verdict[still & asked] = ZERO
+    if look_ahead and still.all() and (asked.any() or not np.isfinite(output).any()):
+        verdict[:] = ZERO  # on the ground, too, it says nothing
+    return verdict, last
+
+
+def too_fast(rpm: Floats, others: Floats, propeller_diameter: float) -> Bools:
+    """(n,) True where the tips would outrun sound while the other rotors are well below that.
+
+    Where all rotors are beyond, the unit of the readings or the airframe is wrong.
+    """
+    limit = SOUND * 60.0 / (np.pi * propeller_diameter)
+    with np.errstate(invalid="ignore"):
+        return (np.abs(rpm) > limit) & (others < limit / JUMP)
+
+
+def _held(
+    verdict: NDArray[np.uint8],
+    time_s: Floats,
+    rpm: Floats,
+    output: Floats,
+    others: Floats,
+    before: LastReading,
+    *,
+    look_ahead: bool,
+) -> LastReading:
+    """Mark the readings that are repeated; the last run of equal ones for the next readings."""
+    changes = np.append(rpm[0] != before.value, rpm[1:] != rpm[:-1])
+    starts = np.flatnonzero(changes)
+    if not changes[0]:
+        starts = np.append(0, starts)
+    ends = np.append(starts[1:], time_s.size)
+    drive = np.where(np.isfinite(output), np.fmax(output, FLOOR), others)
+    change = np.abs(np.diff(rpm, prepend=before.value))
+    step = np.minimum.accumulate(np.append(before.step, np.where(change > 0, change, np.inf)))[1:]
+    last = before
+    since = time_s[starts]
+    if not changes[0]:
+        since[0] = before.since_s
+    long = time_s[ends - 1] - since >= HELD_S
+    long[-1] = True
+    for run in np.flatnonzero(long).tolist():
+        rows = slice(int(starts[run]), int(ends[run]))
+        start = before if run == 0 and not changes[0] else LastReading(since_s=float(since[run]))
+        low = np.fmin.accumulate(np.append(start.low, drive[rows]))[1:]
+        high = np.fmax.accumulate(np.append(start.high, drive[rows]))[1:]
+        lasted = time_s[rows] - start.since_s
+        value = float(rpm[rows.start])
+        coarse = min(float(step[rows.start]), COARSE * abs(value)) / max(abs(value), TURNING)
+        moved = max(MOVED, 2.0 * STEPS * coarse)
+        found = (lasted >= HELD_S) & (high - low > moved * high)
+        found = np.logical_or.accumulate(found | start.held)
+        if abs(value) >= TURNING:
+            verdict[rows][found] = HELD
+            if look_ahead and found.any():
+                verdict[rows.start + 1 : rows.stop] = HELD
+        last = LastReading(
+            value=value,
+            since_s=start.since_s,
+            low=float(low[-1]),
+            high=float(high[-1]),
+            held=bool(found[-1]),
+            step=float(step[-1]),
+        )
+    return last

@@ -1,0 +1,116 @@
+"""ESC readings that are no measurement are NaN in the rows, and said so, in any form of log."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.gcs_plugin.logs.log_files import with_rotor_speeds
+from thrustmargin.gcs_plugin.logs import FlightLog, read_log
+from thrustmargin.gcs_plugin.logs.csv_table import write_csv
+from thrustmargin.gcs_plugin.logs.inspection import inspect_log
+from thrustmargin.gcs_plugin.mavlink.rules import Signal
+from thrustmargin.gcs_plugin.telemetry.rotor_speeds import measured_speeds
+from thrustmargin.models.physics.airframe import load_airframe
+
+FLIGHT = "campaign/v4_m10_q2.5.tlog"
+ZERO = (
+    "no measurement: zero speed while thrust was asked "
+    "(its ESC does not measure, or it stood still)"
+)
+
+
+def changed(sitl_logs: Path, tmp_path: Path, rotor: int | None, rows: slice, value) -> FlightLog:
+    """The recorded flight with the readings of one rotor (None: of all) replaced."""
+
+    def change(speeds: np.ndarray) -> np.ndarray:
+        speeds = speeds.copy()
+        columns = slice(None) if rotor is None else slice(rotor, rotor + 1)
+        speeds[rows, columns] = speeds[rows.start, columns] if value is None else value
+        return speeds
+
+    path = tmp_path / "changed.tlog"
+    path.write_bytes(with_rotor_speeds(sitl_logs / FLIGHT, change))
+    return read_log(path)
+
+
+def test_the_recorded_flights_are_measured_throughout(sitl_logs):
+    for name in (FLIGHT, "onset/reference.tlog", "dev/windy_1.tlog", "formats/v4_m10_q2.5.BIN"):
+        log = read_log(sitl_logs / name)
+        assert log.unmeasured == ()
+        assert np.isfinite(log.track.rotor_speed_rpm[log.track.flying]).all()
+
+
+def test_speeds_that_are_all_zero_are_no_speeds(sitl_logs, tmp_path):
+    log = changed(sitl_logs, tmp_path, None, slice(0, None), 0)
+    assert not log.track.reports("rotor_speed_rpm")
+    assert log.unmeasured == (f"every rotor: 8012 readings in flight, {ZERO}",)
+    assert log.unmeasured[0] in log.track.notes
+    assert "no ESC telemetry that measures" in log.track.notes[-1]
+    whole = read_log(sitl_logs / FLIGHT)
+    assert log.track.flying.tolist() == whole.track.flying.tolist()
+    findings = {f.check: f for f in inspect_log(log, None).findings}
+    assert findings["rotor speed sensors"].level == "warning"
+    assert "every rotor" in findings["rotor speed sensors"].words
+
+
+def test_one_sensor_that_fails_does_not_take_the_others_with_it(sitl_logs, tmp_path):
+    log = changed(sitl_logs, tmp_path, 3, slice(1200, None), 0)
+    assert np.isfinite(log.track.rotor_speed_rpm[:, :3]).all()
+    late = log.track.flying & (log.track.time_s > log.track.time_s[1210])
+    assert np.isnan(log.track.rotor_speed_rpm[late, 3]).all()
+    assert np.isfinite(log.track.rotor_speed_rpm[300:1190, 3]).all()
+    assert [n for n in log.unmeasured if n.startswith("rotor 4: ") and n.endswith(ZERO)]
+
+
+@pytest.mark.parametrize(
+    ("rotor", "rows", "value", "words"),
+    [
+        (2, slice(800, 1400), None, "one value held while what drives the rotor changed"),
+        (1, slice(1000, 1001), 65535, "a lone value that no rotor can have"),
+        (0, slice(1000, 1001), 0, "zero speed while thrust was asked"),
+    ],
+)
+def test_held_lone_and_zero_readings_are_named(sitl_logs, tmp_path, rotor, rows, value, words):
+    log = changed(sitl_logs, tmp_path, rotor, rows, value)
+    assert len(log.unmeasured) == 1
+    assert log.unmeasured[0].startswith(f"rotor {rotor + 1}: ")
+    assert words in log.unmeasured[0]
+    whole = read_log(sitl_logs / FLIGHT).track.rotor_speed_rpm
+    differs = np.flatnonzero((log.track.rotor_speed_rpm != whole).any(axis=1))
+    assert differs.size <= rows.stop - rows.start + 1
+    # A single reading that is left out is bridged by its neighbours.
+    assert np.isfinite(log.track.rotor_speed_rpm).all() == (value is not None)
+
+
+def test_a_table_is_judged_as_a_log_is(sitl_logs, tmp_path):
+    log = read_log(sitl_logs / FLIGHT)
+    log.track.rotor_speed_rpm[:, 1] = 0.0
+    log.track.rotor_speed_rpm[900, 2] = 60_000.0
+    write_csv(log.track, tmp_path / "flight.csv")
+    table = read_log(tmp_path / "flight.csv")
+    assert np.isnan(table.track.rotor_speed_rpm[:, 1]).all()
+    assert np.isnan(table.track.rotor_speed_rpm[900, 2])
+    assert [n.split(":")[0] for n in table.unmeasured] == ["rotor 2", "rotor 3"]
+    assert table.facts.rotor_count == 4
+
+
+def made(values, step: float = 0.1) -> Signal:
+    values = np.asarray(values, float)
+    return Signal("esc_rpm", "ESC", np.arange(values.size) * step, values)
+
+
+def test_tips_beyond_sound_are_none_for_the_airframe_that_is_known():
+    slow, fast = made([2000.0] * 6), made([8000.0] * 6)  # twice the others in every reading
+    f16 = load_airframe("topxgun-f16")
+    for airframe, kept in ((f16, 0), (None, 6)):
+        found = measured_speeds([fast, slow, slow], [None] * 3, airframe, look_ahead=True)
+        assert [0 if s is None else s.time_s.size for s in found.signals] == [kept, 6, 6]
+
+
+def test_an_output_that_was_just_idle_asks_for_nothing_yet():
+    speeds, output = made(np.zeros(40)), made(np.where(np.arange(40) < 10, 0.1, 0.6))
+    turning = made(np.full(40, 900.0))
+    found = measured_speeds([speeds, turning], [output, output], None, look_ahead=False)
+    assert found.signals[0] is not None
+    assert found.signals[0].time_s[-1] == pytest.approx(1.8)  # 1 s after the last idle output
