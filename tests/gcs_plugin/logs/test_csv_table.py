@@ -63,6 +63,7 @@ def test_the_documented_names_are_the_ones_that_are_read(tmp_path):
     names += [f"rotor_speed_rpm_{k}" for k in range(1, 5)] + [f"throttle_{k}" for k in range(1, 5)]
     header = ",".join(["time_s", *names, "flying"])
     can_be = {"pressure": "90000", "temperature": "300"}
+    can_be |= {f"rotor_speed_rpm_{k}": "900" for k in range(1, 5)}
     row = ",".join(can_be.get(name, "0.5") for name in ["time_s", *names, "flying"])
     (tmp_path / "all.csv").write_text(f"{header}\n{row}\n")
     log = read_log(tmp_path / "all.csv")
