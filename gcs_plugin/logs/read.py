@@ -11,9 +11,9 @@ from thrustmargin.gcs_plugin.logs.dataflash.binary import read_dataflash
 from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import dataflash_signals
 from thrustmargin.gcs_plugin.logs.dataflash.text_log import read_dataflash_text
 from thrustmargin.gcs_plugin.logs.tlog import read_tlog
+from thrustmargin.gcs_plugin.telemetry.flight_log import assemble, log_of_track
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog, NotThisFormat
 from thrustmargin.gcs_plugin.telemetry.resample import Sampling, plausible
-from thrustmargin.gcs_plugin.telemetry.rows import assemble, log_of_track
 from thrustmargin.gcs_plugin.telemetry.signals import airspeed_words, mavlink_signals, pitot_present
 from thrustmargin.gcs_plugin.telemetry.statements import Options, stated_track
 from thrustmargin.models.errors import AirframeError, LogError

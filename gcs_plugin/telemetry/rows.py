@@ -1,23 +1,18 @@
-"""From a Recording and its signals to a FlightLog: its rows, and every channel on them."""
+"""The rows of a flight, and every channel on them, for logs and for live links alike."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
-from pathlib import Path
-from types import MappingProxyType
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.telemetry.airborne import GroundContact, airborne, airborne_so_far
-from thrustmargin.gcs_plugin.telemetry.channel_report import channel_report
-from thrustmargin.gcs_plugin.telemetry.motors import MotorMap, motor_map
+from thrustmargin.gcs_plugin.telemetry.motors import MotorMap
 from thrustmargin.gcs_plugin.telemetry.position import PlaceOfZero, place_of_zero, position_sources
-from thrustmargin.gcs_plugin.telemetry.power import esc_voltage_offsets, power, spraying_sources
-from thrustmargin.gcs_plugin.telemetry.recording import FlightLog, LogQuality, Recording
+from thrustmargin.gcs_plugin.telemetry.power import power, spraying_sources
 from thrustmargin.gcs_plugin.telemetry.resample import (
     Sampling,
     first_known,
@@ -43,17 +38,10 @@ from thrustmargin.gcs_plugin.telemetry.tank_source import (
     tank_level,
     tank_levels,
 )
-from thrustmargin.gcs_plugin.telemetry.timeline import pauses
-from thrustmargin.gcs_plugin.telemetry.vehicle_kind import vehicle_facts
-from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, Bools, FlightTrack, Floats, Origin
-from thrustmargin.models.physics.airframe import Airframe
-from thrustmargin.models.vehicle_facts import VehicleFacts
 
 SILENT = 2.0  # s without reports after which the next kind of report triggers the rows
 KEPT = 8.0  # s of reports that rows may need: the longest age limit, and the falling tank's window
-_PLAIN: Mapping[str, str] = MappingProxyType({})  # sources are described by their own words
-_LONGEST = 7 * 86_400.0  # s; a log that seems longer has damaged times
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,63 +86,6 @@ class FlightRows:
             **{"notes": self.notes} | more,
             **self.channels,
         )
-
-
-def assemble(recording: Recording, signals: Signals, options: Options) -> FlightLog:
-    """The flight of one vehicle as a table; without rotors where it is no multirotor.
-
-    Raises LogError when nothing in it makes a flight, AirframeError when the airframe given has
-    another number of rotors.
-    """
-    name = clean(recording.path.name)
-    facts = vehicle_facts(
-        recording.parameters,
-        mav_type=recording.mav_type,
-        texts=(text for _, text in recording.messages),
-    )
-    motors = motor_map(
-        name,
-        recording.parameters,
-        signals,
-        options.airframe,
-        facts=facts,
-        motor_order=recording.motor_order,
-    )
-    rows = flight_rows(signals, motors, recording.parameters, options)
-    if rows is None:
-        raise LogError(
-            f"{name}: {recording.quality.frames} messages, but none with rotor speed, attitude, "
-            "position or tank level and a time; there is no flight to show"
-        )
-    if rows.clock_s[-1] - rows.clock_s[0] > _LONGEST:
-        days = (rows.clock_s[-1] - rows.clock_s[0]) / 86_400
-        raise LogError(f"{name}: its times span {days:.0f} days; the log is too damaged")
-    start_s, unix = float(rows.clock_s[0]), recording.unix_minus_clock
-    track = rows.track(
-        name,
-        start_s,
-        motors.rotor_count,
-        start_unix_s=None if unix is None else float(unix + start_s),
-        notes=(*recording.notes, *motors.notes, *rows.notes),
-    )
-    reported = rows.reported
-    return FlightLog(
-        track=_with_absences(track),
-        quality=recording.quality,
-        channels=tuple(channel_report(track, n, reported.get(n, [])) for n in TRACK_CHANNELS),
-        waypoints=recording.waypoints,
-        messages=tuple((time - start_s, text) for time, text in recording.messages),
-        parameters=recording.parameters,
-        clock_start_s=start_s,
-        vehicle=recording.vehicle,
-        vehicles=recording.vehicles,
-        autopilot=recording.autopilot,
-        format=recording.format,
-        path=recording.path,
-        facts=motors.facts,
-        esc_voltage_offset_v=esc_voltage_offsets(signals, motors.outputs),
-        unmeasured=rows.unmeasured,
-    )
 
 
 def flight_rows(
@@ -294,45 +225,6 @@ def _so_far(share: Signal, total: Signal) -> PumpedSoFar:
     return PumpedSoFar(float(total.time_s[-1]), output, float(total.values[-1]))
 
 
-def log_of_track(
-    track: FlightTrack, path: Path, size: int, airframe: Airframe | None = None
-) -> FlightLog:
-    """A FlightLog of a track that was read as a table."""
-    speeds, outputs = (
-        [Signal(name, "", track.time_s, values) for values in getattr(track, name).T]
-        for name in ("rotor_speed_rpm", "throttle")
-    )
-    measured = measured_speeds(speeds, outputs, airframe, look_ahead=True)
-    rpm = track.rotor_speed_rpm.copy()
-    for rotor, signal in enumerate(measured.signals):
-        if signal is not None:
-            rpm[~np.isin(track.time_s, signal.time_s), rotor] = np.nan
-    hidden = standing_in_flight(rpm, track.throttle, track.flying)
-    unmeasured = rejected_words(measured, hidden, track.time_s, track.flying, counted=True)
-    rpm[hidden] = np.nan
-    track = replace(track, rotor_speed_rpm=rpm, notes=(*track.notes, *unmeasured))
-    channels = []
-    for name in TRACK_CHANNELS:
-        signal = Signal(name, track.sources.get(name, ""), track.time_s, getattr(track, name))
-        channels.append(channel_report(track, name, [signal] if track.reports(name) else []))
-    return FlightLog(
-        track=_with_absences(track),
-        quality=LogQuality(bytes=size, frames=track.time_s.size, gaps=pauses(track.time_s)),
-        channels=tuple(channels),
-        waypoints=(),
-        messages=(),
-        parameters={},
-        clock_start_s=float(track.time_s[0]),
-        vehicle=1,
-        vehicles=(1,),
-        autopilot="unknown",
-        format="CSV",
-        path=path,
-        facts=VehicleFacts(rotor_count=track.rotor_count, rotor_evidence="its columns"),
-        unmeasured=unmeasured,
-    )
-
-
 def row_times(signals: Signals, motors: MotorMap, carried: Carried, sampling: Sampling) -> Floats:
     """(T,) vehicle's clock of the rows: each report that triggers one, thinned to at most 10 Hz.
 
@@ -378,20 +270,3 @@ def _columns(
     empty = np.full(clock_s.size, np.nan)
     parts = [empty if s is None else sample(channel, s, clock_s, sampling) for s in signals]
     return np.stack(parts, axis=-1) if parts else np.empty((clock_s.size, 0))
-
-
-def _with_absences(track: FlightTrack) -> FlightTrack:
-    """The track with notes of what a reader of a report must know is not there."""
-    if not track.reports("rotor_speed_rpm"):
-        silent = "rotor_speed_rpm" not in track.sources
-        found = "no ESC telemetry" if silent else "no ESC telemetry that measures"
-        note = f"{found} in the log: rotor speeds are unknown"
-        return replace(track, notes=(*track.notes, note))
-    silent = [
-        str(k + 1)
-        for k in range(track.rotor_count)
-        if not np.isfinite(track.rotor_speed_rpm[:, k]).any()
-    ]
-    if not silent:
-        return track
-    return replace(track, notes=(*track.notes, f"no rotor speed of motor {', '.join(silent)}"))

@@ -8,17 +8,16 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
+from thrustmargin.gcs_plugin.telemetry.flight_log import assemble, log_of_track
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap
 from thrustmargin.gcs_plugin.telemetry.recording import LogQuality, Recording
 from thrustmargin.gcs_plugin.telemetry.rows import (
     Carried,
-    Options,
-    assemble,
     flight_rows,
-    log_of_track,
     row_times,
 )
 from thrustmargin.gcs_plugin.telemetry.signals import collected
+from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 from thrustmargin.models.physics.airframe import load_airframe

@@ -49,7 +49,7 @@ def test_speeds_that_are_all_zero_are_no_speeds(sitl_logs, tmp_path):
     assert "no ESC telemetry that measures" in log.track.notes[-1]
     whole = read_log(sitl_logs / FLIGHT)
     assert log.track.flying.tolist() == whole.track.flying.tolist()
-    findings = {f.check: f for f in inspect_log(log, None).findings}
+    findings = {f.check: f for f in inspect_log(log, load_airframe("topxgun-f16")).findings}
     assert findings["rotor speed sensors"].level == "warning"
     assert "every rotor" in findings["rotor speed sensors"].words
 
