@@ -252,9 +252,12 @@ def full_output_speed(
     for sums in bins.values():
         sums[useless] = 0.0
     solution, covariance = said.fit(airframe, curve)
+    seconds, _, share, *_ = sum(sums.sum(axis=0) for sums in bins.values())
+    # From the outputs flown to full output the curve's form is only assumed.
+    form = 0.5 * curve.steepness_error * (share / seconds + np.log(HOVER_SHARE))
     voltage = float(np.nanmedian(volts))
     row = np.array([1.0, -np.log(HOVER_SHARE), np.log(voltage / airframe.ceiling_voltage), 0.0])
-    reach = 1.96 * np.sqrt(row @ covariance @ row + ROTOR_ERROR**2)
+    reach = 1.96 * np.sqrt(row @ covariance @ row + ROTOR_ERROR**2 + form**2)
     middle = float(row @ solution)
     low, value, high = (float(np.exp(0.5 * (middle + d))) for d in (-reach, 0.0, reach))
     return Estimate(value=value, low=low, high=high), voltage

@@ -113,6 +113,8 @@ def hover_quantities(logs: Sequence[Path], craft: Airframe, reading: ReadingOpti
         )
         notes = hover_sentences(fit)
     else:
+        # Kept as it is, or it would be made anew of the ceiling, which is found by it.
+        made["thrust_coefficient"] = craft.quantities["thrust_coefficient"]
         notes = (
             f"no rotor speed in {names}: the thrust coefficient stays as it is, and the ceiling "
             "follows from motor outputs against the weight",
@@ -173,10 +175,10 @@ def hover_sentences(fit: HoverFit) -> tuple[str, ...]:
     return tuple(sentences)
 
 
-def interval(e: Estimate, scale: float = 1.0) -> str:
-    """`2.58e-06 (2.53e-06 to 2.63e-06)`, with the digits that the width allows."""
-    value, low, high = (scale * x for x in (e.value, e.low, e.high))
-    return f"{value:.4g} ({low:.4g} to {high:.4g})"
+def interval(e: Estimate) -> str:
+    """`2.58e-06 (2.53e-06 to 2.63e-06)`."""
+    value, low, high = (f"{x:.0f}" if x >= 1e3 else f"{x:.4g}" for x in (e.value, e.low, e.high))
+    return f"{value} ({low} to {high})"
 
 
 def interval_percent(e: Estimate) -> str:

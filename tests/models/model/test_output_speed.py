@@ -1,19 +1,25 @@
 """Rotor speeds from outputs, of flights made by hand: an ESC and a curve that we choose."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.output_speed import (
     FROM_OUTPUTS,
     OutputCalibration,
     filled_speeds,
+    full_output_speed,
     with_outputs,
 )
 from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.physics.margin import ceiling
 
+CAMPAIGN = Path(__file__).resolve().parents[3] / "sitl_logs/campaign"
 F16 = load_airframe("topxgun-f16-sitl")
 ARDUPILOT = {"MOT_THST_EXPO": 1.0, "MOT_SPIN_MIN": 0.1, "MOT_SPIN_MAX": 0.9}
 
@@ -131,3 +137,23 @@ def test_a_rotor_that_was_heard_once_is_never_filled():
     _, so_far = filled_speeds(flown.rows(slice(0, 100)), F16, ARDUPILOT, OutputCalibration())
     lost, _ = filled_speeds(silent(flown).rows(slice(100, 600)), F16, ARDUPILOT, so_far)
     assert not lost.reports("rotor_speed_rpm")
+
+
+@pytest.mark.parametrize("measured", [True, False])
+def test_full_output_extrapolates_to_the_simulators_ceiling(measured):
+    airframe = load_airframe("topxgun-f16-sitl")
+    guess = replace(airframe, max_rotor_speed_rpm=3600.0)  # where it starts from is 20 % off
+    logs = [read_log(CAMPAIGN / f"v4_m{kg}_q1.5.tlog", airframe=airframe) for kg in (4, 10, 16)]
+    flights = [(log.track if measured else silent(log.track), log.parameters) for log in logs]
+    top, volts = full_output_speed(flights, guess)
+    truth = float(ceiling(airframe, 1.225, volts).max_rotor_speed_rpm[0])
+    assert top.low < truth < top.high
+    assert top.value == pytest.approx(truth, rel=0.07)
+
+
+def test_a_flight_that_shows_nothing_of_the_ceiling_is_refused():
+    airframe = load_airframe("topxgun-f16-sitl")
+    track = read_log(CAMPAIGN / "v4_m4_q1.5.tlog", airframe=airframe).track
+    still = replace(track, throttle=np.full_like(track.throttle, np.nan))
+    with pytest.raises(DataError, match="no level flight with motor outputs"):
+        full_output_speed([(still, {})], airframe)
