@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -125,6 +124,7 @@ def read_flight(
     Where there is none, the log is read without an airframe. Raises as `read_log`.
     """
     from thrustmargin.gcs_plugin.logs import read_log
+    from thrustmargin.gcs_plugin.telemetry.channel_report import with_track
     from thrustmargin.models.model.airframe_claim import airframe_claim
     from thrustmargin.models.model.flown import flown_airframe
     from thrustmargin.models.model.prepared import prepared
@@ -138,5 +138,5 @@ def read_flight(
     if claim.basis == "not known":
         log = read_log(path, **keywords) if fits else log
     elif fits:
-        log = replace(log, track=prepared(log.track, flown_airframe(model), log.parameters))
+        log = with_track(log, prepared(log.track, flown_airframe(model), log.parameters))
     return log, claim

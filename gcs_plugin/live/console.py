@@ -130,11 +130,12 @@ def numbers(update: Update, limit: float, *, old: bool = False) -> list[str]:
     predicted = float(np.min(analysis.margin_predicted[-1]))
     free = float(analysis.redundancy_yaw_uncontrolled[-1])
     tank = float(analysis.track.tank_kg[-1])
+    inferred = math.isfinite(tank) and math.isnan(analysis.track.measured("tank_kg")[-1])
     return [
         _margin_cell(margin, limit, flying=bool(analysis.track.flying[-1]), old=old),
         percent(predicted),
         f"{free:.2f} x" if math.isfinite(free) else "-",
-        kilograms(tank),
+        f"≈ {kilograms(tank)}" if inferred else kilograms(tank),
         kilograms(
             float(np.nanmean(update.virtual_kg[-10:])) if _any(update.virtual_kg) else math.nan
         ),

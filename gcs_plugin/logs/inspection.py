@@ -161,6 +161,8 @@ def _tank(track: FlightTrack, airframe: Airframe) -> list[Finding]:
     low, high = float(level.min()), float(level.max())
     good = low > -0.2 and high <= 1.05 * airframe.tank_capacity_kg
     words = f"{low:.2f} to {high:.2f} kg, the tank holds {airframe.tank_capacity_kg:.1f} kg"
+    if "tank_kg" in track.standard_errors:
+        words += f": {track.sources['tank_kg']}"
     return [Finding(check="tank", level="ok" if good else "warning", words=words)]
 
 

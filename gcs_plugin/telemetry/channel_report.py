@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.recording import ChannelReport
+from thrustmargin.gcs_plugin.telemetry.recording import ChannelReport, FlightLog
 from thrustmargin.gcs_plugin.telemetry.resample import known_rows
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 
 _ABSENT = "not in the log"
+
+
+def with_track(log: FlightLog, track: FlightTrack) -> FlightLog:
+    """The log with this track; channels that were filled since are reported as it has them."""
+    channels = []
+    for report in log.channels:
+        values, source = getattr(track, report.name), track.sources.get(report.name, "")
+        if report.samples == 0 and np.any(np.isfinite(values)):
+            filled = Signal(report.name, source, track.time_s, values)
+            report = channel_report(track, report.name, [filled])
+        channels.append(report)
+    return replace(log, track=track, channels=tuple(channels))
 
 
 def channel_report(track: FlightTrack, name: str, signals: list[Signal]) -> ChannelReport:

@@ -15,6 +15,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.telemetry.resample import Sampling
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.model.load_inference import STATED
 from thrustmargin.models.physics.airframe import Airframe
 
 #: K: how well a thermometer in the shade or a weather report has the air at the rotors.
@@ -64,7 +65,7 @@ def stated_channels(
         words = f"no tank on airframe {craft.name}: 0 kg"
         yield "tank_kg", np.zeros(rows), words, None
     if options.air_temperature is not None:
-        words = f"stated: {options.air_temperature - 273.15:g} °C outside"
+        words = f"{STATED}: {options.air_temperature - 273.15:g} °C outside"
         error = np.full(rows, STATED_TEMPERATURE_ERROR)
         yield "temperature", np.full(rows, options.air_temperature), words, error
 
@@ -92,7 +93,7 @@ def stated_track(track: FlightTrack, options: Options) -> FlightTrack:
 
 def _load(options: Options, start: float, sums: dict[str, Floats]) -> tuple[Floats, str]:
     """kg (T,) on board, and how it was found; `sums` (T,) grow with the load's fall, best first."""
-    stated, end = f"stated: {start:g} kg", options.load_end
+    stated, end = f"{STATED}: {start:g} kg", options.load_end
     pump = sums["the pump's output"]
     if end is not None and options.sampling == "linear":
         for words, total in sums.items():

@@ -13,6 +13,8 @@ import numpy as np
 from thrustmargin.gcs_plugin.view.aircraft import tank_level
 from thrustmargin.gcs_plugin.view.shown_row import ShownRow
 from thrustmargin.gcs_plugin.wording import palette as colours
+from thrustmargin.models.model.load_inference import STATED
+from thrustmargin.models.model.utilisation_error import INTERVAL
 from thrustmargin.models.physics.airframe import Airframe
 
 #: Up to so many rotors have large boxes; more are drawn compactly, to fit a small laptop.
@@ -124,6 +126,11 @@ def _tank_box(row: ShownRow, airframe: Airframe) -> str:
         return _box("tank", "Tank", "no data", "no gauge and no pump reported")
     bar = f'<div class="bar"><b style="width:{100 * level:.0f}%;background:#006e82"></b></div>'
     words = f"{100 * level:.0f} % of {airframe.tank_capacity_kg:g} kg"
+    error = row.track.standard_errors.get("tank_kg")
+    if error is not None and error[row.row] > 0.0:
+        words += f", inferred, ± {INTERVAL * error[row.row]:.1f} kg"
+    elif row.track.sources.get("tank_kg", "").startswith(STATED):
+        words += f", {STATED}"
     return _box("tank", "Tank", f"{tank_kg:.1f} kg", words, after=bar)
 
 

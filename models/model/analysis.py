@@ -24,7 +24,11 @@ from thrustmargin.models.model.predict import Basis as Basis
 from thrustmargin.models.model.predict import Prediction as Prediction
 from thrustmargin.models.model.predict import predict
 from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.model.utilisation_error import INTERVAL, load_error, utilisation_error
+from thrustmargin.models.model.utilisation_error import (
+    INTERVAL,
+    redundancy_error,
+    utilisation_error,
+)
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import track_air
 from thrustmargin.models.physics.margin import (
@@ -238,7 +242,7 @@ def analyse(
         weight=load,
         redundancy_yaw_kept=redundancy(airframe, limits, load, yaw_kept=True),
         redundancy_yaw_uncontrolled=redundancy(airframe, limits, load, yaw_kept=False),
-        redundancy_error=load_error(track, airframe),
+        redundancy_error=redundancy_error(track, airframe, density_error / rho),
         trimmable_loss=trimmable_loss(airframe, limits, load),
         start=start,
         claim=claim,

@@ -27,6 +27,8 @@ from thrustmargin.models.physics.margin import rotor_thrust
 
 #: How an inferred load is named wherever it is shown.
 FROM_THRUST = "inferred from hover thrust"
+#: The same of a load that the user states.
+STATED = "stated"
 #: Why such a load is no evidence for or against a model.
 LOAD_FROM_SPEEDS = (
     "the load was inferred from these rotor speeds; state it with --load to compare them"
@@ -48,6 +50,7 @@ KNOTS = 13  # times at which the fall may begin or end
 GOOD_ENOUGH = 0.15
 OVERLOAD = 0.25  # share of the full aircraft that may be on board beyond its tank
 NINETY = 1.645  # standard errors to either side that hold 90 %
+SURELY = 2.6  # the same for 99 %: a stated load that is further off is contradicted
 
 
 class Means(NamedTuple):
@@ -106,15 +109,21 @@ class LoadFit(NamedTuple):
 def with_load(track: FlightTrack, airframe: Airframe) -> FlightTrack:
     """The flight with the load that its thrust shows, where the whole flight reports none.
 
+    A stated load stays, and its source says where thrust contradicts it.
     Used where its standard error is at most GOOD_ENOUGH of the aircraft's mass and it is not below
     nothing by more than its interval; else a note says why not.
     """
-    if track.reports("tank_kg") or not _may_carry(track, airframe):
+    stated = track.sources.get("tank_kg", "").startswith(STATED)
+    if (track.reports("tank_kg") and not stated) or not _may_carry(track, airframe):
         return track
     shown, legs, seconds = _evidence(track, airframe, LoadEvidence())
     fit = load_fit(shown, airframe)
     if fit is None:
-        return _noted(track, "no level flight with every rotor's speed to show the load")
+        return (
+            track
+            if stated
+            else _noted(track, "no level flight with every rotor's speed to show the load")
+        )
     load, error = _at(fit, np.maximum(legs, 1), seconds[:, 0 if fit.by_spraying else 1], airframe)
     error = np.hypot(error, shared_error(track, airframe, load))
     flying = track.flying & np.isfinite(load)
@@ -122,6 +131,12 @@ def with_load(track: FlightTrack, airframe: Airframe) -> FlightTrack:
         return track
     usual, off = float(np.median(load[flying])), float(np.median(error[flying]))
     shows = f"hover thrust shows {usual:.1f} ± {NINETY * off:.1f} kg (90 %)"
+    if stated:
+        apart = float(np.median((load - track.tank_kg)[flying]))
+        if abs(apart) <= SURELY * off:
+            return track
+        words = f"{track.sources['tank_kg']}, but {shows}"
+        return replace(track, sources={**track.sources, "tank_kg": words})
     if off > GOOD_ENOUGH * (airframe.empty_mass + max(usual, 0.0)):
         return _noted(track, f"{shows}, too unsure to be used")
     if usual < -NINETY * off:

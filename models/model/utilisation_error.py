@@ -2,13 +2,12 @@
 
     by speed      s(ln u)² = (2 s_N/N)² + s_c²           u = (N/N_max)²
     by prediction s(ln u)² = (s_m/m)² + s_g² + s_c² (+ the network's own interval)
-    redundancy    s(ln r)² = (s_m/m)² + s_g² + s_c²
+    redundancy    s(ln r)² = (s_m/m)² + s_g² + s_c² + (s_rho/rho)²
 
 s_N, s_m standard errors of rotor speed and mass, 0 where they were measured (of one that hover
 thrust shows, only what the largest thrust does not share); s_c of the ceiling where its rotor speed
-or voltage is guessed, s_g of a guessed mass or thrust curve. The density of the air is in none of
-them: by speed it cancels, and the few per cent by which it moves a prediction are said beside it,
-or every verdict near the limit would be "cannot tell" for a warm day.
+or voltage is guessed, s_g of a guessed mass or thrust curve. The density of the air is in
+redundancy only: by speed it cancels, and the network predicts in the air that it learnt in.
 """
 
 from __future__ import annotations
@@ -50,6 +49,15 @@ def load_error(track: FlightTrack, airframe: Airframe) -> Floats:
         inferred, 0.0, guessed_variance(airframe, "empty_mass", "thrust_coefficient")
     )
     return np.sqrt(share**2 + guesses + ceiling_variance(airframe))
+
+
+def redundancy_error(track: FlightTrack, airframe: Airframe, density_share: Floats) -> Floats:
+    """(T,) standard error of ln redundancy; `density_share` (T,) is that of ln density.
+
+    Where hover thrust shows the load, density shifts it and the largest thrust alike.
+    """
+    shared = FROM_THRUST in track.sources.get("tank_kg", "")
+    return np.hypot(load_error(track, airframe), 0.0 if shared else density_share)
 
 
 def utilisation_error(

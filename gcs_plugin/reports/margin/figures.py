@@ -28,6 +28,7 @@ from thrustmargin.gcs_plugin.reports.shared.route_map import moved, route_map
 from thrustmargin.gcs_plugin.wording.palette import GROUND_SPEED, LOAD, REDUNDANCY, ColourScale
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FROM_OUTPUTS, worst_rotor
+from thrustmargin.models.model.utilisation_error import INTERVAL
 
 Rows = Mapping[str, Floats]
 
@@ -55,7 +56,9 @@ def figures(report: FlightReport) -> Mapping[str, Figure]:
         made["map_redundancy"] = redundancy_map(rows)
     if knows_redundancy:
         made["redundancy"] = redundancy_figure(rows, limit)
-    if np.any(np.isfinite(rows["rotor_speed_rpm"] - rows["rotor_speed_predicted_rpm"])):
+    residual = rows["rotor_speed_rpm"] - rows["rotor_speed_predicted_rpm"]
+    inferred = np.isfinite(rows["tank_error_kg"])  # from these speeds: the residual says nothing
+    if np.any(np.isfinite(residual[~inferred])):
         made["residual"] = residual_figure(rows, names)
     return made
 
@@ -75,8 +78,13 @@ def use_figure(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> F
     panels = [Panel(traces=traces, axis=axis, height_px=280, limit=_limit(limit))]
     if np.any(np.isfinite(tank)):
         sprayed = np.where(rows["spraying"] > 0.5, tank, np.nan)
+        reach = INTERVAL * rows["tank_error_kg"]
+        inferred = np.any(np.isfinite(reach))
+        named = "load inferred, 90 % interval" if inferred else "tank"
+        within = [band(time_s, np.maximum(tank - reach, 0.0), tank + reach, color=BAND)]
         traces = [
-            line(time_s, tank, color=INK, name="tank", width=2),
+            *(within if inferred else ()),
+            line(time_s, tank, color=INK, name=named, width=2),
             line(time_s, sprayed, color=SPRAYING, name="tank while spraying", width=5),
         ]
         axis = {"title_text": "tank, kg", "range": [0.0, float(np.nanmax(tank)) * 1.1 + 0.1]}

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from thrustmargin.gcs_plugin.reports.margin.data import Fact, Level, MarginVerdict, Moment
 from thrustmargin.gcs_plugin.wording.numbers import (
     UNKNOWN,
@@ -15,7 +17,9 @@ from thrustmargin.gcs_plugin.wording.numbers import (
     percent_within,
     place,
 )
+from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.load_inference import FROM_THRUST, STATED
 from thrustmargin.models.scores import Estimate
 
 #: The verdict by its level, the worst first; {limit} is like "50 %".
@@ -67,6 +71,16 @@ def facts(verdict: MarginVerdict, claim: AirframeClaim) -> tuple[Fact, ...]:
         Fact("from", verdict.basis),
         airframe,
     )
+
+
+def load_facts(track: FlightTrack) -> tuple[Fact, ...]:
+    """What is on board and how that is known, where no gauge says it."""
+    source = track.sources.get("tank_kg", "")
+    known = track.tank_kg[track.flying & np.isfinite(track.tank_kg)]
+    if not known.size or not source.startswith((FROM_THRUST, STATED)):
+        return ()
+    start, end = number(float(known[0]), "", 1), number(float(known[-1]), "kg", 1)
+    return (Fact("load", f"{start} to {end}, {source}"),)
 
 
 def _one_rotor_out(verdict: MarginVerdict) -> str:

@@ -16,7 +16,7 @@ from thrustmargin.gcs_plugin.reports.margin.data import (
     Level,
     MarginVerdict,
 )
-from thrustmargin.gcs_plugin.reports.margin.headline import facts, headline
+from thrustmargin.gcs_plugin.reports.margin.headline import facts, headline, load_facts
 from thrustmargin.gcs_plugin.reports.margin.known import (
     end_rows,
     least,
@@ -62,7 +62,7 @@ def report_flight(
         verdict=replace(
             verdict,
             headline=headline(verdict.level, limit),
-            facts=facts(verdict, analysis.claim),
+            facts=(*facts(verdict, analysis.claim), *load_facts(track)),
         ),
         flight=_flight(analysis, rows["ground_speed"], seconds),
         model=model_use(analysis),
@@ -76,6 +76,9 @@ def report_flight(
         withheld=analysis.withheld,
         rows=rows,
     )
+
+
+NOTHING = np.empty(0)
 
 
 def _verdict(analysis: FlightAnalysis, seconds: Floats, limit: float) -> MarginVerdict:
@@ -163,6 +166,8 @@ def _flight(analysis: FlightAnalysis, speed: Floats, seconds: Floats) -> JsonObj
         "tank_start_kg": start_kg,
         "tank_end_kg": end_kg,
         "liquid_used_kg": start_kg - end_kg,
+        "tank_source": track.sources.get("tank_kg", ""),
+        "tank_error_kg": median(track.standard_errors.get("tank_kg", NOTHING)),
         "spraying_s": float(seconds[spraying].sum()) if knows_spraying else np.nan,
         "sprayed_distance": _path_length(speed, seconds, spraying) if knows_spraying else np.nan,
         "swath_width": sprayed.swath_width if sprayed else np.nan,
@@ -178,6 +183,7 @@ def _flight(analysis: FlightAnalysis, speed: Floats, seconds: Floats) -> JsonObj
         "height_agl_max": most(track.height_agl[flying]),
         "altitude_median": median(track.altitude[flying]),
         "density_median": median(analysis.density[flying]),  # kg/m³
+        "density_error": median(analysis.density_error[flying]),  # kg/m³, standard error
         "density_basis": analysis.density_basis,
         "voltage_start": median(track.voltage[first]),
         "voltage_end": median(track.voltage[last]),

@@ -132,6 +132,22 @@ def test_a_reported_load_and_an_aircraft_without_a_tank_stay_as_they_are():
     assert with_load(tankless, replace(F16, tank_volume_l=0.0)) is tankless
 
 
+def test_a_stated_load_stays_and_is_contradicted_only_by_thrust_that_surely_differs():
+    spraying = np.zeros(600)
+    right = hover(
+        np.full(600, 9.0),
+        spraying=spraying,
+        tank_kg=np.full(600, 8.0),
+        sources={"tank_kg": "stated: 8 kg"},
+        pressure=np.full(600, 101_325.0),
+    )
+    assert with_load(right, F16) is right
+    wrong = with_load(replace(right, tank_kg=np.zeros(600)), F16)
+    assert np.all(wrong.tank_kg == 0.0)
+    assert not wrong.standard_errors
+    assert wrong.sources["tank_kg"].startswith("stated: 8 kg, but hover thrust shows 9.")
+
+
 def live(track: FlightTrack, cuts) -> FlightTrack:
     """The track as a listener has it, in pieces."""
     so_far, parts = LoadEvidence(), []

@@ -39,7 +39,10 @@ def guessing(*names: str) -> Airframe:
 def test_what_is_measured_with_a_sourced_airframe_has_no_error():
     analysis = analyse(flight(), physics_model(F16))
     assert np.all(analysis.utilisation_error == 0.0)
-    assert np.all(analysis.redundancy_error == 0.0)
+    # Nothing is known of the air: 0.1 of 1.225 kg/m³.
+    np.testing.assert_allclose(analysis.redundancy_error, 0.1 / 1.225)
+    stated = analyse(flight(), physics_model(F16), np.full(2, 1.2))
+    assert np.all(stated.redundancy_error == 0.0)
     assert analysis.words_of_speed == analysis.basis_of(0, 2) == "measured"
 
 
@@ -69,7 +72,8 @@ def test_the_whole_interval_of_one_rotor_must_be_above():
 
 
 def test_a_guessed_ceiling_widens_what_was_measured():
-    analysis = analyse(flight(), physics_model(guessing("max_rotor_speed_rpm")))
+    guessed = physics_model(guessing("max_rotor_speed_rpm"))
+    analysis = analyse(flight(), guessed, np.full(2, 1.2))
     assert analysis.utilisation_error[0, 0] == pytest.approx(0.1 * 0.49)
     assert analysis.redundancy_error == pytest.approx([0.1, 0.1])
     mass = analyse(flight(), physics_model(guessing("empty_mass")))
