@@ -232,7 +232,7 @@ def _fit(
     return LoadFit(
         legs=legs,
         values=values[:-1],
-        covariance=covariance[:-1, :-1],
+        covariance=covariance[:-1, :-1].astype(np.float64),
         speeds=float(np.mean(means.error)),
         scatter=scatter,
     )
@@ -306,11 +306,11 @@ def _evidence(
         sprayed=float(sprayed[-1]),
         flown=float(flown[-1]),
     )
-    return shown, leg, np.stack([sprayed, flown], axis=1)
+    return shown, leg.astype(np.float64), np.stack([sprayed, flown], axis=1)
 
 
 def _spans(track: FlightTrack) -> Floats:
-    return np.floor(track.time_s / SPAN).astype(int)
+    return np.floor(track.time_s / SPAN)
 
 
 def _may_carry(track: FlightTrack, airframe: Airframe) -> bool:
