@@ -23,7 +23,7 @@ def read_parameters(path: Path) -> dict[str, float]:
     try:
         if regular(path).stat().st_size > _MOST_BYTES:
             raise LogError(f"{path.name} is too large for a parameter file")
-        text = path.read_bytes().decode("utf-8", "replace")
+        text = path.read_bytes().decode("utf-8-sig", "replace")
     except OSError as error:
         raise LogError(f"{path} cannot be read: {error.strerror or error}") from error
     parameters: dict[str, float] = {}

@@ -12,18 +12,17 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
+from thrustmargin.models.physics.frames import FRAME_CLASSES, class_rotors
 from thrustmargin.models.vehicle_facts import VehicleFacts, VehicleKind
 
 #: SERVOn_FUNCTION -> motor, both counted as ArduPilot does, the motor from 0.
 MOTOR_FUNCTIONS = {**{33 + k: k for k in range(8)}, **{82 + k: 8 + k for k in range(4)}}
 #: FRAME_CLASS of ArduCopter and Q_FRAME_CLASS -> rotors
-FRAME_ROTORS = {1: 4, 2: 6, 3: 8, 4: 8, 5: 6, 7: 3, 12: 12, 14: 10}
+FRAME_ROTORS = class_rotors()
 _HELICOPTER_CLASSES = (6, 11, 13)
 _BOAT_CLASS = 2  # FRAME_CLASS of ArduRover
 #: First word of ArduCopter's text "Frame: QUAD/X" -> rotors
-_FRAME_TEXTS = {"QUAD": 4, "HEXA": 6, "OCTA": 8, "OCTAQUAD": 8, "Y6": 6, "TRI": 3}
-_FRAME_TEXTS |= {"DODECAHEXA": 12, "DECA": 10}
-
+_FRAME_TEXTS = {text: FRAME_ROTORS[kind] for text, kind in FRAME_CLASSES.items()}
 #: MAV_TYPE -> rotors
 _TYPE_ROTORS = {2: 4, 13: 6, 14: 8, 15: 3, 29: 12, 35: 10}
 #: MAV_TYPE -> kind; those that are not here (generic, reserved) say nothing.

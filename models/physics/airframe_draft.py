@@ -64,6 +64,11 @@ def guess(name: str, value: float, source: str) -> Quantity:
     return Quantity(value, (QUANTITIES | ROTOR_QUANTITIES)[name], f"guessed: {source}", True)
 
 
+def lower_effectiveness() -> Quantity:
+    """What the lower rotor of a coaxial pair makes of a free rotor's thrust, where none says so."""
+    return guess("lower_rotor_effectiveness", 0.8, "it works in the wash of the upper rotor")
+
+
 def completed(given: Mapping[str, Quantity], rotors: int) -> dict[str, Quantity]:
     """All quantities of an airframe of so many `rotors`, in the order of its file.
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import tomllib
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
@@ -19,6 +20,22 @@ import numpy as np
 
 from thrustmargin.models.flight import Floats
 
+#: FRAME_CLASS as ArduPilot writes it at boot in "Frame: HEXA/X", and the number it stands for.
+FRAME_CLASSES = MappingProxyType(
+    {
+        "QUAD": 1,
+        "HEXA": 2,
+        "OCTA": 3,
+        "OCTAQUAD": 4,
+        "Y6": 5,
+        "TRI": 7,
+        "DODECAHEXA": 12,
+        "DECA": 14,
+    }
+)
+#: The same of FRAME_TYPE.
+_TYPES = {"PLUS": 0, "X": 1, "V": 2, "H": 3, "PLUSREV": 6, "Y6B": 10, "Y6F": 11, "BF_X": 12}
+_TYPES |= {"DJI_X": 13, "CW_X": 14, "I": 15, "X_REV": 18, "Y4": 19, "default": 1}
 #: Half the height between the rotors of a coaxial pair, as a share of the arm: assumed.
 _PAIR_HEIGHT = 0.1
 
@@ -148,3 +165,23 @@ def layout_of_rotors(position_frd: Floats, spin: Floats) -> MotorLayout | None:
         if np.max(np.abs((turned + 180.0) % 360.0 - 180.0)) < 15.0:
             return layout
     return None
+
+
+def layout_of_text(texts: Iterable[str]) -> MotorLayout | None:
+    """The layout by ArduPilot's boot text "Frame: HEXA/X"; None without one."""
+    for text in texts:
+        head, _, rest = text.strip().partition(": ")
+        kind, _, shape = rest.partition("/")
+        if head == "Frame" and kind in FRAME_CLASSES:
+            return ardupilot_layout(FRAME_CLASSES[kind], _TYPES.get(shape.split("/")[0], -2))
+    return None
+
+
+def class_rotors() -> dict[int, int]:
+    """Rotors of each FRAME_CLASS, that of a tricopter included."""
+    counts = {
+        kind: layout.rotor_count
+        for layout in motor_layouts().values()
+        for kind, _ in layout.ardupilot
+    }
+    return {**counts, FRAME_CLASSES["TRI"]: 3}

@@ -11,12 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from thrustmargin.gcs_plugin.commands.airframe.stated import (
-    OwnerStatement,
-    asked,
-    require_all,
-    stated,
-)
+from thrustmargin.gcs_plugin.commands.airframe.questions import asked, require_all
+from thrustmargin.gcs_plugin.commands.airframe.stated import OwnerStatement, stated
 from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading
 from thrustmargin.models.errors import DataError, LogError
 
@@ -86,7 +82,8 @@ class AirframeNew:
         reported = reported_airframe(
             found.parameters,
             found.highest_voltage,
-            rotor_count=found.rotor_count,
+            facts=found.facts,
+            texts=found.texts,
             layout=self.owner.layout,
         )
         fitted = bench_quantities(self.bench) if self.bench else Fitted()
@@ -132,7 +129,7 @@ def new_airframe(
     Raises UsageError that names every missing option, AirframeError when values contradict.
     """
     from thrustmargin.models.physics.airframe import airframe_from_table, quantity_table
-    from thrustmargin.models.physics.airframe_draft import completed, guess
+    from thrustmargin.models.physics.airframe_draft import completed, lower_effectiveness
     from thrustmargin.models.physics.frames import motor_layouts
 
     reported = replace(reported, quantities={**reported.quantities, **fitted})
@@ -141,7 +138,7 @@ def new_airframe(
     arm = quantities["arm"].value
     if rotors is None:
         layout = motor_layouts()[str(reported.layout)]
-        lower = guess("lower_rotor_effectiveness", 0.8, "it works in the wash of the upper rotor")
+        lower = lower_effectiveness()
         if any(layout.lower):
             quantities["lower_rotor_effectiveness"] = lower
         rotors = layout.rotors(arm, lower.value)

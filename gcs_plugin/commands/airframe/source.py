@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from thrustmargin.models.errors import LogError
+from thrustmargin.models.vehicle_facts import VehicleFacts
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -16,7 +17,8 @@ class VehicleParameters:
     """Parameters by name, what else a log says of the same, and their origin in words."""
 
     parameters: Mapping[str, float]
-    rotor_count: int = 0
+    facts: VehicleFacts | None = None
+    texts: tuple[str, ...] = ()
     highest_voltage: float = float("nan")  # V of the battery
     words: str = "nothing"
 
@@ -31,13 +33,11 @@ def read_source(source: str, *, vehicle: int | None, timeout: float) -> VehicleP
         return _fetched(source, vehicle, timeout)
     from thrustmargin.gcs_plugin.logs import read_log
     from thrustmargin.gcs_plugin.logs.parameter_file import SUFFIXES, read_parameters
-    from thrustmargin.gcs_plugin.telemetry.reported_airframe import frame_of_text
 
     if path.suffix.lower() in SUFFIXES:
         return VehicleParameters(parameters=read_parameters(path), words=path.name)
     log = read_log(path, vehicle=vehicle)
-    parameters = frame_of_text(text for _, text in log.messages) | {**log.parameters}
-    if not parameters:
+    if not log.parameters:
         raise LogError(
             f"{path.name} holds no parameters; save them from the ground station to a .param file "
             "and give that, or connect the vehicle and give its URL"
@@ -46,8 +46,9 @@ def read_source(source: str, *, vehicle: int | None, timeout: float) -> VehicleP
     # One wild report must not decide the number of cells.
     highest = float(np.percentile(voltage, 99.0)) if voltage.size else float("nan")
     return VehicleParameters(
-        parameters=parameters,
-        rotor_count=log.track.rotor_count,
+        parameters=log.parameters,
+        facts=log.facts,
+        texts=tuple(text for _, text in log.messages),
         highest_voltage=highest,
         words=path.name,
     )

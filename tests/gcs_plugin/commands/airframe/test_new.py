@@ -1,5 +1,10 @@
 """`thrustmargin airframe new`: what the vehicle says is taken, what it cannot know is asked for."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -69,3 +74,73 @@ def test_what_nobody_stated_is_marked_as_guessed_and_what_somebody_did_is_not(ma
         *craft.guessed
     }
     assert "guessed, not measured" in printed.out
+
+
+def test_somebody_at_a_terminal_is_asked_and_a_default_is_a_guess(tmp_path):
+    source, out = tmp_path / "vehicle.param", tmp_path / "mine.toml"
+    source.write_text(HEXA)
+    own, terminal = os.openpty()
+    # Power set by default, a slip of the finger, then arm and mass; the tank by default.
+    os.write(own, b"\nfour\n0.45\n6.2\n\n")
+    run_it = "from thrustmargin.gcs_plugin.cli import main; main()"
+    line = [sys.executable, "-c", run_it, "airframe", "new", "--from", str(source)]
+    done = subprocess.run(
+        [*line, "--out", str(out)], stdin=terminal, capture_output=True, text=True, timeout=60
+    )
+    os.close(own)
+    os.close(terminal)
+    assert done.returncode == 0, done.stderr
+    craft = load_airframe(out)
+    assert (craft.layout, craft.empty_mass, craft.tank_volume_l) == ("hexa-x", 6.2, 0.0)
+    assert craft.arm == pytest.approx(0.45, abs=1e-4)
+    assert {"tank_volume_l", "propeller_diameter", "nameplate_max_thrust"} <= {*craft.guessed}
+    assert not {"arm", "empty_mass"} & {*craft.guessed}
+    assert "could not convert" in done.stdout
+
+
+MEASURED = Path(os.environ.get("THRUSTMARGIN_MEASURED", "/nowhere"))
+
+
+@pytest.mark.measured
+@pytest.mark.parametrize("file", ["parameters.param", "77.BIN"])
+@pytest.mark.skipif(not MEASURED.is_dir(), reason="THRUSTMARGIN_MEASURED names no folder")
+def test_a_real_quads_log_and_parameters_give_the_same_aircraft(tmp_path, file):
+    out = tmp_path / "quiver.toml"
+    source = ["--from", str(MEASURED / "quiver_pt1" / file), "--arm", "0.74"]
+    assert run(["airframe", "new", *source, *OWNER, "--out", str(out)]) == 0
+    craft = load_airframe(out)
+    assert craft.layout == "quad-x"
+    assert craft.rotor_spin.tolist() == [1, 1, -1, -1]
+    assert craft.nominal_voltage == pytest.approx(51.8)  # 14 cells
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--wheelbase", "0.9", "--arm", "0.45"], "say the same"),
+        (["--arm", "-1"], "--arm -1 is not a number above 0"),
+        (["--arm", "0.45", "--propeller", "24by8"], "write it in inches, as in 24x8"),
+        (["--arm", "0.45", "--power-set", "x7"], "no power set 'x7'; known are"),
+        (["--arm", "0.45", "--layout", "hexa-z"], "no layout 'hexa-z'; known are"),
+    ],
+)
+def test_a_wrong_option_is_named_with_what_to_write(made, options, words):
+    craft, code, printed = made(HEXA, *OWNER, *options)
+    assert (craft, code) == (None, 2)
+    assert words in printed.err
+
+
+def test_the_makers_thrust_and_speed_give_the_curve(made):
+    given = ["--propeller", "15x5.5", "--max-thrust-kgf", "3.33", "--max-speed-rpm", "6000"]
+    craft, _, _ = made(HEXA, "--mass", "6", "--arm", "0.45", "--tank-litres", "2", *given)
+    assert craft.thrust_coefficient == pytest.approx(3.33 * 9.80665 / 6000**2, rel=1e-3)
+    assert "thrust_coefficient" not in craft.guessed
+
+
+def test_nothing_that_stands_is_replaced_or_read_over(made, tmp_path):
+    made(HEXA, *OWNER, "--arm", "0.45")
+    craft, code, printed = made(HEXA, *OWNER, "--arm", "0.6")
+    assert code == 1
+    assert craft.arm == pytest.approx(0.45, abs=1e-4)
+    assert "already there" in printed.err
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["mine.toml", "vehicle.param"]

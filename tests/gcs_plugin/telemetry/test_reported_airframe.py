@@ -1,0 +1,94 @@
+"""What parameters say of an airframe: layout, battery, rotors; what they cannot say stays open."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from thrustmargin.gcs_plugin.telemetry.reported_airframe import reported_airframe
+from thrustmargin.models.errors import AirframeError
+
+QUAD = {"FRAME_CLASS": 1.0, "FRAME_TYPE": 1.0}
+
+
+def cells(parameters, highest_voltage=math.nan):
+    found = reported_airframe(parameters, highest_voltage).quantities.get("nominal_voltage")
+    return (0, True) if found is None else (round(found.value / 3.7), found.guessed)
+
+
+@pytest.mark.parametrize(
+    ("settings", "volts", "expected"),
+    [
+        ({"MOT_BAT_VOLT_MAX": 60.9, "MOT_BAT_VOLT_MIN": 46.2, "BATT_LOW_VOLT": 50.4}, 56.2, 14),
+        ({"MOT_BAT_VOLT_MAX": 25.2, "MOT_BAT_VOLT_MIN": 19.8}, math.nan, 6),
+        ({"BATT_LOW_VOLT": 10.5}, 57.4, 14),  # a default that nobody set
+        ({"MOT_BAT_VOLT_MAX": 0.0}, 24.9, 6),
+        ({"BAT1_N_CELLS": 12.0, "MOT_BAT_VOLT_MAX": 25.2}, math.nan, 12),
+        ({"BAT_N_CELLS": 4.0}, math.nan, 4),
+    ],
+)
+def test_cells_are_what_settings_and_voltage_agree_on(settings, volts, expected):
+    assert cells(QUAD | settings, volts)[0] == expected
+
+
+def test_one_hint_is_a_guess_two_that_agree_are_not_and_none_is_none():
+    assert cells(QUAD | {"BATT_LOW_VOLT": 43.2}) == (12, True)
+    assert cells(QUAD | {"BATT_LOW_VOLT": 43.2}, 49.1) == (12, False)
+    assert cells(QUAD) == (0, True)
+
+
+def test_without_parameters_of_the_frame_its_boot_text_says_the_layout():
+    assert reported_airframe({}, texts=["EKF3 active", "Frame: HEXA/X"]).layout == "hexa-x"
+    assert reported_airframe({}, texts=["Frame: Y6/default"]).layout == "y6"
+    assert reported_airframe({}, texts=["Frame: QUAD/BF_X"]).layout == "quad-bf-x"
+    assert reported_airframe({}, texts=["Frame: OCTAQUAD/X"]).layout == "octo-coaxial-x8"
+    found = reported_airframe(QUAD, texts=["Frame: HEXA/X"])  # the log of a boot before
+    assert found.layout == "quad-x"
+    assert reported_airframe({}).layout is None
+
+
+def test_what_is_no_multirotor_or_no_known_frame_is_refused():
+    with pytest.raises(AirframeError, match="the vehicle is a helicopter"):
+        reported_airframe({"FRAME_CLASS": 6.0, "H_RSC_MODE": 1.0})
+    with pytest.raises(AirframeError, match="FRAME_CLASS 7, FRAME_TYPE 0 is no layout"):
+        reported_airframe({"FRAME_CLASS": 7.0, "FRAME_TYPE": 0.0, "MOT_SPIN_MIN": 0.1})
+    assert reported_airframe({"FRAME_CLASS": 7.0}, layout="y6").layout == "y6"
+
+
+def test_other_outputs_than_the_frame_has_motors_are_noted():
+    outputs = {f"SERVO{n}_FUNCTION": 32.0 + n for n in range(1, 7)}
+    (note,) = reported_airframe(QUAD | outputs).notes
+    assert note == "6 motors by SERVOn_FUNCTION, but quad-x has 4"
+    assert reported_airframe({"FRAME_CLASS": 2.0, "FRAME_TYPE": 1.0} | outputs).notes == ()
+
+
+def test_the_lower_rotors_of_a_px4_coaxial_work_in_the_wash_of_the_upper():
+    places = [(x, y, z) for z in (-0.1, 0.1) for x, y in ((1, 1), (-1, -1), (1, -1), (-1, 1))]
+    given = {"CA_ROTOR_COUNT": 8.0, "CA_AIRFRAME": 0.0}
+    for n, place in enumerate(places):
+        given |= {f"CA_ROTOR{n}_P{a}": 0.6 * v for a, v in zip("XYZ", place, strict=True)}
+        given[f"CA_ROTOR{n}_KM"] = 0.03 if n in (0, 1, 6, 7) else -0.03
+    found = reported_airframe(given)
+    assert found.rotors is not None
+    assert [r.get("effectiveness", 1.0) for r in found.rotors] == [1.0] * 4 + [0.8] * 4
+    assert found.quantities["lower_rotor_effectiveness"].guessed
+    assert found.quantities["torque_ratio"].value == pytest.approx(0.03)
+    assert found.quantities["arm"].value == pytest.approx(0.6 * np.sqrt(2.0))
+
+
+NAMES = [*QUAD, "Q_ENABLE", "Q_FRAME_CLASS", "SERVO1_FUNCTION", "SERVO3_FUNCTION", "BAT1_N_CELLS"]
+NAMES += ["CA_ROTOR_COUNT", "CA_ROTOR0_PX", "CA_ROTOR0_KM", "CA_ROTOR1_AX", "MOT_BAT_VOLT_MAX"]
+NAMES += ["SERVO_BLH_POLES", "SERVO_BLH_MASK", "BATT_LOW_VOLT", "MOT_THST_HOVER", "CA_AIRFRAME"]
+NUMBERS = st.one_of(st.floats(), st.integers(-3, 40).map(float))
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.dictionaries(st.sampled_from(NAMES), NUMBERS), NUMBERS)
+def test_damaged_parameters_are_an_airframe_error_or_an_answer(parameters, volts):
+    try:
+        found = reported_airframe(parameters, volts)
+    except AirframeError:
+        return
+    assert all(0 < q.value < math.inf for q in found.quantities.values())

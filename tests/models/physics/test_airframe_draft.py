@@ -1,0 +1,73 @@
+"""What nobody stated of an airframe follows from what somebody did, and says that it is a guess."""
+
+from math import pi, sqrt
+
+import pytest
+
+from thrustmargin.models.physics.airframe import (
+    Quantity,
+    airframe_from_table,
+    airframe_names,
+    airframe_table,
+    load_airframe,
+)
+from thrustmargin.models.physics.airframe_checks import QUANTITIES
+from thrustmargin.models.physics.airframe_draft import airframe_toml, completed, power_sets
+from thrustmargin.models.physics.thrust import dimensionless_coefficient
+
+STATED = {
+    "empty_mass": Quantity(18.0, "kg", "own scale"),
+    "tank_volume_l": Quantity(10.0, "L", "own jug"),
+    "nominal_voltage": Quantity(51.8, "V", "14 cells"),
+}
+
+
+@pytest.mark.parametrize("name", power_sets())
+def test_a_power_set_with_mass_tank_and_battery_is_a_whole_airframe(name):
+    made = completed({**power_sets()[name].quantities, **STATED}, 6)
+    assert set(made) == set(QUANTITIES)
+    assert all(quantity.unit == QUANTITIES[key] for key, quantity in made.items())
+    slope, top = made["thrust_coefficient"].value, made["max_rotor_speed_rpm"].value
+    assert slope * top**2 == pytest.approx(made["nameplate_max_thrust"].value, rel=0.09)
+    diameter, density = made["propeller_diameter"].value, made["reference_density"].value
+    found = dimensionless_coefficient(slope, density=density, diameter=diameter)
+    assert 0.05 < found < 0.105
+    for key in STATED.keys() | power_sets()[name].quantities.keys():
+        assert made[key].guessed == {**power_sets()[name].quantities, **STATED}[key].guessed
+    assert all(made[key].guessed for key in ("ceiling_voltage_exponent", "motor_poles"))
+
+
+def test_the_formulas_by_hand():
+    given = {
+        **STATED,
+        "propeller_diameter": Quantity(0.6, "m", "own ruler"),
+        "propeller_pitch": Quantity(0.2, "m", "print on it"),
+        "nameplate_max_thrust": Quantity(120.0, "N", "data sheet"),
+    }
+    made = completed(given, 4)
+    slope = 0.070 * 1.225 * 0.6**4 / 3600.0
+    assert made["thrust_coefficient"].value == pytest.approx(slope, rel=1e-3)
+    assert made["max_rotor_speed_rpm"].value == pytest.approx(sqrt(120.0 / slope), rel=1e-3)
+    each = 28.0 * 9.80665 / 4.0
+    induced = sqrt(each / (2.0 * 1.225 * pi * 0.09))
+    turning = sqrt(each / slope) * 2.0 * pi / 60.0
+    assert made["torque_ratio"].value == pytest.approx(induced / (0.7 * turning), rel=0.01)
+    assert made["pump_max_flow_l_min"].value == pytest.approx(2.9)
+    dry = completed({**given, "tank_volume_l": Quantity(0.0, "L", "none")}, 4)
+    assert (dry["pump_max_flow_l_min"].value, dry["pump_max_flow_l_min"].guessed) == (0.0, False)
+
+
+@pytest.mark.parametrize("name", airframe_names())
+def test_the_text_of_a_file_is_the_airframe_again(name, tmp_path):
+    craft = load_airframe(name)
+    path = tmp_path / "again.toml"
+    path.write_text(airframe_toml(craft, "made by a test\nof two lines"), encoding="utf-8")
+    assert airframe_table(load_airframe(path)) == airframe_table(craft)
+
+
+def test_text_that_toml_would_stumble_over_comes_back(tmp_path):
+    table = airframe_table(load_airframe("topxgun-f16"))
+    table["title"] = 'our "best"\n\\ one \x7f\x00é'
+    path = tmp_path / "odd.toml"
+    path.write_text(airframe_toml(airframe_from_table(table, "odd")), encoding="utf-8")
+    assert load_airframe(path).title == table["title"]
