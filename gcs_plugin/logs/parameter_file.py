@@ -13,7 +13,7 @@ from pathlib import Path
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.whole_file import regular
 
-SUFFIXES = (".param", ".parm", ".params", ".txt")
+SUFFIXES = (".param", ".parm", ".params")
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{1,31}")
 _MOST_BYTES = 4 << 20
 

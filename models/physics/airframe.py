@@ -122,8 +122,9 @@ def _read(name_or_path: str, children: tuple[str, ...]) -> dict[str, Any]:
         try:
             text = regular(path).read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
+            reason = getattr(error, "strerror", None) or error
             raise AirframeError(
-                f"cannot read airframe file {path}: {error}; give a path to a .toml file"
+                f"cannot read airframe file {path}: {reason}; give a path to a .toml file"
             ) from error
     else:
         names = airframe_names()

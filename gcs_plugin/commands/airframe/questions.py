@@ -79,7 +79,7 @@ _USUAL = {6: "hexa-x", 8: "octo-x", 10: "deca-x", 12: "dodecahexa-x"}
 _QUESTIONS = (
     _Question(
         field="layout",
-        option="--layout quad-x",
+        option="--layout {default}",
         words="layout of the motors; the vehicle does not say",
         needed=lambda owner, reported: owner.layout is None and reported.layout is None,
         default=lambda _, reported: _USUAL.get(reported.rotor_count, "quad-x"),
@@ -156,13 +156,20 @@ _QUESTIONS = (
 )
 
 
+def _written(question: _Question, owner: OwnerStatement, reported: ReportedAirframe) -> str:
+    """The option as one would write it; a default stands in it where it depends on nothing else."""
+    if "{default}" not in question.option:
+        return question.option
+    return question.option.format(default=question.default(owner, reported))
+
+
 def require_all(owner: OwnerStatement, reported: ReportedAirframe) -> None:
     """Raise UsageError that names every option that is missing, or a layout that is not known."""
     from thrustmargin.models.physics.frames import motor_layouts
 
     missing = [q for q in _QUESTIONS if q.needed(owner, reported)]
     if missing:
-        listed = "".join(f"\n  {q.option}: {q.words}" for q in missing)
+        listed = "".join(f"\n  {_written(q, owner, reported)}: {q.words}" for q in missing)
         reported_count = reported.layout is None and reported.rotor_count
         hint = f"\nThe vehicle reports {reported_count} rotors." if reported_count else ""
         raise UsageError(
@@ -195,7 +202,8 @@ def _answered(
         try:
             answer = input(f"{question.words} [{default}]: ").strip()
         except EOFError as error:
-            raise DataError(f"no answer; give {question.option}") from error
+            written = _written(question, owner, reported)
+            raise DataError(f"no answer; give {written}") from error
         try:
             value = question.read(answer) if answer else default
             candidate = replace(owner, **{question.field: value})

@@ -36,7 +36,12 @@ def read_source(source: str, *, vehicle: int | None, timeout: float) -> VehicleP
 
     if path.suffix.lower() in SUFFIXES:
         return VehicleParameters(parameters=read_parameters(path), words=path.name)
-    log = read_log(path, vehicle=vehicle)
+    try:
+        log = read_log(path, vehicle=vehicle)
+    except LogError:
+        if path.suffix.lower() != ".txt":
+            raise
+        return VehicleParameters(parameters=read_parameters(path), words=path.name)
     if not log.parameters:
         raise LogError(
             f"{path.name} holds no parameters; save them from the ground station to a .param file "

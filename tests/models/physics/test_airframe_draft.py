@@ -1,6 +1,11 @@
 """What nobody stated of an airframe follows from what somebody did, and says that it is a guess."""
 
+import csv
+import os
+from collections import defaultdict
 from math import pi, sqrt
+from pathlib import Path
+from statistics import median, stdev
 
 import pytest
 
@@ -12,7 +17,12 @@ from thrustmargin.models.physics.airframe import (
     load_airframe,
 )
 from thrustmargin.models.physics.airframe_checks import QUANTITIES
-from thrustmargin.models.physics.airframe_draft import airframe_toml, completed, power_sets
+from thrustmargin.models.physics.airframe_draft import (
+    TYPICAL_C_T,
+    airframe_toml,
+    completed,
+    power_sets,
+)
 from thrustmargin.models.physics.thrust import dimensionless_coefficient
 
 STATED = {
@@ -71,3 +81,29 @@ def test_text_that_toml_would_stumble_over_comes_back(tmp_path):
     path = tmp_path / "odd.toml"
     path.write_text(airframe_toml(airframe_from_table(table, "odd")), encoding="utf-8")
     assert load_airframe(path).title == table["title"]
+
+
+TABLES = Path(os.environ.get("THRUSTMARGIN_MEASURED", "/nowhere")) / "vendor_bench_tmotor_kde"
+
+
+@pytest.mark.measured
+@pytest.mark.skipif(not TABLES.is_dir(), reason="THRUSTMARGIN_MEASURED names no such tables")
+def test_the_typical_coefficient_is_that_of_the_makers_tables():
+    tables: dict[tuple[str, ...], list[float]] = defaultdict(list)
+    with (TABLES / "motor_prop_bench_tidy.csv").open() as file:
+        for row in csv.DictReader(file):
+            size = row["brand"], row["D_in"], row["pitch_in"], row["file"], row["test_V"]
+            if float(row["D_in"]) >= 18 and row["blades"] == "2" and float(row["rpm"] or 0) > 300:
+                slope = float(row["thrust_g"]) * 9.80665e-3 / float(row["rpm"]) ** 2
+                diameter = float(row["D_in"]) * 0.0254
+                tables[size].append(
+                    dimensionless_coefficient(slope, density=1.225, diameter=diameter)
+                )
+    propellers: dict[tuple[str, ...], list[float]] = defaultdict(list)
+    for size, found in tables.items():
+        propellers[size[:3]].append(median(found))
+    typical = [median(found) for found in propellers.values()]
+    assert len(typical) == 19
+    assert median(typical) == pytest.approx(TYPICAL_C_T, abs=0.0005)
+    assert stdev(typical) == pytest.approx(0.007, abs=0.0005)
+    assert (min(typical), max(typical)) == pytest.approx((0.057, 0.078), abs=0.001)

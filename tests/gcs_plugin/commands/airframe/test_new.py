@@ -40,8 +40,9 @@ def made(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("separator", [",", "\t", "  ", " , "])
-def test_parameter_files_of_ground_stations_give_the_motor_order(made, separator):
-    craft, code, _ = made(HEXA.replace(",", separator), *OWNER, "--arm", "0.45")
+@pytest.mark.parametrize("name", ["vehicle.param", "VEHICLE.PARM", "vehicle.txt"])
+def test_parameter_files_of_ground_stations_give_the_motor_order(made, separator, name):
+    craft, code, _ = made(HEXA.replace(",", separator), *OWNER, "--arm", "0.45", name=name)
     assert code == 0
     assert craft.rotor_spin.tolist() == [-1, 1, -1, 1, 1, -1]
     np.testing.assert_allclose(craft.rotor_position_frd[4], [0.45 * 0.866, 0.225, 0.0], atol=1e-4)
@@ -65,6 +66,13 @@ def test_what_is_missing_is_named_all_at_once(made):
     assert (craft, code) == (None, 2)
     for option in ("--layout", "--power-set", "--cells", "--arm", "--mass", "--tank-litres"):
         assert option in printed.err
+
+
+def test_the_layout_offered_has_as_many_rotors_as_the_vehicle_reports(made):
+    outputs = "".join(f"SERVO{n}_FUNCTION,{32 + n}\n" for n in range(1, 7))
+    _, _, printed = made(outputs)
+    assert "--layout hexa-x:" in printed.err
+    assert "reports 6 rotors" in printed.err
 
 
 def test_what_nobody_stated_is_marked_as_guessed_and_what_somebody_did_is_not(made):
