@@ -116,6 +116,7 @@ def read_csv(path: Path, *, rotor_count: int = 0) -> FlightTrack:
     if twice is not None:
         raise LogError(f"{path.name}: column {twice!r} is there twice; keep one")
     first_rows = csv.reader(body.split("\n", _SHOWN)[1:_SHOWN], delimiter=separator)
+    torn: list[object] = []
     comma = any(_DECIMAL_COMMA.fullmatch(cell.strip()) for row in first_rows for cell in row)
     try:
         table = table_of.read_csv(
@@ -125,7 +126,9 @@ def read_csv(path: Path, *, rotor_count: int = 0) -> FlightTrack:
                 column_names=[n if _known(n) else f"{k} {n}" for k, n in enumerate(names)],
                 skip_rows=1,
             ),
-            parse_options=table_of.ParseOptions(delimiter=separator),
+            parse_options=table_of.ParseOptions(
+                delimiter=separator, invalid_row_handler=lambda row: torn.append(row) or "skip"
+            ),
             convert_options=table_of.ConvertOptions(
                 column_types={n: pa.float64() for n in used},
                 include_columns=used,
@@ -137,12 +140,22 @@ def read_csv(path: Path, *, rotor_count: int = 0) -> FlightTrack:
     except (pa.ArrowInvalid, pa.ArrowKeyError) as error:
         reason = clean(" ".join(str(error).split())[:160])
         raise LogError(f"{path.name}: not a table of numbers: {reason}") from error
+    # One is what is left when a logger is switched off, or where two writes met.
+    if len(torn) > (1 + table.num_rows // 100 if table.num_rows else 0):
+        raise LogError(
+            f"{path.name}: not a table of numbers: {len(torn)} rows have another number of "
+            f"columns than the {len(names)} of its heading"
+        )
     found = {name: table[name].to_numpy(zero_copy_only=False) for name in used}
     unused = [name for name in names if not _known(name)]
-    about = _about(comments, path)
+    about, notes = _about(comments, path), []
+    if torn:
+        notes.append(f"{len(torn)} torn row(s) are left out")
+    if unused:
+        notes.append(clean(f"columns not used: {', '.join(unused)[:200]}"))
     if "flight_number" in found:
-        found = _first_flight(found, about)
-    return _track(path, found, unused, about, rotor_count)
+        found = _first_flight(found, notes)
+    return _track(path, found, notes, about, rotor_count)
 
 
 def _known(name: str) -> bool:
@@ -196,21 +209,20 @@ def _about(comments: Sequence[str], path: Path) -> dict[str, Any]:
     return about
 
 
-def _first_flight(found: Mapping[str, Floats], about: dict[str, Any]) -> dict[str, Floats]:
+def _first_flight(found: Mapping[str, Floats], notes: list[str]) -> dict[str, Floats]:
     """The rows of the first flight of a report of several, which is said in a note."""
     numbers = found["flight_number"]
     first = numbers == numbers[0] if numbers.size else numbers == numbers
     others = np.unique(numbers[~first])
     if others.size:
-        note = f"{others.size + 1} flights in the file, the first is read; the others are not"
-        about["notes"] = [note]
+        notes.append(f"{others.size + 1} flights in the file: the first is read, the others not")
     return {name: values[first] for name, values in found.items() if name != "flight_number"}
 
 
 def _track(
     path: Path,
     found: Mapping[str, Floats],
-    unused: list[str],
+    notes: Sequence[str],
     about: Mapping[str, Any],
     rotor_count: int,
 ) -> FlightTrack:
@@ -242,9 +254,7 @@ def _track(
     stated = stated if isinstance(stated, dict) else {}
     written = about.get("notes")
     written = written if isinstance(written, list) else []
-    notes = tuple(clean(n) for n in written if isinstance(n, str))
-    if unused:
-        notes += (clean(f"columns not used: {', '.join(unused)[:200]}"),)
+    notes = (*(clean(n) for n in written if isinstance(n, str)), *notes)
     sources = {name: f"{path.name} column {COLUMNS.get(name, (name,))[0]}" for name in channels}
     return FlightTrack.of(
         name=clean(name if isinstance(name, str) else path.name),

@@ -45,6 +45,7 @@ MAY_BE_ZERO = frozenset({"ceiling_voltage_exponent", "tank_volume_l", "pump_max_
 #: C_T = a 3600/(rho D^4) of propellers: UIUC's and the makers' tables lie between 0.02 and 0.2.
 _COEFFICIENT_RANGE = (0.01, 0.5)
 _GRAVITY = 9.80665  # m/s^2
+_LARGEST = 1e30  # of any number in a file
 _KEYS = ("name", "title", "layout", "tank_source", "extends", "quantities", "rotors")
 _QUANTITY_KEYS = ("value", "unit", "source", "guessed", "note")
 _ROTOR_KEYS = ("name", "position_frd", "spin", "effectiveness")
@@ -93,7 +94,7 @@ def _quantity_problems(name: str, unit: str, entry: Any) -> list[str]:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if entry["unit"] != unit:
         problems.append(f"{name} is in {entry['unit']!r}; give it in {unit!r}")
-    elif not is_number or not (0 < value < inf or (value == 0 and name in MAY_BE_ZERO)):
+    elif not is_number or not (0 < value < _LARGEST or (value == 0 and name in MAY_BE_ZERO)):
         problems.append(f"{name} is {value!r}; it must be a number above 0")
     if not isinstance(entry.get("guessed", False), bool):
         problems.append(f"{name}: guessed is {entry['guessed']!r}; write true or false")
@@ -201,11 +202,12 @@ def _is_text(table: dict[str, Any], key: str) -> bool:
 
 
 def _real(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    return number and abs(value) < _LARGEST
 
 
 def _value(table: dict[str, Any], name: str) -> float:
     """A quantity's number; NaN where there is none."""
     entry = table.get("quantities", {}).get(name)
     value = entry.get("value") if isinstance(entry, dict) else None
-    return float(value) if isinstance(value, int | float) else float("nan")
+    return float(value) if _real(value) else float("nan")

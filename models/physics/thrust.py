@@ -184,8 +184,9 @@ def relative_error(thrust: ArrayLike, measured: ArrayLike) -> Floats:
 
 def load_matching(airframe: Airframe) -> LoadMatching:
     """Eq. 6-8 for a full and an empty tank; for the F16 9.275 kg, 5.275 kg and 75.83 %."""
-    full = (airframe.empty_mass + airframe.tank_capacity_kg) / airframe.rotor_count
-    empty = airframe.empty_mass / airframe.rotor_count
+    rotors = max(airframe.rotor_count, 1)  # of an aircraft that is not known none may be
+    full = (airframe.empty_mass + airframe.tank_capacity_kg) / rotors
+    empty = airframe.empty_mass / rotors
     return LoadMatching(full_load=full, empty_load=empty, load_increase=(full - empty) / empty)
 
 

@@ -52,7 +52,8 @@ class DataFlashColumns:
         values = self[name]
         if values.dtype.kind not in "iuf" or values.ndim != 1:
             return np.full(len(values), np.nan)
-        return values.astype(np.float64)
+        with np.errstate(invalid="ignore"):  # damage makes NaN that numpy warns of
+            return values.astype(np.float64)
 
     def texts(self, name: str) -> list[str]:
         """n printable strings; empty where a damaged description made it a number."""

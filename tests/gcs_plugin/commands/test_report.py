@@ -122,3 +122,11 @@ def test_ctrl_c_while_writing_leaves_the_old_report(tmp_path, monkeypatch, model
     assert run(["report", str(LOG), "--model", str(model_file), "--out", str(out)]) == 130
     assert out.read_text("utf-8") == "old"
     assert [p.name for p in tmp_path.iterdir()] == ["r.html"]
+
+
+def test_a_flight_that_says_nothing_of_its_rotors_gets_a_page_and_no_verdict(tmp_path, capsys):
+    log = tmp_path / "bare.csv"
+    log.write_text("time_s,airspeed,height_agl\n" + "".join(f"{t},3,9\n" for t in range(60)))
+    assert run(["report", str(log), "--out", str(tmp_path / "r.html")]) == 0
+    assert "bare.csv: NO VERDICT" in capsys.readouterr().out
+    assert (tmp_path / "r.html").exists()

@@ -167,6 +167,16 @@ def test_tables_as_other_programs_write_them(tmp_path, separator, quote, comma, 
     np.testing.assert_array_equal(track.rotor_speed_rpm, [[2000, 2001, 2002], [np.nan, 2003, 2004]])
 
 
+def test_a_torn_row_is_left_out_and_counted_and_many_are_no_table(tmp_path):
+    (tmp_path / "x.csv").write_text('# {"notes": ["by hand"]}\ntime_s,airspeed\n0,1\n1,2\n2')
+    track = read_log(tmp_path / "x.csv").track
+    np.testing.assert_array_equal(track.airspeed, [1.0, 2.0])
+    assert track.notes[:2] == ("by hand", "1 torn row(s) are left out")
+    (tmp_path / "x.csv").write_text("time_s,airspeed\n0,1\n1,2,3\n2")
+    with pytest.raises(LogError, match="2 rows have another number of columns than the 2"):
+        read_log(tmp_path / "x.csv")
+
+
 def test_a_line_that_names_the_separator_is_passed_over(tmp_path):
     (tmp_path / "x.csv").write_text("sep=;\ntime_s;airspeed\n0;1\n1; 2,5\n")
     np.testing.assert_array_equal(read_log(tmp_path / "x.csv").track.airspeed, [1.0, 2.5])
@@ -185,7 +195,7 @@ def test_the_csv_of_a_report_is_a_flight_again(sitl_logs, tmp_path):
     assert run(["report", log, log, "--out", str(tmp_path / "two.html")]) == 0
     two = read_log(tmp_path / "two.csv").track
     np.testing.assert_array_equal(two.time_s, again.time_s)
-    assert any("2 flights in the file, the first is read" in note for note in two.notes)
+    assert any("2 flights in the file: the first is read" in note for note in two.notes)
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """Airframe files: what ships is complete and sourced, what is wrong is refused with a remedy."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -355,3 +357,14 @@ def test_a_guess_stays_a_guess_through_file_and_table(tmp_path):
 def test_what_is_assumed_of_a_shipped_aircraft_is_marked_as_a_guess(name):
     for quantity in load_airframe(name).quantities.values():
         assert quantity.guessed == quantity.source.startswith(("assumed", "derived"))
+
+
+def test_a_number_too_large_for_a_number_is_listed_with_the_rest(tmp_path):
+    shipped = Path(__file__).parents[3] / "models/airframes/topxgun-f16.toml"
+    text = shipped.read_text(encoding="utf-8")
+    for old in ("empty_mass = { value = 21.1", "tank_volume_l = { value = 16.0"):
+        assert old in text
+        text = text.replace(old, old.rpartition(" ")[0] + " 1" + "0" * 400)
+    (tmp_path / "x.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(AirframeError, match=r"(?s)2 things to correct.*empty_mass.*tank_volume_l"):
+        load_airframe(tmp_path / "x.toml")
