@@ -23,6 +23,9 @@ LABELS: Mapping[str, tuple[float, float]] = {
     "degC": UNITS["degC"],
     "Ah": (1000.0, 0.0),
 }
+#: Columns that firmware of before 2016 wrote in hundredths, as whole numbers without a factor;
+#: later the same columns are fractional numbers in V and A.
+_HUNDREDTHS = {"CURR": ("Volt", "Curr")}
 #: Labels that state no unit.
 NO_UNIT = ("", "UNKNOWN", "instance")
 
@@ -121,4 +124,7 @@ class Units:
             if letter not in SCALED_LETTERS and label.get(name, "") not in NO_UNIT:
                 # 0 stands for "no multiplier".
                 scale[name] = self.factor.get(ord(code) & 0xFF, 1.0) or 1.0
+        for name, letter in zip(form.columns, form.letters, strict=True):
+            if name in _HUNDREDTHS.get(form.name, ()) and letter in "hHiI":
+                scale[name] = 0.01
         return scale, label

@@ -13,6 +13,7 @@ from thrustmargin.gcs_plugin.mavlink.checksum import checksum_rows
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.mavlink.scan import read_bytes
 
+_FMT_COLUMNS = "Type,Length,Name,Format,Columns"
 DAY_US = 260_000_000  # more than any recorded flight lasts
 
 
@@ -149,6 +150,74 @@ class UlogWriter:
 
     def bytes(self) -> bytes:
         return b"".join([*self._head, *self._body])
+
+
+class DataFlashWriter:
+    """A small ArduPilot log, as binary and as text, by pymavlink's table of format letters."""
+
+    def __init__(self) -> None:
+        self._formats: dict[str, tuple[int, str, str]] = {}
+        self._rows: list[tuple[str, tuple[float | str, ...]]] = []
+
+    def message(self, name: str, letters: str, columns: str) -> None:
+        self._formats[name] = (100 + len(self._formats), letters, columns)
+
+    def row(self, name: str, *values: float | str) -> None:
+        """Numbers as they lie in the file: hundredths for the letter c."""
+        self._rows.append((name, values))
+
+    def parameters(self, **values: float) -> None:
+        self.message("PARM", "QNf", "TimeUS,Name,Value")
+        for name, value in values.items():
+            self.row("PARM", 1, name, value)
+
+    def texts(self, *texts: str) -> None:
+        self.message("MSG", "QZ", "TimeUS,Message")
+        for text in texts:
+            self.row("MSG", 1, text)
+
+    def bytes(self) -> bytes:
+        letters_of_fmt = "BBnNZ"
+        out = [self._packed(128, letters_of_fmt, 128, 89, "FMT", letters_of_fmt, _FMT_COLUMNS)]
+        for name, (number, letters, columns) in self._formats.items():
+            size = 3 + struct.calcsize(self._codes(letters))
+            out.append(self._packed(128, letters_of_fmt, number, size, name, letters, columns))
+        for name, values in self._by_time():
+            out.append(self._packed(*self._formats[name][:2], *values))
+        return b"".join(out)
+
+    def text(self) -> bytes:
+        lines = [
+            f"FMT, {number}, 89, {name}, {letters}, {columns}"
+            for name, (number, letters, columns) in {
+                "FMT": (128, "BBnNZ", _FMT_COLUMNS),
+                **self._formats,
+            }.items()
+        ]
+        lines = [
+            line.replace(" 89,", f" {3 + struct.calcsize(self._codes(line.split(', ')[4]))},")
+            for line in lines
+        ]
+        for name, values in self._by_time():
+            letters = self._formats[name][1]
+            cells = [
+                str(v * 0.01 if letter in "cCeE" and not isinstance(v, str) else v)
+                for v, letter in zip(values, letters, strict=True)
+            ]
+            lines.append(", ".join([name, *cells]))
+        return "\n".join([*lines, ""]).encode()
+
+    def _by_time(self) -> list[tuple[str, tuple[float | str, ...]]]:
+        return sorted(self._rows, key=lambda row: row[1][0])
+
+    def _codes(self, letters: str) -> str:
+        from pymavlink.DFReader import FORMAT_TO_STRUCT
+
+        return "<" + "".join(FORMAT_TO_STRUCT[letter][0] for letter in letters)
+
+    def _packed(self, number: int, letters: str, *values: float | str) -> bytes:
+        cells = [v.encode() if isinstance(v, str) else v for v in values]
+        return bytes((0xA3, 0x95, number)) + struct.pack(self._codes(letters), *cells)
 
 
 def with_rotor_speeds(path: Path, change: Callable[[np.ndarray], np.ndarray]) -> bytes:
