@@ -37,9 +37,9 @@ class VehicleFacts:
     def refusal(self, name: str) -> str:
         """Why no thrust margin can be had of the vehicle `name`, in words; empty for none."""
         article = "an" if self.kind[0] in "aeiou" else "a"
-        is_a = f"{name} is {article} {self.kind} (by {self.evidence})"
+        is_a = f"{name}: this is {article} {self.kind} (by {self.evidence})"
         if not self.has_lifting_rotors:
-            return f"{is_a}: thrustmargin is for multirotors"
+            return f"{is_a}, and thrustmargin is for multirotors"
         if self.kind == "quadplane" and not self.rotor_count:
             return f"{is_a}, and nothing says which outputs are its hover motors (SERVOn_FUNCTION)"
         return ""

@@ -54,7 +54,7 @@ def in_both_forms(tmp_path: Path, log: DataFlashWriter) -> list[Path]:
 )
 def test_other_vehicles_are_refused_and_read_for_inspection(tmp_path, text, parameters, kind):
     for path in in_both_forms(tmp_path, dataflash(text, **parameters)):
-        with pytest.raises(LogError, match=rf"^{path.name} is a {kind} \(by .*multirotors$"):
+        with pytest.raises(LogError, match=rf"^{path.name}: this is a {kind} \(by .*multirotors$"):
             read_log(path)
         log = read_log(path, any_vehicle=True)
         assert (log.facts.kind, log.track.rotor_count) == (kind, 0)
@@ -117,7 +117,7 @@ def test_a_heartbeat_says_what_a_telemetry_log_is_of(tmp_path, mav_type, kind):
         ]
         out += [stamped(m.pack(made), t) for m in messages]
     path = written(tmp_path, b"".join(out))
-    with pytest.raises(LogError, match=rf"is a {kind} \(by MAV_TYPE {mav_type}\)"):
+    with pytest.raises(LogError, match=rf"this is a {kind} \(by MAV_TYPE {mav_type}\)"):
         read_log(path)
     assert read_log(path, any_vehicle=True).facts.kind == kind
 

@@ -109,7 +109,8 @@ def test_the_frame_text_tells_the_rotors():
 def test_what_is_refused_and_in_which_words():
     plane = vehicle_facts({}, texts=("ArduPlane V4.3.0",))
     assert plane.refusal("north.BIN") == (
-        "north.BIN is a plane (by boot text 'ArduPlane V4.3.0'): thrustmargin is for multirotors"
+        "north.BIN: this is a plane (by boot text 'ArduPlane V4.3.0'), "
+        "and thrustmargin is for multirotors"
     )
     hidden = vehicle_facts({"Q_FRAME_CLASS": 1.0}, mav_type=20)
     assert "nothing says which outputs are its hover motors" in hidden.refusal("x")
