@@ -11,8 +11,10 @@
 | `saturation` | a motor's output or a rotor's speed > 0.97 of its most | 0.5 s | < 0.92 | 2 s |
 | `telemetry` | nothing heard | 3 s | heard | 1 s |
 | `rotor speeds` | in flight other messages come, but not every rotor's speed | 3 s | heard | 1 s |
-What is not known (NaN) neither raises nor clears; a rotor below the limit counts though another is
-unknown. Texts are short, for a STATUSTEXT has 50 characters.
+A margin that was inferred, not measured, has its 90 % error in the text; where the limit lies
+within it the alarm is a notice. `rotor` needs measured speeds: how the motors differ in output is
+not known. What is not known (NaN) neither raises nor clears; a rotor below the limit counts though
+another is unknown. Texts are short, for a STATUSTEXT has 50 characters.
 """
 
 from __future__ import annotations
@@ -29,6 +31,7 @@ from thrustmargin.gcs_plugin.live.rotor_sums import RotorSums
 from thrustmargin.gcs_plugin.live.tank_balance import TankBalance
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import Basis, FlightAnalysis
+from thrustmargin.models.model.utilisation_error import INTERVAL
 
 ROTORS_HOLD = 1.0  # s of the time after which missing rotor speeds are reported
 #: ESC_FAILURE_FLAGS of MAVLink's common.xml, gravest first
@@ -73,6 +76,7 @@ class LinkNow:
     silent: float
     rotors_silent: Floats
     flying: bool  # when last heard
+    from_outputs: bool = False  # its rotor speeds are made from motor outputs
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,27 +95,39 @@ def margin(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:
     known = np.isfinite(margins)
     worst = float(np.min(margins[known], initial=np.inf))
     rotor = int(np.argmin(np.where(known, margins, np.inf))) + 1
-    yield _low(s, "Thrust margin", worst, f": rotor {rotor}", clears=bool(np.all(known)))
+    error = INTERVAL * float(now.analysis.utilisation_error[now.row, rotor - 1])
+    yield _low(
+        s, "Thrust margin", worst, f": rotor {rotor}", error=error, clears=bool(np.all(known))
+    )
 
 
 def margin_ahead(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:
     yield _low(s, "Route ahead: margin", now.margin_ahead)
 
 
-def _low(s: AlarmSettings, what: str, least: float, of: str = "", *, clears=True) -> Judged:
-    """A margin against the limit; rounded down, so that what is below it also reads so."""
+def _low(
+    s: AlarmSettings, what: str, least: float, of: str = "", *, error: float = 0.0, clears=True
+) -> Judged:
+    """A margin against the limit; rounded down, so that what is below it also reads so.
+
+    Where the limit lies within the 90 % `error` of an inferred margin, the text says so, and it is
+    a notice.
+    """
     limit = 1.0 - s.max_utilisation
     off = clears and least > limit + s.margin_hysteresis
     text = ""
     if math.isfinite(least):
-        place = "below" if least < limit else "near"
-        text = f"{what} {math.floor(100 * least + 1e-6)}% {place} {limit:.0%}{of}"
-    return Judged(least < limit, off, WARNING, text)
+        place = "below" if least + error < limit else "near"
+        within = f" (+-{math.ceil(100 * error)})" if error > 0.0 else ""
+        text = f"{what} {math.floor(100 * least + 1e-6)}%{within} {place} {limit:.0%}{of}"
+    severity = WARNING if not error > 0.0 or least + error < limit else NOTICE
+    return Judged(least < limit, off, severity, text)
 
 
 def saturation(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:
     analysis = now.analysis
-    used = np.fmax(analysis.track.throttle[now.row], np.sqrt(analysis.utilisation[now.row]))
+    by_speed = np.where(analysis.from_outputs[now.row], np.nan, analysis.utilisation[now.row])
+    used = np.fmax(analysis.track.throttle[now.row], np.sqrt(by_speed))
     for rotor, share in enumerate(used.tolist(), start=1):
         text = f"Rotor {rotor} at its limit: no thrust left"
         yield Judged(share > s.saturation, share < s.saturation - 0.05, CRITICAL, text, rotor)
@@ -188,6 +204,8 @@ def rotor_speeds(s: AlarmSettings, now: LinkNow) -> Iterator[Judged]:
     text = f"No speed of rotor{several} {', '.join(str(k + 1) for k in missing)}: ESC?"
     if missing.size == behind.size:
         text = "No rotor speeds: ESC telemetry lost"
+    if now.from_outputs:
+        text = "No motor outputs: margin unknown"
     on = missing.size > 0 and now.silent <= s.silence and now.flying
     yield Judged(on, bool(np.all(behind <= limit)) or not now.flying, WARNING, text)
 

@@ -88,16 +88,25 @@ class Alarms:
         return events
 
     def heard(
-        self, now_s: float, silent: float, rotors_silent: Floats, *, flying: bool = True
+        self,
+        now_s: float,
+        silent: float,
+        rotors_silent: Floats,
+        *,
+        flying: bool = True,
+        from_outputs: bool = False,
     ) -> list[AlarmEvent]:
         """Judge the link: s since anything, and (R,) since each rotor's speed, was heard.
 
         Times are the ground's clock. `rotors_silent` is NaN for a vehicle that has never reported a
         rotor speed. `flying` when last heard: a vehicle that is switched off after a landing is
-        worth a notice, and one whose motors rest owes no rotor speeds.
+        worth a notice, and one whose motors rest owes no rotor speeds. `from_outputs`: they are
+        made from motor outputs.
         """
         events: list[AlarmEvent] = []
-        link = LinkNow(silent=silent, rotors_silent=rotors_silent, flying=flying)
+        link = LinkNow(
+            silent=silent, rotors_silent=rotors_silent, flying=flying, from_outputs=from_outputs
+        )
         self._judge(events, OF_THE_LINK, now_s, link)
         return events
 

@@ -18,6 +18,7 @@ from thrustmargin.gcs_plugin.live.fleet import Fleet
 from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorStatus
 from thrustmargin.gcs_plugin.live.vehicle_monitor import Update, VehicleMonitor
 from thrustmargin.gcs_plugin.wording.numbers import NOT_RECORDING
+from thrustmargin.models.model.utilisation_error import INTERVAL
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
@@ -42,8 +43,8 @@ COLUMNS = {
 WRAPPED = (3, 6, 7)  # of the headings, those of several words; cells are shorter
 WIDE = 110  # characters
 LEGEND = (
-    "margin: measured, worst rotor · one rotor lost: thrust that can be held over weight, yaw "
-    "uncontrolled · ~ old, the last that was known"
+    "margin: worst rotor, ± where not measured · one rotor lost: thrust that can be held over "
+    "weight, yaw uncontrolled · ~ old, the last that was known"
 )
 
 
@@ -131,8 +132,9 @@ def numbers(update: Update, limit: float, *, old: bool = False) -> list[str]:
     free = float(analysis.redundancy_yaw_uncontrolled[-1])
     tank = float(analysis.track.tank_kg[-1])
     inferred = math.isfinite(tank) and math.isnan(analysis.track.measured("tank_kg")[-1])
+    error = INTERVAL * analysis.utilisation_error[-1]
     return [
-        _margin_cell(margin, limit, flying=bool(analysis.track.flying[-1]), old=old),
+        _margin_cell(margin, error, limit, flying=bool(analysis.track.flying[-1]), old=old),
         percent(predicted),
         f"{free:.2f} x" if math.isfinite(free) else "-",
         f"≈ {kilograms(tank)}" if inferred else kilograms(tank),
@@ -145,8 +147,13 @@ def numbers(update: Update, limit: float, *, old: bool = False) -> list[str]:
     ]
 
 
-def _margin_cell(margin: np.ndarray, limit: float, *, flying: bool, old: bool) -> str:
-    """Worst rotor's margin and number; how many rotors are unknown; nothing for rotors at rest."""
+def _margin_cell(
+    margin: np.ndarray, error: np.ndarray, limit: float, *, flying: bool, old: bool
+) -> str:
+    """Worst rotor's margin and number; how many rotors are unknown; nothing for rotors at rest.
+
+    An inferred margin has half of its 90 % interval, and is green or red where all of that is.
+    """
     if not flying:
         return "on ground"
     known = np.isfinite(margin)
@@ -154,9 +161,13 @@ def _margin_cell(margin: np.ndarray, limit: float, *, flying: bool, old: bool) -
         return "-"
     worst = float(np.min(margin[known]))
     unknown = int(np.sum(~known))
-    words = f"{percent(worst)} r{int(np.nanargmin(margin)) + 1}"
+    rotor = int(np.nanargmin(margin))
+    reach = float(error[rotor])
+    within = f" ±{100 * reach:.0f}" if reach > 0.0 else ""
+    words = f"{percent(worst)}{within} r{rotor + 1}"
     words += f", {unknown} unknown" if unknown else ""
-    colour = "bold red" if worst < limit else "yellow" if unknown else "green"
+    near = unknown or worst - reach < limit
+    colour = "bold red" if worst + reach < limit else "yellow" if near else "green"
     return words if old else f"[{colour}]{words}[/]"
 
 

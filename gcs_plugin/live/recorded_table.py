@@ -2,8 +2,8 @@
 
 Columns: `vehicle`, `boot` (restarts heard), `unix_s` (ground's clock), `clock_s` (vehicle's, since
 boot), `time_s` (since the first row of this boot), each channel of a FlightTrack (vectors as _n _e
-_d, _x _y _z or _roll _pitch _yaw, rotors as _1 _2 ...), `flying`, then what the analysis made of
-it.
+_d, _x _y _z or _roll _pitch _yaw, rotors as _1 _2 ...), the standard errors of channels that may be
+inferred (_error), `flying`, then what the analysis made of it.
 `read_samples` gives them back as a FlightTrack.
 """
 
@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 
+#: Channels that may be inferred, each with columns of its standard error.
+INFERRED = ("rotor_speed_rpm", "tank_kg")
+
+
 def sample_batch(update: Update, new: slice) -> pa.RecordBatch:
     """The rows `new` of an update as a record batch; one schema for one number of rotors."""
     import pyarrow as pa
@@ -38,6 +42,9 @@ def sample_batch(update: Update, new: slice) -> pa.RecordBatch:
     }
     for channel, column in TRACK_CHANNELS.items():
         _spread(table, column.column_names(channel, rotors), getattr(track, channel)[new])
+    for channel in INFERRED:  # standard errors, 0 where it was measured
+        error = track.standard_errors.get(channel, np.zeros_like(getattr(track, channel)))
+        _spread(table, _error_names(channel, rotors), error[new])
     table["flying"] = track.flying[new]
     prediction = analysis.prediction
     for name, values in (
@@ -62,6 +69,11 @@ def sample_batch(update: Update, new: slice) -> pa.RecordBatch:
         "seconds_to_empty": np.full(rows, update.outlook.seconds_to_empty),
     }
     return pa.record_batch({name: np.ascontiguousarray(v) for name, v in table.items()})
+
+
+def _error_names(channel: str, rotors: int) -> list[str]:
+    names = TRACK_CHANNELS[channel].column_names(channel, rotors)
+    return [f"{name}_error" for name in names]
 
 
 def _spread(table: dict[str, Any], names: list[str], values: np.ndarray) -> None:
@@ -91,17 +103,24 @@ def read_samples(folder: Path, vehicle: int, boot: int = 0) -> FlightTrack:
     table = table.take(np.flatnonzero(chosen))
     if table.num_rows == 0:
         raise LogError(f"{folder}: no samples of vehicle {vehicle} after {boot} restarts")
-    rotors = sum(1 for name in table.column_names if name.startswith("rotor_speed_rpm_"))
+    rotors = sum(name.startswith("predicted_rpm_") for name in table.column_names)
     channels: dict[str, Any] = {}
     for channel, column in TRACK_CHANNELS.items():
         names = column.column_names(channel, rotors)
         values = np.column_stack([table[name].to_numpy() for name in names])
         channels[channel] = values.reshape(column.shape(table.num_rows, rotors))
+    errors: dict[str, Any] = {}
+    for channel in INFERRED:
+        names = [n for n in _error_names(channel, rotors) if n in table.column_names]
+        values = np.column_stack([table[name].to_numpy() for name in names]) if names else None
+        if values is not None and np.any(values > 0.0):
+            errors[channel] = values.reshape(channels[channel].shape)
     return FlightTrack.of(
         name=f"{folder.name}, vehicle {vehicle}",
         time_s=table["time_s"].to_numpy(),
         rotor_count=rotors,
         flying=table["flying"].to_numpy(zero_copy_only=False),
         start_unix_s=float(table["unix_s"][0].as_py()),
+        standard_errors=errors,
         **channels,
     )

@@ -59,9 +59,13 @@ class RotorSums:
 
 
 def thrust_excess(analysis: FlightAnalysis) -> Floats:
-    """(T, R) thrust that each rotor needs beyond the model, as a share of the model's."""
+    """(T, R) thrust that each rotor needs beyond the model, as a share of the model's.
+
+    NaN for a speed from a motor's output: one motor differs from the next by more than is sought.
+    """
+    measured = np.where(analysis.from_outputs, np.nan, analysis.track.rotor_speed_rpm)
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = analysis.track.rotor_speed_rpm / analysis.prediction.rotor_speed_rpm
+        ratio = measured / analysis.prediction.rotor_speed_rpm
     return ratio**2 - 1.0
 
 

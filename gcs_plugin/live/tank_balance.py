@@ -63,13 +63,15 @@ class DeliveryMeter:
 
 
 def virtual_gauge(analysis: FlightAnalysis) -> Floats:
-    """(T,) kg of liquid that the rotors carry; NaN where rotor speeds are missing or on the ground.
+    """(T,) kg of liquid that the rotors carry; NaN where speeds are not measured, or on the ground.
 
     With a gauge, its level plus the thrust that the model does not explain; without one, all thrust
     beyond the empty mass, which holds in level flight without acceleration.
     """
     track, airframe = analysis.track, analysis.model.airframe
-    carried = np.sum(analysis.thrust, axis=1)
+    # A speed from a motor's output was set by the very weight that is asked for here.
+    measured = np.where(analysis.from_outputs, np.nan, analysis.thrust)
+    carried = np.sum(measured, axis=1)
     expected = np.sum(analysis.prediction.thrust, axis=1)
     gauge = track.measured("tank_kg")
     with_gauge = gauge + (carried - expected) / G0

@@ -24,7 +24,7 @@ from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.mission.plan import MissionPlan
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.model.analysis import FlightAnalysis, FlightState, analyse
+from thrustmargin.models.model.analysis import FROM_OUTPUTS, FlightAnalysis, FlightState, analyse
 from thrustmargin.models.model.flown import flown_airframe
 from thrustmargin.models.model.prepared import Inferred, prepared_part
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -73,7 +73,9 @@ class Update:
     @property
     def remarks(self) -> tuple[str, ...]:
         """What the numbers rest on, for people."""
-        return (f"tank by {self.tank_source or 'no source: level unknown'}", *self.notes)
+        speeds = self.analysis.track.sources.get("rotor_speed_rpm", "")
+        inferred = (f"rotor speeds {speeds}",) if FROM_OUTPUTS in speeds else ()
+        return (f"tank by {self.tank_source or 'no source: level unknown'}", *inferred, *self.notes)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -285,7 +287,11 @@ class VehicleMonitor:
             return []
         rotors_silent = np.where(self._rotor_us > 0, (now_us - self._rotor_us) * 1e-6, np.nan)
         return self.alarms.heard(
-            now_us * 1e-6, self.silent(now_us), rotors_silent, flying=self.flying
+            now_us * 1e-6,
+            self.silent(now_us),
+            rotors_silent,
+            flying=self.flying,
+            from_outputs=self._inferred.outputs.in_use,
         )
 
     def silent(self, now_us: int) -> float:

@@ -44,7 +44,9 @@ class Reading:
     vehicle: int
     stamp: float = NAN  # time.monotonic() of the newest row
     flying: bool = False
-    margin: float = NAN  # of the worst rotor whose speed was measured
+    margin: float = NAN  # of the worst rotor whose speed was measured, or made from outputs
+    error: float = 0.0  # half of that margin's 90 % interval
+    basis: str = ""  # what stands in for a measured speed, in words
     rotor: int = 0  # that rotor, from 1
     margin_predicted: float = NAN
     redundancy: float = NAN  # one rotor lost, yaw uncontrolled: holdable thrust over weight
@@ -182,16 +184,20 @@ def _heard_s(update: Update) -> float:
 
 def reading(update: Update, stamp: float) -> Reading:
     """The newest row of an update, which was reported at `stamp` (time.monotonic())."""
-    from thrustmargin.models.model.analysis import worst_rotor
+    from thrustmargin.models.model.analysis import MEASURED, worst_rotor
+    from thrustmargin.models.model.utilisation_error import INTERVAL
 
     analysis, outlook = update.analysis, update.outlook
     measured, rotor = (float(a[0]) for a in worst_rotor(analysis.utilisation[-1:]))
     predicted, _ = worst_rotor(analysis.utilisation_predicted[-1:])
+    errors = analysis.utilisation_error[-1]
     return Reading(
         vehicle=update.vehicle,
         stamp=stamp,
         flying=bool(analysis.track.flying[-1]),
         margin=1.0 - measured,
+        basis="" if (basis := analysis.words_of_speed) == MEASURED else basis,
+        error=0.0 if math.isnan(rotor) else INTERVAL * float(errors[int(rotor)]),
         rotor=int(rotor) + 1 if math.isfinite(rotor) else 0,
         margin_predicted=1.0 - float(predicted[0]),
         redundancy=float(analysis.redundancy_yaw_uncontrolled[-1]),
@@ -222,9 +228,12 @@ def summary(now: Reading, max_utilisation: float, age: float) -> list[str]:
     state = "flying" if now.flying else "on the ground"
     old = f", OLD: {age:.0f} s ago" if age > STALE else ""
     rotor = f" (rotor {now.rotor})" if now.rotor else ""
+    within = f" ±{100 * now.error:.0f}" if now.error > 0.0 else ""
+    basis = f", {now.basis}" if now.basis else ""
     source = f" by {now.tank_source}" if now.tank_source else ""
     lines = [
-        f"vehicle {now.vehicle}, {state}{old}: thrust margin {share(now.margin)}{rotor}, "
+        f"vehicle {now.vehicle}, {state}{old}: thrust margin {share(now.margin)}{within}{rotor}"
+        f"{basis}, "
         f"predicted {share(now.margin_predicted)}, limit {share(1.0 - max_utilisation)}",
         f"  one rotor lost, yaw uncontrolled: {number(now.redundancy, '.2f')} of the weight",
         f"  tank {number(now.tank_kg, '.1f')} kg{source}, empty after "
@@ -241,11 +250,14 @@ def fields(now: Reading | None, max_utilisation: float, age: float) -> dict[str,
     if now is None or age > STALE or math.isnan(age) or now.problem:
         names = {"Margin": "Margin --", "OneOut": "OneOut --", "Tank": "Tank --"}
         return {name: (text, "grey") for name, text in names.items()}
-    low = now.margin < 1.0 - max_utilisation
+    low, near = (now.margin + e < 1.0 - max_utilisation for e in (now.error, -now.error))
     out = now.redundancy < 1.0
     rotor = f" R{now.rotor}" if now.rotor else ""
     return {
-        "Margin": (f"Margin {share(now.margin)}{rotor}", "red" if low else "green"),
+        "Margin": (
+            f"Margin {share(now.margin)}{rotor}",
+            "red" if low else "orange" if near else "green",
+        ),
         "OneOut": (f"OneOut {number(now.redundancy, '.2f')}", "orange" if out else "green"),
         "Tank": (f"Tank {number(now.tank_kg, '.1f')} kg", "black"),
     }

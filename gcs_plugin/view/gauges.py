@@ -13,6 +13,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.view.aircraft import tank_level
 from thrustmargin.gcs_plugin.view.shown_row import ShownRow
 from thrustmargin.gcs_plugin.wording import palette as colours
+from thrustmargin.models.model.analysis import MEASURED
 from thrustmargin.models.model.load_inference import STATED
 from thrustmargin.models.model.utilisation_error import INTERVAL
 from thrustmargin.models.physics.airframe import Airframe
@@ -77,6 +78,9 @@ def _worst_box(row: ShownRow, airframe: Airframe) -> str:
     words = f"rotor {worst + 1}, {escape(airframe.rotor_names[worst])} · {_source(row, worst)}"
     if unknown:
         words += f" · {unknown} rotor{'s' if unknown > 1 else ''} not measured"
+    error = float(row.error[worst])
+    if error > 0.0:
+        words = f"{percent(margin - error)} to {percent(margin + error)} · {words}"
     return _big_box(caption, margin, words)
 
 
@@ -193,7 +197,8 @@ def _rest(row: ShownRow) -> str:
     )
     return (
         f'<div class="txt" style="margin-top:8px">{words}</div>'
-        '<div class="small">rpm: measured / predicted · bar mark: 50 % limit</div>'
+        f'<div class="small">rpm: {row.analysis.words_of_speed} / predicted · '
+        "bar mark: 50 % limit</div>"
     )
 
 
@@ -209,9 +214,8 @@ def _box(
 
 def _source(row: ShownRow, i: int) -> str:
     """What a rotor's margin rests on; underlined unless it is a measurement."""
-    if row.measured[i]:
-        return "measured"
-    return f"<u>{'predicted' if np.isfinite(row.margin_predicted[i]) else 'no data'}</u>"
+    basis = row.basis(i) or "no data"
+    return basis if basis == MEASURED else f"<u>{basis}</u>"
 
 
 def percent(share: float) -> str:

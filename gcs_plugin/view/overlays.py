@@ -51,7 +51,7 @@ def overlays_of(analysis: FlightAnalysis) -> tuple[Overlay, ...]:
     """
     use = analysis.known_utilisation
     load, rotor = worst_rotor(use)
-    note = _basis_note(analysis.any_measured, np.isfinite(load), analysis.track.flying)
+    note = _basis_note(analysis, np.isfinite(load))
     residual, residual_rotor = worst_rotor(analysis.residual_rpm, np.abs(analysis.residual_rpm))
     limit = RESIDUAL_SPAN * analysis.model.airframe.max_rotor_speed_rpm
     vehicle = np.full(load.size, np.nan)
@@ -119,14 +119,15 @@ def _model_note(analysis: FlightAnalysis) -> str:
     return f"model with {', '.join(names)}" if names else "model without effects"
 
 
-def _basis_note(measured: Bools, known: Bools, flying: Bools) -> str:
+def _basis_note(analysis: FlightAnalysis, known: Bools) -> str:
     """In words, for how much of the flight's (T,) known rows a rotor was measured."""
+    flying, basis = analysis.track.flying, analysis.words_of_speed
     rows = known[flying]
     if not rows.any():
         return ""
-    share = float(np.mean(measured[flying][rows]))
+    share = float(np.mean(analysis.any_measured[flying][rows]))
     if share == 1.0:
-        return "measured"
+        return basis
     if share == 0.0:
         return "predicted: no rotor speed was measured"
-    return f"measured for {100 * share:.0f} %, predicted for the rest"
+    return f"{basis} for {100 * share:.0f} %, predicted for the rest"

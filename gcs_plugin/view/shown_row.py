@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
+from thrustmargin.models.model.utilisation_error import INTERVAL
 
 #: The rotation from NED to ENU, and the one from forward-left-up to forward-right-down.
 ENU_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
@@ -50,7 +51,7 @@ class ShownRow:
 
     @property
     def measured(self) -> Bools:
-        """(R,) rotors whose margin rests on a measured speed."""
+        """(R,) rotors whose margin rests on a measured speed, or on one from motor outputs."""
         return np.isfinite(self.analysis.utilisation[self.row])
 
     @property
@@ -63,6 +64,15 @@ class ShownRow:
     def margin_predicted(self) -> Floats:
         """(R,) thrust margin from the predicted speed."""
         return 1.0 - self.analysis.utilisation_predicted[self.row]
+
+    @property
+    def error(self) -> Floats:
+        """(R,) half of the 90 % interval of the known margin; 0 where it was measured."""
+        return INTERVAL * self.analysis.utilisation_error[self.row]
+
+    def basis(self, rotor: int) -> str:
+        """What a rotor's margin rests on, in words; empty where it is unknown."""
+        return self.analysis.basis_of(self.row, rotor)
 
     @property
     def worst(self) -> tuple[float, int | None]:

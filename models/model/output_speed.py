@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 
@@ -46,7 +47,7 @@ LAG = 0.2  # s by which a rotor and the report of its speed follow its output (Q
 _WEIGHT, _POWER, _ROTORS = range(3)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OutputCalibration:
     """What a flight has said so far: for each 10 s the sums of three kinds of evidence.
 
@@ -57,6 +58,15 @@ class OutputCalibration:
     measured: frozenset[int] = frozenset()  # rotors, from 0, whose speed was ever measured
     last_s: float = np.nan  # of the last row, and its ln f (R,)
     last_share: Floats | None = None
+
+    def before(self, index: int) -> Self:
+        """Without what was said in that 10 s and after it."""
+        return replace(self, bins={k: sums for k, sums in self.bins.items() if k < index})
+
+    @property
+    def in_use(self) -> bool:
+        """True when all rotor speeds so far were made from outputs."""
+        return bool(self.bins) and not self.measured
 
     def seconds(self, kind: int) -> float:
         """s of evidence of one kind."""
@@ -98,51 +108,70 @@ def with_outputs(
     `parameters` are the vehicle's. Rotors with a measured speed keep it. The speeds' standard
     errors and the words of their source come with the track.
     """
-    return filled_speeds(track, airframe, parameters, OutputCalibration())[0]
+    return filled_speeds(track, airframe, parameters)[0]
 
 
 def filled_speeds(
     track: FlightTrack,
     airframe: Airframe,
     parameters: Mapping[str, float],
-    so_far: OutputCalibration,
+    so_far: OutputCalibration | None = None,
 ) -> tuple[FlightTrack, OutputCalibration]:
-    """As `with_outputs` for a part of a flight, going on from what the parts before it said."""
+    """As `with_outputs` for a part of a flight, which goes on from the parts before it.
+
+    With `so_far` each row rests on the 10 s means that were whole before it, however the flight is
+    cut; without, on the whole track.
+    """
+    then = OutputCalibration() if so_far is None else so_far
     # Standing still on the ground, an ESC that measures reads as one that does not.
-    heard = np.flatnonzero(np.any(np.nan_to_num(track.rotor_speed_rpm) != 0.0, axis=0))
-    measured = so_far.measured | frozenset(heard.tolist())
-    silent = np.array([rotor not in measured for rotor in range(track.rotor_count)], dtype=bool)
-    silent &= np.any(np.isfinite(track.throttle), axis=0)
+    known = np.nan_to_num(track.rotor_speed_rpm) != 0.0
+    heard = (
+        np.logical_or.accumulate(known, axis=0)
+        if so_far is not None
+        else np.zeros_like(known) | np.any(known, 0)
+    )
+    heard = heard | np.isin(np.arange(track.rotor_count), list(then.measured))
+    then = replace(then, measured=frozenset(np.flatnonzero(np.any(heard, axis=0)).tolist()))
+    silent = ~heard & np.isfinite(track.throttle)
     if track.rotor_count != airframe.rotor_count or not np.any(silent):
-        return track, replace(so_far, measured=measured)
+        return track, then
     curve = output_curve(parameters, track.sources.get("throttle", ""))
-    before_s = so_far.last_s if so_far.last_share is not None else track.time_s[0]
-    seconds = np.minimum(np.diff(track.time_s, prepend=before_s), 1.0)
+    first = then.last_share is None
+    seconds = np.diff(track.time_s, prepend=track.time_s[0] if first else then.last_s)
     with np.errstate(invalid="ignore", divide="ignore"):
         share = np.log(curve.thrust_share(track.throttle) / HOVER_SHARE)
         volts = np.where(track.voltage > 0.0, track.voltage, airframe.nominal_voltage)
         volts = np.log(volts / airframe.ceiling_voltage)
-        now = OutputCalibration(
-            _with_evidence(so_far.bins, track, airframe, share, volts, seconds),
-            measured,
-            float(track.time_s[-1]),
-            share[-1],
-        )
-        before = share[0] if so_far.last_share is None else so_far.last_share
-        change = np.diff(share, axis=0, prepend=before[None]) * (LAG / seconds)[:, None]
-    found, covariance = now.fit(airframe, curve)
+        before = share[:1] if then.last_share is None else then.last_share[None]
+        change = np.diff(share, axis=0, prepend=before) * (LAG / seconds)[:, None]
+        bins = _with_evidence(then.bins, track, airframe, share, volts, np.minimum(seconds, 1.0))
+    now = replace(then, bins=bins, last_s=float(track.time_s[-1]), last_share=share[-1])
     terms = np.stack([np.ones_like(share), share, np.broadcast_to(volts[:, None], share.shape)], -1)
-    square = terms @ found[:3]
-    variance = np.einsum("trj,jk,trk->tr", terms, covariance[:3, :3], terms)
-    variance += ROTOR_ERROR**2 + now.common_variance(airframe) + np.nan_to_num(change) ** 2
+    square, variance = np.empty_like(share), ROTOR_ERROR**2 + np.nan_to_num(change) ** 2
+    place = (
+        (track.time_s // SPAN).astype(int)
+        if so_far is not None
+        else np.zeros(track.time_s.size, int)
+    )
+    for index in np.unique(place).tolist():
+        rows = place == index
+        used = now.before(index) if so_far is not None else now
+        found, covariance = used.fit(airframe, curve)
+        square[rows] = terms[rows] @ found[:3]
+        variance[rows] += used.common_variance(airframe)
+        variance[rows] += np.einsum(
+            "trj,jk,trk->tr", *(terms[rows], covariance[:3, :3], terms[rows])
+        )
     speed = np.exp(0.5 * square)
     put = silent & (track.flying & (track.time_s >= WAIT))[:, None] & np.isfinite(speed)
-    error = np.where(put, 0.5 * np.sqrt(variance) * speed, 0.0)
     filled = replace(
         track,
         rotor_speed_rpm=np.where(put, speed, track.rotor_speed_rpm),
-        standard_errors={**track.standard_errors, "rotor_speed_rpm": error},
-        sources={**track.sources, "rotor_speed_rpm": _words(track, silent, curve, now)},
+        standard_errors={
+            **track.standard_errors,
+            "rotor_speed_rpm": np.where(put, 0.5 * np.sqrt(variance) * speed, 0.0),
+        },
+        sources={**track.sources, "rotor_speed_rpm": _words(track, silent[-1], curve, now)},
     )
     return filled, now
 
@@ -244,7 +273,7 @@ def full_output_speed(
             there = np.log(voltage / airframe.ceiling_voltage)
             found = _with_evidence({}, track, airframe, share, there, seconds)
         bins |= {int(1e6 * number) + index: sums for index, sums in found.items()}
-    said = OutputCalibration(bins)
+    said = OutputCalibration(bins=bins)
     if curve is None or said.seconds(_ROTORS) + said.seconds(_WEIGHT) < SPAN:
         raise DataError("no level flight with motor outputs and either rotor speeds or the weight")
     # Of two witnesses the nearer one: the weight speaks by a thrust curve that may be a guess.

@@ -34,7 +34,7 @@ def prepared(
     """
     if airframe is None:
         return track
-    track, _ = filled_speeds(track, airframe, parameters, OutputCalibration())
+    track, _ = filled_speeds(track, airframe, parameters)
     return with_load(track, airframe)
 
 
