@@ -77,8 +77,8 @@ def utilisation_error(
         of_speed = np.where(error > 0.0, 2.0 * error / speed, 0.0)
         half = (prediction.upper_rpm - prediction.lower_rpm) / 2.0
         of_network = np.nan_to_num(2.0 * half / INTERVAL / prediction.rotor_speed_rpm)
-    by_speed = utilisation * np.sqrt(of_speed**2 + ceiling_variance(airframe))
-    load = load_error(track, airframe)[:, None]
-    predicted = utilisation_predicted * np.sqrt(load**2 + of_network**2)
+        by_speed = utilisation * np.sqrt(of_speed**2 + ceiling_variance(airframe))
+        load = load_error(track, airframe)[:, None]
+        predicted = utilisation_predicted * np.sqrt(load**2 + of_network**2)
     any_speed = np.any(np.isfinite(utilisation), axis=1)[:, None]
     return np.where(any_speed, by_speed, predicted)
