@@ -270,6 +270,13 @@ def test_a_layout_alone_does_not_keep_the_rotors_of_another(tmp_path):
     assert (longer.rotor_count, round(longer.arm, 3)) == (4, 0.9)
 
 
+def test_own_rotors_replace_the_arm_of_the_base_too(tmp_path):
+    write(tmp_path, CHILD + ARM, "base.toml")
+    own = ROTORS.replace('extends = "topxgun-f16"', 'extends = "base.toml"')
+    craft = load_airframe(write(tmp_path, own))
+    assert (craft.rotor_count, "arm" in craft.quantities) == (3, False)
+
+
 def test_rotors_of_another_number_than_the_layout_are_refused(tmp_path):
     wrong = ROTORS.replace('layout = "custom"', 'layout = "quad-x"')
     with pytest.raises(AirframeError, match=r"disagree: quad-x has 4 rotors, not 3"):
