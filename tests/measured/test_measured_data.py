@@ -1,9 +1,9 @@
 """The measured data themselves, where THRUSTMARGIN_MEASURED names their folder: what is quoted of
 them is reached, and the loop names what real flights hold.
 
-No log of a large multirotor with the speed of each rotor was obtainable; the flights are of a 37 g
-quad. To be quick, one third of the flights is left out instead of each in turn, a third of those
-with a cable is used, and 49 surrogates stand for chance; `make measured` does it all.
+The flights are of a 37 g quad. To be quick, one third of the flights is left out instead of each in
+turn, a third of those with a cable is used, and 49 surrogates stand for chance; `make measured`
+does it all.
 """
 
 from collections.abc import Sequence
