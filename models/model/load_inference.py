@@ -42,8 +42,10 @@ ON_GROUND = 15.0  # s on the ground in which a tank may be filled
 #: have shown 0.1 to 0.6.
 LIFT_GAIN, LIFT_GAIN_ERROR = 0.4, 0.3
 #: Standard errors as shares: a measured thrust curve on the aircraft, a guessed one; a weighed
-#: empty mass, a guessed one; the least scatter of a mean
-CURVE_ERROR, MASS_ERROR, GUESSED_ERROR, MEAN_ERROR = 0.03, 0.005, 0.1, 0.004
+#: empty mass, a guessed one; the scatter of a mean before the flight shows it, as if by so many
+#: means; one motor and propeller against the next
+CURVE_ERROR, MASS_ERROR, GUESSED_ERROR = 0.03, 0.005, 0.1
+MEAN_ERROR, WORTH, ROTOR_ERROR = 0.01, 3.0, 0.03
 EMPTYING = 300.0  # s in which a pump of unknown flow may empty the tank
 KNOTS = 13  # times at which the fall may begin or end
 #: Share of the aircraft's mass that the standard error may be for the load to be used.
@@ -216,8 +218,8 @@ def _fit(
     wanted = means.mass - airframe.empty_mass
     prior = np.array([*np.zeros(len(legs)), usual, LIFT_GAIN])
     spread = np.array([*np.full(len(legs), 1e3), max(0.5 * fastest, 1e-9), LIFT_GAIN_ERROR])
-    least = MEAN_ERROR * float(np.mean(means.mass))
-    scatter = 2.0 * least
+    usual_scatter = MEAN_ERROR * float(np.mean(means.mass))
+    scatter = usual_scatter
     values, covariance = prior, np.diag(spread**2)
     for _ in range(3):
         weight = means.seconds / SPAN / scatter**2
@@ -226,9 +228,10 @@ def _fit(
         if values[-2] < 0.0:  # a tank does not fill in flight
             spread[-2], prior[-2] = 1e-9, 0.0
             continue
-        free = max(means.mass.size - len(legs) - 1, 1)
-        square = np.sum(means.seconds / SPAN * (wanted - rows @ values) ** 2) / free
-        scatter = float(np.hypot(least, np.sqrt(square)))
+        square = np.sum(means.seconds / SPAN * (wanted - rows @ values) ** 2)
+        free = max(means.mass.size - len(legs) - 1, 0)
+        square += WORTH * usual_scatter**2
+        scatter = float(np.sqrt(square / (WORTH + free)))
     return LoadFit(
         legs=legs,
         values=values[:-1],
@@ -257,7 +260,8 @@ def _at(fit: LoadFit, leg: Floats, seconds: Floats, airframe: Airframe) -> tuple
     rows = np.column_stack([*(leg == one for one in fit.legs), -fallen]).astype(np.float64)
     load = rows @ fit.values
     variance = np.einsum("ti,ij,tj->t", rows, fit.covariance, rows) + fit.scatter**2
-    variance += fit.speeds * (airframe.empty_mass + load) ** 2
+    rotors = ROTOR_ERROR**2 / airframe.rotor_count
+    variance += (fit.speeds + rotors) * (airframe.empty_mass + load) ** 2
     known = np.isin(leg, fit.legs)
     return np.where(known, load, np.nan), np.where(known, np.sqrt(variance), np.nan)
 

@@ -201,7 +201,8 @@ def test_its_redundancy_is_free_of_the_curves_error():
     np.testing.assert_allclose(
         found.redundancy_yaw_uncontrolled, other.redundancy_yaw_uncontrolled, rtol=2e-3
     )
-    assert np.all(found.redundancy_error < 0.01)
+    # 3 % from one rotor to the next is 1.5 % of four
+    assert np.all((found.redundancy_error > 0.015) & (found.redundancy_error < 0.02))
 
 
 def test_an_inferred_load_confirms_nothing():
