@@ -128,6 +128,7 @@ def read_flights(
     for, or when none of the logs given by `option` can serve.
     """
     from thrustmargin.gcs_plugin.commands.inputs import claimed, listed, read_logs
+    from thrustmargin.gcs_plugin.logs.inspection import instrument_offsets
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.models.identification.usable_flights import too_little, wrong_speeds
 
@@ -135,7 +136,10 @@ def read_flights(
     left_out: list[UnusedLog] = []
     impossible: list[UnusedLog] = []
     read = read_logs(logs, left_out, console, model=model, given=given, reading=reading)
+    offsets: dict[str, list[str]] = {}
     for log in claimed(read, left_out):
+        for words in instrument_offsets(log):
+            offsets.setdefault(words, []).append(log.path.name)
         wrong = wrong_speeds(log.track, model.airframe)
         lacking = wrong or too_little(log.track, model)
         if lacking is None:
@@ -143,6 +147,8 @@ def read_flights(
         else:
             group = left_out if wrong is None else impossible
             group.append(UnusedLog(name=log.path.name, reason=lacking))
+    for words, names in offsets.items():
+        console.print(f"{', '.join(names)}: {words}")
     if impossible:
         raise DataError(listed(impossible))
     if left_out and not tracks:
