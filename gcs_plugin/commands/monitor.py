@@ -119,10 +119,20 @@ def monitor(
         fetcher = MissionFetcher(live.listener, sign=sign)
         live.subscribers.append(fetcher)
         live.taps.append(fetcher.feed)
+    unprinted: list[OSError] = []
     if not sys.stdout.isatty():
         from thrustmargin.gcs_plugin.live.console import EventPrinter
 
-        live.subscribers.append(EventPrinter(live, Terminal(soft_wrap=True).print))
+        events = Terminal(soft_wrap=True)
+
+        def say(words: str) -> None:
+            # A full disk behind a redirected answer must not end the watch.
+            try:
+                events.print(words)
+            except OSError as error:
+                unprinted.append(error)
+
+        live.subscribers.append(EventPrinter(live, say))
     page = _page(live, chosen.airframe, host, port) if view else None
     until = math.inf if seconds is None else time.monotonic() + seconds
     try:
@@ -138,6 +148,8 @@ def monitor(
             page.stop()
         _summary(live)
     live.check()
+    if unprinted:
+        raise unprinted[0]
 
 
 def _page(live: LiveMonitor, airframe: Airframe, host: str, port: int) -> LiveView:

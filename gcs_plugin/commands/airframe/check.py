@@ -40,12 +40,12 @@ class AirframeCheck:
     reading: Reading = AS_HEARD
 
     def run(self) -> int:
-        from rich.console import Console
         from rich.table import Table
         from rich.text import Text
 
         from thrustmargin.gcs_plugin.commands.inspect import MARK
         from thrustmargin.gcs_plugin.commands.options import require_logs
+        from thrustmargin.gcs_plugin.commands.terminal import Terminal
         from thrustmargin.gcs_plugin.logs import read_log
         from thrustmargin.models.physics.airframe import load_airframe
 
@@ -53,7 +53,7 @@ class AirframeCheck:
         craft = load_airframe(self.file)
         keywords = reading_keywords(self.reading)
         logs = [read_log(path, airframe=craft, **keywords) for path in self.logs]
-        console = Console(highlight=False, markup=False)
+        console = Terminal()
         table = Table(show_header=False, box=None, pad_edge=False)
         for finding in airframe_findings(craft, logs):
             mark, colour = MARK[finding.level]

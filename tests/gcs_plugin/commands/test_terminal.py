@@ -13,6 +13,7 @@ from rich.table import Table
 
 from thrustmargin.gcs_plugin.cli import main, run
 from thrustmargin.gcs_plugin.commands.terminal import Terminal
+from thrustmargin.gcs_plugin.logs import read_log
 
 COMMANDS = Path(__file__).parents[3] / "gcs_plugin" / "commands"
 HOSTILE = "a\x1b]0;owned\x07\x1b[2J\x9b31m[bold]:car:\udcff\u202eb"
@@ -80,6 +81,19 @@ def test_an_answer_that_does_not_get_out_is_one_line_and_exit_1(sitl_logs, words
     assert "Traceback" not in done.stderr
     assert done.stderr.count("\n") == (place == "full")
     assert place == "closed" or "standard output: No space left" in done.stderr
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_a_watch_goes_on_when_what_it_prints_does_not_get_out(sitl_logs, tmp_path):
+    log = str(sitl_logs / "campaign/v4_m16_q2.5.tlog")
+    words = ["monitor", log, "--no-view", "--record", str(tmp_path)]
+    command = [sys.executable, "-m", "thrustmargin.gcs_plugin.cli", *words]
+    with Path("/dev/full").open("wb") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=200)
+    assert done.returncode == 1
+    rows = read_log(log).track.time_s.size
+    assert f"vehicle 1: {rows} samples" in done.stderr
+    assert "standard output: No space left" in done.stderr
 
 
 def test_without_a_terminal_at_all_a_command_still_works(monkeypatch):
