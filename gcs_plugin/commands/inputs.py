@@ -137,6 +137,6 @@ def read_flight(
     claim = airframe_claim(log.track, flown_airframe(model), log.facts, log.parameters, given=given)
     if claim.basis == "not known":
         log = read_log(path, **keywords) if fits else log
-    elif fits:
+    elif not claim.withheld:
         log = with_track(log, prepared(log.track, flown_airframe(model), log.parameters))
     return log, claim

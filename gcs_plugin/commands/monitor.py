@@ -97,7 +97,12 @@ def monitor(
         urls=(url,),
         forwards=tuple(forward),
         record=record,
-        watch=WatchSettings(alarms=AlarmSettings(max_utilisation=max_utilisation), **keywords),
+        watch=WatchSettings(
+            alarms=AlarmSettings(max_utilisation=max_utilisation),
+            airframe_given=model is not None or airframe is not None,
+            link=url,
+            **keywords,
+        ),
     )
     chosen = chosen_model(model, airframe)
     check_source(chosen.airframe.tank_source)
@@ -191,7 +196,7 @@ def _summary(live: LiveMonitor) -> None:
 
     out = Terminal(stderr=True)
     for number, watch in live.fleet.vehicles.items():
-        words = f"vehicle {number}: {watch.rows} samples {watch.problem}".rstrip()
+        words = f"vehicle {number}: {watch.rows} samples, {watch.problem or watch.claim.described}"
         out.print(words, soft_wrap=True)
     for line in status_lines(live.status()):
         out.print(line, soft_wrap=True)

@@ -9,6 +9,7 @@
 | `tank` | gauge, pump and thrust part (TankBalance) | 5 s | they agree again | 10 s |
 | `envelope` | the flight is outside the training of the model's network | 5 s | inside | 5 s |
 | `saturation` | a motor's output or a rotor's speed > 0.97 of its most | 0.5 s | < 0.92 | 2 s |
+| `airframe` | the flight is not known to be one of the airframe | 8 s | it is | - |
 | `telemetry` | nothing heard | 3 s | heard | 1 s |
 | `rotor speeds` | in flight other messages come, but not every rotor's speed | 3 s | heard | 1 s |
 A margin that was inferred, not measured, has its 90 % error in the text; where the limit lies
@@ -142,6 +143,15 @@ def esc(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:  # noqa: ARG001
         yield Judged(flags != 0, flags == 0, CRITICAL, text, i + 1)
 
 
+def airframe(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:  # noqa: ARG001
+    claim = now.analysis.claim
+    doubted = claim.basis == "given"
+    text = "NO VERDICT: flight does not fit the airframe"
+    text = text if doubted else "NO VERDICT: airframe not known"
+    withheld = bool(claim.withheld)
+    yield Judged(withheld, not withheld, WARNING if doubted else NOTICE, text)
+
+
 def rotor_thrust(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:
     if now.sums is None:
         return
@@ -216,6 +226,7 @@ OF_ROWS = (
     AlarmRule("margin", 3.0, 3.0, margin),
     AlarmRule("margin ahead", 3.0, 3.0, margin_ahead),
     AlarmRule("saturation", 0.5, 2.0, saturation),
+    AlarmRule("airframe", 8.0, 0.0, airframe, on_ground="kept"),
 )
 OF_SETTLED_ROWS = (
     # On the ground nothing of the flight stands, but for a rotor that was found bad.
@@ -223,6 +234,8 @@ OF_SETTLED_ROWS = (
     AlarmRule("envelope", 5.0, 5.0, envelope),
     AlarmRule("tank", 5.0, 10.0, tank),
 )
+#: Those that rest on the airframe: they are over once no margin is claimed.
+OF_THE_AIRFRAME = ("margin", "margin ahead", "rotor", "envelope", "tank")
 OF_THE_LINK = (
     AlarmRule("telemetry", 0.0, 1.0, telemetry),
     AlarmRule("rotor speeds", ROTORS_HOLD, 1.0, rotor_speeds),

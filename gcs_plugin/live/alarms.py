@@ -13,7 +13,9 @@ from thrustmargin.gcs_plugin.live.alarm import Alarm, AlarmEvent, AlarmSettings,
 from thrustmargin.gcs_plugin.live.alarm_rules import (
     OF_ROWS,
     OF_SETTLED_ROWS,
+    OF_THE_AIRFRAME,
     OF_THE_LINK,
+    RULES,
     AlarmRule,
     Judged,
     LinkNow,
@@ -58,6 +60,9 @@ class Alarms:
         events: list[AlarmEvent] = []
         track = analysis.track
         rows = track.time_s.size
+        # What rests on the airframe is over where no margin is claimed.
+        ended = [r for r in RULES if analysis.withheld and r.name in OF_THE_AIRFRAME]
+        judged = [rule for rule in OF_ROWS if rule not in ended]
         for row in range(first, rows):
             now = RowNow(
                 analysis=analysis,
@@ -66,13 +71,16 @@ class Alarms:
                 esc_failures=None if esc_failures is None else esc_failures[row],
             )
             flying = bool(track.flying[row])
-            self._judge(events, OF_ROWS, float(clock_s[row]), now, flying=flying)
+            self._judge(events, judged, float(clock_s[row]), now, flying=flying)
             if not flying:
                 self._landed(events, OF_ROWS, float(clock_s[row]))
+            self._over(events, ended, float(clock_s[row]))
         excess, gauge = thrust_excess(analysis), track.measured("tank_kg")
         for row in range(rows)[slice(first, None) if settled is None else settled]:
             time_s = float(clock_s[row])
             step, self._last_s = time_s - self._last_s, time_s
+            if analysis.withheld:
+                continue
             if not track.flying[row]:
                 self._balance = BalanceWatch()
                 self._landed(events, OF_SETTLED_ROWS, time_s)
@@ -125,7 +133,9 @@ class Alarms:
                     self._set(events, rule, time_s, found)
 
     def _landed(self, events: list[AlarmEvent], of: tuple[AlarmRule, ...], time_s: float) -> None:
-        rules = [r for r in of if r.on_ground == "cleared"]
+        self._over(events, [r for r in of if r.on_ground == "cleared"], time_s)
+
+    def _over(self, events: list[AlarmEvent], rules: Sequence[AlarmRule], time_s: float) -> None:
         for name, rotor in list(self._states):
             for rule in rules:
                 if rule.name == name:

@@ -18,6 +18,7 @@ from thrustmargin.gcs_plugin.live.fleet import Fleet
 from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorStatus
 from thrustmargin.gcs_plugin.live.vehicle_monitor import Update, VehicleMonitor
 from thrustmargin.gcs_plugin.wording.numbers import NOT_RECORDING
+from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.utilisation_error import INTERVAL
 
 if TYPE_CHECKING:
@@ -134,7 +135,9 @@ def numbers(update: Update, limit: float, *, old: bool = False) -> list[str]:
     inferred = math.isfinite(tank) and math.isnan(analysis.track.measured("tank_kg")[-1])
     error = INTERVAL * analysis.utilisation_error[-1]
     return [
-        _margin_cell(margin, error, limit, flying=bool(analysis.track.flying[-1]), old=old),
+        "NO VERDICT"
+        if analysis.withheld
+        else _margin_cell(margin, error, limit, flying=bool(analysis.track.flying[-1]), old=old),
         percent(predicted),
         f"{free:.2f} x" if math.isfinite(free) else "-",
         f"≈ {kilograms(tank)}" if inferred else kilograms(tank),
@@ -232,6 +235,7 @@ class EventPrinter:
         self._say = say
         self._heard: set[int] = set()
         self._problems: dict[int, str] = {}
+        self._claims: dict[int, AirframeClaim] = {}
         self._trouble = ""
 
     def on_update(self, update: Update) -> None:
@@ -248,6 +252,11 @@ class EventPrinter:
             if watch.problem != self._problems.get(number, ""):
                 self._problems[number] = watch.problem
                 self._say(f"vehicle {number}: {watch.problem or 'watched again'}")
+            claim = watch.claim
+            if watch.last is not None and claim is not self._claims.get(number):
+                self._claims[number] = claim
+                helps = f"; {claim.remedy}" if claim.withheld else ""
+                self._say(f"vehicle {number}: {claim.described}{helps}")
         recorder = self._monitor.recorder
         trouble = "" if recorder is None else recorder.status().trouble
         if trouble != self._trouble:

@@ -80,7 +80,9 @@ class LookAhead:
         `clock_s` is the vehicle's at the row, `pump_share` its pump's output from 0 to 1, of which
         the nozzles deliver the factor `delivery`; `mission_item` is flown to, -1 unknown.
         """
-        if clock_s - self._done_s < FORECAST_EVERY:
+        if analysis.withheld:
+            self.now, self._done_s = Outlook(), -math.inf
+        if analysis.withheld or clock_s - self._done_s < FORECAST_EVERY:
             return
         self._done_s = clock_s
         track, airframe = analysis.track, self._model.airframe

@@ -90,7 +90,7 @@ def sample_table(folder: Path) -> pa.Table:
     parts = sorted((folder / "samples").glob("*.parquet"))
     if not parts:
         raise LogError(f"{folder}: no samples in it; is it a folder that monitor recorded?")
-    return pa.concat_tables([pq.read_table(part) for part in parts])
+    return pa.concat_tables([pq.read_table(p) for p in parts], promote_options="default")
 
 
 def read_samples(folder: Path, vehicle: int, boot: int = 0) -> FlightTrack:
@@ -103,7 +103,8 @@ def read_samples(folder: Path, vehicle: int, boot: int = 0) -> FlightTrack:
     table = table.take(np.flatnonzero(chosen))
     if table.num_rows == 0:
         raise LogError(f"{folder}: no samples of vehicle {vehicle} after {boot} restarts")
-    rotors = sum(name.startswith("predicted_rpm_") for name in table.column_names)
+    predicted = [name for name in table.column_names if name.startswith("predicted_rpm_")]
+    rotors = sum(table[name].null_count < table.num_rows for name in predicted)
     channels: dict[str, Any] = {}
     for channel, column in TRACK_CHANNELS.items():
         names = column.column_names(channel, rotors)

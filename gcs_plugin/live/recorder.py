@@ -267,7 +267,9 @@ class _Parts:
         import pyarrow.parquet as pq
 
         path = self._folder / f"{self._number:06d}.parquet"
-        table = pa.Table.from_batches(batches)
+        tables = [pa.Table.from_batches([batch]) for batch in batches]
+        # A vehicle of fewer rotors has no number in the columns of the others.
+        table = pa.concat_tables(tables, promote_options="default")
         # The draft's name begins with a dot and does not end in .parquet: no reader takes it.
         with whole_file(path) as draft:
             pq.write_table(table, draft)

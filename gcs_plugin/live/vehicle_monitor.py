@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.link.sequence import SenderWatch, Verdict
+from thrustmargin.gcs_plugin.live.airframe_watch import AirframeWatch
 from thrustmargin.gcs_plugin.live.alarm import Alarm, AlarmEvent, AlarmSettings
 from thrustmargin.gcs_plugin.live.alarms import Alarms
 from thrustmargin.gcs_plugin.live.outlook import Outlook
@@ -24,6 +25,7 @@ from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.mission.plan import MissionPlan
 from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FROM_OUTPUTS, FlightAnalysis, FlightState, analyse
 from thrustmargin.models.model.flown import flown_airframe
 from thrustmargin.models.model.prepared import Inferred, prepared_part
@@ -73,9 +75,12 @@ class Update:
     @property
     def remarks(self) -> tuple[str, ...]:
         """What the numbers rest on, for people."""
+        claim = self.analysis.claim
+        helps = (claim.remedy,) if claim.withheld else ()
         speeds = self.analysis.track.sources.get("rotor_speed_rpm", "")
         inferred = (f"rotor speeds {speeds}",) if FROM_OUTPUTS in speeds else ()
-        return (f"tank by {self.tank_source or 'no source: level unknown'}", *inferred, *self.notes)
+        tank = f"tank by {self.tank_source or 'no source: level unknown'}"
+        return (claim.described, *helps, tank, *inferred, *self.notes)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,6 +89,8 @@ class WatchSettings(Options):
 
     vehicle: int | None = None  # system id of the only one; None: all that are heard
     alarms: AlarmSettings = field(default_factory=AlarmSettings)
+    airframe_given: bool = True  # by the user; else a vehicle must be recognised as one of it
+    link: str = "LOG"  # where vehicles are heard, for the command that makes an airframe
 
 
 class VehicleMonitor:
@@ -103,6 +110,7 @@ class VehicleMonitor:
         self._inferred = Inferred()
         self._unsettled = 0  # of the known rows, the last so many
         self._route = PumpAndRoute(model)
+        self._airframe = AirframeWatch(model, given=settings.airframe_given, source=settings.link)
         #: (R,) ground's clock when each rotor's speed was last known; 0 before any was.
         self._rotor_us = np.zeros(model.airframe.rotor_count, dtype=np.int64)
         self._look_back_s, self._look_ahead_s = model.look_back_s, model.look_ahead_s
@@ -126,6 +134,11 @@ class VehicleMonitor:
                 "give each its own id (SYSID_THISMAV)"
             )
         return self.telemetry.problem
+
+    @property
+    def claim(self) -> AirframeClaim:
+        """On what ground it is one of the airframe, as decided last."""
+        return self._airframe.claim
 
     @property
     def shared(self) -> bool:
@@ -183,18 +196,20 @@ class VehicleMonitor:
     def _update(self, new: LiveRows | None) -> Update:
         """The next update: with new rows, or (None) with the last predictions settled."""
         last = self.last
-        if last is None or (new is not None and last.boot != new.boot):
+        if last is None or (new is not None and not _goes_on(last, new)):
             last, self._unsettled, self._inferred = None, 0, Inferred()
             self._route.ahead.restart()
         window, start = slice(0, 0), None
         if last is not None:
             window, start = self._window(last)
         if new is not None:
-            airframe, parameters = flown_airframe(self._model), self.state.parameters
+            claim, start = self._claimed(new, start)
+            airframe = None if claim.withheld else flown_airframe(self._model)
+            parameters = self.state.parameters
             track, self._inferred = prepared_part(new.track, airframe, parameters, self._inferred)
             new = replace(new, track=track)
         track = _joined(last, window, new)
-        analysis = analyse(track, self._model, start=start)
+        analysis = analyse(track, self._model, start=start, claim=self.claim)
         total = track.time_s.size
         first = total - (0 if new is None else new.clock_s.size)
         unsettled, settled = first - self._unsettled, total
@@ -243,6 +258,17 @@ class VehicleMonitor:
         )
         return self.last
 
+    def _claimed(
+        self, new: LiveRows, start: FlightState | None
+    ) -> tuple[AirframeClaim, FlightState | None]:
+        """The claim with the new rows, and what the model goes on from: nothing after a change."""
+        before = self.claim
+        claim = self._airframe.look(new.track, self.telemetry.facts, self.state.parameters)
+        if claim is before:
+            return claim, start
+        self.notes.append(claim.described)
+        return claim, None if bool(before.withheld) != bool(claim.withheld) else start
+
     def _window(self, last: Update) -> tuple[slice, FlightState | None]:
         """Rows of the last update that the next one needs, and what the model carries to them."""
         time_s = last.analysis.track.time_s
@@ -269,6 +295,8 @@ class VehicleMonitor:
             analysis.track.rotor_speed_rpm[first:], new.stamp_us, strict=True
         ):
             heard = np.isfinite(speeds)
+            if heard.size != self._rotor_us.size:
+                self._rotor_us = np.zeros(heard.size, dtype=np.int64)
             if heard.any():
                 # One that never spoke is missed as soon as another did.
                 heard |= self._rotor_us == 0
@@ -318,6 +346,12 @@ class VehicleMonitor:
         One that fell silent in flight is missed and never forgotten.
         """
         return self.silent(now_us) > GONE and not self.flying
+
+
+def _goes_on(last: Update, new: LiveRows) -> bool:
+    """Whether the new rows follow the last: no restart, and no other number of rotors."""
+    before = last.analysis.track.rotor_count
+    return last.boot == new.boot and before == new.track.rotor_count
 
 
 def _joined(last: Update | None, window: slice, new: LiveRows | None) -> FlightTrack:

@@ -47,6 +47,7 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
 from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, Origin
+from thrustmargin.models.vehicle_facts import VehicleFacts
 
 CLOCK_WAIT = 20.0  # s without the vehicle's clock after which the ground's counts
 _NEEDED = frozenset((*(rule.message for rule in MAVLINK_RULES), *REFERENCES, "SYSTEM_TIME"))
@@ -104,6 +105,7 @@ class VehicleTelemetry:
         self.events: list[str] = []  # restarts and leaps of its clock since they were last taken
         self.heard: set[str] = set()  # names of all messages
         self._options = options
+        self._airframe = options.airframe
         self._pieces: list[_Piece] = []
         self._by_pilot: set[str] = set()  # messages that the autopilot has sent
         self._motors: MotorMap | None = None
@@ -129,6 +131,11 @@ class VehicleTelemetry:
         """Where positions count from now."""
         zero = self._carried.zero
         return None if zero is None else zero.origin
+
+    @property
+    def facts(self) -> VehicleFacts:
+        """What kind of vehicle it is, by all that was heard."""
+        return self.state.facts if self._motors is None else self._motors.facts
 
     def take(self, frame: Frame) -> None:
         """One frame of this vehicle, in the order in which it came."""
@@ -268,13 +275,14 @@ class VehicleTelemetry:
         if facts.refusal(name):
             self._motors, self.problem = None, facts.refusal(name)
             return None
+        self.problem = ""
+        craft = self._airframe
         try:
-            self._motors = motor_map(
-                name, state.parameters, signals, self._options.airframe, facts=facts
-            )
-            self.problem = ""
-        except AirframeError as error:
-            self._motors, self.problem = None, str(error)
+            self._motors = motor_map(name, state.parameters, signals, craft, facts=facts)
+        except AirframeError:  # another aircraft, which is shown without this airframe
+            craft = None
+            self._motors = motor_map(name, state.parameters, signals, craft, facts=facts)
+        self._options = replace(self._options, airframe=craft)
         return self._motors
 
     def stale(self, now_us: int) -> dict[str, float]:

@@ -57,6 +57,8 @@ class Reading:
     margin_ahead: float = NAN
     alarms: tuple[str, ...] = ()
     problem: str = ""
+    withheld: str = ""  # why no margin is claimed, and what helps
+    airframe: str = ""  # on what ground it is one of the airframe
 
 
 class MarginWorker:
@@ -122,7 +124,11 @@ class MarginWorker:
         options = self.options
         path = None if options.model is None else Path(options.model)
         fleet = Fleet(
-            chosen_model(path, options.airframe), WatchSettings(**reading_keywords(options))
+            chosen_model(path, options.airframe),
+            WatchSettings(
+                airframe_given=path is not None or options.airframe is not None,
+                **reading_keywords(options),
+            ),
         )
         while not self._stop.wait(PERIOD):
             self._take(fleet)
@@ -188,6 +194,7 @@ def reading(update: Update, stamp: float) -> Reading:
     from thrustmargin.models.model.utilisation_error import INTERVAL
 
     analysis, outlook = update.analysis, update.outlook
+    claim = analysis.claim
     measured, rotor = (float(a[0]) for a in worst_rotor(analysis.utilisation[-1:]))
     predicted, _ = worst_rotor(analysis.utilisation_predicted[-1:])
     errors = analysis.utilisation_error[-1]
@@ -206,6 +213,8 @@ def reading(update: Update, stamp: float) -> Reading:
         seconds_to_empty=outlook.seconds_to_empty,
         margin_full=outlook.margin_full,
         margin_ahead=outlook.margin_ahead,
+        withheld=f"{claim.described}; {claim.remedy}" if claim.withheld else "",
+        airframe="" if claim.withheld else claim.words,
     )
 
 
@@ -231,6 +240,9 @@ def summary(now: Reading, max_utilisation: float, age: float) -> list[str]:
     within = f" ±{100 * now.error:.0f}" if now.error > 0.0 else ""
     basis = f", {now.basis}" if now.basis else ""
     source = f" by {now.tank_source}" if now.tank_source else ""
+    if now.withheld:
+        words = f"vehicle {now.vehicle}, {state}{old}: {now.withheld}"
+        return [words, *(f"  ALARM {text}" for text in now.alarms)]
     lines = [
         f"vehicle {now.vehicle}, {state}{old}: thrust margin {share(now.margin)}{within}{rotor}"
         f"{basis}, "
@@ -240,6 +252,7 @@ def summary(now: Reading, max_utilisation: float, age: float) -> list[str]:
         f"{number(now.seconds_to_empty, '.0f')} s of spraying, margin when refilled "
         f"{share(now.margin_full)}",
     ]
+    lines += [f"  {now.airframe}"] if now.airframe else []
     if math.isfinite(now.margin_ahead):
         lines.append(f"  least margin on the rest of the route {share(now.margin_ahead)}")
     return lines + [f"  ALARM {text}" for text in now.alarms]
@@ -250,6 +263,12 @@ def fields(now: Reading | None, max_utilisation: float, age: float) -> dict[str,
     if now is None or age > STALE or math.isnan(age) or now.problem:
         names = {"Margin": "Margin --", "OneOut": "OneOut --", "Tank": "Tank --"}
         return {name: (text, "grey") for name, text in names.items()}
+    if now.withheld:
+        return {
+            "Margin": ("Margin: NO VERDICT", "orange"),
+            "OneOut": ("OneOut --", "grey"),
+            "Tank": (f"Tank {number(now.tank_kg, '.1f')} kg", "black"),
+        }
     low, near = (now.margin + e < 1.0 - max_utilisation for e in (now.error, -now.error))
     out = now.redundancy < 1.0
     rotor = f" R{now.rotor}" if now.rotor else ""

@@ -8,7 +8,7 @@ poses, colours and texts to the same nodes.
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,13 +19,14 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.airframe import Airframe
 
 if TYPE_CHECKING:
-    from viser import SceneApi
+    from viser import BatchedMeshHandle, SceneApi
 
 DARK = (38, 38, 42)
 NOSE = (200, 20, 110)
 LIQUID = (0, 110, 130)
 SIDES = 28
 ARM_PIXELS, SPIN_PIXELS = 5.0, 3.0
+NO_ARM = 1.0  # m, size of an aircraft of which no rotor is known
 #: Tank box in the vehicle frame as shares of the arm length: half width, height, top.
 TANK_HALF, TANK_HEIGHT, TANK_TOP = 0.24, 0.5, -0.06
 
@@ -37,20 +38,12 @@ class VehicleNode:
         self._airframe = airframe
         self._root = f"{parent}/vehicle_{key}"
         rotors = airframe.rotor_position_frd @ FRD_FLU
-        self._arm = float(np.linalg.norm(rotors[:, :2], axis=1).max())
+        self._arm = airframe.arm or NO_ARM
         self._rotors = rotors
         self._scale = 1.0
         self._visible = True
-        radius = disc_radius(airframe)
+        self._parts: list[Any] = []  # arms, discs and arrows of the rotors
         self.frame = scene.add_frame(self._root, show_axes=False)
-        self._body = scene.add_line_segments(
-            f"{self._root}/arms",
-            # Under the discs, which would hide half of each line's thickness.
-            np.stack([np.zeros_like(rotors), rotors], axis=1) - [0, 0, 0.05 * self._arm],
-            line_colours(len(rotors), DARK),
-            thickness=ARM_PIXELS,
-            thickness_units="screen",
-        )
         nose = self._arm * np.array([[0.15, 0, 0.05], [0.8, 0, 0.05]])
         self._nose = scene.add_arrows(
             f"{self._root}/nose",
@@ -60,27 +53,7 @@ class VehicleNode:
             head_radius=0.15 * self._arm,
             head_length=0.28 * self._arm,
         )
-        vertices, faces = unit_disc()
-        self._discs = scene.add_batched_meshes_simple(
-            f"{self._root}/discs",
-            radius * vertices,
-            faces,
-            batched_wxyzs=np.tile([1.0, 0.0, 0.0, 0.0], (airframe.rotor_count, 1)),
-            batched_positions=rotors,
-            batched_colors=disc_colours(np.full(airframe.rotor_count, np.nan)),
-            side="double",
-            lod="off",
-            cast_shadow=False,
-            receive_shadow=False,
-        )
-        arrows = spin_segments(rotors, radius, airframe.rotor_spin)
-        self._spin = scene.add_line_segments(
-            f"{self._root}/spin",
-            arrows,
-            line_colours(len(arrows), DARK),
-            thickness=SPIN_PIXELS,
-            thickness_units="screen",
-        )
+        self._discs = self._add_rotors(scene) if airframe.rotor_count else None
         self._tank = scene.add_box(
             f"{self._root}/tank",
             color=(235, 235, 235),
@@ -101,6 +74,42 @@ class VehicleNode:
         ]
         self.set_scale(1.0)
 
+    def _add_rotors(self, scene: SceneApi) -> BatchedMeshHandle:
+        """Arms, discs and arrows of the rotors; the discs."""
+        airframe, rotors = self._airframe, self._rotors
+        radius = disc_radius(airframe)
+        body = scene.add_line_segments(
+            f"{self._root}/arms",
+            # Under the discs, which would hide half of each line's thickness.
+            np.stack([np.zeros_like(rotors), rotors], axis=1) - [0, 0, 0.05 * self._arm],
+            line_colours(len(rotors), DARK),
+            thickness=ARM_PIXELS,
+            thickness_units="screen",
+        )
+        vertices, faces = unit_disc()
+        discs = scene.add_batched_meshes_simple(
+            f"{self._root}/discs",
+            radius * vertices,
+            faces,
+            batched_wxyzs=np.tile([1.0, 0.0, 0.0, 0.0], (airframe.rotor_count, 1)),
+            batched_positions=rotors,
+            batched_colors=disc_colours(np.full(airframe.rotor_count, np.nan)),
+            side="double",
+            lod="off",
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+        arrows = spin_segments(rotors, radius, airframe.rotor_spin)
+        spin = scene.add_line_segments(
+            f"{self._root}/spin",
+            arrows,
+            line_colours(len(arrows), DARK),
+            thickness=SPIN_PIXELS,
+            thickness_units="screen",
+        )
+        self._parts += [body, discs, spin]
+        return discs
+
     @property
     def arm(self) -> float:
         """Distance of the outermost rotor from the centre, m."""
@@ -115,7 +124,7 @@ class VehicleNode:
         """Draw the aircraft `scale` times its size; `detailed` puts the margins on the rotors."""
         self._scale = scale
         self._detailed = detailed
-        for node in (self._body, self._nose, self._discs, self._spin, self._tank):
+        for node in (self._nose, self._tank, *self._parts):
             node.scale = scale
         self._tank.position = scale * self._arm * np.array([0, 0, TANK_TOP - TANK_HEIGHT / 2])
         for label, rotor in zip(self._labels, self._rotors, strict=True):
@@ -136,7 +145,8 @@ class VehicleNode:
         self.frame.position = position
         if np.all(np.isfinite(wxyz)):
             self.frame.wxyz = wxyz
-        self._discs.batched_colors = disc_colours(margin)
+        if self._discs is not None:
+            self._discs.batched_colors = disc_colours(margin)
         for i, label in enumerate(self._labels):
             label.text = rotor_label(i, margin[i]) if self._detailed else str(i + 1)
         self._show_tank(row.track.tank_kg[row.row])

@@ -46,6 +46,7 @@ overflow:hidden}
 .tm .many .small br{display:none}
 .tm .said{font-size:15px;font-weight:600;margin-top:8px;border-left:6px solid #c8146e;
 padding-left:8px;overflow-wrap:anywhere}
+.tm .why{font-size:14px;overflow-wrap:anywhere}
 .tm .worst{outline:4px solid #111;outline-offset:-2px}
 </style>"""
 
@@ -70,6 +71,10 @@ def gauges_html(row: ShownRow, title: str, message: str = "") -> str:
 def _worst_box(row: ShownRow, airframe: Airframe) -> str:
     margin, worst = row.worst
     caption = "Thrust margin, worst rotor"
+    claim = row.analysis.claim
+    if claim.withheld:
+        why = "<br>".join(escape(words) for words in (*claim.withheld, claim.remedy))
+        return _box("worst", caption, "NO VERDICT", f'<span class="why">{why}</span>')
     if worst is None:
         return _box("worst", caption, "no data", "no rotor speed and no prediction")
     if not row.flying:
@@ -106,7 +111,8 @@ def _redundancy_box(row: ShownRow) -> str:
     kept = row.analysis.redundancy_yaw_kept[row.row]
     caption = "One rotor lost"
     if not np.isfinite(free):
-        return _box("redundancy", caption, "no data", "load or weight unknown")
+        why = "airframe not known" if row.analysis.withheld else "load or weight unknown"
+        return _box("redundancy", caption, "no data", why)
     if np.isfinite(kept) and kept >= 1.0:
         verdict = "holds height and heading"
     elif free >= 1.0:
@@ -126,8 +132,10 @@ def _redundancy_box(row: ShownRow) -> str:
 def _tank_box(row: ShownRow, airframe: Airframe) -> str:
     tank_kg = row.track.tank_kg[row.row]
     level = tank_level(tank_kg, airframe.tank_capacity_kg)
-    if not np.isfinite(level):
+    if not np.isfinite(tank_kg):
         return _box("tank", "Tank", "no data", "no gauge and no pump reported")
+    if not np.isfinite(level):
+        return _box("tank", "Tank", f"{tank_kg:.1f} kg", "its size is not known")
     bar = f'<div class="bar"><b style="width:{100 * level:.0f}%;background:#006e82"></b></div>'
     words = f"{100 * level:.0f} % of {airframe.tank_capacity_kg:g} kg"
     error = row.track.standard_errors.get("tank_kg")
@@ -157,8 +165,7 @@ def rotor_ranks(airframe: Airframe) -> list[list[list[int]]]:
     Rotors at one place (a coaxial pair) share it.
     """
     forward, right = airframe.rotor_position_frd[:, :2].T
-    size = float(np.hypot(forward, right).max())
-    step = 0.2 * size
+    step = 0.2 * airframe.arm
     ranks: dict[int, dict[int, list[int]]] = {}
     for i in range(airframe.rotor_count):
         rank = ranks.setdefault(-round(float(forward[i]) / step), {})
@@ -199,6 +206,7 @@ def _rest(row: ShownRow) -> str:
         f'<div class="txt" style="margin-top:8px">{words}</div>'
         f'<div class="small">rpm: {row.analysis.words_of_speed} / predicted · '
         "bar mark: 50 % limit</div>"
+        f'<div class="small" data-gauge="airframe">{escape(row.analysis.claim.words)}</div>'
     )
 
 

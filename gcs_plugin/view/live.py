@@ -63,6 +63,7 @@ class Aircraft:
     label: Any = None
     shown: Any = None  # rows and words that the gauges show
     drawn_s: float = 0.0
+    rotor_count: int = -1  # of the aircraft that is drawn
 
 
 class LiveView(ViewPage):
@@ -161,6 +162,7 @@ class LiveView(ViewPage):
             one.gauges = self._gui.add_html("")
         if one.label is not None:
             return one  # it is back, and only its tab had been taken away
+        one.rotor_count = self._airframe.rotor_count
         self._scene.add_vehicle(str(number), self._airframe)
         one.label = self._api.add_label(
             f"/world/name_{number}",
@@ -190,13 +192,17 @@ class LiveView(ViewPage):
         if update is None:
             return
         row = ShownRow(update.analysis, -1, self._offset_ned(one, update))
+        airframe = update.analysis.model.airframe
+        if airframe.rotor_count != one.rotor_count:
+            one.rotor_count = airframe.rotor_count
+            self._scene.add_vehicle(str(one.number), airframe)
         self._scene.show(str(one.number), row, focus=one.number == self._focus)
         position = row.position_enu
         placed = bool(np.all(np.isfinite(position)))
         one.label.visible = placed and len(fleet) > 1
         if placed:
             one.label.position = position + self._scene.above(str(one.number))
-        html = gauges_html(row, f"{self._airframe.title} · vehicle {one.number}")
+        html = gauges_html(row, f"{airframe.title} · vehicle {one.number}")
         html += outlook_html(update.outlook, standing.stale, update.remarks)
         one.gauges.content = alarms_html(one.number, fleet) + aged(html, standing.old)
 

@@ -71,7 +71,7 @@ def comparisons(
     found: list[Comparison | None] = [_vehicle(track, facts)]
     found.append(motors := _motors(track, airframe, facts))
     if motors.verdict != "doubt":
-        track = _as_measured(track)
+        track = replace(track, **{c: track.measured(c) for c in track.standard_errors})
         found.append(_frame(airframe, parameters))
         found.append(_rotor_speed(track, airframe))
         found.append(voltage := _voltage(track, airframe))
@@ -79,17 +79,6 @@ def comparisons(
             found.append(_speed_limit(track, airframe))
             found.append(_output(track, airframe, parameters))
     return tuple(c for c in found if c is not None)
-
-
-def doubts_of(
-    track: FlightTrack,
-    airframe: Airframe,
-    facts: VehicleFacts,
-    parameters: Mapping[str, float],
-) -> tuple[str, ...]:
-    """Why the flight cannot be that of the airframe, in words; empty when nothing says so."""
-    found = comparisons(track, airframe, facts, parameters)
-    return tuple(c.words for c in found if c.verdict == "doubt")
 
 
 def recognised(found: tuple[Comparison, ...]) -> str:
@@ -108,17 +97,6 @@ def recognised(found: tuple[Comparison, ...]) -> str:
     if any(c is None or c.verdict != "close" for c in needed):
         return ""
     return ", ".join(c.brief for c in needed if c is not None)
-
-
-def _as_measured(track: FlightTrack) -> FlightTrack:
-    """The track without what was inferred."""
-    return replace(
-        track,
-        **{
-            name: np.where(error == 0.0, getattr(track, name), np.nan)
-            for name, error in track.standard_errors.items()
-        },
-    )
 
 
 def _vehicle(track: FlightTrack, facts: VehicleFacts) -> Comparison | None:
@@ -201,9 +179,11 @@ def _rotor_speed(track: FlightTrack, airframe: Airframe) -> Comparison:
 
 
 def _speed_limit(track: FlightTrack, airframe: Airframe) -> Comparison | None:
-    limit = ceiling(airframe, track_density(track)[0], track.voltage).max_rotor_speed_rpm
+    volts = track.voltage[track.flying & (track.voltage > 0.0)]
+    battery = np.median(volts) if volts.size else np.nan  # a gauge that fails is no fast rotor
+    limit = ceiling(airframe, airframe.reference_density, battery).max_rotor_speed_rpm
     with np.errstate(invalid="ignore"):
-        use = np.nan_to_num(utilisation(track.rotor_speed_rpm, limit)).max(axis=1)
+        use = np.nan_to_num(utilisation(track.rotor_speed_rpm, limit)).max(axis=1, initial=0.0)
     above = use[track.flying] > IMPOSSIBLE_USE
     step = float(np.median(np.diff(track.time_s))) if track.time_s.size > 1 else 0.0
     seconds = float(np.count_nonzero(above)) * step
@@ -215,8 +195,8 @@ def _speed_limit(track: FlightTrack, airframe: Airframe) -> Comparison | None:
         verdict="doubt",
         words=(
             f"a rotor turns at up to {fastest:,.0f} rpm, where airframe {airframe.name} reaches at "
-            f"most {np.median(limit):,.0f} rpm at this voltage: "
-            f"{use.max():.0%} of its thrust would be in use"
+            f"most {limit.item():,.0f} rpm at this voltage: {use.max():.0%} of its thrust would be "
+            "in use"
         ),
     )
 

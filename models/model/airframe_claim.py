@@ -37,6 +37,11 @@ class AirframeClaim:
     source: str = "LOG"  # log or link of the flight
 
     @property
+    def described(self) -> str:
+        """The ground, or the reasons for which there is none, for people."""
+        return f"NO VERDICT: {'; '.join(self.withheld)}" if self.withheld else self.words
+
+    @property
     def remedy(self) -> str:
         """What helps a flight without a claim to its margin, for people."""
         return (

@@ -83,7 +83,7 @@ class FlightAnalysis:
             f"  least thrust margin {worst(self.utilisation)} {self.words_of_speed}, "
             f"{worst(self.utilisation_predicted)} predicted; rotor speed error {off} RMS\n"
             f"  air: {self.density_basis}\n  ceiling: {self.voltage_basis}"
-            + "".join(f"\n  NO VERDICT: {reason}" for reason in self.withheld)
+            + (f"\n  {self.claim.described}" if self.claim.described else "")
         )
 
     def state_at(self, row: int) -> FlightState:

@@ -87,7 +87,7 @@ class Airframe:
     @property
     def arm(self) -> float:
         """Longest level distance of a rotor from the centre, m."""
-        return float(np.max(np.hypot(*self.rotor_position_frd[:, :2].T)))
+        return float(np.max(np.hypot(*self.rotor_position_frd[:, :2].T), initial=0.0))
 
     @property
     def guessed(self) -> tuple[str, ...]:

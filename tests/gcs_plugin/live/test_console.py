@@ -105,7 +105,8 @@ def test_without_a_terminal_every_event_is_a_line(monitor):
     printer.on_event(3, AlarmEvent(True, Alarm("margin", None, 4, "Thrust margin 39%", 0.0), 0.0))
     printer.on_round(fleet, vehicle.stamp_us)
     printer.on_round(fleet, vehicle.stamp_us)
-    assert said == ["vehicle 3: Thrust margin 39%", "vehicle 3: heard"]
+    claim = "vehicle 3: airframe topxgun-f16-sitl, given"
+    assert said == ["vehicle 3: Thrust margin 39%", "vehicle 3: heard", claim]
 
 
 def test_unknown_numbers_are_dashes():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.models.checks.plausible import comparisons, doubts_of, recognised
+from thrustmargin.models.checks.plausible import comparisons, recognised
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
@@ -19,6 +19,11 @@ TRACK, FACTS, PARAMETERS = LOG.track, LOG.facts, LOG.parameters
 
 def verdicts(track=TRACK, airframe=F16, facts=FACTS, parameters=PARAMETERS) -> dict[str, str]:
     return {c.check: c.verdict for c in comparisons(track, airframe, facts, parameters)}
+
+
+def doubts_of(track, airframe, facts, parameters) -> tuple[str, ...]:
+    found = comparisons(track, airframe, facts, parameters)
+    return tuple(c.words for c in found if c.verdict == "doubt")
 
 
 def known_as(track=TRACK, airframe=F16, facts=FACTS, parameters=PARAMETERS) -> str:

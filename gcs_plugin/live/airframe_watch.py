@@ -1,0 +1,100 @@
+"""On what ground a vehicle that flies now is one of the airframe: decided while it flies.
+
+The same comparison as of a file, of the last minute in flight, at most once a second. A decision
+stands until the opposite has been seen for some seconds on end, so that it does not flicker; what
+was recognised by being close is given up only when something speaks against it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from thrustmargin.models.checks.speed_scale import FEWEST_ROWS
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim
+from thrustmargin.models.model.flown import flown_airframe
+from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.vehicle_facts import VehicleFacts
+
+#: s between two rows of the evidence, between two looks, and that the evidence reaches back
+STEP, EVERY, REACH = 0.25, 1.0, 60.0
+#: Looks on end that must speak for it: to withhold a margin, and to claim one again.
+TO_WITHHOLD, TO_CLAIM = 5, 10
+NOT_YET = "airframe not known yet: hover 5 s"
+
+
+class AirframeWatch:
+    """Keeps `claim` of one vehicle up. `source` is the link, for the command that helps."""
+
+    def __init__(self, model: RotorModel, *, given: bool, source: str) -> None:
+        self._airframe = flown_airframe(model)
+        self._given = given
+        self._source = source
+        self._parts: list[FlightTrack] = []  # the evidence, in order
+        self._looked_s = -np.inf
+        self._other_rotors = False  # reported last
+        self._against = 0  # looks on end that spoke against what is decided
+        self.claim = self._first()
+
+    def _first(self) -> AirframeClaim:
+        if self._given:
+            return AirframeClaim(
+                words=f"airframe {self._airframe.name}, given", source=self._source
+            )
+        withheld = (NOT_YET,)
+        return AirframeClaim(
+            basis="not known", words="airframe not known", withheld=withheld, source=self._source
+        )
+
+    def look(
+        self, track: FlightTrack, facts: VehicleFacts, parameters: Mapping[str, float]
+    ) -> AirframeClaim:
+        """Take new rows, in order, and say what is decided after them."""
+        if track.rotor_count != self._airframe.rotor_count:  # certain, and at once
+            if not self._other_rotors:
+                now = airframe_claim(track, self._airframe, facts, parameters, given=self._given)
+                self.claim = replace(now, source=self._source)
+                self._other_rotors, self._parts = True, []
+            return self.claim
+        if self._other_rotors:
+            self._other_rotors, self.claim = False, self._first()
+        self._gather(track)
+        if not self._parts or track.time_s[-1] - self._looked_s < EVERY:
+            return self.claim
+        self._looked_s = float(track.time_s[-1])
+        evidence = self._parts[0]
+        for part in self._parts[1:]:
+            evidence = evidence.followed_by(part)
+        evidence = evidence.rows(evidence.time_s > evidence.time_s[-1] - REACH)
+        self._parts = [evidence]
+        if evidence.time_s.size >= FEWEST_ROWS:
+            trusted = self._given or self.claim.basis == "recognised"
+            now = airframe_claim(evidence, self._airframe, facts, parameters, given=trusted)
+            self._decide(replace(now, source=self._source))
+        return self.claim
+
+    def _gather(self, track: FlightTrack) -> None:
+        last_s = self._parts[-1].time_s[-1] if self._parts else -np.inf
+        if track.time_s[0] <= last_s:  # it was started anew
+            self._parts, self._looked_s, last_s = [], -np.inf, -np.inf
+        steps = np.floor(track.time_s / STEP)
+        new = np.diff(steps, prepend=np.floor(last_s / STEP)) > 0
+        rows = np.flatnonzero(new & track.flying)
+        if rows.size:
+            self._parts.append(track.rows(rows))
+
+    def _decide(self, now: AirframeClaim) -> None:
+        if self.claim.withheld == (NOT_YET,):
+            self.claim = now
+        elif bool(now.withheld) == bool(self.claim.withheld):
+            self._against = 0
+        else:
+            self._against += 1
+            if self._against >= (TO_WITHHOLD if now.withheld else TO_CLAIM):
+                self._against = 0
+                if self.claim.basis == "recognised":  # and was given by nobody
+                    now = replace(now, basis="not known", words="airframe not known")
+                self.claim = now
