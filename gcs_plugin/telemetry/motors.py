@@ -88,12 +88,19 @@ class MotorMap:
         if message not in ("SERVO_OUTPUT_RAW", "RCOU"):
             return f"{source} ({self.order_words})"
         low, high = _pulse_range(parameters)
-        whose = "MOT_PWM_MIN/MAX" if "MOT_PWM_MIN" in parameters else "assumed"
+        prefix = _pulse_prefix(parameters)
+        whose = f"{prefix}MIN/MAX" if f"{prefix}MIN" in parameters else "assumed"
         return f"{message} from {low:g} to {high:g} µs ({whose}; {self.order_words})"
 
 
+def _pulse_prefix(parameters: Mapping[str, float]) -> str:
+    """Name of the pulse range without MIN or MAX: a quadplane has its hover motors' own."""
+    return "Q_M_PWM_" if "Q_M_PWM_MIN" in parameters else "MOT_PWM_"
+
+
 def _pulse_range(parameters: Mapping[str, float]) -> tuple[float, float]:
-    low, high = parameters.get("MOT_PWM_MIN", 1000.0), parameters.get("MOT_PWM_MAX", 2000.0)
+    prefix = _pulse_prefix(parameters)
+    low, high = parameters.get(f"{prefix}MIN", 1000.0), parameters.get(f"{prefix}MAX", 2000.0)
     return (low, high) if high > low > 0 else (1000.0, 2000.0)
 
 

@@ -101,6 +101,14 @@ def measured_speeds(
     return MeasuredSpeeds(signals=signals, rejected=MappingProxyType(rejected), memory=tuple(after))
 
 
+def lifting(speeds: Floats, outputs: Floats) -> Bools:
+    """(T,) False where all outputs (T, R) are idle; where none is known, where all rotors stand."""
+    known = np.isfinite(outputs).any(axis=1)
+    driven = (np.nan_to_num(outputs) > IDLE).any(axis=1)
+    stand = np.isfinite(speeds).any(axis=1) & (np.abs(np.nan_to_num(speeds)) < TURNING).all(axis=1)
+    return np.where(known, driven, ~stand)
+
+
 def standing_in_flight(speeds: Floats, outputs: Floats, flying: Bools) -> Bools:
     """(T, R) rows in flight at zero speed of a rotor whose motor output is not known."""
     with np.errstate(invalid="ignore"):

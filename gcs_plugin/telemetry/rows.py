@@ -23,6 +23,7 @@ from thrustmargin.gcs_plugin.telemetry.resample import (
 )
 from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
     RotorMemory,
+    lifting,
     measured_speeds,
     rejected_words,
     standing_in_flight,
@@ -175,6 +176,9 @@ def flight_rows(
         )
     else:
         flying, sources["flying"] = airborne(signals, clock_s, channels)
+    if motors.facts.kind == "quadplane":
+        flying &= lifting(channels["rotor_speed_rpm"], channels["throttle"])
+        sources["flying"] += "; hover motors driven"
     speeds = channels["rotor_speed_rpm"]
     hidden = standing_in_flight(speeds, channels["throttle"], flying)
     channels["rotor_speed_rpm"] = np.where(hidden, np.nan, speeds)

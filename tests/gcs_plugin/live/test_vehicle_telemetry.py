@@ -163,3 +163,33 @@ def test_flying_is_off_the_ground_and_not_only_said_so():
         frames += [f for f in vehicle.tick() if f.id != 33]
     rows, _ = run(frames)
     assert rows.track.flying.tolist() == [False, False, True]
+
+
+def with_type(frames: list[Frame], mav_type: int) -> list[Frame]:
+    vehicle = Vehicle()
+    vehicle.stamp_us = frames[0].stamp_us
+    heartbeat = dialect.MAVLink_heartbeat_message(mav_type, 3, 0x80, 0, 4, 3)
+    return [vehicle.frame(heartbeat), *(f for f in frames if f.id != 0)]
+
+
+@pytest.mark.parametrize(("mav_type", "kind"), [(1, "plane"), (10, "rover"), (12, "submarine")])
+def test_another_vehicle_has_no_rows_and_says_what_it_is(mav_type, kind):
+    vehicle = Vehicle()
+    frames = with_type([f for _ in range(30) for f in vehicle.tick()], mav_type)
+    rows, telemetry = live_rows(frames, AIRFRAME)
+    assert rows is None
+    assert telemetry.problem == (
+        f"vehicle 1: this is a {kind} (by MAV_TYPE {mav_type}), and thrustmargin is for multirotors"
+    )
+    assert telemetry.state.facts.kind == kind
+
+
+def test_zero_speeds_in_flight_are_unknown_and_said_so():
+    vehicle = Vehicle()
+    frames = [f for _ in range(30) for f in vehicle.tick()]
+    frames += [f for _ in range(30) for f in vehicle.tick(rpm=(2000, 0, 2000, 2000))]
+    rows, _ = run(frames)
+    speeds = rows.track.rotor_speed_rpm
+    assert np.isnan(speeds[32:, 1]).all()
+    assert np.isfinite(speeds[1:, [0, 2, 3]]).all()
+    assert any(note.startswith("rotor 2: no measurement: zero speed") for note in rows.notes)

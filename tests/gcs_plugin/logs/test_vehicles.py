@@ -74,6 +74,22 @@ def test_the_hover_motors_of_a_quadplane_are_taken(tmp_path):
             read_log(path)
 
 
+def test_a_quadplane_on_its_wings_is_not_in_hover(tmp_path):
+    pulses = {"Q_M_PWM_MIN": 1100.0, "Q_M_PWM_MAX": 1900.0}
+    log = dataflash("ArduPlane V4.3.0", Q_ENABLE=1.0, Q_FRAME_CLASS=1.0, **pulses, **HOVER_MOTORS)
+    for tick in range(100, 200):
+        time_us = 1_000_000 + tick * 100_000
+        log.row("ATT", time_us, 100, 200, 300)
+        log.row("RCOU", time_us, *[1500] * 4, *[1500 if tick >= 150 else 1100] * 4)
+    for path in in_both_forms(tmp_path, log):
+        track = read_log(path).track
+        assert not track.flying[:149].any()
+        assert track.flying[150:].all()
+        assert track.sources["flying"].endswith("hover motors driven")
+        assert np.nanmax(track.throttle) == pytest.approx(0.5)
+        assert "Q_M_PWM_MIN/MAX" in track.sources["throttle"]
+
+
 @pytest.mark.parametrize("value", [NAN, float("inf"), -1.0, 1.5])
 def test_parameters_that_are_no_whole_numbers_tell_nothing(tmp_path, value):
     log = dataflash("ArduCopter V4.5.7", FRAME_CLASS=value, SERVO1_FUNCTION=value)

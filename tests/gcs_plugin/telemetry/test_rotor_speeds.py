@@ -10,7 +10,7 @@ from thrustmargin.gcs_plugin.logs import FlightLog, read_log
 from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.rotor_speeds import measured_speeds
+from thrustmargin.gcs_plugin.telemetry.rotor_speeds import lifting, measured_speeds
 from thrustmargin.models.physics.airframe import load_airframe
 
 FLIGHT = "campaign/v4_m10_q2.5.tlog"
@@ -114,3 +114,10 @@ def test_an_output_that_was_just_idle_asks_for_nothing_yet():
     found = measured_speeds([speeds, turning], [output, output], None, look_ahead=False)
     assert found.signals[0] is not None
     assert found.signals[0].time_s[-1] == pytest.approx(1.8)  # 1 s after the last idle output
+
+
+def test_hover_motors_that_idle_do_not_lift():
+    nan = float("nan")
+    speeds = np.array([[900.0, 950.0], [0.0, 0.0], [0.0, 0.0], [900.0, nan], [nan, nan]])
+    outputs = np.array([[0.5, 0.5], [0.05, 0.0], [nan, nan], [nan, nan], [nan, nan]])
+    assert lifting(speeds, outputs).tolist() == [True, False, False, True, True]
