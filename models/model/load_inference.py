@@ -47,6 +47,7 @@ LIFT_GAIN, LIFT_GAIN_ERROR = 0.4, 0.3
 CURVE_ERROR, MASS_ERROR, GUESSED_ERROR = 0.03, 0.005, 0.1
 MEAN_ERROR, WORTH, ROTOR_ERROR = 0.01, 3.0, 0.03
 EMPTYING = 300.0  # s in which a pump of unknown flow may empty the tank
+SLOWEST = 1e-3  # kg/s below which it counts as constant
 KNOTS = 13  # times at which the fall may begin or end
 #: Share of the aircraft's mass that the standard error may be for the load to be used.
 GOOD_ENOUGH = 0.15
@@ -105,7 +106,7 @@ class LoadFit(NamedTuple):
 
     @property
     def falls(self) -> bool:
-        return bool(self.values[-1] > 1e-6)
+        return bool(self.values[-1] > SLOWEST)
 
 
 def with_load(track: FlightTrack, airframe: Airframe) -> FlightTrack:

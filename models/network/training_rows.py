@@ -103,7 +103,7 @@ def _nothing_usable(tracks: Sequence[FlightTrack]) -> str:
             ("airspeed", "airspeed"),
             ("tank_kg", "a tank level"),
         )
-        if not any(track.reports(channel) for track in tracks)
+        if not any(np.isfinite(track.measured(channel)).any() for track in tracks)
     ]
     why = f"none reports {', '.join(lacking)}" if lacking else "none is steadily in the air"
     if lacking[:1] != ["rotor speeds (ESC telemetry)"] and lacking:

@@ -9,6 +9,7 @@ import pytest
 
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.checks.speed_scale import check_speed_scale
+from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.usable_flights import too_little
 from thrustmargin.models.model.analysis import analyse
@@ -20,6 +21,7 @@ from thrustmargin.models.model.load_inference import (
     with_load_so_far,
 )
 from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.network.training_rows import gather
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.flight_phases import training_rows
@@ -214,6 +216,8 @@ def test_an_inferred_load_confirms_nothing():
     assert not np.isfinite(analysis.residual_rpm).any()
     assert not training_rows(track).any()
     assert too_little(track, model) == LOAD_FROM_SPEEDS
+    with pytest.raises(DataError, match="none reports a tank level"):
+        gather([track])
     # Electrical rpm of 7 pole pairs would show a load that explains them.
     fast = replace(track, rotor_speed_rpm=7.0 * track.rotor_speed_rpm)
     assert check_speed_scale(fast, F16).verdict == "electrical"
