@@ -22,7 +22,7 @@ LOGS = {
 @pytest.fixture(params=LOGS)
 def log(request, tmp_path) -> Path:
     path = tmp_path / f"{request.param}.BIN"
-    path.write_bytes(LOGS[request.param].bytes())
+    path.write_bytes(LOGS[request.param].binary())
     return path
 
 

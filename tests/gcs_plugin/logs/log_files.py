@@ -176,7 +176,7 @@ class DataFlashWriter:
         for text in texts:
             self.row("MSG", 1, text)
 
-    def bytes(self) -> bytes:
+    def binary(self) -> bytes:
         letters_of_fmt = "BBnNZ"
         out = [self._packed(128, letters_of_fmt, 128, 89, "FMT", letters_of_fmt, _FMT_COLUMNS)]
         for name, (number, letters, columns) in self._formats.items():

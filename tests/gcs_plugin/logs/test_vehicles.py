@@ -32,7 +32,7 @@ def dataflash(*texts: str, **parameters: float) -> DataFlashWriter:
 
 def in_both_forms(tmp_path: Path, log: DataFlashWriter) -> list[Path]:
     paths = [tmp_path / "flight.BIN", tmp_path / "flight.log"]
-    for path, data in zip(paths, (log.bytes(), log.text()), strict=True):
+    for path, data in zip(paths, (log.binary(), log.text()), strict=True):
         path.write_bytes(data)
     return paths
 

@@ -96,8 +96,8 @@ def test_a_table_is_judged_as_a_log_is(sitl_logs, tmp_path):
 
 
 def made(values, step: float = 0.1) -> Signal:
-    values = np.asarray(values, float)
-    return Signal("esc_rpm", "ESC", np.arange(values.size) * step, values)
+    values = np.asarray(values, dtype=np.float64)
+    return Signal("esc_rpm", "ESC", step * np.arange(values.size, dtype=np.float64), values)
 
 
 def test_tips_beyond_sound_are_none_for_the_airframe_that_is_known():

@@ -20,7 +20,7 @@ GENTLE = 0.6 + 0.03 * np.sin(np.arange(100) / 5)
 
 
 def judged(rpm, *, step: float = 0.1, **given: Any):
-    rpm = np.asarray(rpm, float)
+    rpm = np.asarray(rpm, dtype=np.float64)
     plain: dict[str, Any] = {
         "output": np.full(rpm.size, NAN),
         "asked": np.zeros(rpm.size, dtype=bool),
@@ -28,11 +28,11 @@ def judged(rpm, *, step: float = 0.1, **given: Any):
         "before": LastReading(),
         "look_ahead": False,
     }
-    arrays = {
-        name: np.broadcast_to(value, rpm.shape) if name in ("output", "asked", "others") else value
-        for name, value in given.items()
-    }
-    return judged_readings(np.arange(rpm.size) * step, rpm, **(plain | arrays))[0].tolist()
+    for name, value in given.items():
+        arrays = name in ("output", "asked", "others")
+        plain[name] = np.broadcast_to(value, rpm.shape) if arrays else value
+    time_s = step * np.arange(rpm.size, dtype=np.float64)
+    return judged_readings(time_s, rpm, **plain)[0].tolist()
 
 
 def moving(size: int, around: float = 2000.0) -> np.ndarray:
