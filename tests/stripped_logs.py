@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from pymavlink import mavutil
 
 
-def without(log: Path, out: Path, *types: str, where: str | None = None) -> Path:
-    """Copy a .tlog or .BIN to `out` but for messages of `types`; returns `out`.
-
-    `where` like "BATTERY_STATUS.id==1" takes out those messages too in which it holds.
-    """
+def without(log: Path, out: Path, *types: str, drop: Callable[[Any], bool] | None = None) -> Path:
+    """Copy a .tlog or .BIN to `out` but for messages of `types` or for which `drop` is true."""
     source = mavutil.mavlink_connection(str(log))
-    kind, _, rest = (where or "").partition(".")
-    field, _, value = rest.partition("==")
     with out.open("wb") as file:
         while (message := source.recv_msg()) is not None:
-            name = message.get_type()
-            if name in types or (name == kind and str(getattr(message, field)) == value):
+            if message.get_type() in types or (drop and drop(message)):
                 continue
             if out.suffix.lower() == ".tlog":
                 file.write(struct.pack(">Q", int(message._timestamp * 1e6)))
             file.write(message.get_msgbuf())
     return out
+
+
+def is_tank(message: Any) -> bool:
+    """True for what the recorded flights say of their tank: TANK, and battery 1."""
+    kind = message.get_type()
+    if kind == "BATTERY_STATUS":
+        return message.id == 1
+    return kind == "NAMED_VALUE_FLOAT" and message.name == "TANK"

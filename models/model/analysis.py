@@ -20,6 +20,8 @@ from thrustmargin.models.model.airframe_claim import (
 )
 from thrustmargin.models.model.flown import flown_airframe, temperature_offset
 from thrustmargin.models.model.output_speed import FROM_OUTPUTS as FROM_OUTPUTS
+from thrustmargin.models.model.output_speed import MEASURED as MEASURED
+from thrustmargin.models.model.output_speed import speed_words
 from thrustmargin.models.model.predict import Basis as Basis
 from thrustmargin.models.model.predict import Prediction as Prediction
 from thrustmargin.models.model.predict import predict
@@ -40,8 +42,6 @@ from thrustmargin.models.physics.margin import (
     weight,
 )
 from thrustmargin.models.vehicle_facts import VehicleFacts
-
-MEASURED = "measured"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -139,11 +139,7 @@ class FlightAnalysis:
     @property
     def words_of_speed(self) -> str:
         """What `utilisation` rests on where it is known: "measured", or what stands in for it."""
-        known = np.isfinite(self.utilisation)
-        inferred = known & self.from_outputs
-        if not np.any(inferred):
-            return MEASURED
-        return FROM_OUTPUTS if np.array_equal(inferred, known) else f"{MEASURED}, or {FROM_OUTPUTS}"
+        return speed_words(self.track)
 
     def basis_of(self, row: int, rotor: int) -> str:
         """What a rotor's margin rests on in a row: "measured", "from motor outputs", "predicted".

@@ -32,8 +32,8 @@ from thrustmargin.models.physics.margin import weight
 from thrustmargin.models.physics.motor_output import OutputCurve, output_curve
 from thrustmargin.models.scores import Estimate
 
-#: How a channel of inferred rotor speeds is named wherever it is shown.
-FROM_OUTPUTS = "from motor outputs"
+#: What a rotor speed is, in the words of every screen.
+MEASURED, FROM_OUTPUTS = "measured", "from motor outputs"
 SPAN = 10.0  # s of one mean
 HOVER_SHARE = 0.35  # of full thrust, about which the curve is turned
 #: Standard errors before the flight, of ln N²: maker's full thrust, voltage exponent
@@ -98,6 +98,16 @@ class OutputCalibration:
             return 0.0
         guesses = guessed_variance(airframe, "empty_mass", "thrust_coefficient")
         return float(sums[4] / sums[0]) + guesses
+
+
+def speed_words(track: FlightTrack) -> str:
+    """What the rotor speeds of a flight are: "measured", "from motor outputs", or some of each."""
+    known = np.isfinite(track.rotor_speed_rpm)
+    error = track.standard_errors.get("rotor_speed_rpm", np.zeros_like(known))
+    inferred = known & (error > 0.0)
+    if not np.any(inferred):
+        return MEASURED
+    return FROM_OUTPUTS if np.array_equal(inferred, known) else f"{MEASURED}, or {FROM_OUTPUTS}"
 
 
 def with_outputs(

@@ -91,6 +91,8 @@ class RotorModel:
         if self.training_domain is None or self.network is None:
             return f"weight and thrust curve of {self.airframe.title}, no network"
         trained = f", trained {self.training.date}" if self.training else ""
+        if self.training and self.training.speed != "measured":
+            trained += f" on rotor speeds {self.training.speed}"
         return (
             f"network of {self.network.members} members for {self.airframe.title} from "
             f"{len(self.training_domain.flights)} flights{trained}"

@@ -24,6 +24,7 @@ import numpy as np
 
 from thrustmargin.models.errors import AirframeError, DataError
 from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.model.output_speed import speed_words
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.network.ensemble import ensemble_speed, member_speeds, stack_networks
 from thrustmargin.models.network.network import NetConfig, NetworkFit, fit_network
@@ -39,6 +40,7 @@ from thrustmargin.models.network.training_rows import (
 )
 from thrustmargin.models.network.validity import Range, TrainingDomain, calibrate, measure_coverage
 from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.flight_phases import training_rows
 from thrustmargin.models.physics.forward_flight import fit_forward_flight
 from thrustmargin.models.scores import Score, score
 
@@ -99,8 +101,9 @@ def train(
 ) -> Trained:
     """Fit the rotor speed model of one aircraft to its flights.
 
-    Raises DataError when there are no usable rows or fewer than 3 flights, and AirframeError when
-    the flights have another number of rotors than the airframe.
+    Rotor speeds are all measured or all from motor outputs, as the model's record says. Raises
+    DataError when they are not, when there are no usable rows or fewer than 3 flights, and
+    AirframeError when the flights have another number of rotors than the airframe.
     """
     samples = gather(tracks)
     if samples.rotor_speed_rpm.shape[1] != airframe.rotor_count:
@@ -108,6 +111,7 @@ def train(
             f"the flights have {samples.rotor_speed_rpm.shape[1]} rotors, airframe {airframe.name} "
             f"has {airframe.rotor_count}; give the right one with --airframe"
         )
+    speed = _one_kind_of_speed([t for t in tracks if training_rows(t).any()])
     member_rows = member_splits(samples, settings.members, settings.seed)
     steady = samples.turning != 1.0
     learnt = [
@@ -174,10 +178,23 @@ def train(
             learnt_rows=int(np.count_nonzero(steady)),
             splits=tuple(split_scores),
             left_out=_conditions(samples, left_out, settings.seed),
+            speed=speed,
         ),
         forward_flight=fit_forward_flight(tracks, airframe),
     )
     return Trained(model=model, curves=tuple(curves))
+
+
+def _one_kind_of_speed(tracks: Sequence[FlightTrack]) -> str:
+    """What the rotor speeds of all flights are; DataError where they are of two kinds."""
+    kinds = {track.name: speed_words(track) for track in tracks}
+    if len(set(kinds.values())) > 1:
+        named = "; ".join(f"{name} {kind}" for name, kind in kinds.items())
+        raise DataError(
+            f"rotor speeds of two kinds, which differ by more than a model does: {named}; train on "
+            "flights of one kind"
+        )
+    return next(iter(kinds.values()))
 
 
 def _only(rows: Rows, wanted: np.ndarray) -> Rows:

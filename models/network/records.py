@@ -42,3 +42,4 @@ class TrainingRecord:
     learnt_rows: int  # those outside yaw turns, from which the members learn
     splits: tuple[SplitScore, ...]
     left_out: tuple[ConditionScore, ...]  # each flight predicted by members that never saw it
+    speed: str = "measured"  # or "from motor outputs": what the rotor speeds learnt from were

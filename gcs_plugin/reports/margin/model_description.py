@@ -28,13 +28,24 @@ def model_use(analysis: FlightAnalysis) -> JsonObject:
         "empty_mass": airframe.empty_mass,
         "tank_capacity_kg": airframe.tank_capacity_kg,
         "model": "none" if analysis.withheld else model.description,
-        "model_words": tuple(model_words(model)),
+        "model_words": (*model_words(model), *_kinds_of_speed(analysis)),
         "network_share": shares[Basis.NETWORK],
         "physics_share": shares[Basis.PHYSICS],
         "none_share": shares[Basis.NONE],
         "inside_envelope": None if model.network is None else inside,
         "effects": tuple(_effect(e) for e in model.effects),
     }
+
+
+def _kinds_of_speed(analysis: FlightAnalysis) -> tuple[str, ...]:
+    """A word where the model learnt from another kind of rotor speed than this flight has."""
+    training, here = analysis.model.training, analysis.words_of_speed
+    if training is None or training.speed == here or not analysis.any_measured.any():
+        return ()
+    return (
+        f"it learnt from rotor speeds {training.speed} and this flight's are {here}: part of the "
+        "difference from the prediction is that of the two kinds",
+    )
 
 
 def model_words(model: RotorModel) -> list[str]:

@@ -76,7 +76,7 @@ def _moment(analysis: FlightAnalysis, use: Floats, row: int, names: tuple[str, .
         rotor=rotor + 1,
         rotor_name=names[rotor],
         capacity_use=value,
-        capacity_use_low=value - reach,
+        capacity_use_low=max(value - reach, 0.0),
         capacity_use_high=value + reach,
         margin=1.0 - value,
         basis=analysis.basis_of(row, rotor),

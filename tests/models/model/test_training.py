@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.reports.margin.model_description import model_use
 from thrustmargin.models.errors import AirframeError, DataError
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.json_values import to_json_values
 from thrustmargin.models.model.model_file import load_model, save_model, shipped_model
 from thrustmargin.models.model.predict import Basis, predict
@@ -183,6 +185,25 @@ def test_two_flights_are_too_few_to_split_by_flight():
 def test_the_airframe_must_have_the_flights_rotors():
     with pytest.raises(AirframeError, match="4 rotors, airframe agras-t40 has 8"):
         train(sorties(3), load_airframe("agras-t40"), QUICK, date="2025-06-01", version="0")
+
+
+def from_outputs(track: FlightTrack) -> FlightTrack:
+    return replace(track, standard_errors={"rotor_speed_rpm": 0.02 * track.rotor_speed_rpm})
+
+
+def test_speeds_from_motor_outputs_are_learnt_from_alone_and_the_model_remembers(tmp_path):
+    inferred = [from_outputs(track) for track in sorties(3)]
+    with pytest.raises(DataError, match=r"two kinds.*measured; .*from motor outputs"):
+        train([*sorties(3)[:2], inferred[2]], F16, QUICK, date="2025-06-01", version="0")
+    model = train(inferred, F16, QUICK, date="2025-06-01", version="0").model
+    save_model(model, tmp_path / "m.safetensors")
+    kept = load_model(tmp_path / "m.safetensors")
+    assert kept.training is not None
+    assert kept.training.speed == "from motor outputs"
+    assert kept.description.endswith("on rotor speeds from motor outputs")
+    measured, same = (model_use(analyse(t, kept)) for t in (sorties(1)[0], inferred[0]))
+    assert "it learnt from rotor speeds from motor outputs" in measured["model_words"][-1]
+    assert not any("learnt from" in words for words in same["model_words"])
 
 
 def test_training_keeps_its_settings_and_fills_the_model(tmp_path):
