@@ -51,7 +51,8 @@ def identify(
 
     Args:
         logs: Recorded flights to learn from: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv.
-        model: Rotor speed model file of this aircraft; without it the one that ships is used.
+        model: Rotor speed model file of this aircraft; without it, and without an airframe, the one
+            that ships is used for a flight that is recognised as one of topxgun-f16-sitl.
         airframe: Name of a shipped airframe, or an airframe file (.toml), to start from its weight
             and thrust curve alone, without a model file.
         held_out: Flights that are not learnt from, on which the error is stated.

@@ -14,12 +14,13 @@ if TYPE_CHECKING:
     from thrustmargin.models.model.network_points import NetworkPoints
     from thrustmargin.models.physics.matching import Matching
 
+PAPER_AIRFRAME = "topxgun-f16"
 PAPER = "Han et al. 2024, F16: 9.28 kg, 5.28 kg, +75.83 %, about 50 % when full"
 
 
 def match(
     *,
-    airframe: str = "topxgun-f16",
+    airframe: str | None = None,
     model: Path | None = None,
     out: Path = Path("figure10"),
 ) -> None:
@@ -31,13 +32,15 @@ def match(
     Example: thrustmargin match --airframe agras-t40 --out t40.svg
 
     Args:
-        airframe: Name of an airframe that ships with thrustmargin, or path of your .toml file.
+        airframe: Name of an airframe that ships with thrustmargin, or path of your .toml file;
+            without it that of --model, else the paper's own aircraft, which is then said.
         model: Rotor speed model whose predictions are drawn as points; else the shipped one.
         out: Figure to write, .svg or .png; without an ending both are written.
     """
     from thrustmargin.gcs_plugin.commands.options import Output, check_outputs
     from thrustmargin.gcs_plugin.commands.terminal import Terminal
     from thrustmargin.gcs_plugin.reports.model.figure10 import figure10, figure_paths, write_figure
+    from thrustmargin.models.model.model_file import load_model
     from thrustmargin.models.physics.airframe import load_airframe
     from thrustmargin.models.physics.matching import match_airframe
 
@@ -45,9 +48,18 @@ def match(
         [Output("--out", path, endings=(".svg", ".png")) for path in figure_paths(out)],
         inputs=[model, airframe],
     )
-    matching = match_airframe(load_airframe(airframe))
+    if airframe is None and model is not None:
+        matching = match_airframe(load_model(model).airframe)
+    else:
+        matching = match_airframe(load_airframe(airframe or PAPER_AIRFRAME))
     console = Terminal()
     console.print(load_table(matching))
+    if airframe is None and model is None:
+        console.print(
+            f"airframe {PAPER_AIRFRAME}, the paper's own aircraft: none was given; name yours with "
+            "--airframe",
+            soft_wrap=True,
+        )
     for note in notes(matching):
         console.print(note)
     points, drawn = _network(matching, model)

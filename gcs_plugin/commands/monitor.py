@@ -53,7 +53,8 @@ def monitor(
         forward: Pass every byte on, unchanged, to a ground station at udpout:HOST:PORT (or
             tcpin:HOST:PORT), and its answers back to the vehicle. May be given several times.
         record: Folder in which the recording's own folder is made.
-        model: Rotor speed model file of this aircraft; without it the one that ships is used.
+        model: Rotor speed model file of this aircraft; without it, and without an airframe, the one
+            that ships is used for a flight that is recognised as one of topxgun-f16-sitl.
         airframe: Name of a shipped airframe, or an airframe file (.toml); without it the model's.
         reading: How the link is read.
         max_utilisation: Largest share of a rotor's maximum thrust that may be in use; above it an

@@ -36,7 +36,8 @@ def replay(
 
     Args:
         log: Recorded flight: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv.
-        model: Rotor speed model file of this aircraft; without it the one that ships is used.
+        model: Rotor speed model file of this aircraft; without it, and without an airframe, the one
+            that ships is used for a flight that is recognised as one of topxgun-f16-sitl.
         before: Model file that --model was made from by `identify`; the route can then be coloured
             by the residual before and after.
         airframe: Name of a shipped airframe, or an airframe file (.toml); without it the model's.

@@ -33,7 +33,8 @@ def report(
 
     Args:
         logs: Recorded flights: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv.
-        model: Rotor speed model file of this aircraft; without it the one that ships is used.
+        model: Rotor speed model file of this aircraft; without it, and without an airframe, the one
+            that ships is used for a flight that is recognised as one of topxgun-f16-sitl.
         airframe: Name of a shipped airframe, or an airframe file (.toml); without it the model's.
         reading: How the logs are read.
         out: Page to write (.html).

@@ -20,10 +20,12 @@ from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.airframe import QUANTITIES, Airframe, Quantity
 from thrustmargin.models.physics.atmosphere import SEA_LEVEL_DENSITY
+from thrustmargin.models.physics.frames import motor_layouts
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 #: m, of an aircraft that is only drawn, on arms of 1 m.
 DRAWN_PROPELLER = 0.9
+USUAL_LAYOUTS = {4: "quad-x", 6: "hexa-x", 8: "octo-x"}
 AirframeBasis = Literal["given", "recognised", "not known"]
 
 
@@ -71,8 +73,9 @@ def airframe_claim(
     if by := recognised(found):
         words = f"airframe {airframe.name}, recognised ({by}); none was given"
         return AirframeClaim(basis="recognised", words=words)
-    why = f" ({'; '.join(doubts)})" if doubts else ""
-    reason = f"no airframe was given, and the flight is not recognised as {airframe.name}{why}"
+    unlike = (c.words for c in found if c.verdict != "close" and c.check != "frame")
+    why = doubts[0] if doubts else next(unlike, "too little in it to compare")
+    reason = f"no airframe was given, and the flight is not recognised as {airframe.name} ({why})"
     return AirframeClaim(
         basis="not known", words="airframe not known", withheld=(reason,), source=track.name
     )
@@ -82,16 +85,17 @@ def airframe_claim(
 def unknown_aircraft(rotor_count: int) -> RotorModel:
     """The model of an aircraft of which only the number of rotors is known: all it says is NaN.
 
-    Its rotors stand in a circle of 1 m, only to be drawn.
+    Its rotors stand on arms of 1 m, numbered as autopilots usually do, only to be drawn.
     """
+    layout = motor_layouts().get(USUAL_LAYOUTS.get(rotor_count, ""))
     angles = [2.0 * pi * (k + 0.5) / max(rotor_count, 1) for k in range(rotor_count)]
-    places = [(cos(angle), sin(angle), 0.0) for angle in angles]
+    places = np.array([(cos(a), sin(a)) for a in angles]) if layout is None else layout.place
     airframe = Airframe(
         name="not known",
         title="aircraft not known",
         layout="not known",
-        rotor_position_frd=np.array(places, dtype=np.float64).reshape(rotor_count, 3),
-        rotor_spin=np.ones(rotor_count),
+        rotor_position_frd=np.pad(places.reshape(rotor_count, 2), ((0, 0), (0, 1))),
+        rotor_spin=np.ones(rotor_count) if layout is None else layout.spin,
         rotor_effectiveness=np.ones(rotor_count),
         rotor_names=tuple(f"motor {k + 1}" for k in range(rotor_count)),
         quantities=MappingProxyType(

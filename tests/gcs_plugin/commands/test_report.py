@@ -130,3 +130,21 @@ def test_a_flight_that_says_nothing_of_its_rotors_gets_a_page_and_no_verdict(tmp
     assert run(["report", str(log), "--out", str(tmp_path / "r.html")]) == 0
     assert "bare.csv: NO VERDICT" in capsys.readouterr().out
     assert (tmp_path / "r.html").exists()
+
+
+@pytest.mark.parametrize("airframe", ["agras-t20", "agras-t40", "crazyflie-rpm"])
+def test_a_flight_of_another_aircraft_has_no_verdict_but_its_reason_and_what_helps(
+    airframe, tmp_path, capsys
+):
+    out = tmp_path / "r.html"
+    assert run(["report", str(LOG), "--airframe", airframe, "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert f"{LOG.name}: NO VERDICT" in said
+    assert f"thrustmargin airframe new --from {LOG.name}" in said
+    (flight,) = json.loads(out.with_suffix(".json").read_text())["flights"]
+    assert flight["airframe_basis"] == "given"
+    assert flight["withheld"]
+    assert flight["verdict"]["worst"] is None
+    assert {r["measured_max"] for r in flight["rotors"]} == {None}
+    assert flight["redundancy"]["fill_limit_start_kg"] is None
+    assert flight["flight"]["airborne_s"] > 100.0
