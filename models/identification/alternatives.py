@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from thrustmargin.models.effects.base import Effect
+from thrustmargin.models.identification.candidate import candidates, credible, score, warm_start
 from thrustmargin.models.identification.cross_validation import (
     difference_is_uncertain,
     held_out_cost,
@@ -17,7 +18,6 @@ from thrustmargin.models.identification.fit import (
     linearise,
     mode_scales,
 )
-from thrustmargin.models.identification.search import candidates, credible, score, warm_start
 
 
 def confounded_alternatives(

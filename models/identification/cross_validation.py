@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
 from scipy.stats import t as student
 
 from thrustmargin.models.flight import Floats
@@ -141,7 +140,8 @@ def intervals(
     level = 0.5 + confidence / 2
     quantile = np.full(size, student.ppf(level, max(2, blocks // 2)))
     flights = fit.layout.places.shape[0]
-    if flights > 2:
+    own_spread = background is not None and np.isfinite(background.degrees)  # of flights, in it
+    if flights > 2 and not own_spread:
         by_flight = bread @ _meat(s, s.owner) @ bread * flights / (flights - 1)
         wider = (np.diag(by_flight) > np.diag(covariance)) & fit.layout.shared
         scale = np.ones(size)
@@ -152,7 +152,7 @@ def intervals(
     square = quantile**2 * np.diag(covariance)
     if background is not None and size:
         own = bread @ _background_meat(fit, background) @ bread
-        square = square + norm.ppf(level) ** 2 * np.diag(own)
+        square = square + student.ppf(level, background.degrees) ** 2 * np.diag(own)
         covariance = covariance + own
     finest = np.zeros(size)
     for k, parameter in enumerate(fit.layout.parameters):

@@ -22,6 +22,7 @@ from thrustmargin.models.errors import require_torch
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.base_uncertainty import base_uncertainty_rpm
 from thrustmargin.models.identification.modes import robust_scale
+from thrustmargin.models.identification.output_shares import scaled_to
 from thrustmargin.models.identification.problem import Background, Problem
 
 HUBER = 3.0  # scales of a mode beyond which a residual counts linearly
@@ -149,6 +150,8 @@ def mode_scales(problem: Problem, residual_rpm: Floats) -> Floats:
     directions = problem.modes.directions
     amplitudes = residual_rpm @ directions
     scales = np.array([robust_scale(amplitudes[:, k]) for k in range(amplitudes.shape[1])])
+    if problem.of_outputs:  # what all rotors have in common is as measured
+        scales[0] = scales[1:].min()
     scales = np.clip(scales, 1e-6, SPREAD * max(float(scales.min()), 1e-6))
     return np.hypot(scales, np.sqrt(problem.known_square(directions)))
 
@@ -189,6 +192,11 @@ class Evaluator:
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
         self._base, self._channels = problem.torch_parts()
+        self._total: Any = None
+        if problem.of_outputs:
+            import torch
+
+            self._total = torch.as_tensor(np.sum(problem.measured_rpm**2, axis=1))
 
     def predict(self, terms: Sequence[Term], layout: FitLayout, values: Floats) -> Floats:
         """(T, R) rpm."""
@@ -241,7 +249,8 @@ class Evaluator:
                 for i, k in enumerate(wanted):
                     moved[k] = moved[k] + change[i]
             placed = (*self.problem.placed, *placed_terms(terms, moved))
-            return rotor_speed_rpm(self._base, placed, self._channels, torch)
+            speed = rotor_speed_rpm(self._base, placed, self._channels, torch)
+            return speed if self._total is None else scaled_to(self._total, speed)
 
         return predict
 

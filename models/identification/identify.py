@@ -23,6 +23,7 @@ from thrustmargin.models.identification.autocorrelation import (
     AutocorrelatedResidual,
     autocorrelated_residual,
 )
+from thrustmargin.models.identification.candidate import cross_validated_rmse, warm_start
 from thrustmargin.models.identification.cross_validation import (
     ParameterInterval,
     held_out_cost,
@@ -39,6 +40,7 @@ from thrustmargin.models.identification.fit import (
     term_values,
 )
 from thrustmargin.models.identification.modes import sensor_noise_rpm
+from thrustmargin.models.identification.output_shares import effects_on_shares
 from thrustmargin.models.identification.problem import Problem, assemble
 from thrustmargin.models.identification.result import (
     Found,
@@ -51,11 +53,10 @@ from thrustmargin.models.identification.search import (
     MOST_EFFECTS,
     SearchConfig,
     Step,
-    cross_validated_rmse,
     look,
     prune,
-    warm_start,
 )
+from thrustmargin.models.identification.standing_trim import Unflyable
 from thrustmargin.models.identification.unexplained import LEAST_SHARE, Curve, best_curve, floor_rpm
 from thrustmargin.models.identification.unseen_errors import (
     Errors,
@@ -111,12 +112,16 @@ def identify(
     model, config = model or shipped_model(), config or SearchConfig()
     catalogue = effects_for(model.airframe, catalogue)
     problem = assemble(model, fit)
+    if problem.of_outputs:
+        catalogue = effects_on_shares(catalogue)
+    untried = {e.name: lacks for e in catalogue if (lacks := problem.lacks(e))}
     evaluator = Evaluator(problem)
     generator = np.random.default_rng(config.seed)
     first = fit_terms(evaluator, (), scales=np.ones(model.airframe.rotor_count))
     first = fit_terms(evaluator, (), scales=mode_scales(problem, first.residual_rpm))
     tried: list[Tried] = []
-    found, steps = _search(evaluator, first, catalogue, config, generator, progress, tried)
+    losses: list[Unflyable] = []
+    found, steps = _search(evaluator, first, catalogue, config, generator, progress, tried, losses)
     found, curve, slow = _disprove(evaluator, found, steps, config, generator)
     alike = confounded_alternatives(evaluator, found, catalogue) if found.terms else {}
     if progress:
@@ -143,6 +148,8 @@ def identify(
         ),
         config=config,
         tried=tuple(tried),
+        unflyable=tuple(losses),
+        untried=untried,
         followed=tuple(f for f in [followed_wind(problem, found, fit)] if f is not None),
     )
 
@@ -160,8 +167,10 @@ def _search(
     generator: np.random.Generator,
     progress: Progress | None,
     tried: list[Tried],
+    losses: list[Unflyable],
 ) -> tuple[Fit, dict[str, Step]]:
-    """Add effects until none beats chance; which step brought each. `tried` gets all candidates."""
+    """Add effects until none beats chance; which step brought each. `tried` gets all candidates,
+    `losses` those of one rotor that nobody could have flown with."""
     current, steps = first, {}
     for number in range(MOST_EFFECTS):
         report = None
@@ -169,10 +178,12 @@ def _search(
             report = lambda what, share, n=number: progress(f"effect {n + 1}: {what}", share)  # noqa: E731
         step = look(evaluator, current, catalogue, config, generator, report)
         tried += tried_in(step, number + 1)
+        losses += [u for u in step.unflyable if u.rotor not in {known.rotor for known in losses}]
         if step.chosen is None:
             break
         # Without the fits of all candidates, which are large.
-        steps[step.chosen.term.key] = replace(step, ranked=())
+        new = {t.key for t in step.chosen.fit.terms} - {t.key for t in current.terms}
+        steps |= dict.fromkeys(new, replace(step, ranked=()))
         current = prune(evaluator, step.chosen.fit)
     return prune(evaluator, current, last_too=True), steps
 

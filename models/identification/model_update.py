@@ -15,10 +15,11 @@ from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.candidate import warm_start
 from thrustmargin.models.identification.cross_validation import left_out_values
 from thrustmargin.models.identification.fit import Evaluator, layout_of
+from thrustmargin.models.identification.output_shares import FEWEST_FLIGHTS, learnt_spread
 from thrustmargin.models.identification.result import Found, Identification
-from thrustmargin.models.identification.search import warm_start
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.network.ensemble import ensemble_speed
 from thrustmargin.models.network.validity import (
@@ -120,6 +121,9 @@ def _background(model: RotorModel, found: Identification) -> tuple[float, ...]:
     It is how much flights differ of which this model holds: an effect must stand out from it.
     """
     problem = found.problem
+    if problem.of_outputs and problem.flights >= FEWEST_FLIGHTS:
+        modes = found.residual_after_rpm @ problem.modes.directions
+        return tuple(float(v) for v in learnt_spread(modes, problem.flight))
     if problem.flights < flights_needed(COVERAGE):
         return model.background_rpm
     amplitudes = found.residual_after_rpm @ problem.modes.directions

@@ -17,12 +17,17 @@ from numpy.typing import NDArray
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.effects.base import Effect, Placed
 from thrustmargin.models.effects.channels import Channels, concatenate
-from thrustmargin.models.effects.compose import BaseTable
+from thrustmargin.models.effects.compose import BaseTable, rotor_speed_rpm
 from thrustmargin.models.effects.missing import filled
 from thrustmargin.models.errors import AirframeError, DataError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.identification.base_uncertainty import base_uncertainty_rpm
 from thrustmargin.models.identification.modes import Modes, modes
+from thrustmargin.models.identification.output_shares import (
+    of_outputs,
+    scaled_to,
+    spread_of_flights,
+)
 from thrustmargin.models.model.flown import model_channels, table_of
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.flight_phases import training_rows
@@ -38,11 +43,13 @@ MISSING_SHARE = 0.02  # a channel with more rows missing than this is not there
 class Background:
     """Errors of the base model that new flights meet whatever is missing, in scales of the modes.
 
-    A `constant` (R,) of its own in each flight, and `directions` (D, T, R) that all flights share.
+    A `constant` (R,) of its own in each flight, known from `degrees` of freedom, and `directions`
+    (D, T, R) that all flights share.
     """
 
     constant: Floats
     directions: Floats
+    degrees: float = np.inf
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -61,6 +68,9 @@ class Problem:
     durations: Floats  # (F,) s
     modes: Modes
     uncertainty_rpm: Floats  # (D, T, R) by which the base model may be off, one deviation each
+    background_rpm: Floats  # (R,) by which each mode differs from flight to flight, whatever is new
+    background_degrees: float = np.inf  # of freedom of that spread
+    of_outputs: bool = False  # speeds are from motor outputs: only each rotor's share counts
 
     @property
     def flights(self) -> int:
@@ -89,19 +99,16 @@ class Problem:
         """
         if uncertainty is None:
             uncertainty = self.uncertainty_rpm
-        known = np.asarray(self.model.background_rpm)
-        constant = known / scales if known.size == scales.size else np.zeros_like(scales)
         return Background(
-            constant=constant, directions=uncertainty @ (self.modes.directions / scales)
+            constant=self.background_rpm / scales,
+            directions=uncertainty @ (self.modes.directions / scales),
+            degrees=self.background_degrees,
         )
 
     def known_square(self, directions: Floats) -> Floats:
         """(M,) rpm²: by how much the base model is known to be off along directions (R, M)."""
-        constant = np.asarray(self.model.background_rpm)
         known = np.sum((self.uncertainty_rpm @ directions) ** 2, axis=0).mean(axis=0)
-        if constant.size != self.modes.directions.shape[0]:
-            return known
-        return known + constant**2 @ (self.modes.directions.T @ directions) ** 2
+        return known + self.background_rpm**2 @ (self.modes.directions.T @ directions) ** 2
 
     def lacks(self, effect: Effect) -> tuple[str, ...]:
         """The channels that the effect needs or reads and that not every row has."""
@@ -191,6 +198,7 @@ def assemble(model: RotorModel, tracks: Sequence[FlightTrack]) -> Problem:
         follows.append(np.concatenate([[False], np.diff(rows) == 1]))
         durations.append(float(elapsed[-1]))
     table, channels = table_of(model), concatenate(parts)
+    shares = of_outputs(tracks)
     for item in model.placed:
         channels = filled(item.effect, item.values, channels)
     problem = Problem(
@@ -206,8 +214,19 @@ def assemble(model: RotorModel, tracks: Sequence[FlightTrack]) -> Problem:
         durations=np.array(durations),
         modes=modes(airframe),
         uncertainty_rpm=base_uncertainty_rpm(model, table, channels),
+        background_rpm=np.array(model.background_rpm or np.zeros(airframe.rotor_count)),
+        of_outputs=shares,
     )
-    return _thinned(problem)
+    return _thinned(_with_spread(problem) if shares else problem)
+
+
+def _with_spread(problem: Problem) -> Problem:
+    """The problem of motor outputs, with how flights differ by themselves."""
+    predicted = rotor_speed_rpm(problem.base, problem.placed, problem.channels, np)
+    predicted = scaled_to(np.sum(problem.measured_rpm**2, axis=1), predicted)
+    residual = (problem.measured_rpm - predicted) @ problem.modes.directions
+    spread, degrees = spread_of_flights(residual, problem.flight, problem.background_rpm)
+    return replace(problem, background_rpm=spread, background_degrees=degrees)
 
 
 def _thinned(problem: Problem) -> Problem:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from thrustmargin.models.identification.cross_validation import ParameterInterva
 from thrustmargin.models.identification.fit import Evaluator, Fit, Term, layout_of
 from thrustmargin.models.identification.problem import Problem
 from thrustmargin.models.identification.search import SearchConfig, Step
+from thrustmargin.models.identification.standing_trim import Unflyable
 from thrustmargin.models.identification.unexplained import Curve
 from thrustmargin.models.identification.unseen_errors import (
     Errors,
@@ -137,6 +139,10 @@ class Identification:
     config: SearchConfig
     tried: tuple[Tried, ...] = ()
     followed: tuple[Found, ...] = ()  # what the flights have and a channel tells the model of
+    unflyable: tuple[Unflyable, ...] = ()  # losses of one rotor that fit and cannot be
+    untried: Mapping[str, tuple[str, ...]] = field(
+        default_factory=dict
+    )  # effect -> lacking channels
 
     def __repr__(self) -> str:
         problem, held_out = self.problem, self.held_out
@@ -195,6 +201,17 @@ class Identification:
                 "before": self.before,
                 "after": self.after,
                 "effects": effects,
+                "cannot_tell": [
+                    {
+                        "name": "rotor_degradation",
+                        "rotor": u.rotor + 1,
+                        "loss": u.loss,
+                        "most": u.most,
+                    }
+                    for u in self.unflyable
+                ],
+                "not_tried": self.untried,
+                "from_motor_outputs": self.problem.of_outputs,
                 "unexplained": self.unexplained(),
                 "floor_rpm": self.floor_rpm,
                 "sensor_noise_rpm": self.sensor_noise_rpm,

@@ -20,37 +20,38 @@ from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION as W
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification import onset
+from thrustmargin.models.identification.candidate import (
+    Scored,
+    candidates,
+    credible,
+    cross_validated_rmse,
+    score,
+    warm_start,
+)
 from thrustmargin.models.identification.cross_validation import (
-    ParameterInterval,
     held_out_cost,
-    intervals,
 )
 from thrustmargin.models.identification.fit import (
     Evaluator,
     Fit,
     FitLayout,
     Term,
-    background_of,
     columns_of,
     fit_terms,
     layout_of,
     linearise,
     mode_scales,
-    starts,
-    term_values,
 )
 from thrustmargin.models.identification.onset import Onset
-from thrustmargin.models.identification.problem import Problem
+from thrustmargin.models.identification.standing_trim import Unflyable, trim_instead, unflyable
 from thrustmargin.models.identification.surrogates import (
     Linear,
     best_gains,
     p_value,
     surrogate_residuals,
 )
-from thrustmargin.models.identification.unseen_errors import nearly_across_flights
 
 SHORT_LIST = 5  # candidates that are fitted in full
-LEAST_MOVE = 0.0008  # of rotor speed, RMS, below which an effect is not worth a name
 ONSET_GAIN = 1.15  # times that of a rotor bad all along, for a step in time to be believed
 ONSET_LEAVES = 0.8  # of the cost that a rotor bad all along leaves, which will do as well
 ONE_FLIGHT_GAIN = 1.1  # times that of a step that other flights share, for one of a single flight
@@ -58,8 +59,6 @@ MOST_EFFECTS = 10
 LEAST_FALL = 0.01  # of the cross-validated RMSE in rpm, for an effect worth a name
 TIE = 0.1  # of the best gain, within which the plain error on left-out flights decides
 LEAST_GAIN = 0.002  # share of the held-out cost that an effect must take away
-
-MISSED = 0.05  # share of intervals that miss, shared among all candidates of a look
 
 Progress = Callable[[str, float], None]
 
@@ -83,16 +82,6 @@ class SearchConfig:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Scored:
-    """A candidate fitted together with the accepted terms."""
-
-    term: Term
-    fit: Fit
-    held_out: Floats  # (B,)
-    gain: float  # fall of the summed held-out cost
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Step:
     """One look through all candidates."""
 
@@ -101,41 +90,7 @@ class Step:
     ranked: tuple[Scored, ...]  # best first
     chosen: Scored | None
     p_value: float
-
-
-def candidates(evaluator: Evaluator, accepted: Sequence[Term], catalogue: Sequence[Effect]):
-    """Terms that could be added: channels reported, not in already."""
-    taken = {t.key for t in accepted}
-    begun = {t.rotor for t in accepted if t.effect.begins}
-    rotors = evaluator.problem.measured_rpm.shape[1]
-    for effect in catalogue:
-        if not evaluator.problem.lacks(effect):
-            places = range(rotors) if effect.of_one_rotor else (None,)
-            for rotor in places:
-                term = Term(effect=effect, rotor=rotor)
-                if term.key not in taken and not effect.begins and term.rotor not in begun:
-                    yield term
-
-
-def warm_start(terms: Sequence[Term], fit: Fit, flights: int) -> Floats:
-    """Values of a fit carried over to a list of terms that may hold more, fewer or others."""
-    layout = layout_of(terms, flights)
-    values, known = starts(layout), columns_of(fit.terms)
-    for key, columns in columns_of(terms).items():
-        if key in known:
-            before = fit.layout.places[:, list(known[key].values())]
-            values[layout.places[:, list(columns.values())]] = fit.values[before]
-    return values
-
-
-def score(
-    evaluator: Evaluator, base: Fit, base_cost: float, terms: Sequence[Term], term: Term, **given
-) -> Scored:
-    """Fit `terms` (which hold `term`) from where `base` stands, or from `start`, and score it."""
-    start = given.pop("start", warm_start(terms, base, evaluator.problem.flights))
-    fit = fit_terms(evaluator, terms, start=start, **given)
-    cost = held_out_cost(fit.statistics)
-    return Scored(term=term, fit=fit, held_out=cost, gain=base_cost - float(cost.sum()))
+    unflyable: tuple[Unflyable, ...] = ()  # losses that would have been chosen
 
 
 def look(
@@ -199,16 +154,22 @@ def look(
         and _of_most_flights(base_held_out - s.held_out, problem.block_flight, s.term)
         and cross_validated_rmse(evaluator, s.fit) < (1.0 - LEAST_FALL) * error
     ]
+    ruled_out = [(s, unflyable(problem, s)) for s in worthy]
+    worthy = [s for s, reason in ruled_out if reason is None]
+    nothing = Step(
+        base=base,
+        base_held_out=base_held_out,
+        ranked=tuple(ranked),
+        chosen=None,
+        p_value=1.0,
+        unflyable=tuple(reason for _, reason in ruled_out if reason is not None),
+    )
     if not worthy:
-        return Step(
-            base=base,
-            base_held_out=base_held_out,
-            ranked=tuple(ranked),
-            chosen=None,
-            p_value=1.0,
-        )
+        return nothing
     level = [s for s in worthy if s.gain >= (1.0 - TIE) * worthy[0].gain]
     best = min(level, key=lambda s: cross_validated_rmse(evaluator, s.fit))
+    if best.term.effect is WORN:
+        best = trim_instead(evaluator, base, base_cost, scales, best, pool) or best
     noise = surrogate_residuals(
         problem, best.fit.whitened, config.surrogates, generator, problem.background(scales)
     )
@@ -216,17 +177,10 @@ def look(
         chance = onset.best_gains(problem, losses, noise)
         p = p_value(begun[best.term.effect.variant].gain, chance)
     else:
-        nothing = Linear(statistics=base.statistics, jacobian=base.jacobian)
-        chance = best_gains(problem, nothing, linear, noise)
+        without = Linear(statistics=base.statistics, jacobian=base.jacobian)
+        chance = best_gains(problem, without, linear, noise)
         p = p_value(best.gain, chance)
-    chosen = best if p <= config.significance else None
-    return Step(
-        base=base,
-        base_held_out=base_held_out,
-        ranked=tuple(ranked),
-        chosen=chosen,
-        p_value=p,
-    )
+    return replace(nothing, chosen=best if p <= config.significance else None, p_value=p)
 
 
 def _losses(linear: Sequence[Linear], pool: Sequence[Term], base: Fit) -> Floats:
@@ -308,55 +262,6 @@ def _onset(
     return Scored(term=term, fit=fit, held_out=cost, gain=base_cost - float(cost.sum()))
 
 
-def cross_validated_rmse(evaluator: Evaluator, fit: Fit) -> float:
-    """RMSE in rpm of every row under values found without its flight, the fit taken as straight."""
-    return float(np.sqrt(np.mean(nearly_across_flights(evaluator.problem, fit) ** 2)))
-
-
-def credible(
-    scored: Scored,
-    base: Fit | None = None,
-    problem: Problem | None = None,
-    interval: ParameterInterval | None = None,
-    tries: int = 1,
-) -> bool:
-    """True when the effect is possible, its interval excludes absent, and it matters.
-
-    With `problem` the interval holds what the base model may be off by, and an effect that has a
-    weight must have it; of `tries` candidates each must be clear of absent so much surer.
-
-    It matters when the parameter is as far from absent as is worth reporting and, given the `base`
-    without it, when it moves the predicted rotor speeds by LEAST_MOVE of their size.
-    """
-    if interval is None:
-        background = None if problem is None else background_of(problem, scored.fit)
-        level = 1.0 - MISSED / tries
-        interval = intervals(scored.fit, background, level, few=False)
-    value = term_values(scored.fit, scored.term)
-    low = term_values(scored.fit, scored.term, interval.lower)
-    high = term_values(scored.fit, scored.term, interval.upper)
-    asked, matters = False, False
-    for k, p in enumerate(scored.term.effect.parameters):
-        inside = (value[:, k] > p.lower) & (value[:, k] < p.upper)
-        if not p.detail and not inside.all():
-            return False
-        if p.absent is not None:
-            asked = True
-            clear = (low[:, k] > p.absent) | (high[:, k] < p.absent)
-            matters |= bool(np.any(clear & (np.abs(value[:, k] - p.absent) >= p.smallest)))
-        elif p.smallest:
-            asked = True
-            matters |= bool(np.any(np.abs(value[:, k]) >= p.smallest))
-    if asked and not matters:
-        return False
-    if problem is not None and not _weighty(problem, scored):
-        return False
-    if base is None:
-        return True
-    moved = np.sqrt(np.mean((scored.fit.prediction_rpm - base.prediction_rpm) ** 2))
-    return bool(moved > LEAST_MOVE * np.mean(base.prediction_rpm))
-
-
 def _of_most_flights(gains: Floats, owner: NDArray[np.intp], term: Term) -> bool:
     """True when most flights gain, and all but the one that gains most do so together."""
     by_flight = np.bincount(owner, gains)
@@ -364,15 +269,6 @@ def _of_most_flights(gains: Floats, owner: NDArray[np.intp], term: Term) -> bool
         return True
     most = np.count_nonzero(by_flight > 0) > by_flight.size / 2
     return bool(most and by_flight.sum() > by_flight.max())
-
-
-def _weighty(problem: Problem, scored: Scored) -> bool:
-    effect = scored.term.effect
-    if effect.weight is None:
-        return True
-    rows = term_values(scored.fit, scored.term)[problem.flight]
-    values = {p.name: rows[:, k] for k, p in enumerate(effect.parameters)}
-    return bool(effect.weight(values, problem.channels, np) >= 1.0)
 
 
 def prune(evaluator: Evaluator, fit: Fit, *, last_too: bool = False) -> Fit:

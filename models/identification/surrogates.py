@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import t as student
 
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.cross_validation import held_out_cost
@@ -45,7 +46,7 @@ def surrogate_residuals(
     rows = [np.flatnonzero(problem.flight == f) for f in range(problem.flights)]
     shape = (*whitened.shape, count)
     out = np.empty(shape, dtype=np.float32)
-    blocks = problem.block_flight.size
+    blocks, rotors = problem.block_flight.size, background.constant.size
     for s in range(count):
         donors = generator.permutation(problem.flights)
         signs = generator.choice([-1.0, 1.0], size=blocks)
@@ -54,7 +55,7 @@ def surrogate_residuals(
             start = int(generator.integers(theirs.size))
             source = theirs[(start + np.arange(mine.size)) % theirs.size]
             out[mine, :, s] = whitened[source] * signs[problem.block[mine], None]
-            own = generator.standard_normal(background.constant.size)
+            own = student.rvs(background.degrees, size=rotors, random_state=generator)
             out[mine, :, s] += background.constant * own
     if background.directions.size:
         draws = generator.standard_normal((background.directions.shape[0], count))

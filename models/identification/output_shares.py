@@ -1,0 +1,92 @@
+"""Flights without rotor speeds: each rotor's share of the motor outputs, and nothing else.
+
+Where only outputs are reported, the equivalent speeds of `model.output_speed` are set by the
+weight, and battery, air and load move all outputs together. What they have in common says nothing
+of the model, so a prediction is scaled, row by row, to the sum of squares that was measured:
+
+    N_i' = N_i sqrt(sum N_meas² / sum N²)
+
+and only effects that change how the rotors share the thrust are looked for. A standing share also
+differs from flight to flight, by wind and by how the battery was put in. That spread is taken from
+the flights themselves, or from good flights that the model has learnt from; with neither, a
+standing difference cannot be told from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from thrustmargin.models.effects.base import Effect, Kind
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.model.output_speed import FROM_OUTPUTS
+
+FEWEST_FLIGHTS = 3  # that show by how much flights differ
+
+
+def of_outputs(tracks: Sequence[FlightTrack]) -> bool:
+    """True when the speeds of all rotors are from motor outputs in all flights.
+
+    Raises DataError when flights are of both kinds, or when a flight has only some rotors' speeds.
+    """
+    kinds = set()
+    for track in tracks:
+        source = track.sources.get("rotor_speed_rpm", "")
+        if FROM_OUTPUTS in source and not source.startswith(FROM_OUTPUTS):
+            raise DataError(
+                f"{track.name}: only some rotors report their speed; leave this log out, for what "
+                "the others do cannot be told from their ESC"
+            )
+        kinds.add(FROM_OUTPUTS in source)
+    if len(kinds) > 1:
+        raise DataError(
+            "some flights report rotor speeds and others only motor outputs; give each kind by "
+            "itself"
+        )
+    return kinds == {True}
+
+
+def effects_on_shares(catalogue: Sequence[Effect]) -> tuple[Effect, ...]:
+    """The effects that change how rotors share the thrust and that do not begin in a flight."""
+    return tuple(
+        e for e in catalogue if (e.kind is Kind.MOMENTS or e.of_one_rotor) and not e.begins
+    )
+
+
+def scaled_to(total: Any, speed: Any) -> Any:
+    """Speeds (T, R) in rpm, arrays or tensors, with the sum of squares `total` (T,)."""
+    return speed * ((total / (speed**2).sum(1)) ** 0.5)[:, None]
+
+
+def spread_of_flights(
+    residual: Floats, flight: NDArray[np.intp], learnt: Floats
+) -> tuple[Floats, float]:
+    """(R,) rpm by which the mean of each mode differs from flight to flight; degrees of freedom.
+
+    From the `residual` (T, R) rpm in modes and from what the model has `learnt` (R,), zeros where
+    it has not; the larger. With too few flights for either, as large as it takes to name nothing.
+    """
+    count = int(flight.max()) + 1
+    means = np.stack([residual[flight == f].mean(axis=0) for f in range(count)])
+    if count < FEWEST_FLIGHTS:
+        nothing = np.full_like(learnt, 1e3 * np.abs(residual).max())
+        return (learnt if learnt.any() else nothing), np.inf
+    own = np.std(means, axis=0, ddof=1)
+    if learnt.any():
+        return np.maximum(learnt, own), np.inf
+    return own, count - 1.0
+
+
+def learnt_spread(residual: Floats, flight: NDArray[np.intp]) -> Floats:
+    """(R,) rpm that the mean of each mode may have in a new flight, as one standard deviation.
+
+    From `residual` (T, R) rpm in modes of good flights; wider for few flights, by Student's t.
+    """
+    count = int(flight.max()) + 1
+    means = np.stack([residual[flight == f].mean(axis=0) for f in range(count)])
+    return np.sqrt(np.mean(means**2, axis=0)) * student.ppf(0.975, count) / student.ppf(0.975, 1e9)
