@@ -41,7 +41,13 @@ def _by_parameters(it: DescribedEffect) -> str:
 
 def _worn(it: DescribedEffect) -> str:
     more = "more" if it.negative("loss") else "less"
-    return f"{it.rotor} makes {_percent(it, 'loss')} {more} thrust than its model"
+    amount = _percent(it, "loss")
+    if it.whole.problem.of_outputs:
+        return (
+            f"{it.rotor} makes {amount} {more} thrust than its share of the motor outputs: its "
+            "propeller, motor or ESC, which outputs cannot distinguish"
+        )
+    return f"{it.rotor} makes {amount} {more} thrust than its model"
 
 
 def _onset(it: DescribedEffect) -> str:
@@ -148,8 +154,9 @@ def _balance(it: DescribedEffect) -> str:
 def _yaw(it: DescribedEffect) -> str:
     to = "left" if it.negative("moment") else "right"
     return (
-        f"The rotors hold a steady yaw moment of {it.size('moment', 'N m')} to the {to}, as "
-        "against a tilted motor"
+        f"The rotors hold a steady yaw moment of {it.size('moment', 'N m')} to the {to}: motors "
+        "are not level, or the clockwise and counter-clockwise pairs differ; level the motors, "
+        "then swap two propellers between the pairs"
     )
 
 

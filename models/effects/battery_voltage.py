@@ -14,13 +14,13 @@ BATTERY_VOLTAGE = Effect(
     name="battery_voltage",
     kind=Kind.COEFFICIENT,
     parameters=(
-        Parameter(name="exponent", unit="1", lower=-4.0, upper=6.0, scale=0.5, smallest=0.05),
+        Parameter(name="exponent", unit="1", lower=0.0, upper=6.0, scale=0.5, smallest=0.05),
     ),
     needs=("voltage",),
     neutral={"voltage": lambda p, x: x.reference_voltage},
     shape_channels=("voltage",),
     source="not physics of a measured rotor speed: simulators and estimated speeds that ignore "
-    "the battery show thrust going with voltage^p",
+    "the battery show thrust going with voltage^p, never against it",
     distinguished_by="the same load on a full and on an empty battery",
     apply=_kappa,
 )

@@ -11,7 +11,8 @@ YAW_TRIM = Effect(
         Parameter(name="moment", unit="N m", lower=-20.0, upper=20.0, scale=1.0, smallest=0.1),
     ),
     source="a tilted motor turns part of its thrust into a constant yaw moment",
-    distinguished_by="measure the tilt of the arms, or hover 60 s at two tank levels",
+    distinguished_by="level the motors, then swap two propellers between the pairs: if the moment "
+    "goes with the propellers, they differ; or hover 60 s at two tank levels",
     apply=lambda p, x, thrust, xp: (0.0 * thrust, 0.0 * thrust, p["moment"] + 0.0 * thrust),
 )
 

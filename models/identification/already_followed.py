@@ -16,9 +16,10 @@ from scipy.stats import t as student
 from thrustmargin.models.effects.channels import Channels
 from thrustmargin.models.effects.wind import WIND
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.identification.fit import Evaluator, Fit, Term
+from thrustmargin.models.identification.fit import Evaluator, Fit
 from thrustmargin.models.identification.problem import BLOCK_SECONDS, Problem
 from thrustmargin.models.identification.result import Found
+from thrustmargin.models.identification.terms import Term
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.forward_flight import ForwardFlight, straight_rows, wind_by_drag
 

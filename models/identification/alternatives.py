@@ -10,14 +10,8 @@ from thrustmargin.models.identification.cross_validation import (
     difference_is_uncertain,
     held_out_cost,
 )
-from thrustmargin.models.identification.fit import (
-    Evaluator,
-    Fit,
-    fit_terms,
-    layout_of,
-    linearise,
-    mode_scales,
-)
+from thrustmargin.models.identification.fit import Evaluator, Fit, fit_terms, linearise, mode_scales
+from thrustmargin.models.identification.terms import layout_of
 
 
 def confounded_alternatives(

@@ -17,15 +17,12 @@ from thrustmargin.models.identification.cross_validation import (
 from thrustmargin.models.identification.fit import (
     Evaluator,
     Fit,
-    Term,
     background_of,
-    columns_of,
     fit_terms,
-    layout_of,
-    starts,
     term_values,
 )
 from thrustmargin.models.identification.problem import Problem
+from thrustmargin.models.identification.terms import Term, columns_of, layout_of, starts
 from thrustmargin.models.identification.unseen_errors import nearly_across_flights
 
 LEAST_MOVE = 0.0008  # of rotor speed, RMS, below which an effect is not worth a name
@@ -89,7 +86,7 @@ def credible(
     base: Fit | None = None,
     problem: Problem | None = None,
     interval: ParameterInterval | None = None,
-    tries: int = 1,
+    tries: float = 1.0,
 ) -> bool:
     """True when the effect is possible, its interval excludes absent, and it matters.
 

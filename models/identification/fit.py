@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.models.effects.base import Effect, Kind, Parameter, Placed
+from thrustmargin.models.effects.base import Kind
 from thrustmargin.models.effects.compose import corrected, rotor_speed_rpm
 from thrustmargin.models.errors import require_torch
 from thrustmargin.models.flight import Floats
@@ -24,45 +24,20 @@ from thrustmargin.models.identification.base_uncertainty import base_uncertainty
 from thrustmargin.models.identification.modes import robust_scale
 from thrustmargin.models.identification.output_shares import scaled_to
 from thrustmargin.models.identification.problem import Background, Problem
+from thrustmargin.models.identification.terms import (
+    FitLayout,
+    Term,
+    columns_of,
+    layout_of,
+    placed_terms,
+    starts,
+)
 
 HUBER = 3.0  # scales of a mode beyond which a residual counts linearly
 SPREAD = 3.0  # largest ratio of the scales of two modes
 STEPS = 12
 TOLERANCE = 1e-3  # of a parameter's own scale
 RIDGE = 1e-4  # weight of the prior, per row
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Term:
-    """An effect that is being fitted, on one rotor (0-based) where it is of one."""
-
-    effect: Effect
-    rotor: int | None = None
-
-    @property
-    def key(self) -> str:
-        suffix = "" if self.rotor is None else f"@{self.rotor + 1}"
-        return self.effect.key + suffix
-
-    @property
-    def words(self) -> str:
-        """Name, and the rotor counted from 1."""
-        return self.effect.name + ("" if self.rotor is None else f" of rotor {self.rotor + 1}")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FitLayout:
-    """Where the parameters of a list of terms stand: K in a row, P altogether."""
-
-    parameters: tuple[Parameter, ...]  # (K,) of all terms, in order
-    places: NDArray[np.intp]  # (F, K) index into the P values for each flight
-    size: int
-
-    @property
-    def shared(self) -> NDArray[np.bool_]:
-        """(P,) True for values that all flights share."""
-        counts = np.bincount(self.places.ravel(), minlength=self.size)
-        return counts == self.places.shape[0] if self.places.shape[0] > 1 else counts >= 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -107,38 +82,10 @@ class Fit:
     converged: bool
 
 
-def layout_of(terms: Sequence[Term], flights: int) -> FitLayout:
-    parameters = tuple(p for t in terms for p in t.effect.parameters)
-    places = np.zeros((flights, len(parameters)), dtype=np.intp)
-    size = 0
-    for k, parameter in enumerate(parameters):
-        width = flights if parameter.per_flight else 1
-        places[:, k] = size + np.arange(flights) % width
-        size += width
-    return FitLayout(parameters=parameters, places=places, size=size)
-
-
-def columns_of(terms: Sequence[Term]) -> dict[str, dict[str, int]]:
-    """Where in a row of parameters those of each term stand: key of the term -> name -> column."""
-    names = [(t.key, p.name) for t in terms for p in t.effect.parameters]
-    columns: dict[str, dict[str, int]] = {t.key: {} for t in terms}
-    for k, (key, name) in enumerate(names):
-        columns[key][name] = k
-    return columns
-
-
 def term_values(fit: Fit, term: Term, values: Floats | None = None) -> Floats:
     """Values of one term of a fit, (F, parameters of the term)."""
     given = fit.values if values is None else values
     return given[fit.layout.places[:, list(columns_of(fit.terms)[term.key].values())]]
-
-
-def starts(layout: FitLayout) -> Floats:
-    """(P,) where a fit starts."""
-    values = np.zeros(layout.size)
-    for k, parameter in enumerate(layout.parameters):
-        values[layout.places[:, k]] = parameter.start
-    return values
 
 
 def mode_scales(problem: Problem, residual_rpm: Floats) -> Floats:
@@ -154,21 +101,6 @@ def mode_scales(problem: Problem, residual_rpm: Floats) -> Floats:
         scales[0] = scales[1:].min()
     scales = np.clip(scales, 1e-6, SPREAD * max(float(scales.min()), 1e-6))
     return np.hypot(scales, np.sqrt(problem.known_square(directions)))
-
-
-def placed_terms(terms: Sequence[Term], values_by_row: Sequence[Any]) -> tuple[Placed, ...]:
-    """Terms with their values, `values_by_row` holding one entry a parameter in order."""
-    placed, k = [], 0
-    for term in terms:
-        names = [p.name for p in term.effect.parameters]
-        chunk = values_by_row[k : k + len(names)]
-        placed.append(
-            Placed(
-                effect=term.effect, rotor=term.rotor, values=dict(zip(names, chunk, strict=True))
-            )
-        )
-        k += len(names)
-    return tuple(placed)
 
 
 @contextmanager

@@ -32,7 +32,6 @@ from thrustmargin.models.identification.cross_validation import (
 from thrustmargin.models.identification.fit import (
     Evaluator,
     Fit,
-    Term,
     background_of,
     fit_terms,
     mode_scales,
@@ -56,7 +55,7 @@ from thrustmargin.models.identification.search import (
     look,
     prune,
 )
-from thrustmargin.models.identification.standing_trim import Unflyable
+from thrustmargin.models.identification.terms import Term
 from thrustmargin.models.identification.unexplained import LEAST_SHARE, Curve, best_curve, floor_rpm
 from thrustmargin.models.identification.unseen_errors import (
     Errors,
@@ -120,8 +119,7 @@ def identify(
     first = fit_terms(evaluator, (), scales=np.ones(model.airframe.rotor_count))
     first = fit_terms(evaluator, (), scales=mode_scales(problem, first.residual_rpm))
     tried: list[Tried] = []
-    losses: list[Unflyable] = []
-    found, steps = _search(evaluator, first, catalogue, config, generator, progress, tried, losses)
+    found, steps, last = _search(evaluator, first, catalogue, config, generator, progress, tried)
     found, curve, slow = _disprove(evaluator, found, steps, config, generator)
     alike = confounded_alternatives(evaluator, found, catalogue) if found.terms else {}
     if progress:
@@ -148,7 +146,8 @@ def identify(
         ),
         config=config,
         tried=tuple(tried),
-        unflyable=tuple(losses),
+        unflyable=last.unflyable,
+        possible=last.possible,
         untried=untried,
         followed=tuple(f for f in [followed_wind(problem, found, fit)] if f is not None),
     )
@@ -167,25 +166,23 @@ def _search(
     generator: np.random.Generator,
     progress: Progress | None,
     tried: list[Tried],
-    losses: list[Unflyable],
-) -> tuple[Fit, dict[str, Step]]:
-    """Add effects until none beats chance; which step brought each. `tried` gets all candidates,
-    `losses` those of one rotor that nobody could have flown with."""
-    current, steps = first, {}
+) -> tuple[Fit, dict[str, Step], Step]:
+    """Add effects until none beats chance; which step brought each, and the last step. `tried` gets
+    all candidates."""
+    current, steps, step = first, {}, None
     for number in range(MOST_EFFECTS):
         report = None
         if progress:
             report = lambda what, share, n=number: progress(f"effect {n + 1}: {what}", share)  # noqa: E731
         step = look(evaluator, current, catalogue, config, generator, report)
         tried += tried_in(step, number + 1)
-        losses += [u for u in step.unflyable if u.rotor not in {known.rotor for known in losses}]
         if step.chosen is None:
             break
         # Without the fits of all candidates, which are large.
         new = {t.key for t in step.chosen.fit.terms} - {t.key for t in current.terms}
         steps |= dict.fromkeys(new, replace(step, ranked=()))
         current = prune(evaluator, step.chosen.fit)
-    return prune(evaluator, current, last_too=True), steps
+    return prune(evaluator, current, last_too=True), steps, step
 
 
 def _disprove(

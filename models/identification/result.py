@@ -8,13 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.autocorrelation import AutocorrelatedResidual
 from thrustmargin.models.identification.cross_validation import ParameterInterval
-from thrustmargin.models.identification.fit import Evaluator, Fit, Term, layout_of
+from thrustmargin.models.identification.fit import Evaluator, Fit
 from thrustmargin.models.identification.problem import Problem
 from thrustmargin.models.identification.search import SearchConfig, Step
-from thrustmargin.models.identification.standing_trim import Unflyable
+from thrustmargin.models.identification.standing_trim import PossibleLoss, Unflyable
+from thrustmargin.models.identification.terms import Term, layout_of
 from thrustmargin.models.identification.unexplained import Curve
 from thrustmargin.models.identification.unseen_errors import (
     Errors,
@@ -139,6 +141,7 @@ class Identification:
     config: SearchConfig
     tried: tuple[Tried, ...] = ()
     followed: tuple[Found, ...] = ()  # what the flights have and a channel tells the model of
+    possible: tuple[PossibleLoss, ...] = ()  # of one rotor, not sure enough for a name
     unflyable: tuple[Unflyable, ...] = ()  # losses of one rotor that fit and cannot be
     untried: Mapping[str, tuple[str, ...]] = field(
         default_factory=dict
@@ -201,15 +204,8 @@ class Identification:
                 "before": self.before,
                 "after": self.after,
                 "effects": effects,
-                "cannot_tell": [
-                    {
-                        "name": "rotor_degradation",
-                        "rotor": u.rotor + 1,
-                        "loss": u.loss,
-                        "most": u.most,
-                    }
-                    for u in self.unflyable
-                ],
+                "cannot_tell": [_of_rotor(loss) for loss in self.unflyable],
+                "possible": [_of_rotor(loss) for loss in self.possible],
                 "not_tried": self.untried,
                 "from_motor_outputs": self.problem.of_outputs,
                 "unexplained": self.unexplained(),
@@ -234,6 +230,11 @@ class Identification:
             "channel": None,
             "p_value": None,
         }
+
+
+def _of_rotor(loss: PossibleLoss | Unflyable) -> dict[str, Any]:
+    """With the name of the effect, and the rotor counted from 1, as everywhere outside arrays."""
+    return {"name": ROTOR_DEGRADATION.name} | to_json_values(loss) | {"rotor": loss.rotor + 1}
 
 
 def unseen_residuals(found: Identification) -> tuple[Unseen, ...]:

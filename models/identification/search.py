@@ -31,25 +31,22 @@ from thrustmargin.models.identification.candidate import (
 from thrustmargin.models.identification.cross_validation import (
     held_out_cost,
 )
-from thrustmargin.models.identification.fit import (
-    Evaluator,
-    Fit,
-    FitLayout,
-    Term,
-    columns_of,
-    fit_terms,
-    layout_of,
-    linearise,
-    mode_scales,
-)
+from thrustmargin.models.identification.fit import Evaluator, Fit, fit_terms, linearise, mode_scales
 from thrustmargin.models.identification.onset import Onset
-from thrustmargin.models.identification.standing_trim import Unflyable, trim_instead, unflyable
+from thrustmargin.models.identification.standing_trim import (
+    PossibleLoss,
+    Unflyable,
+    possible_losses,
+    trim_instead,
+    unflyable,
+)
 from thrustmargin.models.identification.surrogates import (
     Linear,
     best_gains,
     p_value,
     surrogate_residuals,
 )
+from thrustmargin.models.identification.terms import FitLayout, Term, columns_of, layout_of
 
 SHORT_LIST = 5  # candidates that are fitted in full
 ONSET_GAIN = 1.15  # times that of a rotor bad all along, for a step in time to be believed
@@ -91,6 +88,7 @@ class Step:
     chosen: Scored | None
     p_value: float
     unflyable: tuple[Unflyable, ...] = ()  # losses that would have been chosen
+    possible: tuple[PossibleLoss, ...] = ()  # and one that is likely
 
 
 def look(
@@ -163,6 +161,7 @@ def look(
         chosen=None,
         p_value=1.0,
         unflyable=tuple(reason for _, reason in ruled_out if reason is not None),
+        possible=possible_losses(problem, base, ranked[: SHORT_LIST + 1]),
     )
     if not worthy:
         return nothing

@@ -19,10 +19,11 @@ from thrustmargin.models.effects.cg_offset import CG_OFFSET
 from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.effects.yaw_trim import YAW_TRIM
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.candidate import Scored, score
-from thrustmargin.models.identification.cross_validation import difference_is_uncertain
-from thrustmargin.models.identification.fit import Evaluator, Fit, Term, term_values
+from thrustmargin.models.identification.candidate import MISSED, Scored, credible, score
+from thrustmargin.models.identification.cross_validation import difference_is_uncertain, intervals
+from thrustmargin.models.identification.fit import Evaluator, Fit, background_of, term_values
 from thrustmargin.models.identification.problem import Problem
+from thrustmargin.models.identification.terms import Term
 from thrustmargin.models.model.flown import flown_airframe
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.margin import ceiling, trimmable_loss
@@ -30,7 +31,17 @@ from thrustmargin.models.physics.margin import ceiling, trimmable_loss
 #: torque lost over thrust lost at a speed: 0 for a rough blade, whose drag stays, 5/4 for one cut
 #: short (thrust with the 4th power of the diameter, torque with the 5th)
 TORQUE_SHARES = (0.0, 1.5)
+LISTED = 0.1  # share of sets of sound flights in which a rotor may be listed
 TRIMS = (YAW_TRIM.key, CG_OFFSET.key)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PossibleLoss:
+    """A loss of one rotor that is likely and not sure enough for a name."""
+
+    rotor: int  # 0-based
+    loss: float
+    ci95: tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,6 +84,29 @@ def _possible(scored: Scored) -> bool:
     values = dict(zip(names, term_values(scored.fit, scored.term)[0], strict=True))
     low, high = TORQUE_SHARES
     return bool(values["loss"] > 0.0 and low <= values["torque_share"] <= high)
+
+
+def possible_losses(
+    problem: Problem, base: Fit, ranked: Sequence[Scored]
+) -> tuple[PossibleLoss, ...]:
+    """Of flights without rotor speeds: the standing loss that is clear of how flights differ.
+
+    Clear by an interval that with all rotors sound misses in one of ten sets of flights; a damaged
+    propeller had better be looked at once too often.
+    """
+    rotors = problem.measured_rpm.shape[1]
+    for scored in ranked if problem.of_outputs else ():
+        if is_standing_loss(scored.term) and scored.term.rotor is not None:
+            tries = rotors * MISSED / LISTED
+            if not _possible(scored) or not credible(scored, base, problem, tries=tries):
+                return ()
+            ends = intervals(scored.fit, background_of(problem, scored.fit))
+            value, low, high = (
+                float(term_values(scored.fit, scored.term, v)[0, 0])
+                for v in (scored.fit.values, ends.lower, ends.upper)
+            )
+            return (PossibleLoss(rotor=scored.term.rotor, loss=value, ci95=(low, high)),)
+    return ()
 
 
 def unflyable(problem: Problem, scored: Scored) -> Unflyable | None:

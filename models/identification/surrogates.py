@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.cross_validation import held_out_cost
@@ -55,7 +54,10 @@ def surrogate_residuals(
             start = int(generator.integers(theirs.size))
             source = theirs[(start + np.arange(mine.size)) % theirs.size]
             out[mine, :, s] = whitened[source] * signs[problem.block[mine], None]
-            own = student.rvs(background.degrees, size=rotors, random_state=generator)
+            if np.isfinite(background.degrees):
+                own = generator.standard_t(background.degrees, size=rotors)
+            else:
+                own = generator.standard_normal(rotors)
             out[mine, :, s] += background.constant * own
     if background.directions.size:
         draws = generator.standard_normal((background.directions.shape[0], count))
@@ -76,8 +78,8 @@ def best_gains(
 
 
 def p_value(observed: float, by_chance: Floats) -> float:
-    """Share of surrogates that do as well, counting the observation itself."""
-    return float((1 + np.sum(by_chance >= observed)) / (1 + by_chance.size))
+    """Share of surrogates that do as well, counting the observation itself, and NaN as well."""
+    return float((1 + np.sum(~(by_chance < observed))) / (1 + by_chance.size))
 
 
 def _cost(problem: Problem, linear: Linear, surrogates: NDArray[np.float32]) -> Floats:

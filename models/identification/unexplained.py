@@ -17,7 +17,7 @@ from thrustmargin.models.effects.base import Parameter
 from thrustmargin.models.effects.channels import Channels
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.cross_validation import held_out_cost
-from thrustmargin.models.identification.fit import Fit, FitLayout, Statistics, block_statistics
+from thrustmargin.models.identification.fit import Fit, Statistics, block_statistics
 from thrustmargin.models.identification.problem import Problem
 from thrustmargin.models.identification.surrogates import (
     Linear,
@@ -25,6 +25,7 @@ from thrustmargin.models.identification.surrogates import (
     p_value,
     surrogate_residuals,
 )
+from thrustmargin.models.identification.terms import FitLayout
 
 KNOTS = 7
 CHANNELS = (

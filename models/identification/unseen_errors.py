@@ -20,13 +20,13 @@ from thrustmargin.models.identification.cross_validation import left_out_values
 from thrustmargin.models.identification.fit import (
     Evaluator,
     Fit,
-    layout_of,
     linearise,
     mode_scales,
     term_values,
     whiten,
 )
 from thrustmargin.models.identification.problem import Problem
+from thrustmargin.models.identification.terms import layout_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

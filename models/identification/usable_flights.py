@@ -15,13 +15,19 @@ from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.problem import LEAST_ROWS
 from thrustmargin.models.model.load_inference import LOAD_FROM_SPEEDS
+from thrustmargin.models.model.output_speed import FROM_OUTPUTS
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.flight_phases import training_rows
 
 
 def wrong_speeds(track: FlightTrack, airframe: Airframe) -> str | None:
-    """Why the rotor speeds of a flight are not those of its rotors, and what to do; else None."""
+    """Why the rotor speeds of a flight are not those of its rotors, and what to do; else None.
+
+    Speeds from motor outputs are what the autopilot asked for, not what a sensor says.
+    """
+    if FROM_OUTPUTS in track.sources.get("rotor_speed_rpm", ""):
+        return None
     order = check_motor_order(track, airframe)
     if order.verdict == "differs":
         return (

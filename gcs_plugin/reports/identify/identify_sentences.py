@@ -6,12 +6,13 @@ import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
+from thrustmargin.gcs_plugin.reports.identify.open_questions import open_questions
 from thrustmargin.gcs_plugin.wording.described_effect import rotor_words
 from thrustmargin.gcs_plugin.wording.effect_sentences import effect_sentence
 from thrustmargin.gcs_plugin.wording.numbers import number, percent
-from thrustmargin.models.identification.fit import Term
 from thrustmargin.models.identification.margin_change import WORST_SHARE, MarginChange
 from thrustmargin.models.identification.result import Errors, Found, Identification
+from thrustmargin.models.identification.terms import Term
 
 DEGREES = 180.0 / math.pi
 #: Channels as people call them, the unit that they are shown in, and what to multiply by for it.
@@ -55,6 +56,7 @@ def answer(
     if unexplained(found):
         lines.append(unexplained(found))
     lines += [how_to_distinguish(f) for f in found.found if f.indistinguishable_from]
+    lines += open_questions(found)
     return tuple(f"{line}." for line in (*lines, *claims(found)))
 
 

@@ -14,14 +14,9 @@ from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.effects.wind import WIND
 from thrustmargin.models.identification.base_uncertainty import base_uncertainty_rpm
 from thrustmargin.models.identification.cross_validation import intervals
-from thrustmargin.models.identification.fit import (
-    Evaluator,
-    Term,
-    background_of,
-    fit_terms,
-    mode_scales,
-)
+from thrustmargin.models.identification.fit import Evaluator, background_of, fit_terms, mode_scales
 from thrustmargin.models.identification.problem import assemble
+from thrustmargin.models.identification.terms import Term
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import physics_model
 

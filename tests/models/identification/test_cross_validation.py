@@ -13,9 +13,10 @@ from thrustmargin.models.identification.cross_validation import (
     intervals,
     left_out_values,
 )
-from thrustmargin.models.identification.fit import Fit, FitLayout, Statistics
+from thrustmargin.models.identification.fit import Fit, Statistics
 from thrustmargin.models.identification.problem import Background
 from thrustmargin.models.identification.surrogates import p_value
+from thrustmargin.models.identification.terms import FitLayout
 
 
 def parameter(**given) -> Parameter:

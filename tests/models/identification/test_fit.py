@@ -8,8 +8,9 @@ import pytest
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.effects import CATALOGUE
 from thrustmargin.models.effects.slung_load import LENGTHS
-from thrustmargin.models.identification.fit import Evaluator, Term, layout_of, one_thread, starts
+from thrustmargin.models.identification.fit import Evaluator, one_thread
 from thrustmargin.models.identification.problem import assemble
+from thrustmargin.models.identification.terms import Term, layout_of, starts
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 

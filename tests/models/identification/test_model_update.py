@@ -10,11 +10,11 @@ from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION, ROT
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.effects.wind import WIND
 from thrustmargin.models.errors import ModelError
-from thrustmargin.models.identification.fit import Term
 from thrustmargin.models.identification.identify import identify
 from thrustmargin.models.identification.margin_change import margin_changes
 from thrustmargin.models.identification.model_update import record_of, update_model, with_effects
 from thrustmargin.models.identification.result import Found, Identification, unseen_residuals
+from thrustmargin.models.identification.terms import Term
 from thrustmargin.models.identification.unseen_errors import rotor_errors
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import load_model, save_model

@@ -8,17 +8,11 @@ import pytest
 from tests.models.made_flights import F16, QUICK, made_flight
 from thrustmargin.models.effects.rotor_degradation import ONSETS, ROTOR_DEGRADATION
 from thrustmargin.models.identification import onset
-from thrustmargin.models.identification.fit import (
-    Evaluator,
-    Term,
-    fit_terms,
-    layout_of,
-    linearise,
-    starts,
-)
+from thrustmargin.models.identification.fit import Evaluator, fit_terms, linearise
 from thrustmargin.models.identification.identify import identify
 from thrustmargin.models.identification.problem import assemble
 from thrustmargin.models.identification.search import look
+from thrustmargin.models.identification.terms import Term, layout_of, starts
 from thrustmargin.models.model.rotor_model import physics_model
 
 DAY = 1.78e9  # s, Unix time

@@ -22,10 +22,10 @@ from thrustmargin.models.effects import CATALOGUE
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.identification.already_followed import FOLLOWED_WIND
-from thrustmargin.models.identification.fit import Term
 from thrustmargin.models.identification.identify import identify
 from thrustmargin.models.identification.margin_change import MarginChange, margin_changes
 from thrustmargin.models.identification.result import Found, Identification
+from thrustmargin.models.identification.terms import Term
 from thrustmargin.models.identification.unexplained import Curve
 from thrustmargin.models.identification.unseen_errors import RotorErrors
 
@@ -146,8 +146,9 @@ def test_no_sentence_is_of_an_effect_that_is_gone():
             [-1.25],
             [0.05],
             None,
-            "The rotors hold a steady yaw moment of 1.25 N m (1.20 to 1.30) to the left, as "
-            "against a tilted motor",
+            "The rotors hold a steady yaw moment of 1.25 N m (1.20 to 1.30) to the left: "
+            "motors are not level, or the clockwise and counter-clockwise pairs differ; level the "
+            "motors, then swap two propellers between the pairs",
         ),
         (
             "thrust_drift",
