@@ -182,6 +182,7 @@ def _search(
         new = {t.key for t in step.chosen.fit.terms} - {t.key for t in current.terms}
         steps |= dict.fromkeys(new, replace(step, ranked=()))
         current = prune(evaluator, step.chosen.fit)
+    assert step is not None
     return prune(evaluator, current, last_too=True), steps, step
 
 
