@@ -78,7 +78,7 @@ def row(group: str, kind: str, flights: list[Floats]) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser = argparse.ArgumentParser(description="Load and redundancy against the gauge.")
     parser.add_argument("logs", nargs="+", help="GROUP=LOG, or LOG of the group before it")
     parser.add_argument("--airframe", default="topxgun-f16-sitl")
     given = parser.parse_args()
