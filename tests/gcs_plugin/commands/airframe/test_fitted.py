@@ -31,6 +31,13 @@ def made(tmp_path, capsys):
     return make
 
 
+def ends_of(source: str) -> tuple[float, float]:
+    """The interval that a source states, as "(4810 to 6570)"."""
+    found = re.search(r"\((\S+) to (\S+)\)", source)
+    assert found
+    return float(found[1]), float(found[2])
+
+
 def test_hover_gives_the_simulators_curve_with_its_flights_and_interval(made):
     craft, printed = made("--hover", *SLOW, *F16)
     found = craft.quantities["thrust_coefficient"]
@@ -40,7 +47,7 @@ def test_hover_gives_the_simulators_curve_with_its_flights_and_interval(made):
     assert re.search(
         r"fitted: hover of v2_m4_q1\.5\.tlog.* at 21\.1 kg and its liquid", found.source
     )
-    low, high = map(float, re.search(r"\((\S+) to (\S+)\)", found.source).groups())
+    low, high = ends_of(found.source)
     assert low < 2.011e-5 * craft.reference_density / 1.225 < high
     assert "thrust of each rotor over its share" in printed
 
@@ -53,8 +60,8 @@ def test_without_rotor_speeds_the_weight_sets_the_ceiling_and_says_so(made, tmp_
     assert "no rotor speed in silent.csv" in printed
     assert craft.quantities["max_rotor_speed_rpm"].guessed
     # The simulation makes 181 N a rotor at 58.8 V; its motors' curve is not the one assumed here.
-    ends = re.search(r"\((\S+) to (\S+)\)", craft.quantities["max_rotor_speed_rpm"].source).groups()
-    low, high = (craft.thrust_coefficient * float(end) ** 2 for end in ends)
+    ends = ends_of(craft.quantities["max_rotor_speed_rpm"].source)
+    low, high = (craft.thrust_coefficient * end**2 for end in ends)
     assert low < 181.0 * (craft.ceiling_voltage / 58.8) ** 2 < high
 
 
