@@ -72,7 +72,7 @@ class Means(NamedTuple):
 class LoadEvidence:
     """What a flight has shown so far, and where it stands."""
 
-    sums: Mapping[tuple[int, int], Floats] = field(default_factory=dict)  # (leg, span) -> (7,)
+    sums: Mapping[tuple[int, int], Floats] = field(default_factory=dict)  # (leg, span) -> (6,)
     gauged: bool = False  # something reported the load
     spraying: frozenset[float] = frozenset()  # states of the pump that were heard
     leg: int = 0  # times in the air

@@ -101,8 +101,10 @@ def test_a_stated_temperature_is_that_of_the_air_itself():
 
 
 def test_a_reading_that_nobody_says_to_be_the_boards_is_not_used():
-    air = track_air(flight(altitude=np.zeros(5), temperature=np.full(5, 313.15)))
-    np.testing.assert_allclose(air.temperature, 288.15)
+    for source in ("", "vehicle_air_data ambient_temperature"):  # 15 °C where PX4 has no sensor
+        readings = {"temperature": np.full(5, 313.15), "sources": {"temperature": source}}
+        air = track_air(flight(altitude=np.zeros(5), **readings))
+        np.testing.assert_allclose(air.temperature, 288.15)
 
 
 def test_a_board_that_cannot_be_is_not_believed_and_a_gap_is_of_the_standard_atmosphere():
