@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -272,17 +273,12 @@ class VehicleTelemetry:
             return self._motors
         self._known = known
         name, facts = f"vehicle {state.system}", state.facts
-        if facts.refusal(name):
-            self._motors, self.problem = None, facts.refusal(name)
-            return None
-        self.problem = ""
-        craft = self._airframe
-        try:
-            self._motors = motor_map(name, state.parameters, signals, craft, facts=facts)
-        except AirframeError:  # another aircraft, which is shown without this airframe
-            craft = None
-            self._motors = motor_map(name, state.parameters, signals, craft, facts=facts)
-        self._options = replace(self._options, airframe=craft)
+        self.problem, self._motors = facts.refusal(name), None
+        for craft in () if self.problem else (self._airframe, None):
+            with suppress(AirframeError):  # another aircraft is shown without this airframe
+                self._motors = motor_map(name, state.parameters, signals, craft, facts=facts)
+                self._options = replace(self._options, airframe=craft)
+                break
         return self._motors
 
     def stale(self, now_us: int) -> dict[str, float]:
