@@ -42,6 +42,7 @@ CEILING_ERROR, VOLTAGE_ERROR = 0.25, 1.0
 MEAN_ERRORS = (0.02, 0.04, 0.02)
 #: of ln N²: one motor and propeller against the next, and translational lift at 5 m/s (as square)
 ROTOR_ERROR, LIFT_ERROR = 0.03, 0.05
+STATED_ERROR = 0.03  # of ln N²: scale and bench, a stated weight over a fitted thrust curve
 WAIT = 3.0  # s of a flight after which an ESC that reports has been heard
 LAG = 0.2  # s by which a rotor and the report of its speed follow its output (Quiver 77 and 80)
 _WEIGHT, _POWER, _ROTORS = range(3)
@@ -97,7 +98,7 @@ class OutputCalibration:
         if not self.bins or sums[0] <= 0.0 or self.seconds(_ROTORS) > 0.0:
             return 0.0
         guesses = guessed_variance(airframe, "empty_mass", "thrust_coefficient")
-        return float(sums[4] / sums[0]) + guesses
+        return float(sums[4] / sums[0]) + STATED_ERROR**2 + guesses
 
 
 def speed_words(track: FlightTrack) -> str:

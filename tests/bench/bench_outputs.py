@@ -65,9 +65,9 @@ def compared(log: Path, airframe: Airframe, missing: str, folder: Path) -> tuple
     whole = analysed(log, airframe)
     part = analysed(without(log, folder / log.name, *ESCS, drop=drop), airframe)
     (full, _), (inferred, _) = whole, part
-    rows = np.searchsorted(full.track.time_s, inferred.track.time_s - 1e-3)
-    rows = rows.clip(0, full.track.time_s.size - 1)
-    same = np.abs(full.track.time_s[rows] - inferred.track.time_s) < 0.2
+    clock_s, here_s = (flight.track.time_s + read.clock_start_s for flight, read in (whole, part))
+    rows = np.searchsorted(clock_s, here_s - 0.05).clip(0, clock_s.size - 1)
+    same = np.abs(clock_s[rows] - here_s) < 0.051
     true = np.where(full.track.flying[:, None], full.utilisation, np.nan)[rows]
     columns = true, inferred.known_utilisation, inferred.utilisation_error
     found = np.stack(columns, axis=-1)[same & inferred.track.flying].reshape(-1, 3)
