@@ -1,5 +1,6 @@
 """The reading options: the same in every command, and checked before any work is done."""
 
+import json
 import os
 import subprocess
 import sys
@@ -66,3 +67,19 @@ def test_a_stated_load_reaches_the_report():
         env=os.environ | {"COLUMNS": "200"},
     )
     assert "stated: 8 kg at the start, falling with the pump's output to 2 kg" in ran.stdout
+
+
+def test_a_load_that_nothing_reports_is_inferred_and_named_on_every_page(tmp_path, capsys):
+    log, page = "sitl_logs/campaign/v4_m16_q2.5.tlog", tmp_path / "r.html"
+    assert run(["report", log, "--tank", "none", "--out", str(page)]) == 0
+    said = capsys.readouterr().out
+    assert "load: 16.1 to 9.9 kg, inferred from hover thrust (±" in said
+    made = json.loads(page.with_suffix(".json").read_text())["flights"][0]
+    assert made["flight"]["tank_source"].startswith("inferred from hover thrust")
+    assert 0.5 < made["flight"]["tank_error_kg"] < 2.0
+    assert made["accuracy"]["words"].startswith("No prediction error: the load was inferred")
+    tank = next(c for c in made["quality"]["channels"] if c["name"] == "tank_kg")
+    assert tank["source"] == made["flight"]["tank_source"]
+    assert tank["samples"] > 2000
+    assert "load inferred, 90 % interval" in page.read_text()
+    assert "tank standard error where inferred [kg]" in page.with_suffix(".csv").read_text()
