@@ -111,27 +111,17 @@ def speed_words(track: FlightTrack) -> str:
     return FROM_OUTPUTS if np.array_equal(inferred, known) else f"{MEASURED}, or {FROM_OUTPUTS}"
 
 
-def with_outputs(
-    track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
-) -> FlightTrack:
-    """The flight with equivalent rotor speeds where a rotor reports an output and no speed.
-
-    `parameters` are the vehicle's. Rotors with a measured speed keep it. The speeds' standard
-    errors and the words of their source come with the track.
-    """
-    return filled_speeds(track, airframe, parameters)[0]
-
-
 def filled_speeds(
     track: FlightTrack,
     airframe: Airframe,
     parameters: Mapping[str, float],
     so_far: OutputCalibration | None = None,
 ) -> tuple[FlightTrack, OutputCalibration]:
-    """As `with_outputs` for a part of a flight, which goes on from the parts before it.
+    """A flight with equivalent rotor speeds where a rotor reports an output and no speed.
 
-    With `so_far` each row rests on the 10 s means that were whole before it, however the flight is
-    cut; without, on the whole track.
+    `parameters` are the vehicle's. Rotors with a measured speed keep it; the speeds' standard
+    errors and the words of their source come with the track. With `so_far` it is a part that goes
+    on from the parts before, and each row rests on the 10 s means that were whole before it.
     """
     then = OutputCalibration() if so_far is None else so_far
     # Standing still on the ground, an ESC that measures reads as one that does not.

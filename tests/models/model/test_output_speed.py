@@ -14,9 +14,8 @@ from thrustmargin.models.model.output_speed import (
     OutputCalibration,
     filled_speeds,
     full_output_speed,
-    with_outputs,
 )
-from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.physics.airframe import Airframe, load_airframe
 from thrustmargin.models.physics.margin import ceiling
 
 CAMPAIGN = Path(__file__).resolve().parents[3] / "sitl_logs/campaign"
@@ -46,6 +45,10 @@ def hover(*, gain=3000.0, voltage_exponent=1.0, tank_kg=8.0, sag=6.0) -> FlightT
         altitude=np.zeros(600),
         sources={"throttle": "SERVO_OUTPUT_RAW from 1000 to 2000 µs"},
     )
+
+
+def with_outputs(track: FlightTrack, airframe: Airframe, parameters: dict) -> FlightTrack:
+    return filled_speeds(track, airframe, parameters)[0]
 
 
 def silent(track: FlightTrack) -> FlightTrack:
