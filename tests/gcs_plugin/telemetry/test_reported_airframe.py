@@ -50,7 +50,7 @@ def test_without_parameters_of_the_frame_its_boot_text_says_the_layout():
 
 
 def test_what_is_no_multirotor_or_no_known_frame_is_refused():
-    with pytest.raises(AirframeError, match="the vehicle is a helicopter"):
+    with pytest.raises(AirframeError, match="the vehicle: this is a helicopter"):
         reported_airframe({"FRAME_CLASS": 6.0, "H_RSC_MODE": 1.0})
     with pytest.raises(AirframeError, match="FRAME_CLASS 7, FRAME_TYPE 0 is no layout"):
         reported_airframe({"FRAME_CLASS": 7.0, "FRAME_TYPE": 0.0, "MOT_SPIN_MIN": 0.1})
