@@ -282,7 +282,7 @@ def full_output_speed(
     for sums in bins.values():
         sums[useless] = 0.0
     solution, covariance = said.fit(airframe, curve)
-    seconds, _, share, *_ = sum(sums.sum(axis=0) for sums in bins.values())
+    seconds, _, share, *_ = np.sum([sums.sum(axis=0) for sums in bins.values()], axis=0)
     # From the outputs flown to full output the curve's form is only assumed.
     form = 0.5 * curve.steepness_error * (share / seconds + np.log(HOVER_SHARE))
     voltage = float(np.nanmedian(volts))

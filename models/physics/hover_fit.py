@@ -112,7 +112,7 @@ def fit_hover(
             means.append(
                 [coefficient, *(shares / expected), pitch, -roll, yaw / airframe.torque_ratio]
             )
-        return np.mean(means, axis=0)
+        return np.array(means, dtype=np.float64).mean(axis=0)
 
     found = [
         Estimate(value=float(value), low=float(low), high=float(high))

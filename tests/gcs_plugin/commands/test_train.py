@@ -90,8 +90,13 @@ def test_a_model_without_network_is_described_by_its_own_words():
 
 @pytest.mark.parametrize(("r2", "said"), [(0.62, 0), (0.0, 0), (-0.29, 1)])
 def test_a_network_that_foretells_nothing_says_what_to_do_instead(r2: float, said: int):
-    of_one = {"rmse_per_rotor_rpm": (9.0,), "bias_per_rotor_rpm": (0.0,)}
-    made = Score(rows=9, flights=5, r2_per_rotor=(r2,), **of_one)
+    made = Score(
+        rows=9,
+        flights=5,
+        r2_per_rotor=(r2,),
+        rmse_per_rotor_rpm=(9.0,),
+        bias_per_rotor_rpm=(0.0,),
+    )
     sentences = unfit_sentence([ConditionScore(condition="all rows", score=made)])
     assert len(sentences) == said
     assert all("thrustmargin identify LOG... --airframe FILE" in s for s in sentences)
