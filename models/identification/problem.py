@@ -133,6 +133,8 @@ def airspeed_is_ground_speed(track: FlightTrack) -> bool:
 
     An EKF without a sensor for it holds its wind at exactly nothing.
     """
+    if "ground speed" in track.sources.get("airspeed", ""):
+        return True
     wind = track.wind_ned[:, :2]
     known = np.isfinite(wind).all(axis=1)
     speed = np.hypot(track.velocity_ned[:, 0], track.velocity_ned[:, 1])

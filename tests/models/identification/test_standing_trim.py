@@ -77,6 +77,8 @@ def test_an_airspeed_without_any_wind_is_speed_over_ground():
     still = np.zeros((track.time_s.size, 3))
     assert not airspeed_is_ground_speed(track)
     assert airspeed_is_ground_speed(replace(track, wind_ned=still))
+    named = {"airspeed": "XKF1 velocity (EKF; ground speed: no wind is estimated)"}
+    assert airspeed_is_ground_speed(replace(track, sources=named))
     assert not airspeed_is_ground_speed(replace(track, wind_ned=still + 1.0))
     assert not airspeed_is_ground_speed(
         replace(track, wind_ned=still, airspeed=track.airspeed + 2.0)
