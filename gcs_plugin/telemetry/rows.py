@@ -196,7 +196,6 @@ def flight_rows(
         flying=flying,
         spraying=channels.get("spraying", nothing),
         pumped_kg=pumped_kg,
-        gauged="tank_kg" in channels,
     ):
         channels[channel], sources[channel] = values, words
         reported[channel] = [Signal(channel, words, clock_s, values)]

@@ -43,13 +43,12 @@ def stated_channels(
     flying: Bools,
     spraying: Floats,
     pumped_kg: Floats,
-    gauged: bool,
 ) -> Iterator[tuple[str, Floats, str, Floats | None]]:
     """Each channel that `options` state: its name, values (T,), source and standard error (T,).
 
     `spraying` (T,) is 1 while the pump runs, `pumped_kg` (T,) what its output sums up to; both are
-    NaN where unknown; `gauged` is True when something measures the load. The error is None where
-    there is none to state.
+    NaN where unknown. The error is None where there is none to state. An aircraft without a tank
+    carries 0 kg whatever a gauge says, unless `options` name the gauge.
     """
     rows = time_s.size
     if options.load is not None:
@@ -61,7 +60,7 @@ def stated_channels(
         }
         load, words = _load(options, options.load, sums)
         yield "tank_kg", load, words, None
-    elif (craft := options.airframe) is not None and craft.tank_volume_l == 0.0 and not gauged:
+    elif no_tank(options) and (craft := options.airframe) is not None:
         words = f"no tank on airframe {craft.name}: 0 kg"
         yield "tank_kg", np.zeros(rows), words, None
     if options.air_temperature is not None:
@@ -70,12 +69,18 @@ def stated_channels(
         yield "temperature", np.full(rows, options.air_temperature), words, error
 
 
+def no_tank(options: Options) -> bool:
+    """True when the airframe has no tank and nobody names a gauge of one."""
+    craft = options.airframe
+    return craft is not None and craft.tank_volume_l == 0.0 and options.tank in ("auto", "none")
+
+
 def stated_track(track: FlightTrack, options: Options) -> FlightTrack:
     """A track read as a table with what `options` state in the place of its own."""
     unknown = np.full(track.time_s.size, np.nan)
     sources, errors = dict(track.sources), dict(track.standard_errors)
     arrays: dict[str, Floats] = {}
-    if left_out := options.tank.strip().lower() == "none":
+    if options.tank.strip().lower() == "none":
         arrays["tank_kg"] = unknown
     for channel, values, words, error in stated_channels(
         options,
@@ -83,7 +88,6 @@ def stated_track(track: FlightTrack, options: Options) -> FlightTrack:
         flying=track.flying,
         spraying=track.spraying,
         pumped_kg=unknown,
-        gauged=track.reports("tank_kg") and not left_out,
     ):
         arrays[channel], sources[channel] = values, words
         if error is not None:

@@ -17,10 +17,10 @@ FLYING = np.array([False, True, True, True, True])
 PUMPED = np.array([np.nan, 0.0, 1.0, 1.0, 3.0])
 
 
-def load(options: Options, pumped=PUMPED, spraying=SPRAYING, *, gauged=False):
+def load(options: Options, pumped=PUMPED, spraying=SPRAYING):
     """kg (5,) on board and the words, by what `options` state."""
     found = stated_channels(
-        options, time_s=TIME, flying=FLYING, spraying=spraying, pumped_kg=pumped, gauged=gauged
+        options, time_s=TIME, flying=FLYING, spraying=spraying, pumped_kg=pumped
     )
     return next((values.tolist(), words) for name, values, words, _ in found if name == "tank_kg")
 
@@ -66,7 +66,7 @@ def test_an_airframe_without_a_tank_carries_nothing_unless_something_says_otherw
     assert load(Options(airframe=cargo)) == ([0.0] * 5, "no tank on airframe topxgun-f16: 0 kg")
     assert load(Options(airframe=cargo, load=3.0), UNKNOWN)[0] == [3.0] * 5
     with pytest.raises(StopIteration):
-        load(Options(airframe=cargo), gauged=True)
+        load(Options(airframe=cargo, tank="BATTERY_STATUS 1"))
     with pytest.raises(StopIteration):
         load(Options(airframe=F16))
 
