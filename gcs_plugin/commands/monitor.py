@@ -55,7 +55,8 @@ def monitor(
         record: Folder in which the recording's own folder is made.
         model: Rotor speed model file of this aircraft; without it, and without an airframe, the one
             that ships is used for a flight that is recognised as one of topxgun-f16-sitl.
-        airframe: Name of a shipped airframe, or an airframe file (.toml); without it the model's.
+        airframe: Name of a shipped airframe, or an airframe file (.toml); without it the
+            model's, else that of topxgun-f16-sitl for a flight that is recognised as one of it.
         reading: How the link is read.
         max_utilisation: Largest share of a rotor's maximum thrust that may be in use; above it an
             alarm is raised.

@@ -40,7 +40,8 @@ def replay(
             that ships is used for a flight that is recognised as one of topxgun-f16-sitl.
         before: Model file that --model was made from by `identify`; the route can then be coloured
             by the residual before and after.
-        airframe: Name of a shipped airframe, or an airframe file (.toml); without it the model's.
+        airframe: Name of a shipped airframe, or an airframe file (.toml); without it the
+            model's, else that of topxgun-f16-sitl for a flight that is recognised as one of it.
         reading: How the log is read.
         port: Port of the page.
         host: Address to serve the page on; only this computer can reach 127.0.0.1.

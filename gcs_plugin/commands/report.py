@@ -35,7 +35,8 @@ def report(
         logs: Recorded flights: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv.
         model: Rotor speed model file of this aircraft; without it, and without an airframe, the one
             that ships is used for a flight that is recognised as one of topxgun-f16-sitl.
-        airframe: Name of a shipped airframe, or an airframe file (.toml); without it the model's.
+        airframe: Name of a shipped airframe, or an airframe file (.toml); without it the
+            model's, else that of topxgun-f16-sitl for a flight that is recognised as one of it.
         reading: How the logs are read.
         out: Page to write (.html).
         max_utilisation: Largest share of a rotor's maximum thrust that may be in use.

@@ -10,6 +10,7 @@
 | rotor speed limit | s above 1.2 of the largest thrust | | under 3 s, or under 5 % of the flight |
 | motor output | square root of its thrust over weight | 0.92 to 1.08 | 0.6 to 1.7 |
 
+Where no load is told, rotor speed is close only if the motor outputs give it too, within 8 %.
 What does not fit is a doubt, and no margin is claimed; an airframe that nobody gave is recognised
 by what is close. Where the tolerances come from: a lithium cell of 3.7 V flies at 3.4 to 4.25 V,
 and 2.9 V (a tired one, or of 3.6 V) to 4.5 V (of 4.35 V full, its gauge 3 % off) bound what can be
@@ -33,7 +34,7 @@ from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import track_density
 from thrustmargin.models.physics.frames import ardupilot_layout, bearings
-from thrustmargin.models.physics.margin import ceiling, utilisation
+from thrustmargin.models.physics.margin import ceiling, rotor_thrust, utilisation
 from thrustmargin.models.physics.motor_output import output_curve
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
@@ -73,7 +74,7 @@ def comparisons(
     if motors.verdict != "doubt":
         track = replace(track, **{c: track.measured(c) for c in track.standard_errors})
         found.append(_frame(airframe, parameters))
-        found.append(_rotor_speed(track, airframe))
+        found.append(_rotor_speed(track, airframe, parameters))
         found.append(voltage := _voltage(track, airframe))
         if voltage.verdict != "doubt":  # else what rests on the voltage says the same again
             found.append(_speed_limit(track, airframe))
@@ -162,7 +163,9 @@ def _voltage(track: FlightTrack, airframe: Airframe) -> Comparison:
     return Comparison(check="voltage", verdict=verdict, words=words, brief=f"{found:.1f} V")
 
 
-def _rotor_speed(track: FlightTrack, airframe: Airframe) -> Comparison:
+def _rotor_speed(
+    track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
+) -> Comparison:
     scale = check_speed_scale(track, airframe)
     if scale.verdict == "unknown":
         return Comparison(check="rotor speed", verdict="unknown", words=scale.words)
@@ -170,12 +173,31 @@ def _rotor_speed(track: FlightTrack, airframe: Airframe) -> Comparison:
         return Comparison(check="rotor speed", verdict="doubt", words=scale.words)
     speed = float(np.nanmedian(track.rotor_speed_rpm[track.flying]))
     close = _verdict(scale.low, scale.high, CLOSE_SPEED, CLOSE_SPEED) != "doubt"
+    # Between an empty and a full tank fly many aircraft: without the load, outputs must agree too.
+    known = bool((track.measured("tank_kg")[track.flying] >= 0.0).any())
+    close = close and (known or _driven_alike(track, airframe, parameters))
     return Comparison(
         check="rotor speed",
         verdict="close" if close else "fits",
         words=scale.words,
         brief=f"rotors at {speed:,.0f} rpm {_for_mass(track, airframe, scale.ratio)}",
     )
+
+
+def _driven_alike(track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]) -> bool:
+    """True where the motor outputs give the measured rotor speeds by the airframe's ceiling."""
+    density = track_density(track)[0]
+    curve = output_curve(parameters, track.sources.get("throttle", ""))
+    most = ceiling(airframe, density, track.voltage).max_thrust
+    asked = np.sum(most * curve.thrust_share(track.throttle), axis=1)
+    made = np.sum(rotor_thrust(airframe, track.rotor_speed_rpm, density), axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratio = np.sqrt(asked / made)[track.flying]
+    ratio = ratio[np.isfinite(ratio)]
+    if ratio.size < FEWEST_ROWS:
+        return False
+    middle = float(np.median(ratio))
+    return _verdict(middle, middle, CLOSE_OUTPUT, CLOSE_OUTPUT) == "close"
 
 
 def _speed_limit(track: FlightTrack, airframe: Airframe) -> Comparison | None:

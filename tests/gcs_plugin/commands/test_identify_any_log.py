@@ -93,7 +93,7 @@ def relaxed(examples: int):
         max_examples=examples,
         deadline=None,
         derandomize=True,
-        suppress_health_check=list(HealthCheck),
+        suppress_health_check=[*HealthCheck],  # type: ignore[list-item]
     )
 
 

@@ -52,7 +52,7 @@ def test_an_output_on_an_input_is_refused_at_once(
     elif link == "hard link":
         os.link(read, written)
     named = f"./{read}" if link == "./name" else str(read)
-    asked = "x" + ASKED.get(command, ending)
+    asked = f"x{ASKED.get(command, ending)}"
     given = [named]
     if option:
         given = [*BEFORE.get(command.split()[0], ["other.tlog"]), option, named]

@@ -112,6 +112,14 @@ def test_speeds_beyond_the_ceiling_are_a_doubt_for_long_and_not_for_a_moment():
     assert verdicts(replace(TRACK, rotor_speed_rpm=fast))["rotor speed limit"] == "doubt"
 
 
+@pytest.mark.parametrize("output", [0.85, 1.15, np.nan])
+def test_without_a_load_speeds_recognise_only_as_the_outputs_drive_them(output):
+    # From empty to full the weight of an F16 fits many aircraft, its motors do not.
+    track = replace(lacking("tank_kg"), throttle=TRACK.throttle * output)
+    assert verdicts(track)["rotor speed"] == "fits"
+    assert known_as(track) == ""
+
+
 def test_without_rotor_speeds_outputs_recognise_only_with_a_known_load():
     assert "motor outputs of 67% for 28 kg" in known_as(lacking("rotor_speed_rpm"))
     assert known_as(lacking("rotor_speed_rpm", "tank_kg")) == ""

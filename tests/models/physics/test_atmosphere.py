@@ -1,5 +1,7 @@
 """Air density: the printed standard atmosphere, and what a flight's own channels give."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -75,7 +77,7 @@ def test_pressure_alone_gives_its_own_altitude():
     np.testing.assert_allclose(density, isa_density(1200.0))
 
 
-BOARD = {"sources": {"temperature": f"SCALED_PRESSURE temperature ({WARM_BOARD})"}}
+BOARD: dict[str, Any] = {"sources": {"temperature": f"SCALED_PRESSURE temperature ({WARM_BOARD})"}}
 
 
 def test_the_warm_board_is_20_k_above_the_air_give_or_take_6():
