@@ -71,7 +71,7 @@ def reported_airframe(
     if refusal := facts.refusal("the vehicle"):
         raise AirframeError(refusal)
     quantities = _battery(parameters, highest_voltage)
-    if layout is None and parameters.get("CA_ROTOR_COUNT", 0.0) >= 3.0:
+    if layout is None and (whole_number(parameters, "CA_ROTOR_COUNT") or 0) >= 3:
         return _px4(parameters, quantities)
     q = "Q_" if facts.kind == "quadplane" else ""
     source, notes = "", []
@@ -114,6 +114,8 @@ def _px4(parameters: Mapping[str, float], quantities: dict[str, Quantity]) -> Re
     listed = whole_number(parameters, "CA_ROTOR_COUNT") or 0
     # A rotor that does not point upward pushes a plane.
     up = [n for n in range(min(listed, 12)) if abs(parameters.get(f"CA_ROTOR{n}_AX", 0.0)) < 0.5]
+    if len(up) < 3:
+        raise AirframeError(f"by CA_ROTORn_AX {len(up)} of {listed} rotors point upward; set them")
     places = np.array([[parameters.get(f"CA_ROTOR{n}_P{a}", 0.0) for a in "XYZ"] for n in up])
     # A torque coefficient that is not stored is PX4's default of 0.05.
     torque = np.array([parameters.get(f"CA_ROTOR{n}_KM", 0.05) for n in up])

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from thrustmargin.gcs_plugin.telemetry.reported_airframe import reported_airframe
@@ -78,6 +78,12 @@ def test_the_lower_rotors_of_a_px4_coaxial_work_in_the_wash_of_the_upper():
     assert found.quantities["arm"].value == pytest.approx(0.6 * np.sqrt(2.0))
 
 
+def test_a_px4_whose_rotors_push_forward_has_none_to_lift_it():
+    pushing = {"CA_ROTOR_COUNT": 4.0} | {f"CA_ROTOR{n}_AX": 1.0 for n in range(4)}
+    with pytest.raises(AirframeError, match="0 of 4 rotors point upward"):
+        reported_airframe(pushing)
+
+
 NAMES = [*QUAD, "Q_ENABLE", "Q_FRAME_CLASS", "SERVO1_FUNCTION", "SERVO3_FUNCTION", "BAT1_N_CELLS"]
 NAMES += ["CA_ROTOR_COUNT", "CA_ROTOR0_PX", "CA_ROTOR0_KM", "CA_ROTOR1_AX", "MOT_BAT_VOLT_MAX"]
 NAMES += ["SERVO_BLH_POLES", "SERVO_BLH_MASK", "BATT_LOW_VOLT", "MOT_THST_HOVER", "CA_AIRFRAME"]
@@ -85,6 +91,7 @@ NUMBERS = st.one_of(st.floats(), st.integers(-3, 40).map(float))
 
 
 @settings(max_examples=300, deadline=None)
+@example({"CA_ROTOR_COUNT": math.inf}, 0.0)
 @given(st.dictionaries(st.sampled_from(NAMES), NUMBERS), NUMBERS)
 def test_damaged_parameters_are_an_airframe_error_or_an_answer(parameters, volts):
     try:

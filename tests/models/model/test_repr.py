@@ -25,7 +25,7 @@ def test_results_are_a_few_lines(analysis):
     for thing in things:
         lines = repr(thing).splitlines()
         assert lines[0].startswith(type(thing).__name__)
-        assert len(lines) <= 5
+        assert len(lines) <= 6
         assert all(len(line) < 160 and "array(" not in line for line in lines)
 
 
