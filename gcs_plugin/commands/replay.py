@@ -80,16 +80,10 @@ def replay_view(
     from thrustmargin.gcs_plugin.commands.terminal import Terminal
     from thrustmargin.gcs_plugin.view.overlays import before_and_after
     from thrustmargin.gcs_plugin.view.replay import ReplayView
-    from thrustmargin.models.errors import DataError
     from thrustmargin.models.model.analysis import analyse
 
     with Terminal(stderr=True).status(escape(f"reading {log.name}")):
         flight, claim = read_flight(log, model, given=given, reading=reading)
-        if not flight.track.rotor_count:
-            raise DataError(
-                f"{log.name}: nothing tells how many rotors there are to show; give the airframe "
-                "with --airframe"
-            )
         analysis = analyse(flight.track, model, claim=claim)
         older = None if before is None else analyse(flight.track, before, claim=claim)
     return ReplayView(

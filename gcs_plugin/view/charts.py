@@ -48,6 +48,9 @@ class RotorCharts:
         self._range = (low, high)
         self._analysis = analysis
         self._shown = float(analysis.track.time_s[0])
+        self._charts = []
+        if not airframe.rotor_count:
+            return
         gui.add_html(
             '<div style="font:600 13px system-ui;color:#111;margin:0 10px">'
             f'<b style="color:{MEASURED_INK}">&#9644;</b> measured &nbsp; '
@@ -56,7 +59,6 @@ class RotorCharts:
         data = self._data(self._shown)
         last = airframe.rotor_count - 1
         height = PIXELS if airframe.rotor_count <= 4 else SMALL_PIXELS
-        self._charts = []
         for i in range(airframe.rotor_count):
             gui.add_html(
                 '<div style="font:700 13px system-ui;color:#111;margin:0 10px -8px">'

@@ -202,10 +202,10 @@ def _rest(row: ShownRow) -> str:
         f"{name} {f'{values[row.row]:.1f} {unit}' if np.isfinite(values[row.row]) else 'no data'}"
         for name, values, unit in parts
     )
+    shown = f"rpm: {row.analysis.words_of_speed} / predicted · bar mark: 50 % limit"
+    rotors = f'<div class="small">{shown}</div>' if row.track.rotor_count else ""
     return (
-        f'<div class="txt" style="margin-top:8px">{words}</div>'
-        f'<div class="small">rpm: {row.analysis.words_of_speed} / predicted · '
-        "bar mark: 50 % limit</div>"
+        f'<div class="txt" style="margin-top:8px">{words}</div>{rotors}'
         f'<div class="small" data-gauge="airframe">{escape(row.analysis.claim.words)}</div>'
     )
 

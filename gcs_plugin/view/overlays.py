@@ -15,7 +15,7 @@ from thrustmargin.gcs_plugin.wording.numbers import clock
 from thrustmargin.gcs_plugin.wording.palette import ColourScale
 from thrustmargin.mission.route import Worst
 from thrustmargin.models.errors import DataError
-from thrustmargin.models.flight import Bools, Floats
+from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
 
 #: The residual's scale ends at this share of the airframe's largest rotor speed.
@@ -34,6 +34,7 @@ class Overlay:
     worst: Worst
     rotor: Floats  # (T,) index of the rotor that the value belongs to; NaN for the vehicle's own
     note: str = ""  # what the values rest on, shown with the legend
+    extreme: str = "worst"  # what its worst value is called
 
     def text_at(self, row: int, time_s: float, rotor_names: Sequence[str]) -> str:
         """The value of a row in words, say "53 %, rotor 1 front right, at 2:31"."""
@@ -80,6 +81,19 @@ def overlays_of(analysis: FlightAnalysis) -> tuple[Overlay, ...]:
             worst="abs",
             rotor=residual_rotor,
         ),
+    )
+
+
+def speed_overlay(track: FlightTrack) -> Overlay:
+    """Speed over ground, which needs no airframe."""
+    speed = np.hypot(track.velocity_ned[:, 0], track.velocity_ned[:, 1])
+    return Overlay(
+        name="Speed",
+        values=speed,
+        scale=colours.GROUND_SPEED,
+        worst="max",
+        rotor=np.full(speed.size, np.nan),
+        extreme="fastest",
     )
 
 

@@ -17,7 +17,7 @@ from thrustmargin.gcs_plugin.view.charts import RotorCharts
 from thrustmargin.gcs_plugin.view.controls import ReplayControls
 from thrustmargin.gcs_plugin.view.gauges import STYLE, gauges_html
 from thrustmargin.gcs_plugin.view.guard import LOOPBACK
-from thrustmargin.gcs_plugin.view.overlays import Overlay, overlays_of
+from thrustmargin.gcs_plugin.view.overlays import Overlay, overlays_of, speed_overlay
 from thrustmargin.gcs_plugin.view.planned_path import plan_enu
 from thrustmargin.gcs_plugin.view.replay_clock import ReplayClock
 from thrustmargin.gcs_plugin.view.scene import Scene
@@ -69,7 +69,8 @@ class ReplayView(ViewPage):
             raise DataError(f"a replay cannot run at speed {speed:g}; give a number above 0")
         self._analysis = analysis
         self._airframe = analysis.model.airframe
-        self._overlays = (*overlays_of(analysis), *overlays)
+        shown = (speed_overlay(track),) if analysis.withheld else overlays_of(analysis)
+        self._overlays = (*shown, *overlays)
         self._overlay = self._overlays[0]
         self._waypoints = waypoints
         self._messages = sorted(messages)
@@ -155,7 +156,9 @@ class ReplayView(ViewPage):
             self._scene.set_pin(np.full(3, np.nan), "")
         else:
             text = overlay.text_at(row, self._time_of(row), self._airframe.rotor_names)
-            self._scene.set_pin(ShownRow(self._analysis, row).position_enu, f"worst: {text}")
+            self._scene.set_pin(
+                ShownRow(self._analysis, row).position_enu, f"{overlay.extreme}: {text}"
+            )
 
     def _worst_row(self) -> int | None:
         return self._route.worst_row(self._overlay.values, self._overlay.worst)

@@ -13,6 +13,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.gcs_plugin.view.view_flight import ROWS, flight
+from thrustmargin.gcs_plugin.commands.replay import replay_view
+from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.gcs_plugin.view.aircraft import spin_segments
 from thrustmargin.gcs_plugin.view.camera import Camera
 from thrustmargin.gcs_plugin.view.overlays import Overlay, overlays_of
@@ -23,7 +25,9 @@ from thrustmargin.gcs_plugin.view.tonemap import seen_for
 from thrustmargin.gcs_plugin.wording.palette import NO_DATA
 from thrustmargin.mission.route import route_segments
 from thrustmargin.models.errors import DataError, LinkError
+from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
 
@@ -341,3 +345,35 @@ def test_a_grid_cell_is_a_round_number():
     assert grid_cell(55) == 5
     assert grid_cell(5) == 0.5
     assert grid_cell(900) == 100
+
+
+def test_without_rotors_told_all_that_needs_none_is_shown(tmp_path):
+    told = flight(velocity_ned=np.tile([3.0, 4.0, 0.0], (ROWS, 1))).track
+    channels = ("position_ned", "velocity_ned", "attitude", "height_agl", "tank_kg")
+    track = FlightTrack.of(
+        name=told.name,
+        time_s=told.time_s,
+        rotor_count=0,
+        origin=told.origin,
+        **{name: getattr(told, name) for name in channels},
+    )
+    write_csv(track, log := tmp_path / "untold.csv")
+    model = physics_model(load_airframe("topxgun-f16-sitl"))
+    view = replay_view(log, model, given=False, port=0, paused=True)
+    view.start()
+    try:
+        view.seek(20.0)
+        settled(view, lambda: f"{track.tank_kg[200]:.1f} kg" in view._gauges.content)
+        said = view._gauges.content
+        assert "NO VERDICT" in said
+        assert "not recognised as topxgun-f16-sitl" in said
+        assert "height 5.0 m" in said
+        assert "rpm" not in said
+        assert not view._charts._charts
+        assert np.allclose(node(view, "/world/vehicle_1").position, enu(track.position_ned[200]))
+        assert view._scene._api.get_handle_by_name("/world/vehicle_1/discs") is None
+        assert "Speed over ground" in view._controls._legend.content
+        assert "fastest: 5.0 m/s" in node(view, "/world/pin").text
+        assert not (route_colours(view) == NO_DATA).all(axis=1).any()
+    finally:
+        view.stop()
