@@ -104,7 +104,7 @@ def test_identify_answers_whatever_a_log_reports(how, loss, model):
 
 
 @pytest.mark.slow
-@relaxed(200)
+@relaxed(30)
 @given(
     how=treated,
     held=treated,
