@@ -125,33 +125,33 @@ def read_flights(
     """Read and check logs in their order; those that cannot serve are added to `not_used`.
 
     That is also one that is not a flight of the model's airframe, `given` by the user or not.
-    Raises DataError that names them all when the rotor speeds of some cannot be what they are taken
-    for, or when none of the logs given by `option` can serve.
+    Raises DataError that names them all when the rotor speeds of some are those of other rotors, or
+    when none of the logs given by `option` can serve.
     """
     from thrustmargin.gcs_plugin.commands.inputs import claimed, listed, read_logs
     from thrustmargin.gcs_plugin.logs.inspection import instrument_offsets
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-    from thrustmargin.models.identification.usable_flights import too_little, wrong_speeds
+    from thrustmargin.models.identification.usable_flights import too_little, wrong_order
 
     tracks: list[FlightTrack] = []
     left_out: list[UnusedLog] = []
-    impossible: list[UnusedLog] = []
+    disordered: list[UnusedLog] = []
     read = read_logs(logs, left_out, console, model=model, given=given, reading=reading)
     offsets: dict[str, list[str]] = {}
     for log in claimed(read, left_out):
         for words in instrument_offsets(log):
             offsets.setdefault(words, []).append(log.path.name)
-        wrong = wrong_speeds(log.track, model.airframe)
+        wrong = wrong_order(log.track, model.airframe)
         lacking = wrong or too_little(log.track, model)
         if lacking is None:
             tracks.append(log.track)
         else:
-            group = left_out if wrong is None else impossible
+            group = left_out if wrong is None else disordered
             group.append(UnusedLog(name=log.path.name, reason=lacking))
     for words, names in offsets.items():
         console.print(f"{', '.join(names)}: {words}")
-    if impossible:
-        raise DataError(listed(impossible))
+    if disordered:
+        raise DataError(listed(disordered))
     if left_out and not tracks:
         raise DataError(f"no {option}flight can be used; {listed(left_out)}")
     not_used += left_out

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 
@@ -63,20 +62,12 @@ from thrustmargin.models.identification.unseen_errors import (
     errors_of,
     on_new_flights,
 )
+from thrustmargin.models.identification.usable_flights import Flown, require_airframe
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import RotorModel
 
 Progress = Callable[[str, float], None]
 
-
-class HasTrack(Protocol):
-    """A log that was read."""
-
-    @property
-    def track(self) -> FlightTrack: ...
-
-
-Flown = FlightTrack | HasTrack
 
 IMITATED = 0.6  # of what an effect explains, in the very mode that keeps a slow residual
 LEAVES = 1.5  # times the slow residual that is left, which an effect must explain of it
@@ -95,20 +86,24 @@ def identify(
 ) -> Identification:
     """Find the effects that `model` lacks on flights; report errors on the flights `held_out`.
 
-    A flight is a FlightTrack or a log that was read; the model, without one, that which ships.
-    Effects are looked for at the size of the model's aircraft. Without held-out flights the errors
-    are cross-validated: each flight (of one flight, each fifth) predicted with values found without
-    it. Raises DataError when no flight can be fitted and AirframeError for a wrong rotor count.
+    A flight is a FlightTrack or a log that was read; the model, without one, that which ships, for
+    logs that are recognised as of its airframe. Effects are looked for at the size of the model's
+    aircraft. Without held-out flights the errors are cross-validated: each flight (of one flight,
+    each fifth) predicted with values found without it. Raises DataError when no flight can be
+    fitted, or one is not of the model's airframe, and AirframeError for a wrong rotor count.
 
         >>> found = identify(read_log("sitl_logs/dev/worn_prop_1.tlog"))
         >>> print(found)
         topxgun-f16-sitl, 1 flight: rotor speed error 41.3 -> 10.8 rpm, each fifth left out in turn
         rotor_degradation of rotor 1: loss 0.08 (0.077 to 0.082)
     """
+    flights = flights if isinstance(flights, Sequence) else [flights]
     fit, unused_tracks = _tracks(flights), _tracks(held_out)
     if not fit:
         raise DataError("no flight to identify from; give at least one log with rotor speeds")
+    given = model is not None
     model, config = model or shipped_model(), config or SearchConfig()
+    require_airframe((*flights, *held_out), model, given=given)
     catalogue = effects_for(model.airframe, catalogue)
     problem = assemble(model, fit)
     if problem.of_outputs:
@@ -153,9 +148,8 @@ def identify(
     )
 
 
-def _tracks(flights: Sequence[Flown] | Flown) -> list[FlightTrack]:
-    every = flights if isinstance(flights, Sequence) else [flights]
-    return [f if isinstance(f, FlightTrack) else f.track for f in every]
+def _tracks(flights: Sequence[Flown]) -> list[FlightTrack]:
+    return [f if isinstance(f, FlightTrack) else f.track for f in flights]
 
 
 def _search(

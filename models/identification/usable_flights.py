@@ -7,22 +7,60 @@ measurement were left out when the log was read.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Protocol
 
 from thrustmargin.models.checks.motor_order import check_motor_order
-from thrustmargin.models.checks.speed_scale import check_speed_scale
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.problem import LEAST_ROWS
+from thrustmargin.models.model.airframe_claim import airframe_claim
+from thrustmargin.models.model.analysis import require_rotors
+from thrustmargin.models.model.flown import flown_airframe
 from thrustmargin.models.model.load_inference import LOAD_FROM_SPEEDS
 from thrustmargin.models.model.output_speed import FROM_OUTPUTS
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.flight_phases import training_rows
+from thrustmargin.models.vehicle_facts import VehicleFacts
 
 
-def wrong_speeds(track: FlightTrack, airframe: Airframe) -> str | None:
-    """Why the rotor speeds of a flight are not those of its rotors, and what to do; else None.
+class HasTrack(Protocol):
+    """A log that was read: its flight, what the vehicle is, and the autopilot's parameters."""
+
+    @property
+    def track(self) -> FlightTrack: ...
+    @property
+    def facts(self) -> VehicleFacts: ...
+    @property
+    def parameters(self) -> Mapping[str, float]: ...
+
+
+Flown = FlightTrack | HasTrack
+
+
+def require_airframe(flights: Sequence[Flown], model: RotorModel, *, given: bool) -> None:
+    """Raise DataError with all reasons for which flights cannot be fitted as the model's aircraft.
+
+    A model that was not `given` needs flights that are recognised as of its airframe. Raises
+    AirframeError for another number of rotors.
+    """
+    reasons: list[str] = []
+    for flown in flights:
+        if isinstance(flown, FlightTrack):
+            track, facts, parameters = flown, VehicleFacts(), {}
+        else:
+            track, facts, parameters = flown.track, flown.facts, flown.parameters
+        require_rotors(track, model.airframe)
+        claim = airframe_claim(track, flown_airframe(model), facts, parameters, given=given)
+        wrong = claim.withheld or [w for w in [wrong_order(track, model.airframe)] if w]
+        reasons += [f"{track.name}: {words}" for words in wrong]
+    if reasons:
+        raise DataError("; ".join(reasons))
+
+
+def wrong_order(track: FlightTrack, airframe: Airframe) -> str | None:
+    """Why the rotor speeds of a flight are those of other rotors, and what to do; else None.
 
     Speeds from motor outputs are what the autopilot asked for, not what a sensor says.
     """
@@ -34,9 +72,6 @@ def wrong_speeds(track: FlightTrack, airframe: Airframe) -> str | None:
             f"{order.words}; nothing was fitted: put the rotor speeds in motor order, or give the "
             "right --airframe"
         )
-    scale = check_speed_scale(track, airframe)
-    if scale.verdict in ("electrical", "unit", "odd"):
-        return f"{scale.words}; nothing was fitted: it is not for physics to explain"
     return None
 
 

@@ -1,12 +1,13 @@
 """What `identify` takes and gives: flights in any form, aircraft of any size, errors of blocks."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
 
 from tests.models.effects.test_slung_load import flown_with_load
-from tests.models.made_flights import QUICK, curve_model, made_flights, table
+from tests.models.made_flights import QUICK, curve_model, made_flight, made_flights, table
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.identify import identify
@@ -15,6 +16,7 @@ from thrustmargin.models.identification.search import SearchConfig
 from thrustmargin.models.identification.unseen_errors import errors_of
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.vehicle_facts import VehicleFacts
 
 SMALL = load_airframe("crazyflie-rpm")
 
@@ -46,6 +48,8 @@ class Log:
     """A log that was read, as far as `identify` looks at it."""
 
     track: FlightTrack
+    facts: VehicleFacts = field(default_factory=VehicleFacts)
+    parameters: Mapping[str, float] = field(default_factory=dict)
 
 
 def test_a_flight_may_be_given_alone_as_a_track_or_as_a_log_that_was_read():
@@ -57,6 +61,23 @@ def test_a_flight_may_be_given_alone_as_a_track_or_as_a_log_that_was_read():
     ]
     assert set(found) == {found[0]}
     assert "rotor_degradation of rotor 1" in found[0]
+
+
+def test_a_flight_that_cannot_be_of_the_model_is_refused_with_the_reason():
+    track = made_flight(1)
+    electrical = replace(track, rotor_speed_rpm=10 * track.rotor_speed_rpm)
+    with pytest.raises(DataError, match=r"made_1.csv: .*electrical rpm"):
+        identify(electrical, curve_model(), config=QUICK)
+    with pytest.raises(DataError, match="electrical rpm"):
+        identify(track, curve_model(), held_out=[electrical], config=QUICK)
+    plane = VehicleFacts(kind="plane", evidence="boot text")
+    plus = {"FRAME_CLASS": 1.0, "FRAME_TYPE": 0.0}
+    with pytest.raises(DataError, match="this is a plane"):
+        identify(Log(track, facts=plane), curve_model(), config=QUICK)
+    with pytest.raises(DataError, match="which puts the motors elsewhere"):
+        identify(Log(track, parameters=plus), curve_model(), config=QUICK)
+    with pytest.raises(DataError, match="no airframe was given, and the flight is not recognised"):
+        identify(track, config=QUICK)
 
 
 def test_no_flight_and_too_few_surrogates_are_one_sentence():
