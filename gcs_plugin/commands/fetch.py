@@ -57,6 +57,8 @@ class FetchLog(FetchFrom):
     """Number of the log, as --list shows it."""
     latest: bool = False
     """Take the latest log that is not empty, which is also what happens without --id."""
+    force: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Replace the file if it is there."""
 
 
 def fetch(
@@ -70,9 +72,7 @@ def fetch(
 
     Example: thrustmargin fetch mission udpin:127.0.0.1:14550 -o field.plan
     """
-    from thrustmargin.gcs_plugin.commands.options import Output, check_outputs
-
-    check_outputs([Output("--output", what.output)], inputs=[what.signing_key_file])
+    _check_output(what, what.output)
     if isinstance(what, FetchMission):
         _fetch_mission(what)
     else:
@@ -112,12 +112,20 @@ def _fetch_log(order: FetchLog) -> None:
             entry = logs.choose(order.id)
             suffix = "ulg" if vehicle.autopilot_type().name == "PX4" else "BIN"
             path = order.output or Path(f"log_{entry.number}.{suffix}")
+            _check_output(order, path)
             say(f"log {entry.number} of {entry.date or 'an unknown date'}")
             logs.download(entry, path, progress)
     if order.list:
         _print_logs(logs.entries)
     else:
         _say(f"{path}: log {entry.number}, {entry.size_bytes} bytes")
+
+
+def _check_output(order: FetchMission | FetchLog, path: Path | None) -> None:
+    from thrustmargin.gcs_plugin.commands.options import Output, check_outputs
+
+    keep = isinstance(order, FetchLog) and not order.force
+    check_outputs([Output("--output", path, keep=keep)], inputs=[order.signing_key_file])
 
 
 def _link(order: FetchFrom) -> AbstractContextManager[VehicleLink]:

@@ -8,13 +8,16 @@ from pathlib import Path
 RUN = "import sys; from thrustmargin.gcs_plugin.cli import main; main(['fetch', *sys.argv[1:]])"
 
 
-def fetch(*arguments: object, timeout: float = 40.0) -> subprocess.CompletedProcess:
+def fetch(
+    *arguments: object, timeout: float = 40.0, cwd: Path | None = None
+) -> subprocess.CompletedProcess:
     return subprocess.run(
         [sys.executable, "-c", RUN, *map(str, arguments)],
         capture_output=True,
         text=True,
         timeout=timeout,
         check=False,
+        cwd=cwd,
     )
 
 

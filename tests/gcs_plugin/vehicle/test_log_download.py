@@ -47,6 +47,20 @@ def test_the_latest_log_arrives_byte_for_byte(port: int, logs, tmp_path: Path):
     assert list(out.parent.iterdir()) == [out]
 
 
+@pytest.mark.parametrize("named", [True, False])
+def test_a_file_that_is_there_is_replaced_only_with_force(port: int, logs, tmp_path, named):
+    there = tmp_path / "log_1.BIN"
+    there.write_bytes(b"another day's log")
+    order = ["log", f"udpin:127.0.0.1:{port}", "--id", 1, *(["-o", there] if named else [])]
+    with vehicle(port=port, logs=logs):
+        done = fetch(*order, cwd=tmp_path)
+        assert done.returncode == 1
+        assert "log_1.BIN is already there; give another --output, or --force" in done.stderr
+        assert there.read_bytes() == b"another day's log"
+        assert fetch(*order, "--force", cwd=tmp_path).returncode == 0
+    assert there.read_bytes() == Path(logs[1][1]).read_bytes()
+
+
 def test_lost_packets_are_asked_for_again(port: int, logs, tmp_path: Path):
     shown: list[tuple[int, int]] = []
     with (
