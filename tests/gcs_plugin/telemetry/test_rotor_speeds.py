@@ -95,6 +95,24 @@ def test_a_table_is_judged_as_a_log_is(sitl_logs, tmp_path):
     assert table.facts.rotor_count == 4
 
 
+def test_without_outputs_the_other_rotors_show_that_a_value_is_held(sitl_logs, tmp_path):
+    track = read_log(sitl_logs / "dev/worn_prop_1.tlog").track
+    turn = int(np.argmax(np.where(track.flying, np.abs(track.angular_rate_frd[:, 2]), 0.0)))
+    held = slice(turn - 50, turn + 50)  # 10 s
+    assert track.flying[held].all()
+    track.throttle[:] = np.nan
+    whole = track.rotor_speed_rpm.copy()
+    track.rotor_speed_rpm[held, 1] = whole[held.start, 1]
+    write_csv(track, tmp_path / "held.csv")
+    table = read_log(tmp_path / "held.csv")
+    assert not table.track.reports("throttle")
+    lost = np.zeros(whole.shape, dtype=bool)
+    lost[held.start + 1 : held.stop, 1] = True
+    np.testing.assert_array_equal(table.track.rotor_speed_rpm, np.where(lost, np.nan, whole))
+    (said,) = table.unmeasured
+    assert said.startswith("rotor 2: 99 readings in flight, no measurement: one value held")
+
+
 def made(values, step: float = 0.1) -> Signal:
     values = np.asarray(values, dtype=np.float64)
     return Signal("esc_rpm", "ESC", step * np.arange(values.size, dtype=np.float64), values)
