@@ -27,7 +27,7 @@ STEPS = 2.0  # of the sensor that the speed should have moved by
 COARSE = 0.05  # of the speed: the step of a sensor that has not shown its own
 FLOOR = 0.2  # motor output up to which a motor may turn at its idle speed whatever is asked
 JUMP = 2.0  # times the last reading and the other rotors: not within one report
-SLOW = 1000.0  # rpm up to which a jump is a rotor that starts
+SLOW = 1000.0  # rpm up to which a rotor idles, and a jump is one that starts
 SOUND = 343.0  # m/s: no propeller of an aircraft turns with its tips at the speed of sound
 
 MEASURED, ZERO, HELD, LONE = range(4)
@@ -110,7 +110,7 @@ def _held(
     if not changes[0]:
         starts = np.append(0, starts)
     ends = np.append(starts[1:], time_s.size)
-    drive = np.where(np.isfinite(output), np.fmax(output, FLOOR), others)
+    drive = np.where(np.isfinite(output), np.fmax(output, FLOOR), np.fmax(others, SLOW))
     change = np.abs(np.diff(rpm, prepend=before.value))
     step = np.minimum.accumulate(np.append(before.step, np.where(change > 0, change, np.inf)))[1:]
     last = before

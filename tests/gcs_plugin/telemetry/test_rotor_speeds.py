@@ -113,6 +113,14 @@ def test_without_outputs_the_other_rotors_show_that_a_value_is_held(sitl_logs, t
     assert said.startswith("rotor 2: 99 readings in flight, no measurement: one value held")
 
 
+def test_without_outputs_the_rotor_that_leaves_idle_last_is_measured(sitl_logs, tmp_path):
+    track = read_log(sitl_logs / "dev/worn_prop_2.tlog").track
+    track.throttle[:] = np.nan
+    write_csv(track, tmp_path / "idle.csv")
+    table = read_log(tmp_path / "idle.csv")
+    np.testing.assert_array_equal(table.track.rotor_speed_rpm, track.rotor_speed_rpm)
+
+
 def made(values, step: float = 0.1) -> Signal:
     values = np.asarray(values, dtype=np.float64)
     return Signal("esc_rpm", "ESC", step * np.arange(values.size, dtype=np.float64), values)
