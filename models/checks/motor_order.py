@@ -14,7 +14,7 @@ with every spin reversed.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, permutations
 from typing import Literal
 
@@ -27,6 +27,8 @@ from thrustmargin.models.physics.allocation import mixer
 
 #: How much more likely the best assignment must be than the next one, and than chance: e^10.
 DECISIVE = 10.0
+#: Correlation of roll and of pitch from which they do answer to the rotors, wherever those are.
+ANSWERS = 0.5
 #: Rows needed before anything is said.
 FEWEST_ROWS = 100
 #: All assignments are tried up to this many rotors; beyond it only exchanges of up to two pairs.
@@ -74,18 +76,27 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
     places = np.array(list(_assignments(airframe.rotor_count)))
     arms = mixer(airframe)[1:] * airframe.rotor_effectiveness
     likelihood = np.zeros((2, len(places)))  # as the airframe says, and with every spin reversed
-    correlation = []
+    correlation, any_layout = [], []
     for axis in range(3):
         weights = arms[axis][places]  # (P, R): arm of each reported speed under each assignment
         correlated, effective = _correlations(
             acceleration[:, axis], rate[:, axis], squares, weights, step
         )
         correlation.append(float(correlated[0]))
+        any_layout.append(_any_layout(acceleration[:, axis], rate[:, axis], squares))
         for spins, sign in enumerate((1.0, -1.0 if axis == 2 else 1.0)):
             explained = np.clip(sign * correlated, 0.0, 0.999999) ** 2
             likelihood[spins] -= 0.5 * effective * np.log1p(-explained)
     measured = (correlation[0], correlation[1], correlation[2])
-    return _judge(airframe, places, arms, likelihood, measured, rows)
+    order = _judge(airframe, places, arms, likelihood, measured, rows)
+    tilt = [(of, found) for of, found in zip(any_layout, correlation, strict=True)][:2]
+    if order.verdict == "unclear" and all(of > ANSWERS and found < 0.5 * of for of, found in tilt):
+        words = (
+            "roll and pitch answer to the rotors, but not from the places that airframe "
+            f"{airframe.name} gives them ({airframe.layout}): its layout is another one"
+        )
+        return replace(order, verdict="differs", words=words)
+    return order
 
 
 def _samples(track: FlightTrack) -> tuple[Floats, Floats, Floats, Floats]:
@@ -158,6 +169,15 @@ def _correlations(
     # Rows overlap by half, because each difference spans two steps.
     samples = 0.5 * step.size * (1.0 - alike) / (1.0 + alike)
     return np.nan_to_num(correlated), samples
+
+
+def _any_layout(acceleration: Floats, rate: Floats, squares: Floats) -> float:
+    """Correlation of acceleration with the moment of the layout that explains it best."""
+    known = np.stack([np.ones_like(rate), rate, squares.sum(axis=1)], axis=1)
+    before = acceleration - known @ np.linalg.lstsq(known, acceleration)[0]
+    each = np.hstack([known, squares])
+    after = acceleration - each @ np.linalg.lstsq(each, acceleration)[0]
+    return float(np.sqrt(max(1.0 - (after @ after) / max(before @ before, 1e-300), 0.0)))
 
 
 def _judge(

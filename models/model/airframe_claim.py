@@ -26,6 +26,13 @@ from thrustmargin.models.vehicle_facts import VehicleFacts
 #: m, of an aircraft that is only drawn, on arms of 1 m.
 DRAWN_PROPELLER = 0.9
 USUAL_LAYOUTS = {4: "quad-x", 6: "hexa-x", 8: "octo-x"}
+#: Quantities whose guess widens the interval of a margin, as people call them.
+RESTS_ON = {
+    "empty_mass": "mass",
+    "thrust_coefficient": "thrust coefficient",
+    "max_rotor_speed_rpm": "largest rotor speed",
+    "ceiling_voltage": "voltage of the largest rotor speed",
+}
 AirframeBasis = Literal["given", "recognised", "not known"]
 
 
@@ -46,10 +53,16 @@ class AirframeClaim:
     @property
     def remedy(self) -> str:
         """What helps a flight without a claim to its margin, for people."""
+        other = "another" if self.basis == "given" else "one"
         return (
             "make the aircraft's own airframe with "
-            f"`thrustmargin airframe new --from {self.source}`, or name one with --airframe"
+            f"`thrustmargin airframe new --from {self.source}`, or name {other} with --airframe"
         )
+
+
+def _guessed_words(airframe: Airframe) -> str:
+    guesses = [words for name, words in RESTS_ON.items() if name in airframe.guessed]
+    return f"; guessed in it: {', '.join(guesses)}" if guesses else ""
 
 
 def airframe_claim(
@@ -68,10 +81,12 @@ def airframe_claim(
     found = comparisons(track, airframe, facts, parameters)
     doubts = tuple(c.words for c in found if c.verdict == "doubt")
     if given:
-        words = f"airframe {airframe.name}, given"
+        words = f"airframe {airframe.name}, given{_guessed_words(airframe)}"
         return AirframeClaim(words=words, withheld=doubts, source=track.name)
     if by := recognised(found):
-        words = f"airframe {airframe.name}, recognised ({by}); none was given"
+        words = (
+            f"airframe {airframe.name}, recognised ({by}); none was given{_guessed_words(airframe)}"
+        )
         return AirframeClaim(basis="recognised", words=words)
     unlike = (c.words for c in found if c.verdict != "close" and c.check != "frame")
     why = doubts[0] if doubts else next(unlike, "too little in it to compare")

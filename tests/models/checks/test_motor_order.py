@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.ndimage import uniform_filter1d
 
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.checks.motor_order import DECISIVE, check_motor_order
@@ -137,3 +138,31 @@ def test_without_rotor_speeds_or_rates_it_cannot_tell():
     assert (order.verdict, order.rows) == ("unclear", 0)
     other = next(a for a in map(load_airframe, airframe_names()) if a.rotor_count != 4)
     assert check_motor_order(track, other).verdict == "unclear"
+
+
+def test_a_hexacopter_x_read_as_hexacopter_plus_is_another_layout():
+    """No order of the places of a hexa plus explains roll and pitch as those of a hexa X do."""
+
+    def hexa(*bearings_deg: float) -> Airframe:
+        bearing = np.radians(bearings_deg)
+        return replace(
+            load_airframe("agras-t20"),  # motors 1 to 6 turn as in both of ArduPilot's layouts
+            rotor_position_frd=np.stack([np.cos(bearing), np.sin(bearing), 0 * bearing], axis=1),
+        )
+
+    flown = hexa(90.0, -90.0, -30.0, 150.0, 30.0, -150.0)
+    drawn = uniform_filter1d(np.random.default_rng(3).normal(size=(1200, 9)), 9, axis=0)
+    mix = mixer(flown)[1:]
+    asked = drawn[:, :3] @ (mix / np.abs(mix).max(axis=1, keepdims=True))
+    squares = 4e6 + 3e5 * asked + 2e4 * drawn[:, 3:]
+    track = FlightTrack.of(
+        name="hexa",
+        time_s=np.arange(1200) / 10.0,
+        rotor_count=6,
+        rotor_speed_rpm=np.sqrt(squares),
+        angular_rate_frd=np.cumsum((squares - 4e6) @ mix.T, axis=0) * 1e-7,
+    )
+    assert check_motor_order(track, flown).correlation[0] > 0.9
+    found = check_motor_order(track, hexa(0.0, 180.0, -120.0, 60.0, -60.0, 120.0))
+    assert found.verdict == "differs"
+    assert "its layout is another one" in found.words

@@ -38,6 +38,12 @@ def test_without_grounds_there_is_no_airframe_and_the_reason_and_the_command_are
     assert f"`thrustmargin airframe new --from {SMALL.name}`" in found.remedy
 
 
+def test_what_is_guessed_of_the_airframe_and_widens_the_margin_is_said():
+    real = load_airframe("topxgun-f16")
+    found = airframe_claim(LOG.track, real, LOG.facts, LOG.parameters, given=True)
+    assert found.words.endswith("given; guessed in it: voltage of the largest rotor speed")
+
+
 def test_a_given_airframe_stays_unless_something_speaks_against_it():
     assert claim(given=True).withheld == ()
     nothing = replace(LOG.track, flying=np.zeros_like(LOG.track.flying))
