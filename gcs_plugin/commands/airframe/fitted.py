@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from thrustmargin.models.scores import Estimate
 
 
+#: Two figures of full thrust that are further apart are no rounding and no battery's voltage.
+SAME_THRUST = 0.1
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fitted:
     """Quantities with their sources, and what else the data say, in sentences."""
@@ -144,6 +148,18 @@ def hover_quantities(logs: Sequence[Path], craft: Airframe, reading: ReadingOpti
             words = f"battery in flight, {names}"
             made["ceiling_voltage"] = Quantity(round(volts, 2), "V", words)
     return Fitted(quantities=made, notes=notes)
+
+
+def ceiling_notes(craft: Airframe) -> tuple[str, ...]:
+    """Says where the file's full thrust is not the one that the maker prints, and which is used."""
+    used = craft.thrust_coefficient * craft.max_rotor_speed_rpm**2
+    if abs(used / craft.nameplate_max_thrust - 1.0) <= SAME_THRUST:
+        return ()
+    return (
+        f"full thrust of a rotor: {craft.nameplate_max_thrust:.1f} N by its maker, {used:.1f} N by "
+        "thrust curve and largest rotor speed of the flights; margins use the latter, and a bench "
+        "table (--bench) or a climb at full throttle would settle it",
+    )
 
 
 def hover_sentences(fit: HoverFit) -> tuple[str, ...]:

@@ -57,6 +57,7 @@ class AirframeNew:
         from thrustmargin.gcs_plugin.commands.airframe.fitted import (
             Fitted,
             bench_quantities,
+            ceiling_notes,
             hover_quantities,
         )
         from thrustmargin.gcs_plugin.commands.airframe.list_show import print_airframe
@@ -97,6 +98,7 @@ class AirframeNew:
             notes += hovered.notes
             together = fitted.quantities | hovered.quantities
             craft = new_airframe(owner, reported, name=name, fitted=together)
+            notes += ceiling_notes(craft)
         heading = (
             f"Made by `thrustmargin airframe new` from {found.words}. What is marked as guessed is "
             "not known:\ncorrect it when you know better, and remove the mark. "

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.cli import run
+from thrustmargin.gcs_plugin.commands.airframe.fitted import ceiling_notes
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.models.physics.airframe import load_airframe
@@ -79,6 +80,14 @@ def test_a_bench_table_gives_curve_and_ceiling_without_a_power_set(made, tmp_pat
     assert "T = a N² holds" in printed
     half, _ = made("--bench", str(bench), *owner, "--max-thrust-kgf", "20")
     assert half.nameplate_max_thrust == pytest.approx(196.133)  # what is stated comes first
+
+
+def test_a_makers_thrust_that_the_flights_do_not_reach_is_told_apart():
+    craft = load_airframe("topxgun-f16-sitl")
+    reached = craft.thrust_coefficient * craft.max_rotor_speed_rpm**2
+    assert ceiling_notes(replace(craft, nameplate_max_thrust=1.05 * reached)) == ()
+    (note,) = ceiling_notes(replace(craft, nameplate_max_thrust=1.4 * reached))
+    assert f"{1.4 * reached:.1f} N by its maker, {reached:.1f} N by thrust curve" in note
 
 
 def test_a_flight_without_hover_is_refused_with_what_to_give(made):
