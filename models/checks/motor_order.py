@@ -43,7 +43,7 @@ _TREND_ROWS = 51
 class MotorOrder:
     """What the response says about the order of the rotor speeds."""
 
-    verdict: Literal["agrees", "differs", "unclear"]
+    verdict: Literal["agrees", "differs", "other layout", "unclear"]
     words: str
     #: place of the airframe, from 0, to which each reported rotor speed belongs by the response
     places: tuple[int, ...]
@@ -95,7 +95,7 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
             "roll and pitch answer to the rotors, but not from the places that airframe "
             f"{airframe.name} gives them ({airframe.layout}): its layout is another one"
         )
-        return replace(order, verdict="differs", words=words)
+        return replace(order, verdict="other layout", words=words)
     return order
 
 

@@ -164,5 +164,5 @@ def test_a_hexacopter_x_read_as_hexacopter_plus_is_another_layout():
     )
     assert check_motor_order(track, flown).correlation[0] > 0.9
     found = check_motor_order(track, hexa(0.0, 180.0, -120.0, 60.0, -60.0, 120.0))
-    assert found.verdict == "differs"
+    assert found.verdict == "other layout"
     assert "its layout is another one" in found.words
