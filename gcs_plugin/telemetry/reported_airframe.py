@@ -98,7 +98,7 @@ def reported_airframe(
         if known is not None and count and count != known.rotor_count:
             notes.append(f"{count} motors by {whose}, but {known.name} has {known.rotor_count}")
     poles = parameters.get("SERVO_BLH_POLES", 0.0)
-    if poles > 0.0 and parameters.get("SERVO_BLH_MASK", 0.0) > 0.0:
+    if 0.0 < poles < inf and parameters.get("SERVO_BLH_MASK", 0.0) > 0.0:
         quantities["motor_poles"] = Quantity(poles, "1", "SERVO_BLH_POLES")
     return ReportedAirframe(
         layout=layout,
@@ -150,10 +150,14 @@ def _px4(parameters: Mapping[str, float], quantities: dict[str, Quantity]) -> Re
     )
 
 
+#: In series; more volts than any multirotor flies on.
+MOST_CELLS = 100
+
+
 def _battery(parameters: Mapping[str, float], highest_voltage: float) -> dict[str, Quantity]:
     """Nominal voltage by the number of cells that the battery's settings and voltage agree on."""
     for name in ("BAT1_N_CELLS", "BAT_N_CELLS"):
-        if (cells := whole_number(parameters, name) or 0) > 0:
+        if 0 < (cells := whole_number(parameters, name) or 0) <= MOST_CELLS:
             words = f"{cells} cells of {CELL} V, by {name}"
             return {"nominal_voltage": Quantity(round(cells * CELL, 2), "V", words)}
     estimates = {

@@ -92,6 +92,7 @@ NUMBERS = st.one_of(st.floats(), st.integers(-3, 40).map(float))
 
 @settings(max_examples=300, deadline=None)
 @example({"CA_ROTOR_COUNT": math.inf}, 0.0)
+@example({"FRAME_CLASS": 1.0, "BAT1_N_CELLS": 1e307}, 0.0)
 @given(st.dictionaries(st.sampled_from(NAMES), NUMBERS), NUMBERS)
 def test_damaged_parameters_are_an_airframe_error_or_an_answer(parameters, volts):
     try:
