@@ -55,6 +55,14 @@ def test_wear_a_hidden_load_and_an_empty_battery_do_not_hide_the_airframe(stretc
     assert known_as(track)
 
 
+@pytest.mark.parametrize("stretch", [0.88, 1.2])
+def test_speeds_that_are_off_are_no_likeness(stretch):
+    track = replace(TRACK, rotor_speed_rpm=TRACK.rotor_speed_rpm * stretch)
+    assert verdicts(track)["rotor speed"] == "fits"
+    silent = np.full_like(TRACK.throttle, np.nan)
+    assert known_as(replace(track, throttle=silent)) == ""
+
+
 def test_full_or_empty_the_tank_speaks_for_itself():
     assert "for 21 to 37 kg" in known_as(lacking("tank_kg"))
 
