@@ -33,6 +33,8 @@ ANSWERS = 0.5
 FEWEST_ROWS = 100
 #: All assignments are tried up to this many rotors; beyond it only exchanges of up to two pairs.
 ALL_UP_TO = 8
+#: s by which telemetry may report rotor speeds late.
+LATE_S = np.arange(1, 13) / 10
 #: s; a row this far from its neighbours is not differentiated.
 _LONGEST_STEP = 0.5
 #: Rows of the running mean that is taken out: five seconds at 10 Hz.
@@ -62,8 +64,7 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
     """
     nan = float("nan")
     same = tuple(range(airframe.rotor_count))
-    acceleration, rate, squares, step = _samples(track)
-    rows = step.size
+    rows = _samples(track)[-1].size
     if rows < FEWEST_ROWS or track.rotor_count != airframe.rotor_count:
         return MotorOrder(
             verdict="unclear",
@@ -75,7 +76,33 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
         )
     places = np.array(list(_assignments(airframe.rotor_count)))
     arms = mixer(airframe)[1:] * airframe.rotor_effectiveness
-    likelihood = np.zeros((2, len(places)))  # as the airframe says, and with every spin reversed
+    likelihood, correlation, any_layout = _likelihood(track, places, arms)
+    order = _judge(airframe, places, arms, likelihood, correlation, rows)
+    if order.verdict != "agrees":
+        # Speeds that are reported late answer before they ask, in the order of other motors.
+        for late in LATE_S:
+            other, at_delay, _ = _likelihood(_earlier(track, late), places, arms)
+            if other[0, 0] > likelihood[0, 0]:
+                correlation = at_delay
+            likelihood = np.maximum(likelihood, other)
+        order = _judge(airframe, places, arms, likelihood, correlation, rows)
+    tilt = [(of, found) for of, found in zip(any_layout, order.correlation, strict=True)][:2]
+    if order.verdict == "unclear" and all(of > ANSWERS and found < 0.5 * of for of, found in tilt):
+        words = (
+            "roll and pitch answer to the rotors, but not from the places that airframe "
+            f"{airframe.name} gives them ({airframe.layout}): its layout is another one"
+        )
+        return replace(order, verdict="other layout", words=words)
+    return order
+
+
+def _likelihood(
+    track: FlightTrack, places: np.ndarray, arms: Floats
+) -> tuple[Floats, tuple[float, float, float], list[float]]:
+    """(2, P) log-likelihood of the assignments, with the airframe's spins and with all reversed;
+    the correlation of each axis with the airframe's own order, and with the best of any layout."""
+    acceleration, rate, squares, step = _samples(track)
+    likelihood = np.zeros((2, len(places)))
     correlation, any_layout = [], []
     for axis in range(3):
         weights = arms[axis][places]  # (P, R): arm of each reported speed under each assignment
@@ -87,16 +114,16 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
         for spins, sign in enumerate((1.0, -1.0 if axis == 2 else 1.0)):
             explained = np.clip(sign * correlated, 0.0, 0.999999) ** 2
             likelihood[spins] -= 0.5 * effective * np.log1p(-explained)
-    measured = (correlation[0], correlation[1], correlation[2])
-    order = _judge(airframe, places, arms, likelihood, measured, rows)
-    tilt = [(of, found) for of, found in zip(any_layout, correlation, strict=True)][:2]
-    if order.verdict == "unclear" and all(of > ANSWERS and found < 0.5 * of for of, found in tilt):
-        words = (
-            "roll and pitch answer to the rotors, but not from the places that airframe "
-            f"{airframe.name} gives them ({airframe.layout}): its layout is another one"
-        )
-        return replace(order, verdict="other layout", words=words)
-    return order
+    return likelihood, (correlation[0], correlation[1], correlation[2]), any_layout
+
+
+def _earlier(track: FlightTrack, late: float) -> FlightTrack:
+    """The flight with rotor speeds as if they had been reported `late` seconds sooner."""
+    speeds = [
+        np.interp(track.time_s + late, track.time_s, column, right=np.nan)
+        for column in track.rotor_speed_rpm.T
+    ]
+    return replace(track, rotor_speed_rpm=np.stack(speeds, axis=1))
 
 
 def _samples(track: FlightTrack) -> tuple[Floats, Floats, Floats, Floats]:

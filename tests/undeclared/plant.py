@@ -176,8 +176,16 @@ def instruments(
         else unknown,
         "altitude": altitude + noise(0.05),
         "height_agl": height + noise(0.03),
-        "throttle": np.clip(spin / 3000.0 * physics.full_voltage / reached[:, None], 0.0, 1.0) ** 2,
+        "throttle": motor_output((spin / 3000.0 * physics.full_voltage / reached[:, None]) ** 2),
         # 1122 W at 2127 rpm: momentum theory with a figure of merit of 0.6.
         "current": 1122.0 * np.sum((spin / 2127.0) ** 3, axis=1) / reached + noise(0.5),
         "spraying": np.round(late(motion, motion.spraying, rows, 0.0)),
     }
+
+
+def motor_output(thrust_share: Array) -> Array:
+    """Output from 0 to 1 for a share of full thrust, by ArduPilot's default curve (exponent 0.65
+    between MOT_SPIN_MIN 0.15 and MOT_SPIN_MAX 0.95)."""
+    share, expo = np.clip(thrust_share, 0.0, 1.0), 0.65
+    root = np.sqrt((1.0 - expo) ** 2 + 4.0 * expo * share)
+    return 0.15 + 0.8 * (root - (1.0 - expo)) / (2.0 * expo)

@@ -127,9 +127,10 @@ def test_streamed_over_udp_the_page_and_the_announcements_say_what_the_file_says
             read_off = set()
             while streamed.poll() is None:
                 page.wait_for_timeout(100)
-                if page.locator("[data-gauge=tank]").count():
-                    read_off.add(tuple(page.evaluate(READ)))
+                if (figures := page.evaluate(READ)) is not None:
+                    read_off.add(tuple(figures))
             page.wait_for_timeout(1500)
+            page.wait_for_function(f"({READ})() !== null")
             last = tuple(page.evaluate(READ))
     finally:
         monitor.send_signal(signal.SIGINT)
@@ -172,10 +173,13 @@ def listen(station: Any, ours: list[Any], ended: threading.Event) -> None:
             ours.append(message)
 
 
-#: The worst rotor's margin and the tank level as a reader of the page sees them.
-READ = """() => [
-  document.querySelector('[data-gauge=worst] .big').innerText,
-  document.querySelector('[data-gauge=tank] .mid').innerText]"""
+#: The worst rotor's margin and the tank level as a reader of the page sees them; null in the moment
+#: in which the page draws them anew.
+READ = """() => {
+  const shown = ['worst] .big', 'tank] .mid'].map(
+    (what) => document.querySelector('[data-gauge=' + what));
+  return shown.every(Boolean) ? shown.map((element) => element.innerText) : null;
+}"""
 
 
 @pytest.mark.slow

@@ -111,6 +111,17 @@ def test_made_flights_of_every_shipped_airframe_agree_and_a_swap_is_found(name):
     assert order.places == tuple(columns)
 
 
+@pytest.mark.parametrize("late_s", [0.3, 0.6, 1.0])
+def test_speeds_that_come_late_are_in_no_other_order_and_a_swap_is_found_among_them(late_s):
+    track = read_log(ROOT / "sitl_logs/campaign/v6_m16_q3.5.tlog", airframe=F16).track
+    before = [np.interp(track.time_s - late_s, track.time_s, s) for s in track.rotor_speed_rpm.T]
+    late = np.stack(before, axis=1)
+    assert check_motor_order(with_speeds(track, late), F16).verdict != "differs"
+    swapped = check_motor_order(with_speeds(track, late[:, [1, 0, 2, 3]]), F16)
+    assert swapped.verdict == "differs"
+    assert swapped.places == (1, 0, 2, 3)
+
+
 def test_a_flight_without_manoeuvres_says_that_it_cannot_tell():
     calm = made_flight(F16, effort=0.0)
     noise = np.random.default_rng(1).normal(0, 0.01, (calm.time_s.size, 3))
