@@ -10,6 +10,8 @@ from typing import Any, get_origin
 from cattrs import Converter, transform_error
 from cattrs.errors import ForbiddenExtraKeysError
 
+from thrustmargin.models.errors import ModelError
+
 _CONVERTER = Converter(forbid_extra_keys=True)
 
 
@@ -41,7 +43,7 @@ def _words(error: BaseException, kind: type | None) -> str:  # noqa: ARG001
         return "is missing"
     if isinstance(error, ForbiddenExtraKeysError):
         return f"has an unknown {min(error.extra_fields)!r}"
-    return str(error) if isinstance(error, Refused) else "is not a table"
+    return str(error) if isinstance(error, (Refused, ModelError)) else "is not a table"
 
 
 def _scalar(data: Any, kind: Any) -> Any:

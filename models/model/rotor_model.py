@@ -14,6 +14,7 @@ from thrustmargin.models.effects.base import Placed, look_of
 from thrustmargin.models.effects.stored import EffectRecord, placed_from
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.model.good_flights import GoodFlights
 from thrustmargin.models.network.ensemble import RotorNetwork, ensemble_speed
 from thrustmargin.models.network.records import TrainingRecord
 from thrustmargin.models.network.validity import Interval, TrainingDomain
@@ -37,6 +38,7 @@ class RotorModel:
     training: TrainingRecord | None = None
     forward_flight: ForwardFlight | None = None  # carries the network on beyond known airspeeds
     background_rpm: tuple[float, ...] = ()  # spread of good flights' mean residual, by mode
+    good_flights: GoodFlights | None = None
 
     def __post_init__(self) -> None:
         if (self.network is None) != (self.training_domain is None):
@@ -52,6 +54,9 @@ class RotorModel:
         } != {rotors}:
             raise ModelError(f"the interval is not of {rotors} rotors")
         placed_from(self.effects, rotors)
+        shown = self.good_flights.mode_scatter_rpm if self.good_flights else ()
+        if shown and len(shown) != rotors:
+            raise ModelError(f"its good flights show {len(shown)} modes of {rotors} rotors")
         if not self.reference_density > 0.0:
             raise ModelError(f"reference density {self.reference_density} must be above 0")
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.model.good_flights import GoodFlights
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.network.ensemble import RotorNetwork
 from thrustmargin.models.network.validity import Interval, TrainingDomain
@@ -65,6 +66,12 @@ def learnt_model(airframe: Airframe = F16, **given) -> RotorModel:
         "effects": (worn_rotor(),),
         "forward_flight": ForwardFlight(
             rotor_drag=0.2, drag_area=0.3, lift_gain=0.1, known_airspeed=5.0
+        ),
+        "good_flights": GoodFlights(
+            flights=2,
+            scatter={"cg_offset.x": 0.1 + 0.2, "manoeuvre_moment.inertia_yaw": 0.0},
+            mode_scatter_rpm=(1.5,) * rotors,
+            curve_rpm={"collective.airspeed": 2.5},
         ),
         "reference_density": 1.2240448906210113,
         "reference_voltage": np.nan,

@@ -60,9 +60,10 @@ def test_a_model_file_needs_no_airframe_file(tmp_path):
     assert again.quantities["empty_mass"].source == F16.quantities["empty_mass"].source
 
 
-def test_a_file_from_before_forward_flight_is_read_without_it(tmp_path):
-    path = rewritten(tmp_path, change_metadata=lambda data: data.pop("forward_flight"))
-    assert load_model(path).forward_flight is None
+@pytest.mark.parametrize("field", ["forward_flight", "good_flights"])
+def test_a_file_from_before_a_field_is_read_without_it(field, tmp_path):
+    path = rewritten(tmp_path, change_metadata=lambda data: data.pop(field))
+    assert getattr(load_model(path), field) is None
 
 
 def test_a_model_without_network_is_saved_too(tmp_path):
@@ -177,6 +178,9 @@ def put(key, value):
         (lambda d: d["interval"].update(factor="wide"), "interval.factor is str"),
         (lambda d: d["interval"].update(factor=[1.0]), "interval is not of 4 rotors"),
         (put("reference_density", None), "reference density"),
+        (lambda d: d["good_flights"].update(scatter=[1.0]), "good_flights.scatter is not a table"),
+        (lambda d: d["good_flights"].update(curve_rpm={"yaw.x": -1.0}), "scatter -1.0 of yaw.x"),
+        (lambda d: d["good_flights"].update(mode_scatter_rpm=[1.0]), "1 modes of 4 rotors"),
         (put("reference_density", "thin"), "reference_density is 'thin', not float"),
         (lambda d: d["effects"][0].update(rotor="one"), "not int"),
         (lambda d: d["effects"][0].update(rotor=5), "rotor 5 of 4"),
