@@ -28,6 +28,42 @@ from thrustmargin.models.model.json_values import to_json_values
 from thrustmargin.models.model.rotor_model import RotorModel
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SetWeight:
+    """A set of effects that together explain the flights, and how likely it is."""
+
+    probability: float
+    terms: tuple[Term, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OneOf:
+    """Effects of which nearly surely one is there, and how likely each is."""
+
+    terms: tuple[Term, ...]
+    probabilities: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Excluded:
+    """A size of an effect that was not seen, above which these flights exclude it at 95 %."""
+
+    term: Term
+    parameter: str
+    unit: str
+    above: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mentioned:
+    """A rotor that is not named and that the flights do not clear."""
+
+    rotor: int  # 0-based
+    probability: float
+    loss: float
+    ci95: tuple[float, float]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Found:
     """One accepted effect; values of shape (F, parameters), alike in all F flights if shared."""
@@ -40,6 +76,7 @@ class Found:
     rmse_after_rpm: float
     p_value: float
     indistinguishable_from: tuple[str, ...]
+    probability: float = 1.0
 
     def __repr__(self) -> str:
         main = [(k, p) for k, p in enumerate(self.term.effect.parameters) if not p.detail]
@@ -80,6 +117,7 @@ class Found:
             "name": self.term.effect.name,
             "variant": self.term.effect.variant,
             "rotor": None if self.term.rotor is None else self.term.rotor + 1,
+            "probability": self.probability,
             "parameters": self.parameters(names),
             "rmse_before_rpm": self.rmse_before_rpm,
             "rmse_after_rpm": self.rmse_after_rpm,
@@ -140,6 +178,10 @@ class Identification:
     sensor_noise_rpm: float
     config: SearchConfig
     tried: tuple[Tried, ...] = ()
+    alternatives: tuple[SetWeight, ...] = ()  # likeliest first
+    one_of: tuple[OneOf, ...] = ()
+    excluded: tuple[Excluded, ...] = ()
+    mentioned: tuple[Mentioned, ...] = ()
     followed: tuple[Found, ...] = ()  # what the flights have and a channel tells the model of
     possible: tuple[PossibleLoss, ...] = ()  # of one rotor, not sure enough for a name
     unflyable: tuple[Unflyable, ...] = ()  # losses of one rotor that fit and cannot be
@@ -204,6 +246,19 @@ class Identification:
                 "before": self.before,
                 "after": self.after,
                 "effects": effects,
+                "alternatives": [
+                    {"probability": w.probability, "effects": [_named(t) for t in w.terms]}
+                    for w in self.alternatives
+                ],
+                "one_of": [
+                    {"effects": [_named(t) for t in o.terms], "probabilities": o.probabilities}
+                    for o in self.one_of
+                ],
+                "excluded": [
+                    {**_named(e.term), "parameter": e.parameter, "unit": e.unit, "above": e.above}
+                    for e in self.excluded
+                ],
+                "mentioned": [_of_rotor(m) for m in self.mentioned],
                 "cannot_tell": [_of_rotor(loss) for loss in self.unflyable],
                 "possible": [_of_rotor(loss) for loss in self.possible],
                 "not_tried": self.untried,
@@ -232,7 +287,13 @@ class Identification:
         }
 
 
-def _of_rotor(loss: PossibleLoss | Unflyable) -> dict[str, Any]:
+def _named(term: Term) -> dict[str, Any]:
+    """An effect by its name, the variant and the rotor, which is counted from 1."""
+    rotor = None if term.rotor is None else term.rotor + 1
+    return {"name": term.effect.name, "variant": term.effect.variant, "rotor": rotor}
+
+
+def _of_rotor(loss: PossibleLoss | Unflyable | Mentioned) -> dict[str, Any]:
     """With the name of the effect, and the rotor counted from 1, as everywhere outside arrays."""
     return {"name": ROTOR_DEGRADATION.name} | to_json_values(loss) | {"rotor": loss.rotor + 1}
 
