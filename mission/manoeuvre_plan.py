@@ -1,0 +1,75 @@
+"""A manoeuvre as a mission that a ground station loads: one waypoint a corner, hover by waiting.
+
+Only take-off, waypoints, changes of speed and return to launch are used, which every autopilot
+flies; yaw turns come from corners, with the nose ahead (the usual setting of autopilots).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pymap3d
+
+from thrustmargin.mission.plan import (
+    CHANGE_SPEED,
+    FRAME_ABOVE_HOME,
+    FRAME_MISSION,
+    RETURN_TO_LAUNCH,
+    TAKEOFF,
+    WAYPOINT,
+    MissionPlan,
+    PlanItem,
+)
+from thrustmargin.models.errors import PlanError
+from thrustmargin.models.identification.manoeuvres import FlownLimits, Manoeuvre, corners_ned
+
+LOWEST = 2.0  # m above home, whatever the flights did: a mission goes there by itself
+
+
+def manoeuvre_plan(manoeuvre: Manoeuvre, limits: FlownLimits, *, repeats: int = 1) -> MissionPlan:
+    """The manoeuvre flown `repeats` times about the middle of where the flights were.
+
+    Altitudes are above home, the ground taken as level. Raises PlanError when the flights reported
+    no position or no height to plan with.
+    """
+    corners = corners_ned(manoeuvre, limits)
+    if limits.origin is None or not np.isfinite(corners).all():
+        raise PlanError("the flights report no position or height, so no mission can be placed")
+    origin = limits.origin
+    home = (origin.latitude_deg, origin.longitude_deg, origin.altitude)
+    latitude, longitude, _ = pymap3d.ned2geodetic(
+        corners[:, 0], corners[:, 1], corners[:, 2], home[0], home[1], home[2]
+    )
+    height = np.maximum(-corners[:, 2], LOWEST)
+    items: list[tuple[int, Any]] = []  # command, its seven parameters
+    places = [tuple(map(float, place)) for place in zip(latitude, longitude, height, strict=True)]
+    nowhere = (0.0, 0.0, 0.0)
+    items.append((TAKEOFF, (0.0, 0.0, 0.0, math.nan, *places[0])))
+    for _ in range(repeats):
+        items.append((WAYPOINT, (0.0, 0.0, 0.0, math.nan, *places[0])))
+        ordered = 0.0
+        for k, piece in enumerate(manoeuvre.pieces):
+            if piece.speed not in (0.0, ordered):
+                ordered = piece.speed
+                items.append((CHANGE_SPEED, (1.0, ordered, -1.0, 0.0, *nowhere)))
+            if piece.speed or piece.climb:
+                items.append((WAYPOINT, (0.0, 0.0, 0.0, math.nan, *places[k + 1])))
+            elif not piece.turn:
+                command, (waited, *rest) = items[-1]
+                items[-1] = command, (waited + piece.seconds, *rest)
+    items.append((RETURN_TO_LAUNCH, (0.0, 0.0, 0.0, 0.0, *nowhere)))
+    return MissionPlan(
+        items=tuple(
+            PlanItem(
+                number=number,
+                command=command,
+                frame=FRAME_ABOVE_HOME if command in (TAKEOFF, WAYPOINT) else FRAME_MISSION,
+                parameters=parameters,
+            )
+            for number, (command, parameters) in enumerate(items, start=1)
+        ),
+        home=home,
+        cruise_speed=max((piece.speed for piece in manoeuvre.pieces), default=0.0) or 5.0,
+    )

@@ -1,0 +1,275 @@
+"""A small library of manoeuvres, and the flight that each would make: simple kinematics at 10 Hz.
+
+Frames: `_ned` from the origin of the flights; speeds are over ground, along the heading. All that
+is flown stays within the heights, speeds, distances and fills of flights that were flown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+from scipy.spatial.transform import Rotation
+
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.flight import FlightTrack, Floats, Origin
+from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.physics.atmosphere import G0
+from thrustmargin.models.physics.forward_flight import steady_slowing
+
+STEP_S = 0.1
+ACCELERATION = 2.0  # m/s², as gentle as an autopilot flies a mission
+SMOOTH_ROWS = 10  # over which a change of speed or of turn rate begins and ends
+HOVER_S, LEG_S = 30.0, 20.0
+SIDE_S = 4.0  # of a square, between its corners
+TURN_RATE = np.radians(45.0)  # rad/s at most
+LOW_FILL = 0.1  # of the largest fill flown: "nearly empty"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlownLimits:
+    """What the flights showed that this aircraft flies, and the air and battery that it flew in."""
+
+    origin: Origin | None
+    place_ne: tuple[float, float]  # m, the middle of where it flew
+    reach: float  # m, half the extent of where it flew
+    height: tuple[float, float]  # m above the ground, lowest and highest
+    speed: float  # m/s over ground
+    climb: float  # m/s
+    turn_rate: float  # rad/s
+    fill_kg: tuple[float, float]  # least and largest fill to fly with; NaN without a tank
+    minutes: float  # the longest flight
+    wind_ne: tuple[float, float]  # m/s, the way the air moves; 0 unknown
+    voltage: tuple[float, float]  # V, fresh and used; NaN unknown
+    typical: dict[str, float]  # pressure Pa, temperature K, altitude m AMSL; NaN unknown
+
+    @classmethod
+    def of(cls, tracks: Sequence[FlightTrack]) -> Self:
+        """From the rows in flight. Raises DataError when none are."""
+        flown = [track.rows(track.flying) for track in tracks if track.flying.any()]
+        if not flown:
+            raise DataError("no row of the flights is in flight, so no manoeuvre can be bounded")
+
+        def every(channel: str) -> Floats:
+            return np.concatenate([getattr(track, channel) for track in flown])
+
+        def ends(values: Floats, low: float, high: float) -> tuple[float, float]:
+            known = values[np.isfinite(values)]
+            if not known.size:
+                return np.nan, np.nan
+            return float(np.quantile(known, low)), float(np.quantile(known, high))
+
+        velocity, position, wind = every("velocity_ned"), every("position_ned"), every("wind_ned")
+        sides = [ends(position[:, k], 0.01, 0.99) for k in (0, 1)]
+        fills = ends(every("tank_kg"), 0.0, 1.0)
+        return cls(
+            origin=next((t.origin for t in flown if t.origin is not None), None),
+            place_ne=tuple(np.nan_to_num(np.mean(sides, axis=1)).tolist()),
+            reach=float(np.nan_to_num(np.max(np.ptp(sides, axis=1)) / 2)),
+            height=ends(every("height_agl"), 0.05, 0.95),
+            speed=ends(np.hypot(velocity[:, 0], velocity[:, 1]), 0.0, 0.98)[1],
+            climb=ends(np.abs(velocity[:, 2]), 0.0, 0.98)[1],
+            turn_rate=ends(np.abs(every("angular_rate_frd")[:, 2]), 0.0, 0.99)[1],
+            fill_kg=(min(fills[0], LOW_FILL * fills[1]), fills[1]),
+            minutes=max(track.duration for track in flown) / 60.0,
+            wind_ne=tuple(np.nan_to_num([ends(wind[:, k], 0.5, 0.5)[0] for k in (0, 1)]).tolist()),
+            voltage=ends(every("voltage"), 0.95, 0.05),
+            typical={
+                name: ends(every(name), 0.5, 0.5)[0]
+                for name in ("pressure", "temperature", "altitude")
+            },
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Piece:
+    """A stretch of flight with one order: go ahead, climb, turn, or (all 0) hover."""
+
+    seconds: float
+    speed: float = 0.0  # m/s over ground, along the heading
+    climb: float = 0.0  # m/s
+    turn: float = 0.0  # rad/s of heading, positive to the right
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Manoeuvre:
+    """What to fly, in words and in pieces, at each of the fills: one flight a fill."""
+
+    name: str
+    words: str  # an order to the pilot, without a full stop
+    pieces: tuple[Piece, ...]
+    height: float  # m above the ground at which it begins
+    heading: float  # rad from north at which it begins
+    fills_kg: tuple[float, ...]  # NaN for an aircraft without a tank
+
+    @property
+    def minutes(self) -> float:
+        """Time of the manoeuvre itself, once at each fill."""
+        return len(self.fills_kg) * sum(piece.seconds for piece in self.pieces) / 60.0
+
+
+def manoeuvres(limits: FlownLimits) -> tuple[Manoeuvre, ...]:
+    """The library for one aircraft: each manoeuvre full, nearly empty, and at both fills."""
+    low, high = limits.height
+    middle = (low + high) / 2
+    upwind = float(np.arctan2(-limits.wind_ne[1], -limits.wind_ne[0]))
+    least, largest = limits.fill_kg
+    fills = {"": (np.nan,)}
+    if np.isfinite(largest) and largest > 0.0:
+        fills = {
+            f", with {largest:.3g} kg in the tank": (largest,),
+            f", with {least:.2g} kg in the tank": (least,),
+            f", once with {largest:.3g} and once with {least:.2g} kg in the tank": (largest, least),
+        }
+    made = []
+    for name, words, height, pieces in _flown(limits, low, middle):
+        for load, kg in fills.items():
+            made.append(
+                Manoeuvre(
+                    name=name,
+                    words=words + load,
+                    pieces=pieces,
+                    height=height,
+                    heading=upwind,
+                    fills_kg=kg,
+                )
+            )
+    return tuple(made)
+
+
+def _flown(
+    limits: FlownLimits, low: float, middle: float
+) -> list[tuple[str, str, float, tuple[Piece, ...]]]:
+    """Name, words, first height and pieces; what the flights never did is left out."""
+    speed, rate = limits.speed, float(np.clip(np.nan_to_num(limits.turn_rate), 0.1, TURN_RATE))
+    around = Piece(seconds=np.pi / rate, turn=rate)
+    made: list[tuple[str, str, float, tuple[Piece, ...]]] = [
+        ("hover", f"hover {HOVER_S:.0f} s", middle, (Piece(seconds=HOVER_S),))
+    ]
+    if speed > 1.0 and limits.reach > 5.0:
+        pieces: list[Piece] = []
+        for pace in (speed / 2, speed):
+            leg = Piece(seconds=min(LEG_S, 2.0 * limits.reach / pace), speed=pace)
+            pieces += [leg, _stop(pace), around, leg, _stop(pace), around]
+        legs = f"fly a leg into the wind and back at {speed / 2:.1f} and at {speed:.1f} m/s"
+        made.append(("legs", legs, middle, tuple(pieces)))
+        short = min(LEG_S, 2.0 * limits.reach / speed) / 3
+        steps = [Piece(seconds=short, speed=s * speed) for s in (0.5, 1.0, 0.5)]
+        back = (*steps, _stop(speed), around)
+        words = f"change speed in steps between 0, {speed / 2:.1f} and {speed:.1f} m/s"
+        made.append(("speed steps", words, middle, (*back, *back)))
+        pace = min(speed / 2, 2.0 * limits.reach / SIDE_S)
+        corner = np.pi / 2 / rate
+        sides = [
+            piece
+            for way in (1.0, -1.0)
+            for piece in 4 * [Piece(seconds=SIDE_S, speed=pace), _stop(pace), _corner(corner, way)]
+        ]
+        words = "fly a small square to the right, then one to the left, nose ahead"
+        made.append(("squares", words, middle, tuple(sides)))
+    if limits.climb > 0.3 and limits.height[1] - low > 2.0:
+        pace = min(limits.climb, 2.0)
+        up = Piece(seconds=(limits.height[1] - low) / pace, climb=pace)
+        down = Piece(seconds=up.seconds, climb=-pace)
+        hold = Piece(seconds=5.0)
+        words = f"climb from {low:.0f} to {limits.height[1]:.0f} m and descend, twice"
+        made.append(("climb and descent", words, low, (hold, up, hold, down) * 2))
+    return made
+
+
+def _stop(speed: float) -> Piece:
+    return Piece(seconds=speed / ACCELERATION)
+
+
+def _corner(seconds: float, way: float) -> Piece:
+    return Piece(seconds=seconds, turn=way * np.pi / 2 / seconds)
+
+
+def corners_ned(manoeuvre: Manoeuvre, limits: FlownLimits) -> Floats:
+    """(pieces + 1, 3) m: where each piece begins, and the last one ends, about `place_ne`.
+
+    Down is below the ground under the origin, which is taken as level.
+    """
+    heading, at = manoeuvre.heading, np.array([0.0, 0.0, -manoeuvre.height])
+    corners = [at]
+    for piece in manoeuvre.pieces:
+        ahead = piece.speed * np.array([np.cos(heading), np.sin(heading), 0.0])
+        at = at + piece.seconds * (ahead - np.array([0.0, 0.0, piece.climb]))
+        heading += piece.seconds * piece.turn
+        corners.append(at)
+    path = np.array(corners)
+    middle = (path[:, :2].min(axis=0) + path[:, :2].max(axis=0)) / 2
+    path[:, :2] += np.array(limits.place_ne) - middle
+    return path
+
+
+def flown_track(
+    manoeuvre: Manoeuvre, model: RotorModel, limits: FlownLimits, fill_kg: float
+) -> FlightTrack:
+    """The manoeuvre as a flight in the flights' usual air, with all channels but rotor speeds."""
+    pieces = manoeuvre.pieces
+    ends = np.cumsum([p.seconds for p in pieces])
+    time_s = np.arange(0.0, ends[-1], STEP_S)
+    which = np.minimum(np.searchsorted(ends, time_s, side="right"), len(pieces) - 1)
+
+    def ordered(name: str, rate: float) -> Floats:
+        wanted = np.array([getattr(p, name) for p in pieces])[which]
+        reached, now = np.empty_like(wanted), 0.0
+        for k, value in enumerate(wanted):
+            now += np.clip(value - now, -rate * STEP_S, rate * STEP_S)
+            reached[k] = now
+        return uniform_filter1d(reached, SMOOTH_ROWS, mode="nearest")
+
+    speed, climb = ordered("speed", ACCELERATION), ordered("climb", ACCELERATION)
+    heading = manoeuvre.heading + np.cumsum(ordered("turn", 2.0)) * STEP_S
+    velocity = np.stack([speed * np.cos(heading), speed * np.sin(heading), -climb], axis=1)
+    wind = np.array([*limits.wind_ne, 0.0])
+    through_air = velocity[:, :2] - wind[:2]
+    airspeed = np.hypot(*through_air.T)
+    mass = model.airframe.empty_mass + np.nan_to_num(fill_kg)
+    slowing = np.zeros_like(airspeed)
+    if model.forward_flight is not None:
+        slowing = steady_slowing(
+            model.forward_flight, airspeed, np.full_like(airspeed, mass), model.reference_density
+        )
+    force = np.gradient(velocity, STEP_S, axis=0) - np.array([0.0, 0.0, G0])
+    attitude = _upright(force, through_air, slowing, heading)
+    position = np.cumsum(velocity, axis=0) * STEP_S
+    position += corners_ned(manoeuvre, limits)[0]
+    body = Rotation.from_euler("ZYX", attitude[:, ::-1])
+    spin = (body[:-1].inv() * body[1:]).as_rotvec() / STEP_S
+    rows = np.ones(time_s.size)
+    fresh, used = limits.voltage
+    typical = limits.typical
+    return FlightTrack.of(
+        name=manoeuvre.name,
+        time_s=time_s,
+        rotor_count=model.airframe.rotor_count,
+        position_ned=position,
+        velocity_ned=velocity,
+        attitude=attitude,
+        angular_rate_frd=np.concatenate([spin, spin[-1:]]),
+        specific_force_frd=body.inv().apply(force),
+        airspeed=airspeed,
+        wind_ned=rows[:, None] * wind,
+        tank_kg=rows * fill_kg,
+        voltage=fresh - (fresh - used) * time_s / (60.0 * limits.minutes),
+        pressure=rows * typical["pressure"],
+        temperature=rows * typical["temperature"],
+        altitude=rows * typical["altitude"],
+        height_agl=-position[:, 2],
+        origin=limits.origin,
+    )
+
+
+def _upright(force: Floats, through_air: Floats, slowing: Floats, heading: Floats) -> Floats:
+    """(T, 3) roll, pitch, yaw at which the rotors carry `force` per mass and level drag."""
+    way = through_air / np.maximum(np.linalg.norm(through_air, axis=1, keepdims=True), 1e-3)
+    lift = force + np.column_stack([slowing[:, None] * way, np.zeros_like(slowing)])
+    down = -lift / np.linalg.norm(lift, axis=1, keepdims=True)
+    ahead = np.cos(heading) * down[:, 0] + np.sin(heading) * down[:, 1]
+    aside = np.cos(heading) * down[:, 1] - np.sin(heading) * down[:, 0]
+    return np.stack([-np.arcsin(aside), np.arctan2(ahead, down[:, 2]), heading], axis=1)

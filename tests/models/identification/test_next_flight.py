@@ -1,0 +1,117 @@
+"""The next flight is the one whose rows tell two rivals apart, by formulas checked the long way."""
+
+import numpy as np
+import pytest
+
+from tests.models.made_flights import curve_model, made_flight
+from thrustmargin.models.effects import BY_KEY
+from thrustmargin.models.effects.compose import rotor_speed_rpm
+from thrustmargin.models.identification import next_flight as module
+from thrustmargin.models.identification.manoeuvres import FlownLimits, manoeuvres
+from thrustmargin.models.identification.next_flight import (
+    Rival,
+    fitted_rival,
+    next_flight,
+    second_noise_rpm,
+)
+from thrustmargin.models.identification.problem import assemble
+from thrustmargin.models.identification.terms import Term
+
+#: One fill, one speed: hidden mass is as good as a wrong gauge.
+FLIGHTS = [made_flight(k, tank_kg=8.0, hidden_mass=1.0) for k in range(3)]
+MODEL, LIMITS = curve_model(), FlownLimits.of(FLIGHTS)
+PROBLEM = assemble(MODEL, FLIGHTS)
+NOISE = np.array([4.0, 3.0, 2.5, 2.5])
+MASS, GAUGE, LOSS = (Term(effect=BY_KEY[key]) for key in ("extra_mass", "tank_scale", "yaw_trim"))
+
+
+def rivals(*sets):
+    return tuple(fitted_rival(PROBLEM, terms, NOISE) for terms in sets)
+
+
+def test_a_rival_is_fitted_to_the_flown_rows():
+    mass, gauge = rivals((MASS,), (GAUGE,))
+    assert mass.values == pytest.approx([1.0], abs=0.06)
+    # The tank was 8.0 to 5.3 kg: 1 kg more is a gain of about 1.15.
+    assert gauge.values == pytest.approx([1.15], abs=0.04)
+
+
+def test_hidden_mass_and_gauge_are_told_apart_by_another_fill():
+    chosen = next_flight(MODEL, rivals((MASS,), (GAUGE,)), limits=LIMITS, noise_rpm=NOISE)
+    assert chosen is not None
+    assert chosen.separates == ((MASS,), (GAUGE,))
+    assert min(chosen.manoeuvre.fills_kg) == pytest.approx(0.8)
+    assert chosen.nats > 1.0
+    assert chosen.minutes <= LIMITS.minutes * len(chosen.manoeuvre.fills_kg)
+
+
+def test_rivals_that_predict_the_same_everywhere_are_not_told_apart():
+    mass = rivals((MASS,))[0]
+    chosen = next_flight(MODEL, (mass, mass), limits=LIMITS, noise_rpm=NOISE)
+    assert chosen is not None
+    assert (chosen.nats, chosen.certainty) == (0.0, 0.5)
+
+
+def test_the_divergence_is_that_of_two_gaussians(monkeypatch):
+    """Against d' S^-1 d with S written out, of a short hover."""
+    hover = manoeuvres(LIMITS)[1]
+    monkeypatch.setattr(module, "ROW_S", 2.0)
+    pair = tuple(
+        Rival(terms=r.terms, values=r.values, covariance=0.04 * np.eye(r.values.size))
+        for r in rivals((MASS,), (GAUGE, LOSS))
+    )
+    gram = module._information(MODEL, pair, hover, LIMITS, NOISE, 3.0)
+    kept = {}
+    monkeypatch.setattr(module, "_Prediction", _spied(module._Prediction, kept))
+    module._information(MODEL, pair, hover, LIMITS, NOISE, 3.0)
+    predict = kept["made"]
+    d = (
+        predict.modes(pair[0].terms, pair[0].values) - predict.modes(pair[1].terms, pair[1].values)
+    ).ravel()
+    whole = np.eye(d.size)
+    for rival in pair:
+        j = predict.columns(rival.terms, rival.values)
+        whole += j @ rival.covariance @ j.T
+    n = predict.scatter(3.0)
+    whole += n @ n.T
+    assert module._distance_square(gram, 1) == pytest.approx(
+        d @ np.linalg.solve(whole, d), rel=1e-6
+    )
+    # Twice the same rows in one flight are the same rows with half the noise.
+    half = whole - 0.5 * np.eye(d.size)
+    assert module._distance_square(gram, 2) == pytest.approx(d @ np.linalg.solve(half, d), rel=1e-6)
+
+
+def _spied(made_by, kept):
+    class Spy:
+        @staticmethod
+        def of(*given):
+            kept["made"] = made_by.of(*given)
+            return kept["made"]
+
+    return Spy
+
+
+def test_derivatives_are_those_of_the_prediction():
+    predict = module._Prediction.of(MODEL, PROBLEM.base, PROBLEM.channels, np.ones(4))
+    column = predict.columns((MASS,), np.array([1.0]))[:, 0].reshape(-1, 4)
+    # N = sqrt(N0² (1 + m/M)), so dN/dm = N0² / (2 M N).
+    base = rotor_speed_rpm(PROBLEM.base, (), PROBLEM.channels, np)
+    now = base * np.sqrt(1.0 + 1.0 / PROBLEM.channels.total_mass)[:, None]
+    slope = base**2 / (2.0 * PROBLEM.channels.total_mass[:, None] * now)
+    np.testing.assert_allclose(column @ PROBLEM.modes.directions.T, slope, rtol=1e-4)
+
+
+def test_noise_of_a_second_is_that_of_blocks_about_their_flight():
+    rng = np.random.default_rng(3)
+    white = 5.0 * rng.standard_normal(PROBLEM.measured_rpm.shape) + 100.0 * (
+        PROBLEM.flight[:, None] == 1
+    )
+    found = second_noise_rpm(PROBLEM, white)
+    # 24 free blocks: a standard deviation from so few is good to 15 %.
+    assert found == pytest.approx(np.full(4, 5.0 * np.sqrt(0.1)), rel=0.45)
+
+
+def test_a_step_in_flight_counts_as_it_is_afterwards():
+    onset = Term(effect=BY_KEY["rotor_degradation:onset"], rotor=1)
+    assert fitted_rival(PROBLEM, (onset,), NOISE).terms[0].key == "rotor_degradation@2"
