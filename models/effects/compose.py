@@ -1,12 +1,14 @@
 """Effects put together: from inputs to the speed of every rotor.
 
-    N_i = sqrt(A_i / a0),  A = (D T'/T + P M) / kappa
+    N_i = sqrt(A_i / a0),  A = (D T'/T + P L) / kappa + S c
 
-D is the base model's apparent thrust of each rotor at the (corrected) airspeed and tank mass, T its
-sum, T' the demand with its effects, M the moments with P the pseudo-inverse of the mixer, and
-kappa the product of the coefficient effects. A rotor that makes less thrust at a speed still takes
-most of its torque, so one bad rotor also upsets the yaw balance: M has the yaw moment that puts
-sum(spin q A) back to what the flight asks for. Works on numpy arrays and on torch tensors alike.
+D is the base model's apparent thrust of each rotor at the (corrected) airspeed and tank mass, T the
+thrust that it makes, T' the demand with its effects, L the moments with P the mixer's inverse, and
+kappa the product of the effects on all rotors. Where one rotor makes less thrust, or torque does
+not follow thrust, the autopilot adds controls c, which its mixer S shares over all rotors, until
+force and moments are those that the flight asks for. With four rotors that leaves each rotor its
+thrust; with more of them the mixer cannot make up for one rotor alone, and the one opposite gives
+way too. Works on numpy arrays and on torch tensors alike.
 """
 
 from __future__ import annotations
@@ -31,15 +33,19 @@ THRUST_FLOOR = 1e-3  # N: a rotor that would have to pull down stands still inst
 class BaseTable:
     """The base model's apparent thrust on a grid of airspeed and tank mass, read bilinearly.
 
-    `thrust` is (I, J, R) N at `airspeed_step * i` m/s and `tank_step_kg * j` kg.
+    `thrust` is (I, J, R) N at `airspeed_step * i` m/s and `tank_step_kg * j` kg. Controls are C
+    independent ones (four, fewer where rotors are); at their unit they ask the rotors for `shares`.
     """
 
     thrust: Any
     airspeed_step: float
     tank_step_kg: float
     thrust_coefficient: float
-    spread: Any  # (R, 3) N per N m: pseudo-inverse of the mixer's moment rows
-    yaw: Any  # (R,) N m per N: the mixer's yaw row
+    effectiveness: Any  # (R,) thrust over apparent thrust
+    moment_shares: Any  # (R, 3) N per N m of roll, pitch, yaw: the inverse of the mixer
+    shares: Any  # (R, C) the mixer: apparent thrust of each rotor, N, by control
+    thrust_control: Any  # (C, R) control that each rotor's thrust makes up, by apparent thrust
+    torque_control: Any  # (C, R) the same of its torque
 
     def look_up(self, airspeed: Array, tank_kg: Array) -> Array:
         """Apparent thrust, (T, R) N; held at the edge of the grid, where NaN counts as 0."""
@@ -76,15 +82,21 @@ def base_table(
     masses = np.arange(0.0, 1.5 * airframe.tank_capacity_kg + tank_step_kg, tank_step_kg)
     airspeed, tank_kg = (g.ravel() for g in np.meshgrid(speeds, masses, indexing="ij"))
     thrust = thrust_coefficient * speed(airspeed, tank_kg) ** 2
-    rows = mixer(airframe)
-    spread = np.linalg.pinv(rows)
+    rows = mixer(airframe) * airframe.rotor_effectiveness
+    # The autopilot goes by where a rotor is and how it turns, whatever it makes.
+    _, size, columns = np.linalg.svd(mixer(airframe), full_matrices=False)
+    shares = columns[size > 1e-9 * size.max(initial=0.0)].T
+    control = np.linalg.pinv(rows @ shares)
     return BaseTable(
         thrust=thrust.reshape(speeds.size, masses.size, airframe.rotor_count),
         airspeed_step=airspeed_step,
         tank_step_kg=tank_step_kg,
         thrust_coefficient=thrust_coefficient,
-        spread=spread[:, 1:],
-        yaw=rows[3],
+        effectiveness=airframe.rotor_effectiveness,
+        moment_shares=(shares @ control)[:, 1:],
+        shares=shares,
+        thrust_control=control[:, :3] @ rows[:3],
+        torque_control=control[:, 3:] @ rows[3:],
     )
 
 
@@ -112,7 +124,7 @@ def apparent_thrust(base: BaseTable, placed: Sequence[Placed], x: Channels, xp: 
     """a0 N² of every rotor with the effects in place, (T, R) N."""
     x = corrected(placed, x, xp)
     thrust = base.look_up(x.airspeed, x.tank_kg)
-    demand = total = thrust.sum(1)
+    demand = total = thrust @ base.effectiveness
     for item in placed:
         if item.effect.kind is Kind.DEMAND:
             demand = item.effect.apply(item.values, x, demand, xp)
@@ -121,11 +133,12 @@ def apparent_thrust(base: BaseTable, placed: Sequence[Placed], x: Channels, xp: 
     for item in placed:
         if item.effect.kind is Kind.MOMENTS:
             moments = item.effect.apply(item.values, x, demand, xp)
-            thrust = thrust + xp.stack(moments, 1) @ base.spread.T
-    rotors = base.spread.shape[0]
-    kappa = coefficient(placed, x, rotors, xp)
-    thrust = _yaw_balanced(base, placed, x, thrust, xp)
-    return xp.clip(thrust / kappa, THRUST_FLOOR, None)
+            thrust = thrust + xp.stack(moments, 1) @ base.moment_shares.T
+    every = coefficient([i for i in placed if i.rotor is None], x, thrust.shape[1], xp)
+    apart = [item for item in placed if item.effect.torque is not None]
+    if apart:
+        thrust = _rebalanced(base, apart, x, thrust, xp)
+    return xp.clip(thrust / every, THRUST_FLOOR, None)
 
 
 def corrected(placed: Sequence[Placed], x: Channels, xp: Any) -> Channels:
@@ -142,18 +155,21 @@ def corrected(placed: Sequence[Placed], x: Channels, xp: Any) -> Channels:
     return replace(x, airspeed=airspeed, tank_kg=tank_kg, total_mass=mass)
 
 
-def _yaw_balanced(
-    base: BaseTable, placed: Sequence[Placed], x: Channels, thrust: Array, xp: Any
+def _rebalanced(
+    base: BaseTable, apart: Sequence[Placed], x: Channels, thrust: Array, xp: Any
 ) -> Array:
-    """Thrust (T, R) shared so that torque that does not follow thrust is balanced."""
-    bad = [item for item in placed if item.effect.torque is not None]
-    if not bad:
-        return thrust
-    rotors = base.spread.shape[0]
-    worn = xp.clip(_product(bad, x, rotors, xp, lambda item: item.effect.apply), KAPPA_FLOOR, None)
-    torque = _product(bad, x, rotors, xp, lambda item: item.effect.torque) * base.yaw / worn
-    excess = (thrust * (torque - base.yaw)).sum(1)
-    return thrust - (excess / (torque @ base.spread[:, 2]))[:, None] * base.spread[:, 2]
+    """Apparent thrust (T, R) that gives the force and moments of `thrust` where single rotors make
+    less of it, or torque does not follow it. What all rotors lose alike is for the caller."""
+    rotors = thrust.shape[1]
+    alone = coefficient([item for item in apart if item.rotor is not None], x, rotors, xp)
+    shared = coefficient([item for item in apart if item.rotor is None], x, rotors, xp)
+    torque = _product(apart, x, rotors, xp, lambda item: item.effect.torque)
+    torque = xp.clip(torque, KAPPA_FLOOR, None) / shared
+    control = base.thrust_control * alone[:, None, :] + base.torque_control * torque[:, None, :]
+    asked = thrust @ (base.thrust_control + base.torque_control).T
+    lacking = asked[:, :, None] - control @ thrust[:, :, None]
+    added = base.shares @ xp.linalg.solve(control @ base.shares, lacking)
+    return thrust + added[:, :, 0]
 
 
 def rotor_speed_rpm(base: BaseTable, placed: Sequence[Placed], x: Channels, xp: Any) -> Array:

@@ -26,7 +26,7 @@ STANDARD = 1.96  # half widths of a 95 % interval in standard deviations
 def base_uncertainty_rpm(model: RotorModel, base: BaseTable, x: Channels) -> Floats:
     """(D, T, R) rpm: independent directions, each of the size of one standard deviation."""
     parts = [*_of_members(model, x), *_beyond(model, base, x), *_of_effects(model, base, x)]
-    return np.stack(parts) if parts else np.zeros((0, x.time_s.size, base.spread.shape[0]))
+    return np.stack(parts) if parts else np.zeros((0, x.time_s.size, base.effectiveness.size))
 
 
 def _of_members(model: RotorModel, x: Channels) -> list[Floats]:

@@ -8,7 +8,7 @@ with a rotor speed, airspeed or tank level missing. The unit of everything stati
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -119,12 +119,12 @@ class Problem:
         """The base table and the channels as torch tensors."""
         import torch
 
-        base = replace(
-            self.base,
-            thrust=torch.as_tensor(self.base.thrust),
-            spread=torch.as_tensor(self.base.spread.copy()),
-            yaw=torch.as_tensor(self.base.yaw.copy()),
-        )
+        arrays = {
+            f.name: torch.as_tensor(value.copy())
+            for f in fields(self.base)
+            if isinstance(value := getattr(self.base, f.name), np.ndarray)
+        }
+        base = replace(self.base, **arrays)
         return base, self.channels.as_torch()
 
 

@@ -52,3 +52,108 @@ def test_balance_and_hidden_mass_go_with_what_the_tank_really_holds(model, effec
     assert speeds(model, shown, HALF_SHOWN, effect) == pytest.approx(
         speeds(model, really, effect), abs=1e-6
     )
+
+
+HEXA_X = np.array([90.0, -90.0, -30.0, 150.0, 30.0, -150.0])  # deg from the nose, motor 1 first
+HEXA_SPIN = np.array([-1.0, 1.0, -1.0, 1.0, 1.0, -1.0])
+
+
+def multirotor(bearings_deg, spin, effectiveness=None) -> RotorModel:
+    at = np.radians(bearings_deg)
+    airframe = replace(
+        F16,
+        rotor_position_frd=np.stack([np.cos(at), np.sin(at), 0.0 * at], axis=1),
+        rotor_spin=np.asarray(spin),
+        rotor_effectiveness=np.ones(at.size) if effectiveness is None else effectiveness,
+        rotor_names=tuple(f"{k}" for k in range(at.size)),
+    )
+    return physics_model(airframe)
+
+
+def worn(rotor: int, loss: float, torque_share: float) -> Placed:
+    values = {"loss": loss, "torque_share": torque_share}
+    return Placed(effect=EFFECTS["rotor_degradation"], values=values, rotor=rotor)
+
+
+def squares(model: RotorModel, *placed: Placed) -> Floats:
+    """(R,) apparent thrust of the rotors over the mean of them without effects."""
+    x = model_channels(model, made_flight(1, duration=1.0))
+    return speeds(model, x, *placed)[0] ** 2 / np.mean(speeds(model, x)[0] ** 2)
+
+
+def test_on_six_rotors_the_opposite_one_gives_way_too():
+    """Each control has its share of a rotor: 1/6 of collective, 1/3 of roll and pitch together and
+    1/6 of yaw. So of what rotor 4 lacks, 1/15, the mixer asks 2/3 of itself, 1/6 of each neighbour
+    and -1/3 of the rotor opposite, over 1 - 2/3 x 0.1 for what it lacks of that in turn."""
+    part = 0.1 / (1.0 - 0.1 * 2.0 / 3.0)
+    by_hand = 1.0 + part * np.array([1 / 6, 1 / 6, -1 / 3, 2 / 3, 1 / 6, 1 / 6])
+    found = squares(multirotor(HEXA_X, HEXA_SPIN), worn(3, 0.1, 1.0))
+    assert found == pytest.approx(by_hand, abs=1e-9)
+
+
+def test_a_hexacopter_in_ardupilot_shares_a_weak_rotor_as_the_mixer_says():
+    """Median rpm of a simulated hexacopter X in straight flight, rotor 4 making 10 % less thrust
+    than it asks; the torque fell by two thirds of that."""
+    recorded = np.array([3639.0, 3617.0, 3545.0, 3710.0, 3618.0, 3638.0])
+    found = np.sqrt(squares(multirotor(HEXA_X, HEXA_SPIN), worn(3, 0.1, 0.67)))
+    assert found * np.mean(recorded) / np.mean(found) == pytest.approx(recorded, abs=3.0)
+    keeps_its_thrust = np.array([1.0, 1.0, 1.0, 0.9**-0.5, 1.0, 1.0])
+    off = keeps_its_thrust * np.mean(recorded) / np.mean(keeps_its_thrust) - recorded
+    assert np.abs(off).max() > 30.0
+
+
+OCTO = np.arange(8) * 45.0 + 22.5
+PAIRS = np.array([45.0, -45.0, -135.0, 135.0] * 2)
+LAYOUTS = {
+    "quad": multirotor([45.0, -135.0, -45.0, 135.0], [1.0, 1.0, -1.0, -1.0]),
+    "hexa": multirotor(HEXA_X, HEXA_SPIN),
+    "octo": multirotor(OCTO, (-1.0) ** np.arange(8)),
+    "octo of pairs": multirotor(
+        PAIRS, [1.0, -1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0], np.repeat([1.0, 0.8], 4)
+    ),
+}
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize("torque_share", [0.0, 0.5, 1.0, 1.5])
+def test_a_weak_rotor_changes_no_force_and_no_moment_and_only_what_the_mixer_can(
+    layout, torque_share
+):
+    model = LAYOUTS[layout]
+    airframe, sound = model.airframe, squares(model)
+    x, y = airframe.rotor_position_frd[:, 0], airframe.rotor_position_frd[:, 1]
+    columns = np.stack([np.ones_like(x), -y, x, airframe.rotor_spin])
+    for rotor in range(airframe.rotor_count):
+        weak = squares(model, worn(rotor, 0.3, torque_share))
+        thrust, torque = np.ones_like(weak), np.ones_like(weak)
+        thrust[rotor], torque[rotor] = 0.7, 1.0 - 0.3 * torque_share
+        made = airframe.rotor_effectiveness * sound
+        makes = airframe.rotor_effectiveness * weak * thrust
+        assert columns[:3] @ makes == pytest.approx(columns[:3] @ made, abs=1e-9)
+        drag = airframe.rotor_effectiveness * weak * torque
+        assert airframe.rotor_spin @ drag == pytest.approx(airframe.rotor_spin @ made, abs=1e-9)
+        unreached = np.linalg.svd(columns)[2][4:]
+        assert unreached @ (weak - sound) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_three_rotors_share_what_a_weak_one_leaves():
+    found = squares(multirotor([60.0, -60.0, 180.0], [1.0, -1.0, 1.0]), worn(2, 0.1, 1.0))
+    assert found == pytest.approx([1.0, 1.0, 1.0 / 0.9], abs=1e-9)
+
+
+def test_what_all_rotors_lose_alike_is_made_up_by_each_of_them():
+    drift = Placed(effect=EFFECTS["thrust_drift"], values={"rate": 0.001})
+    model = LAYOUTS["octo of pairs"]
+    x = model_channels(model, made_flight(1))
+    row = int(np.argmin(np.abs(x.time_s - 50.0)))
+    ratio = speeds(model, x, drift)[row] / speeds(model, x)[row]
+    assert ratio == pytest.approx((1.0 - 0.001 * x.time_s[row]) ** -0.5, rel=1e-9)
+
+
+def test_the_lower_rotors_of_pairs_bear_their_share_of_the_moment():
+    """0.02 m ahead: sum of x A over effectiveness is 0.02 of the thrust, whatever each makes."""
+    model = LAYOUTS["octo of pairs"]
+    ahead = Placed(effect=EFFECTS["cg_offset"], values={"x": 0.02, "y": 0.0})
+    made = model.airframe.rotor_effectiveness * squares(model, ahead)
+    moment = model.airframe.rotor_position_frd[:, 0] @ made
+    assert moment == pytest.approx(0.02 * made.sum(), rel=1e-9)
