@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,8 +10,10 @@ from typing import Any
 from tests.measured import (
     aerostack2,
     crazyflie,
+    crazyflie_commands,
     crazyflie_find,
     crazypad,
+    damaged_rotors,
     px4_log,
     strawson,
     uiuc,
@@ -20,9 +22,16 @@ from tests.measured import (
 from tests.measured.findings import Finding, Progress
 from thrustmargin.models.errors import DataError, ThrustMarginError
 
-#: short checks, after the flights
-CHECKS = (vendor_bench, uiuc, aerostack2, strawson, crazypad, px4_log)
-NAMES = (crazyflie.FOLDER, *(check.FOLDER for check in CHECKS))
+#: by name: short checks, then the public commands on real flights
+CHECKS: dict[str, Callable[[Path], Finding]] = {
+    **{c.FOLDER: c.find for c in (vendor_bench, uiuc, aerostack2, strawson, crazypad, px4_log)},
+    damaged_rotors.SESSIONS: damaged_rotors.find_sessions,
+    damaged_rotors.LOGS: damaged_rotors.find_logs,
+    crazyflie_commands.NAME: crazyflie_commands.find,
+}
+#: where the data are, when not in the folder of the check's name
+FOLDERS = {crazyflie_commands.NAME: crazyflie.FOLDER}
+NAMES = (crazyflie.FOLDER, *CHECKS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,11 +77,12 @@ def study(
     findings: list[Finding] = []
     missing: list[Missing] = []
     for name in [n for n in NAMES if not only or n in only]:
-        if not (folder / name).is_dir():
-            missing.append(Missing(name=name, why=f"no folder {name} in {folder}"))
+        place = folder / FOLDERS.get(name, name)
+        if not place.is_dir():
+            missing.append(Missing(name=name, why=f"no folder {place.name} in {folder}"))
             continue
         try:
-            findings.append(_find(name, folder / name, surrogates, quick, progress))
+            findings.append(_find(name, place, surrogates, quick, progress))
         except ThrustMarginError as error:
             missing.append(Missing(name=name, why=str(error)))
     if not findings:
@@ -88,4 +98,4 @@ def _find(
         return crazyflie_find.find(folder, surrogates=surrogates, quick=quick, progress=progress)
     if progress:
         progress(name, 0.0)
-    return next(check for check in CHECKS if name == check.FOLDER).find(folder)
+    return CHECKS[name](folder)

@@ -19,10 +19,10 @@ from tests.measured.measured_files import (
     write_benches,
     write_csv,
 )
-from tests.measured.study import NAMES, Study, study
+from tests.measured.study import Study, study
 from thrustmargin.models.errors import DataError
 
-BENCHES = tuple(n for n in NAMES if n not in ("imrc_crazyflie_rpm", "px4_ulog"))
+BENCHES = tuple(c.FOLDER for c in (vendor_bench, uiuc, aerostack2, strawson, crazypad))
 VENDOR, STRAWSON = "vendor_bench_tmotor_kde", "strawson_static_thrust"
 
 
