@@ -79,13 +79,6 @@ class Forecast:
         known = self.margin[np.isfinite(self.margin)]
         return float(np.min(known)) if known.size else float("nan")
 
-    @property
-    def empty_after(self) -> float:
-        """s from now at which the tank is empty on this route; infinite when it is not."""
-        track = self.analysis.track
-        dry = np.flatnonzero(track.tank_kg <= 0.0)
-        return float(track.time_s[dry[0]]) if dry.size else math.inf
-
 
 def route_ahead(
     plan: MissionPlan,

@@ -4,19 +4,16 @@ Columns: `vehicle`, `boot` (restarts heard), `unix_s` (ground's clock), `clock_s
 boot), `time_s` (since the first row of this boot), each channel of a FlightTrack (vectors as _n _e
 _d, _x _y _z or _roll _pitch _yaw, rotors as _1 _2 ...), the standard errors of channels that may be
 inferred (_error), `flying`, then what the analysis made of it.
-`read_samples` gives them back as a FlightTrack.
 """
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from thrustmargin.gcs_plugin.live.vehicle_monitor import Update
-from thrustmargin.models.errors import LogError
-from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
+from thrustmargin.models.flight import TRACK_CHANNELS
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -44,7 +41,8 @@ def sample_batch(update: Update, new: slice) -> pa.RecordBatch:
         _spread(table, column.column_names(channel, rotors), getattr(track, channel)[new])
     for channel in INFERRED:  # standard errors, 0 where it was measured
         error = track.standard_errors.get(channel, np.zeros_like(getattr(track, channel)))
-        _spread(table, _error_names(channel, rotors), error[new])
+        names = TRACK_CHANNELS[channel].column_names(channel, rotors)
+        _spread(table, [f"{name}_error" for name in names], error[new])
     table["flying"] = track.flying[new]
     prediction = analysis.prediction
     for name, values in (
@@ -71,57 +69,7 @@ def sample_batch(update: Update, new: slice) -> pa.RecordBatch:
     return pa.record_batch({name: np.ascontiguousarray(v) for name, v in table.items()})
 
 
-def _error_names(channel: str, rotors: int) -> list[str]:
-    names = TRACK_CHANNELS[channel].column_names(channel, rotors)
-    return [f"{name}_error" for name in names]
-
-
 def _spread(table: dict[str, Any], names: list[str], values: np.ndarray) -> None:
     columns = values[:, None] if values.ndim == 1 else values
     for number, name in enumerate(names):
         table[name] = columns[:, number]
-
-
-def sample_table(folder: Path) -> pa.Table:
-    """All samples of a recording's folder, in order. Raises LogError when there are none."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    parts = sorted((folder / "samples").glob("*.parquet"))
-    if not parts:
-        raise LogError(f"{folder}: no samples in it; is it a folder that monitor recorded?")
-    return pa.concat_tables([pq.read_table(p) for p in parts], promote_options="default")
-
-
-def read_samples(folder: Path, vehicle: int, boot: int = 0) -> FlightTrack:
-    """One vehicle's rows as they were seen live.
-
-    Raises LogError when the folder holds no samples, or none of this vehicle.
-    """
-    table = sample_table(folder)
-    chosen = (table["vehicle"].to_numpy() == vehicle) & (table["boot"].to_numpy() == boot)
-    table = table.take(np.flatnonzero(chosen))
-    if table.num_rows == 0:
-        raise LogError(f"{folder}: no samples of vehicle {vehicle} after {boot} restarts")
-    predicted = [name for name in table.column_names if name.startswith("predicted_rpm_")]
-    rotors = sum(table[name].null_count < table.num_rows for name in predicted)
-    channels: dict[str, Any] = {}
-    for channel, column in TRACK_CHANNELS.items():
-        names = column.column_names(channel, rotors)
-        values = np.column_stack([table[name].to_numpy() for name in names])
-        channels[channel] = values.reshape(column.shape(table.num_rows, rotors))
-    errors: dict[str, Any] = {}
-    for channel in INFERRED:
-        names = [n for n in _error_names(channel, rotors) if n in table.column_names]
-        values = np.column_stack([table[name].to_numpy() for name in names]) if names else None
-        if values is not None and np.any(values > 0.0):
-            errors[channel] = values.reshape(channels[channel].shape)
-    return FlightTrack.of(
-        name=f"{folder.name}, vehicle {vehicle}",
-        time_s=table["time_s"].to_numpy(),
-        rotor_count=rotors,
-        flying=table["flying"].to_numpy(zero_copy_only=False),
-        start_unix_s=float(table["unix_s"][0].as_py()),
-        standard_errors=errors,
-        **channels,
-    )

@@ -28,21 +28,6 @@ HOME_WAIT = 2.0
 REQUEST_MESSAGE, HOME_POSITION_ID = 512, 242
 
 
-def fetch_mission(
-    url: str,
-    timeout: float = 10.0,
-    *,
-    vehicle: int | None = None,
-    progress: Progress | None = None,
-) -> MissionPlan:
-    """The mission of the vehicle at `url`; `timeout` s to hear from it.
-
-    Raises LinkError when the link or the vehicle does not answer, PlanError when it holds none.
-    """
-    with VehicleLink.open(url) as link:
-        return download_mission(link, link.vehicle(vehicle, timeout=timeout), progress)
-
-
 def download_mission(
     link: VehicleLink, vehicle: System, progress: Progress | None = None
 ) -> MissionPlan:

@@ -44,6 +44,12 @@ class Overlay:
             parts.append(f"rotor {rotor + 1} {rotor_names[rotor]}")
         return ", ".join([*parts, f"at {clock(time_s)}"])
 
+    def worst_row(self, among: Bools) -> int | None:
+        """Of the rows (T,) chosen, that of the worst value; None where none has one."""
+        score = {"max": self.values, "min": -self.values, "abs": np.abs(self.values)}[self.worst]
+        score = np.where(among & np.isfinite(score), score, -np.inf)
+        return int(np.argmax(score)) if np.isfinite(score).any() else None
+
 
 def overlays_of(analysis: FlightAnalysis) -> tuple[Overlay, ...]:
     """Load, margin, redundancy and residual of an analysis, in the order of the switch.

@@ -24,7 +24,7 @@ from thrustmargin.gcs_plugin.view.scene import Scene
 from thrustmargin.gcs_plugin.view.shown_row import ShownRow, enu, ground_height, row_at
 from thrustmargin.gcs_plugin.view.view_page import ViewPage, arrange, left_panel
 from thrustmargin.mission.field import sprayed_field
-from thrustmargin.mission.route import route_segments
+from thrustmargin.mission.route import Trail
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.analysis import FlightAnalysis
 
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.logs import Waypoint
 
 TICK_HZ = 15.0
+SEGMENTS = 6000  # of the route, which is drawn once for each colour
 #: Gauges and charts are drawn on every third and every fifth tick: people read no faster.
 GAUGE_TICKS, CHART_TICKS = 3, 5
 #: How long a message of the vehicle stays on the screen, s of the flight.
@@ -76,10 +77,12 @@ class ReplayView(ViewPage):
         self._messages = sorted(messages)
         self._message_times = np.array([t for t, _ in self._messages])
         self._start_s = float(track.time_s[0])
-        self._route = route_segments(
-            track.position_ned,
-            [o.values for o in self._overlays],
-            shown=track.flying if track.flying.any() else None,
+        self._flown = track.flying if track.flying.any() else np.ones_like(track.flying)
+        self._trail = Trail([o.worst for o in self._overlays], limit=SEGMENTS)
+        self._trail.add(
+            track.time_s[self._flown],
+            track.position_ned[self._flown],
+            np.column_stack([o.values for o in self._overlays])[self._flown],
         )
         self._ticks = 0
         self.clock = ReplayClock(track.duration, speed=speed, paused=paused)
@@ -147,9 +150,9 @@ class ReplayView(ViewPage):
     def _recolour(self, overlay: Overlay) -> None:
         self._overlay = overlay
         self._controls.set_legend(overlay)
-        route = self._route
+        route = self._trail.route
         points = np.stack([enu(route.start_ned), enu(route.end_ned)], axis=1)
-        worst = route.worst(overlay.values, overlay.worst)
+        worst = route.worst(self._trail.values(self._overlays.index(overlay)), overlay.worst)
         self._scene.set_route(VEHICLE, points, worst, overlay.scale)
         row = self._worst_row()
         if row is None:
@@ -161,7 +164,8 @@ class ReplayView(ViewPage):
             )
 
     def _worst_row(self) -> int | None:
-        return self._route.worst_row(self._overlay.values, self._overlay.worst)
+        placed = np.isfinite(self._analysis.track.position_ned).all(axis=1)
+        return self._overlay.worst_row(self._flown & placed)
 
     def _time_of(self, row: int) -> float:
         return float(self._analysis.track.time_s[row]) - self._start_s

@@ -130,20 +130,6 @@ def redundancy(
     return worst * limits.free_thrust / np.asarray(load, dtype=np.float64)
 
 
-def redundancy_by_rotor(
-    airframe: Airframe,
-    limits: Ceiling,
-    load: ArrayLike,
-    *,
-    yaw_kept: bool,
-    cg_offset: tuple[float, float] = (0.0, 0.0),
-) -> Floats:
-    """(T, R) the same for each rotor lost."""
-    held = holdable(airframe, cg_offset)
-    share = limits.free_thrust / np.asarray(load, dtype=np.float64)
-    return share[:, None] * (held.yaw_kept if yaw_kept else held.yaw_uncontrolled)
-
-
 def trimmable_loss(
     airframe: Airframe,
     limits: Ceiling,

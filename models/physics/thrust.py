@@ -3,7 +3,6 @@
     Eq. 1    T = C_T rho (N/60)^2 D^4
     Eq. 3    C_T = 0.25 pi^3 lambda zeta^2 B K0 (eps atan(H/(pi D)) - alpha0) / (pi A + K0)
     Eq. 4    T = a N^2
-    Eq. 5    E = (T1 - Texp)/Texp x 100 %
     Eq. 6-8  F_sg = F_g/R,  N_sg = N_g/R,  P_g = (F_sg - N_sg)/N_sg
 
 T thrust [N], N rotor speed [rpm], rho density [kg/m³], D propeller diameter [m], H pitch [m],
@@ -42,7 +41,6 @@ class ThrustFit:
     coefficient: float  # N/rpm²
     sse: float  # N², sum of squared residuals
     r2: float
-    adjusted_r2: float
     rmse: float  # N, sqrt(SSE/(points - 1)): one parameter is fitted
     points: int
 
@@ -93,11 +91,6 @@ def speed_from_thrust(
 def dimensionless_coefficient(coefficient: float, *, density: float, diameter: float) -> float:
     """C_T of Eq. 1 for a curve T = `coefficient` N² measured in air of `density`."""
     return coefficient * 3600.0 / (density * diameter**4)
-
-
-def dimensional_coefficient(thrust_coefficient: float, *, density: float, diameter: float) -> float:
-    """a of Eq. 4, N/rpm², for the C_T of Eq. 1: the inverse of `dimensionless_coefficient`."""
-    return thrust_coefficient * density * diameter**4 / 3600.0
 
 
 def blade_coefficient(
@@ -163,23 +156,13 @@ def fit_thrust_curve(rotor_speed_rpm: ArrayLike, thrust: ArrayLike) -> ThrustFit
     sst = float(deviation @ deviation)
     # With one fitted parameter the residual has n - 1 degrees of freedom, as many as the total,
     # so that adjusted R2 is R2 itself: the paper prints 0.9996 for both.
-    freedom = points - 1
-    r2 = 1.0 - sse / sst if sst > 0.0 else float("nan")
-    adjusted = 1.0 - (sse / freedom) / (sst / freedom) if sst > 0.0 else float("nan")
     return ThrustFit(
         coefficient=coefficient,
         sse=sse,
-        r2=r2,
-        adjusted_r2=adjusted,
-        rmse=float(np.sqrt(sse / freedom)),
+        r2=1.0 - sse / sst if sst > 0.0 else float("nan"),
+        rmse=float(np.sqrt(sse / (points - 1))),
         points=points,
     )
-
-
-def relative_error(thrust: ArrayLike, measured: ArrayLike) -> Floats:
-    """E of Eq. 5 in percent: how far `thrust` is from the `measured` one; NaN where that is 0."""
-    truth = _floats(measured)
-    return (_floats(thrust) - truth) / np.where(truth == 0.0, np.nan, truth) * 100.0
 
 
 def load_matching(airframe: Airframe) -> LoadMatching:

@@ -11,7 +11,7 @@ import pytest
 from tests.gcs_plugin.view.view_flight import flight
 from thrustmargin.gcs_plugin.view.replay import ReplayView
 from thrustmargin.gcs_plugin.view.shown_row import row_at
-from thrustmargin.mission.route import route_segments
+from thrustmargin.mission.route import Trail
 
 
 @pytest.fixture
@@ -32,9 +32,14 @@ def test_route_of_a_flight_in_1500_segments(benchmark, rows):
     rng = np.random.default_rng(1)
     along = np.arange(rows) * 0.4
     position = np.column_stack([along % 200, along // 200 * 5, np.full(rows, -3.0)])
-    values = [0.5 + 0.1 * rng.standard_normal(rows) for _ in range(4)]
-    route = benchmark(route_segments, position, values)
-    assert route.count <= 1500
+    values = 0.5 + 0.1 * rng.standard_normal((rows, 4))
+
+    def route():
+        trail = Trail(["max"] * 4, limit=1500)
+        trail.add(0.1 * np.arange(rows), position, values)
+        return trail.route
+
+    assert benchmark(route).count <= 1501
 
 
 @pytest.mark.browser

@@ -1,4 +1,4 @@
-"""The drawn route: few segments, no corner lost, and never a worst moment lost."""
+"""The drawn route: never too many segments, and never a worst moment lost."""
 
 import numpy as np
 import pytest
@@ -6,142 +6,85 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from thrustmargin.mission.route import route_segments
-from thrustmargin.models.errors import TrackError
+from thrustmargin.mission.route import Trail
 
 FLOATS = st.floats(-50, 50, allow_nan=False, width=32)
 
 
 @st.composite
 def flights(draw):
-    """Rows with gaps in position, holes in the values, and any limit."""
+    """Rows of 10 Hz with gaps in position and holes in the values."""
     rows = draw(st.integers(0, 60))
     position = draw(hnp.arrays(np.float64, (rows, 3), elements=FLOATS | st.just(np.nan)))
-    values = draw(hnp.arrays(np.float64, rows, elements=FLOATS | st.just(np.nan)))
-    shown = draw(hnp.arrays(np.bool_, rows))
-    return position, values, shown, draw(st.integers(1, 30))
-
-
-def straight(rows: int) -> np.ndarray:
-    return np.column_stack([np.arange(rows), np.zeros(rows), np.full(rows, -3.0)]).astype(float)
+    return position, draw(hnp.arrays(np.float64, rows, elements=FLOATS | st.just(np.nan)))
 
 
 @given(flights())
-@settings(max_examples=300, deadline=None)
-def test_no_worst_value_of_a_drawn_row_is_ever_lost(flight):
-    position, values, shown, limit = flight
-    route = route_segments(position, [values], shown=shown, limit=limit)
-    placed = shown & np.isfinite(position).all(axis=1)
-    assert route.count <= limit
-    assert np.all(route.covers(len(position))[placed])
-    for drawn, sign in ((route.worst(values, "max"), 1.0), (route.worst(values, "min"), -1.0)):
-        known = values[placed & np.isfinite(values)]
-        if known.size:
-            assert np.nanmax(sign * drawn) >= np.max(sign * known)
+@settings(max_examples=200, deadline=None)
+def test_the_worst_of_each_segment_is_that_of_its_rows(flight):
+    position, values = flight
+    trail = Trail(["max"])
+    trail.add(0.1 * np.arange(len(values)), position, values[:, None])
+    route, kept = trail.route, trail.values(0)
+    np.testing.assert_array_equal(kept, values[np.isfinite(position).all(axis=1)])
+    for drawn, sign in ((route.worst(kept, "max"), 1.0), (route.worst(kept, "min"), -1.0)):
         for s in range(route.count):
-            inside = values[route.first_row[s] : route.last_row[s] + 1]
+            inside = kept[route.first_row[s] : route.last_row[s] + 1]
             inside = inside[np.isfinite(inside)]
             expected = sign * np.max(sign * inside) if inside.size else np.nan
             np.testing.assert_array_equal(drawn[s], expected)
-    absolute = route.worst(values, "abs")
     np.testing.assert_array_equal(
-        np.abs(absolute),
-        np.fmax(np.abs(route.worst(values, "max")), np.abs(route.worst(values, "min"))),
+        np.abs(route.worst(kept, "abs")),
+        np.fmax(np.abs(route.worst(kept, "max")), np.abs(route.worst(kept, "min"))),
     )
-
-
-@given(flights())
-@settings(max_examples=100, deadline=None)
-def test_neighbouring_segments_meet_and_start_where_their_row_is(flight):
-    position, values, shown, limit = flight
-    route = route_segments(position, [values], shown=shown, limit=limit)
-    np.testing.assert_array_equal(route.start_ned, position[route.first_row])
-    np.testing.assert_array_equal(route.end_ned, position[route.last_row])
-    assert np.all(route.last_row >= route.first_row)
+    assert np.all(route.last_row > route.first_row)
     assert np.all(route.first_row[1:] >= route.last_row[:-1])
 
 
-def test_a_straight_flight_of_one_colour_is_one_segment_and_its_corners_stay():
-    leg = straight(101)
-    side = np.column_stack([np.full(50, 100.0), np.arange(50.0), np.full(50, -3.0)])
-    corner = np.vstack([leg, side])
-    assert route_segments(leg, [np.ones(101)]).count == 1
-    route = route_segments(corner, [np.ones(151)])
-    assert route.count == 2
-    np.testing.assert_allclose(route.end_ned[0], [100, 0, -3])
+def fly(trail: Trail, time_s, values, *, speed: float = 1.0) -> None:
+    """A straight flight north, in the few rows at a time that a monitor gives; (T,) and (T, K)."""
+    time_s = np.asarray(time_s, dtype=float)
+    for rows in np.array_split(np.arange(time_s.size), max(time_s.size // 7, 1)):
+        place = np.outer(speed * time_s[rows], [1.0, 0.0, 0.0]) - np.array([0.0, 0.0, 3.0])
+        trail.add(time_s[rows], place, np.asarray(values)[rows])
 
 
-def test_a_climb_in_place_is_drawn_though_it_has_no_length_in_plan():
-    up = np.column_stack([np.zeros(50), np.zeros(50), -np.arange(50.0)])
-    away = straight(50) + np.array([0, 0, -46])
-    route = route_segments(np.vstack([up, away]))
-    assert route.end_ned[:, 2].min() == -49.0
-    assert route.count == 2
+def test_the_worst_row_is_on_the_trail_however_long_it_gets():
+    kinds = ("max", "min", "abs")
+    trail = Trail(kinds, limit=50)
+    time_s = 0.1 * np.arange(4000)
+    peak = np.isclose(time_s, 123.4).astype(float)
+    fly(trail, time_s, np.column_stack([peak, -peak, -2 * peak]))
+    route = trail.route
+    assert 25 <= route.count <= 51
+    assert trail.values(0).size <= 500  # rows that no segment needs are forgotten
+    worst = [route.worst(trail.values(k), kind) for k, kind in enumerate(kinds)]
+    for k, most in enumerate((1.0, -1.0, -2.0)):
+        at = int(np.argmax(np.abs(worst[k])))
+        assert worst[k][at] == most
+        assert np.count_nonzero(worst[k]) <= 2  # where it was and nowhere else
+        assert route.start_ned[at, 0] <= 123.4 <= route.end_ned[at, 0]
+    # One unbroken line from the first row to the last.
+    assert np.array_equal(route.start_ned[1:], route.end_ned[:-1])
+    assert route.start_ned[0, 0] == 0.0
+    assert route.end_ned[-1, 0] == pytest.approx(399.9)
 
 
-def test_a_turn_of_colour_on_a_straight_line_is_kept():
-    values = np.r_[np.full(40, 0.3), np.full(21, 0.7), np.full(40, 0.3)]
-    route = route_segments(straight(101), [values])
-    colour = route.worst(values, "max")
-    orange = colour > 0.5
-    # The worst spreads over at most the one-row segments that touch the stretch.
-    assert route.start_ned[orange, 0].min() >= 39
-    assert route.end_ned[orange, 0].max() <= 61
+def test_a_pause_and_a_lost_position_break_the_trail():
+    trail, none = Trail(["max"]), np.zeros((50, 1))
+    assert trail.route.count == 0
+    fly(trail, 0.1 * np.arange(50), none)
+    trail.add(np.array([5.0]), np.full((1, 3), np.nan), none[:1])
+    fly(trail, 5.1 + 0.1 * np.arange(50), none)
+    fly(trail, 60.0 + 0.1 * np.arange(50), none)
+    north = np.column_stack([trail.route.start_ned[:, 0], trail.route.end_ned[:, 0]])
+    broken = np.flatnonzero(north[1:, 0] != north[:-1, 1])
+    assert north[broken, 1] == pytest.approx([4.9, 10.0])
+    assert north[broken + 1, 0] == pytest.approx([5.1, 60.0])
+    assert np.max(np.diff(north, axis=1)) < 1.2
 
 
-def test_a_stretch_without_data_is_kept_as_one():
-    values = np.full(101, 0.4)
-    values[30:60] = np.nan
-    route = route_segments(straight(101), [values])
-    unknown = np.isnan(route.worst(values, "max"))
-    assert route.start_ned[unknown, 0].min() == pytest.approx(30, abs=1)
-    assert route.end_ned[unknown, 0].max() == pytest.approx(59, abs=1)
-
-
-def test_the_drawn_line_stays_within_its_stated_tolerance():
-    rng = np.random.default_rng(3)
-    position = np.cumsum(rng.normal(0, 0.4, (4000, 3)), axis=0)
-    route = route_segments(position, limit=300)
-    assert route.count <= 300
-    assert route.tolerance > 0.1  # it had to grow, and says so
-    for s in range(route.count):
-        a, b = route.start_ned[s, :2], route.end_ned[s, :2]
-        inside = position[route.first_row[s] : route.last_row[s] + 1, :2]
-        along = (b - a) / max(np.linalg.norm(b - a), 1e-9)
-        share = np.clip((inside - a) @ along, 0, np.linalg.norm(b - a))
-        distance = np.linalg.norm(inside - a - share[:, None] * along, axis=1)
-        assert distance.max() <= route.tolerance * 1.0001
-
-
-def test_a_lost_position_breaks_the_line_and_invents_no_bridge():
-    position = straight(100)
-    position[40:60] = np.nan
-    route = route_segments(position)
-    assert route.count == 2
-    np.testing.assert_array_equal(route.last_row, [39, 99])
-    np.testing.assert_array_equal(route.first_row, [0, 60])
-
-
-def test_the_worst_row_is_the_row_itself_and_absent_when_nothing_is_known():
-    values = np.full(100, np.nan)
-    route = route_segments(straight(100), [values])
-    assert route.worst_row(values, "max") is None
-    values[17], values[80] = -9.0, 4.0
-    assert route.worst_row(values, "max") == 80
-    assert route.worst_row(values, "min") == 17
-    assert route.worst_row(values, "abs") == 17
-
-
-def test_a_row_that_is_not_drawn_is_not_the_worst_of_the_route():
-    values = np.arange(100.0)
-    shown = np.arange(100) < 50
-    assert route_segments(straight(100), [values], shown=shown).worst_row(values, "max") == 49
-
-
-def test_shapes_that_disagree_and_an_impossible_limit_are_refused():
-    with pytest.raises(TrackError, match="position_ned"):
-        route_segments(np.zeros((5, 2)))
-    with pytest.raises(TrackError, match="values"):
-        route_segments(np.zeros((5, 3)), [np.zeros(4)])
-    with pytest.raises(TrackError, match="at most 0"):
-        route_segments(np.zeros((5, 3)), limit=0)
+def test_an_aircraft_that_stands_still_makes_a_segment_every_two_seconds():
+    trail = Trail(["max"])
+    fly(trail, 0.1 * np.arange(600), np.zeros((600, 1)), speed=0.0)
+    assert 25 <= trail.route.count <= 31

@@ -19,10 +19,16 @@ from tests.browser import open_page
 from tests.gcs_plugin.live.live_vehicle import (
     command,
 )
-from tests.gcs_plugin.live.monitored import AIRFRAME, MODEL, recording_in, same
+from tests.gcs_plugin.live.monitored import (
+    AIRFRAME,
+    MODEL,
+    read_samples,
+    recording_in,
+    same,
+    sample_table,
+)
 from tests.gcs_plugin.peers.processes import free_udp_port
 from thrustmargin.gcs_plugin.link.sender import COMPONENT
-from thrustmargin.gcs_plugin.live.recorded_table import read_samples, sample_table
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.models.model.analysis import analyse

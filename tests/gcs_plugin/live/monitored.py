@@ -1,8 +1,11 @@
 """For tests of the monitor: its model, its recordings, and whether rows agree."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 from thrustmargin.models.model.rotor_model import physics_model
@@ -29,3 +32,35 @@ def same(ours: FlightTrack, theirs: FlightTrack, after: float = 1.0) -> None:
 def recording_in(folder: Path) -> Path:
     (session,) = folder.iterdir()
     return session
+
+
+def sample_table(folder: Path) -> pa.Table:
+    """All samples of a recording's folder, in order."""
+    parts = sorted((folder / "samples").glob("*.parquet"))
+    return pa.concat_tables([pq.read_table(p) for p in parts], promote_options="default")
+
+
+def read_samples(folder: Path, vehicle: int, boot: int = 0) -> FlightTrack:
+    """One vehicle's rows as they were seen live."""
+    table = sample_table(folder)
+    chosen = (table["vehicle"].to_numpy() == vehicle) & (table["boot"].to_numpy() == boot)
+    table = table.take(np.flatnonzero(chosen))
+    predicted = [name for name in table.column_names if name.startswith("predicted_rpm_")]
+    rotors = sum(table[name].null_count < table.num_rows for name in predicted)
+    channels: dict[str, Any] = {}
+    errors: dict[str, Any] = {}
+    for channel, column in TRACK_CHANNELS.items():
+        for found, ending in ((channels, ""), (errors, "_error")):
+            names = [f"{name}{ending}" for name in column.column_names(channel, rotors)]
+            if names and names[0] in table.column_names:
+                values = np.column_stack([table[name].to_numpy() for name in names])
+                found[channel] = values.reshape(column.shape(table.num_rows, rotors))
+    return FlightTrack.of(
+        name=f"{folder.name}, vehicle {vehicle}",
+        time_s=table["time_s"].to_numpy(),
+        rotor_count=rotors,
+        flying=table["flying"].to_numpy(zero_copy_only=False),
+        start_unix_s=float(table["unix_s"][0].as_py()),
+        standard_errors={c: error for c, error in errors.items() if np.any(error > 0.0)},
+        **channels,
+    )

@@ -16,12 +16,18 @@ from tests.gcs_plugin.live.live_vehicle import (
     as_frame,
     write_log,
 )
-from tests.gcs_plugin.live.monitored import AIRFRAME, MODEL, recording_in, same
+from tests.gcs_plugin.live.monitored import (
+    AIRFRAME,
+    MODEL,
+    read_samples,
+    recording_in,
+    same,
+    sample_table,
+)
 from tests.gcs_plugin.peers.processes import free_udp_port
 from thrustmargin.gcs_plugin.live.alarm import AlarmEvent
 from thrustmargin.gcs_plugin.live.fleet import Fleet
 from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorSettings
-from thrustmargin.gcs_plugin.live.recorded_table import read_samples, sample_table
 from thrustmargin.gcs_plugin.live.vehicle_monitor import Update, WatchSettings
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.mavlink.frame import Frame

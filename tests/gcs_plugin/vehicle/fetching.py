@@ -5,6 +5,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+from thrustmargin.gcs_plugin.vehicle.connection import Progress, VehicleLink
+from thrustmargin.gcs_plugin.vehicle.mission_transfer import download_mission
+from thrustmargin.mission.plan import MissionPlan
+
 RUN = "import sys; from thrustmargin.gcs_plugin.cli import main; main(['fetch', *sys.argv[1:]])"
 
 
@@ -33,3 +37,18 @@ def onboard_logs(folder: Path) -> dict[int, tuple[int, str]]:
         path.write_bytes(random.Random(number).randbytes(size))
         made[number] = (unix, str(path))
     return made
+
+
+def fetch_mission(
+    url: str,
+    timeout: float = 10.0,
+    *,
+    vehicle: int | None = None,
+    progress: Progress | None = None,
+) -> MissionPlan:
+    """The mission of the vehicle at `url`; `timeout` s to hear from it.
+
+    Raises LinkError when the link or the vehicle does not answer, PlanError when it holds none.
+    """
+    with VehicleLink.open(url) as link:
+        return download_mission(link, link.vehicle(vehicle, timeout=timeout), progress)

@@ -27,7 +27,6 @@ from thrustmargin.gcs_plugin.view.live_html import (
     status_html,
 )
 from thrustmargin.gcs_plugin.view.tonemap import seen_for
-from thrustmargin.gcs_plugin.view.trail import Trail
 from thrustmargin.gcs_plugin.wording.palette import LOAD
 from thrustmargin.models.errors import LinkError
 from thrustmargin.models.model.rotor_model import physics_model
@@ -279,52 +278,3 @@ def test_unknown_outlooks_are_left_out_and_not_made_up():
     assert "empty in 2:05" in known
     assert "&lt;i>" in outlook_html(Outlook(), "", ["tank by <i>"]).replace("&gt;", ">")
     assert "43 %" in known
-
-
-def fly(trail: Trail, time_s, values, *, speed: float = 1.0) -> None:
-    """A straight flight north, in the few rows at a time that a monitor gives; (T,) and (T, K)."""
-    time_s = np.asarray(time_s, dtype=float)
-    for rows in np.array_split(np.arange(time_s.size), max(time_s.size // 7, 1)):
-        place = np.outer(speed * time_s[rows], [1.0, 0.0, 0.0]) - np.array([0.0, 0.0, 3.0])
-        trail.add(time_s[rows], place, np.asarray(values)[rows])
-
-
-def test_the_worst_row_is_on_the_trail_however_long_it_gets():
-    kinds = ("max", "min", "abs")
-    trail = Trail(kinds, limit=50)
-    time_s = 0.1 * np.arange(4000)
-    peak = np.isclose(time_s, 123.4).astype(float)
-    fly(trail, time_s, np.column_stack([peak, -peak, -2 * peak]))
-    route = trail.route
-    assert 25 <= route.count <= 51
-    assert trail.values(0).size <= 500  # rows that no segment needs are forgotten
-    worst = [route.worst(trail.values(k), kind) for k, kind in enumerate(kinds)]
-    for k, most in enumerate((1.0, -1.0, -2.0)):
-        at = int(np.argmax(np.abs(worst[k])))
-        assert worst[k][at] == most
-        assert np.count_nonzero(worst[k]) <= 2  # where it was and nowhere else
-        assert route.start_ned[at, 0] <= 123.4 <= route.end_ned[at, 0]
-    # One unbroken line from the first row to the last.
-    assert np.array_equal(route.start_ned[1:], route.end_ned[:-1])
-    assert route.start_ned[0, 0] == 0.0
-    assert route.end_ned[-1, 0] == pytest.approx(399.9)
-
-
-def test_a_pause_and_a_lost_position_break_the_trail():
-    trail, none = Trail(["max"]), np.zeros((50, 1))
-    assert trail.route.count == 0
-    fly(trail, 0.1 * np.arange(50), none)
-    trail.add(np.array([5.0]), np.full((1, 3), np.nan), none[:1])
-    fly(trail, 5.1 + 0.1 * np.arange(50), none)
-    fly(trail, 60.0 + 0.1 * np.arange(50), none)
-    north = np.column_stack([trail.route.start_ned[:, 0], trail.route.end_ned[:, 0]])
-    broken = np.flatnonzero(north[1:, 0] != north[:-1, 1])
-    assert north[broken, 1] == pytest.approx([4.9, 10.0])
-    assert north[broken + 1, 0] == pytest.approx([5.1, 60.0])
-    assert np.max(np.diff(north, axis=1)) < 1.2
-
-
-def test_an_aircraft_that_stands_still_makes_a_segment_every_two_seconds():
-    trail = Trail(["max"])
-    fly(trail, 0.1 * np.arange(600), np.zeros((600, 1)), speed=0.0)
-    assert 25 <= trail.route.count <= 31

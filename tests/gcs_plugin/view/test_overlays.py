@@ -87,3 +87,15 @@ def test_with_one_esc_silent_view_and_report_count_the_same_rows_above_the_limit
     seconds = report_flight(analysis, log, max_utilisation=0.5).verdict.over_limit_s
     assert seconds == pytest.approx(0.1 * shown.sum(), rel=0.01)
     assert 1 not in load.rotor[analysis.any_measured]
+
+
+def test_the_worst_row_is_of_the_rows_asked_for_and_absent_when_nothing_is_known():
+    values = np.full(100, np.nan)
+    values[17], values[80] = -9.0, 4.0
+    every, some = np.ones(100, dtype=bool), np.arange(100) > 50
+    load = by_name(flight())["Load"]
+    wanted = {"max": (80, 80), "min": (17, 80), "abs": (17, 80)}
+    for worst, rows in wanted.items():
+        overlay = replace(load, values=values, worst=worst)
+        assert (overlay.worst_row(every), overlay.worst_row(some)) == rows
+        assert overlay.worst_row(np.arange(100) > 80) is None

@@ -23,7 +23,7 @@ from thrustmargin.gcs_plugin.view.scene import grid_cell
 from thrustmargin.gcs_plugin.view.shown_row import FRD_FLU, ShownRow, enu
 from thrustmargin.gcs_plugin.view.tonemap import seen_for
 from thrustmargin.gcs_plugin.wording.palette import NO_DATA
-from thrustmargin.mission.route import route_segments
+from thrustmargin.mission.route import Trail
 from thrustmargin.models.errors import DataError, LinkError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
@@ -98,7 +98,8 @@ def test_the_switch_recolours_the_same_route_and_its_legend(view, analysis):
     for overlay in overlays_of(analysis):
         view.set_overlay(overlay.name)
         settled(view, lambda title=overlay.scale.title: title in view._controls._legend.content)
-        worst = view._route.worst(overlay.values, overlay.worst)
+        values = view._trail.values(view._overlays.index(view._overlay))
+        worst = view._trail.route.worst(values, overlay.worst)
         wanted = overlay.scale.screen(worst).astype(int)
         settled(view, lambda wanted=wanted: np.abs(route_colours(view) - wanted).max() <= 4)
         seen[overlay.name] = route_colours(view)
@@ -327,11 +328,11 @@ def test_one_scene_holds_several_aircraft_and_follows_the_one_in_focus(view):
 
 
 def test_the_route_can_grow_while_it_is_shown(view, analysis):
-    overlay = overlays_of(analysis)[0]
-    half, whole = (
-        route_segments(analysis.track.position_ned[:rows], [overlay.values[:rows]])
-        for rows in (200, ROWS)
-    )
+    overlay, trail, track, routes = overlays_of(analysis)[0], Trail(["max"]), analysis.track, []
+    for rows in (slice(0, 200), slice(200, ROWS)):
+        trail.add(track.time_s[rows], track.position_ned[rows], overlay.values[rows, None])
+        routes.append(trail.route)
+    half, whole = routes
     assert half.count < whole.count
     for route in (half, whole):
         points = np.stack([enu(route.start_ned), enu(route.end_ned)], axis=1)

@@ -17,7 +17,6 @@ from thrustmargin.models.physics.margin import (
     largest_fill,
     nameplate_ceiling,
     redundancy,
-    redundancy_by_rotor,
     rotor_thrust,
     trimmable_loss,
     utilisation,
@@ -117,7 +116,7 @@ def test_batch_is_the_loop(name):
         alone = load[row : row + 1]
         np.testing.assert_array_equal(one.max_thrust[0], batch.max_thrust[row])
         for kept in (True, False):
-            for function in (redundancy, redundancy_by_rotor, trimmable_loss):
+            for function in (redundancy, trimmable_loss):
                 np.testing.assert_allclose(
                     function(airframe, one, alone, yaw_kept=kept)[0],
                     function(airframe, batch, load, yaw_kept=kept)[row],
@@ -319,10 +318,10 @@ def test_a_centre_of_gravity_in_front_loads_the_front_pair_by_hand():
     assert trimmable_loss(ROUND, limits, 100.0, **ahead) == pytest.approx([1.0 / 9.0])
     # A lost front rotor cannot be replaced; with a rear one lost its diagonal pair is level at no
     # thrust, the other holds 2 x 33.75.
-    by_rotor = redundancy_by_rotor(ROUND, limits, 100.0, yaw_kept=False, **ahead)
+    held = holdable(ROUND, **ahead).yaw_uncontrolled * limits.free_thrust[0]
     front = ROUND.rotor_position_frd[:, 0] > 0.0
-    np.testing.assert_allclose(by_rotor[0, ~front], 0.675)
-    np.testing.assert_allclose(by_rotor[0, front], 0.0, atol=1e-9)
+    np.testing.assert_allclose(held[~front], 67.5)
+    np.testing.assert_allclose(held[front], 0.0, atol=1e-7)
     worst = redundancy(ROUND, limits, 100.0, yaw_kept=False, **ahead)
     assert worst == pytest.approx([0.0], abs=1e-9)
     # All at most 33.75 with the front at 1.2 of the mean: 135 N / 1.2 = 112.5 N, half of it 56.25.
@@ -334,9 +333,10 @@ def test_redundancy_of_a_hexa_by_rotor_is_that_of_its_worst():
     hexa = load_airframe("agras-t20")
     limits = at_reference(hexa)
     for kept in (True, False):
-        by_rotor = redundancy_by_rotor(hexa, limits, [400.0], yaw_kept=kept)
-        assert by_rotor.shape == (1, 6)
-        np.testing.assert_allclose(by_rotor, 4.0 * limits.free_thrust[0] / 400.0)
+        held = holdable(hexa)
+        np.testing.assert_allclose(held.yaw_kept if kept else held.yaw_uncontrolled, [4.0] * 6)
+        worst = redundancy(hexa, limits, [400.0], yaw_kept=kept)
+        np.testing.assert_allclose(worst, 4.0 * limits.free_thrust / 400.0)
 
 
 def test_fill_with_heading_kept_counts_the_worst_lower_rotor():

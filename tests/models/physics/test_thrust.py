@@ -10,11 +10,9 @@ from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.thrust import (
     COEFFICIENT_RANGES,
     blade_coefficient,
-    dimensional_coefficient,
     dimensionless_coefficient,
     fit_thrust_curve,
     load_matching,
-    relative_error,
     speed_from_thrust,
     thrust_coefficient_range,
     thrust_from_speed,
@@ -37,7 +35,6 @@ def test_fit_has_the_statistics_of_table_7():
     assert fit.coefficient == pytest.approx(2.011e-5, rel=1e-9)
     assert fit.sse == pytest.approx(31.0007, rel=1e-9)
     assert round(fit.r2, 4) == 0.9996
-    assert round(fit.adjusted_r2, 4) == 0.9996
     assert round(fit.rmse, 4) == 1.2450
     assert fit.points == 21
 
@@ -50,7 +47,6 @@ def test_a_fit_of_three_points_by_hand():
     assert fit.coefficient == pytest.approx(209.0 / 98.0 * 1e-6)
     assert fit.sse == pytest.approx(0.2755102)
     assert fit.r2 == pytest.approx(1.0 - 0.2755102 / 146.0)
-    assert fit.adjusted_r2 == pytest.approx(fit.r2)  # one parameter: (SSE/2)/(SST/2)
     assert fit.rmse == pytest.approx(np.sqrt(0.2755102 / 2.0))
     assert fit.points == 3
 
@@ -59,7 +55,6 @@ def test_two_speeds_are_enough_and_equal_thrusts_have_no_r2():
     fit = fit_thrust_curve([1000.0, 2000.0], [5.0, 5.0])
     assert fit.coefficient == pytest.approx(25.0 / 17.0 * 1e-6)  # (5 + 20)/(1 + 16)
     assert np.isnan(fit.r2)
-    assert np.isnan(fit.adjusted_r2)
 
 
 def test_thrust_and_speed_by_hand():
@@ -74,7 +69,6 @@ def test_thrust_and_speed_by_hand():
 def test_the_dimensionless_coefficient_by_hand():
     # C_T = a 3600/(rho D⁴) = 2e-5 x 3600/(1.2 x 0.5⁴) = 0.072/0.075 = 0.96
     assert dimensionless_coefficient(2e-5, density=1.2, diameter=0.5) == pytest.approx(0.96)
-    assert dimensional_coefficient(0.96, density=1.2, diameter=0.5) == pytest.approx(2e-5)
 
 
 def test_fit_leaves_out_points_without_a_number():
@@ -135,8 +129,6 @@ def test_equation_1_is_the_curve_with_the_dimensionless_coefficient():
     c_t = dimensionless_coefficient(2.011e-5, density=1.1934, diameter=0.914)
     by_eq1 = c_t * 1.1934 * (2127.0 / 60.0) ** 2 * 0.914**4
     assert thrust_from_speed(2127.0, coefficient=2.011e-5) == pytest.approx(by_eq1)
-    back = dimensional_coefficient(c_t, density=1.1934, diameter=0.914)
-    assert back == pytest.approx(2.011e-5)
 
 
 @given(st.floats(0.0, 6000.0), st.floats(1e-7, 1e-3), st.floats(0.5, 1.4), st.floats(0.5, 1.4))
@@ -177,11 +169,6 @@ def test_one_density_without_the_other_is_refused():
         thrust_from_speed(2000.0, coefficient=2e-5, density=1.0)
     with pytest.raises(ValueError, match="together"):
         thrust_from_speed(2000.0, coefficient=2e-5, reference_density=1.0)
-
-
-def test_relative_error_is_in_percent_of_the_measured_thrust():
-    np.testing.assert_allclose(relative_error([105.0, 95.0], [100.0, 100.0]), [5.0, -5.0])
-    assert np.isnan(relative_error(1.0, 0.0))
 
 
 def test_f16_load_matching_is_equations_6_to_8():
