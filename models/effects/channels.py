@@ -174,7 +174,7 @@ def channels_of(
     density = air.density
     known = track.reports("pressure") or track.reports("altitude")
     mass = airframe.empty_mass + track.tank_kg
-    quick = _froude_time_scale(airframe)
+    quick = froude_time_scale(airframe)
     span = VELOCITY_SPAN * quick
     if forward_flight is None:
         kinematic = _load_factor(time_s, velocity, span)
@@ -257,7 +257,7 @@ def _along(time_s: Floats, velocity: Floats, span: float) -> Floats:
     return np.nan_to_num(derivative(time_s, speed, span))
 
 
-def _froude_time_scale(airframe: Airframe) -> float:
+def froude_time_scale(airframe: Airframe) -> float:
     """Time scale of manoeuvres against those of a sprayer: like pendulums, they go with the root
     of the size (Froude)."""
     return min(1.0, float(np.sqrt(airframe.arm / FULL_SPAN_ARM)))

@@ -23,6 +23,7 @@ from thrustmargin.models.effects.channels import Channels
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0
+from thrustmargin.models.physics.attitude import body_axes
 
 SHORTEST = 4.0  # arms of the aircraft
 RATIO = 1.035  # of neighbouring lengths
@@ -141,12 +142,7 @@ def _motion(state: Floats, force: Floats, lengths: Floats) -> Floats:
 
 def force_ned(track: FlightTrack) -> tuple[Floats, Floats]:
     """Specific force (T, 3) m/s² in NED and the body's down axis (T, 3) in NED."""
-    roll, pitch, yaw = track.attitude.T
-    cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
-    cy, sy = np.cos(yaw), np.sin(yaw)
-    forward = np.stack([cp * cy, cp * sy, -sp], axis=1)
-    right = np.stack([sr * sp * cy - cr * sy, sr * sp * sy + cr * cy, sr * cp], axis=1)
-    down = np.stack([cr * sp * cy + sr * sy, cr * sp * sy - sr * cy, cr * cp], axis=1)
+    forward, right, down = body_axes(track.attitude)
     body = track.specific_force_frd
     return body[:, :1] * forward + body[:, 1:2] * right + body[:, 2:] * down, down
 

@@ -26,6 +26,8 @@ SIZES = {
     ("cg_offset", "y"): (-0.5, 0.5, 0.05, 0.003),
     ("cg_offset", "x_full"): (-0.5, 0.5, 0.05, 0.003),
     ("cg_offset", "y_full"): (-0.5, 0.5, 0.05, 0.003),
+    ("drag_moment", "roll"): (-4, 4, 0.5, 0.05),
+    ("drag_moment", "pitch"): (-4, 4, 0.5, 0.05),
     ("flow_moment", "roll"): (-1, 1, 0.1, 0.01),
     ("flow_moment", "pitch"): (-1, 1, 0.1, 0.01),
     ("manoeuvre_moment", "inertia_roll"): (-60, 60, 5, 0.2),

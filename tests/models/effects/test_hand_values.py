@@ -247,6 +247,28 @@ def test_the_moment_of_forward_flight():
     np.testing.assert_allclose(share(track, gains), by_hand, rtol=1e-6)
 
 
+def leaning(roll: float, pitch: float, **given) -> FlightTrack:
+    """Still against the ground, heading east, leaning into a wind that nothing reports."""
+    rows = 60
+    attitude = np.tile([np.radians(roll), np.radians(pitch), np.pi / 2], (rows, 1))
+    return steady(attitude=attitude, velocity_ned=np.zeros((rows, 3)), **given)
+
+
+def test_the_moment_of_a_lean_into_wind():
+    # Rolled 2 deg to the right at pitch -3 deg: of gravity's reaction -g, cos(3) sin(2) = 0.0348516
+    # of it pushes to the left and sin(3) = 0.0523360 to the rear. T = 294.1995 N.
+    lean = effect("drag_moment", roll=0.5, pitch=0.8)
+    roll, pitch = 0.5 * 0.0348516 * 294.1995, -0.8 * 0.0523360 * 294.1995
+    by_hand = 1.0 + (-roll * ARMS[:, 1] / (4 * Y**2) + pitch * ARMS[:, 0] / (4 * X**2)) / 73.549875
+    np.testing.assert_allclose(share(leaning(2.0, -3.0), lean), by_hand, rtol=1e-6)
+
+
+def test_a_lean_says_nothing_where_the_wind_is_known():
+    lean = effect("drag_moment", roll=0.5, pitch=0.8)
+    still = leaning(2.0, -3.0, wind_ned=np.zeros((60, 3)))
+    np.testing.assert_allclose(share(still, lean), 1.0, rtol=1e-6)
+
+
 def test_thin_and_warm_air():
     # 0.9 of the pressure at 15 K above standard: 0.9 x 288.15/303.15 of the density.
     track = steady(pressure=np.full(60, 0.9 * 101_325.0))

@@ -15,6 +15,7 @@ from thrustmargin.models.model.rotor_model import RotorModel
 ALL_TO = {
     "airspeed": ("translational_lift", "parasite_drag"),
     "velocity_ned": ("wind", "climb_inflow", "flow_moment"),
+    "attitude": ("drag_moment",),
     "angular_rate_frd": ("manoeuvre_moment",),
     "specific_force_frd": ("slung_load:cable of 4 to 6 arms",),
     "height_agl": ("ground_effect",),
