@@ -17,12 +17,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import thrustmargin as tm
 from tests.undeclared import subject
-from tests.undeclared.datasets import AIRCRAFT, the_days
-from tests.undeclared.missions import random_style
-from tests.undeclared.physics import Physics
-from tests.undeclared.plant import fly
-from tests.undeclared.recorded import hosts, implant_named
+from tests.undeclared.conditions import Implant
+from tests.undeclared.crafts import CRAFTS
+from tests.undeclared.plan import build, fly_season, missions_of
+from tests.undeclared.recorded import hosts, implanted
+from tests.undeclared.rotor_aero import cut_for_loss
 from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.identify import identify
@@ -30,17 +31,18 @@ from thrustmargin.models.identification.identify import identify
 FLIGHTS = 6
 MINUTES = 5.0
 AIM_SECONDS, AIM_MEGABYTES = 60.0, 1024.0
-#: What is missing from the model, in numbers of the plant's aircraft.
-MISSING = {
-    "nothing": {},
-    "one effect": {"rotor_loss": 0.08, "lossy_rotor": 1},
-    "three effects": {
-        "rotor_loss": 0.08,
-        "lossy_rotor": 1,
-        "hidden_mass": 2.0,
-        "balance": (0.02, -0.015),
-    },
-}
+F16 = CRAFTS[0]
+WORN = Implant(
+    kind="rotor",
+    size=0.08,
+    rotor=1,
+    condition={"rotor": 1, "cut": cut_for_loss(F16.blade, 0.08)},
+    truth={"loss": 0.08},
+)
+LOADED = Implant(kind="mass", size=0.065, condition={"hidden_mass": 2.0})
+SHIFTED = Implant(kind="cg", size=0.026, condition={"cg": (0.02, -0.015)})
+#: What is missing from the model.
+MISSING = {"nothing": (), "one effect": (WORN,), "three effects": (WORN, LOADED, SHIFTED)}
 #: Runs a command from a small process: the peak of a child starts at the size of who starts it.
 LAUNCHER = """
 import resource, subprocess, sys
@@ -61,7 +63,7 @@ class Case:
 
 @pytest.fixture(scope="session")
 def plant_model(tmp_path_factory) -> Path:
-    return subject.save_base(tmp_path_factory.mktemp("plant"))
+    return subject.trained_model(F16, tmp_path_factory.mktemp("plant"))
 
 
 @pytest.fixture(params=MISSING)
@@ -73,17 +75,16 @@ def missing(request) -> str:
 def case(request, missing) -> Case:
     name = f"{request.param}, {missing} missing"
     if request.param == "recorded":
-        physics = replace(Physics(), **MISSING[missing])
         every = hosts()
         chosen = [every[round(k)] for k in np.linspace(0, len(every) - 1, FLIGHTS)]
-        tracks = [implant_named(track, physics, None) for track in chosen]
+        tracks = [implanted(track, MISSING[missing]) for track in chosen]
         return Case(name=name, tracks=tracks, model=None)
     model = request.getfixturevalue("plant_model")
-    physics, rng = replace(AIRCRAFT, **MISSING[missing]), np.random.default_rng(5)
-    tracks = []
-    for number, day in enumerate(the_days(rng, FLIGHTS, (), False), 1):
-        style = replace(random_style(rng), duration=60.0 * MINUTES)
-        tracks.append(fly(physics, style, day, rng, f"flight {number}").track)
+    missions = [
+        (replace(style, duration=60.0 * MINUTES), day)
+        for style, day in missions_of(F16, np.random.default_rng(5), FLIGHTS)
+    ]
+    tracks = [flight.track for flight in fly_season(F16, MISSING[missing], missions, 5)]
     return Case(name=name, tracks=tracks, model=model)
 
 
@@ -96,8 +97,12 @@ def _told(case: Case, wall: float, processor: float, megabytes: float | None = N
     return words
 
 
+def test_making_a_data_set(benchmark):
+    benchmark(build, 5, "mixed", F16)
+
+
 def test_identify_in_process(benchmark, case):
-    model = subject.shipped() if case.model is None else subject.load_base(case.model)
+    model = tm.load_model(case.model) if case.model else tm.load_model()
     spent: list[float] = []
 
     def run() -> list[str]:

@@ -25,17 +25,17 @@ from rotorpy.vehicles.multirotor import Multirotor  # pyright: ignore[reportMiss
 from scipy.integrate import OdeSolver
 from scipy.spatial.transform import Rotation
 
+from tests.undeclared.conditions import Condition
+from tests.undeclared.crafts import CRAFTS, SEA_LEVEL_DENSITY
 from tests.undeclared.days import Day, surroundings
-from tests.undeclared.missions import FINE_STEP, Style, motion_of
-from tests.undeclared.physics import (
-    QUAD,
-    SEA_LEVEL_DENSITY,
-    Array,
-    Motion,
-    Physics,
-)
+from tests.undeclared.missions import FINE_STEP, Motion, Style, motion_of
+from tests.undeclared.rotor_aero import Array
 from thrustmargin.models.flight import FlightTrack
 
+QUAD = CRAFTS[0]
+TORQUE_RATIO = QUAD.radius * float(
+    QUAD.hover_coefficients[1][0] / QUAD.hover_coefficients[0][0]
+)  # m
 FLIP = np.array([1.0, -1.0, -1.0])
 RPM_PER_RAD_S = 60.0 / (2.0 * np.pi)
 EVERY = 5  # fine steps to a row
@@ -45,9 +45,19 @@ SEASON_START = 1.78e9  # s, Unix time of the season's clock
 
 @dataclass(frozen=True, kw_only=True)
 class Airframe:
-    """The simulated F16: the numbers of `Physics` that RotorPy has, and RotorPy's own."""
+    """The simulated F16, sound unless changed: RotorPy's numbers, loading and gauge."""
 
-    physics: Physics
+    thrust_coefficient: float = QUAD.thrust_coefficient  # N/rpm²
+    drag_area: float = 0.0  # m²
+    inflow_slope: float = 0.0  # loss of thrust for each unit of advance ratio in climb
+    hidden_mass: float = 0.0  # kg
+    gauge_gain: float = 1.0  # liquid in the tank over what the gauge shows
+    balance: tuple[float, float] = (0.0, 0.0)  # m, centre of gravity forward, right
+    rotor_loss: float = 0.0  # share of one rotor's thrust and torque lost at a speed
+    lossy_rotor: int = 0
+    loss_from_clock: float = -np.inf  # s on the season's clock
+    fouling_rate: float = 0.0  # 1/s share of all rotors' thrust lost with flight time
+    blind_to_wind: bool = False  # reported airspeed is ground speed
     lift: float = 0.06  # N/(m/s)² that a rotor gains from air along its disc
     rotor_drag: float = 1.0e-3  # N/(m/s)/(rad/s)
     inertia: tuple[float, float, float] = (2.2, 2.2, 4.5)
@@ -55,11 +65,11 @@ class Airframe:
 
     def parameters(self, mass: float, density: float = SEA_LEVEL_DENSITY) -> dict[str, Any]:
         """RotorPy's dictionary; rotor places are about the true centre of gravity."""
-        physics, thick = self.physics, density / SEA_LEVEL_DENSITY
-        curve = thick * physics.thrust_coefficient * RPM_PER_RAD_S**2
-        inflow = physics.inflow_slope * 3600.0 * physics.thrust_coefficient
-        inflow *= thick / (2.0 * np.pi * physics.propeller_diameter)
-        places = QUAD.position - np.array(physics.balance)
+        thick = density / SEA_LEVEL_DENSITY
+        curve = thick * self.thrust_coefficient * RPM_PER_RAD_S**2
+        inflow = self.inflow_slope * 3600.0 * self.thrust_coefficient
+        inflow *= thick / (2.0 * np.pi * 2.0 * QUAD.radius)
+        places = QUAD.position - np.array(self.balance)
         return {
             "mass": mass,
             **dict(zip(("Ixx", "Iyy", "Izz"), self.inertia, strict=True)),
@@ -68,10 +78,10 @@ class Airframe:
             "rotor_pos": {f"r{i}": np.array([x, -y, 0.0]) for i, (x, y) in enumerate(places, 1)},
             "rotor_directions": -QUAD.spin,  # moment about the up axis; CCW turns the body CW
             "rotor_speed_min": 0.0,
-            "rotor_speed_max": 3000.0 / RPM_PER_RAD_S,
+            "rotor_speed_max": QUAD.max_rpm / RPM_PER_RAD_S,
             "k_eta": curve,
-            "k_m": QUAD.torque_ratio * curve,
-            **dict.fromkeys(("c_Dx", "c_Dy", "c_Dz"), 0.5 * density * physics.drag_area),
+            "k_m": TORQUE_RATIO * curve,
+            **dict.fromkeys(("c_Dx", "c_Dy", "c_Dz"), 0.5 * density * self.drag_area),
             "k_d": thick * self.rotor_drag,
             "k_z": inflow,
             "k_h": thick * self.lift,
@@ -113,11 +123,11 @@ class Sprayer(Multirotor):
         return force + np.array([0.0, 0.0, self.push[0]]), moment + self.push[1:]
 
 
-def kept_thrust(physics: Physics, time: Array, clock_start: float) -> Array:
+def kept_thrust(airframe: Airframe, time: Array, clock_start: float) -> Array:
     """(T, R) share of the thrust at a speed that each rotor still makes."""
-    kept = np.repeat(1.0 - physics.fouling_rate * time[:, None], QUAD.rotors, axis=1)
-    gone = (clock_start + time >= physics.loss_from_clock) & (time >= physics.loss_from_flight_time)
-    kept[gone, physics.lossy_rotor] *= 1.0 - physics.rotor_loss
+    kept = np.repeat(1.0 - airframe.fouling_rate * time[:, None], QUAD.rotors, axis=1)
+    gone = clock_start + time >= airframe.loss_from_clock
+    kept[gone, airframe.lossy_rotor] *= 1.0 - airframe.rotor_loss
     return kept
 
 
@@ -137,11 +147,12 @@ def fly_rotorpy(
     airframe: Airframe, style: Style, day: Day, rng: np.random.Generator, name: str
 ) -> FlightTrack:
     """Fly a mission in closed loop, and log it at 10 Hz."""
-    physics, motion = airframe.physics, motion_of(style, rng)
-    around = surroundings(physics, motion, day, rng)
-    mass = physics.empty_mass + physics.hidden_mass + around.tank
-    gauge = around.tank / physics.gauge_gain
-    hover = np.sqrt(mass[0] * 9.81 / QUAD.rotors / physics.thrust_coefficient)
+    motion = motion_of(style, rng)
+    loaded = Condition(hidden_mass=airframe.hidden_mass, gauge_gain=airframe.gauge_gain)
+    around = surroundings(QUAD, loaded, motion, day, rng)
+    mass = QUAD.empty_mass + airframe.hidden_mass + around.tank
+    gauge = around.tank / airframe.gauge_gain
+    hover = np.sqrt(mass[0] * 9.81 / QUAD.rotors / airframe.thrust_coefficient)
     state: dict[str, Array] = {
         "x": FLIP * motion.position[0],
         "v": FLIP * motion.velocity[0],
@@ -157,14 +168,14 @@ def fly_rotorpy(
         aero=airframe.aerodynamics,
         integrator_kwargs={"method": Midpoint},
     )
-    pilot = SE3Control(Airframe(physics=Physics()).parameters(physics.empty_mass))
-    kept = kept_thrust(physics, motion.time, around.clock_start)
+    pilot = SE3Control(Airframe().parameters(QUAD.empty_mass))
+    kept = kept_thrust(airframe, motion.time, around.clock_start)
     push = around.push * np.array([1.0, *FLIP])
     logged: dict[str, list[Array]] = {k: [] for k in (*state, "vdot")}
     for i in range(motion.time.size):
         vehicle.load(float(mass[i]))
         vehicle.kept, vehicle.push = kept[i], push[i]
-        pilot.mass = physics.empty_mass + gauge[i]
+        pilot.mass = QUAD.empty_mass + gauge[i]
         state["wind"] = FLIP * around.air_velocity[i]
         control = pilot.update(motion.time[i], state, wanted(motion, i))
         if i % EVERY == 0:
@@ -173,12 +184,12 @@ def fly_rotorpy(
                 logged[key].append(np.array(value))
         state = vehicle.step(state, control, FINE_STEP)
     log = {k: np.array(v) for k, v in logged.items()}
-    return track_of(log, physics, motion, gauge, day, rng, name)
+    return track_of(log, airframe, motion, gauge, day, rng, name)
 
 
 def track_of(
     log: dict[str, Array],
-    physics: Physics,
+    airframe: Airframe,
     motion: Motion,
     gauge: Array,
     day: Day,
@@ -198,13 +209,15 @@ def track_of(
     velocity, wind = FLIP * log["v"][rows], FLIP * log["wind"][rows]
     position = FLIP * log["x"][rows]
     speed = log["rotor_speeds"][rows] * RPM_PER_RAD_S
-    through = velocity if physics.blind_to_wind else velocity - wind
-    told = np.nan if physics.blind_to_wind or not day.wind_reported else 0.0
+    through = velocity if airframe.blind_to_wind else velocity - wind
+    told = np.nan if airframe.blind_to_wind or not day.wind_reported else 0.0
     return FlightTrack.of(
         name=name,
         time_s=time - time[0],
         rotor_count=QUAD.rotors,
-        rotor_speed_rpm=np.round(speed + day.rotor_noise_rpm * rng.standard_normal(speed.shape)),
+        rotor_speed_rpm=np.round(
+            speed + day.noise * QUAD.hover_rpm * rng.standard_normal(speed.shape)
+        ),
         position_ned=position,
         velocity_ned=velocity + noise(0.03, 3),
         attitude=np.stack([roll, -pitch, -yaw], axis=1) + noise(0.002, 3),
@@ -213,7 +226,10 @@ def track_of(
         airspeed=np.maximum(np.linalg.norm(through, axis=1) + noise(0.1), 0.0),
         wind_ned=wind + noise(0.1, 3) + told,
         tank_kg=np.maximum(
-            gauge[::EVERY][rows] * day.gauge_gain + day.gauge_offset + noise(0.02), 0.0
+            gauge[::EVERY][rows] * day.gauge_gain
+            + QUAD.tank_litres * day.gauge_offset
+            + noise(0.02),
+            0.0,
         ),
         pressure=day.pressure + 12.0 * position[:, 2] + noise(4.0),
         temperature=day.temperature + day.board_heat + noise(0.05),

@@ -1,126 +1,109 @@
-"""The only place that touches the code under test: base models in, identification out.
+"""The only place that touches the code under test: its commands and its public functions.
 
-Nothing but flight tables and a model crosses here; the truth stays on the other side.
+Nothing but flight tables, an airframe file and a model file crosses here; the truth stays on the
+other side.
 """
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from tests.undeclared.datasets import AIRCRAFT, healthy_flights
-from tests.undeclared.physics import Layout
+import numpy as np
+
+import thrustmargin as tm
+from tests.undeclared.crafts import Craft
+from tests.undeclared.plan import good_flights
+from tests.undeclared.rotor_aero import Array
+from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 
-if TYPE_CHECKING:
-    from thrustmargin.models.model.training import TrainSettings
-
-HEALTHY_FLIGHTS = 27  # as many as the recorded campaign has
-AIRFRAME_FILE = """\
-extends = "topxgun-f16-sitl"
-name = "plant-{name}"
-title = "Aircraft of the tests ({name})"
-layout = "{name}"
-
-[quantities]
-torque_ratio = {{ value = {torque_ratio!r}, unit = "m", source = "the tests' plant" }}
-"""
-ROTOR = """
-[[rotors]]
-name = "{number}"
-position_frd = [{x!r}, {y!r}, 0.0]
-spin = "{spin}"
-"""
+COMMAND = (sys.executable, "-m", "thrustmargin.gcs_plugin.cli")
 
 
-def airframe_of(layout: Layout, folder: Path) -> Airframe:
-    """The airframe file of a layout, written and read as a user would."""
-    text = AIRFRAME_FILE.format(name=layout.name, torque_ratio=float(layout.torque_ratio))
-    for number, ((x, y), spin) in enumerate(zip(layout.position, layout.spin, strict=True), 1):
-        text += ROTOR.format(
-            number=number, x=float(x), y=float(y), spin="ccw" if spin > 0 else "cw"
-        )
-    path = folder / f"plant-{layout.name}.toml"
-    path.write_text(text, encoding="utf-8")
+def airframe_of(craft: Craft, folder: Path) -> Airframe:
+    """The airframe file of a craft, written and read as a user would."""
+    path = folder / f"{craft.name}.toml"
+    path.write_text(craft.airframe_toml(), encoding="utf-8")
     return load_airframe(path)
 
 
-def curve_model(layout: Layout, folder: Path) -> RotorModel:
+def curve_model(craft: Craft, folder: Path) -> RotorModel:
     """The airframe's own curve and weight: no flights needed."""
-    return physics_model(airframe_of(layout, folder))
+    return physics_model(airframe_of(craft, folder))
 
 
-def trained_model(folder: Path, *, seed: int = 0) -> RotorModel:
-    """A model of the healthy aircraft: network trained on good flights, loop closed on them once.
+def command(*words: object) -> str:
+    """Run a thrustmargin command; raises RuntimeError with what it said when it fails."""
+    done = subprocess.run([*COMMAND, *map(str, words)], capture_output=True, text=True)
+    if done.returncode not in (0, 1):
+        raise RuntimeError(f"{' '.join(map(str, words))}\n{done.stdout}\n{done.stderr}")
+    return done.stdout
 
-    The network knows speed and payload only; what turns and gusts do is found by the code under
-    test itself on the same good flights, as a user would close the loop at commissioning.
+
+def trained_model(craft: Craft, folder: Path) -> Path:
+    """The model file of a craft by `thrustmargin train` on its good flights, kept in the folder.
+
+    Where `train` leaves the effects of every flight to be found, `identify` finds them on the same
+    good flights, as a user would at commissioning.
     """
-    from thrustmargin.models.model.training import train
-
-    airframe = airframe_of(AIRCRAFT.layout, folder)
-    tracks = [f.track for f in healthy_flights(HEALTHY_FLIGHTS, seed)]
-    trained = train(tracks, airframe, quick_training(seed), date="2026-01-01", version="tests")
-    return closed(trained.model, tracks)
-
-
-def quick_training(seed: int) -> TrainSettings:
-    """Enough for a smooth function of speed and payload, in seconds."""
-    from thrustmargin.models.model.training import TrainSettings
-    from thrustmargin.models.network.network import NetConfig
-
-    net = NetConfig(hidden=(32, 32), learning_rate=2e-3, patience=60, max_epochs=300)
-    return TrainSettings(splits=(), members=3, seed=seed, net=net)
-
-
-def closed(model: RotorModel, tracks: Sequence[FlightTrack]) -> RotorModel:
-    """The model with the effects that the loop finds on its own good flights."""
-    return closed_and_told(model, tracks)[0]
-
-
-def closed_and_told(
-    model: RotorModel, fit: Sequence[FlightTrack], held_out: Sequence[FlightTrack] = ()
-) -> tuple[RotorModel, dict[str, Any]]:
-    """The model with the effects that the loop finds, and its answer."""
-    from thrustmargin.models.identification.identify import identify
-    from thrustmargin.models.identification.model_update import with_effects
-
-    found = identify(fit, model, held_out=held_out)
-    return with_effects(model, found), found.to_json()
-
-
-def save_base(folder: Path) -> Path:
-    """Build the trained model once and keep it in a file, for several workers."""
-    path = folder / "healthy.safetensors"
-    from thrustmargin.models.model.model_file import save_model
-
-    save_model(trained_model(folder), path)
+    path = folder / f"{craft.name}.safetensors"
+    if path.exists():
+        return path
+    folder.mkdir(parents=True, exist_ok=True)
+    airframe_of(craft, folder)
+    logs = []
+    for number, flight in enumerate(good_flights(craft), 1):
+        logs.append(folder / f"{craft.name}-good-{number}.csv")
+        write_csv(flight.track, logs[-1])
+    new = folder / f"new-{craft.name}.safetensors"
+    airframe = folder / f"{craft.name}.toml"
+    quick = ("--split", "samples", "--members", 3, "--max-epochs", 300, "--force")
+    command("train", *logs, "--airframe", airframe, "--out", new, *quick)
+    if not tm.load_model(new).placed:
+        command("identify", *logs, "--model", new, "--out", path)
+    else:
+        new.rename(path)
+    for log in logs:
+        log.unlink()
     return path
 
 
 @cache
-def load_base(path: Path) -> RotorModel:
-    from thrustmargin.models.model.model_file import load_model
+def model_of(craft: Craft, folder: Path | None) -> RotorModel:
+    """The trained model of a craft, kept in the folder; without one that which ships."""
+    return tm.load_model() if folder is None else tm.load_model(trained_model(craft, folder))
 
-    return load_model(path)
+
+def residuals(model: RotorModel, tracks: Sequence[FlightTrack]) -> list[Array]:
+    """(T, R) rpm measured minus predicted of each flight; NaN on the ground and just after."""
+    parts = []
+    for track in tracks:
+        left = np.array(tm.analyse(track, model).residual_rpm)
+        begun = int(np.argmax(track.flying)) + 30
+        left[~track.flying | (np.arange(len(left)) < begun)] = np.nan
+        parts.append(left)
+    return parts
 
 
-@cache
-def shipped() -> RotorModel:
-    """The model that the project ships for the recorded flights' aircraft."""
-    from thrustmargin.models.model.model_file import shipped_model
+def closed(
+    model: RotorModel, fit: Sequence[FlightTrack], held_out: Sequence[FlightTrack]
+) -> tuple[RotorModel, dict[str, Any]]:
+    """The model with the effects that the loop finds on good flights, and its answer."""
+    from thrustmargin.models.identification.model_update import with_effects
 
-    return shipped_model()
+    found = tm.identify(fit, model, held_out=held_out)
+    return with_effects(model, found), found.to_json()
 
 
 def run_identify(
     model: RotorModel, fit: Sequence[FlightTrack], held_out: Sequence[FlightTrack]
 ) -> dict[str, Any]:
     """The answer of the loop in the schema `thrustmargin.identify/1`."""
-    from thrustmargin.models.identification.identify import identify
-
-    return identify(fit, model, held_out=held_out).to_json()
+    return tm.identify(fit, model, held_out=held_out).to_json()

@@ -5,39 +5,47 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.undeclared.crafts import GRAVITY, SEA_LEVEL_DENSITY
 from tests.undeclared.days import Day
 from tests.undeclared.missions import Style, motion_of
-from tests.undeclared.physics import GRAVITY, QUAD, SEA_LEVEL_DENSITY, Physics
 from tests.undeclared.rotorpy_cases import CASES, NATURAL, answer, good_model, holds
-from tests.undeclared.rotorpy_plant import EVERY, RPM_PER_RAD_S, SETTLED, Airframe, fly_rotorpy
+from tests.undeclared.rotorpy_plant import (
+    EVERY,
+    QUAD,
+    RPM_PER_RAD_S,
+    SETTLED,
+    Airframe,
+    fly_rotorpy,
+)
 
 HOVER = Style(hover_first=10.0, duration=0.0, line_length=2.0, sway=0.0, turns=False)
 LINES = Style(cruise=5.0, line_length=40.0, sway=0.1, duration=25.0)
-STILL = Day(turbulence=0.0, gusts=0.0, rotor_noise_rpm=0.0)
+STILL = Day(turbulence=0.0, gusts=0.0, noise=0.0, fill=0.75)
+A0 = QUAD.thrust_coefficient
 CALM = slice(20, 55)  # rows of the hover
 
 
-def hover(physics: Physics, **given):
+def hover(airframe: Airframe, **given):
     """A calm hover in still air, without what air adds to the curve."""
-    airframe = Airframe(physics=physics, aerodynamics=False)
+    airframe = replace(airframe, aerodynamics=False)
     return fly_rotorpy(airframe, HOVER, replace(STILL, **given), np.random.default_rng(0), "hover")
 
 
 def thrusts(track):
     """(R,) N that the curve gives for the mean square of each rotor's speed."""
-    return 2.011e-5 * np.mean(track.rotor_speed_rpm[CALM] ** 2, axis=0)
+    return A0 * np.mean(track.rotor_speed_rpm[CALM] ** 2, axis=0)
 
 
 def test_a_healthy_hover_has_the_curve_and_the_weight():
-    track = hover(Physics())
+    track = hover(Airframe())
     assert thrusts(track).sum() == pytest.approx((21.1 + 12.0) * 9.81, rel=1e-3)
     assert track.specific_force_frd[CALM].mean(axis=0) == pytest.approx([0, 0, -GRAVITY], abs=0.03)
 
 
 def test_the_controller_that_knows_nothing_of_a_change_still_holds_the_way():
-    odd = Physics(balance=(0.03, 0.0), rotor_loss=0.1, hidden_mass=2.0)
+    odd = Airframe(balance=(0.03, 0.0), rotor_loss=0.1, hidden_mass=2.0)
     day = Day(turbulence=0.3)
-    track = fly_rotorpy(Airframe(physics=odd), LINES, day, np.random.default_rng(1), "lines")
+    track = fly_rotorpy(odd, LINES, day, np.random.default_rng(1), "lines")
     motion = motion_of(LINES, np.random.default_rng(1))
     way = motion.position[::EVERY][round(SETTLED / 0.02 / EVERY) :]
     assert np.abs(track.position_ned - way).max() < 0.4
@@ -47,28 +55,28 @@ def test_the_controller_that_knows_nothing_of_a_change_still_holds_the_way():
 
 
 def test_a_worn_rotor_turns_faster_by_the_root_of_its_loss_and_the_others_do_not():
-    mean = np.sqrt(thrusts(hover(Physics(rotor_loss=0.1, lossy_rotor=2))))
-    sound = np.sqrt(thrusts(hover(Physics())))
+    mean = np.sqrt(thrusts(hover(Airframe(rotor_loss=0.1, lossy_rotor=2))))
+    sound = np.sqrt(thrusts(hover(Airframe())))
     assert mean / sound == pytest.approx([1, 1, 1 / np.sqrt(0.9), 1], abs=1e-3)
 
 
 def test_a_centre_of_gravity_forward_loads_the_front_rotors():
-    thrust = thrusts(hover(Physics(balance=(0.04, -0.01))))
+    thrust = thrusts(hover(Airframe(balance=(0.04, -0.01))))
     assert QUAD.position.T @ thrust / thrust.sum() == pytest.approx([0.04, -0.01], abs=5e-4)
 
 
 def test_thin_air_asks_for_speed_by_the_root_of_density():
-    thin = thrusts(hover(Physics(), pressure=80000.0, temperature=288.15)).sum()
+    thin = thrusts(hover(Airframe(), pressure=80000.0, temperature=288.15)).sum()
     density = 80000.0 / (287.053 * 288.15)
     assert thin == pytest.approx(33.1 * 9.81 * SEA_LEVEL_DENSITY / density, rel=1e-3)
 
 
 def test_the_inflow_slope_is_that_of_the_advance_ratio():
-    a0, speed, climb = 2.011e-5, 2000.0, 2.0
-    numbers = Airframe(physics=Physics(inflow_slope=0.8)).parameters(30.0)
+    speed, climb = 2000.0, 2.0
+    numbers = Airframe(inflow_slope=0.8).parameters(30.0)
     w = speed / RPM_PER_RAD_S
     lost = numbers["k_z"] * w * climb / (numbers["k_eta"] * w**2)
-    assert numbers["k_eta"] * w**2 == pytest.approx(a0 * speed**2)
+    assert numbers["k_eta"] * w**2 == pytest.approx(A0 * speed**2)
     assert lost == pytest.approx(0.8 * climb * 60.0 / (speed * 0.914))
 
 
@@ -84,7 +92,7 @@ def test_from_the_curve_alone_good_flights_show_what_flight_adds_and_no_more(goo
     found = {e["name"]: e["parameters"] for e in result["effects"]}
     assert {"load_factor", "manoeuvre_moment", "translational_lift"} <= set(found) <= NATURAL
     drag_at_rotor = 1.0e-3 * 2 * 0.6785**2  # N m s/rad of yaw for each rad/s of one rotor
-    turning = 4 * 1995.0 / RPM_PER_RAD_S
+    turning = 4 * QUAD.hover_rpm / RPM_PER_RAD_S
     truth = {
         ("manoeuvre_moment", "inertia_roll"): 2.2,
         ("manoeuvre_moment", "inertia_pitch"): 2.2,
