@@ -65,12 +65,14 @@ def train(
     from thrustmargin.gcs_plugin.commands.terminal import Terminal, steps
     from thrustmargin.gcs_plugin.reports.model.loss_figure import loss_paths, write_loss_curves
     from thrustmargin.gcs_plugin.reports.model.training_tables import training_tables
+    from thrustmargin.models.identification.commissioning import commission
     from thrustmargin.models.model.model_file import save_model
     from thrustmargin.models.model.rotor_model import physics_model
     from thrustmargin.models.model.training import TrainSettings
     from thrustmargin.models.model.training import train as fit
     from thrustmargin.models.network.network import NetConfig
     from thrustmargin.models.physics.airframe import load_airframe
+    from thrustmargin.models.physics.flight_phases import training_rows
 
     progress = Terminal(stderr=True)
     require_logs(logs)
@@ -95,25 +97,38 @@ def train(
     tracks = [log.track for log in claimed(read, unread)]
     if not tracks:
         raise LogError(f"no flight can be used; {listed(unread)}")
-    names = settings.names()
-    with steps(progress, total=len(names)) as step:
+    names, date = settings.names(), datetime.now(UTC).date().isoformat()
+    trained, written = None, [out]
+    learnable = any(training_rows(track).any() for track in tracks)
+    with steps(progress, total=len(names) + 1) as step:
 
         def on_epoch(name: str, epoch: int, loss: float) -> None:
             step(f"{name}: epoch {epoch}, validation loss {loss:.4f}", names.index(name))
 
-        trained = fit(
+        if learnable:
+            trained = fit(
+                tracks,
+                aircraft,
+                settings,
+                date=date,
+                version=version("thrustmargin"),
+                progress=on_epoch,
+            )
+        made = commission(
+            trained,
             tracks,
             aircraft,
-            settings,
-            date=datetime.now(UTC).date().isoformat(),
-            version=version("thrustmargin"),
-            progress=on_epoch,
+            date=date,
+            seed=seed,
+            coverage=settings.coverage,
+            progress=lambda what: step(what, len(names)),
         )
-    save_model(trained.model, out)
-    written = [out, *write_loss_curves(trained.curves, out)]
+    save_model(made, out)
+    if trained is not None:
+        written += write_loss_curves(trained.curves, out)
 
     console = Terminal()
-    for part in training_tables(trained.model):
+    for part in training_tables(made):
         console.print(part)
     for one in (*unread, *_unused(tracks)):
         console.print(f"left out: {one.name}: {one.reason}", soft_wrap=True)

@@ -11,7 +11,7 @@ def _dragged(p, x: Channels, thrust, xp):
     area = p["drag_area"]
     pressure = 0.5 * x.density * x.airspeed**2
     pushed = 2.0 * pressure * area * thrust / G0 * x.along_acceleration
-    square = thrust**2 + pressure**2 * area * xp.abs(area) + pushed
+    square = thrust**2 + pressure**2 * area * abs(area) + pushed
     floor = 0.25 * thrust**2
     return xp.sqrt(xp.where(square > floor, square, floor))
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.network.records import ConditionScore
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,8 +27,13 @@ class GoodFlights:
     #: "effect_key.parameter" -> standard deviation from flight to flight, in the parameter's unit
     scatter: Mapping[str, float] = field(default_factory=dict)
     mode_scatter_rpm: tuple[float, ...] = ()  # of each mode's mean residual; R, or none
-    #: "mode.channel" -> RMS in rpm of the smooth curve of the residual over that channel
+    #: "mode.channel" -> RMS in rpm of the smooth curve of the residual over that channel, as far as
+    #: flights left out confirm it; 0 where they do not
     curve_rpm: Mapping[str, float] = field(default_factory=dict)
+    #: of each flight left out of its own prediction in turn, all choices made without it
+    errors: tuple[ConditionScore, ...] = ()
+    flight_rmse_rpm: Mapping[str, float] = field(default_factory=dict)  # name of the flight -> rpm
+    mean_speed_rpm: float = float("nan")
 
     def __post_init__(self) -> None:
         named = {**self.scatter, **self.curve_rpm}

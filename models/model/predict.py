@@ -57,9 +57,9 @@ def predict(
 ) -> Prediction:
     """Predict the rotor speeds of T rows from airspeed and tank level, in air of `density` (T,).
 
-    NaN and Basis.NONE where density or one of the model's `inputs` is missing. Physics rows have no
-    interval: there is nothing to calibrate one on. Thrust is that of the predicted speeds by the
-    thrust curve, in reference air for the network, which is the air that it learnt in.
+    NaN and Basis.NONE where density or one of the model's `inputs` is missing. Beside a network,
+    physics rows have no interval: there is nothing to calibrate one on. Thrust is that of the
+    predicted speeds by the thrust curve, in reference air for the network, which learnt in it.
     A model with identified effects has them in every row. Raises AirframeError when the rotor count
     differs. `start` is what the effects carry at the first row of a window (see `analyse`).
     """
@@ -80,16 +80,23 @@ def predict(
     air = np.where(known, density, np.nan)
     coverage = float("nan")
     inside = np.zeros_like(known)
-    if model.network is not None and model.training_domain is not None:
-        inside = known & model.training_domain.covers_inputs(airspeed, tank_kg)
+    domain, interval = model.training_domain, model.interval
+    if model.network is not None and domain is not None:
+        inside = known & domain.covers_inputs(airspeed, tank_kg)
         if not follows_density(model):
-            inside &= model.training_domain.covers(airspeed, tank_kg, density)
+            inside &= domain.covers(airspeed, tank_kg, density)
         speed[inside], spread = ensemble_speed(model.network, airspeed[inside], tank_kg[inside])
         basis[inside] = Basis.NETWORK
         air[inside] = model.reference_density
-        if model.interval is not None:
-            half[inside] = model.interval.half_width_rpm(airspeed[inside], spread)
-            coverage = model.interval.coverage
+        if interval is not None:
+            half[inside] = interval.half_width_rpm(airspeed[inside], spread)
+            coverage = interval.coverage
+    elif domain is not None and interval is not None:
+        near = known & domain.covers_inputs(airspeed, tank_kg)
+        half[near] = interval.half_width_rpm(
+            np.nan_to_num(airspeed[near]), np.zeros_like(half[near])
+        )
+        coverage = interval.coverage
     lacking = None
     if model.effects:
         with_effects, factor, lacking = speed_with_effects(model, track, start)

@@ -1,6 +1,6 @@
 """RotorModel: all that is known about one aircraft's rotor speeds.
 
-A model is an airframe, a network with its training domain and interval, or no network, and the
+A model is an airframe, a network or none, the training domain and interval of its flights, and the
 effects that were identified on top. `model_file` keeps it in one file.
 """
 
@@ -30,8 +30,8 @@ class RotorModel:
 
     airframe: Airframe
     network: RotorNetwork | None = None
-    training_domain: TrainingDomain | None = None  # of the network
-    interval: Interval | None = None  # of the network
+    training_domain: TrainingDomain | None = None  # of the flights that it was made from
+    interval: Interval | None = None  # inside the training domain
     effects: tuple[EffectRecord, ...] = ()
     reference_density: float  # kg/m³, median of the training flights, else the airframe's
     reference_voltage: float  # V, likewise; NaN unknown
@@ -41,8 +41,8 @@ class RotorModel:
     good_flights: GoodFlights | None = None
 
     def __post_init__(self) -> None:
-        if (self.network is None) != (self.training_domain is None):
-            raise ModelError("a network and its training domain belong together")
+        if self.network is not None and self.training_domain is None:
+            raise ModelError("a network needs its training domain")
         rotors = self.airframe.rotor_count
         if self.network is not None and self.network.rotor_count != rotors:
             raise ModelError(
@@ -93,11 +93,16 @@ class RotorModel:
     @property
     def description(self) -> str:
         """The model in words for people."""
-        if self.training_domain is None or self.network is None:
+        if self.training_domain is None:
             return f"weight and thrust curve of {self.airframe.title}, no network"
         trained = f", trained {self.training.date}" if self.training else ""
         if self.training and self.training.speed != "measured":
             trained += f" on rotor speeds {self.training.speed}"
+        if self.network is None:
+            return (
+                f"weight and thrust curve of {self.airframe.title}, no network, with what "
+                f"{len(self.training_domain.flights)} flights show{trained}"
+            )
         return (
             f"network of {self.network.members} members for {self.airframe.title} from "
             f"{len(self.training_domain.flights)} flights{trained}"

@@ -26,7 +26,12 @@ from thrustmargin.models.errors import AirframeError, DataError
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.output_speed import speed_words
 from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.network.ensemble import ensemble_speed, member_speeds, stack_networks
+from thrustmargin.models.network.ensemble import (
+    RotorNetwork,
+    ensemble_speed,
+    member_speeds,
+    stack_networks,
+)
 from thrustmargin.models.network.network import NetConfig, NetworkFit, fit_network
 from thrustmargin.models.network.records import ConditionScore, SplitScore, TrainingRecord
 from thrustmargin.models.network.training_rows import (
@@ -83,10 +88,20 @@ class LossCurve:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Trained:
-    """A new model, and the loss curves of the networks behind it and behind its scores."""
+class Fold:
+    """A model that was made without some of the flights."""
 
     model: RotorModel
+    flights: tuple[int, ...]  # that it has not seen, by their place among the flights given
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Trained:
+    """A new model, the models of the same settings that each leave flights out, and the loss
+    curves of the networks."""
+
+    model: RotorModel
+    folds: tuple[Fold, ...]  # every flight with usable rows is left out of one
     curves: tuple[LossCurve, ...]
 
 
@@ -106,12 +121,13 @@ def train(
     AirframeError when the flights have another number of rotors than the airframe.
     """
     samples = gather(tracks)
+    places = [i for i, track in enumerate(tracks) if training_rows(track).any()]
     if samples.rotor_speed_rpm.shape[1] != airframe.rotor_count:
         raise AirframeError(
             f"the flights have {samples.rotor_speed_rpm.shape[1]} rotors, airframe {airframe.name} "
             f"has {airframe.rotor_count}; give the right one with --airframe"
         )
-    speed = _one_kind_of_speed([t for t in tracks if training_rows(t).any()])
+    speed = _one_kind_of_speed([tracks[i] for i in places])
     member_rows = member_splits(samples, settings.members, settings.seed)
     steady = samples.turning != 1.0
     learnt = [
@@ -161,13 +177,9 @@ def train(
     measured = measure_coverage(
         residual, spread, samples.airspeed, samples.flight, coverage=settings.coverage
     )
-    model = RotorModel(
-        airframe=airframe,
-        network=network,
-        training_domain=_training_domain(samples),
+    model = replace(
+        _with_network(network, samples, tracks, airframe),
         interval=replace(interval, measured=measured),
-        reference_density=float(np.median(samples.density)),
-        reference_voltage=_median(samples.voltage),
         training=TrainingRecord(
             date=date,
             version=version,
@@ -177,12 +189,39 @@ def train(
             rows=samples.flight.size,
             learnt_rows=int(np.count_nonzero(steady)),
             splits=tuple(split_scores),
-            left_out=_conditions(samples, left_out, settings.seed),
+            left_out=condition_scores(samples, left_out, settings.seed),
             speed=speed,
         ),
+    )
+    by_rows = {tuple(s.test): [] for s in member_rows}
+    for fitted, split in zip(fits, member_rows, strict=True):
+        by_rows[tuple(split.test)].append(fitted.network)
+    folds = []
+    for test, networks in by_rows.items():
+        unseen = {places[f] for f in np.unique(samples.flight[np.array(test)])}
+        seen = samples.only(np.setdiff1d(np.arange(samples.flight.size), test))
+        rest = [tracks[i] for i in places if i not in unseen]
+        folds.append(
+            Fold(
+                model=_with_network(stack_networks(networks), seen, rest, airframe),
+                flights=tuple(sorted(unseen)),
+            )
+        )
+    return Trained(model=model, folds=tuple(folds), curves=tuple(curves))
+
+
+def _with_network(
+    network: RotorNetwork, samples: Samples, tracks: Sequence[FlightTrack], airframe: Airframe
+) -> RotorModel:
+    """A model with all that the rows and flights given say, and nothing that others do."""
+    return RotorModel(
+        airframe=airframe,
+        network=network,
+        training_domain=training_domain(samples),
+        reference_density=float(np.median(samples.density)),
+        reference_voltage=_median(samples.voltage),
         forward_flight=fit_forward_flight(tracks, airframe),
     )
-    return Trained(model=model, curves=tuple(curves))
 
 
 def _one_kind_of_speed(tracks: Sequence[FlightTrack]) -> str:
@@ -233,7 +272,7 @@ def _split_score(kind: str, samples: Samples, split: Split, fitted: NetworkFit) 
     )
 
 
-def _conditions(samples: Samples, predicted: Floats, seed: int) -> tuple[ConditionScore, ...]:
+def condition_scores(samples: Samples, predicted: Floats, seed: int) -> tuple[ConditionScore, ...]:
     """Scores on flights left out: all rows, and the kinds of rows that say where the error is."""
     measured, flight = samples.rotor_speed_rpm, samples.flight
     everything = np.arange(flight.size)
@@ -256,14 +295,16 @@ def _conditions(samples: Samples, predicted: Floats, seed: int) -> tuple[Conditi
     return (*scores, ConditionScore(condition="mean of rotors", score=together))
 
 
-def _training_domain(samples: Samples) -> TrainingDomain:
+def training_domain(samples: Samples) -> TrainingDomain:
+    """The ranges of the rows."""
+    known = np.unique(samples.flight)
     return TrainingDomain(
         airspeed=_range(samples.airspeed),
         tank_kg=_range(samples.tank_kg),
         density=_range(samples.density),
         height_agl=_range(samples.height_agl),
         wind_speed=_range(samples.wind_speed),
-        flights=samples.flights,
+        flights=tuple(samples.flights[f] for f in known),
     )
 
 

@@ -8,7 +8,7 @@ neighbours were learnt; a split by flight asks about a flight that the model has
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,18 +45,26 @@ class Samples:
         """(N, 2) airspeed and tank mass, the inputs of the network."""
         return np.stack([self.airspeed, self.tank_kg], axis=1)
 
+    def only(self, rows: Rows) -> Samples:
+        """The table with the chosen rows alone; all flights keep their numbers."""
+        columns = (f.name for f in fields(self) if f.name != "flights")
+        return replace(self, **{name: getattr(self, name)[rows] for name in columns})
+
     def of_flights(self, chosen: Rows) -> Rows:
         """Rows of the flights with the given indices."""
         return np.flatnonzero(np.isin(self.flight, chosen))
 
 
-def gather(tracks: Sequence[FlightTrack]) -> Samples:
+def gather(
+    tracks: Sequence[FlightTrack], inputs: Sequence[str] = ("airspeed", "tank_kg")
+) -> Samples:
     """Training rows of all flights as one table; flights without any are left out.
 
-    Raises DataError when no flight has a usable row, flights differ in rotor count, or one flight
-    is given twice (it would be learnt and tested on at once).
+    `inputs` are the channels that a row must have beside rotor speeds. Raises DataError when no
+    flight has a usable row, flights differ in rotor count, or one flight is given twice (it would
+    be learnt and tested on at once).
     """
-    kept = [(track, rows) for track in tracks if (rows := training_rows(track)).any()]
+    kept = [(track, rows) for track in tracks if (rows := training_rows(track, inputs)).any()]
     if not kept:
         raise DataError(_nothing_usable(tracks))
     counts = sorted({track.rotor_count for track, _ in kept})

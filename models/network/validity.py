@@ -16,8 +16,12 @@ Stat. Assoc. 113, 2018). Rows of one flight are correlated, so the flight is wha
 each of K flights weighs 1/(K+1), shared among its rows, and the last 1/(K+1) lies at infinity
 (Lee, Barber and Willett, "Distribution-free inference with hierarchical data", 2023). The promise
 is for one row of a new flight like those of the training, on average over such flights; it is not
-that every flight gets its 90 %. The centre is the mean of all members where the scores are of
-those that left the flight out, so the promise is approximate, and the coverage is measured too.
+that every flight gets its 90 %. With fewer than c/(1-c) flights, 9 for 90 %, that quantile lies at
+infinity; the factor is then Student's t with a degree of freedom a flight times the root mean
+square of the scores, each flight weighing the same: exact where a flight's error is one normal
+draw about zero, wider than needed where errors change within flights. The centre is the mean of
+all members where the scores are of those that left the flight out, so the promise is approximate,
+and the coverage is measured too.
 """
 
 from __future__ import annotations
@@ -27,6 +31,7 @@ from dataclasses import dataclass, replace
 from statistics import NormalDist
 
 import numpy as np
+from scipy.stats import t as student
 
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.network.training_rows import Rows
@@ -38,6 +43,8 @@ SCATTER_FLOOR_RPM = 1.0
 #: How far beyond its training the network is still asked: m/s, kg, share of density.
 #: 2 % of density is 1 % of rotor speed, about the error of the network in straight flight.
 AIRSPEED_TOLERANCE, TANK_TOLERANCE, DENSITY_TOLERANCE = 0.25, 0.25, 0.02
+
+FEWEST_FLIGHTS = 3  # that make an interval
 
 Range = tuple[float, float]
 
@@ -54,10 +61,14 @@ class TrainingDomain:
     flights: tuple[str, ...]
 
     def covers_inputs(self, airspeed: Floats, tank_kg: Floats) -> Bools:
-        """(N,) rows whose airspeed and tank level the network has learnt; NaN is not covered."""
-        return _within(airspeed, self.airspeed, AIRSPEED_TOLERANCE) & _within(
-            tank_kg, self.tank_kg, TANK_TOLERANCE
-        )
+        """(N,) rows whose airspeed and tank level the flights had; NaN is not covered.
+
+        What no flight reported limits nothing.
+        """
+        inside = np.ones(tank_kg.shape, dtype=np.bool_)
+        if not np.isnan(self.airspeed[0]):
+            inside &= _within(airspeed, self.airspeed, AIRSPEED_TOLERANCE)
+        return inside & _within(tank_kg, self.tank_kg, TANK_TOLERANCE)
 
     def covers(self, airspeed: Floats, tank_kg: Floats, density: Floats) -> Bools:
         """(N,) rows that are covered in airspeed, tank level and air density."""
@@ -89,7 +100,7 @@ class Interval:
     flights: int  # that it was calibrated on
     airspeed: tuple[float, ...]  # (B,) m/s
     scatter_rpm: tuple[tuple[float, ...], ...]  # (B, R)
-    factor: tuple[float, ...]  # (R,) NaN when the flights are too few for this coverage
+    factor: tuple[float, ...]  # (R,) NaN when the flights are too few
     measured: MeasuredCoverage | None = None
 
     def half_width_rpm(self, airspeed: Floats, spread_rpm: Floats) -> Floats:
@@ -112,7 +123,7 @@ def _normal(coverage: float) -> float:
 
 
 def flights_needed(coverage: float) -> int:
-    """Fewest flights with which a finite interval of this coverage can be given."""
+    """Fewest flights with which a conformal interval of this coverage is finite."""
     return math.ceil(coverage / (1.0 - coverage) - 1e-9)
 
 
@@ -128,13 +139,27 @@ def hierarchical_quantile(scores: Floats, flight: Rows, level: float) -> float:
     return float(scores[order[index]]) if index < scores.size else math.inf
 
 
+def student_quantile(scores: Floats, flight: Rows, level: float) -> float:
+    """Size that a row of a new flight stays below with probability `level`, from few flights.
+
+    scores (N,) of rows that belong to `flight` (N,), any labels. Infinite with fewer flights than
+    FEWEST_FLIGHTS.
+    """
+    _, which, counts = np.unique(flight, return_inverse=True, return_counts=True)
+    if counts.size < FEWEST_FLIGHTS:
+        return math.inf
+    squares = np.bincount(which, scores**2) / counts
+    return float(student.ppf(0.5 + level / 2.0, counts.size) * np.sqrt(squares.mean()))
+
+
 def calibrate(
     residual_rpm: Floats, spread_rpm: Floats, airspeed: Floats, flight: Rows, *, coverage: float
 ) -> Interval:
     """Interval from residuals (N, R) of members that have not seen the rows' flights.
 
-    spread_rpm (N, R) over the ensemble, airspeed (N,) m/s, flight (N,) labels. The factor is NaN
-    with fewer than `flights_needed(coverage)` flights: no number is made up.
+    spread_rpm (N, R) over the ensemble, airspeed (N,) m/s, flight (N,) labels. Conformal from
+    `flights_needed(coverage)` flights on, by Student's t from FEWEST_FLIGHTS on; with fewer the
+    factor is NaN: no number is made up.
     """
     count = np.unique(flight).size
     knots = _knots(airspeed)
@@ -147,7 +172,8 @@ def calibrate(
         factor=(1.0,) * residual_rpm.shape[1],
     )
     scores = np.abs(residual_rpm) / interval._scale(airspeed, spread_rpm)
-    factor = [hierarchical_quantile(column, flight, coverage) for column in scores.T]
+    quantile = hierarchical_quantile if count >= flights_needed(coverage) else student_quantile
+    factor = [quantile(column, flight, coverage) for column in scores.T]
     return replace(interval, factor=tuple(f if math.isfinite(f) else math.nan for f in factor))
 
 
@@ -180,10 +206,11 @@ def measure_coverage(
 ) -> MeasuredCoverage | None:
     """Coverage of each flight by an interval calibrated on the other flights alone.
 
-    None when leaving one out leaves too few flights to calibrate on.
+    None when leaving one out leaves another way to calibrate, or none.
     """
     labels = np.unique(flight)
-    if labels.size - 1 < flights_needed(coverage):
+    needed = flights_needed(coverage)
+    if labels.size - 1 < (needed if labels.size >= needed else FEWEST_FLIGHTS):
         return None
     inside = np.empty((labels.size, residual_rpm.shape[1]))
     widths = np.empty(labels.size)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from thrustmargin.gcs_plugin.reports.model.fit_for_use import fit_for_use
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.model.training import PAPER_BEST_EPOCH, PAPER_LOWEST_LOSS, PAPER_R2
 from thrustmargin.models.network.records import ConditionScore, SplitScore, TrainingRecord
-from thrustmargin.models.network.validity import Interval, flights_needed
+from thrustmargin.models.network.validity import FEWEST_FLIGHTS, Interval, flights_needed
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -22,31 +22,39 @@ SPLIT_WORDS = {
 
 def training_tables(model: RotorModel) -> list[RenderableType]:
     """Tables and sentences about a trained model, in the order to print them."""
-    record, interval = model.training, model.interval
-    if record is None or interval is None or model.training_domain is None:
+    record, interval, domain = model.training, model.interval, model.training_domain
+    if interval is None or domain is None:
         return [model.description]
-    domain = model.training_domain
-    parts: list[RenderableType] = [
-        f"{model.description}; {record.rows} rows, "
+    shown = model.good_flights
+    parts: list[RenderableType] = [] if shown is None else [fit_for_use(shown, model)]
+    parts += [
+        f"{model.description}; "
         f"airspeed {domain.airspeed[0]:.1f} to {domain.airspeed[1]:.1f} m/s, "
-        f"tank {domain.tank_kg[0]:.1f} to {domain.tank_kg[1]:.1f} kg"
+        f"tank {domain.tank_kg[0]:.1f} to {domain.tank_kg[1]:.1f} kg",
+        *effect_lines(model),
+        interval_sentence(interval),
     ]
-    if record.splits:
-        parts.append(_split_table(record))
-    parts += [_left_out_table(record.left_out), interval_sentence(interval)]
-    return [*parts, *unfit_sentence(record.left_out)]
+    if shown is not None:
+        parts.append(_left_out_table(shown.errors, "The model on flights left out in turn"))
+    if record is not None:
+        parts.append(_left_out_table(record.left_out, "The network alone on flights left out"))
+        parts += [_split_table(record)] if record.splits else []
+    return parts
 
 
-def unfit_sentence(left_out: Sequence[ConditionScore]) -> list[str]:
-    """What to do instead where the network foretells nothing of a flight that it has not seen."""
-    if left_out and left_out[0].score.r2 < 0.0:
-        return [
-            f"Do not use this network: on flights left out it is worse than their mean speed (R² "
-            f"{left_out[0].score.r2:.2f}). Its inputs, airspeed and tank level, say too little of "
-            "these flights. Start from weight and thrust curve instead: thrustmargin identify "
-            "LOG... --airframe FILE"
-        ]
-    return []
+def effect_lines(model: RotorModel) -> list[str]:
+    """One line an effect of the model, with the values that make it and their intervals."""
+    lines = []
+    for record, placed in zip(model.effects, model.placed, strict=True):
+        values = []
+        for p in placed.effect.parameters:
+            if not p.detail:
+                found = record.parameters[p.name]
+                low, high = found.ci95
+                unit = "" if p.unit == "1" else f" {p.unit}"
+                values.append(f"{p.name} {found.value:.3g}{unit} ({low:.3g} to {high:.3g})")
+        lines.append(f"with {placed.effect.key}: {', '.join(values)}")
+    return lines
 
 
 def _split_table(record: TrainingRecord) -> Table:
@@ -91,12 +99,12 @@ def _by_rotor(split: SplitScore) -> list[tuple[str, tuple[float, float, float]]]
     return [(f"rotor {i}", values) for i, values in enumerate(columns, 1)]
 
 
-def _left_out_table(conditions: tuple[ConditionScore, ...]) -> Table:
+def _left_out_table(conditions: tuple[ConditionScore, ...], title: str) -> Table:
     from rich import box
     from rich.table import Table
 
     table = Table(
-        title="The ensemble on flights left out, each in its turn",
+        title=title,
         caption="R² is the mean over rotors, its 95 % interval over flights drawn anew. In yaw "
         "turns: more than 5 deg/s within a second; the members learn without those rows",
         box=box.SIMPLE_HEAD,
@@ -110,8 +118,8 @@ def _left_out_table(conditions: tuple[ConditionScore, ...]) -> Table:
             condition.condition,
             str(part.rows),
             f"{part.r2:.3f}",
-            f"{low:.3f}, {high:.3f}",
-            f"{min(part.r2_per_rotor):.3f}, {max(part.r2_per_rotor):.3f}",
+            f"{low:.2f}, {high:.2f}",
+            f"{min(part.r2_per_rotor):.2f}, {max(part.r2_per_rotor):.2f}",
             f"{part.rmse_rpm:.0f}",
         )
     return table
@@ -119,22 +127,20 @@ def _left_out_table(conditions: tuple[ConditionScore, ...]) -> Table:
 
 def interval_sentence(interval: Interval) -> str:
     """What the interval promises and what it held, or why there is none."""
-    needed = flights_needed(interval.coverage)
-    if interval.flights < needed:
-        return (
-            f"No interval: {interval.coverage:.0%} coverage of a new flight needs at least "
-            f"{needed} flights to calibrate on, these are {interval.flights}."
-        )
+    if interval.flights < FEWEST_FLIGHTS:
+        return f"No interval: it needs at least {FEWEST_FLIGHTS} flights."
+    few = interval.flights < flights_needed(interval.coverage)
+    how = f", by Student's t from {interval.flights} flights" if few else ""
     measured = interval.measured
     if measured is None:
         return (
-            f"Interval for {interval.coverage:.0%} of the rows of a new flight; its coverage "
-            f"could not be measured, which needs {needed + 1} flights."
+            f"Interval for {interval.coverage:.0%} of the rows of a new flight{how}; its coverage "
+            f"could not be measured, which needs {interval.flights + 1} flights."
         )
     below = sum(share < interval.coverage for share in measured.per_flight)
     return (
-        f"Interval for {interval.coverage:.0%} of the rows of a new flight: on flights left out "
-        f"it held {measured.mean:.1%} (worst flight {min(measured.per_flight):.0%}, "
+        f"Interval for {interval.coverage:.0%} of the rows of a new flight{how}: on flights left "
+        f"out it held {measured.mean:.1%} (worst flight {min(measured.per_flight):.0%}, "
         f"{below} of {len(measured.per_flight)} flights below {interval.coverage:.0%}); "
         f"mean width {measured.width_rpm:.0f} rpm."
     )

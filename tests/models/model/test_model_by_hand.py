@@ -306,10 +306,14 @@ def test_a_model_in_words():
     assert np.isnan(physics_model(AIRFRAME).known_airspeed)
 
 
-@pytest.mark.parametrize("lacking", ["network", "training_domain"])
-def test_a_network_without_its_training_domain_is_no_model(lacking):
-    with pytest.raises(ModelError, match="belong together"):
-        learnt(**{lacking: None})
+def test_a_network_without_its_training_domain_is_no_model():
+    with pytest.raises(ModelError, match="needs its training domain"):
+        learnt(training_domain=None)
+
+
+def test_a_model_without_network_says_what_it_has_from_flights():
+    words = f"weight and thrust curve of {AIRFRAME.title}, no network, with what 1 flights show"
+    assert learnt(network=None).description == words
 
 
 def test_an_interval_is_of_as_many_rotors_as_the_aircraft_has():

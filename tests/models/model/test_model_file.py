@@ -173,7 +173,7 @@ def put(key, value):
         (put("airframe", []), "lacks 'airframe'"),
         (lambda d: d["airframe"]["quantities"].pop("empty_mass"), "empty_mass"),
         (lambda d: d["envelope"].pop("tank_kg"), "envelope.tank_kg is missing"),
-        (put("envelope", None), "belong together"),
+        (put("envelope", None), "needs its training domain"),
         (lambda d: d["envelope"].update(airspeed=[1.0]), "envelope.airspeed has 1 entries"),
         (lambda d: d["interval"].update(factor="wide"), "interval.factor is str"),
         (lambda d: d["interval"].update(factor=[1.0]), "interval is not of 4 rotors"),

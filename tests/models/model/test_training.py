@@ -26,6 +26,7 @@ from thrustmargin.models.network.validity import (
     flights_needed,
     hierarchical_quantile,
     measure_coverage,
+    student_quantile,
 )
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.atmosphere import track_density
@@ -234,6 +235,24 @@ def test_training_keeps_its_settings_and_fills_the_model(tmp_path):
     assert again.interval == model.interval
 
 
+def test_each_fold_is_made_of_the_other_flights_alone():
+    tracks = [FlightTrack.of(name="empty", time_s=np.arange(9.0), rotor_count=4), *sorties(6)]
+    folds = train(tracks, F16, QUICK, date="", version="").folds
+    assert sorted(f for fold in folds for f in fold.flights) == [1, 2, 3, 4, 5, 6]
+    tracks[folds[0].flights[0]] = sortie(99, name="another")
+    kept = []
+    for number, fold in enumerate(train(tracks, F16, QUICK, date="", version="").folds):
+        assert fold.flights == folds[number].flights
+        domain = fold.model.training_domain
+        assert domain is not None
+        assert set(domain.flights).isdisjoint(tracks[f].name for f in fold.flights)
+        pairs = zip(weights(fold.model), weights(folds[number].model), strict=True)
+        same = all(np.array_equal(a, b) for a, b in pairs)
+        kept.append(same and domain == folds[number].model.training_domain)
+    assert kept[0]  # what has not seen the other flight is the same model
+    assert not any(kept[1:])
+
+
 def test_members_learn_nothing_from_yaw_turns_but_are_judged_on_them():
     def bent(track):
         speeds = track.rotor_speed_rpm.copy()
@@ -314,12 +333,39 @@ def test_the_interval_widens_where_the_aircraft_scatters_and_where_members_disag
 def test_no_interval_is_made_up_from_too_few_flights():
     assert [flights_needed(c) for c in (0.5, 0.8, 0.9, 0.95)] == [1, 4, 9, 19]
     rng = np.random.default_rng(6)
-    for flights, finite in ((8, False), (9, True)):
+    for flights, finite, measured in ((2, 0, 0), (3, 1, 0), (4, 1, 1), (8, 1, 1), (9, 1, 0)):
         residual, spread, airspeed, flight = exchangeable_flights(rng, flights)
         interval = calibrate(residual, spread, airspeed, flight, coverage=0.9)
         assert np.isfinite(interval.factor).all() == finite
         assert np.isfinite(interval.half_width_rpm(airspeed, spread)).all() == finite
-        assert measure_coverage(residual, spread, airspeed, flight, coverage=0.9) is None
+        known = measure_coverage(residual, spread, airspeed, flight, coverage=0.9)
+        assert (known is not None) == measured
+
+
+def test_few_flights_weigh_alike_and_get_students_t():
+    scores, flight = np.array([3.0, 3.0, 0.0, 4.0]), np.array([0, 0, 1, 2])
+    # mean squares 9, 0, 16 of the flights, and t of 3 degrees of freedom at 95 %: 2.353363
+    expected = 2.353363 * (25.0 / 3.0) ** 0.5
+    assert student_quantile(scores, flight, 0.9) == pytest.approx(expected, rel=1e-6)
+    assert student_quantile(scores[:3], flight[:3], 0.9) == np.inf
+
+
+@pytest.mark.parametrize(("flights", "steady"), [(3, True), (5, True), (3, False), (5, False)])
+def test_the_interval_of_few_flights_holds_its_coverage(flights, steady):
+    """Flights off by one normal draw get just the coverage, others no less."""
+    rng = np.random.default_rng(8)
+    held = []
+    for _ in range(400):
+        flight = np.repeat(np.arange(flights + 1), 20)
+        scores = np.abs(rng.normal(0, 15, flights + 1)[flight])
+        if not steady:
+            scores = np.abs(rng.uniform(5, 30, flights + 1)[flight] * rng.normal(size=flight.size))
+        new = flight == flights
+        held.append(np.mean(scores[new] <= student_quantile(scores[~new], flight[~new], 0.9)))
+    error = np.std(held) / np.sqrt(len(held))
+    assert np.mean(held) > 0.9 - 2.0 * error
+    if steady:
+        assert np.mean(held) < 0.9 + 2.0 * error
 
 
 def test_a_flight_weighs_one_however_many_rows_it_has():

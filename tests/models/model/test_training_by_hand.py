@@ -9,13 +9,13 @@ from tests.models.model.test_training import sorties
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.training import (
     TrainSettings,
-    _conditions,
     _left_out_speeds,
     _median,
     _range,
     _split_score,
-    _training_domain,
+    condition_scores,
     train,
+    training_domain,
 )
 from thrustmargin.models.network.ensemble import RotorNetwork
 from thrustmargin.models.network.network import NetConfig, NetworkFit
@@ -86,7 +86,7 @@ def test_scores_of_a_split_are_of_its_own_rows():
 
 def test_conditions_take_the_rows_that_they_name():
     predicted = TABLE.rotor_speed_rpm - np.arange(8.0)[:, None]  # row k is k rpm off
-    found = {c.condition: c.score for c in _conditions(TABLE, predicted, 0)}
+    found = {c.condition: c.score for c in condition_scores(TABLE, predicted, 0)}
     rows = {
         "all rows": [0, 1, 2, 3, 4, 5, 6, 7],
         "pump on": [0, 1, 6],
@@ -101,18 +101,18 @@ def test_conditions_take_the_rows_that_they_name():
             [by_hand] * (1 if "mean" in name else 2)
         )
     nothing_sprayed = replace(TABLE, spraying=np.full(8, NAN))
-    assert "pump on" not in {c.condition for c in _conditions(nothing_sprayed, predicted, 0)}
+    assert "pump on" not in {c.condition for c in condition_scores(nothing_sprayed, predicted, 0)}
 
 
 def test_the_mean_of_rotors_forgives_what_they_exchange():
     predicted = TABLE.rotor_speed_rpm + np.array([50.0, -50.0])
-    found = {c.condition: c.score for c in _conditions(TABLE, predicted, 0)}
+    found = {c.condition: c.score for c in condition_scores(TABLE, predicted, 0)}
     assert found["all rows"].rmse_per_rotor_rpm == pytest.approx([50.0, 50.0])
     assert found["mean of rotors"].rmse_per_rotor_rpm == pytest.approx([0.0], abs=1e-9)
 
 
 def test_the_training_domain_is_from_the_lowest_to_the_highest_known():
-    domain = _training_domain(TABLE)
+    domain = training_domain(TABLE)
     assert domain.airspeed == (1.0, 5.0)
     assert domain.tank_kg == (2.0, 9.0)
     assert domain.density == (1.0, 1.2)

@@ -1,0 +1,63 @@
+"""Standard effects: what is kept, by hand and on small flights with a change of a known size."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.models.made_flights import F16, curve_model, made_flights
+from thrustmargin.models.effects import BY_KEY
+from thrustmargin.models.identification.cross_validation import held_out_cost
+from thrustmargin.models.identification.fit import Evaluator, fit_terms
+from thrustmargin.models.identification.problem import assemble
+from thrustmargin.models.identification.standard_effects import (
+    gain_and_error,
+    held_at_absent,
+    with_standard_effects,
+)
+from thrustmargin.models.identification.terms import Term
+
+
+def with_weight_forward(track, metres: float):
+    """The flight with its weight forward of the centre, by the balance of a symmetric quad."""
+    forward = F16.rotor_position_frd[:, 0]
+    share = 1.0 + metres * forward / np.mean(forward**2)
+    return replace(track, rotor_speed_rpm=track.rotor_speed_rpm * np.sqrt(share))
+
+
+def test_what_flights_show_is_kept_with_its_size_and_what_they_do_not_is_not():
+    tracks = [with_weight_forward(t, 0.02) for t in made_flights(4)]
+    model = with_standard_effects(curve_model(), tracks, date="2025-06-01")
+    kept = {e.effect.key: e for e in model.placed}
+    assert "cg_offset" in kept
+    assert kept.keys().isdisjoint({"yaw_trim", "cg_offset:tank"})
+    record = next(e for e in model.effects if e.name == "cg_offset")
+    assert record.flights == tuple(t.name for t in tracks)
+    forward = record.parameters["x"]
+    assert forward.ci95[0] < 0.02 < forward.ci95[1]
+    assert forward.value == pytest.approx(0.02, abs=0.001)
+    assert "air_density" in kept  # weight and thrust curve go on following the air
+
+
+def test_a_gain_is_the_mean_over_flights_of_the_logarithm_and_its_standard_error():
+    gain, error = gain_and_error(np.array([np.e, np.e**3, 1.0]), np.array([1.0, np.e, 1.0]))
+    assert gain == pytest.approx(1.0)  # of 1, 2, 0
+    assert error == pytest.approx(1.0 / 3**0.5)
+
+
+def test_leaving_a_term_out_by_the_statistics_is_leaving_it_out_of_the_fit():
+    tracks = [with_weight_forward(t, 0.003) for t in made_flights(3)]  # no row beyond Huber's
+    evaluator = Evaluator(assemble(curve_model(), tracks))
+    terms = [Term(effect=BY_KEY[key]) for key in ("cg_offset", "yaw_trim", "translational_lift")]
+    whole = fit_terms(evaluator, terms, scales=np.full(4, 8.0))
+    np.testing.assert_allclose(
+        held_out_cost(held_at_absent(whole, terms)), held_out_cost(whole.statistics)
+    )
+    for k in range(3):
+        rest = [t for t in terms if t != terms[k]]
+        again = fit_terms(evaluator, rest, scales=np.full(4, 8.0))
+        held, fitted = (
+            float(held_out_cost(s).sum()) for s in (held_at_absent(whole, rest), again.statistics)
+        )
+        assert held == pytest.approx(fitted, rel=0.05)
+    assert held_at_absent(whole, terms[1:]).cost.sum() > 1.2 * whole.statistics.cost.sum()
