@@ -1,12 +1,10 @@
 """The README's pictures: `python docs/screenshots.py` writes docs/view.png and docs/report.png.
 
-With THRUSTMARGIN_MEASURED naming the folder of measured data also docs/measured.png, in some
-minutes. Needs Chromium or Chrome and the test extra (playwright). Nothing leaves this computer.
+Needs Chromium or Chrome and the test extra (playwright). Nothing leaves this computer.
 """
 
 from __future__ import annotations
 
-import os
 import sys
 from pathlib import Path
 
@@ -45,27 +43,6 @@ def main() -> None:
     finally:
         view.stop()
     photograph_report(report)
-    folder = os.environ.get("THRUSTMARGIN_MEASURED", "")
-    if folder:
-        photograph_measured(Path(folder))
-
-
-def photograph_measured(folder: Path) -> None:
-    """Close the loop on the measured flights and photograph the errors before and after."""
-    import tempfile
-
-    from tests.browser import open_page
-    from tests.measured.crazyflie import FOLDER
-    from tests.measured.crazyflie_find import fly
-    from tests.measured.picture import HEIGHT, WIDTH, picture
-
-    figure = picture(fly(folder / FOLDER, surrogates=99, quick=False))
-    with tempfile.TemporaryDirectory() as place:
-        page_file = Path(place) / "measured.html"
-        figure.write_html(page_file)
-        with open_page(page_file.as_uri(), width=WIDTH, height=HEIGHT) as page:
-            page.wait_for_timeout(3000)
-            small_png(page.screenshot(), ROOT / "docs" / "measured.png")
 
 
 def photograph_report(report) -> None:

@@ -6,7 +6,8 @@ units:
 
 | folder | module | what is asked of it |
 |---|---|---|
-| imrc_crazyflie_rpm | crazyflie, thrust_check, crazyflie_*, swing_check | the loop, blind |
+| imrc_crazyflie_rpm | crazyflie, crazyflie_find, *_check, speed_regression | identify itself |
+| crazypad_flights, cut_propeller_quad | damaged_rotors | identify itself |
 | vendor_bench_tmotor_kde | vendor_bench | thrust curves of large propellers |
 | uiuc_propeller_db | uiuc | thrust in axial flow |
 | aerostack2_thrust_vs_voltage | aerostack2 | thrust at a command against voltage |

@@ -29,8 +29,6 @@ def main(
     only: tuple[str, ...] = (),
     json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False,
     out: Path | None = None,
-    surrogates: int = 99,
-    quick: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False,
 ) -> int:
     """Check this program on measured data: real flights with rotor speeds, benches, wind tunnel.
 
@@ -42,8 +40,6 @@ def main(
         only: Names of the data sets to look at; without it all.
         json: All numbers as JSON instead of a table.
         out: File to write to instead of the screen.
-        surrogates: How often a search is repeated on chance alone, 49 or more.
-        quick: Leave out only the first third of the flights without payload, not each in turn.
     """
     errors = Console(stderr=True, highlight=False, markup=False, soft_wrap=True)
     try:
@@ -52,8 +48,6 @@ def main(
             found = study(
                 folder,
                 only=only,
-                surrogates=surrogates,
-                quick=quick,
                 progress=lambda what, share: bar.update(task, description=what, completed=share),
             )
     except ThrustMarginError as error:

@@ -1,9 +1,17 @@
-"""What the project finds on imrc_crazyflie_rpm: a plain check, then the loop, blind."""
+"""What is found on imrc_crazyflie_rpm: plain checks of the data, then the public commands.
+
+The flights are written as CSV files of the project's own columns, rows of 0.02 s, as an owner of
+such logs would write them, and given to `identify` with default settings, every third flight left
+out: those without payload start from the shipped airframe, those with 7.4 g more from the model
+that came out of the first, and from the airframe alone.
+"""
 
 from __future__ import annotations
 
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -11,125 +19,152 @@ from tests.measured.crazyflie import (
     CABLE_FLIGHTS,
     FOLDER,
     FREE_FLIGHTS,
+    RATE,
+    MeasuredFlight,
     read_flights,
 )
-from tests.measured.crazyflie_errors import joined_errors
-from tests.measured.crazyflie_loop import (
-    Loop,
-    close_loop,
-    hover_airframe,
-    joined,
-    judged_on,
-    usable,
-)
-from tests.measured.crazyflie_numbers import Flown, numbers_of
-from tests.measured.findings import Finding, Progress
+from tests.measured.findings import Finding, Number
+from tests.measured.public_runs import Answer, identify
+from tests.measured.speed_regression import regression_rmse_rpm
 from tests.measured.swing_check import check_swing
-from tests.measured.thrust_check import (
-    THIRDS,
-    command_check,
-    hover_lift,
-    plain_check,
-)
-from thrustmargin.models.checks.motor_order import check_motor_order
-from thrustmargin.models.model.rotor_model import physics_model
+from tests.measured.thrust_check import command_check, hover_lift, plain_check
+from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.models.physics.airframe import load_airframe
 
 AIRFRAME = "crazyflie-rpm"
-#: s; rows of the plain check, as the independent check seems to have had them
-PLAIN_MEAN = 0.1
+THIRDS = 3
+PLAIN_MEAN = 0.1  # s; rows of the plain check, as the independent check seems to have had them
+#: rpm held out of an independent regression, and what the load adds: 7.4 g on the scale, 6.3 g by
+#: the thrust of hover
+REGRESSION = {"free": 126.0, "load": 540.0}
+PAYLOAD = "extra mass, wanted 6 to 8"
+GRAMS = 1e3
 
 
-def find(
-    folder: Path,
-    *,
-    surrogates: int = 99,
-    quick: bool = False,
-    progress: Progress | None = None,
-) -> Finding:
-    """Read, check, close the loop. Raises DataError when a file is missing or of another kind."""
-    flown = fly(folder, surrogates=surrogates, quick=quick, progress=progress)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Identified:
+    """What `identify` says of the flights."""
+
+    free: Answer  # without payload, from the airframe
+    load: Answer  # with payload, from the model of the flights without
+    load_alone: Answer  # with payload, from the airframe
+
+
+def find(folder: Path) -> Finding:
+    """All numbers. Raises DataError when a file is missing or of another kind."""
+    free, load = (read_flights(folder, file) for file in (FREE_FLIGHTS, CABLE_FLIGHTS))
+    with tempfile.TemporaryDirectory() as place:
+        answers = identified(folder, Path(place))
+    said = {"free": answers.free, "load": answers.load, "load_alone": answers.load_alone}
+    aside = [f"{f.track.name}: {'; '.join(f.faults)}" for f in (*free, *load) if f.faults]
     return Finding(
         name=FOLDER,
-        title="The loop on real flights with measured rotor speeds",
-        numbers=numbers_of(flown),
-        notes=(
-            "the aircraft has no tank: its level is 0 kg throughout, and effects of a tank are "
-            "not looked for",
-            f"named without payload: {'; '.join(', '.join(loop.names) for loop in flown.loops)}",
-            f"named with a load on a cable: {', '.join(flown.on_cable.names)}",
-            *flown.put_aside,
-        ),
-        details=_details(flown),
+        title="Real flights with measured rotor speeds, every third left out of identify",
+        numbers=(*_identified_numbers(folder, answers), *_plain_numbers(folder, sound(load))),
+        notes=(*(f"{name}: {_said(answer)}" for name, answer in said.items()), *aside),
     )
 
 
-def fly(folder: Path, *, surrogates: int, quick: bool, progress: Progress | None = None) -> Flown:
-    """All the work on one folder; `quick` leaves out only the first third without payload."""
-    told = progress or (lambda what, share: None)  # noqa: ARG005
-    told("reading the flights", 0.0)
-    airframe = load_airframe(AIRFRAME)
-    all_free = read_flights(folder, FREE_FLIGHTS)
-    all_cable = read_flights(folder, CABLE_FLIGHTS)
-    all_finer = read_flights(folder, FREE_FLIGHTS, mean_over=PLAIN_MEAN)
-    free, free_aside = usable(all_free, airframe)
-    cable, cable_aside = usable(all_cable, airframe)
-    kept = {f.track.name for f in free}
-    finer = [f for f in all_finer if f.track.name in kept]
-    loops = []
-    for third in range(1 if quick else THIRDS):
-        model = physics_model(hover_airframe(airframe, free, third=third))
-        label = f"without payload, third {third + 1} left out: "
-        loops.append(
-            close_loop(
-                model,
-                free,
-                surrogates=surrogates,
-                third=third,
-                progress=lambda what, share, label=label: told(label + what, share),
-            )
-        )
-    on_cable = close_loop(
-        loops[0].model,
-        cable,
-        surrogates=surrogates,
-        progress=lambda what, share: told(f"with a load on a cable: {what}", share),
+def sound(flights: Sequence[MeasuredFlight]) -> list[MeasuredFlight]:
+    """The flights whose sensors show no fault."""
+    return [flight for flight in flights if not flight.faults]
+
+
+def as_logged(folder: Path, file: str) -> list[MeasuredFlight]:
+    """The sound flights of a file, each row the mean of its own time."""
+    return sound(read_flights(folder, file, mean_over=1.0 / RATE))
+
+
+def split(flights: Sequence) -> tuple[list, list]:
+    """Those to learn from, and every third, left out."""
+    held = list(flights[::THIRDS])
+    return [flight for k, flight in enumerate(flights) if k % THIRDS], held
+
+
+def identified(folder: Path, place: Path) -> Identified:
+    """The public command on the flights of `folder`; files are made in `place`."""
+    model = place / "free.safetensors"
+    free, load = (
+        written(as_logged(folder, file), place / Path(file).stem)
+        for file in (FREE_FLIGHTS, CABLE_FLIGHTS)
     )
-    told("the load's swing", 0.0)
-    length = on_cable.parameter("slung_load", "cable")[0]
-    judged = [judged_on(loop, finer) for loop in loops]
-    return Flown(
-        put_aside=(*free_aside, *cable_aside),
-        order=check_motor_order(joined(free), airframe),
-        plain=plain_check(finer, only=0 if quick else None),
-        plain_of_all=plain_check(all_finer, only=0 if quick else None),
-        command=command_check(finer),
-        mass_ratio=cable[0].mass / free[0].mass,
-        lift_ratio=hover_lift(cable) / hover_lift(free),
-        loops=tuple(loops),
-        curve=joined_errors([j[0] for j in judged]),
-        after=joined_errors([j[1] for j in judged]),
-        after_felt=joined_errors([j[2] for j in judged]),
-        on_cable=on_cable,
-        swing=check_swing(
-            cable,
-            length if np.isfinite(length) else 1.0,
-            loops[0].model.airframe.thrust_coefficient,
-        ),
+
+    def answer(logs: Sequence[Path], *options: str | Path) -> Answer:
+        fit, held = split(logs)
+        return identify(fit, "--held-out", *held, *options, into=place)
+
+    return Identified(
+        free=answer(free, "--airframe", AIRFRAME, "--out", model),
+        load=answer(load, "--model", model),
+        load_alone=answer(load, "--airframe", AIRFRAME),
     )
 
 
-def _details(flown: Flown) -> dict[str, Any]:
-    def told(loop: Loop) -> dict[str, Any]:
-        return {
-            "held_out": list(loop.held_out),
-            "thrust_after_ci95": list(loop.after.interval()),
-            "thrust_curve_ci95": list(loop.curve.interval()),
-            "identify": loop.found.to_json(model_in=AIRFRAME),
-        }
+def written(flights: Sequence[MeasuredFlight], place: Path) -> list[Path]:
+    """The flights as CSV files in `place`, in their order."""
+    place.mkdir()
+    paths = [place / f"{flight.track.name}.csv" for flight in flights]
+    for flight, path in zip(flights, paths, strict=True):
+        write_csv(flight.track, path)
+    return paths
 
-    return {
-        "motor_order": flown.order.verdict,
-        "loops": [told(loop) for loop in flown.loops],
-        "cable_loop": told(flown.on_cable),
-    }
+
+def _identified_numbers(folder: Path, answers: Identified) -> list[Number]:
+    numbers: list[Number] = []
+    for name, file, answer in (
+        ("free", FREE_FLIGHTS, answers.free),
+        ("load", CABLE_FLIGHTS, answers.load),
+        ("load_alone", CABLE_FLIGHTS, answers.load_alone),
+    ):
+        quoted = REGRESSION.get(name)
+        numbers.append(Number(f"{name}_before", answer.error("before"), "rpm"))
+        after = answer.error("after")
+        numbers.append(Number(f"{name}_after", after, "rpm", quoted, "at most" if quoted else ""))
+        if quoted:
+            own = regression_rmse_rpm(*split(as_logged(folder, file)))
+            numbers.append(Number(f"{name}_regression", own, "rpm"))
+        if file == CABLE_FLIGHTS:
+            mass = GRAMS * answer.value("extra_mass", "mass")
+            numbers.append(Number(f"{name}_extra_mass", mass, "g", label=f"{name}: {PAYLOAD}"))
+    seconds = sum(a.run.seconds for a in (answers.free, answers.load, answers.load_alone))
+    return [*numbers, Number("seconds", seconds, "s")]
+
+
+def _plain_numbers(folder: Path, load: Sequence[MeasuredFlight]) -> list[Number]:
+    """Checks of the data that need no search."""
+    free = sound(read_flights(folder, FREE_FLIGHTS))
+    finer = sound(read_flights(folder, FREE_FLIGHTS, mean_over=PLAIN_MEAN))
+    plain, command = plain_check(finer), command_check(finer)
+    distance = float(np.nanmedian([np.nanmedian(_length(flight)) for flight in load]))
+    swing = check_swing(load, distance, load_airframe(AIRFRAME).thrust_coefficient)
+    share = "% of weight"
+    ratio = hover_lift(load) / hover_lift(free)
+    return [
+        Number("plain_before", plain.before, share, 1.65, "like"),
+        Number("plain_after", plain.after, share, 1.17, "at most"),
+        Number("plain_before_fast", plain.before_fast, share, 3.43),
+        Number("plain_after_fast", plain.after_fast, share, 1.82, "at most"),
+        Number("voltage_correlation", plain.voltage_correlation, "1", 0.04),
+        Number("speed_by_command", command.command, "rpm", 253.0),
+        Number("speed_by_command_and_voltage", command.voltage, "rpm", 134.0, "at most"),
+        Number("speed_by_command_voltage_and_delay", command.delayed, "rpm", 134.0, "at most"),
+        Number("motor_delay", command.delay, "s"),
+        Number("hover_lift_ratio", ratio, "1", 1.171, "like"),
+        Number("mass_ratio", load[0].mass / free[0].mass, "1", 1.2, "like"),
+        Number("load_distance", distance, "m"),
+        Number("slung_mass_by_regression", GRAMS * swing.mass, "g", 4.7),
+        Number("slung_mass_by_regression_on_capture", GRAMS * swing.mass_by_capture, "g", 4.7),
+        Number("swing_apart", swing.apart, "deg"),
+        Number("swing_apart_if_hanging", swing.apart_if_hanging, "deg"),
+        Number("swing_largest", swing.swing_largest, "deg"),
+    ]
+
+
+def _length(flight: MeasuredFlight) -> np.ndarray:
+    return np.linalg.norm(flight.load_ned, axis=1)
+
+
+def _said(answer: Answer) -> str:
+    if not answer.result:
+        return "traceback" if answer.run.traceback else answer.run.refusal
+    return ", ".join(answer.effects) or "nothing named"

@@ -9,8 +9,6 @@ from typing import Any
 
 from tests.measured import (
     aerostack2,
-    crazyflie,
-    crazyflie_commands,
     crazyflie_find,
     crazypad,
     damaged_rotors,
@@ -22,16 +20,14 @@ from tests.measured import (
 from tests.measured.findings import Finding, Progress
 from thrustmargin.models.errors import DataError, ThrustMarginError
 
-#: by name: short checks, then the public commands on real flights
+#: by the name of its folder: short checks, then the public commands on real flights
 CHECKS: dict[str, Callable[[Path], Finding]] = {
     **{c.FOLDER: c.find for c in (vendor_bench, uiuc, aerostack2, strawson, crazypad, px4_log)},
     damaged_rotors.SESSIONS: damaged_rotors.find_sessions,
     damaged_rotors.LOGS: damaged_rotors.find_logs,
-    crazyflie_commands.NAME: crazyflie_commands.find,
+    crazyflie_find.FOLDER: crazyflie_find.find,
 }
-#: where the data are, when not in the folder of the check's name
-FOLDERS = {crazyflie_commands.NAME: crazyflie.FOLDER}
-NAMES = (crazyflie.FOLDER, *CHECKS)
+NAMES = tuple(CHECKS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,8 +56,6 @@ def study(
     folder: Path,
     *,
     only: Sequence[str] = (),
-    surrogates: int = 99,
-    quick: bool = False,
     progress: Progress | None = None,
 ) -> Study:
     """Look at every data set of `folder`, or at those named in `only`.
@@ -77,25 +71,16 @@ def study(
     findings: list[Finding] = []
     missing: list[Missing] = []
     for name in [n for n in NAMES if not only or n in only]:
-        place = folder / FOLDERS.get(name, name)
-        if not place.is_dir():
-            missing.append(Missing(name=name, why=f"no folder {place.name} in {folder}"))
+        if not (folder / name).is_dir():
+            missing.append(Missing(name=name, why=f"no folder {name} in {folder}"))
             continue
+        if progress:
+            progress(name, NAMES.index(name) / len(NAMES))
         try:
-            findings.append(_find(name, place, surrogates, quick, progress))
+            findings.append(CHECKS[name](folder / name))
         except ThrustMarginError as error:
             missing.append(Missing(name=name, why=str(error)))
     if not findings:
         why = "; ".join(m.why for m in missing)
         raise DataError(f"none of the data sets can be used: {why}")
     return Study(findings=tuple(findings), missing=tuple(missing))
-
-
-def _find(
-    name: str, folder: Path, surrogates: int, quick: bool, progress: Progress | None
-) -> Finding:
-    if name == crazyflie.FOLDER:
-        return crazyflie_find.find(folder, surrogates=surrogates, quick=quick, progress=progress)
-    if progress:
-        progress(name, 0.0)
-    return CHECKS[name](folder)

@@ -189,8 +189,8 @@ def test_a_data_set_that_is_not_there_is_named_once(folder: Path, capsys):
     ("arguments", "said"),
     [
         (["nowhere"], "no folder nowhere; give the folder that holds the data sets"),
-        ([".", "--only", "uiuc"], "no data set 'uiuc'; there are imrc_crazyflie_rpm, vendor"),
-        (["."], "none of the data sets can be used: no folder imrc_crazyflie_rpm in ."),
+        ([".", "--only", "uiuc"], "no data set 'uiuc'; there are vendor_bench"),
+        (["."], "none of the data sets can be used: no folder vendor_bench_tmotor_kde in ."),
     ],
 )
 def test_what_cannot_be_done_is_one_line_and_exit_code_1(

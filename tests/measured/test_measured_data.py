@@ -1,12 +1,7 @@
 """The measured data themselves, where THRUSTMARGIN_MEASURED names their folder: what is quoted of
-them is reached, and the loop names what real flights hold.
-
-The flights are of a 37 g quad. To be quick, one third of the flights is left out instead of each in
-turn, a third of those with a cable is used, and 49 surrogates stand for chance; `make measured`
-does it all.
+them is reached, and `identify` names what real flights hold.
 """
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,29 +15,27 @@ from tests.measured.crazyflie import (
     MeasuredFlight,
     read_flights,
 )
-from tests.measured.crazyflie_find import AIRFRAME, PLAIN_MEAN
-from tests.measured.crazyflie_loop import (
-    Loop,
-    close_loop,
-    hover_airframe,
-    joined,
-    judged_on,
-    usable,
+from tests.measured.crazyflie_find import (
+    AIRFRAME,
+    PLAIN_MEAN,
+    Identified,
+    as_logged,
+    identified,
+    sound,
+    split,
 )
+from tests.measured.speed_regression import regression_rmse_rpm
 from tests.measured.swing_check import check_swing
 from tests.measured.thrust_check import command_check, hover_lift, plain_check
-from thrustmargin.models.checks.motor_order import check_motor_order
-from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
 pytestmark = [pytest.mark.measured, pytest.mark.slow]
 
-SURROGATES = 49
 QUAD = load_airframe(AIRFRAME)
 
 
 def flights_of(folder: Path, file: str, **given) -> list[MeasuredFlight]:
-    return usable(read_flights(folder / FOLDER, file, **given), QUAD)[0]
+    return sound(read_flights(folder / FOLDER, file, **given))
 
 
 @pytest.fixture(scope="module")
@@ -61,18 +54,8 @@ def finer(measured_folder: Path) -> list[MeasuredFlight]:
 
 
 @pytest.fixture(scope="module")
-def loop(free) -> Loop:
-    model = physics_model(hover_airframe(QUAD, free))
-    return close_loop(model, free, surrogates=SURROGATES)
-
-
-@pytest.fixture(scope="module")
-def on_cable(loop: Loop, cable) -> Loop:
-    return close_loop(loop.model, cable[::3], surrogates=SURROGATES)
-
-
-def found(loop: Loop) -> Sequence[str]:
-    return [one.term.effect.name for one in loop.found.found]
+def answers(measured_folder: Path, tmp_path_factory) -> Identified:
+    return identified(measured_folder / FOLDER, tmp_path_factory.mktemp("identified"))
 
 
 def test_flights_are_read_and_the_faulty_ones_put_aside_by_name(measured_folder: Path):
@@ -83,10 +66,6 @@ def test_flights_are_read_and_the_faulty_ones_put_aside_by_name(measured_folder:
     assert {f.track.name for f in loaded if f.faults} == {f"eckart{k}" for k in range(51, 55)}
     assert flights[0].mass == pytest.approx(0.037)
     assert loaded[0].mass == pytest.approx(0.0444)
-
-
-def test_rotor_speed_channels_are_those_of_the_airframe_file(free):
-    assert check_motor_order(joined(free), QUAD).verdict == "agrees"
 
 
 def test_a_plain_regression_reaches_what_is_quoted(finer):
@@ -110,29 +89,26 @@ def test_a_hover_with_the_load_asks_less_of_the_rotors_than_its_mass_says(free, 
     assert hover_lift(cable) / hover_lift(free) == pytest.approx(1.171, abs=0.005)
 
 
-def test_the_loop_names_inflow_and_translational_lift_from_the_curve_alone(loop: Loop):
-    assert {"climb_inflow", "translational_lift"} <= set(found(loop))
-    assert loop.parameter("climb_inflow", "slope")[1] > 0.0
-    assert loop.parameter("translational_lift", "gain")[1] > 0.0
-    absent = {"rotor_degradation", "extra_mass", "slung_load", "thrust_drift", "battery_voltage"}
-    assert not absent & set(found(loop))
+def test_identify_names_inflow_and_translational_lift_from_the_curve_alone(answers: Identified):
+    said = answers.free
+    assert {"climb_inflow", "translational_lift"} <= set(said.effects), said.run.errors
+    assert said.value("climb_inflow", "slope") > 0.0
+    assert said.value("translational_lift", "gain") > 0.0
+    assert not said.named
+    absent = {"extra_mass", "slung_load", "thrust_drift", "battery_voltage"}
+    assert not absent & set(said.effects)
 
 
-def test_on_flights_left_out_the_loop_is_at_least_as_good_as_what_is_quoted(loop: Loop, finer):
-    assert loop.found.after.rmse_rpm < 0.3 * loop.found.before.rmse_rpm
-    _, after, _ = judged_on(loop, finer)
-    assert after.all <= 1.17
-    assert after.in_fast <= 1.82
+def test_with_the_load_identify_finds_its_mass(answers: Identified):
+    for said in (answers.load, answers.load_alone):
+        assert 6.0 < 1e3 * said.value("extra_mass", "mass") < 8.0
+        assert not said.named
+        assert said.error("after") < 0.5 * said.error("before")
 
 
-def test_on_cable_flights_the_loop_names_the_mass_and_that_it_swings(on_cable: Loop):
-    assert {"extra_mass", "slung_load"} <= set(found(on_cable))
-    assert 1e3 * on_cable.parameter("extra_mass", "mass")[0] == pytest.approx(7.4, rel=0.15)
-    mass, low, _ = on_cable.parameter("slung_load", "mass")
-    assert low > 0.0
-    assert 1e3 * mass == pytest.approx(4.7, rel=0.3)
-    assert on_cable.parameter("slung_load", "cable")[0] == pytest.approx(0.52, rel=0.15)
-    assert on_cable.after.all < 0.5 * on_cable.curve.all
+def test_a_regression_of_rotor_speed_on_the_same_rows(measured_folder: Path):
+    fit, held = split(as_logged(measured_folder / FOLDER, FREE_FLIGHTS))
+    assert regression_rmse_rpm(fit, held) < 200.0
 
 
 def test_the_swing_worked_out_from_the_aircraft_is_the_loads(cable):
@@ -159,12 +135,12 @@ def test_thrust_falls_nearly_in_a_line_with_inflow_on_200_propellers(measured_fo
     assert finding.number("slope_for_f16_pitch") > finding.number("slope_for_55_35") > 0.0
 
 
-def test_the_slope_in_flight_is_that_of_the_wind_tunnel_for_this_pitch(loop: Loop, measured_folder):
+def test_the_slope_in_flight_is_that_of_the_wind_tunnel_for_this_pitch(answers, measured_folder):
     fits = map(uiuc.fit_inflow, uiuc.read_propellers(measured_folder / uiuc.FOLDER))
     told = [f for f in fits if f is not None and f.slope > 0.0]
     _, low, high, count = uiuc.slope_near(told, uiuc.PITCHES[uiuc.SMALL])
     assert count > 20
-    assert low < loop.parameter("climb_inflow", "slope")[0] < high
+    assert low < answers.free.value("climb_inflow", "slope") < high
 
 
 def test_wrong_bench_runs_pull_a_robust_fit_less_than_a_plain_one(measured_folder: Path):

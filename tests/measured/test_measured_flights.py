@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from tests.measured.crazyflie import FREE_FLIGHTS, MeasuredFlight, read_flights
-from tests.measured.crazyflie_errors import ThrustLeft, fast_part, joined_errors
-from tests.measured.crazyflie_loop import hover_airframe, joined, usable
+from tests.measured.crazyflie_find import sound, split, written
 from tests.measured.measured_files import flight_columns, write_flights
+from tests.measured.speed_regression import regression_rmse_rpm
 from tests.measured.swing_check import check_swing
 from tests.measured.test_measured_commands import run
 from tests.measured.thrust_check import command_check, plain_check
 from tests.models.effects.test_slung_load import flown_with_load
+from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.effects.slung_load import swing
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.physics.airframe import load_airframe
@@ -83,9 +84,7 @@ def test_a_rotor_that_reports_half_its_speed_is_put_aside_by_name(tmp_path: Path
     assert flights[1].faults[0].startswith("rotor 3 reports 0.5")
     assert flights[1].faults[0].endswith("of the rotors' usual speed: a wrong sensor, put aside")
     assert np.isnan(flights[1].track.rotor_speed_rpm[:, 2]).all()
-    kept, aside = usable(flights, SMALL)
-    assert [f.track.name for f in kept] == ["good"]
-    assert aside == ("bad: " + flights[1].faults[0],)
+    assert [f.track.name for f in sound(flights)] == ["good"]
 
 
 def test_a_velocity_that_is_not_the_change_of_position_puts_the_flight_aside(tmp_path: Path):
@@ -93,15 +92,6 @@ def test_a_velocity_that_is_not_the_change_of_position_puts_the_flight_aside(tmp
     assert flights[0].faults == ()
     assert len(flights[1].faults) == 1
     assert "off the change of position" in flights[1].faults[0]
-
-
-def test_a_flight_too_short_to_fit_is_put_aside_with_the_reason(tmp_path: Path):
-    flights = read_back(tmp_path, [flight_columns("short", seconds=1.5)])
-    kept, aside = usable(flights, SMALL)
-    assert kept == []
-    assert len(aside) == 1
-    assert aside[0].startswith("short: ")
-    assert "rows in flight" in aside[0]
 
 
 def test_the_curve_alone_leaves_inflow_and_a_regression_on_it_takes_it_away(inflow_flights):
@@ -123,41 +113,28 @@ def test_the_delay_of_the_motors_and_the_voltage_are_found_in_rotor_speed(inflow
     assert check.delayed < 0.2 * check.voltage < check.command
 
 
-def test_the_hover_coefficient_never_sees_the_third_that_is_left_out(tmp_path: Path):
-    flights = [flight_columns(f"f{k}", seed=k) for k in range(6)]
-    for k in (1, 4):
-        flights[k] = flight_columns(f"f{k}", seed=k, coefficient=5e-10)
-    read = read_back(tmp_path, flights)
-    assert hover_airframe(SMALL, read, third=1).thrust_coefficient == pytest.approx(4e-10, rel=5e-3)
-    assert hover_airframe(SMALL, read, third=0).thrust_coefficient > 4.2e-10
+def test_a_regression_of_rotor_speed_takes_inflow_away_on_flights_that_it_has_not_seen(
+    inflow_flights,
+):
+    fit, held = split(inflow_flights)
+    assert [f.track.name for f in held] == ["made0", "made3"]
+    scatter = np.concatenate([np.ravel(f.track.rotor_speed_rpm) for f in held]).std()
+    assert regression_rmse_rpm(fit, held) < 0.1 * scatter
 
 
-def test_joined_flights_keep_their_rows_and_do_not_overlap(inflow_flights):
-    track = joined(inflow_flights[:2])
-    assert track.time_s.size == sum(f.track.time_s.size for f in inflow_flights[:2])
-    assert np.all(np.diff(track.time_s) > 0.0)
+def test_a_regression_on_flights_on_the_ground_says_so(tmp_path: Path):
+    short = read_back(tmp_path, [flight_columns("short", seconds=0.5)])
+    with pytest.raises(DataError, match="no row in flight"):
+        regression_rmse_rpm(short, short)
 
 
-def left(error: list[float], flight: list[int]) -> ThrustLeft:
-    errors = np.array(error)
-    return ThrustLeft(error=errors, fast=np.abs(errors) > 1.5, flight=np.array(flight))
-
-
-def test_joined_errors_weigh_rows_and_keep_flights_of_groups_apart():
-    both = joined_errors([left([1.0, 1.0], [0, 1]), left([3.0, 3.0], [0, 0])])
-    assert both.all == pytest.approx(np.sqrt(5.0))
-    assert both.flight.tolist() == [0, 1, 2, 2]
-    assert fast_part(both).all == pytest.approx(3.0)
-    assert both.in_fast == pytest.approx(3.0)
-
-
-def test_the_interval_of_an_error_comes_from_flights_and_not_from_rows():
-    few = left([1.0, 2.0, 3.0], [0, 1, 2])
-    many = left([1.0, 2.0, 3.0] * 100, [0, 1, 2] * 100)
-    assert many.interval() == pytest.approx(few.interval())
-    low, high = few.interval()
-    assert low < few.all < high
-    assert all(np.isnan(few_end) for few_end in left([], []).interval())
+def test_flights_reach_the_command_as_csv_that_reads_back(inflow_flights, tmp_path: Path):
+    paths = written(inflow_flights[:2], tmp_path / "csv")
+    assert [p.name for p in paths] == ["made0.csv", "made1.csv"]
+    back = read_log(paths[1]).track
+    track = inflow_flights[1].track
+    np.testing.assert_array_equal(back.rotor_speed_rpm, track.rotor_speed_rpm)
+    np.testing.assert_array_equal(back.specific_force_frd, track.specific_force_frd)
 
 
 def test_the_mass_of_a_swinging_load_follows_from_its_direction_and_from_the_worked_out_swing():
