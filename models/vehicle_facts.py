@@ -47,9 +47,11 @@ class VehicleFacts:
     @property
     def words(self) -> str:
         """Kind and number of rotors with their evidence, for people."""
-        kind = f"{self.kind} by {self.evidence}" if self.evidence else "kind of vehicle: not told"
+        kind = (
+            f"{self.kind} by {self.evidence}" if self.evidence else "kind of vehicle: not reported"
+        )
         if not self.has_lifting_rotors:
             return kind
         if not self.rotor_count:
-            return f"{kind}; rotors: not told"
+            return f"{kind}; rotors: not reported"
         return f"{kind}; {self.rotor_count} rotors by {self.rotor_evidence}"

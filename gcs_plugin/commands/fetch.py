@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional
 
+from thrustmargin.gcs_plugin.commands.options import Output, check_outputs
+from thrustmargin.gcs_plugin.commands.terminal import Terminal, transfer_bar
 from thrustmargin.models.errors import LinkError
 
 if TYPE_CHECKING:
@@ -80,7 +82,6 @@ def fetch(
 
 
 def _fetch_mission(order: FetchMission) -> None:
-    from thrustmargin.gcs_plugin.commands.terminal import transfer_bar
     from thrustmargin.gcs_plugin.vehicle.mission_transfer import download_mission
     from thrustmargin.mission.plan import write_plan
 
@@ -98,7 +99,6 @@ def _fetch_mission(order: FetchMission) -> None:
 
 
 def _fetch_log(order: FetchLog) -> None:
-    from thrustmargin.gcs_plugin.commands.terminal import transfer_bar
     from thrustmargin.gcs_plugin.vehicle.log_download import VehicleLogs
 
     if (order.id is not None) + order.latest + order.list > 1:
@@ -122,8 +122,6 @@ def _fetch_log(order: FetchLog) -> None:
 
 
 def _check_output(order: FetchMission | FetchLog, path: Path | None) -> None:
-    from thrustmargin.gcs_plugin.commands.options import Output, check_outputs
-
     keep = isinstance(order, FetchLog) and not order.force
     check_outputs([Output("--output", path, keep=keep)], inputs=[order.signing_key_file])
 
@@ -150,6 +148,4 @@ def _print_logs(entries: tuple[LogEntry, ...]) -> None:
 
 
 def _say(line: str, *, stderr: bool = False) -> None:
-    from thrustmargin.gcs_plugin.commands.terminal import Terminal
-
     Terminal(stderr=stderr, soft_wrap=True).print(line)

@@ -6,6 +6,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import track
+
 from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, ReadingOptions, reading_keywords
 from thrustmargin.models.errors import AirframeError, DataError, LogError, ThrustMarginError
 from thrustmargin.models.model.model_file import load_model, shipped_model
@@ -13,8 +17,6 @@ from thrustmargin.models.model.rotor_model import RotorModel, physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
 if TYPE_CHECKING:
-    from rich.console import Console
-
     from thrustmargin.gcs_plugin.logs import FlightLog
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.models.model.airframe_claim import AirframeClaim
@@ -80,9 +82,6 @@ def read_logs(
 
     A log that cannot for an error of the kind `skipped` is added to `unused`.
     """
-    from rich.markup import escape
-    from rich.progress import track
-
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 
     described = "reading" if len(logs) != 1 else f"reading {escape(logs[0].name)}"

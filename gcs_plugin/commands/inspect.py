@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import json as json_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
 from tyro.conf import Positional
 
+from thrustmargin.gcs_plugin.commands.options import Output, check_outputs, require_logs
 from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading, ReadingOptions
+from thrustmargin.gcs_plugin.commands.terminal import Terminal
 from thrustmargin.models.errors import LogError, ThrustMarginError
 from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
-
     from thrustmargin.gcs_plugin.logs import FlightLog
     from thrustmargin.gcs_plugin.logs.inspection import Inspection
 
@@ -45,12 +50,6 @@ def inspect(
         reading: How the logs are read.
         json: Write the same as JSON to this file.
     """
-    import json as json_module
-
-    from rich.markup import escape
-
-    from thrustmargin.gcs_plugin.commands.options import Output, check_outputs, require_logs
-    from thrustmargin.gcs_plugin.commands.terminal import Terminal
     from thrustmargin.gcs_plugin.logs.inspection import as_json
 
     console, errors = Terminal(), Terminal(stderr=True)
@@ -94,9 +93,6 @@ def _inspect(path: Path, airframe: str | None, reading: ReadingOptions) -> Inspe
 
 
 def _print(console: Console, inspection: Inspection) -> None:
-    from rich.table import Table
-    from rich.text import Text
-
     from thrustmargin.gcs_plugin.logs.inspection import flying_seconds
 
     log, track = inspection.log, inspection.log.track
@@ -129,10 +125,6 @@ def _print(console: Console, inspection: Inspection) -> None:
 
 def _channels(log: FlightLog, *, wide: bool) -> Table:
     """The channels in numbers; with their sources where the terminal is wide enough."""
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-    from rich.text import Text
-
     table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     table.add_column("channel", no_wrap=True)
     if wide:
@@ -152,9 +144,6 @@ def _channels(log: FlightLog, *, wide: bool) -> Table:
 
 
 def _sources(log: FlightLog) -> Table:
-    from rich.table import Table
-    from rich.text import Text
-
     table = Table(show_header=False, box=None, pad_edge=False)
     for c in log.channels:
         table.add_row(c.name, Text(c.source), style="" if c.samples else "dim")

@@ -5,12 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rich import box
+from rich.table import Table
+from rich.text import Text
+
+from thrustmargin.gcs_plugin.commands.options import Output, check_outputs
+from thrustmargin.gcs_plugin.commands.terminal import Terminal
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.physics.atmosphere import G0
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from thrustmargin.models.model.network_points import NetworkPoints
     from thrustmargin.models.physics.matching import Matching
 
@@ -37,8 +41,6 @@ def match(
         model: Rotor speed model whose predictions are drawn as points; else the shipped one.
         out: Figure to write, .svg or .png; without an ending both are written.
     """
-    from thrustmargin.gcs_plugin.commands.options import Output, check_outputs
-    from thrustmargin.gcs_plugin.commands.terminal import Terminal
     from thrustmargin.gcs_plugin.reports.model.figure10 import figure10, figure_paths, write_figure
     from thrustmargin.models.model.model_file import load_model
     from thrustmargin.models.physics.airframe import load_airframe
@@ -70,9 +72,6 @@ def match(
 
 def load_table(matching: Matching) -> Table:
     """The load matching as a table: a row a quantity, full and empty tank side by side."""
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
 
     # A title given as a string would be read as markup, and it comes from a file.
     title = Text(f"Load matching of {matching.airframe.title}")

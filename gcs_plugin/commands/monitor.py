@@ -8,9 +8,12 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rich.live import Live
 from tyro.conf import Positional, UseAppendAction
 
+from thrustmargin.gcs_plugin.commands.options import check_utilisation
 from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading, reading_keywords
+from thrustmargin.gcs_plugin.commands.terminal import Terminal
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.monitor import LiveMonitor
@@ -74,8 +77,6 @@ def monitor(
         seconds: End by itself after so long.
     """
     from thrustmargin.gcs_plugin.commands.inputs import chosen_model
-    from thrustmargin.gcs_plugin.commands.options import check_utilisation
-    from thrustmargin.gcs_plugin.commands.terminal import Terminal
     from thrustmargin.gcs_plugin.live.alarm import AlarmSettings
     from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorSettings
     from thrustmargin.gcs_plugin.live.vehicle_monitor import WatchSettings
@@ -174,9 +175,6 @@ def _page(live: LiveMonitor, airframe: Airframe, host: str, port: int) -> LiveVi
 
 
 def _show(live: LiveMonitor, until: float) -> None:
-    from rich.live import Live
-
-    from thrustmargin.gcs_plugin.commands.terminal import Terminal
     from thrustmargin.gcs_plugin.live.console import Screen
 
     console = Terminal()
@@ -193,7 +191,6 @@ def _show(live: LiveMonitor, until: float) -> None:
 
 def _summary(live: LiveMonitor) -> None:
     """What has been heard, on one line a vehicle; also when nobody watches the table."""
-    from thrustmargin.gcs_plugin.commands.terminal import Terminal
     from thrustmargin.gcs_plugin.live.console import status_lines
 
     out = Terminal(stderr=True)

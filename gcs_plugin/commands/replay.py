@@ -5,9 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rich.markup import escape
 from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading, ReadingOptions
+from thrustmargin.gcs_plugin.commands.terminal import Terminal
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.view.replay import ReplayView
@@ -74,10 +76,7 @@ def replay_view(
     A model that was not `given` is taken only for a flight that is recognised as one of its
     airframe. `options` are those of ReplayView.
     """
-    from rich.markup import escape
-
     from thrustmargin.gcs_plugin.commands.inputs import read_flight
-    from thrustmargin.gcs_plugin.commands.terminal import Terminal
     from thrustmargin.gcs_plugin.view.overlays import before_and_after
     from thrustmargin.gcs_plugin.view.replay import ReplayView
     from thrustmargin.models.model.analysis import analyse

@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional
 
+from thrustmargin.gcs_plugin.commands.options import (
+    Output,
+    check_outputs,
+    check_utilisation,
+    require_logs,
+)
 from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading
+from thrustmargin.gcs_plugin.commands.terminal import Terminal
 from thrustmargin.models.errors import DataError, ThrustMarginError
 
 if TYPE_CHECKING:
@@ -42,13 +49,6 @@ def report(
         max_utilisation: Largest share of a rotor's maximum thrust that may be in use.
     """
     from thrustmargin.gcs_plugin.commands.inputs import chosen_model, listed, read_logs
-    from thrustmargin.gcs_plugin.commands.options import (
-        Output,
-        check_outputs,
-        check_utilisation,
-        require_logs,
-    )
-    from thrustmargin.gcs_plugin.commands.terminal import Terminal
     from thrustmargin.gcs_plugin.reports.margin import build_report
     from thrustmargin.gcs_plugin.reports.margin.render import write_report
     from thrustmargin.models.model.analysis import analyse

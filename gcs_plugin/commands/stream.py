@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
+from rich.progress import Progress, TextColumn, TimeElapsedColumn
 from tyro.conf import Positional
 
+from thrustmargin.gcs_plugin.commands.terminal import Terminal
 from thrustmargin.models.errors import LinkError, LogError
 
 
@@ -32,9 +34,6 @@ def stream(
         speed: How many times as fast as it was recorded.
         loop: Start again at the end, until stopped with Ctrl-C.
     """
-    from rich.progress import Progress, TextColumn, TimeElapsedColumn
-
-    from thrustmargin.gcs_plugin.commands.terminal import Terminal
     from thrustmargin.gcs_plugin.link.open_transport import open_transport
     from thrustmargin.gcs_plugin.link.playback import Played, play
     from thrustmargin.gcs_plugin.link.transport import parse_url
@@ -44,7 +43,7 @@ def stream(
         raise LinkError(f"--speed {speed:g} is no speed; give a number above 0")
     if not log.is_file():
         raise LogError(f"no file {log}; check the name")
-    found = formats(log)[0]
+    found = formats(log)[0].name
     if found != "tlog":
         raise LogError(
             f"{log.name} is a {found} log, which has no frames to send; stream plays telemetry "

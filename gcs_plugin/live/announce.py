@@ -23,7 +23,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.link.sender import Sender
 from thrustmargin.gcs_plugin.live.alarm import NOTICE, WARNING, AlarmEvent
-from thrustmargin.gcs_plugin.live.fleet import Fleet
+from thrustmargin.gcs_plugin.live.fleet import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.vehicle_monitor import Update
 
 TEXT_EVERY, FIGURES_EVERY, REMIND_EVERY = 1.0, 1.0, 30.0  # s
@@ -40,16 +40,13 @@ class _Vehicle:
     reminded: dict[tuple[str, int | None], float] = field(default_factory=dict)
 
 
-class Announcer:
+class Announcer(Subscriber):
     """A subscriber of the monitor that reports to ground stations what it finds out."""
 
     def __init__(self, sender: Sender) -> None:
         self._sender = sender
         self._vehicles: dict[int, _Vehicle] = {}
         self.dropped = 0  # texts for which there was no room
-
-    def on_update(self, update: Update) -> None:
-        """Nothing: figures go out at their own pace."""
 
     def on_event(self, vehicle: int, event: AlarmEvent) -> None:
         state = self._vehicles.setdefault(vehicle, _Vehicle())

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thrustmargin.gcs_plugin.live.alarm import CRITICAL, NOTICE, WARNING, Alarm, AlarmEvent
-from thrustmargin.gcs_plugin.live.fleet import Fleet
+from thrustmargin.gcs_plugin.live.fleet import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorStatus
 from thrustmargin.gcs_plugin.live.vehicle_monitor import Update, VehicleMonitor
 from thrustmargin.gcs_plugin.wording.numbers import NOT_RECORDING
@@ -227,7 +227,7 @@ def seconds(time_s: float) -> str:
     return f"{time_s:.1f} s"
 
 
-class EventPrinter:
+class EventPrinter(Subscriber):
     """A subscriber that prints what happens, a line each: for output into a file or a log."""
 
     def __init__(self, monitor: LiveMonitor, say: Callable[[str], None]) -> None:
@@ -237,9 +237,6 @@ class EventPrinter:
         self._problems: dict[int, str] = {}
         self._claims: dict[int, AirframeClaim] = {}
         self._trouble = ""
-
-    def on_update(self, update: Update) -> None:
-        """Nothing: numbers are for the table."""
 
     def on_event(self, vehicle: int, event: AlarmEvent) -> None:
         self._say(f"vehicle {vehicle}: {'' if event.raised else 'over: '}{event.alarm.text}")

@@ -77,6 +77,19 @@ class Fleet:
                 watch.overhear(frame)
 
 
+class Subscriber:
+    """Gets what the monitor finds out, on its compute thread; without more it does nothing."""
+
+    def on_update(self, update: Update) -> None:
+        """New rows of one vehicle."""
+
+    def on_event(self, vehicle: int, event: AlarmEvent) -> None:
+        """An alarm was raised or cleared."""
+
+    def on_round(self, fleet: Fleet, now_us: int) -> None:
+        """After each round, whether or not there was anything new."""
+
+
 def _is_station(frame: Frame) -> bool:
     columns = fields(frame)
     return (

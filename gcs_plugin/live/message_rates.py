@@ -11,9 +11,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from thrustmargin.gcs_plugin.link.sender import Sender
-from thrustmargin.gcs_plugin.live.alarm import AlarmEvent
-from thrustmargin.gcs_plugin.live.fleet import Fleet
-from thrustmargin.gcs_plugin.live.vehicle_monitor import Update, VehicleMonitor
+from thrustmargin.gcs_plugin.live.fleet import Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.live.vehicle_state import ARDUPILOT
 
 SET_MESSAGE_INTERVAL = 511
@@ -59,19 +58,13 @@ class _Asked:
     last_s: float = 0.0
 
 
-class RateRequester:
+class RateRequester(Subscriber):
     """A subscriber of the monitor that asks vehicles for what is missing."""
 
     def __init__(self, sender: Sender, rotor_count: int) -> None:
         self._sender = sender
         self._rotors = rotor_count
         self._asked: dict[int, _Asked] = {}
-
-    def on_update(self, update: Update) -> None:
-        """Nothing."""
-
-    def on_event(self, vehicle: int, event: AlarmEvent) -> None:
-        """Nothing."""
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:
         now_s = now_us * 1e-6

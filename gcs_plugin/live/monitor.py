@@ -1,6 +1,6 @@
 """The live monitor: links, recorder and fleet put together, each on its own thread.
 
-    link threads     receive, stamp, forward, cut into frames; hand them to recorder and mailbox
+    link threads     receive, stamp, forward, cut into frames; hand them to recorder and queue
     recorder thread  writes
     compute thread   frames -> state -> samples -> analysis -> alarms -> subscribers
 Subscribers are called on the compute thread with every Update (new rows of one vehicle) and every
@@ -15,12 +15,12 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol, Self
+from typing import Self
 
 from thrustmargin.gcs_plugin.link.bounded_queue import BoundedQueue
 from thrustmargin.gcs_plugin.link.listener import Listener
 from thrustmargin.gcs_plugin.live.alarm import AlarmEvent
-from thrustmargin.gcs_plugin.live.fleet import Fleet
+from thrustmargin.gcs_plugin.live.fleet import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.recorded_table import sample_batch
 from thrustmargin.gcs_plugin.live.recorder import Recorder, RecorderStatus
 from thrustmargin.gcs_plugin.live.vehicle_monitor import GONE, Update, WatchSettings
@@ -32,22 +32,6 @@ SHORTEST, LONGEST = 0.02, 1.0
 #: Share of the time that rounds may take before they are made rarer (and larger).
 DUTY = 0.25
 QUEUE = 200_000  # frames that may wait for the compute thread
-
-
-class Subscriber(Protocol):
-    """Gets what the monitor finds out; any of the methods may do nothing."""
-
-    def on_update(self, update: Update) -> None:
-        """New rows of one vehicle."""
-        ...
-
-    def on_event(self, vehicle: int, event: AlarmEvent) -> None:
-        """An alarm was raised or cleared."""
-        ...
-
-    def on_round(self, fleet: Fleet, now_us: int) -> None:
-        """After each round, whether or not there was anything new."""
-        ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,7 +86,7 @@ class LiveMonitor:
         self.subscribers = list(subscribers)
         #: Called on the link threads with every batch of frames; must be quick.
         self.taps: list[Callable[[list[Frame]], None]] = []
-        self._mailbox: BoundedQueue[Frame] = BoundedQueue(QUEUE)
+        self._queue: BoundedQueue[Frame] = BoundedQueue(QUEUE)
         self.recorder: Recorder | None = None
         self._stop = threading.Event()
         self._round_s = 0.0
@@ -150,7 +134,7 @@ class LiveMonitor:
     def close(self) -> None:
         """Stop listening, compute what has come, and finish the files."""
         self.listener.close()
-        self._mailbox.close()
+        self._queue.close()
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join()
@@ -179,7 +163,7 @@ class LiveMonitor:
             bytes_skipped=sum(link.counts.bytes_skipped for link in links),
             refused=sum(link.refused for link in links),
             kernel_drops=sum(link.transport.kernel_drops for link in links),
-            compute_drops=self._mailbox.dropped,
+            compute_drops=self._queue.dropped,
             round_s=self._round_s,
             recorder=None if self.recorder is None else self.recorder.status(),
         )
@@ -195,22 +179,22 @@ class LiveMonitor:
 
     def _on_frames(self, frames: list[Frame]) -> None:
         # A recording waits until there is room; a radio does not.
-        while not self.live and len(self._mailbox) > QUEUE // 2 and not self._stop.is_set():
+        while not self.live and len(self._queue) > QUEUE // 2 and not self._stop.is_set():
             time.sleep(0.01)
         if self.recorder is not None:
             self.recorder.frames(frames)
         for tap in self.taps:
             tap(frames)
-        self._mailbox.put(frames)
+        self._queue.put(frames)
 
     def _run(self) -> None:
         try:
             while True:
-                frames = self._mailbox.take(0.1)
+                frames = self._queue.take(0.1)
                 began = time.monotonic()
                 self._round(frames)
                 self._round_s = time.monotonic() - began
-                if self._mailbox.finished or (self.listener.finished and not frames):
+                if self._queue.finished or (self.listener.finished and not frames):
                     for update in self.fleet.finish():
                         self._publish(update)
                     return

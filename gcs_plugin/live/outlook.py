@@ -9,7 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from thrustmargin.gcs_plugin.live.tank_balance import DeliveryMeter
 from thrustmargin.gcs_plugin.live.vehicle_state import ARDUPILOT, VehicleState
+from thrustmargin.gcs_plugin.live.vehicle_telemetry import LiveRows
 from thrustmargin.gcs_plugin.telemetry.recording import Waypoint
 from thrustmargin.mission.forecast import (
     Conditions,
@@ -20,7 +22,7 @@ from thrustmargin.mission.forecast import (
 )
 from thrustmargin.mission.plan import MissionPlan, PlanItem, plan_from_items
 from thrustmargin.models.errors import PlanError
-from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.rotor_model import RotorModel
 
@@ -43,12 +45,16 @@ class Outlook:
 
 
 class LookAhead:
-    """Forecasts for one vehicle, every two seconds of its clock; `now` is the last."""
+    """Follows one vehicle's pump and route row by row.
+
+    `now` is the last forecast, made every two seconds of its clock.
+    """
 
     def __init__(self, model: RotorModel) -> None:
         self.now = Outlook()
         self.plan: MissionPlan | None = None
         self._given_plan = False
+        self._delivery = DeliveryMeter()
         self._model = model
         self._done_s = -math.inf
         self._levels: deque[tuple[float, float]] = deque()  # (clock s, kg) at each forecast
@@ -64,30 +70,43 @@ class LookAhead:
         self._done_s = -math.inf
         self._levels.clear()
 
-    def look(
+    def rows(
+        self, analysis: FlightAnalysis, first: int, new: LiveRows, state: VehicleState
+    ) -> tuple[Floats, Floats]:
+        """Take the rows `new`, in order, which are those of the analysis from `first` on.
+
+        Returns at each (T,) kg delivered since the pump was first heard, by the delivery factor
+        that was known then, and the least predicted margin on the rest of the route, NaN without a
+        mission.
+        """
+        gauge = analysis.track.measured("tank_kg")
+        delivered, ahead = np.full((2, new.clock_s.size), np.nan)
+        for k, row in enumerate(range(first, analysis.track.time_s.size)):
+            self._delivery.add(float(gauge[row]), float(new.pumped_kg[k]))
+            delivered[k] = new.pumped_kg[k] * self._delivery.first
+            clock_s = float(new.clock_s[k])
+            if analysis.withheld:
+                self.now, self._done_s = Outlook(), -math.inf
+            elif clock_s - self._done_s >= FORECAST_EVERY:
+                self._done_s = clock_s
+                item = int(np.nan_to_num(new.mission_item[k], nan=-1.0))
+                self._look(analysis, row, clock_s, float(new.pump_share[k]), item, state)
+            ahead[k] = self.now.margin_ahead
+        return delivered, ahead
+
+    def _look(
         self,
         analysis: FlightAnalysis,
         row: int,
-        *,
         clock_s: float,
         pump_share: float,
-        delivery: float,
         mission_item: int,
         state: VehicleState,
     ) -> None:
-        """Forecast from one row, if it is time.
-
-        `clock_s` is the vehicle's at the row, `pump_share` its pump's output from 0 to 1, of which
-        the nozzles deliver the factor `delivery`; `mission_item` is flown to, -1 unknown.
-        """
-        if analysis.withheld:
-            self.now, self._done_s = Outlook(), -math.inf
-        if analysis.withheld or clock_s - self._done_s < FORECAST_EVERY:
-            return
-        self._done_s = clock_s
+        """Forecast from one row; `mission_item` is flown to, -1 unknown."""
         track, airframe = analysis.track, self._model.airframe
         tank = float(track.tank_kg[row])
-        flow = self._flow(clock_s, tank, pump_share, delivery)
+        flow = self._flow(clock_s, tank, pump_share, self._delivery.now)
         conditions = Conditions(
             tank_kg=tank,
             flow=flow,

@@ -16,8 +16,7 @@ from thrustmargin.gcs_plugin.link.sequence import SenderWatch, Verdict
 from thrustmargin.gcs_plugin.live.airframe_watch import AirframeWatch
 from thrustmargin.gcs_plugin.live.alarm import Alarm, AlarmEvent, AlarmSettings
 from thrustmargin.gcs_plugin.live.alarms import Alarms
-from thrustmargin.gcs_plugin.live.outlook import Outlook
-from thrustmargin.gcs_plugin.live.pump_and_route import PumpAndRoute
+from thrustmargin.gcs_plugin.live.outlook import LookAhead, Outlook
 from thrustmargin.gcs_plugin.live.tank_balance import virtual_gauge
 from thrustmargin.gcs_plugin.live.vehicle_state import VehicleState, fold_mission
 from thrustmargin.gcs_plugin.live.vehicle_telemetry import LiveRows, VehicleTelemetry, stale_words
@@ -109,7 +108,7 @@ class VehicleMonitor:
         self._model = model
         self._inferred = Inferred()
         self._unsettled = 0  # of the known rows, the last so many
-        self._route = PumpAndRoute(model)
+        self._ahead = LookAhead(model)
         self._airframe = AirframeWatch(model, given=settings.airframe_given, source=settings.link)
         #: (R,) ground's clock when each rotor's speed was last known; 0 before any was.
         self._rotor_us = np.zeros(model.airframe.rotor_count, dtype=np.int64)
@@ -153,11 +152,11 @@ class VehicleMonitor:
     @property
     def plan(self) -> MissionPlan | None:
         """The mission that is forecast; None while none is known."""
-        return self._route.ahead.plan
+        return self._ahead.plan
 
     def use_plan(self, plan: MissionPlan) -> None:
         """Forecast along this mission rather than along one overheard."""
-        self._route.ahead.use_plan(plan)
+        self._ahead.use_plan(plan)
 
     def take(self, frame: Frame) -> None:
         """One frame of this vehicle, in the order in which it came."""
@@ -198,7 +197,7 @@ class VehicleMonitor:
         last = self.last
         if last is None or (new is not None and not _goes_on(last, new)):
             last, self._unsettled, self._inferred = None, 0, Inferred()
-            self._route.ahead.restart()
+            self._ahead.restart()
         window, start = slice(0, 0), None
         if last is not None:
             window, start = self._window(last)
@@ -250,7 +249,7 @@ class VehicleMonitor:
             pumped_kg=arrays["pumped_kg"],
             delivered_kg=arrays["delivered_kg"],
             margin_ahead=arrays["margin_ahead"],
-            outlook=self._route.ahead.now,
+            outlook=self._ahead.now,
             alarms=tuple(self.alarms.standing.values()),
             events=tuple(events),
             tank_source=track.sources.get("tank_kg", ""),
@@ -282,15 +281,7 @@ class VehicleMonitor:
         self, analysis: FlightAnalysis, first: int, new: LiveRows
     ) -> dict[str, NDArray[Any]]:
         """What is known at each new row of pump, route and rotors; as `CARRIED`."""
-        delivered, ahead = self._route.rows(
-            analysis,
-            first,
-            clock_s=new.clock_s,
-            pump_share=new.pump_share,
-            pumped_kg=new.pumped_kg,
-            mission_item=new.mission_item,
-            state=self.state,
-        )
+        delivered, ahead = self._ahead.rows(analysis, first, new, self.state)
         for speeds, stamp_us in zip(
             analysis.track.rotor_speed_rpm[first:], new.stamp_us, strict=True
         ):

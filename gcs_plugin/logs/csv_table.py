@@ -15,19 +15,24 @@ point or comma, in quotes, in UTF-8 or UTF-16; and the CSV of a margin report, b
 
 from __future__ import annotations
 
-import codecs
 import csv
 import io
 import json
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from thrustmargin.gcs_plugin.logs.read import Beginning, LogFormat, decoded
 from thrustmargin.gcs_plugin.mavlink.text import clean
-from thrustmargin.models.errors import LogError
+from thrustmargin.gcs_plugin.telemetry.flight_log import log_of_track
+from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
+from thrustmargin.gcs_plugin.telemetry.resample import plausible
+from thrustmargin.gcs_plugin.telemetry.statements import Options, stated_track
+from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, Origin
 from thrustmargin.models.model.json_values import from_json_values, to_json_values
 from thrustmargin.models.whole_file import whole_file
@@ -93,10 +98,28 @@ def write_csv(track: FlightTrack, path: Path) -> None:
         draft.write_text(out.getvalue(), encoding="utf-8", newline="")
 
 
-def names_time(text: str) -> bool:
-    """Whether a text begins as a table of a flight does: comment lines, or a heading of time."""
-    comments, names, _, _ = _parts(text)
-    return bool(comments) or "time_s" in names
+def _likeness(begins: Beginning) -> float:
+    """A table of a flight begins with comment lines, or a heading of time."""
+    if begins.text is None:
+        return 0.0
+    comments, names, _, _ = _parts(begins.text)
+    return 0.9 if begins.suffix == ".csv" or comments or "time_s" in names else 0.0
+
+
+def _read(path: Path, _vehicle: int | None, options: Options) -> FlightLog:
+    craft = options.airframe
+    track = read_csv(path, rotor_count=0 if craft is None else craft.rotor_count)
+    if craft is not None and track.rotor_count != craft.rotor_count:
+        raise AirframeError(
+            f"{path.name}: columns of {track.rotor_count} rotors, but airframe {craft.name} has "
+            f"{craft.rotor_count}; choose another with --airframe"
+        )
+    known = {name: plausible(name, getattr(track, name)) for name in TRACK_CHANNELS}
+    track = stated_track(replace(track, **known), options)
+    return log_of_track(track, path, path.stat().st_size, craft)
+
+
+FORMAT = LogFormat(name="CSV", suffixes=(".csv",), likeness=_likeness, read=_read)
 
 
 def read_csv(path: Path, *, rotor_count: int = 0) -> FlightTrack:
@@ -162,18 +185,6 @@ def _known(name: str) -> bool:
     fixed = any(name in columns for columns in COLUMNS.values())
     others = ("time_s", "flying", "flight_number")
     return fixed or name in others or _ROTOR.fullmatch(name) is not None
-
-
-def decoded(data: bytes) -> str:
-    """UTF-8 or UTF-16 as a text of whole lines; bytes that are neither become marks."""
-    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        encoding = "utf-16"
-    elif data[:2].count(0) == 1:
-        encoding = "utf-16-be" if data[0] == 0 else "utf-16-le"
-    else:
-        encoding = "utf-8-sig"
-    text = data.decode(encoding, "replace").removeprefix("\ufeff")
-    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def _parts(text: str) -> tuple[list[str], list[str], str, str]:

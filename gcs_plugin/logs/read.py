@@ -2,35 +2,40 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import codecs
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
+from pkgutil import walk_packages
 
-from thrustmargin.gcs_plugin.logs import ulog
-from thrustmargin.gcs_plugin.logs.csv_table import decoded, names_time, read_csv
-from thrustmargin.gcs_plugin.logs.dataflash.binary import read_dataflash
-from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import dataflash_signals
-from thrustmargin.gcs_plugin.logs.dataflash.text_log import read_dataflash_text
-from thrustmargin.gcs_plugin.logs.tlog import read_tlog
-from thrustmargin.gcs_plugin.telemetry.flight_log import assemble, log_of_track
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog, NotThisFormat
-from thrustmargin.gcs_plugin.telemetry.resample import Sampling, plausible
-from thrustmargin.gcs_plugin.telemetry.signals import airspeed_words, mavlink_signals, pitot_present
-from thrustmargin.gcs_plugin.telemetry.statements import Options, stated_track
-from thrustmargin.models.errors import AirframeError, LogError
-from thrustmargin.models.flight import TRACK_CHANNELS
+from thrustmargin.gcs_plugin.telemetry.resample import Sampling
+from thrustmargin.gcs_plugin.telemetry.statements import Options
+from thrustmargin.models.errors import LogError
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.whole_file import regular
 
-_FMT_HEAD = b"\xa3\x95\x80"
 _LOOK = 1 << 20  # bytes in which the format shows
-#: format -> the suffixes that fit it
-_SUFFIXES = {
-    "tlog": (".tlog",),
-    "DataFlash": (".bin", ".log"),
-    "DataFlash text": (".log", ".txt"),
-    "ULog": (".ulg", ".ulog"),
-    "CSV": (".csv",),
-}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Beginning:
+    """The first bytes of a file, what they are as text (None: they are none), and its ending."""
+
+    head: bytes
+    text: str | None
+    suffix: str  # lower case
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogFormat:
+    """A kind of log. Each module of this folder that has one as `FORMAT` is the reader of it."""
+
+    name: str
+    suffixes: tuple[str, ...]  # that fit it
+    likeness: Callable[[Beginning], float]  # 0 it is not, to 1 it surely is
+    read: Callable[[Path, int | None, Options], FlightLog]  # of this system id, None: the likeliest
 
 
 def read_log(
@@ -73,7 +78,7 @@ def read_log(
         air_temperature=air_temperature,
     )
     try:
-        kind, log = _read_as(path, formats(path), vehicle, options)
+        kind, log = _read_as(path, vehicle, options)
     except FileNotFoundError as error:
         raise LogError(f"no file {path}; check the name") from error
     except OSError as error:
@@ -81,19 +86,17 @@ def read_log(
     refusal = log.facts.refusal(path.name)
     if refusal and not any_vehicle:
         raise LogError(refusal)
-    if path.suffix.lower() not in _SUFFIXES[kind]:
-        note = f"{path.name} is a {kind} file by its content, whatever its name says"
+    if path.suffix.lower() not in kind.suffixes:
+        note = f"{path.name} is a {kind.name} file by its content, whatever its name says"
         log = replace(log, track=replace(log.track, notes=(*log.track.notes, note)))
     return log
 
 
-def _read_as(
-    path: Path, kinds: tuple[str, ...], vehicle: int | None, options: Options
-) -> tuple[str, FlightLog]:
-    """The log read as the first of `kinds` that it can be read as, and that kind."""
-    for kind in kinds:
+def _read_as(path: Path, vehicle: int | None, options: Options) -> tuple[LogFormat, FlightLog]:
+    """The log read as the first format that it can be read as, and that format."""
+    for kind in formats(path):
         try:
-            return kind, _read(path, kind, vehicle, options)
+            return kind, kind.read(path, vehicle, options)
         except NotThisFormat:
             continue
     raise LogError(
@@ -103,61 +106,43 @@ def _read_as(
     )
 
 
-def _read(path: Path, kind: str, vehicle: int | None, options: Options) -> FlightLog:
-    if kind == "CSV":
-        craft = options.airframe
-        track = read_csv(path, rotor_count=0 if craft is None else craft.rotor_count)
-        _check_rotors(path, track.rotor_count, options.airframe)
-        known = {name: plausible(name, getattr(track, name)) for name in TRACK_CHANNELS}
-        track = stated_track(replace(track, **known), options)
-        return log_of_track(track, path, path.stat().st_size, options.airframe)
-    if kind == "ULog":
-        recording, signals = ulog.read_ulog(path, vehicle=vehicle)
-        return assemble(recording, signals, options)
-    if kind == "tlog":
-        live = options.sampling == "hold"
-        recording = read_tlog(path, vehicle=vehicle, on_arrival=live)
-        pitot = pitot_present(recording.streams, recording.parameters)
-        words = airspeed_words(recording.autopilot, pitot)
-        streams = dict(recording.streams)
-        recording = replace(recording, streams={})
-        return assemble(recording, mavlink_signals(streams, words), options)
-    reader = read_dataflash if kind == "DataFlash" else read_dataflash_text
-    recording = reader(path, vehicle=vehicle)
-    return assemble(recording, dataflash_signals(recording.streams), options)
-
-
-def formats(path: Path) -> tuple[str, ...]:
-    """Formats to try, by the first bytes. Raises LogError for a folder, nothing, other text."""
+def formats(path: Path) -> list[LogFormat]:
+    """Formats to try, the likeliest first. Raises LogError for a folder, nothing, other text."""
     if path.is_dir():
         raise LogError(f"{path} is a folder; give a log file in it")
     with regular(path).open("rb") as file:
         head = file.read(_LOOK)
     if not head:
         raise LogError(f"{path.name} is empty (0 bytes); copy it from the vehicle again")
-    if head.startswith(ulog.MAGIC):
-        return ("ULog",)
-    if _is_text(decoded(head[:4096])):
-        if b"FMT," in head:
-            return ("DataFlash text",)
-        if path.suffix.lower() == ".csv" or names_time(decoded(head)):
-            return ("CSV",)
+    text = decoded(head) if _is_text(decoded(head[:4096])) else None
+    begins = Beginning(head=head, text=text, suffix=path.suffix.lower())
+    liked = {kind: likeness for kind in _known() if (likeness := kind.likeness(begins)) > 0.0}
+    if not liked:
         raise LogError(
             f"{path.name} is text, but neither a DataFlash log (FMT lines) nor a CSV with time_s"
         )
-    if head.count(_FMT_HEAD) >= 3 or path.suffix.lower() in (".bin", ".log"):
-        return ("DataFlash", "tlog")
-    return ("tlog", "DataFlash")
+    return sorted(liked, key=lambda kind: -liked[kind])
+
+
+def _known() -> Iterator[LogFormat]:
+    folder = __name__.rpartition(".")[0]
+    for module in walk_packages(import_module(folder).__path__, f"{folder}."):
+        if (found := getattr(import_module(module.name), "FORMAT", None)) is not None:
+            yield found
+
+
+def decoded(data: bytes) -> str:
+    """UTF-8 or UTF-16 as a text of whole lines; bytes that are neither become marks."""
+    if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        encoding = "utf-16"
+    elif data[:2].count(0) == 1:
+        encoding = "utf-16-be" if data[0] == 0 else "utf-16-le"
+    else:
+        encoding = "utf-8-sig"
+    text = data.decode(encoding, "replace").removeprefix("\ufeff")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def _is_text(text: str) -> bool:
     control = any(character < " " and character not in "\t\n" for character in text)
     return not control and text.count("\ufffd") <= 1 + len(text) // 100
-
-
-def _check_rotors(path: Path, rotors: int, airframe: Airframe | None) -> None:
-    if airframe is not None and rotors != airframe.rotor_count:
-        raise AirframeError(
-            f"{path.name}: columns of {rotors} rotors, but airframe {airframe.name} has "
-            f"{airframe.rotor_count}; choose another with --airframe"
-        )

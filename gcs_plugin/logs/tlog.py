@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from thrustmargin.gcs_plugin.logs.read import LogFormat
 from thrustmargin.gcs_plugin.mavlink.decode import MAVLINK_RULES
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.mavlink.scan import PADDING, Frames, columns, read_bytes, scan
 from thrustmargin.gcs_plugin.mavlink.text import piece, printable
 from thrustmargin.gcs_plugin.telemetry.clock import Clock, unix_minus_clock, vehicle_clock
+from thrustmargin.gcs_plugin.telemetry.flight_log import assemble
 from thrustmargin.gcs_plugin.telemetry.recording import (
+    FlightLog,
     LogQuality,
     NotThisFormat,
     Recording,
     Stream,
     Waypoint,
-    worst_places,
+    damage_of,
 )
+from thrustmargin.gcs_plugin.telemetry.signals import airspeed_words, mavlink_signals, pitot_present
+from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.gcs_plugin.telemetry.timeline import pauses
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Bools
@@ -102,11 +108,9 @@ def read_tlog(path: Path, *, vehicle: int | None = None, on_arrival: bool = Fals
             bytes=size,
             frames=int(frames.start.size),
             bad_checksum=frames.bad_checksum,
-            bytes_skipped=sum(length for _, length in frames.skipped),
             unknown_ids=frames.unknown_ids,
             frames_missing=missing,
-            damage=worst_places(frames.skipped, time_before),
-            damaged_places=len(frames.skipped),
+            **damage_of(frames.skipped, time_before),
             clock_jumps=clock.jumps,
             gaps=gaps,
         ),
@@ -231,3 +235,21 @@ def _missing(component: NDArray[np.uint8], sequence: NDArray[np.uint8]) -> int:
         # A step back is a late or doubled frame, not 200 lost ones.
         lost += int(np.sum(np.where((step > 1) & (step < 128), step - 1, 0)))
     return lost
+
+
+def _read(path: Path, vehicle: int | None, options: Options) -> FlightLog:
+    recording = read_tlog(path, vehicle=vehicle, on_arrival=options.sampling == "hold")
+    pitot = pitot_present(recording.streams, recording.parameters)
+    words = airspeed_words(recording.autopilot, pitot)
+    streams = dict(recording.streams)
+    recording = replace(recording, streams={})
+    return assemble(recording, mavlink_signals(streams, words), options)
+
+
+#: Any file that is no text may be one: only a search of the whole finds its frames.
+FORMAT = LogFormat(
+    name="tlog",
+    suffixes=(".tlog",),
+    likeness=lambda begins: 0.5 if begins.text is None else 0.0,
+    read=_read,
+)

@@ -9,10 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
+from thrustmargin.gcs_plugin.logs.read import LogFormat
 from thrustmargin.gcs_plugin.logs.ulog_messages import whole_messages
 from thrustmargin.gcs_plugin.logs.ulog_topics import TOPICS, Topic, ulog_signals, with_vectors
 from thrustmargin.gcs_plugin.mavlink.text import clean
-from thrustmargin.gcs_plugin.telemetry.recording import LogQuality, Recording, worst_places
+from thrustmargin.gcs_plugin.telemetry.flight_log import assemble
+from thrustmargin.gcs_plugin.telemetry.recording import LogQuality, Recording, damage_of
 from thrustmargin.gcs_plugin.telemetry.signals import Signals
 from thrustmargin.gcs_plugin.telemetry.timeline import longest_stretch, pauses, without_leaps
 from thrustmargin.gcs_plugin.telemetry.vehicle_kind import whole_number
@@ -67,9 +69,7 @@ def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Sig
         quality=LogQuality(
             bytes=path.stat().st_size,
             frames=int(sum(t.size for t in times)),
-            bytes_skipped=sum(length for _, length in whole.skipped),
-            damage=worst_places(whole.skipped, lambda _: float("nan")),
-            damaged_places=len(whole.skipped),
+            **damage_of(whole.skipped, lambda _: float("nan")),
             gaps=pauses(seconds),
         ),
         vehicle=own,
@@ -112,3 +112,11 @@ def _unix_offset(topics: Mapping[str, list[Topic]]) -> float | None:
         if known.any():
             return float(np.median((unix - topic["timestamp"] * 1e-6)[known]))
     return None
+
+
+FORMAT = LogFormat(
+    name="ULog",
+    suffixes=(".ulg", ".ulog"),
+    likeness=lambda begins: float(begins.head.startswith(MAGIC)),
+    read=lambda path, vehicle, options: assemble(*read_ulog(path, vehicle=vehicle), options),
+)

@@ -109,7 +109,6 @@ RULES: tuple[Rule, ...] = (
     Rule(_BATTERY, ("discharged_mah",), "battery_consumed", "mAh", unknown=(-1.0,)),
     Rule(_FUEL, ("remaining_fuel",), "fuel_remaining", "ml"),
     Rule(_FUEL, ("percent_remaining",), "fuel_percent", convert=_fuel_percent),
-    Rule(_FUEL, ("maximum_fuel_capacity",), "fuel_maximum", "ml"),
 )
 #: Fields that a log has element by element, and how many there are.
 VECTORS = {"q": 4, "xyz": 3, "gyro_rad": 3, "accelerometer_m_s2": 3, "control": 12}

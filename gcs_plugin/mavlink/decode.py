@@ -8,7 +8,7 @@ altitude m), `home` and `ekf_origin` (the same), `landed` (MAV_LANDED_STATE), `a
 (16 outputs), `esc_rpm`, `esc_voltage`, `esc_current`, `esc_failure` (by output number from 0; the
 last is ESC_FAILURE_FLAGS), `battery_voltage`, `battery_current`, `battery_percent`,
 `battery_consumed` (by battery id; mAh, in a tank ml), `named_value` (by name), `fuel_remaining`,
-`fuel_percent`, `fuel_maximum` (by id).
+`fuel_percent` (by id).
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def _wind_from_direction(columns: Columns) -> Floats:
 
 
 def _battery_voltage(columns: Columns) -> Floats:
-    # A pack above 65.5 V is spread over several cells; 65535 and (in the extension) 0 are unused.
+    # More than 65.5 V is spread over several cells; 65535 and (in the extension) 0 are unused.
     cells = columns["voltages"].astype(np.float64)
     more = columns["voltages_ext"].astype(np.float64)
     used = cells != 65535
@@ -84,12 +84,10 @@ def _armed(columns: Columns) -> Floats:
     return np.where(columns["autopilot"] == 8, np.nan, armed)
 
 
-def _liquid(field: str, channel: str) -> Rule:
+def _liquid(columns: Columns) -> Floats:
     # Only fuel type 1 is a liquid in ml; others are shares of one, or a gas in Pa.
-    def convert(columns: Columns) -> Floats:
-        return np.where(columns["fuel_type"] == 1, columns[field].astype(np.float64), np.nan)
-
-    return Rule("FUEL_STATUS", (field,), channel, index="id", convert=convert)
+    millilitres = columns["remaining_fuel"].astype(np.float64)
+    return np.where(columns["fuel_type"] == 1, millilitres, np.nan)
 
 
 def _unless_silent(field: str, unit: str) -> Callable[[Columns], Floats]:
@@ -193,7 +191,6 @@ MAVLINK_RULES: tuple[Rule, ...] = (
     Rule("ESC_STATUS", ("current",), "esc_current", "A", index="index"),
     Rule("ESC_INFO", ("failure_flags",), "esc_failure", index="index"),
     Rule("NAMED_VALUE_FLOAT", ("value",), "named_value"),
-    _liquid("remaining_fuel", "fuel_remaining"),
+    Rule("FUEL_STATUS", ("remaining_fuel",), "fuel_remaining", index="id", convert=_liquid),
     Rule("FUEL_STATUS", ("percent_remaining",), "fuel_percent", "%", index="id", unknown=(255,)),
-    _liquid("maximum_fuel", "fuel_maximum"),
 )

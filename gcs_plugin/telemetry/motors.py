@@ -147,7 +147,7 @@ def motor_map(
             )
         count = airframe.rotor_count
     elif not count:
-        notes.append("nothing in the log tells the number of rotors: give the airframe")
+        notes.append("nothing in the log reports the number of rotors: give the airframe")
     on_output = motor_outputs(parameters)
     outputs = tuple(range(count))
     assumed = False

@@ -1,4 +1,4 @@
-"""Voltage and current of the flight pack, and whether the pump runs."""
+"""Voltage and current of the flight battery, and whether the pump runs."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.resample import Sampling, last_before
 from thrustmargin.gcs_plugin.telemetry.signals import SENDER_VOLTAGE, Signals, by_index
-from thrustmargin.gcs_plugin.telemetry.tank_source import TankContext, pack_id, pump_share
+from thrustmargin.gcs_plugin.telemetry.tank_source import TankContext, flight_battery, pump_share
 from thrustmargin.models.flight import Floats
 
 #: A tank that loses more than this over the window is being sprayed, kg/s.
@@ -20,26 +20,26 @@ _ESC_OFFSET = 0.3
 
 
 def power(signals: Signals, sampling: Sampling, notes: list[str]) -> dict[str, tuple[Signal, ...]]:
-    """Sources of the flight pack's voltage and current: its battery message, SYS_STATUS, the ESCs.
+    """Sources of the flight battery's voltage and current: its message, SYS_STATUS, the ESCs.
 
-    Adds to `notes` when there are more packs than the one that is used.
+    Adds to `notes` when there are more batteries of a flight than the one that is used.
     """
     sources: dict[str, tuple[Signal, ...]] = {}
-    pack = pack_id(signals)
+    flown = flight_battery(signals)
     for channel in ("voltage", "current"):
         battery = by_index(signals, f"battery_{channel}")
         candidates = [*signals.get(channel, ())]
-        if pack is not None and pack in battery:
-            candidates.insert(0, battery[pack])
+        if flown is not None and flown in battery:
+            candidates.insert(0, battery[flown])
         sources[channel] = (*candidates, *_of_escs(channel, signals, sampling))
     others = [
         str(number)
         for number, signal in by_index(signals, "battery_voltage").items()
-        if number != pack and np.mean(signal.values > 2 * SENDER_VOLTAGE) > 0.5
+        if number != flown and np.mean(signal.values > 2 * SENDER_VOLTAGE) > 0.5
     ]
-    if pack is not None and others:
-        extra = ", ".join(others)
-        notes.append(f"battery {extra} reads a pack's voltage too; only battery {pack} is used")
+    if flown is not None and others:
+        extra = f"battery {', '.join(others)} reads a flight battery's voltage too"
+        notes.append(f"{extra}; only battery {flown} is used")
     return sources
 
 

@@ -10,7 +10,7 @@ import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -169,9 +169,14 @@ class FlightLog:
         return textwrap.indent("\n".join(textwrap.shorten(x, 240) for x in lines), "  ")[2:]
 
 
-def worst_places(
+def damage_of(
     skipped: Sequence[tuple[int, int]], time_before: Callable[[int], float]
-) -> tuple[Damage, ...]:
-    """The 20 longest of the skipped stretches (offset, length), in file order."""
-    worst = sorted(skipped, key=lambda place: -place[1])[:20]
-    return tuple(Damage(byte, length, time_before(byte)) for byte, length in sorted(worst))
+) -> dict[str, Any]:
+    """What a LogQuality says of the stretches (offset, length) that were skipped, the 20 longest
+    of them one by one, in file order."""
+    worst = sorted(sorted(skipped, key=lambda place: -place[1])[:20])
+    return {
+        "bytes_skipped": sum(length for _, length in skipped),
+        "damage": tuple(Damage(byte, length, time_before(byte)) for byte, length in worst),
+        "damaged_places": len(skipped),
+    }

@@ -31,7 +31,7 @@ _TAIL = TRACK_CHANNELS["rotor_speed_rpm"].max_age  # s of readings that later ro
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RotorMemory:
-    """One rotor up to the last reading that was judged."""
+    """One rotor up to the last reading that was looked at."""
 
     last: LastReading = field(default_factory=LastReading)
     tail: Signal | None = None  # its last measured readings
@@ -57,8 +57,8 @@ def measured_speeds(
 ) -> MeasuredSpeeds:
     """The readings of `speeds` (rpm, one signal a rotor) that measure the rotor's speed.
 
-    `outputs` are the motor outputs from 0 to 1. Readings up to `heard_s` were judged before, with
-    what `memory` holds of them. `look_ahead`: the signals are those of the whole flight.
+    `outputs` are the motor outputs from 0 to 1. Readings up to `heard_s` were looked at
+    before, with what `memory` holds of them. `look_ahead`: the signals are of the whole flight.
     """
     if len(memory) != len(speeds):
         memory = [RotorMemory()] * len(speeds)

@@ -15,7 +15,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import Stream
 from thrustmargin.gcs_plugin.telemetry.resample import coverage, in_time_order, known_rows
 from thrustmargin.models.flight import Floats
 
-#: A flight pack reads more than this, the level sender of a tank less, V.
+#: A flight battery reads more than this, the level sender of a tank less, V.
 SENDER_VOLTAGE = 2.5
 
 #: Channel -> its sources, preferred first.

@@ -36,7 +36,7 @@ NAMES = {"TANK": False, "TANK_KG": False, "TANK_L": True}
 
 @dataclass(frozen=True, slots=True)
 class TankLevel:
-    """The level in kg as one signal, or None, and what to tell people."""
+    """The level in kg as one signal, or None, and notes for people."""
 
     signal: Signal | None
     notes: tuple[str, ...] = ()
@@ -58,8 +58,8 @@ class TankContext:
         return self.airframe.liquid_density if self.airframe else WATER
 
 
-def pack_id(signals: Signals) -> int | None:
-    """Battery id of the flight pack: the lowest one above a level sender's voltage."""
+def flight_battery(signals: Signals) -> int | None:
+    """Battery id of the one that is flown on: the lowest one above a level sender's voltage."""
     for number, signal in sorted(_batteries(signals, "battery_voltage").items()):
         volts = signal.values[np.isfinite(signal.values)]
         if volts.size and float(np.median(volts)) > SENDER_VOLTAGE:
@@ -203,14 +203,14 @@ def _batteries(signals: Signals, channel: str) -> dict[int, Signal]:
 def _battery(signals: Signals, context: TankContext, wanted: int | None) -> TankLevel | None:
     volts = _batteries(signals, "battery_voltage")
     percent = _batteries(signals, "battery_percent")
-    pack = pack_id(signals)
+    flown = flight_battery(signals)
     for number in sorted(percent):
         if wanted is not None and number != wanted:
             continue
         if wanted is None:
             sender = volts.get(number)
             known = sender.values[np.isfinite(sender.values)] if sender else np.empty(0)
-            if number == pack or (known.size and float(np.median(known)) > SENDER_VOLTAGE):
+            if number == flown or (known.size and float(np.median(known)) > SENDER_VOLTAGE):
                 continue
         if not np.isfinite(percent[number].values).any():
             continue

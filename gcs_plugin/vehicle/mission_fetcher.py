@@ -14,18 +14,16 @@ from queue import Queue
 from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.link.listener import Listener
+from thrustmargin.gcs_plugin.live.fleet import Fleet, Subscriber
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.models.errors import ThrustMarginError
 
 if TYPE_CHECKING:
-    from thrustmargin.gcs_plugin.live.alarm import AlarmEvent
-    from thrustmargin.gcs_plugin.live.fleet import Fleet
-    from thrustmargin.gcs_plugin.live.vehicle_monitor import Update
     from thrustmargin.gcs_plugin.vehicle.connection import VehicleLink
     from thrustmargin.mission.plan import MissionPlan
 
 
-class MissionFetcher:
+class MissionFetcher(Subscriber):
     """A subscriber of the monitor. Give `feed` every batch of frames; end it with `close`.
 
     What came, or why nothing did, becomes a note of the vehicle's watch, which the monitor records.
@@ -59,12 +57,6 @@ class MissionFetcher:
         with self._lock:
             if self._link is not None and data:
                 self._link.feed(data)
-
-    def on_update(self, update: Update) -> None:
-        """Nothing."""
-
-    def on_event(self, vehicle: int, event: AlarmEvent) -> None:
-        """Nothing."""
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:  # noqa: ARG002
         """Ask for the missions of vehicles that are new, and hand over those that have come."""

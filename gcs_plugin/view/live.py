@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pymap3d
 
-from thrustmargin.gcs_plugin.live.alarm import AlarmEvent
-from thrustmargin.gcs_plugin.live.fleet import Fleet
+from thrustmargin.gcs_plugin.live.fleet import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.vehicle_monitor import Update
 from thrustmargin.gcs_plugin.view import live_html
 from thrustmargin.gcs_plugin.view.camera import Camera
@@ -66,7 +65,7 @@ class Aircraft:
     rotor_count: int = -1  # of the aircraft that is drawn
 
 
-class LiveView(ViewPage):
+class LiveView(ViewPage, Subscriber):
     """The view of every vehicle that a monitor hears; `start` opens it, `stop` ends it.
 
     `status` gives lines about link and recording. Raises LinkError from `start` when the port is
@@ -94,9 +93,6 @@ class LiveView(ViewPage):
     def on_update(self, update: Update) -> None:
         """New rows; called on the compute thread."""
         self._heard.update(update)
-
-    def on_event(self, vehicle: int, event: AlarmEvent) -> None:
-        """Nothing: what stands is read each round."""
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:
         """Ages, alarms and missions; called on the compute thread."""

@@ -2,16 +2,16 @@
 
 | compared | of the flight | close | fits |
 |---|---|---|---|
-| vehicle | kind that it says it is | | a multirotor, or not told |
-| motors | number of rotors that it reports | told, and the airframe's | not told |
+| vehicle | kind that it says it is | | a multirotor, or not reported |
+| motors | number of rotors that it reports | reported, and the airframe's | not reported |
 | frame | FRAME_CLASS and FRAME_TYPE | | motors in the airframe's places and order |
 | voltage | median in flight over nominal | 0.92 to 1.15 | 0.78 to 1.22 |
 | rotor speed | median over what the weight needs | 0.92 to 1.15 | 0.75 to 1.35 |
 | rotor speed limit | s above 1.2 of the largest thrust | | under 3 s, or under 5 % of the flight |
 | motor output | square root of its thrust over weight | 0.92 to 1.08 | 0.6 to 1.7 |
 
-Where no load is told, rotor speed is close only if the motor outputs give it too, within 8 %.
-What does not fit is a doubt, and no margin is claimed; an airframe that nobody gave is recognised
+Where no load is reported, rotor speed is close only if the motor outputs give it too, within 8 %.
+What does not fit contradicts, and no margin is claimed; an airframe that nobody gave is recognised
 by what is close. Where the tolerances come from: a lithium cell of 3.7 V flies at 3.4 to 4.25 V,
 and 2.9 V (a tired one, or of 3.6 V) to 4.5 V (of 4.35 V full, its gauge 3 % off) bound what can be
 the same number of cells. 3 kg that an empty sprayer of 21 kg does not know of raise rotor speed by
@@ -53,7 +53,7 @@ class Comparison:
     """One thing that flight and airframe both speak of."""
 
     check: str
-    verdict: Literal["close", "fits", "doubt", "unknown"]
+    verdict: Literal["close", "fits", "contradicts", "unknown"]
     words: str  # what was found, what the airframe says, and why it cannot be
     brief: str = ""  # what was found, in a few words
 
@@ -71,12 +71,12 @@ def comparisons(
     """
     found: list[Comparison | None] = [_vehicle(track, facts)]
     found.append(motors := _motors(track, airframe, facts))
-    if motors.verdict != "doubt":
+    if motors.verdict != "contradicts":
         track = replace(track, **{c: track.measured(c) for c in track.standard_errors})
         found.append(_frame(airframe, parameters))
         found.append(_rotor_speed(track, airframe, parameters))
         found.append(voltage := _voltage(track, airframe))
-        if voltage.verdict != "doubt":  # else what rests on the voltage says the same again
+        if voltage.verdict != "contradicts":  # else what rests on the voltage says the same again
             found.append(_speed_limit(track, airframe))
             found.append(_output(track, airframe, parameters))
     return tuple(c for c in found if c is not None)
@@ -93,7 +93,7 @@ def recognised(found: tuple[Comparison, ...]) -> str:
     if strength is None or strength.verdict != "close":
         strength = by_name.get("motor output")
     needed = [by_name.get("motors"), by_name.get("voltage"), strength]
-    if "vehicle" in by_name or any(c.verdict == "doubt" for c in found):
+    if "vehicle" in by_name or any(c.verdict == "contradicts" for c in found):
         return ""
     if any(c is None or c.verdict != "close" for c in needed):
         return ""
@@ -102,7 +102,7 @@ def recognised(found: tuple[Comparison, ...]) -> str:
 
 def _vehicle(track: FlightTrack, facts: VehicleFacts) -> Comparison | None:
     if refusal := facts.refusal(track.name):
-        return Comparison(check="vehicle", verdict="doubt", words=refusal)
+        return Comparison(check="vehicle", verdict="contradicts", words=refusal)
     if facts.kind != "quadplane":
         return None
     words = f"a quadplane by {facts.evidence}: it can be compared in hover alone"
@@ -121,7 +121,7 @@ def _motors(track: FlightTrack, airframe: Airframe, facts: VehicleFacts) -> Comp
     same = (count or track.rotor_count) == track.rotor_count == airframe.rotor_count
     return Comparison(
         check="motors",
-        verdict="close" if same else "doubt",
+        verdict="close" if same else "contradicts",
         words=f"{brief}; airframe {airframe.name} has {airframe.rotor_count}",
         brief=brief,
     )
@@ -141,7 +141,7 @@ def _frame(airframe: Airframe, parameters: Mapping[str, float]) -> Comparison | 
     other = "as in" if same else "which puts the motors elsewhere than"
     return Comparison(
         check="frame",
-        verdict="fits" if same else "doubt",
+        verdict="fits" if same else "contradicts",
         words=f"{words}, {other} airframe {airframe.name} ({airframe.layout})",
     )
 
@@ -157,7 +157,7 @@ def _voltage(track: FlightTrack, airframe: Airframe) -> Comparison:
         f"{found:.1f} V in flight, {share:.0%} of the {airframe.nominal_voltage:.1f} V of airframe "
         f"{airframe.name}"
     )
-    if verdict == "doubt":
+    if verdict == "contradicts":
         low, high = POSSIBLE_VOLTAGE
         words += f"; the same battery stays within {low:.0%} to {high:.0%}"
     return Comparison(check="voltage", verdict=verdict, words=words, brief=f"{found:.1f} V")
@@ -170,9 +170,9 @@ def _rotor_speed(
     if scale.verdict == "unknown":
         return Comparison(check="rotor speed", verdict="unknown", words=scale.words)
     if scale.verdict != "rotor":
-        return Comparison(check="rotor speed", verdict="doubt", words=scale.words)
+        return Comparison(check="rotor speed", verdict="contradicts", words=scale.words)
     speed = float(np.nanmedian(track.rotor_speed_rpm[track.flying]))
-    close = _verdict(scale.low, scale.high, CLOSE_SPEED, CLOSE_SPEED) != "doubt"
+    close = _verdict(scale.low, scale.high, CLOSE_SPEED, CLOSE_SPEED) != "contradicts"
     # Between an empty and a full tank fly many aircraft: without the load, outputs must agree too.
     known = bool((track.measured("tank_kg")[track.flying] >= 0.0).any())
     close = close and (known or _driven_alike(track, airframe, parameters))
@@ -214,7 +214,7 @@ def _speed_limit(track: FlightTrack, airframe: Airframe) -> Comparison | None:
     fastest = float(np.nanmax(track.rotor_speed_rpm[track.flying]))
     return Comparison(
         check="rotor speed limit",
-        verdict="doubt",
+        verdict="contradicts",
         words=(
             f"a rotor turns at up to {fastest:,.0f} rpm, where airframe {airframe.name} reaches at "
             f"most {limit.item():,.0f} rpm at this voltage: {use.max():.0%} of its thrust would be "
@@ -264,8 +264,8 @@ def _for_mass(track: FlightTrack, airframe: Airframe, ratio: float) -> str:
 
 def _verdict(
     low: float, high: float, close: Range, possible: Range
-) -> Literal["close", "fits", "doubt"]:
+) -> Literal["close", "fits", "contradicts"]:
     """Where a ratio known to lie between `low` and `high` may be."""
     if low <= close[1] and high >= close[0]:
         return "close"
-    return "fits" if low <= possible[1] and high >= possible[0] else "doubt"
+    return "fits" if low <= possible[1] and high >= possible[0] else "contradicts"

@@ -79,17 +79,17 @@ def airframe_claim(
     the flight is recognised as one of it. `parameters` are the autopilot's.
     """
     found = comparisons(track, airframe, facts, parameters)
-    doubts = tuple(c.words for c in found if c.verdict == "doubt")
+    against = tuple(c.words for c in found if c.verdict == "contradicts")
     if given:
         words = f"airframe {airframe.name}, given{_guessed_words(airframe)}"
-        return AirframeClaim(words=words, withheld=doubts, source=track.name)
+        return AirframeClaim(words=words, withheld=against, source=track.name)
     if by := recognised(found):
         words = (
             f"airframe {airframe.name}, recognised ({by}); none was given{_guessed_words(airframe)}"
         )
         return AirframeClaim(basis="recognised", words=words)
     unlike = (c.words for c in found if c.verdict != "close" and c.check != "frame")
-    why = doubts[0] if doubts else next(unlike, "too little in it to compare")
+    why = against[0] if against else next(unlike, "too little in it to compare")
     reason = f"no airframe was given, and the flight is not recognised as {airframe.name} ({why})"
     return AirframeClaim(
         basis="not known", words="airframe not known", withheld=(reason,), source=track.name

@@ -50,7 +50,7 @@ class Airframe:
     name: str
     title: str
     layout: str
-    empty_mass: float  # kg with packs, without liquid
+    empty_mass: float  # kg with batteries, without liquid
     tank_volume_l: float  # L
     liquid_density: float  # kg/L
     pump_max_flow_l_min: float  # L/min

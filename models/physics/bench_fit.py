@@ -29,7 +29,7 @@ FAR, FAR_SHARE = 5.0, 0.15
 #: Of the largest throttle of a table from which a row is at it; and what that must be, as a share
 #: of 100 % or of 1000 to 2000 µs (some ESCs are full at 1940), to be full throttle at all.
 AT_LARGEST, FULL_THROTTLE = 0.985, 0.93
-#: Range of the voltages at full throttle, as a share, from which they tell the exponent.
+#: Range of the voltages at full throttle, as a share, from which they give the exponent.
 VOLTAGE_RANGE = 0.05
 NOTHING = Estimate(value=float("nan"), low=float("nan"), high=float("nan"))
 
@@ -84,8 +84,8 @@ def fit_bench(
 
     coefficient, exponent = _estimates(*jackknife(figures, block))
     share = np.full(n.size, np.nan) if throttle is None else _share(throttle)[rows]
-    told = bool(np.max(share) >= FULL_THROTTLE)
-    full = share >= AT_LARGEST * share.max() if told else n == n.max()
+    stated = bool(np.max(share) >= FULL_THROTTLE)
+    full = share >= AT_LARGEST * share.max() if stated else n == n.max()
     volts = np.full(n.size, np.nan) if voltage is None else np.asarray(voltage, np.float64)[rows]
     top, at_voltage, power = _ceiling(n[full], volts[full])
     return BenchFit(
@@ -98,7 +98,7 @@ def fit_bench(
         ceiling_voltage=at_voltage,
         voltage_exponent=power,
         max_thrust=float(f.max()),
-        full_throttle=told,
+        full_throttle=stated,
     )
 
 
@@ -125,7 +125,7 @@ def _share(throttle: ArrayLike) -> Floats:
 
 
 def _ceiling(speed: Floats, volts: Floats) -> tuple[float, float, Estimate]:
-    """Largest rotor speed, the voltage where it holds, and the exponent if the rows tell it."""
+    """Largest rotor speed, the voltage where it holds, and the exponent if the rows give it."""
     known = volts > 0.0
     if not known.any():
         return float(speed.max()), float("nan"), NOTHING

@@ -19,13 +19,13 @@ HOVER_UPRIGHT, HOVER_SPEED = 0.99, 2.0
 
 
 def training_rows(track: FlightTrack, inputs: Sequence[str] = ("airspeed", "tank_kg")) -> Bools:
-    """(T,) rows of a flight that can teach or judge a rotor speed model.
+    """(T,) rows of a flight that can train or check a rotor speed model.
 
     Kept: off the ground, between take-off and landing, with the `inputs` of the model measured and
     every rotor's speed known, the speeds above 0. Each stretch of flight begins at its first and
     ends at its last second of level flight (climb rate below 0.3 m/s, and not lower than half its
     usual low height), so climbs in between stay, as do yaw turns and hover: the aircraft flies
-    them, so the model is judged on them. With neither climb rate nor height reported, the stretch
+    them, so the model is checked on them. With neither climb rate nor height reported, the stretch
     is kept whole.
     """
     with np.errstate(invalid="ignore"):

@@ -104,7 +104,7 @@ def manoeuvre_load(
 
 
 def fit_forward_flight(tracks: Sequence[FlightTrack], airframe: Airframe) -> ForwardFlight | None:
-    """Drag and lift of the training flights; None where their rows do not tell them."""
+    """Drag and lift of the training flights; None where their rows do not show them."""
     parts = [straight_flight(track, airframe) for track in tracks]
     x = Straight(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
     if x.airspeed.size < LEAST_ROWS or np.ptp(x.airspeed) < 1.0:

@@ -8,9 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
+from rich.table import Table
+from rich.text import Text
 from tyro.conf import Positional
 
+from thrustmargin.gcs_plugin.commands.options import require_logs
 from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading, reading_keywords
+from thrustmargin.gcs_plugin.commands.terminal import Terminal
 from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
@@ -40,12 +44,7 @@ class AirframeCheck:
     reading: Reading = AS_HEARD
 
     def run(self) -> int:
-        from rich.table import Table
-        from rich.text import Text
-
         from thrustmargin.gcs_plugin.commands.inspect import MARK
-        from thrustmargin.gcs_plugin.commands.options import require_logs
-        from thrustmargin.gcs_plugin.commands.terminal import Terminal
         from thrustmargin.gcs_plugin.logs import read_log
         from thrustmargin.models.physics.airframe import load_airframe
 

@@ -6,11 +6,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table
 from tyro.conf import Positional
 
-if TYPE_CHECKING:
-    from rich.console import Console
+from thrustmargin.gcs_plugin.commands.terminal import Terminal
 
+if TYPE_CHECKING:
     from thrustmargin.models.physics.airframe import Airframe
 
 
@@ -22,7 +25,6 @@ class AirframeList:
     """
 
     def run(self) -> int:
-        from thrustmargin.gcs_plugin.commands.terminal import Terminal
         from thrustmargin.models.physics.airframe import airframe_names, load_airframe
         from thrustmargin.models.physics.airframe_draft import power_sets
 
@@ -61,7 +63,6 @@ class AirframeShow:
     """Name of a shipped airframe, or an airframe file (.toml)."""
 
     def run(self) -> int:
-        from thrustmargin.gcs_plugin.commands.terminal import Terminal
         from thrustmargin.models.physics.airframe import load_airframe
 
         print_airframe(Terminal(), load_airframe(self.name))
@@ -100,7 +101,4 @@ def print_airframe(console: Console, craft: Airframe) -> None:
 
 
 def _table():
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
     return Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))

@@ -13,8 +13,11 @@ import tyro
 
 from thrustmargin.gcs_plugin.commands.airframe.questions import asked, require_all
 from thrustmargin.gcs_plugin.commands.airframe.stated import OwnerStatement, stated
+from thrustmargin.gcs_plugin.commands.options import Output, check_outputs
 from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading
+from thrustmargin.gcs_plugin.commands.terminal import Terminal
 from thrustmargin.models.errors import DataError, LogError
+from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.telemetry.reported_airframe import ReportedAirframe
@@ -62,11 +65,8 @@ class AirframeNew:
         )
         from thrustmargin.gcs_plugin.commands.airframe.list_show import print_airframe
         from thrustmargin.gcs_plugin.commands.airframe.source import VehicleParameters, read_source
-        from thrustmargin.gcs_plugin.commands.options import Output, check_outputs
-        from thrustmargin.gcs_plugin.commands.terminal import Terminal
         from thrustmargin.gcs_plugin.telemetry.reported_airframe import reported_airframe
         from thrustmargin.models.physics.airframe_draft import airframe_toml
-        from thrustmargin.models.whole_file import whole_file
 
         source = self.source or (str(self.hover[0]) if self.hover else None)
         check_outputs(

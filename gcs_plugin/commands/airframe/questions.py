@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from thrustmargin.gcs_plugin.commands.airframe.stated import OTHER, OwnerStatement, stated
 from thrustmargin.gcs_plugin.commands.options import UsageError
+from thrustmargin.gcs_plugin.commands.terminal import Terminal
 from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
@@ -195,8 +196,6 @@ def asked(owner: OwnerStatement, reported: ReportedAirframe) -> OwnerStatement:
 def _answered(
     question: _Question, owner: OwnerStatement, reported: ReportedAirframe
 ) -> OwnerStatement:
-    from thrustmargin.gcs_plugin.commands.terminal import Terminal
-
     default = question.default(owner, reported)
     while True:
         try:

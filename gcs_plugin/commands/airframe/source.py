@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from thrustmargin.gcs_plugin.commands.terminal import transfer_bar
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
@@ -60,7 +61,6 @@ def read_source(source: str, *, vehicle: int | None, timeout: float) -> VehicleP
 
 
 def _fetched(url: str, vehicle: int | None, timeout: float) -> VehicleParameters:
-    from thrustmargin.gcs_plugin.commands.terminal import transfer_bar
     from thrustmargin.gcs_plugin.vehicle.connection import VehicleLink
     from thrustmargin.gcs_plugin.vehicle.parameters import download_parameters
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -10,17 +11,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.logs.dataflash.columns import DataFlashColumns, Units
-from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import MESSAGES, REQUIRED, columns_of
-from thrustmargin.gcs_plugin.logs.dataflash.message_scan import PADDING, FoundMessages, scan
+from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import (
+    MESSAGES,
+    REQUIRED,
+    columns_of,
+    dataflash_signals,
+)
+from thrustmargin.gcs_plugin.logs.dataflash.message_scan import (
+    FMT_HEAD,
+    PADDING,
+    FoundMessages,
+    scan,
+)
+from thrustmargin.gcs_plugin.logs.read import Beginning, LogFormat
 from thrustmargin.gcs_plugin.mavlink.scan import gather, read_bytes
+from thrustmargin.gcs_plugin.telemetry.flight_log import assemble
 from thrustmargin.gcs_plugin.telemetry.recording import (
+    FlightLog,
     LogQuality,
     NotThisFormat,
     Recording,
     Stream,
     Waypoint,
-    worst_places,
+    damage_of,
 )
+from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.gcs_plugin.telemetry.timeline import longest_stretch, pauses, without_leaps
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Floats
@@ -77,9 +92,7 @@ def read_dataflash(path: Path, *, vehicle: int | None = None) -> Recording:
     quality = LogQuality(
         bytes=size,
         frames=int(found.start.size),
-        bytes_skipped=sum(length for _, length in found.skipped),
-        damage=worst_places(found.skipped, time_before),
-        damaged_places=len(found.skipped),
+        **damage_of(found.skipped, time_before),
         clock_jumps=stretch.jumps,
         gaps=pauses(clock[timed & usable]),
     )
@@ -195,3 +208,26 @@ def _waypoints(stream: Stream | None) -> tuple[Waypoint, ...]:
             parameters=(item["Prm1"], item["Prm2"], item["Prm3"], item["Prm4"]),
         )
     return tuple(items[number] for number in sorted(items))
+
+
+def _likeness(begins: Beginning) -> float:
+    if begins.text is not None:
+        return 0.0
+    described = begins.head.count(FMT_HEAD) >= 3 or begins.suffix in FORMAT.suffixes
+    return 0.8 if described else 0.2
+
+
+def flight_of(
+    reader: Callable[..., Recording], path: Path, vehicle: int | None, options: Options
+) -> FlightLog:
+    """The flight of a DataFlash log, binary or text by its `reader`."""
+    recording = reader(path, vehicle=vehicle)
+    return assemble(recording, dataflash_signals(recording.streams), options)
+
+
+FORMAT = LogFormat(
+    name="DataFlash",
+    suffixes=(".bin", ".log"),
+    likeness=_likeness,
+    read=partial(flight_of, read_dataflash),
+)

@@ -20,7 +20,7 @@ from thrustmargin.gcs_plugin.mavlink.text import printable
 HEAD = (0xA3, 0x95)
 FMT_TYPE = 128
 FMT_LENGTH = 89
-_FMT_HEAD = bytes((*HEAD, FMT_TYPE))
+FMT_HEAD = bytes((*HEAD, FMT_TYPE))
 PADDING = 512
 _CHUNK = 1 << 20
 #: format letter -> (numpy type, factor); https://ardupilot.org/dev/docs/code-overview-adding-a-new-log-message.html
@@ -147,7 +147,7 @@ def _formats(data: Bytes, size: int) -> dict[int, Format]:
     for low in range(0, size, _CHUNK):
         part = data[low : min(low + _CHUNK + FMT_LENGTH - 1, size)].tobytes()
         at = -1
-        while (at := part.find(_FMT_HEAD, at + 1)) >= 0:
+        while (at := part.find(FMT_HEAD, at + 1)) >= 0:
             body = part[at : at + FMT_LENGTH]
             if body in seen or len(body) < FMT_LENGTH:
                 continue

@@ -4,17 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.gcs_plugin.logs.dataflash.binary import recording_of
+from thrustmargin.gcs_plugin.logs.dataflash.binary import flight_of, recording_of
 from thrustmargin.gcs_plugin.logs.dataflash.columns import DataFlashColumns, Units
 from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import MESSAGES
 from thrustmargin.gcs_plugin.logs.dataflash.message_scan import Format, make_format
-from thrustmargin.gcs_plugin.telemetry.recording import LogQuality, Recording, worst_places
+from thrustmargin.gcs_plugin.logs.read import LogFormat
+from thrustmargin.gcs_plugin.telemetry.recording import (
+    LogQuality,
+    Recording,
+    damage_of,
+)
 from thrustmargin.gcs_plugin.telemetry.timeline import longest_stretch, pauses, without_leaps
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Floats
@@ -76,9 +82,7 @@ def read_dataflash_text(path: Path, *, vehicle: int | None = None) -> Recording:
     quality = LogQuality(
         bytes=len(text),
         frames=lines.kept,
-        bytes_skipped=sum(length for _, length in lines.skipped),
-        damage=worst_places(lines.skipped, lambda _: float("nan")),
-        damaged_places=len(lines.skipped),
+        **damage_of(lines.skipped, lambda _: float("nan")),
         clock_jumps=stretch.jumps,
         gaps=pauses(known),
     )
@@ -156,3 +160,11 @@ def _clock(table: Mapping[str, NDArray[Any]]) -> Floats:
         return without_leaps(table["TimeMS"] * 1e-3)
     size = len(next(iter(table.values()))) if table else 0
     return np.full(size, np.nan)
+
+
+FORMAT = LogFormat(
+    name="DataFlash text",
+    suffixes=(".log", ".txt"),
+    likeness=lambda begins: float(begins.text is not None and b"FMT," in begins.head),
+    read=partial(flight_of, read_dataflash_text),
+)

@@ -27,7 +27,6 @@ from thrustmargin.gcs_plugin.reports.margin.known import (
 from thrustmargin.gcs_plugin.reports.margin.load import load_rows
 from thrustmargin.gcs_plugin.reports.margin.model_description import model_use
 from thrustmargin.gcs_plugin.reports.margin.moments import airborne_use, utc_words, worst_moments
-from thrustmargin.gcs_plugin.reports.margin.quality import quality_of
 from thrustmargin.gcs_plugin.wording import numbers as words
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.models.flight import Bools, Floats
@@ -36,6 +35,20 @@ from thrustmargin.models.model.flown import flown_airframe
 from thrustmargin.models.model.utilisation_error import INTERVAL
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.margin import ceiling, hover_use, largest_fill, weight
+
+#: What a flight without a channel cannot say; channels that nothing depends on are left out.
+WITHOUT = {
+    "rotor_speed_rpm": "no rotor speeds in this log: all figures are predicted",
+    "tank_kg": "no tank level: weight, redundancy and largest fill are unknown",
+    "voltage": "no battery voltage: the rotors' maximum is taken at the nominal voltage",
+    "airspeed": "no airspeed: the network cannot predict",
+    "position_ned": "no position: nothing can be drawn on the map",
+    "velocity_ned": "no velocity: ground speed, distance and climb are unknown",
+    "spraying": "no pump state: sprayed time, distance and area are unknown",
+    "wind_ned": "no wind report",
+    "angular_rate_frd": "no angular rate: turns are not named",
+    "pressure": "no static pressure",
+}
 
 
 def report_flight(
@@ -71,7 +84,7 @@ def report_flight(
         moments=moments,
         redundancy=_redundancy(analysis, rows, seconds),
         accuracy=accuracy(analysis, airframe.rotor_names),
-        quality=quality_of(log),
+        quality=_quality(log),
         airframe_basis=analysis.claim.basis,
         withheld=analysis.withheld,
         rows=rows,
@@ -251,4 +264,23 @@ def _redundancy(
             for when, value in (("start", median(fill[first])), ("min", least(fill[flying])))
         },
         "tank_capacity_kg": analysis.model.airframe.tank_capacity_kg,
+    }
+
+
+def _quality(log: FlightLog) -> JsonObject:
+    """How whole the log is, and what had to be assumed; a silence is over 1 s without a message."""
+    track, whole = log.track, log.quality
+    counted = ("bytes", "frames", "bytes_skipped", "damaged_places", "bad_checksum")
+    return {
+        **{name: getattr(log, name) for name in ("format", "autopilot", "vehicle", "vehicles")},
+        **{name: getattr(whole, name) for name in counted},
+        "unknown_frames": sum(whole.unknown_ids.values()),
+        "frames_missing": whole.frames_missing,
+        "clock_jumps": len(whole.clock_jumps),
+        "silences": len(whole.gaps),
+        "longest_silence_s": max((float(length) for _, length in whole.gaps), default=0.0),
+        "channels": log.channels,
+        "missing": tuple(text for name, text in WITHOUT.items() if not track.reports(name)),
+        "notes": track.notes,
+        "messages": log.messages,
     }

@@ -18,7 +18,6 @@ from plotly.graph_objects import Figure, Layout, Scatter
 from plotly.graph_objs.layout import Template
 from plotly.subplots import make_subplots
 
-from thrustmargin.gcs_plugin.reports.shared.thinning import keep_extremes
 from thrustmargin.models.flight import Floats
 
 INK = "#000000"
@@ -94,6 +93,35 @@ def single(values: Floats) -> NDArray[np.float32]:
 def milliseconds(time_s: Floats) -> NDArray[np.float32]:
     """Log time as what plotly's date axis shows as minutes and seconds."""
     return single(np.round(np.asarray(time_s) * 1000.0))
+
+
+def keep_extremes(values: Floats, buckets: int) -> NDArray[np.intp]:
+    """Row numbers of (T,) `values` for a line plot: first, least, greatest, last of each bucket.
+
+    The peaks of the whole stay; a bucket with a NaN keeps one, so that the line breaks there.
+    """
+    rows = values.size
+    if rows <= 4 * buckets:
+        return np.arange(rows)
+    edges = np.linspace(0, rows, buckets + 1).astype(np.intp)
+    starts = edges[:-1]
+    which = np.repeat(np.arange(buckets), np.diff(edges))
+    known = np.isfinite(values)
+    # Sorting by bucket and then by value puts each bucket's extremes at its ends.
+    low = np.lexsort((np.where(known, values, np.inf), which))[starts]
+    high = np.lexsort((np.where(known, -values, np.inf), which))[starts]
+    gap = np.flatnonzero(~known)
+    gap = gap[np.diff(which[gap], prepend=-1) > 0]
+    return np.unique(np.concatenate([starts, low, high, gap, edges[1:] - 1]))
+
+
+def keep_worst(score: Floats, buckets: int) -> NDArray[np.intp]:
+    """One row number a bucket of (T,) `score`: the greatest; buckets without a number keep none."""
+    rows = score.size
+    edges = np.linspace(0, rows, min(buckets, rows) + 1).astype(np.intp)
+    which = np.repeat(np.arange(edges.size - 1), np.diff(edges))
+    first = np.lexsort((np.where(np.isfinite(score), -score, np.inf), which))[edges[:-1]]
+    return first[np.isfinite(score[first])]
 
 
 def line(

@@ -10,8 +10,13 @@ from typing import Any
 import numpy as np
 from plotly.graph_objects import Figure
 
-from thrustmargin.gcs_plugin.reports.shared.plot_style import GRID, STYLE, milliseconds, single
-from thrustmargin.gcs_plugin.reports.shared.thinning import keep_worst
+from thrustmargin.gcs_plugin.reports.shared.plot_style import (
+    GRID,
+    STYLE,
+    keep_worst,
+    milliseconds,
+    single,
+)
 from thrustmargin.gcs_plugin.wording.palette import ColourScale, css
 from thrustmargin.models.flight import Floats
 

@@ -51,7 +51,7 @@ def test_inspect_says_what_it_is_and_which_rotors_are_told(log, tmp_path, capsys
     )
     assert (found["vehicle_kind"], found["rotor_count"]) == (kind, rotors)
     if kind in ("multirotor", "unknown"):
-        assert "rotors: not told" in said
+        assert "rotors: not reported" in said
 
 
 @pytest.mark.parametrize("outputs", [True, False])

@@ -249,7 +249,7 @@ def test_a_set_wall_clock_does_not_move_the_stamps(monkeypatch):
     assert 0 <= clock.now_us() - before < 1_000_000
 
 
-def test_a_full_mailbox_drops_the_newest_and_counts_them():
+def test_a_full_queue_drops_the_newest_and_counts_them():
     box: BoundedQueue[int] = BoundedQueue(5)
     box.put([1, 2, 3])
     box.put([4, 5, 6, 7])

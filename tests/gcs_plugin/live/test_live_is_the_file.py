@@ -23,10 +23,11 @@ from tests.gcs_plugin.live.live_vehicle import ROOT, as_frame, log_frames, write
 from tests.gcs_plugin.live.monitored import AIRFRAME
 from tests.gcs_plugin.logs.log_files import with_rotor_speeds
 from thrustmargin.gcs_plugin.live.alarms import Alarms
-from thrustmargin.gcs_plugin.live.pump_and_route import PumpAndRoute
+from thrustmargin.gcs_plugin.live.outlook import LookAhead
 from thrustmargin.gcs_plugin.live.tank_balance import virtual_gauge
 from thrustmargin.gcs_plugin.live.vehicle_monitor import VehicleMonitor, WatchSettings
 from thrustmargin.gcs_plugin.live.vehicle_state import MISSION_MESSAGES, VehicleState, fold
+from thrustmargin.gcs_plugin.live.vehicle_telemetry import LiveRows
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.tlog import read_tlog
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
@@ -175,15 +176,18 @@ def of_file(flight: Recorded, model: RotorModel):
     whole, rows = analyse(flight.track, model), flight.rows
     item = best(flight.signals, "mission_item")
     nowhere = np.full(rows.clock_s.size, np.nan)
-    delivered, ahead = PumpAndRoute(model).rows(
-        whole,
-        0,
+    new = LiveRows(
+        boot=0,
+        track=flight.track,
         clock_s=rows.clock_s,
+        stamp_us=np.zeros(rows.clock_s.size, dtype=np.int64),
         pump_share=rows.pump_share,
         pumped_kg=rows.pumped_kg,
         mission_item=nowhere if item is None else last_before(item, rows.clock_s),
-        state=flight.state,
+        esc_failures=flight.motors.failures(flight.signals, rows.clock_s),
+        notes=(),
     )
+    delivered, ahead = LookAhead(model).rows(whole, 0, new, flight.state)
     events = Alarms().rows(
         whole,
         0,
@@ -191,7 +195,7 @@ def of_file(flight: Recorded, model: RotorModel):
         pumped_kg=delivered,
         virtual_kg=virtual_gauge(whole),
         margin_ahead=ahead,
-        esc_failures=flight.motors.failures(flight.signals, rows.clock_s),
+        esc_failures=new.esc_failures,
     )
     return whole, events
 

@@ -176,7 +176,7 @@ def test_repr_says_in_a_few_lines_which_flight_it_is_how_long_and_how_whole(tmp_
     log = read_log(written(tmp_path, data + bytes(7), "hover.tlog"))
     assert repr(log).splitlines() == [
         "FlightLog hover.tlog: tlog, vehicle 1 (unknown)",
-        "  4.9 s in 50 rows; kind of vehicle: not told; 4 rotors by the ESCs that report",
+        "  4.9 s in 50 rows; kind of vehicle: not reported; 4 rotors by the ESCs that report",
         "  channels: attitude, angular_rate_frd, tank_kg, rotor_speed_rpm, voltage, current, "
         "spraying",
         "  not in the log: position_ned, velocity_ned, specific_force_frd, airspeed, wind_ned, "

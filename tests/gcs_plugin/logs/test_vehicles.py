@@ -97,8 +97,8 @@ def test_parameters_that_are_no_whole_numbers_tell_nothing(tmp_path, value):
         found = read_log(path)
         assert (found.facts.kind, found.facts.rotor_count) == ("multirotor", 0)
         assert found.track.rotor_speed_rpm.shape[1] == found.track.throttle.shape[1] == 0
-        assert found.facts.words.endswith("rotors: not told")
-        assert any("tells the number of rotors" in note for note in found.track.notes)
+        assert found.facts.words.endswith("rotors: not reported")
+        assert any("reports the number of rotors" in note for note in found.track.notes)
 
 
 @pytest.mark.parametrize(

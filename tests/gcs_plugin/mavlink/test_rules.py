@@ -134,7 +134,6 @@ VALUES: dict[tuple[str, str], tuple[Mapping[str, object], Any]] = {
     ("NAMED_VALUE_FLOAT", "named_value"): ({"value": 9.25}, 9.25),
     ("FUEL_STATUS", "fuel_remaining"): ({"remaining_fuel": 9500.0, "fuel_type": 1}, 9500.0),
     ("FUEL_STATUS", "fuel_percent"): ({"percent_remaining": 60}, 60.0),
-    ("FUEL_STATUS", "fuel_maximum"): ({"maximum_fuel": 20000.0, "fuel_type": 1}, 20000.0),
 }
 for _name in ESC_TELEMETRY_FIRST:
     _four = {"rpm": [1900, 0, 2000, 0], "count": [1, 0, 2, 3]}
@@ -156,7 +155,6 @@ INDEXED = {
     ("ESC_INFO", "esc_failure"): ("index", None),
     ("FUEL_STATUS", "fuel_remaining"): ("id", None),
     ("FUEL_STATUS", "fuel_percent"): ("id", None),
-    ("FUEL_STATUS", "fuel_maximum"): ("id", None),
 }
 
 #: Wire values that mean "not known".
@@ -286,11 +284,10 @@ def test_wind_with_more_fall_than_speed_has_no_level_part():
 
 
 def test_fuel_of_another_kind_than_a_liquid_is_not_ml():
-    for channel in ("fuel_remaining", "fuel_maximum"):
-        rule = next(r for r in MAVLINK_RULES if r.channel == channel)
-        field = rule.fields[0]
-        for kind in (0, 2):
-            assert np.isnan(quantity(rule, table("FUEL_STATUS", {field: 5.0, "fuel_type": kind})))
+    rule = next(r for r in MAVLINK_RULES if r.channel == "fuel_remaining")
+    for kind in (0, 2):
+        said = {"remaining_fuel": 5.0, "fuel_type": kind}
+        assert np.isnan(quantity(rule, table("FUEL_STATUS", said)))
 
 
 def test_an_esc_is_silent_when_it_reports_zero_and_counts_nothing_new():

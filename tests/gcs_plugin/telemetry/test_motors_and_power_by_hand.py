@@ -77,7 +77,7 @@ def test_what_tells_the_number_of_rotors(given, count):
     found = motors(**given)
     assert found.rotor_count == count
     assert found.facts.rotor_count == count
-    assert any("tells the number of rotors" in note for note in found.notes) == (count == 0)
+    assert any("reports the number of rotors" in note for note in found.notes) == (count == 0)
 
 
 def test_another_number_of_rotors_than_the_airframes_is_refused_with_its_evidence():
@@ -180,7 +180,7 @@ def test_a_second_pack_is_named():
     tank = reports("battery_voltage", [1.5] * 3, 3)
     packs = [reports("battery_voltage", [50.0] * 3, k) for k in (0, 1)]
     _, notes = first_of("voltage", *packs, tank)
-    assert notes == ["battery 1 reads a pack's voltage too; only battery 0 is used"]
+    assert notes == ["battery 1 reads a flight battery's voltage too; only battery 0 is used"]
     # A little over twice a level sender's voltage in most reports is a pack; up to it is none.
     for volts, said in (([5.0] * 3, 0), ([5.01, 5.01, 5.0], 1), ([5.01, 5.0, 5.0], 0)):
         _, notes = first_of("voltage", packs[0], reports("battery_voltage", volts, 1))

@@ -14,7 +14,7 @@ from thrustmargin.gcs_plugin.telemetry.signals import collected
 from thrustmargin.gcs_plugin.telemetry.tank_source import (
     AGREEMENT,
     TankContext,
-    pack_id,
+    flight_battery,
     tank_level,
 )
 from thrustmargin.models.physics.airframe import load_airframe
@@ -72,10 +72,10 @@ def pack(volts: float, number: int) -> Signal:
 
 
 def test_a_pack_reads_more_than_two_and_a_half_volts():
-    assert pack_id(collected([pack(2.5, 0), pack(2.51, 1)])) == 1
-    assert pack_id(collected([pack(50.0, 2), pack(48.0, 1)])) == 1  # the lowest number
-    assert pack_id(collected([pack(2.0, 0)])) is None
-    assert pack_id(collected([reports("battery_voltage", [NAN] * 4, 0)])) is None
+    assert flight_battery(collected([pack(2.5, 0), pack(2.51, 1)])) == 1
+    assert flight_battery(collected([pack(50.0, 2), pack(48.0, 1)])) == 1  # the lowest number
+    assert flight_battery(collected([pack(2.0, 0)])) is None
+    assert flight_battery(collected([reports("battery_voltage", [NAN] * 4, 0)])) is None
 
 
 def battery_tank(percent, used=None, number=1) -> list[Signal]:

@@ -13,7 +13,7 @@ from thrustmargin.gcs_plugin.telemetry.signals import collected
 from thrustmargin.gcs_plugin.telemetry.tank_source import (
     TankContext,
     check_source,
-    pack_id,
+    flight_battery,
     tank_level,
 )
 from thrustmargin.models.errors import LogError
@@ -110,7 +110,7 @@ def test_a_second_pack_is_not_taken_for_a_tank():
 def test_the_pack_is_found_though_the_tank_has_the_lower_id():
     tank_first = battery(TIME * 0 + 50.0, number=0)
     pack = Signal("battery_voltage", "BATTERY_STATUS of id 1", TIME, TIME * 0 + 56.0, 1)
-    assert pack_id(collected([*tank_first, pack])) == 1
+    assert flight_battery(collected([*tank_first, pack])) == 1
 
 
 def pump(share: float) -> Signal:

@@ -119,4 +119,4 @@ def test_what_is_refused_and_in_which_words():
         "",
         "multirotor by MAV_TYPE 2; 4 rotors by SERVOn_FUNCTION",
     )
-    assert vehicle_facts({}).words == "kind of vehicle: not told; rotors: not told"
+    assert vehicle_facts({}).words == "kind of vehicle: not reported; rotors: not reported"

@@ -23,7 +23,7 @@ def verdicts(track=TRACK, airframe=F16, facts=FACTS, parameters=PARAMETERS) -> d
 
 def doubts_of(track, airframe, facts, parameters) -> tuple[str, ...]:
     found = comparisons(track, airframe, facts, parameters)
-    return tuple(c.words for c in found if c.verdict == "doubt")
+    return tuple(c.words for c in found if c.verdict == "contradicts")
 
 
 def known_as(track=TRACK, airframe=F16, facts=FACTS, parameters=PARAMETERS) -> str:
@@ -68,13 +68,14 @@ def test_full_or_empty_the_tank_speaks_for_itself():
 
 
 @pytest.mark.parametrize(
-    ("volts", "verdict"), [(16.0, "doubt"), (39.0, "doubt"), (44.4, "fits"), (70.0, "doubt")]
+    ("volts", "verdict"),
+    [(16.0, "contradicts"), (39.0, "contradicts"), (44.4, "fits"), (70.0, "contradicts")],
 )
-def test_a_battery_of_other_cells_is_a_doubt(volts, verdict):
+def test_a_battery_of_other_cells_contradicts(volts, verdict):
     found = verdicts(replace(TRACK, voltage=np.full_like(TRACK.voltage, volts)))
     assert found["voltage"] == verdict
     # What rests on a voltage that cannot be would only say the same again.
-    assert ("motor output" in found) == (verdict != "doubt")
+    assert ("motor output" in found) == (verdict != "contradicts")
 
 
 def test_another_number_of_rotors_ends_the_comparison():
@@ -117,7 +118,7 @@ def test_speeds_beyond_the_ceiling_are_a_doubt_for_long_and_not_for_a_moment():
     fast[600:620] = 3500.0
     assert "rotor speed limit" not in verdicts(replace(TRACK, rotor_speed_rpm=fast))
     fast[600:1100, 2] = 3500.0
-    assert verdicts(replace(TRACK, rotor_speed_rpm=fast))["rotor speed limit"] == "doubt"
+    assert verdicts(replace(TRACK, rotor_speed_rpm=fast))["rotor speed limit"] == "contradicts"
 
 
 @pytest.mark.parametrize("output", [0.85, 1.15, np.nan])
@@ -136,7 +137,7 @@ def test_without_rotor_speeds_outputs_recognise_only_with_a_known_load():
 
 def test_outputs_that_could_not_lift_the_weight_are_a_doubt():
     low = replace(lacking("rotor_speed_rpm"), throttle=np.full_like(TRACK.throttle, 0.28))
-    assert verdicts(low)["motor output"] == "doubt"
+    assert verdicts(low)["motor output"] == "contradicts"
 
 
 def test_what_was_inferred_with_the_airframe_is_no_evidence_for_it():

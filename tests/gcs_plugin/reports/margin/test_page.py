@@ -26,8 +26,8 @@ from thrustmargin.gcs_plugin.reports.margin.render import (
 )
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import script_safe
+from thrustmargin.gcs_plugin.reports.shared.plot_style import keep_extremes, keep_worst
 from thrustmargin.gcs_plugin.reports.shared.route_map import moved, plotly_scale
-from thrustmargin.gcs_plugin.reports.shared.thinning import keep_extremes, keep_worst
 from thrustmargin.gcs_plugin.wording.palette import LOAD
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
