@@ -229,12 +229,16 @@ def write_plan(plan: MissionPlan, path: Path) -> None:
 
     Raises PlanError when the folder does not exist or cannot be written.
     """
-    text = json.dumps(_as_json(plan), indent=4, allow_nan=False) + "\n"
     try:
         with whole_file(path) as draft:
-            draft.write_text(text, encoding="utf-8")
+            draft.write_text(plan_text(plan), encoding="utf-8")
     except OSError as error:
         raise PlanError(f"{path} cannot be written: {error.strerror}; choose another -o") from error
+
+
+def plan_text(plan: MissionPlan) -> str:
+    """The text of a `.plan` file."""
+    return json.dumps(_as_json(plan), indent=4, allow_nan=False) + "\n"
 
 
 def _as_json(plan: MissionPlan) -> dict[str, Any]:

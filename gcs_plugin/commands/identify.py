@@ -36,6 +36,7 @@ def identify(
     out: Path | None = None,
     json: Path | None = None,
     html: Path | None = None,
+    next_flight: Path | None = None,
     surrogates: int = 99,
     seed: int = 0,
     force: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False,
@@ -60,10 +61,12 @@ def identify(
         out: New model file to write, with the effects added; the old one stays.
         json: Write the result as JSON to this file.
         html: Write a page with the residual before and after to this file.
+        next_flight: Write the flight that would tell apart what these flights cannot as a mission,
+            a QGroundControl .plan file about the place where they were flown.
         surrogates: How often the search is repeated on chance alone, 49 or more; an effect is
             taken only when less than 2 % of them give as much.
         seed: Number from which all chance is drawn; the same seed gives the same answer.
-        force: Replace the new model file if it is there.
+        force: Replace the new model file and the mission if they are there.
     """
     from datetime import UTC, datetime
 
@@ -83,6 +86,7 @@ def identify(
             Output("--out", out, endings=(".safetensors",), keep=not force),
             Output("--json", json),
             Output("--html", html, endings=(".html", ".htm")),
+            Output("--next-flight", next_flight, endings=(".plan",), keep=not force),
         ),
         inputs=[*logs, *held_out, model, airframe],
     )
@@ -104,11 +108,14 @@ def identify(
             not_used=not_used,
             model_in=model_name,
             model_out="" if out is None else str(out),
+            mission="" if next_flight is None else str(next_flight),
             date=datetime.now(UTC).date().isoformat(),
         )
         progress("writing", 0.0)
-        written = write_result(result, out=out, json=json, html=html)
+        written = write_result(result, out=out, json=json, html=html, mission=next_flight)
     show(result, written)
+    if next_flight is not None and next_flight not in written:
+        errors.print(f"no {next_flight}: no flight would tell more")
     return 1 if result.not_used else 0
 
 
@@ -159,14 +166,24 @@ def read_flights(
 
 
 def write_result(
-    result: Result, *, out: Path | None, json: Path | None, html: Path | None
+    result: Result,
+    *,
+    out: Path | None,
+    json: Path | None,
+    html: Path | None,
+    mission: Path | None = None,
 ) -> list[Path]:
     """Write what was asked for; all files are made before any is put in its place."""
     from thrustmargin.gcs_plugin.reports.identify.identify_result import json_text
+    from thrustmargin.mission.manoeuvre_plan import manoeuvre_plan
+    from thrustmargin.mission.plan import plan_text
+    from thrustmargin.models.identification.manoeuvres import FlownLimits
     from thrustmargin.models.model.model_file import save_model
     from thrustmargin.models.whole_file import whole_file
 
-    wanted = [path for path in (out, json, html) if path is not None]
+    following = result.following
+    mission = None if following is None else mission
+    wanted = [path for path in (out, json, html, mission) if path is not None]
     try:
         with ExitStack() as files:
             drafts = {path: files.enter_context(whole_file(path)) for path in wanted}
@@ -176,6 +193,10 @@ def write_result(
                 drafts[html].write_bytes(html_text(result).encode("utf-8", "replace"))
             if json is not None:
                 drafts[json].write_bytes(json_text(result).encode("utf-8", "replace"))
+            if mission is not None and following is not None:
+                limits = FlownLimits.of(result.tracks)
+                plan = manoeuvre_plan(following.manoeuvre, limits, repeats=following.repeats)
+                drafts[mission].write_text(plan_text(plan), encoding="utf-8")
             if out is not None:
                 save_model(result.update.model, drafts[out])
     except OSError as error:
@@ -186,14 +207,13 @@ def write_result(
 def show(result: Result, written: Sequence[Path]) -> None:
     """The answer in words, then the tables, then what was written."""
     from thrustmargin.gcs_plugin.commands.terminal import Terminal
-    from thrustmargin.gcs_plugin.reports.identify.identify_tables import effects_table, errors_table
+    from thrustmargin.gcs_plugin.reports.identify.identify_tables import printed_tables
 
     console = Terminal()
     for sentence in result.answer:
         console.print(sentence, soft_wrap=True)
-    if result.found.reported:
-        console.print(effects_table(result.found))
-    console.print(errors_table(result.found, result.errors))
+    for table in printed_tables(result):
+        console.print(table)
     for one in result.not_used:
         console.print(f"not used: {one.name}: {one.reason}", soft_wrap=True)
     if result.model_out:

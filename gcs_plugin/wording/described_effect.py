@@ -2,30 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
-from thrustmargin.gcs_plugin.wording.numbers import number
+from thrustmargin.gcs_plugin.wording.numbers import within
 from thrustmargin.models.identification.result import Found, Identification
-
-
-def spread(
-    value: float, low: float, high: float, unit: str, *, factor: float = 1.0, most: int = 2
-) -> str:
-    """`8.0 % (7.9 to 8.1 %)`: as many decimals as the interval warrants.
-
-    At most `most`, or one more where the ends would look alike.
-    """
-    value, ends = value * factor, sorted((low * factor, high * factor))
-    half = (ends[1] - ends[0]) / 2
-    if not math.isfinite(half) or half <= 0.0:
-        return number(value, unit, most)
-    decimals = min(most, max(0, -math.floor(math.log10(half) + 1e-6)))
-    if number(ends[0], "", decimals) == number(ends[1], "", decimals):
-        decimals += 1
-    first, second = (number(end, "", decimals) for end in ends)
-    again = " %" if unit == "%" else ""
-    return f"{number(value, unit, decimals)} ({first} to {second}{again})"
 
 
 def rotor_words(rotor: int, names: tuple[str, ...]) -> str:
@@ -50,12 +30,16 @@ class DescribedEffect:
     def negative(self, name: str) -> bool:
         return self.ends(name)[0] < 0.0
 
-    def text(self, name: str, unit: str = "", *, factor: float = 1.0, most: int = 2) -> str:
-        return spread(*self.ends(name), unit, factor=factor, most=most)
+    def size(
+        self, name: str, unit: str = "", *, factor: float = 1.0, most: int = 2
+    ) -> tuple[str, str]:
+        """The amount without its sign, and its interval turned the same way."""
+        sign = -1.0 if self.negative(name) else 1.0
+        return within(*self.ends(name), unit, factor=sign * factor, most=most)
 
-    def size(self, name: str, unit: str, *, factor: float = 1.0, most: int = 2) -> str:
-        """The amount without its sign, its interval turned the same way."""
-        return self.text(name, unit, factor=-factor if self.negative(name) else factor, most=most)
+    def text(self, name: str, unit: str = "", *, factor: float = 1.0, most: int = 2) -> str:
+        """The amount with its sign and its interval, in one."""
+        return joined(within(*self.ends(name), unit, factor=factor, most=most))
 
     @property
     def known(self) -> bool:
@@ -66,3 +50,8 @@ class DescribedEffect:
     def rotor(self) -> str:
         names = self.whole.model.airframe.rotor_names
         return rotor_words(self.found.term.rotor or 0, names).capitalize()
+
+
+def joined(parts: tuple[str, str]) -> str:
+    """Amount and interval in one."""
+    return " ".join(parts).rstrip()

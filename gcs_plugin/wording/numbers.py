@@ -55,6 +55,33 @@ def percent_within(share: float, low: float, high: float) -> str:
     return f"{percent(share)} {ends}"
 
 
+def within(
+    value: float, low: float, high: float, unit: str = "", *, factor: float = 1.0, most: int = 2
+) -> tuple[str, str]:
+    """`8 %` and `(7.8 to 8.2)`: an amount and its interval, no digit more than that allows.
+
+    The last digit shown is the first of the half width, at most `most` decimals, or one more where
+    the ends would look alike or one of them would look like 0. Without an interval the second text
+    is empty.
+    """
+    value, ends = value * factor, sorted((low * factor, high * factor))
+    half = (ends[1] - ends[0]) / 2
+    if not math.isfinite(half) or half <= 0.0:
+        return number(value, unit, most), ""
+    decimals = min(most, -math.floor(math.log10(half) + 1e-6))
+    texts = [_rounded(v, decimals) for v in (value, *ends)]
+    if texts[1] == texts[2] or any(
+        not round(end, decimals) and abs(end) > 0.01 * half for end in ends
+    ):
+        texts = [_rounded(v, decimals + 1) for v in (value, *ends)]
+    amount = texts[0].rstrip("0").rstrip(".") if "." in texts[0] else texts[0]
+    return f"{amount} {unit}".rstrip(), f"({texts[1]} to {texts[2]})"
+
+
+def _rounded(value: float, decimals: int) -> str:
+    return number(round(value, decimals), "", max(0, decimals))
+
+
 def more(share: float, decimals: int = 2) -> str:
     """`+75.83 %` of 0.7583."""
     text = percent(share, decimals)

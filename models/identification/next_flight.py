@@ -14,50 +14,44 @@ S^-1 by Woodbury, so that only the Gram matrix of the columns is needed.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from thrustmargin.models.effects import effects_for
-from thrustmargin.models.effects.base import Parameter, Placed
-from thrustmargin.models.effects.channels import Channels
-from thrustmargin.models.effects.compose import BaseTable, rotor_speed_rpm
-from thrustmargin.models.effects.missing import tolerant
-from thrustmargin.models.flight import Floats
+from thrustmargin.models.effects import BY_KEY, effects_for
+from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.manoeuvres import (
     FlownLimits,
     Manoeuvre,
     flown_track,
     manoeuvres,
 )
-from thrustmargin.models.identification.modes import modes
-from thrustmargin.models.identification.problem import BLOCK_SECONDS, Problem
+from thrustmargin.models.identification.result import Identification
+from thrustmargin.models.identification.rivals import (
+    ModePrediction,
+    Rival,
+    fitted_rival,
+    second_noise_rpm,
+)
 from thrustmargin.models.identification.terms import Term
 from thrustmargin.models.model.flown import model_channels, table_of
 from thrustmargin.models.model.rotor_model import RotorModel
 
+Terms = tuple[Term, ...]
+
 CERTAIN = 0.95  # probability of a right choice at which the rivals count as told apart
-MOST_FITTED = 2000  # rows of the flown ones that a rival is fitted to
-FIT_STEPS = 6  # of Gauss and Newton: effects are nearly linear in thrust
-STEP = 0.05  # of a parameter's usual size, on both sides, for its derivative
+CHANCE = 0.6  # at or below which no manoeuvre is worth flying for it
 ROW_S = 0.2  # between rows of a manoeuvre
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Rival:
-    """An explanation: effects with values, and the covariance of all values in their order."""
-
-    terms: tuple[Term, ...]
-    values: Floats  # (P,)
-    covariance: Floats  # (P, P)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NextFlight:
     """What to fly next, and how well it would tell the rivals apart."""
 
-    separates: tuple[tuple[Term, ...], tuple[Term, ...]]
+    separates: tuple[Terms, Terms]
     manoeuvre: Manoeuvre
     repeats: int  # of the manoeuvre, in the flight at each fill
     nats: float  # expected Kullback-Leibler divergence of it all
@@ -67,6 +61,53 @@ class NextFlight:
     def minutes(self) -> float:
         """All repeats at all fills, without take-off and landing."""
         return self.repeats * self.manoeuvre.minutes
+
+
+def following_flight(found: Identification, tracks: Sequence[FlightTrack]) -> NextFlight | None:
+    """What to fly next after an identification; `tracks` are the flights it was given.
+
+    None when it left nothing open, or when no manoeuvre of the library would tell.
+    """
+    pair = rivals_of(found)
+    if pair is None:
+        return None
+    noise = second_noise_rpm(found.problem, found.residual_after_rpm)
+    try:
+        limits = FlownLimits.of(tracks)
+    except DataError:
+        return None
+    best = next_flight(
+        found.model,
+        (fitted_rival(found.problem, pair[0], noise), fitted_rival(found.problem, pair[1], noise)),
+        limits=limits,
+        noise_rpm=noise,
+        background_rpm=found.problem.background_rpm,
+    )
+    return best if best is not None and best.certainty > CHANCE else None
+
+
+def rivals_of(found: Identification) -> tuple[Terms, Terms] | None:
+    """The two likeliest explanations that an identification could not tell apart.
+
+    In this order: one of several effects, two sets of effects, a rotor that is not cleared, an
+    effect and another that would do as well. None when it left nothing open.
+    """
+    named = tuple(f.term for f in found.found)
+    for one in found.one_of:
+        likely = sorted(zip(one.probabilities, one.terms, strict=True), key=lambda pair: -pair[0])
+        first, second = (term for _, term in likely[:2])
+        rest = tuple(t for t in named if t.key not in (first.key, second.key))
+        return (*rest, first), (*rest, second)
+    if len(found.alternatives) > 1 and found.alternatives[0].probability < CERTAIN:
+        return found.alternatives[0].terms, found.alternatives[1].terms
+    for rotor in sorted(found.mentioned, key=lambda one: -one.probability):
+        return named, (*named, Term(effect=ROTOR_DEGRADATION, rotor=rotor.rotor))
+    for one in found.found:
+        for name in one.indistinguishable_from:
+            if name in BY_KEY:
+                rest = tuple(t for t in named if t.key != one.term.key)
+                return named, (*rest, Term(effect=BY_KEY[name].scaled(found.model.airframe)))
+    return None
 
 
 def next_flight(
@@ -104,53 +145,6 @@ def next_flight(
     return best
 
 
-def fitted_rival(problem: Problem, terms: Sequence[Term], noise_rpm: Floats) -> Rival:
-    """The terms with the values at which they explain the flown rows best (Gauss-Newton).
-
-    Values are alike in all flights, with the parameters' usual sizes as prior; the covariance has
-    the scatter of a sound aircraft in it. A step within a flight counts as it is afterwards.
-    """
-    terms = tuple(_lasting(term) for term in terms)
-    stride = -(-problem.measured_rpm.shape[0] // MOST_FITTED)
-    rows = np.arange(0, problem.measured_rpm.shape[0], stride)
-    x = problem.channels.rows(rows)
-    seconds = float(np.sum(problem.durations)) / rows.size
-    predict = _Prediction.of(problem.model, problem.base, x, noise_rpm / np.sqrt(seconds))
-    wanted = problem.measured_rpm[rows] @ predict.directions
-    parameters = _parameters(terms)
-    prior = np.array([_absent(p) for p in parameters])
-    size = np.array([p.scale for p in parameters])
-    low, high = (np.array([getattr(p, end) for p in parameters]) for end in ("lower", "upper"))
-    values: Floats = np.array([p.start for p in parameters], dtype=np.float64)
-    for _ in range(FIT_STEPS):
-        columns = predict.columns(terms, values) * size
-        left = (wanted - predict.modes(terms, values)).ravel()
-        pull = columns.T @ left + (prior - values) / size
-        step = np.linalg.solve(columns.T @ columns + np.eye(size.size), pull) * size
-        values = np.minimum(np.maximum(values + step, low), high)
-    columns = predict.columns(terms, values) * size
-    columns = np.concatenate([columns, predict.scatter(problem.background_rpm)], axis=1)
-    gram = columns.T @ columns + np.eye(columns.shape[1])
-    inverse: Floats = np.asarray(np.linalg.inv(gram)[: size.size, : size.size], dtype=np.float64)
-    return Rival(terms=terms, values=values, covariance=inverse * np.outer(size, size))
-
-
-def second_noise_rpm(problem: Problem, residual_rpm: Floats) -> Floats:
-    """(R,) rpm: noise of a mean over one second in each mode, from means over blocks of time.
-
-    `residual_rpm` (T, R) is what the effects found leave on the rows of the problem. Means over
-    BLOCK_SECONDS about that of their flight have what lasts for seconds in them.
-    """
-    amplitudes = residual_rpm @ problem.modes.directions
-    count = np.bincount(problem.block).astype(float)[:, None]
-    blocks = np.stack([np.bincount(problem.block, a) for a in amplitudes.T], axis=1) / count
-    flights = np.bincount(problem.block_flight).astype(float)[:, None]
-    means = np.stack([np.bincount(problem.block_flight, b) for b in blocks.T], axis=1) / flights
-    about = blocks - means[problem.block_flight]
-    free = max(1, blocks.shape[0] - means.shape[0])
-    return np.sqrt(np.sum(about**2, axis=0) / free * BLOCK_SECONDS) + 1e-3
-
-
 def _normal(z: float) -> float:
     return 0.5 * (1.0 + math.erf(z / math.sqrt(2.0)))
 
@@ -162,81 +156,6 @@ _CERTAIN_SQUARE = 10.82
 def _preference(made: NextFlight) -> tuple[bool, float]:
     told = made.certainty >= CERTAIN
     return told, -made.minutes if told else made.nats / made.minutes
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Prediction:
-    """Mode amplitudes of T rows with effects in place, in units of the noise of a row."""
-
-    speed: Callable[[Sequence[Placed]], Floats]
-    directions: Floats  # (R, R) modes over the noise
-    model: RotorModel
-    channels: Channels
-
-    @classmethod
-    def of(cls, model: RotorModel, base: BaseTable, x: Channels, row_noise_rpm: Floats):
-        """`row_noise_rpm` (R,) is that of one row in each mode."""
-
-        def speed(placed: Sequence[Placed]) -> Floats:
-            every = [tolerant(item) for item in (*model.placed, *placed)]
-            with np.errstate(invalid="ignore"):
-                return np.nan_to_num(rotor_speed_rpm(base, every, x, np))
-
-        directions = modes(model.airframe).directions / row_noise_rpm
-        return cls(speed=speed, directions=directions, model=model, channels=x)
-
-    def modes(self, terms: Sequence[Term], values: Floats) -> Floats:
-        """(T, R) with the terms' parameters (P,) in their order."""
-        placed, k = [], 0
-        for term in terms:
-            own = {p.name: values[k + i] for i, p in enumerate(term.effect.parameters)}
-            placed.append(Placed(effect=term.effect, values=own, rotor=term.rotor))
-            k += len(own)
-        return self.speed(placed) @ self.directions
-
-    def columns(self, terms: Sequence[Term], values: Floats) -> Floats:
-        """(T R, P) derivatives by the values: central differences."""
-        steps = STEP * np.array([p.scale for p in _parameters(terms)])
-        return np.stack(
-            [
-                (self.modes(terms, values + step) - self.modes(terms, values - step)).ravel()
-                / (2.0 * step[k])
-                for k, step in enumerate(np.diag(steps))
-            ],
-            axis=1,
-        )
-
-    def scatter(self, background_rpm: Floats | float) -> Floats:
-        """(T R, N) by which a sound aircraft's flight may be off: one deviation a column.
-
-        Each mode's mean, and every effect by its usual scatter from flight to flight.
-        """
-        rows, rotors = self.channels.time_s.size, self.directions.shape[0]
-        noise = 1.0 / np.linalg.norm(self.directions, axis=0)
-        means = np.tile(np.diag(np.broadcast_to(background_rpm, rotors) / noise), (rows, 1))
-        made = [means]
-        for effect in effects_for(self.model.airframe):
-            if effect.begins:
-                continue
-            for rotor in range(rotors) if effect.of_one_rotor else (None,):
-                term = Term(effect=effect, rotor=rotor)
-                absent = np.array([_absent(p) for p in effect.parameters])
-                usual = np.array([p.smallest for p in effect.parameters])
-                moving = usual > 0.0
-                made.append((self.columns((term,), absent) * usual)[:, moving])
-        return np.nan_to_num(np.concatenate(made, axis=1))
-
-
-def _parameters(terms: Sequence[Term]) -> list[Parameter]:
-    return [p for term in terms for p in term.effect.parameters]
-
-
-def _absent(parameter: Parameter) -> float:
-    return parameter.start if parameter.absent is None else parameter.absent
-
-
-def _lasting(term: Term) -> Term:
-    return Term(effect=term.effect.afterwards or term.effect, rotor=term.rotor)
 
 
 def _information(
@@ -257,7 +176,7 @@ def _information(
         x = model_channels(model, track, effects=used)
         every = round(ROW_S / (track.time_s[1] - track.time_s[0]))
         x = x.rows(np.arange(0, track.time_s.size, every))
-        predict = _Prediction.of(model, table_of(model), x, noise_rpm / np.sqrt(ROW_S))
+        predict = ModePrediction.of(model, table_of(model), x, noise_rpm / np.sqrt(ROW_S))
         ours, theirs = (predict.modes(rival.terms, rival.values) for rival in rivals)
         if not np.any(ours):
             return None

@@ -32,7 +32,9 @@ def test_a_written_plan_reads_back_and_stays_where_the_flights_were(name: str, t
     assert [i.command for i in read.items] == [i.command for i in plan.items]
     assert [read.items[k].command for k in (0, -1)] == [TAKEOFF, RETURN_TO_LAUNCH]
     places = np.array([i.place for i in read.items if i.place is not None])
-    north, east, _ = pymap3d.geodetic2ned(*places[:, :2].T, read.home[2], *read.home)
+    north, east, _ = pymap3d.geodetic2ned(
+        places[:, 0], places[:, 1], read.home[2], read.home[0], read.home[1], read.home[2]
+    )
     middle = np.array(LIMITS.place_ne)
     far = np.hypot(north - middle[0], east - middle[1]).max()
     assert far < np.hypot(1.0, 1.0) * LIMITS.reach + 1.0

@@ -7,11 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from thrustmargin.gcs_plugin.reports.identify.identify_sentences import answer
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+from thrustmargin.gcs_plugin.wording.identify_answer import answer
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.margin_change import MarginChange, margin_changes
 from thrustmargin.models.identification.model_update import ModelUpdate, update_model
+from thrustmargin.models.identification.next_flight import NextFlight, following_flight
 from thrustmargin.models.identification.result import Identification, unseen_residuals
 from thrustmargin.models.identification.unseen_errors import (
     RotorErrors,
@@ -33,9 +34,11 @@ class Result:
     errors: tuple[RotorErrors, ...]  # all rotors, then each
     margins: tuple[MarginChange, ...]  # of each effect
     margin: MarginChange  # of all effects, worst rotor
+    following: NextFlight | None
     answer: tuple[str, ...]
     model_in: str
     model_out: str
+    mission: str  # file that the next flight is written to; empty for none
     date: str
 
 
@@ -46,11 +49,14 @@ def result_of(
     not_used: Sequence[UnusedLog] = (),
     model_in: str = "",
     model_out: str = "",
+    mission: str = "",
     date: str = "",
 ) -> Result:
     """Everything that is shown of an identification; `tracks` are the flights it was given."""
     unseen = unseen_residuals(found)
     margins, margin = margin_changes(found)
+    following = following_flight(found, tracks)
+    mission = "" if following is None else mission
     return Result(
         found=found,
         update=update_model(found.model, found, date=date),
@@ -60,9 +66,11 @@ def result_of(
         errors=rotor_errors(unseen[-1]),
         margins=margins,
         margin=margin,
-        answer=answer(found, margins, margin),
+        following=following,
+        answer=answer(found, margin, following, mission),
         model_in=model_in,
         model_out=model_out,
+        mission=mission,
         date=date,
     )
 
@@ -75,6 +83,7 @@ def json_text(result: Result) -> str:
     whole: dict[str, Any] = result.found.to_json(
         model_in=result.model_in, model_out=result.model_out
     )
+    whole["next_flight"] = None if result.following is None else _next_flight(result)
     whole["margin"] = {
         "all": _numbered(result.margin),
         "effects": [_numbered(m) for m in result.margins],
@@ -86,6 +95,22 @@ def json_text(result: Result) -> str:
     whole["not_used"] = [{"log": n.name, "reason": n.reason} for n in result.not_used]
     whole["date"] = result.date
     return json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
+
+
+def _next_flight(result: Result) -> dict[str, Any]:
+    """Sets of effects by their names, the manoeuvre, and the mission's file if there is one."""
+    following = result.following
+    assert following is not None
+    return to_json_values(
+        {
+            "separates": [[term.words for term in terms] for terms in following.separates],
+            "manoeuvre": following.manoeuvre.words,
+            "repeats": following.repeats,
+            "minutes": following.minutes,
+            "certainty": following.certainty,
+            "mission": result.mission or None,
+        }
+    )
 
 
 def _numbered(change: MarginChange) -> dict[str, Any]:

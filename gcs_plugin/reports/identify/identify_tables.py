@@ -1,129 +1,118 @@
-"""The tables that `identify` prints below its answer in words; they fit 80 columns."""
+"""The tables of numbers that the print-out and the page of `identify` share."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.reports.identify.identify_sentences import found_name, where_from
-from thrustmargin.gcs_plugin.wording.numbers import number
+from thrustmargin.gcs_plugin.reports.identify.identify_result import Result
+from thrustmargin.gcs_plugin.wording.described_effect import joined
+from thrustmargin.gcs_plugin.wording.effect_sentences import effect_thing
+from thrustmargin.gcs_plugin.wording.identify_answer import (
+    chance,
+    excluded_rows,
+    set_words,
+    where_from,
+)
+from thrustmargin.gcs_plugin.wording.numbers import number, within
 from thrustmargin.models.identification.result import Found, Identification
-from thrustmargin.models.identification.unseen_errors import RotorErrors
+from thrustmargin.models.identification.unseen_errors import Errors
 
 if TYPE_CHECKING:
     from rich.table import Table
 
 MOST_FLIGHTS = 4  # of which values of one flight are listed
-LARGE = 30.0  # from which a decimal says nothing
+MOST_SETS = 5  # of effects that are listed
 
 
-def effects_table(found: Identification) -> Table:
-    """Effects in the order accepted, with a line for each parameter below the name."""
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
+def effect_rows(found: Identification) -> list[tuple[str, str, str, str]]:
+    """What was found, how sure, and below each its parameters with value and interval.
 
-    trials = found.config.surrogates
-    table = Table(
-        title="Effects found, in the order accepted",
-        caption=f"p: how often chance gives as much, with the whole search repeated on {trials} "
-        f"surrogates; the least possible is {1 / (trials + 1):.2g}. RMSE: of {_left_out(found)}",
-        box=box.SIMPLE_HEAD,
-        pad_edge=False,
-        show_edge=False,
-        padding=(0, 1, 0, 0),
-    )
-    table.add_column("effect", overflow="fold")
-    for name in ("value", "95 %", "p", "RMSE rpm"):
-        table.add_column(name, justify="right", no_wrap=True)
-    for one in found.reported:
-        table.add_row(
-            Text(found_name(one), style="bold"),
-            "",
-            "",
-            "" if one in found.followed else f"{one.p_value:.2g}",
-            _from_to(one.rmse_before_rpm, one.rmse_after_rpm),
-        )
-        for name, value, interval in parameter_rows(found, one):
-            table.add_row(Text(f"  {name}"), value, interval, "", "")
-    return table
-
-
-def parameter_rows(
-    found: Identification, one: Found, most: int = MOST_FLIGHTS
-) -> list[tuple[str, str, str]]:
-    """(name, value with unit, interval) of each parameter.
-
-    Where flights have their own values, of the `most` flights in which they are largest.
+    A row of an effect has neither; one of a parameter has no probability.
     """
-    parameters = one.term.effect.parameters
-    own = [k for k, p in enumerate(parameters) if p.per_flight]
-    size = np.abs(one.value[:, own[0]]) if own else np.zeros(one.value.shape[0])
-    largest = np.argsort(-size, kind="stable")[:most]
     rows = []
-    for k, p in enumerate(parameters):
-        for f in largest if p.per_flight else [one.flight]:
-            name = f"{p.name}, {found.problem.names[f]}" if p.per_flight else p.name
-            value, low, high = (float(v[f, k]) for v in (one.value, one.lower, one.upper))
-            unit = "" if p.unit == "1" else p.unit.replace("^2", "²")
-            decimals = _decimals(low, high)
-            ends = f"{number(low, '', decimals)} to {number(high, '', decimals)}"
-            rows.append((name, number(value, unit, decimals), ends))
+    for one in found.found:
+        thing = effect_thing(one.term, found.model.airframe.rotor_names)
+        rows.append((thing, "", "", chance(one.probability)))
+        rows += [(*row, "") for row in _parameter_rows(found, one)]
     return rows
 
 
-def _decimals(low: float, high: float) -> int:
-    """Decimals that show an interval with two digits that count, at most 8."""
-    half = (high - low) / 2
-    return min(8, max(0, 1 - math.floor(math.log10(half)))) if half > 0.0 else 3
+def _parameter_rows(found: Identification, one: Found) -> list[tuple[str, str, str]]:
+    """Name, value with unit and interval; values of single flights where they are largest."""
+    parameters = one.term.effect.parameters
+    own = [k for k, p in enumerate(parameters) if p.per_flight]
+    size = np.abs(one.value[:, own[0]]) if own else np.zeros(one.value.shape[0])
+    largest = np.argsort(-size, kind="stable")[:MOST_FLIGHTS]
+    rows = []
+    for k, p in enumerate(parameters):
+        name = p.name.replace("_", " ")
+        unit = "" if p.unit == "1" else p.unit.replace("^2", "²")
+        for f in largest if p.per_flight else [one.flight]:
+            value, low, high = (float(v[f, k]) for v in (one.value, one.lower, one.upper))
+            where = f", {found.problem.names[f]}" if p.per_flight else ""
+            rows.append((name + where, *within(value, low, high, unit, most=6)))
+    return rows
 
 
-def _left_out(found: Identification) -> str:
-    return "flights left out in turn" if found.problem.flights > 1 else "fifths of the one flight"
+def set_rows(found: Identification) -> list[tuple[str, float]]:
+    """Sets of effects that explain the flights, likeliest first, with their probabilities."""
+    names = found.model.airframe.rotor_names
+    return [(set_words(s.terms, names), s.probability) for s in found.alternatives[:MOST_SETS]]
 
 
-def errors_table(found: Identification, errors: Sequence[RotorErrors]) -> Table:
-    """Errors before and after of all rotors together and of each, with intervals."""
+def error_rows(result: Result) -> list[tuple[str, str, str, str]]:
+    """Rotor, RMSE before and after with their intervals, and the mean after."""
+    names = result.found.model.airframe.rotor_names
+    return [
+        (
+            "all" if e.rotor is None else f"{e.rotor + 1} {names[e.rotor]}",
+            _rmse(e.before),
+            _rmse(e.after),
+            number(e.after.bias_rpm, "", 1),
+        )
+        for e in result.errors
+    ]
+
+
+def _rmse(errors: Errors) -> str:
+    return joined(within(errors.rmse_rpm, *errors.rmse_ci95_rpm, most=1))
+
+
+def printed_tables(result: Result) -> list[Table]:
+    """What the print-out shows below its sentences; all fit 80 columns."""
+    found = result.found
+    made = []
+    if found.found:
+        rows = [("  " * (not sure) + name, *row, sure) for name, *row, sure in effect_rows(found)]
+        made.append(_table("", ("found", "value", "95 %", "sure"), rows))
+    if len(found.alternatives) > 1:
+        sets = [(words, chance(p)) for words, p in set_rows(found)]
+        made.append(_table("", ("explanations", "probability"), sets))
+    if found.excluded:
+        made.append(_table("", ("not seen", "excluded at 95 %"), excluded_rows(found)))
+    title = f"Measured minus predicted rotor speed, rpm, on {where_from(found)}"
+    heads = ("rotor", "RMSE before", "RMSE after", "mean after")
+    made.append(_table(title, heads, error_rows(result)))
+    return made
+
+
+def _table(title: str, heads: tuple[str, ...], rows: list) -> Table:
     from rich import box
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(
-        title="Measured minus predicted rotor speed, before and after, rpm",
-        caption=f"On {where_from(found)}. Intervals: 95 %, from blocks of time within flights",
+    made = Table(
+        title=title or None,
         box=box.SIMPLE_HEAD,
         pad_edge=False,
         show_edge=False,
-        padding=(0, 1, 0, 0),
+        padding=(0, 2, 0, 0),
     )
-    table.add_column("rotor", no_wrap=True)
-    for name in ("RMSE before", "RMSE after", "bias", "R² after"):
-        table.add_column(name, justify="right", no_wrap=True)
-    names = found.model.airframe.rotor_names
-    for one in errors:
-        who = "all" if one.rotor is None else f"{one.rotor + 1} {names[one.rotor]}"
-        table.add_row(
-            Text(who),
-            with_ends(one.before.rmse_rpm, one.before.rmse_ci95_rpm),
-            with_ends(one.after.rmse_rpm, one.after.rmse_ci95_rpm),
-            _from_to(one.before.bias_rpm, one.after.bias_rpm),
-            number(one.after.r2, "", 3),
-        )
-    return table
-
-
-def with_ends(value: float, ends: tuple[float, float]) -> str:
-    """`12.3 (11.0 to 13.6)`; large ones without decimals."""
-    decimals = 0 if abs(value) >= LARGE else 1
-    low, high = (number(end, "", decimals) for end in ends)
-    return f"{number(value, '', decimals)} ({low} to {high})"
-
-
-def _from_to(before: float, after: float) -> str:
-    def short(value: float) -> str:
-        return number(value, "", 0 if abs(value) >= LARGE else 1)
-
-    return f"{short(before)} -> {short(after)}"
+    made.add_column(heads[0], overflow="fold")
+    for head in heads[1:]:
+        made.add_column(head, justify="right", no_wrap=True)
+    for row in rows:
+        made.add_row(Text(row[0]), *row[1:])
+    return made

@@ -1,6 +1,7 @@
-"""Figures of the residual: over time, by mode, on the route, and what is unexplained.
+"""Figures of the residual: by mode, along channels, over time and on the route.
 
-Orange is before, blue is after, on every figure; before and after share their axes and colours.
+Orange is before, blue is after. Axes of one meaning have one scale: all modes along their channels,
+all flights over time, all maps.
 """
 
 from __future__ import annotations
@@ -9,35 +10,40 @@ from collections.abc import Sequence
 from html import escape
 
 import numpy as np
-from plotly.graph_objects import Figure
+from numpy.typing import NDArray
+from plotly.graph_objects import Figure, Scatter
+from plotly.subplots import make_subplots
 
-from thrustmargin.gcs_plugin.reports.identify.identify_sentences import (
-    channel_factor,
-    channel_title,
-)
 from thrustmargin.gcs_plugin.reports.identify.residual_rows import Rows
 from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     AFTER,
     BEFORE,
     STYLE,
+    filled,
     line,
     over_time,
     rotor_panels,
     single,
 )
 from thrustmargin.gcs_plugin.reports.shared.route_map import route_map
+from thrustmargin.gcs_plugin.wording.channel_words import channel_title
 from thrustmargin.gcs_plugin.wording.palette import residual_scale
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.unexplained import Curve
 
 LONGEST_STEP_S = 1.0  # beyond which a line is broken
+BANDS = {"before": "rgba(213, 94, 0, 0.20)", "after": "rgba(0, 66, 157, 0.22)"}
+BINS, FEWEST_IN_BIN = 24, 8
+#: Part of the rows, at each end of a channel, that the bins leave out.
+TAIL = 0.002
+MOST_CHANNELS, ACROSS = 4, 2  # panels of a mode, and in a line of them: two fit a phone
+PANEL_PX, UNDER_PX = 180, 66  # of a panel, and of its axis below
 
 
 def time_figure(rows: Rows, flight: int) -> Figure:
     """Residual of each rotor of one flight over time, before and after."""
     mine = rows.of(flight)
     time_s, before, after = _broken(rows.time_s[mine], rows.before_rpm[mine], rows.after_rpm[mine])
-    reach = float(np.nanmax(np.abs(rows.before_rpm[mine]))) * 1.08
+    reach = float(np.nanmax(np.abs(rows.before_rpm))) * 1.08
     panels = rotor_panels(
         rows.rotor_names,
         lambda k, legend: [
@@ -80,6 +86,89 @@ def modes_figure(rows: Rows) -> Figure:
     return made.update_yaxes(title_text="RMS, rpm", rangemode="tozero")
 
 
+def channels_figures(rows: Rows) -> dict[int, Figure]:
+    """Each mode against the channels that it went with most: medians of bins, middle 80 % as a
+    band."""
+    drawn = {
+        mode: [(channel, _binned(rows, channel, mode)) for channel in _strongest(rows, mode)]
+        for mode in range(len(rows.mode_names))
+    }
+    every = [np.abs(y).max() for made in drawn.values() for _, binned in made for *_, y in binned]
+    reach = float(max(every, default=1.0))
+    return {mode: _panels(made, 1.06 * reach) for mode, made in drawn.items() if made}
+
+
+def _panels(made: list[tuple[str, list[tuple[str, Floats, Floats]]]], reach: float) -> Figure:
+    lines = -(-len(made) // ACROSS)
+    height = lines * (PANEL_PX + UNDER_PX) - UNDER_PX
+    figure = make_subplots(
+        rows=lines,
+        cols=ACROSS,
+        shared_yaxes="all",
+        horizontal_spacing=0.04,
+        vertical_spacing=UNDER_PX / height if lines > 1 else 0.0,
+    )
+    for k, (channel, binned) in enumerate(made):
+        row, column = k // ACROSS + 1, k % ACROSS + 1
+        for which, x, y in binned:
+            shown = {"name": which, "legendgroup": which}
+            band = filled(x, y[:, 0], y[:, 2], color=BANDS[which], legendgroup=which)
+            median = Scatter(
+                mode="lines+markers",
+                x=single(x),
+                y=single(y[:, 1]),
+                line={"color": BEFORE if which == "before" else AFTER, "width": 2.5},
+                marker={"size": 5},
+                showlegend=k == 0,
+                hovertemplate="%{x:.3g}: %{y:.1f} rpm<extra>" + which + "</extra>",
+                **shown,
+            )
+            figure.add_traces([band, median], rows=row, cols=column)
+        title = {"text": escape(channel_title(channel)), "font": {"size": 14}, "standoff": 4}
+        figure.update_xaxes(title=title, nticks=5, tickangle=0, row=row, col=column)
+    figure.update_yaxes(range=[-reach, reach], zeroline=True)
+    figure.update_yaxes(title={"text": "rpm", "font": {"size": 14}}, col=1)
+    figure.for_each_xaxis(lambda axis: axis.update(visible=axis.title.text is not None))
+    margin = {"l": 70, "r": 10, "t": 40, "b": UNDER_PX}
+    figure.update_layout(template=STYLE, height=height + 40 + UNDER_PX, margin=margin)
+    return figure.update_xaxes(tickfont_size=13).update_yaxes(tickfont_size=13)
+
+
+def _binned(rows: Rows, channel: str, mode: int) -> list[tuple[str, Floats, Floats]]:
+    """(which, centres (B,), lower, median and upper (B, 3)) of a mode in bins of a channel."""
+    values = rows.channels[channel]
+    index, low, width = _bins(values)
+    inside = (values >= low) & (values <= low + BINS * width)
+    made = []
+    for which, table in (("before", rows.before_modes), ("after", rows.after_modes)):
+        groups = [table[inside & (index == b), mode] for b in range(BINS)]
+        full = [b for b, own in enumerate(groups) if own.size >= FEWEST_IN_BIN]
+        if full:
+            ends = np.array([np.quantile(groups[b], [0.1, 0.5, 0.9]) for b in full])
+            made.append((which, low + (np.array(full) + 0.5) * width, ends))
+    return made
+
+
+def _bins(channel: Floats) -> tuple[NDArray[np.intp], float, float]:
+    """Bin of each row in BINS of equal width but for the TAIL, their low end and their width."""
+    low, high = np.quantile(channel, [TAIL, 1.0 - TAIL])
+    width = max(float(high - low), 1e-12) / BINS
+    index = np.clip(((channel - low) / width).astype(np.intp), 0, BINS - 1)
+    return index, float(low), width
+
+
+def _strongest(rows: Rows, mode: int) -> list[str]:
+    """The channels with the most of a mode's square about its mean before, by means of bins."""
+    about = rows.before_modes[:, mode] - rows.before_modes[:, mode].mean()
+
+    def explained(channel: Floats) -> float:
+        index, _, _ = _bins(channel)
+        count = np.maximum(np.bincount(index, minlength=BINS), 1)
+        return float(np.sum(np.bincount(index, about, minlength=BINS) ** 2 / count))
+
+    return sorted(rows.channels, key=lambda name: -explained(rows.channels[name]))[:MOST_CHANNELS]
+
+
 def map_limit(rows: Rows) -> float:
     """rpm at which the colours of the maps end: all but 2 % of the rows before are within."""
     worst = np.abs(rows.before_rpm).max(axis=1)
@@ -106,20 +195,6 @@ def map_figure(rows: Rows, flight: int, residual_rpm: Floats, limit_rpm: float) 
         height=480,
         margin={"l": 70, "r": 50, "t": 80, "b": 60},
     )
-
-
-def curve_figure(curve: Curve, mode: str) -> Figure:
-    """The smooth curve of what no effect explains."""
-    margin = {"l": 80, "r": 20, "t": 20, "b": 60}
-    made = Figure(layout={"template": STYLE, "height": 320, "margin": margin})
-    made.add_scatter(
-        x=single(curve.grid * channel_factor(curve.channel)),
-        y=single(curve.value_rpm),
-        line={"color": AFTER, "width": 3},
-        hovertemplate="%{x:.3g}: %{y:.1f} rpm<extra></extra>",
-    )
-    made.update_xaxes(title_text=escape(channel_title(curve.channel)))
-    return made.update_yaxes(title_text=escape(f"{mode}, rpm"), zeroline=True)
 
 
 def per_flight(rows: Rows, chosen: Sequence[int]) -> dict[str, Figure]:

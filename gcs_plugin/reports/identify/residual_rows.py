@@ -11,10 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.gcs_plugin.reports.identify.identify_sentences import (
-    CHANNEL_WORDS,
-    channel_factor,
-)
+from thrustmargin.gcs_plugin.wording.channel_words import CHANNEL_WORDS
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.problem import Problem
 from thrustmargin.models.identification.unseen_errors import Unseen
@@ -78,10 +75,10 @@ def rows_of(unseen: Sequence[Unseen], tracks: Sequence[FlightTrack]) -> Rows:
     ]
     directions = first.modes.directions
     channels = {}
-    for name in CHANNEL_WORDS:
+    for name, (_, _, factor) in CHANNEL_WORDS.items():
         values = np.concatenate([np.asarray(getattr(u.problem.channels, name)) for u in unseen])
         if np.isfinite(values).all() and _varies(values):
-            channels[name] = values * channel_factor(name)
+            channels[name] = values * factor
     return Rows(
         names=tuple(n for u in unseen for n in u.problem.names),
         roles=tuple(u.role for u in unseen for _ in u.problem.names),

@@ -12,11 +12,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.models.made_flights import F16, made_flight, made_flights
+from tests.models.made_flights import F16, QUICK, made_flight, made_flights, table
 from thrustmargin.gcs_plugin.cli import run
+from thrustmargin.gcs_plugin.commands.identify import show, write_result
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.csv_table import write_csv
+from thrustmargin.gcs_plugin.reports.identify.identify_result import Result, result_of
+from thrustmargin.mission.plan import TAKEOFF, read_plan
+from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.identification.identify import identify
+from thrustmargin.models.identification.result import OneOf
+from thrustmargin.models.identification.terms import Term
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import load_model, save_model
 from thrustmargin.models.model.rotor_model import physics_model
@@ -25,7 +32,7 @@ LOSS = 0.08
 CURVE = ("--airframe", F16.name, "--surrogates", "49")
 
 
-def written(folder: Path, tracks: list[FlightTrack]) -> list[str]:
+def written_logs(folder: Path, tracks: list[FlightTrack]) -> list[str]:
     paths = [folder / f"flight{k}.csv" for k in range(len(tracks))]
     for path, track in zip(paths, tracks, strict=True):
         write_csv(replace(track, name=path.name), path)
@@ -35,7 +42,7 @@ def written(folder: Path, tracks: list[FlightTrack]) -> list[str]:
 @pytest.fixture(scope="module")
 def worn_logs(tmp_path_factory) -> list[str]:
     """Five flights with a worn rotor 1, as CSV."""
-    return written(tmp_path_factory.mktemp("worn"), made_flights(5, loss=LOSS))
+    return written_logs(tmp_path_factory.mktemp("worn"), made_flights(5, loss=LOSS))
 
 
 @pytest.fixture(scope="module")
@@ -65,20 +72,20 @@ def done(worn_logs, tmp_path_factory):
     return folder, process.stdout
 
 
-def test_the_first_sentence_is_the_answer(done):
+def test_the_first_line_names_part_amount_and_action(done):
     first = done[1].splitlines()[0]
-    assert first.startswith("Rotor 1 (front right) makes 8.0")
-    assert "RMSE on flights not used " in first
-    assert "margin of rotor 1 (front right) falls from " in first
+    assert first.startswith("Rotor 1 (front right) makes 8")
+    assert first.endswith("): inspect or swap its propeller.")
 
 
 def test_the_tables_fit_a_terminal_of_80_columns(done):
-    table = done[1][done[1].index("Effects found") :].splitlines()
+    lines = done[1].splitlines()
+    table = lines[next(k for k, line in enumerate(lines) if line.startswith("found ")) :]
     rows = [line for line in table if not line.startswith(("new model", "wrote"))]
     assert max(len(line) for line in rows) <= 80
     text = "\n".join(rows)
     assert "…" not in text
-    for word in ("loss", "torque_share", "1 front right", "4 rear right", "RMSE after"):
+    for word in ("loss", "torque share", "1 front right", "4 rear right", "RMSE after"):
         assert word in text
 
 
@@ -114,6 +121,7 @@ def test_the_json_has_the_keys_of_its_schema(done):
     assert told["margin"]["effects"][0]["rotor"] == 1
     assert told["margin"]["all"]["typical_after"] < told["margin"]["all"]["typical_before"]
     assert told["answer"][0] == done[1].splitlines()[0]
+    assert told["next_flight"] is None
 
 
 def test_the_new_model_file_is_one_that_report_and_replay_read(done, worn_logs):
@@ -134,6 +142,14 @@ def test_the_page_is_written_and_names_the_flights(done, worn_logs):
     for path in worn_logs:
         assert Path(path).name in page
     assert "held out" in page
+
+
+def undecided(tracks: list[FlightTrack]) -> Result:
+    """Hidden mass named, and a gauge that would do as well."""
+    found = identify(tracks, physics_model(F16), config=QUICK, catalogue=table(["extra_mass"]))
+    terms = [Term(effect=BY_KEY[key]) for key in ("extra_mass", "tank_scale")]
+    one = OneOf(terms=tuple(terms), probabilities=(0.6, 0.4))
+    return result_of(replace(found, one_of=(one,)), tracks=tracks, mission="next.plan")
 
 
 def lines_of(capsys) -> tuple[str, str]:
@@ -173,12 +189,39 @@ def test_another_file_is_replaced_only_by_force(worn_logs, tmp_path, capsys):
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
 
+def test_the_next_flight_is_written_as_a_mission_and_never_over_another(tmp_path, capsys):
+    """One fill: hidden mass is as good as a wrong gauge, and rotors are not in question."""
+    tracks = made_flights(3, hidden_mass=1.0)
+    result = undecided(tracks)
+    path = tmp_path / "next.plan"
+    written = write_result(result, out=None, json=None, html=None, mission=path)
+    assert written == [path]
+    plan = read_plan(path)
+    assert plan.items[0].command == TAKEOFF
+    assert plan.home[:2] == (36.65, 116.9)
+    show(result, written)
+    out, _ = lines_of(capsys)
+    assert f"wrote {path}" in out.replace("\n", "")
+    before = path.read_bytes()
+    logs = written_logs(tmp_path, tracks[:2])
+    assert "--force" in refused(capsys, *logs, *CURVE, "--next-flight", str(path))
+    assert path.read_bytes() == before
+
+
+def test_a_next_flight_that_nothing_needs_is_not_written(worn_logs, tmp_path, capsys):
+    path = tmp_path / "next.plan"
+    assert run(["identify", *worn_logs[:3], *CURVE, "--next-flight", str(path)]) == 0
+    assert "no flight would tell more" in lines_of(capsys)[1]
+    assert not path.exists()
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [
         (["--out", "{folder}/new.bin"], ".safetensors"),
         (["--out", "{folder}/none/new.safetensors"], "no folder"),
         (["--html", "{folder}/page.txt"], ".html"),
+        (["--next-flight", "{folder}/next.html"], ".plan"),
         (["--json", "{log}"], "would overwrite"),
         (["--json", "{folder}/a.html", "--html", "{folder}/a.html"], "asked for twice"),
         (["--surrogates", "19"], "49 or more"),
@@ -197,7 +240,7 @@ def test_what_cannot_work_is_refused_in_one_line(worn_logs, tmp_path, capsys, op
 def test_swapped_motors_are_called_so_and_nothing_is_fitted(sitl_logs, tmp_path, capsys):
     track = read_log(sitl_logs / "campaign/v4_m10_q2.5.tlog", airframe=F16).track
     swapped = replace(track, rotor_speed_rpm=track.rotor_speed_rpm[:, [1, 0, 2, 3]])
-    (log,) = written(tmp_path, [swapped])
+    (log,) = written_logs(tmp_path, [swapped])
     said = refused(capsys, log, *CURVE, "--json", str(tmp_path / "found.json"))
     assert "motors 1 and 2 look swapped" in said
     assert "nothing was fitted" in said
@@ -207,7 +250,7 @@ def test_swapped_motors_are_called_so_and_nothing_is_fitted(sitl_logs, tmp_path,
 def test_electrical_rpm_is_called_so(tmp_path, capsys):
     track = made_flight(1)
     pairs = F16.motor_poles / 2
-    (log,) = written(tmp_path, [replace(track, rotor_speed_rpm=pairs * track.rotor_speed_rpm)])
+    (log,) = written_logs(tmp_path, [replace(track, rotor_speed_rpm=pairs * track.rotor_speed_rpm)])
     assert "electrical rpm" in refused(capsys, log, *CURVE)
 
 
@@ -216,7 +259,7 @@ def test_rows_in_which_a_sensor_sticks_are_not_used(worn_logs, tmp_path):
     rpm = track.rotor_speed_rpm.copy()
     rpm[300:400, 2] = rpm[300, 2]
     output = 0.5 + 0.1 * np.sin(track.time_s[:, None] + np.arange(4.0))
-    (log,) = written(tmp_path, [replace(track, rotor_speed_rpm=rpm, throttle=output)])
+    (log,) = written_logs(tmp_path, [replace(track, rotor_speed_rpm=rpm, throttle=output)])
     answer = tmp_path / "answer.json"
     assert run(["identify", *worn_logs[:2], *CURVE, "--held-out", log, "--json", str(answer)]) == 0
     *_, unused = json.loads(answer.read_text())["flights"]
@@ -253,7 +296,7 @@ def test_every_log_that_cannot_serve_is_named_when_none_is_left(tmp_path, capsys
         assert words in said
     track = made_flight(1)
     rpm = F16.motor_poles / 2 * track.rotor_speed_rpm
-    electrical = written(tmp_path, [replace(track, rotor_speed_rpm=rpm)] * 2)
+    electrical = written_logs(tmp_path, [replace(track, rotor_speed_rpm=rpm)] * 2)
     said = refused(capsys, *electrical, str(broken), *CURVE)
     assert said.count("electrical rpm") == 2
 
@@ -311,7 +354,7 @@ def test_a_recorded_worn_propeller_is_found_from_the_curve_alone(sitl_logs, tmp_
     logs = [str(sitl_logs / f"dev/worn_prop_{k}.tlog") for k in (1, 2, 3)]
     target = tmp_path / "found.json"
     assert run(["identify", *logs, *CURVE, "--json", str(target)]) == 0
-    assert "Rotor 1 (front right) makes 8.0" in lines_of(capsys)[0]
+    assert "Rotor 1 (front right) makes 8" in lines_of(capsys)[0]
     told = json.loads(target.read_text())
     worn = [e for e in told["effects"] if e["name"] == "rotor_degradation"]
     assert [e["rotor"] for e in worn] == [1]

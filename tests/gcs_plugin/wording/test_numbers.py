@@ -15,6 +15,7 @@ from thrustmargin.gcs_plugin.wording.numbers import (
     place,
     significant,
     unbroken,
+    within,
 )
 
 MINUS = "\N{MINUS SIGN}"
@@ -123,3 +124,33 @@ def test_significant_digits_follow_the_size(value, text):
 def test_a_number_and_its_unit_stay_on_one_line():
     assert unbroken("9.0 kg in 2 parts") == "9.0\N{NO-BREAK SPACE}kg in 2 parts"
     assert unbroken("1 234 rpm.") == "1\N{NO-BREAK SPACE}234\N{NO-BREAK SPACE}rpm."
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "high", "unit", "factor", "shown"),
+    [
+        (0.08, 0.078, 0.082, "%", 100.0, "8 % (7.8 to 8.2)"),
+        (0.0796, 0.079, 0.0802, "%", 100.0, "7.96 % (7.90 to 8.02)"),
+        (12.3456, 12.0, 12.7, "kg", 1.0, "12.3 kg (12.0 to 12.7)"),
+        (12.3456, 2.0, 22.0, "kg", 1.0, "12 kg (2 to 22)"),
+        (0.012, 0.0003, 0.0237, "%", 100.0, "1.2 % (0.0 to 2.4)"),
+        (0.5, 0.0, 1.0, "kg", 1.0, "0.5 kg (0.0 to 1.0)"),
+        (12.3456, 8.0, 16.0, "kg", 1.0, "12 kg (8 to 16)"),
+        (-3.0, -4.0, -2.0, "N", -1.0, "3 N (2 to 4)"),
+        (1234.0, 934.0, 1534.0, "rpm", 1.0, "1 200 rpm (900 to 1 500)"),
+        (0.0, -0.2, 0.2, "", 1.0, "0 (−0.2 to 0.2)"),
+    ],
+)
+def test_an_amount_has_no_digit_that_its_interval_does_not_allow(
+    value, low, high, unit, factor, shown
+):
+    assert " ".join(within(value, low, high, unit, factor=factor)) == shown
+
+
+def test_more_decimals_come_only_where_the_ends_would_look_alike():
+    assert within(0.08, 0.0798, 0.0802, "%", factor=100.0, most=1) == ("8 %", "(7.98 to 8.02)")
+    assert within(0.0801, 0.0787, 0.0815, "%", factor=100.0, most=1) == ("8 %", "(7.9 to 8.2)")
+
+
+def test_an_amount_without_an_interval_stands_alone():
+    assert within(1.0, float("nan"), float("nan"), "N") == ("1.00 N", "")

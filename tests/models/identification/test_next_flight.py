@@ -8,13 +8,14 @@ from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.compose import rotor_speed_rpm
 from thrustmargin.models.identification import next_flight as module
 from thrustmargin.models.identification.manoeuvres import FlownLimits, manoeuvres
-from thrustmargin.models.identification.next_flight import (
+from thrustmargin.models.identification.next_flight import next_flight
+from thrustmargin.models.identification.problem import assemble
+from thrustmargin.models.identification.rivals import (
+    ModePrediction,
     Rival,
     fitted_rival,
-    next_flight,
     second_noise_rpm,
 )
-from thrustmargin.models.identification.problem import assemble
 from thrustmargin.models.identification.terms import Term
 
 #: One fill, one speed: hidden mass is as good as a wrong gauge.
@@ -62,7 +63,7 @@ def test_the_divergence_is_that_of_two_gaussians(monkeypatch):
     )
     gram = module._information(MODEL, pair, hover, LIMITS, NOISE, 3.0)
     kept = {}
-    monkeypatch.setattr(module, "_Prediction", _spied(module._Prediction, kept))
+    monkeypatch.setattr(module, "ModePrediction", _spied(module.ModePrediction, kept))
     module._information(MODEL, pair, hover, LIMITS, NOISE, 3.0)
     predict = kept["made"]
     d = (
@@ -93,7 +94,7 @@ def _spied(made_by, kept):
 
 
 def test_derivatives_are_those_of_the_prediction():
-    predict = module._Prediction.of(MODEL, PROBLEM.base, PROBLEM.channels, np.ones(4))
+    predict = ModePrediction.of(MODEL, PROBLEM.base, PROBLEM.channels, np.ones(4))
     column = predict.columns((MASS,), np.array([1.0]))[:, 0].reshape(-1, 4)
     # N = sqrt(N0² (1 + m/M)), so dN/dm = N0² / (2 M N).
     base = rotor_speed_rpm(PROBLEM.base, (), PROBLEM.channels, np)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.models.made_flights import QUICK, curve_model, made_flight
-from thrustmargin.gcs_plugin.reports.identify.open_questions import open_questions
+from thrustmargin.gcs_plugin.wording.identify_answer import open_questions
 from thrustmargin.models.effects.base import Kind
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack

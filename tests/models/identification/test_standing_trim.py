@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.models.made_flights import F16, QUICK, curve_model, made_flight, made_flights, table
-from thrustmargin.gcs_plugin.reports.identify.open_questions import open_questions
+from thrustmargin.gcs_plugin.wording.identify_answer import open_questions
 from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.identification.candidate import Scored, _chips
 from thrustmargin.models.identification.fit import Evaluator, fit_terms

@@ -1,0 +1,280 @@
+"""The answer of `identify` in words: what its owner does next, how sure it is, what stays open.
+
+Console, page and JSON all show these sentences. Those that ask for something come first.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from thrustmargin.gcs_plugin.wording.channel_words import channel_name
+from thrustmargin.gcs_plugin.wording.described_effect import joined, rotor_words
+from thrustmargin.gcs_plugin.wording.effect_sentences import (
+    INSPECT,
+    effect_sentence,
+    effect_thing,
+)
+from thrustmargin.gcs_plugin.wording.numbers import duration, number, percent, within
+from thrustmargin.models.effects import BY_KEY
+from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION
+from thrustmargin.models.identification.margin_change import WORST_SHARE, MarginChange
+from thrustmargin.models.identification.next_flight import CERTAIN, NextFlight
+from thrustmargin.models.identification.output_shares import FEWEST_FLIGHTS
+from thrustmargin.models.identification.result import (
+    Errors,
+    Excluded,
+    Identification,
+    Mentioned,
+    OneOf,
+)
+from thrustmargin.models.identification.terms import Term
+
+#: Share of thrust by which a margin must move to be reported as a change.
+NOTICED = 0.005
+
+
+def answer(
+    found: Identification,
+    margin: MarginChange,
+    following: NextFlight | None = None,
+    mission: str = "",
+) -> tuple[str, ...]:
+    """The sentences, most urgent first; `margin` is that of all effects, on the worst rotor, and
+    `mission` the file with the flight that is `following`."""
+    names = found.model.airframe.rotor_names
+    rotors_first = sorted(found.found, key=lambda f: f.term.rotor is None)
+    lines = [effect_sentence(f, found) for f in rotors_first]
+    lines += [one_of(o, names) for o in found.one_of]
+    lines += [mentioned(m, names) for m in found.mentioned]
+    open_mode = unexplained(found)
+    if not lines and not open_mode:
+        lines.append(nothing(found))
+    lines += [open_mode] if open_mode else []
+    lines += [effect_sentence(f, found) for f in found.followed]
+    for f in found.found:
+        if f.indistinguishable_from and not found.one_of:
+            others = " or ".join(name.replace("_", " ") for name in f.indistinguishable_from)
+            thing = effect_thing(f.term, names)
+            would = f.term.effect.distinguished_by
+            lines.append(f"These flights cannot distinguish {thing} from {others}: {would}")
+    if following is not None:
+        lines.append(next_flight_words(following, names, mission))
+    lines.append(error_words(found, margin))
+    return tuple(f"{line}." for line in (*lines, *open_questions(found), *claims(found)))
+
+
+def one_of(one: OneOf, names: Sequence[str]) -> str:
+    """Effects of which only together nearly all weight holds one."""
+    shares = [
+        f"{effect_thing(term, names)} ({chance(share)})"
+        for term, share in zip(one.terms, one.probabilities, strict=True)
+    ]
+    return f"Either {' or '.join(shares)}: these flights do not tell which"
+
+
+def mentioned(one: Mentioned, names: tuple[str, ...]) -> str:
+    """A rotor that is not named and that the flights do not clear."""
+    amount, interval = within(one.loss, *one.ci95, "%", factor=100.0, most=1)
+    return (
+        f"{rotor_words(one.rotor, names).capitalize()} cannot be ruled out "
+        f"({chance(one.probability)}): it may make {amount} less thrust {interval}, so {INSPECT}"
+    )
+
+
+def nothing(found: Identification) -> str:
+    """That no effect is missing, with the loss of a rotor that the flights exclude."""
+    of_rotors = {
+        e.term.rotor: e.above
+        for e in found.excluded
+        if e.term.effect.key == ROTOR_DEGRADATION.key and e.parameter == "loss"
+    }
+    if not of_rotors:
+        return "Nothing is missing"
+    most = at_most(max(of_rotors.values()), "1")
+    where = "any rotor"
+    if len(of_rotors) < found.model.airframe.rotor_count:
+        where = (
+            f"rotor {', '.join(str(r + 1) for r in sorted(r for r in of_rotors if r is not None))}"
+        )
+    return f"Nothing is missing: a loss above {most} on {where} is excluded"
+
+
+def chance(probability: float) -> str:
+    """`60 %` of 0.6; never 0 or 100 %."""
+    if 0.01 <= probability <= 0.99:
+        return percent(probability)
+    return "over 99 %" if probability > 0.5 else "under 1 %"
+
+
+def at_most(size: float, unit: str) -> str:
+    """A limit with two digits that count, rounded away from zero: `2.1 %` of 0.0204."""
+    factor, unit = {"1": (100.0, "%"), "m": (1000.0, "mm")}.get(
+        unit, (1.0, unit.replace("^2", "²"))
+    )
+    if not math.isfinite(size) or size <= 0.0:
+        return number(size * factor, unit)
+    decimals = 1 - math.floor(math.log10(size * factor))
+    up = math.ceil(size * factor * 10.0**decimals - 1e-6) / 10.0**decimals
+    text = number(up, "", max(0, decimals))
+    return f"{text.rstrip('0').rstrip('.') if '.' in text else text} {unit}"
+
+
+def excluded_rows(found: Identification) -> list[tuple[str, str]]:
+    """What was not seen and the size that is excluded; one row for all rotors together."""
+    largest: dict[tuple[str, str], Excluded] = {}
+    for one in found.excluded:
+        key = (one.term.effect.key, one.parameter)
+        if key not in largest or one.above > largest[key].above:
+            largest[key] = one
+    rows = []
+    for one in largest.values():
+        thing = effect_thing(one.term, found.model.airframe.rotor_names)
+        if one.term.rotor is not None:
+            thing = "any weak rotor"
+        shown = [p.name for p in one.term.effect.parameters if not p.detail]
+        which = f", {one.parameter.replace('_', ' ')}" if len(shown) > 1 else ""
+        rows.append((f"{thing}{which}", f"above {at_most(one.above, one.unit)}"))
+    return rows
+
+
+def set_words(terms: Sequence[Term], names: Sequence[str]) -> str:
+    """A set of effects: `hidden mass and a weak rotor 1 (front right)`."""
+    things = [effect_thing(term, names) for term in terms] or ["nothing"]
+    return " and ".join(filter(None, (", ".join(things[:-1]), things[-1])))
+
+
+def unexplained(found: Identification) -> str:
+    """What is left that no effect explains; empty when nothing is."""
+    left = found.unexplained()
+    if left["mode"] is None:
+        return ""
+    share = percent(left["fraction_of_variance"])
+    along = "lasts for seconds and goes with no channel"
+    action = "look at the liquid, the load and that sensor"
+    if left["channel"]:
+        along = f"goes with {channel_name(left['channel'])}"
+        action = (
+            "nothing was added for it; compare with a flight of this aircraft when it was sound"
+        )
+    close = ""
+    if left.get("closest"):
+        terms = [Term(effect=BY_KEY[key]) for key in left["closest"] if key in BY_KEY]
+        things = " or ".join(
+            effect_thing(term, ()) for term in terms if not term.effect.of_one_rotor
+        )
+        close = f"; closest in the table: {things}" if things else ""
+    return (
+        f"No effect explains {share} of what is left: {left['mode']} that {along}{close}: {action}"
+    )
+
+
+def next_flight_words(following: NextFlight, names: Sequence[str], mission: str) -> str:
+    """The flight that tells two explanations apart."""
+    ours, theirs = following.separates
+    both = {t.key for t in ours} & {t.key for t in theirs}
+    sides = [set_words([t for t in side if t.key not in both], names) for side in (ours, theirs)]
+    times = f", {following.repeats} times" if following.repeats > 1 else ""
+    sure = ""
+    if following.certainty < CERTAIN:
+        sure = f"; even that is right in only {chance(following.certainty)} of cases"
+    return (
+        f"To tell {sides[0]} from {sides[1]}, {following.manoeuvre.words}{times} "
+        f"({duration(60.0 * following.minutes)}){sure}; "
+        + (f"{mission} is its mission" if mission else "--next-flight FILE.plan writes its mission")
+    )
+
+
+def error_words(found: Identification, margin: MarginChange) -> str:
+    """Rotor speed error before and after, on which rows, its floor, and the margin."""
+    error = _with_interval(found.after)
+    if found.found:
+        error = f"{number(found.before.rmse_rpm, '', 0)} -> {error}"
+    floor = f"at best {number(found.floor_rpm, 'rpm', 0)} with these channels"
+    moved = f"; {margin_words(margin, found.model.airframe.rotor_names)}" if found.found else ""
+    return f"Rotor speed error (RMSE) {error} on {where_from(found)}, {floor}{moved}"
+
+
+def _with_interval(errors: Errors) -> str:
+    low, high = errors.rmse_ci95_rpm
+    return joined(within(errors.rmse_rpm, low, high, "rpm", most=1))
+
+
+def where_from(found: Identification) -> str:
+    """Which rows the errors before and after are of."""
+    if found.held_out is not None:
+        count = found.held_out.flights
+        return f"{count} flight{'s' if count > 1 else ''} not used"
+    if found.problem.flights > 1:
+        return f"{found.problem.flights} flights, each predicted without itself"
+    return "one flight, each fifth predicted without itself"
+
+
+def margin_words(change: MarginChange, names: tuple[str, ...]) -> str:
+    """The predicted margin without and with effects: typical, or at the worst moments if more."""
+    who = "the worst rotor" if change.rotor is None else rotor_words(change.rotor, names)
+    typical = change.typical_after - change.typical_before
+    worst = change.worst_after - change.worst_before
+    if abs(worst) > 2.0 * abs(typical) and abs(worst) >= NOTICED:
+        when = f"at the worst moments ({percent(WORST_SHARE)} of the time) "
+        return f"{when}margin of {who} {_moves(change.worst_before, change.worst_after)}"
+    if abs(typical) < NOTICED:
+        return f"margin of {who} stays at {percent(change.typical_after)}"
+    return f"margin of {who} {_moves(change.typical_before, change.typical_after)}"
+
+
+def _moves(before: float, after: float) -> str:
+    decimals = 0 if round(before * 100) != round(after * 100) else 1
+    way = "falls" if after < before else "rises"
+    return f"{way} from {percent(before, decimals)} to {percent(after, decimals)}"
+
+
+def open_questions(found: Identification) -> list[str]:
+    """What cannot be told about a rotor, and what could not be tried."""
+    names = found.model.airframe.rotor_names
+    lines = []
+    for loss in found.unflyable:
+        lines.append(
+            f"{rotor_words(loss.rotor, names).capitalize()} would have to make "
+            f"{percent(loss.loss)} less thrust, and with more than {percent(loss.most)} nobody "
+            "could have flown: level the motors, swap two propellers between the clockwise and "
+            "counter-clockwise pairs, and fly again"
+        )
+    for loss in found.possible:
+        amount, interval = within(loss.loss, *loss.ci95, "%", factor=100.0, most=1)
+        lines.append(
+            f"{rotor_words(loss.rotor, names).capitalize()} may make {amount} less thrust "
+            f"{interval} than its share of the outputs, which is not sure enough for a name: "
+            f"{ROTOR_DEGRADATION.distinguished_by}"
+        )
+    if found.problem.of_outputs:
+        lines.append(
+            "From motor outputs: only each rotor's share of the thrust was looked at, for battery, "
+            "air and load move all outputs together"
+        )
+        if found.problem.flights < FEWEST_FLIGHTS and not found.model.background_rpm:
+            lines.append(
+                f"So few flights do not show by how much sound flights of this aircraft differ, so "
+                f"no rotor is named: give {FEWEST_FLIGHTS} flights or more, or --model with a file "
+                "learnt from good flights (thrustmargin identify GOOD... --out)"
+            )
+    elif any("airspeed" in lacking for lacking in found.untried.values()):
+        lines.append("No airspeed is measured, so drag, lift and an unknown wind were not tried")
+    return lines
+
+
+def claims(found: Identification) -> tuple[str, ...]:
+    """What so few flights do not allow to say."""
+    if found.problem.flights == 1:
+        return (
+            "One flight only: that this holds on another flight cannot be claimed, and effects "
+            "that differ from flight to flight (air, battery, fill, wind) cannot be distinguished "
+            "from each other; the intervals are of this flight alone. Give two flights or more, at "
+            "different tank levels, and one more with --held-out",
+        )
+    if found.problem.flights == 2:
+        return (
+            "Two flights only: the intervals show how stretches of these flights differ, not how "
+            "flights do. Three or more would show it",
+        )
+    return ()

@@ -1,0 +1,260 @@
+"""Each effect in words: the right rotor, sign, unit and interval, and what its owner does next."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.models.made_flights import QUICK, curve_model, made_flights, table
+from thrustmargin.gcs_plugin.wording.effect_sentences import (
+    KEEP,
+    WORDS,
+    effect_sentence,
+    effect_thing,
+)
+from thrustmargin.models.effects import BY_KEY, CATALOGUE
+from thrustmargin.models.effects.base import Effect
+from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.identification.already_followed import FOLLOWED_WIND
+from thrustmargin.models.identification.identify import identify
+from thrustmargin.models.identification.result import Found, Identification
+from thrustmargin.models.identification.terms import Term
+
+
+@pytest.fixture(scope="module")
+def whole() -> Identification:
+    """Three flights with a worn rotor 1."""
+    return identify(
+        made_flights(3, loss=0.08),
+        curve_model(),
+        config=QUICK,
+        catalogue=table(["rotor_degradation"]),
+    )
+
+
+def found(key: str | Effect, values: list, half: list, *, rotor=None, **given) -> Found:
+    effect = BY_KEY[key] if isinstance(key, str) else key
+    value = np.atleast_2d(np.array(values, dtype=np.float64))
+    width = np.atleast_2d(np.array(half, dtype=np.float64))
+    return Found(
+        term=Term(effect=effect, rotor=rotor),
+        value=value,
+        lower=value - width,
+        upper=value + width,
+        rmse_before_rpm=61.2,
+        rmse_after_rpm=9.4,
+        p_value=0.01,
+        indistinguishable_from=given.get("alike", ()),
+    )
+
+
+@pytest.mark.parametrize("effect", CATALOGUE, ids=lambda e: e.key)
+def test_every_effect_of_the_table_has_words(whole, effect):
+    sizes = [p.start + p.scale for p in effect.parameters]
+    flights = whole.problem.flights
+    rotor = 1 if effect.of_one_rotor else None
+    told = found(effect, [sizes] * flights, [[0.1 * abs(s) for s in sizes]] * flights, rotor=rotor)
+    said = effect_sentence(told, whole)
+    assert " to " in said
+    assert any(c.isdigit() for c in said)
+    assert "_" not in said.replace("made_", "")
+    assert said.startswith(effect.name) is False
+    assert ": " in said
+    assert "unknown" not in said
+    assert ("rotor 2 (rear left)" in said.lower()) == effect.of_one_rotor
+
+
+def test_no_words_are_of_an_effect_that_is_gone():
+    effects = (*CATALOGUE, FOLLOWED_WIND)
+    assert set(WORDS) <= {e.key for e in effects} | {e.name for e in effects}
+
+
+@pytest.mark.parametrize("effect", CATALOGUE, ids=lambda e: e.key)
+def test_every_effect_has_a_name_in_lists_that_is_not_its_code(effect):
+    rotor = 1 if effect.of_one_rotor else None
+    thing = effect_thing(Term(effect=effect, rotor=rotor), ("front", "rear"))
+    assert not set(thing) & set("_{}:")
+    assert ("rotor 2 (rear)" in thing) == effect.of_one_rotor
+
+
+def test_no_two_effects_are_called_alike():
+    terms = [Term(effect=e, rotor=0 if e.of_one_rotor else None) for e in CATALOGUE]
+    names = {effect_thing(t, ("front",)): t.effect.name for t in terms}
+    assert len(set(names.values())) == len({t.effect.name for t in terms})
+
+
+@pytest.mark.parametrize(
+    ("effect", "values", "half", "rotor", "sentence"),
+    [
+        (
+            "rotor_degradation",
+            [0.0796, 0.7],
+            [0.0006, 0.1],
+            0,
+            "Rotor 1 (front right) makes 8 % less thrust (7.9 to 8.0): inspect or swap its "
+            "propeller",
+        ),
+        (
+            "rotor_degradation",
+            [-0.05, 0.7],
+            [0.01, 0.1],
+            2,
+            "Rotor 3 (front left) makes 5 % more thrust (4 to 6): inspect or swap its propeller",
+        ),
+        (
+            "rotor_degradation:onset",
+            [[0.0, 9.0, 0.5], [0.12, 143.0, 0.5], [0.0, 9.0, 0.5]],
+            [[0.001, 1.0, 0.1]] * 3,
+            2,
+            "Rotor 3 (front left) lost 12 % of its thrust (11.9 to 12.1) in flight, 2:23 into "
+            "made_1.csv: inspect or swap its propeller",
+        ),
+        (
+            "rotor_degradation:onset",
+            [[0.1, 9.0, 0.5], [0.12, 143.0, 0.5], [0.0, 9.0, 0.5]],
+            [[0.001, 1.0, 0.1]] * 3,
+            2,
+            "Rotor 3 (front left) lost 12 % of its thrust (11.9 to 12.1) in flight, 2:23 into "
+            "made_1.csv and in 1 more of 3 flights: inspect or swap its propeller",
+        ),
+        (
+            "extra_mass",
+            [2.99],
+            [0.04],
+            None,
+            "The aircraft is 2.99 kg heavier than model and tank gauge say (2.95 to 3.03): weigh "
+            "it",
+        ),
+        (
+            "extra_mass",
+            [-1.5],
+            [0.2],
+            None,
+            "The aircraft is 1.5 kg lighter than model and tank gauge say (1.3 to 1.7): weigh it",
+        ),
+        (
+            "tank_scale",
+            [0.9],
+            [0.02],
+            None,
+            "The tank gauge shows 11 % too much (9 to 14): check it",
+        ),
+        (
+            "cg_offset",
+            [0.0398, -0.002],
+            [0.0004, 0.0005],
+            None,
+            "The centre of gravity is 39.8 mm forward (39.4 to 40.2) and 2 mm to the left (1.5 to "
+            "2.5) of where the model has it: move battery or load back to the middle",
+        ),
+        (
+            "yaw_trim",
+            [-1.25],
+            [0.05],
+            None,
+            "The rotors hold a steady yaw moment of 1.25 N m to the left (1.20 to 1.30): level the "
+            "motors, then swap two propellers between the clockwise and counter-clockwise pairs",
+        ),
+        (
+            "thrust_drift",
+            [1e-4],
+            [1e-5],
+            None,
+            "All rotors lose 6 % of their thrust in 10 minutes of flight (5.4 to 6.6): check gauge "
+            "and ESC readings first, then clean the blades",
+        ),
+        (
+            "sensor_lag",
+            [0.3],
+            [0.02],
+            None,
+            "The airspeed is reported 0.3 s late (0.28 to 0.32): check its filter and message rate",
+        ),
+        (
+            "parasite_drag",
+            [0.05],
+            [0.004],
+            None,
+            "The aircraft has 0.05 m² more drag area than its model (0.046 to 0.054): look for "
+            "what was mounted or left open",
+        ),
+        (
+            "battery_voltage",
+            [2.4],
+            [0.1],
+            None,
+            "Thrust at a rotor speed follows the battery voltage to the power 2.4 (2.3 to 2.5): no "
+            "measured speed does, so check whether the ESCs estimate it",
+        ),
+    ],
+)
+def test_an_effect_reads_with_its_size_side_and_interval(
+    whole, effect, values, half, rotor, sentence
+):
+    assert effect_sentence(found(effect, values, half, rotor=rotor), whole) == sentence
+
+
+def test_climb_is_told_as_thrust_lost_at_two_metres_a_second(whole):
+    rpm = float(np.median(whole.problem.measured_rpm))
+    ratio = 2.0 * 60.0 / (rpm * whole.model.airframe.propeller_diameter)
+    said = effect_sentence(found("climb_inflow", [1.0], [0.1]), whole)
+    assert said.startswith(f"Climbing at 2 m/s the rotors make {100 * ratio:.1f} % less thrust (")
+    assert said.endswith(KEEP)
+
+
+def test_lift_is_told_at_a_speed_that_was_flown(whole):
+    said = effect_sentence(found("translational_lift", [0.2], [0.02]), whole)
+    fast = np.quantile(whole.problem.channels.airspeed, 0.9)
+    assert said.startswith(f"At {fast:.1f} m/s airspeed")
+    assert "more thrust" in said
+    assert "less thrust" in effect_sentence(found("translational_lift", [-0.2], [0.02]), whole)
+
+
+def test_the_wind_of_each_flight_is_told_as_where_it_comes_from(whole):
+    # Air that moves south and west comes from the north-east.
+    wind = found("wind", [[-5.0, -5.0], [3.0, 0.0], [0.0, 1.5]], [[0.2, 0.2]] * 3)
+    said = effect_sentence(wind, whole)
+    assert "7.1 m/s (6.8 to 7.4) from 45° in made_0.csv" in said
+    assert "from 180° in made_1.csv" in said
+    assert said.index("made_0") < said.index("made_1") < said.index("made_2")
+
+
+def test_an_effect_that_the_model_has_is_told_as_a_change(whole):
+    turning = found("manoeuvre_moment", [0, 0, -1.2, 0, 0, -0.5, 0, 0], [0.1] * 8)
+    assert "that the model lacks" in effect_sentence(turning, whole)
+    parameters = {"gain": Identified(value=1.0, unit="1", ci95=(0.9, 1.1))}
+    known = tuple(
+        EffectRecord(name=name, rotor=None, parameters=parameters)
+        for name in ("manoeuvre_moment", "load_factor", "air_density")
+    )
+    knowing = replace(whole, model=_Knowing(whole.model, known))  # type: ignore[arg-type]
+    assert "the inertia differs by −1.2 kg m²" in effect_sentence(turning, knowing)
+    load = found("load_factor", [0.2, 0.1, 0.1, 0.1], [0.1] * 4)
+    assert "0.2 more than the model has it (0.1 to 0.3)" in effect_sentence(load, knowing)
+    air = found("air_density", [4.0], [1.0])
+    assert effect_sentence(air, knowing).startswith(
+        "The air is 4 K warmer than the model has it (3 to 5): "
+    )
+
+
+class _Knowing:
+    """The model with other effects, without the parameters that a real one would need."""
+
+    def __init__(self, model, effects) -> None:
+        self.effects, self.airframe = effects, model.airframe
+
+
+def test_an_effect_without_a_sentence_is_told_by_its_parameters(whole):
+    stranger = replace(BY_KEY["extra_mass"], name="barnacles")
+    said = effect_sentence(found(stranger, [2.5], [0.01]), whole)
+    assert said == "Barnacles: mass 2.5 kg (2.49 to 2.51)"
+
+
+def test_outputs_alone_do_not_tell_propeller_motor_and_esc_apart(whole):
+    outputs = replace(whole, problem=replace(whole.problem, of_outputs=True))
+    said = effect_sentence(found("rotor_degradation", [0.08, 0.7], [0.01, 0.1], rotor=0), outputs)
+    assert said == (
+        "Rotor 1 (front right) makes 8 % less thrust than its share of the motor outputs (7 to 9): "
+        "inspect or swap its propeller, then look at its motor and ESC, which outputs cannot "
+        "distinguish from it"
+    )

@@ -1,0 +1,270 @@
+"""The answer of `identify`: what asks for something first, each kind of sentence, nothing twice."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.models.made_flights import QUICK, curve_model, made_flights, table
+from thrustmargin.gcs_plugin.wording.identify_answer import (
+    answer,
+    at_most,
+    chance,
+    claims,
+    excluded_rows,
+    margin_words,
+    mentioned,
+    next_flight_words,
+    nothing,
+    one_of,
+    set_words,
+    unexplained,
+)
+from thrustmargin.models.effects import BY_KEY
+from thrustmargin.models.identification.identify import identify
+from thrustmargin.models.identification.manoeuvres import FlownLimits, manoeuvres
+from thrustmargin.models.identification.margin_change import MarginChange, margin_changes
+from thrustmargin.models.identification.next_flight import NextFlight
+from thrustmargin.models.identification.result import (
+    Excluded,
+    Identification,
+    Mentioned,
+    OneOf,
+)
+from thrustmargin.models.identification.terms import Term
+
+NAMES = ("front right", "rear left", "front left", "rear right")
+MASS, GAUGE, BALANCE = (Term(effect=BY_KEY[k]) for k in ("extra_mass", "tank_scale", "cg_offset"))
+
+
+def weak(rotor: int) -> Term:
+    return Term(effect=BY_KEY["rotor_degradation"], rotor=rotor)
+
+
+@pytest.fixture(scope="module")
+def worn() -> Identification:
+    """Three flights with a worn rotor 1."""
+    return identify(
+        made_flights(3, loss=0.08),
+        curve_model(),
+        config=QUICK,
+        catalogue=table(["rotor_degradation"]),
+    )
+
+
+@pytest.fixture(scope="module")
+def sound() -> Identification:
+    return identify(
+        made_flights(3), curve_model(), config=QUICK, catalogue=table(["rotor_degradation"])
+    )
+
+
+def said(found: Identification, **given) -> tuple[str, ...]:
+    return answer(found, margin_changes(found)[1], **given)
+
+
+def change(**given) -> MarginChange:
+    usual = {
+        "rotor": 0,
+        "typical_before": 0.46,
+        "typical_after": 0.41,
+        "worst_before": 0.3,
+        "worst_after": 0.25,
+        "flights": "fit",
+    }
+    return MarginChange(**{**usual, **given})
+
+
+def test_part_amount_and_action_come_first_then_the_error(worn):
+    first, second = said(worn)
+    assert first.startswith("Rotor 1 (front right) makes 8 % less thrust (")
+    assert first.endswith("): inspect or swap its propeller.")
+    before, after = worn.before.rmse_rpm, worn.after.rmse_rpm
+    assert second.startswith(f"Rotor speed error (RMSE) {before:.0f} -> {after:.0f} rpm (")
+    assert "on 3 flights, each predicted without itself, at best " in second
+    assert "margin of the worst rotor falls from " in second
+
+
+def test_rotors_come_before_all_else(worn):
+    (rotor,) = worn.found
+    mass = replace(rotor, term=MASS, value=np.ones((3, 1)), lower=rotor.lower, upper=rotor.upper)
+    lines = answer(replace(worn, found=(mass, rotor)), change())
+    assert lines[0].startswith("Rotor 1")
+    assert lines[1].startswith("The aircraft is 1")
+
+
+def test_nothing_missing_says_what_is_excluded(sound):
+    assert said(sound)[0] == "Nothing is missing."
+    limits = tuple(
+        Excluded(term=weak(k), parameter="loss", unit="1", above=0.015 + 0.001 * k)
+        for k in range(4)
+    )
+    clear = replace(sound, excluded=limits)
+    assert said(clear)[0] == "Nothing is missing: a loss above 1.8 % on any rotor is excluded."
+    part = replace(sound, excluded=limits[1:3])
+    assert nothing(part) == "Nothing is missing: a loss above 1.7 % on rotor 2, 3 is excluded"
+    assert len(said(clear)) == 2
+
+
+def test_excluded_sizes_are_one_row_for_all_rotors_and_in_the_units_of_the_field(sound):
+    limits = (
+        Excluded(term=weak(0), parameter="loss", unit="1", above=0.015),
+        Excluded(term=weak(1), parameter="loss", unit="1", above=0.018),
+        Excluded(term=MASS, parameter="mass", unit="kg", above=0.31),
+        Excluded(term=BALANCE, parameter="x", unit="m", above=0.0051),
+    )
+    assert excluded_rows(replace(sound, excluded=limits)) == [
+        ("any weak rotor", "above 1.8 %"),
+        ("hidden mass", "above 0.31 kg"),
+        ("a shifted centre of gravity, x", "above 5.1 mm"),
+    ]
+
+
+def test_a_limit_is_rounded_away_from_zero():
+    assert at_most(0.0201, "1") == "2.1 %"
+    assert at_most(0.02, "1") == "2 %"
+    assert at_most(0.123, "kg") == "0.13 kg"
+    assert at_most(123.4, "s") == "130 s"
+
+
+def test_no_chance_is_called_sure():
+    assert [chance(p) for p in (0.0, 0.35, 0.995, 1.0)] == [
+        "under 1 %",
+        "35 %",
+        "over 99 %",
+        "over 99 %",
+    ]
+
+
+def test_effects_of_which_one_is_there_are_said_with_their_shares(sound):
+    one = OneOf(terms=(MASS, GAUGE), probabilities=(0.6, 0.35))
+    line = "Either hidden mass (60 %) or a wrong tank gauge (35 %): these flights do not tell which"
+    assert one_of(one, NAMES) == line
+    assert said(replace(sound, one_of=(one,)))[0] == f"{line}."
+
+
+def test_a_rotor_that_is_not_cleared_is_always_said(worn, sound):
+    rotor = Mentioned(rotor=2, probability=0.08, loss=0.031, ci95=(0.012, 0.05))
+    line = mentioned(rotor, NAMES)
+    assert line == (
+        "Rotor 3 (front left) cannot be ruled out (8 %): it may make 3 % less thrust (1 to 5), so "
+        "inspect or swap its propeller"
+    )
+    assert said(replace(sound, mentioned=(rotor,)))[0] == f"{line}."
+    assert said(replace(worn, mentioned=(rotor,)))[1] == f"{line}."
+
+
+class _Left:
+    """An identification with something unexplained."""
+
+    def __init__(self, found, **left) -> None:
+        self._found, self._left = found, left
+
+    def __getattr__(self, name):
+        return getattr(self._found, name)
+
+    def unexplained(self):
+        return {"fraction_of_variance": 0.34, "mode": "pitch", "channel": "tank_kg", **self._left}
+
+
+def test_what_is_unexplained_has_mode_channel_closest_names_and_an_action(sound):
+    assert unexplained(sound) == ""
+    action = "nothing was added for it; compare with a flight of this aircraft when it was sound"
+    assert unexplained(_Left(sound)) == (  # type: ignore[arg-type]
+        f"No effect explains 34 % of what is left: pitch that goes with tank level: {action}"
+    )
+    close = _Left(sound, closest=["cg_offset", "of another version"])
+    assert "tank level; closest in the table: a shifted centre of gravity: " in unexplained(close)  # type: ignore[arg-type]
+    slow = _Left(sound, channel=None)
+    assert "pitch that lasts for seconds and goes with no channel: look at" in unexplained(slow)  # type: ignore[arg-type]
+    assert answer(_Left(sound), change())[0].startswith("No effect explains 34 %")  # type: ignore[arg-type]
+
+
+def test_the_next_flight_says_what_it_tells_apart_and_where_its_mission_is(worn):
+    hover = manoeuvres(FlownLimits.of(made_flights(3)))[2]
+    following = NextFlight(
+        separates=((weak(0), MASS), (weak(0), GAUGE)),
+        manoeuvre=hover,
+        repeats=2,
+        nats=6.0,
+        certainty=0.96,
+    )
+    words = (
+        "To tell hidden mass from a wrong tank gauge, hover 30 s, once with 15 and once with 1.5 "
+        "kg in the tank, 2 times (2 min)"
+    )
+    assert next_flight_words(following, NAMES, "") == (
+        f"{words}; --next-flight FILE.plan writes its mission"
+    )
+    line = f"{words}; next.plan is its mission"
+    assert next_flight_words(following, NAMES, "next.plan") == line
+    assert f"{line}." in said(worn, following=following, mission="next.plan")
+    unsure = replace(following, certainty=0.8)
+    assert "; even that is right in only 80 % of cases; " in next_flight_words(unsure, NAMES, "")
+
+
+def test_a_set_of_effects_reads_as_a_list():
+    assert set_words((), NAMES) == "nothing"
+    assert set_words((MASS,), NAMES) == "hidden mass"
+    assert set_words((weak(0), GAUGE, MASS), NAMES) == (
+        "a weak rotor 1 (front right), a wrong tank gauge and hidden mass"
+    )
+
+
+def test_the_margin_is_said_where_the_effect_moves_it():
+    assert (
+        margin_words(change(), NAMES) == "margin of rotor 1 (front right) falls from 46 % to 41 %"
+    )
+    fast = change(rotor=None, typical_after=0.459, worst_after=0.1)
+    assert margin_words(fast, NAMES) == (
+        "at the worst moments (1 % of the time) margin of the worst rotor falls from 30 % to 10 %"
+    )
+    still = change(typical_after=0.461, worst_after=0.301)
+    assert margin_words(still, NAMES) == "margin of rotor 1 (front right) stays at 46 %"
+    small = change(typical_before=0.464, typical_after=0.456, worst_after=0.29)
+    assert "falls from 46.4 % to 45.6 %" in margin_words(small, NAMES)
+    assert "rises from 41 % to 46 %" in margin_words(
+        change(typical_before=0.41, typical_after=0.46), NAMES
+    )
+
+
+def test_errors_on_held_out_flights_are_called_so():
+    flights = made_flights(3, loss=0.08)
+    held = identify(
+        flights[:2],
+        curve_model(),
+        held_out=flights[2:],
+        config=QUICK,
+        catalogue=table(["rotor_degradation"]),
+    )
+    lines = said(held)
+    assert "1 flight not used" in lines[1]
+    assert any("Two flights only" in line for line in lines)
+
+
+def test_one_flight_says_what_cannot_be_claimed(worn):
+    alone = identify(
+        made_flights(1, loss=0.08),
+        curve_model(),
+        config=QUICK,
+        catalogue=table(["rotor_degradation"]),
+    )
+    lines = said(alone)
+    assert "one flight, each fifth predicted without itself" in lines[1]
+    assert "cannot be claimed" in lines[-1]
+    assert "--held-out" in lines[-1]
+    assert claims(worn) == ()
+
+
+def test_what_cannot_be_told_apart_comes_with_the_flight_that_would_tell(worn):
+    (rotor,) = worn.found
+    alike = replace(rotor, indistinguishable_from=("thrust_drift", "extra_mass"))
+    lines = answer(replace(worn, found=(alike,)), change())
+    assert lines[1] == (
+        "These flights cannot distinguish a weak rotor 1 (front right) from thrust drift or extra "
+        "mass: swap the propeller with another arm's: a worn rotor moves, a wrong sensor stays."
+    )
+
+
+def test_every_sentence_ends_once(worn):
+    assert all(line.endswith(".") and not line.endswith("..") for line in said(worn))
