@@ -55,7 +55,7 @@ def test_the_route_on_bundled_flights_ends_in_a_model_that_knows_the_worn_propel
 ):
     for words in commands():
         assert run(words) == 0, words
-    assert "rotor degradation of rotor 1" in capsys.readouterr().out
+    assert "a weak rotor 1 (front right)" in capsys.readouterr().out
     assert (somewhere / "my-f16.safetensors").exists()
 
 

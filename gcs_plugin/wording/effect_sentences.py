@@ -104,6 +104,7 @@ WORDS: Mapping[str, EffectWords] = MappingProxyType(
             "check gauge and ESC readings first, then clean the blades",
         ),
         "flow_moment": EffectWords("the moment of forward flight", amounts.by_parameters),
+        "drag_moment": EffectWords("the moment of leaning into wind", amounts.by_parameters),
         "battery_voltage": EffectWords(
             "rotor speeds that follow the voltage",
             amounts.voltage,

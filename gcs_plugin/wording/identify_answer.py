@@ -54,7 +54,7 @@ def answer(
     lines += [effect_sentence(f, found) for f in found.followed]
     for f in found.found:
         if f.indistinguishable_from and not found.one_of:
-            others = " or ".join(name.replace("_", " ") for name in f.indistinguishable_from)
+            others = " or ".join(_thing_of(words, names) for words in f.indistinguishable_from)
             thing = effect_thing(f.term, names)
             would = f.term.effect.distinguished_by
             lines.append(f"These flights cannot distinguish {thing} from {others}: {would}")
@@ -157,16 +157,20 @@ def unexplained(found: Identification) -> str:
         action = (
             "nothing was added for it; compare with a flight of this aircraft when it was sound"
         )
-    close = ""
-    if left.get("closest"):
-        terms = [Term(effect=BY_KEY[key]) for key in left["closest"] if key in BY_KEY]
-        things = " or ".join(
-            effect_thing(term, ()) for term in terms if not term.effect.of_one_rotor
-        )
-        close = f"; closest in the table: {things}" if things else ""
+    names = found.model.airframe.rotor_names
+    things = " or ".join(_thing_of(words, names) for words in left.get("closest") or ())
+    close = f"; closest in the table: {things}" if things else ""
     return (
         f"No effect explains {share} of what is left: {left['mode']} that {along}{close}: {action}"
     )
+
+
+def _thing_of(words: str, names: Sequence[str]) -> str:
+    """What an effect is called, from `Term.words`: its name, and its rotor from 1."""
+    name, _, rotor = words.partition(" of rotor ")
+    if name not in BY_KEY:
+        return words.replace("_", " ")
+    return effect_thing(Term(effect=BY_KEY[name], rotor=int(rotor) - 1 if rotor else None), names)
 
 
 def next_flight_words(following: NextFlight, names: Sequence[str], mission: str) -> str:

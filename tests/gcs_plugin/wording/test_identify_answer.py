@@ -1,6 +1,7 @@
 """The answer of `identify`: what asks for something first, each kind of sentence, nothing twice."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -173,8 +174,9 @@ def test_what_is_unexplained_has_mode_channel_closest_names_and_an_action(sound)
     assert unexplained(_Left(sound)) == (  # type: ignore[arg-type]
         f"No effect explains 34 % of what is left: pitch that goes with tank level: {action}"
     )
-    close = _Left(sound, closest=["cg_offset", "of another version"])
-    assert "tank level; closest in the table: a shifted centre of gravity: " in unexplained(close)  # type: ignore[arg-type]
+    close = _Left(sound, closest=["cg_offset", "rotor_degradation of rotor 2", "new_thing"])
+    things = "a shifted centre of gravity or a weak rotor 2 (rear left) or new thing"
+    assert f"tank level; closest in the table: {things}: " in unexplained(close)  # type: ignore[arg-type]
     slow = _Left(sound, channel=None)
     assert "pitch that lasts for seconds and goes with no channel: look at" in unexplained(slow)  # type: ignore[arg-type]
     assert answer(_Left(sound), change())[0].startswith("No effect explains 34 %")  # type: ignore[arg-type]
@@ -261,10 +263,31 @@ def test_what_cannot_be_told_apart_comes_with_the_flight_that_would_tell(worn):
     alike = replace(rotor, indistinguishable_from=("thrust_drift", "extra_mass"))
     lines = answer(replace(worn, found=(alike,)), change())
     assert lines[1] == (
-        "These flights cannot distinguish a weak rotor 1 (front right) from thrust drift or extra "
-        "mass: swap the propeller with another arm's: a worn rotor moves, a wrong sensor stays."
+        "These flights cannot distinguish a weak rotor 1 (front right) from all rotors "
+        "weakening or hidden mass: swap the propeller with another arm's: a worn rotor moves, a "
+        "wrong sensor stays."
     )
 
 
 def test_every_sentence_ends_once(worn):
     assert all(line.endswith(".") and not line.endswith("..") for line in said(worn))
+
+
+def test_the_page_of_the_answer_shows_each_kind_of_sentence(sound):
+    """The examples of docs/identify.md are what is said, word by word."""
+    shown = (Path(__file__).resolve().parents[3] / "docs/identify.md").read_text(encoding="utf-8")
+    limits = tuple(
+        Excluded(term=weak(k), parameter="loss", unit="1", above=0.018) for k in range(4)
+    )
+    hover = manoeuvres(FlownLimits.of(made_flights(3)))[2]
+    following = NextFlight(
+        separates=((MASS,), (GAUGE,)), manoeuvre=hover, repeats=2, nats=6.0, certainty=0.96
+    )
+    for sentence in (
+        one_of(OneOf(terms=(MASS, GAUGE), probabilities=(0.6, 0.35)), NAMES),
+        mentioned(Mentioned(rotor=2, probability=0.08, loss=0.031, ci95=(0.012, 0.05)), NAMES),
+        nothing(replace(sound, excluded=limits)),
+        unexplained(_Left(sound, closest=["cg_offset"])),  # type: ignore[arg-type]
+        next_flight_words(following, NAMES, "next.plan"),
+    ):
+        assert f"| {sentence} |" in shown
