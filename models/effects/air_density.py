@@ -16,7 +16,9 @@ def _warmer(p, x: Channels):
 
 
 def _kappa(p, x: Channels, xp):
-    return x.reported_density * _warmer(p, x) / x.reference_density
+    # Found on a model that follows the air already, it is the thermometer: the air counts once.
+    density = x.reported_density / x.reference_density
+    return density ** (1.0 / x.density_effects) * _warmer(p, x)
 
 
 def _torque(p, x: Channels, xp):
@@ -37,7 +39,9 @@ AIR_DENSITY = Effect(
         replace(TORQUE_SHARE, start=1.0, lower=0.0),
     ),
     needs=("reported_density", "air_temperature"),
-    neutral={"reported_density": lambda p, x: x.reference_density / _warmer(p, x)},
+    neutral={
+        "reported_density": lambda p, x: x.reference_density / _warmer(p, x) ** x.density_effects
+    },
     shape_channels=("density",),
     source="thrust goes with air density; the offset is of the air to what the log has",
     distinguished_by="read a shaded thermometer and a barometer; or fly the same load on a colder "

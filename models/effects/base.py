@@ -33,6 +33,9 @@ OwnChannel = Callable[[FlightTrack, Airframe, Any], tuple[Array, Any]]
 #: The aircraft for which bounds and sizes of parameters are written down: the F16 (Han et al.
 #: 2024), kg empty and m from centre to rotor.
 USUAL_MASS, USUAL_ARM = 21.1, 0.9595439
+#: Half of the 95 % interval of a torque ratio as a share of it: read off a bench or a data sheet,
+#: or worked out with a figure of merit of 0.7 that may be 0.6 or 0.8.
+KNOWN_TORQUE, GUESSED_TORQUE = 0.05, 0.15
 SAME_SIZE = 0.01  # share by which mass or arm may differ from it and nothing is scaled
 
 
@@ -70,24 +73,29 @@ class Parameter:
     lower: float
     upper: float
     scale: float  # usual size: a weak prior and the step of the fit
-    smallest: float = 0.0  # least distance from `absent` that is worth reporting
+    #: standard deviation from flight to flight on a sound aircraft that has not shown its own
+    smallest: float = 0.0
     per_flight: bool = False  # one value a flight instead of one for all
     detail: bool = False  # shapes the effect but does not make it: may stand at a bound
     resolution: float = 0.0  # half width that no number of rows gets an interval below
     accuracy: float = 0.0  # the same as a share of the value: what the form itself is good for
+    of_torque: bool = False  # in proportion to the airframe's torque ratio, which is a guess
 
     def scaled(self, airframe: Airframe) -> Parameter:
         """The parameter for another aircraft: a quantity goes with the aircraft's own of its unit.
 
         Mass goes with mass, length with the arm, area with arm², moment of force with weight x arm,
         moment of inertia with mass x arm², moment over turn rate with that over the time scale
-        sqrt(arm/g). What has no such unit stays.
+        sqrt(arm/g). What has no such unit stays. A yaw moment is as well known as the torque ratio.
         """
+        if self.of_torque and "torque_ratio" not in airframe.guessed:
+            return replace(self, of_torque=False, accuracy=KNOWN_TORQUE).scaled(airframe)
         mass, arm = airframe.empty_mass / USUAL_MASS, airframe.arm / USUAL_ARM
         if abs(mass - 1.0) < SAME_SIZE and abs(arm - 1.0) < SAME_SIZE:
             return self
         factors = {
             "kg": mass,
+            "kg/s": mass,
             "m": arm,
             "m^2": arm**2,
             "N m": mass * arm,
@@ -161,6 +169,8 @@ class Effect:
     on_airframe: Callable[[Values, Airframe, int | None], Airframe] | None = None
     #: p -> K by which the air is warmer than the standard; an effect with it follows air density
     temperature_offset: Callable[[Values], float] | None = None
+    by_flights: bool = False  # seen only in how flights differ: not looked for in one flight
+    instrument: bool = False  # a fault of an instrument, not of the aircraft
     with_tank: bool = True  # looked for on an aircraft that carries its load in a tank
 
     @property

@@ -13,16 +13,21 @@ def _kappa(p, x: Channels, xp):
 BATTERY_VOLTAGE = Effect(
     name="battery_voltage",
     kind=Kind.COEFFICIENT,
+    # Smallest: 0.5 % of thrust where the voltage falls by a tenth.
     parameters=(
-        Parameter(name="exponent", unit="1", lower=0.0, upper=6.0, scale=0.5, smallest=0.05),
+        Parameter(
+            name="exponent", unit="1", start=1.0, lower=0.0, upper=6.0, scale=0.5, smallest=0.05
+        ),
     ),
-    needs=("voltage",),
+    needs=("voltage", "moving_voltage"),
     neutral={"voltage": lambda p, x: x.reference_voltage},
     shape_channels=("voltage",),
     source="not physics of a measured rotor speed: simulators and estimated speeds that ignore "
     "the battery show thrust going with voltage^p, never against it",
     distinguished_by="the same load on a full and on an empty battery",
     apply=_kappa,
+    affine=True,
+    instrument=True,
 )
 
 EFFECTS = (BATTERY_VOLTAGE,)

@@ -22,7 +22,7 @@ def _offset(name: str) -> Parameter:
         lower=-0.5,
         upper=0.5,
         scale=0.05,
-        smallest=0.003,
+        smallest=0.0025,  # by how a battery is put in
         accuracy=0.01,  # lift of forward flight adds to each rotor's thrust, here it multiplies it
     )
 

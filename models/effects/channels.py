@@ -30,6 +30,8 @@ LAGS = tuple(round(LAG_STEP * k, 1) for k in range(-18, 8))  # s; the past is th
 VELOCITY_SPAN = 0.3  # s over which velocity is differentiated
 ALONG_SPAN = 0.7  # s, the same for the speed along the way
 SLOW_SPAN = 2.0  # s over which the IMU's load factor is held to that of the motion
+EVEN = 0.002  # of a voltage: no sensor of a battery is finer
+STEADY_SPAN = 10.0  # s, longer than what manoeuvres do to a voltage
 RATE_SPAN = 0.3  # s over which angular rate is differentiated
 FULL_SPAN_ARM = 0.9  # m; the spans hold from here up, and shrink with the root of a shorter arm
 
@@ -55,6 +57,7 @@ class Channels:
     climb_ratio: Any  # what of it is climb: the rest is airspeed through tilted rotors
     radius_over_height: Any
     voltage: Any
+    moving_voltage: Any  # the same, NaN in a flight in which it only scatters
     load_factor: Any
     load_factor_shifts: Any  # from the derivative of velocity
     manoeuvre_load_shifts: Any  # quick part from the IMU, slow part as above; as above without one
@@ -66,6 +69,7 @@ class Channels:
     yaw_acceleration: Any
     own: Mapping[str, Any]  # (T, ...) what effects made for themselves, by the effect's name
     delay: Any  # s by which the rotor speeds are reported late, which effects may set
+    density_effects: float  # how many effects follow the air, which effects may set
     tank_capacity_kg: float
     reference_density: float
     reference_voltage: float
@@ -209,6 +213,7 @@ def channels_of(
         climb_ratio=axial[:, 2] * 60 / (hover_rpm * airframe.propeller_diameter),
         radius_over_height=airframe.propeller_diameter / 2 / height,
         voltage=track.voltage,
+        moving_voltage=_moving(time_s, track.voltage),
         load_factor=kinematic,
         load_factor_shifts=table(kinematic),
         manoeuvre_load_shifts=table(manoeuvre),
@@ -220,6 +225,7 @@ def channels_of(
         yaw_acceleration=turn[:, 2],
         own=own_channels(track, airframe, effects, start)[0],
         delay=0.0,
+        density_effects=1.0,
         tank_capacity_kg=float(airframe.tank_capacity_kg),
         reference_density=float(reference_density),
         reference_voltage=float(reference_voltage),
@@ -255,6 +261,17 @@ def _along(time_s: Floats, velocity: Floats, span: float) -> Floats:
     """(T,) m/s² by which the horizontal speed grows; 0 where it is unknown."""
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     return np.nan_to_num(derivative(time_s, speed, span))
+
+
+def _moving(time_s: Floats, values: Floats) -> Floats:
+    """The values (T,), or NaN where their means over STEADY_SPAN move by less than they scatter."""
+    slow = moving_mean(time_s, values, STEADY_SPAN)
+    known = np.isfinite(values)
+    if known.any():
+        scatter = 4.0 * np.std((values - slow)[known]) + EVEN * np.max(np.abs(values[known]))
+        if np.ptp(slow[known]) > scatter:
+            return values
+    return np.full_like(values, np.nan)
 
 
 def froude_time_scale(airframe: Airframe) -> float:

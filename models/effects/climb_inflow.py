@@ -15,6 +15,7 @@ def _weight(p, x: Channels, xp):
 CLIMB_INFLOW = Effect(
     name="climb_inflow",
     kind=Kind.COEFFICIENT,
+    # Smallest: 0.3 % of the thrust at 2 m/s, by up- and downdraughts.
     parameters=(
         Parameter(name="slope", unit="1", lower=-2.0, upper=6.0, scale=1.0, smallest=0.05),
     ),

@@ -75,9 +75,9 @@ def base_table(
     thrust_coefficient: float,
     max_airspeed: float = 20.0,
     airspeed_step: float = 0.1,
-    tank_step_kg: float = 0.2,
 ) -> BaseTable:
     """Tabulate a base model: `speed(airspeed (N,), tank_kg (N,)) -> (N, R)` rpm."""
+    tank_step_kg = airframe.tank_capacity_kg / 80.0 or 1.0
     speeds = np.arange(0.0, max_airspeed + airspeed_step, airspeed_step)
     masses = np.arange(0.0, 1.5 * airframe.tank_capacity_kg + tank_step_kg, tank_step_kg)
     airspeed, tank_kg = (g.ravel() for g in np.meshgrid(speeds, masses, indexing="ij"))
@@ -145,7 +145,9 @@ def corrected(placed: Sequence[Placed], x: Channels, xp: Any) -> Channels:
     """The channels with what airspeed and tank mass really were: all later effects go with these,
     as lift and drag in a wind that no channel reports do."""
     airspeed, tank_kg = x.airspeed, x.tank_kg
-    x = replace(x, delay=sum(i.values["lag"] for i in placed if i.effect.delays))
+    follow = sum(item.effect.temperature_offset is not None for item in placed)
+    late = sum(item.values["lag"] for item in placed if item.effect.delays)
+    x = replace(x, delay=late, density_effects=float(max(follow, 1)))
     for item in placed:
         if item.effect.kind is Kind.INPUT:
             airspeed, tank_kg = item.effect.apply(item.values, x, airspeed, tank_kg, xp)

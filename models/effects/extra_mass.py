@@ -10,7 +10,8 @@ EXTRA_MASS = Effect(
     name="extra_mass",
     kind=Kind.DEMAND,
     parameters=(
-        Parameter(name="mass", unit="kg", lower=-10.0, upper=20.0, scale=2.0, smallest=0.15),
+        # Smallest: 0.5 % of the empty aircraft, by what is taken along or left in hoses.
+        Parameter(name="mass", unit="kg", lower=-10.0, upper=20.0, scale=2.0, smallest=0.1),
     ),
     needs=("total_mass",),
     shape_channels=("tank_kg",),

@@ -15,6 +15,7 @@ def _lifted(p, x: Channels, thrust, xp):
 
 
 def _gain(name: str) -> Parameter:
+    """Smallest: a wind of half a m/s that nobody reports."""
     return Parameter(name=name, unit="1", lower=-1.0, upper=1.0, scale=0.1, smallest=0.01)
 
 

@@ -25,7 +25,7 @@ LOAD_FACTOR = Effect(
             lower=-0.5,
             upper=2.0,
             scale=1.0,
-            smallest=0.05,
+            smallest=0.05,  # by how well a velocity a few times a second shows an acceleration
             accuracy=0.05,  # of the derivative of a velocity that is sampled and noisy
         ),
         shaping("imu_share", "1", start=0.5, lower=0.0, upper=1.0, scale=1.0),

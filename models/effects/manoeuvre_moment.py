@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from thrustmargin.models.effects.base import Effect, Kind, Parameter, shaping
+from thrustmargin.models.effects.base import GUESSED_TORQUE, Effect, Kind, Parameter, shaping
 from thrustmargin.models.effects.channels import (
     RATE_SPAN,
     Channels,
@@ -11,6 +11,7 @@ from thrustmargin.models.effects.channels import (
     shifts_look,
 )
 
+SAMPLED = 0.04  # what the derivative of a rate that is sampled and noisy is good for
 AXES = ("roll", "pitch", "yaw")
 
 
@@ -35,8 +36,9 @@ def _turning(name: str, unit: str) -> Parameter:
         lower=-60.0,
         upper=60.0,
         scale=5.0,
-        smallest=0.2,
-        accuracy=0.04,  # of the derivative of a rate that is sampled and noisy
+        smallest=0.2,  # liquid that moves, and air that the turn stirs
+        accuracy=GUESSED_TORQUE if name.endswith("yaw") else SAMPLED,
+        of_torque=name.endswith("yaw"),
     )
 
 

@@ -24,10 +24,10 @@ PARASITE_DRAG = Effect(
             name="drag_area",
             unit="m^2",
             start=0.5,
-            lower=-4.0,
+            lower=-1.0,  # no more than the model itself can have of it
             upper=6.0,
             scale=1.0,
-            smallest=0.05,
+            smallest=0.05,  # hoses, wet covers, and wind that nobody reports
         ),
     ),
     needs=("airspeed", "density"),
@@ -38,7 +38,7 @@ PARASITE_DRAG = Effect(
     distinguished_by="a straight line flown fast and slow at the same tank level",
     apply=_dragged,
     affine=True,
-    looks=lambda p: (derivative_look(ALONG_SPAN),) * 2,
+    looks=lambda p: (derivative_look(ALONG_SPAN), derivative_look(ALONG_SPAN)),
 )
 
 EFFECTS = (PARASITE_DRAG,)

@@ -26,6 +26,7 @@ SENSOR_LAG = Effect(
     source="the airspeed channel reports late by `lag`",
     distinguished_by="quick changes of speed: accelerate and brake on a straight line",
     apply=_airspeed_late,
+    instrument=True,
     looks=lambda p: shifts_look(p["lag"]),
 )
 
@@ -40,7 +41,7 @@ ROTOR_SPEED_LAG = Effect(
             lower=-0.2,
             upper=1.4,
             scale=0.2,
-            smallest=0.05,
+            smallest=0.05,  # half an interval of telemetry at 10 Hz
             resolution=0.01,
         ),
     ),
@@ -50,6 +51,7 @@ ROTOR_SPEED_LAG = Effect(
     source="the rotor speeds are reported late by `lag`: telemetry that queues or comes rarely",
     distinguished_by="quick changes of speed and heading: accelerate, brake and turn",
     apply=_rotor_speed_late,
+    instrument=True,
     looks=lambda p: shifts_look(0.0),
     delays=True,
 )

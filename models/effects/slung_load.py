@@ -166,7 +166,7 @@ def _bracket(number: int) -> Effect:
         variant=f"cable of {low:.0f} to {low * width:.0f} arms",
         kind=Kind.DEMAND,
         parameters=(
-            Parameter(name="mass", unit="kg", lower=-2.0, upper=20.0, scale=2.0, smallest=0.15),
+            Parameter(name="mass", unit="kg", lower=-2.0, upper=20.0, scale=2.0, smallest=0.1),
             shaping(
                 "cable",
                 "m",

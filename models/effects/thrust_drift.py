@@ -8,7 +8,8 @@ THRUST_DRIFT = Effect(
     name="thrust_drift",
     kind=Kind.COEFFICIENT,
     parameters=(
-        Parameter(name="rate", unit="1/s", lower=-1e-3, upper=2e-3, scale=1e-4, smallest=2e-5),
+        # Smallest: air that warms by 3 K in 10 minutes.
+        Parameter(name="rate", unit="1/s", lower=-1e-3, upper=2e-3, scale=1e-4, smallest=1.7e-5),
     ),
     shape_channels=("time_s",),
     source="icing, fouling or dust: all rotors lose thrust as time goes on",

@@ -14,6 +14,7 @@ def _kappa(p, x: Channels, xp):
 TRANSLATIONAL_LIFT = Effect(
     name="translational_lift",
     kind=Kind.COEFFICIENT,
+    # Smallest: a wind of 1 m/s that nobody reports.
     parameters=(Parameter(name="gain", unit="1", lower=-0.5, upper=1.0, scale=0.1, smallest=0.01),),
     needs=("airspeed", "hover_induced_velocity"),
     neutral={"airspeed": 0.0},

@@ -29,7 +29,7 @@ def _component(name: str) -> Parameter:
         lower=-20.0,
         upper=20.0,
         scale=5.0,
-        smallest=1.0,
+        smallest=1.0,  # what gusts leave of a mean over a flight
         per_flight=True,
     )
 

@@ -47,7 +47,8 @@ def candidates(
     begun = {t.rotor for t in accepted if t.effect.begins}
     rotors = evaluator.problem.measured_rpm.shape[1]
     for effect in catalogue:
-        if not evaluator.problem.lacks(effect):
+        several = evaluator.problem.flights > 1 or not effect.by_flights
+        if several and not evaluator.problem.lacks(effect):
             places = range(rotors) if effect.of_one_rotor else (None,)
             for rotor in places:
                 term = Term(effect=effect, rotor=rotor)

@@ -451,3 +451,56 @@ def test_specific_force_is_turned_into_ned_as_scipy_turns_it():
     ned, down = force_ned(steady(attitude=attitude, specific_force_frd=force))
     np.testing.assert_allclose(ned, turn.apply(force), atol=1e-12)
     np.testing.assert_allclose(down, turn.apply([0.0, 0.0, 1.0]), atol=1e-12)
+
+
+def test_a_gauge_whose_zero_is_off_and_one_that_drifts():
+    # 5 kg that it does not show: 35 of 30 kg. 0.1 kg/s for 3 s: 30.3 of 30.
+    track = steady()
+    np.testing.assert_allclose(share(track, effect("tank_zero", offset=5.0)), 35 / 30, rtol=1e-6)
+    np.testing.assert_allclose(share(track, effect("tank_drift", rate=0.1)), 30.3 / 30, rtol=1e-6)
+    # What is really in the tank is what is off the middle: 12 of 20 kg.
+    both = share(track, effect("tank_scale", gain=1.2), effect("cg_offset:tank", x_full=0.04))
+    by_hand = 32 / 30 * (1.0 + 0.04 * 12 / 20 * ARMS[:, 0] / X**2)
+    np.testing.assert_allclose(both, by_hand, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("key", "shown", "value"),
+    [("airspeed_bias", 8.0, 2.0), ("airspeed_bias", 14.0, -4.0), ("airspeed_gain", 5.0, 2.0)],
+)
+def test_an_airspeed_that_reads_wrong_is_set_right_before_the_drag(key, shown, value):
+    track = moving(3.0, airspeed=np.full(60, shown))
+    (parameter,) = EFFECTS[key].parameters
+    wrong = effect(key, **{parameter.name: value})
+    area = effect("parasite_drag", drag_area=0.5)  # at 10 m/s: 295.7892 N as above
+    np.testing.assert_allclose(share(track, wrong, area), 295.7892 / THRUST, rtol=1e-6)
+
+
+def test_no_bias_makes_an_airspeed_of_less_than_nothing():
+    track = moving(3.0, airspeed=np.full(60, 2.0))
+    wrong, area = effect("airspeed_bias", bias=-5.0), effect("parasite_drag", drag_area=50.0)
+    np.testing.assert_allclose(share(track, wrong, area), 1.0, rtol=1e-6)
+
+
+def test_air_that_the_model_follows_already_counts_once_and_its_thermometer_twice():
+    # 0.9 of the pressure at 15 K and then 10 K above standard: 288.15²/(303.15 x 298.15).
+    track = steady(pressure=np.full(60, 0.9 * 101_325.0))
+    known, warm = (effect("air_density", temperature_offset=t, torque_share=1.0) for t in (15, 10))
+    kappa = 0.9 * 288.15**2 / (303.15 * 298.15)
+    np.testing.assert_allclose(share(track, known, warm), 1.0 / kappa, rtol=2e-6)
+    silent = replace(track, pressure=np.full(60, np.nan), altitude=np.full(60, np.nan))
+    np.testing.assert_allclose(share(silent, known, warm), 1.0, rtol=2e-6)
+
+
+def test_a_voltage_that_only_scatters_is_none_that_an_effect_may_be_read_from():
+    rng = np.random.default_rng(1)
+    scatter = 48.0 + 0.2 * rng.standard_normal(600)
+    model = physics_model(AIRFRAME)
+    held = model_channels(model, steady(600, voltage=scatter))
+    assert np.isnan(held.moving_voltage).all()
+    np.testing.assert_array_equal(held.voltage, scatter)
+    falling = scatter - 0.03 * np.arange(600) / 10.0  # 1.8 V in a minute
+    found = model_channels(model, steady(600, voltage=falling)).moving_voltage
+    np.testing.assert_array_equal(found, falling)
+    even = steady(600, voltage=np.full(600, 48.0))
+    assert np.isnan(model_channels(model, even).moving_voltage).all()

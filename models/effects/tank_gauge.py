@@ -1,0 +1,84 @@
+"""A tank gauge that is wrong: its slope, its zero, or its reading as time goes on."""
+
+from __future__ import annotations
+
+from thrustmargin.models.effects.base import Effect, Kind, Parameter
+from thrustmargin.models.effects.channels import Channels
+
+LEAST_SPREAD = 0.02  # of the tank, from flight to flight: below it, it is a mass on board
+
+
+def _spread(p, x: Channels, xp):
+    return xp.std(p["offset"]) / (LEAST_SPREAD * x.tank_capacity_kg)
+
+
+TANK_SCALE = Effect(
+    name="tank_scale",
+    kind=Kind.INPUT,
+    parameters=(
+        Parameter(
+            name="gain",
+            unit="1",
+            absent=1.0,
+            start=1.0,
+            lower=0.5,
+            upper=2.0,
+            scale=0.1,
+            smallest=0.01,  # density of the liquid, and slope of a level or load sensor
+        ),
+    ),
+    needs=("tank_kg",),
+    shape_channels=("tank_kg",),
+    source="a gauge whose slope is wrong: true mass = gain x shown mass",
+    distinguished_by="hover 60 s full and 60 s empty",
+    apply=lambda p, x, airspeed, tank_kg, xp: (airspeed, tank_kg * p["gain"]),
+    instrument=True,
+)
+
+TANK_ZERO = Effect(
+    name="tank_zero",
+    kind=Kind.INPUT,
+    parameters=(
+        Parameter(
+            name="offset",
+            unit="kg",
+            lower=-5.0,
+            upper=5.0,
+            scale=0.5,
+            smallest=0.1,  # how well a load cell is set to zero, and what stays in the hoses
+            per_flight=True,  # set anew at each start; what never changes is a mass on board
+        ),
+    ),
+    needs=("tank_kg",),
+    shape_channels=("tank_kg",),
+    source="a gauge that is set to zero anew before each flight: true mass = shown mass + offset",
+    distinguished_by="read the gauge with an empty tank before each flight",
+    apply=lambda p, x, airspeed, tank_kg, xp: (airspeed, tank_kg + p["offset"]),
+    weight=_spread,
+    by_flights=True,
+    instrument=True,
+)
+
+TANK_DRIFT = Effect(
+    name="tank_drift",
+    kind=Kind.INPUT,
+    parameters=(
+        Parameter(
+            name="rate",
+            unit="kg/s",
+            lower=-0.02,
+            upper=0.02,
+            scale=1e-3,
+            smallest=1.5e-4,  # 0.1 kg in 10 minutes: a load cell that warms, a flow meter's share
+        ),
+    ),
+    needs=("tank_kg",),
+    shape_channels=("time_s",),
+    source="a gauge that drifts, or adds up a flow that is wrong: true mass = shown mass + rate x "
+    "time since the start",
+    distinguished_by="weigh what is left in the tank after landing",
+    apply=lambda p, x, airspeed, tank_kg, xp: (airspeed, tank_kg + p["rate"] * x.time_s),
+    instrument=True,
+)
+
+EFFECTS = (TANK_SCALE, TANK_ZERO, TANK_DRIFT)
