@@ -21,7 +21,7 @@ def main() -> None:
     from tests.browser import open_page
     from thrustmargin.gcs_plugin.commands.report import report
     from thrustmargin.gcs_plugin.logs import read_log
-    from thrustmargin.gcs_plugin.view.replay import ReplayView
+    from thrustmargin.gcs_plugin.view.replay_view import ReplayView
     from thrustmargin.models.model.analysis import analyse
     from thrustmargin.models.model.model_file import shipped_model
 

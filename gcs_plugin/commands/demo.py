@@ -38,7 +38,7 @@ def demo(
 
     from thrustmargin.gcs_plugin.commands.replay import replay_view
     from thrustmargin.gcs_plugin.commands.report import report
-    from thrustmargin.gcs_plugin.view.replay import run_replay
+    from thrustmargin.gcs_plugin.view.replay_view import run_replay
     from thrustmargin.models.errors import LogError
     from thrustmargin.models.model.model_file import shipped_model
 

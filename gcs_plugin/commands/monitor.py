@@ -16,8 +16,8 @@ from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading, reading_
 from thrustmargin.gcs_plugin.commands.terminal import Terminal
 
 if TYPE_CHECKING:
-    from thrustmargin.gcs_plugin.live.monitor import LiveMonitor
-    from thrustmargin.gcs_plugin.view.live import LiveView
+    from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor
+    from thrustmargin.gcs_plugin.view.live_view import LiveView
     from thrustmargin.models.physics.airframe import Airframe
 
 
@@ -78,7 +78,7 @@ def monitor(
     """
     from thrustmargin.gcs_plugin.commands.inputs import chosen_model
     from thrustmargin.gcs_plugin.live.alarm import AlarmSettings
-    from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorSettings
+    from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
     from thrustmargin.gcs_plugin.live.vehicle_monitor import WatchSettings
     from thrustmargin.gcs_plugin.telemetry.tank_source import check_source
 
@@ -162,7 +162,7 @@ def monitor(
 
 def _page(live: LiveMonitor, airframe: Airframe, host: str, port: int) -> LiveView:
     from thrustmargin.gcs_plugin.live.console import status_lines
-    from thrustmargin.gcs_plugin.view.live import LiveView
+    from thrustmargin.gcs_plugin.view.live_view import LiveView
 
     page = LiveView(airframe, host=host, port=port, status=lambda: status_lines(live.status()))
     try:

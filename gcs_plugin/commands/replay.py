@@ -12,7 +12,7 @@ from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading, ReadingO
 from thrustmargin.gcs_plugin.commands.terminal import Terminal
 
 if TYPE_CHECKING:
-    from thrustmargin.gcs_plugin.view.replay import ReplayView
+    from thrustmargin.gcs_plugin.view.replay_view import ReplayView
     from thrustmargin.models.model.rotor_model import RotorModel
 
 
@@ -52,7 +52,7 @@ def replay(
         start_paused: Wait at the start of the flight.
     """
     from thrustmargin.gcs_plugin.commands.inputs import chosen_model
-    from thrustmargin.gcs_plugin.view.replay import run_replay
+    from thrustmargin.gcs_plugin.view.replay_view import run_replay
 
     rotor_model = chosen_model(model, airframe)
     older = None if before is None else chosen_model(before, rotor_model.airframe.name)
@@ -78,7 +78,7 @@ def replay_view(
     """
     from thrustmargin.gcs_plugin.commands.inputs import read_flight
     from thrustmargin.gcs_plugin.view.overlays import before_and_after
-    from thrustmargin.gcs_plugin.view.replay import ReplayView
+    from thrustmargin.gcs_plugin.view.replay_view import ReplayView
     from thrustmargin.models.model.analysis import analyse
 
     with Terminal(stderr=True).status(escape(f"reading {log.name}")):

@@ -15,7 +15,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.live.alarm import CRITICAL, NOTICE, WARNING, Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.live.fleet import Fleet, Subscriber
-from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorStatus
+from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorStatus
 from thrustmargin.gcs_plugin.live.vehicle_monitor import Update, VehicleMonitor
 from thrustmargin.gcs_plugin.wording.numbers import NOT_RECORDING
 from thrustmargin.models.model.airframe_claim import AirframeClaim

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from tests.gcs_plugin.live.live_vehicle import ROOT, Vehicle
-from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorSettings
+from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.models.model.model_file import shipped_model
 
@@ -194,7 +194,7 @@ WATCH = """() => {
 def test_from_the_byte_on_the_socket_to_the_colour_in_the_browser(benchmark):
     """The rotor speeds step across the 50 % limit; the page notes when its gauge changes colour."""
     from tests.browser import open_page
-    from thrustmargin.gcs_plugin.view.live import LiveView
+    from thrustmargin.gcs_plugin.view.live_view import LiveView
 
     model = shipped_model()
     monitor = LiveMonitor(model, MonitorSettings(urls=("udpin:127.0.0.1:0",)))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.gcs_plugin.view.view_flight import flight
-from thrustmargin.gcs_plugin.view.replay import ReplayView
+from thrustmargin.gcs_plugin.view.replay_view import ReplayView
 from thrustmargin.gcs_plugin.view.shown_row import row_at
 from thrustmargin.mission.route import Trail
 

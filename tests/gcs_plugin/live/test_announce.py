@@ -16,8 +16,8 @@ from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter
 from thrustmargin.gcs_plugin.live.alarm import CRITICAL, WARNING, Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.live.announce import Announcer
 from thrustmargin.gcs_plugin.live.fleet import Fleet
+from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
 from thrustmargin.gcs_plugin.live.message_rates import RateRequester, wanted
-from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorSettings
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 

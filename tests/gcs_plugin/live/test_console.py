@@ -19,7 +19,7 @@ from thrustmargin.gcs_plugin.live.console import (
     vehicle_cells,
 )
 from thrustmargin.gcs_plugin.live.fleet import Fleet
-from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorSettings
+from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 

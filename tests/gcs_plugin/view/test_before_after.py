@@ -14,7 +14,7 @@ import pytest
 from tests.models.made_flights import QUICK, curve_model, made_flight, made_flights, table
 from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.gcs_plugin.view.overlays import before_and_after, overlays_of
-from thrustmargin.gcs_plugin.view.replay import ReplayView
+from thrustmargin.gcs_plugin.view.replay_view import ReplayView
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.identification.identify import identify
 from thrustmargin.models.identification.model_update import with_effects

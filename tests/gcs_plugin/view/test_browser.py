@@ -12,7 +12,7 @@ import pytest
 
 from tests.browser import open_page, screenshot_folder
 from tests.gcs_plugin.view.view_flight import flight
-from thrustmargin.gcs_plugin.view.replay import ReplayView
+from thrustmargin.gcs_plugin.view.replay_view import ReplayView
 from thrustmargin.gcs_plugin.wording.palette import LOAD
 
 if TYPE_CHECKING:

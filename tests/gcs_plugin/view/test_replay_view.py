@@ -18,7 +18,7 @@ from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.gcs_plugin.view.aircraft import spin_segments
 from thrustmargin.gcs_plugin.view.camera import Camera
 from thrustmargin.gcs_plugin.view.overlays import Overlay, overlays_of
-from thrustmargin.gcs_plugin.view.replay import ReplayView, run_replay
+from thrustmargin.gcs_plugin.view.replay_view import ReplayView, run_replay
 from thrustmargin.gcs_plugin.view.scene import grid_cell
 from thrustmargin.gcs_plugin.view.shown_row import FRD_FLU, ShownRow, enu
 from thrustmargin.gcs_plugin.view.tonemap import seen_for

@@ -16,9 +16,8 @@ from tests.gcs_plugin.live.live_vehicle import Vehicle
 from thrustmargin.gcs_plugin.live.alarm import CRITICAL, WARNING, Alarm
 from thrustmargin.gcs_plugin.live.console import status_lines
 from thrustmargin.gcs_plugin.live.fleet import Fleet
-from thrustmargin.gcs_plugin.live.monitor import LiveMonitor, MonitorSettings
+from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
 from thrustmargin.gcs_plugin.live.outlook import Outlook
-from thrustmargin.gcs_plugin.view.live import LiveView
 from thrustmargin.gcs_plugin.view.live_html import (
     Standing,
     alarms_html,
@@ -26,6 +25,7 @@ from thrustmargin.gcs_plugin.view.live_html import (
     outlook_html,
     status_html,
 )
+from thrustmargin.gcs_plugin.view.live_view import LiveView
 from thrustmargin.gcs_plugin.view.tonemap import seen_for
 from thrustmargin.gcs_plugin.wording.palette import LOAD
 from thrustmargin.models.errors import LinkError
