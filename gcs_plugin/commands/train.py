@@ -33,10 +33,15 @@ def train(
 ) -> int:
     """Train the rotor speed model of one aircraft on its own good flights.
 
-    Prints how well rotor speed is predicted from airspeed and tank level, beside the paper's
-    figures, and writes the model file with its loss curves (.loss.svg, .loss.csv) beside it.
-    Give flights of a healthy aircraft, over the speeds and tank levels of its work: at least 3,
-    and 10 or more for an interval around the prediction.
+    Fits the network from airspeed and tank level, and on it what belongs to every aircraft: moments
+    of turning, load factor, drag, lift, centre of gravity, yaw trim, air. Each is kept if flights
+    left out are predicted better with it. Where they are predicted better without the network,
+    weight and thrust curve take its place. The first line says whether the model is fit for use:
+    its error on flights that the model predicting them has not seen, or why not and what to do.
+    Writes the model file, with what good flights show of how they differ, and the network's loss
+    curves (.loss.svg, .loss.csv) beside it.
+    Give flights of a healthy aircraft, over the speeds and tank levels of its work: at least 3.
+    The interval is conformal from 9 flights on, below that a wider one by Student's t.
 
     Example: thrustmargin train sitl_logs/campaign/*.tlog --out my-f16.safetensors
 

@@ -72,9 +72,10 @@ def with_standard_effects(
     fit = _fitted(evaluator, standard_effects(model, problem), first)
     if model.network is not None:
         fit = _without_density_if_unneeded(evaluator, fit)
-    kept = _needed(fit, fixed=BY_NATURE)
-    if kept != fit.terms:
+    kept = _needed(fit)
+    while kept != fit.terms:  # a value may shrink when those that opposed it are gone
         fit = _fitted(evaluator, kept, fit)
+        kept = tuple(t for t in fit.terms if _of_note(fit, t))
     interval = intervals(fit, background_of(problem, fit))
     records = tuple(
         EffectRecord(
@@ -121,18 +122,18 @@ def _without_density_if_unneeded(evaluator: Evaluator, fit: Fit) -> Fit:
     return fit if gain > error else without
 
 
-def _needed(fit: Fit, fixed: str) -> tuple[Term, ...]:
+def _needed(fit: Fit) -> tuple[Term, ...]:
     """The terms that stay, by the sufficient statistics of the fit with all of them.
 
     An effect with a value at a bound is not what happens, one of less than its least worth naming
     is not worth a line: they go first.
     """
-    kept = [t for t in fit.terms if t.effect.key == fixed or _of_note(fit, t)]
+    kept = [t for t in fit.terms if _of_note(fit, t)]
     while True:
         whole = _costs(held_at_absent(fit, kept))
         gains = []
         for term in kept:
-            if term.effect.key != fixed:
+            if term.effect.key != BY_NATURE:
                 rest = [t for t in kept if t != term]
                 gain, error = gain_and_error(_costs(held_at_absent(fit, rest)), whole)
                 gains.append((gain - error, rest))
@@ -165,7 +166,10 @@ def held_at_absent(fit: Fit, kept: Sequence[Term]) -> Statistics:
 
 
 def _of_note(fit: Fit, term: Term) -> bool:
-    """True when all values that make the effect are inside their bounds and one is worth naming."""
+    """True when all values that make the effect are inside their bounds and one is worth naming;
+    always of an effect that is no choice."""
+    if term.effect.key == BY_NATURE:
+        return True
     pairs = zip(term.effect.parameters, term_values(fit, term)[0], strict=True)
     main = [(p, value) for p, value in pairs if not p.detail]
     return all(p.lower < value < p.upper for p, value in main) and any(

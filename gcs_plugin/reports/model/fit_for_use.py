@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.stats import t as student
 
 from thrustmargin.models.identification.modes import modes
 from thrustmargin.models.model.good_flights import GoodFlights
@@ -11,6 +12,9 @@ from thrustmargin.models.model.rotor_model import RotorModel
 #: Share of rotor speed: 10 % of thrust, which at the 50 % limit is 5 points of margin. A model that
 #: is off by more cannot say on which side of the limit a flight is.
 USABLE = 0.05
+
+ODD = 0.05  # of trainings on good flights only, that call one of them odd
+FEWEST_OTHERS = 3  # whose scatter can be known
 
 #: what to look at where flights differ from each other in a mode
 CAUSES = {
@@ -55,6 +59,29 @@ def why(shown: GoodFlights, model: RotorModel) -> str:
     if not any(record.name == "manoeuvre_moment" for record in model.effects):
         return "what turning takes is not known: give logs with turn rates (ATTITUDE at 4 Hz)"
     return "the channels do not say what changes: thrustmargin identify LOG... --model FILE"
+
+
+def odd_flights(shown: GoodFlights) -> list[str]:
+    """A sentence for each flight whose error is another's than that of the rest: is it a good one?
+
+    The logarithm of its RMSE lies beyond Student's prediction interval of those of the others, at
+    5 % shared among all flights.
+    """
+    logs = np.log(list(shown.flight_rmse_rpm.values()))
+    sentences = []
+    for k, (name, rmse) in enumerate(shown.flight_rmse_rpm.items()):
+        rest = np.delete(logs, k)
+        if rest.size < FEWEST_OTHERS:
+            continue
+        spread = np.std(rest, ddof=1) * np.sqrt(1.0 + 1.0 / rest.size)
+        limit = student.ppf(1.0 - ODD / logs.size, rest.size - 1) * spread
+        if logs[k] - rest.mean() > limit:
+            off, usual = (_percent(v / shown.mean_speed_rpm) for v in (rmse, np.exp(rest.mean())))
+            sentences.append(
+                f"look at {name}: off by {off}, the others by {usual}; if the aircraft was not in "
+                "order, train without it"
+            )
+    return sentences
 
 
 def _share(shown: GoodFlights, condition: str) -> float | None:

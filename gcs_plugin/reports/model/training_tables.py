@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from thrustmargin.gcs_plugin.reports.model.fit_for_use import fit_for_use
+from thrustmargin.gcs_plugin.reports.model.fit_for_use import fit_for_use, odd_flights
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.model.training import PAPER_BEST_EPOCH, PAPER_LOWEST_LOSS, PAPER_R2
 from thrustmargin.models.network.records import ConditionScore, SplitScore, TrainingRecord
@@ -35,9 +35,11 @@ def training_tables(model: RotorModel) -> list[RenderableType]:
         interval_sentence(interval),
     ]
     if shown is not None:
+        parts += odd_flights(shown)
         parts.append(_left_out_table(shown.errors, "The model on flights left out in turn"))
     if record is not None:
-        parts.append(_left_out_table(record.left_out, "The network alone on flights left out"))
+        title = "The network alone on flights left out in turn; it learns nothing of yaw turns"
+        parts.append(_left_out_table(record.left_out, title))
         parts += [_split_table(record)] if record.splits else []
     return parts
 
@@ -106,7 +108,7 @@ def _left_out_table(conditions: tuple[ConditionScore, ...], title: str) -> Table
     table = Table(
         title=title,
         caption="R² is the mean over rotors, its 95 % interval over flights drawn anew. In yaw "
-        "turns: more than 5 deg/s within a second; the members learn without those rows",
+        "turns: more than 5 deg/s within a second",
         box=box.SIMPLE_HEAD,
     )
     for name in ("", "rows", "R²", "95 %", "rotors", "RMSE rpm"):
@@ -118,11 +120,16 @@ def _left_out_table(conditions: tuple[ConditionScore, ...], title: str) -> Table
             condition.condition,
             str(part.rows),
             f"{part.r2:.3f}",
-            f"{low:.2f}, {high:.2f}",
-            f"{min(part.r2_per_rotor):.2f}, {max(part.r2_per_rotor):.2f}",
+            _both(low, high),
+            _both(min(part.r2_per_rotor), max(part.r2_per_rotor)),
             f"{part.rmse_rpm:.0f}",
         )
     return table
+
+
+def _both(low: float, high: float) -> str:
+    """Two figures in a narrow column: one below 0 is a failure whatever its third digit."""
+    return ", ".join(f"{value:.{2 if value < 0.0 else 3}f}" for value in (low, high))
 
 
 def interval_sentence(interval: Interval) -> str:
