@@ -1,11 +1,11 @@
 """What belongs to every aircraft, fitted to its good flights: no search, and nothing is named.
 
-Moments of turning, thrust of turns and gusts, drag and lift of forward flight beyond what the base
-model has, where the centre of gravity stands, the trim of yaw and the density of the air are part
-of every aircraft. All of them are fitted together. An effect stays if flights left out in turn are
-predicted better with it, by more than the standard error of that gain; the least needed goes first.
-A gain is the logarithm of a flight's cost without over that with, so that a flight with many sharp
-turns has no more to say than a quiet one.
+Moments of turning and of the flow, thrust of turns and gusts, drag and lift of forward flight
+beyond what the base model has, where the centre of gravity stands, the trim of yaw and the density
+of the air are part of every aircraft. All of them are fitted together. An effect stays if flights
+left out in turn are predicted better with it, by more than the standard error of that gain; the
+least needed goes first. A gain is the logarithm of a flight's cost without over that with, so that
+a flight with many sharp turns has no more to say than a quiet one.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ from dataclasses import replace
 import numpy as np
 
 from thrustmargin.models.effects import BY_KEY
+from thrustmargin.models.effects.drag_moment import DRAG_MOMENT
+from thrustmargin.models.effects.flow_moment import FLOW_MOMENT
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.candidate import warm_start
@@ -40,6 +42,8 @@ STANDARD = (
     "load_factor",
     "cg_offset",
     "cg_offset:tank",
+    FLOW_MOMENT.key,
+    DRAG_MOMENT.key,
     "yaw_trim",
     "manoeuvre_moment",
     "air_density",
@@ -54,8 +58,10 @@ def standard_effects(model: RotorModel, problem: Problem) -> list[Term]:
     effects = [BY_KEY[key].scaled(model.airframe) for key in STANDARD]
     if problem.of_outputs:
         effects = list(effects_on_shares(effects))
-    possible = (e for e in effects if e.possible_on(model.airframe))
-    return [Term(effect=e) for e in possible if not problem.lacks(e)]
+    possible = [e for e in effects if e.possible_on(model.airframe) and not problem.lacks(e)]
+    # The lean tells the flow where no wind is known; the speed over ground does not.
+    leans = any(e.key == DRAG_MOMENT.key for e in possible)
+    return [Term(effect=e) for e in possible if not (leans and e.key == FLOW_MOMENT.key)]
 
 
 @one_thread()

@@ -16,6 +16,7 @@ from thrustmargin.models.identification.standard_effects import (
     with_standard_effects,
 )
 from thrustmargin.models.identification.terms import Term
+from thrustmargin.models.model.rotor_model import physics_model
 
 
 def with_weight_forward(track, metres: float):
@@ -37,6 +38,29 @@ def test_what_flights_show_is_kept_with_its_size_and_what_they_do_not_is_not():
     assert forward.ci95[0] < 0.02 < forward.ci95[1]
     assert forward.value == pytest.approx(0.02, abs=0.001)
     assert "air_density" in kept  # weight and thrust curve go on following the air
+
+
+def leaning(track, seed: int, height: float):
+    """The flight of an aircraft without a tank in a wind that nothing reports: it leans slowly to
+    and fro, and the force of the air acts `height` above its centre of gravity."""
+    rng = np.random.default_rng(seed)
+    phase = 0.3 * track.time_s + rng.uniform(0.0, 6.0)
+    attitude, still = track.attitude.copy(), np.zeros_like(track.velocity_ned)
+    attitude[:, 1] = 0.05 * (np.sin(phase) + rng.normal())  # nose up: the air pushes forward
+    forward = F16.rotor_position_frd[:, 0]
+    share = 1.0 + height * np.sin(attitude[:, 1])[:, None] * forward / np.mean(forward**2)
+    weight = F16.empty_mass / (F16.empty_mass + track.tank_kg)
+    speed = track.rotor_speed_rpm * np.sqrt(share * weight[:, None])
+    changed = {"attitude": attitude, "rotor_speed_rpm": speed, "tank_kg": 0.0 * track.tank_kg}
+    return replace(track, velocity_ned=still, wind_ned=np.full_like(still, np.nan), **changed)
+
+
+def test_without_a_known_wind_the_lean_tells_the_moment_of_the_flow():
+    bare = physics_model(replace(F16, tank_volume_l=0.0))
+    tracks = [leaning(track, k, 0.4) for k, track in enumerate(made_flights(4))]
+    kept = {e.effect.key: e for e in with_standard_effects(bare, tracks).placed}
+    assert "flow_moment" not in kept
+    assert kept["drag_moment"].values["pitch"] == pytest.approx(0.4, rel=0.1)
 
 
 def test_a_gain_is_the_mean_over_flights_of_the_logarithm_and_its_standard_error():
