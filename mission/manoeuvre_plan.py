@@ -25,7 +25,7 @@ from thrustmargin.mission.plan import (
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.identification.manoeuvres import FlownLimits, Manoeuvre, corners_ned
 
-LOWEST = 2.0  # m above home, whatever the flights did: a mission goes there by itself
+LOWEST = 2.0  # m above home, but where flights were mostly lower: a mission goes there by itself
 
 
 def manoeuvre_plan(manoeuvre: Manoeuvre, limits: FlownLimits, *, repeats: int = 1) -> MissionPlan:
@@ -42,7 +42,7 @@ def manoeuvre_plan(manoeuvre: Manoeuvre, limits: FlownLimits, *, repeats: int = 
     latitude, longitude, _ = pymap3d.ned2geodetic(
         corners[:, 0], corners[:, 1], corners[:, 2], home[0], home[1], home[2]
     )
-    height = np.maximum(-corners[:, 2], LOWEST)
+    height = np.maximum(-corners[:, 2], min(LOWEST, sum(limits.height) / 2))
     items: list[tuple[int, Any]] = []  # command, its seven parameters
     places = [tuple(map(float, place)) for place in zip(latitude, longitude, height, strict=True)]
     nowhere = (0.0, 0.0, 0.0)

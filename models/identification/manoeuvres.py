@@ -24,6 +24,7 @@ STEP_S = 0.1
 ACCELERATION = 2.0  # m/s², as gentle as an autopilot flies a mission
 SMOOTH_ROWS = 10  # over which a change of speed or of turn rate begins and ends
 HOVER_S, LEG_S = 30.0, 20.0
+LEAST_LEG_S, LEAST_SPEED = 6.0, 0.3  # below these a leg or a climb says nothing; m/s
 SIDE_S = 4.0  # of a square, between its corners
 TURN_RATE = np.radians(45.0)  # rad/s at most
 LOW_FILL = 0.1  # of the largest fill flown: "nearly empty"
@@ -103,7 +104,7 @@ class Manoeuvre:
     pieces: tuple[Piece, ...]
     height: float  # m above the ground at which it begins
     heading: float  # rad from north at which it begins
-    fills_kg: tuple[float, ...]  # NaN for an aircraft without a tank
+    fills_kg: tuple[float, ...]  # 0 for an aircraft without a tank
 
     @property
     def minutes(self) -> float:
@@ -117,8 +118,8 @@ def manoeuvres(limits: FlownLimits) -> tuple[Manoeuvre, ...]:
     middle = (low + high) / 2
     upwind = float(np.arctan2(-limits.wind_ne[1], -limits.wind_ne[0]))
     least, largest = limits.fill_kg
-    fills = {"": (np.nan,)}
-    if np.isfinite(largest) and largest > 0.0:
+    fills = {"": (0.0,)}
+    if largest > 0.0:
         fills = {
             f", with {largest:.3g} kg in the tank": (largest,),
             f", with {least:.2g} kg in the tank": (least,),
@@ -144,12 +145,13 @@ def _flown(
     limits: FlownLimits, low: float, middle: float
 ) -> list[tuple[str, str, float, tuple[Piece, ...]]]:
     """Name, words, first height and pieces; what the flights never did is left out."""
-    speed, rate = limits.speed, float(np.clip(np.nan_to_num(limits.turn_rate), 0.1, TURN_RATE))
+    rate = float(np.clip(np.nan_to_num(limits.turn_rate), 0.1, TURN_RATE))
     around = Piece(seconds=np.pi / rate, turn=rate)
     made: list[tuple[str, str, float, tuple[Piece, ...]]] = [
         ("hover", f"hover {HOVER_S:.0f} s", middle, (Piece(seconds=HOVER_S),))
     ]
-    if speed > 1.0 and limits.reach > 5.0:
+    speed = min(limits.speed, 2.0 * limits.reach / LEAST_LEG_S)
+    if speed > LEAST_SPEED:
         pieces: list[Piece] = []
         for pace in (speed / 2, speed):
             leg = Piece(seconds=min(LEG_S, 2.0 * limits.reach / pace), speed=pace)
@@ -161,8 +163,7 @@ def _flown(
         back = (*steps, _stop(speed), around)
         words = f"change speed in steps between 0, {speed / 2:.1f} and {speed:.1f} m/s"
         made.append(("speed steps", words, middle, (*back, *back)))
-        pace = min(speed / 2, 2.0 * limits.reach / SIDE_S)
-        corner = np.pi / 2 / rate
+        pace, corner = speed / 2, np.pi / 2 / rate
         sides = [
             piece
             for way in (1.0, -1.0)
@@ -170,10 +171,10 @@ def _flown(
         ]
         words = "fly a small square to the right, then one to the left, nose ahead"
         made.append(("squares", words, middle, tuple(sides)))
-    if limits.climb > 0.3 and limits.height[1] - low > 2.0:
-        pace = min(limits.climb, 2.0)
-        up = Piece(seconds=(limits.height[1] - low) / pace, climb=pace)
-        down = Piece(seconds=up.seconds, climb=-pace)
+    climb = min(limits.climb, 2.0)
+    if climb > LEAST_SPEED and limits.height[1] - low > LEAST_LEG_S * climb / 2:
+        up = Piece(seconds=(limits.height[1] - low) / climb, climb=climb)
+        down = Piece(seconds=up.seconds, climb=-climb)
         hold = Piece(seconds=5.0)
         words = f"climb from {low:.0f} to {limits.height[1]:.0f} m and descend, twice"
         made.append(("climb and descent", words, low, (hold, up, hold, down) * 2))

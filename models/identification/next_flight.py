@@ -16,8 +16,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
+from scipy.linalg import block_diag
+from scipy.stats import norm
 
 from thrustmargin.models.effects import BY_KEY, effects_for
 from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION
@@ -83,7 +86,7 @@ def following_flight(found: Identification, tracks: Sequence[FlightTrack]) -> Ne
         noise_rpm=noise,
         background_rpm=found.problem.background_rpm,
     )
-    return best if best is not None and best.certainty > CHANCE else None
+    return best if best.certainty > CHANCE else None
 
 
 def rivals_of(found: Identification) -> tuple[Terms, Terms] | None:
@@ -117,40 +120,38 @@ def next_flight(
     limits: FlownLimits,
     noise_rpm: Floats,
     background_rpm: Floats | float = 0.0,
-) -> NextFlight | None:
+) -> NextFlight:
     """The shortest flight that tells two rivals apart, else the one that tells most.
 
     `noise_rpm` (R,) is that of a mean over one second, of each mode; `background_rpm` (R,) that of
-    a flight's mean. None when no manoeuvre can be predicted.
+    a flight's mean.
     """
-    best: NextFlight | None = None
-    for manoeuvre in manoeuvres(limits):
-        gram = _information(model, rivals, manoeuvre, limits, noise_rpm, background_rpm)
-        if gram is None:
-            continue
+
+    @cache
+    def flown_at(name: str, fill_kg: float) -> _Flown:
+        track = flown_track(library[name], model, limits, fill_kg)
+        return _flown_once(model, rivals, track, noise_rpm, background_rpm)
+
+    every = manoeuvres(limits)
+    library = {manoeuvre.name: manoeuvre for manoeuvre in every}
+    made: list[NextFlight] = []
+    for manoeuvre in every:
+        gram = _gram([flown_at(manoeuvre.name, fill) for fill in manoeuvre.fills_kg])
         most = max(1, int(limits.minutes * len(manoeuvre.fills_kg) / manoeuvre.minutes))
         for repeats in range(1, most + 1):
             square = _distance_square(gram, repeats)
-            if square >= _CERTAIN_SQUARE:
+            if math.sqrt(square) / 2.0 >= norm.ppf(CERTAIN):
                 break
-        made = NextFlight(
-            separates=(rivals[0].terms, rivals[1].terms),
-            manoeuvre=manoeuvre,
-            repeats=repeats,
-            nats=square / 2.0,
-            certainty=_normal(math.sqrt(square) / 2.0),
+        made.append(
+            NextFlight(
+                separates=(rivals[0].terms, rivals[1].terms),
+                manoeuvre=manoeuvre,
+                repeats=repeats,
+                nats=square / 2.0,
+                certainty=float(norm.cdf(math.sqrt(square) / 2.0)),
+            )
         )
-        if best is None or _preference(made) > _preference(best):
-            best = made
-    return best
-
-
-def _normal(z: float) -> float:
-    return 0.5 * (1.0 + math.erf(z / math.sqrt(2.0)))
-
-
-#: (2 x 1.645)²: squared distance at which a choice is right with probability CERTAIN.
-_CERTAIN_SQUARE = 10.82
+    return max(made, key=_preference)
 
 
 def _preference(made: NextFlight) -> tuple[bool, float]:
@@ -158,46 +159,46 @@ def _preference(made: NextFlight) -> tuple[bool, float]:
     return told, -made.minutes if told else made.nats / made.minutes
 
 
-def _information(
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Flown:
+    """A manoeuvre at one fill, N rows of all modes: columns of S, and d."""
+
+    shared: Floats  # (N, P) what is open of the rivals' values, which all fills share
+    apart: Floats  # (N, K) scatter of one flight
+    difference: Floats  # (N,)
+
+
+def _flown_once(
     model: RotorModel,
     rivals: tuple[Rival, Rival],
-    manoeuvre: Manoeuvre,
-    limits: FlownLimits,
+    track: FlightTrack,
     noise_rpm: Floats,
     background_rpm: Floats | float,
-) -> Floats | None:
-    """Gram matrix of the columns of S, with d last, of the manoeuvre flown once at each fill."""
-    shared, apart, difference = [], [], []
-    roots = [_root(rival.covariance) for rival in rivals]
-    for fill_kg in manoeuvre.fills_kg:
-        track = flown_track(manoeuvre, model, limits, fill_kg)
-        used = [p.effect for p in model.placed]
-        used += [*effects_for(model.airframe), *(t.effect for r in rivals for t in r.terms)]
-        x = model_channels(model, track, effects=used)
-        every = round(ROW_S / (track.time_s[1] - track.time_s[0]))
-        x = x.rows(np.arange(0, track.time_s.size, every))
-        predict = ModePrediction.of(model, table_of(model), x, noise_rpm / np.sqrt(ROW_S))
-        ours, theirs = (predict.modes(rival.terms, rival.values) for rival in rivals)
-        if not np.any(ours):
-            return None
-        difference.append((ours - theirs).ravel())
-        shared.append(
-            np.concatenate(
-                [
-                    predict.columns(rival.terms, rival.values) @ root
-                    for rival, root in zip(rivals, roots, strict=True)
-                ],
-                axis=1,
-            )
-        )
-        apart.append(predict.scatter(background_rpm))
-    width = apart[0].shape[1]
-    columns = np.zeros((sum(d.size for d in difference), len(apart) * width))
-    row = 0
-    for k, own in enumerate(apart):
-        columns[row : row + own.shape[0], k * width : (k + 1) * width] = own
-        row += own.shape[0]
-    table = np.column_stack([np.concatenate(shared), columns, np.concatenate(difference)])
+) -> _Flown:
+    used = [p.effect for p in model.placed]
+    used += [*effects_for(model.airframe), *(t.effect for r in rivals for t in r.terms)]
+    x = model_channels(model, track, effects=used)
+    every = round(ROW_S / (track.time_s[1] - track.time_s[0]))
+    x = x.rows(np.arange(0, track.time_s.size, every))
+    predict = ModePrediction.of(model, table_of(model), x, noise_rpm / np.sqrt(ROW_S))
+    ours, theirs = (predict.modes(rival.terms, rival.values) for rival in rivals)
+    columns = [predict.columns(r.terms, r.values) @ _root(r.covariance) for r in rivals]
+    return _Flown(
+        shared=np.concatenate(columns, axis=1),
+        apart=predict.scatter(background_rpm),
+        difference=(ours - theirs).ravel(),
+    )
+
+
+def _gram(flown: Sequence[_Flown]) -> Floats:
+    """Gram matrix of the columns of S, with d last, of a manoeuvre flown once at each fill."""
+    table = np.column_stack(
+        [
+            np.concatenate([one.shared for one in flown]),
+            np.asarray(block_diag(*(one.apart for one in flown))),
+            np.concatenate([one.difference for one in flown]),
+        ]
+    )
     return table.T @ table
 
 

@@ -65,36 +65,40 @@ class ModePrediction:
             k += len(own)
         return self.speed(placed) @ self.directions
 
-    def columns(self, terms: Sequence[Term], values: Floats) -> Floats:
-        """(T R, P) derivatives by the values: central differences."""
-        steps = STEP * np.array([p.scale for p in _parameters(terms)])
-        return np.stack(
-            [
-                (self.modes(terms, values + step) - self.modes(terms, values - step)).ravel()
-                / (2.0 * step[k])
-                for k, step in enumerate(np.diag(steps))
-            ],
-            axis=1,
-        )
+    def columns(
+        self, terms: Sequence[Term], values: Floats, along: Sequence[int] | None = None
+    ) -> Floats:
+        """(T R, P) derivatives by the values, or by those `along`: central differences."""
+        parameters = _parameters(terms)
+        made = [np.empty((self.channels.time_s.size * self.directions.shape[0], 0))]
+        for k in range(len(parameters)) if along is None else along:
+            step = np.zeros(values.size)
+            step[k] = STEP * parameters[k].scale
+            ends = [self.modes(terms, values + side * step).ravel() for side in (1.0, -1.0)]
+            made.append(((ends[0] - ends[1]) / (2.0 * step[k]))[:, None])
+        return np.concatenate(made, axis=1)
 
     def scatter(self, background_rpm: Floats | float) -> Floats:
         """(T R, N) by which a sound aircraft's flight may be off: one deviation a column.
 
-        Each mode's mean, and every effect by its usual scatter from flight to flight.
+        Each mode's mean, and every effect by its scatter from flight to flight, as the model file
+        has it from good flights, else the usual one.
         """
         rows, rotors = self.channels.time_s.size, self.directions.shape[0]
         noise = 1.0 / np.linalg.norm(self.directions, axis=0)
         means = np.tile(np.diag(np.broadcast_to(background_rpm, rotors) / noise), (rows, 1))
         made = [means]
+        good = self.model.good_flights
+        shown = good.scatter if good is not None else {}
         for effect in effects_for(self.model.airframe):
             if effect.begins:
                 continue
+            own = [shown.get(f"{effect.key}.{p.name}", p.smallest) for p in effect.parameters]
+            moving = [k for k, size in enumerate(own) if size > 0.0]
+            absent = np.array([_absent(p) for p in effect.parameters])
             for rotor in range(rotors) if effect.of_one_rotor else (None,):
-                term = Term(effect=effect, rotor=rotor)
-                absent = np.array([_absent(p) for p in effect.parameters])
-                usual = np.array([p.smallest for p in effect.parameters])
-                moving = usual > 0.0
-                made.append((self.columns((term,), absent) * usual)[:, moving])
+                columns = self.columns((Term(effect=effect, rotor=rotor),), absent, moving)
+                made.append(columns * np.array(own)[moving])
         return np.nan_to_num(np.concatenate(made, axis=1))
 
 

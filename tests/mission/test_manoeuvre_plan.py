@@ -56,6 +56,14 @@ def test_speed_steps_change_speed_along_one_line():
     assert speeds == pytest.approx(np.array([0.5, 1.0, 0.5, 1.0, 0.5]) * LIMITS.speed)
 
 
+@pytest.mark.parametrize(("heights", "lowest"), [((0.3, 20.0), 2.0), ((0.3, 1.5), 0.9)])
+def test_a_mission_keeps_two_metres_but_where_flights_were_lower(heights, lowest):
+    limits = replace(LIMITS, height=heights, climb=0.35)
+    climb = next(m for m in manoeuvres(limits) if m.name == "climb and descent")
+    places = [i.place for i in manoeuvre_plan(climb, limits).items]
+    assert min(p[2] for p in places if p is not None) == pytest.approx(lowest, abs=1e-3)
+
+
 def test_flights_without_a_position_give_no_mission():
     with pytest.raises(PlanError, match="no position"):
         manoeuvre_plan(LIBRARY["hover"], replace(LIMITS, origin=None))

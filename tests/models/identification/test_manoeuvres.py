@@ -37,8 +37,20 @@ def test_each_manoeuvre_is_there_full_nearly_empty_and_both():
     assert sorted({m.name for m in LIBRARY}) == sorted(NAMES)
     fills = [m.fills_kg for m in LIBRARY if m.name == "hover"]
     assert fills == [(15.0,), (1.5,), (15.0, 1.5)]
-    without = manoeuvres(replace(LIMITS, fill_kg=(np.nan, np.nan)))
-    assert [m.name for m in without] == list(NAMES)
+    for none in (np.nan, 0.0):
+        without = manoeuvres(replace(LIMITS, fill_kg=(none, none)))
+        assert [m.name for m in without] == list(NAMES)
+        assert {m.fills_kg for m in without} == {(0.0,)}
+
+
+def test_an_aircraft_of_a_hand_s_breadth_flies_the_same_library_in_a_room():
+    room = replace(LIMITS, reach=1.2, speed=0.8, height=(0.3, 1.5), climb=0.35)
+    found = {m.name: m for m in manoeuvres(room)}
+    assert set(found) == set(NAMES)
+    for one in found.values():
+        assert np.ptp(corners_ned(one, room)[:, :2], axis=0).max() <= 2.0 * room.reach + 1e-6
+    still = replace(room, reach=0.2, climb=np.nan)
+    assert {m.name for m in manoeuvres(still)} == {"hover"}
 
 
 @pytest.mark.parametrize("name", NAMES)
