@@ -13,6 +13,7 @@ from thrustmargin.gcs_plugin.mavlink.rules import OVER_GROUND
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.models.checks.motor_order import MotorOrder, check_motor_order
 from thrustmargin.models.checks.plausible import comparisons
+from thrustmargin.models.checks.speed_resolution import resolution_words
 from thrustmargin.models.checks.speed_scale import SpeedScale, check_speed_scale
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim
@@ -149,6 +150,7 @@ def _speed_readings(log: FlightLog) -> Finding:
         level, words = "warning", "; ".join(log.unmeasured)
     elif log.track.reports("rotor_speed_rpm"):
         level, words = "ok", "no reading is held, lone, or zero while thrust was asked"
+        words = "; ".join(filter(None, (words, resolution_words(log.track))))
     else:
         level, words = "unknown", "no readings"
     return Finding(check="rotor speed sensors", level=level, words=words)

@@ -23,6 +23,7 @@ from thrustmargin.gcs_plugin.telemetry.signals import Signals
 from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.gcs_plugin.telemetry.timeline import pauses
 from thrustmargin.gcs_plugin.telemetry.vehicle_kind import vehicle_facts
+from thrustmargin.models.checks.speed_resolution import resolution_words
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 from thrustmargin.models.physics.airframe import Airframe
@@ -139,6 +140,6 @@ def _with_absences(track: FlightTrack) -> FlightTrack:
         for k in range(track.rotor_count)
         if not np.isfinite(track.rotor_speed_rpm[:, k]).any()
     ]
-    if not silent:
-        return track
-    return replace(track, notes=(*track.notes, f"no rotor speed of motor {', '.join(silent)}"))
+    notes = [f"no rotor speed of motor {', '.join(silent)}"] if silent else []
+    notes += [words] if (words := resolution_words(track)) else []
+    return replace(track, notes=(*track.notes, *notes))

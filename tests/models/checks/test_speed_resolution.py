@@ -1,0 +1,75 @@
+"""Slow, repeated and coarse rotor speeds: all are used, and a sentence says what they are."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.models.made_flights import F16, made_flight
+from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.logs.csv_table import write_csv
+from thrustmargin.gcs_plugin.logs.inspection import inspect_log
+from thrustmargin.models.checks.motor_order import check_motor_order
+from thrustmargin.models.checks.speed_resolution import resolution_words
+from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.identification.problem import assemble
+from thrustmargin.models.model.rotor_model import physics_model
+
+
+def told(change) -> FlightTrack:
+    """A minute and a half at 10 Hz with other readings (T, 4) of rotor speeds in whole rpm, of
+    which one in twenty is as the one before by chance."""
+    track = made_flight(1)
+    return replace(track, rotor_speed_rpm=change(track.rotor_speed_rpm))
+
+
+def every(rows: int, late: int = 0):
+    """Read anew every so many rows, repeated in between, sent so many rows late."""
+
+    def change(rpm: Floats) -> Floats:
+        return rpm[np.maximum(np.arange(len(rpm)) // rows * rows - late, 0)]
+
+    return change
+
+
+def steps(size: float):
+    return lambda rpm: size * np.round(rpm / size)
+
+
+def some_repeated(rpm: Floats) -> Floats:
+    new = np.random.default_rng(0).random(len(rpm)) > 0.85
+    return rpm[np.maximum.accumulate(np.where(new, np.arange(len(rpm)), 0))]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda rpm: rpm, ""),
+        (every(3), ""),
+        (every(10), "new every 1."),
+        (every(10, late=5), "new every 1."),
+        (every(20), "new every 2.1 s only"),
+        (some_repeated, "new every 0.7 s only"),
+        (steps(5.0), ""),
+        (steps(40.0), "steps of 40 rpm (2.0 %)"),
+    ],
+    ids=["fine", "3 Hz", "1 Hz", "1 Hz and late", "0.5 Hz", "repeated", "5 rpm", "40 rpm"],
+)
+def test_what_is_slow_or_coarse_is_said_and_all_of_it_is_used(tmp_path, change, words):
+    track = told(change)
+    assert (words in resolution_words(track)) if words else resolution_words(track) == ""
+    assert check_motor_order(track, F16).verdict != "differs"
+    whole = assemble(physics_model(F16), [made_flight(1)]).measured_rpm.shape[0]
+    write_csv(track, tmp_path / "slow.csv")
+    log = read_log(tmp_path / "slow.csv", airframe=F16)
+    assert assemble(physics_model(F16), [log.track]).measured_rpm.shape[0] > 0.98 * whole
+    assert resolution_words(track) in (*log.track.notes, "")
+    (sensors,) = [f for f in inspect_log(log, F16).findings if f.check == "rotor speed sensors"]
+    assert (sensors.level, words in sensors.words) == ("ok", True)
+
+
+def test_too_few_rows_say_nothing_and_a_sensor_that_never_changes_is_not_divided_by():
+    track = told(every(10_000))
+    assert resolution_words(track.rows(slice(0, 90))) == ""
+    assert "new every inf s" in resolution_words(track)
+    assert resolution_words(replace(track, rotor_speed_rpm=np.full((900, 4), np.nan))) == ""
