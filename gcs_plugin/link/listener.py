@@ -42,7 +42,6 @@ class Link:
         self.transport = transport
         self.counts = FrameCounts()
         self.refused = 0  # whole frames that the filter did not let in
-        self.last_us = 0  # when bytes last came
         self.finished = False
         self._splitters: dict[Address | None, FrameSplitter] = {}
 
@@ -160,7 +159,6 @@ class Listener:
             if learn and found and self._homes.get(found[0].system) != (link, chunk.peer):
                 self._homes[found[0].system] = (link, chunk.peer)
             frames += found
-        link.last_us = stamp_us
         if self._accept is not None:
             let_in = [f for f in frames if self._accept(f.data, link.number)]
             link.refused += len(frames) - len(let_in)

@@ -78,7 +78,6 @@ class Recorder:
         self._rows: list[pa.RecordBatch] = []
         self._later: dict[int, tuple[int, pa.RecordBatch]] = {}  # vehicle -> boot, rows
         self._lines: list[bytes] = []
-        self._lost = 0
         self._slowest = 0.0
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()

@@ -50,7 +50,8 @@ def read_bench(path: Path) -> BenchTable:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise DataError(f"cannot read bench table {path}: {error}") from error
-    rows = list(csv.reader(text.splitlines(), delimiter=_delimiter(text)))
+    delimiter = max(",;\t", key=text.split("\n", 1)[0].count)
+    rows = list(csv.reader(text.splitlines(), delimiter=delimiter))
     names = [name.strip() for name in rows[0]] if rows else []
     columns = {quantity: _column(names, words) for quantity, words in _WORDS.items()}
     found = {quantity: name for quantity, name in columns.items() if name is not None}
@@ -76,11 +77,6 @@ def read_bench(path: Path) -> BenchTable:
     except DataError as error:
         raise DataError(f"{path.name}: {error}") from error
     return BenchTable(fit=fit, columns=found, lines_left_out=tuple(r + 2 for r in fit.left_out))
-
-
-def _delimiter(text: str) -> str:
-    head = text.split("\n", 1)[0]
-    return max(",;\t", key=head.count)
 
 
 def _column(names: list[str], words: tuple[str, ...]) -> str | None:

@@ -261,6 +261,8 @@ def _track(
     if not channels:
         raise LogError(f"{path.name}: no column but time_s is known; see the README for the names")
     flying, name = found.get("flying"), about.get("name")
+    start = about.get("start_unix_s")
+    known_start = isinstance(start, int | float) and abs(start) < _LATEST
     stated = about.get("sources")
     stated = stated if isinstance(stated, dict) else {}
     written = about.get("notes")
@@ -273,7 +275,7 @@ def _track(
         rotor_count=rotors,
         flying=np.ones(time_s.size, dtype=np.bool_) if flying is None else flying > 0.5,
         origin=_origin(path, about.get("origin")),
-        start_unix_s=_start(about.get("start_unix_s")),
+        start_unix_s=float(start) if known_start else None,
         sources=sources | {clean(k): clean(v) for k, v in stated.items() if isinstance(v, str)},
         notes=notes,
         **channels,
@@ -291,7 +293,3 @@ def _origin(path: Path, given: Any) -> Origin | None:
     except ValueError as error:
         wanted = "give latitude_deg, longitude_deg and altitude"
         raise LogError(f"{path.name}: in its comment line {error}; {wanted}") from error
-
-
-def _start(given: Any) -> float | None:
-    return float(given) if isinstance(given, (int, float)) and abs(given) < _LATEST else None

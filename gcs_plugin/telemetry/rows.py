@@ -218,14 +218,15 @@ def flight_rows(
             contact=contact,
             rotors=measured.memory,
             zero=zero,
-            pumped=before.pumped if share is None or total is None else _so_far(share, total),
+            pumped=before.pumped
+            if share is None or total is None
+            else PumpedSoFar(
+                time_s=float(total.time_s[-1]),
+                share=float(np.nan_to_num(share.values[-1])),
+                kg=float(total.values[-1]),
+            ),
         ),
     )
-
-
-def _so_far(share: Signal, total: Signal) -> PumpedSoFar:
-    output = float(np.nan_to_num(share.values[-1]))
-    return PumpedSoFar(float(total.time_s[-1]), output, float(total.values[-1]))
 
 
 def row_times(signals: Signals, motors: MotorMap, carried: Carried, sampling: Sampling) -> Floats:

@@ -88,7 +88,7 @@ def open_port(host: str, port: int) -> socket.socket:
         ) from error
 
 
-def guarded_server(*, host: str = LOOPBACK, port: int = 8080, label: str) -> viser.ViserServer:
+def guarded_server(*, host: str = LOOPBACK, port: int = 8080) -> viser.ViserServer:
     """A viser server behind the checks above. Raises LinkError when the port cannot be opened."""
     import viser
     import viser._messages as messages
@@ -98,7 +98,7 @@ def guarded_server(*, host: str = LOOPBACK, port: int = 8080, label: str) -> vis
     quiet = contextlib.redirect_stdout(io.StringIO())  # viser prints a banner of its own
     try:
         with _handed_to_viser(listening, loopback_only), quiet:
-            server = viser.ViserServer(host=host, port=port, label=label, verbose=False)
+            server = viser.ViserServer(host=host, port=port, label="thrustmargin", verbose=False)
     except BaseException:
         listening.close()
         raise

@@ -146,7 +146,8 @@ class Scene:
             )
             rings = [
                 np.column_stack([ring[:, ::-1], np.full(len(ring), self._ground)])
-                for ring in map(shapely.get_coordinates, rings_of(field.ground))
+                for part in field.ground.geoms
+                for ring in map(shapely.get_coordinates, (part.exterior, *part.interiors))
             ]
             self._lines("/world/outline", rings, FIELD_GREEN, 2.5)
         flat = [
@@ -293,11 +294,6 @@ def pin_anchor(east: float, low: float, high: float) -> PinAnchor:
     if share < 0.3:
         return "bottom-left"
     return "bottom-right" if share > 0.7 else "bottom-center"
-
-
-def rings_of(ground: shapely.MultiPolygon) -> list[shapely.LinearRing]:
-    """Outer and inner rings of all parts."""
-    return [ring for part in ground.geoms for ring in (part.exterior, *part.interiors)]
 
 
 def fill(ground: shapely.MultiPolygon) -> tuple[Floats, np.ndarray]:

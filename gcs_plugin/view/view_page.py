@@ -55,14 +55,9 @@ class ViewPage(ABC):
             raise DataError("the view is not open; call start() first")
         return f"http://{address_of(self._host)}:{self._server.get_port()}"
 
-    @property
-    def drawing(self) -> bool:
-        """Whether the thread runs."""
-        return self._thread is not None and self._thread.is_alive()
-
     def start(self) -> None:
         """Open the port, build the page and begin to draw. Raises LinkError for a taken port."""
-        self._server = guarded_server(host=self._host, port=self._port, label="thrustmargin")
+        self._server = guarded_server(host=self._host, port=self._port)
         self._build(self._server)
         self._thread = threading.Thread(
             target=self._run, args=(self._server,), name=f"{self._what}-page", daemon=True

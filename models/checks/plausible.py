@@ -32,7 +32,7 @@ import numpy as np
 from thrustmargin.models.checks.speed_scale import FEWEST_ROWS, check_speed_scale, lifted_mass
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.airframe import Airframe
-from thrustmargin.models.physics.atmosphere import track_density
+from thrustmargin.models.physics.atmosphere import track_air
 from thrustmargin.models.physics.frames import ardupilot_layout, bearings
 from thrustmargin.models.physics.margin import ceiling, rotor_thrust, utilisation
 from thrustmargin.models.physics.motor_output import output_curve
@@ -186,7 +186,7 @@ def _rotor_speed(
 
 def _driven_alike(track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]) -> bool:
     """True where the motor outputs give the measured rotor speeds by the airframe's ceiling."""
-    density = track_density(track)[0]
+    density = track_air(track).density
     curve = output_curve(parameters, track.sources.get("throttle", ""))
     most = ceiling(airframe, density, track.voltage).max_thrust
     asked = np.sum(most * curve.thrust_share(track.throttle), axis=1)
@@ -228,7 +228,7 @@ def _output(
 ) -> Comparison | None:
     """Thrust of the outputs, by the autopilot's curve and the airframe's ceiling, over weight."""
     curve = output_curve(parameters, track.sources.get("throttle", ""))
-    limit = ceiling(airframe, track_density(track)[0], track.voltage)
+    limit = ceiling(airframe, track_air(track).density, track.voltage)
     thrust = np.sum(limit.max_thrust * curve.thrust_share(track.throttle), axis=1)
     lifted = lifted_mass(track, thrust)
     lifted = lifted[np.isfinite(lifted)]

@@ -16,7 +16,7 @@ import numpy as np
 
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
-from thrustmargin.models.physics.atmosphere import G0, track_density
+from thrustmargin.models.physics.atmosphere import G0, track_air
 
 #: Pole pairs of motors that carry sprayers and their trainers.
 POLE_PAIRS = (4, 6, 7, 10, 11, 12, 14, 15, 16, 18, 20, 21)
@@ -60,7 +60,7 @@ def check_speed_scale(track: FlightTrack, airframe: Airframe) -> SpeedScale:
     )
     if track.rotor_count != airframe.rotor_count:
         return unknown
-    density = track_density(track)[0]
+    density = track_air(track).density
     thrust = (
         airframe.thrust_coefficient
         * (density / airframe.reference_density)
@@ -101,7 +101,7 @@ def _named(
     if low <= USUAL[1] and high >= USUAL[0]:
         return "rotor", f"rotor speeds fit the weight (ratio {ratio:.2f})"
     unit = min(OTHER_UNITS, key=lambda factor: abs(math.log(ratio / factor)))
-    if _fits(ratio, unit):
+    if abs(math.log(ratio / unit)) <= math.log(1 + CLOSE):
         return "unit", (
             f"rotor speeds are {ratio:.3g} times what the weight needs: they look like "
             f"{OTHER_UNITS[unit]}, not rpm"
@@ -121,7 +121,3 @@ def _named(
         f"rotor speeds are {ratio:.2f} times what the weight and the thrust curve of "
         f"{airframe.name} need: wrong airframe, wrong unit, or a load that it does not know"
     )
-
-
-def _fits(ratio: float, factor: float) -> bool:
-    return abs(math.log(ratio / factor)) <= math.log(1 + CLOSE)

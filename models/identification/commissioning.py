@@ -31,7 +31,7 @@ from thrustmargin.models.network.ensemble import ensemble_speed
 from thrustmargin.models.network.training_rows import Samples, gather
 from thrustmargin.models.network.validity import calibrate, measure_coverage
 from thrustmargin.models.physics.airframe import Airframe
-from thrustmargin.models.physics.atmosphere import track_density
+from thrustmargin.models.physics.atmosphere import track_air
 from thrustmargin.models.physics.flight_phases import training_rows
 
 FOLDS = 5  # of the flights for a base that is not learnt
@@ -144,7 +144,7 @@ def chain_of(
         for i in fold.flights:
             track, mine = tracks[i], samples.flight == used.index(i)
             rows = training_rows(track, inputs)
-            density = track_density(track, temperature_offset(model))[0]
+            density = track_air(track, temperature_offset(model))[0]
             speed = predict(model, track, density).rotor_speed_rpm[rows]
             if shares:
                 speed = scaled_to(np.sum(samples.rotor_speed_rpm[mine] ** 2, axis=1), speed)

@@ -27,7 +27,7 @@ from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.utilisation_error import guessed_variance
 from thrustmargin.models.physics.airframe import Airframe
-from thrustmargin.models.physics.atmosphere import G0, track_density
+from thrustmargin.models.physics.atmosphere import G0, track_air
 from thrustmargin.models.physics.margin import weight
 from thrustmargin.models.physics.motor_output import OutputCurve, output_curve
 from thrustmargin.models.scores import Estimate
@@ -186,7 +186,7 @@ def _with_evidence(
     seconds: Floats,
 ) -> dict[int, Floats]:
     """The sums of `OutputCalibration` with those of the level rows of this track."""
-    density, _ = track_density(track)
+    density = track_air(track).density
     density = density / airframe.reference_density
     cosine = np.prod(np.cos(np.nan_to_num(track.attitude[:, :2])), axis=1)
     effectiveness = airframe.rotor_effectiveness

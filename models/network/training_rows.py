@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.physics.atmosphere import track_density
+from thrustmargin.models.physics.atmosphere import track_air
 from thrustmargin.models.physics.flight_phases import training_rows, turning_rows
 
 Rows = NDArray[np.intp]
@@ -89,7 +89,7 @@ def gather(
         rotor_speed_rpm=column([t.rotor_speed_rpm for t in flown]),
         flight=np.repeat(np.arange(len(kept)), [int(rows.sum()) for _, rows in kept]),
         flights=_distinct([t.name for t in flown]),
-        density=column([track_density(t)[0] for t in flown]),
+        density=column([track_air(t).density for t in flown]),
         height_agl=column([t.height_agl for t in flown]),
         wind_speed=column([np.hypot(t.wind_ned[:, 0], t.wind_ned[:, 1]) for t in flown]),
         voltage=column([t.voltage for t in flown]),

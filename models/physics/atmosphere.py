@@ -76,12 +76,6 @@ class Air:
     basis: str
 
 
-def track_density(track: FlightTrack, temperature_offset: float = 0.0) -> tuple[Floats, str]:
-    """Density (T,) kg/m³ of a flight's air, and in words what it was made from: `track_air`."""
-    air = track_air(track, temperature_offset)
-    return air.density, air.basis
-
-
 def track_air(track: FlightTrack, temperature_offset: float = 0.0) -> Air:
     """The air of a flight: pressure and outside temperature, row by row the best that is there.
 

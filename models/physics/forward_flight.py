@@ -19,7 +19,7 @@ import numpy as np
 
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
-from thrustmargin.models.physics.atmosphere import G0, track_density
+from thrustmargin.models.physics.atmosphere import G0, track_air
 from thrustmargin.models.physics.attitude import down_axis
 from thrustmargin.models.physics.flight_phases import training_rows, turning_rows
 from thrustmargin.models.physics.smoothing import derivative
@@ -96,7 +96,7 @@ def manoeuvre_load(
     wind = np.where(np.isfinite(track.wind_ned), track.wind_ned, 0.0)
     way = (track.velocity_ned - wind) * np.array([1.0, 1.0, 0.0])
     way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-3)
-    mass, density = airframe.empty_mass + track.tank_kg, track_density(track)[0]
+    mass, density = airframe.empty_mass + track.tank_kg, track_air(track).density
     slowing = steady_slowing(flight, track.airspeed, mass, density)
     gained = derivative(track.time_s, track.velocity_ned, span)
     force = gained - np.array([0.0, 0.0, G0]) + slowing[:, None] * way
@@ -126,7 +126,7 @@ def wind_by_drag(track: FlightTrack, airframe: Airframe, flight: ForwardFlight) 
     """(T, 2) m/s north, east: the wind in which drag would tilt the aircraft as it is tilted."""
     _, pushed = _balance(track)
     mass = airframe.empty_mass + track.tank_kg
-    linear, square = flight.rotor_drag, 0.5 * track_density(track)[0] * flight.drag_area / mass
+    linear, square = flight.rotor_drag, 0.5 * track_air(track).density * flight.drag_area / mass
     drag = np.hypot(pushed[:, 0], pushed[:, 1])
     airspeed = 2.0 * drag / (linear + np.sqrt(linear**2 + 4.0 * np.maximum(square * drag, 0.0)))
     way = pushed / np.maximum(drag, 1e-9)[:, None]
@@ -149,7 +149,7 @@ def straight_flight(track: FlightTrack, airframe: Airframe) -> Straight:
     speed = np.maximum(np.hypot(way[:, 0], way[:, 1]), 1e-3)
     slowing = np.sum(pushed * way, axis=1) / speed
     mass = airframe.empty_mass + track.tank_kg
-    density = track_density(track)[0]
+    density = track_air(track).density
     apparent = airframe.thrust_coefficient * np.sum(
         airframe.rotor_effectiveness * track.rotor_speed_rpm**2, axis=1
     )

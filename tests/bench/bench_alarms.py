@@ -32,6 +32,7 @@ from scipy.stats import chi2
 
 from thrustmargin.gcs_plugin.live.alarm_rules import RULES
 from thrustmargin.gcs_plugin.live.alarms import Alarms
+from thrustmargin.gcs_plugin.live.fleet import Subscriber
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
 from thrustmargin.gcs_plugin.live.tank_balance import virtual_gauge
 from thrustmargin.gcs_plugin.logs import read_log
@@ -53,7 +54,7 @@ GROUPS = {
 }
 
 
-class Kept:
+class Kept(Subscriber):
     """A subscriber that keeps the events, each with the rows that it came with."""
 
     def __init__(self) -> None:
@@ -66,9 +67,6 @@ class Kept:
 
     def on_event(self, vehicle, event) -> None:
         self.events.append((vehicle, event, self._last))
-
-    def on_round(self, fleet, now_us) -> None:
-        pass
 
 
 def watched(path: Path) -> Kept:

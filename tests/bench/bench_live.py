@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from tests.gcs_plugin.live.live_vehicle import ROOT, Vehicle
+from thrustmargin.gcs_plugin.live.fleet import Subscriber
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.models.model.model_file import shipped_model
@@ -27,7 +28,7 @@ RUN = "import sys; from thrustmargin.gcs_plugin.cli import main; main(sys.argv[1
 SIXTY = ("--speed", "60", "--loop")
 
 
-class Kept:
+class Kept(Subscriber):
     """A subscriber that notes when each row was there, by the vehicle's clock."""
 
     def __init__(self) -> None:
@@ -37,12 +38,6 @@ class Kept:
         now = time.monotonic()
         for row in range(update.first, update.clock_s.size):
             self.arrived[round(float(update.clock_s[row]), 3)] = now
-
-    def on_event(self, vehicle, event) -> None:
-        pass
-
-    def on_round(self, fleet, now_us) -> None:
-        pass
 
 
 def free_port() -> int:

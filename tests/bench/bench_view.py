@@ -35,7 +35,7 @@ def test_route_of_a_flight_in_1500_segments(benchmark, rows):
     values = 0.5 + 0.1 * rng.standard_normal((rows, 4))
 
     def route():
-        trail = Trail(["max"] * 4, limit=1500)
+        trail = Trail(("max", "max", "max", "max"), limit=1500)
         trail.add(0.1 * np.arange(rows), position, values)
         return trail.route
 

@@ -24,7 +24,7 @@ def flights(draw):
 def test_the_worst_of_each_segment_is_that_of_its_rows(flight):
     position, values = flight
     trail = Trail(["max"])
-    trail.add(0.1 * np.arange(len(values)), position, values[:, None])
+    trail.add(np.arange(len(values)) * np.float64(0.1), position, values[:, None])
     route, kept = trail.route, trail.values(0)
     np.testing.assert_array_equal(kept, values[np.isfinite(position).all(axis=1)])
     for drawn, sign in ((route.worst(kept, "max"), 1.0), (route.worst(kept, "min"), -1.0)):

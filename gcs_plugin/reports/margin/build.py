@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
+from typing import get_args
 
 from thrustmargin.gcs_plugin.logs import FlightLog
 from thrustmargin.gcs_plugin.reports.margin.data import (
@@ -59,11 +60,7 @@ def overview_of(reports: Sequence[FlightReport], limit: float) -> Overview:
         level=level,
         headline=headline,
         worst_flight=first + 1 if report.verdict.worst else None,
-        critical=levels.count("critical"),
-        over=levels.count("over"),
-        near=levels.count("near"),
-        under=levels.count("under"),
-        unknown=levels.count("unknown"),
+        **{level: levels.count(level) for level in get_args(Level)},
     )
 
 

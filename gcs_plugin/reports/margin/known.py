@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
@@ -10,23 +13,15 @@ from thrustmargin.models.flight import Bools, FlightTrack, Floats
 END_SHARE = 0.1
 
 
-def median(values: Floats) -> float:
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if known.size else float("nan")
+def _of_known(figure: Callable[[Floats], Any]) -> Callable[[Floats], float]:
+    def of(values: Floats) -> float:
+        known = values[np.isfinite(values)]
+        return float(figure(known)) if known.size else float("nan")
+
+    return of
 
 
-def mean(values: Floats) -> float:
-    known = values[np.isfinite(values)]
-    return float(known.mean()) if known.size else float("nan")
-
-
-def most(values: Floats) -> float:
-    known = values[np.isfinite(values)]
-    return float(known.max()) if known.size else float("nan")
-
-
-def least(values: Floats) -> float:
-    return -most(-values)
+median, mean, most, least = map(_of_known, (np.median, np.mean, np.max, np.min))
 
 
 def share(part: float, whole: float) -> float:

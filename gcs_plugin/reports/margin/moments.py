@@ -33,9 +33,7 @@ def airborne_use(analysis: FlightAnalysis) -> Floats:
     return np.where(analysis.track.flying[:, None], analysis.known_utilisation, np.nan)
 
 
-def worst_moments(
-    analysis: FlightAnalysis, rotor_names: tuple[str, ...], most: int = MOST_MOMENTS
-) -> tuple[Moment, ...]:
+def worst_moments(analysis: FlightAnalysis, rotor_names: tuple[str, ...]) -> tuple[Moment, ...]:
     """The rows with the most thrust in use, worst first, each at least APART_S from the others.
 
     When rotors peak together the moment is listed once, with its worst rotor.
@@ -44,7 +42,7 @@ def worst_moments(
     left, _ = worst_rotor(use)
     time_s = analysis.track.time_s
     found = []
-    while len(found) < most and np.any(np.isfinite(left)):
+    while len(found) < MOST_MOMENTS and np.any(np.isfinite(left)):
         row = int(np.nanargmax(left))
         found.append(_moment(analysis, use, row, rotor_names))
         left[np.abs(time_s - time_s[row]) < APART_S] = np.nan

@@ -15,6 +15,7 @@ from thrustmargin.gcs_plugin.reports.margin.data import (
     JsonObject,
     Level,
     MarginVerdict,
+    Moment,
 )
 from thrustmargin.gcs_plugin.reports.margin.headline import facts, headline, load_facts
 from thrustmargin.gcs_plugin.reports.margin.known import (
@@ -69,14 +70,10 @@ def report_flight(
     )
     seconds = track.row_seconds
     moments = worst_moments(analysis, airframe.rotor_names)
-    verdict = replace(_verdict(analysis, seconds, limit), worst=moments[0] if moments else None)
+    verdict = _verdict(analysis, seconds, limit, moments[0] if moments else None)
     return FlightReport(
         name=track.name,
-        verdict=replace(
-            verdict,
-            headline=headline(verdict.level, limit),
-            facts=(*facts(verdict, analysis.claim), *load_facts(track)),
-        ),
+        verdict=replace(verdict, facts=(*facts(verdict, analysis.claim), *load_facts(track))),
         flight=_flight(analysis, rows["ground_speed"], seconds),
         model=model_use(analysis),
         load=load_rows(analysis, limits),
@@ -91,10 +88,10 @@ def report_flight(
     )
 
 
-NOTHING = np.empty(0)
-
-
-def _verdict(analysis: FlightAnalysis, seconds: Floats, limit: float) -> MarginVerdict:
+def _verdict(
+    analysis: FlightAnalysis, seconds: Floats, limit: float, worst: Moment | None
+) -> MarginVerdict:
+    """All of it but its facts."""
     track = analysis.track
     known = np.any(np.isfinite(airborne_use(analysis)), axis=1)
     airborne_s = float(seconds[track.flying].sum())
@@ -115,11 +112,11 @@ def _verdict(analysis: FlightAnalysis, seconds: Floats, limit: float) -> MarginV
             level = "critical"
     return MarginVerdict(
         level=level,
-        headline="",
+        headline=headline(level, limit),
         facts=(),
         limit=limit,
         one_rotor_out_use=one_rotor_out_use(analysis.model.airframe),
-        worst=None,
+        worst=worst,
         basis=_basis_words(analysis, measured_s, known_s, airborne_s),
         speed_basis=analysis.words_of_speed,
         measured_share=share(measured_s, airborne_s),
@@ -180,7 +177,7 @@ def _flight(analysis: FlightAnalysis, speed: Floats, seconds: Floats) -> JsonObj
         "tank_end_kg": end_kg,
         "liquid_used_kg": start_kg - end_kg,
         "tank_source": track.sources.get("tank_kg", ""),
-        "tank_error_kg": median(track.standard_errors.get("tank_kg", NOTHING)),
+        "tank_error_kg": median(track.standard_errors.get("tank_kg", np.empty(0))),
         "spraying_s": float(seconds[spraying].sum()) if knows_spraying else np.nan,
         "sprayed_distance": _path_length(speed, seconds, spraying) if knows_spraying else np.nan,
         "swath_width": sprayed.swath_width if sprayed else np.nan,

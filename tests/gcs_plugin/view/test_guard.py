@@ -26,7 +26,7 @@ PROTOCOL = Subprotocol(f"viser-v{viser.__version__}")
 
 @pytest.fixture(scope="module")
 def server():
-    server = guarded_server(port=0, label="test")
+    server = guarded_server(port=0)
     yield server
     stop_server(server)
 
@@ -107,7 +107,7 @@ def test_a_taken_port_is_an_error_and_not_silently_another():
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(LinkError, match=f"port {port} .* --port"):
-            guarded_server(port=port, label="test")
+            guarded_server(port=port)
 
 
 def test_a_port_that_does_not_exist_or_a_host_that_is_not_ours_is_an_error():

@@ -50,7 +50,8 @@ def settled(view: ReplayView, done, timeout: float = 5.0) -> None:
     while not done():
         assert time.monotonic() < end, "the view did not get there in time"
         time.sleep(0.02)
-    assert view.drawing
+    assert view._thread is not None
+    assert view._thread.is_alive()
 
 
 def route_colours(view: ReplayView) -> np.ndarray:

@@ -12,7 +12,7 @@ from thrustmargin.models.identification.commissioning import chain_of, commissio
 from thrustmargin.models.model.predict import predict
 from thrustmargin.models.model.training import Fold
 from thrustmargin.models.network.training_rows import gather
-from thrustmargin.models.physics.atmosphere import track_density
+from thrustmargin.models.physics.atmosphere import track_air
 
 INPUTS = ("airspeed", "tank_kg")
 
@@ -54,7 +54,7 @@ def test_three_flights_without_a_network_make_a_model_with_effects_and_interval(
     whole = next(e.score for e in shown.errors if e.condition == "all rows")
     assert whole.rmse_rpm < 12.0  # the noise put in is 8
     new = with_weight_forward(made_flights(4, duration=60.0)[3], 0.02)
-    predicted = predict(model, new, track_density(new)[0])
+    predicted = predict(model, new, track_air(new).density)
     inside = (new.rotor_speed_rpm > predicted.lower_rpm) & (
         new.rotor_speed_rpm < predicted.upper_rpm
     )
@@ -62,7 +62,7 @@ def test_three_flights_without_a_network_make_a_model_with_effects_and_interval(
     assert known.any()
     assert inside[known].mean() > 0.9
     far = replace(new, airspeed=new.airspeed + 9.0)
-    assert np.isnan(predict(model, far, track_density(far)[0]).lower_rpm).all()
+    assert np.isnan(predict(model, far, track_air(far).density).lower_rpm).all()
     assert predicted.coverage == 0.9
 
 

@@ -13,7 +13,7 @@ from thrustmargin.models.model.predict import Basis, predict
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
 from thrustmargin.models.network.ensemble import ensemble_speed
 from thrustmargin.models.physics.airframe import load_airframe
-from thrustmargin.models.physics.atmosphere import G0, track_density
+from thrustmargin.models.physics.atmosphere import G0, track_air
 from thrustmargin.models.physics.thrust import thrust_from_speed
 
 F16 = load_airframe("topxgun-f16-sitl")
@@ -179,7 +179,7 @@ def test_outside_the_training_domain_air_counts_once(model):
     )
     following = replace(model, effects=(record,))
     thin = replace(flight([12.0], [10.0]), pressure=np.array([80_000.0]))
-    density, _ = track_density(thin)
+    density = track_air(thin).density
     assert density[0] < 1.05
     predicted = predict(following, thin, density)
     plain = predict(replace(model, effects=()), thin, density)

@@ -29,7 +29,7 @@ from thrustmargin.models.network.validity import (
     student_quantile,
 )
 from thrustmargin.models.physics.airframe import load_airframe
-from thrustmargin.models.physics.atmosphere import track_density
+from thrustmargin.models.physics.atmosphere import track_air
 from thrustmargin.models.physics.flight_phases import training_rows, turning_rows
 from thrustmargin.models.scores import error_terms, r2
 
@@ -384,7 +384,7 @@ def test_the_shipped_model_predicts_the_recorded_flights_better_than_their_mean(
     for name in ("v2_m4_q1.5", "v4_m10_q2.5", "v4_m16_q2.5", "v6_m10_q3.5"):
         track = read_log(sitl_logs / "campaign" / f"{name}.tlog").track
         rows = training_rows(track)
-        predicted = predict(model, track, track_density(track)[0])
+        predicted = predict(model, track, track_air(track).density)
         assert (predicted.basis[rows] == Basis.NETWORK).mean() > 0.99
         measured, speed = track.rotor_speed_rpm[rows], predicted.rotor_speed_rpm[rows]
         assert r2(error_terms(measured, speed).sum(axis=0)).min() > 0.0
@@ -398,7 +398,7 @@ def test_the_shipped_model_predicts_the_recorded_flights_better_than_their_mean(
 
 def test_the_shipped_models_interval_holds_on_a_flight_outside_the_campaign(sitl_logs):
     track = read_log(sitl_logs / "onset" / "reference.tlog").track
-    predicted = predict(shipped_model(), track, track_density(track)[0])
+    predicted = predict(shipped_model(), track, track_air(track).density)
     rows = training_rows(track) & (predicted.basis == Basis.NETWORK)
     assert rows.sum() > 500
     inside = (track.rotor_speed_rpm >= predicted.lower_rpm) & (

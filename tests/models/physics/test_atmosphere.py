@@ -17,8 +17,12 @@ from thrustmargin.models.physics.atmosphere import (
     isa_temperature,
     pressure_altitude,
     track_air,
-    track_density,
 )
+
+
+def track_density(track, temperature_offset: float = 0.0):
+    air = track_air(track, temperature_offset)
+    return air.density, air.basis
 
 
 def flight(rows: int = 5, **channels: object) -> FlightTrack:
