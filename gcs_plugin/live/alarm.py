@@ -15,10 +15,6 @@ class AlarmSettings:
 
     max_utilisation: float = 0.5  # largest share of a rotor's maximum thrust in use
     margin_hysteresis: float = 0.03
-    rotor_slack: float = 0.02  # k of the CUSUM
-    rotor_threshold: float = 0.04  # s
-    rotor_unloaded: float = 0.2  # share of the expected thrust whose lack means: on the ground
-    rotor_agree: float = 0.05  # disagreement of the others from which it is no sign of recovery
     tank_share: float = 0.5  # of the larger loss by which two estimates may part
     tank_kg: float = 0.5  # kg by which they must part besides
     tank_mass_kg: float = 3.0  # kg between gauge and thrust

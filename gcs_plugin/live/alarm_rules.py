@@ -5,7 +5,8 @@
 | `margin` | worst rotor's measured thrust margin < limit | 3 s | > limit + 0.03 | 3 s |
 | `margin ahead` | predicted margin on the rest of the route < limit | 3 s | > limit + 0.03 | 3 s |
 | `esc` | the ESC reports a failure of its own (ESC_INFO) | - | it reports none | 3 s |
-| `rotor` | CUSUM of one rotor's thrust residual > 0.04 s | - | sum back under 0.02 s | 3 s |
+| `rotor` | one rotor makes less thrust (likelihood ratio, RotorFaults) | - | it is sound | - |
+| `motor` | one rotor is slower than its output asks (the same) | - | it is sound | - |
 | `tank` | gauge, pump and thrust part (TankBalance) | 5 s | they agree again | 10 s |
 | `envelope` | the flight is outside the training of the model's network | 5 s | inside | 5 s |
 | `saturation` | a motor's output or a rotor's speed > 0.97 of its most | 0.5 s | < 0.92 | 2 s |
@@ -13,9 +14,9 @@
 | `telemetry` | nothing heard | 3 s | heard | 1 s |
 | `rotor speeds` | in flight other messages come, but not every rotor's speed | 3 s | heard | 1 s |
 A margin that was inferred, not measured, has its 90 % error in the text; where the limit lies
-within it the alarm is a notice. `rotor` needs measured speeds: how the motors differ in output is
-not known. What is not known (NaN) neither raises nor clears; a rotor below the limit counts though
-another is unknown. Texts are short, for a STATUSTEXT has 50 characters.
+within it the alarm is a notice. `rotor` and `motor` need measured speeds: how the motors differ in
+output is not known. What is not known (NaN) neither raises nor clears; a rotor below the limit
+counts though another is unknown. Texts are short, for a STATUSTEXT has 50 characters.
 """
 
 from __future__ import annotations
@@ -28,10 +29,10 @@ from typing import Any
 import numpy as np
 
 from thrustmargin.gcs_plugin.live.alarm import CRITICAL, NOTICE, WARNING, AlarmSettings
-from thrustmargin.gcs_plugin.live.rotor_sums import RotorSums
 from thrustmargin.gcs_plugin.live.tank_balance import TankBalance
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import Basis, FlightAnalysis
+from thrustmargin.models.model.rotor_faults import MOST, RotorFault
 from thrustmargin.models.model.utilisation_error import INTERVAL
 
 ROTORS_HOLD = 1.0  # s of the time after which missing rotor speeds are reported
@@ -66,7 +67,7 @@ class RowNow:
     row: int
     margin_ahead: float = math.nan  # least predicted on the rest of the route
     esc_failures: Floats | None = None  # (R,) ESC_FAILURE_FLAGS
-    sums: RotorSums | None = None  # in settled rows; None where they rest
+    faults: tuple[RotorFault, ...] = ()  # in settled rows: those that stand
     balance: TankBalance | None = None  # the same, about once a second
 
 
@@ -152,14 +153,28 @@ def airframe(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:  # noqa: ARG001
     yield Judged(withheld, not withheld, WARNING if doubted else NOTICE, text)
 
 
-def rotor_thrust(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:
-    if now.sums is None:
-        return
-    found = zip(now.sums.sums.tolist(), now.sums.needed.tolist(), strict=True)
-    for rotor, (total, more) in enumerate(found, start=1):
-        text = f"Rotor {rotor} makes {more / (1 + more):.0%} less thrust: check propeller"
-        on, off = total > s.rotor_threshold, total < 0.5 * s.rotor_threshold
-        yield Judged(on, off, CRITICAL, text, rotor)
+def rotor_thrust(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:  # noqa: ARG001
+    yield from _faulty(now, "propeller", "Rotor {} makes {} less thrust: propeller?")
+
+
+def motor_speed(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:  # noqa: ARG001
+    yield from _faulty(now, "motor", "Motor {} or ESC {} slow for output: land")
+
+
+def _faulty(now: RowNow, kind: str, text: str) -> Iterator[Judged]:
+    """The faults of one kind, and that all other rotors are sound."""
+    found = {fault.rotor: fault for fault in now.faults if fault.kind == kind}
+    for rotor in range(now.analysis.track.rotor_count):
+        fault = found.get(rotor)
+        words = "" if fault is None else text.format(rotor + 1, _size(fault))
+        yield Judged(fault is not None, fault is None, CRITICAL, words, rotor + 1)
+
+
+def _size(fault: RotorFault) -> str:
+    """The size of a fault with its 95 % interval, as `12% (9-15)`."""
+    if fault.upper >= MOST:
+        return f">{100 * fault.lower:.0f}%"
+    return f"{100 * fault.size:.0f}% ({100 * fault.lower:.0f}-{100 * fault.upper:.0f})"
 
 
 def envelope(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:  # noqa: ARG001
@@ -230,12 +245,13 @@ OF_ROWS = (
 )
 OF_SETTLED_ROWS = (
     # On the ground nothing of the flight stands, but for a rotor that was found bad.
-    AlarmRule("rotor", 0.0, 3.0, rotor_thrust, on_ground="kept"),
+    AlarmRule("rotor", 0.0, 0.0, rotor_thrust, on_ground="kept"),
+    AlarmRule("motor", 0.0, 0.0, motor_speed, on_ground="kept"),
     AlarmRule("envelope", 5.0, 5.0, envelope),
     AlarmRule("tank", 5.0, 10.0, tank),
 )
 #: Those that rest on the airframe: they are over once no margin is claimed.
-OF_THE_AIRFRAME = ("margin", "margin ahead", "rotor", "envelope", "tank")
+OF_THE_AIRFRAME = ("margin", "margin ahead", "rotor", "motor", "envelope", "tank")
 OF_THE_LINK = (
     AlarmRule("telemetry", 0.0, 1.0, telemetry),
     AlarmRule("rotor speeds", ROTORS_HOLD, 1.0, rotor_speeds),

@@ -21,10 +21,10 @@ from thrustmargin.gcs_plugin.live.alarm_rules import (
     LinkNow,
     RowNow,
 )
-from thrustmargin.gcs_plugin.live.rotor_sums import RotorSums, thrust_excess
 from thrustmargin.gcs_plugin.live.tank_balance import BalanceWatch
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.model.rotor_faults import RotorFaults, fault_signals
 
 
 class Alarms:
@@ -33,8 +33,8 @@ class Alarms:
     def __init__(self, settings: AlarmSettings | None = None) -> None:
         self.settings = AlarmSettings() if settings is None else settings
         self.standing: dict[tuple[str, int | None], Alarm] = {}
-        self._sums = RotorSums(self.settings)
-        self._last_s = self._weighed_s = float("-inf")
+        self._faults: RotorFaults | None = None
+        self._weighed_s = float("-inf")
         self._balance = BalanceWatch()
         self._states: dict[tuple[str, int | None], Debounce] = {}
 
@@ -75,23 +75,26 @@ class Alarms:
             if not flying:
                 self._landed(events, OF_ROWS, float(clock_s[row]))
             self._over(events, ended, float(clock_s[row]))
-        excess, gauge = thrust_excess(analysis), track.measured("tank_kg")
-        for row in range(rows)[slice(first, None) if settled is None else settled]:
+        now_settled = slice(first, None) if settled is None else settled
+        if analysis.withheld:
+            return events
+        if self._faults is None:
+            self._faults = RotorFaults(analysis.model)
+        signals, gauge = fault_signals(analysis, now_settled), track.measured("tank_kg")
+        for row, of_faults in zip(range(rows)[now_settled], signals, strict=True):
             time_s = float(clock_s[row])
-            step, self._last_s = time_s - self._last_s, time_s
-            if analysis.withheld:
-                continue
             if not track.flying[row]:
                 self._balance = BalanceWatch()
+                self._faults.landed(time_s)
                 self._landed(events, OF_SETTLED_ROWS, time_s)
                 continue
-            sums = self._sums if self._sums.add(excess[row], step) else None
+            self._faults.add(time_s, of_faults)
             tank = (float(a[row]) for a in (gauge, pumped_kg, virtual_kg))
             self._balance.add(time_s, *tank)
             balance = None
             if time_s - self._weighed_s >= 1.0:
                 self._weighed_s, balance = time_s, self._balance.balance()
-            now = RowNow(analysis=analysis, row=row, sums=sums, balance=balance)
+            now = RowNow(analysis=analysis, row=row, faults=self._faults.standing, balance=balance)
             self._judge(events, OF_SETTLED_ROWS, time_s, now)
         return events
 

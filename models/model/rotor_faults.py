@@ -1,0 +1,301 @@
+"""A rotor that loses thrust, or a motor that falls short of its output, as a flight goes on.
+
+Two tests of `checks.sudden_change` on means of BLOCK seconds:
+    propeller   y = Q' (N² - N_hat²)/mean(N_hat²), Q the layout's modes: collective, roll, pitch,
+                yaw, and what is left with more rotors than four. A lost share x of rotor i moves
+                all modes by what the composition of effects says, mixer and torque included; turns
+                and gusts move the modes one by one.
+    motor       y_i = ln N_i² - ln f(x_i), less the median rotor's, f the autopilot's thrust curve:
+                speed against output. A motor that reaches 1 - s of its speed moves its own by
+                2 ln(1 - s) and no other; battery and air move all alike.
+A part is named when the ratio passes `THRESHOLD` and one rotor has SURE of it. Its size is bounded
+by LEAST and MOST, and narrows for as long as a change is sought; then the size counts as known, and
+another change is sought from there, one back to sound included.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from thrustmargin.models.checks.sudden_change import SELDOM, SETTLE, WINDOW, Prior, SuddenChange
+from thrustmargin.models.effects.base import TORQUE_SHARE, Placed
+from thrustmargin.models.effects.compose import rotor_speed_rpm
+from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION
+from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.model.flown import model_channels, table_of
+from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.physics.allocation import mixer
+from thrustmargin.models.physics.atmosphere import G0
+from thrustmargin.models.physics.motor_output import output_curve
+
+BLOCK = 0.7  # s: rotors answer within it, and noise forgets most of itself
+FALSE_ALARMS = 0.1  # an hour of flight, of each test, at most
+SURE = 0.95  # of the posterior on one rotor
+LEAST, MOST, RATIO = 0.03, 0.6, 1.06  # sizes of a fault, and from one to the next
+#: Share by which a step is known at best: half of RATIO
+STEP_ERROR = 0.03
+#: Without good flights to say more: standing trims and a block's noise, of a rotor's thrust
+TRIM, NOISE = 0.1, 0.01
+KNOWN = 0.1  # of a manoeuvre's effect that a model with that effect leaves
+LEAK = 0.1  # of what an axis needs, that shows in another mode
+STEEPNESS, LAG = 0.3, 0.2  # standard errors of the thrust curve's steepness, and of a lag in s
+UNLOADED = -0.2  # mean of y over the rotors below which the legs are on the ground
+CHANGED = 30.0  # s on the ground in which a part can have been changed
+
+FEWEST_ROTORS = 4
+
+Kind = Literal["propeller", "motor"]
+THRESHOLD = float(np.log(3600.0 / BLOCK / SETTLE / FALSE_ALARMS))
+#: ln of the ratio from which a start that looks like a part is not counted as a turn
+LIKE_A_TURN = float(np.log(SELDOM / BLOCK))
+FAULT_SIZES = LEAST * RATIO ** np.arange(int(np.log(MOST / LEAST) / np.log(RATIO)) + 1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RotorFault:
+    """A part found bad: rotor from 0; size is the share of thrust lost, or of speed short."""
+
+    kind: Kind
+    rotor: int
+    size: float
+    lower: float  # 95 % interval
+    upper: float  # MOST while it is still growing
+
+
+class FaultTest:
+    """One test: its blocks, and the faults of rotors that stand.
+
+    A rotor of the size j moves the signals by `steps` (R, J, M), known to +- `widths`.
+    """
+
+    def __init__(self, kind: Kind, steps: Floats, widths: Floats, prior: Prior) -> None:
+        self.kind: Kind = kind
+        self.faults: dict[int, RotorFault] = {}
+        # Size 0 first: sound, or sound again.
+        self._steps, self._widths = (np.pad(a, ((0, 0), (1, 0), (0, 0))) for a in (steps, widths))
+        self._prior = prior
+        #: (R, M) step that each rotor is at, and its standard deviation
+        self._now: Floats = np.zeros(steps[:, 0].shape)
+        self._error: Floats = np.zeros(steps[:, 0].shape)
+        self.restart()
+
+    def restart(self) -> None:
+        """A new flight."""
+        self._test, self._sound = SuddenChange(self._prior, BLOCK), 1.0
+        self._held_s, self._before = math.nan, self.faults
+
+    def forget(self) -> None:
+        """All parts may be new."""
+        self.faults = {}
+        self._now[:] = self._error[:] = 0.0
+
+    def add(self, time_s: float, values: Floats, inputs: Floats) -> None:
+        """A block: its values (M,) and inputs (M, P)."""
+        self._test.add(values - self._now.sum(axis=0), inputs, self._sound)
+        steps = self._steps - self._now[:, None]
+        widths = np.hypot(self._widths, self._error[:, None])
+        change = self._test.change(
+            steps.reshape(-1, values.size), widths.reshape(-1, values.size), LIKE_A_TURN
+        )
+        if change is None:
+            self._sound = 1.0
+            return
+        share = change.share.reshape(steps.shape[:2])
+        rotor = int(np.argmax(share.sum(axis=1)))
+        posterior = share[rotor] / share[rotor].sum()
+        self._sound = 1.0 / (1.0 + math.exp(min(change.log_ratio - LIKE_A_TURN, 50.0)))
+        if math.isnan(self._held_s):
+            if change.log_ratio > THRESHOLD and share[rotor].sum() > SURE:
+                self._held_s, self._before = time_s, self.faults
+                self._test.hold()
+                self._name(rotor, posterior, begins=True)
+        elif change.log_ratio < 0.0:
+            self._held_s, self.faults = math.nan, self._before
+            self._test.release()
+        else:
+            self._name(rotor, posterior, begins=time_s - self._held_s < 2.0 * SETTLE * BLOCK)
+            if time_s - self._held_s >= WINDOW:
+                bad = rotor in self.faults
+                step = posterior @ steps[rotor] if bad else -self._now[rotor]
+                spread = posterior @ ((steps[rotor] - step) ** 2 + self._widths[rotor] ** 2)
+                self._now[rotor] += step
+                self._error[rotor] = np.sqrt(spread) if bad else 0.0
+                self._test.settle(change.filter, step)
+                self._held_s = math.nan
+
+    def _name(self, rotor: int, posterior: Floats, *, begins: bool) -> None:
+        """Put down what the posterior (J,) of a rotor's sizes says.
+
+        `begins`: it is perhaps not yet all there, and only the lower end of its size is known.
+        """
+        self.faults = {r: f for r, f in self._before.items() if r != rotor}
+        # Sound again is as likely before as all sizes together.
+        if FAULT_SIZES.size * posterior[0] < posterior[1:].sum():
+            weight = posterior[1:] / posterior[1:].sum()
+            lower, upper = np.interp([0.025, 0.975], np.cumsum(weight) - 0.5 * weight, FAULT_SIZES)
+            self.faults[rotor] = RotorFault(
+                kind=self.kind,
+                rotor=rotor,
+                size=float(weight @ FAULT_SIZES),
+                lower=float(lower),
+                upper=MOST if begins else float(upper),
+            )
+
+
+class RotorFaults:
+    """Both tests of one vehicle, row by row; `standing` is what was found and not cleared."""
+
+    def __init__(self, model: RotorModel) -> None:
+        # With fewer rotors than modes no rotor can be told from a turn.
+        enough = model.airframe.rotor_count >= FEWEST_ROTORS
+        self._modes = mode_directions(model)
+        self._tests = [_propeller_test(model, self._modes), _motor_test(model)] if enough else []
+        self._rows: list[Floats] = []
+        self._begun_s = self._landed_s = math.nan
+
+    @property
+    def standing(self) -> tuple[RotorFault, ...]:
+        """Faults by kind and rotor."""
+        return tuple(test.faults[r] for test in self._tests for r in sorted(test.faults))
+
+    def landed(self, time_s: float) -> None:
+        """On the ground: the next row is of a new flight, long after it perhaps with new parts."""
+        if math.isnan(self._landed_s):
+            self._landed_s, self._rows = time_s, []
+
+    def add(self, time_s: float, row: Floats) -> None:
+        """A row of `fault_signals`, in flight and in order."""
+        if not math.isnan(self._landed_s):
+            for test in self._tests:
+                if time_s - self._landed_s > CHANGED:
+                    test.forget()
+                test.restart()
+            self._landed_s = math.nan
+        if self._rows and not 0.0 <= time_s - self._begun_s < BLOCK - 0.01:
+            self._end(np.array(self._rows))
+            self._rows = []
+        if not self._rows:
+            self._begun_s = time_s
+        self._rows.append(row)
+
+    def _end(self, rows: Floats) -> None:
+        """A block of rows is whole."""
+        rotors = len(self._modes)
+        if len(rows) < 3 or not self._tests:
+            return
+        excess, motors, output, (load, *rates) = np.split(
+            rows[:, 1:].mean(axis=0), [rotors, 2 * rotors, 3 * rotors]
+        )
+        slope = (rows[-1] - rows[0])[1:] / (rows[-1, 0] - rows[0, 0])
+        if np.isfinite(excess).all() and excess.mean() > UNLOADED:
+            turns = np.array([load, *rates, *slope[3 * rotors + 1 :]])
+            self._tests[0].add(self._begun_s, excess @ self._modes, np.tile(turns, (rotors, 1)))
+        if np.isfinite(motors).all():
+            moves = np.column_stack([output, slope[2 * rotors : 3 * rotors]])
+            self._tests[1].add(
+                self._begun_s, motors - np.median(motors), moves - np.median(moves, axis=0)
+            )
+
+
+def fault_signals(analysis: FlightAnalysis, rows: slice) -> Floats:
+    """(N, 5 + 3 R) what the tests read in each of N rows.
+
+    Time; of each rotor the excess of its speed squared over the model's, as a share of the mean,
+    then ln N² - ln f, then ln f; load factor - 1 and the body's rates, 0 where unknown.
+
+    NaN for a speed from a motor's output: one motor differs from the next by more than is sought.
+    """
+    track = analysis.track
+    measured = np.where(analysis.from_outputs[rows], np.nan, track.rotor_speed_rpm[rows])
+    predicted = analysis.prediction.rotor_speed_rpm[rows]
+    curve = output_curve({}, track.sources.get("throttle", ""))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        excess = (measured**2 - predicted**2) / np.mean(predicted**2, axis=1, keepdims=True)
+        output = np.log(curve.thrust_share(track.throttle[rows]))
+        motors = np.log(measured**2) - output
+    load = np.linalg.norm(track.specific_force_frd[rows], axis=1) / G0 - 1.0
+    turning = np.nan_to_num(np.column_stack([load, track.angular_rate_frd[rows]]))
+    return np.column_stack([track.time_s[rows], excess, motors, output, turning])
+
+
+def mode_directions(model: RotorModel) -> Floats:
+    """(R, R) orthonormal columns: collective, roll, pitch, yaw, and the rest of the layout."""
+    rows = mixer(model.airframe)
+    rotors = rows.shape[1]
+    return np.linalg.qr(np.concatenate([rows.T, np.eye(rotors)], axis=1))[0][:, :rotors]
+
+
+def loss_steps(model: RotorModel) -> tuple[Floats, Floats]:
+    """(R, J, R) by how much a lost share of each rotor moves the excess of all, and its error.
+
+    In hover with half a tank; the error is that of the bad rotor's torque, of which it keeps more
+    or less than of its thrust.
+    """
+    rotors, rows = model.airframe.rotor_count, np.zeros(FAULT_SIZES.size)
+    track = FlightTrack.of(
+        name="hover",
+        time_s=np.arange(FAULT_SIZES.size, dtype=np.float64),
+        rotor_count=rotors,
+        airspeed=rows,
+        tank_kg=rows + 0.5 * model.airframe.tank_capacity_kg,
+    )
+    x, table = model_channels(model, track, effects=()), table_of(model)
+
+    def square(*placed: Placed) -> Floats:
+        return rotor_speed_rpm(table, placed, x, np) ** 2
+
+    def excess(rotor: int, torque_share: float) -> Floats:
+        values = {"loss": FAULT_SIZES, "torque_share": torque_share}
+        bad = Placed(effect=ROTOR_DEGRADATION, values=values, rotor=rotor)
+        return (square(bad) - sound) / np.mean(sound)
+
+    sound, middle = square(), TORQUE_SHARE.start
+    steps = np.array([excess(i, middle) for i in range(rotors)])
+    return steps, np.array([excess(i, middle + TORQUE_SHARE.scale) for i in range(rotors)]) - steps
+
+
+def _propeller_test(model: RotorModel, modes: Floats) -> FaultTest:
+    airframe = model.airframe
+    rotors = airframe.rotor_count
+    size = math.sqrt(rotors)
+    steps, torque = (a @ modes for a in loss_steps(model))
+    trim = np.full(rotors, TRIM * size)
+    good = model.good_flights
+    of_mode = good.mode_scatter_rpm if good else model.background_rpm
+    flights = good.flights if good else model.training_domain and len(model.training_domain.flights)
+    if of_mode:
+        hover = model.base_speed(np.zeros(1), np.full(1, 0.5 * airframe.tank_capacity_kg))
+        trim = 2.0 * np.array(of_mode) / float(hover.mean())
+    # What a load factor of 2, or 1 rad/s² of a body all of whose mass sits at the rotors, needs.
+    arm = airframe.arm
+    turn = np.array([G0, arm, arm, arm**2 / airframe.torque_ratio]) * size / G0
+    known = {item.effect.name for item in model.placed}
+    left = [KNOWN if name in known else 1.0 for name in ("load_factor", *["manoeuvre_moment"] * 3)]
+    inputs = np.tile(LEAK * turn * left, (rotors, 1))
+    inputs[range(4), range(4)] /= LEAK
+    inputs = np.column_stack([inputs, inputs[:, 1:]])
+    prior = Prior(
+        trim=trim,
+        noise=np.full(rotors, NOISE * size),
+        inputs=inputs,
+        flights=flights if of_mode and flights else 0,
+    )
+    return FaultTest("propeller", steps, np.hypot(torque, STEP_ERROR * steps), prior)
+
+
+def _motor_test(model: RotorModel) -> FaultTest:
+    rotors = model.airframe.rotor_count
+    steps = 2.0 * np.log1p(-FAULT_SIZES)[:, None] * np.eye(rotors)[:, None, :]
+    each = np.ones(rotors)
+    prior = Prior(
+        trim=TRIM * each,
+        noise=NOISE * each,
+        inputs=np.outer(each, [STEEPNESS, LAG]),
+        alone=False,
+    )
+    return FaultTest("motor", steps, STEP_ERROR * abs(steps), prior)

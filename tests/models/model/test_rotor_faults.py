@@ -1,0 +1,190 @@
+"""A propeller or a motor put into a flight that is written here, and what is said of it."""
+
+import math
+
+import numpy as np
+import pytest
+
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.rotor_faults import (
+    FAULT_SIZES,
+    LEAST,
+    MOST,
+    THRESHOLD,
+    RotorFault,
+    RotorFaults,
+    fault_signals,
+    loss_steps,
+    mode_directions,
+)
+from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.physics.motor_output import output_curve
+
+F16 = load_airframe("topxgun-f16-sitl")
+MODEL = physics_model(F16)
+ONSET = 60.0
+
+
+def hover(seed: int, seconds: float = 90.0, noise: float = 0.003) -> FlightTrack:
+    """A hover with an own noise of each rotor, slow and quick; outputs that go with the speeds."""
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(0.0, seconds, 0.1)
+    rows = time_s.size
+    level = math.sqrt((F16.empty_mass + 4.0) * 9.80665 / 4 / F16.thrust_coefficient)
+    wander = np.cumsum(rng.normal(0.0, 0.1 * noise, (rows, 4)), axis=0)
+    speed = level * (1.0 + noise * rng.standard_normal((rows, 4)) + 0.2 * wander)
+    return FlightTrack.of(
+        name="hover",
+        time_s=time_s,
+        rotor_count=4,
+        rotor_speed_rpm=speed,
+        throttle=outputs(speed),
+        airspeed=np.zeros(rows),
+        tank_kg=np.full(rows, 4.0),
+        altitude=np.zeros(rows),
+        voltage=np.full(rows, F16.ceiling_voltage),
+        angular_rate_frd=0.01 * rng.standard_normal((rows, 3)),
+        specific_force_frd=np.tile([0.0, 0.0, -9.80665], (rows, 1)),
+    )
+
+
+def outputs(speed: np.ndarray) -> np.ndarray:
+    """Motor outputs that ask for these speeds, by the curve turned round."""
+    grid = np.linspace(0.2, 0.95, 2000)
+    share = output_curve({}).thrust_share(grid)
+    return np.interp((speed / F16.max_rotor_speed_rpm) ** 2, share, grid)
+
+
+def seen(track: FlightTrack, factor=1.0, weak=1.0, since: float = ONSET) -> list[RotorFault]:
+    """What stands at the end, with speeds and outputs by these factors (4,) from the onset on."""
+    after = (track.time_s >= since)[:, None]
+    speed = track.rotor_speed_rpm * np.where(after, factor, 1.0)
+    asked = outputs(speed / np.where(after, weak, 1.0))
+    track = FlightTrack.of(
+        **{
+            name: getattr(track, name)
+            for name in ("name", "time_s", "airspeed", "tank_kg", "altitude", "voltage")
+        },
+        angular_rate_frd=track.angular_rate_frd,
+        specific_force_frd=track.specific_force_frd,
+        rotor_count=4,
+        rotor_speed_rpm=speed,
+        throttle=asked,
+    )
+    analysis, faults = analyse(track, MODEL), RotorFaults(MODEL)
+    signals = fault_signals(analysis, slice(None))
+    for time_s, row in zip(track.time_s, signals, strict=True):
+        faults.add(float(time_s), row)
+    return list(faults.standing)
+
+
+def lost(rotor: int, loss: float) -> np.ndarray:
+    factor = np.ones(4)
+    factor[rotor] = 1.0 / math.sqrt(1.0 - loss)
+    return factor
+
+
+def test_the_threshold_is_that_of_the_false_alarms_allowed():
+    # 3600 s / 0.7 s / every 2nd block / 0.1 an hour = 25,714 starts for each false alarm.
+    assert math.exp(THRESHOLD) == pytest.approx(25714.3, rel=1e-5)
+
+
+def test_sizes_are_bounded_and_each_the_next_by_six_in_a_hundred():
+    assert FAULT_SIZES[0] == LEAST == 0.03
+    assert FAULT_SIZES[-1] <= MOST == 0.6
+    assert FAULT_SIZES[1:] / FAULT_SIZES[:-1] == pytest.approx(1.06)
+
+
+@pytest.mark.parametrize("rotor", range(4))
+def test_a_propeller_is_named_with_an_interval_that_holds(rotor):
+    for loss in (0.06, 0.12, 0.3):
+        (fault,) = seen(hover(rotor), lost(rotor, loss))
+        assert (fault.kind, fault.rotor) == ("propeller", rotor)
+        assert fault.lower <= loss <= fault.upper
+        assert fault.upper - fault.lower < 0.4 * loss
+
+
+def test_the_intervals_of_many_flights_hold():
+    found = [seen(hover(seed), lost(seed % 4, 0.1)) for seed in range(20, 40)]
+    assert all(len(faults) == 1 for faults in found)
+    assert sum(f.lower <= 0.1 <= f.upper for (f,) in found) >= 18
+
+
+def test_a_loss_beyond_the_bound_is_said_to_be_at_the_bound():
+    for fault in seen(hover(3), lost(2, 0.8)):
+        assert fault.rotor == 2
+        assert fault.size <= MOST
+
+
+@pytest.mark.parametrize(
+    "pattern",
+    [
+        [1.1] * 4,  # mass, air
+        [1.15, 1.15, 0.85, 0.85],  # yaw
+        [1.15, 1.15, 1.0, 1.0],  # a diagonal alone
+        [1.1, 1.0, 1.1, 1.0],  # two neighbours alone
+        [1.0, 1.0, 0.9, 0.9],  # the other diagonal unloaded
+        [0.85, 1.0, 1.0, 1.0],  # one rotor with too much thrust
+    ],
+)
+def test_a_pair_or_all_together_are_no_propeller(pattern):
+    assert [f for f in seen(hover(5), np.sqrt(pattern)) if f.kind == "propeller"] == []
+
+
+@pytest.mark.parametrize("short", [0.05, 0.1, 0.3])
+def test_a_weak_motor_is_a_fault_of_its_own(short):
+    weak = np.ones(4)
+    weak[1] -= short
+    (fault,) = seen(hover(6), weak=weak)
+    assert (fault.kind, fault.rotor) == ("motor", 1)
+    assert fault.lower <= short <= fault.upper
+
+
+def test_a_motor_that_is_faster_than_its_output_asks_or_all_slower_are_none():
+    assert seen(hover(7), weak=np.array([1.1, 1.0, 1.0, 1.0])) == []
+    assert seen(hover(7), weak=np.full(4, 0.8)) == []
+
+
+def test_a_fault_that_goes_away_is_cleared_and_one_that_stays_is_not():
+    track = hover(8, seconds=150.0)
+    bad = np.where((track.time_s > 60.0) & (track.time_s < 100.0), 1.0 / math.sqrt(0.85), 1.0)
+    factor = np.ones((track.time_s.size, 4))
+    factor[:, 3] = bad
+    assert seen(track, factor, since=0.0) == []
+    (fault,) = seen(track, lost(3, 0.15))
+    assert fault.rotor == 3
+
+
+def test_while_a_fault_grows_only_its_least_size_is_known():
+    (fault,) = seen(hover(9, seconds=ONSET + 4.0), lost(0, 0.2))
+    assert fault.upper == MOST
+    assert fault.lower < 0.2
+
+
+def test_a_lost_share_moves_its_own_rotor_on_a_quad():
+    steps, torque = loss_steps(MODEL)
+    at = int(np.argmin(abs(FAULT_SIZES - 0.12)))
+    loss = FAULT_SIZES[at]
+    # Rotor 3 turns faster by loss/(1 - loss) of its thrust, less what its own torque spares.
+    modes = mode_directions(MODEL)
+    three = (steps[2, at] @ modes)[:3]
+    assert abs(three) == pytest.approx(0.5 * loss / (1.0 - loss), rel=0.02)
+    assert np.argmax(steps[2, at]) == 2
+    # What its torque does is nearly all yaw.
+    assert np.max(abs(torque[2, at] @ modes)[:3]) < 0.02 * abs(three).max()
+
+
+def test_the_ground_long_enough_forgets_a_fault_and_a_bounce_does_not():
+    analysis = analyse(hover(10), MODEL)
+    rows = fault_signals(analysis, slice(None)).copy()
+    rows[600:, 1] += 0.2 / 0.8
+    for pause, left in ((1.0, 1), (60.0, 0)):
+        faults = RotorFaults(MODEL)
+        for row in rows:
+            faults.add(float(row[0]), row)
+        assert len(faults.standing) == 1
+        faults.landed(90.0)
+        faults.add(90.0 + pause, rows[0])
+        assert len(faults.standing) == left
