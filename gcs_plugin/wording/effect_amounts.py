@@ -96,10 +96,53 @@ def air_density(it: DescribedEffect) -> str:
 
 
 def tank_gauge(it: DescribedEffect) -> str:
+    return _gain("The tank gauge shows", it)
+
+
+def airspeed_gain(it: DescribedEffect) -> str:
+    return _gain("The airspeed sensor shows", it)
+
+
+def _gain(what: str, it: DescribedEffect) -> str:
+    """Of an instrument whose true value is gain times what it shows."""
     value, *ends = (1.0 - 1.0 / gain for gain in it.ends("gain"))
     sign, much = (-1.0, "much") if value < 0.0 else (1.0, "little")
     shown = within(value, ends[0], ends[1], "%", factor=100.0 * sign, most=1)
-    return _sized("The tank gauge shows", shown, f"too {much}")
+    return _sized(what, shown, f"too {much}")
+
+
+def tank_zero(it: DescribedEffect) -> str:
+    flight = it.whole.problem.names[it.found.flight]
+    shown = _sized("The tank gauge shows", it.size("offset", "kg"), _too(it, "offset"))
+    flights = it.found.value.shape[0]
+    return f"{shown} in {flight}" + (", most of all flights" if flights > 1 else "")
+
+
+def tank_drift(it: DescribedEffect) -> str:
+    shown = it.size("rate", "kg", factor=600.0)
+    return _sized("The tank gauge shows", shown, f"{_too(it, 'rate')} after 10 minutes")
+
+
+def airspeed_bias(it: DescribedEffect) -> str:
+    return _sized("The airspeed sensor shows", it.size("bias", "m/s"), _too(it, "bias"))
+
+
+def _too(it: DescribedEffect, name: str) -> str:
+    """Of what is to be added to what an instrument shows."""
+    return "too much" if it.negative(name) else "too little"
+
+
+def flow_moment(it: DescribedEffect) -> str:
+    parts = [f"{axis} {it.text(axis, most=3)}" for axis in ("roll", "pitch")]
+    return f"Flying level makes moments that the model lacks, with the gain {', '.join(parts)}"
+
+
+def drag_moment(it: DescribedEffect) -> str:
+    parts = [f"{axis} {it.text(axis, 'm', most=3)}" for axis in ("roll", "pitch")]
+    return (
+        "Leaning into wind makes moments that the model lacks, as drag that acts above the centre "
+        f"of gravity does: {', '.join(parts)}"
+    )
 
 
 def late_airspeed(it: DescribedEffect) -> str:

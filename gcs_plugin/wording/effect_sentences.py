@@ -70,6 +70,18 @@ WORDS: Mapping[str, EffectWords] = MappingProxyType(
         "extra_mass": EffectWords("hidden mass", amounts.hidden_mass, "weigh it"),
         "air_density": EffectWords("air density", amounts.air_density),
         "tank_scale": EffectWords("a wrong tank gauge", amounts.tank_gauge, "check it"),
+        "tank_zero": EffectWords(
+            "a tank gauge off its zero", amounts.tank_zero, "set it to zero with an empty tank"
+        ),
+        "tank_drift": EffectWords(
+            "a tank gauge that drifts", amounts.tank_drift, "check it against what was filled in"
+        ),
+        "airspeed_bias": EffectWords(
+            "an airspeed sensor off its zero", amounts.airspeed_bias, "set its zero before take-off"
+        ),
+        "airspeed_gain": EffectWords(
+            "a wrong airspeed sensor", amounts.airspeed_gain, "check its tube and its calibration"
+        ),
         "sensor_lag": EffectWords(
             "a late airspeed", amounts.late_airspeed, "check its filter and message rate"
         ),
@@ -103,8 +115,8 @@ WORDS: Mapping[str, EffectWords] = MappingProxyType(
             amounts.thrust_drift,
             "check gauge and ESC readings first, then clean the blades",
         ),
-        "flow_moment": EffectWords("the moment of forward flight", amounts.by_parameters),
-        "drag_moment": EffectWords("the moment of leaning into wind", amounts.by_parameters),
+        "flow_moment": EffectWords("the moment of forward flight", amounts.flow_moment),
+        "drag_moment": EffectWords("the moment of leaning into wind", amounts.drag_moment),
         "battery_voltage": EffectWords(
             "rotor speeds that follow the voltage",
             amounts.voltage,

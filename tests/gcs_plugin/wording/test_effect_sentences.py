@@ -60,6 +60,8 @@ def test_every_effect_of_the_table_has_words(whole, effect):
     assert "_" not in said.replace("made_", "")
     assert said.startswith(effect.name) is False
     assert ": " in said
+    # No effect is left to be described by the names of its parameters.
+    assert effect.key in WORDS or effect.name in WORDS
     assert "unknown" not in said
     assert ("rotor 2 (rear left)" in said.lower()) == effect.of_one_rotor
 
@@ -169,6 +171,36 @@ def test_no_two_effects_are_called_alike():
             [0.02],
             None,
             "The airspeed is reported 0.3 s late (0.28 to 0.32): check its filter and message rate",
+        ),
+        (
+            "tank_zero",
+            [[0.1], [0.31], [0.1]],
+            [[0.04]] * 3,
+            None,
+            "The tank gauge shows 0.31 kg too little (0.27 to 0.35) in made_1.csv, most of all "
+            "flights: set it to zero with an empty tank",
+        ),
+        (
+            "tank_drift",
+            [-1e-3],
+            [1e-4],
+            None,
+            "The tank gauge shows 0.6 kg too much after 10 minutes (0.54 to 0.66): check it "
+            "against what was filled in",
+        ),
+        (
+            "airspeed_bias",
+            [1.0],
+            [0.2],
+            None,
+            "The airspeed sensor shows 1 m/s too little (0.8 to 1.2): set its zero before take-off",
+        ),
+        (
+            "airspeed_gain",
+            [0.9],
+            [0.02],
+            None,
+            "The airspeed sensor shows 11 % too much (9 to 14): check its tube and its calibration",
         ),
         (
             "parasite_drag",

@@ -34,8 +34,8 @@ NOISE = np.array([4.0, 3.0, 2.5, 2.5])
 MASS, GAUGE, LOSS = (Term(effect=BY_KEY[key]) for key in ("extra_mass", "tank_scale", "yaw_trim"))
 
 
-def rivals(*sets):
-    return tuple(fitted_rival(PROBLEM, terms, NOISE) for terms in sets)
+def rivals(first, second) -> tuple[Rival, Rival]:
+    return fitted_rival(PROBLEM, first, NOISE), fitted_rival(PROBLEM, second, NOISE)
 
 
 def test_a_rival_is_fitted_to_the_flown_rows():
@@ -54,7 +54,7 @@ def test_hidden_mass_and_gauge_are_told_apart_by_another_fill():
 
 
 def test_rivals_that_predict_the_same_everywhere_are_not_told_apart():
-    mass = rivals((MASS,))[0]
+    mass = rivals((MASS,), ())[0]
     chosen = next_flight(MODEL, (mass, mass), limits=LIMITS, noise_rpm=NOISE)
     assert (chosen.nats, chosen.certainty) == (0.0, 0.5)
 
@@ -63,10 +63,11 @@ def test_the_divergence_is_that_of_two_gaussians(monkeypatch):
     """Against d' S^-1 d with S written out, of a short hover."""
     hover = manoeuvres(LIMITS)[1]
     monkeypatch.setattr(module, "ROW_S", 2.0)
-    pair = tuple(
+    first, second = (
         Rival(terms=r.terms, values=r.values, covariance=0.04 * np.eye(r.values.size))
         for r in rivals((MASS,), (GAUGE, LOSS))
     )
+    pair = (first, second)
     track = flown_track(hover, MODEL, LIMITS, hover.fills_kg[0])
     gram = module._gram([module._flown_once(MODEL, pair, track, NOISE, 3.0)])
     x = model_channels(MODEL, track, effects=effects_for(MODEL.airframe))
