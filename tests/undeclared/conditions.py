@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -82,45 +83,8 @@ class Implant:
         return day if self.altitude is None else elsewhere(day, self.altitude, self.warmer)
 
 
-Draw = Callable[[np.random.Generator, Craft, float], Implant]
-
-#: Smallest and largest size of each kind, drawn evenly in the logarithm and never drawn again.
-RANGES: Mapping[str, tuple[float, float]] = MappingProxyType(
-    {
-        "rotor": (0.003, 0.15),  # share of its thrust
-        "rotor onset": (0.005, 0.15),
-        "mass": (0.002, 0.08),  # of the typical mass
-        "cg": (0.001, 0.04),  # of the arm
-        "cg of tank": (0.003, 0.08),
-        "gauge gain": (0.01, 0.25),
-        "air": (0.005, 0.2),  # of density
-        "wind": (1.0, 8.0),  # m/s
-        "drag": (0.05, 1.0),  # of the rotors' discs
-        "ground": (0.3, 1.5),  # radius over the lowest height of the legs
-        "climb": (0.5, 3.0),  # m/s
-        "booms": (0.05, 0.6),  # of inertia
-        "fouling": (0.004, 0.12),  # of thrust in five minutes
-        "speed with voltage": (0.05, 1.0),
-        "tilt": (0.0005, 0.02),  # rad
-        "lag": (0.05, 0.8),  # s
-        "wake": (0.3, 1.5),
-        "flex": (0.01, 0.15),
-        "slosh": (0.3, 2.0),
-        "jet": (0.001, 0.02),
-        "shed": (0.01, 0.1),
-        "band": (0.02, 0.2),
-        "thermal": (0.2, 2.0),
-        "flap": (0.002, 0.04),
-        "late ESC": (0.3, 0.3),
-        "1 Hz speeds": (1.0, 1.0),
-        "rounded speeds": (0.005, 0.03),
-        "repeated speeds": (0.1, 0.6),
-        "warm thermometer": (3.0, 20.0),  # K
-        "gauge drift": (0.01, 0.1),
-        "airspeed bias": (0.3, 2.0),  # m/s
-        "voltage offset": (0.01, 0.06),
-    }
-)
+Fields = dict[str, Any]  # of an Implant
+Draw = Callable[[np.random.Generator, Craft, float], Fields]
 
 
 def _either(rng: np.random.Generator) -> float:
@@ -132,198 +96,154 @@ def _way(rng: np.random.Generator, length: float) -> tuple[float, float]:
     return float(length * np.cos(angle)), float(length * np.sin(angle))
 
 
-def _rotor(rng: np.random.Generator, craft: Craft, size: float) -> Implant:
+def _rotor(rng: np.random.Generator, craft: Craft, size: float) -> Fields:
     rotor = int(rng.integers(craft.rotors))
-    return Implant(
-        kind="rotor",
-        name="rotor_degradation",
-        size=size,
-        rotor=rotor,
-        condition={"cut": cut_for_loss(craft.blade, size), "rotor": rotor},
-        truth={"loss": size},
-    )
+    cut = cut_for_loss(craft.blade, size)
+    return {
+        "rotor": rotor,
+        "condition": {"cut": cut, "rotor": rotor},
+        "truth": {"loss": size},
+    }
 
 
-def _rotor_onset(rng: np.random.Generator, craft: Craft, size: float) -> Implant:
+def _rotor_onset(rng: np.random.Generator, craft: Craft, size: float) -> Fields:
     one = _rotor(rng, craft, size)
     at = PAUSE_S * int(rng.integers(0, 3)) + float(rng.uniform(60.0, 130.0))
-    return replace(one, kind="rotor onset", condition={**one.condition, "cut_from": at})
+    return {**one, "condition": {**one["condition"], "cut_from": at}}
 
 
-def _mass(rng: np.random.Generator, craft: Craft, size: float) -> Implant:
-    del rng
+def _mass(_: np.random.Generator, craft: Craft, size: float) -> Fields:
     mass = size * craft.typical_mass
-    return Implant(
-        kind="mass",
-        name="extra_mass",
-        size=size,
-        condition={"hidden_mass": mass},
-        truth={"mass": mass},
-    )
+    return {"condition": {"hidden_mass": mass}, "truth": {"mass": mass}}
 
 
-def _cg(rng: np.random.Generator, craft: Craft, size: float) -> Implant:
+def _cg(rng: np.random.Generator, craft: Craft, size: float) -> Fields:
     x, y = _way(rng, size * craft.arm)
-    return Implant(
-        kind="cg", name="cg_offset", size=size, condition={"cg": (x, y)}, truth={"x": x, "y": y}
-    )
+    return {"condition": {"cg": (x, y)}, "truth": {"x": x, "y": y}}
 
 
-def _cg_tank(rng: np.random.Generator, craft: Craft, size: float) -> Implant:
+def _cg_tank(rng: np.random.Generator, craft: Craft, size: float) -> Fields:
     x, y = _way(rng, size * craft.arm)
-    return Implant(
-        kind="cg of tank",
-        name="cg_offset",
-        size=size,
-        condition={"cg_full": (x, y)},
-        truth={"x_full": x, "y_full": y},
-    )
+    return {"condition": {"cg_full": (x, y)}, "truth": {"x_full": x, "y_full": y}}
 
 
-def _gauge(rng: np.random.Generator, craft: Craft, size: float) -> Implant:
-    del craft
+def _gauge(rng: np.random.Generator, _: Craft, size: float) -> Fields:
     gain = float(np.exp(_either(rng) * size))
-    return Implant(
-        kind="gauge gain",
-        name="tank_scale",
-        size=size,
-        condition={"gauge_gain": gain},
-        truth={"gain": gain},
-    )
+    return {"condition": {"gauge_gain": gain}, "truth": {"gain": gain}}
 
 
-def _air(rng: np.random.Generator, craft: Craft, size: float) -> Implant:
-    """Higher or hotter (or colder) than the calibration field."""
-    del craft
+def _air(rng: np.random.Generator, _: Craft, size: float) -> Fields:
+    """Higher or hotter (or colder, to 12 %) than the calibration field."""
     if rng.random() < 0.5:
-        altitude, warmer = 10_400.0 * size, 0.0
-    else:
-        altitude, warmer = 0.0, 288.15 * float(np.expm1(_either(rng) * min(size, 0.12)))
-    return Implant(
-        kind="air",
-        name="air_density",
-        size=size if altitude else min(size, 0.12),
-        altitude=altitude,
-        warmer=warmer,
-    )
+        return {"altitude": 10_400.0 * size}
+    size = min(size, 0.12)
+    warmer = 288.15 * float(np.expm1(_either(rng) * size))
+    return {"altitude": 0.0, "warmer": warmer, "size": size}
 
 
-def _wind(rng: np.random.Generator, craft: Craft, size: float) -> Implant:
-    del craft
+def _wind(rng: np.random.Generator, _: Craft, size: float) -> Fields:
     north, east = _way(rng, size)
-    return Implant(
-        kind="wind",
-        name="wind",
-        size=size,
-        condition={"blind_to_wind": True},
-        wind=(north, east),
-        truth={"wind_north": north, "wind_east": east},
-    )
+    truth = {"wind_north": north, "wind_east": east}
+    return {"condition": {"blind_to_wind": True}, "wind": (north, east), "truth": truth}
 
 
-def _drag(rng: np.random.Generator, craft: Craft, size: float) -> Implant:
-    del rng
-    area = size * craft.disc * craft.rotors
-    return Implant(kind="drag", name="parasite_drag", size=size, condition={"drag_area": area})
+def _drag(_: np.random.Generator, craft: Craft, size: float) -> Fields:
+    return {"condition": {"drag_area": size * craft.disc * craft.rotors}}
 
 
-def _ground(rng: np.random.Generator, craft: Craft, size: float) -> Implant:
+def _ground(rng: np.random.Generator, craft: Craft, size: float) -> Fields:
     low = max(craft.radius / size, 0.3)
-    style = {"height": 3.0 * low, "hills": 2.0 * low, "hill_period": float(rng.uniform(15, 40))}
-    return Implant(kind="ground", name="ground_effect", size=size, style=style)
+    period = float(rng.uniform(15, 40))
+    return {"style": {"height": 3.0 * low, "hills": 2.0 * low, "hill_period": period}}
 
 
-def _climb(rng: np.random.Generator, craft: Craft, size: float) -> Implant:
-    del craft
-    style = {"climb": float(rng.uniform(6.0, 14.0)), "climb_speed": size}
-    return Implant(kind="climb", name="climb_inflow", size=size, style=style)
+def _climb(rng: np.random.Generator, _: Craft, size: float) -> Fields:
+    return {"style": {"climb": float(rng.uniform(6.0, 14.0)), "climb_speed": size}}
 
 
-def _booms(rng: np.random.Generator, craft: Craft, size: float) -> Implant:
+def _booms(rng: np.random.Generator, craft: Craft, size: float) -> Fields:
     scale = float(np.exp(_either(rng) * size))
-    more = craft.inertia * (scale - 1.0)
-    truth = zip(("inertia_roll", "inertia_pitch", "inertia_yaw"), map(float, more), strict=True)
-    return Implant(
-        kind="booms",
-        name="manoeuvre_moment",
-        size=size,
-        condition={"inertia_scale": scale},
-        truth=dict(truth),
-    )
+    axes = ("inertia_roll", "inertia_pitch", "inertia_yaw")
+    more = map(float, craft.inertia * (scale - 1.0))
+    return {
+        "condition": {"inertia_scale": scale},
+        "truth": dict(zip(axes, more, strict=True)),
+    }
 
 
-def _tilt(rng: np.random.Generator, craft: Craft, size: float) -> Implant:
+def _tilt(rng: np.random.Generator, craft: Craft, size: float) -> Fields:
     rotor = int(rng.integers(craft.rotors))
-    angle = size * _either(rng)
-    return Implant(
-        kind="tilt", name="yaw_trim", size=size, condition={"tilt": angle, "tilted": rotor}
-    )
+    return {"condition": {"tilt": size * _either(rng), "tilted": rotor}}
 
 
-def _lag(rng: np.random.Generator, craft: Craft, size: float) -> Implant:
-    del rng, craft
-    return Implant(
-        kind="lag",
-        name="sensor_lag",
-        size=size,
-        condition={"speed_delay": size},
-        truth={"lag": size},
-    )
+def _lag(_: np.random.Generator, __: Craft, size: float) -> Fields:
+    return {"condition": {"speed_delay": size}, "truth": {"lag": size}}
 
 
-def _number(kind: str, name: str, key: str) -> Draw:
-    def draw(rng: np.random.Generator, craft: Craft, size: float) -> Implant:
-        signed = size * (_either(rng) if key in ("airspeed_bias", "voltage_offset") else 1.0)
+def _number(key: str, signed: bool = False, of_rotor: bool = False) -> Draw:
+    """A size that is one number of the condition, of either sign or of one rotor."""
+
+    def fields(rng: np.random.Generator, craft: Craft, size: float) -> Fields:
+        size *= _either(rng) if signed else 1.0
         rotor = int(rng.integers(craft.rotors))
-        condition = {key: signed, "rotor": rotor} if key in ("flex", "band") else {key: signed}
-        return Implant(kind=kind, name=name, size=size, condition=condition)
+        return {"condition": {key: size, "rotor": rotor} if of_rotor else {key: size}}
 
-    return draw
+    return fields
 
 
-SINGLE: Mapping[str, Draw] = MappingProxyType(
+#: Name in the code under test, smallest and largest size, and what it changes. Sizes are drawn
+#: evenly in the logarithm and never drawn again for being small.
+SINGLE: Mapping[str, tuple[str, float, float, Draw]] = MappingProxyType(
     {
-        "rotor": _rotor,
-        "rotor onset": _rotor_onset,
-        "mass": _mass,
-        "cg": _cg,
-        "cg of tank": _cg_tank,
-        "gauge gain": _gauge,
-        "air": _air,
-        "wind": _wind,
-        "drag": _drag,
-        "ground": _ground,
-        "climb": _climb,
-        "booms": _booms,
-        "fouling": _number("fouling", "thrust_drift", "fouling"),
-        "speed with voltage": _number(
-            "speed with voltage", "battery_voltage", "speed_with_voltage"
-        ),
-        "tilt": _tilt,
-        "lag": _lag,
+        "rotor": ("rotor_degradation", 0.003, 0.15, _rotor),  # share of its thrust
+        "rotor onset": ("rotor_degradation", 0.005, 0.15, _rotor_onset),
+        "mass": ("extra_mass", 0.002, 0.08, _mass),  # of the typical mass
+        "cg": ("cg_offset", 0.001, 0.04, _cg),  # of the arm
+        "cg of tank": ("cg_offset", 0.003, 0.08, _cg_tank),
+        "gauge gain": ("tank_scale", 0.01, 0.25, _gauge),
+        "air": ("air_density", 0.005, 0.2, _air),  # of density
+        "wind": ("wind", 1.0, 8.0, _wind),  # m/s
+        "drag": ("parasite_drag", 0.05, 1.0, _drag),  # of the rotors' discs
+        "ground": ("ground_effect", 0.3, 1.5, _ground),  # radius over the legs' lowest height
+        "climb": ("climb_inflow", 0.5, 3.0, _climb),  # m/s
+        "booms": ("manoeuvre_moment", 0.05, 0.6, _booms),  # of inertia
+        "fouling": ("thrust_drift", 0.004, 0.12, _number("fouling")),  # of thrust in five minutes
+        "speed with voltage": ("battery_voltage", 0.05, 1.0, _number("speed_with_voltage")),
+        "tilt": ("yaw_trim", 0.0005, 0.02, _tilt),  # rad
+        "lag": ("sensor_lag", 0.05, 0.8, _lag),  # s
     }
 )
-OUTSIDE: Mapping[str, Draw] = MappingProxyType(
+OUTSIDE: Mapping[str, tuple[str, float, float, Draw]] = MappingProxyType(
     {
-        k: _number(k, "", k)
-        for k in ("wake", "flex", "slosh", "jet", "shed", "band", "thermal", "flap")
+        "wake": ("", 0.3, 1.5, _number("wake")),
+        "flex": ("", 0.01, 0.15, _number("flex", of_rotor=True)),
+        "slosh": ("", 0.3, 2.0, _number("slosh")),
+        "jet": ("", 0.001, 0.02, _number("jet")),
+        "shed": ("", 0.01, 0.1, _number("shed")),
+        "band": ("", 0.02, 0.2, _number("band", of_rotor=True)),
+        "thermal": ("", 0.2, 2.0, _number("thermal")),
+        "flap": ("", 0.002, 0.04, _number("flap")),
     }
 )
-INSTRUMENTS: Mapping[str, Draw] = MappingProxyType(
+INSTRUMENTS: Mapping[str, tuple[str, float, float, Draw]] = MappingProxyType(
     {
-        "late ESC": _number("late ESC", "sensor_lag", "speed_delay"),
-        "1 Hz speeds": _number("1 Hz speeds", "", "period"),
-        "rounded speeds": _number("rounded speeds", "", "quantum"),
-        "repeated speeds": _number("repeated speeds", "", "repeats"),
-        "warm thermometer": _number("warm thermometer", "", "warm"),
-        "gauge drift": _number("gauge drift", "", "gauge_drift"),
-        "airspeed bias": _number("airspeed bias", "", "airspeed_bias"),
-        "voltage offset": _number("voltage offset", "", "voltage_offset"),
+        "late ESC": ("sensor_lag", 0.3, 0.3, _number("speed_delay")),
+        "1 Hz speeds": ("", 1.0, 1.0, _number("period")),
+        "rounded speeds": ("", 0.005, 0.03, _number("quantum")),
+        "repeated speeds": ("", 0.1, 0.6, _number("repeats")),
+        "warm thermometer": ("", 3.0, 20.0, _number("warm")),  # K
+        "gauge drift": ("", 0.01, 0.1, _number("gauge_drift")),
+        "airspeed bias": ("", 0.3, 2.0, _number("airspeed_bias", signed=True)),  # m/s
+        "voltage offset": ("", 0.01, 0.06, _number("voltage_offset", signed=True)),
     }
 )
+KINDS = MappingProxyType({**SINGLE, **OUTSIDE, **INSTRUMENTS})
 
 
 def draw(kind: str, rng: np.random.Generator, craft: Craft, size: float | None = None) -> Implant:
     """One change of a kind, its size, unless given, even in the logarithm over its range."""
-    drawn = float(np.exp(rng.uniform(*np.log(RANGES[kind]))))
-    return {**SINGLE, **OUTSIDE, **INSTRUMENTS}[kind](rng, craft, size or drawn)
+    name, low, high, fields = KINDS[kind]
+    drawn = float(np.exp(rng.uniform(np.log(low), np.log(high))))
+    return Implant(
+        **{"kind": kind, "name": name, "size": size or drawn} | fields(rng, craft, size or drawn)
+    )

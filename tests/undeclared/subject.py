@@ -48,11 +48,7 @@ def command(*words: object) -> str:
 
 
 def trained_model(craft: Craft, folder: Path) -> Path:
-    """The model file of a craft by `thrustmargin train` on its good flights, kept in the folder.
-
-    Where `train` leaves the effects of every flight to be found, `identify` finds them on the same
-    good flights, as a user would at commissioning.
-    """
+    """The model file of a craft by `thrustmargin train` on its good flights, kept in the folder."""
     path = folder / f"{craft.name}.safetensors"
     if path.exists():
         return path
@@ -62,16 +58,12 @@ def trained_model(craft: Craft, folder: Path) -> Path:
     for number, flight in enumerate(good_flights(craft), 1):
         logs.append(folder / f"{craft.name}-good-{number}.csv")
         write_csv(flight.track, logs[-1])
-    new = folder / f"new-{craft.name}.safetensors"
-    airframe = folder / f"{craft.name}.toml"
+    new, airframe = folder / f"new-{path.name}", folder / f"{craft.name}.toml"
     quick = ("--split", "samples", "--members", 3, "--max-epochs", 300, "--force")
     command("train", *logs, "--airframe", airframe, "--out", new, *quick)
-    if not tm.load_model(new).placed:
-        command("identify", *logs, "--model", new, "--out", path)
-    else:
-        new.rename(path)
-    for log in logs:
-        log.unlink()
+    new.rename(path)  # a training that was stopped leaves no model behind
+    for other in (*logs, *folder.glob(f"new-{craft.name}*")):
+        other.unlink()
     return path
 
 

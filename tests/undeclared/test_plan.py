@@ -5,7 +5,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from tests.undeclared.conditions import INSTRUMENTS, OUTSIDE, RANGES, SINGLE, draw
+from tests.undeclared.conditions import KINDS, draw
 from tests.undeclared.crafts import CRAFTS
 from tests.undeclared.plan import ROUND, DataSet, build, case_of, good_flights
 from tests.undeclared.recorded import RECORDED_ROUND, build_recorded
@@ -31,9 +31,9 @@ def test_the_plan_stays_as_it_was_frozen():
     assert [case_of(seed)[0] for seed in range(1, 7)] == kinds
 
 
-@pytest.mark.parametrize("kind", [*SINGLE, *OUTSIDE, *INSTRUMENTS])
+@pytest.mark.parametrize("kind", list(KINDS))
 def test_sizes_spread_evenly_in_the_logarithm_over_their_range(kind):
-    low, high = RANGES[kind]
+    _, low, high, _ = KINDS[kind]
     sizes = [draw(kind, np.random.default_rng(s), SMALL).size for s in range(200)]
     assert min(sizes) >= 0.999 * low
     assert max(sizes) <= 1.001 * high
@@ -41,9 +41,9 @@ def test_sizes_spread_evenly_in_the_logarithm_over_their_range(kind):
         assert np.median(np.log(sizes)) == pytest.approx(0.5 * np.log(low * high), abs=0.35)
 
 
-@pytest.mark.parametrize("kind", [*SINGLE, *OUTSIDE, *INSTRUMENTS])
+@pytest.mark.parametrize("kind", list(KINDS))
 def test_each_change_at_its_largest_moves_what_is_reported(kind, sound):
-    data = build(7, kind, SMALL, RANGES[kind][1])
+    data = build(7, kind, SMALL, KINDS[kind][2])
     assert data.kind == kind
     one = data.fit[1].track
     if kind in ("ground", "climb"):  # flown otherwise, on the sound aircraft
