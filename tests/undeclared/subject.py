@@ -17,7 +17,7 @@ import numpy as np
 
 import thrustmargin as tm
 from tests.undeclared.crafts import Craft
-from tests.undeclared.plan import good_flights
+from tests.undeclared.plan import GOOD_FLIGHTS, good_flights
 from tests.undeclared.rotor_aero import Array
 from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.models.flight import FlightTrack
@@ -47,7 +47,7 @@ def command(*words: object) -> str:
     return done.stdout
 
 
-def trained_model(craft: Craft, folder: Path) -> Path:
+def trained_model(craft: Craft, folder: Path, flights: int = GOOD_FLIGHTS) -> Path:
     """The model file of a craft by `thrustmargin train` on its good flights, kept in the folder."""
     path = folder / f"{craft.name}.safetensors"
     if path.exists():
@@ -55,7 +55,7 @@ def trained_model(craft: Craft, folder: Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     airframe_of(craft, folder)
     logs = []
-    for number, flight in enumerate(good_flights(craft), 1):
+    for number, flight in enumerate(good_flights(craft, flights), 1):
         logs.append(folder / f"{craft.name}-good-{number}.csv")
         write_csv(flight.track, logs[-1])
     new, airframe = folder / f"new-{path.name}", folder / f"{craft.name}.toml"

@@ -7,6 +7,7 @@ import pytest
 
 from tests.undeclared.crafts import CRAFTS
 from tests.undeclared.scorer import Case, score_one
+from tests.undeclared.subject import trained_model
 
 #: Plain sizes: a name that goes wrong here is wrong for any user. Small ones are the scorer's.
 PLAIN = {"rotor": 0.08, "mass": 0.06, "cg": 0.02, "gauge gain": 0.2, "jet": 0.01}
@@ -15,6 +16,7 @@ PLAIN = {"rotor": 0.08, "mass": 0.06, "cg": 0.02, "gauge gain": 0.2, "jet": 0.01
 @pytest.mark.slow
 def test_plain_changes_are_named_and_nothing_else(tmp_path_factory):
     models = tmp_path_factory.mktemp("models")
+    trained_model(CRAFTS[0], models, flights=6)  # in half of the time
     plan = {"none": None, **PLAIN}
     cases = [
         Case(seed=77, kind=kind, craft=CRAFTS[0], models=models, compare=False, size=size)
