@@ -21,8 +21,8 @@ TWINS_AT_MOST = 3
 LISTED_FROM = 0.05
 #: Effects that every flight has: a model of few good flights may lack a little of them.
 NATURAL = frozenset(
-    ("load_factor", "manoeuvre_moment", "flow_moment", "translational_lift", "climb_inflow",
-     "parasite_drag", "ground_effect")
+    ("load_factor", "manoeuvre_moment", "flow_moment", "drag_moment", "translational_lift",
+     "climb_inflow", "parasite_drag", "ground_effect")
 )  # fmt: skip
 #: Names that say the instrument, as parts of them; what else is named on such a set is wrong.
 RIGHT_INSTRUMENT: Mapping[str, tuple[str, ...]] = {

@@ -9,9 +9,17 @@ import pytest
 
 from tests.undeclared.conditions import Condition, Implant
 from tests.undeclared.crafts import CRAFTS, GRAVITY, RPM, SEA_LEVEL_DENSITY
-from tests.undeclared.days import Day, elsewhere
-from tests.undeclared.flight_laws import Flow, drag_of, rotor_forces, wake_inflow, yaw_time
-from tests.undeclared.missions import Style
+from tests.undeclared.days import Day, Surroundings, elsewhere
+from tests.undeclared.flight_laws import (
+    Attitude,
+    Flow,
+    drag_of,
+    flow_of,
+    rotor_forces,
+    wake_inflow,
+    yaw_time,
+)
+from tests.undeclared.missions import Motion, Style
 from tests.undeclared.plant import SPIN_MAX, SPIN_MIN, as_telemetry, fly, motor_output
 from tests.undeclared.rotor_aero import (
     Blade,
@@ -141,6 +149,26 @@ def test_a_leaning_motor_is_held_by_the_torque_of_all():
     # 4 q s N²/N0² share: sum s_i T_i q = -arm T/4 tilt, so each rotor's N² moves by -s arm tilt/4q.
     wanted = 1.0 - F16.spin * F16.arm * 0.005 / (4.0 * ratio)
     assert (rpm / speeds()) ** 2 == pytest.approx(wanted, abs=2e-3)
+
+
+def test_rotors_that_swing_down_meet_air_from_below():
+    still = np.zeros((1, 3))
+    motion = Motion(
+        np.zeros(1), still, still, still, np.zeros(1), np.full(1, 50.0), *2 * [np.ones(1)]
+    )
+    around = Surroundings(still, 1.2, np.zeros(1), np.zeros(1), 0.0, np.zeros((1, 4)))
+    attitude = Attitude(still, np.array([[0.5, 0.25, 0.0]]), np.eye(3)[None], np.ones(1), still)
+    x, y = F16.position.T
+    axial = flow_of(F16, attitude, motion, around).axial[0]
+    assert axial == pytest.approx(0.25 * x - 0.5 * y)  # up through the disc: rolling right, nose up
+
+
+def test_drag_of_what_hangs_below_pulls_the_nose_down_and_the_rotors_hold_against_it():
+    wind = fly(F16, Condition(), HOVER, replace(CALM, wind=(-7.0, 0.0)), [1], "hover").track
+    rpm = wind.rotor_speed_rpm[ROWS].mean(axis=0)
+    front = F16.position[:, 0] > 0
+    assert np.all(np.cos(wind.attitude[ROWS, 2]) > 0.99)
+    assert rpm[front].mean() > rpm[~front].mean() + 1.0
 
 
 def test_rear_rotors_meet_the_wash_of_front_ones_and_not_the_other_way():
