@@ -7,6 +7,7 @@ lost; a mass on board below -10 kg or above 20 kg is no sprayer of this size any
 import pytest
 
 from thrustmargin.models.effects import CATALOGUE
+from thrustmargin.models.effects.base import USUAL_ARM
 
 #: (effect, parameter) of an aircraft of USUAL_MASS and USUAL_ARM -> lower, upper, scale, smallest
 SIZES = {
@@ -69,3 +70,93 @@ def test_a_parameter_may_be_found_between_its_bounds(place, sizes):
     p = FOUND[place]
     assert (p.lower, p.upper, p.scale, p.smallest) == pytest.approx(sizes, rel=1e-5)
     assert p.lower <= p.start < p.upper
+
+
+#: where a fit starts, if not at nothing; least half width of an interval: of all, and of the value
+STARTS = {
+    "airspeed_gain.gain": 1.0,
+    "tank_scale.gain": 1.0,
+    "load_factor.gain": 0.5,
+    "load_factor.imu_share": 0.5,
+    "load_factor.lag": 0.05,
+    "parasite_drag.drag_area": 0.5,
+    "manoeuvre_moment.sharpening_tilt": 1 / 12,
+    "manoeuvre_moment.sharpening_yaw": 1 / 12,
+    "manoeuvre_moment.lag": 0.02,
+    "air_density.torque_share": 1.0,
+    "battery_voltage.exponent": 1.0,
+    "ground_effect.strength": 1 / 16,
+    "rotor_degradation.torque_share": 0.5,
+}
+RESOLUTION = {
+    "sensor_lag:rotor speed.lag": 0.01,
+    "rotor_degradation:onset.onset_time": 0.3,
+    "rotor_degradation:in each flight.onset_time": 0.3,
+    "rotor_degradation:since.onset_clock": 0.3,
+}
+ACCURACY = {"load_factor.gain": 0.05, "yaw_trim.moment": 0.15}
+ACCURACY |= {f"cg_offset.{axis}": 0.01 for axis in "xy"}
+ACCURACY |= {f"cg_offset:tank.{axis}_full": 0.01 for axis in "xy"}
+ACCURACY |= {
+    f"manoeuvre_moment.{what}_{axis}": 0.15 if axis == "yaw" else 0.04
+    for what in ("inertia", "damping")
+    for axis in ("roll", "pitch", "yaw")
+}
+
+
+def values_of(field: str, *, but: float = 0.0) -> dict[str, float]:
+    found = {f"{e.key}.{p.name}": getattr(p, field) for e in CATALOGUE for p in e.parameters}
+    return {key: value for key, value in found.items() if value != but}
+
+
+def test_fits_start_where_nothing_is_or_where_an_effect_is_usual():
+    found = values_of("start")
+    cables = {k: v for k, v in found.items() if k.endswith(".cable")}
+    onsets = {k for k in found if k.startswith("rotor_degradation:")}
+    assert {k: found[k] for k in found if k not in onsets | set(cables)} == pytest.approx(STARTS)
+    assert {found[k] for k in onsets} == {0.5}
+    width = 16.0 ** (1 / 7)  # lengths of 4 to 64 arms in seven pieces, each from its middle
+    middles = [4.0 * USUAL_ARM * width ** (k + 0.5) for k in range(7)]
+    assert list(cables.values()) == pytest.approx(middles, rel=0.015)
+
+
+def test_no_interval_is_finer_than_the_form_of_its_effect():
+    assert values_of("resolution") == RESOLUTION
+    assert values_of("accuracy") == ACCURACY
+    absent = {k: v for k, v in values_of("absent").items() if v is not None}
+    assert absent == {"airspeed_gain.gain": 1.0, "tank_scale.gain": 1.0}
+
+
+def having(flag: str) -> set[str]:
+    return {e.key for e in CATALOGUE if getattr(e, flag)}
+
+
+def test_what_kind_of_thing_each_effect_is():
+    onsets = {f"rotor_degradation:{when}" for when in ("onset", "in each flight", "since")}
+    assert having("begins") == onsets
+    assert having("of_one_rotor") == onsets | {"rotor_degradation"}
+    assert having("torque") == onsets | {"rotor_degradation", "air_density"}
+    assert having("on_airframe") == onsets | {"rotor_degradation", "extra_mass"}
+    assert having("afterwards") == {"rotor_degradation:onset", "rotor_degradation:since"}
+    assert having("delays") == {"sensor_lag:rotor speed"}
+    assert having("by_flights") == {"tank_zero"}
+    assert having("temperature_offset") == {"air_density"}
+    without = {e.name for e in CATALOGUE if not e.with_tank}
+    assert without == {"slung_load", "flow_moment", "drag_moment"}
+    own = {f"{e.key}.{p.name}" for e in CATALOGUE for p in e.parameters if p.per_flight}
+    assert {key.split(".")[0] for key in own} == {"wind", "tank_zero", "rotor_degradation:onset"}
+    assert having("affine") == {
+        "air_density",
+        "battery_voltage",
+        "ground_effect",
+        "load_factor",
+        "parasite_drag",
+        "wind",
+    }
+
+
+def test_an_effect_that_starts_off_nothing_says_so():
+    """Else the search would take what it does at its start for nothing."""
+    for effect in CATALOGUE:
+        off = any(not p.detail and p.absent not in (None, p.start) for p in effect.parameters)
+        assert effect.affine or not off, effect.key

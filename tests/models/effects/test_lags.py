@@ -1,0 +1,78 @@
+"""Weights that read a channel at another time, and how far around a row effects look."""
+
+import numpy as np
+import pytest
+
+from thrustmargin.models.effects import BY_KEY, CATALOGUE
+from thrustmargin.models.effects.base import Placed, look_of
+from thrustmargin.models.effects.channels import (
+    LAG_STEP,
+    LAGS,
+    derivative_look,
+    lag_weights,
+    shifts_look,
+)
+
+TIMES = np.array(LAGS)
+
+
+def test_the_table_of_delays_reaches_far_into_the_past_and_little_into_what_comes():
+    assert LAGS[0] == -1.8
+    assert LAGS[-1] == 0.7
+    assert np.diff(LAGS) == pytest.approx(LAG_STEP)
+
+
+@pytest.mark.parametrize("lag", [-1.4, -0.27, 0.0, 0.05, 0.3])
+def test_a_parabola_is_read_exactly_at_any_delay(lag):
+    weights = lag_weights(lag, np)
+    assert weights.sum() == pytest.approx(1.0, abs=1e-12)
+    assert TIMES @ weights == pytest.approx(lag, abs=1e-12)
+    assert TIMES**2 @ weights == pytest.approx(lag**2, abs=1e-12)
+
+
+@pytest.mark.parametrize("correction", [1 / 12, -1 / 3, 0.5])
+def test_a_correction_takes_the_second_difference_away_twice(correction):
+    """Of t² it is 2 x 0.1² everywhere: taken `correction` times, twice."""
+    weights = lag_weights(0.13, np, correction)
+    assert weights.sum() == pytest.approx(1.0, abs=1e-12)
+    assert TIMES @ weights == pytest.approx(0.13, abs=1e-12)
+    by_hand = 0.13**2 - 2 * correction * 2 * LAG_STEP**2
+    assert TIMES**2 @ weights == pytest.approx(by_hand, abs=1e-12)
+    # Of t⁴ the second difference is 12 h² t² + 2 h⁴ and the fourth 24 h⁴.
+    weights = lag_weights(0.1, np, correction)
+    h, t = LAG_STEP, 0.1
+    by_hand = t**4 - 2 * correction * (12 * h**2 * t**2 + 2 * h**4) + correction**2 * 24 * h**4
+    assert TIMES**4 @ weights == pytest.approx(by_hand, abs=1e-12)
+
+
+def test_a_third_taken_away_is_the_mean_of_three_rows_twice():
+    weights = lag_weights(0.0, np, -1 / 3)
+    by_hand = np.convolve(np.full(3, 1 / 3), np.full(3, 1 / 3))
+    assert weights[np.abs(TIMES) < 0.25] == pytest.approx(by_hand, abs=1e-12)
+
+
+def test_how_far_effects_look():
+    # Four rows of weights, half a second at least; a derivative over its span and two rows more.
+    assert shifts_look(0.0) == (0.5, 0.5)
+    assert shifts_look(0.3) == pytest.approx((0.5, 0.7))
+    assert shifts_look(-0.3, 0.2) == pytest.approx((0.9, 0.7))
+    assert derivative_look(0.3) == pytest.approx(0.3)
+    assert derivative_look(0.7) == pytest.approx(0.5)
+    every = {e.key: e.looks({p.name: 0.2 for p in e.parameters}) for e in CATALOGUE}
+    looking = {key: look for key, look in every.items() if look != (0.0, 0.0)}
+    assert looking == {
+        "sensor_lag": pytest.approx((0.5, 0.6)),
+        "sensor_lag:rotor speed": pytest.approx((0.5, 0.5)),
+        "load_factor": pytest.approx((1.9, 2.0)),  # 0.3 of a derivative, half of 2 s, a row
+        "parasite_drag": pytest.approx((0.5, 0.5)),
+        "manoeuvre_moment": pytest.approx((0.8, 0.9)),
+        "drag_moment": pytest.approx((1.4, 1.4)),
+    }
+
+
+@pytest.mark.parametrize(("lag", "look"), [(0.4, (0.9, 0.5)), (-0.1, (0.5, 0.6))])
+def test_speeds_that_are_reported_late_move_all_looks_back(lag, look):
+    late = Placed(effect=BY_KEY["sensor_lag:rotor speed"], values={"lag": lag})
+    drag = Placed(effect=BY_KEY["parasite_drag"], values={"drag_area": 0.1})
+    assert look_of([late, drag]) == pytest.approx(look)
+    assert look_of([]) == (0.0, 0.0)

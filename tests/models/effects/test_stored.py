@@ -1,0 +1,63 @@
+"""Effects of a model file become effects in place, or the file is refused with the reason."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from thrustmargin.models.effects import BY_KEY
+from thrustmargin.models.effects.stored import EffectRecord, Identified, placed_from
+from thrustmargin.models.errors import ModelError
+
+
+def number(value: float, unit: str) -> Identified:
+    return Identified(value=value, unit=unit, ci95=(value, value))
+
+
+WORN = EffectRecord(
+    name="rotor_degradation",
+    rotor=4,
+    parameters={"loss": number(0.1, "1"), "torque_share": number(0.5, "1")},
+)
+ALONG = EffectRecord(
+    name="cg_offset",
+    variant="tank",
+    rotor=None,
+    parameters={"x_full": number(0.02, "m"), "y_full": number(-0.01, "m")},
+)
+
+
+def test_rotors_count_from_one_in_files_and_variants_have_their_own_form():
+    worn, along = placed_from([WORN, ALONG], 4)
+    assert worn.effect is BY_KEY["rotor_degradation"]
+    assert (worn.rotor, dict(worn.values)) == (3, {"loss": 0.1, "torque_share": 0.5})
+    assert along.effect is BY_KEY["cg_offset:tank"]
+    assert (along.rotor, dict(along.values)) == (None, {"x_full": 0.02, "y_full": -0.01})
+    assert placed_from([replace(WORN, rotor=1)], 4)[0].rotor == 0
+
+
+@pytest.mark.parametrize(
+    ("record", "words"),
+    [
+        (replace(WORN, rotor=0), "names rotor 0 of 4"),
+        (replace(WORN, rotor=5), "names rotor 5 of 4"),
+        (replace(WORN, rotor=None), "names rotor None"),
+        (replace(ALONG, rotor=2), "names rotor 2"),
+        (replace(WORN, name="rust"), "'rust', which this version does not know"),
+        (replace(ALONG, variant="spray"), "'cg_offset:spray'"),
+        (replace(WORN, parameters={"loss": number(0.1, "1")}), "needs torque_share in '1'"),
+        (
+            replace(ALONG, parameters={**ALONG.parameters, "x_full": number(20.0, "mm")}),
+            "needs x_full in 'm'",
+        ),
+        (
+            replace(ALONG, parameters={**ALONG.parameters, "y_full": number(np.nan, "m")}),
+            "needs y_full in 'm'",
+        ),
+    ],
+    ids=lambda v: v if isinstance(v, str) else "",
+)
+def test_what_cannot_be_of_this_aircraft_is_refused(record, words):
+    with pytest.raises(ModelError, match="effect") as refused:
+        placed_from([record], 4)
+    assert words in str(refused.value)
