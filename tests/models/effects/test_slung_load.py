@@ -191,6 +191,7 @@ def flown_with_load(seed: int, *, mass: float, load: float, cable: float, second
     )
 
 
+@pytest.mark.slow
 def test_mass_and_cable_of_a_known_load_are_found_from_rotor_speeds():
     load, cable = 0.006, 0.5
     airframe = load_airframe("crazyflie-rpm")
