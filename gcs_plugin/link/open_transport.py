@@ -36,12 +36,8 @@ def open_transport(url: str) -> Transport:
         raise LinkError(f"{url}: cannot be opened: {error.strerror or error}{hint}") from error
 
 
-class SerialPort:
+class SerialPort(Transport):
     """A serial port by pyserial; opened again when it vanishes (a pulled USB plug)."""
-
-    datagrams = False
-    live = True
-    kernel_drops = 0
 
     def __init__(self, path: str, baud: int) -> None:
         import serial
@@ -85,13 +81,15 @@ class SerialPort:
             self._port.close()
 
 
-class TelemetryLog:
+class TelemetryLog(Transport):
     """A .tlog as a link: each frame with the stamp written before it. Nothing can be sent."""
 
     datagrams = True
     live = False
-    kernel_drops = 0
-    ready = False
+
+    @property
+    def ready(self) -> bool:
+        return False
 
     def __init__(self, path: Path) -> None:
         self._frames = stamped_frames(path)

@@ -7,7 +7,7 @@ import socket
 import sys
 import time
 
-from thrustmargin.gcs_plugin.link.transport import Address, Chunk
+from thrustmargin.gcs_plugin.link.transport import Address, Chunk, Transport
 
 #: Asked of the kernel for UDP; it may grant less (net.core.rmem_max on Linux).
 RECEIVE_BUFFER = 8 << 20
@@ -18,16 +18,14 @@ _SO_RXQ_OVFL = 40  # Linux: the kernel's count of datagrams dropped for want of 
 AGAIN = 1.0  # s between attempts to connect
 
 
-class Udp:
+class Udp(Transport):
     """A UDP socket, listening or sending first."""
 
     datagrams = True
-    live = True
 
     def __init__(self, address: Address, *, listen: bool) -> None:
         family = socket.getaddrinfo(*address, type=socket.SOCK_DGRAM)[0][0]
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
-        self.kernel_drops = 0
         self._heard: dict[Address, float] = {}
         self._counted = False
         try:
@@ -102,12 +100,8 @@ class Udp:
         self._socket.close()
 
 
-class _TcpStream:
+class _TcpStream(Transport):
     """One connection at a time, of either direction."""
-
-    datagrams = False
-    live = True
-    kernel_drops = 0
 
     def __init__(self) -> None:
         self._stream: socket.socket | None = None

@@ -89,9 +89,11 @@ def _is_character_device(path: str) -> bool:
 class Transport(Protocol):
     """What a link needs. One thread receives; others may send."""
 
-    datagrams: bool  # each chunk begins with a new frame
-    live: bool  # bytes come as they happen, not out of a recording
-    kernel_drops: int  # datagrams lost before they could be received, where the system counts them
+    datagrams: bool = False  # each chunk begins with a new frame
+    live: bool = True  # bytes come as they happen, not out of a recording
+    kernel_drops: int = (
+        0  # datagrams lost before they could be received, where the system counts them
+    )
 
     @property
     def ready(self) -> bool:

@@ -9,7 +9,7 @@ All colours here are those on the screen; tonemap.py says what to send for them.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 
 import numpy as np
@@ -86,13 +86,10 @@ LOAD = ColourScale(
     stops=_two_sided(0.0, 0.5, 1.0, GOOD, BAD),
     marks=((0.0, "0"), (0.25, "25"), (0.5, "50 % limit"), (0.75, "75"), (1.0, "100 %")),
 )
-MARGIN = ColourScale(
+MARGIN = replace(
+    LOAD,
     title="Thrust margin, worst rotor",
-    unit=" %",
-    factor=100.0,
-    form=".0f",
     stops=_two_sided(0.0, 0.5, 1.0, BAD[::-1], GOOD[::-1]),
-    marks=((0.0, "0"), (0.25, "25"), (0.5, "50 % limit"), (0.75, "75"), (1.0, "100 %")),
 )
 REDUNDANCY = ColourScale(
     title="One rotor lost: thrust that can still be held, over weight",
