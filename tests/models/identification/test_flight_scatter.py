@@ -56,10 +56,10 @@ def test_chance_and_a_curve_of_one_flight_are_not_confirmed():
     confirmed = 0
     for _ in range(40):
         channel, flight, noise = drawn(rng, 6)
-        confirmed += confirmed_curve_rms(noise, channel, flight) > 0.5
+        confirmed += confirmed_curve_rms(50.0 + noise, channel, flight) > 0.0
         one = noise + np.where(flight == 2, 9.0 * np.sin(7.0 * channel), 0.0)
         assert confirmed_curve_rms(one, channel, flight) < 0.5
-    assert confirmed <= 2
+    assert confirmed <= 4  # a gain beyond its standard error, of a smoothness that is chosen
     assert confirmed_curve_rms(noise, np.ones_like(noise), flight) == 0.0
 
 

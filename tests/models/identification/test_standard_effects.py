@@ -63,6 +63,26 @@ def test_without_a_known_wind_the_lean_tells_the_moment_of_the_flow():
     assert kept["drag_moment"].values["pitch"] == pytest.approx(0.4, rel=0.1)
 
 
+def test_what_flights_contradict_each_other_about_is_not_kept():
+    offsets = (0.024, -0.010, 0.020, -0.012)  # 5 mm forward on average, which is worth naming
+    tracks = [with_weight_forward(t, o) for t, o in zip(made_flights(4), offsets, strict=True)]
+    model = with_standard_effects(curve_model(), tracks)
+    assert "cg_offset" not in {e.name for e in model.effects}
+
+
+def test_what_stays_takes_the_place_of_a_like_effect_that_goes():
+    tracks = [with_weight_forward(t, 0.003) for t in made_flights(3)]
+    evaluator = Evaluator(assemble(curve_model(), tracks))
+    terms = [Term(effect=BY_KEY[key]) for key in ("cg_offset", "cg_offset:tank")]
+    whole = fit_terms(evaluator, terms, scales=np.full(4, 8.0))
+    held = held_at_absent(whole, terms[1:])
+    hessian, gradient = held.normal(np.ones(held.owner.size, dtype=np.bool_))
+    moved = np.linalg.solve(hessian + np.diag(held.prior), gradient + held.pull)
+    alone = fit_terms(evaluator, terms[1:], scales=np.full(4, 8.0))
+    assert whole.values[2] + moved[0] == pytest.approx(alone.values[0], rel=0.05)
+    assert alone.values[0] > 0.003 > 5.0 * abs(whole.values[2])
+
+
 def test_a_gain_is_the_mean_over_flights_of_the_logarithm_and_its_standard_error():
     gain, error = gain_and_error(np.array([np.e, np.e**3, 1.0]), np.array([1.0, np.e, 1.0]))
     assert gain == pytest.approx(1.0)  # of 1, 2, 0
