@@ -96,6 +96,12 @@ def test_legs_are_flown_into_the_wind_first():
     assert leaving == pytest.approx(LIMITS.speed / 2 + 3.0, abs=0.05)
 
 
+def test_the_battery_goes_down_as_it_did_in_the_flights():
+    track, _ = flown("legs", voltage=(58.0, 52.0), minutes=10.0)
+    assert track.voltage[0] == 58.0
+    assert track.voltage[-1] == pytest.approx(58.0 - 0.01 * track.time_s[-1])
+
+
 def test_drag_tilts_the_aircraft_into_the_wind():
     from thrustmargin.models.physics.forward_flight import ForwardFlight
 

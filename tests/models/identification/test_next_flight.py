@@ -1,6 +1,7 @@
 """The next flight is the one whose rows tell two rivals apart, by formulas checked the long way."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,8 +15,14 @@ from thrustmargin.models.identification.manoeuvres import (
     flown_track,
     manoeuvres,
 )
-from thrustmargin.models.identification.next_flight import next_flight
+from thrustmargin.models.identification.next_flight import (
+    CHANCE,
+    following_flight,
+    next_flight,
+    rivals_of,
+)
 from thrustmargin.models.identification.problem import assemble
+from thrustmargin.models.identification.result import Mentioned, OneOf, SetWeight
 from thrustmargin.models.identification.rivals import (
     ModePrediction,
     Rival,
@@ -142,3 +149,69 @@ def test_noise_of_a_second_is_that_of_blocks_about_their_flight():
 def test_a_step_in_flight_counts_as_it_is_afterwards():
     onset = Term(effect=BY_KEY["rotor_degradation:onset"], rotor=1)
     assert fitted_rival(PROBLEM, (onset,), NOISE).terms[0].key == "rotor_degradation@2"
+
+
+def test_values_stay_within_their_bounds():
+    heavy = assemble(MODEL, [made_flight(1, tank_kg=4.0, hidden_mass=9.0)])
+    assert fitted_rival(heavy, (GAUGE,), NOISE).values == pytest.approx([2.0])
+
+
+def test_what_is_open_of_a_value_is_in_its_unit_and_no_less_than_sound_flights_scatter_by():
+    usual = MASS.effect.parameters[0].smallest
+    open_kg = np.sqrt(fitted_rival(PROBLEM, (MASS,), NOISE).covariance[0, 0])
+    assert 0.95 * usual < open_kg < 5.0 * usual
+
+
+def left_open(**given):
+    """What of an identification says what it could not tell apart."""
+    nothing = {"found": (), "one_of": (), "alternatives": (), "mentioned": ()}
+    return SimpleNamespace(**{**nothing, "model": MODEL, **given})
+
+
+def named(term, alike=()):
+    return SimpleNamespace(term=term, indistinguishable_from=alike)
+
+
+def keys(found):
+    pair = rivals_of(found)  # type: ignore[arg-type]
+    return pair and tuple([t.key for t in side] for side in pair)
+
+
+def test_rivals_are_what_the_identification_left_open():
+    weak = Term(effect=BY_KEY["rotor_degradation"], rotor=2)
+    assert keys(left_open()) is None
+    assert keys(left_open(found=(named(MASS),))) is None
+    either = OneOf(terms=(LOSS, GAUGE, MASS), probabilities=(0.1, 0.3, 0.6))
+    assert keys(left_open(found=(named(weak),), one_of=(either,))) == (
+        ["rotor_degradation@3", "extra_mass"],
+        ["rotor_degradation@3", "tank_scale"],
+    )
+    sets = (SetWeight(probability=0.7, terms=(MASS,)), SetWeight(probability=0.3, terms=(GAUGE,)))
+    assert keys(left_open(alternatives=sets)) == (["extra_mass"], ["tank_scale"])
+    sure = (SetWeight(probability=0.97, terms=(MASS,)), SetWeight(probability=0.03, terms=()))
+    assert keys(left_open(alternatives=sure)) is None
+    unclear = (
+        Mentioned(rotor=0, probability=0.06, loss=0.01, ci95=(0.0, 0.02)),
+        Mentioned(rotor=2, probability=0.3, loss=0.02, ci95=(0.0, 0.04)),
+    )
+    assert keys(left_open(found=(named(MASS),), mentioned=unclear)) == (
+        ["extra_mass"],
+        ["extra_mass", "rotor_degradation@3"],
+    )
+    alike = (named(LOSS), named(MASS, ("tank_scale",)))
+    assert keys(left_open(found=alike)) == (["yaw_trim", "extra_mass"], ["yaw_trim", "tank_scale"])
+
+
+def test_a_flight_that_tells_no_more_than_chance_is_not_asked_for():
+    def after(first, second):
+        found = left_open(
+            alternatives=tuple(SetWeight(probability=0.5, terms=(t,)) for t in (first, second)),
+            problem=PROBLEM,
+            residual_after_rpm=PROBLEM.measured_rpm - PROBLEM.measured_rpm.mean(axis=0),
+        )
+        return following_flight(found, FLIGHTS)  # type: ignore[arg-type]
+
+    assert after(MASS, MASS) is None
+    told = after(MASS, LOSS)
+    assert told is not None
+    assert told.certainty > CHANCE
