@@ -69,9 +69,9 @@ def gauge(page: Page, key: str) -> str:
     return page.inner_text(f'[data-gauge="{key}"]')
 
 
-def test_the_route_is_drawn_in_the_colours_of_the_legend(opened, analysis):
+def test_the_route_is_drawn_in_the_colours_of_the_legend(opened):
     view, page = opened
-    use = view._route.worst(analysis.utilisation.max(axis=1), "max")
+    use = view._trail.route.worst(view._trail.values(0), "max")
     for value in (np.quantile(use, 0.1), np.quantile(use, 0.9)):
         assert seen(page, LOAD.screen(value)) > 30
     pixels = picture(page).reshape(-1, 3)
