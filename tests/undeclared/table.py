@@ -81,7 +81,8 @@ def summary(scores: Sequence[Score]) -> dict[str, Any]:
     visible = [r for r in rows if r["z"] >= 4.0]
     mixed = [s for s in by["triple"] if {"rotor", "mass", "cg"} == {i[0] for i in s.implants}]
     intervals = [(i, len(s.implants)) for s in scores for i in s.intervals]
-    errors = [s for s in scores if np.isfinite([s.after_rmse_rpm, s.trees_rmse_rpm]).all()]
+    errors = [s for s in scores if np.isfinite(s.after_rmse_rpm)]
+    trees = [s for s in errors if np.isfinite(s.trees_rmse_rpm)]
 
     def ratio(values: Iterable[float]) -> float | None:
         finite = [v for v in values if np.isfinite(v)]
@@ -121,10 +122,8 @@ def summary(scores: Sequence[Score]) -> dict[str, Any]:
             sum(s.falsely_excluded for s in scores), sum(s.excluded for s in scores)
         ),
         "after_over_truth": ratio(s.after_rmse_rpm / s.knowing_rmse_rpm for s in errors),
-        "trees_over_after": ratio(s.trees_rmse_rpm / s.after_rmse_rpm for s in errors),
-        "trees_below_floor": share(
-            sum(s.trees_rmse_rpm < s.floor_rpm for s in errors), len(errors)
-        ),
+        "trees_over_after": ratio(s.trees_rmse_rpm / s.after_rmse_rpm for s in trees),
+        "trees_below_floor": share(sum(s.trees_rmse_rpm < s.floor_rpm for s in trees), len(trees)),
         "seconds": {
             "median": ratio(s.seconds for s in scores),
             "largest": max((s.seconds for s in scores), default=None),

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from tests.undeclared.crafts import CRAFTS
 from tests.undeclared.judging import judge
-from tests.undeclared.methods import Sparse, oracle_errors, tree_errors
+from tests.undeclared.methods import Sparse, density_slope, oracle_errors, tree_errors
 from tests.undeclared.plan import DataSet, build, good_flights
 from tests.undeclared.table import asked, print_tables, share, summary
 
@@ -141,6 +141,12 @@ def test_the_oracle_finds_a_size_to_the_share_of_the_noise_along_its_signal():
     error = oracle_errors([[signal]], [signal + noise])
     by_hand = 0.1 * signal[1:].sum() / (signal[1:] ** 2).sum()
     assert error == pytest.approx(by_hand)
+
+
+def test_the_oracle_learns_how_much_of_the_airs_density_a_model_misses():
+    tracks, dense = [f.track for f in good_flights(SMALL, 3)], [-0.02, 0.0, 0.03]
+    left = [-0.5 * 0.7 * t.rotor_speed_rpm * d for t, d in zip(tracks, dense, strict=True)]
+    assert density_slope(tracks, dense, left) == pytest.approx(0.7)
 
 
 def test_sizes_are_counted_in_the_oracles_errors_and_power_by_them(sets):

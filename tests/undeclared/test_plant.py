@@ -117,6 +117,21 @@ def test_hidden_mass_asks_for_speed_by_its_root():
     assert loaded == pytest.approx(np.sqrt(33.7 / 30.7), rel=1e-3)
 
 
+def test_a_gauge_that_shows_too_little_hides_liquid_that_is_there():
+    low = calm_hover(condition=Condition(gauge_gain=1.25))
+    assert low.tank_kg[ROWS] == pytest.approx(calm_hover().tank_kg[ROWS], abs=0.1)
+    rise = low.rotor_speed_rpm[ROWS].mean() / speeds().mean()
+    assert rise == pytest.approx(np.sqrt((21.1 + 1.25 * 9.6) / (21.1 + 9.6)), rel=1e-3)
+
+
+def test_a_propeller_is_whole_until_it_is_cut():
+    later = replace(CALM, clock_start=1200.0)
+    chipped = Condition(cut=0.05, rotor=2, cut_from=1210.5)
+    rpm = calm_hover(condition=chipped, day=later).rotor_speed_rpm[:, 2]
+    assert rpm[60:95] == pytest.approx(calm_hover(day=later).rotor_speed_rpm[60:95, 2], abs=1.0)
+    assert rpm[110:140].mean() > 1.03 * rpm[60:95].mean()
+
+
 def test_thin_air_asks_for_speed_by_its_root():
     high = elsewhere(CALM, 2000.0, 0.0)
     assert high.density / CALM.density == pytest.approx(0.8216, abs=1e-3)  # standard atmosphere
