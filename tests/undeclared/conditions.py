@@ -40,6 +40,8 @@ class Condition:
     speed_delay: float = 0.0  # s
     speed_with_voltage: float = 0.0  # share of speed misread for each share of voltage
     blind_to_wind: bool = False  # airspeed is ground speed
+    level_air: bool = False  # rotors that feel no climb
+    no_ground: bool = False  # nor the ground
     # what no table names
     wake: float = 0.0  # share of the front rotors' wash that the rear ones meet
     flex: float = 0.0  # thrust of one rotor lost for each share of load above half of hover's
@@ -73,10 +75,16 @@ class Implant:
     warmer: float = 0.0  # K above standard air there
     wind: tuple[float, float] | None = None  # m/s, the same on all flights
     style: Mapping[str, object] = field(default_factory=dict)  # of the missions that show it
+    without: Mapping[str, object] = field(default_factory=dict)  # condition that lacks it
 
     def on(self, condition: Condition) -> Condition:
         """The condition with this change."""
         return replace(condition, **self.condition)  # type: ignore[arg-type]
+
+    @property
+    def absent(self) -> Implant:
+        """The same flown without this change."""
+        return replace(self, condition=self.without, altitude=None)
 
     def at(self, day: Day) -> Day:
         """The day at the field of this change."""
@@ -154,11 +162,13 @@ def _drag(_: np.random.Generator, craft: Craft, size: float) -> Fields:
 def _ground(rng: np.random.Generator, craft: Craft, size: float) -> Fields:
     low = max(craft.radius / size, 0.3)
     period = float(rng.uniform(15, 40))
-    return {"style": {"height": 3.0 * low, "hills": 2.0 * low, "hill_period": period}}
+    style = {"height": 3.0 * low, "hills": 2.0 * low, "hill_period": period}
+    return {"style": style, "without": {"no_ground": True}}
 
 
 def _climb(rng: np.random.Generator, _: Craft, size: float) -> Fields:
-    return {"style": {"climb": float(rng.uniform(6.0, 14.0)), "climb_speed": size}}
+    style = {"climb": float(rng.uniform(6.0, 14.0)), "climb_speed": size}
+    return {"style": style, "without": {"level_air": True}}
 
 
 def _booms(rng: np.random.Generator, craft: Craft, size: float) -> Fields:

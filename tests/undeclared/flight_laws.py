@@ -130,8 +130,13 @@ class Flow(NamedTuple):
     relief: Array  # (T, 1) share of the induced speed that the ground takes
 
 
-def flow_of(craft: Craft, attitude: Attitude, motion: Motion, around: Surroundings) -> Flow:
+def flow_of(
+    craft: Craft, condition: Condition, attitude: Attitude, motion: Motion, around: Surroundings
+) -> Flow:
+    """The air that the rotors meet; its vertical part and the ground can be left out."""
     air = motion.velocity - around.air_velocity
+    if condition.level_air:
+        air = air * [1.0, 1.0, 0.0]
     body = np.einsum("tji,tj->ti", attitude.rotation, air)
     x, y = craft.position.T
     p, q = attitude.rate[:, 0, None], attitude.rate[:, 1, None]
@@ -139,7 +144,7 @@ def flow_of(craft: Craft, attitude: Attitude, motion: Motion, around: Surroundin
     return Flow(
         -body[:, 2, None] + q * x - p * y,
         body[:, :2],
-        ground_relief(height / (2.0 * craft.radius))[:, None],
+        ground_relief(height / (2.0 * craft.radius))[:, None] * (not condition.no_ground),
     )
 
 
@@ -208,7 +213,7 @@ def rotor_speeds(
     """(T/every, R) rpm that the rotors turn at, each `every` steps, and the attitude (T)."""
     attitude = attitude_for(craft, condition, motion, around, mass)
     wrench = needed_wrench(craft, condition, attitude, motion, around)[::every]
-    flow = Flow(*(v[::every] for v in flow_of(craft, attitude, motion, around)))
+    flow = Flow(*(v[::every] for v in flow_of(craft, condition, attitude, motion, around)))
     seconds = motion.time[::every]
     clock = around.clock_start + seconds
     x, y = craft.position.T

@@ -140,7 +140,7 @@ def listed(result: Mapping[str, Any]) -> list[tuple[Name, float]]:
     total: dict[Name, float] = {}
     for name, share in names:
         total[name] = total.get(name, 0.0) + share
-    return [(n, s) for n, s in total.items() if s >= LISTED_FROM]
+    return list(total.items())
 
 
 def _named(effect: Mapping[str, Any]) -> Name:

@@ -3,8 +3,8 @@
 All start from the same residual of the same model. The oracle is told which effects a set has and
 what each would do; its error from flight to flight says what could be seen at all. The regressions
 get one column for each textbook effect, by the airframe's geometry alone, on means of one second;
-they name what exceeds all that they name on good flights of the aircraft. The trees predict the
-residual from the channels, and are scored on flights that they have not seen.
+they name an effect that is half as strong again as on any four good flights of the aircraft. The
+trees predict the residual from the channels, and are scored on flights that they have not seen.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from tests.undeclared.rotor_aero import Array
 from thrustmargin.models.flight import FlightTrack
 
 BLOCK = 10  # rows of a mean
+ABOVE_GOOD = 1.5  # an effect is named from so much of the most that good flights show of it
 Name = tuple[str, int | None]  # effect and rotor from 1
 
 
@@ -128,11 +129,11 @@ class Sparse:
         self, craft: Craft, good: Sequence[FlightTrack], residuals: Sequence[Array]
     ) -> None:
         self.craft = craft
-        self.limit = dict.fromkeys(self.METHODS, 0.0)
-        for first in range(0, len(good) - 3, 4):
-            found = self.strengths(good[first : first + 4], residuals[first : first + 4])
-            for method, by_name in found.items():
-                self.limit[method] = max(self.limit[method], *by_name.values())
+        groups = [slice(first, first + 4) for first in range(0, len(good) - 3, 2)]
+        found = [self.strengths(good[g], residuals[g]) for g in groups]
+        self.limit = {
+            (m, n): ABOVE_GOOD * max(f[m][n] for f in found) for m in found[0] for n in found[0][m]
+        }
 
     def names(
         self, tracks: Sequence[FlightTrack], residuals: Sequence[Array]
@@ -140,7 +141,7 @@ class Sparse:
         """What each method names; ridge names its strongest column only."""
         answer: dict[str, list[Name]] = {}
         for method, by_name in self.strengths(tracks, residuals).items():
-            over = [n for n, s in by_name.items() if s > self.limit[method]]
+            over = [n for n, s in by_name.items() if s > self.limit[method, n]]
             over.sort(key=lambda n: -by_name[n])
             answer[method] = over[:1] if method == "ridge" else over
         return answer

@@ -158,8 +158,10 @@ def build(
         fit=tuple(flights[:-held]),
         held_out=tuple(flights[-held:]),
         without=tuple(
-            tuple(fly_season(craft, implants[:k] + implants[k + 1 :], missions, seed))
-            for k in range(len(implants))
+            tuple(
+                fly_season(craft, [*implants[:k], one.absent, *implants[k + 1 :]], missions, seed)
+            )
+            for k, one in enumerate(implants)
             if kind not in INSTRUMENTS
         ),
         dense=tuple(float(np.log(d.density / SEA_LEVEL_DENSITY)) for _, d in missions),

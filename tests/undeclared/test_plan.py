@@ -41,6 +41,14 @@ def test_sizes_spread_evenly_in_the_logarithm_over_their_range(kind):
         assert np.median(np.log(sizes)) == pytest.approx(0.5 * np.log(low * high), abs=0.35)
 
 
+def test_a_biased_airspeed_may_read_high_or_low():
+    signs = {
+        np.sign(draw("airspeed bias", np.random.default_rng(s), SMALL).condition["airspeed_bias"])
+        for s in range(20)
+    }
+    assert signs == {-1.0, 1.0}
+
+
 @pytest.mark.parametrize("kind", list(KINDS))
 def test_each_change_at_its_largest_moves_what_is_reported(kind, sound):
     data = build(7, kind, SMALL, KINDS[kind][2])
@@ -49,6 +57,8 @@ def test_each_change_at_its_largest_moves_what_is_reported(kind, sound):
     if kind in ("ground", "climb"):  # flown otherwise, on the sound aircraft
         other = sound.fit[1].track
         assert abs(np.ptp(one.height_agl) - np.ptp(other.height_agl)) > 0.5
+        law = np.abs(one.rotor_speed_rpm - data.without[0][1].track.rotor_speed_rpm)
+        assert np.max(law) > 2.0
         return
     other = data.without[0][1].track if data.without else sound.fit[1].track
     moved = [
