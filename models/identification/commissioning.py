@@ -144,7 +144,7 @@ def chain_of(
         for i in fold.flights:
             track, mine = tracks[i], samples.flight == used.index(i)
             rows = training_rows(track, inputs)
-            density = track_air(track, temperature_offset(model))[0]
+            density = track_air(track, temperature_offset(model)).density
             speed = predict(model, track, density).rotor_speed_rpm[rows]
             if shares:
                 speed = scaled_to(np.sum(samples.rotor_speed_rpm[mine] ** 2, axis=1), speed)
