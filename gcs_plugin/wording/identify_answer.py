@@ -177,13 +177,15 @@ def next_flight_words(following: NextFlight, names: Sequence[str], mission: str)
     """The flight that tells two explanations apart."""
     ours, theirs = following.separates
     both = {t.key for t in ours} & {t.key for t in theirs}
-    sides = [set_words([t for t in side if t.key not in both], names) for side in (ours, theirs)]
+    sides = [[t for t in side if t.key not in both] for side in (ours, theirs)]
+    apart = " from ".join(set_words(side, names) for side in sides if side)
+    question = apart if all(sides) else f"whether there is {apart}"
     times = f", {following.repeats} times" if following.repeats > 1 else ""
     sure = ""
     if following.certainty < CERTAIN:
         sure = f"; even that is right in only {chance(following.certainty)} of cases"
     return (
-        f"To tell {sides[0]} from {sides[1]}, {following.manoeuvre.words}{times} "
+        f"To tell {question}, {following.manoeuvre.words}{times} "
         f"({duration(60.0 * following.minutes)}){sure}; "
         + (f"{mission} is its mission" if mission else "--next-flight FILE.plan writes its mission")
     )
