@@ -83,15 +83,16 @@ class Channels:
 
     def rows(self, which: Any) -> Self:
         """The same channels with only the chosen rows."""
-        return self._each(lambda a: a[which])
+        return self.each(lambda a: a[which])
 
     def as_torch(self) -> Self:
         """The same channels as float64 torch tensors."""
         import torch
 
-        return self._each(lambda a: torch.as_tensor(np.ascontiguousarray(a)))
+        return self.each(lambda a: torch.as_tensor(np.ascontiguousarray(a)))
 
-    def _each(self, change: Any) -> Self:
+    def each(self, change: Callable[[Any], Any]) -> Self:
+        """The same channels, each array changed alike."""
         changed: dict[str, Any] = {}
         for f in fields(self):
             value = getattr(self, f.name)

@@ -139,8 +139,8 @@ def _reported(channel: Any) -> bool:
     return isinstance(channel, np.ndarray) and bool(np.isfinite(channel).all())
 
 
-def assemble(model: RotorModel, tracks: Sequence[FlightTrack]) -> Problem:
-    """Rows of the flights that can be fitted, thinned alike to MOST_ROWS.
+def assemble(model: RotorModel, tracks: Sequence[FlightTrack], *, thin: bool = True) -> Problem:
+    """Rows of the flights that can be fitted, with `thin` thinned alike to MOST_ROWS.
 
     Raises AirframeError for a wrong rotor count and DataError when a flight has too few rows.
     """
@@ -209,7 +209,8 @@ def assemble(model: RotorModel, tracks: Sequence[FlightTrack]) -> Problem:
         background_rpm=np.array(model.background_rpm or np.zeros(airframe.rotor_count)),
         of_outputs=shares,
     )
-    return _thinned(_with_spread(problem) if shares else problem)
+    problem = _with_spread(problem) if shares else problem
+    return _thinned(problem) if thin else problem
 
 
 def _with_spread(problem: Problem) -> Problem:

@@ -1,0 +1,129 @@
+"""Effects that a search may put into a set, and what they do to the predicted speeds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from thrustmargin.models.effects.base import Effect, Parameter, Placed
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.reduced import Reduced
+from thrustmargin.models.identification.terms import Term
+
+EFFECT_PRIOR, ROTOR_PRIOR = 0.02, 0.005  # that an effect is there; that a given rotor is bad
+STEP = 1e-3  # of a parameter's usual size, of the central difference
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Candidate:
+    """A term with K parameters, the values it starts from and which of them are free."""
+
+    term: Term
+    start: Floats  # (F, K)
+    free: tuple[tuple[int, int | None], ...]  # (parameter, flight or None where all share it)
+    log_prior: float
+
+    @property
+    def key(self) -> str:
+        return self.term.key
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """(P,) the parameter of each free value."""
+        every = self.term.effect.parameters
+        return tuple(every[k] for k, _ in self.free)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Held:
+    """A candidate with values."""
+
+    candidate: Candidate
+    values: Floats  # (F, K)
+
+    @property
+    def free_values(self) -> Floats:
+        """(P,) the values that are free."""
+        return np.array([self.values[flight or 0, k] for k, flight in self.candidate.free])
+
+    def moved(self, by: Floats) -> Held:
+        """With the free values (P,) moved, kept within their bounds."""
+        values = self.values.copy()
+        for (k, flight), step in zip(self.candidate.free, by, strict=True):
+            p = self.candidate.term.effect.parameters[k]
+            rows = slice(None) if flight is None else flight
+            values[rows, k] = np.clip(values[rows, k] + step, p.lower, p.upper)
+        return replace(self, values=values)
+
+
+def candidates_of(reduced: Reduced, catalogue: Sequence[Effect]) -> list[Candidate]:
+    """Every effect whose channels the flights report, on each rotor where it is of one; not those
+    that begin in a flight, which `onsets` finds."""
+    rotors = reduced.measured_rpm.shape[1]
+    found = []
+    for effect in catalogue:
+        if effect.begins:
+            continue
+        for rotor in range(rotors) if effect.of_one_rotor else (None,):
+            term = Term(effect=effect, rotor=rotor)
+            if not reduced.lacks(term):
+                found.append(candidate(term, reduced.flights))
+    return found
+
+
+def candidate(term: Term, flights: int) -> Candidate:
+    """A term at its own start, with every value free."""
+    start = np.array([[p.start for p in term.effect.parameters]] * flights)
+    free: list[tuple[int, int | None]] = []
+    for k, p in enumerate(term.effect.parameters):
+        free += [(k, f) for f in range(flights)] if p.per_flight else [(k, None)]
+    prior = EFFECT_PRIOR if term.rotor is None else ROTOR_PRIOR
+    return Candidate(term=term, start=start, free=tuple(free), log_prior=float(np.log(prior)))
+
+
+def placed(reduced: Reduced, held: Sequence[Held]) -> list[Placed]:
+    """Effects with their values, an array of N where flights have their own."""
+    out = []
+    for one in held:
+        values: dict[str, Any] = {}
+        for k, p in enumerate(one.candidate.term.effect.parameters):
+            column = one.values[:, k]
+            same = np.all(column == column[0])
+            values[p.name] = float(column[0]) if same else column[reduced.flight]
+        term = one.candidate.term
+        out.append(Placed(effect=term.effect, rotor=term.rotor, values=values))
+    return out
+
+
+def predicted(reduced: Reduced, held: Sequence[Held]) -> Floats:
+    """(N, R) rpm in modes."""
+    return reduced.in_modes(reduced.speeds(placed(reduced, held)))
+
+
+def derivatives(reduced: Reduced, held: Sequence[Held], of: int) -> Floats:
+    """(N, R, P) rpm in modes by the free values of one of the candidates, by central differences.
+
+    A value at its bound is moved to one side only.
+    """
+    one = held[of]
+    by_row: dict[int, Floats] = {}
+    for k in {k for k, _ in one.candidate.free}:
+        p = one.candidate.term.effect.parameters[k]
+        step = STEP * p.scale
+        ends = []
+        for sign in (1.0, -1.0):
+            values = one.values.copy()
+            values[:, k] = np.clip(values[:, k] + sign * step, p.lower, p.upper)
+            width = values[:, k] - one.values[:, k]
+            others = [*held[:of], replace(one, values=values), *held[of + 1 :]]
+            ends.append((predicted(reduced, others), width))
+        (above, up), (below, down) = ends
+        by_row[k] = (above - below) / (up - down)[reduced.flight][:, None]
+    columns = []
+    for k, flight in one.candidate.free:
+        column = by_row[k]
+        columns.append(column if flight is None else column * (reduced.flight == flight)[:, None])
+    return np.stack(columns, axis=2)

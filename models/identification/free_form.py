@@ -1,0 +1,92 @@
+"""The free form: what any smooth law of the channels could do, for names to compete with.
+
+Each mode has a sum of piecewise linear curves over the channels (hats between quantiles), and of
+airspeed times tank mass; a heading has its first two harmonics. Each flight also wanders: slow
+noise that goes with nothing, as weather does, is a curve of its own over time. Coefficients are drawn from a
+normal distribution whose size is a hypothesis of the search. Source: Kennedy and O'Hagan 2001, the
+discrepancy of a model as a smooth function with its own prior.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thrustmargin.models.effects.channels import Channels
+from thrustmargin.models.flight import Floats
+
+#: channel -> number of hats; those that manoeuvres move have few
+CHANNELS = {
+    "airspeed": 5,
+    "tank_kg": 5,
+    "time_s": 5,
+    "voltage": 4,
+    "advance_ratio": 4,
+    "radius_over_height": 3,
+    "load_factor": 3,
+    "yaw_rate": 3,
+    "heading": 4,
+}
+PRODUCT = ("airspeed", "tank_kg")
+WANDER = 25.0  # s between the knots of a flight's own slow noise
+SLOW_MEANS = 43  # means over which voltage is averaged: faster it answers to the rotors themselves
+
+
+def free_columns(x: Channels, flight: NDArray[np.intp]) -> tuple[Floats, tuple[str, ...]]:
+    """(N, H) columns of size about one, and (H,) the channel that each goes along.
+
+    Channels that are not reported throughout, or do not vary, have none.
+    """
+    columns: list[Floats] = [np.ones((x.time_s.size, 1))]
+    names: list[str] = ["constant"]
+    few: dict[str, Floats] = {}
+    for name, count in CHANNELS.items():
+        values = np.asarray(getattr(x, name))
+        if not np.isfinite(values).all() or np.ptp(values) < 1e-6:
+            continue
+        if name == "voltage":
+            values = _slow(values, flight)
+        if name == "heading":
+            part = np.stack([f(k * values) for k in (1, 2) for f in (np.sin, np.cos)], axis=1)
+        else:
+            part = hats(values, count)
+        columns.append(part - part.mean(axis=0))
+        names += [name] * part.shape[1]
+        if name in PRODUCT:
+            few[name] = hats(values, 3)
+    if len(few) == len(PRODUCT):
+        one, other = (few[name] for name in PRODUCT)
+        product = (one[:, :, None] * other[:, None, :]).reshape(one.shape[0], -1)
+        columns.append(product - product.mean(axis=0))
+        names += ["airspeed x tank_kg"] * product.shape[1]
+    return np.concatenate(columns, axis=1), tuple(names)
+
+
+def wander_columns(time_s: Floats, flight: NDArray[np.intp]) -> Floats:
+    """(N, W) hats over the time of each flight, WANDER seconds apart; flights share the columns."""
+    first = np.searchsorted(flight, np.unique(flight))
+    since = time_s - time_s[first][flight]
+    count = int(np.ceil(since.max() / WANDER)) + 1
+    return np.maximum(1.0 - np.abs(since[:, None] / WANDER - np.arange(count)), 0.0)
+
+
+def hats(values: Floats, count: int) -> Floats:
+    """(N, K) piecewise linear hats that sum to one, at quantiles; K <= count where they coincide."""
+    knots = np.quantile(values, np.linspace(0.02, 0.98, count))
+    apart = 1e-3 * max(float(np.ptp(knots)), 1e-12)
+    knots = knots[np.concatenate([[True], np.diff(knots) > apart])]
+    if knots.size < 2:
+        return np.ones((values.size, 1))
+    place = np.interp(values, knots, np.arange(knots.size))
+    return np.maximum(1.0 - np.abs(place[:, None] - np.arange(knots.size)), 0.0)
+
+
+def _slow(values: Floats, flight: NDArray[np.intp]) -> Floats:
+    """Running mean within each flight."""
+    out = np.empty_like(values)
+    for f in np.unique(flight):
+        mine = flight == f
+        ones = np.ones(min(SLOW_MEANS, int(mine.sum())))
+        sums = np.convolve(values[mine], ones, mode="same")
+        out[mine] = sums / np.convolve(np.ones(int(mine.sum())), ones, mode="same")
+    return out

@@ -1,0 +1,147 @@
+"""All that is not asked for, taken out of the Gram matrices flight by flight.
+
+    y = J d + S_f s_f + B b + F c + e
+
+y are whitened mode residuals, J the derivatives by what is asked. S_f are the derivatives by every
+effect's scatter from flight to flight, one draw a flight; B what the base model is unsure of; F the
+free form. s, b and c are normal, so they leave as Schur complements: what is left of [J y]'[J y] is
+as if they had been measured with their priors. The size of the free form is a hypothesis
+(`Level`), each with its own matrix and its own evidence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.whitening import Whitening
+
+#: times the size that the free form has on a sound aircraft, and how likely each is beforehand: an
+#: aircraft is usually what its good flights say
+FREEDOMS, FREEDOM_PRIORS = (1.0, 4.0, 16.0), (0.6, 0.25, 0.15)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Level:
+    """One hypothesis: factors of the free form of the collective and of the other modes."""
+
+    collective: float
+    moments: float
+    log_prior: float
+
+
+LEVELS = tuple(
+    Level(collective=c, moments=m, log_prior=float(np.log(p * q)))
+    for (c, p), (m, q) in product(zip(FREEDOMS, FREEDOM_PRIORS, strict=True), repeat=2)
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FlightSums:
+    """Sums over the means of one flight of columns z with the scatter's S and the shared X."""
+
+    scatter: Floats  # (K, q) S'z
+    shared: Floats  # (X, q) X'z
+    own: Floats  # (q, q) z'z
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Solved:
+    """The nuisances of some flights eliminated, at every level."""
+
+    flights: tuple[int, ...]
+    scatter: Floats  # (F, K, K): (I + S'S)^-1, the covariance of s
+    crossed: Floats  # (F, K, X) S'X
+    shared: Floats  # (levels, X, X): P^½ (I + P^½ X'X P^½)^-1 P^½, the covariance of b and c
+    log_evidence: Floats  # (levels,) of the determinants, with the levels' priors
+
+    def reduce(self, sums: Sequence[FlightSums]) -> Floats:
+        """(levels, q, q): z'z with the nuisances taken out, of the flights of this."""
+        shared, own = self.without_scatter(sums)
+        return own - shared.T @ self.shared @ shared
+
+    def without_scatter(self, sums: Sequence[FlightSums]) -> tuple[Floats, Floats]:
+        """(X, q) X'z and (q, q) z'z with the scatter alone taken out."""
+        shared, own = 0.0, 0.0
+        for f, scatter, crossed in zip(self.flights, self.scatter, self.crossed, strict=True):
+            one = sums[f]
+            left = scatter @ one.scatter
+            shared = shared + one.shared - crossed.T @ left
+            own = own + one.own - one.scatter.T @ left
+        return np.asarray(shared), np.asarray(own)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Nuisance:
+    """Whitened columns of F flights: n means, R modes."""
+
+    whitening: Whitening
+    flights: tuple[slice, ...]  # of the n means
+    scatter: Floats  # (n, R, K) one standard deviation of a sound aircraft's scatter
+    doubt: Floats  # (n, R, D) one of the base model
+    free: Floats  # (R, n, H) one of the free form on a sound aircraft
+
+    def sums(self, columns: Floats) -> list[FlightSums]:
+        """Of columns (N, R, q) rpm in modes, flight by flight."""
+        z = self.whitening.apply(columns)
+        return [self._sums(z[f], f) for f in self.flights]
+
+    def solved(self, flights: Sequence[int] | None = None) -> Solved:
+        """The nuisances eliminated from all flights, or from those chosen."""
+        chosen = tuple(range(len(self.flights)) if flights is None else flights)
+        parts = [self._gram(self.flights[f]) for f in chosen]
+        known, free = self.doubt.shape[2], self.free.shape[0] * self.free.shape[2]
+        systems = [np.eye(p[0].shape[0]) + p[0] for p in parts]
+        scatter = [np.linalg.inv(system) for system in systems]
+        left = sum(p[2] - p[1].T @ w @ p[1] for p, w in zip(parts, scatter, strict=True))
+        own = sum(np.linalg.slogdet(system)[1] for system in systems)
+        hats = np.arange(free) // max(self.free.shape[2], 1)  # the mode of each
+        shared, evidence = [], []
+        for level in LEVELS:
+            of_modes = np.where(hats == 0, level.collective, level.moments)
+            root = np.concatenate([np.ones(known), of_modes])
+            system = np.eye(root.size) + root[:, None] * left * root
+            shared.append(root[:, None] * np.linalg.inv(system) * root)
+            determinant = own + np.linalg.slogdet(system)[1]
+            evidence.append(level.log_prior - 0.5 * float(determinant))
+        return Solved(
+            flights=chosen,
+            scatter=np.stack(scatter),
+            crossed=np.stack([p[1] for p in parts]),
+            shared=np.stack(shared),
+            log_evidence=np.array(evidence),
+        )
+
+    def _gram(self, rows: slice) -> tuple[Floats, Floats, Floats]:
+        """S'S, S'X and X'X of one flight."""
+        columns = np.concatenate([self.scatter[rows], self.doubt[rows]], axis=2)
+        sums = self._sums(columns, rows)
+        many = self.scatter.shape[2]
+        modes, _, hats = self.free.shape
+        known = self.doubt.shape[2]
+        whole = np.zeros((known + modes * hats,) * 2)
+        whole[:known, :known] = sums.own[many:, many:]
+        whole[known:, :known] = sums.shared[known:, many:]
+        whole[:known, known:] = sums.shared[known:, many:].T
+        for mode in range(modes):
+            part = slice(known + mode * hats, known + (mode + 1) * hats)
+            whole[part, part] = self.free[mode, rows].T @ self.free[mode, rows]
+        return sums.own[:many, :many], sums.shared[:, :many].T, whole
+
+    def _sums(self, z: Floats, rows: slice) -> FlightSums:
+        count = z.shape[2]
+
+        def flat(columns: Floats) -> Floats:
+            return columns.reshape(-1, columns.shape[2])
+
+        free = np.einsum("mnh,nmq->mhq", self.free[:, rows], z, optimize=True)
+        doubt = flat(self.doubt[rows]).T @ flat(z)
+        return FlightSums(
+            scatter=flat(self.scatter[rows]).T @ flat(z),
+            shared=np.concatenate([doubt, free.reshape(-1, count)]),
+            own=flat(z).T @ flat(z),
+        )

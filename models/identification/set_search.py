@@ -1,0 +1,283 @@
+"""The search over sets of effects.
+
+About a set at its likeliest values everything is linear: one Gram matrix holds the derivatives by
+the values of all candidates, what each candidate does by coming in or going out, and the residual.
+On it a beam of sets is grown, and neighbours of the best are tried, thousands in a second. What
+ranks high is fitted in full, with the effects as they are, and the search goes on about the best
+until it stays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.candidates import (
+    Candidate,
+    Held,
+    derivatives,
+    predicted,
+)
+from thrustmargin.models.identification.evidence import IMPOSSIBLE, Prior, Scored, prior_of, score
+from thrustmargin.models.identification.nuisance import LEVELS, Nuisance, Solved
+from thrustmargin.models.identification.reduced import Reduced
+
+BEAM = 12  # sets that are grown at each size
+FITTED = 6  # sets that are fitted in full in each round
+ROUNDS = 6
+MOST_EFFECTS = 10
+NEAR = 9.0  # of log evidence below the best: less than one in 8,000 as likely
+
+STALE = 2.0  # fall of -2 log likelihood below which derivatives are worked out anew
+CONVERGED = 0.02  # the same, below which no more steps are taken
+
+Progress = Callable[[str, float], None]
+Key = frozenset[int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fitted:
+    """A set fitted in full."""
+
+    key: Key
+    held: tuple[Held, ...]
+    levels: tuple[Scored, ...]  # at each level
+    log_evidence: Floats  # (levels,) with the level's own
+    residual: Floats  # (N, R) rpm in modes
+
+    @property
+    def total(self) -> float:
+        """Log evidence over all levels."""
+        return float(np.logaddexp.reduce(self.log_evidence))
+
+    @property
+    def best_level(self) -> int:
+        return int(np.argmax(self.log_evidence))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Linear:
+    """All candidates about a fitted set: `gram` (levels, q, q) of [derivatives, changes, residual].
+
+    `columns` are the places of each candidate's values; a change is what a candidate adds to the
+    prediction by coming in at its start or by going out.
+    """
+
+    about: Fitted
+    held: tuple[Held, ...]  # every candidate: at its values in the set, at its start out of it
+    columns: tuple[slice, ...]
+    gram: Floats
+
+    def score(self, key: Iterable[int], level: int) -> Scored:
+        """A set about this one."""
+        members = sorted(key)
+        prior = prior_of([self.held[c] for c in members])
+        where = np.concatenate([np.arange(*self.columns[c].indices(10**9)) for c in members]) if (
+            members
+        ) else np.zeros(0, dtype=np.intp)
+        return score(prior, *self._normal(frozenset(members), where, level))
+
+    def _normal(self, key: Key, where: np.ndarray, level: int) -> tuple[Floats, Floats, float]:
+        gram, first = self.gram[level], self.columns[-1].stop if self.columns else 0
+        changed = [first + c for c in self.about.key ^ key]
+        residual = np.zeros(gram.shape[0])
+        residual[-1] = 1.0
+        residual[changed] = -1.0
+        along = gram @ residual
+        return gram[np.ix_(where, where)], along[where], float(residual @ along)
+
+    def gains(self, key: Key, level: int, pool: Sequence[int]) -> Floats:
+        """Roughly how much each candidate of a pool would add to the log likelihood of a set."""
+        members = sorted(key)
+        gram, first = self.gram[level], self.columns[-1].stop
+        where = np.concatenate(
+            [np.zeros(0, dtype=np.intp), *[np.arange(*self.columns[c].indices(10**9)) for c in members]]
+        ).astype(np.intp)
+        prior = prior_of([self.held[c] for c in members])
+        residual = np.zeros(gram.shape[0])
+        residual[-1] = 1.0
+        residual[[first + c for c in self.about.key ^ key]] = -1.0
+        system = gram[np.ix_(where, where)] + np.diag(prior.weight + 1e-9)
+        solved = np.linalg.solve(system, gram[where]) if where.size else np.zeros((0, gram.shape[0]))
+        left = gram - gram[:, where] @ solved if where.size else gram
+        out = np.full(len(pool), -np.inf)
+        for i, c in enumerate(pool):
+            part = self.columns[c]
+            own = prior_of([self.held[c]])
+            change = np.zeros(gram.shape[0])
+            change[first + c] = 1.0 if c in self.about.key else -1.0
+            r = residual + change
+            g = left[part] @ r + own.pull
+            h = left[part, part] + np.diag(own.weight + 1e-9)
+            before, after = float(residual @ left @ residual), float(r @ left @ r)
+            out[i] = 0.5 * (before - after) + 0.5 * float(g @ np.linalg.solve(h, g))
+        return out
+
+
+class Search:
+    """Sets fitted so far, about which the search goes on."""
+
+    def __init__(
+        self,
+        reduced: Reduced,
+        nuisance: Nuisance,
+        candidates: Sequence[Candidate],
+        solved: Solved | None = None,
+    ) -> None:
+        self.reduced, self.nuisance = reduced, nuisance
+        self.candidates = list(candidates)
+        self.solved = solved or nuisance.solved()
+        self.fitted: dict[Key, Fitted] = {}
+        self.start = [Held(candidate=c, values=c.start) for c in self.candidates]
+
+    def run(self, progress: Progress | None = None) -> None:
+        """Search until the best set stays."""
+        best = self.fit(frozenset(), ())
+        for number in range(ROUNDS):
+            if progress:
+                progress(f"round {number + 1}", number / ROUNDS)
+            linear = self.linearise(best)
+            for key in self.promising(linear):
+                self.fit(key, linear.held)
+            now = max(self.fitted.values(), key=lambda f: f.total)
+            if now.key == best.key:
+                break
+            best = now
+
+    def linearise(self, about: Fitted) -> Linear:
+        """All candidates about a fitted set."""
+        inside = {c: h for c, h in zip(sorted(about.key), about.held, strict=True)}
+        base = predicted(self.reduced, about.held)
+        held, columns, changes, places = [], [], [], []
+        first = 0
+        for c, at_start in enumerate(self.start):
+            if c in inside:
+                members = list(about.held)
+                of = sorted(about.key).index(c)
+                rest = [h for k, h in enumerate(members) if k != of]
+                changes.append(predicted(self.reduced, rest) - base)
+            else:
+                members, of = [*about.held, at_start], len(about.held)
+                changes.append(predicted(self.reduced, members) - base)
+            columns.append(derivatives(self.reduced, members, of))
+            held.append(members[of])
+            places.append(slice(first, first + columns[-1].shape[2]))
+            first = places[-1].stop
+        residual = self.reduced.in_modes(self.reduced.measured_rpm) - base
+        whole = np.concatenate(
+            [*columns, np.stack(changes, axis=2), residual[:, :, None]], axis=2
+        )
+        whole = np.nan_to_num(whole)
+        gram = self.solved.reduce(self.nuisance.sums(whole))
+        return Linear(about=about, held=tuple(held), columns=tuple(places), gram=gram)
+
+    def promising(self, linear: Linear) -> list[Key]:
+        """Sets that are not fitted yet and would be likely, by the linear problem."""
+        found: dict[Key, float] = {}
+        best = self.fitted[linear.about.key]
+        levels = sorted({best.best_level, 0, len(LEVELS) // 2})
+
+        def look(key: Key, level: int) -> float:
+            value = linear.score(key, level).log_evidence + self.solved.log_evidence[level]
+            found[key] = max(found.get(key, IMPOSSIBLE), value)
+            return value
+
+        everything = range(len(self.candidates))
+        for level in levels:
+            about = linear.about.key
+            beam = {about: look(about, level)}
+            for member in about:  # neighbours: one less
+                beam[about - {member}] = look(about - {member}, level)
+            for _ in range(MOST_EFFECTS):
+                grown: dict[Key, float] = {}
+                for key in sorted(beam, key=lambda k: -beam[k])[:BEAM]:
+                    pool = [c for c in everything if c not in key and not self._twice(key, c)]
+                    if len(key) >= MOST_EFFECTS or not pool:
+                        continue
+                    gains = linear.gains(key, level, pool)
+                    for i in np.argsort(-gains)[:BEAM]:
+                        new = key | {pool[i]}
+                        if new not in grown:
+                            grown[new] = look(new, level)
+                if not grown or max(grown.values()) < max(beam.values()) - NEAR:
+                    break
+                beam = grown
+        ranked = sorted(found, key=lambda k: -found[k])
+        top = max(found[ranked[0]], best.total)
+        near = [k for k in ranked if found[k] > top - NEAR and k not in self.fitted]
+        return near[:FITTED]
+
+    def _twice(self, key: Key, c: int) -> bool:
+        """True where the same effect of the same rotor is in a set in another form."""
+        term = self.candidates[c].term
+        return term.effect.of_one_rotor and any(
+            self.candidates[k].term.rotor == term.rotor
+            and self.candidates[k].term.effect.name == term.effect.name
+            for k in key
+        )
+
+    def fit(self, key: Key, near: Sequence[Held], steps: int = 8) -> Fitted:
+        """Fit a set in full from the values in `near` (of all candidates) or from the starts."""
+        if key in self.fitted:
+            return self.fitted[key]
+        held = [near[c] if near else self.start[c] for c in sorted(key)]
+        found = self._fit(key, held, steps)
+        self.fitted[key] = found
+        return found
+
+    def _fit(self, key: Key, held: list[Held], steps: int, level: int | None = None) -> Fitted:
+        """Gauss-Newton with halved steps; derivatives are worked out anew where they bring more."""
+        measured = self.reduced.in_modes(self.reduced.measured_rpm)
+        columns, fresh = self._columns(held), True
+        level = 0 if level is None else level
+        residual = measured - predicted(self.reduced, held)
+        grams = self._grams(columns, residual)
+        merit = float(grams[level][-1, -1]) + _normal_cost(prior_of(held))
+        for _ in range(steps if held else 0):
+            prior, gram = prior_of(held), grams[level]
+            taken = score(prior, gram[:-1, :-1], gram[:-1, -1], float(gram[-1, -1])).step
+            gained = 0.0
+            for shrink in (1.0, 0.3, 0.1):
+                parts = zip(held, prior.groups, strict=True)
+                moved = [h.moved(shrink * taken[group]) for h, group in parts]
+                new = measured - predicted(self.reduced, moved)
+                trial = self._grams(columns, new)
+                value = float(trial[level][-1, -1]) + _normal_cost(prior_of(moved))
+                if value < merit:
+                    gained = merit - value
+                    held, residual, grams, merit = moved, new, trial, value
+                    break
+            if gained < CONVERGED and fresh:
+                break
+            if gained < STALE:
+                columns = self._columns(held)
+                grams = self._grams(columns, residual)
+            fresh = gained < STALE
+        if held and not fresh:
+            grams = self._grams(self._columns(held), residual)
+        prior = prior_of(held)
+        levels = tuple(score(prior, g[:-1, :-1], g[:-1, -1], float(g[-1, -1])) for g in grams)
+        evidence = np.array([s.log_evidence for s in levels]) + self.solved.log_evidence
+        return Fitted(
+            key=key, held=tuple(held), levels=levels, log_evidence=evidence, residual=residual
+        )
+
+    def _columns(self, held: list[Held]) -> Floats:
+        """(N, R, P) derivatives by the free values of a set."""
+        parts = [derivatives(self.reduced, held, k) for k in range(len(held))]
+        empty = np.zeros((*self.reduced.measured_rpm.shape, 0))
+        return np.nan_to_num(np.concatenate([empty, *parts], axis=2))
+
+    def _grams(self, columns: Floats, residual: Floats) -> Floats:
+        """(levels, P + 1, P + 1) of the derivatives and the residual."""
+        whole = np.concatenate([columns, np.nan_to_num(residual)[:, :, None]], axis=2)
+        return self.solved.reduce(self.nuisance.sums(whole))
+
+
+def _normal_cost(prior: Prior) -> float:
+    """What the normal priors of a set cost at its values."""
+    start = np.array([p.start for p in prior.parameters])
+    return float(np.sum(prior.weight * (prior.values - start) ** 2)) if prior.parameters else 0.0

@@ -1,0 +1,89 @@
+"""Noise of the mode residuals: autoregressive of second order, its size that of each flight.
+
+    e_t = a1 e_(t-1) + a2 e_(t-2) + w_t
+
+The coefficients are a mode's, the size of w is a flight's and a mode's, by the median absolute
+value. Filtering residuals and derivatives alike with 1 - a1 L - a2 L² leaves noise that is
+independent and of size one, on which least squares has its honest standard errors (generalised
+least squares, Cochrane and Orcutt 1949). Single wild means count linearly (Huber 1964).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thrustmargin.models.flight import Bools, Floats
+
+ORDER = 2
+HUBER = 3.0  # sizes of w beyond which a mean counts linearly
+LEAST_NOISE = 1e-4  # of the mean rotor speed: no sensor is better
+MOST_MEMORY = 0.98  # of a1 + a2: a constant must not vanish
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Whitening:
+    """A filter of N means in R modes; n of them have their predecessors."""
+
+    rows: NDArray[np.intp]  # (n,) means that have ORDER means right before them
+    flight: NDArray[np.intp]  # (n,)
+    coefficients: Floats  # (R, 2)
+    scale: Floats  # (F, R) rpm
+    weight: Floats  # (n, R) root of the Huber weight
+
+    def apply(self, values: Floats) -> Floats:
+        """(n, R, ...) of (N, R, ...) in modes, rpm: filtered, weighted and in units of the noise."""
+        shape = (1, -1, *[1] * (values.ndim - 2))
+        out = values[self.rows].astype(np.float64, copy=True)
+        for lag in range(ORDER):
+            out -= self.coefficients[:, lag].reshape(shape) * values[self.rows - 1 - lag]
+        factor = self.weight / self.scale[self.flight]
+        return out * factor.reshape(*factor.shape, *[1] * (values.ndim - 2))
+
+
+def whitening_of(
+    residual: Floats, flight: NDArray[np.intp], follows: Bools, mean_speed_rpm: float
+) -> Whitening:
+    """The filter of a residual (N, R) in modes of which all that can be explained is taken off."""
+    rows = np.flatnonzero(follows & np.roll(follows, 1))
+    rows = rows[rows >= ORDER]
+    modes, flights = residual.shape[1], int(flight.max()) + 1
+    coefficients, scale = np.zeros((modes, ORDER)), np.ones((flights, modes))
+    least = LEAST_NOISE * mean_speed_rpm
+    for mode in range(modes):
+        e = residual[:, mode]
+        size = np.array([_size(e[flight == f]) for f in range(flights)])[flight]
+        e = e / np.maximum(size, least)
+        past = np.stack([e[rows - 1], e[rows - 2]], axis=1)
+        kept = np.abs(np.column_stack([e[rows], past])).max(axis=1) < HUBER
+        gram = past[kept].T @ past[kept] + np.eye(ORDER)  # as much doubt as one mean
+        found = np.linalg.solve(gram, past[kept].T @ e[rows][kept])
+        coefficients[mode] = found * min(1.0, MOST_MEMORY / max(float(found.sum()), 1e-9))
+        e = residual[:, mode]
+        left = e[rows] - np.stack([e[rows - 1], e[rows - 2]], axis=1) @ coefficients[mode]
+        scale[:, mode] = [_size(left[flight[rows] == f]) for f in range(flights)]
+    scale = np.maximum(scale, least)
+    plain = Whitening(
+        rows=rows,
+        flight=flight[rows],
+        coefficients=coefficients,
+        scale=scale,
+        weight=np.ones((rows.size, modes)),
+    )
+    size = np.maximum(np.abs(plain.apply(residual)), HUBER)
+    return Whitening(
+        rows=rows,
+        flight=plain.flight,
+        coefficients=coefficients,
+        scale=scale,
+        weight=np.sqrt(HUBER / size),
+    )
+
+
+def _size(values: Floats) -> float:
+    """Standard deviation by the median absolute deviation from the median."""
+    if values.size < 2:
+        return 0.0
+    return float(1.4826 * np.median(np.abs(values - np.median(values))))
