@@ -15,20 +15,23 @@ from numpy.typing import NDArray
 from thrustmargin.models.effects.channels import Channels
 from thrustmargin.models.flight import Floats
 
-#: channel -> number of hats; those that manoeuvres move have few
+#: channel -> number of hats, and the least span over which it can be a cause: less is control
 CHANNELS = {
-    "airspeed": 5,
-    "tank_kg": 5,
-    "time_s": 5,
-    "voltage": 4,
-    "advance_ratio": 4,
-    "radius_over_height": 3,
-    "load_factor": 3,
-    "yaw_rate": 3,
-    "heading": 4,
+    "airspeed": (5, 1.0),
+    "tank_kg": (5, 0.0),
+    "time_s": (5, 20.0),
+    "voltage": (4, 0.0),
+    "advance_ratio": (4, 0.01),
+    "radius_over_height": (3, 0.05),
+    "load_factor": (3, 0.02),
+    "yaw_rate": (3, 0.1),
+    "heading": (4, 0.5),
 }
 PRODUCT = ("airspeed", "tank_kg")
 WANDER = 25.0  # s between the knots of a flight's own slow noise
+FORM = 0.05  # of what an effect does: the laws of `models.effects` are good to a few per cent
+#: along which the form of an effect may be wrong
+FORMED = ("airspeed", "tank_kg", "time_s")
 SLOW_MEANS = 43  # means over which voltage is averaged: faster it answers to the rotors themselves
 
 
@@ -40,9 +43,9 @@ def free_columns(x: Channels, flight: NDArray[np.intp]) -> tuple[Floats, tuple[s
     columns: list[Floats] = [np.ones((x.time_s.size, 1))]
     names: list[str] = ["constant"]
     few: dict[str, Floats] = {}
-    for name, count in CHANNELS.items():
+    for name, (count, least) in CHANNELS.items():
         values = np.asarray(getattr(x, name))
-        if not np.isfinite(values).all() or np.ptp(values) < 1e-6:
+        if not np.isfinite(values).all() or np.ptp(values) <= max(least, 1e-6):
             continue
         if name == "voltage":
             values = _slow(values, flight)
@@ -60,6 +63,17 @@ def free_columns(x: Channels, flight: NDArray[np.intp]) -> tuple[Floats, tuple[s
         columns.append(product - product.mean(axis=0))
         names += ["airspeed x tank_kg"] * product.shape[1]
     return np.concatenate(columns, axis=1), tuple(names)
+
+
+def form_columns(x: Channels) -> Floats:
+    """(N, W) slow curves of size one, by which an effect may be another one than its form says."""
+    parts = [np.ones((x.time_s.size, 1))]
+    for name in FORMED:
+        values = np.asarray(getattr(x, name))
+        if np.isfinite(values).all() and np.ptp(values) > 1e-6:
+            part = hats(values, 3)
+            parts.append(part - part.mean(axis=0))
+    return np.concatenate(parts, axis=1)
 
 
 def wander_columns(time_s: Floats, flight: NDArray[np.intp]) -> Floats:

@@ -24,7 +24,7 @@ from thrustmargin.models.identification.problem import Problem, assemble
 from thrustmargin.models.identification.terms import Term
 from thrustmargin.models.model.rotor_model import RotorModel
 
-BIN = 0.7  # s: longer than the rotors' lag and most gusts, shorter than any manoeuvre's effect
+BIN = 0.7  # s of an aircraft of the F16's size: longer than the rotors' lag and most gusts, shorter than any manoeuvre's effect
 LEAST_FILL = 0.5  # of the usual rows of a bin, for it to count
 
 
@@ -57,10 +57,11 @@ class Reduced:
         names = dict.fromkeys((*term.effect.needs, *term.effect.neutral))
         return tuple(n for n in names if not _reported(self.channels.read(n)))
 
-    def speeds(self, placed: Sequence[Placed]) -> Floats:
-        """(N, R) rpm with effects besides those that the model has."""
+    def speeds(self, placed: Sequence[Placed], *, without: int | None = None) -> Floats:
+        """(N, R) rpm with effects besides those that the model has, or all of those but one."""
+        own = [item for k, item in enumerate(self.model.placed) if k != without]
         with np.errstate(invalid="ignore", over="ignore"):
-            speed = rotor_speed_rpm(self.base, (*self.model.placed, *placed), self.channels, np)
+            speed = rotor_speed_rpm(self.base, (*own, *placed), self.channels, np)
             if self.of_outputs:
                 speed = scaled_to(np.sum(self.measured_rpm**2, axis=1), speed)
         return speed

@@ -10,7 +10,7 @@ until it stays.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from thrustmargin.models.identification.candidates import (
     predicted,
 )
 from thrustmargin.models.identification.evidence import IMPOSSIBLE, Prior, Scored, prior_of, score
+from thrustmargin.models.identification.free_form import FORM, form_columns
 from thrustmargin.models.identification.nuisance import LEVELS, Nuisance, Solved
 from thrustmargin.models.identification.reduced import Reduced
 
@@ -31,6 +32,7 @@ ROUNDS = 6
 MOST_EFFECTS = 10
 NEAR = 9.0  # of log evidence below the best: less than one in 8,000 as likely
 
+KEPT = 10  # sets that are judged anew when the doubt of forms changes
 STALE = 2.0  # fall of -2 log likelihood below which derivatives are worked out anew
 CONVERGED = 0.02  # the same, below which no more steps are taken
 
@@ -118,7 +120,11 @@ class Linear:
 
 
 class Search:
-    """Sets fitted so far, about which the search goes on."""
+    """Sets fitted so far, about which the search goes on.
+
+    A large effect is not known to the last part: what it does is good to FORM of itself, along the
+    slow channels. That doubt, about the best set, is among what every set is judged with.
+    """
 
     def __init__(
         self,
@@ -127,7 +133,7 @@ class Search:
         candidates: Sequence[Candidate],
         solved: Solved | None = None,
     ) -> None:
-        self.reduced, self.nuisance = reduced, nuisance
+        self.reduced, self.nuisance, self.plain = reduced, nuisance, nuisance
         self.candidates = list(candidates)
         self.solved = solved or nuisance.solved()
         self.fitted: dict[Key, Fitted] = {}
@@ -136,16 +142,47 @@ class Search:
     def run(self, progress: Progress | None = None) -> None:
         """Search until the best set stays."""
         best = self.fit(frozenset(), ())
+        doubted: Key = frozenset()
         for number in range(ROUNDS):
             if progress:
                 progress(f"round {number + 1}", number / ROUNDS)
             linear = self.linearise(best)
             for key in self.promising(linear):
                 self.fit(key, linear.held)
-            now = max(self.fitted.values(), key=lambda f: f.total)
-            if now.key == best.key:
+            now = self.best
+            if now.key == best.key and now.key == doubted:
                 break
+            if now.key != doubted:
+                self.doubt_forms(now)
+                doubted, now = now.key, self.best
             best = now
+
+    @property
+    def best(self) -> Fitted:
+        return max(self.fitted.values(), key=lambda f: f.total)
+
+    def doubt_forms(self, about: Fitted) -> None:
+        """Put the doubt of what a set does among the nuisances, and judge all sets anew with it."""
+        base = predicted(self.reduced, about.held)
+        slow = form_columns(self.reduced.channels)
+        modes, count = base.shape[1], slow.shape[1]
+        columns = [self.plain.doubt]
+        for k in range(len(about.held)):
+            without = predicted(self.reduced, [*about.held[:k], *about.held[k + 1 :]])
+            size = np.sqrt(np.mean(np.nan_to_num(base - without) ** 2, axis=1))
+            own = np.zeros((*base.shape, modes * count))
+            for mode in range(modes):
+                part = slice(mode * count, (mode + 1) * count)
+                own[:, mode, part] = FORM * size[:, None] * slow
+            columns.append(self.plain.whitening.apply(own))
+        self.nuisance = replace(self.plain, doubt=np.concatenate(columns, axis=2))
+        self.solved = self.nuisance.solved()
+        keep = sorted(self.fitted.values(), key=lambda f: -f.total)[:KEPT]
+        self.fitted = {}
+        for one in (*keep, about):
+            self.fitted[one.key] = self._fit(one.key, list(one.held), 3, one.best_level)
+        if frozenset() not in self.fitted:
+            self.fit(frozenset(), ())
 
     def linearise(self, about: Fitted) -> Linear:
         """All candidates about a fitted set."""

@@ -2,8 +2,8 @@
 
     e_t = a1 e_(t-1) + a2 e_(t-2) + w_t
 
-The coefficients are a mode's, the size of w is a flight's and a mode's, by the median absolute
-value. Filtering residuals and derivatives alike with 1 - a1 L - a2 L² leaves noise that is
+The coefficients are a mode's; the size of w is a mode's, of each flight in calm and in manoeuvres,
+by the median absolute value. Filtering residuals and derivatives alike with 1 - a1 L - a2 L² leaves noise that is
 independent and of size one, on which least squares has its honest standard errors (generalised
 least squares, Cochrane and Orcutt 1949). Single wild means count linearly (Huber 1964).
 """
@@ -19,6 +19,7 @@ from thrustmargin.models.flight import Bools, Floats
 
 ORDER = 2
 HUBER = 3.0  # sizes of w beyond which a mean counts linearly
+FEWEST = 15  # means from which a size is taken: it is then good to a fifth
 LEAST_NOISE = 1e-4  # of the mean rotor speed: no sensor is better
 MOST_MEMORY = 0.98  # of a1 + a2: a constant must not vanish
 
@@ -30,7 +31,7 @@ class Whitening:
     rows: NDArray[np.intp]  # (n,) means that have ORDER means right before them
     flight: NDArray[np.intp]  # (n,)
     coefficients: Floats  # (R, 2)
-    scale: Floats  # (F, R) rpm
+    scale: Floats  # (n, R) rpm
     weight: Floats  # (n, R) root of the Huber weight
 
     def apply(self, values: Floats) -> Floats:
@@ -39,18 +40,26 @@ class Whitening:
         out = values[self.rows].astype(np.float64, copy=True)
         for lag in range(ORDER):
             out -= self.coefficients[:, lag].reshape(shape) * values[self.rows - 1 - lag]
-        factor = self.weight / self.scale[self.flight]
+        factor = self.weight / self.scale
         return out * factor.reshape(*factor.shape, *[1] * (values.ndim - 2))
 
 
 def whitening_of(
-    residual: Floats, flight: NDArray[np.intp], follows: Bools, mean_speed_rpm: float
+    residual: Floats,
+    flight: NDArray[np.intp],
+    follows: Bools,
+    busy: Bools,
+    mean_speed_rpm: float,
 ) -> Whitening:
-    """The filter of a residual (N, R) in modes of which all that can be explained is taken off."""
+    """The filter of a residual (N, R) in modes of which all that can be explained is taken off.
+
+    `busy` (N,) marks manoeuvres; a flight with fewer than FEWEST of either has one size for both.
+    """
     rows = np.flatnonzero(follows & np.roll(follows, 1))
     rows = rows[rows >= ORDER]
     modes, flights = residual.shape[1], int(flight.max()) + 1
-    coefficients, scale = np.zeros((modes, ORDER)), np.ones((flights, modes))
+    coefficients, scale = np.zeros((modes, ORDER)), np.ones((rows.size, modes))
+    states = [_states(busy[rows], flight[rows] == f) for f in range(flights)]
     least = LEAST_NOISE * mean_speed_rpm
     for mode in range(modes):
         e = residual[:, mode]
@@ -63,7 +72,8 @@ def whitening_of(
         coefficients[mode] = found * min(1.0, MOST_MEMORY / max(float(found.sum()), 1e-9))
         e = residual[:, mode]
         left = e[rows] - np.stack([e[rows - 1], e[rows - 2]], axis=1) @ coefficients[mode]
-        scale[:, mode] = [_size(left[flight[rows] == f]) for f in range(flights)]
+        for state in (s for of_flight in states for s in of_flight):
+            scale[state, mode] = _size(left[state])
     scale = np.maximum(scale, least)
     plain = Whitening(
         rows=rows,
@@ -80,6 +90,12 @@ def whitening_of(
         scale=scale,
         weight=np.sqrt(HUBER / size),
     )
+
+
+def _states(busy: Bools, mine: Bools) -> list[Bools]:
+    """The means of one flight in calm and in manoeuvres; in one where either are too few."""
+    parts = [mine & ~busy, mine & busy]
+    return parts if min(int(p.sum()) for p in parts) >= FEWEST else [mine]
 
 
 def _size(values: Floats) -> float:
