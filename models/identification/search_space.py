@@ -30,6 +30,7 @@ from thrustmargin.models.physics.flight_phases import TURN_RATE
 USUAL_SHARE = 0.001
 LEAST_CHANGE = 0.5  # rpm RMS of a mode, below which the form of an effect does not matter
 SHAPE = 0.5  # of a shape's usual size: how well it is known once it was fitted
+FREE_EFFECTS = 100.0  # times their scatter: any effect may be there while slow noise is learnt
 LOADED = 0.03  # of the load factor: a gust or two
 RIDGE = 1e-2  # of columns of size about one, in the regression that leaves the noise
 
@@ -78,7 +79,9 @@ def search_space(
     own = np.concatenate(
         [np.full(scatter.shape[2], -1), np.repeat(np.arange(modes), wander.shape[1])]
     ).astype(np.intp)
-    learnt = learn(nuisance, residual, groups, own, level=len(LEVELS) - 1)
+    anything = FREE_EFFECTS * nuisance.scatter[:, :, : scatter.shape[2]]
+    open_ = replace(nuisance, doubt=np.concatenate([nuisance.doubt, anything], axis=2))
+    learnt = learn(open_, residual, groups, own, level=len(LEVELS) - 1)
     return SearchSpace(
         reduced=reduced,
         candidates=candidates,
