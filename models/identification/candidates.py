@@ -9,11 +9,15 @@ from typing import Any
 import numpy as np
 
 from thrustmargin.models.effects.base import Effect, Parameter, Placed
+from thrustmargin.models.effects.load_factor import LOAD_FACTOR
+from thrustmargin.models.effects.manoeuvre_moment import MANOEUVRE_MOMENT
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.reduced import Reduced
 from thrustmargin.models.identification.terms import Term
 
 EFFECT_PRIOR, ROTOR_PRIOR = 0.02, 0.005  # that an effect is there; that a given rotor is bad
+#: what any motion does by Newton's and Euler's laws: a model has it or lacks it, once
+OF_MOTION = (LOAD_FACTOR.key, MANOEUVRE_MOMENT.key)
 STEP = 1e-3  # of a parameter's usual size, of the central difference
 
 
@@ -35,6 +39,12 @@ class Candidate:
         """(P,) the parameter of each free value."""
         every = self.term.effect.parameters
         return tuple(every[k] for k, _ in self.free)
+
+
+    @property
+    def start_values(self) -> list[float]:
+        """(P,) where the free values start."""
+        return [float(self.start[flight or 0, k]) for k, flight in self.free]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,9 +73,10 @@ def candidates_of(reduced: Reduced, catalogue: Sequence[Effect]) -> list[Candida
     """Every effect whose channels the flights report, on each rotor where it is of one; not those
     that begin in a flight, which `onsets` finds."""
     rotors = reduced.measured_rpm.shape[1]
+    has = {item.effect.key for item in reduced.model.placed}
     found = []
     for effect in catalogue:
-        if effect.begins:
+        if effect.begins or (effect.key in has and effect.key in OF_MOTION):
             continue
         for rotor in range(rotors) if effect.of_one_rotor else (None,):
             term = Term(effect=effect, rotor=rotor)

@@ -35,6 +35,7 @@ class Prior:
     normal: Floats  # (P,) bool
     parameters: tuple[Parameter, ...]
     values: Floats  # (P,)
+    centre: Floats  # (P,) of the normal ones
     groups: tuple[slice, ...]  # the values of each candidate
     log_sets: float  # log prior of the set
 
@@ -60,7 +61,7 @@ def prior_of(held: Sequence[Held]) -> Prior:
     at = np.array(values)
     normal = np.array([is_shape(p) for p in parameters], dtype=bool)
     scale = np.array([p.scale for p in parameters])
-    start = np.array([p.start for p in parameters])
+    start = np.array([v for one in held for v in one.candidate.start_values])
     weight = np.where(normal, 1.0 / scale**2, 0.0) if parameters else np.zeros(0)
     return Prior(
         weight=weight,
@@ -68,6 +69,7 @@ def prior_of(held: Sequence[Held]) -> Prior:
         normal=normal,
         parameters=tuple(parameters),
         values=at,
+        centre=start,
         groups=tuple(groups),
         log_sets=sum(one.candidate.log_prior for one in held),
     )
@@ -100,7 +102,7 @@ def score(prior: Prior, hessian: Floats, gradient: Floats, cost: float) -> Score
     out += 0.5 * count * log(2 * pi) - float(np.log(np.diag(factor)).sum())
     for k in np.flatnonzero(prior.normal):
         p = prior.parameters[k]
-        out -= log(p.scale) + 0.5 * log(2 * pi) + 0.5 * ((prior.values[k] - p.start) / p.scale) ** 2
+        out -= log(p.scale) + 0.5 * log(2 * pi) + 0.5 * ((prior.values[k] - prior.centre[k]) / p.scale) ** 2
     for group in prior.groups:
         out += _log_size(prior, group, at, error)
     return Scored(log_evidence=out + prior.log_sets, step=step, covariance=covariance)

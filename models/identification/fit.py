@@ -1,15 +1,14 @@
 """Joint robust fit of effects, and the sufficient statistics by block that all judging rests on.
 
 The residual is in rpm, taken apart into modes and divided by each mode's robust scale. A
-Gauss-Newton step with Huber weights and bounds uses derivatives from torch.func. At the end,
+Gauss-Newton step with Huber weights and bounds uses derivatives by central differences. At the end,
 each block keeps only H = J'WJ, g = J'We and c = e'We, so that leaving flights out, intervals and
 surrogate searches are small linear algebra and never another pass over the rows.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,7 +17,6 @@ from numpy.typing import NDArray
 
 from thrustmargin.models.effects.base import Kind
 from thrustmargin.models.effects.compose import corrected, rotor_speed_rpm
-from thrustmargin.models.errors import require_torch
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.base_uncertainty import base_uncertainty_rpm
 from thrustmargin.models.identification.modes import robust_scale
@@ -35,6 +33,7 @@ from thrustmargin.models.identification.terms import (
 
 HUBER = 3.0  # scales of a mode beyond which a residual counts linearly
 SPREAD = 3.0  # largest ratio of the scales of two modes
+STEP = 1e-4  # of a parameter's usual size, of the central difference
 STEPS = 12
 TOLERANCE = 1e-3  # of a parameter's own scale
 RIDGE = 1e-4  # weight of the prior, per row
@@ -103,88 +102,53 @@ def mode_scales(problem: Problem, residual_rpm: Floats) -> Floats:
     return np.hypot(scales, np.sqrt(problem.known_square(directions)))
 
 
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Torch on one thread: its operations on some thousand rows are so short that threads mostly
-    wait for each other, and on a busy machine for very long. Left as found."""
-    require_torch("identify")
-    import torch
-
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(threads)
-
-
 class Evaluator:
-    """Predictions and derivatives of a problem; holds the torch copies of its arrays."""
+    """Predictions and derivatives of a problem."""
 
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
-        self._base, self._channels = problem.torch_parts()
-        self._total: Any = None
-        if problem.of_outputs:
-            import torch
-
-            self._total = torch.as_tensor(np.sum(problem.measured_rpm**2, axis=1))
 
     def predict(self, terms: Sequence[Term], layout: FitLayout, values: Floats) -> Floats:
         """(T, R) rpm."""
-        return self._function(terms, self._rows(layout, values))(None).numpy()
+        return self._speeds(terms, self._rows(layout, values))
 
     def jacobian(
         self, terms: Sequence[Term], layout: FitLayout, values: Floats, wanted: Sequence[int]
     ) -> tuple[Floats, Callable[[], Floats]]:
         """Prediction (T, R), and what works out its derivatives by the row parameters wanted,
-        (T, R, len(wanted)): a step that is not taken never asks for them."""
-        import torch
-
+        (T, R, len(wanted)), by central differences: a step that is not taken never asks for them.
+        """
         rows = self._rows(layout, values)
-        function = self._function(terms, rows, tuple(wanted))
-        if not len(wanted):
-            prediction = function(None).numpy()
-            return prediction, lambda: np.zeros((*prediction.shape, 0))
-        at = torch.zeros(len(wanted), dtype=torch.float64)
-        prediction, pull = torch.func.vjp(function, at)[:2]
+        prediction = self._speeds(terms, rows)
 
         def derivatives() -> Floats:
-            # What pulls back is linear in what it pulls, so pulling it back in turn pushes forward.
-            # With few parameters that is half the work of jacfwd, whose dual numbers meet
-            # constants.
-            push = torch.func.vjp(lambda v: pull(v)[0], torch.zeros_like(prediction))[1]
-            (columns,) = torch.func.vmap(push)(torch.eye(len(wanted), dtype=torch.float64))
-            return columns.movedim(0, 2).numpy()
+            columns = [self._derivative(terms, layout, rows, k) for k in wanted]
+            return np.stack(columns, axis=2) if columns else np.zeros((*prediction.shape, 0))
 
-        return prediction.numpy(), derivatives
+        return prediction, derivatives
+
+    def _derivative(
+        self, terms: Sequence[Term], layout: FitLayout, rows: list[Any], k: int
+    ) -> Floats:
+        p, at = layout.parameters[k], rows[k]
+        ends = [np.clip(at + side * STEP * p.scale, p.lower, p.upper) for side in (1.0, -1.0)]
+        above, below = (self._speeds(terms, [*rows[:k], end, *rows[k + 1 :]]) for end in ends)
+        width = np.broadcast_to(ends[0] - ends[1], above.shape[:1])
+        return (above - below) / width[:, None]
 
     def _rows(self, layout: FitLayout, values: Floats) -> list[Any]:
-        import torch
-
         by_flight = values[layout.places]
         return [
-            torch.as_tensor(by_flight[self.problem.flight, k])
-            if parameter.per_flight
-            else torch.as_tensor(by_flight[0, k])
+            by_flight[self.problem.flight, k] if parameter.per_flight else by_flight[0, k]
             for k, parameter in enumerate(layout.parameters)
         ]
 
-    def _function(
-        self, terms: Sequence[Term], rows: Sequence[Any], wanted: tuple[int, ...] = ()
-    ) -> Any:
-        import torch
-
-        def predict(change: Any) -> Any:
-            moved = list(rows)
-            if change is not None:
-                for i, k in enumerate(wanted):
-                    moved[k] = moved[k] + change[i]
-            placed = (*self.problem.placed, *placed_terms(terms, moved))
-            speed = rotor_speed_rpm(self._base, placed, self._channels, torch)
-            return speed if self._total is None else scaled_to(self._total, speed)
-
-        return predict
+    def _speeds(self, terms: Sequence[Term], rows: Sequence[Any]) -> Floats:
+        placed = (*self.problem.placed, *placed_terms(terms, rows))
+        speed = rotor_speed_rpm(self.problem.base, placed, self.problem.channels, np)
+        if not self.problem.of_outputs:
+            return speed
+        return scaled_to(np.sum(self.problem.measured_rpm**2, axis=1), speed)
 
 
 def fit_terms(

@@ -115,18 +115,6 @@ class Problem:
         read = dict.fromkeys((*effect.needs, *effect.neutral))
         return tuple(name for name in read if not _reported(self.channels.read(name)))
 
-    def torch_parts(self) -> tuple[BaseTable, Channels]:
-        """The base table and the channels as torch tensors."""
-        import torch
-
-        arrays = {
-            f.name: torch.as_tensor(value.copy())
-            for f in fields(self.base)
-            if isinstance(value := getattr(self.base, f.name), np.ndarray)
-        }
-        base = replace(self.base, **arrays)
-        return base, self.channels.as_torch()
-
 
 def airspeed_is_ground_speed(track: FlightTrack) -> bool:
     """True when the airspeed is the speed over ground for want of a sensor and of a wind."""

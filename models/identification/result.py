@@ -10,14 +10,10 @@ import numpy as np
 
 from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.autocorrelation import AutocorrelatedResidual
-from thrustmargin.models.identification.cross_validation import ParameterInterval
+from thrustmargin.models.identification.adequacy import Unexplained
 from thrustmargin.models.identification.fit import Evaluator, Fit
 from thrustmargin.models.identification.problem import Problem
-from thrustmargin.models.identification.search import SearchConfig, Step
-from thrustmargin.models.identification.standing_trim import PossibleLoss, Unflyable
 from thrustmargin.models.identification.terms import Term, layout_of
-from thrustmargin.models.identification.unexplained import Curve
 from thrustmargin.models.identification.unseen_errors import (
     Errors,
     Unseen,
@@ -131,33 +127,6 @@ class Found:
         }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tried:
-    """A candidate of one look at the table, and what it would have gained."""
-
-    look: int  # 1 for the first
-    term: Term
-    share: float  # of the held-out cost at that look that it takes away
-    taken: bool
-    p_value: float  # of the look's best; NaN for the others
-
-
-def tried_in(step: Step, look: int) -> tuple[Tried, ...]:
-    """The candidates of one look, best first."""
-    cost = float(step.base_held_out.sum())
-    taken = None if step.chosen is None else step.chosen.term.key
-    return tuple(
-        Tried(
-            look=look,
-            term=s.term,
-            share=s.gain / cost,
-            taken=s.term.key == taken,
-            p_value=step.p_value if s.term.key == taken else float("nan"),
-        )
-        for s in step.ranked
-    )
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Identification:
     """Everything that a search found, with the rows it was found on."""
@@ -166,25 +135,20 @@ class Identification:
     problem: Problem
     held_out: Problem | None
     fit: Fit
-    interval: ParameterInterval
     found: tuple[Found, ...]
-    curve: Curve | None
-    slow: AutocorrelatedResidual | None
+    left: Unexplained | None  # what no effect explains, in the mode that has most of it
+    closest: tuple[Term, ...]  # effects that come closest to it, which are no names
     before: Errors
     after: Errors
     residual_before_rpm: Floats  # (T, R) on the rows of `problem`
     residual_after_rpm: Floats  # (T, R)
     floor_rpm: float
     sensor_noise_rpm: float
-    config: SearchConfig
-    tried: tuple[Tried, ...] = ()
     alternatives: tuple[SetWeight, ...] = ()  # likeliest first
     one_of: tuple[OneOf, ...] = ()
     excluded: tuple[Excluded, ...] = ()
     mentioned: tuple[Mentioned, ...] = ()
     followed: tuple[Found, ...] = ()  # what the flights have and a channel tells the model of
-    possible: tuple[PossibleLoss, ...] = ()  # of one rotor, not sure enough for a name
-    unflyable: tuple[Unflyable, ...] = ()  # losses of one rotor that fit and cannot be
     untried: Mapping[str, tuple[str, ...]] = field(
         default_factory=dict
     )  # effect -> lacking channels
@@ -259,8 +223,6 @@ class Identification:
                     for e in self.excluded
                 ],
                 "mentioned": [_of_rotor(m) for m in self.mentioned],
-                "cannot_tell": [_of_rotor(loss) for loss in self.unflyable],
-                "possible": [_of_rotor(loss) for loss in self.possible],
                 "not_tried": self.untried,
                 "from_motor_outputs": self.problem.of_outputs,
                 "unexplained": self.unexplained(),
@@ -270,20 +232,14 @@ class Identification:
         )
 
     def unexplained(self) -> dict[str, Any]:
-        """What no effect explains: along a channel, or lasting for seconds along none."""
-        curve, slow = self.curve, self.slow
-        if curve is not None:
-            return {
-                "fraction_of_variance": curve.share,
-                "mode": self.problem.modes.names[curve.mode],
-                "channel": curve.channel,
-                "p_value": curve.p_value,
-            }
+        """What no effect explains: its share of what is left, mode, channel and closest effects."""
+        left = self.left
         return {
-            "fraction_of_variance": slow.share if slow else 0.0,
-            "mode": slow.mode if slow else None,
-            "channel": None,
-            "p_value": None,
+            "fraction_of_variance": left.share if left else 0.0,
+            "mode": self.problem.modes.names[left.mode] if left else None,
+            "channel": left.channel if left else None,
+            "rms_rpm": left.rms_rpm if left else 0.0,
+            "closest": [term.words for term in self.closest],
         }
 
 
@@ -293,7 +249,7 @@ def _named(term: Term) -> dict[str, Any]:
     return {"name": term.effect.name, "variant": term.effect.variant, "rotor": rotor}
 
 
-def _of_rotor(loss: PossibleLoss | Unflyable | Mentioned) -> dict[str, Any]:
+def _of_rotor(loss: Mentioned) -> dict[str, Any]:
     """With the name of the effect, and the rotor counted from 1, as everywhere outside arrays."""
     return {"name": ROTOR_DEGRADATION.name} | to_json_values(loss) | {"rotor": loss.rotor + 1}
 

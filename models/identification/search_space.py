@@ -43,6 +43,8 @@ class SearchSpace:
     candidates: tuple[Candidate, ...]
     nuisance: Nuisance
     groups: tuple[str, ...]  # (H,) the channel of each hat of the free form
+    hats: Floats  # (N, H)
+    sizes: Floats  # (R, H) rpm of each hat on a sound aircraft
     wander_rpm: Floats  # (R,) size of the flights' slow noise in each mode
 
 
@@ -87,6 +89,8 @@ def search_space(
         candidates=candidates,
         nuisance=replace(nuisance, scatter=nuisance.scatter * learnt.scatter),
         groups=groups,
+        hats=hats,
+        sizes=sizes,
         wander_rpm=USUAL_SHARE * speed * learnt.scatter[scatter.shape[2] :: wander.shape[1]],
     )
 

@@ -9,8 +9,8 @@ until it stays.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -32,7 +32,8 @@ ROUNDS = 6
 MOST_EFFECTS = 10
 NEAR = 9.0  # of log evidence below the best: less than one in 8,000 as likely
 
-KEPT = 10  # sets that are judged anew when the doubt of forms changes
+SIDE, SIDE_FORM = 0.2, 0.5  # share of the main change that is by the way, and how good it is
+LEAST_CHANGE = 0.5  # rpm RMS, below which the form of an effect does not matter
 STALE = 2.0  # fall of -2 log likelihood below which derivatives are worked out anew
 CONVERGED = 0.02  # the same, below which no more steps are taken
 
@@ -72,6 +73,7 @@ class Linear:
     held: tuple[Held, ...]  # every candidate: at its values in the set, at its start out of it
     columns: tuple[slice, ...]
     gram: Floats
+    doubt: Floats  # (levels,) log evidence of what was taken out
 
     def score(self, key: Iterable[int], level: int) -> Scored:
         """A set about this one."""
@@ -122,8 +124,8 @@ class Linear:
 class Search:
     """Sets fitted so far, about which the search goes on.
 
-    A large effect is not known to the last part: what it does is good to FORM of itself, along the
-    slow channels. That doubt, about the best set, is among what every set is judged with.
+    A large effect is not known to the last part: what it does is good to FORM of itself, in each
+    mode and along the slow channels. Every set is judged with that doubt of its own effects.
     """
 
     def __init__(
@@ -133,7 +135,8 @@ class Search:
         candidates: Sequence[Candidate],
         solved: Solved | None = None,
     ) -> None:
-        self.reduced, self.nuisance, self.plain = reduced, nuisance, nuisance
+        self.reduced, self.nuisance = reduced, nuisance
+        self.slow = form_columns(reduced.channels)
         self.candidates = list(candidates)
         self.solved = solved or nuisance.solved()
         self.fitted: dict[Key, Fitted] = {}
@@ -141,48 +144,32 @@ class Search:
 
     def run(self, progress: Progress | None = None) -> None:
         """Search until the best set stays."""
-        best = self.fit(frozenset(), ())
-        doubted: Key = frozenset()
+        best = self.fit(frozenset(), ()) if not self.fitted else self.best
         for number in range(ROUNDS):
             if progress:
                 progress(f"round {number + 1}", number / ROUNDS)
             linear = self.linearise(best)
             for key in self.promising(linear):
                 self.fit(key, linear.held)
-            now = self.best
-            if now.key == best.key and now.key == doubted:
+            if self.best.key == best.key:
                 break
-            if now.key != doubted:
-                self.doubt_forms(now)
-                doubted, now = now.key, self.best
-            best = now
+            best = self.best
+
+    def add(self, more: Sequence[Candidate]) -> None:
+        """Candidates that were found on the way; those there already stay as they are."""
+        known = {c.key for c in self.candidates}
+        for one in more:
+            if one.key not in known:
+                self.candidates.append(one)
+                self.start.append(Held(candidate=one, values=one.start))
+
+    def fit_near(self, key: Key, near: Mapping[int, Held]) -> Fitted:
+        """A set fitted from the values of a neighbour, without a place among the sets."""
+        return self._fit(key, [near[c] for c in sorted(key)], 3)
 
     @property
     def best(self) -> Fitted:
         return max(self.fitted.values(), key=lambda f: f.total)
-
-    def doubt_forms(self, about: Fitted) -> None:
-        """Put the doubt of what a set does among the nuisances, and judge all sets anew with it."""
-        base = predicted(self.reduced, about.held)
-        slow = form_columns(self.reduced.channels)
-        modes, count = base.shape[1], slow.shape[1]
-        columns = [self.plain.doubt]
-        for k in range(len(about.held)):
-            without = predicted(self.reduced, [*about.held[:k], *about.held[k + 1 :]])
-            size = np.sqrt(np.mean(np.nan_to_num(base - without) ** 2, axis=1))
-            own = np.zeros((*base.shape, modes * count))
-            for mode in range(modes):
-                part = slice(mode * count, (mode + 1) * count)
-                own[:, mode, part] = FORM * size[:, None] * slow
-            columns.append(self.plain.whitening.apply(own))
-        self.nuisance = replace(self.plain, doubt=np.concatenate(columns, axis=2))
-        self.solved = self.nuisance.solved()
-        keep = sorted(self.fitted.values(), key=lambda f: -f.total)[:KEPT]
-        self.fitted = {}
-        for one in (*keep, about):
-            self.fitted[one.key] = self._fit(one.key, list(one.held), 3, one.best_level)
-        if frozenset() not in self.fitted:
-            self.fit(frozenset(), ())
 
     def linearise(self, about: Fitted) -> Linear:
         """All candidates about a fitted set."""
@@ -204,12 +191,9 @@ class Search:
             places.append(slice(first, first + columns[-1].shape[2]))
             first = places[-1].stop
         residual = self.reduced.in_modes(self.reduced.measured_rpm) - base
-        whole = np.concatenate(
-            [*columns, np.stack(changes, axis=2), residual[:, :, None]], axis=2
-        )
-        whole = np.nan_to_num(whole)
-        gram = self.solved.reduce(self.nuisance.sums(whole))
-        return Linear(about=about, held=tuple(held), columns=tuple(places), gram=gram)
+        whole = np.concatenate([*columns, np.stack(changes, axis=2)], axis=2)
+        gram, doubt = self._grams(np.nan_to_num(whole), self._forms(about.held), residual)
+        return Linear(about=about, held=tuple(held), columns=tuple(places), gram=gram, doubt=doubt)
 
     def promising(self, linear: Linear) -> list[Key]:
         """Sets that are not fitted yet and would be likely, by the linear problem."""
@@ -218,7 +202,7 @@ class Search:
         levels = sorted({best.best_level, 0, len(LEVELS) // 2})
 
         def look(key: Key, level: int) -> float:
-            value = linear.score(key, level).log_evidence + self.solved.log_evidence[level]
+            value = linear.score(key, level).log_evidence + linear.doubt[level]
             found[key] = max(found.get(key, IMPOSSIBLE), value)
             return value
 
@@ -268,10 +252,10 @@ class Search:
     def _fit(self, key: Key, held: list[Held], steps: int, level: int | None = None) -> Fitted:
         """Gauss-Newton with halved steps; derivatives are worked out anew where they bring more."""
         measured = self.reduced.in_modes(self.reduced.measured_rpm)
-        columns, fresh = self._columns(held), True
+        columns, forms, fresh = self._columns(held), self._forms(held), True
         level = 0 if level is None else level
         residual = measured - predicted(self.reduced, held)
-        grams = self._grams(columns, residual)
+        grams, doubt = self._grams(columns, forms, residual)
         merit = float(grams[level][-1, -1]) + _normal_cost(prior_of(held))
         for _ in range(steps if held else 0):
             prior, gram = prior_of(held), grams[level]
@@ -281,23 +265,26 @@ class Search:
                 parts = zip(held, prior.groups, strict=True)
                 moved = [h.moved(shrink * taken[group]) for h, group in parts]
                 new = measured - predicted(self.reduced, moved)
-                trial = self._grams(columns, new)
+                trial, other = self._grams(columns, forms, new)
                 value = float(trial[level][-1, -1]) + _normal_cost(prior_of(moved))
                 if value < merit:
                     gained = merit - value
                     held, residual, grams, merit = moved, new, trial, value
+                    doubt = other
                     break
             if gained < CONVERGED and fresh:
                 break
             if gained < STALE:
-                columns = self._columns(held)
-                grams = self._grams(columns, residual)
+                columns, forms = self._columns(held), self._forms(held)
+                grams, doubt = self._grams(columns, forms, residual)
+                merit = float(grams[level][-1, -1]) + _normal_cost(prior_of(held))
             fresh = gained < STALE
         if held and not fresh:
-            grams = self._grams(self._columns(held), residual)
+            forms = self._forms(held)
+            grams, doubt = self._grams(self._columns(held), forms, residual)
         prior = prior_of(held)
         levels = tuple(score(prior, g[:-1, :-1], g[:-1, -1], float(g[-1, -1])) for g in grams)
-        evidence = np.array([s.log_evidence for s in levels]) + self.solved.log_evidence
+        evidence = np.array([s.log_evidence for s in levels]) + doubt
         return Fitted(
             key=key, held=tuple(held), levels=levels, log_evidence=evidence, residual=residual
         )
@@ -308,13 +295,43 @@ class Search:
         empty = np.zeros((*self.reduced.measured_rpm.shape, 0))
         return np.nan_to_num(np.concatenate([empty, *parts], axis=2))
 
-    def _grams(self, columns: Floats, residual: Floats) -> Floats:
-        """(levels, P + 1, P + 1) of the derivatives and the residual."""
-        whole = np.concatenate([columns, np.nan_to_num(residual)[:, :, None]], axis=2)
-        return self.solved.reduce(self.nuisance.sums(whole))
+    def _forms(self, held: Sequence[Held]) -> Floats:
+        """(N, R, Q) by how much what each effect of a set does may be another than its form says:
+        FORM of its change along the direction that it changes most, anew in each mode, and SIDE_FORM
+        of what it changes by the way in modes that it hardly acts in."""
+        modes, count = self.reduced.measured_rpm.shape[1], self.slow.shape[1]
+        parts = [np.zeros((self.slow.shape[0], modes, 0))]
+        base = predicted(self.reduced, held) if held else None
+        for k in range(len(held)):
+            without = predicted(self.reduced, [*held[:k], *held[k + 1 :]])
+            change = np.nan_to_num(base - without)
+            if np.sqrt(np.mean(change**2)) < LEAST_CHANGE:
+                continue
+            main = change @ np.linalg.eigh(change.T @ change)[1][:, -1]
+            size = np.sqrt(np.mean(change**2, axis=0))
+            side = (size < SIDE * size.max()) & (size > LEAST_CHANGE)
+            parts.append(change[:, :, None] * np.diag(side)[None][:, :, side] * SIDE_FORM)
+            own = np.zeros((main.size, modes, modes * count))
+            for mode in range(modes):
+                part = slice(mode * count, (mode + 1) * count)
+                own[:, mode, part] = FORM * main[:, None] * self.slow
+            parts.append(own)
+        return np.concatenate(parts, axis=2)
+
+    def _grams(self, columns: Floats, forms: Floats, residual: Floats) -> tuple[Floats, Floats]:
+        """(levels, P + 1, P + 1) of columns and a residual with the forms' doubt taken out, and
+        (levels,) the log evidence of all that was taken out."""
+        whole = np.concatenate([columns, np.nan_to_num(residual)[:, :, None], forms], axis=2)
+        grams = self.solved.reduce(self.nuisance.sums(whole))
+        kept = columns.shape[2] + 1
+        if not forms.shape[2]:
+            return grams, self.solved.log_evidence
+        crossed = grams[:, kept:, :kept]
+        system = np.eye(forms.shape[2]) + grams[:, kept:, kept:]
+        left = grams[:, :kept, :kept] - np.swapaxes(crossed, 1, 2) @ np.linalg.solve(system, crossed)
+        return left, self.solved.log_evidence - 0.5 * np.linalg.slogdet(system)[1]
 
 
 def _normal_cost(prior: Prior) -> float:
     """What the normal priors of a set cost at its values."""
-    start = np.array([p.start for p in prior.parameters])
-    return float(np.sum(prior.weight * (prior.values - start) ** 2)) if prior.parameters else 0.0
+    return float(np.sum(prior.weight * (prior.values - prior.centre) ** 2))

@@ -1,0 +1,134 @@
+"""A rotor that goes bad at a moment: which rotor, when, and in which flights.
+
+About a set without any bad rotor, the gain of a loss that begins at a time is g²/2h of its column,
+the loss's derivative from that time on. Three kinds of step are looked for: in one flight, at one
+time of every flight, and from a moment of one flight on through all later ones. The best of each
+rotor and kind becomes a candidate of the search; that it was chosen among many times is in its
+prior.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from thrustmargin.models.effects.rotor_degradation import (
+    ROTOR_DEGRADATION,
+    ROTOR_DEGRADATION_EACH,
+    ROTOR_DEGRADATION_ONSET,
+    ROTOR_DEGRADATION_SINCE,
+)
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.candidates import (
+    ROTOR_PRIOR,
+    Candidate,
+    Held,
+    candidate,
+    derivatives,
+)
+from thrustmargin.models.identification.set_search import Fitted, Search
+from thrustmargin.models.identification.terms import Term
+
+LEAST_AFTER = 8.0  # s of flight before and after a step, for it to be one
+GRID, FINE = 5.0, 0.35  # s between the times that are tried, and about the best of them
+LEAST_GAIN = 3.0  # of the log likelihood, beyond the choice among all times
+MOST_FLIGHTS = 24  # of which single steps are looked for; a season is looked at by flights
+
+#: kind -> effect, name of its time
+KINDS = {
+    "one": (ROTOR_DEGRADATION_ONSET, "onset_time"),
+    "each": (ROTOR_DEGRADATION_EACH, "onset_time"),
+    "since": (ROTOR_DEGRADATION_SINCE, "onset_clock"),
+}
+
+
+def onset_candidates(search: Search, about: Fitted) -> list[Candidate]:
+    """Steps worth a place among the candidates, about a set of which bad rotors are taken out."""
+    sound = frozenset(
+        c for c in about.key if search.candidates[c].term.effect.name != ROTOR_DEGRADATION.name
+    )
+    near = {c: h for c, h in zip(sorted(about.key), about.held, strict=True)}
+    fitted = search.fitted.get(sound) or search.fit_near(sound, near)
+    reduced, rotors = search.reduced, search.reduced.measured_rpm.shape[1]
+    found = []
+    for rotor in range(rotors):
+        loss = candidate(Term(effect=ROTOR_DEGRADATION, rotor=rotor), reduced.flights)
+        held = [*fitted.held, Held(candidate=loss, values=loss.start)]
+        column = np.nan_to_num(derivatives(reduced, held, len(held) - 1)[:, :, 0])
+        best: dict[str, tuple[float, int, float]] = {}
+        tries = 0
+        for kind, flight, times, step in _steps(search):
+            gains = _gains(search, fitted, column, step(times))
+            tries += times.size
+            k = int(np.argmax(gains))
+            if kind not in best or gains[k] > best[kind][0]:
+                fine = times[k] + np.arange(-GRID, GRID + FINE, FINE)
+                closer = _gains(search, fitted, column, step(fine))
+                k = int(np.argmax(closer))
+                best[kind] = (float(closer[k]), flight, float(fine[k]))
+        for kind, (gain, flight, time) in best.items():
+            if gain > LEAST_GAIN + np.log(tries):
+                found.append((gain, _candidate(search, kind, rotor, flight, time, tries)))
+    found.sort(key=lambda pair: -pair[0])
+    return [one for _, one in found[: 2 * len(KINDS)]]
+
+
+def _steps(search: Search) -> Iterator[tuple[str, int, Floats, Callable[[Floats], Floats]]]:
+    """(kind, flight, times (S,), times -> steps (N, S) of 0 and 1) of every family of steps."""
+    x, flight = search.reduced.channels, search.reduced.flight
+    flights = search.reduced.flights
+    starts = np.array([x.clock_s[flight == f][0] for f in range(flights)])
+    dated = flights > 1 and bool(np.isfinite(starts).all())
+
+    def after(times: Floats) -> Floats:
+        return x.time_s[:, None] >= times
+
+    def in_one(f: int, times: Floats) -> Floats:
+        return after(times) & (flight == f)[:, None]
+
+    def since(f: int, times: Floats) -> Floats:
+        return in_one(f, times) | (starts[flight] > starts[f])[:, None]
+
+    for f in range(flights) if flights <= MOST_FLIGHTS else ():
+        times = _grid(x.time_s[flight == f])
+        if times.size:
+            yield "one", f, times, partial(in_one, f)
+            if dated:
+                yield "since", f, times, partial(since, f)
+    if flights > 1:
+        yield "each", 0, _grid(x.time_s), after
+
+
+def _grid(time_s: Floats) -> Floats:
+    return np.arange(time_s.min() + LEAST_AFTER, time_s.max() - LEAST_AFTER, GRID)
+
+
+def _gains(search: Search, fitted: Fitted, column: Floats, steps: Floats) -> Floats:
+    """(S,) gain of a loss in each step, at the level of the set."""
+    columns = column[:, :, None] * steps.astype(np.float64)[:, None, :]
+    whole = np.concatenate([columns, np.nan_to_num(fitted.residual)[:, :, None]], axis=2)
+    gram = search.solved.reduce(search.nuisance.sums(whole))[fitted.best_level]
+    power = np.maximum(np.diag(gram)[:-1], 1e-12)
+    return np.maximum(gram[:-1, -1], 0.0) ** 2 / power / 2
+
+
+def _candidate(
+    search: Search, kind: str, rotor: int, flight: int, time: float, tries: int
+) -> Candidate:
+    effect, clock = KINDS[kind]
+    plain = candidate(Term(effect=effect, rotor=rotor), search.reduced.flights)
+    names = [p.name for p in effect.parameters]
+    start = plain.start.copy()
+    if kind == "since":
+        x = search.reduced.channels
+        first = int(np.argmax(search.reduced.flight == flight))
+        time += float(x.clock_s[first] - x.time_s[first])
+    start[:, names.index(clock)] = time
+    free = plain.free
+    if kind == "one":
+        free = tuple((k, f) for k, f in plain.free if f == flight)
+    prior = float(np.log(ROTOR_PRIOR / len(KINDS)) - np.log(tries))
+    return replace(plain, start=start, free=free, log_prior=prior)
