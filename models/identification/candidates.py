@@ -40,7 +40,6 @@ class Candidate:
         every = self.term.effect.parameters
         return tuple(every[k] for k, _ in self.free)
 
-
     @property
     def start_values(self) -> list[float]:
         """(P,) where the free values start."""

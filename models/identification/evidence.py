@@ -90,9 +90,7 @@ def score(prior: Prior, hessian: Floats, gradient: Floats, cost: float) -> Score
     try:
         factor = np.linalg.cholesky(system)
     except np.linalg.LinAlgError:
-        return Scored(
-            log_evidence=IMPOSSIBLE, step=np.zeros(count), covariance=np.eye(count) * 1e9
-        )
+        return Scored(log_evidence=IMPOSSIBLE, step=np.zeros(count), covariance=np.eye(count) * 1e9)
     inverse = np.linalg.inv(factor)
     covariance = inverse.T @ inverse
     step = covariance @ pulled
@@ -102,7 +100,11 @@ def score(prior: Prior, hessian: Floats, gradient: Floats, cost: float) -> Score
     out += 0.5 * count * log(2 * pi) - float(np.log(np.diag(factor)).sum())
     for k in np.flatnonzero(prior.normal):
         p = prior.parameters[k]
-        out -= log(p.scale) + 0.5 * log(2 * pi) + 0.5 * ((prior.values[k] - prior.centre[k]) / p.scale) ** 2
+        out -= (
+            log(p.scale)
+            + 0.5 * log(2 * pi)
+            + 0.5 * ((prior.values[k] - prior.centre[k]) / p.scale) ** 2
+        )
     for group in prior.groups:
         out += _log_size(prior, group, at, error)
     return Scored(log_evidence=out + prior.log_sets, step=step, covariance=covariance)
@@ -134,5 +136,3 @@ def _log_size(prior: Prior, group: slice, at: Floats, error: Floats) -> float:
 def log1p_ratio(most: float, least: float) -> float:
     """The integral of 1/(x + least) from 0 to `most`."""
     return float(np.log1p(most / least))
-
-

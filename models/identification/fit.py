@@ -321,3 +321,14 @@ def block_statistics(
         gradient[b] = block.T @ whitened[i:j].ravel()[: block.shape[0]]
     cost = np.add.reduceat(np.sum(whitened**2, axis=1), starts_)
     return hessian, gradient, cost
+
+
+def warm_start(terms: Sequence[Term], fit: Fit, flights: int) -> Floats:
+    """Values of a fit carried over to a list of terms that may hold more, fewer or others."""
+    layout = layout_of(terms, flights)
+    values, known = starts(layout), columns_of(fit.terms)
+    for key, columns in columns_of(terms).items():
+        if key in known:
+            before = fit.layout.places[:, list(known[key].values())]
+            values[layout.places[:, list(columns.values())]] = fit.values[before]
+    return values

@@ -23,7 +23,6 @@ from thrustmargin.models.identification.fit import (
     fit_terms,
     linearise,
     mode_scales,
-    one_thread,
 )
 from thrustmargin.models.identification.output_shares import effects_on_shares
 from thrustmargin.models.identification.problem import Problem, assemble
@@ -46,7 +45,6 @@ class LeftOutFlights:
     tracks: tuple[FlightTrack, ...]
 
 
-@one_thread()
 def good_flights(left_out: Sequence[LeftOutFlights]) -> GoodFlights:
     """What the flights show of how they differ; each flight is in one of `left_out`."""
     estimates: dict[tuple[str, int | None], list[Floats]] = {}

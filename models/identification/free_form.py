@@ -2,9 +2,9 @@
 
 Each mode has a sum of piecewise linear curves over the channels (hats between quantiles), and of
 airspeed times tank mass; a heading has its first two harmonics. Each flight also wanders: slow
-noise that goes with nothing, as weather does, is a curve of its own over time. Coefficients are drawn from a
-normal distribution whose size is a hypothesis of the search. Source: Kennedy and O'Hagan 2001, the
-discrepancy of a model as a smooth function with its own prior.
+noise that goes with nothing, as weather does, is a curve of its own over time. Coefficients are
+drawn from a normal distribution whose size is a hypothesis of the search. Source: Kennedy and
+O'Hagan 2001, the discrepancy of a model as a smooth function with its own prior.
 """
 
 from __future__ import annotations
@@ -76,16 +76,16 @@ def form_columns(x: Channels) -> Floats:
     return np.concatenate(parts, axis=1)
 
 
-def wander_columns(time_s: Floats, flight: NDArray[np.intp]) -> Floats:
-    """(N, W) hats over the time of each flight, WANDER seconds apart; flights share the columns."""
+def wander_columns(time_s: Floats, flight: NDArray[np.intp], apart: float = WANDER) -> Floats:
+    """(N, W) hats over the time of each flight, `apart` seconds; flights share the columns."""
     first = np.searchsorted(flight, np.unique(flight))
     since = time_s - time_s[first][flight]
-    count = int(np.ceil(since.max() / WANDER)) + 1
-    return np.maximum(1.0 - np.abs(since[:, None] / WANDER - np.arange(count)), 0.0)
+    count = int(np.ceil(since.max() / apart)) + 1
+    return np.maximum(1.0 - np.abs(since[:, None] / apart - np.arange(count)), 0.0)
 
 
 def hats(values: Floats, count: int) -> Floats:
-    """(N, K) piecewise linear hats that sum to one, at quantiles; K <= count where they coincide."""
+    """(N, K) piecewise linear hats that sum to one, at quantiles; fewer where they coincide."""
     knots = np.quantile(values, np.linspace(0.02, 0.98, count))
     apart = 1e-3 * max(float(np.ptp(knots)), 1e-12)
     knots = knots[np.concatenate([[True], np.diff(knots) > apart])]

@@ -19,6 +19,7 @@ from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.adequacy import Unexplained, acts_in, unexplained
 from thrustmargin.models.identification.already_followed import followed_wind
 from thrustmargin.models.identification.fit import Evaluator, Fit, fit_terms, linearise, mode_scales
+from thrustmargin.models.identification.floor import floor_rpm
 from thrustmargin.models.identification.modes import sensor_noise_rpm
 from thrustmargin.models.identification.onsets import onset_candidates
 from thrustmargin.models.identification.output_shares import effects_on_shares
@@ -28,7 +29,6 @@ from thrustmargin.models.identification.result import Found, Identification
 from thrustmargin.models.identification.search_space import search_space
 from thrustmargin.models.identification.set_search import Search
 from thrustmargin.models.identification.terms import layout_of
-from thrustmargin.models.identification.unexplained import floor_rpm
 from thrustmargin.models.identification.unseen_errors import (
     Errors,
     across_flights,
@@ -129,7 +129,7 @@ def _closest(
     """Named effects that act mostly in a mode which names do not explain."""
     if left is None:
         return []
-    held = {c: h for c, h in zip(sorted(answer.best.key), answer.best.held, strict=True)}
+    held = dict(zip(sorted(answer.best.key), answer.best.held, strict=True))
     return [c for c in named if c in held and acts_in(search, held[c], left.mode)]
 
 
@@ -149,6 +149,7 @@ def _fit_of(evaluator: Evaluator, estimates: Sequence[Estimate]) -> Fit:
 
 def _found(evaluator: Evaluator, estimates: Sequence[Estimate]) -> tuple[Found, ...]:
     """The named effects, that which takes most of the error first."""
+
     def error(some: Sequence[Estimate]) -> float:
         return float(np.sqrt(np.mean(_fit_of(evaluator, some).residual_rpm ** 2)))
 
@@ -184,7 +185,11 @@ def _found(evaluator: Evaluator, estimates: Sequence[Estimate]) -> tuple[Found, 
 
 
 def _errors(
-    problem: Problem, unused: Problem | None, evaluator: Evaluator, fit: Fit, cross_validated: Floats
+    problem: Problem,
+    unused: Problem | None,
+    evaluator: Evaluator,
+    fit: Fit,
+    cross_validated: Floats,
 ) -> Errors:
     if unused is None:
         return errors_of(problem, cross_validated)

@@ -29,7 +29,11 @@ class Learnt:
 
 
 def learn(
-    nuisance: Nuisance, residual: Floats, groups: tuple[str, ...], own: NDArray[np.intp], level: int = 0
+    nuisance: Nuisance,
+    residual: Floats,
+    groups: tuple[str, ...],
+    own: NDArray[np.intp],
+    level: int = 0,
 ) -> Learnt:
     """Variance components of a residual (N, R) rpm in modes.
 

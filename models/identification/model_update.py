@@ -15,9 +15,8 @@ from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.candidate import warm_start
 from thrustmargin.models.identification.cross_validation import left_out_values
-from thrustmargin.models.identification.fit import Evaluator
+from thrustmargin.models.identification.fit import Evaluator, warm_start
 from thrustmargin.models.identification.output_shares import FEWEST_FLIGHTS, learnt_spread
 from thrustmargin.models.identification.result import Found, Identification
 from thrustmargin.models.identification.terms import layout_of

@@ -110,7 +110,7 @@ class Nuisance:
             evidence.append(level.log_prior - 0.5 * float(determinant))
         return Solved(
             flights=chosen,
-            scatter=np.stack(scatter),
+            scatter=np.stack(scatter).astype(np.float64),
             crossed=np.stack([p[1] for p in parts]),
             shared=np.stack(shared),
             log_evidence=np.array(evidence),
@@ -136,7 +136,7 @@ class Nuisance:
         count = z.shape[2]
 
         def flat(columns: Floats) -> Floats:
-            return columns.reshape(-1, columns.shape[2])
+            return columns.reshape(columns.shape[0] * columns.shape[1], columns.shape[2])
 
         free = np.einsum("mnh,nmq->mhq", self.free[:, rows], z, optimize=True)
         doubt = flat(self.doubt[rows]).T @ flat(z)

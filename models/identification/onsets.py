@@ -50,7 +50,7 @@ def onset_candidates(search: Search, about: Fitted) -> list[Candidate]:
     sound = frozenset(
         c for c in about.key if search.candidates[c].term.effect.name != ROTOR_DEGRADATION.name
     )
-    near = {c: h for c, h in zip(sorted(about.key), about.held, strict=True)}
+    near = dict(zip(sorted(about.key), about.held, strict=True))
     fitted = search.fitted.get(sound) or search.fit_near(sound, near)
     reduced, rotors = search.reduced, search.reduced.measured_rpm.shape[1]
     found = []

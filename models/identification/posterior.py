@@ -131,10 +131,8 @@ class Posterior:
                 continue
             likeliest = max(members, key=lambda c: self.probability([c]))
             estimate = self.estimate(likeliest)
-            loss, error = (float(a[:, 0][np.argmax(np.abs(estimate.value[:, 0]))]) for a in (
-                estimate.value,
-                estimate.error,
-            ))
+            largest = int(np.argmax(np.abs(estimate.value[:, 0])))
+            loss, error = float(estimate.value[largest, 0]), float(estimate.error[largest, 0])
             half = norm.ppf(0.975) * error
             found.append(
                 Mentioned(

@@ -8,7 +8,7 @@ with a rotor speed, airspeed or tank level missing. The unit of everything stati
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np

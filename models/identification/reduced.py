@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.models.effects.base import Placed
+from thrustmargin.models.effects.base import USUAL_ARM, Placed
 from thrustmargin.models.effects.channels import Channels, concatenate
 from thrustmargin.models.effects.compose import BaseTable, rotor_speed_rpm
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
@@ -23,8 +23,11 @@ from thrustmargin.models.identification.output_shares import of_outputs, scaled_
 from thrustmargin.models.identification.problem import Problem, assemble
 from thrustmargin.models.identification.terms import Term
 from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.physics.airframe import Airframe
 
-BIN = 0.7  # s of an aircraft of the F16's size: longer than the rotors' lag and most gusts, shorter than any manoeuvre's effect
+#: s of an aircraft of the F16's size: longer than the rotors' lag and most gusts, shorter than what
+#: a manoeuvre does; times go with the root of the size (Froude)
+BIN = 0.7
 LEAST_FILL = 0.5  # of the usual rows of a bin, for it to count
 
 
@@ -88,9 +91,14 @@ def reduce_flights(model: RotorModel, tracks: Sequence[FlightTrack]) -> Reduced:
     )
 
 
+def time_scale(airframe: Airframe) -> float:
+    """Times of an aircraft against those of the F16, by the root of the arm."""
+    return float(np.sqrt(airframe.arm / USUAL_ARM))
+
+
 def _of_flight(problem: Problem, index: int) -> Reduced:
     time_s = problem.channels.time_s
-    which = ((time_s - time_s[0]) / BIN).astype(np.intp)
+    which = ((time_s - time_s[0]) / (BIN * time_scale(problem.model.airframe))).astype(np.intp)
     bins, start, count = np.unique(which, return_index=True, return_counts=True)
     full = count >= LEAST_FILL * np.median(count)
 

@@ -16,10 +16,16 @@ from thrustmargin.models.identification.candidates import (
     derivatives,
     predicted,
 )
-from thrustmargin.models.identification.free_form import FORM, form_columns, free_columns, wander_columns
+from thrustmargin.models.identification.free_form import (
+    FORM,
+    WANDER,
+    form_columns,
+    free_columns,
+    wander_columns,
+)
 from thrustmargin.models.identification.learning import learn
 from thrustmargin.models.identification.nuisance import LEVELS, Nuisance
-from thrustmargin.models.identification.reduced import Reduced, reduce_flights
+from thrustmargin.models.identification.reduced import Reduced, reduce_flights, time_scale
 from thrustmargin.models.identification.whitening import Whitening, whitening_of
 from thrustmargin.models.model.good_flights import GoodFlights
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -54,15 +60,14 @@ def search_space(
     """Raises DataError and AirframeError as `problem.assemble`."""
     reduced = reduce_flights(model, tracks)
     candidates = tuple(candidates_of(reduced, catalogue))
-    residual = np.nan_to_num(
-        reduced.in_modes(reduced.measured_rpm) - predicted(reduced, ())
-    )
+    residual = np.nan_to_num(reduced.in_modes(reduced.measured_rpm) - predicted(reduced, ()))
     scatter = _scatter(reduced, candidates, model.good_flights)
     hats, groups = free_columns(reduced.channels, reduced.flight)
     filter_ = _noise(reduced, residual, scatter, hats)
     speed = float(reduced.measured_rpm.mean())
     modes = residual.shape[1]
-    wander = wander_columns(reduced.channels.time_s, reduced.flight)
+    apart = WANDER * time_scale(model.airframe)
+    wander = wander_columns(reduced.channels.time_s, reduced.flight, apart)
     by_mode = np.zeros((*residual.shape, modes * wander.shape[1]))
     for mode in range(modes):
         part = slice(mode * wander.shape[1], (mode + 1) * wander.shape[1])
@@ -197,9 +202,7 @@ def _free_sizes(
 def learnt_curves(space: SearchSpace, known: GoodFlights | None = None) -> dict[str, float]:
     """ "mode.channel" -> rpm of the free form's hats that these (good) flights show."""
     reduced = space.reduced
-    residual = np.nan_to_num(
-        reduced.in_modes(reduced.measured_rpm) - predicted(reduced, ())
-    )
+    residual = np.nan_to_num(reduced.in_modes(reduced.measured_rpm) - predicted(reduced, ()))
     count = space.nuisance.scatter.shape[2]
     learnt = learn(space.nuisance, residual, space.groups, np.full(count, -1, dtype=np.intp))
     speed = float(reduced.measured_rpm.mean())
@@ -211,5 +214,3 @@ def learnt_curves(space: SearchSpace, known: GoodFlights | None = None) -> dict[
         for m, mode in enumerate(reduced.modes.names)
         for g, name in enumerate(names)
     }
-
-

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.candidates import (
@@ -33,6 +34,7 @@ MOST_EFFECTS = 10
 NEAR = 9.0  # of log evidence below the best: less than one in 8,000 as likely
 
 SIDE, SIDE_FORM = 0.2, 0.5  # share of the main change that is by the way, and how good it is
+TINY = 1e-9  # keeps the matrix of a value that moves nothing solvable
 LEAST_CHANGE = 0.5  # rpm RMS, below which the form of an effect does not matter
 STALE = 2.0  # fall of -2 log likelihood below which derivatives are worked out anew
 CONVERGED = 0.02  # the same, below which no more steps are taken
@@ -78,47 +80,43 @@ class Linear:
     def score(self, key: Iterable[int], level: int) -> Scored:
         """A set about this one."""
         members = sorted(key)
-        prior = prior_of([self.held[c] for c in members])
-        where = np.concatenate([np.arange(*self.columns[c].indices(10**9)) for c in members]) if (
-            members
-        ) else np.zeros(0, dtype=np.intp)
-        return score(prior, *self._normal(frozenset(members), where, level))
-
-    def _normal(self, key: Key, where: np.ndarray, level: int) -> tuple[Floats, Floats, float]:
-        gram, first = self.gram[level], self.columns[-1].stop if self.columns else 0
-        changed = [first + c for c in self.about.key ^ key]
-        residual = np.zeros(gram.shape[0])
-        residual[-1] = 1.0
-        residual[changed] = -1.0
+        gram, where = self.gram[level], self._where(members)
+        residual = self._residual(frozenset(members))
         along = gram @ residual
-        return gram[np.ix_(where, where)], along[where], float(residual @ along)
+        prior = prior_of([self.held[c] for c in members])
+        return score(prior, gram[np.ix_(where, where)], along[where], float(residual @ along))
 
     def gains(self, key: Key, level: int, pool: Sequence[int]) -> Floats:
         """Roughly how much each candidate of a pool would add to the log likelihood of a set."""
         members = sorted(key)
-        gram, first = self.gram[level], self.columns[-1].stop
-        where = np.concatenate(
-            [np.zeros(0, dtype=np.intp), *[np.arange(*self.columns[c].indices(10**9)) for c in members]]
-        ).astype(np.intp)
+        gram, where, residual = self.gram[level], self._where(members), self._residual(key)
         prior = prior_of([self.held[c] for c in members])
-        residual = np.zeros(gram.shape[0])
-        residual[-1] = 1.0
-        residual[[first + c for c in self.about.key ^ key]] = -1.0
-        system = gram[np.ix_(where, where)] + np.diag(prior.weight + 1e-9)
-        solved = np.linalg.solve(system, gram[where]) if where.size else np.zeros((0, gram.shape[0]))
-        left = gram - gram[:, where] @ solved if where.size else gram
-        out = np.full(len(pool), -np.inf)
+        system = gram[np.ix_(where, where)] + np.diag(prior.weight + TINY)
+        left = gram - gram[:, where] @ np.linalg.solve(system, gram[where])
+        before = float(residual @ left @ residual)
+        out = np.zeros(len(pool))
         for i, c in enumerate(pool):
-            part = self.columns[c]
-            own = prior_of([self.held[c]])
-            change = np.zeros(gram.shape[0])
-            change[first + c] = 1.0 if c in self.about.key else -1.0
-            r = residual + change
-            g = left[part] @ r + own.pull
-            h = left[part, part] + np.diag(own.weight + 1e-9)
-            before, after = float(residual @ left @ residual), float(r @ left @ r)
+            part, own = self.columns[c], prior_of([self.held[c]])
+            with_it = self._residual(key ^ {c})
+            g = left[part] @ with_it + own.pull
+            h = left[part, part] + np.diag(own.weight + TINY)
+            after = float(with_it @ left @ with_it)
             out[i] = 0.5 * (before - after) + 0.5 * float(g @ np.linalg.solve(h, g))
         return out
+
+    def _where(self, members: Sequence[int]) -> NDArray[np.intp]:
+        """Places of the values of some candidates."""
+        places = [k for c in members for k in range(self.columns[c].start, self.columns[c].stop)]
+        return np.array(places, dtype=np.intp)
+
+    def _residual(self, key: Key) -> Floats:
+        """(q,) weights that make the residual of a set of the columns: less what each candidate
+        changes that comes in or goes out."""
+        weights = np.zeros(self.gram.shape[1])
+        weights[-1] = 1.0
+        first = self.columns[-1].stop if self.columns else 0
+        weights[[first + c for c in self.about.key ^ key]] = -1.0
+        return weights
 
 
 class Search:
@@ -173,7 +171,7 @@ class Search:
 
     def linearise(self, about: Fitted) -> Linear:
         """All candidates about a fitted set."""
-        inside = {c: h for c, h in zip(sorted(about.key), about.held, strict=True)}
+        inside = dict(zip(sorted(about.key), about.held, strict=True))
         base = predicted(self.reduced, about.held)
         held, columns, changes, places = [], [], [], []
         first = 0
@@ -296,12 +294,14 @@ class Search:
         return np.nan_to_num(np.concatenate([empty, *parts], axis=2))
 
     def _forms(self, held: Sequence[Held]) -> Floats:
-        """(N, R, Q) by how much what each effect of a set does may be another than its form says:
-        FORM of its change along the direction that it changes most, anew in each mode, and SIDE_FORM
-        of what it changes by the way in modes that it hardly acts in."""
+        """(N, R, Q) by how much what each effect of a set does may be another than its form says.
+
+        FORM of its change along the direction that it changes most, anew in each mode, and
+        SIDE_FORM of what it changes by the way in modes that it hardly acts in.
+        """
         modes, count = self.reduced.measured_rpm.shape[1], self.slow.shape[1]
         parts = [np.zeros((self.slow.shape[0], modes, 0))]
-        base = predicted(self.reduced, held) if held else None
+        base = predicted(self.reduced, held)
         for k in range(len(held)):
             without = predicted(self.reduced, [*held[:k], *held[k + 1 :]])
             change = np.nan_to_num(base - without)
@@ -328,7 +328,9 @@ class Search:
             return grams, self.solved.log_evidence
         crossed = grams[:, kept:, :kept]
         system = np.eye(forms.shape[2]) + grams[:, kept:, kept:]
-        left = grams[:, :kept, :kept] - np.swapaxes(crossed, 1, 2) @ np.linalg.solve(system, crossed)
+        left = grams[:, :kept, :kept] - np.swapaxes(crossed, 1, 2) @ np.linalg.solve(
+            system, crossed
+        )
         return left, self.solved.log_evidence - 0.5 * np.linalg.slogdet(system)[1]
 
 

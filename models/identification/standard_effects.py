@@ -20,7 +20,6 @@ from thrustmargin.models.effects.drag_moment import DRAG_MOMENT
 from thrustmargin.models.effects.flow_moment import FLOW_MOMENT
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.identification.candidate import warm_start
 from thrustmargin.models.identification.cross_validation import held_out_cost, intervals
 from thrustmargin.models.identification.fit import (
     Evaluator,
@@ -29,8 +28,8 @@ from thrustmargin.models.identification.fit import (
     background_of,
     fit_terms,
     mode_scales,
-    one_thread,
     term_values,
+    warm_start,
 )
 from thrustmargin.models.identification.output_shares import effects_on_shares
 from thrustmargin.models.identification.problem import Problem, assemble
@@ -64,7 +63,6 @@ def standard_effects(model: RotorModel, problem: Problem) -> list[Term]:
     return [Term(effect=e) for e in possible if not (leans and e.key == FLOW_MOMENT.key)]
 
 
-@one_thread()
 def with_standard_effects(
     model: RotorModel, tracks: Sequence[FlightTrack], *, date: str = ""
 ) -> RotorModel:

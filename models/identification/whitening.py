@@ -3,9 +3,10 @@
     e_t = a1 e_(t-1) + a2 e_(t-2) + w_t
 
 The coefficients are a mode's; the size of w is a mode's, of each flight in calm and in manoeuvres,
-by the median absolute value. Filtering residuals and derivatives alike with 1 - a1 L - a2 L² leaves noise that is
-independent and of size one, on which least squares has its honest standard errors (generalised
-least squares, Cochrane and Orcutt 1949). Single wild means count linearly (Huber 1964).
+by the median absolute value. Filtering residuals and derivatives alike with 1 - a1 L - a2 L² leaves
+noise that is independent and of size one, on which least squares has its honest standard errors
+(generalised least squares, Cochrane and Orcutt 1949). Single wild means count linearly (Huber
+1964).
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ class Whitening:
     weight: Floats  # (n, R) root of the Huber weight
 
     def apply(self, values: Floats) -> Floats:
-        """(n, R, ...) of (N, R, ...) in modes, rpm: filtered, weighted and in units of the noise."""
+        """(n, R, ...) of (N, R, ...) rpm in modes: filtered, weighted, in units of the noise."""
         shape = (1, -1, *[1] * (values.ndim - 2))
         out = values[self.rows].astype(np.float64, copy=True)
         for lag in range(ORDER):

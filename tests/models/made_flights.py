@@ -12,15 +12,12 @@ import numpy as np
 
 from thrustmargin.models.effects import CATALOGUE
 from thrustmargin.models.flight import FlightTrack, Origin
-from thrustmargin.models.identification.search import SearchConfig
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
 F16 = load_airframe("topxgun-f16-sitl")
 STEP_S, LEG_S = 0.1, 12.0
 NOISE_RPM = 8.0
-#: Enough to tell chance at 5 %, and fast.
-QUICK = SearchConfig(surrogates=19, significance=0.05)
 
 
 def made_flight(

@@ -88,8 +88,6 @@ def json_text(result: Result) -> str:
         "all": _numbered(result.margin),
         "effects": [_numbered(m) for m in result.margins],
     }
-    config = result.found.config
-    whole["search"] = {"surrogates": config.surrogates, "seed": config.seed}
     whole["answer"] = list(result.answer)
     whole["notes"] = list(result.update.notes)
     whole["not_used"] = [{"log": n.name, "reason": n.reason} for n in result.not_used]

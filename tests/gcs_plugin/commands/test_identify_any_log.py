@@ -14,7 +14,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tests.models.made_flights import QUICK, curve_model, made_flight
+from tests.models.made_flights import curve_model, made_flight
 from thrustmargin.gcs_plugin.reports.identify.identify_result import json_text, result_of
 from thrustmargin.gcs_plugin.reports.identify.page import html_text
 from thrustmargin.models.errors import ThrustMarginError
@@ -74,7 +74,7 @@ def ends_in_an_answer(
         reasons = wrong_order(track, model.airframe), too_little(track, model)
         assert all(reason is None or "\n" not in reason for reason in reasons)
     try:
-        found = identify(flights, model, held_out=held_out, config=QUICK)
+        found = identify(flights, model, held_out=held_out)
     except ThrustMarginError as error:
         found, why = None, str(error)
     if found is None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.models.made_flights import QUICK, curve_model, made_flight, made_flights, table
+from tests.models.made_flights import curve_model, made_flight, made_flights, table
 from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.gcs_plugin.view.overlays import before_and_after, overlays_of
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
@@ -29,7 +29,7 @@ def closed() -> RotorModel:
     flights = made_flights(2, loss=0.1)
     worn = table(["rotor_degradation"])
     return with_effects(
-        curve_model(), identify(flights, curve_model(), config=QUICK, catalogue=worn)
+        curve_model(), identify(flights, curve_model(), catalogue=worn)
     )
 
 

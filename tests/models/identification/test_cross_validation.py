@@ -15,7 +15,6 @@ from thrustmargin.models.identification.cross_validation import (
 )
 from thrustmargin.models.identification.fit import Fit, Statistics
 from thrustmargin.models.identification.problem import Background
-from thrustmargin.models.identification.surrogates import p_value
 from thrustmargin.models.identification.terms import FitLayout
 
 
@@ -173,9 +172,3 @@ def test_a_difference_is_uncertain_within_two_standard_errors_of_blocks_or_of_fl
     assert difference_is_uncertain(first, gap - 1.5, owner)  # sum 4
     # Four flights of which one has it all: its scatter counts, though halved.
     assert difference_is_uncertain(first, np.repeat([16.0, 0, 0, 0], 2), np.repeat(range(4), 2))
-
-
-def test_the_observation_counts_among_the_surrogates_so_that_chance_is_never_none():
-    assert p_value(5.0, np.array([1.0, 2.0, 3.0])) == 1 / 4
-    assert p_value(2.0, np.array([1.0, 2.0, 3.0])) == 3 / 4
-    assert p_value(5.0, np.zeros(99)) == pytest.approx(0.01)

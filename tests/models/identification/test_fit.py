@@ -8,7 +8,7 @@ import pytest
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.effects import CATALOGUE
 from thrustmargin.models.effects.slung_load import LENGTHS
-from thrustmargin.models.identification.fit import Evaluator, one_thread
+from thrustmargin.models.identification.fit import Evaluator
 from thrustmargin.models.identification.problem import assemble
 from thrustmargin.models.identification.terms import Term, layout_of, starts
 from thrustmargin.models.model.rotor_model import physics_model
@@ -50,22 +50,3 @@ def test_derivatives_are_those_of_differences_in_the_prediction(evaluator, effec
         expected = (ahead - behind) / span
         scale = max(np.abs(expected).max(), 1e-6 * np.abs(prediction).max())
         assert np.abs(column - expected).max() < 1e-3 * scale, layout.parameters[k].name
-
-
-def test_a_fit_on_one_thread_leaves_torch_as_it_was_even_when_it_fails():
-    import torch
-
-    before, seen = torch.get_num_threads(), []
-
-    @one_thread()
-    def failing():
-        seen.append(torch.get_num_threads())
-        raise ValueError("bad")
-
-    torch.set_num_threads(2)
-    try:
-        with pytest.raises(ValueError, match="bad"):
-            failing()
-        assert (seen, torch.get_num_threads()) == ([1], 2)
-    finally:
-        torch.set_num_threads(before)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.models.made_flights import F16, NOISE_RPM, QUICK, curve_model, made_flights, table
+from tests.models.made_flights import F16, NOISE_RPM, curve_model, made_flights, table
 from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION, ROTOR_DEGRADATION_ONSET
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.effects.wind import WIND
@@ -30,7 +30,7 @@ LOSS = 0.08
 def worn() -> Identification:
     """Two flights with a worn rotor 1, and a third that no step has used."""
     flights = made_flights(3, loss=LOSS)
-    return identify(flights[:2], curve_model(), held_out=flights[2:], config=QUICK)
+    return identify(flights[:2], curve_model(), held_out=flights[2:])
 
 
 def found_by_hand(effect, rows: list[list[float]], rotor: int | None = None) -> Found:
@@ -79,7 +79,7 @@ def test_effects_join_those_that_the_model_had():
     heavy = replace(curve_model(), effects=(known,))
     flights = made_flights(3, hidden_mass=2.0, loss=LOSS)
     found = identify(
-        flights, heavy, config=QUICK, catalogue=table(["extra_mass", "rotor_degradation"])
+        flights, heavy, catalogue=table(["extra_mass", "rotor_degradation"])
     )
     new = with_effects(heavy, found)
     assert [e.name for e in new.effects] == ["extra_mass", "rotor_degradation"]
@@ -162,7 +162,7 @@ def learnt_model(flights: tuple[str, ...] = ()) -> RotorModel:
 def test_the_interval_is_calibrated_anew_only_with_enough_flights(count, anew):
     flights = made_flights(count, loss=LOSS, duration=60.0)
     base = learnt_model(flights=(flights[0].name, "elsewhere.tlog"))
-    found = identify(flights, base, config=QUICK, catalogue=table(["rotor_degradation"]))
+    found = identify(flights, base, catalogue=table(["rotor_degradation"]))
     update = update_model(base, found)
     if not anew:
         assert update.model.interval is base.interval
@@ -219,7 +219,7 @@ def test_the_margin_before_is_with_the_effects_that_the_model_had():
     flights, worn_only = made_flights(2, hidden_mass=4.0, loss=LOSS), table(["rotor_degradation"])
     margins = []
     for base in (curve_model(), replace(curve_model(), effects=(known,))):
-        found = identify(flights, base, config=QUICK, catalogue=worn_only)
+        found = identify(flights, base, catalogue=worn_only)
         margins.append(margin_changes(found)[1].typical_before)
     assert margins[1] < margins[0] - 0.04
 
@@ -254,7 +254,7 @@ def test_errors_by_rotor_are_of_the_same_rows_as_the_errors_in_all(worn):
 
 def test_without_held_out_flights_the_errors_are_cross_validated():
     flights = made_flights(3, loss=LOSS)
-    found = identify(flights, curve_model(), config=QUICK, catalogue=table(["rotor_degradation"]))
+    found = identify(flights, curve_model(), catalogue=table(["rotor_degradation"]))
     (only,) = unseen_residuals(found)
     assert only.role == "fit"
     assert rotor_errors(only)[0].after == found.after

@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 
 from tests.models.effects.test_slung_load import flown_with_load
-from tests.models.made_flights import QUICK, curve_model, made_flight, made_flights, table
+from tests.models.made_flights import curve_model, made_flight, made_flights, table
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.identify import identify
 from thrustmargin.models.identification.problem import BLOCK_SECONDS, assemble
-from thrustmargin.models.identification.search import SearchConfig
 from thrustmargin.models.identification.unseen_errors import errors_of
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
@@ -54,7 +53,7 @@ class Log:
 
 def test_a_flight_may_be_given_alone_as_a_track_or_as_a_log_that_was_read():
     (track,) = made_flights(1, loss=0.08)
-    given = {"config": QUICK, "catalogue": table(["rotor_degradation"])}
+    given = {"catalogue": table(["rotor_degradation"])}
     found = [
         repr(identify(flights, curve_model(), **given))
         for flights in (track, Log(track), [track], (Log(track),))
@@ -67,24 +66,22 @@ def test_a_flight_that_cannot_be_of_the_model_is_refused_with_the_reason():
     track = made_flight(1)
     electrical = replace(track, rotor_speed_rpm=10 * track.rotor_speed_rpm)
     with pytest.raises(DataError, match=r"made_1.csv: .*electrical rpm"):
-        identify(electrical, curve_model(), config=QUICK)
+        identify(electrical, curve_model())
     with pytest.raises(DataError, match="electrical rpm"):
-        identify(track, curve_model(), held_out=[electrical], config=QUICK)
+        identify(track, curve_model(), held_out=[electrical])
     plane = VehicleFacts(kind="plane", evidence="boot text")
     plus = {"FRAME_CLASS": 1.0, "FRAME_TYPE": 0.0}
     with pytest.raises(DataError, match="this is a plane"):
-        identify(Log(track, facts=plane), curve_model(), config=QUICK)
+        identify(Log(track, facts=plane), curve_model())
     with pytest.raises(DataError, match="which puts the motors elsewhere"):
-        identify(Log(track, parameters=plus), curve_model(), config=QUICK)
+        identify(Log(track, parameters=plus), curve_model())
     with pytest.raises(DataError, match="no airframe was given, and the flight is not recognised"):
-        identify(track, config=QUICK)
+        identify(track)
 
 
-def test_no_flight_and_too_few_surrogates_are_one_sentence():
+def test_no_flight_is_one_sentence():
     with pytest.raises(DataError, match="no flight to identify from; give at least one"):
         identify([], curve_model())
-    with pytest.raises(DataError, match="19 surrogates cannot tell an effect from chance at 2 %"):
-        SearchConfig(surrogates=19)
 
 
 def test_effects_are_looked_for_at_the_size_of_the_aircraft():
@@ -92,7 +89,7 @@ def test_effects_are_looked_for_at_the_size_of_the_aircraft():
     tracks = [
         flown_with_load(k, mass=SMALL.empty_mass + 0.003, load=0.0, cable=0.5) for k in range(3)
     ]
-    found = identify(tracks, physics_model(SMALL), config=QUICK, catalogue=table(["extra_mass"]))
+    found = identify(tracks, physics_model(SMALL), catalogue=table(["extra_mass"]))
     assert [f.term.effect.name for f in found.found] == ["extra_mass"]
     assert found.found[0].value[0, 0] == pytest.approx(
         0.003, rel=0.2
