@@ -14,7 +14,6 @@ from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading, ReadingO
 from thrustmargin.models.errors import (
     DataError,
     ModelError,
-    require_torch,
 )
 
 if TYPE_CHECKING:
@@ -37,8 +36,8 @@ def identify(
     json: Path | None = None,
     html: Path | None = None,
     next_flight: Path | None = None,
-    surrogates: int = 99,
-    seed: int = 0,
+    surrogates: int | None = None,
+    seed: int | None = None,
     force: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False,
 ) -> int:
     """Find what a rotor speed model lacks: the missing effect, its size, and the error after it.
@@ -63,9 +62,8 @@ def identify(
         html: Write a page with the residual before and after to this file.
         next_flight: Write the flight that would tell apart what these flights cannot as a mission,
             a QGroundControl .plan file about the place where they were flown.
-        surrogates: How often the search is repeated on chance alone, 49 or more; an effect is
-            taken only when less than 2 % of them give as much.
-        seed: Number from which all chance is drawn; the same seed gives the same answer.
+        surrogates: Not needed any more: chance is worked out, not drawn.
+        seed: Not needed any more: the same flights give the same answer.
         force: Replace the new model file and the mission if they are there.
     """
     from datetime import UTC, datetime
@@ -75,12 +73,10 @@ def identify(
     from thrustmargin.gcs_plugin.commands.terminal import Terminal, steps
     from thrustmargin.gcs_plugin.reports.identify.identify_result import result_of
     from thrustmargin.models.identification.identify import identify as search
-    from thrustmargin.models.identification.search import SearchConfig
     from thrustmargin.models.identification.usable_flights import require_distinct
 
     errors = Terminal(stderr=True, soft_wrap=True)
     require_logs(logs)
-    require_torch("identify")
     check_outputs(
         (
             Output("--out", out, endings=(".safetensors",), keep=not force),
@@ -90,7 +86,9 @@ def identify(
         ),
         inputs=[*logs, *held_out, model, airframe],
     )
-    settings = SearchConfig(surrogates=surrogates, seed=seed)
+    for option, given in (("--surrogates", surrogates), ("--seed", seed)):
+        if given is not None:
+            errors.print(f"{option} is not needed any more: chance is worked out, not drawn")
     start, model_name = starting_model(model, airframe)
     not_used: list[UnusedLog] = []
     given = model is not None or airframe is not None
@@ -100,7 +98,7 @@ def identify(
     )
     require_distinct((*fit, *new))
     with steps(errors, total=1.0) as progress:
-        found = search(fit, start, held_out=new, config=settings, progress=progress)
+        found = search(fit, start, held_out=new, progress=progress)
         progress("what it means for the margin", 0.0)
         result = result_of(
             found,

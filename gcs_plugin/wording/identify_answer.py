@@ -237,22 +237,7 @@ def _moves(before: float, after: float) -> str:
 
 def open_questions(found: Identification) -> list[str]:
     """What cannot be told about a rotor, and what could not be tried."""
-    names = found.model.airframe.rotor_names
     lines = []
-    for loss in found.unflyable:
-        lines.append(
-            f"{rotor_words(loss.rotor, names).capitalize()} would have to make "
-            f"{percent(loss.loss)} less thrust, and with more than {percent(loss.most)} nobody "
-            "could have flown: level the motors, swap two propellers between the clockwise and "
-            "counter-clockwise pairs, and fly again"
-        )
-    for loss in found.possible:
-        amount, interval = within(loss.loss, *loss.ci95, "%", factor=100.0, most=1)
-        lines.append(
-            f"{rotor_words(loss.rotor, names).capitalize()} may make {amount} less thrust "
-            f"{interval} than its share of the outputs, which is not sure enough for a name: "
-            f"{ROTOR_DEGRADATION.distinguished_by}"
-        )
     if found.problem.of_outputs:
         lines.append(
             "From motor outputs: only each rotor's share of the thrust was looked at, for battery, "

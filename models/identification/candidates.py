@@ -11,9 +11,13 @@ import numpy as np
 from thrustmargin.models.effects.base import Effect, Parameter, Placed
 from thrustmargin.models.effects.load_factor import LOAD_FACTOR
 from thrustmargin.models.effects.manoeuvre_moment import MANOEUVRE_MOMENT
+from thrustmargin.models.effects.rotor_degradation import LOSS
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.reduced import Reduced
 from thrustmargin.models.identification.terms import Term
+from thrustmargin.models.model.flown import flown_airframe
+from thrustmargin.models.physics.atmosphere import G0
+from thrustmargin.models.physics.margin import ceiling, trimmable_loss
 
 EFFECT_PRIOR, ROTOR_PRIOR = 0.02, 0.005  # that an effect is there; that a given rotor is bad
 #: what any motion does by Newton's and Euler's laws: a model has it or lacks it, once
@@ -72,16 +76,38 @@ def candidates_of(reduced: Reduced, catalogue: Sequence[Effect]) -> list[Candida
     """Every effect whose channels the flights report, on each rotor where it is of one; not those
     that begin in a flight, which `onsets` finds."""
     rotors = reduced.measured_rpm.shape[1]
+    most = _flyable_loss(reduced)
     has = {item.effect.key for item in reduced.model.placed}
     found = []
     for effect in catalogue:
         if effect.begins or (effect.key in has and effect.key in OF_MOTION):
             continue
+        if effect.of_one_rotor:
+            effect = _bounded(effect, most)
         for rotor in range(rotors) if effect.of_one_rotor else (None,):
             term = Term(effect=effect, rotor=rotor)
             if not reduced.lacks(term):
                 found.append(candidate(term, reduced.flights))
     return found
+
+
+def _flyable_loss(reduced: Reduced) -> float:
+    """The largest loss of one rotor with which the flights' weight could be held level."""
+    x, airframe = reduced.channels, flown_airframe(reduced.model)
+    voltage = np.nanmedian(x.voltage) if np.isfinite(x.voltage).any() else np.nan
+    limits = ceiling(airframe, np.nanmedian(x.density), voltage)
+    load = float(np.nanmedian(x.total_mass)) * G0
+    most = float(trimmable_loss(airframe, limits, load, yaw_kept=False)[0])
+    return most if np.isfinite(most) else 1.0
+
+
+def _bounded(effect: Effect, most: float) -> Effect:
+    """A rotor's loss that nobody could have flown with is none."""
+    kept = tuple(
+        replace(p, upper=min(p.upper, max(most, p.scale))) if p.name == LOSS.name else p
+        for p in effect.parameters
+    )
+    return replace(effect, parameters=kept)
 
 
 def candidate(term: Term, flights: int) -> Candidate:

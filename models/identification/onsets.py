@@ -61,6 +61,8 @@ def onset_candidates(search: Search, about: Fitted) -> list[Candidate]:
         best: dict[str, tuple[float, int, float]] = {}
         tries = 0
         for kind, flight, times, step in _steps(search):
+            if not times.size:
+                continue
             gains = _gains(search, fitted, column, step(times))
             tries += times.size
             k = int(np.argmax(gains))
@@ -94,10 +96,9 @@ def _steps(search: Search) -> Iterator[tuple[str, int, Floats, Callable[[Floats]
 
     for f in range(flights) if flights <= MOST_FLIGHTS else ():
         times = _grid(x.time_s[flight == f])
-        if times.size:
-            yield "one", f, times, partial(in_one, f)
-            if dated:
-                yield "since", f, times, partial(since, f)
+        yield "one", f, times, partial(in_one, f)
+        if dated:
+            yield "since", f, times, partial(since, f)
     if flights > 1:
         yield "each", 0, _grid(x.time_s), after
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.models.effects.base import USUAL_ARM, Placed
-from thrustmargin.models.effects.channels import Channels, concatenate
+from thrustmargin.models.effects.base import Placed
+from thrustmargin.models.effects.channels import Channels, concatenate, froude_time_scale
 from thrustmargin.models.effects.compose import BaseTable, rotor_speed_rpm
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.identification.base_uncertainty import base_uncertainty_rpm
@@ -23,7 +23,6 @@ from thrustmargin.models.identification.output_shares import of_outputs, scaled_
 from thrustmargin.models.identification.problem import Problem, assemble
 from thrustmargin.models.identification.terms import Term
 from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.physics.airframe import Airframe
 
 #: s of an aircraft of the F16's size: longer than the rotors' lag and most gusts, shorter than what
 #: a manoeuvre does; times go with the root of the size (Froude)
@@ -91,14 +90,11 @@ def reduce_flights(model: RotorModel, tracks: Sequence[FlightTrack]) -> Reduced:
     )
 
 
-def time_scale(airframe: Airframe) -> float:
-    """Times of an aircraft against those of the F16, by the root of the arm."""
-    return float(np.sqrt(airframe.arm / USUAL_ARM))
-
-
 def _of_flight(problem: Problem, index: int) -> Reduced:
     time_s = problem.channels.time_s
-    which = ((time_s - time_s[0]) / (BIN * time_scale(problem.model.airframe))).astype(np.intp)
+    which = ((time_s - time_s[0]) / (BIN * froude_time_scale(problem.model.airframe))).astype(
+        np.intp
+    )
     bins, start, count = np.unique(which, return_index=True, return_counts=True)
     full = count >= LEAST_FILL * np.median(count)
 

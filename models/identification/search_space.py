@@ -6,8 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import norm
+from scipy.stats import t as student
 
 from thrustmargin.models.effects.base import Effect
+from thrustmargin.models.effects.channels import froude_time_scale
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.identification.candidates import (
     Candidate,
@@ -25,7 +28,8 @@ from thrustmargin.models.identification.free_form import (
 )
 from thrustmargin.models.identification.learning import learn
 from thrustmargin.models.identification.nuisance import LEVELS, Nuisance
-from thrustmargin.models.identification.reduced import Reduced, reduce_flights, time_scale
+from thrustmargin.models.identification.output_shares import spread_of_flights
+from thrustmargin.models.identification.reduced import Reduced, reduce_flights
 from thrustmargin.models.identification.whitening import Whitening, whitening_of
 from thrustmargin.models.model.good_flights import GoodFlights
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -61,12 +65,14 @@ def search_space(
     reduced = reduce_flights(model, tracks)
     candidates = tuple(candidates_of(reduced, catalogue))
     residual = np.nan_to_num(reduced.in_modes(reduced.measured_rpm) - predicted(reduced, ()))
-    scatter = _scatter(reduced, candidates, model.good_flights)
+    scatter = np.concatenate(
+        [_scatter(reduced, candidates, model.good_flights), _standing(reduced, residual)], axis=2
+    )
     hats, groups = free_columns(reduced.channels, reduced.flight)
     filter_ = _noise(reduced, residual, scatter, hats)
     speed = float(reduced.measured_rpm.mean())
     modes = residual.shape[1]
-    apart = WANDER * time_scale(model.airframe)
+    apart = WANDER * froude_time_scale(model.airframe)
     wander = wander_columns(reduced.channels.time_s, reduced.flight, apart)
     by_mode = np.zeros((*residual.shape, modes * wander.shape[1]))
     for mode in range(modes):
@@ -101,9 +107,14 @@ def search_space(
 
 
 def scatter_names(candidates: Sequence[Candidate]) -> list[tuple[int, int, str]]:
-    """(candidate, its free value, "effect_key.parameter") of everything that scatters."""
+    """(candidate, its free value, "effect_key.parameter") of everything that scatters.
+
+    A propeller does not change from flight to flight as a sound one, so rotors have none.
+    """
     names = []
     for c, one in enumerate(candidates):
+        if one.term.rotor is not None:
+            continue
         for k, (_, flight) in enumerate(one.free):
             p = one.parameters[k]
             if flight is None and not p.detail and p.smallest > 0.0:
@@ -156,6 +167,21 @@ def _shapes(reduced: Reduced, base: Floats) -> list[Floats]:
                 change = reduced.in_modes(reduced.speeds((moved,), without=k)) - base
                 columns.append(np.nan_to_num(change)[:, :, None])
     return columns
+
+
+def _standing(reduced: Reduced, residual: Floats) -> Floats:
+    """(N, R, R) rpm: by how much each mode differs from flight to flight, whatever is new.
+
+    As good flights have shown; of motor outputs, whose shares hang on wind and battery, else as
+    these flights show themselves, and with too few of them as much as it takes to name nothing.
+    """
+    model, modes = reduced.model, residual.shape[1]
+    known = model.good_flights.mode_scatter_rpm if model.good_flights else ()
+    size = np.array(known or model.background_rpm or np.zeros(modes))
+    if reduced.of_outputs:
+        size, degrees = spread_of_flights(residual, reduced.flight, size)
+        size = size * student.ppf(0.975, degrees) / norm.ppf(0.975)
+    return np.repeat(np.diag(size)[None], residual.shape[0], axis=0)
 
 
 def _noise(reduced: Reduced, residual: Floats, scatter: Floats, hats: Floats) -> Whitening:

@@ -7,6 +7,7 @@ all flights over time, all maps.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from html import escape
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     line,
     over_time,
     rotor_panels,
+    single,
 )
 from thrustmargin.gcs_plugin.reports.shared.route_map import route_map
 from thrustmargin.gcs_plugin.wording.channel_words import channel_title

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.models.made_flights import F16, QUICK, made_flight, made_flights, table
+from tests.models.made_flights import F16, made_flight, made_flights, table
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.identify import show, write_result
 from thrustmargin.gcs_plugin.logs import read_log
@@ -29,7 +29,7 @@ from thrustmargin.models.model.model_file import load_model, save_model
 from thrustmargin.models.model.rotor_model import physics_model
 
 LOSS = 0.08
-CURVE = ("--airframe", F16.name, "--surrogates", "49")
+CURVE = ("--airframe", F16.name)
 
 
 def written_logs(folder: Path, tracks: list[FlightTrack]) -> list[str]:
@@ -146,7 +146,7 @@ def test_the_page_is_written_and_names_the_flights(done, worn_logs):
 
 def undecided(tracks: list[FlightTrack]) -> Result:
     """Hidden mass named, and a gauge that would do as well."""
-    found = identify(tracks, physics_model(F16), config=QUICK, catalogue=table(["extra_mass"]))
+    found = identify(tracks, physics_model(F16), catalogue=table(["extra_mass"]))
     terms = [Term(effect=BY_KEY[key]) for key in ("extra_mass", "tank_scale")]
     one = OneOf(terms=tuple(terms), probabilities=(0.6, 0.4))
     return result_of(replace(found, one_of=(one,)), tracks=tracks, mission="next.plan")
@@ -224,7 +224,6 @@ def test_a_next_flight_that_nothing_needs_is_not_written(worn_logs, tmp_path, ca
         (["--next-flight", "{folder}/next.html"], ".plan"),
         (["--json", "{log}"], "would overwrite"),
         (["--json", "{folder}/a.html", "--html", "{folder}/a.html"], "asked for twice"),
-        (["--surrogates", "19"], "49 or more"),
         (["--model", "{folder}/none.safetensors"], "no model file"),
         (["--held-out", "{log}"], "same flight"),
         (["--held-out", "{folder}/none.csv"], "no --held-out flight can be used"),
@@ -313,7 +312,6 @@ def test_the_same_seed_gives_the_same_answer(worn_logs, tmp_path, capsys):
     capsys.readouterr()
     first, second = (json.loads((tmp_path / n).read_text()) for n in ("a.json", "b.json"))
     assert first == second
-    assert first["search"] == {"surrogates": 49, "seed": 5}
 
 
 @pytest.mark.slow
@@ -329,7 +327,7 @@ def test_ctrl_c_leaves_files_whole(worn_logs, tmp_path):
                 "from thrustmargin.gcs_plugin.cli import main; main()",
                 "identify",
             ),
-            *(*worn_logs, "--airframe", F16.name, "--surrogates", "1999"),
+            *(*worn_logs, "--airframe", F16.name),
             *("--json", str(target), "--out", str(tmp_path / "new.safetensors")),
         ],
         stdout=subprocess.PIPE,

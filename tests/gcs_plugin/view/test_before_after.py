@@ -28,9 +28,7 @@ def closed() -> RotorModel:
     """The curve with the worn rotor that was found on two flights."""
     flights = made_flights(2, loss=0.1)
     worn = table(["rotor_degradation"])
-    return with_effects(
-        curve_model(), identify(flights, curve_model(), catalogue=worn)
-    )
+    return with_effects(curve_model(), identify(flights, curve_model(), catalogue=worn))
 
 
 def test_before_and_after_share_one_scale_and_differ_in_their_values(closed):

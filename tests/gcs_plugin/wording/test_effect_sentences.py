@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.models.made_flights import QUICK, curve_model, made_flights, table
+from tests.models.made_flights import curve_model, made_flights, table
 from thrustmargin.gcs_plugin.wording.effect_sentences import (
     KEEP,
     WORDS,
@@ -27,7 +27,6 @@ def whole() -> Identification:
     return identify(
         made_flights(3, loss=0.08),
         curve_model(),
-        config=QUICK,
         catalogue=table(["rotor_degradation"]),
     )
 

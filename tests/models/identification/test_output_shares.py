@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.models.made_flights import QUICK, curve_model, made_flight
+from tests.models.made_flights import curve_model, made_flight
 from thrustmargin.gcs_plugin.wording.identify_answer import open_questions
 from thrustmargin.models.effects.base import Kind
 from thrustmargin.models.errors import DataError
@@ -40,31 +40,31 @@ def names(found):
 
 
 def test_a_weak_rotor_is_named_by_its_share_whatever_the_battery_does():
-    found = identify([by_outputs(k, loss=0.2) for k in range(4)], curve_model(), config=QUICK)
+    found = identify([by_outputs(k, loss=0.2) for k in range(4)], curve_model())
     assert names(found) == [("rotor_degradation", 2)]
     (loss,) = found.found
     assert loss.lower[0, 0] < 0.2 < loss.upper[0, 0]
     assert loss.upper[0, 0] - loss.lower[0, 0] > 0.02  # flights differ more than rows do
-    (tried,) = {t.term.effect.kind for t in found.tried} - {Kind.MOMENTS}
+    (tried,) = {e.term.effect.kind for e in found.excluded} - {Kind.MOMENTS}
     assert tried is Kind.COEFFICIENT
 
 
 def test_sound_rotors_get_no_name_though_their_trim_differs_from_flight_to_flight():
-    found = identify([by_outputs(k) for k in range(4)], curve_model(), config=QUICK)
+    found = identify([by_outputs(k) for k in range(4)], curve_model())
     assert names(found) == []
-    assert found.possible == ()
+    assert found.mentioned == ()
 
 
 def test_one_flight_names_a_rotor_only_beside_what_good_flights_have_shown():
-    alone = identify(by_outputs(9, loss=0.3), curve_model(), config=QUICK)
+    alone = identify(by_outputs(9, loss=0.3), curve_model())
     assert names(alone) == []
     assert any("learnt from good flights" in line for line in open_questions(alone))
-    good = identify([by_outputs(k) for k in range(5)], curve_model(), config=QUICK)
+    good = identify([by_outputs(k) for k in range(5)], curve_model())
     learnt = with_effects(curve_model(), good)
     assert len(learnt.background_rpm) == 4
-    beside = identify(by_outputs(9, loss=0.3), learnt, config=QUICK)
+    beside = identify(by_outputs(9, loss=0.3), learnt)
     assert names(beside) == [("rotor_degradation", 2)]
-    sound = identify(by_outputs(8), learnt, config=QUICK)
+    sound = identify(by_outputs(8), learnt)
     assert names(sound) == []
 
 

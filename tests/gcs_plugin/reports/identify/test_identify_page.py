@@ -11,7 +11,7 @@ import pytest
 from rich.console import Console
 
 from tests.browser import open_page, screenshot_folder
-from tests.models.made_flights import QUICK, curve_model, made_flight, made_flights, table
+from tests.models.made_flights import curve_model, made_flight, made_flights, table
 from thrustmargin.gcs_plugin.reports.identify.identify_result import Result, json_text, result_of
 from thrustmargin.gcs_plugin.reports.identify.identify_tables import printed_tables
 from thrustmargin.gcs_plugin.reports.identify.page import html_text
@@ -42,7 +42,6 @@ def result() -> Result:
         flights[:2],
         curve_model(),
         held_out=flights[2:],
-        config=QUICK,
         catalogue=table(["rotor_degradation"]),
     )
     return result_of(
@@ -127,7 +126,6 @@ def undecided() -> Result:
     both = identify(
         flights,
         curve_model(),
-        config=QUICK,
         catalogue=table(["rotor_degradation", "extra_mass"]),
     )
     worn = tuple(f for f in both.found if f.term.rotor == 0)
@@ -248,7 +246,7 @@ def test_a_flight_without_positions_has_no_map(rows):
 def test_a_pause_breaks_the_line():
     track = made_flight(1, loss=0.08)
     paused = _without(track, 30.0, 40.0)
-    found = identify([paused], curve_model(), config=QUICK, catalogue=table(["rotor_degradation"]))
+    found = identify([paused], curve_model(), catalogue=table(["rotor_degradation"]))
     made = result_of(found, tracks=[paused])
     trace = next(time_figure(rows_of(made.unseen, made.tracks), 0).select_traces())
     assert np.count_nonzero(np.isnan(trace.y)) == 1
