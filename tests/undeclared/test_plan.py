@@ -42,11 +42,9 @@ def test_sizes_spread_evenly_in_the_logarithm_over_their_range(kind):
 
 
 def test_a_biased_airspeed_may_read_high_or_low():
-    signs = {
-        np.sign(draw("airspeed bias", np.random.default_rng(s), SMALL).condition["airspeed_bias"])
-        for s in range(20)
-    }
-    assert signs == {-1.0, 1.0}
+    drawn = (draw("airspeed bias", np.random.default_rng(s), SMALL).condition for s in range(20))
+    signs = {str(c["airspeed_bias"]).startswith("-") for c in drawn}
+    assert signs == {True, False}
 
 
 @pytest.mark.parametrize("kind", list(KINDS))

@@ -168,9 +168,9 @@ def test_a_leaning_motor_is_held_by_the_torque_of_all():
 
 def test_rotors_that_swing_down_meet_air_from_below():
     still = np.zeros((1, 3))
-    motion = Motion(
-        np.zeros(1), still, still, still, np.zeros(1), np.full(1, 50.0), *2 * [np.ones(1)]
-    )
+    flying = np.ones(1, dtype=np.bool_)
+    high = np.full(1, 50.0)
+    motion = Motion(np.zeros(1), still, still, still, np.zeros(1), high, np.zeros(1), flying)
     around = Surroundings(still, 1.2, np.zeros(1), np.zeros(1), 0.0, np.zeros((1, 4)))
     attitude = Attitude(still, np.array([[0.5, 0.25, 0.0]]), np.eye(3)[None], np.ones(1), still)
     x, y = F16.position.T
