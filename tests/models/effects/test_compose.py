@@ -8,7 +8,7 @@ import pytest
 from tests.models.made_flights import F16, made_flight
 from thrustmargin.models.effects import CATALOGUE, Placed
 from thrustmargin.models.effects.channels import Channels
-from thrustmargin.models.effects.compose import rotor_speed_rpm
+from thrustmargin.models.effects.compose import base_table, rotor_speed_rpm
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.flown import model_channels, table_of
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
@@ -157,3 +157,20 @@ def test_the_lower_rotors_of_pairs_bear_their_share_of_the_moment():
     made = model.airframe.rotor_effectiveness * squares(model, ahead)
     moment = model.airframe.rotor_position_frd[:, 0] @ made
     assert moment == pytest.approx(0.02 * made.sum(), rel=1e-9)
+
+
+def test_the_base_table_is_read_between_its_grid_and_held_beyond_it():
+    """A speed whose square is a product of lines in airspeed and tank mass is read exactly."""
+
+    def speed(airspeed, tank_kg):
+        return np.sqrt((1.0 + airspeed) * (2.0 + tank_kg))[:, None] * np.sqrt([1.0, 2.0, 3.0, 4.0])
+
+    table = base_table(speed, F16, thrust_coefficient=1e-5)
+    airspeed, tank_kg = np.array([15.05, 3.33, -2.0, 70.0]), np.array([3.31, 15.9, 1.0, 1.0])
+    read = table.look_up(airspeed, tank_kg)
+    held = np.clip(airspeed, 0.0, 20.0)
+    by_hand = 1e-5 * ((1.0 + held) * (2.0 + tank_kg))[:, None] * [1.0, 2.0, 3.0, 4.0]
+    assert read == pytest.approx(by_hand, rel=1e-9)
+    full = table.look_up(np.zeros(1), np.array([1.5 * F16.tank_capacity_kg]))
+    assert full[0, 0] == pytest.approx(1e-5 * (2.0 + 1.5 * F16.tank_capacity_kg), rel=1e-9)
+    assert table.look_up(np.array([np.nan]), np.zeros(1))[0, 0] == pytest.approx(2e-5)

@@ -1,8 +1,11 @@
 """Weights that read a channel at another time, and how far around a row effects look."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from tests.models.made_flights import F16, made_flight
 from thrustmargin.models.effects import BY_KEY, CATALOGUE
 from thrustmargin.models.effects.base import Placed, look_of
 from thrustmargin.models.effects.channels import (
@@ -12,6 +15,8 @@ from thrustmargin.models.effects.channels import (
     lag_weights,
     shifts_look,
 )
+from thrustmargin.models.model.flown import model_channels
+from thrustmargin.models.model.rotor_model import physics_model
 
 TIMES = np.array(LAGS)
 
@@ -76,3 +81,23 @@ def test_speeds_that_are_reported_late_move_all_looks_back(lag, look):
     drag = Placed(effect=BY_KEY["parasite_drag"], values={"drag_area": 0.1})
     assert look_of([late, drag]) == pytest.approx(look)
     assert look_of([]) == (0.0, 0.0)
+
+
+def test_a_delay_over_a_gap_is_unknown_near_the_row_and_held_far_from_it():
+    rising = np.arange(60) / 10.0
+    rising[30] = np.nan
+    track = replace(made_flight(1, duration=6.0), airspeed=rising)
+    table = model_channels(physics_model(F16), track).airspeed_shifts
+    column = {lag: k for k, lag in enumerate(LAGS)}
+    assert np.isnan(table[28, column[0.2]])
+    assert np.isnan(table[33, column[-0.3]])
+    assert table[28, column[0.1]] == pytest.approx(2.9)
+    assert table[45, column[-1.5]] == pytest.approx(3.0)  # half way over the gap
+    assert np.isnan(table[2, column[-0.3]])  # before the first row
+    assert table[2, column[-1.5]] == pytest.approx(0.0)  # held
+
+
+def test_the_seeds_of_a_wind_are_eight_ways_of_five_metres_a_second():
+    ways = [complex(s["wind_north"], s["wind_east"]) for s in BY_KEY["wind"].seeds]
+    assert np.abs(ways) == pytest.approx(5.0)
+    assert np.angle(np.array(ways) * np.conj(np.roll(ways, 1))) == pytest.approx(np.pi / 4)

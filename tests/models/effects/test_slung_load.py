@@ -20,6 +20,7 @@ from thrustmargin.models.identification.cross_validation import intervals
 from thrustmargin.models.identification.fit import Evaluator, fit_terms, term_values
 from thrustmargin.models.identification.problem import assemble
 from thrustmargin.models.identification.terms import Term
+from thrustmargin.models.model.flown import model_channels
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.atmosphere import G0
@@ -143,6 +144,20 @@ def test_the_brackets_cover_the_table_of_lengths_without_a_hole():
     assert ends[0][0] == pytest.approx(SHORTEST * airframe.arm, rel=1e-3)
     assert all(low < start < high for low, start, high in ends)
     assert all(a[2] > b[0] for a, b in itertools.pairwise(ends))
+
+
+def test_between_two_cables_of_the_table_the_pull_goes_along_a_parabola():
+    airframe = load_airframe("crazyflie-rpm")
+    track = track_of(pushed(1.0))
+    x = model_channels(physics_model(airframe), track, effects=SLUNG_LOADS[:1])
+    column = np.arange(LENGTHS, dtype=np.float64)
+    curve = 0.3 - 0.02 * column + 0.001 * column**2
+    x = replace(x, own={"slung_load": np.tile(curve, (x.time_s.size, 1))})
+    for place in (7.0, 7.3, 40.5):
+        cable = SHORTEST * airframe.arm * 1.035**place
+        found = SLUNG_LOADS[0].apply({"mass": 0.01, "cable": cable}, x, np.full(50, 0.4), np)
+        by_hand = 0.4 + 0.01 * G0 * (0.3 - 0.02 * place + 0.001 * place**2)
+        assert found == pytest.approx(by_hand, rel=1e-9)
 
 
 def flown_with_load(seed: int, *, mass: float, load: float, cable: float, seconds: float = 16.0):
