@@ -34,10 +34,11 @@ def train(
     """Train the rotor speed model of one aircraft on its own good flights.
 
     Fits the network from airspeed and tank level, and on it what belongs to every aircraft: moments
-    of turning, load factor, drag, lift, centre of gravity, yaw trim, air. Each is kept if flights
-    left out are predicted better with it. Where they are predicted better without the network,
-    weight and thrust curve take its place. The first line says whether the model is fit for use:
-    its error on flights that the model predicting them has not seen, or why not and what to do.
+    of turning and of the flow, load factor, drag, lift, centre of gravity, yaw trim, air. Each is
+    kept if flights left out are predicted better with it. Where they are predicted better without
+    the network, weight and thrust curve take its place. The first line says whether the model is
+    fit for use: its error on flights that the model predicting them has not seen, or why not and
+    what to do.
     Writes the model file, with what good flights show of how they differ, and the network's loss
     curves (.loss.svg, .loss.csv) beside it.
     Give flights of a healthy aircraft, over the speeds and tank levels of its work: at least 3.
