@@ -67,7 +67,7 @@ class RowNow:
     row: int
     margin_ahead: float = math.nan  # least predicted on the rest of the route
     esc_failures: Floats | None = None  # (R,) ESC_FAILURE_FLAGS
-    faults: tuple[RotorFault, ...] = ()  # in settled rows: those that stand
+    faults: tuple[RotorFault, ...] | None = None  # those that stand, when a block was whole
     balance: TankBalance | None = None  # the same, about once a second
 
 
@@ -163,6 +163,8 @@ def motor_speed(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:  # noqa: ARG
 
 def _faulty(now: RowNow, kind: str, text: str) -> Iterator[Judged]:
     """The faults of one kind, and that all other rotors are sound."""
+    if now.faults is None:
+        return
     found = {fault.rotor: fault for fault in now.faults if fault.kind == kind}
     for rotor in range(now.analysis.track.rotor_count):
         fault = found.get(rotor)

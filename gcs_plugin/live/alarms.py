@@ -88,13 +88,14 @@ class Alarms:
                 self._faults.landed(time_s)
                 self._landed(events, OF_SETTLED_ROWS, time_s)
                 continue
-            self._faults.add(time_s, of_faults)
+            whole = self._faults.add(time_s, of_faults)
             tank = (float(a[row]) for a in (gauge, pumped_kg, virtual_kg))
             self._balance.add(time_s, *tank)
             balance = None
             if time_s - self._weighed_s >= 1.0:
                 self._weighed_s, balance = time_s, self._balance.balance()
-            now = RowNow(analysis=analysis, row=row, faults=self._faults.standing, balance=balance)
+            faults = self._faults.standing if whole else None
+            now = RowNow(analysis=analysis, row=row, faults=faults, balance=balance)
             self._judge(events, OF_SETTLED_ROWS, time_s, now)
         return events
 

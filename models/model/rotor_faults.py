@@ -168,20 +168,22 @@ class RotorFaults:
         if math.isnan(self._landed_s):
             self._landed_s, self._rows = time_s, []
 
-    def add(self, time_s: float, row: Floats) -> None:
-        """A row of `fault_signals`, in flight and in order."""
+    def add(self, time_s: float, row: Floats) -> bool:
+        """A row of `fault_signals`, in flight and in order; True when a block was whole."""
         if not math.isnan(self._landed_s):
             for test in self._tests:
                 if time_s - self._landed_s > CHANGED:
                     test.forget()
                 test.restart()
             self._landed_s = math.nan
-        if self._rows and not 0.0 <= time_s - self._begun_s < BLOCK - 0.01:
+        whole = bool(self._rows) and not 0.0 <= time_s - self._begun_s < BLOCK - 0.01
+        if whole:
             self._end(np.array(self._rows))
             self._rows = []
         if not self._rows:
             self._begun_s = time_s
         self._rows.append(row)
+        return whole
 
     def _end(self, rows: Floats) -> None:
         """A block of rows is whole."""
