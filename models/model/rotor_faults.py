@@ -43,7 +43,7 @@ STEP_ERROR = 0.03
 TRIM, NOISE = 0.1, 0.01
 KNOWN = 0.1  # of a manoeuvre's effect that a model with that effect leaves
 LEAK = 0.1  # of what an axis needs, that shows in another mode
-STEEPNESS, LAG = 0.3, 0.2  # standard errors of the thrust curve's steepness, and of a lag in s
+STEEPNESS, LAG = 0.15, 0.2  # standard errors of the thrust curve (Quiver), and of a lag in s
 UNLOADED = -0.2  # mean of y over the rotors below which the legs are on the ground
 CHANGED = 30.0  # s on the ground in which a part can have been changed
 

@@ -128,6 +128,19 @@ def test_the_recorded_onset_names_rotor_3_and_the_flight_without_it_none(sitl_lo
     assert [e for e in watched(read["reference"].track) if e[2] == "rotor"] == []
 
 
+def test_a_motor_whose_output_rises_and_its_speed_does_not_is_an_alarm_of_its_own():
+    track = hover(90.0)
+    noise = 1.0 + 0.003 * np.random.default_rng(3).standard_normal((900, 4))
+    output = track.throttle.copy()
+    output[600:, 2] = 0.62
+    alarms = Alarms()
+    events = watched(replace(with_rotors(track, noise), throttle=output), alarms)
+    assert [(e[1], e[2], e[3]) for e in events] == [(True, "motor", 3)]
+    assert 0.0 < events[0][0] - 60.0 < 10.0
+    (standing,) = alarms.standing.values()
+    assert re.fullmatch(r"Motor 3 or ESC \d+% \(\d+-\d+\) slow for output: land", standing.text)
+
+
 @pytest.mark.parametrize(
     "pattern", [[1.08] * 4, [1.1, 1.1, 0.9, 0.9], [1.06, 0.94, 1.06, 0.94], [1.1, 0.97, 1.0, 0.9]]
 )

@@ -169,6 +169,26 @@ def test_one_signal_alone_gives_no_more_than_the_bound():
     assert found.share[0] > 0.999
 
 
+def test_the_ratio_is_the_formula_by_plain_numbers():
+    test = watch()
+    for _ in range(10):
+        test.add(np.zeros(2), NOTHING)
+    a, b = np.array([400.0, 900.0]), np.array([40.0, -9.0])
+    test.information[:], test.pull[:], test.square[:] = 0.0, 0.0, 0.0
+    test.information[2], test.pull[2], test._age[2] = a, b, 9
+    test.own[8], test.together[8] = [0.2, 0.1], 0.05
+    test._logs = test._weigh()
+    steps = np.array([[0.1, 0.0], [0.1, 0.1]])
+    own = np.exp(log_own(a, b))
+    q = np.array([0.2, 0.1])
+    each = [np.prod((1 - q) * np.exp(b * d - a * d**2 / 2) + q * own) for d in steps]
+    none = 0.95 * np.prod(1 - q + q * own) + 0.05 * np.prod((1 + own) / 2)
+    found = test.change(steps, np.zeros((2, 2)), -50.0)
+    assert found is not None
+    assert found.log_ratio == pytest.approx(math.log(np.mean(each) / none))
+    assert found.share == pytest.approx(np.array(each) / np.sum(each))
+
+
 def test_under_the_noise_a_ratio_of_a_is_passed_by_less_than_one_start_in_a():
     """Ville's inequality: counted over 40 flights of noise, each with some 30 starts."""
     steps = np.array([[0.03, 0.03], [0.03, -0.03], [-0.02, 0.02]])

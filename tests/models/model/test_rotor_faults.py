@@ -1,10 +1,12 @@
 """A propeller or a motor put into a flight that is written here, and what is said of it."""
 
 import math
+import tomllib
 
 import numpy as np
 import pytest
 
+from tests.undeclared.crafts import CRAFTS
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_faults import (
@@ -19,7 +21,7 @@ from thrustmargin.models.model.rotor_faults import (
     mode_directions,
 )
 from thrustmargin.models.model.rotor_model import physics_model
-from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.physics.airframe import airframe_from_table, load_airframe
 from thrustmargin.models.physics.motor_output import output_curve
 
 F16 = load_airframe("topxgun-f16-sitl")
@@ -174,6 +176,17 @@ def test_a_lost_share_moves_its_own_rotor_on_a_quad():
     assert np.argmax(steps[2, at]) == 2
     # What its torque does is nearly all yaw.
     assert np.max(abs(torque[2, at] @ modes)[:3]) < 0.02 * abs(three).max()
+
+
+@pytest.mark.parametrize("craft", [c for c in CRAFTS if c.rotors > 4], ids=lambda c: c.name)
+def test_with_more_rotors_the_opposite_one_falls(craft):
+    airframe = airframe_from_table(tomllib.loads(craft.airframe_toml()), craft.name)
+    steps, _ = loss_steps(physics_model(airframe))
+    places = airframe.rotor_position_frd[:, :2]
+    for rotor in range(craft.rotors):
+        moved = steps[rotor, 20]
+        assert np.argmax(moved) == rotor
+        assert np.argmin(places @ places[rotor]) in np.flatnonzero(moved < 0.0)
 
 
 def test_the_ground_long_enough_forgets_a_fault_and_a_bounce_does_not():
