@@ -2,14 +2,27 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from thrustmargin.models.effects.base import Effect, Kind, Parameter
 from thrustmargin.models.effects.channels import Channels
+from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.physics.airframe import Airframe
+
+
+def flow(track: FlightTrack, airframe: Airframe, start: None = None) -> tuple[Floats, None]:
+    """Level speed through the air forward and right, (T, 2) m/s.
+
+    NaN without a wind, still air included: `drag_moment` then tells the flow by the lean.
+    """
+    north, east, _ = (track.velocity_ned - track.wind_ned).T
+    yaw = track.attitude[:, 2]
+    forward = north * np.cos(yaw) + east * np.sin(yaw)
+    return np.stack([forward, east * np.cos(yaw) - north * np.sin(yaw)], axis=1), start
 
 
 def _lifted(p, x: Channels, thrust, xp):
-    east, north = xp.sin(x.heading), xp.cos(x.heading)
-    forward = x.velocity_north * north + x.velocity_east * east
-    right = x.velocity_east * north - x.velocity_north * east
+    forward, right = x.own["flow_moment"].T
     lever = thrust * x.propeller_diameter / x.hover_induced_velocity
     return p["roll"] * right * lever, -p["pitch"] * forward * lever, 0.0 * thrust
 
@@ -23,16 +36,16 @@ FLOW_MOMENT = Effect(
     name="flow_moment",
     kind=Kind.MOMENTS,
     parameters=(_gain("roll"), _gain("pitch")),
-    needs=("velocity_north", "velocity_east", "heading", "hover_induced_velocity"),
-    neutral={"velocity_north": 0.0, "velocity_east": 0.0, "heading": 0.0},
+    needs=("flow_moment", "hover_induced_velocity"),
+    neutral={"flow_moment": 0.0},
     shape_channels=("airspeed",),
     source="flapping of advancing and retreating blades, and front rotors in cleaner air than rear "
-    "ones: moment = gain x thrust x propeller diameter x speed / induced velocity of hover, taken "
-    "in still air",
+    "ones: moment = gain x thrust x propeller diameter x speed / induced velocity of hover",
     distinguished_by="a straight line flown forwards, backwards and sideways at one speed",
     # Slow under its load, a sprayer shows too little of it: looked for there, it takes the place
     # of a speed channel that is late.
     with_tank=False,
+    own_channel=flow,
     apply=_lifted,
 )
 

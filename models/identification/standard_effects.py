@@ -16,8 +16,6 @@ from dataclasses import replace
 import numpy as np
 
 from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.effects.drag_moment import DRAG_MOMENT
-from thrustmargin.models.effects.flow_moment import FLOW_MOMENT
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.cross_validation import held_out_cost, intervals
@@ -41,8 +39,8 @@ STANDARD = (
     "load_factor",
     "cg_offset",
     "cg_offset:tank",
-    FLOW_MOMENT.key,
-    DRAG_MOMENT.key,
+    "flow_moment",
+    "drag_moment",
     "yaw_trim",
     "manoeuvre_moment",
     "air_density",
@@ -58,9 +56,7 @@ def standard_effects(model: RotorModel, problem: Problem) -> list[Term]:
     if problem.of_outputs:
         effects = list(effects_on_shares(effects))
     possible = [e for e in effects if e.possible_on(model.airframe) and not problem.lacks(e)]
-    # The lean tells the flow where no wind is known; the speed over ground does not.
-    leans = any(e.key == DRAG_MOMENT.key for e in possible)
-    return [Term(effect=e) for e in possible if not (leans and e.key == FLOW_MOMENT.key)]
+    return [Term(effect=e) for e in possible]
 
 
 def with_standard_effects(

@@ -237,10 +237,11 @@ def test_moments_of_turning(axis, lever):
 
 
 def test_the_moment_of_forward_flight():
-    # 4 m/s forward and 3 to the right, heading east; induced velocity of hover
-    # sqrt(30 g / (2 x 1.225 x pi)) = sqrt(294.1995 / 7.696902) = 6.182466 m/s.
+    # 5 m/s over ground forward in 1 m/s from behind, 3 to the right, heading east; induced velocity
+    # of hover sqrt(30 g / (2 x 1.225 x pi)) = sqrt(294.1995 / 7.696902) = 6.182466 m/s.
     # lever = T D / v_h = 294.1995 / 6.182466 = 47.586108; roll 0.01 x 3 and pitch -0.02 x 4 of it.
-    track = moving(-3.0, 4.0, attitude=np.tile([0.0, 0.0, np.pi / 2], (60, 1)))
+    wind = np.tile([0.0, 1.0, 0.0], (60, 1))
+    track = moving(-3.0, 5.0, attitude=np.tile([0.0, 0.0, np.pi / 2], (60, 1)), wind_ned=wind)
     roll, pitch = 0.03 * 47.586108, -0.08 * 47.586108
     by_hand = 1.0 + (-roll * ARMS[:, 1] / (4 * Y**2) + pitch * ARMS[:, 0] / (4 * X**2)) / 73.549875
     gains = effect("flow_moment", roll=0.01, pitch=0.02)

@@ -72,6 +72,7 @@ def forward_flight(heading_deg: float, north: float, east: float) -> FlightTrack
         rotor_count=4,
         attitude=np.stack([0 * yaw, 0 * yaw, yaw], axis=1),
         velocity_ned=np.tile([north, east, 0.0], (rows, 1)),
+        wind_ned=np.zeros((rows, 3)),
         airspeed=np.full(rows, np.hypot(north, east)),
         tank_kg=np.full(rows, 4.0),
     )
@@ -82,7 +83,7 @@ def test_forward_flight_slows_the_front_rotors_whatever_the_heading(heading_deg:
     model = physics_model(load_airframe("topxgun-f16"))
     speed = 5.0 * np.array([np.cos(np.radians(heading_deg)), np.sin(np.radians(heading_deg))])
     placed = [Placed(effect=FLOW_MOMENT, values={"roll": 0.1, "pitch": 0.1})]
-    x = model_channels(model, forward_flight(heading_deg, *speed))
+    x = model_channels(model, forward_flight(heading_deg, *speed), effects=[FLOW_MOMENT])
     front_right, rear_left, front_left, rear_right = rotor_speed_rpm(
         table_of(model), placed, x, np
     )[0]
@@ -94,7 +95,7 @@ def test_forward_flight_slows_the_front_rotors_whatever_the_heading(heading_deg:
 def test_sideways_flight_slows_the_rotors_that_lead():
     model = physics_model(load_airframe("topxgun-f16"))
     placed = [Placed(effect=FLOW_MOMENT, values={"roll": 0.1, "pitch": 0.1})]
-    x = model_channels(model, forward_flight(0.0, 0.0, 5.0))
+    x = model_channels(model, forward_flight(0.0, 0.0, 5.0), effects=[FLOW_MOMENT])
     front_right, rear_left, front_left, rear_right = rotor_speed_rpm(
         table_of(model), placed, x, np
     )[0]
