@@ -134,7 +134,7 @@ class Evaluator:
         ends = [np.clip(at + side * STEP * p.scale, p.lower, p.upper) for side in (1.0, -1.0)]
         above, below = (self._speeds(terms, [*rows[:k], end, *rows[k + 1 :]]) for end in ends)
         width = np.broadcast_to(ends[0] - ends[1], above.shape[:1])
-        return (above - below) / width[:, None]
+        return (above - below) / np.where(width == 0.0, np.inf, width)[:, None]
 
     def _rows(self, layout: FitLayout, values: Floats) -> list[Any]:
         by_flight = values[layout.places]

@@ -20,13 +20,15 @@ STEP = 1e-4  # of a parameter's usual size
 
 @pytest.fixture(scope="module")
 def evaluator(sitl_logs):
-    """Two flights that report every channel, with the pull of a load that they do not have."""
+    """Two flights that report every channel, with the pull of a load and the flow that they do not have."""
     names = ("v4_m10_q1.5.tlog", "v6_m4_q1.5.tlog")
     logs = [read_log(sitl_logs / "campaign" / name, airframe=F16) for name in names]
     problem = assemble(physics_model(F16), [log.track for log in logs])
     x = problem.channels
     pull = 1.0 + 0.1 * np.sin(x.time_s[:, None] + 0.3 * np.arange(LENGTHS))
-    return Evaluator(replace(problem, channels=replace(x, own={"slung_load": pull})))
+    level = 0.05 * np.sin(x.time_s[:, None] + np.arange(2.0))  # forward and right
+    own = {"slung_load": pull, "drag_moment": level, "flow_moment": 100.0 * level}
+    return Evaluator(replace(problem, channels=replace(x, own=own)))
 
 
 @pytest.mark.parametrize("effect", CATALOGUE, ids=lambda e: e.key)
@@ -50,3 +52,13 @@ def test_derivatives_are_those_of_differences_in_the_prediction(evaluator, effec
         expected = (ahead - behind) / span
         scale = max(np.abs(expected).max(), 1e-6 * np.abs(prediction).max())
         assert np.abs(column - expected).max() < 1e-3 * scale, layout.parameters[k].name
+
+
+def test_a_value_beyond_its_bounds_moves_nothing(evaluator):
+    """No step is possible there: a derivative of 0, not one that is no number."""
+    effect = next(e for e in CATALOGUE if e.key == "cg_offset")
+    terms = (Term(effect=effect),)
+    layout = layout_of(terms, 2)
+    values = np.array([parameter.upper + 1.0 for parameter in layout.parameters])
+    derivatives = evaluator.jacobian(terms, layout, values, range(values.size))[1]
+    np.testing.assert_array_equal(derivatives(), 0.0)
