@@ -20,7 +20,7 @@ STEP = 1e-4  # of a parameter's usual size
 
 @pytest.fixture(scope="module")
 def evaluator(sitl_logs):
-    """Two flights that report every channel, with the pull of a load and the flow that they do not have."""
+    """Two flights with every channel, and the pull of a load and a flow that they do not have."""
     names = ("v4_m10_q1.5.tlog", "v6_m4_q1.5.tlog")
     logs = [read_log(sitl_logs / "campaign" / name, airframe=F16) for name in names]
     problem = assemble(physics_model(F16), [log.track for log in logs])
