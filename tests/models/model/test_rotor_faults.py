@@ -2,6 +2,7 @@
 
 import math
 import tomllib
+from typing import Any
 
 import numpy as np
 import pytest
@@ -59,7 +60,9 @@ def outputs(speed: np.ndarray) -> np.ndarray:
     return np.interp((speed / F16.max_rotor_speed_rpm) ** 2, share, grid)
 
 
-def seen(track: FlightTrack, factor=1.0, weak=1.0, since: float = ONSET) -> list[RotorFault]:
+def seen(
+    track: FlightTrack, factor: Any = 1.0, weak: Any = 1.0, since: float = ONSET
+) -> list[RotorFault]:
     """What stands at the end, with speeds and outputs by these factors (4,) from the onset on."""
     after = (track.time_s >= since)[:, None]
     speed = track.rotor_speed_rpm * np.where(after, factor, 1.0)
