@@ -223,7 +223,7 @@ def forward_lift(it: DescribedEffect) -> str:
         airspeed=np.array([speed]),
         hover_induced_velocity=np.array([hover]),
     )
-    shape = float(it.found.term.effect.apply({"gain": 1.0}, row, np)[0]) - 1.0
+    shape = float(it.found.term.effect.apply({"gain": 1.0}, row)[0]) - 1.0
     more = "less" if it.negative("gain") else "more"
     start = f"At {number(speed, 'm/s')} airspeed the rotors make"
     return _sized(start, _percent(it, "gain", shape), f"{more} thrust than the model has")

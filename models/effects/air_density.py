@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from thrustmargin.models.effects.base import TORQUE_SHARE, Effect, Kind, Parameter
 from thrustmargin.models.effects.channels import Channels
 
@@ -15,18 +17,18 @@ def _warmer(p, x: Channels):
     return x.air_temperature / (x.air_temperature + p["temperature_offset"])
 
 
-def _kappa(p, x: Channels, xp):
+def _kappa(p, x: Channels):
     # Found on a model that follows the air already, it is the thermometer: the air counts once.
     density = x.reported_density / x.reference_density
     return density ** (1.0 / x.density_effects) * _warmer(p, x)
 
 
-def _torque(p, x: Channels, xp):
-    return 1.0 + p["torque_share"] * (_kappa(p, x, xp) - 1.0)
+def _torque(p, x: Channels):
+    return 1.0 + p["torque_share"] * (_kappa(p, x) - 1.0)
 
 
-def _weight(p, x: Channels, xp):
-    return xp.sqrt(xp.mean((_kappa(p, x, xp) - 1.0) ** 2)) / LEAST_DENSITY_ERROR
+def _weight(p, x: Channels):
+    return np.sqrt(np.mean((_kappa(p, x) - 1.0) ** 2)) / LEAST_DENSITY_ERROR
 
 
 AIR_DENSITY = Effect(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from thrustmargin.models.effects.base import Effect, Kind, Parameter
 
 AIRSPEED_BIAS = Effect(
@@ -21,7 +23,7 @@ AIRSPEED_BIAS = Effect(
     shape_channels=("airspeed",),
     source="a sensor whose zero is off: true airspeed = shown + bias, and never below nothing",
     distinguished_by="hover in still air, then fly a straight line both ways at two speeds",
-    apply=lambda p, x, airspeed, tank_kg, xp: (xp.clip(airspeed + p["bias"], 0.0, None), tank_kg),
+    apply=lambda p, x, airspeed, tank_kg: (np.clip(airspeed + p["bias"], 0.0, None), tank_kg),
     instrument=True,
 )
 
@@ -45,7 +47,7 @@ AIRSPEED_GAIN = Effect(
     source="a pitot tube in the rotors' flow, or thin air read as dense: true airspeed = gain x "
     "shown",
     distinguished_by="fly a straight line both ways at two speeds in still air",
-    apply=lambda p, x, airspeed, tank_kg, xp: (airspeed * p["gain"], tank_kg),
+    apply=lambda p, x, airspeed, tank_kg: (airspeed * p["gain"], tank_kg),
     instrument=True,
 )
 

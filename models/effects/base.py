@@ -9,8 +9,7 @@ Apparent thrust of a rotor is a0 N². An effect changes one of four things, in t
 
 An effect owns all that is said of it anywhere: how its parameters scale with the aircraft, what it
 does to the airframe, how far around a row it looks, and the value of each channel at which it does
-nothing. The functions are written with operators and the array namespace that they are given, so
-the same code runs on numpy arrays (prediction) and on torch tensors (derivatives by torch.func).
+nothing.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from typing import Any
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.airframe import Airframe
 
-Array = Any  # numpy array or torch tensor of T rows
+Array = Any  # of T rows
 Values = Mapping[str, Array]  # parameter name -> number or (T,) array
 Look = tuple[float, float]  # s before and s after a row
 Neutral = float | Callable[[Values, Any], Array]  # a number, or (p, channels) -> array
@@ -136,10 +135,10 @@ def _at_the_row(p: Values) -> Look:
 class Effect:
     """One physical effect. `apply` takes and returns by kind:
 
-    input        (p, x, airspeed, tank_kg, xp) -> (airspeed, tank_kg), each (T,)
-    demand       (p, x, thrust, xp) -> thrust, (T,) N, all rotors together
-    moments      (p, x, thrust, xp) -> (roll, pitch, yaw), each (T,) N m
-    coefficient  (p, x, xp) -> kappa (T,), of all rotors or, when `of_one_rotor`, of that rotor
+    input        (p, x, airspeed, tank_kg) -> (airspeed, tank_kg), each (T,)
+    demand       (p, x, thrust) -> thrust, (T,) N, all rotors together
+    moments      (p, x, thrust) -> (roll, pitch, yaw), each (T,) N m
+    coefficient  (p, x) -> kappa (T,), of all rotors or, when `of_one_rotor`, of that rotor
     """
 
     name: str
@@ -157,7 +156,7 @@ class Effect:
     variant: str = ""  # names forms of one effect
     affine: bool = False  # at its start it already differs from doing nothing
     delays: bool = False  # its "lag" is how late all rotor speeds are reported
-    #: (p, x, xp) -> size of what it changes, 1 being the least worth a name
+    #: (p, x) -> size of what it changes, 1 being the least worth a name
     weight: Callable[..., Any] | None = None
     begins: bool = False  # a step in time, found by `models.identification.onset`
     afterwards: Effect | None = None  # what it is after its step, for flights to come

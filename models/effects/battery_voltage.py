@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from thrustmargin.models.effects.base import Effect, Kind, Parameter
 from thrustmargin.models.effects.channels import Channels
 
 
-def _kappa(p, x: Channels, xp):
-    return xp.exp(p["exponent"] * xp.log(x.voltage / x.reference_voltage))
+def _kappa(p, x: Channels):
+    return np.exp(p["exponent"] * np.log(x.voltage / x.reference_voltage))
 
 
 BATTERY_VOLTAGE = Effect(

@@ -6,11 +6,11 @@ from thrustmargin.models.effects.base import Effect, Kind, Parameter
 from thrustmargin.models.effects.channels import Channels
 
 
-def _fixed(p, x: Channels, thrust, xp):
+def _fixed(p, x: Channels, thrust):
     return -p["y"] * thrust, p["x"] * thrust, 0.0 * thrust
 
 
-def _with_tank(p, x: Channels, thrust, xp):
+def _with_tank(p, x: Channels, thrust):
     full = x.tank_kg / x.tank_capacity_kg
     return -p["y_full"] * full * thrust, p["x_full"] * full * thrust, 0.0 * thrust
 

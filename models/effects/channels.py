@@ -85,12 +85,6 @@ class Channels:
         """The same channels with only the chosen rows."""
         return self.each(lambda a: a[which])
 
-    def as_torch(self) -> Self:
-        """The same channels as float64 torch tensors."""
-        import torch
-
-        return self.each(lambda a: torch.as_tensor(np.ascontiguousarray(a)))
-
     def each(self, change: Callable[[Any], Any]) -> Self:
         """The same channels, each array changed alike."""
         changed: dict[str, Any] = {}
@@ -135,7 +129,7 @@ def derivative_look(span: float) -> float:
 LOAD_LOOK = derivative_look(VELOCITY_SPAN) + SLOW_SPAN / 2 + LAG_STEP
 
 
-def lag_weights(lag: Any, xp: Any, derivative_correction: Any = None) -> Any:
+def lag_weights(lag: Any, derivative_correction: Any = None) -> Any:
     """(len(LAGS),) weights with which a shift table gives the channel `lag` seconds later.
 
     Cubic convolution (Keys 1981): smooth in the lag, and exact on the grid. A
@@ -145,11 +139,11 @@ def lag_weights(lag: Any, xp: Any, derivative_correction: Any = None) -> Any:
     """
     reach = 0 if derivative_correction is None else 2
     first = round(LAGS[0] / LAG_STEP) - reach
-    grid = xp.arange(first, first + len(LAGS) + 2 * reach, dtype=xp.float64) * LAG_STEP
-    u = xp.abs(lag - grid) / LAG_STEP
+    grid = np.arange(first, first + len(LAGS) + 2 * reach, dtype=np.float64) * LAG_STEP
+    u = np.abs(lag - grid) / LAG_STEP
     near = (1.5 * u - 2.5) * u * u + 1.0
     far = ((-0.5 * u + 2.5) * u - 4.0) * u + 2.0
-    w = xp.where(u < 1, near, xp.where(u < 2, far, 0.0 * u))
+    w = np.where(u < 1, near, np.where(u < 2, far, 0.0 * u))
     if derivative_correction is None:
         return w
     # A step of the grid is a step of the lag, so the neighbours are the same weights moved along.

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from thrustmargin.models.effects.base import Effect, Kind, Parameter
 from thrustmargin.models.effects.channels import Channels
 
 CLIMB_SHARE = 0.15  # of the scatter of axial inflow, that must be climbing to be called so
 
 
-def _weight(p, x: Channels, xp):
-    return xp.std(x.climb_ratio) / (CLIMB_SHARE * xp.std(x.advance_ratio))
+def _weight(p, x: Channels):
+    return np.std(x.climb_ratio) / (CLIMB_SHARE * np.std(x.advance_ratio))
 
 
 CLIMB_INFLOW = Effect(
@@ -24,7 +26,7 @@ CLIMB_INFLOW = Effect(
     shape_channels=("advance_ratio",),
     source="blade element: thrust falls with the advance ratio of the axial inflow, J = w 60/(N D)",
     distinguished_by="climb and descend at a steady rate at one tank level",
-    apply=lambda p, x, xp: 1.0 - p["slope"] * x.advance_ratio,
+    apply=lambda p, x: 1.0 - p["slope"] * x.advance_ratio,
     weight=_weight,
 )
 

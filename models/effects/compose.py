@@ -8,7 +8,7 @@ kappa the product of the effects on all rotors. Where one rotor makes less thrus
 not follow thrust, the autopilot adds controls c, which its mixer S shares over all rotors, until
 force and moments are those that the flight asks for. With four rotors that leaves each rotor its
 thrust; with more of them the mixer cannot make up for one rotor alone, and the one opposite gives
-way too. Works on numpy arrays and on torch tensors alike.
+way too.
 """
 
 from __future__ import annotations
@@ -59,12 +59,8 @@ class BaseTable:
 
 def _cell(x: Array, size: int) -> tuple[Array, Array]:
     """Index of the cell that holds x and the place in it; held at the ends of the grid."""
-    if isinstance(x, np.ndarray):
-        x = np.clip(np.nan_to_num(x), 0.0, size - 1.0)
-        index = np.minimum(x.astype(np.intp), size - 2)
-    else:
-        x = x.nan_to_num().clip(0.0, size - 1.0)
-        index = x.detach().long().clip(max=size - 2)
+    x = np.clip(np.nan_to_num(x), 0.0, size - 1.0)
+    index = np.minimum(x.astype(np.intp), size - 2)
     return index, x - index
 
 
@@ -100,48 +96,48 @@ def base_table(
     )
 
 
-def coefficient(placed: Sequence[Placed], x: Channels, rotors: int, xp: Any) -> Array:
+def coefficient(placed: Sequence[Placed], x: Channels, rotors: int) -> Array:
     """kappa of all rotors, (T, R) or (T, 1): the product of the coefficient effects."""
     every = [item for item in placed if item.effect.kind is Kind.COEFFICIENT]
-    kappa = _product(every, x, rotors, xp, lambda item: item.effect.apply)
-    return xp.clip(kappa, KAPPA_FLOOR, None)
+    kappa = _product(every, x, rotors, lambda item: item.effect.apply)
+    return np.clip(kappa, KAPPA_FLOOR, None)
 
 
 def _product(
-    placed: Sequence[Placed], x: Channels, rotors: int, xp: Any, factor: Callable[[Placed], Any]
+    placed: Sequence[Placed], x: Channels, rotors: int, factor: Callable[[Placed], Any]
 ) -> Array:
-    """The product over effects of `factor(item)(p, x, xp)`, on the rotors they are of."""
-    product = xp.ones_like(x.time_s)[:, None]
+    """The product over effects of `factor(item)(p, x)`, on the rotors they are of."""
+    product = np.ones_like(x.time_s)[:, None]
     for item in placed:
-        value = factor(item)(item.values, x, xp)[:, None]
+        value = factor(item)(item.values, x)[:, None]
         if item.rotor is not None:
-            value = 1.0 + (value - 1.0) * (xp.arange(rotors) == item.rotor)
+            value = 1.0 + (value - 1.0) * (np.arange(rotors) == item.rotor)
         product = product * value
     return product
 
 
-def apparent_thrust(base: BaseTable, placed: Sequence[Placed], x: Channels, xp: Any) -> Array:
+def apparent_thrust(base: BaseTable, placed: Sequence[Placed], x: Channels) -> Array:
     """a0 N² of every rotor with the effects in place, (T, R) N."""
-    x = corrected(placed, x, xp)
+    x = corrected(placed, x)
     thrust = base.look_up(x.airspeed, x.tank_kg)
     demand = total = thrust @ base.effectiveness
     for item in placed:
         if item.effect.kind is Kind.DEMAND:
-            demand = item.effect.apply(item.values, x, demand, xp)
+            demand = item.effect.apply(item.values, x, demand)
     if demand is not total:
         thrust = thrust * (demand / total)[:, None]
     for item in placed:
         if item.effect.kind is Kind.MOMENTS:
-            moments = item.effect.apply(item.values, x, demand, xp)
-            thrust = thrust + xp.stack(moments, 1) @ base.moment_shares.T
-    every = coefficient([i for i in placed if i.rotor is None], x, thrust.shape[1], xp)
+            moments = item.effect.apply(item.values, x, demand)
+            thrust = thrust + np.stack(moments, 1) @ base.moment_shares.T
+    every = coefficient([i for i in placed if i.rotor is None], x, thrust.shape[1])
     apart = [item for item in placed if item.effect.torque is not None]
     if apart:
-        thrust = _rebalanced(base, apart, x, thrust, xp)
-    return xp.clip(thrust / every, THRUST_FLOOR, None)
+        thrust = _rebalanced(base, apart, x, thrust)
+    return np.clip(thrust / every, THRUST_FLOOR, None)
 
 
-def corrected(placed: Sequence[Placed], x: Channels, xp: Any) -> Channels:
+def corrected(placed: Sequence[Placed], x: Channels) -> Channels:
     """The channels with what airspeed and tank mass really were: all later effects go with these,
     as lift and drag in a wind that no channel reports do."""
     airspeed, tank_kg = x.airspeed, x.tank_kg
@@ -150,30 +146,28 @@ def corrected(placed: Sequence[Placed], x: Channels, xp: Any) -> Channels:
     x = replace(x, delay=late, density_effects=float(max(follow, 1)))
     for item in placed:
         if item.effect.kind is Kind.INPUT:
-            airspeed, tank_kg = item.effect.apply(item.values, x, airspeed, tank_kg, xp)
+            airspeed, tank_kg = item.effect.apply(item.values, x, airspeed, tank_kg)
     if airspeed is x.airspeed and tank_kg is x.tank_kg:
         return x
     mass = x.total_mass + (tank_kg - x.tank_kg)
     return replace(x, airspeed=airspeed, tank_kg=tank_kg, total_mass=mass)
 
 
-def _rebalanced(
-    base: BaseTable, apart: Sequence[Placed], x: Channels, thrust: Array, xp: Any
-) -> Array:
+def _rebalanced(base: BaseTable, apart: Sequence[Placed], x: Channels, thrust: Array) -> Array:
     """Apparent thrust (T, R) that gives the force and moments of `thrust` where single rotors make
     less of it, or torque does not follow it. What all rotors lose alike is for the caller."""
     rotors = thrust.shape[1]
-    alone = coefficient([item for item in apart if item.rotor is not None], x, rotors, xp)
-    shared = coefficient([item for item in apart if item.rotor is None], x, rotors, xp)
-    torque = _product(apart, x, rotors, xp, lambda item: item.effect.torque)
-    torque = xp.clip(torque, KAPPA_FLOOR, None) / shared
+    alone = coefficient([item for item in apart if item.rotor is not None], x, rotors)
+    shared = coefficient([item for item in apart if item.rotor is None], x, rotors)
+    torque = _product(apart, x, rotors, lambda item: item.effect.torque)
+    torque = np.clip(torque, KAPPA_FLOOR, None) / shared
     control = base.thrust_control * alone[:, None, :] + base.torque_control * torque[:, None, :]
     asked = thrust @ (base.thrust_control + base.torque_control).T
     lacking = asked[:, :, None] - control @ thrust[:, :, None]
-    added = base.shares @ xp.linalg.solve(control @ base.shares, lacking)
+    added = base.shares @ np.linalg.solve(control @ base.shares, lacking)
     return thrust + added[:, :, 0]
 
 
-def rotor_speed_rpm(base: BaseTable, placed: Sequence[Placed], x: Channels, xp: Any) -> Array:
+def rotor_speed_rpm(base: BaseTable, placed: Sequence[Placed], x: Channels) -> Array:
     """Speed of every rotor with the effects in place, (T, R) rpm."""
-    return xp.sqrt(apparent_thrust(base, placed, x, xp) / base.thrust_coefficient)
+    return np.sqrt(apparent_thrust(base, placed, x) / base.thrust_coefficient)

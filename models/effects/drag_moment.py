@@ -53,7 +53,7 @@ def lean(track: FlightTrack, airframe: Airframe, start: None = None) -> tuple[Fl
     return unknown, start
 
 
-def _leaning(p, x: Channels, thrust, xp):
+def _leaning(p, x: Channels, thrust):
     forward, right = x.own["drag_moment"].T
     return -p["roll"] * right * thrust, p["pitch"] * forward * thrust, 0.0 * thrust
 

@@ -17,7 +17,7 @@ EXTRA_MASS = Effect(
     shape_channels=("tank_kg",),
     source="weight: mass that the tank gauge does not see",
     distinguished_by="weigh the aircraft, or hover 60 s full and 60 s empty",
-    apply=lambda p, x, thrust, xp: thrust * (1.0 + p["mass"] / x.total_mass),
+    apply=lambda p, x, thrust: thrust * (1.0 + p["mass"] / x.total_mass),
     on_airframe=lambda p, airframe, rotor: replace(
         airframe, empty_mass=airframe.empty_mass + float(p["mass"])
     ),

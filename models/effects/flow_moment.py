@@ -21,7 +21,7 @@ def flow(track: FlightTrack, airframe: Airframe, start: None = None) -> tuple[Fl
     return np.stack([forward, east * np.cos(yaw) - north * np.sin(yaw)], axis=1), start
 
 
-def _lifted(p, x: Channels, thrust, xp):
+def _lifted(p, x: Channels, thrust):
     forward, right = x.own["flow_moment"].T
     lever = thrust * x.propeller_diameter / x.hover_induced_velocity
     return p["roll"] * right * lever, -p["pitch"] * forward * lever, 0.0 * thrust

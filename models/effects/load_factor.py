@@ -6,8 +6,8 @@ from thrustmargin.models.effects.base import Effect, Kind, Parameter, shaping
 from thrustmargin.models.effects.channels import LOAD_LOOK, Channels, lag_weights, shifts_look
 
 
-def _loaded(p, x: Channels, thrust, xp):
-    weights = lag_weights(p["lag"] - x.delay, xp, p["sharpening"])
+def _loaded(p, x: Channels, thrust):
+    weights = lag_weights(p["lag"] - x.delay, p["sharpening"])
     kinematic = x.load_factor_shifts @ weights
     felt = x.manoeuvre_load_shifts @ weights
     blend = kinematic + p["imu_share"] * (felt - kinematic)

@@ -15,11 +15,9 @@ SAMPLED = 0.04  # what the derivative of a rate that is sampled and noisy is goo
 AXES = ("roll", "pitch", "yaw")
 
 
-def _turned(p, x: Channels, thrust, xp):
-    weights = lag_weights(p["lag"] - x.delay, xp)
-    tilt, yaw = (
-        lag_weights(p["lag"] - x.delay, xp, p[f"sharpening_{of}"]) for of in ("tilt", "yaw")
-    )
+def _turned(p, x: Channels, thrust):
+    weights = lag_weights(p["lag"] - x.delay)
+    tilt, yaw = (lag_weights(p["lag"] - x.delay, p[f"sharpening_{of}"]) for of in ("tilt", "yaw"))
     loaded = (thrust / x.empty_weight) ** p["load_exponent"]
     axes = zip(AXES, x.rate_shifts, x.acceleration_shifts, (tilt, tilt, yaw), strict=True)
     return tuple(

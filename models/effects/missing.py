@@ -22,9 +22,9 @@ def tolerant(item: Placed) -> Placed:
     def apply(p, x, *given):
         return effect.apply(p, filled(effect, p, x), *given)
 
-    def torque(p, x, xp):
+    def torque(p, x):
         assert effect.torque is not None
-        return effect.torque(p, filled(effect, p, x), xp)
+        return effect.torque(p, filled(effect, p, x))
 
     whole = replace(effect, apply=apply, torque=torque if effect.torque else None)
     return replace(item, effect=whole)

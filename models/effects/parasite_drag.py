@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from thrustmargin.models.effects.base import Effect, Kind, Parameter
 from thrustmargin.models.effects.channels import ALONG_SPAN, Channels, derivative_look
 from thrustmargin.models.physics.atmosphere import G0
 
 
-def _dragged(p, x: Channels, thrust, xp):
+def _dragged(p, x: Channels, thrust):
     area = p["drag_area"]
     pressure = 0.5 * x.density * x.airspeed**2
     pushed = 2.0 * pressure * area * thrust / G0 * x.along_acceleration
     square = thrust**2 + pressure**2 * area * abs(area) + pushed
     floor = 0.25 * thrust**2
-    return xp.sqrt(xp.where(square > floor, square, floor))
+    return np.sqrt(np.where(square > floor, square, floor))
 
 
 PARASITE_DRAG = Effect(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from thrustmargin.models.effects.base import (
     TORQUE_SHARE,
     Effect,
@@ -18,22 +20,22 @@ from thrustmargin.models.physics.airframe import Airframe
 LONG_BEFORE = 1e4  # s
 
 
-def _kappa(p, x: Channels, xp):
-    return 1.0 - p["loss"] * _after_onset(p, x, xp)
+def _kappa(p, x: Channels):
+    return 1.0 - p["loss"] * _after_onset(p, x)
 
 
-def _torque(p, x: Channels, xp):
-    return 1.0 - p["loss"] * p["torque_share"] * _after_onset(p, x, xp)
+def _torque(p, x: Channels):
+    return 1.0 - p["loss"] * p["torque_share"] * _after_onset(p, x)
 
 
-def _after_onset(p, x: Channels, xp):
+def _after_onset(p, x: Channels):
     if "onset_clock" in p:
         since = x.clock_s - p["onset_clock"]
     elif "onset_time" in p:
         since = x.time_s - p["onset_time"]
     else:
         return 1.0 + 0.0 * x.time_s
-    return 1.0 / (1.0 + xp.exp(-xp.clip(4.0 * since, -40.0, 40.0)))
+    return 1.0 / (1.0 + np.exp(-np.clip(4.0 * since, -40.0, 40.0)))
 
 
 def _weaker(p: Values, airframe: Airframe, rotor: int | None) -> Airframe:

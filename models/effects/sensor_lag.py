@@ -6,13 +6,13 @@ from thrustmargin.models.effects.base import Effect, Kind, Parameter
 from thrustmargin.models.effects.channels import Channels, lag_weights, shifts_look
 
 
-def _airspeed_late(p, x: Channels, airspeed, tank_kg, xp):
-    late = lag_weights(p["lag"] - x.delay, xp) - lag_weights(-x.delay, xp)
+def _airspeed_late(p, x: Channels, airspeed, tank_kg):
+    late = lag_weights(p["lag"] - x.delay) - lag_weights(-x.delay)
     return airspeed + x.airspeed_shifts @ late, tank_kg
 
 
-def _rotor_speed_late(p, x: Channels, airspeed, tank_kg, xp):
-    late = lag_weights(-p["lag"], xp) - lag_weights(0.0 * p["lag"], xp)
+def _rotor_speed_late(p, x: Channels, airspeed, tank_kg):
+    late = lag_weights(-p["lag"]) - lag_weights(0.0 * p["lag"])
     return airspeed + x.airspeed_shifts @ late, tank_kg
 
 

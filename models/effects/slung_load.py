@@ -147,12 +147,12 @@ def force_ned(track: FlightTrack) -> tuple[Floats, Floats]:
     return body[:, :1] * forward + body[:, 1:2] * right + body[:, 2:] * down, down
 
 
-def _slung_load(p, x: Channels, thrust, xp):
-    columns = xp.arange(LENGTHS, dtype=xp.float64)
-    u = xp.abs(xp.log(p["cable"] / (SHORTEST * x.arm) + 0.0 * columns) / log(RATIO) - columns)
+def _slung_load(p, x: Channels, thrust):
+    columns = np.arange(LENGTHS, dtype=np.float64)
+    u = np.abs(np.log(p["cable"] / (SHORTEST * x.arm) + 0.0 * columns) / log(RATIO) - columns)
     near = (1.5 * u - 2.5) * u * u + 1.0  # cubic convolution (Keys 1981), as for delays
     far = ((-0.5 * u + 2.5) * u - 4.0) * u + 2.0
-    weights = xp.where(u < 1, near, xp.where(u < 2, far, 0.0 * u))
+    weights = np.where(u < 1, near, np.where(u < 2, far, 0.0 * u))
     return thrust + p["mass"] * G0 * (x.own["slung_load"] @ weights)
 
 

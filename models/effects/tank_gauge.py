@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from thrustmargin.models.effects.base import Effect, Kind, Parameter
 from thrustmargin.models.effects.channels import Channels
 
 LEAST_SPREAD = 0.02  # of the tank, from flight to flight: below it, it is a mass on board
 
 
-def _spread(p, x: Channels, xp):
-    return xp.std(p["offset"]) / (LEAST_SPREAD * x.tank_capacity_kg)
+def _spread(p, x: Channels):
+    return np.std(p["offset"]) / (LEAST_SPREAD * x.tank_capacity_kg)
 
 
 TANK_SCALE = Effect(
@@ -31,7 +33,7 @@ TANK_SCALE = Effect(
     shape_channels=("tank_kg",),
     source="a gauge whose slope is wrong: true mass = gain x shown mass",
     distinguished_by="hover 60 s full and 60 s empty",
-    apply=lambda p, x, airspeed, tank_kg, xp: (airspeed, tank_kg * p["gain"]),
+    apply=lambda p, x, airspeed, tank_kg: (airspeed, tank_kg * p["gain"]),
     instrument=True,
 )
 
@@ -53,7 +55,7 @@ TANK_ZERO = Effect(
     shape_channels=("tank_kg",),
     source="a gauge that is set to zero anew before each flight: true mass = shown mass + offset",
     distinguished_by="read the gauge with an empty tank before each flight",
-    apply=lambda p, x, airspeed, tank_kg, xp: (airspeed, tank_kg + p["offset"]),
+    apply=lambda p, x, airspeed, tank_kg: (airspeed, tank_kg + p["offset"]),
     weight=_spread,
     by_flights=True,
     instrument=True,
@@ -77,7 +79,7 @@ TANK_DRIFT = Effect(
     source="a gauge that drifts, or adds up a flow that is wrong: true mass = shown mass + rate x "
     "time since the start",
     distinguished_by="weigh what is left in the tank after landing",
-    apply=lambda p, x, airspeed, tank_kg, xp: (airspeed, tank_kg + p["rate"] * x.time_s),
+    apply=lambda p, x, airspeed, tank_kg: (airspeed, tank_kg + p["rate"] * x.time_s),
     instrument=True,
 )
 

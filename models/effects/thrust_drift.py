@@ -14,7 +14,7 @@ THRUST_DRIFT = Effect(
     shape_channels=("time_s",),
     source="icing, fouling or dust: all rotors lose thrust as time goes on",
     distinguished_by="hover 60 s full and 60 s empty, then again with the tank held level",
-    apply=lambda p, x, xp: 1.0 - p["rate"] * x.time_s,
+    apply=lambda p, x: 1.0 - p["rate"] * x.time_s,
 )
 
 EFFECTS = (THRUST_DRIFT,)

@@ -7,8 +7,8 @@ from thrustmargin.models.effects.channels import Channels
 from thrustmargin.models.physics.forward_flight import induced_ratio
 
 
-def _kappa(p, x: Channels, xp):
-    return 1.0 + p["gain"] * (1.0 - induced_ratio(x.airspeed / x.hover_induced_velocity, xp))
+def _kappa(p, x: Channels):
+    return 1.0 + p["gain"] * (1.0 - induced_ratio(x.airspeed / x.hover_induced_velocity))
 
 
 TRANSLATIONAL_LIFT = Effect(

@@ -4,21 +4,23 @@ from __future__ import annotations
 
 from math import cos, pi, sin
 
+import numpy as np
+
 from thrustmargin.models.effects.base import Effect, Kind, Parameter
 from thrustmargin.models.effects.channels import Channels
 
 LEAST_AIRSPEED_ERROR = 0.8  # m/s RMS: a gust or two off is no missing wind
 
 
-def _through_air(p, x: Channels, airspeed, tank_kg, xp):
+def _through_air(p, x: Channels, airspeed, tank_kg):
     north = x.velocity_north - p["wind_north"]
     east = x.velocity_east - p["wind_east"]
-    return xp.sqrt(north**2 + east**2 + 1e-6), tank_kg
+    return np.sqrt(north**2 + east**2 + 1e-6), tank_kg
 
 
-def _weight(p, x: Channels, xp):
-    airspeed, _ = _through_air(p, x, x.airspeed, x.tank_kg, xp)
-    return xp.sqrt(xp.mean((airspeed - x.airspeed) ** 2)) / LEAST_AIRSPEED_ERROR
+def _weight(p, x: Channels):
+    airspeed, _ = _through_air(p, x, x.airspeed, x.tank_kg)
+    return np.sqrt(np.mean((airspeed - x.airspeed) ** 2)) / LEAST_AIRSPEED_ERROR
 
 
 def _component(name: str) -> Parameter:

@@ -22,7 +22,7 @@ YAW_TRIM = Effect(
     source="a tilted motor turns part of its thrust into a constant yaw moment",
     distinguished_by="level the motors, then swap two propellers between the pairs: if the moment "
     "goes with the propellers, they differ; or hover 60 s at two tank levels",
-    apply=lambda p, x, thrust, xp: (0.0 * thrust, 0.0 * thrust, p["moment"] + 0.0 * thrust),
+    apply=lambda p, x, thrust: (0.0 * thrust, 0.0 * thrust, p["moment"] + 0.0 * thrust),
 )
 
 EFFECTS = (YAW_TRIM,)

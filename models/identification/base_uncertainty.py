@@ -48,7 +48,7 @@ def _beyond(model: RotorModel, base: BaseTable, x: Channels) -> list[Floats]:
     flight, known = model.forward_flight, model.known_airspeed
     if flight is None or not np.any(x.airspeed > known):
         return []
-    now = rotor_speed_rpm(base, model.placed, x, np)
+    now = rotor_speed_rpm(base, model.placed, x)
 
     def growth(of: ForwardFlight) -> Floats:
         fast, slow = (
@@ -70,7 +70,7 @@ def _of_effects(model: RotorModel, base: BaseTable, x: Channels) -> list[Floats]
     placed = model.placed
     if not placed:
         return []
-    now = rotor_speed_rpm(base, placed, x, np)
+    now = rotor_speed_rpm(base, placed, x)
     parts = []
     for k, (record, item) in enumerate(zip(model.effects, placed, strict=True)):
         for parameter in item.effect.parameters:
@@ -79,7 +79,7 @@ def _of_effects(model: RotorModel, base: BaseTable, x: Channels) -> list[Floats]
             if parameter.detail or not error > 0.0:
                 continue
             moved = _moved(item, parameter.name, error)
-            other = rotor_speed_rpm(base, (*placed[:k], moved, *placed[k + 1 :]), x, np)
+            other = rotor_speed_rpm(base, (*placed[:k], moved, *placed[k + 1 :]), x)
             parts.append(np.nan_to_num(other - now))
     return parts
 

@@ -82,6 +82,8 @@ def candidates_of(reduced: Reduced, catalogue: Sequence[Effect]) -> list[Candida
     for effect in catalogue:
         if effect.begins or (effect.key in has and effect.key in OF_MOTION):
             continue
+        if effect.by_flights and reduced.flights == 1:
+            continue
         if effect.of_one_rotor:
             effect = _bounded(effect, most)
         for rotor in range(rotors) if effect.of_one_rotor else (None,):

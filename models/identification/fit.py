@@ -145,7 +145,7 @@ class Evaluator:
 
     def _speeds(self, terms: Sequence[Term], rows: Sequence[Any]) -> Floats:
         placed = (*self.problem.placed, *placed_terms(terms, rows))
-        speed = rotor_speed_rpm(self.problem.base, placed, self.problem.channels, np)
+        speed = rotor_speed_rpm(self.problem.base, placed, self.problem.channels)
         if not self.problem.of_outputs:
             return speed
         return scaled_to(np.sum(self.problem.measured_rpm**2, axis=1), speed)
@@ -295,7 +295,7 @@ def background_of(problem: Problem, fit: Fit) -> Background:
     inputs = [p for p in placed_terms(fit.terms, by_row) if p.effect.kind is Kind.INPUT]
     if not inputs:
         return problem.background(fit.scales)
-    true = corrected(inputs, problem.channels, np)
+    true = corrected(inputs, problem.channels)
     return problem.background(fit.scales, base_uncertainty_rpm(problem.model, problem.base, true))
 
 

@@ -77,7 +77,7 @@ def _speeds(problem: Problem, effects: tuple[Found, ...], own: bool) -> Floats:
         for f in effects
     ]
     every = [tolerant(item) for item in (*problem.placed, *placed)]
-    return rotor_speed_rpm(problem.base, every, problem.channels, np)
+    return rotor_speed_rpm(problem.base, every, problem.channels)
 
 
 def _change(before: Floats, after: Floats, rotor: int | None, flights: str) -> MarginChange:

@@ -203,7 +203,7 @@ def assemble(model: RotorModel, tracks: Sequence[FlightTrack], *, thin: bool = T
 
 def _with_spread(problem: Problem) -> Problem:
     """The problem of motor outputs, with how flights differ by themselves."""
-    predicted = rotor_speed_rpm(problem.base, problem.placed, problem.channels, np)
+    predicted = rotor_speed_rpm(problem.base, problem.placed, problem.channels)
     predicted = scaled_to(np.sum(problem.measured_rpm**2, axis=1), predicted)
     residual = (problem.measured_rpm - predicted) @ problem.modes.directions
     spread, degrees = spread_of_flights(residual, problem.flight, problem.background_rpm)

@@ -63,7 +63,7 @@ class Reduced:
         """(N, R) rpm with effects besides those that the model has, or all of those but one."""
         own = [item for k, item in enumerate(self.model.placed) if k != without]
         with np.errstate(invalid="ignore", over="ignore"):
-            speed = rotor_speed_rpm(self.base, (*own, *placed), self.channels, np)
+            speed = rotor_speed_rpm(self.base, (*own, *placed), self.channels)
             if self.of_outputs:
                 speed = scaled_to(np.sum(self.measured_rpm**2, axis=1), speed)
         return speed

@@ -51,7 +51,7 @@ class ModePrediction:
         def speed(placed: Sequence[Placed]) -> Floats:
             every = [tolerant(item) for item in (*model.placed, *placed)]
             with np.errstate(invalid="ignore"):
-                return np.nan_to_num(rotor_speed_rpm(base, every, x, np))
+                return np.nan_to_num(rotor_speed_rpm(base, every, x))
 
         directions = modes(model.airframe).directions / row_noise_rpm
         return cls(speed=speed, directions=directions, model=model, channels=x)

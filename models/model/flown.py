@@ -55,7 +55,7 @@ def speed_with_effects(
     """
     x, placed = model_channels(model, track, start=start), model.placed
     with np.errstate(invalid="ignore", divide="ignore"):
-        speed = rotor_speed_rpm(table_of(model), [tolerant(item) for item in placed], x, np)
+        speed = rotor_speed_rpm(table_of(model), [tolerant(item) for item in placed], x)
     for channel in model.inputs:
         speed[~np.isfinite(getattr(track, channel))] = np.nan
     alone = np.sqrt(table_of(model).look_up(x.airspeed, x.tank_kg) / model.thrust_coefficient)

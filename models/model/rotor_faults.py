@@ -249,7 +249,7 @@ def loss_steps(model: RotorModel) -> tuple[Floats, Floats]:
     x, table = model_channels(model, track, effects=()), table_of(model)
 
     def square(*placed: Placed) -> Floats:
-        return rotor_speed_rpm(table, placed, x, np) ** 2
+        return rotor_speed_rpm(table, placed, x) ** 2
 
     def excess(rotor: int, torque_share: float) -> Floats:
         values = {"loss": FAULT_SIZES, "torque_share": torque_share}

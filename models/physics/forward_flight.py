@@ -56,10 +56,10 @@ def hover_induced_velocity(mass: Floats, density: Floats | float, airframe: Airf
     return np.sqrt(mass * G0 / (2 * density * disc))
 
 
-def induced_ratio(airspeed_ratio: Any, xp: Any = np) -> Any:
-    """v_i/v_h at V/v_h, for flight across the disc (Glauert); numpy or torch as `xp`."""
+def induced_ratio(airspeed_ratio: Any) -> Any:
+    """v_i/v_h at V/v_h, for flight across the disc (Glauert)."""
     square = airspeed_ratio**2
-    return xp.sqrt(xp.sqrt(1.0 + 0.25 * square**2) - 0.5 * square)
+    return np.sqrt(np.sqrt(1.0 + 0.25 * square**2) - 0.5 * square)
 
 
 def steady_slowing(

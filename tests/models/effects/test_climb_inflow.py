@@ -14,7 +14,7 @@ def weight_on(path) -> float:
     x = model_channels(model, read_log(path, airframe=model.airframe).track)
     flying = np.isfinite(x.advance_ratio) & (x.time_s > 20.0) & (x.time_s < 200.0)
     assert CLIMB_INFLOW.weight is not None
-    return float(CLIMB_INFLOW.weight({"slope": 1.0}, x.rows(flying), np))
+    return float(CLIMB_INFLOW.weight({"slope": 1.0}, x.rows(flying)))
 
 
 def test_climbs_have_the_weight_and_level_flight_has_not(sitl_logs):

@@ -28,7 +28,7 @@ def model() -> RotorModel:
 
 
 def speeds(model: RotorModel, x: Channels, *placed: Placed) -> Floats:
-    return rotor_speed_rpm(table_of(model), placed, x, np)
+    return rotor_speed_rpm(table_of(model), placed, x)
 
 
 @pytest.mark.parametrize("effect", [LIFT, DRAG], ids=["lift", "drag"])

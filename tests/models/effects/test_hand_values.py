@@ -425,7 +425,7 @@ def test_thin_air_weighs_as_its_rms_over_one_percent():
     density = np.where(np.arange(60) < 30, 0.9, 1.1) * x.reference_density
     values = {"temperature_offset": 0.0, "torque_share": 1.0}
     assert effect.weight is not None
-    assert effect.weight(values, replace(x, reported_density=density), np) == pytest.approx(10.0)
+    assert effect.weight(values, replace(x, reported_density=density)) == pytest.approx(10.0)
 
 
 def test_a_wind_weighs_as_the_airspeed_that_it_moves():
@@ -433,7 +433,7 @@ def test_a_wind_weighs_as_the_airspeed_that_it_moves():
     effect = EFFECTS["wind"]
     x = model_channels(physics_model(AIRFRAME), moving(5.0, airspeed=np.full(60, 5.0)))
     assert effect.weight is not None
-    weight = effect.weight({"wind_north": 2.4, "wind_east": 0.0}, x, np)
+    weight = effect.weight({"wind_north": 2.4, "wind_east": 0.0}, x)
     assert weight == pytest.approx(3.0, rel=1e-5)
 
 

@@ -33,7 +33,7 @@ def moved(track: FlightTrack, key: str, **values: float) -> Floats:
     model = physics_model(F16)
     x = model_channels(model, track)
     item = Placed(effect=BY_KEY[key], values=values)
-    speeds = [rotor_speed_rpm(table_of(model), placed, x, np) for placed in ([item], [])]
+    speeds = [rotor_speed_rpm(table_of(model), placed, x) for placed in ([item], [])]
     return (speeds[0] - speeds[1]).mean(axis=1)
 
 
@@ -66,8 +66,8 @@ def test_a_gauge_set_to_zero_anew_is_seen_only_in_how_flights_differ():
     assert zero.by_flights
     assert zero.weight is not None
     offsets = np.where(np.arange(x.time_s.size) % 2, 2.3, 2.3 + 0.08 * F16.tank_capacity_kg)
-    assert zero.weight({"offset": offsets}, x, np) == pytest.approx(2.0, rel=1e-6)
-    assert zero.weight({"offset": np.full(x.time_s.size, 2.3)}, x, np) == pytest.approx(0.0)
+    assert zero.weight({"offset": offsets}, x) == pytest.approx(2.0, rel=1e-6)
+    assert zero.weight({"offset": np.full(x.time_s.size, 2.3)}, x) == pytest.approx(0.0)
 
 
 def test_it_is_what_a_hidden_mass_is_in_each_single_flight():

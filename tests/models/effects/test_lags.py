@@ -29,7 +29,7 @@ def test_the_table_of_delays_reaches_far_into_the_past_and_little_into_what_come
 
 @pytest.mark.parametrize("lag", [-1.4, -0.27, 0.0, 0.05, 0.3])
 def test_a_parabola_is_read_exactly_at_any_delay(lag):
-    weights = lag_weights(lag, np)
+    weights = lag_weights(lag)
     assert weights.sum() == pytest.approx(1.0, abs=1e-12)
     assert TIMES @ weights == pytest.approx(lag, abs=1e-12)
     assert TIMES**2 @ weights == pytest.approx(lag**2, abs=1e-12)
@@ -38,20 +38,20 @@ def test_a_parabola_is_read_exactly_at_any_delay(lag):
 @pytest.mark.parametrize("correction", [1 / 12, -1 / 3, 0.5])
 def test_a_correction_takes_the_second_difference_away_twice(correction):
     """Of t² it is 2 x 0.1² everywhere: taken `correction` times, twice."""
-    weights = lag_weights(0.13, np, correction)
+    weights = lag_weights(0.13, correction)
     assert weights.sum() == pytest.approx(1.0, abs=1e-12)
     assert TIMES @ weights == pytest.approx(0.13, abs=1e-12)
     by_hand = 0.13**2 - 2 * correction * 2 * LAG_STEP**2
     assert TIMES**2 @ weights == pytest.approx(by_hand, abs=1e-12)
     # Of t⁴ the second difference is 12 h² t² + 2 h⁴ and the fourth 24 h⁴.
-    weights = lag_weights(0.1, np, correction)
+    weights = lag_weights(0.1, correction)
     h, t = LAG_STEP, 0.1
     by_hand = t**4 - 2 * correction * (12 * h**2 * t**2 + 2 * h**4) + correction**2 * 24 * h**4
     assert TIMES**4 @ weights == pytest.approx(by_hand, abs=1e-12)
 
 
 def test_a_third_taken_away_is_the_mean_of_three_rows_twice():
-    weights = lag_weights(0.0, np, -1 / 3)
+    weights = lag_weights(0.0, -1 / 3)
     by_hand = np.convolve(np.full(3, 1 / 3), np.full(3, 1 / 3))
     assert weights[np.abs(TIMES) < 0.25] == pytest.approx(by_hand, abs=1e-12)
 

@@ -84,9 +84,7 @@ def test_forward_flight_slows_the_front_rotors_whatever_the_heading(heading_deg:
     speed = 5.0 * np.array([np.cos(np.radians(heading_deg)), np.sin(np.radians(heading_deg))])
     placed = [Placed(effect=FLOW_MOMENT, values={"roll": 0.1, "pitch": 0.1})]
     x = model_channels(model, forward_flight(heading_deg, *speed), effects=[FLOW_MOMENT])
-    front_right, rear_left, front_left, rear_right = rotor_speed_rpm(
-        table_of(model), placed, x, np
-    )[0]
+    front_right, rear_left, front_left, rear_right = rotor_speed_rpm(table_of(model), placed, x)[0]
     assert front_right == pytest.approx(front_left)
     assert rear_left == pytest.approx(rear_right)
     assert front_right < rear_left - 10.0
@@ -96,9 +94,7 @@ def test_sideways_flight_slows_the_rotors_that_lead():
     model = physics_model(load_airframe("topxgun-f16"))
     placed = [Placed(effect=FLOW_MOMENT, values={"roll": 0.1, "pitch": 0.1})]
     x = model_channels(model, forward_flight(0.0, 0.0, 5.0), effects=[FLOW_MOMENT])
-    front_right, rear_left, front_left, rear_right = rotor_speed_rpm(
-        table_of(model), placed, x, np
-    )[0]
+    front_right, rear_left, front_left, rear_right = rotor_speed_rpm(table_of(model), placed, x)[0]
     assert front_right == pytest.approx(rear_right)
     assert front_right < front_left - 10.0
     assert rear_left == pytest.approx(front_left)
@@ -181,7 +177,7 @@ def test_in_a_hover_the_scatter_of_sound_aircraft_is_about_a_thousandth_of_rotor
             effect=effect,
             values={q.name: (q.absent or 0.0) + (q is p) * q.smallest for q in effect.parameters},
         )
-        speed = [rotor_speed_rpm(table_of(model), items, x, np)[0] for items in ([placed], [])]
+        speed = [rotor_speed_rpm(table_of(model), items, x)[0] for items in ([placed], [])]
         found[effect.key] = np.sqrt(np.mean((speed[0] / speed[1] - 1.0) ** 2))
     assert found["extra_mass"] == pytest.approx(0.1 / 21.1 / 1.3 / 2, rel=0.01)
     assert found["tank_zero"] == pytest.approx(found["extra_mass"], rel=1e-3)

@@ -130,7 +130,7 @@ def test_derivatives_are_those_of_the_prediction():
     predict = ModePrediction.of(MODEL, PROBLEM.base, PROBLEM.channels, np.ones(4))
     column = predict.columns((MASS,), np.array([1.0]))[:, 0].reshape(-1, 4)
     # N = sqrt(N0² (1 + m/M)), so dN/dm = N0² / (2 M N).
-    base = rotor_speed_rpm(PROBLEM.base, (), PROBLEM.channels, np)
+    base = rotor_speed_rpm(PROBLEM.base, (), PROBLEM.channels)
     now = base * np.sqrt(1.0 + 1.0 / PROBLEM.channels.total_mass)[:, None]
     slope = base**2 / (2.0 * PROBLEM.channels.total_mass[:, None] * now)
     np.testing.assert_allclose(column @ PROBLEM.modes.directions.T, slope, rtol=1e-4)
