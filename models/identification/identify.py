@@ -21,7 +21,7 @@ from thrustmargin.models.identification.already_followed import followed_wind
 from thrustmargin.models.identification.fit import Evaluator, Fit, fit_terms, linearise, mode_scales
 from thrustmargin.models.identification.floor import floor_rpm
 from thrustmargin.models.identification.modes import sensor_noise_rpm
-from thrustmargin.models.identification.onsets import onset_candidates
+from thrustmargin.models.identification.onsets import onset_candidates, without_rotors
 from thrustmargin.models.identification.output_shares import effects_on_shares
 from thrustmargin.models.identification.posterior import Estimate, Posterior, posterior_of
 from thrustmargin.models.identification.problem import Problem, assemble
@@ -80,7 +80,7 @@ def identify(
     search.run(progress)
     steps = onset_candidates(search, search.best) if not problem.of_outputs else []
     if steps:
-        search.add(steps)
+        search.add(steps, without_rotors(search, search.best.key))
         search.run(progress)
     answer = posterior_of(search)
     left = unexplained(space, search, answer.best)

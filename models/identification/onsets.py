@@ -29,7 +29,7 @@ from thrustmargin.models.identification.candidates import (
     candidate,
     derivatives,
 )
-from thrustmargin.models.identification.set_search import Fitted, Search
+from thrustmargin.models.identification.set_search import Fitted, Key, Search
 from thrustmargin.models.identification.terms import Term
 
 LEAST_AFTER = 8.0  # s of flight before and after a step, for it to be one
@@ -45,11 +45,16 @@ KINDS = {
 }
 
 
-def onset_candidates(search: Search, about: Fitted) -> list[Candidate]:
-    """Steps worth a place among the candidates, about a set of which bad rotors are taken out."""
-    sound = frozenset(
-        c for c in about.key if search.candidates[c].term.effect.name != ROTOR_DEGRADATION.name
+def without_rotors(search: Search, key: Key) -> Key:
+    """A set of which bad rotors are taken out."""
+    return frozenset(
+        c for c in key if search.candidates[c].term.effect.name != ROTOR_DEGRADATION.name
     )
+
+
+def onset_candidates(search: Search, about: Fitted) -> list[Candidate]:
+    """Steps worth a place among the candidates, about a set without its bad rotors."""
+    sound = without_rotors(search, about.key)
     near = dict(zip(sorted(about.key), about.held, strict=True))
     fitted = search.fitted.get(sound) or search.fit_near(sound, near)
     reduced, rotors = search.reduced, search.reduced.measured_rpm.shape[1]

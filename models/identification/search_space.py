@@ -42,6 +42,8 @@ LEAST_CHANGE = 0.5  # rpm RMS of a mode, below which the form of an effect does 
 SHAPE = 0.5  # of a shape's usual size: how well it is known once it was fitted
 FREE_EFFECTS = 100.0  # times their scatter: any effect may be there while slow noise is learnt
 LOADED = 0.03  # of the load factor: a gust or two
+LEAST_SHARE = 0.0005  # of the same: few good flights cannot show that there is nothing
+AT_ENDS = 2.0  # times the RMS of a curve, that it has at the ends of its channel
 RIDGE = 1e-2  # of columns of size about one, in the regression that leaves the noise
 
 
@@ -126,14 +128,15 @@ def _scatter(
     reduced: Reduced, candidates: Sequence[Candidate], known: GoodFlights | None
 ) -> Floats:
     """(N, R, K) rpm in modes: one standard deviation of each effect on sound aircraft."""
-    learnt = {} if known is None else known.scatter
+    if known is not None and known.mode_scatter_rpm:
+        return np.zeros((*reduced.measured_rpm.shape, 0))  # it holds all of it: see `_standing`
     columns = []
     at: dict[int, Floats] = {}
-    for c, k, name in scatter_names(candidates):
+    for c, k, _ in scatter_names(candidates):
         one = candidates[c]
         if c not in at:
             at[c] = np.nan_to_num(derivatives(reduced, [Held(candidate=one, values=one.start)], 0))
-        columns.append(at[c][:, :, k] * learnt.get(name, one.parameters[k].smallest))
+        columns.append(at[c][:, :, k] * one.parameters[k].smallest)
     if not columns:
         return np.zeros((*reduced.measured_rpm.shape, 0))
     return np.stack(columns, axis=2)
@@ -217,9 +220,13 @@ def _free_sizes(
 ) -> Floats:
     """(R, H) rpm: size of each hat of the free form on a sound aircraft."""
     learnt = {} if known is None else known.curve_rpm
+    usual, least = USUAL_SHARE * speed, LEAST_SHARE * speed
     return np.array(
         [
-            [learnt.get(f"{mode}.{group}", USUAL_SHARE * speed) for group in groups]
+            [
+                max(AT_ENDS * learnt.get(f"{mode}.{group}", usual / AT_ENDS), least)
+                for group in groups
+            ]
             for mode in reduced.modes.names
         ]
     ).reshape(len(reduced.modes.names), len(groups))

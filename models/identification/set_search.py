@@ -153,13 +153,17 @@ class Search:
                 break
             best = self.best
 
-    def add(self, more: Sequence[Candidate]) -> None:
-        """Candidates that were found on the way; those there already stay as they are."""
-        known = {c.key for c in self.candidates}
+    def add(self, more: Sequence[Candidate], beside: Key) -> None:
+        """Candidates that were found on the way, each tried alone and beside a set."""
+        near = {
+            c: h for f in self.fitted.values() for c, h in zip(sorted(f.key), f.held, strict=True)
+        }
         for one in more:
-            if one.key not in known:
-                self.candidates.append(one)
-                self.start.append(Held(candidate=one, values=one.start))
+            self.candidates.append(one)
+            self.start.append(Held(candidate=one, values=one.start))
+            new = len(self.candidates) - 1
+            for key in (frozenset({new}), beside | {new}):
+                self.fit(key, [near.get(c, self.start[c]) for c in range(new + 1)])
 
     def fit_near(self, key: Key, near: Mapping[int, Held]) -> Fitted:
         """A set fitted from the values of a neighbour, without a place among the sets."""
