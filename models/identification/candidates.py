@@ -88,9 +88,17 @@ def candidates_of(reduced: Reduced, catalogue: Sequence[Effect]) -> list[Candida
             effect = _bounded(effect, most)
         for rotor in range(rotors) if effect.of_one_rotor else (None,):
             term = Term(effect=effect, rotor=rotor)
-            if not reduced.lacks(term):
+            if not reduced.lacks(term) and _would_show(reduced, effect):
                 found.append(candidate(term, reduced.flights))
     return found
+
+
+def _would_show(reduced: Reduced, effect: Effect) -> bool:
+    """False for an effect that even at its usual size these flights could hardly show."""
+    if effect.weight is None:
+        return True
+    values = {p.name: p.start + (0.0 if p.detail else p.scale) for p in effect.parameters}
+    return bool(effect.weight(values, reduced.channels) >= 1.0)
 
 
 def _flyable_loss(reduced: Reduced) -> float:
@@ -104,9 +112,11 @@ def _flyable_loss(reduced: Reduced) -> float:
 
 
 def _bounded(effect: Effect, most: float) -> Effect:
-    """A rotor's loss that nobody could have flown with is none."""
+    """A rotor's loss that nobody could have flown with is none, nor is a rotor that gains."""
     kept = tuple(
-        replace(p, upper=min(p.upper, max(most, p.scale))) if p.name == LOSS.name else p
+        replace(p, lower=-p.smallest, upper=min(p.upper, max(most, p.scale)))
+        if p.name == LOSS.name
+        else p
         for p in effect.parameters
     )
     return replace(effect, parameters=kept)

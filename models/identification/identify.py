@@ -33,6 +33,7 @@ from thrustmargin.models.identification.unseen_errors import (
     Errors,
     across_flights,
     errors_of,
+    nearly_across_flights,
     on_new_flights,
 )
 from thrustmargin.models.identification.usable_flights import Flown, require_airframe
@@ -40,6 +41,9 @@ from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import RotorModel
 
 Progress = Callable[[str, float], None]
+#: of the error on flights left out, that an effect must take to be worth a name: what half of the
+#: scatter of a sound propeller (0.4 % of its thrust) does to rotor speeds that are good to 0.6 %
+LEAST_FALL = 0.01
 CONFIDENCE = norm.ppf(0.975)  # standard errors on either side of an interval of 95 %
 
 
@@ -86,8 +90,9 @@ def identify(
     left = unexplained(space, search, answer.best)
     named = answer.named()
     closest = _closest(search, answer, named, left)
-    estimates = [answer.estimate(c) for c in named if c not in closest]
     evaluator = Evaluator(problem)
+    estimates = [answer.estimate(c) for c in named if c not in closest]
+    estimates = _that_matter(evaluator, estimates)
     first = _fit_of(evaluator, [])
     found = _fit_of(evaluator, estimates)
     if progress:
@@ -131,6 +136,24 @@ def _closest(
         return []
     held = dict(zip(sorted(answer.best.key), answer.best.held, strict=True))
     return [c for c in named if c in held and acts_in(search, held[c], left.mode)]
+
+
+def _that_matter(evaluator: Evaluator, estimates: Sequence[Estimate]) -> list[Estimate]:
+    """The effects without any of which flights left out would be predicted worse, by LEAST_FALL."""
+
+    def error(some: Sequence[Estimate]) -> float:
+        fit = _fit_of(evaluator, some)
+        return float(np.sqrt(np.mean(nearly_across_flights(evaluator.problem, fit) ** 2)))
+
+    kept = list(estimates)
+    while kept:
+        whole = error(kept)
+        without = [error([e for e in kept if e is not one]) for one in kept]
+        least = int(np.argmin(without))
+        if without[least] >= (1.0 + LEAST_FALL) * whole:
+            break
+        kept.pop(least)
+    return kept
 
 
 def _fit_of(evaluator: Evaluator, estimates: Sequence[Estimate]) -> Fit:

@@ -52,9 +52,10 @@ class Posterior:
         return float(sum(w for s, w in zip(self.sets, self.weights, strict=True) if s.key & wanted))
 
     def named(self) -> list[int]:
-        """Candidates that nearly all the weight holds."""
+        """Candidates that nearly all the weight holds, at a size that is clear of nothing."""
         seen = {c for s in self.sets for c in s.key}
-        return sorted(c for c in seen if self.probability([c]) >= NAMED)
+        likely = sorted(c for c in seen if self.probability([c]) >= NAMED)
+        return [c for c in likely if _clear(self.estimate(c))]
 
     def estimate(self, candidate: int) -> Estimate:
         """Mean and standard error over sets and levels of the values of one candidate."""
@@ -173,6 +174,20 @@ class Posterior:
                 )
             )
         return tuple(found)
+
+
+def _clear(estimate: Estimate) -> bool:
+    """True where the interval of a main value leaves out "absent"; effects without it are clear."""
+    main = [
+        (k, p.absent)
+        for k, p in enumerate(estimate.term.effect.parameters)
+        if p.absent is not None and not p.detail
+    ]
+    away = [
+        np.abs(estimate.value[:, k] - absent) > norm.ppf(0.975) * estimate.error[:, k]
+        for k, absent in main
+    ]
+    return not main or bool(np.any(away))
 
 
 def posterior_of(search: Search) -> Posterior:

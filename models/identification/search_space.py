@@ -40,6 +40,7 @@ from thrustmargin.models.physics.flight_phases import TURN_RATE
 USUAL_SHARE = 0.001
 LEAST_CHANGE = 0.5  # rpm RMS of a mode, below which the form of an effect does not matter
 SHAPE = 0.5  # of a shape's usual size: how well it is known once it was fitted
+SURE = (0.5, 10.0)  # times what is usual, that a learnt scatter may be
 FREE_EFFECTS = 100.0  # times their scatter: any effect may be there while slow noise is learnt
 LOADED = 0.03  # of the load factor: a gust or two
 LEAST_SHARE = 0.0005  # of the same: few good flights cannot show that there is nothing
@@ -67,11 +68,12 @@ def search_space(
     reduced = reduce_flights(model, tracks)
     candidates = tuple(candidates_of(reduced, catalogue))
     residual = np.nan_to_num(reduced.in_modes(reduced.measured_rpm) - predicted(reduced, ()))
-    scatter = np.concatenate(
-        [_scatter(reduced, candidates, model.good_flights), _standing(reduced, residual)], axis=2
-    )
+    anything = _moved(reduced, candidates)
+    sizes_of = _scatter_sizes(candidates, model.good_flights)
+    standing = _standing(reduced, residual)
+    scatter = np.concatenate([anything * sizes_of, standing], axis=2)
     hats, groups = free_columns(reduced.channels, reduced.flight)
-    filter_ = _noise(reduced, residual, scatter, hats)
+    filter_ = _noise(reduced, residual, anything, hats)
     speed = float(reduced.measured_rpm.mean())
     modes = residual.shape[1]
     apart = WANDER * froude_time_scale(model.airframe)
@@ -94,8 +96,8 @@ def search_space(
     own = np.concatenate(
         [np.full(scatter.shape[2], -1), np.repeat(np.arange(modes), wander.shape[1])]
     ).astype(np.intp)
-    anything = FREE_EFFECTS * nuisance.scatter[:, :, : scatter.shape[2]]
-    open_ = replace(nuisance, doubt=np.concatenate([nuisance.doubt, anything], axis=2))
+    anywhere = filter_.apply(FREE_EFFECTS * anything)
+    open_ = replace(nuisance, doubt=np.concatenate([nuisance.doubt, anywhere], axis=2))
     learnt = learn(open_, residual, groups, own, level=len(LEVELS) - 1)
     return SearchSpace(
         reduced=reduced,
@@ -108,15 +110,10 @@ def search_space(
     )
 
 
-def scatter_names(candidates: Sequence[Candidate]) -> list[tuple[int, int, str]]:
-    """(candidate, its free value, "effect_key.parameter") of everything that scatters.
-
-    A propeller does not change from flight to flight as a sound one, so rotors have none.
-    """
+def main_values(candidates: Sequence[Candidate]) -> list[tuple[int, int, str]]:
+    """(candidate, its free value, "effect_key.parameter") of every value that makes an effect."""
     names = []
     for c, one in enumerate(candidates):
-        if one.term.rotor is not None:
-            continue
         for k, (_, flight) in enumerate(one.free):
             p = one.parameters[k]
             if flight is None and not p.detail and p.smallest > 0.0:
@@ -124,15 +121,11 @@ def scatter_names(candidates: Sequence[Candidate]) -> list[tuple[int, int, str]]
     return names
 
 
-def _scatter(
-    reduced: Reduced, candidates: Sequence[Candidate], known: GoodFlights | None
-) -> Floats:
-    """(N, R, K) rpm in modes: one standard deviation of each effect on sound aircraft."""
-    if known is not None and known.mode_scatter_rpm:
-        return np.zeros((*reduced.measured_rpm.shape, 0))  # it holds all of it: see `_standing`
+def _moved(reduced: Reduced, candidates: Sequence[Candidate]) -> Floats:
+    """(N, R, K) rpm in modes: what `smallest` of every value that makes an effect changes."""
     columns = []
     at: dict[int, Floats] = {}
-    for c, k, _ in scatter_names(candidates):
+    for c, k, _ in main_values(candidates):
         one = candidates[c]
         if c not in at:
             at[c] = np.nan_to_num(derivatives(reduced, [Held(candidate=one, values=one.start)], 0))
@@ -140,6 +133,22 @@ def _scatter(
     if not columns:
         return np.zeros((*reduced.measured_rpm.shape, 0))
     return np.stack(columns, axis=2)
+
+
+def _scatter_sizes(candidates: Sequence[Candidate], known: GoodFlights | None) -> Floats:
+    """(K,) scatter of each value from flight to flight, in units of its `smallest`.
+
+    As good flights showed, within SURE of what is usual: few flights say little of a scatter, and
+    short ones much too much. A sound propeller does not change from flight to flight, so rotors
+    have none.
+    """
+    learnt = {} if known is None else known.scatter
+    sizes = []
+    for c, k, name in main_values(candidates):
+        usual = candidates[c].parameters[k].smallest
+        size = np.clip(learnt.get(name, usual) / usual, *SURE)
+        sizes.append(0.0 if candidates[c].term.rotor is not None else float(size))
+    return np.array(sizes)
 
 
 def _doubt(reduced: Reduced) -> Floats:

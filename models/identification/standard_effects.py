@@ -1,11 +1,12 @@
 """What belongs to every aircraft, fitted to its good flights: no search, and nothing is named.
 
 Moments of turning and of the flow, thrust of turns and gusts, drag and lift of forward flight
-beyond what the base model has, where the centre of gravity stands, the trim of yaw and the density
-of the air are part of every aircraft. All of them are fitted together. An effect stays if flights
-left out in turn are predicted better with it, by more than the standard error of that gain; the
-least needed goes first. A gain is the logarithm of a flight's cost without over that with, so that
-a flight with many sharp turns has no more to say than a quiet one.
+beyond what the base model has, inflow in climb, where the centre of gravity stands, the trim of
+yaw, the density of the air and how late telemetry comes are part of every aircraft. All of them are
+fitted together. An effect stays if flights left out in turn are predicted better with it, by more
+than the standard error of that gain; the least needed goes first. A gain is the logarithm of a
+flight's cost without over that with, so that a flight with many sharp turns has no more to say than
+a quiet one.
 """
 
 from __future__ import annotations
@@ -35,6 +36,8 @@ from thrustmargin.models.identification.terms import Term, columns_of, layout_of
 from thrustmargin.models.model.rotor_model import RotorModel
 
 STANDARD = (
+    "sensor_lag",
+    "sensor_lag:rotor speed",
     "parasite_drag",
     "load_factor",
     "cg_offset",
@@ -45,6 +48,7 @@ STANDARD = (
     "manoeuvre_moment",
     "air_density",
     "translational_lift",
+    "climb_inflow",
 )
 #: Without a network the base follows the air of each row (Eq. 6), so its density is no choice.
 BY_NATURE = "air_density"
