@@ -1,4 +1,4 @@
-"""Every command but `train` and `identify` runs where torch is not installed."""
+"""Every command but `train` runs where torch is not installed."""
 
 import signal
 import subprocess
@@ -8,9 +8,6 @@ from pathlib import Path
 import pytest
 
 from thrustmargin.gcs_plugin.cli import COMMANDS
-from thrustmargin.models.errors import InstallError
-from thrustmargin.models.identification.identify import identify
-from thrustmargin.models.model.model_file import load_model
 
 ROOT = Path(__file__).resolve().parents[1]
 FLIGHT = str(ROOT / "sitl_logs/campaign/v2_m4_q1.5.tlog")
@@ -19,6 +16,7 @@ WITHOUT_TORCH = {
     "demo": [FLIGHT, *VIEW],
     "airframe": ["check", "topxgun-f16-sitl", FLIGHT],
     "fetch": ["mission", "--help"],
+    "identify": [FLIGHT],
     "inspect": [FLIGHT],
     "match": ["--airframe", "topxgun-f16"],
     "monitor": [FLIGHT, "--port", "0", "--no-browser", "--seconds", "3"],
@@ -26,7 +24,7 @@ WITHOUT_TORCH = {
     "report": [FLIGHT],
     "stream": [FLIGHT, "--to", "udpout:127.0.0.1:9", "--speed", "10000"],
 }
-WITH_TORCH = {"identify": [FLIGHT], "train": [FLIGHT]}
+WITH_TORCH = {"train": [FLIGHT]}
 #: Hides torch from every finder, so that Python sees it as not installed.
 BLOCKED = """
 import sys
@@ -80,12 +78,6 @@ def test_a_command_that_needs_torch_says_in_one_line_what_to_install(command: st
         f"thrustmargin: {command} needs torch, which is not installed; "
         "run: pip install 'thrustmargin[train]'\n"
     )
-
-
-def test_the_function_behind_it_says_the_same(monkeypatch):
-    monkeypatch.setitem(sys.modules, "torch", None)
-    with pytest.raises(InstallError, match=r"pip install 'thrustmargin\[train\]'"):
-        identify([], load_model())
 
 
 @pytest.mark.slow

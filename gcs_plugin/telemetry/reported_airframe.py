@@ -119,6 +119,8 @@ def _px4(parameters: Mapping[str, float], quantities: dict[str, Quantity]) -> Re
     places = np.array([[parameters.get(f"CA_ROTOR{n}_P{a}", 0.0) for a in "XYZ"] for n in up])
     # A torque coefficient that is not stored is PX4's default of 0.05.
     torque = np.array([parameters.get(f"CA_ROTOR{n}_KM", 0.05) for n in up])
+    if not np.all(np.isfinite(torque)):
+        raise AirframeError("a CA_ROTORn_KM is no number; set it in PX4")
     spin = np.where(torque > 0.0, 1.0, -1.0)
     if not np.all(np.isfinite(places)) or np.max(np.hypot(*places[:, :2].T)) == 0.0:
         raise AirframeError("CA_ROTORn_PX and PY put all rotors at the centre; set them in PX4")

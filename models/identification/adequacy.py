@@ -17,7 +17,7 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.candidates import Held, predicted
 from thrustmargin.models.identification.nuisance import LEVELS
 from thrustmargin.models.identification.search_space import SearchSpace
-from thrustmargin.models.identification.set_search import Fitted, Search
+from thrustmargin.models.identification.set_search import FittedSet, Search
 
 LEFT = 0.15  # of what can be explained in a mode, that names may leave
 BEYOND = 3.0  # times the size on a sound aircraft, of the free part's RMS
@@ -35,7 +35,7 @@ class Unexplained:
     curve_rpm: Floats  # (N,) the free form along the channel
 
 
-def unexplained(space: SearchSpace, search: Search, best: Fitted) -> Unexplained | None:
+def unexplained(space: SearchSpace, search: Search, best: FittedSet) -> Unexplained | None:
     """The mode of which names leave most; None when they take what can be explained."""
     curves = _free_part(space, search, best)
     left = np.mean(np.sum(list(curves.values()), axis=0) ** 2, axis=0)  # (R,)
@@ -65,7 +65,7 @@ def acts_in(search: Search, held: Held, mode: int) -> bool:
     return bool(square[mode] > ACTS * square.sum())
 
 
-def _free_part(space: SearchSpace, search: Search, best: Fitted) -> dict[str, Floats]:
+def _free_part(space: SearchSpace, search: Search, best: FittedSet) -> dict[str, Floats]:
     """Channel -> (N, R) rpm that the free form takes beside a set, at the widest level."""
     nuisance, solved = search.nuisance, search.solved
     level = len(LEVELS) - 1

@@ -27,7 +27,7 @@ IMPOSSIBLE = -1e9  # log evidence of a set that cannot be
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Prior:
+class ValuePrior:
     """The prior of the P free values of a set about the values where it is linearised."""
 
     weight: Floats  # (P,) 1 / scale² of those that are normal, else 0
@@ -49,7 +49,7 @@ class Scored:
     covariance: Floats  # (P, P)
 
 
-def prior_of(held: Sequence[Held]) -> Prior:
+def prior_of(held: Sequence[Held]) -> ValuePrior:
     """The prior of the values of a set."""
     parameters: list[Parameter] = []
     values: list[float] = []
@@ -63,7 +63,7 @@ def prior_of(held: Sequence[Held]) -> Prior:
     scale = np.array([p.scale for p in parameters])
     start = np.array([v for one in held for v in one.candidate.start_values])
     weight = np.where(normal, 1.0 / scale**2, 0.0) if parameters else np.zeros(0)
-    return Prior(
+    return ValuePrior(
         weight=weight,
         pull=-weight * (at - start) if parameters else np.zeros(0),
         normal=normal,
@@ -80,7 +80,7 @@ def is_shape(p: Parameter) -> bool:
     return p.detail or p.absent is None
 
 
-def score(prior: Prior, hessian: Floats, gradient: Floats, cost: float) -> Scored:
+def score(prior: ValuePrior, hessian: Floats, gradient: Floats, cost: float) -> Scored:
     """A set by its normal equations: `hessian` (P, P) J'J, `gradient` (P,) J'r and `cost` r'r."""
     count = prior.values.size
     if not count:
@@ -110,7 +110,7 @@ def score(prior: Prior, hessian: Floats, gradient: Floats, cost: float) -> Score
     return Scored(log_evidence=out + prior.log_sets, step=step, covariance=covariance)
 
 
-def _log_size(prior: Prior, group: slice, at: Floats, error: Floats) -> float:
+def _log_size(prior: ValuePrior, group: slice, at: Floats, error: Floats) -> float:
     """Log prior density of the main values of one effect, and of their being possible."""
     main = [k for k in range(group.start, group.stop) if not prior.normal[k]]
     if not main:

@@ -157,7 +157,8 @@ def _pooled(estimates: dict[tuple[str, int | None], list[Floats]]) -> dict[str, 
         known = np.isfinite(own).all(axis=1) & (own[:, 1] > 0.0)
         if np.count_nonzero(known) > 1:
             scatter.setdefault(key, []).append(scatter_between(*own[known].T))
-    return {key: float(np.sqrt(np.mean(np.square(of)))) for key, of in scatter.items()}
+    sizes = {key: float(np.sqrt(np.mean(np.square(of)))) for key, of in scatter.items()}
+    return {key: size for key, size in sizes.items() if np.isfinite(size)}
 
 
 def confirmed_curve_rms(

@@ -23,7 +23,7 @@ from thrustmargin.models.identification.floor import floor_rpm
 from thrustmargin.models.identification.modes import sensor_noise_rpm
 from thrustmargin.models.identification.onsets import onset_candidates, without_rotors
 from thrustmargin.models.identification.output_shares import effects_on_shares
-from thrustmargin.models.identification.posterior import Estimate, Posterior, posterior_of
+from thrustmargin.models.identification.posterior import EffectEstimate, Posterior, posterior_of
 from thrustmargin.models.identification.problem import Problem, assemble
 from thrustmargin.models.identification.result import Found, Identification
 from thrustmargin.models.identification.search_space import search_space
@@ -138,10 +138,10 @@ def _closest(
     return [c for c in named if c in held and acts_in(search, held[c], left.mode)]
 
 
-def _that_matter(evaluator: Evaluator, estimates: Sequence[Estimate]) -> list[Estimate]:
+def _that_matter(evaluator: Evaluator, estimates: Sequence[EffectEstimate]) -> list[EffectEstimate]:
     """The effects without any of which flights left out would be predicted worse, by LEAST_FALL."""
 
-    def error(some: Sequence[Estimate]) -> float:
+    def error(some: Sequence[EffectEstimate]) -> float:
         fit = _fit_of(evaluator, some)
         return float(np.sqrt(np.mean(nearly_across_flights(evaluator.problem, fit) ** 2)))
 
@@ -156,7 +156,7 @@ def _that_matter(evaluator: Evaluator, estimates: Sequence[Estimate]) -> list[Es
     return kept
 
 
-def _fit_of(evaluator: Evaluator, estimates: Sequence[Estimate]) -> Fit:
+def _fit_of(evaluator: Evaluator, estimates: Sequence[EffectEstimate]) -> Fit:
     """The problem of all rows at the values found, with what cross-validation needs."""
     problem = evaluator.problem
     terms = tuple(e.term for e in estimates)
@@ -170,13 +170,13 @@ def _fit_of(evaluator: Evaluator, estimates: Sequence[Estimate]) -> Fit:
     return linearise(evaluator, terms, layout, values, scales)
 
 
-def _found(evaluator: Evaluator, estimates: Sequence[Estimate]) -> tuple[Found, ...]:
+def _found(evaluator: Evaluator, estimates: Sequence[EffectEstimate]) -> tuple[Found, ...]:
     """The named effects, that which takes most of the error first."""
 
-    def error(some: Sequence[Estimate]) -> float:
+    def error(some: Sequence[EffectEstimate]) -> float:
         return float(np.sqrt(np.mean(_fit_of(evaluator, some).residual_rpm ** 2)))
 
-    order: list[Estimate] = []
+    order: list[EffectEstimate] = []
     errors = [error(())]
     rest = list(estimates)
     while rest:

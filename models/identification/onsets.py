@@ -29,7 +29,7 @@ from thrustmargin.models.identification.candidates import (
     candidate,
     derivatives,
 )
-from thrustmargin.models.identification.set_search import Fitted, Key, Search
+from thrustmargin.models.identification.set_search import FittedSet, Key, Search
 from thrustmargin.models.identification.terms import Term
 
 LEAST_AFTER = 8.0  # s of flight before and after a step, for it to be one
@@ -52,7 +52,7 @@ def without_rotors(search: Search, key: Key) -> Key:
     )
 
 
-def onset_candidates(search: Search, about: Fitted) -> list[Candidate]:
+def onset_candidates(search: Search, about: FittedSet) -> list[Candidate]:
     """Steps worth a place among the candidates, about a set without its bad rotors."""
     sound = without_rotors(search, about.key)
     near = dict(zip(sorted(about.key), about.held, strict=True))
@@ -112,7 +112,7 @@ def _grid(time_s: Floats) -> Floats:
     return np.arange(time_s.min() + LEAST_AFTER, time_s.max() - LEAST_AFTER, GRID)
 
 
-def _gains(search: Search, fitted: Fitted, column: Floats, steps: Floats) -> Floats:
+def _gains(search: Search, fitted: FittedSet, column: Floats, steps: Floats) -> Floats:
     """(S,) gain of a loss in each step, at the level of the set."""
     columns = column[:, :, None] * steps.astype(np.float64)[:, None, :]
     whole = np.concatenate([columns, np.nan_to_num(fitted.residual)[:, :, None]], axis=2)

@@ -15,7 +15,7 @@ from scipy.stats import norm
 
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.result import Excluded, Mentioned, OneOf, SetWeight
-from thrustmargin.models.identification.set_search import Fitted, Linear, Search
+from thrustmargin.models.identification.set_search import FittedSet, Linear, Search
 from thrustmargin.models.identification.terms import Term
 
 NAMED = 0.95  # of the weight, for a name
@@ -24,7 +24,7 @@ EXCLUDED = 0.95  # that an effect which was not seen is smaller than what is sta
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Estimate:
+class EffectEstimate:
     """One effect over all sets that hold it: (F, K) values and their standard errors."""
 
     candidate: int
@@ -39,11 +39,11 @@ class Posterior:
     """All fitted sets with their weights, likeliest first."""
 
     search: Search
-    sets: tuple[Fitted, ...]
+    sets: tuple[FittedSet, ...]
     weights: Floats  # (sets,)
 
     @property
-    def best(self) -> Fitted:
+    def best(self) -> FittedSet:
         return self.sets[0]
 
     def probability(self, members: Sequence[int]) -> float:
@@ -57,7 +57,7 @@ class Posterior:
         likely = sorted(c for c in seen if self.probability([c]) >= NAMED)
         return [c for c in likely if _clear(self.estimate(c))]
 
-    def estimate(self, candidate: int) -> Estimate:
+    def estimate(self, candidate: int) -> EffectEstimate:
         """Mean and standard error over sets and levels of the values of one candidate."""
         term = self.search.candidates[candidate].term
         total, mean, square = 0.0, 0.0, 0.0
@@ -78,7 +78,7 @@ class Posterior:
                 mean = mean + weight * values
                 square = square + weight * (errors + values**2)
         mean, square = np.asarray(mean) / total, np.asarray(square) / total
-        return Estimate(
+        return EffectEstimate(
             candidate=candidate,
             term=term,
             probability=self.probability([candidate]),
@@ -176,7 +176,7 @@ class Posterior:
         return tuple(found)
 
 
-def _clear(estimate: Estimate) -> bool:
+def _clear(estimate: EffectEstimate) -> bool:
     """True where the interval of a main value leaves out "absent"; effects without it are clear."""
     main = [
         (k, p.absent)

@@ -22,7 +22,13 @@ from thrustmargin.models.identification.candidates import (
     derivatives,
     predicted,
 )
-from thrustmargin.models.identification.evidence import IMPOSSIBLE, Prior, Scored, prior_of, score
+from thrustmargin.models.identification.evidence import (
+    IMPOSSIBLE,
+    Scored,
+    ValuePrior,
+    prior_of,
+    score,
+)
 from thrustmargin.models.identification.free_form import FORM, form_columns
 from thrustmargin.models.identification.nuisance import LEVELS, Nuisance, Solved
 from thrustmargin.models.identification.reduced import Reduced
@@ -44,7 +50,7 @@ Key = frozenset[int]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Fitted:
+class FittedSet:
     """A set fitted in full."""
 
     key: Key
@@ -71,7 +77,7 @@ class Linear:
     prediction by coming in at its start or by going out.
     """
 
-    about: Fitted
+    about: FittedSet
     held: tuple[Held, ...]  # every candidate: at its values in the set, at its start out of it
     columns: tuple[slice, ...]
     gram: Floats
@@ -137,7 +143,7 @@ class Search:
         self.slow = form_columns(reduced.channels)
         self.candidates = list(candidates)
         self.solved = solved or nuisance.solved()
-        self.fitted: dict[Key, Fitted] = {}
+        self.fitted: dict[Key, FittedSet] = {}
         self.start = [Held(candidate=c, values=c.start) for c in self.candidates]
 
     def run(self, progress: Progress | None = None) -> None:
@@ -165,15 +171,15 @@ class Search:
             for key in (frozenset({new}), beside | {new}):
                 self.fit(key, [near.get(c, self.start[c]) for c in range(new + 1)])
 
-    def fit_near(self, key: Key, near: Mapping[int, Held]) -> Fitted:
+    def fit_near(self, key: Key, near: Mapping[int, Held]) -> FittedSet:
         """A set fitted from the values of a neighbour, without a place among the sets."""
         return self._fit(key, [near[c] for c in sorted(key)], 3)
 
     @property
-    def best(self) -> Fitted:
+    def best(self) -> FittedSet:
         return max(self.fitted.values(), key=lambda f: f.total)
 
-    def linearise(self, about: Fitted) -> Linear:
+    def linearise(self, about: FittedSet) -> Linear:
         """All candidates about a fitted set."""
         inside = dict(zip(sorted(about.key), about.held, strict=True))
         base = predicted(self.reduced, about.held)
@@ -242,7 +248,7 @@ class Search:
             for k in key
         )
 
-    def fit(self, key: Key, near: Sequence[Held], steps: int = 8) -> Fitted:
+    def fit(self, key: Key, near: Sequence[Held], steps: int = 8) -> FittedSet:
         """Fit a set in full from the values in `near` (of all candidates) or from the starts."""
         if key in self.fitted:
             return self.fitted[key]
@@ -251,7 +257,7 @@ class Search:
         self.fitted[key] = found
         return found
 
-    def _fit(self, key: Key, held: list[Held], steps: int, level: int | None = None) -> Fitted:
+    def _fit(self, key: Key, held: list[Held], steps: int, level: int | None = None) -> FittedSet:
         """Gauss-Newton with halved steps; derivatives are worked out anew where they bring more."""
         measured = self.reduced.in_modes(self.reduced.measured_rpm)
         columns, forms, fresh = self._columns(held), self._forms(held), True
@@ -287,7 +293,7 @@ class Search:
         prior = prior_of(held)
         levels = tuple(score(prior, g[:-1, :-1], g[:-1, -1], float(g[-1, -1])) for g in grams)
         evidence = np.array([s.log_evidence for s in levels]) + doubt
-        return Fitted(
+        return FittedSet(
             key=key, held=tuple(held), levels=levels, log_evidence=evidence, residual=residual
         )
 
@@ -338,6 +344,6 @@ class Search:
         return left, self.solved.log_evidence - 0.5 * np.linalg.slogdet(system)[1]
 
 
-def _normal_cost(prior: Prior) -> float:
+def _normal_cost(prior: ValuePrior) -> float:
     """What the normal priors of a set cost at its values."""
     return float(np.sum(prior.weight * (prior.values - prior.centre) ** 2))

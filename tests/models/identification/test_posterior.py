@@ -9,7 +9,7 @@ from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.identification.candidates import Held, candidate
 from thrustmargin.models.identification.evidence import Scored
 from thrustmargin.models.identification.posterior import posterior_of
-from thrustmargin.models.identification.set_search import Fitted
+from thrustmargin.models.identification.set_search import FittedSet
 from thrustmargin.models.identification.terms import Term
 
 MASS, GAUGE, CG = (
@@ -19,7 +19,7 @@ LOSS = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=2), 1)
 ALL = [MASS, GAUGE, CG, LOSS]
 
 
-def a_set(weight: float, **values: tuple[float, float]) -> Fitted:
+def a_set(weight: float, **values: tuple[float, float]) -> FittedSet:
     """A set at one level: the first value of each effect and its standard error by name."""
     names = {"mass": 0, "gauge": 1, "cg": 2, "loss": 3}
     key = frozenset(names[n] for n in values)
@@ -33,7 +33,7 @@ def a_set(weight: float, **values: tuple[float, float]) -> Fitted:
     scored = Scored(
         log_evidence=0.0, step=np.zeros(len(errors)), covariance=np.diag(np.square(errors))
     )
-    return Fitted(
+    return FittedSet(
         key=key,
         held=tuple(held),
         levels=(scored,),
@@ -42,7 +42,7 @@ def a_set(weight: float, **values: tuple[float, float]) -> Fitted:
     )
 
 
-def answer_of(*sets: Fitted):
+def answer_of(*sets: FittedSet):
     return posterior_of(SimpleNamespace(fitted={s.key: s for s in sets}, candidates=ALL))
 
 
