@@ -39,18 +39,17 @@ LOOK = derivative_look(VELOCITY_SPAN) + MEAN_SPAN / 2 + LAG_STEP
 def lean(track: FlightTrack, airframe: Airframe, start: None = None) -> tuple[Floats, None]:
     """Specific force forward and right, (T, 2) in g, by attitude and velocity.
 
-    NaN where a wind is reported: the moment of flow is then known from the velocity.
+    NaN in rows where a wind is reported: the moment of flow is then known from the velocity.
     """
-    unknown = np.full((track.time_s.size, 2), np.nan)
-    if track.reports("wind_ned"):
-        return unknown, start
+    leaning = np.full((track.time_s.size, 2), np.nan)
     quick = froude_time_scale(airframe)
     force = derivative(track.time_s, track.velocity_ned, VELOCITY_SPAN * quick) - [0.0, 0.0, G0]
     forward, right, _ = body_axes(track.attitude)
     for k, axis in enumerate((forward, right)):
         along = np.sum(force * axis, axis=1) / G0
-        unknown[:, k] = moving_mean(track.time_s, along, MEAN_SPAN * quick)
-    return unknown, start
+        leaning[:, k] = moving_mean(track.time_s, along, MEAN_SPAN * quick)
+    leaning[np.isfinite(track.wind_ned).any(axis=1)] = np.nan
+    return leaning, start
 
 
 def _leaning(p, x: Channels, thrust):

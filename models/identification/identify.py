@@ -41,9 +41,9 @@ from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import RotorModel
 
 Progress = Callable[[str, float], None]
-#: of the error on flights left out, that an effect must take to be worth a name: what half of the
-#: scatter of a sound propeller (0.4 % of its thrust) does to rotor speeds that are good to 0.6 %
-LEAST_FALL = 0.01
+#: of the error on flights left out, that an effect must take to be worth a name: what the scatter
+#: of a sound propeller (0.4 % of its thrust) does to rotor speeds that are good to 0.6 %
+LEAST_FALL = 0.02
 CONFIDENCE = norm.ppf(0.975)  # standard errors on either side of an interval of 95 %
 
 
@@ -66,7 +66,7 @@ def identify(
         >>> found = identify(read_log("sitl_logs/dev/worn_prop_1.tlog"))
         >>> print(found)
         topxgun-f16-sitl, 1 flight: rotor speed error 41.3 -> 10.8 rpm, each fifth left out in turn
-        rotor_degradation of rotor 1: loss 0.08 (0.077 to 0.082)
+        rotor_degradation of rotor 1: loss 0.079 (0.069 to 0.09)
     """
     flights = flights if isinstance(flights, Sequence) else [flights]
     fit, unused_tracks = _tracks(flights), _tracks(held_out)

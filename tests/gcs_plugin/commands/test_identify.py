@@ -335,10 +335,10 @@ def test_ctrl_c_leaves_files_whole(worn_logs, tmp_path):
         text=True,
         cwd=Path(__file__).resolve().parents[3],
     )
-    # Once torch is loading, the command is at work and not yet done.
-    while process.poll() is None and "torch" not in Path(f"/proc/{process.pid}/maps").read_text():
-        time.sleep(0.1)
-    time.sleep(1.0)
+    # Once statistics are loading, the command is at work and not yet done.
+    while process.poll() is None and "scipy" not in Path(f"/proc/{process.pid}/maps").read_text():
+        time.sleep(0.02)
+    time.sleep(0.5)
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 130, errors
