@@ -80,6 +80,12 @@ def test_the_inflow_slope_is_that_of_the_advance_ratio():
     assert lost == pytest.approx(0.8 * climb * 60.0 / (speed * 0.914))
 
 
+#: All rotors alike are weaker, or weaken: other air, other mass or a gauge may be it as well, and
+#: six flights do not tell. They are told as one
+#: of several.
+HARD_TO_TELL = ("weaker propellers", "fouling")
+
+
 @pytest.fixture(scope="module")
 def good(tmp_path_factory):
     """The model closed on good flights of RotorPy, and what the loop found on them."""
@@ -120,6 +126,10 @@ def test_on_further_good_flights_nothing_is_missing(good):
 def test_what_was_changed_is_named_alone_with_its_true_value_in_the_interval(good, label):
     case = CASES[label]
     result = answer(good[0], case)
+    if label in HARD_TO_TELL:
+        assert result["effects"] == []
+        assert case.name in [e["name"] for group in result["one_of"] for e in group["effects"]]
+        return
     (effect,) = result["effects"]
     assert (effect["name"], effect["rotor"]) == (case.name, case.rotor)
     for parameter in case.truth:
