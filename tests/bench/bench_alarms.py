@@ -73,7 +73,7 @@ FAULTS = (
 
 @pytest.fixture
 def recorded(sitl_logs) -> Path:
-    return Path(os.environ.get("THRUSTMARGIN_SITL", sitl_logs))
+    return Path(os.environ.get("THRUSTMARGIN_SITL") or sitl_logs)
 
 
 def model_of(path: Path) -> RotorModel:

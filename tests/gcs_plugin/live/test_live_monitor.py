@@ -26,7 +26,7 @@ from tests.gcs_plugin.live.monitored import (
 )
 from tests.gcs_plugin.peers.processes import free_udp_port
 from thrustmargin.gcs_plugin.live.alarm import AlarmEvent
-from thrustmargin.gcs_plugin.live.fleet import Fleet
+from thrustmargin.gcs_plugin.live.fleet import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
 from thrustmargin.gcs_plugin.live.vehicle_monitor import Update, WatchSettings
 from thrustmargin.gcs_plugin.logs import read_log
@@ -37,7 +37,7 @@ from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import shipped_model
 
 
-class Seen:
+class Seen(Subscriber):
     """A subscriber that keeps all."""
 
     def __init__(self) -> None:

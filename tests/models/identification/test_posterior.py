@@ -1,6 +1,7 @@
 """From weighed sets to names, on sets whose weights are given by hand."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -43,7 +44,8 @@ def a_set(weight: float, **values: tuple[float, float]) -> FittedSet:
 
 
 def answer_of(*sets: FittedSet):
-    return posterior_of(SimpleNamespace(fitted={s.key: s for s in sets}, candidates=ALL))
+    search: Any = SimpleNamespace(fitted={s.key: s for s in sets}, candidates=ALL)
+    return posterior_of(search)
 
 
 def test_what_nearly_all_weight_holds_is_named():

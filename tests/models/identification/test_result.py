@@ -53,9 +53,9 @@ class Log:
 
 def test_a_flight_may_be_given_alone_as_a_track_or_as_a_log_that_was_read():
     (track,) = made_flights(1, loss=0.08)
-    given = {"catalogue": table(["rotor_degradation"])}
+    worn = table(["rotor_degradation"])
     found = [
-        repr(identify(flights, curve_model(), **given))
+        repr(identify(flights, curve_model(), catalogue=worn))
         for flights in (track, Log(track), [track], (Log(track),))
     ]
     assert set(found) == {found[0]}

@@ -5,6 +5,7 @@ import re
 from dataclasses import replace
 from html import unescape
 from io import StringIO
+from typing import Any
 
 import numpy as np
 import pytest
@@ -248,7 +249,7 @@ def test_a_pause_breaks_the_line():
     paused = _without(track, 30.0, 40.0)
     found = identify([paused], curve_model(), catalogue=table(["rotor_degradation"]))
     made = result_of(found, tracks=[paused])
-    trace = next(time_figure(rows_of(made.unseen, made.tracks), 0).select_traces())
+    trace: Any = next(time_figure(rows_of(made.unseen, made.tracks), 0).select_traces())
     assert np.count_nonzero(np.isnan(trace.y)) == 1
 
 

@@ -8,6 +8,7 @@ import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -172,7 +173,8 @@ def test_a_whole_flight_has_every_figure(report):
 def test_figures_hold_the_worst_value_after_thinning(report):
     of = report.flights[0]
     figure = figures(of)["use"]
-    drawn = next(trace.y for trace in figure.select_traces({"name": "worst rotor"}))
+    trace: Any = next(figure.select_traces({"name": "worst rotor"}))
+    drawn = trace.y
     assert np.nanmax(drawn) == pytest.approx(of.verdict.worst.capacity_use * 100, rel=1e-6)
     assert drawn.size < 1700
 
