@@ -231,7 +231,8 @@ def test_before_and_after_share_axes_and_colours(rows):
     markers = [f["data"][1]["marker"] for f in (first, second)]
     assert markers[0]["cmin"] == markers[1]["cmin"] == -limit
     assert markers[0]["colorscale"] == markers[1]["colorscale"]
-    names = [t.name for t in time_figure(rows, 0).select_traces()]
+    traces: list[Any] = list(time_figure(rows, 0).select_traces())
+    names = [t.name for t in traces]
     assert names == ["before", "after"] * 4
     axes = [axis for f in channels_figures(rows).values() for axis in f.select_yaxes()]
     assert len({axis.range for axis in axes}) == 1
