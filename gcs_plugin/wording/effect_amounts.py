@@ -59,6 +59,13 @@ def weakened_in_flight(it: DescribedEffect) -> str:
     return f"{lost} in flight, {when} into {where}{also}"
 
 
+def weakened_for_a_while(it: DescribedEffect) -> str:
+    began, ended = (clock(it.ends(name)[0]) for name in ("onset_time", "end_time"))
+    where = it.whole.problem.names[it.found.flight]
+    lost = _sized(f"{it.rotor} lost", _percent(it, "loss"), "of its thrust")
+    return f"{lost} for a while, from {began} to {ended} of {where}"
+
+
 def weakens_each_flight(it: DescribedEffect) -> str:
     what = "gains" if it.negative("loss") else "loses"
     when = clock(it.ends("onset_time")[0])

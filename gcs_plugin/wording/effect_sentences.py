@@ -59,6 +59,11 @@ WORDS: Mapping[str, EffectWords] = MappingProxyType(
         "rotor_degradation:onset": EffectWords(
             WEAK + " in flight", amounts.weakened_in_flight, INSPECT
         ),
+        "rotor_degradation:for a while": EffectWords(
+            WEAK + " for a while",
+            amounts.weakened_for_a_while,
+            "look at its motor, ESC and wiring",
+        ),
         "rotor_degradation:in each flight": EffectWords(
             "{rotor} weakening in every flight",
             amounts.weakens_each_flight,

@@ -1,4 +1,4 @@
-"""One rotor that makes less thrust at a speed: all along, or from a moment on."""
+"""One rotor that makes less thrust at a speed: all along, from a moment on, or for a while."""
 
 from __future__ import annotations
 
@@ -35,7 +35,13 @@ def _after_onset(p, x: Channels):
         since = x.time_s - p["onset_time"]
     else:
         return 1.0 + 0.0 * x.time_s
-    return 1.0 / (1.0 + np.exp(-np.clip(4.0 * since, -40.0, 40.0)))
+    began = _risen(since)
+    return began * _risen(p["end_time"] - x.time_s) if "end_time" in p else began
+
+
+def _risen(seconds):
+    """0 well before a moment and 1 well after it."""
+    return 1.0 / (1.0 + np.exp(-np.clip(4.0 * seconds, -40.0, 40.0)))
 
 
 def _weaker(p: Values, airframe: Airframe, rotor: int | None) -> Airframe:
@@ -74,6 +80,17 @@ ROTOR_DEGRADATION_ONSET = replace(
     afterwards=ROTOR_DEGRADATION,
 )
 
+ROTOR_DEGRADATION_WHILE = replace(
+    ROTOR_DEGRADATION_ONSET,
+    variant="for a while",
+    parameters=tuple(
+        replace(p, per_flight=True)
+        for p in (LOSS, ONSET_TIME, replace(ONSET_TIME, name="end_time"), TORQUE_SHARE)
+    ),
+    source="a motor, an ESC or ice that takes thrust from a rotor and lets it come back",
+    afterwards=None,
+)
+
 ROTOR_DEGRADATION_EACH = replace(
     ROTOR_DEGRADATION_ONSET,
     variant="in each flight",
@@ -92,6 +109,12 @@ ROTOR_DEGRADATION_SINCE = replace(
     afterwards=ROTOR_DEGRADATION,
 )
 
-#: A rotor that goes bad at a moment: in one flight, in each at one time, in one and all later.
-ONSETS = (ROTOR_DEGRADATION_ONSET, ROTOR_DEGRADATION_EACH, ROTOR_DEGRADATION_SINCE)
+#: A rotor that goes bad at a moment: in one flight, in it for a while, in each at one time, in one
+#: and all later.
+ONSETS = (
+    ROTOR_DEGRADATION_ONSET,
+    ROTOR_DEGRADATION_WHILE,
+    ROTOR_DEGRADATION_EACH,
+    ROTOR_DEGRADATION_SINCE,
+)
 EFFECTS = (ROTOR_DEGRADATION, *ONSETS)

@@ -40,6 +40,9 @@ LEVELS = tuple(
 )
 
 
+EVERY = slice(None)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightSums:
     """Sums over the means of one flight of columns z with the scatter's S and the shared X."""
@@ -59,10 +62,10 @@ class Solved:
     shared: Floats  # (levels, X, X): P^½ (I + P^½ X'X P^½)^-1 P^½, the covariance of b and c
     log_evidence: Floats  # (levels,) of the determinants, with the levels' priors
 
-    def reduce(self, sums: Sequence[FlightSums]) -> Floats:
+    def reduce(self, sums: Sequence[FlightSums], levels: slice = EVERY) -> Floats:
         """(levels, q, q): z'z with the nuisances taken out, of the flights of this."""
         shared, own = self.without_scatter(sums)
-        return own - shared.T @ self.shared @ shared
+        return own - shared.T @ self.shared[levels] @ shared
 
     def without_scatter(self, sums: Sequence[FlightSums]) -> tuple[Floats, Floats]:
         """(X, q) X'z and (q, q) z'z with the scatter alone taken out."""

@@ -1,10 +1,10 @@
 """A rotor that goes bad at a moment: which rotor, when, and in which flights.
 
 About a set without any bad rotor, the gain of a loss that begins at a time is g²/2h of its column,
-the loss's derivative from that time on. Three kinds of step are looked for: in one flight, at one
-time of every flight, and from a moment of one flight on through all later ones. The best of each
-rotor and kind becomes a candidate of the search; that it was chosen among many times is in its
-prior.
+the loss's derivative from that time on. Four kinds of step are looked for: in one flight, in it for
+a while, at one time of every flight, and from a moment of one flight on through all later ones. The
+best of each rotor and kind becomes a candidate of the search; that it was chosen among many times
+is in its prior.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from thrustmargin.models.effects.rotor_degradation import (
     ROTOR_DEGRADATION_EACH,
     ROTOR_DEGRADATION_ONSET,
     ROTOR_DEGRADATION_SINCE,
+    ROTOR_DEGRADATION_WHILE,
 )
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.candidates import (
@@ -40,6 +41,7 @@ MOST_FLIGHTS = 24  # of which single steps are looked for; a season is looked at
 #: kind -> effect, name of its time
 KINDS = {
     "one": (ROTOR_DEGRADATION_ONSET, "onset_time"),
+    "while": (ROTOR_DEGRADATION_WHILE, "onset_time"),
     "each": (ROTOR_DEGRADATION_EACH, "onset_time"),
     "since": (ROTOR_DEGRADATION_SINCE, "onset_clock"),
 }
@@ -63,7 +65,7 @@ def onset_candidates(search: Search, about: FittedSet) -> list[Candidate]:
         loss = candidate(Term(effect=ROTOR_DEGRADATION, rotor=rotor), reduced.flights)
         held = [*fitted.held, Held(candidate=loss, values=loss.start)]
         column = np.nan_to_num(derivatives(reduced, held, len(held) - 1)[:, :, 0])
-        best: dict[str, tuple[float, int, float]] = {}
+        best: dict[str, tuple[float, int, tuple[float, ...]]] = {}
         tries = 0
         for kind, flight, times, step in _steps(search):
             if not times.size:
@@ -75,10 +77,15 @@ def onset_candidates(search: Search, about: FittedSet) -> list[Candidate]:
                 fine = times[k] + np.arange(-GRID, GRID + FINE, FINE)
                 closer = _gains(search, fitted, column, step(fine))
                 k = int(np.argmax(closer))
-                best[kind] = (float(closer[k]), flight, float(fine[k]))
-        for kind, (gain, flight, time) in best.items():
+                best[kind] = (float(closer[k]), flight, (float(fine[k]),))
+            if kind == "one":
+                tries += times.size * (times.size - 1) // 2
+                gain, ends = _while(search, fitted, column, step, times)
+                if gain > best.get("while", (0.0,))[0]:
+                    best["while"] = (gain, flight, ends)
+        for kind, (gain, flight, when) in best.items():
             if gain > LEAST_GAIN + np.log(tries):
-                found.append((gain, _candidate(search, kind, rotor, flight, time, tries)))
+                found.append((gain, _candidate(search, kind, rotor, flight, when, tries)))
     found.sort(key=lambda pair: -pair[0])
     return [one for _, one in found[: 2 * len(KINDS)]]
 
@@ -112,29 +119,60 @@ def _grid(time_s: Floats) -> Floats:
     return np.arange(time_s.min() + LEAST_AFTER, time_s.max() - LEAST_AFTER, GRID)
 
 
-def _gains(search: Search, fitted: FittedSet, column: Floats, steps: Floats) -> Floats:
-    """(S,) gain of a loss in each step, at the level of the set."""
+def _gram(search: Search, fitted: FittedSet, column: Floats, steps: Floats) -> Floats:
+    """(S + 1, S + 1) Gram matrix of a loss in each step and of the residual, at the set's level."""
     columns = column[:, :, None] * steps.astype(np.float64)[:, None, :]
     whole = np.concatenate([columns, np.nan_to_num(fitted.residual)[:, :, None]], axis=2)
-    gram = search.solved.reduce(search.nuisance.sums(whole))[fitted.best_level]
+    level = slice(fitted.best_level, fitted.best_level + 1)
+    return search.solved.reduce(search.nuisance.sums(whole), level)[0]
+
+
+def _gains(search: Search, fitted: FittedSet, column: Floats, steps: Floats) -> Floats:
+    """(S,) gain of a loss in each step."""
+    gram = _gram(search, fitted, column, steps)
     power = np.maximum(np.diag(gram)[:-1], 1e-12)
     return np.maximum(gram[:-1, -1], 0.0) ** 2 / power / 2
 
 
+def _while(
+    search: Search,
+    fitted: FittedSet,
+    column: Floats,
+    step: Callable[[Floats], Floats],
+    times: Floats,
+) -> tuple[float, tuple[float, ...]]:
+    """The largest gain of a loss between two times, and the two: a step less a later step."""
+    best: tuple[float, tuple[float, ...]] = (0.0, (0.0, 0.0))
+    for _ in range(2):  # on the grid, then about the best of it
+        gram = _gram(search, fitted, column, step(times))
+        inner, power = gram[:-1, -1], np.diag(gram)[:-1]
+        between = power[:, None] + power - 2.0 * gram[:-1, :-1]
+        score = np.maximum(inner[:, None] - inner, 0.0) ** 2 / np.maximum(between, 1e-12) / 2
+        score[times[None, :] - times[:, None] < LEAST_AFTER] = 0.0
+        i, j = np.unravel_index(int(np.argmax(score)), score.shape)
+        best = (float(score[i, j]), (float(times[i]), float(times[j])))
+        near = np.arange(-GRID, GRID + FINE, FINE)
+        times = np.unique(np.concatenate([near + best[1][0], near + best[1][1]]))
+    return best
+
+
 def _candidate(
-    search: Search, kind: str, rotor: int, flight: int, time: float, tries: int
+    search: Search, kind: str, rotor: int, flight: int, when: tuple[float, ...], tries: int
 ) -> Candidate:
     effect, clock = KINDS[kind]
     plain = candidate(Term(effect=effect, rotor=rotor), search.reduced.flights)
     names = [p.name for p in effect.parameters]
     start = plain.start.copy()
+    time = when[0]
+    if kind == "while":
+        start[:, names.index("end_time")] = when[1]
     if kind == "since":
         x = search.reduced.channels
         first = int(np.argmax(search.reduced.flight == flight))
         time += float(x.clock_s[first] - x.time_s[first])
     start[:, names.index(clock)] = time
     free = plain.free
-    if kind == "one":
+    if kind in ("one", "while"):
         free = tuple((k, f) for k, f in plain.free if f == flight)
     prior = float(np.log(ROTOR_PRIOR / len(KINDS)) - np.log(tries))
     return replace(plain, start=start, free=free, log_prior=prior)

@@ -30,7 +30,7 @@ from thrustmargin.models.identification.evidence import (
     score,
 )
 from thrustmargin.models.identification.free_form import FORM, form_columns
-from thrustmargin.models.identification.nuisance import LEVELS, Nuisance, Solved
+from thrustmargin.models.identification.nuisance import EVERY, LEVELS, Nuisance, Solved
 from thrustmargin.models.identification.reduced import Reduced
 
 BEAM = 12  # sets that are grown at each size
@@ -262,34 +262,34 @@ class Search:
         measured = self.reduced.in_modes(self.reduced.measured_rpm)
         columns, forms, fresh = self._columns(held), self._forms(held), True
         level = 0 if level is None else level
+        only = slice(level, level + 1)
         residual = measured - predicted(self.reduced, held)
-        grams, doubt = self._grams(columns, forms, residual)
-        merit = float(grams[level][-1, -1]) + _normal_cost(prior_of(held))
+        gram = self._grams(columns, forms, residual, only)[0][0]
+        merit = float(gram[-1, -1]) + _normal_cost(prior_of(held))
         for _ in range(steps if held else 0):
-            prior, gram = prior_of(held), grams[level]
+            prior = prior_of(held)
             taken = score(prior, gram[:-1, :-1], gram[:-1, -1], float(gram[-1, -1])).step
             gained = 0.0
             for shrink in (1.0, 0.3, 0.1):
                 parts = zip(held, prior.groups, strict=True)
                 moved = [h.moved(shrink * taken[group]) for h, group in parts]
                 new = measured - predicted(self.reduced, moved)
-                trial, other = self._grams(columns, forms, new)
-                value = float(trial[level][-1, -1]) + _normal_cost(prior_of(moved))
+                trial = self._grams(columns, forms, new, only)[0][0]
+                value = float(trial[-1, -1]) + _normal_cost(prior_of(moved))
                 if value < merit:
                     gained = merit - value
-                    held, residual, grams, merit = moved, new, trial, value
-                    doubt = other
+                    held, residual, gram, merit = moved, new, trial, value
                     break
             if gained < CONVERGED and fresh:
                 break
             if gained < STALE:
                 columns, forms = self._columns(held), self._forms(held)
-                grams, doubt = self._grams(columns, forms, residual)
-                merit = float(grams[level][-1, -1]) + _normal_cost(prior_of(held))
+                gram = self._grams(columns, forms, residual, only)[0][0]
+                merit = float(gram[-1, -1]) + _normal_cost(prior_of(held))
             fresh = gained < STALE
         if held and not fresh:
-            forms = self._forms(held)
-            grams, doubt = self._grams(self._columns(held), forms, residual)
+            columns, forms = self._columns(held), self._forms(held)
+        grams, doubt = self._grams(columns, forms, residual)
         prior = prior_of(held)
         levels = tuple(score(prior, g[:-1, :-1], g[:-1, -1], float(g[-1, -1])) for g in grams)
         evidence = np.array([s.log_evidence for s in levels]) + doubt
@@ -328,20 +328,23 @@ class Search:
             parts.append(own)
         return np.concatenate(parts, axis=2)
 
-    def _grams(self, columns: Floats, forms: Floats, residual: Floats) -> tuple[Floats, Floats]:
+    def _grams(
+        self, columns: Floats, forms: Floats, residual: Floats, levels: slice = EVERY
+    ) -> tuple[Floats, Floats]:
         """(levels, P + 1, P + 1) of columns and a residual with the forms' doubt taken out, and
         (levels,) the log evidence of all that was taken out."""
         whole = np.concatenate([columns, np.nan_to_num(residual)[:, :, None], forms], axis=2)
-        grams = self.solved.reduce(self.nuisance.sums(whole))
+        grams = self.solved.reduce(self.nuisance.sums(whole), levels)
+        evidence = self.solved.log_evidence[levels]
         kept = columns.shape[2] + 1
         if not forms.shape[2]:
-            return grams, self.solved.log_evidence
+            return grams, evidence
         crossed = grams[:, kept:, :kept]
         system = np.eye(forms.shape[2]) + grams[:, kept:, kept:]
         left = grams[:, :kept, :kept] - np.swapaxes(crossed, 1, 2) @ np.linalg.solve(
             system, crossed
         )
-        return left, self.solved.log_evidence - 0.5 * np.linalg.slogdet(system)[1]
+        return left, evidence - 0.5 * np.linalg.slogdet(system)[1]
 
 
 def _normal_cost(prior: ValuePrior) -> float:

@@ -54,6 +54,7 @@ SIZES = {
     ("rotor_degradation", "loss"): (-0.3, 0.7, 0.05, 0.004),
     ("rotor_degradation", "torque_share"): (-1, 2, 0.5, 0),
     ("rotor_degradation", "onset_time"): (0, 100000, 60, 0),
+    ("rotor_degradation", "end_time"): (0, 100000, 60, 0),
     ("rotor_degradation", "onset_clock"): (0, 1e11, 60, 0),
     ("thrust_drift", "rate"): (-0.001, 0.002, 0.0001, 1.7e-05),
     ("translational_lift", "gain"): (-0.5, 1, 0.1, 0.01),
@@ -91,6 +92,8 @@ STARTS = {
 RESOLUTION = {
     "sensor_lag:rotor speed.lag": 0.01,
     "rotor_degradation:onset.onset_time": 0.3,
+    "rotor_degradation:for a while.onset_time": 0.3,
+    "rotor_degradation:for a while.end_time": 0.3,
     "rotor_degradation:in each flight.onset_time": 0.3,
     "rotor_degradation:since.onset_clock": 0.3,
 }
@@ -131,8 +134,11 @@ def having(flag: str) -> set[str]:
     return {e.key for e in CATALOGUE if getattr(e, flag)}
 
 
+WHEN = ("onset", "for a while", "in each flight", "since")
+
+
 def test_what_kind_of_thing_each_effect_is():
-    onsets = {f"rotor_degradation:{when}" for when in ("onset", "in each flight", "since")}
+    onsets = {f"rotor_degradation:{when}" for when in WHEN}
     assert having("begins") == onsets
     assert having("of_one_rotor") == onsets | {"rotor_degradation"}
     assert having("torque") == onsets | {"rotor_degradation", "air_density"}
@@ -144,7 +150,8 @@ def test_what_kind_of_thing_each_effect_is():
     without = {e.name for e in CATALOGUE if not e.with_tank}
     assert without == {"slung_load", "flow_moment", "drag_moment"}
     own = {f"{e.key}.{p.name}" for e in CATALOGUE for p in e.parameters if p.per_flight}
-    assert {key.split(".")[0] for key in own} == {"wind", "tank_zero", "rotor_degradation:onset"}
+    in_one_flight = {"rotor_degradation:onset", "rotor_degradation:for a while"}
+    assert {key.split(".")[0] for key in own} == {"wind", "tank_zero"} | in_one_flight
     assert having("affine") == {
         "air_density",
         "battery_voltage",

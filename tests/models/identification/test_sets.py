@@ -62,6 +62,20 @@ def test_a_step_in_time_is_found_where_it_was_put():
     assert {flight for _, flight in best.free} == {1}
 
 
+def test_a_rotor_that_recovers_is_found_from_when_to_when():
+    track = made_flight(2, duration=150.0)
+    weak = (track.time_s >= 40.0) & (track.time_s < 95.0)
+    speeds = track.rotor_speed_rpm.copy()
+    speeds[weak, 1] /= np.sqrt(1.0 - 0.08)
+    flight = replace(track, rotor_speed_rpm=speeds)
+    found = identify([flight], curve_model(), catalogue=table(["rotor_degradation"]))
+    (rotor,) = found.found
+    assert (rotor.term.effect.variant, rotor.term.rotor) == ("for a while", 1)
+    loss, began, ended, _ = rotor.value[0]
+    assert loss == pytest.approx(0.08, abs=0.01)
+    assert (began, ended) == (pytest.approx(40.0, abs=1.5), pytest.approx(95.0, abs=1.5))
+
+
 def test_what_no_effect_explains_is_told_with_its_mode_and_gets_no_name():
     """All rotors turn faster along a wave of the airspeed that no effect of the table has."""
     flights = []
