@@ -121,21 +121,17 @@ def at_most(size: float, unit: str) -> str:
 
 
 def excluded_rows(found: Identification) -> list[tuple[str, str]]:
-    """What was not seen and the size that is excluded; one row for all rotors together."""
-    largest: dict[tuple[str, str], Excluded] = {}
+    """What was not seen and the size that is excluded; a row for all rotors, one for all cables."""
+    largest: dict[str, Excluded] = {}
     for one in found.excluded:
-        key = (one.term.effect.key, one.parameter)
-        if key not in largest or one.above > largest[key].above:
-            largest[key] = one
-    rows = []
-    for one in largest.values():
         thing = effect_thing(one.term, found.model.airframe.rotor_names)
         if one.term.rotor is not None:
             thing = "any weak rotor"
-        shown = [p.name for p in one.term.effect.parameters if not p.detail]
-        which = f", {one.parameter.replace('_', ' ')}" if len(shown) > 1 else ""
-        rows.append((f"{thing}{which}", f"above {at_most(one.above, one.unit)}"))
-    return rows
+        if len([p for p in one.term.effect.parameters if not p.detail]) > 1:
+            thing += f", {one.parameter.replace('_', ' ')}"
+        if thing not in largest or one.above > largest[thing].above:
+            largest[thing] = one
+    return [(thing, f"above {at_most(e.above, e.unit)}") for thing, e in largest.items()]
 
 
 def set_words(terms: Sequence[Term], names: Sequence[str]) -> str:

@@ -105,13 +105,18 @@ def test_nothing_missing_says_what_is_excluded(sound):
 
 
 def test_excluded_sizes_are_one_row_for_all_rotors_and_in_the_units_of_the_field(sound):
+    cables = [Term(effect=e) for k, e in BY_KEY.items() if k.startswith("slung_load")]
+    swinging = [Excluded(term=t, parameter="mass", unit="kg", above=0.4) for t in cables]
     limits = (
+        *swinging,
+        replace(swinging[2], above=0.7),
         Excluded(term=weak(0), parameter="loss", unit="1", above=0.015),
         Excluded(term=weak(1), parameter="loss", unit="1", above=0.018),
         Excluded(term=MASS, parameter="mass", unit="kg", above=0.31),
         Excluded(term=BALANCE, parameter="x", unit="m", above=0.0051),
     )
     assert excluded_rows(replace(sound, excluded=limits)) == [
+        ("a swinging load", "above 0.7 kg"),
         ("any weak rotor", "above 1.8 %"),
         ("hidden mass", "above 0.31 kg"),
         ("a shifted centre of gravity, x", "above 5.1 mm"),
