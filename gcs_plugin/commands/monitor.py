@@ -16,6 +16,7 @@ from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading, reading_
 from thrustmargin.gcs_plugin.commands.terminal import Terminal
 
 if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.live.console import EventPrinter
     from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor
     from thrustmargin.gcs_plugin.view.live_view import LiveView
     from thrustmargin.models.physics.airframe import Airframe
@@ -128,6 +129,7 @@ def monitor(
         live.subscribers.append(fetcher)
         live.taps.append(fetcher.feed)
     unprinted: list[OSError] = []
+    printer: EventPrinter | None = None
     if not sys.stdout.isatty():
         from thrustmargin.gcs_plugin.live.console import EventPrinter
 
@@ -140,14 +142,15 @@ def monitor(
             except OSError as error:
                 unprinted.append(error)
 
-        live.subscribers.append(EventPrinter(live, say))
+        printer = EventPrinter(live, say)
+        live.subscribers.append(printer)
     page = _page(live, chosen.airframe, host, port) if view else None
     until = math.inf if seconds is None else time.monotonic() + seconds
     try:
         live.start()
         if page is not None:
             page.announce(browser=browser)
-        _show(live, until)
+        _show(live, until, printer, page=page is not None)
     finally:
         if fetcher is not None:
             fetcher.close()
@@ -164,7 +167,13 @@ def _page(live: LiveMonitor, airframe: Airframe, host: str, port: int) -> LiveVi
     from thrustmargin.gcs_plugin.live.console import status_lines
     from thrustmargin.gcs_plugin.view.live_view import LiveView
 
-    page = LiveView(airframe, host=host, port=port, status=lambda: status_lines(live.status()))
+    page = LiveView(
+        airframe,
+        host=host,
+        port=port,
+        status=lambda: status_lines(live.status(), page=True),
+        clock=live.now_us,
+    )
     try:
         page.start()
     except BaseException:
@@ -174,15 +183,16 @@ def _page(live: LiveMonitor, airframe: Airframe, host: str, port: int) -> LiveVi
     return page
 
 
-def _show(live: LiveMonitor, until: float) -> None:
+def _show(live: LiveMonitor, until: float, printer: EventPrinter | None, *, page: bool) -> None:
     from thrustmargin.gcs_plugin.live.console import Screen
 
     console = Terminal()
-    if not console.is_terminal:
+    if printer is not None:
         while time.monotonic() < until and not live.finished:
             time.sleep(0.1)
+            printer.look(page=page)
         return
-    shown = Screen(live)
+    shown = Screen(live, page=page)
     with Live(shown, console=console, auto_refresh=False, transient=True) as display:
         while time.monotonic() < until and not live.finished:
             display.refresh()

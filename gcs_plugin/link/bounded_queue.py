@@ -11,10 +11,12 @@ T = TypeVar("T")
 
 
 class BoundedQueue(Generic[T]):
-    """At most `limit` items; when full the newest are dropped and counted, never waited for."""
+    """At most `limit` items; never waited for. When full, the newest are dropped and counted, or
+    with `keep_newest` the oldest."""
 
-    def __init__(self, limit: int) -> None:
+    def __init__(self, limit: int, *, keep_newest: bool = False) -> None:
         self.limit = limit
+        self._keep_newest = keep_newest
         self.dropped = 0
         self.most = 0  # the longest that the queue has been
         self._items: deque[T] = deque()
@@ -26,11 +28,13 @@ class BoundedQueue(Generic[T]):
         if not items:
             return
         with self._ready:
-            room = self.limit - len(self._items)
-            if len(items) > room:
-                self.dropped += len(items) - room
-                items = items[:room]
+            excess = max(len(self._items) + len(items) - self.limit, 0)
+            self.dropped += excess
+            if excess and not self._keep_newest:
+                items = items[:-excess]
             self._items.extend(items)
+            while len(self._items) > self.limit:
+                self._items.popleft()
             self.most = max(self.most, len(self._items))
             self._ready.notify()
 
@@ -42,6 +46,11 @@ class BoundedQueue(Generic[T]):
             items = list(self._items)
             self._items.clear()
         return items
+
+    def first(self) -> T | None:
+        """What waits longest; None when nothing does."""
+        with self._ready:
+            return self._items[0] if self._items else None
 
     def __len__(self) -> int:
         return len(self._items)

@@ -4,6 +4,10 @@ Bytes are passed on before anything is decided about them, unchanged: each datag
 byte stream in whole frames with whatever lies between. What a ground station behind `forwards`
 sends goes back to the vehicle's links, equally unchanged. Of its own accord a listener sends
 nothing.
+
+What came when is known here and nowhere else: `heard_us` of each vehicle, and `looked_us`, up to
+which nothing can lie unread in a socket. Silence is the one less the other, however late this
+computer is with what it does with the bytes.
 """
 
 from __future__ import annotations
@@ -43,6 +47,7 @@ class Link:
         self.counts = FrameCounts()
         self.refused = 0  # whole frames that the filter did not let in
         self.finished = False
+        self.looked_us = 0  # when its transport was last found empty; 0 before the first look
         self._splitters: dict[Address | None, FrameSplitter] = {}
 
     def frames(self, chunk: Chunk, stamp_us: int) -> tuple[list[Frame], bytes]:
@@ -80,6 +85,8 @@ class Listener:
         self._threads: list[threading.Thread] = []
         self._homes: dict[int, tuple[Link, Address | None]] = {}
         self.failure: BaseException | None = None
+        #: System id -> ground's clock when a frame of it last came from a link to vehicles.
+        self.heard_us: dict[int, int] = {}
         self.links: list[Link] = []
         self.forwards: list[Link] = []
         try:
@@ -118,6 +125,11 @@ class Listener:
         """The clock that stamps arrivals: Unix µs, never jumping."""
         return self._clock.now_us()
 
+    def looked_us(self) -> int:
+        """Ground's clock up to which all that came is known, on every link still open."""
+        looked = [link.looked_us for link in self.links if not link.finished]
+        return min(looked, default=self.now_us())
+
     def send(self, data: bytes, *, system: int | None = None, forwards: bool = False) -> None:
         """Send bytes of our own: to where `system` was last heard, or to every link.
 
@@ -142,14 +154,18 @@ class Listener:
                 except EOFError:
                     link.finished = True
                     return
+                stamp_us = self._clock.now_us()
                 if chunks:
-                    self._take(link, chunks, others, learn=not back)
+                    self._take(link, chunks, stamp_us, others, learn=not back)
+                if link.transport.emptied:
+                    link.looked_us = stamp_us
         except Exception as error:
             if not self._stop.is_set():
                 self.failure = error
 
-    def _take(self, link: Link, chunks: list[Chunk], others: list[Link], learn: bool) -> None:
-        stamp_us = self._clock.now_us()
+    def _take(
+        self, link: Link, chunks: list[Chunk], stamp_us: int, others: list[Link], learn: bool
+    ) -> None:
         frames: list[Frame] = []
         for chunk in chunks:
             found, passed = link.frames(chunk, chunk.stamp_us or stamp_us)
@@ -163,5 +179,7 @@ class Listener:
             let_in = [f for f in frames if self._accept(f.data, link.number)]
             link.refused += len(frames) - len(let_in)
             frames = let_in
+        if learn:
+            self.heard_us.update((frame.system, frame.stamp_us) for frame in frames)
         if frames:
             self._on_frames(frames)

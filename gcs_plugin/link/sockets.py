@@ -11,7 +11,7 @@ from thrustmargin.gcs_plugin.link.transport import Address, Chunk, Transport
 
 #: Asked of the kernel for UDP; it may grant less (net.core.rmem_max on Linux).
 RECEIVE_BUFFER = 8 << 20
-LARGEST_DATAGRAM = 65_535
+LARGEST_DATAGRAM, LARGEST_READ = 65_535, 65_536  # bytes; of UDP, of TCP
 AT_ONCE = 512  # datagrams taken before they are handed on
 REMEMBERED = 60.0  # s that a UDP peer is answered after it was last heard
 _SO_RXQ_OVFL = 40  # Linux: the kernel's count of datagrams dropped for want of buffer
@@ -72,6 +72,7 @@ class Udp(Transport):
         for chunk in chunks:
             if chunk.peer is not None:
                 self._heard[chunk.peer] = now
+        self.emptied = len(chunks) < AT_ONCE
         return chunks
 
     def _one(self) -> Chunk:
@@ -116,11 +117,12 @@ class _TcpStream(Transport):
             return []
         try:
             stream.settimeout(timeout)
-            data = stream.recv(1 << 16)
+            data = stream.recv(LARGEST_READ)
         except TimeoutError:
             return []
         except OSError:
             data = b""
+        self.emptied = len(data) < LARGEST_READ
         if data:
             return [Chunk(data)]
         self._drop()

@@ -91,9 +91,9 @@ class Transport(Protocol):
 
     datagrams: bool = False  # each chunk begins with a new frame
     live: bool = True  # bytes come as they happen, not out of a recording
-    kernel_drops: int = (
-        0  # datagrams lost before they could be received, where the system counts them
-    )
+    emptied: bool = True  # the last `receive` took all that was there
+    #: Datagrams lost before they could be received, where the system counts them.
+    kernel_drops: int = 0
 
     @property
     def ready(self) -> bool:

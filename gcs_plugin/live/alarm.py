@@ -43,7 +43,8 @@ class AlarmEvent:
 
     raised: bool
     alarm: Alarm
-    time_s: float
+    time_s: float  # vehicle's clock, of the link the ground's
+    unix_s: float = float("nan")  # ground's clock when the report came; NaN where nobody listens
 
 
 @dataclass(frozen=True, slots=True)

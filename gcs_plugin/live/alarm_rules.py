@@ -73,10 +73,10 @@ class RowNow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkNow:
-    """s since anything, and (R,) since each rotor's speed, was heard (NaN: never was)."""
+    """What the link gives; silence is judged by when bytes came, not by when they were used."""
 
-    silent: float
-    rotors_silent: Floats
+    silent: float  # s since anything was heard
+    rotors_behind: Floats  # (R,) s of each rotor's speed before the last message; NaN: never was
     flying: bool  # when last heard
     from_outputs: bool = False  # its rotor speeds are made from motor outputs
 
@@ -225,7 +225,7 @@ def telemetry(s: AlarmSettings, now: LinkNow) -> Iterator[Judged]:
 def rotor_speeds(s: AlarmSettings, now: LinkNow) -> Iterator[Judged]:
     # Counted until the last message of any kind, or a lost link would look like lost ESCs; a
     # part of the time as hold, for rotor speeds are not the first to be heard on its return.
-    behind, limit = now.rotors_silent - now.silent, s.silence - ROTORS_HOLD
+    behind, limit = now.rotors_behind, s.silence - ROTORS_HOLD
     missing = np.flatnonzero(behind > limit)
     several = "s" if missing.size > 1 else ""
     text = f"No speed of rotor{several} {', '.join(str(k + 1) for k in missing)}: ESC?"

@@ -103,21 +103,22 @@ class Alarms:
         self,
         now_s: float,
         silent: float,
-        rotors_silent: Floats,
+        rotors_behind: Floats,
         *,
         flying: bool = True,
         from_outputs: bool = False,
     ) -> list[AlarmEvent]:
-        """Judge the link: s since anything, and (R,) since each rotor's speed, was heard.
+        """Judge the link: s since anything was heard, and (R,) by which each rotor's speed is older
+        than the last message that was analysed.
 
-        Times are the ground's clock. `rotors_silent` is NaN for a vehicle that has never reported a
+        Times are the ground's clock. `rotors_behind` is NaN for a vehicle that has never reported a
         rotor speed. `flying` when last heard: a vehicle that is switched off after a landing is
         worth a notice, and one whose motors rest owes no rotor speeds. `from_outputs`: they are
         made from motor outputs.
         """
         events: list[AlarmEvent] = []
         link = LinkNow(
-            silent=silent, rotors_silent=rotors_silent, flying=flying, from_outputs=from_outputs
+            silent=silent, rotors_behind=rotors_behind, flying=flying, from_outputs=from_outputs
         )
         self._judge(events, OF_THE_LINK, now_s, link)
         return events

@@ -8,6 +8,7 @@ Where there is no terminal, `EventPrinter` prints a line whenever something happ
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -17,7 +18,7 @@ from thrustmargin.gcs_plugin.live.alarm import CRITICAL, NOTICE, WARNING, Alarm,
 from thrustmargin.gcs_plugin.live.fleet import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorStatus
 from thrustmargin.gcs_plugin.live.vehicle_monitor import Update, VehicleMonitor
-from thrustmargin.gcs_plugin.wording.numbers import NOT_RECORDING
+from thrustmargin.gcs_plugin.wording.numbers import BEHIND, NOT_RECORDING, behind_words
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.utilisation_error import INTERVAL
 
@@ -52,16 +53,16 @@ LEGEND = (
 class Screen:
     """The terminal's view of a monitor, as wide as the terminal is when it is printed."""
 
-    def __init__(self, monitor: LiveMonitor) -> None:
-        self._monitor = monitor
+    def __init__(self, monitor: LiveMonitor, *, page: bool = False) -> None:
+        self._monitor, self._page = monitor, page
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         del console
-        yield screen(self._monitor, options.max_width)
+        yield screen(self._monitor, options.max_width, page=self._page)
 
 
-def screen(monitor: LiveMonitor, width: int = WIDE) -> RenderableType:
-    """What to show now, in `width` characters."""
+def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> RenderableType:
+    """What to show now, in `width` characters; `page`: the 3D page is shown too."""
     from rich.box import HEAVY_HEAD, SIMPLE_HEAD
     from rich.console import Group
     from rich.table import Table
@@ -101,8 +102,8 @@ def screen(monitor: LiveMonitor, width: int = WIDE) -> RenderableType:
     else:
         remarks.append(Text(LEGEND, style="dim"))
     parts: list[RenderableType] = [*lines, table, *remarks]
-    for line in status_lines(monitor.status()):
-        loud = line.startswith(NOT_RECORDING)
+    for line in status_lines(monitor.status(), page=page):
+        loud = line.startswith((NOT_RECORDING, BEHIND))
         parts.append(Text(line, style="bold white on red" if loud else "dim"))
     return Group(*parts)
 
@@ -178,8 +179,8 @@ def _any(values: np.ndarray) -> bool:
     return bool(np.any(np.isfinite(values[-10:])))
 
 
-def status_lines(status: MonitorStatus) -> list[str]:
-    """The link and the recording in words."""
+def status_lines(status: MonitorStatus, *, page: bool = False) -> list[str]:
+    """The link and the recording in words; `page`: the 3D page is shown."""
     lost = [
         f"{count} {words}"
         for count, words in (
@@ -187,11 +188,12 @@ def status_lines(status: MonitorStatus) -> list[str]:
             (status.bytes_skipped, "bytes skipped"),
             (status.refused, "refused by signing"),
             (status.kernel_drops, "dropped by the system"),
-            (status.compute_drops, "not computed: the computer is too slow"),
+            (status.compute_drops, "not analysed: this computer is too slow"),
         )
         if count
     ]
-    lines = [f"{status.frames} messages" + (f" ({', '.join(lost)})" if lost else "")]
+    lines = [behind_words(status.behind_s, page=page)] if status.behind_s else []
+    lines.append(f"{status.frames} messages" + (f" ({', '.join(lost)})" if lost else ""))
     recorder = status.recorder
     if recorder is not None:
         if recorder.trouble:
@@ -228,34 +230,52 @@ def seconds(time_s: float) -> str:
 
 
 class EventPrinter(Subscriber):
-    """A subscriber that prints what happens, a line each: for output into a file or a log."""
+    """A subscriber that prints what happens, a line each: for output into a file or a log.
+
+    Lines begin with the local time; an alarm's is when the report came that raised or cleared it.
+    """
 
     def __init__(self, monitor: LiveMonitor, say: Callable[[str], None]) -> None:
         self._monitor = monitor
-        self._say = say
+        self._print = say
         self._heard: set[int] = set()
         self._problems: dict[int, str] = {}
         self._claims: dict[int, AirframeClaim] = {}
         self._trouble = ""
+        self._behind = False
+
+    def _say(self, words: str, unix_s: float) -> None:
+        known = unix_s if math.isfinite(unix_s) else self._monitor.now_us() * 1e-6
+        self._print(f"{time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(known))} {words}")
 
     def on_event(self, vehicle: int, event: AlarmEvent) -> None:
-        self._say(f"vehicle {vehicle}: {'' if event.raised else 'over: '}{event.alarm.text}")
+        words = f"vehicle {vehicle}: {'' if event.raised else 'over: '}{event.alarm.text}"
+        self._say(words, event.unix_s)
 
-    def on_round(self, fleet: Fleet, now_us: int) -> None:  # noqa: ARG002
+    def on_round(self, fleet: Fleet, now_us: int) -> None:
+        now_s = now_us * 1e-6
         for number, watch in fleet.vehicles.items():
             if number not in self._heard:
                 self._heard.add(number)
-                self._say(f"vehicle {number}: heard")
+                self._say(f"vehicle {number}: heard", now_s)
             if watch.problem != self._problems.get(number, ""):
                 self._problems[number] = watch.problem
-                self._say(f"vehicle {number}: {watch.problem or 'watched again'}")
+                self._say(f"vehicle {number}: {watch.problem or 'watched again'}", now_s)
             claim = watch.claim
             if watch.last is not None and claim is not self._claims.get(number):
                 self._claims[number] = claim
                 helps = f"; {claim.remedy}" if claim.withheld else ""
-                self._say(f"vehicle {number}: {claim.described}{helps}")
+                self._say(f"vehicle {number}: {claim.described}{helps}", now_s)
         recorder = self._monitor.recorder
         trouble = "" if recorder is None else recorder.status().trouble
         if trouble != self._trouble:
             self._trouble = trouble
-            self._say(f"{NOT_RECORDING}: {trouble}" if trouble else "recording again")
+            self._say(f"{NOT_RECORDING}: {trouble}" if trouble else "recording again", now_s)
+
+    def look(self, *, page: bool = False) -> None:
+        """Whether the analysis is late; from another thread, for it may be stuck."""
+        behind_s = self._monitor.status().behind_s
+        if (behind_s > 0.0) != self._behind:
+            self._behind = behind_s > 0.0
+            words = behind_words(behind_s, page=page) if behind_s else "no longer behind"
+            self._say(words, self._monitor.now_us() * 1e-6)

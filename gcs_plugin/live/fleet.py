@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
 
 from thrustmargin.gcs_plugin.live.alarm import AlarmEvent
 from thrustmargin.gcs_plugin.live.vehicle_monitor import Update, VehicleMonitor, WatchSettings
@@ -19,10 +20,20 @@ STATIONS = (0, 255)  # system ids that are never vehicles
 
 
 class Fleet:
-    """Every vehicle that is heard. `vehicles` are those that have shown themselves as such."""
+    """Every vehicle that is heard. `vehicles` are those that have shown themselves as such.
 
-    def __init__(self, model: RotorModel, settings: WatchSettings | None = None) -> None:
-        self._model = model
+    `heard_us` is the listener's: system id -> ground's clock when it was last heard, which may be
+    ahead of the frames that were taken.
+    """
+
+    def __init__(
+        self,
+        model: RotorModel,
+        settings: WatchSettings | None = None,
+        *,
+        heard_us: Mapping[int, int] = MappingProxyType({}),
+    ) -> None:
+        self._model, self._heard_us = model, heard_us
         self._settings = WatchSettings() if settings is None else settings
         self._stations: set[int] = set(STATIONS)
         self._watches: dict[int, VehicleMonitor] = {}
@@ -53,13 +64,19 @@ class Fleet:
             if watch is None:
                 if self._settings.vehicle not in (None, frame.system):
                     continue
-                watch = VehicleMonitor(frame.system, self._model, self._settings)
+                watch = VehicleMonitor(
+                    frame.system, self._model, self._settings, heard_us=self._heard_us
+                )
                 self._watches[frame.system] = watch
             watch.take(frame)
 
+    def waiting(self) -> Iterator[VehicleMonitor]:
+        """Each watch that may have rows; more frames may be taken before the next is asked for."""
+        return (watch for watch in list(self._watches.values()) if watch.waiting)
+
     def updates(self) -> list[Update]:
         """The new rows of every vehicle."""
-        return [u for w in self._watches.values() if w.waiting for u in w.updates()]
+        return [update for watch in self.waiting() for update in watch.updates()]
 
     def finish(self) -> list[Update]:
         """What is still to be said of the last rows when no more will come."""

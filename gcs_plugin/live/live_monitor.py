@@ -5,7 +5,11 @@
     compute thread   frames -> state -> samples -> analysis -> alarms -> subscribers
 Subscribers are called on the compute thread with every Update (new rows of one vehicle) and every
 alarm event; they must be quick. What does not fit into a queue is dropped and counted, never
-waited for.
+waited for: by the compute thread the oldest, so that screens show the newest that it can.
+
+When the compute thread is late, `MonitorStatus.behind_s` says by how much. Rows of a vehicle are
+analysed in order all the same, all that wait in one go, and alarms come in that order with the time
+at which their report came. Silence is judged by what came, and between any two vehicles.
 """
 
 from __future__ import annotations
@@ -13,9 +17,11 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Self
+
+import numpy as np
 
 from thrustmargin.gcs_plugin.link.bounded_queue import BoundedQueue
 from thrustmargin.gcs_plugin.link.listener import Listener
@@ -25,6 +31,7 @@ from thrustmargin.gcs_plugin.live.recorded_table import sample_batch
 from thrustmargin.gcs_plugin.live.recorder import Recorder, RecorderStatus
 from thrustmargin.gcs_plugin.live.vehicle_monitor import GONE, Update, WatchSettings
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
+from thrustmargin.gcs_plugin.wording.numbers import behind_words
 from thrustmargin.models.model.rotor_model import RotorModel
 
 #: s between two rounds of the compute thread: at least, and at most when rounds take long.
@@ -32,6 +39,8 @@ SHORTEST, LONGEST = 0.02, 1.0
 #: Share of the time that rounds may take before they are made rarer (and larger).
 DUTY = 0.25
 QUEUE = 200_000  # frames that may wait for the compute thread
+LATE = 0.25  # s of a round after which frames that have come meanwhile are taken into it
+BEHIND = 2.0  # s by which the newest figures may be late before that is said
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,6 +66,7 @@ class MonitorStatus:
     kernel_drops: int
     compute_drops: int
     round_s: float  # how long the last round of computing took
+    behind_s: float  # s since what waits to be analysed came; 0 when that is not worth a word
     recorder: RecorderStatus | None
 
 
@@ -82,15 +92,16 @@ class LiveMonitor:
         if isinstance(settings, str):
             settings = MonitorSettings(urls=(settings,))
         self.settings = settings
-        self.fleet = Fleet(model, settings.watch)
         self.subscribers = list(subscribers)
         #: Called on the link threads with every batch of frames; must be quick.
         self.taps: list[Callable[[list[Frame]], None]] = []
-        self._queue: BoundedQueue[Frame] = BoundedQueue(QUEUE)
+        self._queue: BoundedQueue[Frame] = BoundedQueue(QUEUE, keep_newest=True)
         self.recorder: Recorder | None = None
         self._stop = threading.Event()
         self._round_s = 0.0
         self._newest_us = 0
+        self._taken_us: int | None = None  # when the oldest frame of the running round came
+        self._was_behind = False
         self._gone: set[int] = set()
         self._known: set[int] = set()
         self.failure: BaseException | None = None
@@ -99,6 +110,10 @@ class LiveMonitor:
             forwards=settings.forwards,
             on_frames=self._on_frames,
             accept=accept,
+        )
+        # Of a recording all may have been read before any is analysed.
+        self.fleet = Fleet(
+            model, settings.watch, heard_us=self.listener.heard_us if self.live else {}
         )
         if settings.record is not None:
             try:
@@ -165,6 +180,7 @@ class LiveMonitor:
             kernel_drops=sum(link.transport.kernel_drops for link in links),
             compute_drops=self._queue.dropped,
             round_s=self._round_s,
+            behind_s=self._behind_s(),
             recorder=None if self.recorder is None else self.recorder.status(),
         )
 
@@ -176,6 +192,15 @@ class LiveMonitor:
     def now_us(self) -> int:
         """The ground's clock: live, the computer's; for recordings, that of the last frame."""
         return self.listener.now_us() if self.live else self._newest_us
+
+    def _behind_s(self) -> float:
+        if not self.live:
+            return 0.0
+        first = self._queue.first()
+        waiting = [first.stamp_us] if first is not None else []
+        waiting += [us for us in (self._taken_us, self.listener.looked_us()) if us]
+        behind = (self.now_us() - min(waiting)) * 1e-6 if waiting else 0.0
+        return behind if behind > BEHIND else 0.0
 
     def _on_frames(self, frames: list[Frame]) -> None:
         # A recording waits until there is room; a radio does not.
@@ -205,23 +230,56 @@ class LiveMonitor:
             self.failure = error
 
     def _round(self, frames: list[Frame]) -> None:
-        for piece in _pieces(frames) if not self.live else [frames]:
-            if not self.live and piece:
-                # Silence before these frames is over once they are taken.
-                self._tick(piece[0].stamp_us)
-                self._newest_us = max(self._newest_us, piece[-1].stamp_us)
-            self.fleet.take(piece)
-            for update in self.fleet.updates():
-                self._publish(update)
-            self._tick(self.now_us())
-            self._come_and_go(self.now_us())
+        if self.live:
+            self._live_round(frames)
+        else:
+            for piece in _pieces(frames):
+                if piece:
+                    # Silence before these frames is over once they are taken.
+                    self._tick(piece[0].stamp_us)
+                    self._newest_us = max(self._newest_us, piece[-1].stamp_us)
+                self._analyse(piece)
+                self._tick(self.now_us())
+                self._come_and_go(self.now_us())
         now_us = self.now_us()
         for subscriber in self.subscribers:
             subscriber.on_round(self.fleet, now_us)
 
+    def _live_round(self, frames: list[Frame]) -> None:
+        self._taken_us = frames[0].stamp_us if frames else None
+        self._note_behind()
+        until = time.monotonic() + LATE
+        self.fleet.take(frames)
+        for watch in self.fleet.waiting():
+            for update in watch.updates():
+                self._publish(update)
+            if time.monotonic() > until:
+                until = time.monotonic() + LATE
+                self._note_behind()
+                self.fleet.take(self._queue.take(0.0))
+                self._listen()
+        self._listen()
+        self._come_and_go(self.now_us())
+        self._taken_us = None
+
+    def _analyse(self, frames: list[Frame]) -> None:
+        self.fleet.take(frames)
+        for update in self.fleet.updates():
+            self._publish(update)
+
+    def _listen(self) -> None:
+        """Judge the links by what came, as far as it is known what came."""
+        self._tick(min(self.now_us(), self.listener.looked_us()))
+
+    def _note_behind(self) -> None:
+        behind = self._behind_s()
+        if (behind > 0.0) != self._was_behind:
+            self._was_behind = behind > 0.0
+            self._note(None, "note", behind_words(behind) if behind else "no longer behind")
+
     def _tick(self, now_us: int) -> None:
         for vehicle, event in self.fleet.tick(now_us):
-            self._event(vehicle, event)
+            self._event(vehicle, event, now_us)
 
     def _publish(self, update: Update) -> None:
         if self.recorder is not None:
@@ -233,11 +291,13 @@ class LiveMonitor:
                 sample_batch(update, slice(update.settled, None)),
             )
         for event in update.events:
-            self._event(update.vehicle, event)
+            row = int(np.searchsorted(update.clock_s, event.time_s))
+            self._event(update.vehicle, event, int(update.stamp_us[row]))
         for subscriber in self.subscribers:
             subscriber.on_update(update)
 
-    def _event(self, vehicle: int, event: AlarmEvent) -> None:
+    def _event(self, vehicle: int, event: AlarmEvent, stamp_us: int) -> None:
+        event = replace(event, unix_s=stamp_us * 1e-6)
         self._note(
             vehicle,
             "raised" if event.raised else "cleared",
@@ -246,6 +306,7 @@ class LiveMonitor:
             rotor=event.alarm.rotor,
             severity=event.alarm.severity,
             time_s=event.time_s,
+            unix_s=event.unix_s,
         )
         for subscriber in self.subscribers:
             subscriber.on_event(vehicle, event)
@@ -266,7 +327,7 @@ class LiveMonitor:
                 self._gone.discard(number)
                 self._note(number, "returned", f"vehicle {number} heard again")
 
-    def _note(self, vehicle: int, kind: str, text: str, **more: object) -> None:
+    def _note(self, vehicle: int | None, kind: str, text: str, **more: object) -> None:
         if self.recorder is not None:
             self.recorder.event(
                 {

@@ -6,7 +6,9 @@ given, so that a recording gives live what it gives from its file.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -93,10 +95,21 @@ class WatchSettings(Options):
 
 
 class VehicleMonitor:
-    """One system id. Call `take` with its frames, `updates` for its rows, `tick` often."""
+    """One system id. Call `take` with its frames, `updates` for its rows, `tick` often.
 
-    def __init__(self, system: int, model: RotorModel, settings: WatchSettings) -> None:
+    `heard_us` says by system id when it was heard last, taken or not.
+    """
+
+    def __init__(
+        self,
+        system: int,
+        model: RotorModel,
+        settings: WatchSettings,
+        *,
+        heard_us: Mapping[int, int] = MappingProxyType({}),
+    ) -> None:
         self.system = system
+        self._heard_us = heard_us
         self.alarms = Alarms(settings.alarms)
         self.senders: dict[int, SenderWatch] = {}
         self.shared_until_us = 0
@@ -301,30 +314,37 @@ class VehicleMonitor:
         }
 
     def tick(self, now_us: int) -> list[AlarmEvent]:
-        """Judge the link at a time of the ground's clock."""
+        """Judge the link at a time of the ground's clock up to which all that came is known."""
         if not self.seen:
             return []
-        rotors_silent = np.where(self._rotor_us > 0, (now_us - self._rotor_us) * 1e-6, np.nan)
+        # Frames that came and were not taken yet may hold the rotor speeds.
+        behind = (self.state.stamp_us - self._rotor_us) * 1e-6
         return self.alarms.heard(
             now_us * 1e-6,
             self.silent(now_us),
-            rotors_silent,
+            np.where(self._rotor_us > 0, behind, np.nan),
             flying=self.flying,
             from_outputs=self._inferred.outputs.in_use,
         )
 
     def silent(self, now_us: int) -> float:
-        """s since anything was heard of it, at a time of the ground's clock."""
-        return (now_us - self.state.stamp_us) * 1e-6
+        """s since anything was heard of it, at a time of the ground's clock, taken or not."""
+        return max(now_us - self._last_us, 0) * 1e-6
+
+    @property
+    def _last_us(self) -> int:
+        return max(self.state.stamp_us, self._heard_us.get(self.system, 0))
 
     def stale(self, now_us: int) -> str:
         """Which fields are no longer reported and since when, in words; empty when none is.
 
-        Nothing is said of the single fields while the vehicle as a whole is silent.
+        Nothing is said of the single fields while the vehicle as a whole is silent. While frames
+        wait to be taken, they may hold what is missed: judged as of the last that was taken.
         """
         if self.shared or self.silent(now_us) > self.alarms.settings.silence:
             return ""
-        return stale_words(self.telemetry.stale(now_us))
+        waits = self._last_us > self.state.stamp_us
+        return stale_words(self.telemetry.stale(self.state.stamp_us if waits else now_us))
 
     @property
     def flying(self) -> bool:

@@ -9,13 +9,14 @@ from __future__ import annotations
 import threading
 import time
 from collections import defaultdict, deque
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from thrustmargin.gcs_plugin.live.alarm import worst_first
 from thrustmargin.gcs_plugin.live.fleet import Fleet
-from thrustmargin.gcs_plugin.live.vehicle_monitor import Update
+from thrustmargin.gcs_plugin.live.vehicle_monitor import Update, VehicleMonitor
 from thrustmargin.gcs_plugin.view.live_html import Standing
 from thrustmargin.gcs_plugin.view.overlays import Overlay, overlays_of
 from thrustmargin.gcs_plugin.view.shown_row import ShownRow
@@ -28,10 +29,14 @@ class Heard:
     """Aircraft by number. `update` and `round` are for the compute thread, the rest for drawing.
 
     `wake` is set when there is something new to draw; `overlays` are those of the last rows.
+    `clock` is the ground's, µs: figures age by it while the compute thread is busy; without it they
+    are as old as at the last `round`.
     """
 
-    def __init__(self, wake: threading.Event) -> None:
+    def __init__(self, wake: threading.Event, clock: Callable[[], int] | None = None) -> None:
         self.wake = wake
+        self._clock = clock
+        self._watches: dict[int, VehicleMonitor] = {}
         self.overlays: tuple[Overlay, ...] = ()
         #: For the trails, rows in flight: (N,) time s, (N, 3) position NED m, (N, K) of overlays.
         self.rows: dict[int, deque[tuple[Floats, Floats, Floats]]] = defaultdict(deque)
@@ -41,7 +46,15 @@ class Heard:
     @property
     def standing(self) -> list[Standing]:
         """All that have rows, in the order in which they were first heard."""
-        return list(self._standing.values())
+        standing = list(self._standing.values())
+        return standing if self._clock is None else [self._aged(s, self._clock()) for s in standing]
+
+    def _aged(self, one: Standing, now_us: int) -> Standing:
+        watch = self._watches.get(one.number)
+        if watch is None or one.update is None:
+            return one
+        age = max(now_us - int(one.update.stamp_us[-1]), 0) * 1e-6
+        return replace(one, age=age, silent=watch.silent(now_us))
 
     def update(self, update: Update) -> None:
         """New rows of one aircraft."""
@@ -71,9 +84,9 @@ class Heard:
             before = self._standing.get(number)
             if before is None or before.update is None:
                 continue
+            self._watches[number] = watch
             now = replace(
-                before,
-                age=(now_us - int(before.update.stamp_us[-1])) * 1e-6,
+                self._aged(before, now_us),
                 alarms=tuple(worst_first(list(watch.alarms.standing.values()))),
                 problem=watch.problem,
                 gone=watch.left(now_us),

@@ -12,7 +12,7 @@ from thrustmargin.gcs_plugin.live.alarm import CRITICAL, WARNING, Alarm
 from thrustmargin.gcs_plugin.live.outlook import Outlook
 from thrustmargin.gcs_plugin.view.gauges import percent
 from thrustmargin.gcs_plugin.wording import palette as colours
-from thrustmargin.gcs_plugin.wording.numbers import NOT_RECORDING
+from thrustmargin.gcs_plugin.wording.numbers import BEHIND, NOT_RECORDING
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.vehicle_monitor import Update
@@ -37,6 +37,7 @@ class Standing:
     tank_kg: float = math.nan
     flying: bool = False
     age: float = 0.0  # s of the newest row
+    silent: float = 0.0  # s since anything was heard of it, analysed or not
     problem: str = ""  # why there is no margin
     gone: bool = False  # left for good: nothing of it is shown
     stale: str = ""  # fields that are no longer reported, in words
@@ -45,6 +46,13 @@ class Standing:
     @property
     def old(self) -> bool:
         return self.age > OLD
+
+    @property
+    def age_words(self) -> str:
+        """Whether the vehicle is silent, or only its figures are late."""
+        return ("no data for {:.0f} s" if self.silent > OLD else "figures {:.0f} s old").format(
+            self.age
+        )
 
     @property
     def words(self) -> tuple[tuple[Alarm, ...], str, bool]:
@@ -73,9 +81,7 @@ def alarms_html(number: int, fleet: Sequence[Standing]) -> str:
             words = one.problem if one.number == number else f"Vehicle {one.number}: {one.problem}"
             lines.append(f'<div data-problem style="background:{RED}">{escape(words)}</div>')
         if one.number == number and one.old:
-            lines.append(
-                f'<div data-age style="background:{GREY}">no data for {one.age:.0f} s</div>'
-            )
+            lines.append(f'<div data-age style="background:{GREY}">{one.age_words}</div>')
     style = "color:#fff;font:700 21px/1.15 system-ui;margin:4px 8px"
     return f'<div style="{style}">{"".join(lines)}</div>' if lines else ""
 
@@ -99,7 +105,7 @@ def _bar(one: Standing) -> str:
     if one.problem:
         big, small = "no margin", ""
     elif one.old:
-        big, small = f"no data {one.age:.0f} s", ""
+        big, small = one.age_words.replace("for ", "").removeprefix("figures "), ""
     elif not one.flying:
         big, small = "on ground", kilograms(one.tank_kg)
     else:
@@ -158,7 +164,7 @@ def status_html(lines: Sequence[str]) -> str:
     """Lines about link and recording; what is lost for good stands out."""
     loud = f'style="background:{RED};color:#fff;font:700 21px system-ui;padding:3px 8px"'
     body = "".join(
-        f"<div {loud if line.startswith(NOT_RECORDING) else ''}>{escape(line)}</div>"
+        f"<div {loud if line.startswith((NOT_RECORDING, BEHIND)) else ''}>{escape(line)}</div>"
         for line in lines
     )
     return (

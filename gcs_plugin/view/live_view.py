@@ -68,8 +68,8 @@ class Aircraft:
 class LiveView(ViewPage, Subscriber):
     """The view of every vehicle that a monitor hears; `start` opens it, `stop` ends it.
 
-    `status` gives lines about link and recording. Raises LinkError from `start` when the port is
-    taken.
+    `status` gives lines about link and recording, `clock` the ground's time, µs. Raises LinkError
+    from `start` when the port is taken.
     """
 
     def __init__(
@@ -79,11 +79,12 @@ class LiveView(ViewPage, Subscriber):
         host: str = LOOPBACK,
         port: int = 8080,
         status: Callable[[], list[str]] = list,
+        clock: Callable[[], int] | None = None,
     ) -> None:
         super().__init__("view", host=host, port=port, every=0.25)
         self._airframe = airframe
         self._status = status
-        self._heard = Heard(self.wake)
+        self._heard = Heard(self.wake, clock)
         self._origin: Origin | None = None
         self._shown = 0  # number of the overlay
         self._focus: int | None = None

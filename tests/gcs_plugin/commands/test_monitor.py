@@ -166,7 +166,7 @@ def test_streamed_over_udp_the_page_and_the_announcements_say_what_the_file_says
         assert abs(row - figure.time_boot_ms) <= 1
         assert figure.value == pytest.approx(100 * expected.margin[at[row]].min(), rel=1e-6)
     texts = {m.text for m in ours if m.get_type() == "STATUSTEXT"}
-    assert texts <= {line.removeprefix("vehicle 1: ") for line in told.splitlines()} | {
+    assert texts <= {line[20:].removeprefix("vehicle 1: ") for line in told.splitlines()} | {
         text for text in texts if text.startswith("Over: ")
     }
 
@@ -253,14 +253,14 @@ def test_on_a_full_disk_the_monitor_goes_on_and_says_so_and_records_again_when_t
         said = []
         for line in lines:
             said.append(line.strip())
-            if said[-1].startswith("NOT RECORDING"):
+            if "NOT RECORDING" in said[-1]:
                 break
-        assert said[-1] == "NOT RECORDING: No space left on device"
+        assert said[-1].endswith("NOT RECORDING: No space left on device")
         time.sleep(3.0)
         ballast.unlink()
         for line in lines:
             said.append(line.strip())
-            if said[-1] == "recording again":
+            if said[-1].endswith("recording again"):
                 break
         assert stream.wait(timeout=60) == 0
         monitor.send_signal(signal.SIGINT)

@@ -249,12 +249,18 @@ def test_a_set_wall_clock_does_not_move_the_stamps(monkeypatch):
     assert 0 <= clock.now_us() - before < 1_000_000
 
 
-def test_a_full_queue_drops_the_newest_and_counts_them():
+def test_a_full_queue_drops_the_newest_or_the_oldest_and_counts_them():
     box: BoundedQueue[int] = BoundedQueue(5)
     box.put([1, 2, 3])
     box.put([4, 5, 6, 7])
     assert box.take(0.0) == [1, 2, 3, 4, 5]
     assert (box.dropped, box.most) == (2, 5)
+    newest: BoundedQueue[int] = BoundedQueue(5, keep_newest=True)
+    newest.put([1, 2, 3])
+    newest.put([4, 5, 6, 7])
+    assert newest.first() == 3
+    assert (newest.take(0.0), newest.dropped) == ([3, 4, 5, 6, 7], 2)
+    assert newest.first() is None
     box.close()
     assert box.take(10.0) == []
     assert box.finished

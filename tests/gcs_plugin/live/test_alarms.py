@@ -199,7 +199,7 @@ def test_lost_telemetry_is_reported_and_taken_back():
     events = [
         event
         for now, silent in enumerate(silences)
-        for event in alarms.heard(now, silent, np.full(4, silent))
+        for event in alarms.heard(now, silent, np.full(4, 0.0))
     ]
     # Rotor speeds are not missed while nothing at all is heard.
     assert [(e.time_s, e.raised, e.alarm.name, e.alarm.severity) for e in events] == [
@@ -209,7 +209,7 @@ def test_lost_telemetry_is_reported_and_taken_back():
 
 
 def test_a_vehicle_switched_off_after_landing_is_a_notice():
-    (event,) = Alarms().heard(9.0, 8.0, np.full(4, 8.0), flying=False)
+    (event,) = Alarms().heard(9.0, 8.0, np.full(4, 0.0), flying=False)
     assert (event.alarm.name, event.alarm.severity) == ("telemetry", NOTICE)
     assert "on the ground" in event.alarm.text
 
@@ -237,7 +237,7 @@ def test_a_lost_link_is_not_taken_for_lost_escs_neither_when_it_goes_nor_when_it
         # Rotor speeds come last: 0.2 s before everything else ends, 0.5 s after it is back.
         silent = 0.1 if now < 5 or now > 35 else now - 4.9
         rotors = 0.1 if now < 4.8 or now > 35.5 else now - 4.7
-        names += [e.alarm.name for e in alarms.heard(now, silent, np.full(4, rotors))]
+        names += [e.alarm.name for e in alarms.heard(now, silent, np.full(4, rotors - silent))]
     assert names == ["telemetry", "telemetry"]
 
 

@@ -2,6 +2,7 @@
 
 import io
 import math
+import time
 from dataclasses import replace
 
 import pytest
@@ -96,17 +97,21 @@ def test_a_vehicle_silent_on_the_ground_leaves_and_one_silent_in_flight_never_do
     assert watch.left(vehicle.stamp_us + 61 * SECOND)
 
 
-def test_without_a_terminal_every_event_is_a_line(monitor):
+def test_without_a_terminal_every_event_is_a_line_with_its_time(monitor):
     said: list[str] = []
     printer = EventPrinter(monitor, said.append)
     fleet, vehicle = flown(rpm=2300)
     for event in fleet.vehicles[3].last.events:  # type: ignore[union-attr]
         printer.on_event(3, event)
-    printer.on_event(3, AlarmEvent(True, Alarm("margin", None, 4, "Thrust margin 39%", 0.0), 0.0))
+    alarm = Alarm("margin", None, 4, "Thrust margin 39%", 0.0)
+    printer.on_event(3, AlarmEvent(True, alarm, 0.0, unix_s=1e9))
     printer.on_round(fleet, vehicle.stamp_us)
     printer.on_round(fleet, vehicle.stamp_us)
     claim = "vehicle 3: airframe topxgun-f16-sitl, given"
-    assert said == ["vehicle 3: Thrust margin 39%", "vehicle 3: heard", claim]
+    times, words = zip(*((line[:19], line[20:]) for line in said), strict=True)
+    assert list(words) == ["vehicle 3: Thrust margin 39%", "vehicle 3: heard", claim]
+    local = [time.mktime(time.strptime(stamp, "%Y-%m-%d %H:%M:%S")) for stamp in times]
+    assert local == [1e9, int(vehicle.stamp_us * 1e-6), int(vehicle.stamp_us * 1e-6)]
 
 
 def test_unknown_numbers_are_dashes():

@@ -44,7 +44,12 @@ class Live:
     def __init__(self) -> None:
         settings = MonitorSettings(urls=("udpin:127.0.0.1:0",))
         self.monitor = LiveMonitor(physics_model(AIRFRAME), settings)
-        self.view = LiveView(AIRFRAME, port=0, status=lambda: status_lines(self.monitor.status()))
+        self.view = LiveView(
+            AIRFRAME,
+            port=0,
+            status=lambda: status_lines(self.monitor.status()),
+            clock=self.monitor.now_us,
+        )
         self.view.start()
         self.monitor.subscribers.append(self.view)
         self.monitor.start()
@@ -243,7 +248,7 @@ def test_many_alarms_leave_room_for_the_numbers_and_the_gravest_are_kept():
 
 def test_each_aircraft_has_a_bar_with_its_margin_unless_that_is_old():
     one = Standing(number=1, margin=0.534, tank_kg=9.0, flying=True)
-    two = Standing(number=2, margin=0.1, flying=True, age=7.0)
+    two = Standing(number=2, margin=0.1, flying=True, age=7.0, silent=7.0)
     three = Standing(number=3, margin=1.0, tank_kg=4.0)
     assert fleet_html([one]) == ""
     html = fleet_html([one, two, three])
@@ -252,6 +257,9 @@ def test_each_aircraft_has_a_bar_with_its_margin_unless_that_is_old():
     assert "9.0 kg" in bars[0]
     assert "no data 7 s" in bars[1]
     assert "10 %" not in bars[1]
+    late = fleet_html([one, replace(two, silent=0.1)])
+    assert "7 s old" in words_of(late)
+    assert "no data" not in words_of(late)
     # Rotors at rest have all their thrust left, which says nothing.
     assert "on ground" in bars[2]
     assert "100 %" not in bars[2]
