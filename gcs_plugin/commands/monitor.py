@@ -164,14 +164,14 @@ def monitor(
 
 
 def _page(live: LiveMonitor, airframe: Airframe, host: str, port: int) -> LiveView:
-    from thrustmargin.gcs_plugin.live.console import status_lines
+    from thrustmargin.gcs_plugin.live.console import rowless_lines, status_lines
     from thrustmargin.gcs_plugin.view.live_view import LiveView
 
     page = LiveView(
         airframe,
         host=host,
         port=port,
-        status=lambda: status_lines(live.status(), page=True),
+        status=lambda: [*status_lines(live.status(), page=True), *rowless_lines(live.fleet)],
         clock=live.now_us,
     )
     try:

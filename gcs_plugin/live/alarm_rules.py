@@ -3,6 +3,7 @@
 | alarm | raised when | for | cleared when | for |
 |---|---|---|---|---|
 | `margin` | worst rotor's measured thrust margin < limit | 3 s | > limit + 0.03 | 3 s |
+| `predicted margin` | predicted, where no speed is known, < limit | 3 s | above, or one is | 3 s |
 | `margin ahead` | predicted margin on the rest of the route < limit | 3 s | > limit + 0.03 | 3 s |
 | `esc` | the ESC reports a failure of its own (ESC_INFO) | - | it reports none | 3 s |
 | `rotor` | one rotor makes less thrust (likelihood ratio, RotorFaults) | - | it is sound | - |
@@ -101,6 +102,18 @@ def margin(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:
     yield _low(
         s, "Thrust margin", worst, f": rotor {rotor}", error=error, clears=bool(np.all(known))
     )
+
+
+def predicted_margin(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:
+    analysis, row = now.analysis, now.row
+    if analysis.any_measured[row]:
+        yield Judged(False, True, WARNING, "")
+        return
+    use = analysis.utilisation_predicted[row]
+    rotor = int(np.argmax(np.where(np.isfinite(use), use, -np.inf))) + 1
+    least = 1.0 - float(use[rotor - 1])
+    error = INTERVAL * float(np.nan_to_num(analysis.utilisation_error[row, rotor - 1]))
+    yield _low(s, "Predicted margin", least, f": rotor {rotor}", error=error)
 
 
 def margin_ahead(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:
@@ -249,11 +262,20 @@ OF_SETTLED_ROWS = (
     # On the ground nothing of the flight stands, but for a rotor that was found bad.
     AlarmRule("rotor", 0.0, 0.0, rotor_thrust, on_ground="kept"),
     AlarmRule("motor", 0.0, 0.0, motor_speed, on_ground="kept"),
+    AlarmRule("predicted margin", 3.0, 3.0, predicted_margin),
     AlarmRule("envelope", 5.0, 5.0, envelope),
     AlarmRule("tank", 5.0, 10.0, tank),
 )
 #: Those that rest on the airframe: they are over once no margin is claimed.
-OF_THE_AIRFRAME = ("margin", "margin ahead", "rotor", "motor", "envelope", "tank")
+OF_THE_AIRFRAME = (
+    "margin",
+    "predicted margin",
+    "margin ahead",
+    "rotor",
+    "motor",
+    "envelope",
+    "tank",
+)
 OF_THE_LINK = (
     AlarmRule("telemetry", 0.0, 1.0, telemetry),
     AlarmRule("rotor speeds", ROTORS_HOLD, 1.0, rotor_speeds),

@@ -45,8 +45,8 @@ COLUMNS = {
 WRAPPED = (3, 6, 7)  # of the headings, those of several words; cells are shorter
 WIDE = 110  # characters
 LEGEND = (
-    "margin: worst rotor, ± where not measured · one rotor lost: thrust that can be held over "
-    "weight, yaw uncontrolled · ~ old, the last that was known"
+    "margin: worst rotor, ± where not measured, ≈ predicted · one rotor lost: thrust that can be "
+    "held over weight, yaw uncontrolled · ~ old, the last that was known"
 )
 
 
@@ -109,7 +109,10 @@ def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> Re
 
 
 def vehicle_cells(watch: VehicleMonitor, now_us: int, limit: float) -> list[str]:
-    """One row of the table; rich markup only from here, never from what a vehicle sent."""
+    """One row of the table, each dash with its reason in `problem` or the update's `remarks`.
+
+    Rich markup only from here, never from what a vehicle sent.
+    """
     update = watch.last
     silent = watch.silent(now_us)
     if update is None:
@@ -129,7 +132,6 @@ def numbers(update: Update, limit: float, *, old: bool = False) -> list[str]:
     Old numbers get no colour: green would say that all is well now.
     """
     analysis, outlook = update.analysis, update.outlook
-    margin = analysis.margin[-1]
     predicted = float(np.min(analysis.margin_predicted[-1]))
     free = float(analysis.redundancy_yaw_uncontrolled[-1])
     tank = float(analysis.track.tank_kg[-1])
@@ -138,7 +140,14 @@ def numbers(update: Update, limit: float, *, old: bool = False) -> list[str]:
     return [
         "NO VERDICT"
         if analysis.withheld
-        else _margin_cell(margin, error, limit, flying=bool(analysis.track.flying[-1]), old=old),
+        else _margin_cell(
+            1.0 - analysis.known_utilisation[-1],
+            error,
+            limit,
+            flying=bool(analysis.track.flying[-1]),
+            predicted=not analysis.any_measured[-1],
+            old=old,
+        ),
         percent(predicted),
         f"{free:.2f} x" if math.isfinite(free) else "-",
         f"≈ {kilograms(tank)}" if inferred else kilograms(tank),
@@ -152,11 +161,18 @@ def numbers(update: Update, limit: float, *, old: bool = False) -> list[str]:
 
 
 def _margin_cell(
-    margin: np.ndarray, error: np.ndarray, limit: float, *, flying: bool, old: bool
+    margin: np.ndarray,
+    error: np.ndarray,
+    limit: float,
+    *,
+    flying: bool,
+    predicted: bool,
+    old: bool,
 ) -> str:
     """Worst rotor's margin and number; how many rotors are unknown; nothing for rotors at rest.
 
-    An inferred margin has half of its 90 % interval, and is green or red where all of that is.
+    An inferred margin has half of its 90 % interval, and is green or red where all of that is; one
+    that is `predicted`, without any rotor's speed, is never green.
     """
     if not flying:
         return "on ground"
@@ -168,9 +184,9 @@ def _margin_cell(
     rotor = int(np.nanargmin(margin))
     reach = float(error[rotor])
     within = f" ±{100 * reach:.0f}" if reach > 0.0 else ""
-    words = f"{percent(worst)}{within} r{rotor + 1}"
+    words = f"{'≈ ' if predicted else ''}{percent(worst)}{within} r{rotor + 1}"
     words += f", {unknown} unknown" if unknown else ""
-    near = unknown or worst - reach < limit
+    near = unknown or predicted or worst - reach < limit
     colour = "bold red" if worst + reach < limit else "yellow" if near else "green"
     return words if old else f"[{colour}]{words}[/]"
 
@@ -208,6 +224,15 @@ def status_lines(status: MonitorStatus, *, page: bool = False) -> list[str]:
                 + (f", {recorder.frames_lost} lost earlier" if recorder.frames_lost else "")
             )
     return lines
+
+
+def rowless_lines(fleet: Fleet) -> list[str]:
+    """Why vehicles that are heard have nothing to show."""
+    return [
+        f"vehicle {n}: {w.problem}"
+        for n, w in fleet.vehicles.items()
+        if w.problem and w.last is None
+    ]
 
 
 def percent(share: float) -> str:

@@ -20,6 +20,7 @@ from thrustmargin.gcs_plugin.live.alarm import Alarm, AlarmEvent, AlarmSettings
 from thrustmargin.gcs_plugin.live.alarms import Alarms
 from thrustmargin.gcs_plugin.live.outlook import LookAhead, Outlook
 from thrustmargin.gcs_plugin.live.tank_balance import virtual_gauge
+from thrustmargin.gcs_plugin.live.unknown_figures import ASKS, unknown_figures, unknown_lines
 from thrustmargin.gcs_plugin.live.vehicle_state import VehicleState, fold_mission
 from thrustmargin.gcs_plugin.live.vehicle_telemetry import LiveRows, VehicleTelemetry, stale_words
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
@@ -38,6 +39,9 @@ SHOWN = 10
 CARRIED = ("clock_s", "stamp_us", "pumped_kg", "delivered_kg", "margin_ahead")
 #: s for which two vehicles with one id stay suspended after they were last seen to take turns.
 SHARED_HOLD = 10.0
+#: s after which a vehicle without any row says so, and its words.
+ROWLESS = 5.0
+NO_ROWS = "heard, but neither rotor speeds, motor outputs, attitude nor position with its clock"
 #: s of silence after which a vehicle has left.
 GONE = 60.0
 
@@ -79,9 +83,10 @@ class Update:
         claim = self.analysis.claim
         helps = (claim.remedy,) if claim.withheld else ()
         speeds = self.analysis.track.sources.get("rotor_speed_rpm", "")
-        inferred = (f"rotor speeds {speeds}",) if FROM_OUTPUTS in speeds else ()
-        tank = f"tank by {self.tank_source or 'no source: level unknown'}"
-        return (claim.described, *helps, tank, *inferred, *self.notes)
+        inferred = (f"no ESC telemetry: rotor speeds {speeds}",) if FROM_OUTPUTS in speeds else ()
+        tank = (f"tank by {self.tank_source}",) if self.tank_source else ()
+        unknown = unknown_lines(unknown_figures(self))
+        return (claim.described, *helps, *unknown, *tank, *inferred, *self.notes)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,6 +121,7 @@ class VehicleMonitor:
         self.notes: list[str] = []  # what happened since they were last taken
         self.last: Update | None = None
         self.rows = 0
+        self._first_us = 0  # ground's clock when it was first heard
         options = replace(settings, airframe=model.airframe, sampling="hold")
         self.telemetry = VehicleTelemetry(system, options)
         self._model = model
@@ -145,6 +151,8 @@ class VehicleMonitor:
                 f"two vehicles send as system {self.system}: nothing is computed; "
                 "give each its own id (SYSID_THISMAV)"
             )
+        if self.rows == 0 and self.state.stamp_us - self._first_us > ROWLESS * 1e6:
+            return self.telemetry.problem or f"{NO_ROWS}; {ASKS}"
         return self.telemetry.problem
 
     @property
@@ -181,6 +189,7 @@ class VehicleMonitor:
             self.shared_until_us = frame.stamp_us + int(SHARED_HOLD * 1e6)
         if verdict is not Verdict.NEW:
             return
+        self._first_us = self._first_us or frame.stamp_us
         if frame.stamp_us < self.shared_until_us:
             # A mix of two aircraft must not pass for one: heard, but not used.
             self.telemetry.state = replace(self.state, stamp_us=frame.stamp_us)

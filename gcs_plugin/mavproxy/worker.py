@@ -44,7 +44,7 @@ class Reading:
     vehicle: int
     stamp: float = NAN  # time.monotonic() of the newest row
     flying: bool = False
-    margin: float = NAN  # of the worst rotor whose speed was measured, or made from outputs
+    margin: float = NAN  # of the worst rotor, by measured speeds, motor outputs or prediction
     error: float = 0.0  # half of that margin's 90 % interval
     basis: str = ""  # what stands in for a measured speed, in words
     rotor: int = 0  # that rotor, from 1
@@ -59,6 +59,7 @@ class Reading:
     problem: str = ""
     withheld: str = ""  # why no margin is claimed, and what helps
     airframe: str = ""  # on what ground it is one of the airframe
+    unknown: tuple[str, ...] = ()  # what is not known, why, and what helps
 
 
 class MarginWorker:
@@ -190,20 +191,22 @@ def _heard_s(update: Update) -> float:
 
 def reading(update: Update, stamp: float) -> Reading:
     """The newest row of an update, which was reported at `stamp` (time.monotonic())."""
+    from thrustmargin.gcs_plugin.live.unknown_figures import unknown_figures, unknown_lines
     from thrustmargin.models.model.analysis import MEASURED, worst_rotor
     from thrustmargin.models.model.utilisation_error import INTERVAL
 
     analysis, outlook = update.analysis, update.outlook
     claim = analysis.claim
-    measured, rotor = (float(a[0]) for a in worst_rotor(analysis.utilisation[-1:]))
+    known, rotor = (float(a[0]) for a in worst_rotor(analysis.known_utilisation[-1:]))
+    basis = analysis.words_of_speed if analysis.any_measured[-1] else "predicted"
     predicted, _ = worst_rotor(analysis.utilisation_predicted[-1:])
     errors = analysis.utilisation_error[-1]
     return Reading(
         vehicle=update.vehicle,
         stamp=stamp,
         flying=bool(analysis.track.flying[-1]),
-        margin=1.0 - measured,
-        basis="" if (basis := analysis.words_of_speed) == MEASURED else basis,
+        margin=1.0 - known,
+        basis="" if basis == MEASURED else basis,
         error=0.0 if math.isnan(rotor) else INTERVAL * float(errors[int(rotor)]),
         rotor=int(rotor) + 1 if math.isfinite(rotor) else 0,
         margin_predicted=1.0 - float(predicted[0]),
@@ -215,6 +218,7 @@ def reading(update: Update, stamp: float) -> Reading:
         margin_ahead=outlook.margin_ahead,
         withheld=f"{claim.described}; {claim.remedy}" if claim.withheld else "",
         airframe="" if claim.withheld else claim.words,
+        unknown=tuple(unknown_lines(unknown_figures(update))),
     )
 
 
@@ -252,7 +256,7 @@ def summary(now: Reading, max_utilisation: float, age: float) -> list[str]:
         f"{number(now.seconds_to_empty, '.0f')} s of spraying, margin when refilled "
         f"{share(now.margin_full)}",
     ]
-    lines += [f"  {now.airframe}"] if now.airframe else []
+    lines += [f"  {words}" for words in (now.airframe, *now.unknown) if words]
     if math.isfinite(now.margin_ahead):
         lines.append(f"  least margin on the rest of the route {share(now.margin_ahead)}")
     return lines + [f"  ALARM {text}" for text in now.alarms]
@@ -269,13 +273,14 @@ def fields(now: Reading | None, max_utilisation: float, age: float) -> dict[str,
             "OneOut": ("OneOut --", "grey"),
             "Tank": (f"Tank {number(now.tank_kg, '.1f')} kg", "black"),
         }
+    predicted = now.basis == "predicted"
     low, near = (now.margin + e < 1.0 - max_utilisation for e in (now.error, -now.error))
     out = now.redundancy < 1.0
     rotor = f" R{now.rotor}" if now.rotor else ""
     return {
         "Margin": (
-            f"Margin {share(now.margin)}{rotor}",
-            "red" if low else "orange" if near else "green",
+            f"Margin {'≈ ' if predicted else ''}{share(now.margin)}{rotor}",
+            "red" if low else "orange" if near or predicted else "green",
         ),
         "OneOut": (f"OneOut {number(now.redundancy, '.2f')}", "orange" if out else "green"),
         "Tank": (f"Tank {number(now.tank_kg, '.1f')} kg", "black"),
