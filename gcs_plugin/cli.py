@@ -25,6 +25,7 @@ COMMANDS = (
     "airframe",
     "demo",
     "fetch",
+    "fill",
     "identify",
     "inspect",
     "match",

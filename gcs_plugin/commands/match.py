@@ -64,6 +64,7 @@ def match(
         )
     for note in notes(matching):
         console.print(note)
+    console.print(_advice(matching), soft_wrap=True)
     points, drawn = _network(matching, model)
     console.print(drawn)
     for path in write_figure(figure10(matching, points), out):
@@ -120,6 +121,24 @@ def notes(matching: Matching) -> list[str]:
         "carries the aircraft, with nothing kept back for gusts or turns; its fill is with yaw "
         "uncontrolled.",
     ]
+
+
+def _advice(matching: Matching) -> str:
+    """The largest fill in hover at the battery's nominal voltage, in words."""
+    from thrustmargin.gcs_plugin.wording.fill_words import fill_advice
+    from thrustmargin.models.model.fill_limits import largest_fills
+    from thrustmargin.models.model.rotor_model import physics_model
+
+    craft = matching.airframe
+    fills = largest_fills(
+        physics_model(craft), craft.reference_density, craft.nominal_voltage, airspeed=0.0
+    )
+    ends = (float(end[0]) for end in fills.interval)
+    said = fill_advice(float(fills.largest[0]), *ends, fills.reason[0], limit=0.5)
+    return (
+        f"At {craft.nominal_voltage:g} V in that air: {said}. For the day's air, battery and wind: "
+        "thrustmargin fill"
+    )
 
 
 def _fill(fill: float, capacity: float) -> str:

@@ -24,8 +24,8 @@ import numpy as np
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.airframe_checks import (
+    OPTIONAL_QUANTITIES,
     QUANTITIES,
-    ROTOR_QUANTITIES,
     table_problems,
     with_rotors,
     wrong_kinds,
@@ -88,6 +88,12 @@ class Airframe:
     def arm(self) -> float:
         """Longest level distance of a rotor from the centre, m."""
         return float(np.max(np.hypot(*self.rotor_position_frd[:, :2].T), initial=0.0))
+
+    @property
+    def max_takeoff_mass(self) -> float:
+        """The maker's largest mass in flight, kg; inf where the file has none."""
+        stated = self.quantities.get("max_takeoff_mass")
+        return float("inf") if stated is None else stated.value
 
     @property
     def guessed(self) -> tuple[str, ...]:
@@ -216,7 +222,7 @@ def airframe_from_table(table: dict[str, Any], where: str) -> Airframe:
             str(given[name]["source"]),
             given[name].get("guessed", False),
         )
-        for name, unit in (QUANTITIES | ROTOR_QUANTITIES).items()
+        for name, unit in (QUANTITIES | OPTIONAL_QUANTITIES).items()
         if name in given
     }
     return Airframe(

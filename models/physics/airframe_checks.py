@@ -37,9 +37,12 @@ QUANTITIES = MappingProxyType(
         "motor_poles": "1",
     }
 )
-#: Quantities from which [[rotors]] are made where a file has none: how far the farthest rotor is
-#: from the centre, and what a lower coaxial rotor makes of the thrust of a free one.
-ROTOR_QUANTITIES = MappingProxyType({"arm": "m", "lower_rotor_effectiveness": "1"})
+#: What a file may lack. From the first two [[rotors]] are made where it has none: how far the
+#: farthest rotor is from the centre, and what a lower coaxial rotor makes of the thrust of a free
+#: one. The third is the maker's largest mass in flight.
+OPTIONAL_QUANTITIES = MappingProxyType(
+    {"arm": "m", "lower_rotor_effectiveness": "1", "max_takeoff_mass": "kg"}
+)
 #: Quantities for which zero has a meaning: a ceiling that voltage does not move, no tank, no pump.
 MAY_BE_ZERO = frozenset({"ceiling_voltage_exponent", "tank_volume_l", "pump_max_flow_l_min"})
 #: C_T = a 3600/(rho D^4) of propellers: UIUC's and the makers' tables lie between 0.02 and 0.2.
@@ -78,10 +81,10 @@ def table_problems(table: dict[str, Any]) -> list[str]:
     problems = _unknown(table, _KEYS, "key")
     problems += [f"{key} must be text" for key in ("title", "layout") if not _is_text(table, key)]
     given = table.get("quantities", {})
-    for name, unit in (QUANTITIES | ROTOR_QUANTITIES).items():
+    for name, unit in (QUANTITIES | OPTIONAL_QUANTITIES).items():
         if name in given or name in QUANTITIES:
             problems += _quantity_problems(name, unit, given.get(name))
-    problems += _unknown(given, (*QUANTITIES, *ROTOR_QUANTITIES), "quantity")
+    problems += _unknown(given, (*QUANTITIES, *OPTIONAL_QUANTITIES), "quantity")
     rotors = _rotors_problems(table)
     return [*problems, *rotors] or _impossible(table)
 
@@ -173,8 +176,13 @@ def _impossible(table: dict[str, Any]) -> list[str]:
             f"thrust_coefficient {slope:g} N/rpm^2 and propeller_diameter {diameter:g} m make a "
             f"C_T of {coefficient:.3g}; a propeller has {low:g} to {high:g}: check both units"
         )
+    largest, empty = _value(table, "max_takeoff_mass"), _value(table, "empty_mass")
+    if largest < empty:
+        problems.append(
+            f"max_takeoff_mass {largest:g} kg is below empty_mass {empty:g} kg: check both"
+        )
     share = sum(rotor.get("effectiveness", 1.0) for rotor in table["rotors"])
-    lift, weight = share * slope * top**2, _value(table, "empty_mass") * _GRAVITY
+    lift, weight = share * slope * top**2, empty * _GRAVITY
     if lift <= weight:
         problems.append(
             f"all rotors at max_rotor_speed_rpm make {lift:.4g} N, which does not lift the empty "

@@ -21,7 +21,7 @@ from types import MappingProxyType
 from typing import Any
 
 from thrustmargin.models.physics.airframe import Airframe, Quantity, airframe_table
-from thrustmargin.models.physics.airframe_checks import QUANTITIES, ROTOR_QUANTITIES
+from thrustmargin.models.physics.airframe_checks import OPTIONAL_QUANTITIES, QUANTITIES
 
 GRAVITY = 9.80665  # m/s^2
 INCH = 0.0254  # m
@@ -61,7 +61,7 @@ def power_sets() -> MappingProxyType[str, PowerSet]:
 
 def guess(name: str, value: float, source: str) -> Quantity:
     """A quantity that nobody stated."""
-    return Quantity(value, (QUANTITIES | ROTOR_QUANTITIES)[name], f"guessed: {source}", True)
+    return Quantity(value, (QUANTITIES | OPTIONAL_QUANTITIES)[name], f"guessed: {source}", True)
 
 
 def lower_effectiveness() -> Quantity:
@@ -128,7 +128,7 @@ def completed(given: Mapping[str, Quantity], rotors: int) -> dict[str, Quantity]
         f"momentum theory in hover with a full tank, figure of merit {_FIGURE_OF_MERIT}",
     )
     fill("motor_poles", 28.0, "usual for motors of this class")
-    return {name: q[name] for name in (*QUANTITIES, *ROTOR_QUANTITIES) if name in q}
+    return {name: q[name] for name in (*QUANTITIES, *OPTIONAL_QUANTITIES) if name in q}
 
 
 def airframe_toml(airframe: Airframe, heading: str = "") -> str:

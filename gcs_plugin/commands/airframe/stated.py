@@ -20,6 +20,7 @@ OTHER = "other"
 #: option -> quantity, unit of the file, and what the stated number is multiplied by.
 _NUMBERS = {
     "mass": ("empty_mass", "kg", 1.0),
+    "max_takeoff_kg": ("max_takeoff_mass", "kg", 1.0),
     "arm": ("arm", "m", 1.0),
     "wheelbase": ("arm", "m", 0.5),
     "max_thrust_kgf": ("nameplate_max_thrust", "N", 9.80665),
@@ -41,6 +42,8 @@ class OwnerStatement:
     """What the aircraft is, in a line."""
     mass: float | None = None
     """kg, ready to fly with its battery and without liquid."""
+    max_takeoff_kg: float | None = None
+    """kg, the maker's largest mass in flight, liquid included; no fill is recommended beyond it."""
     arm: float | None = None
     """m from the centre to a motor."""
     wheelbase: float | None = None

@@ -35,16 +35,18 @@ def page_text(
     *,
     functions: Mapping[str, Callable[..., Any]],
     own_style: bool = False,
+    draws: bool = True,
 ) -> str:
     """The page.html of `package` in the shell, its figures drawn when they come into view.
 
     `context` and `functions` are what the template may name; with `own_style` the package's
-    page.css follows that of all pages.
+    page.css follows that of all pages. A page that draws nothing holds no script.
     """
-    from plotly.offline import get_plotlyjs
+    library = draw = ""
+    if draws:
+        from plotly.offline import get_plotlyjs
 
-    library = get_plotlyjs().replace("\r\n", "\n")
-    draw = _text(_SHELL, "draw.js")
+        library, draw = get_plotlyjs().replace("\r\n", "\n"), _text(_SHELL, "draw.js")
     style = _text(_SHELL, "page.css") + (_text(package, "page.css") if own_style else "")
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(

@@ -1,0 +1,198 @@
+"""The largest fill over temperature, altitude and battery: numbers of page, JSON and console."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.reports.shared.page_shell import page_text, software_version
+from thrustmargin.gcs_plugin.wording.fill_words import amount, fill_advice
+from thrustmargin.gcs_plugin.wording.numbers import number, percent
+from thrustmargin.models.model.fill_limits import Fills, largest_fills
+from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.physics.atmosphere import air_density, isa_pressure
+
+ZERO_CELSIUS = 273.15  # K
+#: V a cell of a lithium polymer battery, over its nominal 3.7: charged, half, and to be landed at.
+BATTERY_STATES = {"charged": 4.1 / 3.7, "nominal": 1.0, "nearly empty": 3.5 / 3.7}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Day:
+    """The conditions of a recommendation."""
+
+    temperature_c: float  # of the air
+    altitude: float  # m AMSL of the field
+    voltage: float  # V of the battery under load
+    airspeed: float  # m/s into the wind
+
+    @property
+    def words(self) -> str:
+        return (
+            f"{number(self.temperature_c, '°C', 0)}, {number(self.altitude, 'm', 0)} above the "
+            f"sea, battery at {number(self.voltage, 'V')}, {number(self.airspeed, 'm/s')} through "
+            "the air"
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FillTable:
+    """One recommendation, and the largest fill about it."""
+
+    model: RotorModel
+    day: Day
+    limit: float  # share of a rotor's maximum thrust that may be in use
+    rotor_lost: bool
+    temperatures_c: tuple[float, ...]
+    altitudes: tuple[float, ...]  # m AMSL
+    voltages: dict[str, float]  # V by the state of the battery
+    recommended: Fills  # of one condition
+    around: Fills  # of all, state by state, in each altitude by altitude
+
+    @property
+    def advice(self) -> str:
+        """The recommendation, its reason and its interval, as one sentence."""
+        fills = self.recommended
+        return fill_advice(*_at(fills, 0), fills.reason[0], limit=self.limit)
+
+    def rows(self, state: str) -> list[tuple[str, list[str]]]:
+        """For each altitude its name and the largest fills over the temperatures, for people."""
+        made = []
+        for row, altitude in enumerate(self.altitudes):
+            first = (list(self.voltages).index(state) * len(self.altitudes) + row) * len(
+                self.temperatures_c
+            )
+            cells = range(first, first + len(self.temperatures_c))
+            made.append((number(altitude, "m", 0), [self._cell(k) for k in cells]))
+        return made
+
+    def _cell(self, k: int) -> str:
+        fill, _, _ = _at(self.around, k)
+        if fill <= 0.0:
+            return "none"
+        full = self.around.reason[k] == "tank"
+        return ("full, " if full else "") + amount(fill, np.nan, np.nan)
+
+
+def fill_table(
+    model: RotorModel,
+    day: Day,
+    *,
+    limit: float,
+    rotor_lost: bool,
+    temperatures_c: Sequence[float],
+    altitudes: Sequence[float],
+) -> FillTable:
+    """The recommendation for a day, and the table of temperatures, altitudes and battery states."""
+    nominal = model.airframe.nominal_voltage
+    voltages = {state: share * nominal for state, share in BATTERY_STATES.items()}
+    grid = np.array(
+        [(v, h, t) for v in voltages.values() for h in altitudes for t in temperatures_c]
+    )
+
+    def fills(volts: np.ndarray, height: np.ndarray, celsius: np.ndarray) -> Fills:
+        return largest_fills(
+            model,
+            air_density(isa_pressure(height), celsius + ZERO_CELSIUS),
+            volts,
+            airspeed=day.airspeed,
+            max_utilisation=limit,
+            rotor_lost=rotor_lost,
+        )
+
+    one = (np.array([x]) for x in (day.voltage, day.altitude, day.temperature_c))
+    return FillTable(
+        model=model,
+        day=day,
+        limit=limit,
+        rotor_lost=rotor_lost,
+        temperatures_c=tuple(temperatures_c),
+        altitudes=tuple(altitudes),
+        voltages=voltages,
+        recommended=fills(*one),
+        around=fills(*grid.T),
+    )
+
+
+def _at(fills: Fills, k: int) -> tuple[float, float, float]:
+    low, high = fills.interval
+    return float(fills.largest[k]), float(low[k]), float(high[k])
+
+
+def temperatures(table: FillTable) -> list[str]:
+    """The heads of the table."""
+    return [number(celsius, "°C", 0) for celsius in table.temperatures_c]
+
+
+def conditions(table: FillTable) -> list[str]:
+    """What the recommendation holds for, a sentence each."""
+    airframe = table.model.airframe
+    _, low, high = _at(table.recommended, 0)
+    said = [
+        f"For {table.day.words}.",
+        f"Limit: {percent(table.limit)} of a rotor's maximum thrust in steady flight"
+        + (", and the loss of one rotor, yaw uncontrolled." if table.rotor_lost else "."),
+        "Turns, climbs and gusts take more; nothing is kept back for the moment of a failure.",
+        f"Model: {table.model.description}.",
+    ]
+    if table.recommended.reason[0] == "utilisation" and high - low < 1e-6:
+        said.append("No interval: the model was not trained in such air, load or speed.")
+    if not np.isfinite(airframe.max_takeoff_mass):
+        said.append("The airframe file has no max_takeoff_mass: the maker's limit is not in this.")
+    if airframe.guessed:
+        said.append(f"Guessed in the airframe file: {', '.join(airframe.guessed)}.")
+    return said
+
+
+def json_text(table: FillTable) -> str:
+    """The table as JSON; kg, and null where a fill is not known."""
+    fill, low, high = _at(table.recommended, 0)
+    shape = (len(table.voltages), len(table.altitudes), len(table.temperatures_c))
+    made: dict[str, Any] = {
+        "schema": "thrustmargin.fill/1",
+        "airframe": table.model.airframe.name,
+        "model": table.model.description,
+        "advice": table.advice,
+        "recommended": {
+            "fill_kg": _plain(fill),
+            "interval90_kg": [_plain(low), _plain(high)],
+            "reason": table.recommended.reason[0],
+            "temperature_c": table.day.temperature_c,
+            "altitude_m": table.day.altitude,
+            "voltage": table.day.voltage,
+            "airspeed": table.day.airspeed,
+        },
+        "max_utilisation": table.limit,
+        "one_rotor_lost": table.rotor_lost,
+        "table": {
+            "voltage": table.voltages,
+            "altitude_m": table.altitudes,
+            "temperature_c": table.temperatures_c,
+            "fill_kg": [
+                [[_plain(max(v, 0.0)) for v in row] for row in plane]
+                for plane in table.around.largest.reshape(shape).tolist()
+            ],
+        },
+        "conditions": conditions(table),
+        "software": software_version(),
+    }
+    return json.dumps(made, indent=1, allow_nan=False) + "\n"
+
+
+def _plain(value: float) -> float | None:
+    return round(value, 3) if np.isfinite(value) else None
+
+
+def html_text(table: FillTable) -> str:
+    """One page to print: the recommendation, what it holds for, and the table."""
+    context = {"table": table, "conditions": conditions(table), "software": software_version()}
+    return page_text(
+        "thrustmargin.gcs_plugin.reports.fill",
+        context,
+        functions={"number": number, "temperatures": temperatures},
+        draws=False,
+    )

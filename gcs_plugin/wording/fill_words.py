@@ -1,0 +1,52 @@
+"""The largest fill in words: one sentence for console, page, view and report."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from thrustmargin.gcs_plugin.wording.numbers import number, percent
+from thrustmargin.models.model.fill_limits import Reason
+
+#: reason -> why not more, and why not even empty
+_BECAUSE: Mapping[Reason, tuple[str, str]] = {
+    "utilisation": (
+        "more would take over {limit} of a rotor's maximum thrust in steady flight",
+        "steady flight takes over {limit} of a rotor's maximum thrust",
+    ),
+    "one rotor lost": (
+        "with more it could not hold its weight after losing a rotor",
+        "it cannot hold its weight after losing a rotor",
+    ),
+    "take-off mass": (
+        "more is over the maker's maximum take-off mass",
+        "it is over the maker's maximum take-off mass",
+    ),
+    "tank": ("the tank holds no more", ""),
+}
+
+
+def fill_advice(fill: float, low: float, high: float, reason: Reason, *, limit: float) -> str:
+    """`Fill at most 9.8 kg (9.1 to 10.4): with more it could not hold its weight after ...`.
+
+    `fill` and its 90 % interval in kg; `limit` the share of thrust that may be in use.
+    """
+    if not math.isfinite(fill):
+        return "No fill can be recommended: the model predicts nothing in these conditions"
+    more, empty = (words.format(limit=percent(limit)) for words in _BECAUSE[reason])
+    if reason == "tank" and fill <= 0.0:
+        return "Nothing to fill: the airframe file has no tank"
+    if fill <= 0.0:
+        return f"Do not fill: even empty {empty}"
+    return f"Fill at most {amount(fill, low, high)}: {more}"
+
+
+def amount(fill: float, low: float, high: float) -> str:
+    """`9.8 kg (9.1 to 10.4)`, rounded down; without the bracket where the interval is none."""
+    if not math.isfinite(fill):
+        return number(fill, "kg")
+    down = math.floor(max(fill, 0.0) * 10.0 + 1e-6) / 10.0
+    low, high = max(low, 0.0), max(high, 0.0)
+    if not (math.isfinite(low) and math.isfinite(high)) or high - low < 0.05:
+        return number(down, "kg")
+    return f"{number(down, 'kg')} ({number(low, '')} to {number(high, '')})"

@@ -1,0 +1,131 @@
+"""How much may be filled: the largest load of liquid that keeps each limit, in given conditions.
+
+    utilisation      u_worst(m) = limit, in steady flight at an airspeed, as predicted
+    one rotor lost   redundancy(m) = 1, yaw uncontrolled: T_held/((m_empty + m) g), margin.py
+    take-off mass    m_empty + m = the maker's largest
+    tank             m = its capacity
+
+The least of them is the largest fill. Turns, climbs and gusts take more thrust than steady flight.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.analysis import FlightAnalysis, analyse
+from thrustmargin.models.model.flown import flown_airframe
+from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.model.utilisation_error import INTERVAL
+from thrustmargin.models.physics.margin import ceiling, largest_fill
+
+Reason = Literal["utilisation", "one rotor lost", "take-off mass", "tank"]
+REASONS: tuple[Reason, ...] = ("utilisation", "one rotor lost", "take-off mass", "tank")
+#: Fills at which thrust is predicted; between two of them it goes with the load as a line does.
+STEPS = 17
+APART = 2.0  # s between them, more than any effect looks around itself
+BEFORE = AirframeClaim(words="before take-off")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fills:
+    """The largest fill in C conditions by each limit, with 90 % intervals; below 0: not even empty.
+
+    By utilisation NaN where the model predicts nothing.
+    """
+
+    by_reason: Floats  # (4, C) kg, in the order of REASONS; inf where a limit is not asked for
+    low: Floats  # (4, C) kg
+    high: Floats  # (4, C) kg
+
+    @property
+    def largest(self) -> Floats:
+        """(C,) kg that keeps all limits; NaN where one is not known."""
+        return np.min(self.by_reason, axis=0)
+
+    @property
+    def interval(self) -> tuple[Floats, Floats]:
+        """(C,) and (C,) kg: between them the largest fill lies in 90 % of cases."""
+        return np.min(self.low, axis=0), np.min(self.high, axis=0)
+
+    @property
+    def reason(self) -> tuple[Reason, ...]:
+        """C reasons: the limit that is met first."""
+        return tuple(REASONS[k] for k in np.argmin(self.by_reason, axis=0))
+
+
+def largest_fills(
+    model: RotorModel,
+    density: ArrayLike,
+    voltage: ArrayLike,
+    *,
+    airspeed: float,
+    max_utilisation: float = 0.5,
+    rotor_lost: bool = True,
+) -> Fills:
+    """The largest fill in air of `density` (C,) kg/m³ with the battery at `voltage` (C,) V.
+
+    `airspeed` is in m/s, that of flight into the wind. With `rotor_lost` a rotor may fail, the
+    aircraft turning about its yaw axis. Raises AirframeError where the model has no rotors.
+    """
+    density, voltage = np.broadcast_arrays(
+        np.asarray(density, np.float64).ravel(), np.asarray(voltage, np.float64).ravel()
+    )
+    airframe = flown_airframe(model)
+    rows = np.full((len(REASONS), 3, density.size), np.inf)
+    for k, (air, volts) in enumerate(zip(density, voltage, strict=True)):
+        rows[0, :, k] = _by_use(model, float(air), float(volts), airspeed, max_utilisation)
+    if rotor_lost:
+        fill = largest_fill(
+            airframe, ceiling(airframe, density, voltage), criterion="yaw uncontrolled"
+        )
+        error = _analysed(model, 1.0, 1.0, airspeed, np.zeros(1)).redundancy_error
+        mass = airframe.empty_mass + fill
+        rows[1] = [mass * np.exp(k * INTERVAL * error) - airframe.empty_mass for k in (0, -1, 1)]
+    rows[2] = airframe.max_takeoff_mass - airframe.empty_mass
+    rows[3] = airframe.tank_capacity_kg
+    return Fills(by_reason=rows[:, 0], low=rows[:, 1], high=rows[:, 2])
+
+
+def _analysed(
+    model: RotorModel, density: float, voltage: float, airspeed: float, fills: Floats
+) -> FlightAnalysis:
+    """F moments of steady level flight with `fills` (F,) kg in the tank."""
+    track = FlightTrack.of(
+        name="before take-off",
+        time_s=APART * np.arange(fills.size),
+        rotor_count=model.airframe.rotor_count,
+        tank_kg=fills,
+        airspeed=np.full(fills.size, airspeed),
+        voltage=np.full(fills.size, voltage),
+    )
+    return analyse(track, model, np.full(fills.size, density), claim=BEFORE)
+
+
+def _by_use(
+    model: RotorModel, density: float, voltage: float, airspeed: float, limit: float
+) -> list[float]:
+    """Three fills, kg, at which the worst rotor's predicted use is `limit`: as predicted, and at
+    both ends of its interval."""
+    top = max(2.0 * model.airframe.tank_capacity_kg, model.airframe.empty_mass)
+    fills = np.linspace(0.0, top, STEPS)
+    made = _analysed(model, density, voltage, airspeed, fills)
+    use, reach = made.utilisation_predicted, INTERVAL * made.utilisation_error
+    return [_crossing(fills, np.max(use + k * reach, axis=1), limit) for k in (0, 1, -1)]
+
+
+def _crossing(fills: Floats, use: Floats, limit: float) -> float:
+    """kg at which `use` (F,) first reaches `limit`; on from the ends by the nearest slope."""
+    known = np.isfinite(use)
+    fills, use = fills[known], use[known]
+    if fills.size < 2:
+        return float("nan")
+    above = np.flatnonzero(use >= limit)
+    k = int(np.clip(above[0] if above.size else fills.size - 1, 1, fills.size - 1))
+    slope = (use[k] - use[k - 1]) / (fills[k] - fills[k - 1])
+    return float(fills[k] + (limit - use[k]) / slope) if slope > 0.0 else float("nan")

@@ -1,0 +1,46 @@
+"""The table of fills: its cells are the fills of their own air and battery, in their own place."""
+
+import json
+
+import pytest
+
+from thrustmargin.gcs_plugin.reports.fill.fill_table import (
+    Day,
+    conditions,
+    fill_table,
+    html_text,
+    json_text,
+)
+from thrustmargin.models.model.fill_limits import largest_fills
+from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.physics.atmosphere import air_density, isa_pressure
+
+MODEL = physics_model(load_airframe("topxgun-f16"))
+DAY = Day(temperature_c=25.0, altitude=500.0, voltage=50.0, airspeed=5.0)
+
+
+@pytest.fixture(scope="module")
+def table():
+    asked = {"temperatures_c": (0.0, 40.0), "altitudes": (0.0, 1000.0, 2000.0)}
+    return fill_table(MODEL, DAY, limit=0.5, rotor_lost=True, **asked)
+
+
+def test_a_cell_is_the_fill_of_its_battery_altitude_and_temperature(table):
+    air = air_density(isa_pressure(1000.0), 273.15 + 40.0)
+    fill = largest_fills(MODEL, air, 3.5 * 14, airspeed=5.0).largest[0]
+    cells = dict(table.rows("nearly empty"))["1 000 m"]
+    assert fill > 0.0
+    assert cells[1] == f"{int(fill * 10) / 10:.1f} kg"
+    made = json.loads(json_text(table))
+    assert made["table"]["fill_kg"][2][1][1] == pytest.approx(fill, abs=1e-3)
+
+
+def test_the_page_and_the_json_say_the_same_advice_and_what_it_holds_for(table):
+    page, made = html_text(table), json.loads(json_text(table))
+    assert made["advice"] == table.advice
+    assert table.advice.split(":")[0].replace(" ", "") in page.replace("\xa0", "").replace(" ", "")
+    assert made["conditions"] == conditions(table)
+    assert any("max_takeoff_mass" in sentence for sentence in made["conditions"])
+    assert page.count("<tr>") == 3 + 9
+    assert "<script></script>" in page
