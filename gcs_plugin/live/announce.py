@@ -24,7 +24,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.link.sender import Sender
 from thrustmargin.gcs_plugin.live.alarm import NOTICE, WARNING, AlarmEvent
 from thrustmargin.gcs_plugin.live.fleet import Fleet, Subscriber
-from thrustmargin.gcs_plugin.live.vehicle_monitor import Update
+from thrustmargin.gcs_plugin.live.update import Update
 
 TEXT_EVERY, FIGURES_EVERY, REMIND_EVERY = 1.0, 1.0, 30.0  # s
 QUIET = 1.5  # s of a vehicle's silence from which nothing is said for it

@@ -17,7 +17,8 @@ import numpy as np
 from thrustmargin.gcs_plugin.live.alarm import CRITICAL, NOTICE, WARNING, Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.live.fleet import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorStatus
-from thrustmargin.gcs_plugin.live.vehicle_monitor import Update, VehicleMonitor
+from thrustmargin.gcs_plugin.live.update import Update
+from thrustmargin.gcs_plugin.live.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.wording.numbers import BEHIND, NOT_RECORDING, behind_words
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.utilisation_error import INTERVAL

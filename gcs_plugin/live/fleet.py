@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 from thrustmargin.gcs_plugin.live.alarm import AlarmEvent
-from thrustmargin.gcs_plugin.live.vehicle_monitor import Update, VehicleMonitor, WatchSettings
+from thrustmargin.gcs_plugin.live.update import Update
+from thrustmargin.gcs_plugin.live.vehicle_monitor import VehicleMonitor, WatchSettings
 from thrustmargin.gcs_plugin.live.vehicle_state import (
     GROUND_STATION,
     MISSION_MESSAGES,

@@ -29,7 +29,8 @@ from thrustmargin.gcs_plugin.live.alarm import AlarmEvent
 from thrustmargin.gcs_plugin.live.fleet import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.recorded_table import sample_batch
 from thrustmargin.gcs_plugin.live.recorder import Recorder, RecorderStatus
-from thrustmargin.gcs_plugin.live.vehicle_monitor import GONE, Update, WatchSettings
+from thrustmargin.gcs_plugin.live.update import Update
+from thrustmargin.gcs_plugin.live.vehicle_monitor import GONE, WatchSettings
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.wording.numbers import behind_words
 from thrustmargin.models.model.rotor_model import RotorModel

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.live.vehicle_monitor import Update
+from thrustmargin.gcs_plugin.live.update import Update
 from thrustmargin.models.flight import TRACK_CHANNELS
 
 if TYPE_CHECKING:

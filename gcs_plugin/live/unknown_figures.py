@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from thrustmargin.gcs_plugin.live.vehicle_monitor import Update
+from thrustmargin.gcs_plugin.live.outlook import Outlook
+from thrustmargin.models.model.analysis import FlightAnalysis
 
 ASKS = "--request-rates asks for them"
 NO_SPEEDS = f"no rotor speeds (ESC telemetry) and no motor outputs heard; {ASKS}"
@@ -24,12 +23,12 @@ NO_FLOW = "no pump output heard, and no gauge that shows the flow (20 s)"
 NO_POSITION = "no position heard"
 
 
-def unknown_figures(update: Update) -> dict[str, str]:
+def unknown_figures(analysis: FlightAnalysis, outlook: Outlook) -> dict[str, str]:
     """Figure -> why it is unknown in the newest row.
 
     Where no airframe is claimed, that has its own words; here is what recognises one.
     """
-    analysis, row = update.analysis, -1
+    row = -1
     track = analysis.track
     tank_unknown = math.isnan(track.tank_kg[row])
     speeds = bool(np.isfinite(track.rotor_speed_rpm[row]).any())
@@ -49,13 +48,13 @@ def unknown_figures(update: Update) -> dict[str, str]:
         found["tank"] = NO_LOAD
     if track.flying[row] and not measured:
         found["tank by thrust"] = NO_MEASURED
-    if math.isnan(update.outlook.seconds_to_empty):
+    if math.isnan(outlook.seconds_to_empty):
         found["time to empty"] = NO_LOAD if tank_unknown else NO_FLOW
-    if math.isnan(update.outlook.margin_ahead):
+    if math.isnan(outlook.margin_ahead):
         placed = np.isfinite(track.position_ned[row]).all()
-        without = NO_MISSION if update.outlook.route is None and placed else NO_POSITION
-        found["route ahead"] = NO_LOAD if tank_unknown and update.outlook.route else without
-    if math.isnan(update.outlook.margin_full):
+        without = NO_MISSION if outlook.route is None and placed else NO_POSITION
+        found["route ahead"] = NO_LOAD if tank_unknown and outlook.route else without
+    if math.isnan(outlook.margin_full):
         found["margin with a full tank"] = NO_AIRSPEED
     return found
 

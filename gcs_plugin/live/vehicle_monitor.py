@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.link.sequence import SenderWatch, Verdict
 from thrustmargin.gcs_plugin.live.airframe_watch import AirframeWatch
-from thrustmargin.gcs_plugin.live.alarm import Alarm, AlarmEvent, AlarmSettings
+from thrustmargin.gcs_plugin.live.alarm import AlarmEvent, AlarmSettings
 from thrustmargin.gcs_plugin.live.alarms import Alarms
-from thrustmargin.gcs_plugin.live.outlook import LookAhead, Outlook
+from thrustmargin.gcs_plugin.live.outlook import LookAhead
 from thrustmargin.gcs_plugin.live.tank_balance import virtual_gauge
-from thrustmargin.gcs_plugin.live.unknown_figures import ASKS, unknown_figures, unknown_lines
+from thrustmargin.gcs_plugin.live.unknown_figures import ASKS
+from thrustmargin.gcs_plugin.live.update import Update
 from thrustmargin.gcs_plugin.live.vehicle_state import VehicleState, fold_mission
 from thrustmargin.gcs_plugin.live.vehicle_telemetry import LiveRows, VehicleTelemetry, stale_words
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
@@ -28,7 +29,7 @@ from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.mission.plan import MissionPlan
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.airframe_claim import AirframeClaim
-from thrustmargin.models.model.analysis import FROM_OUTPUTS, FlightAnalysis, FlightState, analyse
+from thrustmargin.models.model.analysis import FlightAnalysis, FlightState, analyse
 from thrustmargin.models.model.flown import flown_airframe
 from thrustmargin.models.model.prepared import Inferred, prepared_part
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -44,49 +45,6 @@ ROWLESS = 5.0
 NO_ROWS = "heard, but neither rotor speeds, motor outputs, attitude nor position with its clock"
 #: s of silence after which a vehicle has left.
 GONE = 60.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Update:
-    """New rows of one vehicle. Arrays are (T,) as the analysis; rows before `first` were known.
-
-    What is measured is final in every row. What a model with effects predicts is final in the rows
-    before `settled`, of which those from `unsettled` on are so for the first time.
-    """
-
-    vehicle: int
-    boot: int
-    analysis: FlightAnalysis
-    first: int
-    unsettled: int
-    settled: int
-    clock_s: Floats  # vehicle's clock
-    stamp_us: NDArray[np.int64]  # ground's clock when the row's report came
-    virtual_kg: Floats  # tank by thrust
-    pumped_kg: Floats  # by the pump since it was first heard
-    delivered_kg: Floats  # of that, by the delivery factor that was known at the row
-    margin_ahead: Floats  # least predicted on the rest of the route, NaN without a mission
-    outlook: Outlook
-    alarms: tuple[Alarm, ...]  # that stand after the last row
-    events: tuple[AlarmEvent, ...]
-    tank_source: str = ""
-    notes: tuple[str, ...] = ()
-
-    def __repr__(self) -> str:
-        margins = ", ".join(f"{100.0 * m:.1f}" for m in self.analysis.margin[-1])
-        alarms = "; ".join(alarm.text for alarm in self.alarms) or "no alarm"
-        return f"Update(vehicle {self.vehicle}, margin by rotor {margins} %, {alarms})"
-
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """What the numbers rest on, for people."""
-        claim = self.analysis.claim
-        helps = (claim.remedy,) if claim.withheld else ()
-        speeds = self.analysis.track.sources.get("rotor_speed_rpm", "")
-        inferred = (f"no ESC telemetry: rotor speeds {speeds}",) if FROM_OUTPUTS in speeds else ()
-        tank = (f"tank by {self.tank_source}",) if self.tank_source else ()
-        unknown = unknown_lines(unknown_figures(self))
-        return (claim.described, *helps, *unknown, *tank, *inferred, *self.notes)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,7 +18,7 @@ from thrustmargin.gcs_plugin.commands.reading import ReadingOptions, reading_key
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.fleet import Fleet
-    from thrustmargin.gcs_plugin.live.vehicle_monitor import Update
+    from thrustmargin.gcs_plugin.live.update import Update
 
 #: Frames that wait for the thread; some ten seconds of a busy link with ten vehicles.
 WAITING = 20_000
@@ -218,7 +218,7 @@ def reading(update: Update, stamp: float) -> Reading:
         margin_ahead=outlook.margin_ahead,
         withheld=f"{claim.described}; {claim.remedy}" if claim.withheld else "",
         airframe="" if claim.withheld else claim.words,
-        unknown=tuple(unknown_lines(unknown_figures(update))),
+        unknown=tuple(unknown_lines(unknown_figures(analysis, outlook))),
     )
 
 

@@ -16,7 +16,8 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.live.alarm import worst_first
 from thrustmargin.gcs_plugin.live.fleet import Fleet
-from thrustmargin.gcs_plugin.live.vehicle_monitor import Update, VehicleMonitor
+from thrustmargin.gcs_plugin.live.update import Update
+from thrustmargin.gcs_plugin.live.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.view.live_html import Standing
 from thrustmargin.gcs_plugin.view.overlays import Overlay, overlays_of
 from thrustmargin.gcs_plugin.view.shown_row import ShownRow

@@ -15,7 +15,7 @@ from thrustmargin.gcs_plugin.wording import palette as colours
 from thrustmargin.gcs_plugin.wording.numbers import BEHIND, NOT_RECORDING
 
 if TYPE_CHECKING:
-    from thrustmargin.gcs_plugin.live.vehicle_monitor import Update
+    from thrustmargin.gcs_plugin.live.update import Update
     from thrustmargin.gcs_plugin.telemetry.recording import Waypoint
 
 #: White on each is read in sunlight: contrast 7:1 and more.

@@ -21,7 +21,8 @@ from thrustmargin.gcs_plugin.live.alarm import AlarmEvent, AlarmSettings
 from thrustmargin.gcs_plugin.live.console import status_lines
 from thrustmargin.gcs_plugin.live.fleet import Subscriber
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
-from thrustmargin.gcs_plugin.live.vehicle_monitor import Update, WatchSettings
+from thrustmargin.gcs_plugin.live.update import Update
+from thrustmargin.gcs_plugin.live.vehicle_monitor import WatchSettings
 
 SILENCE = 1.6  # s here, to be quick; rotor speeds are missed a second earlier
 

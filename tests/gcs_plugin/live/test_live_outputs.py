@@ -8,7 +8,8 @@ from tests.gcs_plugin.live.live_vehicle import ROOT, log_frames
 from tests.gcs_plugin.live.monitored import AIRFRAME, MODEL
 from thrustmargin.gcs_plugin.live.alarm import AlarmEvent
 from thrustmargin.gcs_plugin.live.alarms import Alarms
-from thrustmargin.gcs_plugin.live.vehicle_monitor import Update, VehicleMonitor, WatchSettings
+from thrustmargin.gcs_plugin.live.update import Update
+from thrustmargin.gcs_plugin.live.vehicle_monitor import VehicleMonitor, WatchSettings
 from thrustmargin.gcs_plugin.logs import read_log
 
 LOG = ROOT / "sitl_logs" / "campaign" / "v4_m16_q2.5.tlog"

@@ -371,7 +371,7 @@ def test_a_silent_esc_hides_no_margin_of_the_other_rotors():
     now = reading(replace(update, analysis=silent), 0.0)
     assert now.basis == "predicted"
     assert now.margin == now.margin_predicted
-    text, colour = fields(now, 0.1, 0.1)["Margin"]
+    text, colour = fields(now, 0.9, 0.1)["Margin"]
     assert text == f"Margin ≈ {100 * now.margin:.0f} % R{now.rotor}"
     assert colour == "orange"  # never green without a measurement
     assert now.margin_predicted == pytest.approx(silent.margin_predicted[-1].min())
