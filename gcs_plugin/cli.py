@@ -17,7 +17,7 @@ from typing import Any
 import tyro
 
 from thrustmargin.gcs_plugin.commands.options import UsageError, refuse_renamed
-from thrustmargin.gcs_plugin.mavlink.text import clean_lines
+from thrustmargin.gcs_plugin.mavlink.layouts import clean_lines
 from thrustmargin.models.errors import ThrustMarginError
 
 #: subcommand -> module of thrustmargin.gcs_plugin.commands that holds a function of the same name.

@@ -16,7 +16,7 @@ from thrustmargin.models.errors import LinkError
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.vehicle.connection import VehicleLink
-    from thrustmargin.gcs_plugin.vehicle.log_download import LogEntry
+    from thrustmargin.gcs_plugin.vehicle.downloads import LogEntry
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +82,7 @@ def fetch(
 
 
 def _fetch_mission(order: FetchMission) -> None:
-    from thrustmargin.gcs_plugin.vehicle.mission_transfer import download_mission
+    from thrustmargin.gcs_plugin.vehicle.downloads import download_mission
     from thrustmargin.mission.plan import write_plan
 
     with _link(order) as link, transfer_bar() as (say, progress):
@@ -99,7 +99,7 @@ def _fetch_mission(order: FetchMission) -> None:
 
 
 def _fetch_log(order: FetchLog) -> None:
-    from thrustmargin.gcs_plugin.vehicle.log_download import VehicleLogs
+    from thrustmargin.gcs_plugin.vehicle.downloads import VehicleLogs
 
     if (order.id is not None) + order.latest + order.list > 1:
         raise LinkError("--id, --latest and --list exclude each other; give one of them")
@@ -132,7 +132,7 @@ def _link(order: FetchFrom) -> AbstractContextManager[VehicleLink]:
     if order.signing_key_file is None:
         return VehicleLink.open(order.url)
     from thrustmargin.gcs_plugin.link.signing import read_signing_key
-    from thrustmargin.gcs_plugin.vehicle.signed_connection import signed_link
+    from thrustmargin.gcs_plugin.vehicle.connection import signed_link
 
     key = read_signing_key(order.signing_key_file)
     for note in key.notes:

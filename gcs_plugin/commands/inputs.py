@@ -123,9 +123,9 @@ def read_flight(
     Where there is none, the log is read without an airframe. Raises as `read_log`.
     """
     from thrustmargin.gcs_plugin.logs import read_log
-    from thrustmargin.gcs_plugin.telemetry.channel_report import with_track
+    from thrustmargin.gcs_plugin.telemetry.flight_log import with_track
     from thrustmargin.models.model.airframe_claim import airframe_claim
-    from thrustmargin.models.model.flown import flown_airframe
+    from thrustmargin.models.model.predict import flown_airframe
     from thrustmargin.models.model.prepared import prepared
 
     keywords = {**reading_keywords(reading), "any_vehicle": any_vehicle}

@@ -41,7 +41,11 @@ def match(
         model: Rotor speed model whose predictions are drawn as points; else the shipped one.
         out: Figure to write, .svg or .png; without an ending both are written.
     """
-    from thrustmargin.gcs_plugin.reports.model.figure10 import figure10, figure_paths, write_figure
+    from thrustmargin.gcs_plugin.reports.model.model_figures import (
+        figure10,
+        figure_paths,
+        write_figure,
+    )
     from thrustmargin.models.model.model_file import load_model
     from thrustmargin.models.physics.airframe import load_airframe
     from thrustmargin.models.physics.matching import match_airframe

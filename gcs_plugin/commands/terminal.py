@@ -10,7 +10,7 @@ from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.segment import Segment
 
-from thrustmargin.gcs_plugin.mavlink.text import clean_lines
+from thrustmargin.gcs_plugin.mavlink.layouts import clean_lines
 
 
 class Terminal(Console):

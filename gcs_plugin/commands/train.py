@@ -69,7 +69,7 @@ def train(
     )
     from thrustmargin.gcs_plugin.commands.options import Output, check_outputs, require_logs
     from thrustmargin.gcs_plugin.commands.terminal import Terminal, steps
-    from thrustmargin.gcs_plugin.reports.model.loss_figure import loss_paths, write_loss_curves
+    from thrustmargin.gcs_plugin.reports.model.model_figures import loss_paths, write_loss_curves
     from thrustmargin.gcs_plugin.reports.model.training_tables import training_tables
     from thrustmargin.models.identification.commissioning import commission
     from thrustmargin.models.model.model_file import save_model

@@ -21,8 +21,7 @@ from collections.abc import Callable, Collection
 from dataclasses import astuple, dataclass
 from pathlib import Path
 
-from thrustmargin.gcs_plugin.mavlink.checksum import checksum
-from thrustmargin.gcs_plugin.mavlink.frame import SIGNATURE, SIGNED, V1, V2
+from thrustmargin.gcs_plugin.mavlink.frame import SIGNATURE, SIGNED, V1, V2, checksum
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.models.errors import LinkError
 

@@ -15,7 +15,7 @@ import numpy as np
 from thrustmargin.models.checks.speed_scale import FEWEST_ROWS
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim
-from thrustmargin.models.model.flown import flown_airframe
+from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.vehicle_facts import VehicleFacts
 

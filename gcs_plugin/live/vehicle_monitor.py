@@ -30,7 +30,7 @@ from thrustmargin.mission.plan import MissionPlan
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, FlightState, analyse
-from thrustmargin.models.model.flown import flown_airframe
+from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.model.prepared import Inferred, prepared_part
 from thrustmargin.models.model.rotor_model import RotorModel
 

@@ -10,8 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
-from thrustmargin.gcs_plugin.mavlink.layouts import layouts
-from thrustmargin.gcs_plugin.mavlink.text import printable
+from thrustmargin.gcs_plugin.mavlink.layouts import layouts, printable
 from thrustmargin.gcs_plugin.telemetry.recording import Waypoint
 from thrustmargin.gcs_plugin.telemetry.vehicle_kind import vehicle_facts
 from thrustmargin.models.vehicle_facts import VehicleFacts

@@ -9,11 +9,11 @@ from typing import Any, Literal
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs import FlightLog, LogQuality
+from thrustmargin.gcs_plugin.mavlink.layouts import clean
 from thrustmargin.gcs_plugin.mavlink.rules import OVER_GROUND
-from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.models.checks.motor_order import MotorOrder, check_motor_order
 from thrustmargin.models.checks.plausible import comparisons
-from thrustmargin.models.checks.speed_resolution import resolution_words
+from thrustmargin.models.checks.speed_readings import resolution_words
 from thrustmargin.models.checks.speed_scale import SpeedScale, check_speed_scale
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim

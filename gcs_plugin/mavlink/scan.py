@@ -15,13 +15,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.gcs_plugin.mavlink.checksum import Bytes, checksum_rows
 from thrustmargin.gcs_plugin.mavlink.frame import (
     HEADER_PADDING,
     V1,
     V2,
+    Bytes,
     FrameKind,
     Walk,
+    checksum_rows,
     header,
 )
 from thrustmargin.gcs_plugin.mavlink.layouts import Layout, layout_table

@@ -1,4 +1,4 @@
-"""A link to vehicles through MAVSDK, over which missions and logs are fetched.
+"""A link to vehicles through MAVSDK, over which missions and logs are fetched; signed with a key.
 
 MAVSDK runs threads of its own and calls back from them; here the callbacks only put into a queue
 and the caller's thread waits on it, so that Ctrl-C and timeouts work. Nothing is sent but what the
@@ -11,12 +11,16 @@ import math
 import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from logging import getLogger
 from queue import Empty, Queue
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
+from thrustmargin.gcs_plugin.link.listener import Listener
+from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter
 from thrustmargin.gcs_plugin.link.transport import parse_url
+from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavlink.splitter import FrameSplitter
 from thrustmargin.models.errors import LinkError
 
@@ -207,3 +211,39 @@ def _address(host: str, url: str) -> str:
         return str(socket.getaddrinfo(host, None, family=socket.AF_INET)[0][4][0])
     except OSError as error:
         raise LinkError(f"{url}: the host {host!r} is not known; give its IPv4 address") from error
+
+
+#: Link id of what is sent from here; another than a ground station's usual 0 and 1.
+LINK_ID = 87
+
+
+@contextmanager
+def signed_link(url: str, key: bytes) -> Iterator[VehicleLink]:
+    """As `VehicleLink.open(url)`, with `key` for both directions.
+
+    MAVSDK does not sign; so its bytes go over a listener of this project's, which does. Errors of
+    the link state what became of messages that were not let in. Raises LinkError.
+    """
+    door = SigningFilter(key)
+    signer = Signer(key, link_id=LINK_ID, after=lambda: door.latest)
+
+    def send(frame: bytes) -> None:
+        listener.send(signer.sign(frame))
+
+    def receive(frames: list[Frame]) -> None:
+        link.feed(b"".join(frame.data for frame in frames))
+
+    listener = Listener([url], on_frames=receive, accept=door.accept)
+    try:
+        with VehicleLink.over(send, name=url) as link:
+            listener.start()
+            try:
+                yield link
+            except LinkError as error:
+                if door.counts.dropped:
+                    raise LinkError(f"{error}; {door.counts}") from error
+                raise
+            finally:
+                listener.close()
+    finally:
+        listener.close()

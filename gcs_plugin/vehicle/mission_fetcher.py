@@ -97,7 +97,7 @@ class MissionFetcher(Subscriber):
 
     def _fetch(self, number: int) -> MissionPlan:
         from thrustmargin.gcs_plugin.vehicle.connection import VehicleLink
-        from thrustmargin.gcs_plugin.vehicle.mission_transfer import download_mission
+        from thrustmargin.gcs_plugin.vehicle.downloads import download_mission
 
         def send(frame: bytes) -> None:
             signed = frame if self._sign is None else self._sign(frame)

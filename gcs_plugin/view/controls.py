@@ -1,4 +1,4 @@
-"""The pilot's controls of a replay: time, play, speed, colours of the route, camera.
+"""A replay's clock, from the wall clock to a time in the flight, and the pilot's controls of it.
 
 The browser's events only `ask` the one thread that draws the page. What a page sends is checked: it
 could be anything.
@@ -7,18 +7,92 @@ could be anything.
 from __future__ import annotations
 
 import math
+import threading
 import time
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.view.camera import Camera
 from thrustmargin.gcs_plugin.view.overlays import Overlay
-from thrustmargin.gcs_plugin.view.replay_clock import SPEEDS, ReplayClock
 from thrustmargin.gcs_plugin.wording.numbers import clock as clock_text
 from thrustmargin.gcs_plugin.wording.palette import legend_html
 
 if TYPE_CHECKING:
     from viser import GuiApi, GuiDropdownHandle
+
+SPEEDS = (1, 2, 5, 10, 30, 60)
+
+
+class ReplayClock:
+    """Runs from 0 to `duration` s at `speed` times real time; stops at the end."""
+
+    def __init__(
+        self,
+        duration: float,
+        *,
+        speed: float = 1.0,
+        paused: bool = False,
+        wall: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.duration = duration
+        self._wall = wall
+        self._lock = threading.Lock()
+        self._time_s = 0.0
+        self._since = wall()
+        self._speed = speed
+        self._playing = not paused
+
+    @property
+    def speed(self) -> float:
+        return self._speed
+
+    @property
+    def playing(self) -> bool:
+        """True while time passes; False when paused and at the end."""
+        with self._lock:
+            self._advance()
+            return self._playing
+
+    def now(self) -> float:
+        """Seconds into the flight."""
+        with self._lock:
+            self._advance()
+            return self._time_s
+
+    def play(self) -> None:
+        """Go on; from the start when at the end."""
+        with self._lock:
+            self._advance()
+            if self._time_s >= self.duration:
+                self._time_s = 0.0
+            self._playing = True
+
+    def pause(self) -> None:
+        with self._lock:
+            self._advance()
+            self._playing = False
+
+    def seek(self, time_s: float) -> None:
+        """Go to a time; outside the flight to its nearest end. NaN is ignored."""
+        if math.isnan(time_s):
+            return
+        with self._lock:
+            self._advance()
+            self._time_s = min(max(time_s, 0.0), self.duration)
+
+    def set_speed(self, speed: float) -> None:
+        with self._lock:
+            self._advance()
+            self._speed = speed
+
+    def _advance(self) -> None:
+        wall = self._wall()
+        if self._playing:
+            self._time_s += (wall - self._since) * self._speed
+            if self._time_s >= self.duration:
+                self._time_s, self._playing = self.duration, False
+        self._since = wall
+
 
 #: After a hand on the slider the view leaves it alone for this long, s.
 HANDS_OFF = 0.6

@@ -32,9 +32,8 @@ from thrustmargin.gcs_plugin.view.live_html import (
     outlook_html,
     status_html,
 )
-from thrustmargin.gcs_plugin.view.planned_path import plan_enu
 from thrustmargin.gcs_plugin.view.scene import Scene
-from thrustmargin.gcs_plugin.view.shown_row import ShownRow, enu, ground_height
+from thrustmargin.gcs_plugin.view.shown_row import ShownRow, enu, ground_height, plan_enu
 from thrustmargin.gcs_plugin.view.view_page import ViewPage, arrange, left_panel
 from thrustmargin.gcs_plugin.wording.palette import legend_html
 from thrustmargin.mission.route import Trail

@@ -14,14 +14,12 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.view.camera import Camera
 from thrustmargin.gcs_plugin.view.charts import RotorCharts
-from thrustmargin.gcs_plugin.view.controls import ReplayControls
+from thrustmargin.gcs_plugin.view.controls import ReplayClock, ReplayControls
 from thrustmargin.gcs_plugin.view.gauges import STYLE, gauges_html
 from thrustmargin.gcs_plugin.view.guard import LOOPBACK
 from thrustmargin.gcs_plugin.view.overlays import Overlay, overlays_of, speed_overlay
-from thrustmargin.gcs_plugin.view.planned_path import plan_enu
-from thrustmargin.gcs_plugin.view.replay_clock import ReplayClock
 from thrustmargin.gcs_plugin.view.scene import Scene
-from thrustmargin.gcs_plugin.view.shown_row import ShownRow, enu, ground_height, row_at
+from thrustmargin.gcs_plugin.view.shown_row import ShownRow, enu, ground_height, plan_enu, row_at
 from thrustmargin.gcs_plugin.view.view_page import ViewPage, arrange, left_panel
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.mission.route import Trail

@@ -8,14 +8,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from thrustmargin.gcs_plugin.wording.channel_words import channel_name
 from thrustmargin.gcs_plugin.wording.described_effect import joined, rotor_words
 from thrustmargin.gcs_plugin.wording.effect_sentences import (
     INSPECT,
     effect_sentence,
     effect_thing,
 )
-from thrustmargin.gcs_plugin.wording.numbers import duration, number, percent, within
+from thrustmargin.gcs_plugin.wording.numbers import channel_name, duration, number, percent, within
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.identification.margin_change import WORST_SHARE, MarginChange

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from thrustmargin.models.effects.base import Effect, Kind, Parameter
+from thrustmargin.models.effects.base import Effect, Kind, Parameter, instrument_gain
 
 AIRSPEED_BIAS = Effect(
     name="airspeed_bias",
@@ -20,35 +20,21 @@ AIRSPEED_BIAS = Effect(
         ),
     ),
     needs=("airspeed",),
-    shape_channels=("airspeed",),
     source="a sensor whose zero is off: true airspeed = shown + bias, and never below nothing",
     distinguished_by="hover in still air, then fly a straight line both ways at two speeds",
     apply=lambda p, x, airspeed, tank_kg: (np.clip(airspeed + p["bias"], 0.0, None), tank_kg),
-    instrument=True,
 )
 
 AIRSPEED_GAIN = Effect(
     name="airspeed_gain",
     kind=Kind.INPUT,
-    parameters=(
-        Parameter(
-            name="gain",
-            unit="1",
-            absent=1.0,
-            start=1.0,
-            lower=0.5,
-            upper=2.0,
-            scale=0.1,
-            smallest=0.03,  # half the share by which air is thinner on a warm day or a hill
-        ),
-    ),
+    # Smallest: half the share by which air is thinner on a warm day or a hill.
+    parameters=(instrument_gain(0.03),),
     needs=("airspeed",),
-    shape_channels=("airspeed",),
     source="a pitot tube in the rotors' flow, or thin air read as dense: true airspeed = gain x "
     "shown",
     distinguished_by="fly a straight line both ways at two speeds in still air",
     apply=lambda p, x, airspeed, tank_kg: (airspeed * p["gain"], tank_kg),
-    instrument=True,
 )
 
 EFFECTS = (AIRSPEED_BIAS, AIRSPEED_GAIN)

@@ -123,6 +123,20 @@ def shaping(
     )
 
 
+def instrument_gain(smallest: float) -> Parameter:
+    """True over shown of an instrument, which `smallest` is off by from flight to flight."""
+    return Parameter(
+        name="gain",
+        unit="1",
+        absent=1.0,
+        start=1.0,
+        lower=0.5,
+        upper=2.0,
+        scale=0.1,
+        smallest=smallest,
+    )
+
+
 #: How much of the thrust loss the torque shares: 0 when drag stays, 1 when it falls as much.
 TORQUE_SHARE = shaping("torque_share", "1", start=0.5, lower=-1.0, upper=2.0, scale=0.5)
 
@@ -147,20 +161,17 @@ class Effect:
     needs: tuple[str, ...] = ()  # channels that flights must report for it to be looked for
     #: each channel that rows may lack -> its value in them, at which the effect does nothing
     neutral: Mapping[str, Neutral] = field(default_factory=dict)
-    shape_channels: tuple[str, ...] = ()  # channels along which the effect has its form
     source: str  # where the physics comes from
     distinguished_by: str  # the flight that would tell it from its look-alikes
     apply: Callable[..., Any]
     torque: Callable[..., Any] | None = None  # of a coefficient: torque at a speed, as a factor
     of_one_rotor: bool = False
     variant: str = ""  # names forms of one effect
-    affine: bool = False  # at its start it already differs from doing nothing
     delays: bool = False  # its "lag" is how late all rotor speeds are reported
     #: (p, x) -> size of what it changes, 1 being the least worth a name
     weight: Callable[..., Any] | None = None
     begins: bool = False  # a step in time, found by `models.identification.onset`
     afterwards: Effect | None = None  # what it is after its step, for flights to come
-    seeds: tuple[Mapping[str, float], ...] = ()  # other starts of a fit that has several valleys
     #: p -> how far around a row its channels look
     looks: Callable[[Values], Look] = _at_the_row
     own_channel: OwnChannel | None = None  # `Channels.own[name]`, made for this effect alone
@@ -169,7 +180,6 @@ class Effect:
     #: p -> K by which the air is warmer than the standard; an effect with it follows air density
     temperature_offset: Callable[[Values], float] | None = None
     by_flights: bool = False  # seen only in how flights differ: not looked for in one flight
-    instrument: bool = False  # a fault of an instrument, not of the aircraft
     with_tank: bool = True  # looked for on an aircraft that carries its load in a tank
 
     @property

@@ -23,13 +23,10 @@ BATTERY_VOLTAGE = Effect(
     ),
     needs=("voltage", "moving_voltage"),
     neutral={"voltage": lambda p, x: x.reference_voltage},
-    shape_channels=("voltage",),
     source="not physics of a measured rotor speed: simulators and estimated speeds that ignore "
     "the battery show thrust going with voltage^p, never against it",
     distinguished_by="the same load on a full and on an empty battery",
     apply=_kappa,
-    affine=True,
-    instrument=True,
 )
 
 EFFECTS = (BATTERY_VOLTAGE,)

@@ -13,10 +13,9 @@ from typing import Any, Self
 import numpy as np
 
 from thrustmargin.models.effects.base import Effect, FlightState, Look
-from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.flight import FlightTrack, Floats, down_axis
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0, track_air
-from thrustmargin.models.physics.attitude import down_axis
 from thrustmargin.models.physics.forward_flight import (
     ForwardFlight,
     hover_induced_velocity,
@@ -61,7 +60,6 @@ class Channels:
     load_factor: Any
     load_factor_shifts: Any  # from the derivative of velocity
     manoeuvre_load_shifts: Any  # quick part from the IMU, slow part as above; as above without one
-    specific_force_shifts: Any  # from the IMU, |f|/g; as above where there is none
     rate_shifts: tuple[Any, Any, Any]  # angular rate, roll pitch yaw
     acceleration_shifts: tuple[Any, Any, Any]  # angular acceleration, roll pitch yaw
     heading: Any
@@ -212,7 +210,6 @@ def channels_of(
         load_factor=kinematic,
         load_factor_shifts=table(kinematic),
         manoeuvre_load_shifts=table(manoeuvre),
-        specific_force_shifts=table(felt),
         rate_shifts=_three(table, track.angular_rate_frd),
         acceleration_shifts=_three(table, turn),
         heading=np.mod(track.attitude[:, 2], 2 * np.pi),

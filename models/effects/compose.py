@@ -8,7 +8,7 @@ kappa the product of the effects on all rotors. Where one rotor makes less thrus
 not follow thrust, the autopilot adds controls c, which its mixer S shares over all rotors, until
 force and moments are those that the flight asks for. With four rotors that leaves each rotor its
 thrust; with more of them the mixer cannot make up for one rotor alone, and the one opposite gives
-way too.
+way too. In rows that lack a channel an effect does nothing, by the neutral values that it owns.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from typing import Any
 
 import numpy as np
 
-from thrustmargin.models.effects.base import Array, Kind, Placed
-from thrustmargin.models.effects.channels import Channels
-from thrustmargin.models.flight import Floats
+from thrustmargin.models.effects.base import Array, Effect, Kind, Placed, Values
+from thrustmargin.models.effects.channels import LAGS, NEAR_LAG, Channels
+from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.allocation import mixer
 
@@ -171,3 +171,59 @@ def _rebalanced(base: BaseTable, apart: Sequence[Placed], x: Channels, thrust: A
 def rotor_speed_rpm(base: BaseTable, placed: Sequence[Placed], x: Channels) -> Array:
     """Speed of every rotor with the effects in place, (T, R) rpm."""
     return np.sqrt(apparent_thrust(base, placed, x) / base.thrust_coefficient)
+
+
+def tolerant(item: Placed) -> Placed:
+    """The effect for numpy channels with gaps, in which it does nothing."""
+    effect = item.effect
+    if not effect.neutral:
+        return item
+
+    def apply(p, x, *given):
+        return effect.apply(p, filled(effect, p, x), *given)
+
+    def torque(p, x):
+        assert effect.torque is not None
+        return effect.torque(p, filled(effect, p, x))
+
+    whole = replace(effect, apply=apply, torque=torque if effect.torque else None)
+    return replace(item, effect=whole)
+
+
+def filled(effect: Effect, p: Values, x: Channels) -> Channels:
+    """The channels with the effect's neutral values in place of missing ones.
+
+    A row that lacks one plain channel has the neutral values of all; of a table of delays only the
+    missing delays are filled.
+    """
+    gap = np.zeros(x.time_s.shape, dtype=np.bool_)
+    for name in effect.neutral:
+        value = x.read(name)
+        if isinstance(value, np.ndarray) and value.ndim == 1:
+            gap |= ~np.isfinite(value)
+    changed: dict[str, Any] = {}
+    for name, neutral in effect.neutral.items():
+        nothing = neutral(p, x) if callable(neutral) else neutral
+        value = x.read(name)
+        if isinstance(value, tuple):
+            changed[name] = tuple(np.where(np.isfinite(v), v, nothing) for v in value)
+        else:
+            bad = gap if value.ndim == 1 else ~np.isfinite(value)
+            changed[name] = np.where(bad, nothing, value)
+    own = {name: changed.pop(name, value) for name, value in x.own.items()}
+    return replace(x, own=own, **changed)
+
+
+def lacking(placed: Sequence[Placed], x: Channels) -> Bools:
+    """(T,) rows that lack a channel of an effect, near the row or, of late reports, anywhere."""
+    late = any(item.effect.delays for item in placed)
+    looked_at = np.ones(len(LAGS), np.bool_) if late else np.abs(LAGS) <= NEAR_LAG
+    rows = np.zeros(x.time_s.shape, dtype=np.bool_)
+    for name in {name for item in placed for name in item.effect.neutral}:
+        value = x.read(name)
+        for part in value if isinstance(value, tuple) else (value,):
+            bad = ~np.isfinite(part)
+            if name.endswith("_shifts"):
+                bad = bad[:, looked_at]
+            rows |= bad.any(axis=tuple(range(1, bad.ndim)))
+    return rows

@@ -24,10 +24,9 @@ from thrustmargin.models.effects.channels import (
     derivative_look,
     froude_time_scale,
 )
-from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.flight import FlightTrack, Floats, body_axes
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0
-from thrustmargin.models.physics.attitude import body_axes
 from thrustmargin.models.physics.smoothing import derivative, moving_mean
 
 MEAN_SPAN = (

@@ -14,7 +14,6 @@ EXTRA_MASS = Effect(
         Parameter(name="mass", unit="kg", lower=-10.0, upper=20.0, scale=2.0, smallest=0.1),
     ),
     needs=("total_mass",),
-    shape_channels=("tank_kg",),
     source="weight: mass that the tank gauge does not see",
     distinguished_by="weigh the aircraft, or hover 60 s full and 60 s empty",
     apply=lambda p, x, thrust: thrust * (1.0 + p["mass"] / x.total_mass),

@@ -15,11 +15,9 @@ GROUND_EFFECT = Effect(
     ),
     needs=("radius_over_height",),
     neutral={"radius_over_height": 0.0},
-    shape_channels=("radius_over_height",),
     source="Cheeseman and Bennett: 1/kappa = 1 - k (R/z)^2, k = 1/16 for one rotor",
     distinguished_by="hover at one and at five rotor radii above ground",
     apply=lambda p, x: 1.0 / (1.0 - p["strength"] * x.radius_over_height**2),
-    affine=True,
 )
 
 EFFECTS = (GROUND_EFFECT,)

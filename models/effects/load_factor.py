@@ -34,12 +34,10 @@ LOAD_FACTOR = Effect(
     ),
     needs=("load_factor_shifts",),
     neutral={"load_factor_shifts": 1.0, "manoeuvre_load_shifts": 1.0},
-    shape_channels=("load_factor",),
     source="Newton: thrust over weight is |specific force| / g in turns, climbs and gusts; "
     "sharpening gives back what reports a few times a second smooth away, or smooths their noise",
     distinguished_by="sharp stops and pull-ups at one tank level",
     apply=_loaded,
-    affine=True,
     looks=lambda p: shifts_look(p["lag"], LOAD_LOOK),
 )
 

@@ -53,7 +53,6 @@ MANOEUVRE_MOMENT = Effect(
     ),
     needs=("rate_shifts",),
     neutral={"rate_shifts": 0.0, "acceleration_shifts": 0.0},
-    shape_channels=("yaw_acceleration", "yaw_rate"),
     source="Euler: moment = I d(omega)/dt + damping x omega; I goes with the load, as liquid and "
     "hidden mass change it; sharpening gives back what differences of a sampled rate smooth away",
     distinguished_by="sharp turns about each axis in a hover",

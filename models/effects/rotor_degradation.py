@@ -61,7 +61,6 @@ ROTOR_DEGRADATION = Effect(
     name="rotor_degradation",
     kind=Kind.COEFFICIENT,
     parameters=(LOSS, TORQUE_SHARE),
-    shape_channels=("time_s",),
     source="a worn, chipped or dirty propeller makes less thrust at a speed",
     distinguished_by="swap the propeller with another arm's: a worn rotor moves, a wrong sensor "
     "stays",

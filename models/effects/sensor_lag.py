@@ -22,11 +22,9 @@ SENSOR_LAG = Effect(
     parameters=(Parameter(name="lag", unit="s", lower=-0.5, upper=0.5, scale=0.2, smallest=0.05),),
     needs=("airspeed",),
     neutral={"airspeed_shifts": lambda p, x: x.airspeed[:, None]},
-    shape_channels=("airspeed",),
     source="the airspeed channel reports late by `lag`",
     distinguished_by="quick changes of speed: accelerate and brake on a straight line",
     apply=_airspeed_late,
-    instrument=True,
     looks=lambda p: shifts_look(p["lag"]),
 )
 
@@ -47,11 +45,9 @@ ROTOR_SPEED_LAG = Effect(
     ),
     needs=("airspeed_shifts",),
     neutral={"airspeed_shifts": lambda p, x: x.airspeed[:, None]},
-    shape_channels=("airspeed", "yaw_rate", "yaw_acceleration", "load_factor"),
     source="the rotor speeds are reported late by `lag`: telemetry that queues or comes rarely",
     distinguished_by="quick changes of speed and heading: accelerate, brake and turn",
     apply=_rotor_speed_late,
-    instrument=True,
     looks=lambda p: shifts_look(0.0),
     delays=True,
 )

@@ -20,10 +20,9 @@ import numpy as np
 
 from thrustmargin.models.effects.base import USUAL_ARM, Effect, Kind, Parameter, shaping
 from thrustmargin.models.effects.channels import Channels
-from thrustmargin.models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.flight import Bools, FlightTrack, Floats, body_axes
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0
-from thrustmargin.models.physics.attitude import body_axes
 
 SHORTEST = 4.0  # arms of the aircraft
 RATIO = 1.035  # of neighbouring lengths

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from thrustmargin.models.effects.base import Effect, Kind, Parameter
+from thrustmargin.models.effects.base import Effect, Kind, Parameter, instrument_gain
 from thrustmargin.models.effects.channels import Channels
 
 LEAST_SPREAD = 0.02  # of the tank, from flight to flight: below it, it is a mass on board
@@ -17,24 +17,12 @@ def _spread(p, x: Channels):
 TANK_SCALE = Effect(
     name="tank_scale",
     kind=Kind.INPUT,
-    parameters=(
-        Parameter(
-            name="gain",
-            unit="1",
-            absent=1.0,
-            start=1.0,
-            lower=0.5,
-            upper=2.0,
-            scale=0.1,
-            smallest=0.01,  # density of the liquid, and slope of a level or load sensor
-        ),
-    ),
+    # Smallest: density of the liquid, and slope of a level or load sensor.
+    parameters=(instrument_gain(0.01),),
     needs=("tank_kg",),
-    shape_channels=("tank_kg",),
     source="a gauge whose slope is wrong: true mass = gain x shown mass",
     distinguished_by="hover 60 s full and 60 s empty",
     apply=lambda p, x, airspeed, tank_kg: (airspeed, tank_kg * p["gain"]),
-    instrument=True,
 )
 
 TANK_ZERO = Effect(
@@ -52,13 +40,11 @@ TANK_ZERO = Effect(
         ),
     ),
     needs=("tank_kg",),
-    shape_channels=("tank_kg",),
     source="a gauge that is set to zero anew before each flight: true mass = shown mass + offset",
     distinguished_by="read the gauge with an empty tank before each flight",
     apply=lambda p, x, airspeed, tank_kg: (airspeed, tank_kg + p["offset"]),
     weight=_spread,
     by_flights=True,
-    instrument=True,
 )
 
 TANK_DRIFT = Effect(
@@ -75,12 +61,10 @@ TANK_DRIFT = Effect(
         ),
     ),
     needs=("tank_kg",),
-    shape_channels=("time_s",),
     source="a gauge that drifts, or adds up a flow that is wrong: true mass = shown mass + rate x "
     "time since the start",
     distinguished_by="weigh what is left in the tank after landing",
     apply=lambda p, x, airspeed, tank_kg: (airspeed, tank_kg + p["rate"] * x.time_s),
-    instrument=True,
 )
 
 EFFECTS = (TANK_SCALE, TANK_ZERO, TANK_DRIFT)

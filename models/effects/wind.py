@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from math import cos, pi, sin
-
 import numpy as np
 
 from thrustmargin.models.effects.base import Effect, Kind, Parameter
@@ -45,15 +43,10 @@ WIND = Effect(
         "velocity_north": lambda p, x: p["wind_north"] + x.airspeed,
         "velocity_east": lambda p, x: p["wind_east"],
     },
-    shape_channels=("velocity_north", "velocity_east"),
     source="airspeed is the speed over ground less the wind",
     distinguished_by="one line flown both ways at the same speed and tank level",
     apply=_through_air,
     weight=_weight,
-    affine=True,
-    seeds=tuple(
-        {"wind_north": 5.0 * cos(pi * k / 4), "wind_east": 5.0 * sin(pi * k / 4)} for k in range(8)
-    ),
 )
 
 EFFECTS = (WIND,)

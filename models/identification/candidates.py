@@ -15,7 +15,7 @@ from thrustmargin.models.effects.rotor_degradation import LOSS
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.reduced import Reduced
 from thrustmargin.models.identification.terms import Term
-from thrustmargin.models.model.flown import flown_airframe
+from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.margin import ceiling, trimmable_loss
 

@@ -23,8 +23,7 @@ from thrustmargin.models.identification.standard_effects import (
     gain_and_error,
     with_standard_effects,
 )
-from thrustmargin.models.model.flown import temperature_offset
-from thrustmargin.models.model.predict import predict
+from thrustmargin.models.model.predict import predict, temperature_offset
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
 from thrustmargin.models.model.training import Fold, Trained, condition_scores, training_domain
 from thrustmargin.models.network.ensemble import ensemble_speed

@@ -28,8 +28,8 @@ from thrustmargin.models.identification.output_shares import effects_on_shares
 from thrustmargin.models.identification.problem import Problem, assemble
 from thrustmargin.models.identification.standard_effects import gain_and_error
 from thrustmargin.models.identification.terms import Term, layout_of
-from thrustmargin.models.model.good_flights import GoodFlights, scatter_between
 from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.network.records import GoodFlights, scatter_between
 
 SLOW_CHANNELS = ("airspeed", "tank_kg", "time_s", "voltage", "heading")
 KNOTS = 8  # pieces of a curve; how smooth it is, flights left out decide

@@ -13,12 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from thrustmargin.models.effects.base import Placed
-from thrustmargin.models.effects.compose import rotor_speed_rpm
-from thrustmargin.models.effects.missing import tolerant
+from thrustmargin.models.effects.compose import rotor_speed_rpm, tolerant
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.problem import Problem
 from thrustmargin.models.identification.result import Found, Identification
-from thrustmargin.models.model.flown import flown_airframe
+from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.physics.margin import ceiling, utilisation
 
 WORST_SHARE = 0.01  # of the rows

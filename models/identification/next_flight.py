@@ -40,7 +40,7 @@ from thrustmargin.models.identification.rivals import (
     second_noise_rpm,
 )
 from thrustmargin.models.identification.terms import Term
-from thrustmargin.models.model.flown import model_channels, table_of
+from thrustmargin.models.model.predict import model_channels, table_of
 from thrustmargin.models.model.rotor_model import RotorModel
 
 Terms = tuple[Term, ...]

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.effects.base import Effect, Placed
 from thrustmargin.models.effects.channels import Channels, concatenate
-from thrustmargin.models.effects.compose import BaseTable, rotor_speed_rpm
-from thrustmargin.models.effects.missing import filled
+from thrustmargin.models.effects.compose import BaseTable, filled, rotor_speed_rpm
 from thrustmargin.models.errors import AirframeError, DataError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.identification.base_uncertainty import base_uncertainty_rpm
@@ -28,7 +27,7 @@ from thrustmargin.models.identification.output_shares import (
     scaled_to,
     spread_of_flights,
 )
-from thrustmargin.models.model.flown import model_channels, table_of
+from thrustmargin.models.model.predict import model_channels, table_of
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.flight_phases import training_rows
 

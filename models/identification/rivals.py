@@ -13,8 +13,7 @@ import numpy as np
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.effects.base import Parameter, Placed
 from thrustmargin.models.effects.channels import Channels
-from thrustmargin.models.effects.compose import BaseTable, rotor_speed_rpm
-from thrustmargin.models.effects.missing import tolerant
+from thrustmargin.models.effects.compose import BaseTable, rotor_speed_rpm, tolerant
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.modes import modes
 from thrustmargin.models.identification.problem import BLOCK_SECONDS, Problem

@@ -31,8 +31,8 @@ from thrustmargin.models.identification.nuisance import LEVELS, Nuisance
 from thrustmargin.models.identification.output_shares import spread_of_flights
 from thrustmargin.models.identification.reduced import Reduced, reduce_flights
 from thrustmargin.models.identification.whitening import Whitening, whitening_of
-from thrustmargin.models.model.good_flights import GoodFlights
 from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.network.records import GoodFlights
 from thrustmargin.models.physics.flight_phases import TURN_RATE
 
 #: of the mean rotor speed: what a curve of the free form, and the slow noise, begin with where no

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.models import scores
-from thrustmargin.models.effects.missing import filled
+from thrustmargin.models.effects.compose import filled
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.identification.cross_validation import left_out_values
 from thrustmargin.models.identification.fit import (

@@ -18,13 +18,12 @@ from thrustmargin.models.model.airframe_claim import (
     airframe_claim,
     unknown_aircraft,
 )
-from thrustmargin.models.model.flown import flown_airframe, temperature_offset
 from thrustmargin.models.model.output_speed import FROM_OUTPUTS as FROM_OUTPUTS
 from thrustmargin.models.model.output_speed import MEASURED as MEASURED
 from thrustmargin.models.model.output_speed import speed_words
 from thrustmargin.models.model.predict import Basis as Basis
 from thrustmargin.models.model.predict import Prediction as Prediction
-from thrustmargin.models.model.predict import predict
+from thrustmargin.models.model.predict import flown_airframe, predict, temperature_offset
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.model.utilisation_error import (
     INTERVAL,

@@ -27,7 +27,7 @@ from thrustmargin.models.effects.compose import rotor_speed_rpm
 from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
-from thrustmargin.models.model.flown import model_channels, table_of
+from thrustmargin.models.model.predict import model_channels, table_of
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.allocation import mixer
 from thrustmargin.models.physics.atmosphere import G0

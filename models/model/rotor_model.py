@@ -14,9 +14,8 @@ from thrustmargin.models.effects.base import Placed, look_of
 from thrustmargin.models.effects.stored import EffectRecord, placed_from
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.model.good_flights import GoodFlights
 from thrustmargin.models.network.ensemble import RotorNetwork, ensemble_speed
-from thrustmargin.models.network.records import TrainingRecord
+from thrustmargin.models.network.records import GoodFlights, TrainingRecord
 from thrustmargin.models.network.validity import Interval, TrainingDomain
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.forward_flight import ForwardFlight, thrust_ratio

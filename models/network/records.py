@@ -1,9 +1,18 @@
-"""What a model file remembers of how its network was trained."""
+"""What a model file remembers: how its network was trained, and how its good flights differ.
+
+A number found on new flights means nothing where sound flights scatter as much by themselves. A
+model file keeps that scatter, so that a search on new flights needs none of the old ones.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
+import numpy as np
+
+from thrustmargin.models.errors import ModelError
+from thrustmargin.models.flight import Floats
 from thrustmargin.models.network.network import NetConfig
 from thrustmargin.models.scores import Score
 
@@ -43,3 +52,46 @@ class TrainingRecord:
     splits: tuple[SplitScore, ...]
     left_out: tuple[ConditionScore, ...]  # each flight predicted by members that never saw it
     speed: str = "measured"  # or "from motor outputs": what the rotor speeds learnt from were
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GoodFlights:
+    """Scatter over the flights that a model was made from, with its standard effects in place.
+
+    Raises ModelError when a scatter is negative or not a number.
+    """
+
+    flights: int
+    #: "effect_key.parameter" -> standard deviation from flight to flight, in the parameter's unit
+    scatter: Mapping[str, float] = field(default_factory=dict)
+    mode_scatter_rpm: tuple[float, ...] = ()  # of each mode's mean residual; R, or none
+    #: "mode.channel" -> RMS in rpm of the smooth curve of the residual over that channel, as far as
+    #: flights left out confirm it; 0 where they do not
+    curve_rpm: Mapping[str, float] = field(default_factory=dict)
+    #: of each flight left out of its own prediction in turn, all choices made without it
+    errors: tuple[ConditionScore, ...] = ()
+    flight_rmse_rpm: Mapping[str, float] = field(default_factory=dict)  # name of the flight -> rpm
+    mean_speed_rpm: float = float("nan")
+
+    def __post_init__(self) -> None:
+        named = {**self.scatter, **self.curve_rpm}
+        named |= {f"mode {k + 1}": v for k, v in enumerate(self.mode_scatter_rpm)}
+        for name, value in named.items():
+            if not 0.0 <= value < float("inf"):
+                raise ModelError(f"has the scatter {value} of {name}")
+
+
+def scatter_between(estimates: Floats, errors: Floats) -> float:
+    """Standard deviation between flights of a quantity that each flight shows with its own error.
+
+    estimates and errors (F,), errors standard deviations above 0. What the errors alone make
+    flights differ is taken off, so that 0 means "no more than chance". NaN for fewer than 2
+    flights. Method of moments: DerSimonian and Laird, Control. Clin. Trials 7, 177 (1986), Eq. 8.
+    """
+    if estimates.size < 2:
+        return float("nan")
+    weight = errors**-2.0
+    mean = np.sum(weight * estimates) / np.sum(weight)
+    excess = np.sum(weight * (estimates - mean) ** 2) - (estimates.size - 1)
+    between = excess / (np.sum(weight) - np.sum(weight**2) / np.sum(weight))
+    return float(np.sqrt(max(between, 0.0)))

@@ -17,10 +17,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from thrustmargin.models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.flight import Bools, FlightTrack, Floats, down_axis
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0, track_air
-from thrustmargin.models.physics.attitude import down_axis
 from thrustmargin.models.physics.flight_phases import training_rows, turning_rows
 from thrustmargin.models.physics.smoothing import derivative
 

@@ -18,9 +18,8 @@ from tests.measured.crazyflie import MeasuredFlight
 from tests.measured.findings import rmse
 from tests.measured.thrust_check import DIAMETER
 from thrustmargin.models.errors import DataError
-from thrustmargin.models.flight import Floats
+from thrustmargin.models.flight import Floats, body_axes
 from thrustmargin.models.physics.atmosphere import G0
-from thrustmargin.models.physics.attitude import body_axes
 from thrustmargin.models.physics.flight_phases import training_rows
 from thrustmargin.models.physics.smoothing import derivative
 

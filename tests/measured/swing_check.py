@@ -21,9 +21,8 @@ import numpy as np
 from tests.measured.crazyflie import MeasuredFlight
 from tests.measured.thrust_check import DIAMETER, flow
 from thrustmargin.models.effects.slung_load import force_ned, swing
-from thrustmargin.models.flight import Floats
+from thrustmargin.models.flight import Floats, down_axis
 from thrustmargin.models.physics.atmosphere import G0
-from thrustmargin.models.physics.attitude import down_axis
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

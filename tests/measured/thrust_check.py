@@ -21,9 +21,8 @@ import numpy as np
 from tests.measured.crazyflie import DELAYS, MeasuredFlight
 from tests.measured.findings import rmse
 from thrustmargin.models.errors import DataError
-from thrustmargin.models.flight import Bools, Floats
+from thrustmargin.models.flight import Bools, Floats, down_axis
 from thrustmargin.models.physics.atmosphere import G0
-from thrustmargin.models.physics.attitude import down_axis
 
 THIRDS = 3
 HOVER_SPEED, HOVER_CLIMB = 0.3, 0.1  # m/s

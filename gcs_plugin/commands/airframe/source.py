@@ -62,7 +62,7 @@ def read_source(source: str, *, vehicle: int | None, timeout: float) -> VehicleP
 
 def _fetched(url: str, vehicle: int | None, timeout: float) -> VehicleParameters:
     from thrustmargin.gcs_plugin.vehicle.connection import VehicleLink
-    from thrustmargin.gcs_plugin.vehicle.parameters import download_parameters
+    from thrustmargin.gcs_plugin.vehicle.downloads import download_parameters
 
     with VehicleLink.open(url) as link, transfer_bar() as (say, progress):
         say(f"waiting for a heartbeat at {url}")

@@ -11,11 +11,12 @@ from thrustmargin.gcs_plugin.reports.identify.identify_tables import (
     set_rows,
 )
 from thrustmargin.gcs_plugin.reports.identify.residual_figures import (
+    Rows,
     channels_figures,
     modes_figure,
     per_flight,
+    rows_of,
 )
-from thrustmargin.gcs_plugin.reports.identify.residual_rows import Rows, rows_of
 from thrustmargin.gcs_plugin.reports.shared.page_shell import (
     page_text,
     script_safe,

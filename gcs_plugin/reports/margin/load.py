@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.reports.margin.data import JsonObject
-from thrustmargin.gcs_plugin.reports.margin.known import end_rows, median
+from thrustmargin.gcs_plugin.reports.margin.data import JsonObject, end_rows, median
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.atmosphere import G0

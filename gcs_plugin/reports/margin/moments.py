@@ -7,8 +7,7 @@ from datetime import UTC, datetime
 import numpy as np
 import pymap3d
 
-from thrustmargin.gcs_plugin.reports.margin.data import Moment
-from thrustmargin.gcs_plugin.reports.margin.known import mean
+from thrustmargin.gcs_plugin.reports.margin.data import Moment, mean
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
 from thrustmargin.models.model.utilisation_error import INTERVAL

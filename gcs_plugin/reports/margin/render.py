@@ -13,10 +13,10 @@ import pyarrow as pa
 import pyarrow.csv
 
 from thrustmargin.gcs_plugin.reports.margin import headline
-from thrustmargin.gcs_plugin.reports.margin.build import worst_first
 from thrustmargin.gcs_plugin.reports.margin.csv_rows import COLUMNS, csv_columns
 from thrustmargin.gcs_plugin.reports.margin.data import SCHEMA, Report
 from thrustmargin.gcs_plugin.reports.margin.figures import figures
+from thrustmargin.gcs_plugin.reports.margin.summary import worst_first
 from thrustmargin.gcs_plugin.reports.shared.page_shell import page_text, script_safe
 from thrustmargin.gcs_plugin.wording import numbers as words
 from thrustmargin.models.model.json_values import to_json_values

@@ -1,9 +1,11 @@
-"""One analysed flight and its log to the numbers of a report: no files, no clock, no screen."""
+"""Analysed flights and their logs to the numbers of a report: no files, no screen."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from datetime import UTC, datetime
+from typing import get_args
 
 import numpy as np
 
@@ -16,23 +18,31 @@ from thrustmargin.gcs_plugin.reports.margin.data import (
     Level,
     MarginVerdict,
     Moment,
-)
-from thrustmargin.gcs_plugin.reports.margin.headline import facts, headline, load_facts
-from thrustmargin.gcs_plugin.reports.margin.known import (
+    Overview,
+    Report,
     end_rows,
     least,
     median,
     most,
     share,
 )
+from thrustmargin.gcs_plugin.reports.margin.headline import (
+    facts,
+    headline,
+    load_facts,
+    several_headline,
+)
 from thrustmargin.gcs_plugin.reports.margin.load import load_rows
 from thrustmargin.gcs_plugin.reports.margin.model_description import model_use
 from thrustmargin.gcs_plugin.reports.margin.moments import airborne_use, utc_words, worst_moments
+from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
 from thrustmargin.gcs_plugin.wording import numbers as words
 from thrustmargin.mission.field import sprayed_field
+from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
-from thrustmargin.models.model.flown import flown_airframe
+from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.model.utilisation_error import INTERVAL
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.margin import ceiling, hover_use, largest_fill, weight
@@ -281,3 +291,56 @@ def _quality(log: FlightLog) -> JsonObject:
         "notes": track.notes,
         "messages": log.messages,
     }
+
+
+def build_report(
+    flights: Iterable[tuple[FlightAnalysis, FlightLog]],
+    *,
+    max_utilisation: float = 0.5,
+    unread: Iterable[UnusedLog] = (),
+) -> Report:
+    """The numbers of a report over flights, in their order, checked against `max_utilisation`.
+
+    That is the largest share of a rotor's maximum thrust that may be in use.
+
+    `unread` are logs that could not be read, to be named in it. Raises DataError when the
+    share is not between 0 and 1, or there is no flight.
+    """
+    if not 0.0 < max_utilisation < 1.0:
+        raise DataError(f"max_utilisation {max_utilisation:g} is no share; give one such as 0.5")
+    reports = tuple(
+        report_flight(analysis, log, max_utilisation=max_utilisation) for analysis, log in flights
+    )
+    if not reports:
+        raise DataError("no flight to report on; give at least one log that can be read")
+    return Report(
+        made_utc=datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z"),
+        version=software_version(),
+        max_utilisation=max_utilisation,
+        overview=overview_of(reports, max_utilisation),
+        flights=reports,
+        unread=tuple(unread),
+    )
+
+
+def overview_of(reports: Sequence[FlightReport], limit: float) -> Overview:
+    """How many flights have which verdict, and which is the worst."""
+    levels: list[Level] = [report.verdict.level for report in reports]
+    level, headline = several_headline(levels, limit)
+    first, report = worst_first(reports)[0]
+    return Overview(
+        level=level,
+        headline=headline,
+        worst_flight=first + 1 if report.verdict.worst else None,
+        **{level: levels.count(level) for level in get_args(Level)},
+    )
+
+
+def worst_first(reports: Sequence[FlightReport]) -> list[tuple[int, FlightReport]]:
+    """(index in the list, report), the highest thrust in use first, unknown ones last."""
+
+    def use(item: tuple[int, FlightReport]) -> float:
+        worst = item[1].verdict.worst
+        return -worst.capacity_use if worst else 1.0
+
+    return sorted(enumerate(reports), key=use)

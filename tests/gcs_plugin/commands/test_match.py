@@ -7,7 +7,7 @@ import pytest
 
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.match import match
-from thrustmargin.gcs_plugin.reports.model.figure10 import figure10, write_figure
+from thrustmargin.gcs_plugin.reports.model.model_figures import figure10, write_figure
 from thrustmargin.models.errors import AirframeError, DataError, ModelError
 from thrustmargin.models.model.model_file import save_model
 from thrustmargin.models.model.network_points import NetworkPoints

@@ -13,7 +13,7 @@ import pytest
 
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.train import train
-from thrustmargin.gcs_plugin.reports.model.loss_figure import loss_figure, write_loss_curves
+from thrustmargin.gcs_plugin.reports.model.model_figures import loss_figure, write_loss_curves
 from thrustmargin.gcs_plugin.reports.model.training_tables import (
     interval_sentence,
     training_tables,

@@ -9,7 +9,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.logs.dataflash import message_scan as dataflash_scan
 from thrustmargin.gcs_plugin.mavlink import scan as frames
-from thrustmargin.gcs_plugin.mavlink.checksum import checksum_rows
+from thrustmargin.gcs_plugin.mavlink.frame import checksum_rows
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.mavlink.scan import read_bytes
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from thrustmargin.gcs_plugin.mavlink.checksum import checksum_rows
 from thrustmargin.gcs_plugin.mavlink.decode import (
     MAVLINK_RULES,
     attitude_from_quaternion,
 )
+from thrustmargin.gcs_plugin.mavlink.frame import checksum_rows
 from thrustmargin.gcs_plugin.mavlink.layouts import layout_table, layouts
 from thrustmargin.gcs_plugin.mavlink.rules import decode, quantity
 

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from thrustmargin.gcs_plugin.mavlink.checksum import checksum, checksum_rows
 from thrustmargin.gcs_plugin.mavlink.frame import (
     HEADER_PADDING,
     FrameKind,
     Header,
+    checksum,
+    checksum_rows,
     examine,
     fields,
     frame_of,

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from thrustmargin.gcs_plugin.vehicle.connection import Progress, VehicleLink
-from thrustmargin.gcs_plugin.vehicle.mission_transfer import download_mission
+from thrustmargin.gcs_plugin.vehicle.downloads import download_mission
 from thrustmargin.mission.plan import MissionPlan
 
 RUN = "import sys; from thrustmargin.gcs_plugin.cli import main; main(['fetch', *sys.argv[1:]])"

@@ -10,9 +10,8 @@ import pytest
 
 from tests.gcs_plugin.peers.processes import ARDUPILOT_ITEMS, free_udp_port, vehicle
 from tests.gcs_plugin.vehicle.fetching import fetch, fetch_mission, onboard_logs
-from thrustmargin.gcs_plugin.vehicle.connection import VehicleLink, mavsdk_url
-from thrustmargin.gcs_plugin.vehicle.log_download import VehicleLogs
-from thrustmargin.gcs_plugin.vehicle.signed_connection import signed_link
+from thrustmargin.gcs_plugin.vehicle.connection import VehicleLink, mavsdk_url, signed_link
+from thrustmargin.gcs_plugin.vehicle.downloads import VehicleLogs
 from thrustmargin.mission.plan import read_plan
 from thrustmargin.models.errors import LinkError
 

@@ -12,7 +12,7 @@ from tests.gcs_plugin.peers.processes import free_udp_port, vehicle
 from tests.gcs_plugin.vehicle.fetching import RUN, fetch, onboard_logs
 from thrustmargin.gcs_plugin.vehicle import connection as vehicle_link
 from thrustmargin.gcs_plugin.vehicle.connection import VehicleLink
-from thrustmargin.gcs_plugin.vehicle.log_download import LogEntry, VehicleLogs, choose_log
+from thrustmargin.gcs_plugin.vehicle.downloads import LogEntry, VehicleLogs, choose_log
 from thrustmargin.models.errors import LinkError
 
 

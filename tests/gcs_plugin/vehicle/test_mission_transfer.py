@@ -9,7 +9,7 @@ import pytest
 from tests.gcs_plugin.peers.processes import ARDUPILOT_ITEMS, free_udp_port, process, vehicle
 from tests.gcs_plugin.vehicle.fetching import fetch, fetch_mission
 from thrustmargin.gcs_plugin.vehicle.connection import VehicleLink
-from thrustmargin.gcs_plugin.vehicle.mission_transfer import download_mission
+from thrustmargin.gcs_plugin.vehicle.downloads import download_mission
 from thrustmargin.mission.plan import FIRMWARE_ARDUPILOT, FIRMWARE_PX4, read_plan
 from thrustmargin.models.errors import PlanError
 

@@ -6,7 +6,7 @@ import pytest
 from tests.gcs_plugin.peers.processes import free_udp_port, vehicle
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.vehicle.connection import VehicleLink
-from thrustmargin.gcs_plugin.vehicle.parameters import download_parameters
+from thrustmargin.gcs_plugin.vehicle.downloads import download_parameters
 from thrustmargin.models.errors import LinkError
 from thrustmargin.models.physics.airframe import load_airframe
 
@@ -45,7 +45,7 @@ def test_whole_numbers_are_read_as_each_autopilot_sends_them(autopilot):
 
 
 def test_a_vehicle_that_sends_none_is_named(monkeypatch):
-    monkeypatch.setattr("thrustmargin.gcs_plugin.vehicle.parameters._PAUSE", 0.1)
+    monkeypatch.setattr("thrustmargin.gcs_plugin.vehicle.downloads._PAUSE", 0.1)
     port = free_udp_port()
     with (
         vehicle(port=port, mute=True),

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.logs import Waypoint
-from thrustmargin.gcs_plugin.view.planned_path import plan_enu
+from thrustmargin.gcs_plugin.view.shown_row import plan_enu
 from thrustmargin.models.flight import Origin
 
 ORIGIN = Origin(latitude_deg=36.65, longitude_deg=116.9, altitude=20.0)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from thrustmargin.gcs_plugin.view.replay_clock import ReplayClock
+from thrustmargin.gcs_plugin.view.controls import ReplayClock
 
 
 class Wall:

@@ -152,18 +152,3 @@ def test_what_kind_of_thing_each_effect_is():
     own = {f"{e.key}.{p.name}" for e in CATALOGUE for p in e.parameters if p.per_flight}
     in_one_flight = {"rotor_degradation:onset", "rotor_degradation:for a while"}
     assert {key.split(".")[0] for key in own} == {"wind", "tank_zero"} | in_one_flight
-    assert having("affine") == {
-        "air_density",
-        "battery_voltage",
-        "ground_effect",
-        "load_factor",
-        "parasite_drag",
-        "wind",
-    }
-
-
-def test_an_effect_that_starts_off_nothing_says_so():
-    """Else the search would take what it does at its start for nothing."""
-    for effect in CATALOGUE:
-        off = any(not p.detail and p.absent not in (None, p.start) for p in effect.parameters)
-        assert effect.affine or not off, effect.key

@@ -5,8 +5,8 @@ import pytest
 
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.effects.climb_inflow import CLIMB_INFLOW
-from thrustmargin.models.model.flown import model_channels
 from thrustmargin.models.model.model_file import shipped_model
+from thrustmargin.models.model.predict import model_channels
 
 
 def weight_on(path) -> float:

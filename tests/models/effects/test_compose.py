@@ -10,7 +10,7 @@ from thrustmargin.models.effects import CATALOGUE, Placed
 from thrustmargin.models.effects.channels import Channels
 from thrustmargin.models.effects.compose import base_table, rotor_speed_rpm
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.model.flown import model_channels, table_of
+from thrustmargin.models.model.predict import model_channels, table_of
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
 
 EFFECTS = {effect.key: effect for effect in CATALOGUE}

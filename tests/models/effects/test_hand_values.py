@@ -18,7 +18,7 @@ from thrustmargin.models.effects.slung_load import force_ned
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.flown import model_channels
+from thrustmargin.models.model.predict import model_channels
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 

@@ -6,26 +6,11 @@ import numpy as np
 import pytest
 
 from tests.models.made_flights import F16, made_flight
-from thrustmargin.models.effects import BY_KEY, CATALOGUE, Placed
+from thrustmargin.models.effects import BY_KEY, Placed
 from thrustmargin.models.effects.compose import rotor_speed_rpm
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.model.flown import model_channels, table_of
+from thrustmargin.models.model.predict import model_channels, table_of
 from thrustmargin.models.model.rotor_model import physics_model
-
-INSTRUMENTS = {
-    "airspeed_bias",
-    "airspeed_gain",
-    "battery_voltage",
-    "sensor_lag",
-    "sensor_lag:rotor speed",
-    "tank_drift",
-    "tank_scale",
-    "tank_zero",
-}
-
-
-def test_the_table_says_which_effects_are_faults_of_instruments():
-    assert {e.key for e in CATALOGUE if e.instrument} == INSTRUMENTS
 
 
 def moved(track: FlightTrack, key: str, **values: float) -> Floats:

@@ -15,7 +15,7 @@ from thrustmargin.models.effects.channels import (
     lag_weights,
     shifts_look,
 )
-from thrustmargin.models.model.flown import model_channels
+from thrustmargin.models.model.predict import model_channels
 from thrustmargin.models.model.rotor_model import physics_model
 
 TIMES = np.array(LAGS)
@@ -95,9 +95,3 @@ def test_a_delay_over_a_gap_is_unknown_near_the_row_and_held_far_from_it():
     assert table[45, column[-1.5]] == pytest.approx(3.0)  # half way over the gap
     assert np.isnan(table[2, column[-0.3]])  # before the first row
     assert table[2, column[-1.5]] == pytest.approx(0.0)  # held
-
-
-def test_the_seeds_of_a_wind_are_eight_ways_of_five_metres_a_second():
-    ways = [complex(s["wind_north"], s["wind_east"]) for s in BY_KEY["wind"].seeds]
-    assert np.abs(ways) == pytest.approx(5.0)
-    assert np.angle(np.array(ways) * np.conj(np.roll(ways, 1))) == pytest.approx(np.pi / 4)

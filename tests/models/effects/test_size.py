@@ -10,7 +10,7 @@ from thrustmargin.models.effects.base import USUAL_ARM, Placed
 from thrustmargin.models.effects.compose import rotor_speed_rpm
 from thrustmargin.models.effects.flow_moment import FLOW_MOMENT
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.model.flown import model_channels, table_of
+from thrustmargin.models.model.predict import model_channels, table_of
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 from thrustmargin.models.physics.atmosphere import G0

@@ -20,7 +20,7 @@ from thrustmargin.models.identification.cross_validation import intervals
 from thrustmargin.models.identification.fit import Evaluator, fit_terms, term_values
 from thrustmargin.models.identification.problem import assemble
 from thrustmargin.models.identification.terms import Term
-from thrustmargin.models.model.flown import model_channels
+from thrustmargin.models.model.predict import model_channels
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.atmosphere import G0

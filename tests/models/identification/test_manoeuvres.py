@@ -7,6 +7,7 @@ import pytest
 
 from tests.models.made_flights import curve_model, made_flight, made_flights
 from thrustmargin.models.errors import DataError
+from thrustmargin.models.flight import down_axis
 from thrustmargin.models.identification.manoeuvres import (
     ACCELERATION,
     FlownLimits,
@@ -14,7 +15,6 @@ from thrustmargin.models.identification.manoeuvres import (
     flown_track,
     manoeuvres,
 )
-from thrustmargin.models.physics.attitude import down_axis
 
 LIMITS = replace(
     FlownLimits.of(made_flights(3)),

@@ -30,8 +30,8 @@ from thrustmargin.models.identification.rivals import (
     second_noise_rpm,
 )
 from thrustmargin.models.identification.terms import Term
-from thrustmargin.models.model.flown import model_channels, table_of
-from thrustmargin.models.model.good_flights import GoodFlights
+from thrustmargin.models.model.predict import model_channels, table_of
+from thrustmargin.models.network.records import GoodFlights
 
 #: One fill, one speed: hidden mass is as good as a wrong gauge.
 FLIGHTS = [made_flight(k, tank_kg=8.0, hidden_mass=1.0) for k in range(3)]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from thrustmargin.models.model.good_flights import scatter_between
+from thrustmargin.models.network.records import scatter_between
 
 
 def test_flights_of_like_errors_differ_by_what_their_variance_has_beyond_the_errors():

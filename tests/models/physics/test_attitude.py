@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from thrustmargin.models.physics.attitude import down_axis
+from thrustmargin.models.flight import down_axis
 
 HALF, ROOT3 = 0.5, np.sqrt(3.0) / 2.0  # sine and cosine of 30 degrees
 

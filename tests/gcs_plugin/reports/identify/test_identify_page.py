@@ -18,12 +18,13 @@ from thrustmargin.gcs_plugin.reports.identify.identify_tables import printed_tab
 from thrustmargin.gcs_plugin.reports.identify.page import html_text
 from thrustmargin.gcs_plugin.reports.identify.residual_figures import (
     MOST_CHANNELS,
+    Rows,
     channels_figures,
     map_figure,
     map_limit,
+    rows_of,
     time_figure,
 )
-from thrustmargin.gcs_plugin.reports.identify.residual_rows import Rows, rows_of
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.flight import FlightTrack

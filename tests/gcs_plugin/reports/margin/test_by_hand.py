@@ -7,21 +7,24 @@ import pytest
 
 from tests.gcs_plugin.reports.margin.report_flight import log, model
 from thrustmargin.gcs_plugin.reports.margin import report_flight
-from thrustmargin.gcs_plugin.reports.margin.data import FlightReport, Level, MarginVerdict, Moment
-from thrustmargin.gcs_plugin.reports.margin.headline import (
-    estimate,
-    facts,
-    headline,
-    moment_words,
-    several_headline,
-)
-from thrustmargin.gcs_plugin.reports.margin.known import (
+from thrustmargin.gcs_plugin.reports.margin.data import (
+    FlightReport,
+    Level,
+    MarginVerdict,
+    Moment,
     end_rows,
     least,
     mean,
     median,
     most,
     share,
+)
+from thrustmargin.gcs_plugin.reports.margin.headline import (
+    estimate,
+    facts,
+    headline,
+    moment_words,
+    several_headline,
 )
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack

@@ -7,7 +7,7 @@ import pytest
 
 from tests.gcs_plugin.reports.margin.report_flight import flight, log, model, without
 from thrustmargin.gcs_plugin.reports.margin import build_report, report_flight
-from thrustmargin.gcs_plugin.reports.margin.known import end_rows
+from thrustmargin.gcs_plugin.reports.margin.data import end_rows
 from thrustmargin.gcs_plugin.reports.margin.moments import APART_S, doing
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack

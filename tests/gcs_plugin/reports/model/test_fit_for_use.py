@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from tests.models.model.made_models import learnt_model
-from thrustmargin.gcs_plugin.reports.model.fit_for_use import fit_for_use, odd_flights
+from thrustmargin.gcs_plugin.reports.model.training_tables import fit_for_use, odd_flights
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.stored import EffectRecord, Identified
-from thrustmargin.models.model.good_flights import GoodFlights
-from thrustmargin.models.network.records import ConditionScore
+from thrustmargin.models.network.records import ConditionScore, GoodFlights
 from thrustmargin.models.scores import Score
 
 MODEL = learnt_model()

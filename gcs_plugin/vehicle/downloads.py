@@ -1,0 +1,283 @@
+"""What a vehicle holds: its mission as a plan, its logs as files, its parameters by name."""
+
+from __future__ import annotations
+
+import json
+import struct
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from queue import Empty, Queue
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.vehicle.connection import Progress, VehicleLink
+from thrustmargin.mission.plan import (
+    FIRMWARE_ARDUPILOT,
+    FIRMWARE_GENERIC,
+    FIRMWARE_PX4,
+    FRAME_MISSION,
+    MissionPlan,
+    PlanItem,
+    plan_from_items,
+)
+from thrustmargin.models.errors import LinkError
+from thrustmargin.models.whole_file import whole_file
+
+if TYPE_CHECKING:
+    from mavsdk import System
+
+#: s to wait for a home position, which not every vehicle reports.
+HOME_WAIT = 2.0
+REQUEST_MESSAGE, HOME_POSITION_ID = 512, 242
+
+
+def download_mission(
+    link: VehicleLink, vehicle: System, progress: Progress | None = None
+) -> MissionPlan:
+    """The mission of `vehicle` over a link that is open; `progress` counts items.
+
+    Transferred as raw items: MAVSDK's own mission type refuses ArduPilot's item 0, its home.
+    Raises LinkError when the vehicle does not answer, PlanError when it holds no mission.
+    """
+    from mavsdk import Autopilot
+    from mavsdk.plugins.mavlink_direct import MavlinkDirect
+    from mavsdk.plugins.mission_raw import MissionRaw, MissionRawResult
+
+    events: Queue[tuple[str, Any]] = Queue()
+    direct, missions = MavlinkDirect(vehicle), MissionRaw(vehicle)
+    for message in ("MISSION_COUNT", "MISSION_ITEM_INT", "HOME_POSITION"):
+        direct.subscribe_message(message, lambda m, _: events.put((m.message_name, m.fields_json)))
+    missions.download_mission_async(lambda result, items, _: events.put(("end", (result, items))))
+    total = 0
+    while True:
+        kind, value = link.next_event(events, "its mission")
+        if kind == "end":
+            break
+        fields = json.loads(value)
+        if kind == "MISSION_COUNT":
+            total = int(fields["count"])
+        elif kind == "MISSION_ITEM_INT" and progress is not None and total:
+            progress(min(int(fields["seq"]) + 1, total), total)
+    result, raw = value
+    if result not in (MissionRawResult.SUCCESS, MissionRawResult.NO_MISSION_AVAILABLE):
+        raise link.refused("its mission", result.name)
+    if progress is not None:
+        progress(len(raw), len(raw))  # items may be counted after the end of the transfer
+    autopilot = vehicle.autopilot_type()
+    ardupilot = autopilot == Autopilot.ARDUPILOT
+    home = None if ardupilot or not raw else _home(direct, vehicle, events)
+    firmware = {Autopilot.ARDUPILOT: FIRMWARE_ARDUPILOT, Autopilot.PX4: FIRMWARE_PX4}
+    return plan_from_items(
+        [_plan_item(item) for item in raw],
+        home_first=ardupilot,
+        home=home,
+        firmware=firmware.get(autopilot, FIRMWARE_GENERIC),
+    )
+
+
+def _home(
+    direct: Any, vehicle: System, events: Queue[tuple[str, Any]]
+) -> tuple[float, float, float] | None:
+    """Latitude, longitude in degrees and m AMSL of home, asked for; None without an answer."""
+    from mavsdk.plugins.mavlink_direct import MavlinkMessage
+
+    number = vehicle.get_system_id()
+    fields = {"target_system": number, "target_component": 1, "confirmation": 0}
+    fields |= {"command": REQUEST_MESSAGE, "param1": HOME_POSITION_ID}
+    fields |= {f"param{i}": 0 for i in range(2, 8)}
+    direct.send_message(MavlinkMessage("COMMAND_LONG", 0, 0, number, 1, json.dumps(fields)))
+    deadline = time.monotonic() + HOME_WAIT
+    while (left := deadline - time.monotonic()) > 0.0:
+        try:
+            kind, value = events.get(timeout=left)
+        except Empty:
+            return None
+        if kind == "HOME_POSITION":
+            home = json.loads(value)
+            return home["latitude"] / 1e7, home["longitude"] / 1e7, home["altitude"] / 1e3
+    return None
+
+
+def _plan_item(item: Any) -> PlanItem:
+    """MAVLink's integer item in degrees; MAV_FRAME_MISSION holds numbers without a unit instead."""
+    scale, places = (1.0, 0) if item.frame == FRAME_MISSION else (1e-7, 7)
+    return PlanItem(
+        number=item.seq,
+        command=item.command,
+        frame=item.frame,
+        parameters=(
+            _shortest(item.param1),
+            _shortest(item.param2),
+            _shortest(item.param3),
+            _shortest(item.param4),
+            round(item.x * scale, places),
+            round(item.y * scale, places),
+            _shortest(item.z),
+        ),
+        autocontinue=bool(item.autocontinue),
+    )
+
+
+def _shortest(value: float) -> float:
+    """The shortest decimal that is the same 32-bit number: 2.3 and not 2.299999952316284."""
+    return float(str(np.float32(value)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogEntry:
+    """One log on the vehicle."""
+
+    number: int
+    date: str | None  # ISO 8601 UTC; None when the vehicle had no clock
+    size_bytes: int
+
+
+class VehicleLogs:
+    """The logs of one vehicle, listed once. Raises LinkError when it does not answer."""
+
+    def __init__(self, link: VehicleLink, vehicle: System) -> None:
+        from mavsdk.plugins.log_files import LogFiles, LogFilesResult
+
+        self._link = link
+        self._files = LogFiles(vehicle)  # one object: it downloads only what it has listed
+        events: Queue[tuple[Any, list[Any]]] = Queue()
+        self._files.get_entries_async(lambda result, found, _: events.put((result, found)))
+        result, found = link.next_event(events, "its list of logs")
+        if result not in (LogFilesResult.SUCCESS, LogFilesResult.NO_LOGFILES):
+            raise link.refused("its list of logs", result.name)
+        self._found = {entry.id: entry for entry in found}
+        self.entries = tuple(
+            LogEntry(
+                number=entry.id,
+                date=None if entry.date.startswith("1970") else entry.date or None,
+                size_bytes=entry.size_bytes,
+            )
+            for entry in found
+        )
+
+    def choose(self, number: int | None = None) -> LogEntry:
+        """Log `number`, or the latest that is not empty. Raises LinkError when there is none."""
+        return choose_log(self.entries, number, self._link.name)
+
+    def download(self, entry: LogEntry, path: Path, progress: Progress | None = None) -> None:
+        """Save `entry` at `path`, whole or not at all; `progress` counts bytes.
+
+        Raises LinkError when the vehicle falls silent or `path` cannot be written.
+        """
+        from mavsdk.plugins.log_files import LogFilesResult
+
+        what = f"log {entry.number}"
+        events: Queue[tuple[Any, float]] = Queue()
+        try:
+            with whole_file(path) as draft:
+                draft.touch()  # says why it cannot be written, which MAVSDK does not
+                draft.unlink()
+                self._files.download_log_file_async(
+                    self._found[entry.number],
+                    str(draft),
+                    lambda result, data, _: events.put((result, data.progress)),
+                )
+                result = LogFilesResult.NEXT
+                try:
+                    while result == LogFilesResult.NEXT:
+                        result, share = self._link.next_event(events, what)
+                        if progress is not None and 0.0 <= share <= 1.0:
+                            progress(round(share * entry.size_bytes), entry.size_bytes)
+                finally:
+                    if result == LogFilesResult.NEXT:
+                        self._files.cancel_download_log_file()
+                if result != LogFilesResult.SUCCESS:
+                    raise self._link.refused(what, result.name)
+        except OSError as error:
+            raise LinkError(f"{path} cannot be written: {error.strerror}") from error
+
+
+def choose_log(entries: tuple[LogEntry, ...], number: int | None, name: str) -> LogEntry:
+    """Log `number` of `entries`, or the latest that is not empty; `name` is the link's, for words.
+
+    Raises LinkError when none fits.
+    """
+    if not entries:
+        raise LinkError(f"{name}: the vehicle holds no logs; check its SD card and log settings")
+    if number is None:
+        filled = [e for e in entries if e.size_bytes > 0]
+        if not filled:
+            raise LinkError(f"{name}: all {len(entries)} logs on the vehicle are empty")
+        return max(filled, key=lambda e: (e.date or "", e.number))
+    for entry in entries:
+        if entry.number == number and entry.size_bytes == 0:
+            raise LinkError(f"{name}: log {number} is empty; choose another, see --list")
+        if entry.number == number:
+            return entry
+    numbers = [e.number for e in entries]
+    raise LinkError(
+        f"{name}: there is no log {number}; the vehicle has {min(numbers)} to {max(numbers)}"
+    )
+
+
+#: s without a parameter after which the missing ones are asked for by number, and how often.
+_PAUSE = 1.5
+_ROUNDS = 5
+#: How many are asked for in one round: a radio's queue is short.
+_AT_ONCE = 50
+_PX4_INTEGERS = {1: "B", 2: "b", 3: "H", 4: "h", 5: "I", 6: "i"}  # MAV_PARAM_TYPE -> struct
+
+
+def download_parameters(
+    link: VehicleLink, vehicle: System, progress: Progress | None = None
+) -> dict[str, float]:
+    """Every parameter of `vehicle` by name; `progress` counts them.
+
+    Raises LinkError when the vehicle sends none.
+    """
+    from mavsdk import Autopilot
+    from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
+
+    direct, number = MavlinkDirect(vehicle), vehicle.get_system_id()
+    arrived: Queue[str] = Queue()
+    direct.subscribe_message("PARAM_VALUE", lambda m, _: arrived.put(m.fields_json))
+
+    def ask(message: str, **fields: object) -> None:
+        fields |= {"target_system": number, "target_component": 1}
+        direct.send_message(MavlinkMessage(message, 0, 0, number, 1, json.dumps(fields)))
+
+    bits = vehicle.autopilot_type() == Autopilot.PX4
+    found: dict[str, float] = {}
+    missing: set[int] | None = None
+    ask("PARAM_REQUEST_LIST")
+    for _ in range(_ROUNDS):
+        while missing is None or missing:
+            try:
+                fields = json.loads(arrived.get(timeout=_PAUSE))
+            except Empty:
+                break
+            if missing is None:
+                missing = set(range(int(fields["param_count"])))
+                total = len(missing)
+            missing.discard(int(fields["param_index"]))
+            found[str(fields["param_id"])] = _value(fields, bits)
+            if progress is not None:
+                progress(total - len(missing), total)
+        if missing is None:
+            ask("PARAM_REQUEST_LIST")
+            continue
+        if not missing:
+            break
+        for index in sorted(missing)[:_AT_ONCE]:
+            ask("PARAM_REQUEST_READ", param_id="", param_index=index)
+    if not found:
+        raise link.refused("its parameters", "no answer")
+    return found
+
+
+def _value(fields: dict[str, object], bits: bool) -> float:
+    """PX4 puts the bits of an integer where the number should be, ArduPilot the number."""
+    value = fields["param_value"]
+    value = float("nan") if not isinstance(value, int | float) else float(value)
+    form = _PX4_INTEGERS.get(int(str(fields["param_type"])))
+    if not bits or form is None:
+        return value
+    raw = struct.pack("<f", value)
+    return float(struct.unpack_from(f"<{form}", raw)[0])
