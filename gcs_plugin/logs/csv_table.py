@@ -119,7 +119,14 @@ def _read(path: Path, _vehicle: int | None, options: Options) -> FlightLog:
     return log_of_track(track, path, path.stat().st_size, craft)
 
 
-FORMAT = LogFormat(name="CSV", suffixes=(".csv",), likeness=_likeness, read=_read)
+FORMAT = LogFormat(
+    name="CSV",
+    known_by="a CSV with time_s",
+    suffixes=(".csv",),
+    is_text=True,
+    likeness=_likeness,
+    read=_read,
+)
 
 
 def read_csv(path: Path, *, rotor_count: int = 0) -> FlightTrack:

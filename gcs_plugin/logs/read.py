@@ -33,7 +33,9 @@ class LogFormat:
     """A kind of log. Each module of this folder that has one as `FORMAT` is the reader of it."""
 
     name: str
+    known_by: str  # what one is and how it shows, for people: "a PX4 log (.ulg, ...)"
     suffixes: tuple[str, ...]  # that fit it
+    is_text: bool = False
     likeness: Callable[[Beginning], float]  # 0 it is not, to 1 it surely is
     read: Callable[[Path, int | None, Options], FlightLog]  # of this system id, None: the likeliest
 
@@ -100,9 +102,8 @@ def _read_as(path: Path, vehicle: int | None, options: Options) -> tuple[LogForm
         except NotThisFormat:
             continue
     raise LogError(
-        f"{path.name}: no message in {path.stat().st_size} bytes, neither MAVLink frames (.tlog) "
-        "nor an ArduPilot log (.BIN, it begins with descriptions FMT) nor a PX4 log (.ulg, it "
-        "begins with ULog); is its start missing?"
+        f"{path.name}: no message in {path.stat().st_size} bytes, neither "
+        f"{_named(is_text=False)}; is its start missing?"
     )
 
 
@@ -118,9 +119,7 @@ def formats(path: Path) -> list[LogFormat]:
     begins = Beginning(head=head, text=text, suffix=path.suffix.lower())
     liked = {kind: likeness for kind in _known() if (likeness := kind.likeness(begins)) > 0.0}
     if not liked:
-        raise LogError(
-            f"{path.name} is text, but neither a DataFlash log (FMT lines) nor a CSV with time_s"
-        )
+        raise LogError(f"{path.name} is text, but neither {_named(is_text=True)}")
     return sorted(liked, key=lambda kind: -liked[kind])
 
 
@@ -129,6 +128,10 @@ def _known() -> Iterator[LogFormat]:
     for module in walk_packages(import_module(folder).__path__, f"{folder}."):
         if (found := getattr(import_module(module.name), "FORMAT", None)) is not None:
             yield found
+
+
+def _named(*, is_text: bool) -> str:
+    return " nor ".join(kind.known_by for kind in _known() if kind.is_text == is_text)
 
 
 def decoded(data: bytes) -> str:

@@ -248,6 +248,7 @@ def _read(path: Path, vehicle: int | None, options: Options) -> FlightLog:
 #: Any file that is no text may be one: only a search of the whole finds its frames.
 FORMAT = LogFormat(
     name="tlog",
+    known_by="MAVLink frames (.tlog)",
     suffixes=(".tlog",),
     likeness=lambda begins: 0.5 if begins.text is None else 0.0,
     read=_read,

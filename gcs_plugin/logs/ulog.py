@@ -116,6 +116,7 @@ def _unix_offset(topics: Mapping[str, list[Topic]]) -> float | None:
 
 FORMAT = LogFormat(
     name="ULog",
+    known_by="a PX4 log (.ulg, it begins with ULog)",
     suffixes=(".ulg", ".ulog"),
     likeness=lambda begins: float(begins.head.startswith(MAGIC)),
     read=lambda path, vehicle, options: assemble(*read_ulog(path, vehicle=vehicle), options),

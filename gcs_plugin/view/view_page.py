@@ -99,7 +99,7 @@ class ViewPage(ABC):
                     self._requests.get()()
                 with server.atomic():
                     self._draw(hurry=hurry)
-            except Exception:
+            except Exception:  # of any kind, a page's own too: a pilot must not lose the view
                 _log.exception("the %s could not be drawn", self._what)
             took = time.perf_counter() - begun
             self.draw_seconds.append(took)

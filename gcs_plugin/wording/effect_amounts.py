@@ -1,22 +1,86 @@
 """What each effect of the table says about the aircraft: the part, the amount and its interval.
 
-One function an effect, of an effect within the identification that found it. A sentence has no full
-stop, and no action.
+One `Amount` or function an effect, of an effect within the identification that found it. A sentence
+has no full stop, and no action.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.wording.described_effect import DescribedEffect, joined
-from thrustmargin.gcs_plugin.wording.numbers import clock, number, within
-from thrustmargin.models.identification.result import Found
+from thrustmargin.gcs_plugin.wording.numbers import clock, joined, number, within
+from thrustmargin.models.identification.result import Found, Identification
 
 #: m/s at which the climb effect is described
 CLIMB_RATE = 2.0
 MOST_LISTED = 4
+
+
+def rotor_words(rotor: int, names: tuple[str, ...]) -> str:
+    """`rotor 1 (front right)` of a 0-based rotor."""
+    return f"rotor {rotor + 1} ({names[rotor]})"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DescribedEffect:
+    """An effect found, within the identification that found it."""
+
+    found: Found
+    whole: Identification
+
+    def ends(self, name: str) -> tuple[float, float, float]:
+        """Value, lower and upper end of a parameter, as they stand for the effect."""
+        found, row = self.found, self.found.flight
+        k = [p.name for p in found.term.effect.parameters].index(name)
+        return float(found.value[row, k]), float(found.lower[row, k]), float(found.upper[row, k])
+
+    def of_sign(self, name: str, above: str, below: str) -> str:
+        """The word for a parameter above zero, or that for one below."""
+        return below if self.ends(name)[0] < 0.0 else above
+
+    def size(
+        self, name: str, unit: str = "", *, factor: float = 1.0, most: int = 2
+    ) -> tuple[str, str]:
+        """The amount without its sign, and its interval turned the same way."""
+        sign = -1.0 if self.ends(name)[0] < 0.0 else 1.0
+        return within(*self.ends(name), unit, factor=sign * factor, most=most)
+
+    def text(self, name: str, unit: str = "", *, most: int = 2) -> str:
+        """The amount with its sign and its interval, in one."""
+        return joined(within(*self.ends(name), unit, most=most))
+
+    @property
+    def known(self) -> bool:
+        """True when the model has this effect already, so that this changes its size."""
+        return self.found.term.effect.name in {e.name for e in self.whole.model.effects}
+
+    @property
+    def rotor(self) -> str:
+        names = self.whole.model.airframe.rotor_names
+        return rotor_words(self.found.term.rotor or 0, names).capitalize()
+
+
+@dataclass(frozen=True, slots=True)
+class Amount:
+    """A sentence with the amount of one parameter where `{}` stands.
+
+    `{sign}` is the first of `signs` for an amount above zero, the second for one below.
+    """
+
+    name: str
+    unit: str
+    sentence: str
+    signs: tuple[str, str] = ("", "")
+    factor: float = 1.0
+    most: int = 2
+
+    def __call__(self, it: DescribedEffect) -> str:
+        start, end = self.sentence.split(" {} ")
+        sign = it.of_sign(self.name, *self.signs)
+        size = it.size(self.name, self.unit, factor=self.factor, most=self.most)
+        return _sized(start.format(sign=sign), size, end.format(sign=sign))
 
 
 def by_parameters(it: DescribedEffect) -> str:
@@ -41,40 +105,38 @@ def _percent(it: DescribedEffect, name: str, factor: float = 1.0) -> tuple[str, 
 
 
 def weak_rotor(it: DescribedEffect) -> str:
-    more = "more" if it.negative("loss") else "less"
     than = " than its share of the motor outputs" if it.whole.problem.of_outputs else ""
     if it.known:
         than = " than the model has it"
-    return _sized(f"{it.rotor} makes", _percent(it, "loss"), f"{more} thrust{than}")
+    less = it.of_sign("loss", "less", "more")
+    return _sized(f"{it.rotor} makes", _percent(it, "loss"), f"{less} thrust{than}")
+
+
+def _lost(it: DescribedEffect, lost: str = "lost", gained: str = "gained") -> str:
+    what = it.of_sign("loss", lost, gained)
+    return _sized(f"{it.rotor} {what}", _percent(it, "loss"), "of its thrust")
 
 
 def weakened_in_flight(it: DescribedEffect) -> str:
-    what = "gained" if it.negative("loss") else "lost"
     when = clock(it.ends("onset_time")[0])
     where = it.whole.problem.names[it.found.flight]
     clear = (it.found.lower[:, 0] > 0.0) | (it.found.upper[:, 0] < 0.0)
     more = int(clear.sum()) - 1
     also = f" and in {more} more of {clear.size} flights" if more > 0 else ""
-    lost = _sized(f"{it.rotor} {what}", _percent(it, "loss"), "of its thrust")
-    return f"{lost} in flight, {when} into {where}{also}"
+    return f"{_lost(it)} in flight, {when} into {where}{also}"
 
 
 def weakened_for_a_while(it: DescribedEffect) -> str:
     began, ended = (clock(it.ends(name)[0]) for name in ("onset_time", "end_time"))
     where = it.whole.problem.names[it.found.flight]
-    lost = _sized(f"{it.rotor} lost", _percent(it, "loss"), "of its thrust")
-    return f"{lost} for a while, from {began} to {ended} of {where}"
+    return f"{_lost(it, gained='lost')} for a while, from {began} to {ended} of {where}"
 
 
 def weakens_each_flight(it: DescribedEffect) -> str:
-    what = "gains" if it.negative("loss") else "loses"
-    when = clock(it.ends("onset_time")[0])
-    lost = _sized(f"{it.rotor} {what}", _percent(it, "loss"), "of its thrust")
-    return f"{lost} {when} into every flight"
+    return f"{_lost(it, 'loses', 'gains')} {clock(it.ends('onset_time')[0])} into every flight"
 
 
 def weak_since_a_flight(it: DescribedEffect) -> str:
-    what = "gained" if it.negative("loss") else "lost"
     problem, at = it.whole.problem, it.ends("onset_clock")[0]
     began = problem.flight_start_unix_s - problem.first_row_s
     flown = np.flatnonzero(began <= at)
@@ -82,17 +144,19 @@ def weak_since_a_flight(it: DescribedEffect) -> str:
     if flown.size:
         flight = int(flown[np.argmax(began[flown])])
         when = f"{clock(at - float(began[flight]))} into {problem.names[flight]}"
-    lost = _sized(f"{it.rotor} {what}", _percent(it, "loss"), "of its thrust")
-    return f"{lost} {when}, and has stayed so in later flights"
+    return f"{_lost(it)} {when}, and has stayed so in later flights"
 
 
-def hidden_mass(it: DescribedEffect) -> str:
-    than = "lighter" if it.negative("mass") else "heavier"
-    return _sized("The aircraft is", it.size("mass", "kg"), f"{than} than model and tank gauge say")
+hidden_mass = Amount(
+    "mass",
+    "kg",
+    "The aircraft is {} {sign} than model and tank gauge say",
+    ("heavier", "lighter"),
+)
 
 
 def air_density(it: DescribedEffect) -> str:
-    than = "colder" if it.negative("temperature_offset") else "warmer"
+    than = it.of_sign("temperature_offset", "warmer", "colder")
     offset = it.size("temperature_offset", "K", most=1)
     if it.known:
         return _sized("The air is", offset, f"{than} than the model has it")
@@ -102,41 +166,28 @@ def air_density(it: DescribedEffect) -> str:
     return f"The model does not follow air density: flown in {flown}, model of {known}, {air}"
 
 
-def tank_gauge(it: DescribedEffect) -> str:
-    return _gain("The tank gauge shows", it)
-
-
-def airspeed_gain(it: DescribedEffect) -> str:
-    return _gain("The airspeed sensor shows", it)
-
-
-def _gain(what: str, it: DescribedEffect) -> str:
+def wrong_gain(what: str, it: DescribedEffect) -> str:
     """Of an instrument whose true value is gain times what it shows."""
     value, *ends = (1.0 - 1.0 / gain for gain in it.ends("gain"))
     sign, much = (-1.0, "much") if value < 0.0 else (1.0, "little")
     shown = within(value, ends[0], ends[1], "%", factor=100.0 * sign, most=1)
-    return _sized(what, shown, f"too {much}")
+    return _sized(f"The {what} shows", shown, f"too {much}")
+
+
+TOO = ("too little", "too much")  # of what is to be added to what an instrument shows
 
 
 def tank_zero(it: DescribedEffect) -> str:
     flight = it.whole.problem.names[it.found.flight]
-    shown = _sized("The tank gauge shows", it.size("offset", "kg"), _too(it, "offset"))
+    shown = Amount("offset", "kg", "The tank gauge shows {} {sign}", TOO)(it)
     flights = it.found.value.shape[0]
     return f"{shown} in {flight}" + (", most of all flights" if flights > 1 else "")
 
 
-def tank_drift(it: DescribedEffect) -> str:
-    shown = it.size("rate", "kg", factor=600.0)
-    return _sized("The tank gauge shows", shown, f"{_too(it, 'rate')} after 10 minutes")
-
-
-def airspeed_bias(it: DescribedEffect) -> str:
-    return _sized("The airspeed sensor shows", it.size("bias", "m/s"), _too(it, "bias"))
-
-
-def _too(it: DescribedEffect, name: str) -> str:
-    """Of what is to be added to what an instrument shows."""
-    return "too much" if it.negative(name) else "too little"
+tank_drift = Amount(
+    "rate", "kg", "The tank gauge shows {} {sign} after 10 minutes", TOO, factor=600.0
+)
+airspeed_bias = Amount("bias", "m/s", "The airspeed sensor shows {} {sign}", TOO)
 
 
 def flow_moment(it: DescribedEffect) -> str:
@@ -152,36 +203,23 @@ def drag_moment(it: DescribedEffect) -> str:
     )
 
 
-def late_airspeed(it: DescribedEffect) -> str:
-    return _late("The airspeed is", it)
-
-
-def late_rotor_speed(it: DescribedEffect) -> str:
-    return _late("The rotor speeds are", it)
-
-
-def _late(what: str, it: DescribedEffect) -> str:
-    than = "early" if it.negative("lag") else "late"
-    return _sized(f"{what} reported", it.size("lag", "s"), than)
-
-
-def drag(it: DescribedEffect) -> str:
-    than = "less" if it.negative("drag_area") else "more"
-    return _sized(
-        "The aircraft has", it.size("drag_area", "m²"), f"{than} drag area than its model"
-    )
+late_airspeed = Amount("lag", "s", "The airspeed is reported {} {sign}", ("late", "early"))
+late_rotor_speed = Amount("lag", "s", "The rotor speeds are reported {} {sign}", ("late", "early"))
+drag = Amount(
+    "drag_area", "m²", "The aircraft has {} {sign} drag area than its model", ("more", "less")
+)
 
 
 def load_factor(it: DescribedEffect) -> str:
     what = "Thrust follows the load factor of turns, climbs and gusts"
     if it.known:
-        less = "less" if it.negative("gain") else "more"
-        return _sized(what, it.size("gain"), f"{less} than the model has it")
+        more = it.of_sign("gain", "more", "less")
+        return _sized(what, it.size("gain"), f"{more} than the model has it")
     return f"{what}, {it.text('gain')} times what Newton's law says, and the model does not"
 
 
 def slung_load(it: DescribedEffect) -> str:
-    more = "lighter" if it.negative("mass") else "heavier"
+    more = it.of_sign("mass", "heavier", "lighter")
     than = f", {more} than the model has it" if it.known else ""
     load = joined(it.size("mass", "kg"))
     return f"A load of {load} swings on {it.text('cable', 'm')} of cable{than}"
@@ -193,7 +231,7 @@ def balance(it: DescribedEffect) -> str:
     def part(axis: str, ways: tuple[str, str]) -> str:
         name = axis + full
         amount, interval = it.size(name, "mm", factor=1e3, most=1)
-        return f"{amount} {ways[it.negative(name)]} {interval}".rstrip()
+        return f"{amount} {it.of_sign(name, *ways)} {interval}".rstrip()
 
     along, across = part("x", ("forward", "aft")), part("y", ("to the right", "to the left"))
     if full:
@@ -201,11 +239,12 @@ def balance(it: DescribedEffect) -> str:
     return f"The centre of gravity is {along} and {across} of where the model has it"
 
 
-def yaw_moment(it: DescribedEffect) -> str:
-    to = "left" if it.negative("moment") else "right"
-    return _sized(
-        "The rotors hold a steady yaw moment of", it.size("moment", "N m"), f"to the {to}"
-    )
+yaw_moment = Amount(
+    "moment",
+    "N m",
+    "The rotors hold a steady yaw moment of {} to the {sign}",
+    ("right", "left"),
+)
 
 
 def turning(it: DescribedEffect) -> str:
@@ -231,7 +270,7 @@ def forward_lift(it: DescribedEffect) -> str:
         hover_induced_velocity=np.array([hover]),
     )
     shape = float(it.found.term.effect.apply({"gain": 1.0}, row)[0]) - 1.0
-    more = "less" if it.negative("gain") else "more"
+    more = it.of_sign("gain", "more", "less")
     start = f"At {number(speed, 'm/s')} airspeed the rotors make"
     return _sized(start, _percent(it, "gain", shape), f"{more} thrust than the model has")
 
@@ -239,7 +278,7 @@ def forward_lift(it: DescribedEffect) -> str:
 def climb(it: DescribedEffect) -> str:
     hover_rpm = float(np.median(it.whole.problem.measured_rpm))
     ratio = CLIMB_RATE * 60.0 / (hover_rpm * it.whole.model.airframe.propeller_diameter)
-    less = "more" if it.negative("slope") else "less"
+    less = it.of_sign("slope", "less", "more")
     start = f"Climbing at {CLIMB_RATE:.0f} m/s the rotors make"
     return _sized(start, _percent(it, "slope", ratio), f"{less} thrust")
 
@@ -255,10 +294,14 @@ def ground_effect(it: DescribedEffect) -> str:
     )
 
 
-def thrust_drift(it: DescribedEffect) -> str:
-    what = "gain" if it.negative("rate") else "lose"
-    lost = _percent(it, "rate", 600.0)
-    return _sized(f"All rotors {what}", lost, "of their thrust in 10 minutes of flight")
+thrust_drift = Amount(
+    "rate",
+    "%",
+    "All rotors {sign} {} of their thrust in 10 minutes of flight",
+    ("lose", "gain"),
+    factor=6e4,
+    most=1,
+)
 
 
 def voltage(it: DescribedEffect) -> str:

@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from types import MappingProxyType
 
 from thrustmargin.gcs_plugin.wording import effect_amounts as amounts
-from thrustmargin.gcs_plugin.wording.described_effect import DescribedEffect, rotor_words
+from thrustmargin.gcs_plugin.wording.effect_amounts import DescribedEffect, rotor_words
 from thrustmargin.models.identification.already_followed import FOLLOWED_WIND
 from thrustmargin.models.identification.result import Found, Identification
 from thrustmargin.models.identification.terms import Term
@@ -74,7 +75,9 @@ WORDS: Mapping[str, EffectWords] = MappingProxyType(
         ),
         "extra_mass": EffectWords("hidden mass", amounts.hidden_mass, "weigh it"),
         "air_density": EffectWords("air density", amounts.air_density),
-        "tank_scale": EffectWords("a wrong tank gauge", amounts.tank_gauge, "check it"),
+        "tank_scale": EffectWords(
+            "a wrong tank gauge", partial(amounts.wrong_gain, "tank gauge"), "check it"
+        ),
         "tank_zero": EffectWords(
             "a tank gauge off its zero", amounts.tank_zero, "set it to zero with an empty tank"
         ),
@@ -85,7 +88,9 @@ WORDS: Mapping[str, EffectWords] = MappingProxyType(
             "an airspeed sensor off its zero", amounts.airspeed_bias, "set its zero before take-off"
         ),
         "airspeed_gain": EffectWords(
-            "a wrong airspeed sensor", amounts.airspeed_gain, "check its tube and its calibration"
+            "a wrong airspeed sensor",
+            partial(amounts.wrong_gain, "airspeed sensor"),
+            "check its tube and its calibration",
         ),
         "sensor_lag": EffectWords(
             "a late airspeed", amounts.late_airspeed, "check its filter and message rate"

@@ -8,13 +8,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from thrustmargin.gcs_plugin.wording.described_effect import joined, rotor_words
+from thrustmargin.gcs_plugin.wording.effect_amounts import rotor_words
 from thrustmargin.gcs_plugin.wording.effect_sentences import (
     INSPECT,
     effect_sentence,
     effect_thing,
 )
-from thrustmargin.gcs_plugin.wording.numbers import channel_name, duration, number, percent, within
+from thrustmargin.gcs_plugin.wording.numbers import (
+    channel_name,
+    duration,
+    joined,
+    number,
+    percent,
+    within,
+)
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.identification.margin_change import WORST_SHARE, MarginChange

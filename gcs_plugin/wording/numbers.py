@@ -86,6 +86,11 @@ def within(
     return f"{amount} {unit}".rstrip(), f"({texts[1]} to {texts[2]})"
 
 
+def joined(parts: tuple[str, str]) -> str:
+    """Amount and interval in one."""
+    return " ".join(parts).rstrip()
+
+
 def _rounded(value: float, decimals: int) -> str:
     return number(round(value, decimals), "", max(0, decimals))
 

@@ -227,6 +227,7 @@ def flight_of(
 
 FORMAT = LogFormat(
     name="DataFlash",
+    known_by="an ArduPilot log (.BIN, it begins with descriptions FMT)",
     suffixes=(".bin", ".log"),
     likeness=_likeness,
     read=partial(flight_of, read_dataflash),

@@ -164,7 +164,9 @@ def _clock(table: Mapping[str, NDArray[Any]]) -> Floats:
 
 FORMAT = LogFormat(
     name="DataFlash text",
+    known_by="a DataFlash log (FMT lines)",
     suffixes=(".log", ".txt"),
+    is_text=True,
     likeness=lambda begins: float(begins.text is not None and b"FMT," in begins.head),
     read=partial(flight_of, read_dataflash_text),
 )

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thrustmargin.gcs_plugin.reports.identify.identify_result import Result
-from thrustmargin.gcs_plugin.wording.described_effect import joined
 from thrustmargin.gcs_plugin.wording.effect_sentences import effect_thing
 from thrustmargin.gcs_plugin.wording.identify_answer import (
     chance,
@@ -15,7 +14,7 @@ from thrustmargin.gcs_plugin.wording.identify_answer import (
     set_words,
     where_from,
 )
-from thrustmargin.gcs_plugin.wording.numbers import number, within
+from thrustmargin.gcs_plugin.wording.numbers import joined, number, within
 from thrustmargin.models.identification.result import Found, Identification
 from thrustmargin.models.identification.unseen_errors import Errors
 

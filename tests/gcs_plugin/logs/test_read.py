@@ -1,10 +1,12 @@
 """What is given as a log need not be one: a sentence says what it is, and nothing waits."""
 
 import os
+import sys
 from pathlib import Path
 
 import pytest
 
+from thrustmargin.gcs_plugin import logs
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.mission.plan import read_plan
@@ -47,3 +49,34 @@ def test_nothing_in_a_file_is_a_sentence(tmp_path: Path, content):
     path.write_bytes(content)
     with pytest.raises(LogError, match=r"x\.tlog"):
         read_log(path)
+
+
+OWN_READER = """
+import numpy as np
+from thrustmargin.gcs_plugin.logs.read import LogFormat
+from thrustmargin.gcs_plugin.telemetry.flight_log import log_of_track
+from thrustmargin.models.flight import FlightTrack
+
+def read(path, vehicle, options):
+    speeds = np.loadtxt(path, skiprows=1, ndmin=2)
+    track = FlightTrack.of(name=path.name, time_s=speeds[:, 0], rotor_count=4,
+                           rotor_speed_rpm=speeds[:, 1:])
+    return log_of_track(track, path, path.stat().st_size)
+
+FORMAT = LogFormat(name="pegboard", known_by="a pegboard (PEGS)", suffixes=(".peg",), is_text=True,
+                   likeness=lambda begins: float(begins.head.startswith(b"PEGS")), read=read)
+"""
+
+
+def test_a_reader_is_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """It is found by its module alone, and what no reader takes is described with its words."""
+    (tmp_path / "pegboard.py").write_text(OWN_READER)
+    monkeypatch.setattr(logs, "__path__", [*logs.__path__, str(tmp_path)])
+    monkeypatch.setitem(sys.modules, f"{logs.__name__}.pegboard", None)
+    monkeypatch.delitem(sys.modules, f"{logs.__name__}.pegboard")
+    flight = tmp_path / "flight.peg"
+    flight.write_text("PEGS\n0 2000 2001 2002 2003\n1 2000 2001 2002 2003\n")
+    assert read_log(flight).track.rotor_speed_rpm[1].tolist() == [2000, 2001, 2002, 2003]
+    (tmp_path / "letter.peg").write_text("Dear reader\n")
+    with pytest.raises(LogError, match=r"nor a pegboard \(PEGS\)"):
+        read_log(tmp_path / "letter.peg")
