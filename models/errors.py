@@ -4,7 +4,7 @@ from importlib.util import find_spec
 
 
 class ThrustMarginError(Exception):
-    """Base of every error that a user can cause and can mend; commands print it as one line."""
+    """Base of every error that a user can cause and can repair; commands print it as one line."""
 
 
 class AirframeError(ThrustMarginError):

@@ -157,7 +157,7 @@ class FlightTrack:
     def of(cls, *, name: str, time_s: Floats, rotor_count: int, **given: object) -> Self:
         """A track with the channels in `given` and NaN in all others (`flying`: all True).
 
-        `rotor_count` 0 is for a flight that tells nothing of its rotors. Raises as FlightTrack.
+        `rotor_count` 0 is for a flight that reports nothing of its rotors. Raises as FlightTrack.
         """
         rows = np.asarray(time_s).size
         for channel, column in TRACK_CHANNELS.items():

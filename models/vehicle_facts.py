@@ -26,7 +26,7 @@ class VehicleFacts:
 
     kind: VehicleKind = "unknown"
     evidence: str = ""  # for the kind
-    rotor_count: int = 0  # 0: nothing tells
+    rotor_count: int = 0  # 0: not reported
     rotor_evidence: str = ""  # for the number of rotors
 
     @property

@@ -137,5 +137,5 @@ def clean(text: str) -> str:
 
 
 def clean_lines(text: str) -> str:
-    """The same for a text of several lines, which stay apart."""
+    """The same for a text of several lines, which stay several."""
     return "\n".join(map(clean, text.split("\n")))

@@ -40,7 +40,7 @@ REFERENCES = (
 )
 WINDOW = 9  # clocked messages whose median offset counts
 TRUST = 2.0  # s; an own clock further than this from the estimate counts something else
-COAST = 1.0  # s without a clocked message after which, on arrival, the stamps carry the clock on
+COAST = 1.0  # s without a clocked message after which, on arrival, the stamps extrapolate the clock
 AHEAD = 0.1  # s by which a message may be taken to be later than the newest clock
 RESTART_AFTER = 3  # clocked messages running that must agree on a restart
 _LONG_AGO = -(2**62)  # ns
@@ -216,7 +216,7 @@ def _held_back(
     """Stamps (n,) less the median offset, held between the newest clock and shortly after it.
 
     So that a burst after a stalled link, or a recording played fast, keeps the vehicle's times.
-    When clocked messages stay away for COAST the stamps carry the clock on. `which` (n,) of the
+    When clocked messages stay away for COAST the stamps extrapolate the clock. `which` (n,) of the
     clocks each stamp goes by.
     """
     found = [(c.newest, c.stamp, sorted(c.offsets)[len(c.offsets) // 2]) for c in clocks]

@@ -17,7 +17,7 @@ from thrustmargin.models.checks.speed_readings import (
     TURNING,
     ZERO,
     LastReading,
-    judged_readings,
+    checked_readings,
     too_fast,
 )
 from thrustmargin.models.flight import TRACK_CHANNELS, Bools, Floats
@@ -75,7 +75,7 @@ def measured_speeds(
         time_s, rpm = signal.time_s[new], signal.values[new]
         output, asked = _demand(outputs[rotor], time_s)
         others = _median_of([s for k, s in enumerate(known) if k != rotor], time_s)
-        verdict, last = judged_readings(
+        verdict, last = checked_readings(
             time_s,
             rpm,
             output=output,

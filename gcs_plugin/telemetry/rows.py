@@ -59,7 +59,7 @@ class Carried:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightRows:
-    """Every channel of T rows, and what a listener must carry on to the next ones."""
+    """Every channel of T rows, and what a listener must keep for the next ones."""
 
     clock_s: Floats  # (T,) vehicle's clock
     channels: Mapping[str, Floats]  # as in TRACK_CHANNELS

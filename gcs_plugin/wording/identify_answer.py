@@ -176,12 +176,12 @@ def _thing_of(words: str, names: Sequence[str]) -> str:
 
 
 def next_flight_words(following: NextFlight, names: Sequence[str], mission: str) -> str:
-    """The flight that tells two explanations apart."""
+    """The flight that distinguishes two explanations."""
     ours, theirs = following.separates
     both = {t.key for t in ours} & {t.key for t in theirs}
     sides = [[t for t in side if t.key not in both] for side in (ours, theirs)]
-    apart = " from ".join(set_words(side, names) for side in sides if side)
-    question = apart if all(sides) else f"whether there is {apart}"
+    asked = " from ".join(set_words(side, names) for side in sides if side)
+    question = asked if all(sides) else f"whether there is {asked}"
     times = f", {following.repeats} times" if following.repeats > 1 else ""
     sure = ""
     if following.certainty < CERTAIN:
@@ -238,7 +238,7 @@ def _moves(before: float, after: float) -> str:
 
 
 def open_questions(found: Identification) -> list[str]:
-    """What cannot be told about a rotor, and what could not be tried."""
+    """What stays open about a rotor, and what could not be tried."""
     lines = []
     if found.problem.of_outputs:
         lines.append(

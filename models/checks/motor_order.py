@@ -60,7 +60,7 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
     """Compare roll, pitch and yaw response in flight with the airframe's motor order and spin.
 
     Needs measured rotor speeds of all R rotors and body rates; says "unclear" when there are too
-    few of them or too little manoeuvring to tell one order from another.
+    few of them or too little manoeuvring to distinguish the orders.
     """
     nan = float("nan")
     same = tuple(range(airframe.rotor_count))
@@ -77,7 +77,7 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
     places = np.array(list(_assignments(airframe.rotor_count)))
     arms = mixer(airframe)[1:] * airframe.rotor_effectiveness
     likelihood, correlation, any_layout = _likelihood(track, places, arms)
-    order = _judge(airframe, places, arms, likelihood, correlation, rows)
+    order = _decided(airframe, places, arms, likelihood, correlation, rows)
     if order.verdict != "agrees":
         # Speeds that are reported late answer before they ask, in the order of other motors.
         for late in LATE_S:
@@ -85,7 +85,7 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
             if other[0, 0] > likelihood[0, 0]:
                 correlation = at_delay
             likelihood = np.maximum(likelihood, other)
-        order = _judge(airframe, places, arms, likelihood, correlation, rows)
+        order = _decided(airframe, places, arms, likelihood, correlation, rows)
     tilt = [(of, found) for of, found in zip(any_layout, order.correlation, strict=True)][:2]
     if order.verdict == "unclear" and all(of > ANSWERS and found < 0.5 * of for of, found in tilt):
         words = (
@@ -207,7 +207,7 @@ def _any_layout(acceleration: Floats, rate: Floats, squares: Floats) -> float:
     return float(np.sqrt(max(1.0 - (after @ after) / max(before @ before, 1e-300), 0.0)))
 
 
-def _judge(
+def _decided(
     airframe: Airframe,
     places: np.ndarray,
     arms: Floats,
@@ -229,7 +229,7 @@ def _judge(
     verdict: Literal["agrees", "differs", "unclear"] = "differs"
     if flat[best] < DECISIVE or lead < DECISIVE:
         verdict = "unclear"
-        words = "cannot tell: too little manoeuvring to tell one motor order from another"
+        words = "cannot tell: too little manoeuvring to distinguish one motor order from another"
     elif same and not reversed_spins:
         verdict = "agrees"
         words = "roll, pitch and yaw response agree with the airframe's motor order"

@@ -2,8 +2,8 @@
 
 A reading is none where
 - it is zero although thrust is asked of the rotor: most ESCs and simulators report 0 for "unknown".
-  A rotor that really stands still in flight reads the same, and no log alone can tell the two
-  apart; either way there is no speed from which a margin could be had;
+  A rotor that really stands still in flight reads the same, and no log alone can distinguish
+  the two; either way there is no speed from which a margin could be had;
 - it stays the same to the last bit while what drives the rotor changes: the last value, repeated;
 - it stands alone far above the readings around it, or above what a propeller can survive.
 Whether a reading counts depends on earlier ones only, so that a listener comes to the same, unless
@@ -56,7 +56,7 @@ class LastReading:
     step: float = np.inf  # rpm, the smallest change that the sensor has shown
 
 
-def judged_readings(
+def checked_readings(
     time_s: Floats,
     rpm: Floats,
     *,

@@ -1,4 +1,4 @@
-"""Is a reported rotor speed in rpm of the rotor? The thrust that the aircraft needs tells.
+"""Is a reported rotor speed in rpm of the rotor? The thrust that the aircraft needs shows it.
 
 In flight the rotors together make m f, f the upward specific force [m/s²] and m the mass. With
 T = a (rho/rho_ref) N^2 the speed that a reported one should be is known to the square root of the

@@ -40,7 +40,7 @@ class Channels:
     """Arrays of T rows, NaN where unreported; `_shifts` have (T, len(LAGS)). SI units."""
 
     time_s: Any  # since the start of the flight
-    clock_s: Any  # Unix time, NaN where the log does not tell it
+    clock_s: Any  # Unix time, NaN where the log does not have it
     airspeed: Any
     airspeed_shifts: Any
     tank_kg: Any

@@ -1,7 +1,7 @@
 """Moments of the air on an aircraft that leans into a wind which nothing measures.
 
 In a steady wind, or at speed, an aircraft leans until thrust and drag balance. The drag over its
-mass is the specific force in the rotors' plane, which attitude and acceleration tell without an
+mass is the specific force in the rotors' plane, which attitude and acceleration show without an
 airspeed sensor:
 
     f = R^T (a - g)     roll moment = -h_roll f_right/g T     pitch moment = h_pitch f_forward/g T

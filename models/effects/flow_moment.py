@@ -13,7 +13,7 @@ from thrustmargin.models.physics.airframe import Airframe
 def flow(track: FlightTrack, airframe: Airframe, start: None = None) -> tuple[Floats, None]:
     """Level speed through the air forward and right, (T, 2) m/s.
 
-    NaN without a wind, still air included: `drag_moment` then tells the flow by the lean.
+    NaN without a wind, still air included: `drag_moment` then has the flow by the lean.
     """
     north, east, _ = (track.velocity_ned - track.wind_ned).T
     yaw = track.attitude[:, 2]

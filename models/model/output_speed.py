@@ -277,7 +277,7 @@ def full_output_speed(
     said = OutputCalibration(bins=bins)
     if curve is None or said.seconds(_ROTORS) + said.seconds(_WEIGHT) < SPAN:
         raise DataError("no level flight with motor outputs and either rotor speeds or the weight")
-    # Of two witnesses the nearer one: the weight speaks by a thrust curve that may be a guess.
+    # Of two independent estimates the nearer one: the weight is by a curve that may be a guess.
     useless = slice(0, _ROTORS) if said.seconds(_ROTORS) >= SPAN else slice(_ROTORS, None)
     for sums in bins.values():
         sums[useless] = 0.0

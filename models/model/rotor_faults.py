@@ -151,7 +151,7 @@ class RotorFaults:
     """Both tests of one vehicle, row by row; `standing` is what was found and not cleared."""
 
     def __init__(self, model: RotorModel) -> None:
-        # With fewer rotors than modes no rotor can be told from a turn.
+        # With fewer rotors than modes no rotor can be distinguished from a turn.
         enough = model.airframe.rotor_count >= FEWEST_ROTORS
         self._modes = mode_directions(model)
         self._tests = [_propeller_test(model, self._modes), _motor_test(model)] if enough else []

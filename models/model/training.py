@@ -8,10 +8,10 @@ Three kinds of networks are fitted, all of the same shape and settings:
    predicted by members that have not seen it. Those predictions give the cross-validated scores
    and calibrate the interval.
 
-The first two learn and are judged on all training rows. The members learn without yaw turns: in a
+The first two learn and are scored on all training rows. The members learn without yaw turns: in a
 turn the rotors that spin one way slow down and the others speed up, by an amount that airspeed and
-tank level do not tell, and learning from turns bends the prediction of straight flight. They are
-judged, and their interval calibrated, on all rows, turns included.
+tank level do not show, and learning from turns bends the prediction of straight flight. They are
+scored, and their interval calibrated, on all rows, turns included.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from thrustmargin.models.checks.speed_readings import (
     MEASURED,
     ZERO,
     LastReading,
-    judged_readings,
+    checked_readings,
     too_fast,
 )
 
@@ -32,7 +32,7 @@ def judged(rpm, *, step: float = 0.1, **given: Any):
         arrays = name in ("output", "asked", "others")
         plain[name] = np.broadcast_to(value, rpm.shape) if arrays else value
     time_s = step * np.arange(rpm.size, dtype=np.float64)
-    return judged_readings(time_s, rpm, **plain)[0].tolist()
+    return checked_readings(time_s, rpm, **plain)[0].tolist()
 
 
 def moving(size: int, around: float = 2000.0) -> np.ndarray:
@@ -140,7 +140,7 @@ def test_a_flight_in_pieces_is_judged_as_in_one(cuts):
     asked = np.ones(size, dtype=bool)
 
     def part(rows, before):
-        return judged_readings(
+        return checked_readings(
             time_s[rows],
             rpm[rows],
             output=output[rows],
