@@ -5,20 +5,77 @@ Options at loading are those of `thrustmargin monitor`, as JSON without spaces:
 there are model, airframe, max_utilisation and the reading options: vehicle, tank, tank_start_kg,
 load, load_end, air_temperature_c.
 Nothing happens when this file is imported (MAVProxy imports it twice); everything that takes time
-runs in `thrustmargin.gcs_plugin.mavproxy.worker`, on a thread of its own.
+runs in `thrustmargin.gcs_plugin.mavproxy.worker`, on a thread of its own. The 3D view is
+`thrustmargin monitor`, a process that hears what MAVProxy hears, frame by frame over loopback UDP,
+and can send nothing to the vehicle.
 """
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
+import socket
+import subprocess
+import sys
 import time
 from collections.abc import Sequence
 from typing import Any
 
 from MAVProxy.modules.lib import mp_module
 
-from thrustmargin.gcs_plugin.mavproxy.monitor_process import ViewProcess
 from thrustmargin.gcs_plugin.mavproxy.worker import MarginOptions, MarginWorker, fields, summary
+
+MAIN = "import sys; from thrustmargin.gcs_plugin.cli import main; main(sys.argv[1:])"
+
+
+class ViewProcess:
+    """One running monitor. `send` gives it a frame; `address` is its page. Ends with `close`."""
+
+    def __init__(self, options: list[str]) -> None:
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._port, page = free_port(socket.SOCK_DGRAM), free_port(socket.SOCK_STREAM)
+        self.address = f"http://127.0.0.1:{page}"
+        url = f"udpin:127.0.0.1:{self._port}"
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", MAIN, "monitor", url, "--port", str(page), *options],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    @property
+    def running(self) -> bool:
+        return self._process.poll() is None
+
+    def send(self, data: bytes) -> None:
+        """One frame; lost when the process has ended, as on the air."""
+        with contextlib.suppress(OSError):
+            self._socket.sendto(data, ("127.0.0.1", self._port))
+
+    def last_words(self) -> str:
+        """What it said when it ended by itself; empty while it runs."""
+        if self.running or self._process.stderr is None:
+            return ""
+        lines = [line for line in self._process.stderr.read().splitlines() if line.strip()]
+        return lines[-1] if lines else f"exit code {self._process.returncode}"
+
+    def close(self) -> None:
+        """End the process; may be called again."""
+        self._process.terminate()
+        try:
+            self._process.wait(3.0)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        self._socket.close()
+
+
+def free_port(kind: socket.SocketKind) -> int:
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
 
 #: MAVProxy finds a module again by the name that it was loaded under.
 NAME = "thrustmargin.gcs_plugin.mavproxy_module"

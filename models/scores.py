@@ -198,22 +198,21 @@ def by_moving_block(
     return drawn, blocks
 
 
-def jackknife(
-    figure: Callable[[Bools], Floats | float], block: NDArray
-) -> tuple[Floats, Floats, Floats]:
-    """Figures of all rows and the ends of their 95 % intervals, by leaving out each block in turn.
+def jackknife(figure: Callable[[Bools], Floats], block: NDArray) -> list[Estimate]:
+    """Figures of all rows with their 95 % intervals, by leaving out each block in turn.
 
     `figure` makes them of the rows (n,) that its mask keeps, `block` (n,) numbers their blocks. The
     spread within blocks may be of any kind. Tukey 1958, Student's t. NaN ends for fewer than two.
     """
     names = np.unique(block)
-    value = np.asarray(figure(np.ones(block.size, dtype=np.bool_)), dtype=np.float64)
-    if names.size < 2:
-        return value, np.full_like(value, np.nan), np.full_like(value, np.nan)
-    without = np.stack([np.asarray(figure(block != name), np.float64) for name in names])
-    spread = np.sum((without - without.mean(axis=0)) ** 2, axis=0) * (1.0 - 1.0 / names.size)
-    reach = float(stats.t.ppf(0.5 + CONFIDENCE / 2, names.size - 1)) * np.sqrt(spread)
-    return value, value - reach, value + reach
+    values = figure(np.ones(block.size, dtype=np.bool_))
+    reach = np.full_like(values, np.nan)
+    if names.size > 1:
+        without = np.stack([figure(block != name) for name in names])
+        spread = np.sum((without - without.mean(axis=0)) ** 2, axis=0) * (1.0 - 1.0 / names.size)
+        reach = float(stats.t.ppf(0.5 + CONFIDENCE / 2, names.size - 1)) * np.sqrt(spread)
+    found = zip(values.tolist(), reach.tolist(), strict=True)
+    return [Estimate(value=value, low=value - off, high=value + off) for value, off in found]
 
 
 def _grouped(terms: Floats, which: NDArray, groups: int) -> Floats:

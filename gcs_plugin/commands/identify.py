@@ -205,7 +205,7 @@ def write_result(
 def show(result: Result, written: Sequence[Path]) -> None:
     """The answer in words, then the tables, then what was written."""
     from thrustmargin.gcs_plugin.commands.terminal import Terminal
-    from thrustmargin.gcs_plugin.reports.identify.identify_tables import printed_tables
+    from thrustmargin.gcs_plugin.reports.identify.identify_result import printed_tables
 
     console = Terminal()
     for sentence in result.answer:

@@ -16,7 +16,7 @@ import numpy as np
 
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.physics.atmosphere import G0
-from thrustmargin.models.physics.bench_fit import BenchFit, fit_bench
+from thrustmargin.models.physics.thrust_fits import BenchFit, fit_bench
 
 #: N of one unit of thrust, by the word in the column's name
 _THRUST_UNITS: Mapping[str, float] = {

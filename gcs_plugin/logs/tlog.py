@@ -22,10 +22,10 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     Stream,
     Waypoint,
     damage_of,
+    pauses,
 )
 from thrustmargin.gcs_plugin.telemetry.signals import airspeed_words, mavlink_signals, pitot_present
 from thrustmargin.gcs_plugin.telemetry.statements import Options
-from thrustmargin.gcs_plugin.telemetry.timeline import pauses
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Bools
 

@@ -14,9 +14,15 @@ from thrustmargin.gcs_plugin.logs.ulog_messages import whole_messages
 from thrustmargin.gcs_plugin.logs.ulog_topics import TOPICS, Topic, ulog_signals, with_vectors
 from thrustmargin.gcs_plugin.mavlink.layouts import clean
 from thrustmargin.gcs_plugin.telemetry.flight_log import assemble
-from thrustmargin.gcs_plugin.telemetry.recording import LogQuality, Recording, damage_of
+from thrustmargin.gcs_plugin.telemetry.recording import (
+    LogQuality,
+    Recording,
+    damage_of,
+    longest_stretch,
+    pauses,
+    without_leaps,
+)
 from thrustmargin.gcs_plugin.telemetry.signals import Signals
-from thrustmargin.gcs_plugin.telemetry.timeline import longest_stretch, pauses, without_leaps
 from thrustmargin.gcs_plugin.telemetry.vehicle_kind import whole_number
 from thrustmargin.models.errors import LogError
 

@@ -1,7 +1,7 @@
 """Rules: one line each of the tables that turn message fields into channels in SI.
 
 A `Rule` names a message and its fields, the unit they carry on the wire, the channel they become,
-and the words that say where the channel came from. `decode` applies a table to columns of
+and the words that say where the channel came from. `decode` applies a rule to columns of
 any length, so that a live listener (length 1) and a log reader (a whole flight) share it. Tables
 list the preferred source of a channel first.
 """
@@ -140,18 +140,15 @@ def quantity(rule: Rule, columns: Columns, si: Callable[[Any, str, str], Floats]
 
 
 def decode(
-    rules: tuple[Rule, ...], message: str, columns: Columns
-) -> Iterator[tuple[Rule, int | None, NDArray[np.bool_] | None, Floats]]:
-    """Each rule of the table for `message`: (rule, index, rows or None for all, values in SI)."""
-    for rule in rules:
-        if rule.message != message:
-            continue
-        if rule.index is None:
-            yield rule, None, None, quantity(rule, columns)
-            continue
-        numbers = columns[rule.index]
-        values = quantity(rule, columns)
-        for number in np.unique(numbers):
-            if rule.only is None or number == rule.only:
-                rows = numbers == number
-                yield rule, int(number), rows, values[rows]
+    rule: Rule, columns: Columns
+) -> Iterator[tuple[int | None, NDArray[np.bool_] | slice, Floats]]:
+    """(index, rows, values in SI) of each source that the rule distinguishes in its message."""
+    values = quantity(rule, columns)
+    if rule.index is None:
+        yield None, slice(None), values
+        return
+    numbers = columns[rule.index]
+    for number in np.unique(numbers):
+        if rule.only is None or number == rule.only:
+            rows = numbers == number
+            yield int(number), rows, values[rows]

@@ -18,7 +18,7 @@ from scipy.ndimage import median_filter
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.mavlink.rules import Columns
 from thrustmargin.gcs_plugin.mavlink.scan import Frames, Index, columns
-from thrustmargin.gcs_plugin.telemetry.timeline import (
+from thrustmargin.gcs_plugin.telemetry.recording import (
     BACKWARD,
     FORWARD,
     longest_stretch,

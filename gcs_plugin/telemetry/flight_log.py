@@ -16,6 +16,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     FlightLog,
     LogQuality,
     Recording,
+    pauses,
 )
 from thrustmargin.gcs_plugin.telemetry.resample import known_rows
 from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
@@ -26,7 +27,6 @@ from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
 from thrustmargin.gcs_plugin.telemetry.rows import flight_rows
 from thrustmargin.gcs_plugin.telemetry.signals import Signals
 from thrustmargin.gcs_plugin.telemetry.statements import Options
-from thrustmargin.gcs_plugin.telemetry.timeline import pauses
 from thrustmargin.gcs_plugin.telemetry.vehicle_kind import vehicle_facts
 from thrustmargin.models.checks.speed_readings import resolution_words
 from thrustmargin.models.errors import LogError

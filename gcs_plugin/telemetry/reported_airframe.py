@@ -45,7 +45,6 @@ class ReportedAirframe:
     """What could be read; a layout with `rotors` of its own has positions in m already."""
 
     layout: str | None = None
-    layout_source: str = ""  # parameters by which the layout is known
     rotors: list[dict[str, Any]] | None = None
     quantities: Mapping[str, Quantity] = field(default_factory=dict)
     rotor_count: int = 0  # by other evidence than the layout; 0: none
@@ -74,21 +73,18 @@ def reported_airframe(
     if layout is None and (whole_number(parameters, "CA_ROTOR_COUNT") or 0) >= 3:
         return _px4(parameters, quantities)
     q = "Q_" if facts.kind == "quadplane" else ""
-    source, notes = "", []
+    notes = []
     kind = whole_number(parameters, f"{q}FRAME_CLASS")
     if layout is None:
         shape = whole_number(parameters, f"{q}FRAME_TYPE")
-        source = f"{q}FRAME_CLASS {kind}, {q}FRAME_TYPE {shape}"
         found = layout_of_text(texts)
         if kind is not None:
             found = ardupilot_layout(kind, 1 if shape is None else shape)
             if found is None:
                 raise AirframeError(
-                    f"{source} is no layout of fixed upright rotors that is known; if it is one, "
-                    "give it with --layout"
+                    f"{q}FRAME_CLASS {kind}, {q}FRAME_TYPE {shape} is no layout of fixed upright "
+                    "rotors that is known; if it is one, give it with --layout"
                 )
-        elif found is not None:
-            source = "the boot text of the frame"
         layout = None if found is None else found.name
     known = motor_layouts().get(str(layout))
     for count, whose in (
@@ -102,7 +98,6 @@ def reported_airframe(
         quantities["motor_poles"] = Quantity(poles, "1", "SERVO_BLH_POLES")
     return ReportedAirframe(
         layout=layout,
-        layout_source=source,
         quantities=quantities,
         rotor_count=facts.rotor_count,
         hover_throttle=parameters.get("MOT_THST_HOVER", float("nan")),
@@ -140,7 +135,6 @@ def _px4(parameters: Mapping[str, float], quantities: dict[str, Quantity]) -> Re
         quantities["torque_ratio"] = Quantity(float(np.mean(np.abs(torque))), "m", "CA_ROTORn_KM")
     return ReportedAirframe(
         layout="custom" if found is None else found.name,
-        layout_source="CA_ROTORn_PX, _PY and _KM",
         rotors=[
             {"name": name, "position_frd": place.tolist(), "spin": "ccw" if turns > 0 else "cw"}
             | ({"effectiveness": below.value} if low else {})

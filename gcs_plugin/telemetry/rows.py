@@ -9,9 +9,15 @@ from typing import Any
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.airborne import GroundContact, airborne, airborne_so_far
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap
-from thrustmargin.gcs_plugin.telemetry.position import PlaceOfZero, place_of_zero, position_sources
+from thrustmargin.gcs_plugin.telemetry.position import (
+    GroundContact,
+    PlaceOfZero,
+    airborne,
+    airborne_so_far,
+    place_of_zero,
+    position_sources,
+)
 from thrustmargin.gcs_plugin.telemetry.power import power, spraying_sources
 from thrustmargin.gcs_plugin.telemetry.resample import (
     Sampling,

@@ -68,8 +68,8 @@ def decoded(streams: dict[str, Stream], airspeed_words: str) -> Iterator[tuple[i
             source = rule.source
             if message == "VFR_HUD" and rule.channel == "airspeed":
                 source = airspeed_words
-            for _, index, rows, values in decode((rule,), message, stream.columns):
-                time_s = stream.time_s if rows is None else stream.time_s[rows]
+            for index, rows, values in decode(rule, stream.columns):
+                time_s = stream.time_s[rows]
                 if rule.channel == "named_value":
                     yield from ((rank, signal) for signal in _by_name(stream, values))
                 elif rule.channel.startswith("esc_"):

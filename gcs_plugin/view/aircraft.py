@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thrustmargin.gcs_plugin.view.shown_row import FRD_FLU, ShownRow
-from thrustmargin.gcs_plugin.view.tonemap import line_colours, sent_for
 from thrustmargin.gcs_plugin.wording import palette as colours
+from thrustmargin.gcs_plugin.wording.palette import line_colours, sent_for
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.airframe import Airframe
 

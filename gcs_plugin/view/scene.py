@@ -24,8 +24,7 @@ from thrustmargin.gcs_plugin.view.camera import (
     overview,
 )
 from thrustmargin.gcs_plugin.view.shown_row import ShownRow, enu
-from thrustmargin.gcs_plugin.view.tonemap import line_colours, sent_for
-from thrustmargin.gcs_plugin.wording.palette import ColourScale, Rgb
+from thrustmargin.gcs_plugin.wording.palette import ColourScale, Rgb, line_colours, sent_for
 from thrustmargin.mission.field import Field
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.airframe import Airframe

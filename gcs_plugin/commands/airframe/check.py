@@ -86,7 +86,7 @@ def _hover(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
     """The thrust coefficient against the weight in hover, and the trim of the rotors."""
     from thrustmargin.gcs_plugin.commands.airframe.fitted import hover_sentences, interval
     from thrustmargin.gcs_plugin.logs.inspection import Finding
-    from thrustmargin.models.physics.hover_fit import fit_hover
+    from thrustmargin.models.physics.thrust_fits import fit_hover
 
     check = "thrust coefficient"
     try:

@@ -12,7 +12,7 @@ from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
     from thrustmargin.models.physics.airframe import Airframe, Quantity
-    from thrustmargin.models.physics.hover_fit import HoverFit
+    from thrustmargin.models.physics.thrust_fits import HoverFit
     from thrustmargin.models.scores import Estimate
 
 
@@ -96,7 +96,7 @@ def hover_quantities(logs: Sequence[Path], craft: Airframe, reading: ReadingOpti
     from thrustmargin.models.model.output_speed import full_output_speed
     from thrustmargin.models.physics.airframe import Quantity
     from thrustmargin.models.physics.atmosphere import SEA_LEVEL_DENSITY
-    from thrustmargin.models.physics.hover_fit import fit_hover
+    from thrustmargin.models.physics.thrust_fits import fit_hover
 
     read = [read_log(path, airframe=craft, **reading_keywords(reading)) for path in logs]
     names = ", ".join(log.path.name for log in read)

@@ -34,9 +34,11 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     Stream,
     Waypoint,
     damage_of,
+    longest_stretch,
+    pauses,
+    without_leaps,
 )
 from thrustmargin.gcs_plugin.telemetry.statements import Options
-from thrustmargin.gcs_plugin.telemetry.timeline import longest_stretch, pauses, without_leaps
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Floats
 

@@ -20,8 +20,10 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     LogQuality,
     Recording,
     damage_of,
+    longest_stretch,
+    pauses,
+    without_leaps,
 )
-from thrustmargin.gcs_plugin.telemetry.timeline import longest_stretch, pauses, without_leaps
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Floats
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from plotly.graph_objects import Figure
 
-from thrustmargin.gcs_plugin.reports.identify.identify_result import Result
-from thrustmargin.gcs_plugin.reports.identify.identify_tables import (
+from thrustmargin.gcs_plugin.reports.identify.identify_result import (
+    Result,
     effect_rows,
     error_rows,
     set_rows,

@@ -10,7 +10,7 @@ from typing import get_args
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs import FlightLog
-from thrustmargin.gcs_plugin.reports.margin.accuracy import accuracy
+from thrustmargin.gcs_plugin.reports.margin.accuracy import accuracy, model_use
 from thrustmargin.gcs_plugin.reports.margin.csv_rows import rows_of
 from thrustmargin.gcs_plugin.reports.margin.data import (
     FlightReport,
@@ -33,7 +33,6 @@ from thrustmargin.gcs_plugin.reports.margin.headline import (
     several_headline,
 )
 from thrustmargin.gcs_plugin.reports.margin.load import load_rows
-from thrustmargin.gcs_plugin.reports.margin.model_description import model_use
 from thrustmargin.gcs_plugin.reports.margin.moments import airborne_use, utc_words, worst_moments
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version

@@ -28,8 +28,7 @@ def rule_for(message: str, channel: str):
 
 def channel(message: str, name: str, **fields) -> np.ndarray:
     table = rows(message, **fields)
-    found = [v for r, _, _, v in decode(MAVLINK_RULES, message, table) if r.channel == name]
-    return found[0]
+    return next(values for _, _, values in decode(rule_for(message, name), table))
 
 
 def test_every_rule_names_fields_that_its_message_has():
@@ -93,8 +92,7 @@ def test_batteries_of_one_message_are_distinguished_by_id():
     table["battery_remaining"] = [90, 60, 89, 59]
     found = {
         index: values.tolist()
-        for rule, index, _, values in decode(MAVLINK_RULES, "BATTERY_STATUS", table)
-        if rule.channel == "battery_percent"
+        for index, _, values in decode(rule_for("BATTERY_STATUS", "battery_percent"), table)
     }
     assert found == {0: [90.0, 89.0], 1: [60.0, 59.0]}
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.airborne import GroundContact, airborne_so_far
+from thrustmargin.gcs_plugin.telemetry.position import GroundContact, airborne_so_far
 from thrustmargin.gcs_plugin.telemetry.signals import collected
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 

@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
+from thrustmargin.gcs_plugin.telemetry.recording import longest_stretch, pauses, without_leaps
 from thrustmargin.gcs_plugin.telemetry.resample import ROW_SPACING, sample, thinned
 from thrustmargin.gcs_plugin.telemetry.signals import best
-from thrustmargin.gcs_plugin.telemetry.timeline import longest_stretch, pauses, without_leaps
 from thrustmargin.models.flight import TRACK_CHANNELS
 
 

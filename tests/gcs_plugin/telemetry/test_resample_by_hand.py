@@ -6,6 +6,13 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
+from thrustmargin.gcs_plugin.telemetry.recording import (
+    BACKWARD,
+    FORWARD,
+    longest_stretch,
+    pauses,
+    without_leaps,
+)
 from thrustmargin.gcs_plugin.telemetry.resample import (
     GRID,
     ROW_SPACING,
@@ -19,13 +26,6 @@ from thrustmargin.gcs_plugin.telemetry.resample import (
     thinned,
 )
 from thrustmargin.gcs_plugin.telemetry.signals import best, by_index, collected
-from thrustmargin.gcs_plugin.telemetry.timeline import (
-    BACKWARD,
-    FORWARD,
-    longest_stretch,
-    pauses,
-    without_leaps,
-)
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import TRACK_CHANNELS
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.airborne import airborne
+from thrustmargin.gcs_plugin.telemetry.position import airborne
 from thrustmargin.gcs_plugin.telemetry.power import spraying_sources
 from thrustmargin.gcs_plugin.telemetry.resample import Sampling
 from thrustmargin.gcs_plugin.telemetry.signals import collected

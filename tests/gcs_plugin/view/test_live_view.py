@@ -26,8 +26,7 @@ from thrustmargin.gcs_plugin.view.live_html import (
     status_html,
 )
 from thrustmargin.gcs_plugin.view.live_view import LiveView
-from thrustmargin.gcs_plugin.view.tonemap import seen_for
-from thrustmargin.gcs_plugin.wording.palette import LOAD
+from thrustmargin.gcs_plugin.wording.palette import LOAD, seen_for
 from thrustmargin.models.errors import LinkError
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe

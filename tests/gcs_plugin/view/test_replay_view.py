@@ -21,8 +21,7 @@ from thrustmargin.gcs_plugin.view.overlays import Overlay, overlays_of
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView, run_replay
 from thrustmargin.gcs_plugin.view.scene import grid_cell
 from thrustmargin.gcs_plugin.view.shown_row import FRD_FLU, ShownRow, enu
-from thrustmargin.gcs_plugin.view.tonemap import seen_for
-from thrustmargin.gcs_plugin.wording.palette import NO_DATA
+from thrustmargin.gcs_plugin.wording.palette import NO_DATA, seen_for
 from thrustmargin.mission.route import Trail
 from thrustmargin.models.errors import DataError, LinkError
 from thrustmargin.models.flight import FlightTrack

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from thrustmargin.gcs_plugin.view.tonemap import line_colours, seen_for, sent_for
 from thrustmargin.gcs_plugin.wording.palette import (
     LOAD,
     MARGIN,
@@ -12,7 +11,10 @@ from thrustmargin.gcs_plugin.wording.palette import (
     css,
     ink_on,
     legend_html,
+    line_colours,
     residual_scale,
+    seen_for,
+    sent_for,
 )
 
 SCALES = [LOAD, MARGIN, REDUNDANCY, residual_scale(300.0)]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.models.errors import DataError
-from thrustmargin.models.physics.bench_fit import fit_bench
+from thrustmargin.models.physics.thrust_fits import fit_bench
 
 SPEED = np.linspace(1000.0, 3000.0, 9)
 

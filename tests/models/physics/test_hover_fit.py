@@ -13,7 +13,7 @@ from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.allocation import mixer
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.flight_phases import hover_rows
-from thrustmargin.models.physics.hover_fit import fit_hover
+from thrustmargin.models.physics.thrust_fits import fit_hover
 
 ROOT = Path(__file__).resolve().parents[3]
 F16 = load_airframe("topxgun-f16")

@@ -13,8 +13,12 @@ from rich.console import Console
 
 from tests.browser import open_page, screenshot_folder
 from tests.models.made_flights import curve_model, made_flight, made_flights, table
-from thrustmargin.gcs_plugin.reports.identify.identify_result import Result, json_text, result_of
-from thrustmargin.gcs_plugin.reports.identify.identify_tables import printed_tables
+from thrustmargin.gcs_plugin.reports.identify.identify_result import (
+    Result,
+    json_text,
+    printed_tables,
+    result_of,
+)
 from thrustmargin.gcs_plugin.reports.identify.page import html_text
 from thrustmargin.gcs_plugin.reports.identify.residual_figures import (
     MOST_CHANNELS,
