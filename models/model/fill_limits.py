@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
-from thrustmargin.models.model.flown import flown_airframe
+from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.model.utilisation_error import INTERVAL
 from thrustmargin.models.physics.margin import ceiling, largest_fill
