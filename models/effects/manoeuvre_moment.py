@@ -12,6 +12,7 @@ from thrustmargin.models.effects.channels import (
 )
 
 SAMPLED = 0.04  # what the derivative of a rate that is sampled and noisy is good for
+MOST_DAMPING = 300.0  # a rate loop answers gusts: where speeds are commands, against the rate
 AXES = ("roll", "pitch", "yaw")
 
 
@@ -27,12 +28,12 @@ def _turned(p, x: Channels, thrust):
     )
 
 
-def _turning(name: str, unit: str) -> Parameter:
+def _turning(name: str, unit: str, most: float) -> Parameter:
     return Parameter(
         name=name,
         unit=unit,
-        lower=-60.0,
-        upper=60.0,
+        lower=-most,
+        upper=most,
         scale=5.0,
         smallest=0.2,  # liquid that moves, and air that the turn stirs
         accuracy=GUESSED_TORQUE if name.endswith("yaw") else SAMPLED,
@@ -44,8 +45,8 @@ MANOEUVRE_MOMENT = Effect(
     name="manoeuvre_moment",
     kind=Kind.MOMENTS,
     parameters=(
-        *(_turning(f"inertia_{axis}", "kg m^2") for axis in AXES),
-        *(_turning(f"damping_{axis}", "N m s") for axis in AXES),
+        *(_turning(f"inertia_{axis}", "kg m^2", 60.0) for axis in AXES),
+        *(_turning(f"damping_{axis}", "N m s", MOST_DAMPING) for axis in AXES),
         shaping("load_exponent", "1", start=0.0, lower=-2.0, upper=2.0, scale=0.5),
         shaping("sharpening_tilt", "1", start=1.0 / 12.0, lower=-0.33, upper=0.5, scale=0.2),
         shaping("sharpening_yaw", "1", start=1.0 / 12.0, lower=-0.33, upper=0.5, scale=0.2),

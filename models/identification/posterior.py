@@ -98,7 +98,10 @@ class Posterior:
         )
 
     def one_of(self, named: Sequence[int]) -> tuple[OneOf, ...]:
-        """The smallest groups of effects without a name of which nearly surely one is there."""
+        """The smallest groups of effects without a name of which nearly surely one is there.
+
+        An effect that is likely by itself, at a size that may be nothing, is no such group.
+        """
         rest = {c for s in self.sets for c in s.key} - set(named)
         by_weight = sorted(rest, key=lambda c: -self.probability([c]))
         found = []
@@ -107,12 +110,13 @@ class Posterior:
             while self.probability(group) < NAMED:
                 left = [c for c in by_weight if c not in group]
                 group.append(max(left, key=lambda c: self.probability([*group, c])))
-            found.append(
-                OneOf(
-                    terms=tuple(self.search.candidates[c].term for c in group),
-                    probabilities=tuple(self.probability([c]) for c in group),
+            if len(group) > 1:
+                found.append(
+                    OneOf(
+                        terms=tuple(self.search.candidates[c].term for c in group),
+                        probabilities=tuple(self.probability([c]) for c in group),
+                    )
                 )
-            )
             by_weight = [c for c in by_weight if c not in group]
         return tuple(found)
 

@@ -70,7 +70,12 @@ def with_standard_effects(
 
     At least 2 flights. Raises DataError when one has too few rows to fit.
     """
-    problem = assemble(model, tracks)
+    # How these flights differ shows in the fit itself: before it, wind and balance are in there.
+    problem = replace(
+        assemble(model, tracks),
+        background_rpm=np.zeros(model.airframe.rotor_count),
+        background_degrees=np.inf,
+    )
     evaluator = Evaluator(problem)
     first = fit_terms(evaluator, (), scales=np.ones(model.airframe.rotor_count))
     fit = _fitted(evaluator, standard_effects(model, problem), first)

@@ -81,6 +81,10 @@ def test_one_of_two_where_only_together_they_hold_the_weight():
     assert group.probabilities == pytest.approx((0.55, 0.42))
 
 
+def test_one_alone_whose_size_may_be_nothing_is_not_one_of_several():
+    assert answer_of(a_set(1.0, mass=(0.3, 0.2))).one_of([]) == ()
+
+
 def test_a_rotor_that_has_weight_is_mentioned_and_a_named_one_is_not_said_twice():
     listed = answer_of(a_set(0.9), a_set(0.1, loss=(0.03, 0.01)))
     (rotor,) = listed.mentioned([])
