@@ -18,14 +18,14 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor
     from thrustmargin.gcs_plugin.logs import read_log
-    from thrustmargin.models.identification.identify import identify
+    from thrustmargin.models.identification.loop import identify
     from thrustmargin.models.model.analysis import analyse
     from thrustmargin.models.model.model_file import load_model
 
 _HOMES = {
     "LiveMonitor": "thrustmargin.gcs_plugin.live.live_monitor",
     "analyse": "thrustmargin.models.model.analysis",
-    "identify": "thrustmargin.models.identification.identify",
+    "identify": "thrustmargin.models.identification.loop",
     "load_model": "thrustmargin.models.model.model_file",
     "read_log": "thrustmargin.gcs_plugin.logs",
 }

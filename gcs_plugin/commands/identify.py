@@ -72,7 +72,7 @@ def identify(
     from thrustmargin.gcs_plugin.commands.options import Output, check_outputs, require_logs
     from thrustmargin.gcs_plugin.commands.terminal import Terminal, steps
     from thrustmargin.gcs_plugin.reports.identify.identify_result import result_of
-    from thrustmargin.models.identification.identify import identify as search
+    from thrustmargin.models.identification.loop import identify as search
     from thrustmargin.models.identification.usable_flights import require_distinct
 
     errors = Terminal(stderr=True, soft_wrap=True)

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from thrustmargin.gcs_plugin.link.sequence import SenderWatch, Verdict
 from thrustmargin.gcs_plugin.live.airframe_watch import AirframeWatch
 from thrustmargin.gcs_plugin.live.alarm import AlarmEvent, AlarmSettings
-from thrustmargin.gcs_plugin.live.alarms import Alarms
 from thrustmargin.gcs_plugin.live.outlook import LookAhead
+from thrustmargin.gcs_plugin.live.standing_alarms import Alarms
 from thrustmargin.gcs_plugin.live.tank_balance import virtual_gauge
 from thrustmargin.gcs_plugin.live.unknown_figures import ASKS
 from thrustmargin.gcs_plugin.live.update import Update

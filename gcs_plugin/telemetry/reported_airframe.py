@@ -23,7 +23,7 @@ from thrustmargin.gcs_plugin.telemetry.vehicle_kind import (
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.physics.airframe import Quantity
 from thrustmargin.models.physics.airframe_draft import lower_effectiveness
-from thrustmargin.models.physics.frames import (
+from thrustmargin.models.physics.motor_layouts import (
     ardupilot_layout,
     layout_of_rotors,
     layout_of_text,

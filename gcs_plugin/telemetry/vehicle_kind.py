@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
-from thrustmargin.models.physics.frames import FRAME_CLASSES, class_rotors
+from thrustmargin.models.physics.motor_layouts import FRAME_CLASSES, class_rotors
 from thrustmargin.models.vehicle_facts import VehicleFacts, VehicleKind
 
 #: SERVOn_FUNCTION -> motor, both counted as ArduPilot does, the motor from 0.

@@ -33,8 +33,8 @@ from thrustmargin.models.checks.speed_scale import FEWEST_ROWS, check_speed_scal
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import track_air
-from thrustmargin.models.physics.frames import ardupilot_layout, bearings
 from thrustmargin.models.physics.margin import ceiling, rotor_thrust, utilisation
+from thrustmargin.models.physics.motor_layouts import ardupilot_layout, bearings
 from thrustmargin.models.physics.motor_output import output_curve
 from thrustmargin.models.vehicle_facts import VehicleFacts
 

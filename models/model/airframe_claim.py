@@ -20,7 +20,7 @@ from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.airframe import QUANTITIES, Airframe, Quantity
 from thrustmargin.models.physics.atmosphere import SEA_LEVEL_DENSITY
-from thrustmargin.models.physics.frames import motor_layouts
+from thrustmargin.models.physics.motor_layouts import motor_layouts
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 #: m, of an aircraft that is only drawn, on arms of 1 m.

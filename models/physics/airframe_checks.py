@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from thrustmargin.models.physics.frames import motor_layouts
+from thrustmargin.models.physics.motor_layouts import motor_layouts
 
 #: name of the quantity -> unit that its file must state.
 QUANTITIES = MappingProxyType(

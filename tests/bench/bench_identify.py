@@ -26,7 +26,7 @@ from tests.undeclared.recorded import hosts, implanted
 from tests.undeclared.rotor_aero import cut_for_loss
 from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.identification.identify import identify
+from thrustmargin.models.identification.loop import identify
 
 FLIGHTS = 6
 MINUTES = 5.0

@@ -132,7 +132,7 @@ def new_airframe(
     """
     from thrustmargin.models.physics.airframe import airframe_from_table, quantity_table
     from thrustmargin.models.physics.airframe_draft import completed, lower_effectiveness
-    from thrustmargin.models.physics.frames import motor_layouts
+    from thrustmargin.models.physics.motor_layouts import motor_layouts
 
     reported = replace(reported, quantities={**reported.quantities, **fitted})
     require_all(owner, reported)

@@ -56,7 +56,7 @@ def _typical_arm(owner: OwnerStatement, reported: ReportedAirframe) -> float:
     """m at which the tips of neighbouring propellers are a tenth of their diameter apart."""
     import numpy as np
 
-    from thrustmargin.models.physics.frames import bearings, motor_layouts
+    from thrustmargin.models.physics.motor_layouts import bearings, motor_layouts
 
     layout = motor_layouts()[str(owner.layout or reported.layout)]
     arms = len(np.unique(np.round(bearings(layout.place))))
@@ -67,7 +67,7 @@ def _typical_arm(owner: OwnerStatement, reported: ReportedAirframe) -> float:
 
 def _hover_mass(owner: OwnerStatement, reported: ReportedAirframe) -> float:
     """kg by the hover throttle that the autopilot learnt; a third of all thrust without one."""
-    from thrustmargin.models.physics.frames import motor_layouts
+    from thrustmargin.models.physics.motor_layouts import motor_layouts
 
     share = reported.hover_throttle if isfinite(reported.hover_throttle) else 1.0 / 3.0
     rotors = len(reported.rotors or motor_layouts()[str(owner.layout or reported.layout)].spin)
@@ -166,7 +166,7 @@ def _written(question: _Question, owner: OwnerStatement, reported: ReportedAirfr
 
 def require_all(owner: OwnerStatement, reported: ReportedAirframe) -> None:
     """Raise UsageError that names every option that is missing, or a layout that is not known."""
-    from thrustmargin.models.physics.frames import motor_layouts
+    from thrustmargin.models.physics.motor_layouts import motor_layouts
 
     missing = [q for q in _QUESTIONS if q.needed(owner, reported)]
     if missing:

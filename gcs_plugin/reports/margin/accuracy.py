@@ -13,7 +13,7 @@ from pathlib import PurePath
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.reports.margin.data import Accuracy, JsonObject, RotorError
+from thrustmargin.gcs_plugin.reports.margin.data import Accuracy, JsonObject, RotorAccuracy
 from thrustmargin.models.effects.stored import EffectRecord
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FROM_OUTPUTS, Basis, FlightAnalysis
@@ -127,11 +127,11 @@ def accuracy(analysis: FlightAnalysis, rotor_names: tuple[str, ...]) -> Accuracy
     whole = terms[span].sum(axis=0)
     drawn, blocks = by_moving_block(terms[span], track.time_s[span], block_s=BLOCK_S)
     rotors = tuple(
-        _rotor_error(k + 1, name, whole[k], drawn[:, k], blocks)
+        _rotor_accuracy(k + 1, name, whole[k], drawn[:, k], blocks)
         for k, name in enumerate(rotor_names)
         if whole[k, N] > 0
     )
-    overall = _rotor_error(0, "all rotors", whole.sum(axis=0), drawn.sum(axis=1), blocks)
+    overall = _rotor_accuracy(0, "all rotors", whole.sum(axis=0), drawn.sum(axis=1), blocks)
     overall = replace(overall, r2=estimate(mean_r2, whole, drawn, blocks))
     trained = trained_on(analysis)
     if blocks >= FEWEST_BLOCKS:
@@ -163,11 +163,13 @@ def trained_on(analysis: FlightAnalysis) -> bool:
     return domain is not None and name in {PurePath(f).stem for f in domain.flights}
 
 
-def _rotor_error(rotor: int, name: str, whole: Floats, drawn: Floats, blocks: int) -> RotorError:
+def _rotor_accuracy(
+    rotor: int, name: str, whole: Floats, drawn: Floats, blocks: int
+) -> RotorAccuracy:
     def figure(of: Callable[[Floats], Floats]) -> Estimate:
         return estimate(of, whole, drawn, blocks)
 
-    return RotorError(
+    return RotorAccuracy(
         rotor=rotor,
         name=name,
         rows=int(whole[..., N].sum()),

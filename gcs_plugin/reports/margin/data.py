@@ -86,7 +86,7 @@ class MarginVerdict:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RotorError:
+class RotorAccuracy:
     """Prediction error of one rotor, or of all of them together (rotor 0)."""
 
     rotor: int
@@ -102,8 +102,8 @@ class RotorError:
 class Accuracy:
     """Prediction error over the airborne rows with both a measurement and a prediction."""
 
-    rotors: tuple[RotorError, ...]
-    overall: RotorError | None
+    rotors: tuple[RotorAccuracy, ...]
+    overall: RotorAccuracy | None
     promised_coverage: float
     block_s: float
     blocks: int

@@ -9,7 +9,7 @@ import pytest
 
 from thrustmargin.gcs_plugin.live.alarm import CRITICAL, NOTICE, AlarmSettings, Debounce
 from thrustmargin.gcs_plugin.live.alarm_rules import tank_verdict
-from thrustmargin.gcs_plugin.live.alarms import Alarms
+from thrustmargin.gcs_plugin.live.standing_alarms import Alarms
 from thrustmargin.gcs_plugin.live.tank_balance import TankBalance, virtual_gauge
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.flight import FlightTrack

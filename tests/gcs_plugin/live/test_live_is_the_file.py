@@ -22,8 +22,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from tests.gcs_plugin.live.live_vehicle import ROOT, as_frame, log_frames, write_log
 from tests.gcs_plugin.live.monitored import AIRFRAME
 from tests.gcs_plugin.logs.log_files import with_rotor_speeds
-from thrustmargin.gcs_plugin.live.alarms import Alarms
 from thrustmargin.gcs_plugin.live.outlook import LookAhead
+from thrustmargin.gcs_plugin.live.standing_alarms import Alarms
 from thrustmargin.gcs_plugin.live.tank_balance import virtual_gauge
 from thrustmargin.gcs_plugin.live.vehicle_monitor import VehicleMonitor, WatchSettings
 from thrustmargin.gcs_plugin.live.vehicle_state import MISSION_MESSAGES, VehicleState, fold

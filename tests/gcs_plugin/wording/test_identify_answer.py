@@ -22,7 +22,7 @@ from thrustmargin.gcs_plugin.wording.identify_answer import (
     unexplained,
 )
 from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.identification.identify import identify
+from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.manoeuvres import FlownLimits, manoeuvres
 from thrustmargin.models.identification.margin_change import MarginChange, margin_changes
 from thrustmargin.models.identification.next_flight import NextFlight

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.models.identification.identify import identify
+from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.model_update import with_effects
 from thrustmargin.models.model.model_file import shipped_model
 

@@ -10,7 +10,7 @@ from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION, ROT
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.effects.wind import WIND
 from thrustmargin.models.errors import ModelError
-from thrustmargin.models.identification.identify import identify
+from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.margin_change import margin_changes
 from thrustmargin.models.identification.model_update import record_of, update_model, with_effects
 from thrustmargin.models.identification.result import Found, Identification, unseen_residuals

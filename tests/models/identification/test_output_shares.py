@@ -10,7 +10,7 @@ from thrustmargin.gcs_plugin.wording.identify_answer import open_questions
 from thrustmargin.models.effects.base import Kind
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.identification.identify import identify
+from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.model_update import with_effects
 from thrustmargin.models.identification.output_shares import (
     learnt_spread,

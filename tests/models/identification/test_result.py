@@ -10,7 +10,7 @@ from tests.models.effects.test_slung_load import flown_with_load
 from tests.models.made_flights import curve_model, made_flight, made_flights, table
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.identification.identify import identify
+from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.problem import BLOCK_SECONDS, assemble
 from thrustmargin.models.identification.unseen_errors import errors_of
 from thrustmargin.models.model.rotor_model import physics_model

@@ -10,7 +10,7 @@ from thrustmargin.models.effects import BY_KEY, CATALOGUE, effects_for
 from thrustmargin.models.identification.candidates import Held, derivatives, predicted
 from thrustmargin.models.identification.fit import Evaluator
 from thrustmargin.models.identification.free_form import free_columns, hats, wander_columns
-from thrustmargin.models.identification.identify import _fit_of, _that_matter, identify
+from thrustmargin.models.identification.loop import _fit_of, _that_matter, identify
 from thrustmargin.models.identification.onsets import onset_candidates
 from thrustmargin.models.identification.posterior import EffectEstimate
 from thrustmargin.models.identification.problem import assemble

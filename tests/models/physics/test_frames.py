@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.models.physics.airframe import load_airframe
-from thrustmargin.models.physics.frames import (
+from thrustmargin.models.physics.motor_layouts import (
     ardupilot_layout,
     bearings,
     layout_of_rotors,

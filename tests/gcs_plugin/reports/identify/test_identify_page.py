@@ -32,7 +32,7 @@ from thrustmargin.gcs_plugin.reports.identify.residual_figures import (
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.identification.identify import identify
+from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.result import Excluded, Mentioned, OneOf, SetWeight
 from thrustmargin.models.identification.terms import Term
 
