@@ -1,4 +1,4 @@
-"""Every alarm is one rule here: a name, the times that it must hold, and what it judges by.
+"""Every alarm is one rule here: a name, the times that it must hold, and what it goes by.
 
 | alarm | raised when | for | cleared when | for |
 |---|---|---|---|---|
@@ -50,7 +50,7 @@ FAILURES = {
 
 
 @dataclass(frozen=True, slots=True)
-class Judged:
+class AlarmCheck:
     """What a rule says now: `on` to raise its alarm, `off` to clear it, neither to leave it."""
 
     on: bool
@@ -74,7 +74,7 @@ class RowNow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkNow:
-    """What the link gives; silence is judged by when bytes came, not by when they were used."""
+    """What the link gives; silence is checked by when bytes came, not by when they were used."""
 
     silent: float  # s since anything was heard
     rotors_behind: Floats  # (R,) s of each rotor's speed before the last message; NaN: never was
@@ -89,11 +89,11 @@ class AlarmRule:
     name: str
     hold: float
     release: float
-    judge: Callable[[AlarmSettings, Any], Iterator[Judged]]
-    on_ground: str = "cleared"  # or "kept" as it was, or "judged" there too
+    checks: Callable[[AlarmSettings, Any], Iterator[AlarmCheck]]
+    on_ground: str = "cleared"  # or "kept" as it was, or "checked" there too
 
 
-def margin(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:
+def margin(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:
     margins = 1.0 - now.analysis.utilisation[now.row]
     known = np.isfinite(margins)
     worst = float(np.min(margins[known], initial=np.inf))
@@ -104,10 +104,10 @@ def margin(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:
     )
 
 
-def predicted_margin(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:
+def predicted_margin(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:
     analysis, row = now.analysis, now.row
     if analysis.any_measured[row]:
-        yield Judged(False, True, WARNING, "")
+        yield AlarmCheck(False, True, WARNING, "")
         return
     use = analysis.utilisation_predicted[row]
     rotor = int(np.argmax(np.where(np.isfinite(use), use, -np.inf))) + 1
@@ -116,13 +116,13 @@ def predicted_margin(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:
     yield _low(s, "Predicted margin", least, f": rotor {rotor}", error=error)
 
 
-def margin_ahead(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:
+def margin_ahead(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:
     yield _low(s, "Route ahead: margin", now.margin_ahead)
 
 
 def _low(
     s: AlarmSettings, what: str, least: float, of: str = "", *, error: float = 0.0, clears=True
-) -> Judged:
+) -> AlarmCheck:
     """A margin against the limit; rounded down, so that what is below it also reads so.
 
     Where the limit lies within the 90 % `error` of an inferred margin, the text says so, and it is
@@ -136,45 +136,45 @@ def _low(
         within = f" (+-{math.ceil(100 * error)})" if error > 0.0 else ""
         text = f"{what} {math.floor(100 * least + 1e-6)}%{within} {place} {limit:.0%}{of}"
     severity = WARNING if not error > 0.0 or least + error < limit else NOTICE
-    return Judged(least < limit, off, severity, text)
+    return AlarmCheck(least < limit, off, severity, text)
 
 
-def saturation(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:
+def saturation(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:
     analysis = now.analysis
     by_speed = np.where(analysis.from_outputs[now.row], np.nan, analysis.utilisation[now.row])
     used = np.fmax(analysis.track.throttle[now.row], np.sqrt(by_speed))
     for rotor, share in enumerate(used.tolist(), start=1):
         text = f"Rotor {rotor} at its limit: no thrust left"
-        yield Judged(share > s.saturation, share < s.saturation - 0.05, CRITICAL, text, rotor)
+        yield AlarmCheck(share > s.saturation, share < s.saturation - 0.05, CRITICAL, text, rotor)
 
 
-def esc(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:  # noqa: ARG001
+def esc(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:  # noqa: ARG001
     failures = np.empty(0) if now.esc_failures is None else now.esc_failures
     for i in np.flatnonzero(np.isfinite(failures)).tolist():
         flags = int(failures[i])
         known = ", ".join(words for bit, words in FAILURES.items() if flags & bit)
         text = f"ESC of rotor {i + 1}: {known or f'failure {flags}'}" if flags else ""
-        yield Judged(flags != 0, flags == 0, CRITICAL, text, i + 1)
+        yield AlarmCheck(flags != 0, flags == 0, CRITICAL, text, i + 1)
 
 
-def airframe(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:  # noqa: ARG001
+def airframe(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:  # noqa: ARG001
     claim = now.analysis.claim
     doubted = claim.basis == "given"
     text = "NO VERDICT: flight does not fit the airframe"
     text = text if doubted else "NO VERDICT: airframe not known"
     withheld = bool(claim.withheld)
-    yield Judged(withheld, not withheld, WARNING if doubted else NOTICE, text)
+    yield AlarmCheck(withheld, not withheld, WARNING if doubted else NOTICE, text)
 
 
-def rotor_thrust(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:  # noqa: ARG001
+def rotor_thrust(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:  # noqa: ARG001
     yield from _faulty(now, "propeller", "Rotor {} makes {} less thrust: propeller?")
 
 
-def motor_speed(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:  # noqa: ARG001
+def motor_speed(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:  # noqa: ARG001
     yield from _faulty(now, "motor", "Motor {} or ESC {} slow for output: land")
 
 
-def _faulty(now: RowNow, kind: str, text: str) -> Iterator[Judged]:
+def _faulty(now: RowNow, kind: str, text: str) -> Iterator[AlarmCheck]:
     """The faults of one kind, and that all other rotors are sound."""
     if now.faults is None:
         return
@@ -182,7 +182,7 @@ def _faulty(now: RowNow, kind: str, text: str) -> Iterator[Judged]:
     for rotor in range(now.analysis.track.rotor_count):
         fault = found.get(rotor)
         words = "" if fault is None else text.format(rotor + 1, _size(fault))
-        yield Judged(fault is not None, fault is None, CRITICAL, words, rotor + 1)
+        yield AlarmCheck(fault is not None, fault is None, CRITICAL, words, rotor + 1)
 
 
 def _size(fault: RotorFault) -> str:
@@ -192,17 +192,17 @@ def _size(fault: RotorFault) -> str:
     return f"{100 * fault.size:.0f}% ({100 * fault.lower:.0f}-{100 * fault.upper:.0f})"
 
 
-def envelope(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:  # noqa: ARG001
+def envelope(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:  # noqa: ARG001
     if now.analysis.model.network is not None:
         basis = int(now.analysis.prediction.basis[now.row])
         text = "Outside the model's training: weight only"
-        yield Judged(basis == Basis.PHYSICS, basis == Basis.NETWORK, NOTICE, text)
+        yield AlarmCheck(basis == Basis.PHYSICS, basis == Basis.NETWORK, NOTICE, text)
 
 
-def tank(s: AlarmSettings, now: RowNow) -> Iterator[Judged]:
+def tank(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:
     if now.balance is not None:
         words = tank_verdict(now.balance, s)
-        yield Judged(bool(words), not words, WARNING, words)
+        yield AlarmCheck(bool(words), not words, WARNING, words)
 
 
 def tank_verdict(balance: TankBalance, settings: AlarmSettings) -> str:
@@ -227,15 +227,15 @@ def tank_verdict(balance: TankBalance, settings: AlarmSettings) -> str:
     return ""
 
 
-def telemetry(s: AlarmSettings, now: LinkNow) -> Iterator[Judged]:
+def telemetry(s: AlarmSettings, now: LinkNow) -> Iterator[AlarmCheck]:
     lost = now.silent > s.silence
     if now.flying:
-        yield Judged(lost, not lost, CRITICAL, "Telemetry lost in flight")
+        yield AlarmCheck(lost, not lost, CRITICAL, "Telemetry lost in flight")
     else:
-        yield Judged(lost, not lost, NOTICE, "No telemetry, last on the ground")
+        yield AlarmCheck(lost, not lost, NOTICE, "No telemetry, last on the ground")
 
 
-def rotor_speeds(s: AlarmSettings, now: LinkNow) -> Iterator[Judged]:
+def rotor_speeds(s: AlarmSettings, now: LinkNow) -> Iterator[AlarmCheck]:
     # Counted until the last message of any kind, or a lost link would look like lost ESCs; a
     # part of the time as hold, for rotor speeds are not the first to be heard on its return.
     behind, limit = now.rotors_behind, s.silence - ROTORS_HOLD
@@ -247,12 +247,12 @@ def rotor_speeds(s: AlarmSettings, now: LinkNow) -> Iterator[Judged]:
     if now.from_outputs:
         text = "No motor outputs: margin unknown"
     on = missing.size > 0 and now.silent <= s.silence and now.flying
-    yield Judged(on, bool(np.all(behind <= limit)) or not now.flying, WARNING, text)
+    yield AlarmCheck(on, bool(np.all(behind <= limit)) or not now.flying, WARNING, text)
 
 
-#: Judged in each row, in each row whose prediction is final, and by a LinkNow.
+#: Checked in each row, in each row whose prediction is final, and by a LinkNow.
 OF_ROWS = (
-    AlarmRule("esc", 0.0, 3.0, esc, on_ground="judged"),
+    AlarmRule("esc", 0.0, 3.0, esc, on_ground="checked"),
     AlarmRule("margin", 3.0, 3.0, margin),
     AlarmRule("margin ahead", 3.0, 3.0, margin_ahead),
     AlarmRule("saturation", 0.5, 2.0, saturation),

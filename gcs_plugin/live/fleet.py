@@ -84,7 +84,7 @@ class Fleet:
         return [u for w in self._watches.values() for u in w.updates(final=True)]
 
     def tick(self, now_us: int) -> list[tuple[int, AlarmEvent]]:
-        """Judge every link at a time of the ground's clock."""
+        """Check every link at a time of the ground's clock."""
         return [(n, e) for n, w in self._watches.items() for e in w.tick(now_us)]
 
     def _overhear(self, frame: Frame) -> None:

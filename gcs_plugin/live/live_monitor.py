@@ -9,7 +9,7 @@ waited for: by the compute thread the oldest, so that screens show the newest th
 
 When the compute thread is late, `MonitorStatus.behind_s` says by how much. Rows of a vehicle are
 analysed in order all the same, all that wait in one go, and alarms come in that order with the time
-at which their report came. Silence is judged by what came, and between any two vehicles.
+at which their report came. Silence is checked by what came, and between any two vehicles.
 """
 
 from __future__ import annotations
@@ -269,7 +269,7 @@ class LiveMonitor:
             self._publish(update)
 
     def _listen(self) -> None:
-        """Judge the links by what came, as far as it is known what came."""
+        """Check the links by what came, as far as it is known what came."""
         self._tick(min(self.now_us(), self.listener.looked_us()))
 
     def _note_behind(self) -> None:

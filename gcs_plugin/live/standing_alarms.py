@@ -16,8 +16,8 @@ from thrustmargin.gcs_plugin.live.alarm_rules import (
     OF_THE_AIRFRAME,
     OF_THE_LINK,
     RULES,
+    AlarmCheck,
     AlarmRule,
-    Judged,
     LinkNow,
     RowNow,
 )
@@ -52,7 +52,7 @@ class Alarms:
     ) -> list[AlarmEvent]:
         """Take the rows from `first` on, in order; arrays are (T,), as long as the analysis.
 
-        What rests on the prediction is judged in the rows `settled`, where that may come later.
+        What rests on the prediction is checked in the rows `settled`, where that may come later.
         `pumped_kg` is the liquid pumped so far, `virtual_kg` the virtual gauge, `margin_ahead` the
         least predicted margin on the rest of the route; NaN where unknown. `esc_failures` (T, R)
         are ESC_FAILURE_FLAGS, NaN where an ESC does not report on itself.
@@ -62,7 +62,7 @@ class Alarms:
         rows = track.time_s.size
         # What rests on the airframe is over where no margin is claimed.
         ended = [r for r in RULES if analysis.withheld and r.name in OF_THE_AIRFRAME]
-        judged = [rule for rule in OF_ROWS if rule not in ended]
+        checked = [rule for rule in OF_ROWS if rule not in ended]
         for row in range(first, rows):
             now = RowNow(
                 analysis=analysis,
@@ -71,7 +71,7 @@ class Alarms:
                 esc_failures=None if esc_failures is None else esc_failures[row],
             )
             flying = bool(track.flying[row])
-            self._judge(events, judged, float(clock_s[row]), now, flying=flying)
+            self._check(events, checked, float(clock_s[row]), now, flying=flying)
             if not flying:
                 self._landed(events, OF_ROWS, float(clock_s[row]))
             self._over(events, ended, float(clock_s[row]))
@@ -96,7 +96,7 @@ class Alarms:
                 self._weighed_s, balance = time_s, self._balance.balance()
             faults = self._faults.standing if whole else None
             now = RowNow(analysis=analysis, row=row, faults=faults, balance=balance)
-            self._judge(events, OF_SETTLED_ROWS, time_s, now)
+            self._check(events, OF_SETTLED_ROWS, time_s, now)
         return events
 
     def heard(
@@ -108,7 +108,7 @@ class Alarms:
         flying: bool = True,
         from_outputs: bool = False,
     ) -> list[AlarmEvent]:
-        """Judge the link: s since anything was heard, and (R,) by which each rotor's speed is older
+        """Check the link: s since anything was heard, and (R,) by which each rotor's speed is older
         than the last message that was analysed.
 
         Times are the ground's clock. `rotors_behind` is NaN for a vehicle that has never reported a
@@ -120,10 +120,10 @@ class Alarms:
         link = LinkNow(
             silent=silent, rotors_behind=rotors_behind, flying=flying, from_outputs=from_outputs
         )
-        self._judge(events, OF_THE_LINK, now_s, link)
+        self._check(events, OF_THE_LINK, now_s, link)
         return events
 
-    def _judge(
+    def _check(
         self,
         events: list[AlarmEvent],
         rules: Sequence[AlarmRule],
@@ -133,8 +133,8 @@ class Alarms:
         flying: bool = True,
     ) -> None:
         for rule in rules:
-            if flying or rule.on_ground == "judged":
-                for found in rule.judge(self.settings, now):
+            if flying or rule.on_ground == "checked":
+                for found in rule.checks(self.settings, now):
                     self._set(events, rule, time_s, found)
 
     def _landed(self, events: list[AlarmEvent], of: tuple[AlarmRule, ...], time_s: float) -> None:
@@ -144,9 +144,11 @@ class Alarms:
         for name, rotor in list(self._states):
             for rule in rules:
                 if rule.name == name:
-                    self._set(events, rule, time_s, Judged(False, True, 0, "", rotor))
+                    self._set(events, rule, time_s, AlarmCheck(False, True, 0, "", rotor))
 
-    def _set(self, events: list[AlarmEvent], rule: AlarmRule, time_s: float, found: Judged) -> None:
+    def _set(
+        self, events: list[AlarmEvent], rule: AlarmRule, time_s: float, found: AlarmCheck
+    ) -> None:
         key = rule.name, found.rotor
         before = self._states.get(key) or Debounce(rule.hold, rule.release)
         after = self._states[key] = before.after(time_s, found.on, found.off)

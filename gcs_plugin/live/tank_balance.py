@@ -31,7 +31,7 @@ NAN = float("nan")
 class DeliveryMeter:
     """What the pump really delivers of what its output says: nozzles decide, not the pump's limit.
 
-    Factor on the pumped mass, from the gauge: `first` from the first kilogram, to judge the rest of
+    Factor on the pumped mass, from the gauge: `first` from the first kilogram, to take the rest of
     the tank by; `now` over the last 1.5 kg, to look ahead with. 1 until there is enough to tell.
     """
 

@@ -281,7 +281,7 @@ class VehicleMonitor:
         }
 
     def tick(self, now_us: int) -> list[AlarmEvent]:
-        """Judge the link at a time of the ground's clock up to which all that came is known."""
+        """Check the link at a time of the ground's clock up to which all that came is known."""
         if not self.seen:
             return []
         # Frames that came and were not taken yet may hold the rotor speeds.
@@ -306,7 +306,7 @@ class VehicleMonitor:
         """Which fields are no longer reported and since when, in words; empty when none is.
 
         Nothing is said of the single fields while the vehicle as a whole is silent. While frames
-        wait to be taken, they may hold what is missed: judged as of the last that was taken.
+        wait to be taken, they may hold what is missed: checked as of the last that was taken.
         """
         if self.shared or self.silent(now_us) > self.alarms.settings.silence:
             return ""

@@ -2,7 +2,7 @@
 
 Each module of the folder but the MACHINERY has its effects in `EFFECTS`. The catalogue has them in
 the order of the kinds (input, demand, moments, coefficient), then of the files' names.
-`models.effects.compose` puts effects together into rotor speeds; `identification.identify` searches
+`models.effects.compose` puts effects together into rotor speeds; `identification.loop` searches
 this catalogue and nothing else.
 """
 

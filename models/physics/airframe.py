@@ -5,7 +5,7 @@ A file is a set of tables of quantities `{ value = 21.1, unit = "kg", source = "
 `extends = "other"` takes every value of another airframe and replaces those given; other is a
 shipped name, or the path of a .toml file as seen from this one. `tank_source` may name the message
 that carries the tank level, say "BATTERY_STATUS 1"; without it the best that is heard is taken.
-Without `[[rotors]]` they are made from a known `layout` (`motor_layouts.py`) and the quantity `arm`.
+Without `[[rotors]]` they are made from a known `layout` (`motor_layouts`) and the quantity `arm`.
 Rotor order is the autopilot's motor order; positions are `_frd` from the centre of gravity.
 `spin` is +1 for a rotor that turns counter-clockwise seen from above, -1 for clockwise.
 """

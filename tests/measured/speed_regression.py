@@ -5,7 +5,7 @@ of the climb along the thrust axis, u and v the speeds forward and right in the 
 
     N² = b0 + n (b1 + b2 J + b3 u + b4 v + b5 (u² + v²)) + b6..8 rate + b9..11 angular acceleration
 
-It shares nothing with `identification.identify` and names nothing.
+It shares nothing with `identification.loop` and names nothing.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A plain regression on the real flights: what thrust at a measured rotor speed leaves unexplained.
 
-It shares nothing with `identification.identify` and is what the loop must at least reach. With
+It shares nothing with `identification.loop` and is what the loop must at least reach. With
 S = sum of N_i², f the accelerometer's specific force and m the mass:
 
     before   m|f| = a S            a fitted in hover, on the flights that are not left out

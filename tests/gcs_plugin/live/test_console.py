@@ -66,7 +66,7 @@ def test_a_field_that_is_no_longer_reported_is_named_with_its_age():
         fleet.take([parts[n] for n in range(len(parts)) if n not in (2, 3)])
     assert math.isnan(fleet.updates()[-1].analysis.track.tank_kg[-1])
     assert watch.stale(vehicle.stamp_us) == ("no longer reported: airspeed (8 s), tank level (8 s)")
-    # A silent vehicle is told as a whole.
+    # A silent vehicle is reported as a whole.
     assert watch.stale(vehicle.stamp_us + 10 * SECOND) == ""
 
 
