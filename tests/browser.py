@@ -60,8 +60,10 @@ def screenshot_folder(otherwise: Path) -> Path:
 
 
 @contextmanager
-def open_page(url: str, *, width: int = 1600, height: int = 900) -> Iterator[Page]:
-    """Open `url` in a fresh headless browser and yield playwright's page.
+def open_page(
+    url: str, *, width: int = 1600, height: int = 900, script: str = ""
+) -> Iterator[Page]:
+    """Open `url` in a fresh headless browser and yield playwright's page; `script` runs before it.
 
     Fails on leaving when the page asked anything of another host, or threw an error in JavaScript.
     """
@@ -83,6 +85,8 @@ def open_page(url: str, *, width: int = 1600, height: int = 900) -> Iterator[Pag
                 ),
             )
             page.on("pageerror", lambda e: errors.append(str(e)))
+            if script:
+                page.add_init_script(script)
             page.goto(url)
             yield page
         finally:

@@ -40,6 +40,7 @@ def monitor(
     host: str = "127.0.0.1",
     port: int = 8080,
     browser: bool = True,
+    silent: bool = False,
     seconds: float | None = None,
 ) -> None:
     """Watch every aircraft on a link: thrust margin, redundancy, tank and alarms as they happen.
@@ -75,6 +76,8 @@ def monitor(
         host: Address to serve the page on; only this computer can reach 127.0.0.1.
         port: Port of the page.
         browser: Open the page in the browser.
+        silent: Make no sound: without it the page has a button that switches tone and voice on, and
+            the terminal without a page rings its bell.
         seconds: End by itself after so long.
     """
     from thrustmargin.gcs_plugin.commands.inputs import chosen_model
@@ -144,7 +147,11 @@ def monitor(
 
         printer = EventPrinter(live, say)
         live.subscribers.append(printer)
-    page = _page(live, chosen.airframe, host, port) if view else None
+    elif not view and not silent:
+        from thrustmargin.gcs_plugin.live.console import Bell
+
+        live.subscribers.append(Bell(Terminal().bell))
+    page = _page(live, chosen.airframe, host, port, silent) if view else None
     until = math.inf if seconds is None else time.monotonic() + seconds
     try:
         live.start()
@@ -163,7 +170,7 @@ def monitor(
         raise unprinted[0]
 
 
-def _page(live: LiveMonitor, airframe: Airframe, host: str, port: int) -> LiveView:
+def _page(live: LiveMonitor, airframe: Airframe, host: str, port: int, silent: bool) -> LiveView:
     from thrustmargin.gcs_plugin.live.console import rowless_lines, status_lines
     from thrustmargin.gcs_plugin.view.live_view import LiveView
 
@@ -173,6 +180,8 @@ def _page(live: LiveMonitor, airframe: Airframe, host: str, port: int) -> LiveVi
         port=port,
         status=lambda: [*status_lines(live.status(), page=True), *rowless_lines(live.fleet)],
         clock=live.now_us,
+        silent=silent,
+        acknowledged=live.acknowledge,
     )
     try:
         page.start()

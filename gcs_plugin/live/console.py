@@ -255,6 +255,17 @@ def seconds(time_s: float) -> str:
     return f"{time_s:.1f} s"
 
 
+class Bell(Subscriber):
+    """A subscriber that rings for each alarm that asks for a hand: `ring` sounds the terminal."""
+
+    def __init__(self, ring: Callable[[], None]) -> None:
+        self._ring = ring
+
+    def on_event(self, vehicle: int, event: AlarmEvent) -> None:
+        if event.raised and event.alarm.severity <= WARNING:
+            self._ring()
+
+
 class EventPrinter(Subscriber):
     """A subscriber that prints what happens, a line each: for output into a file or a log.
 

@@ -25,7 +25,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.link.bounded_queue import BoundedQueue
 from thrustmargin.gcs_plugin.link.listener import Listener
-from thrustmargin.gcs_plugin.live.alarm import AlarmEvent
+from thrustmargin.gcs_plugin.live.alarm import Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.live.fleet import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.recorded_table import sample_batch
 from thrustmargin.gcs_plugin.live.recorder import Recorder, RecorderStatus
@@ -296,6 +296,10 @@ class LiveMonitor:
             self._event(update.vehicle, event, int(update.stamp_us[row]))
         for subscriber in self.subscribers:
             subscriber.on_update(update)
+
+    def acknowledge(self, vehicle: int, alarm: Alarm) -> None:
+        """Record that the pilot knows of an alarm; callable from any thread."""
+        self._note(vehicle, "acknowledged", alarm.text, alarm=alarm.name, rotor=alarm.rotor)
 
     def _event(self, vehicle: int, event: AlarmEvent, stamp_us: int) -> None:
         event = replace(event, unix_s=stamp_us * 1e-6)

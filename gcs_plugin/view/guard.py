@@ -20,7 +20,8 @@ import threading
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
+from urllib.parse import urlsplit
 
 from thrustmargin.models.errors import LinkError
 
@@ -88,7 +89,19 @@ def open_port(host: str, port: int) -> socket.socket:
         ) from error
 
 
-def guarded_server(*, host: str = LOOPBACK, port: int = 8080) -> viser.ViserServer:
+class PageAddition(Protocol):
+    """What a page has besides viser's: text before its end, and answers to its own requests."""
+
+    insert: bytes
+
+    def answer(self, target: str) -> tuple[int, bytes] | None:
+        """Status and JSON for the target of a request; None for one that is viser's."""
+        ...
+
+
+def guarded_server(
+    *, host: str = LOOPBACK, port: int = 8080, addition: PageAddition | None = None
+) -> viser.ViserServer:
     """A viser server behind the checks above. Raises LinkError when the port cannot be opened."""
     import viser
     import viser._messages as messages
@@ -97,7 +110,7 @@ def guarded_server(*, host: str = LOOPBACK, port: int = 8080) -> viser.ViserServ
     loopback_only = ipaddress.ip_address(listening.getsockname()[0]).is_loopback
     quiet = contextlib.redirect_stdout(io.StringIO())  # viser prints a banner of its own
     try:
-        with _handed_to_viser(listening, loopback_only), quiet:
+        with _handed_to_viser(listening, loopback_only, addition), quiet:
             server = viser.ViserServer(host=host, port=port, label="thrustmargin", verbose=False)
     except BaseException:
         listening.close()
@@ -134,7 +147,9 @@ def stop_server(server: viser.ViserServer) -> None:
 
 
 @contextlib.contextmanager
-def _handed_to_viser(listening: socket.socket, loopback_only: bool) -> Iterator[None]:
+def _handed_to_viser(
+    listening: socket.socket, loopback_only: bool, addition: PageAddition | None
+) -> Iterator[None]:
     """While viser starts, the WebSocket server that it makes is the guarded one on our socket."""
     import websockets.asyncio.server as server_module
 
@@ -143,7 +158,9 @@ def _handed_to_viser(listening: socket.socket, loopback_only: bool) -> Iterator[
     class GuardedServe(plain):
         def __init__(self, handler: Any, host: Any, port: Any, **settings: Any) -> None:
             del host, port
-            settings["process_request"] = _guarded(settings.get("process_request"), loopback_only)
+            settings["process_request"] = _guarded(
+                settings.get("process_request"), loopback_only, addition
+            )
             super().__init__(handler, sock=listening, **settings)
 
     with _SUBSTITUTION:
@@ -155,19 +172,45 @@ def _handed_to_viser(listening: socket.socket, loopback_only: bool) -> Iterator[
 
 
 def _guarded(
-    answer: Callable[[ServerConnection, Request], Response | None] | None, loopback_only: bool
+    answer: Callable[[ServerConnection, Request], Response | None] | None,
+    loopback_only: bool,
+    addition: PageAddition | None,
 ) -> Callable[[ServerConnection, Request], Response | None]:
     def process_request(connection: ServerConnection, request: Request) -> Response | None:
         reason = refusal(request.headers, loopback_only=loopback_only)
         if reason is not None:
             return connection.respond(http.HTTPStatus.FORBIDDEN, reason + "\n")
-        response = answer(connection, request) if answer else None
+        response = None if addition is None else _added(connection, request, addition)
+        if response is None and answer is not None:
+            whole = addition is not None and urlsplit(request.path).path in ("/", "/index.html")
+            if whole:
+                del request.headers["Accept-Encoding"]  # something is put into it
+            response = answer(connection, request)
+            if whole and addition is not None and response is not None:
+                head, end, tail = response.body.rpartition(b"</body>")
+                response.body = head + addition.insert + end + tail
+                del response.headers["Content-Length"]
+                response.headers["Content-Length"] = str(len(response.body))
         if response is not None:
             for name, value in page_headers(request.headers["Host"]).items():
                 response.headers[name] = value
         return response
 
     return process_request
+
+
+def _added(
+    connection: ServerConnection, request: Request, addition: PageAddition
+) -> Response | None:
+    """The answer to a request that is the addition's own."""
+    found = addition.answer(request.path)
+    if found is None:
+        return None
+    response = connection.respond(http.HTTPStatus(found[0]), found[1].decode())
+    del response.headers["Content-Type"]
+    response.headers["Content-Type"] = "application/json; charset=utf-8"
+    response.headers["Cache-Control"] = "no-store"
+    return response
 
 
 def _check_the_door(server: viser.ViserServer, port: int) -> None:

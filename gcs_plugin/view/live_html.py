@@ -71,7 +71,7 @@ def alarms_html(number: int, fleet: Sequence[Standing]) -> str:
     for of, alarm in every[:MOST_ALARMS]:
         words = alarm.text if of == number else f"Vehicle {of}: {alarm.text}"
         lines.append(
-            f'<div data-alarm style="background:{_paper(alarm.severity)};padding:3px 8px;'
+            f'<div data-alarm style="background:{paper_of(alarm.severity)};padding:3px 8px;'
             f'margin-bottom:3px">{escape(words)}</div>'
         )
     if len(every) > MOST_ALARMS:
@@ -86,7 +86,8 @@ def alarms_html(number: int, fleet: Sequence[Standing]) -> str:
     return f'<div style="{style}">{"".join(lines)}</div>' if lines else ""
 
 
-def _paper(severity: int) -> str:
+def paper_of(severity: int) -> str:
+    """The background of an alarm by its MAV_SEVERITY; white is read on it."""
     if severity <= CRITICAL:
         return RED
     return ORANGE if severity <= WARNING else GREY
@@ -114,7 +115,7 @@ def _bar(one: Standing) -> str:
     bell = (
         ""
         if worst is None
-        else f'<span data-bell style="background:{_paper(worst)};color:#fff;padding:0 9px;'
+        else f'<span data-bell style="background:{paper_of(worst)};color:#fff;padding:0 9px;'
         f'border-radius:4px">{len(one.alarms)} !</span>'
     )
     return (

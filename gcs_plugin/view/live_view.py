@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pymap3d
 
+from thrustmargin.gcs_plugin.live.alarm import Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.live.fleet import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.update import Update
 from thrustmargin.gcs_plugin.view import live_html
@@ -32,6 +33,7 @@ from thrustmargin.gcs_plugin.view.live_html import (
     outlook_html,
     status_html,
 )
+from thrustmargin.gcs_plugin.view.pilot_bar import PilotBar
 from thrustmargin.gcs_plugin.view.scene import Scene
 from thrustmargin.gcs_plugin.view.shown_row import ShownRow, enu, ground_height, plan_enu
 from thrustmargin.gcs_plugin.view.view_page import ViewPage, arrange, left_panel
@@ -67,8 +69,8 @@ class Aircraft:
 class LiveView(ViewPage, Subscriber):
     """The view of every vehicle that a monitor hears; `start` opens it, `stop` ends it.
 
-    `status` gives lines about link and recording, `clock` the ground's time, µs. Raises LinkError
-    from `start` when the port is taken.
+    `status` gives lines about link and recording, `clock` the ground's time, µs; `silent` makes no
+    sound, `acknowledged` hears of what the pilot acknowledged. Raises LinkError from `start` when the port is taken.
     """
 
     def __init__(
@@ -79,8 +81,16 @@ class LiveView(ViewPage, Subscriber):
         port: int = 8080,
         status: Callable[[], list[str]] = list,
         clock: Callable[[], int] | None = None,
+        silent: bool = False,
+        acknowledged: Callable[[int, Alarm], None] | None = None,
     ) -> None:
-        super().__init__("view", host=host, port=port, every=0.25)
+        self._bar = PilotBar(
+            lambda: self._heard.standing,
+            style=STYLE + live_html.STYLE,
+            silent=silent,
+            acknowledged=acknowledged,
+        )
+        super().__init__("view", host=host, port=port, every=0.25, addition=self._bar)
         self._airframe = airframe
         self._status = status
         self._heard = Heard(self.wake, clock)
@@ -94,6 +104,10 @@ class LiveView(ViewPage, Subscriber):
         """New rows; called on the compute thread."""
         self._heard.update(update)
 
+    def on_event(self, vehicle: int, event: AlarmEvent) -> None:
+        """An alarm was raised or cleared; called on the compute thread."""
+        self._bar.on_event(vehicle, event)
+
     def on_round(self, fleet: Fleet, now_us: int) -> None:
         """Ages, alarms and missions; called on the compute thread."""
         self._heard.round(fleet, now_us)
@@ -102,7 +116,6 @@ class LiveView(ViewPage, Subscriber):
         self._gui = gui = server.gui
         self._api = server.scene
         arrange(gui, width=340)
-        gui.add_html(STYLE + live_html.STYLE)
         self._bars = gui.add_html("")
         self._words = gui.add_html(status_html(["no vehicle heard yet"]))
         self._colour = choice(gui, "Colour", ["Load"], self.ask, self._recolour)

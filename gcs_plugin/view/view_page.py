@@ -13,7 +13,13 @@ from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from thrustmargin.gcs_plugin.view.guard import address_of, guarded_server, is_loopback, stop_server
+from thrustmargin.gcs_plugin.view.guard import (
+    PageAddition,
+    address_of,
+    guarded_server,
+    is_loopback,
+    stop_server,
+)
 from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
@@ -28,10 +34,19 @@ class ViewPage(ABC):
     """A page that one thread of its own draws, all `every` s and whenever it is woken.
 
     `start` opens it, `stop` ends it. What is on it is built by `_build` and drawn by `_draw`.
-    `what` names it for people; `port` 0 is any free one.
+    `what` names it for people; `port` 0 is any free one; `addition` is put on it besides viser's.
     """
 
-    def __init__(self, what: str, *, host: str, port: int, every: float) -> None:
+    def __init__(
+        self,
+        what: str,
+        *,
+        host: str,
+        port: int,
+        every: float,
+        addition: PageAddition | None = None,
+    ) -> None:
+        self._addition = addition
         self.wake = threading.Event()  # set: draw at once
         self.draw_seconds: deque[float] = deque(maxlen=1000)  # how long the last drawings took
         self._what, self._host, self._port, self._every = what, host, port, every
@@ -57,7 +72,7 @@ class ViewPage(ABC):
 
     def start(self) -> None:
         """Open the port, build the page and begin to draw. Raises LinkError for a taken port."""
-        self._server = guarded_server(host=self._host, port=self._port)
+        self._server = guarded_server(host=self._host, port=self._port, addition=self._addition)
         self._build(self._server)
         self._thread = threading.Thread(
             target=self._run, args=(self._server,), name=f"{self._what}-page", daemon=True

@@ -3,8 +3,6 @@
 import re
 import socket
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,10 +11,9 @@ import pytest
 
 from tests.browser import open_page
 from tests.gcs_plugin.live.live_vehicle import Vehicle
+from tests.gcs_plugin.view.live_flight import AIRFRAME, Live, flying
 from thrustmargin.gcs_plugin.live.alarm import CRITICAL, WARNING, Alarm
-from thrustmargin.gcs_plugin.live.console import status_lines
 from thrustmargin.gcs_plugin.live.fleet import Fleet
-from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
 from thrustmargin.gcs_plugin.live.outlook import Outlook
 from thrustmargin.gcs_plugin.view.live_html import (
     Standing,
@@ -29,50 +26,9 @@ from thrustmargin.gcs_plugin.view.live_view import LiveView
 from thrustmargin.gcs_plugin.wording.palette import LOAD, seen_for
 from thrustmargin.models.errors import LinkError
 from thrustmargin.models.model.rotor_model import physics_model
-from thrustmargin.models.physics.airframe import load_airframe
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
-
-AIRFRAME = load_airframe("topxgun-f16-sitl")
-
-
-class Live:
-    """A monitor with its view, and vehicles that fly in real time."""
-
-    def __init__(self) -> None:
-        settings = MonitorSettings(urls=("udpin:127.0.0.1:0",))
-        self.monitor = LiveMonitor(physics_model(AIRFRAME), settings)
-        self.view = LiveView(
-            AIRFRAME,
-            port=0,
-            status=lambda: status_lines(self.monitor.status()),
-            clock=self.monitor.now_us,
-        )
-        self.view.start()
-        self.monitor.subscribers.append(self.view)
-        self.monitor.start()
-        self.address = self.monitor.listener.links[0].transport.address  # type: ignore[attr-defined]
-        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-
-    def fly(self, seconds: float, *vehicles: Vehicle, rpm: int = 1700) -> None:
-        for _ in range(round(seconds * 10)):
-            for vehicle in vehicles:
-                for frame in vehicle.tick(rpm=(rpm, rpm, rpm, rpm)):
-                    self.socket.sendto(frame.data, self.address)
-            time.sleep(0.1)
-
-
-@contextmanager
-def flying() -> Iterator[Live]:
-    live = Live()
-    try:
-        yield live
-    finally:
-        live.monitor.close()
-        live.view.stop()
-        live.socket.close()
-    live.monitor.check()
 
 
 def shown(page: "Page", selector: str, timeout: float = 10.0) -> str:

@@ -1,0 +1,139 @@
+"""The bar that every width of the live page keeps in sight: margin, age of the data, gravest alarm.
+
+viser's panels fold on a phone, and an alarm inside a fold is none. So the bar is a part of the page
+itself, above viser's. It asks this server for its state twice a second, by JSON; what it does not
+hear it says. An acknowledgement needs the token that only this server's own page was given.
+"""
+
+from __future__ import annotations
+
+import json
+import secrets
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from importlib import resources
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+from thrustmargin.gcs_plugin.live.alarm import CRITICAL, WARNING, Alarm, AlarmEvent
+from thrustmargin.gcs_plugin.view.gauges import percent
+from thrustmargin.gcs_plugin.view.live_html import Standing, paper_of
+from thrustmargin.gcs_plugin.wording import palette as colours
+
+STATE, ACKNOWLEDGE = "/pilot-bar.json", "/pilot-bar/acknowledge"
+KEPT = 200  # lines of the history
+Key = tuple[int, tuple[str, int | None], float]  # vehicle, alarm and when it was raised
+
+
+class PilotBar:
+    """State of the bar. `standing` gives the aircraft as last heard, to any thread.
+
+    `style` is that of the rest of the page, which a folded panel must not take away. `silent` takes
+    the sound button away; `acknowledged` hears of every alarm that was acknowledged.
+    """
+
+    def __init__(
+        self,
+        standing: Callable[[], Sequence[Standing]],
+        *,
+        style: str = "",
+        silent: bool = False,
+        acknowledged: Callable[[int, Alarm], None] | None = None,
+    ) -> None:
+        self._standing = standing
+        self._acknowledged = acknowledged
+        self._token = secrets.token_urlsafe(16)
+        self._lock = threading.Lock()
+        self._known: set[Key] = set()  # acknowledged alarms
+        self._history: deque[str] = deque(maxlen=KEPT)
+        text = (resources.files("thrustmargin.gcs_plugin.view") / "pilot_bar.html").read_text(
+            encoding="utf-8"
+        )
+        text = text.replace("@TOKEN@", self._token).replace("@SILENT@", json.dumps(silent))
+        self.insert = (style + text).encode()  # what the page gets before its end
+
+    def on_event(self, vehicle: int, event: AlarmEvent) -> None:
+        """An alarm was raised or cleared: a line of the history."""
+        what = "raised" if event.raised else "over"
+        self._note(f"vehicle {vehicle}, {what}: {event.alarm.text}")
+
+    def acknowledge(self) -> None:
+        """All alarms that stand now are known to the pilot."""
+        for one in self._standing():
+            for alarm in one.alarms:
+                key = _key(one, alarm)
+                with self._lock:
+                    fresh = key not in self._known
+                    self._known.add(key)
+                if fresh:
+                    self._note(f"vehicle {one.number}, acknowledged: {alarm.text}")
+                    if self._acknowledged is not None:
+                        self._acknowledged(one.number, alarm)
+
+    def answer(self, target: str) -> tuple[int, bytes] | None:
+        """Status and JSON for the `target` of a request; None for one that is not the bar's."""
+        parts = urlsplit(target)
+        if parts.path == STATE:
+            return 200, json.dumps(self.state(), allow_nan=False).encode()
+        if parts.path != ACKNOWLEDGE:
+            return None
+        given = parse_qs(parts.query).get("token", [""])[0]
+        if not secrets.compare_digest(given.encode(), self._token.encode()):
+            return 403, b'{"refused": "only the page of this view may acknowledge"}'
+        self.acknowledge()
+        return 200, b"{}"
+
+    def state(self) -> dict[str, Any]:
+        """What the bar shows: vehicles, alarms (the gravest first), history (the newest first)."""
+        fleet = [one for one in self._standing() if not one.gone]
+        standing = [(one, alarm) for one in fleet for alarm in one.alarms]
+        standing.sort(key=lambda pair: (pair[1].severity, _key(*pair) in self._known))
+        many = len(fleet) > 1
+        with self._lock:
+            known, history = set(self._known), list(self._history)
+        return {
+            "vehicles": [_vehicle(one) for one in fleet],
+            "alarms": [
+                {
+                    "id": repr(_key(one, alarm)),
+                    "text": f"Vehicle {one.number}: {alarm.text}" if many else alarm.text,
+                    "paper": paper_of(alarm.severity),
+                    "loud": alarm.severity <= WARNING,
+                    "critical": alarm.severity <= CRITICAL,
+                    "acknowledged": _key(one, alarm) in known,
+                }
+                for one, alarm in standing
+            ],
+            "history": history,
+        }
+
+    def _note(self, words: str) -> None:
+        with self._lock:
+            self._history.appendleft(f"{time.strftime('%H:%M:%S')} {words}")
+
+
+def _key(one: Standing, alarm: Alarm) -> Key:
+    return one.number, alarm.key, alarm.since_s
+
+
+def _vehicle(one: Standing) -> dict[str, Any]:
+    """One aircraft: its margin in words and colours, and the age of it."""
+    margin = one.margin if one.flying and not one.problem else float("nan")
+    paper = colours.MARGIN.screen(margin)
+    if one.problem:
+        big, caption = "no verdict", one.problem
+    elif not one.flying:
+        big, caption = "on the ground", "no margin yet"
+    else:
+        big, caption = percent(one.margin), "thrust margin of the worst rotor"
+    return {
+        "number": one.number,
+        "margin": big,
+        "caption": caption,
+        "paper": colours.css(paper),
+        "ink": colours.ink_on(paper),
+        "age": round(max(one.age, 0.0), 2),
+        "old": one.old,
+    }

@@ -1,0 +1,167 @@
+"""The bar of the live page: its state, its door, and what a pilot sees of it at every width."""
+
+import io
+import re
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.browser import open_page, screenshot_folder
+from tests.gcs_plugin.live.live_vehicle import Vehicle
+from tests.gcs_plugin.view.live_flight import flying
+from thrustmargin.gcs_plugin.live.alarm import CRITICAL, NOTICE, WARNING, Alarm, AlarmEvent
+from thrustmargin.gcs_plugin.view.live_html import Standing
+from thrustmargin.gcs_plugin.view.pilot_bar import ACKNOWLEDGE, STATE, PilotBar
+
+LOW = Alarm("margin", None, CRITICAL, "Margin 12 %, limit 50 %", 40.0)
+TANK = Alarm("tank", None, WARNING, "Tank gauge and pump disagree", 41.0)
+NOTE = Alarm("esc", 2, NOTICE, "ESC 2 silent", 42.0)
+ONE = Standing(number=1, margin=0.27, flying=True, age=0.3, alarms=(TANK, NOTE))
+
+
+def bar_of(*standing: Standing) -> PilotBar:
+    return PilotBar(lambda: standing)
+
+
+def token_of(bar: PilotBar) -> str:
+    found = re.search(r'token = "([^"]+)"', bar.insert.decode())
+    assert found
+    return found[1]
+
+
+def status_of(bar: PilotBar, target: str) -> int:
+    answer = bar.answer(target)
+    assert answer is not None
+    return answer[0]
+
+
+def test_the_gravest_alarm_comes_first_whose_ever_it_is():
+    other = replace(ONE, number=2, alarms=(LOW,))
+    state = bar_of(ONE, other).state()
+    assert [a["text"] for a in state["alarms"]] == [
+        "Vehicle 2: Margin 12 %, limit 50 %",
+        "Vehicle 1: Tank gauge and pump disagree",
+        "Vehicle 1: ESC 2 silent",
+    ]
+    assert [a["loud"] for a in state["alarms"]] == [True, True, False]
+
+
+def test_a_margin_is_shown_in_flight_only_and_with_its_age():
+    (shown,) = bar_of(ONE).state()["vehicles"]
+    assert (shown["margin"], shown["age"], shown["old"]) == ("27 %", 0.3, False)
+    (ground,) = bar_of(replace(ONE, flying=False)).state()["vehicles"]
+    assert ground["margin"] == "on the ground"
+    (doubt,) = bar_of(replace(ONE, problem="another aircraft")).state()["vehicles"]
+    assert (doubt["margin"], doubt["caption"]) == ("no verdict", "another aircraft")
+    assert bar_of(replace(ONE, age=2.0)).state()["vehicles"][0]["old"]
+    assert bar_of(replace(ONE, gone=True)).state()["vehicles"] == []
+
+
+def test_an_acknowledgement_is_of_what_stands_and_is_kept():
+    heard = []
+    standing = [ONE]
+    bar = PilotBar(lambda: standing, acknowledged=lambda number, a: heard.append((number, a.name)))
+    bar.on_event(1, AlarmEvent(True, TANK, 41.0))
+    bar.acknowledge()
+    bar.acknowledge()
+    assert heard == [(1, "tank"), (1, "esc")]
+    assert all(a["acknowledged"] for a in bar.state()["alarms"])
+    standing[0] = replace(ONE, alarms=(replace(TANK, since_s=90.0),))
+    assert not bar.state()["alarms"][0]["acknowledged"]
+    lines = [re.sub(r"^[\d:]{8} ", "", line) for line in bar.state()["history"]]
+    assert lines == [
+        "vehicle 1, acknowledged: ESC 2 silent",
+        "vehicle 1, acknowledged: Tank gauge and pump disagree",
+        "vehicle 1, raised: Tank gauge and pump disagree",
+    ]
+
+
+def test_only_the_page_itself_may_acknowledge():
+    bar = bar_of(ONE)
+    assert bar.answer("/index.html") is None
+    for target in (ACKNOWLEDGE, f"{ACKNOWLEDGE}?token=", f"{ACKNOWLEDGE}?token=ü"):
+        assert status_of(bar, target) == 403
+    assert not bar.state()["alarms"][0]["acknowledged"]
+    assert status_of(bar, f"{ACKNOWLEDGE}?token={token_of(bar)}") == 200
+    assert bar.state()["alarms"][0]["acknowledged"]
+    assert status_of(bar, STATE) == 200
+
+
+def test_a_silent_page_has_no_sound():
+    assert b"silent = true" in PilotBar(list, silent=True).insert
+    assert b"silent = false" in PilotBar(list).insert
+
+
+SPY = """
+window.sounds = 0; window.spoken = [];
+window.AudioContext = class { constructor() { this.currentTime = 0; this.destination = {}; }
+  createGain() { return {connect() {}}; }
+  createOscillator() {
+    return {frequency: {}, connect() {}, start() { window.sounds++; }, stop() {}}; } };
+Object.defineProperty(window, "speechSynthesis",
+  {value: {speak: (said) => window.spoken.push(said.text)}});
+window.SpeechSynthesisUtterance = class { constructor(text) { this.text = text; } };
+"""
+
+
+def contrast(picture: bytes) -> float:
+    """Of the darkest and the lightest pixel, as WCAG 2 has it."""
+    from PIL import Image
+
+    pixels = np.asarray(Image.open(io.BytesIO(picture)).convert("RGB")).reshape(-1, 3)
+    colours, counts = np.unique(pixels, axis=0, return_counts=True)
+    share = colours[counts > 10] / 255.0
+    linear = np.where(share <= 0.03928, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    light = linear @ (0.2126, 0.7152, 0.0722)
+    return float((light.max() + 0.05) / (light.min() + 0.05))
+
+
+@pytest.mark.browser
+@pytest.mark.slow
+def test_at_every_width_margin_age_and_alarm_stay_in_sight(tmp_path):
+    folder = screenshot_folder(tmp_path)
+    with flying() as live:
+        vehicle = Vehicle(1)
+        live.fly(3.0, vehicle)
+        with open_page(live.view.url, width=390, height=844, script=SPY) as page:
+            page.get_by_text("Sound off").click()
+            live.fly(4.0, vehicle, rpm=2400)
+            page.wait_for_function("document.title.startsWith('!')", timeout=20_000)
+            assert page.evaluate("window.sounds") >= 6  # the try-out, and the alarm
+            assert page.evaluate("window.spoken.length") >= 1
+            for width, height in ((390, 844), (820, 1180), (1024, 768), (1366, 768), (1920, 1080)):
+                page.set_viewport_size({"width": width, "height": height})
+                live.fly(1.0, vehicle, rpm=2400)
+                for selector in (".tm-one", "#tm-alarm", "#tm-ack"):
+                    box = page.locator(selector).first.bounding_box()
+                    assert box, (width, selector)
+                    assert box["x"] >= 0
+                    assert box["x"] + box["width"] <= width
+                    assert box["y"] >= 0
+                    assert box["y"] + box["height"] <= 0.4 * height
+                    assert box["height"] >= 44
+                page.wait_for_function(
+                    "document.querySelector('.tm-one').innerText.includes('%')", timeout=10_000
+                )
+                assert contrast(page.locator("#tm-alarm").screenshot()) >= 4.5
+                assert contrast(page.locator(".tm-one").screenshot()) >= 4.5
+                page.screenshot(path=folder / f"live-{width}.png")
+            page.locator("#tm-ack").click()
+            page.wait_for_selector("#tm-ack", state="hidden", timeout=10_000)
+            page.get_by_text("History").click()
+            page.wait_for_function(
+                "document.getElementById('tm-history').innerText.includes('acknowledged')",
+                timeout=10_000,
+            )
+            time.sleep(3.0)  # nothing is sent any more
+            page.wait_for_function(
+                "document.querySelector('.tm-one b').innerText.startsWith('OLD')", timeout=10_000
+            )
+            page.screenshot(path=folder / "live-old-1920.png")
+            live.view.stop()
+            page.wait_for_function(
+                "document.getElementById('tm-alarm').innerText.includes('NO CONNECTION')",
+                timeout=15_000,
+            )
