@@ -262,6 +262,7 @@ class Bell(Subscriber):
         self._ring = ring
 
     def on_event(self, vehicle: int, event: AlarmEvent) -> None:
+        del vehicle
         if event.raised and event.alarm.severity <= WARNING:
             self._ring()
 

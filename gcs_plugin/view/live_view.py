@@ -70,7 +70,8 @@ class LiveView(ViewPage, Subscriber):
     """The view of every vehicle that a monitor hears; `start` opens it, `stop` ends it.
 
     `status` gives lines about link and recording, `clock` the ground's time, µs; `silent` makes no
-    sound, `acknowledged` hears of what the pilot acknowledged. Raises LinkError from `start` when the port is taken.
+    sound, `acknowledged` hears of what the pilot acknowledged. Raises LinkError from `start` when
+    the port is taken.
     """
 
     def __init__(

@@ -9,8 +9,9 @@ import pytest
 from rich.console import Console
 
 from tests.gcs_plugin.live.live_vehicle import SECOND, Vehicle, as_frame
-from thrustmargin.gcs_plugin.live.alarm import Alarm, AlarmEvent
+from thrustmargin.gcs_plugin.live.alarm import CRITICAL, NOTICE, WARNING, Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.live.console import (
+    Bell,
     EventPrinter,
     Screen,
     kilograms,
@@ -168,3 +169,13 @@ def test_a_recording_that_does_not_go_on_is_told_first(monitor, tmp_path):
         for line in lines
     )
     assert "3 dropped by the system" in lines[0]
+
+
+def test_the_bell_rings_for_what_asks_for_a_hand_and_not_for_notes():
+    rung = []
+    bell = Bell(lambda: rung.append(True))
+    for severity in (CRITICAL, WARNING, NOTICE):
+        alarm = Alarm("margin", None, severity, "Margin 12 %", 3.0)
+        bell.on_event(1, AlarmEvent(True, alarm, 3.0))
+        bell.on_event(1, AlarmEvent(False, alarm, 4.0))
+    assert len(rung) == 2
