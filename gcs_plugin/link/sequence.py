@@ -1,4 +1,4 @@
-"""What sequence numbers and repeated bytes show about the senders of frames.
+"""What sequence numbers, clocks and repeated bytes show about the senders of frames.
 
 One watch a sender (system and component id): doubled frames, frames that come late, frames that
 are missing, and two vehicles that were given one id.
@@ -14,6 +14,44 @@ LATE = 32
 TWICE_WITHIN = 128
 #: Two senders take turns: so many returns to an unbroken count within so many frames.
 RETURNS, RETURNS_WITHIN = 12, 128
+#: A thinned link breaks every count, so the clocks since boot count too. Two of one message belong
+#: together within so many s, link delays included; so many messages make one that is believed.
+SAME_CLOCK, CLOCKED = 2.0, 3
+#: A clock left for good is a restart, one come back to is another vehicle's: so often within s.
+CLOCK_RETURNS, CLOCK_RETURNS_WITHIN = 2, 60.0
+
+
+class BootClocks:
+    """The clocks since boot that one message of a sender has: one, or in turns those of two."""
+
+    def __init__(self) -> None:
+        # (s of the ground's clock at its boot, messages), the one that was heard last at the end.
+        self._lines: list[tuple[float, int]] = []
+        self._run, self._left = 0, 0  # messages on end of that one, and of the other before
+        self._returns: list[float] = []
+
+    def add(self, stamp_s: float, clock_s: float) -> None:
+        """One message: the ground's clock, and the sender's since its boot."""
+        booted = stamp_s - clock_s
+        same = [n for n, (at, _) in enumerate(self._lines) if abs(booted - at) <= SAME_CLOCK]
+        if not same:
+            self._lines, self._left, self._run = [*self._lines[-1:], (booted, 1)], self._run, 1
+            return
+        count = self._lines.pop(same[-1])[1] + 1
+        if same[-1] == len(self._lines):
+            self._run += 1
+        else:
+            self._left, self._run = self._run, 1
+        # One message alone from the other clock is only late.
+        if self._run == 2 and self._left > 1 and min(count, self._lines[-1][1]) > CLOCKED:
+            self._returns.append(stamp_s)
+        self._lines.append((booted, count))
+
+    def shared(self, stamp_s: float) -> bool:
+        """Whether two vehicles have taken turns lately."""
+        recent = [at for at in self._returns if stamp_s - at < CLOCK_RETURNS_WITHIN]
+        self._returns = recent
+        return len(recent) >= CLOCK_RETURNS
 
 
 class Verdict(Enum):
@@ -40,13 +78,23 @@ class SenderWatch:
         self._touched: list[int] = []
         self._running = 0
         self._returns: list[int] = []
+        self._clocks: dict[int, BootClocks] = {}  # by message, each may count from its own start
+        self._by_clocks = False
 
     @property
     def shared(self) -> bool:
         """True while two vehicles send under this id."""
+        if self._by_clocks:
+            return True
         recent = [at for at in self._returns if self.frames - at < RETURNS_WITHIN]
         self._returns = recent
         return len(recent) >= RETURNS
+
+    def clocked(self, message: int, stamp_s: float, clock_s: float) -> None:
+        """The clock since boot, s, that a message with this id carries."""
+        clocks = self._clocks.setdefault(message, BootClocks())
+        clocks.add(stamp_s, clock_s)
+        self._by_clocks = any(clock.shared(stamp_s) for clock in self._clocks.values())
 
     def look(self, sequence: int, data: bytes) -> Verdict:
         """Count one frame and say what it is."""

@@ -40,6 +40,8 @@ SHOWN = 10
 CARRIED = ("clock_s", "stamp_us", "pumped_kg", "delivered_kg", "margin_ahead")
 #: s for which two vehicles with one id stay suspended after they were last seen to take turns.
 SHARED_HOLD = 10.0
+#: ATTITUDE, ATTITUDE_QUATERNION, LOCAL_POSITION_NED, GLOBAL_POSITION_INT: begin with time_boot_ms.
+BOOT_CLOCKS = (30, 31, 32, 33)
 #: s after which a vehicle without any row says so, and its words.
 ROWLESS = 5.0
 NO_ROWS = "heard, but neither rotor speeds, motor outputs, attitude nor position with its clock"
@@ -99,7 +101,7 @@ class VehicleMonitor:
     @property
     def seen(self) -> bool:
         """True when this is a vehicle and not only a companion or a stray id."""
-        return self.state.autopilot >= 0 or self.rows > 0
+        return self.state.autopilot >= 0 or self.rows > 0 or self.shared
 
     @property
     def problem(self) -> str:
@@ -141,6 +143,9 @@ class VehicleMonitor:
         """One frame of this vehicle, in the order in which it came."""
         sender = self.senders.setdefault(frame.component, SenderWatch())
         verdict = sender.look(frame.sequence, frame.data)
+        if frame.id in BOOT_CLOCKS and verdict is Verdict.NEW and frame.verified:
+            clock_s = int.from_bytes(frame.payload[:4], "little") * 1e-3
+            sender.clocked(frame.id, frame.stamp_us * 1e-6, clock_s)
         if sender.shared:
             if not self.shared:
                 self.notes.append(f"two vehicles send as system {self.system}")

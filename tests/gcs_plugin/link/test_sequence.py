@@ -2,7 +2,7 @@
 
 import pytest
 
-from thrustmargin.gcs_plugin.link.sequence import SenderWatch, Verdict
+from thrustmargin.gcs_plugin.link.sequence import BootClocks, SenderWatch, Verdict
 
 
 def watched(*numbers: int) -> tuple[SenderWatch, Verdict]:
@@ -67,3 +67,29 @@ def test_two_vehicles_of_one_id_are_seen_after_twelve_returns():
         watch.look(100 + turn, b"b%d" % turn)
     assert watch.shared
     assert watch.look(50, b"c") is Verdict.NEW
+
+
+def clocks(*bursts: tuple[float, int, float]) -> BootClocks:
+    """Messages every 0.25 s in bursts of (ground's clock at boot, messages, s of delay)."""
+    made, now = BootClocks(), 1000.0
+    for booted, count, delay in bursts:
+        for _ in range(count):
+            now += 0.25
+            made.add(now + delay, now - booted)
+    return made
+
+
+def test_clocks_that_take_turns_are_two_vehicles_and_a_restart_is_one():
+    assert clocks((0.0, 8, 0.0), (500.0, 8, 0.0), (0.0, 8, 0.0), (500.0, 8, 0.0)).shared(1009.0)
+    assert not clocks((0.0, 8, 0.0), (500.0, 8, 0.0), (0.0, 8, 0.0)).shared(1006.0)
+    # Restarted three times, each time for good.
+    assert not clocks(*((booted, 8, 0.0) for booted in (0.0, 500.0, 700.0, 900.0))).shared(1010.0)
+    # Long over.
+    turns = clocks((0.0, 8, 0.0), (500.0, 8, 0.0), (0.0, 8, 0.0), (500.0, 8, 0.0))
+    assert not turns.shared(1100.0)
+
+
+def test_late_messages_and_a_buffered_link_are_no_other_vehicle():
+    late = [(0.0, 8, 0.0), (0.0, 1, 5.0)] * 6
+    assert not clocks(*late).shared(1020.0)
+    assert not clocks(*((0.0, 4, delay) for delay in (0.0, 1.5, 3.0, 1.5, 0.2) * 4)).shared(1030.0)

@@ -129,6 +129,35 @@ def test_two_vehicles_with_one_id_give_no_margin_but_a_warning(tmp_path):
     assert len(kept) == len(frames)
 
 
+def test_two_vehicles_with_one_id_are_found_on_a_thinned_link_without_a_flood_of_restarts(tmp_path):
+    """36 % of the frames, in bursts of seconds: no count of sequence numbers is unbroken."""
+    rng = np.random.default_rng(5)
+    one, two = Vehicle(1, clock_s=100.0), Vehicle(1, clock_s=900.0)
+    frames: list[Frame] = []
+    while one.clock_s < 220.0:
+        both = [flight(vehicle, 0.1) for vehicle in (one, two)]
+        turn = int(one.clock_s / 1.7) % 2
+        frames += [frame for frame in both[turn] if rng.random() < 0.36]
+    monitor, _ = run(write_log(tmp_path / "thinned.tlog", frames), tmp_path / "out")
+    assert "SYSID_THISMAV" in monitor.fleet.vehicles[1].problem
+    events = (recording_in(tmp_path / "out") / "events.jsonl").read_text()
+    assert events.count("restarted") + events.count("ahead") <= 5
+    assert events.count("two vehicles send") == 1
+    assert monitor.fleet.vehicles[1].rows < 150  # of 1,200
+
+
+def test_a_thinned_link_of_one_vehicle_that_restarts_is_one_vehicle(tmp_path):
+    rng = np.random.default_rng(6)
+    vehicle, frames = Vehicle(1, clock_s=500.0), []
+    for clock_s in (500.0, 2.0, 2.0):
+        vehicle.clock_s = clock_s
+        vehicle.stamp_us += 5 * SECOND
+        frames += [frame for frame in flight(vehicle, 20) if rng.random() < 0.36]
+    monitor, _ = run(write_log(tmp_path / "thinned.tlog", frames), tmp_path / "out")
+    assert monitor.fleet.vehicles[1].problem == ""
+    assert (recording_in(tmp_path / "out") / "events.jsonl").read_text().count("restarted") == 2
+
+
 def test_a_link_that_is_down_for_30_s_is_told_and_the_flight_goes_on(tmp_path):
     vehicle = Vehicle()
     frames = flight(vehicle, 20)
