@@ -98,6 +98,14 @@ def plan_from_items(
         mission = [_renumbered(i) for i in mission]
     if not mission:
         raise PlanError("the vehicle holds no mission; upload one to it first")
+    for item in mission:
+        if item.place is not None:
+            where = f"the vehicle's mission item {item.number}"
+            _check_place(*item.place[:2], where=where)
+            if not math.isfinite(item.place[2]):
+                raise PlanError(f"{where} has no altitude; upload the mission to the vehicle again")
+    if home is not None:
+        _check_place(*home[:2], where="the vehicle's home")
     if home is None:
         places = [place for item in mission if (place := item.place) is not None]
         if not places:

@@ -156,6 +156,12 @@ class VehicleLink:
         if self._cancelled.is_set():
             raise LinkError(f"{self.name}: stopped before the transfer was complete")
 
+    def too_much(self, found: str) -> LinkError:
+        """The error for a transfer that would not end."""
+        return LinkError(
+            f"{self.name}: {found}; restart the autopilot, or upload the mission to it again"
+        )
+
     def refused(self, what: str, result: str) -> LinkError:
         """The error for a transfer that MAVSDK gave up with `result`."""
         reason = result.lower().replace("_", " ")

@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 
 #: s to wait for a home position, which not every vehicle reports.
 HOME_WAIT = 2.0
+#: More items than autopilots hold (ArduPilot 718, on an SD card some thousands), and s for all of
+#: them: a vehicle or a fault that says 65,535 must not hold the link for hours.
+MOST_ITEMS, LONGEST = 10_000, 300.0
 REQUEST_MESSAGE, HOME_POSITION_ID = 512, 242
 
 
@@ -39,7 +42,8 @@ def download_mission(
     """The mission of `vehicle` over a link that is open; `progress` counts items.
 
     Transferred as raw items: MAVSDK's own mission type refuses ArduPilot's item 0, its home.
-    Raises LinkError when the vehicle does not answer, PlanError when it holds no mission.
+    Raises LinkError when the vehicle does not answer or in no bounds, PlanError when it holds no
+    mission, or one with places that are none.
     """
     from mavsdk import Autopilot
     from mavsdk.plugins.mavlink_direct import MavlinkDirect
@@ -50,16 +54,23 @@ def download_mission(
     for message in ("MISSION_COUNT", "MISSION_ITEM_INT", "HOME_POSITION"):
         direct.subscribe_message(message, lambda m, _: events.put((m.message_name, m.fields_json)))
     missions.download_mission_async(lambda result, items, _: events.put(("end", (result, items))))
-    total = 0
+    total = done = 0
+    until = time.monotonic() + LONGEST
     while True:
+        if time.monotonic() > until:
+            raise link.too_much(f"its mission took more than {LONGEST:g} s ({done} of {total})")
         kind, value = link.next_event(events, "its mission")
         if kind == "end":
             break
         fields = json.loads(value)
         if kind == "MISSION_COUNT":
             total = int(fields["count"])
-        elif kind == "MISSION_ITEM_INT" and progress is not None and total:
-            progress(min(int(fields["seq"]) + 1, total), total)
+            if total > MOST_ITEMS:
+                raise link.too_much(f"it says that its mission has {total} items")
+        elif kind == "MISSION_ITEM_INT" and total:
+            done = min(int(fields["seq"]) + 1, total)
+            if progress is not None:
+                progress(done, total)
     result, raw = value
     if result not in (MissionRawResult.SUCCESS, MissionRawResult.NO_MISSION_AVAILABLE):
         raise link.refused("its mission", result.name)

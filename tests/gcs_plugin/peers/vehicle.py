@@ -3,7 +3,7 @@
 MAVSDK has no server for logs, and its mission server is no ArduPilot. Reads its orders as JSON from
 the first line of standard input, says "ready", and runs until standard input is closed:
   port, system_id, autopilot (MAV_AUTOPILOT), items (rows of MISSION_ITEM_INT),
-  home (degE7, degE7, mm),
+  claims (number of items that it says it has), home (degE7, degE7, mm),
   logs {number: [unix seconds, file]}, drop (one LOG_DATA in so many is lost, the first time),
   silent_after (LOG_DATA sent before it falls silent), mute (heartbeats only),
   key (hex: it signs, and hears only what is signed), overstate (bytes that its list of logs adds
@@ -61,7 +61,9 @@ class Vehicle:
 
     def mission_request_list(self, message) -> None:
         self.link.mav.mission_count_send(
-            message.get_srcSystem(), message.get_srcComponent(), len(self.orders.get("items", []))
+            message.get_srcSystem(),
+            message.get_srcComponent(),
+            self.orders.get("claims", len(self.orders.get("items", []))),
         )
 
     def mission_request_int(self, message) -> None:
@@ -69,7 +71,7 @@ class Vehicle:
             message.get_srcSystem(),
             message.get_srcComponent(),
             message.seq,
-            *self.orders["items"][message.seq],
+            *self.orders["items"][message.seq % len(self.orders["items"])],
         )
 
     def param_request_list(self, _) -> None:

@@ -2,6 +2,7 @@
 
 import socket
 import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ from tests.gcs_plugin.vehicle.fetching import fetch, fetch_mission
 from thrustmargin.gcs_plugin.vehicle.connection import VehicleLink
 from thrustmargin.gcs_plugin.vehicle.downloads import download_mission
 from thrustmargin.mission.plan import FIRMWARE_ARDUPILOT, FIRMWARE_PX4, read_plan
-from thrustmargin.models.errors import PlanError
+from thrustmargin.models.errors import LinkError, PlanError
 
 
 @pytest.fixture
@@ -138,3 +139,33 @@ def test_only_home_is_no_mission(port: int):
         pytest.raises(PlanError, match="no mission"),
     ):
         fetch_mission(f"udpin:127.0.0.1:{port}")
+
+
+def test_a_vehicle_that_claims_65535_items_is_refused_at_once(port: int):
+    began = time.monotonic()
+    with (
+        vehicle(port=port, items=ARDUPILOT_ITEMS, claims=65_535),
+        pytest.raises(LinkError, match="65535 items"),
+    ):
+        fetch_mission(f"udpin:127.0.0.1:{port}", 10.0)
+    assert time.monotonic() - began < 12.0
+
+
+def test_a_mission_that_takes_too_long_is_given_up(port: int, monkeypatch):
+    monkeypatch.setattr("thrustmargin.gcs_plugin.vehicle.downloads.LONGEST", 0.5)
+    with (
+        vehicle(port=port, items=ARDUPILOT_ITEMS, claims=9_000),
+        pytest.raises(LinkError, match=r"took more than 0.5 s \(\d+ of 9000\)"),
+    ):
+        fetch_mission(f"udpin:127.0.0.1:{port}", 10.0)
+
+
+@pytest.mark.parametrize(
+    ("at", "value", "says"),
+    [(8, 2_147_483_647, "item 3"), (9, 1_900_000_000, "item 3"), (10, float("nan"), "no altitude")],
+)
+def test_a_place_that_is_none_is_refused(port: int, at: int, value: float, says: str):
+    items = [list(item) for item in ARDUPILOT_ITEMS]
+    items[3][at] = value
+    with vehicle(port=port, items=items), pytest.raises(PlanError, match=says):
+        fetch_mission(f"udpin:127.0.0.1:{port}", 10.0)
