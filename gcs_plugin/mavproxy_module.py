@@ -3,7 +3,8 @@
 Options at loading are those of `thrustmargin monitor`, as JSON without spaces:
 `module load thrustmargin.gcs_plugin.mavproxy_module:{"model":"f16.safetensors","tank":"pump"}`;
 there are model, airframe, max_utilisation and the reading options: vehicle, tank, tank_start_kg,
-load, load_end, air_temperature_c.
+load, load_end, air_temperature_c. Each can be set later too: `margin airframe f16.toml`,
+`margin tank NAMED_VALUE_FLOAT TANK`, `margin load 8`; `-` takes it back.
 Nothing happens when this file is imported (MAVProxy imports it twice); everything that takes time
 runs in `thrustmargin.gcs_plugin.mavproxy.worker`, on a thread of its own. The 3D view is
 `thrustmargin monitor`, a process that hears what MAVProxy hears, frame by frame over loopback UDP,
@@ -79,10 +80,17 @@ def free_port(kind: socket.SocketKind) -> int:
 
 #: MAVProxy finds a module again by the name that it was loaded under.
 NAME = "thrustmargin.gcs_plugin.mavproxy_module"
+#: What the module can be given, as it is written in MAVProxy -> its name in MarginOptions.
+OPTIONS = {
+    field.name.replace("_", "-"): field.name
+    for field in dataclasses.fields(MarginOptions)
+    if field.name != "max_utilisation"
+}
 USAGE = (
     "margin: thrust margin of every vehicle\n"
     "margin view: 3D view in the browser\n"
-    "margin max-utilisation 0.5: warn when more of a rotor's maximum thrust is in use"
+    "margin max-utilisation 0.5: warn when more of a rotor's maximum thrust is in use\n"
+    f"margin OPTION VALUE, or - for none: {', '.join(OPTIONS)}"
 )
 RENAMED = (
     "max-utilisation, the largest share of a rotor's maximum thrust that may be in use; "
@@ -100,7 +108,8 @@ class MarginModule(mp_module.MPModule):
         self._worker = MarginWorker(options)
         self._view: ViewProcess | None = None
         self._next = 0.0
-        self.add_command("margin", self.cmd_margin, "thrust margin", ["view", "max-utilisation"])
+        words = ["view", "max-utilisation", *OPTIONS]
+        self.add_command("margin", self.cmd_margin, "thrust margin", words)
         self._worker.start()
 
     def mavlink_packet(self, packet: Any) -> None:
@@ -110,6 +119,7 @@ class MarginModule(mp_module.MPModule):
     def idle_task(self) -> None:
         """Called by MAVProxy hundreds of times a second; works twice a second."""
         now = time.monotonic()
+        self._worker.looked()
         if now < self._next:
             return
         self._next = now + PERIOD
@@ -138,6 +148,10 @@ class MarginModule(mp_module.MPModule):
                 print(f"margin max-utilisation {self._worker.max_utilisation:g}")
             case ["max-utilisation", text]:
                 self._set_max_utilisation(text)
+            case [name] if name in OPTIONS:
+                print(f"margin {name} {getattr(self._worker.options, OPTIONS[name])}")
+            case [name, *value] if name in OPTIONS:
+                self._set(name, " ".join(value))
             case ["limit", *_]:
                 print(f"margin limit is now {RENAMED}")
             case _:
@@ -170,6 +184,23 @@ class MarginModule(mp_module.MPModule):
             return
         self._worker.max_utilisation = value
         print(f"margin max-utilisation {value:g}")
+
+    def _set(self, name: str, text: str) -> None:
+        """Watch on with an option changed; what vehicles said of themselves is kept."""
+        before = self._worker
+        try:
+            options = with_option(before.options, OPTIONS[name], text)
+        except ValueError:
+            print(f"margin {name} {text} is no number")
+            return
+        before.stop(timeout=0.0)
+        self._worker = MarginWorker(options, kept=before.kept)
+        self._worker.max_utilisation = before.max_utilisation
+        if self._view is not None:
+            self._close_view()
+            print("margin view closed: open it again for the new option")
+        self._worker.start()
+        print(f"margin {name} {text}")
 
     def _show_view(self) -> None:
         if self._view is not None and self._view.running:
@@ -204,6 +235,20 @@ def init(mpstate: Any, **options: Any) -> MarginModule:
     except ValueError as error:
         raise ImportError(f"max_utilisation {error}") from error
     return MarginModule(mpstate, MarginOptions(**options))
+
+
+def with_option(options: MarginOptions, name: str, text: str) -> MarginOptions:
+    """The options with one of them from its text. Raises ValueError for a number that is none."""
+    kind = next(field.type for field in dataclasses.fields(options) if field.name == name)
+    default = {f.name: f.default for f in dataclasses.fields(options)}[name]
+    value: Any = text
+    if text == "-":
+        value = default
+    elif "int" in str(kind):
+        value = int(text)
+    elif "float" in str(kind):
+        value = float(text)
+    return dataclasses.replace(options, **{name: value})
 
 
 def usable(value: Any) -> float:

@@ -110,6 +110,7 @@ class VehicleTelemetry:
         self._pieces: list[_Piece] = []
         self._by_pilot: set[str] = set()  # messages that the autopilot has sent
         self._motors: MotorMap | None = None
+        self._by_ground = False  # its clock has not been heard, and the ground's counts
         self._known: object = None  # what the motors were found from
         self._restart()
 
@@ -172,7 +173,12 @@ class VehicleTelemetry:
         if not self.clock.known and not np.isfinite(own).any():
             if stamps.size == 0 or stamps[-1] - stamps[0] < CLOCK_WAIT * 1e6:
                 return []
-            own[0] = 0.0
+            own[0], self._by_ground = 0.0, True
+        elif self._by_ground and np.isfinite(own).any():
+            self._by_ground = False
+            if own[np.isfinite(own)][0] < self.clock.last * 1e-9:
+                # A simulation slower than the ground's clock, which has run ahead of it.
+                self.clock = ArrivalClock(boot=self.clock.boot + 1)
         pieces, self._pieces = self._pieces, []
         groups = _grouped(places, frames, pilots, self._by_pilot)
         clock_s, boots, clock, notes = arrival_times(self.clock, stamps, own)

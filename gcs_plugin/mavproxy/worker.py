@@ -7,10 +7,11 @@ and alarms are `live.vehicle_monitor`, the same as in `thrustmargin monitor`.
 from __future__ import annotations
 
 import math
+import re
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
 #: Frames that wait for the thread; some ten seconds of a busy link with ten vehicles.
 WAITING = 20_000
 PERIOD = 0.1  # s between two looks at what has come
+V2 = 0xFD  # first byte of a MAVLink 2 frame
+#: PARAM_VALUE, MISSION_ITEM, MISSION_COUNT, MISSION_ITEM_INT: kept for when an option is changed.
+SAID_ONCE, MOST_KEPT = (22, 39, 44, 73), 10_000
 STALE = 2.0  # s after which what is shown is called old
 
 NAN = float("nan")
@@ -65,18 +69,23 @@ class Reading:
 class MarginWorker:
     """Runs from `start` to `stop`. `put` and the rest are for MAVProxy's main thread and quick.
 
-    `thread` computes; `failure` says why it had to end, for people.
+    `kept` are frames of a worker before it. `thread` computes; `failure` says why it had to end,
+    for people.
     """
 
-    def __init__(self, options: MarginOptions) -> None:
+    def __init__(self, options: MarginOptions, kept: Mapping[bytes, float] | None = None) -> None:
         self.options = options
+        #: Frames in which vehicles said what they say once, and time.monotonic() of each.
+        self.kept: dict[bytes, float] = dict(kept or {})
         self.max_utilisation = options.max_utilisation
         self.failure = ""
         self.dropped = 0
         self.readings: dict[int, Reading] = {}  # replaced as a whole, never changed
         self.said: deque[tuple[bool, str]] = deque(maxlen=200)  # (urgent, words) to announce
         self.thread = threading.Thread(target=self._run, name="thrustmargin", daemon=True)
-        self._waiting: deque[tuple[bytes, float]] = deque()
+        self._waiting: deque[tuple[bytes, float]] = deque(self.kept.items())
+        self.heard_us: dict[int, int] = {}
+        self._looked = time.monotonic()  # up to which all that came has been put in
         self._stop = threading.Event()
         self._listener: Callable[[bytes], None] | None = None
 
@@ -94,7 +103,14 @@ class MarginWorker:
         if len(self._waiting) >= WAITING:
             self.dropped += 1
             return
-        self._waiting.append((data, time.monotonic()))
+        now = time.monotonic()
+        if len(data) > 5:
+            self.heard_us[data[5] if data[0] == V2 else data[3]] = _unix_us(now)
+        self._waiting.append((data, now))
+
+    def looked(self) -> None:
+        """All that has come was put in; silence is counted up to here, not while MAVProxy hangs."""
+        self._looked = time.monotonic()
 
     def pass_on_to(self, send: Callable[[bytes], None]) -> None:
         """Give every further frame to `send` too, on the thread."""
@@ -113,6 +129,7 @@ class MarginWorker:
         except Exception as error:
             self.failure = f"stopped by an error of its own: {type(error).__name__}: {error}"
         if self.failure:
+            self.failure = own_syntax(self.failure)
             self.said.append((True, f"margin: {self.failure}"))
 
     def _work(self) -> None:
@@ -130,6 +147,7 @@ class MarginWorker:
                 airframe_given=path is not None or options.airframe is not None,
                 **reading_keywords(options),
             ),
+            heard_us=self.heard_us,
         )
         while not self._stop.wait(PERIOD):
             self._take(fleet)
@@ -138,7 +156,7 @@ class MarginWorker:
             for update in updates:
                 for event in update.events:
                     self._announce(update.vehicle, event.raised, event.alarm.text)
-            for vehicle, event in fleet.tick(_unix_us(time.monotonic())):
+            for vehicle, event in fleet.tick(_unix_us(self._looked)):
                 self._announce(vehicle, event.raised, event.alarm.text)
             self._show(fleet, updates)
 
@@ -153,6 +171,8 @@ class MarginWorker:
             frame = frame_of(data, stamp_us=_unix_us(stamp))
             if frame is not None:
                 frames.append(frame)
+                if frame.id in SAID_ONCE and len(self.kept) < MOST_KEPT:
+                    self.kept[data] = stamp
         fleet.take(frames)
 
     def _use_max_utilisation(self, fleet: Fleet) -> None:
@@ -234,6 +254,17 @@ def number(value: float, form: str) -> str:
 
 def summary(now: Reading, max_utilisation: float, age: float) -> list[str]:
     """The lines that `margin` prints for one vehicle; `age` s of its newest row."""
+    return [own_syntax(line) for line in _lines(now, max_utilisation, age)]
+
+
+def own_syntax(words: str) -> str:
+    """Options as they are written in MAVProxy, where no command line is at hand."""
+    for option, command in (("request-rates", "set streamrate 10"), ("fetch-mission", "wp list")):
+        words = words.replace(f"--{option}", f"`{command}`")
+    return re.sub(r"--([a-z][a-z-]*)", r"`margin \1 ...`", words)
+
+
+def _lines(now: Reading, max_utilisation: float, age: float) -> list[str]:
     if now.problem:
         return [f"vehicle {now.vehicle}: {now.problem}"]
     if math.isnan(now.stamp):

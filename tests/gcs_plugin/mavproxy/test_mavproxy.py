@@ -235,6 +235,30 @@ class TestInMavproxy:
             mavproxy.wait_for_field("OneOut", {"orange"}, r"^OneOut 0\.9\d$")
             mavproxy.wait_for_field("Tank", {"black"}, r"^Tank 1[56]\.\d kg$")
 
+    def test_airframe_and_tank_are_set_in_its_own_syntax(self, tmp_path: Path, flight):
+        """And at simulation speeds other than 1, here 8 and a third."""
+        running = MavProxy(tmp_path, f"module load {MODULE}")
+        try:
+            running.wait(f"Loaded module {MODULE}")
+            play(flight, running.port, 0.0, 44.0, 8.0)
+            play(flight, running.port, 44.0, 50.0, 0.33)
+            running.ask("margin airframe no-such", "margin airframe no-such")
+            told = running.wait("margin: .*no-such.*")[0]
+            assert "--" not in told
+            running.ask("margin airframe topxgun-f16-sitl", "margin airframe topxgun-f16-sitl")
+            running.ask("margin tank none", "margin tank none")
+            running.ask("margin tank", "margin tank none")
+            with playing(flight, running.port, 50.0, 75.0, 1.0):
+                time.sleep(14.0)
+                running.ask("margin", r"vehicle 1, flying: thrust margin [34]\d %")
+                running.wait("inferred from hover")
+                running.wait("airframe topxgun-f16-sitl, given")
+            # Mission and parameters were heard before the options were changed.
+            running.ask("margin", "least margin on the rest of the route")
+            running.ask("margin load heavy", "margin load heavy is no number")
+        finally:
+            running.close()
+
     def test_what_is_old_is_grey_and_said_to_be_old(self, mavproxy: MavProxy, flight):
         play(flight, mavproxy.port, 50.0, 58.0, 4.0)
         mavproxy.wait("Telemetry lost in flight")
