@@ -24,6 +24,7 @@ from thrustmargin.gcs_plugin.wording.numbers import (
 )
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION
+from thrustmargin.models.identification.candidates import Term
 from thrustmargin.models.identification.margin_change import WORST_SHARE, MarginChange
 from thrustmargin.models.identification.next_flight import CERTAIN, NextFlight
 from thrustmargin.models.identification.output_shares import FEWEST_FLIGHTS
@@ -34,7 +35,6 @@ from thrustmargin.models.identification.result import (
     Mentioned,
     OneOf,
 )
-from thrustmargin.models.identification.terms import Term
 
 #: Share of thrust by which a margin must move to be reported as a change.
 NOTICED = 0.005

@@ -15,9 +15,10 @@ import numpy as np
 
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.candidates import Held, predicted
+from thrustmargin.models.identification.linear_sets import FittedSet
 from thrustmargin.models.identification.nuisance import LEVELS
 from thrustmargin.models.identification.search_space import SearchSpace
-from thrustmargin.models.identification.set_search import FittedSet, Search
+from thrustmargin.models.identification.set_search import Search
 
 LEFT = 0.15  # of what can be explained in a mode, that names may leave
 BEYOND = 3.0  # times the size on a sound aircraft, of the free part's RMS

@@ -16,10 +16,9 @@ from scipy.stats import t as student
 from thrustmargin.models.effects.channels import Channels
 from thrustmargin.models.effects.wind import WIND
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.identification.fit import Evaluator, Fit
+from thrustmargin.models.identification.candidates import Held, Term, placed
 from thrustmargin.models.identification.problem import BLOCK_SECONDS, Problem
 from thrustmargin.models.identification.result import Found
-from thrustmargin.models.identification.terms import Term
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.forward_flight import ForwardFlight, straight_rows, wind_by_drag
 
@@ -30,12 +29,15 @@ LEAST_BLOCKS = 4  # of a flight, for an interval
 LEVEL_ERROR = np.radians(0.5)  # of the attitude, which both ways take for a wind
 
 
-def followed_wind(problem: Problem, fit: Fit, tracks: Sequence[FlightTrack]) -> Found | None:
+def followed_wind(
+    problem: Problem, residual_rpm: Floats, held: Sequence[Held], tracks: Sequence[FlightTrack]
+) -> Found | None:
     """The wind of the flights where it is stronger than in training and the airspeed follows it.
 
-    The value (F, 2) is the mean of what the autopilot reports and of what drag says through tilt;
-    how the two differ is in the interval, and what a level error would do to both. None where
-    either is missing, or the speed over ground would do as well.
+    `residual_rpm` (T, R) is what the effects found, `held`, leave. The value (F, 2) is the mean of
+    what the autopilot reports and of what drag says through tilt; how the two differ is in the
+    interval, and what a level error would do to both. None where either is missing, or the speed
+    over ground would do as well.
     """
     model, flight = problem.model, problem.model.forward_flight
     if model.training_domain is None or flight is None or problem.lacks(WIND):
@@ -55,7 +57,7 @@ def followed_wind(problem: Problem, fit: Fit, tracks: Sequence[FlightTrack]) -> 
     speed = np.hypot(x.velocity_north, x.velocity_east)
     shifts = np.repeat(speed[:, None], x.airspeed_shifts.shape[1], axis=1)
     over_ground = replace(x, airspeed=speed, airspeed_shifts=shifts)
-    before, after, p = _worse(problem, fit, over_ground)
+    before, after, p = _worse(problem, residual_rpm, held, over_ground)
     if before < (1.0 + LEAST_RISE) * after or p > SIGNIFICANCE:
         return None
     return Found(
@@ -96,14 +98,16 @@ def _half_widths(winds: Sequence[Floats], mean: Floats) -> Floats:
     return np.hypot(scatter, between)
 
 
-def _worse(problem: Problem, fit: Fit, without: Channels) -> tuple[float, float, float]:
+def _worse(
+    problem: Problem, residual_rpm: Floats, held: Sequence[Held], without: Channels
+) -> tuple[float, float, float]:
     """RMSE in rpm with the channels `without` and with the problem's, and how likely by chance.
 
     By Student's t of the blocks' differences, with half as many degrees of freedom as blocks.
     """
     blind = replace(problem, channels=without)
-    predicted = Evaluator(blind).predict(fit.terms, fit.layout, fit.values)
-    squares = np.stack([(problem.measured_rpm - predicted) ** 2, fit.residual_rpm**2]).mean(axis=2)
+    worse_rpm = problem.measured_rpm - blind.speeds(placed(blind, held))
+    squares = np.stack([worse_rpm**2, residual_rpm**2]).mean(axis=2)
     before, after = np.sqrt(squares.mean(axis=1))
     count = np.bincount(problem.block)
     gained = np.bincount(problem.block, squares[0] - squares[1]) / count

@@ -13,8 +13,8 @@ from thrustmargin.models.effects.load_factor import LOAD_FACTOR
 from thrustmargin.models.effects.manoeuvre_moment import MANOEUVRE_MOMENT
 from thrustmargin.models.effects.rotor_degradation import LOSS
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.problem import RowsToFit
 from thrustmargin.models.identification.reduced import Reduced
-from thrustmargin.models.identification.terms import Term
 from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.margin import ceiling, trimmable_loss
@@ -23,6 +23,24 @@ EFFECT_PRIOR, ROTOR_PRIOR = 0.02, 0.005  # that an effect is there; that a given
 #: what any motion does by Newton's and Euler's laws: a model has it or lacks it, once
 OF_MOTION = (LOAD_FACTOR.key, MANOEUVRE_MOMENT.key)
 STEP = 1e-3  # of a parameter's usual size, of the central difference
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Term:
+    """An effect that is being fitted, on one rotor (0-based) where it is of one."""
+
+    effect: Effect
+    rotor: int | None = None
+
+    @property
+    def key(self) -> str:
+        suffix = "" if self.rotor is None else f"@{self.rotor + 1}"
+        return self.effect.key + suffix
+
+    @property
+    def words(self) -> str:
+        """Name, and the rotor counted from 1."""
+        return self.effect.name + ("" if self.rotor is None else f" of rotor {self.rotor + 1}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -88,7 +106,7 @@ def candidates_of(reduced: Reduced, catalogue: Sequence[Effect]) -> list[Candida
             effect = _bounded(effect, most)
         for rotor in range(rotors) if effect.of_one_rotor else (None,):
             term = Term(effect=effect, rotor=rotor)
-            if not reduced.lacks(term) and _would_show(reduced, effect):
+            if not reduced.lacks(effect) and _would_show(reduced, effect):
                 found.append(candidate(term, reduced.flights))
     return found
 
@@ -132,7 +150,7 @@ def candidate(term: Term, flights: int) -> Candidate:
     return Candidate(term=term, start=start, free=tuple(free), log_prior=float(np.log(prior)))
 
 
-def placed(reduced: Reduced, held: Sequence[Held]) -> list[Placed]:
+def placed(rows: RowsToFit, held: Sequence[Held]) -> list[Placed]:
     """Effects with their values, an array of N where flights have their own."""
     out = []
     for one in held:
@@ -140,38 +158,51 @@ def placed(reduced: Reduced, held: Sequence[Held]) -> list[Placed]:
         for k, p in enumerate(one.candidate.term.effect.parameters):
             column = one.values[:, k]
             same = np.all(column == column[0])
-            values[p.name] = float(column[0]) if same else column[reduced.flight]
+            values[p.name] = float(column[0]) if same else column[rows.flight]
         term = one.candidate.term
         out.append(Placed(effect=term.effect, rotor=term.rotor, values=values))
     return out
 
 
-def predicted(reduced: Reduced, held: Sequence[Held]) -> Floats:
+def predicted(rows: RowsToFit, held: Sequence[Held]) -> Floats:
     """(N, R) rpm in modes."""
-    return reduced.in_modes(reduced.speeds(placed(reduced, held)))
+    return rows.in_modes(rows.speeds(placed(rows, held)))
 
 
-def derivatives(reduced: Reduced, held: Sequence[Held], of: int) -> Floats:
-    """(N, R, P) rpm in modes by the free values of one of the candidates, by central differences.
+def derivatives(rows: RowsToFit, held: Sequence[Held], of: int) -> Floats:
+    """(T, R, P) rpm in modes by the free values of one of the candidates."""
+    free = held[of].candidate.free
+    wanted = sorted({k for k, _ in free})
+    by_row = slopes(rows, held, of, wanted)
+    columns = [np.zeros((*by_row.shape[:2], 0))]
+    for k, flight in free:
+        column = by_row[:, :, wanted.index(k), None]
+        columns.append(
+            column if flight is None else column * (rows.flight == flight)[:, None, None]
+        )
+    return np.concatenate(columns, axis=2)
 
-    A value at its bound is moved to one side only.
+
+def slopes(
+    rows: RowsToFit, held: Sequence[Held], of: int, wanted: Sequence[int] | None = None
+) -> Floats:
+    """(T, R, K) rpm in modes by the parameters of one of the candidates, or those `wanted`, by
+    central differences.
+
+    A value at its bound is moved to one side only, one beyond its bounds not at all.
     """
     one = held[of]
-    by_row: dict[int, Floats] = {}
-    for k in {k for k, _ in one.candidate.free}:
-        p = one.candidate.term.effect.parameters[k]
-        step = STEP * p.scale
+    parameters = one.candidate.term.effect.parameters
+    columns = [np.zeros((*rows.measured_rpm.shape, 0))]
+    for k in range(len(parameters)) if wanted is None else wanted:
+        p = parameters[k]
         ends = []
         for sign in (1.0, -1.0):
             values = one.values.copy()
-            values[:, k] = np.clip(values[:, k] + sign * step, p.lower, p.upper)
-            width = values[:, k] - one.values[:, k]
+            values[:, k] = np.clip(values[:, k] + sign * STEP * p.scale, p.lower, p.upper)
             others = [*held[:of], replace(one, values=values), *held[of + 1 :]]
-            ends.append((predicted(reduced, others), width))
+            ends.append((predicted(rows, others), values[:, k]))
         (above, up), (below, down) = ends
-        by_row[k] = (above - below) / (up - down)[reduced.flight][:, None]
-    columns = []
-    for k, flight in one.candidate.free:
-        column = by_row[k]
-        columns.append(column if flight is None else column * (reduced.flight == flight)[:, None])
-    return np.stack(columns, axis=2)
+        width = np.where(up == down, np.inf, up - down)[rows.flight]
+        columns.append(((above - below) / width[:, None])[:, :, None])
+    return np.concatenate(columns, axis=2)

@@ -17,17 +17,12 @@ from scipy.interpolate import BSpline
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.identification.fit import (
-    Evaluator,
-    Statistics,
-    fit_terms,
-    linearise,
-    mode_scales,
-)
+from thrustmargin.models.identification.candidates import Held, Term, candidate, predicted, slopes
 from thrustmargin.models.identification.output_shares import effects_on_shares
 from thrustmargin.models.identification.problem import Problem, assemble
+from thrustmargin.models.identification.row_fit import block_sums
 from thrustmargin.models.identification.standard_effects import gain_and_error
-from thrustmargin.models.identification.terms import Term, layout_of
+from thrustmargin.models.identification.whitening import Whitening, plain
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.network.records import GoodFlights, scatter_between
 
@@ -54,14 +49,12 @@ def good_flights(left_out: Sequence[LeftOutFlights]) -> GoodFlights:
     flight: list[NDArray[np.intp]] = []
     for fold in left_out:
         problem = assemble(fold.model, fold.tracks)
-        evaluator = Evaluator(problem)
-        nothing = fit_terms(evaluator, (), scales=np.ones(fold.model.airframe.rotor_count))
-        scales = mode_scales(problem, nothing.residual_rpm)
-        for key, found in _own_estimates(problem, scales).items():
+        modes = problem.in_modes(problem.measured_rpm - problem.speeds())
+        filter_ = plain(modes, problem.flight, problem.of_outputs)
+        for key, found in _own_estimates(problem, filter_).items():
             estimates.setdefault(key, []).append(found)
-        modes = nothing.residual_rpm @ problem.modes.directions
         means += [
-            mean_and_error(modes, problem.block, f == problem.flight)
+            mean_and_error(modes, problem.block, problem.flight == f)
             for f in range(problem.flights)
         ]
         flight.append(problem.flight + (flight[-1].max() + 1 if flight else 0))
@@ -95,7 +88,7 @@ def mean_and_error(values: Floats, block: NDArray[np.intp], mine: NDArray[np.boo
     return np.stack([blocks.mean(axis=0), blocks.std(axis=0, ddof=1) / np.sqrt(len(blocks))])
 
 
-def _own_estimates(problem: Problem, scales: Floats) -> dict[tuple[str, int | None], Floats]:
+def _own_estimates(problem: Problem, filter_: Whitening) -> dict[tuple[str, int | None], Floats]:
     """(F, 2) value and error of each flight, by parameter ("effect_key.parameter") and rotor."""
     model, found = problem.model, {}
     catalogue = effects_for(model.airframe)
@@ -105,16 +98,19 @@ def _own_estimates(problem: Problem, scales: Floats) -> dict[tuple[str, int | No
         if effect.begins or problem.lacks(effect):
             continue
         rest, values = _at_the_model(model, effect)
-        evaluator = Evaluator(replace(problem, model=rest))
+        at = replace(problem, model=rest)
+        start = np.array([values] * problem.flights)
         for rotor in range(model.airframe.rotor_count) if effect.of_one_rotor else (None,):
-            terms = (Term(effect=effect, rotor=rotor),)
-            layout = layout_of(terms, problem.flights)
-            start = np.empty(layout.size)
-            for k, value in enumerate(values):
-                start[layout.places[:, k]] = value
-            s = linearise(evaluator, terms, layout, start, scales).statistics
+            one = candidate(Term(effect=effect, rotor=rotor), problem.flights)
+            held = [Held(candidate=one, values=start)]
             main = [k for k, p in enumerate(effect.parameters) if not p.detail]
-            own = np.stack([own_estimate(s, f, main) for f in range(problem.flights)])
+            columns = slopes(at, held, 0)[:, :, main]
+            residual = problem.in_modes(problem.measured_rpm) - predicted(at, held)
+            whole = np.concatenate([columns, residual[:, :, None]], axis=2)
+            sums = block_sums(filter_, whole, problem.block)
+            own = np.stack(
+                [own_estimate(sums[problem.block_flight == f]) for f in range(problem.flights)]
+            )
             for i, k in enumerate(main):
                 key = f"{effect.key}.{effect.parameters[k].name}", rotor
                 found[key] = own[:, :, i] + [values[k], 0.0]
@@ -130,16 +126,15 @@ def _at_the_model(model: RotorModel, effect: Effect) -> tuple[RotorModel, list[f
     return model, [p.start if p.absent is None else p.absent for p in effect.parameters]
 
 
-def own_estimate(s: Statistics, flight: int, main: Sequence[int]) -> Floats:
-    """(2, M) move of the parameters `main` that one flight asks for, and its error by blocks.
+def own_estimate(sums: Floats) -> Floats:
+    """(2, M) move of M parameters that one flight asks for, and its error, by the sums (B, M + 1,
+    M + 1) over its blocks of derivatives and residual.
 
     The error is infinite where the flight has too few blocks or does not show the parameter.
     """
-    mine = s.owner == flight
-    hessian = s.hessian[mine][:, main][:, :, main]
-    gradient = s.gradient[mine][:, main]
+    hessian, gradient = sums[:, :-1, :-1], sums[:, :-1, -1]
     total = hessian.sum(axis=0)
-    blocks, size = np.count_nonzero(mine), len(main)
+    blocks, size = gradient.shape
     if blocks <= size or np.linalg.matrix_rank(total) < size:
         return np.stack([np.zeros(size), np.full(size, np.inf)])
     bread = np.linalg.inv(total)

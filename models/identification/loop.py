@@ -7,7 +7,7 @@ what is excluded, and states the error on flights that no step has used.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 from scipy.stats import norm
@@ -18,24 +18,18 @@ from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.adequacy import Unexplained, acts_in, unexplained
 from thrustmargin.models.identification.already_followed import followed_wind
-from thrustmargin.models.identification.fit import Evaluator, Fit, fit_terms, linearise, mode_scales
 from thrustmargin.models.identification.floor import floor_rpm
+from thrustmargin.models.identification.left_out import LeftOut, on_new_flights
 from thrustmargin.models.identification.modes import sensor_noise_rpm
 from thrustmargin.models.identification.onsets import onset_candidates, without_rotors
 from thrustmargin.models.identification.output_shares import effects_on_shares
 from thrustmargin.models.identification.posterior import EffectEstimate, Posterior, posterior_of
-from thrustmargin.models.identification.problem import Problem, assemble
+from thrustmargin.models.identification.problem import assemble
+from thrustmargin.models.identification.reduced import rows_and_means
 from thrustmargin.models.identification.result import Found, Identification
 from thrustmargin.models.identification.search_space import search_space
 from thrustmargin.models.identification.set_search import Search
-from thrustmargin.models.identification.terms import layout_of
-from thrustmargin.models.identification.unseen_errors import (
-    Errors,
-    across_flights,
-    errors_of,
-    nearly_across_flights,
-    on_new_flights,
-)
+from thrustmargin.models.identification.unseen_errors import Unseen, errors_of
 from thrustmargin.models.identification.usable_flights import Flown, require_airframe
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -76,10 +70,10 @@ def identify(
     model = model or shipped_model()
     require_airframe((*flights, *held_out), model, given=given)
     catalogue = effects_for(model.airframe, catalogue)
-    problem = assemble(model, fit)
+    problem, means = rows_and_means(model, fit)
     if problem.of_outputs:
         catalogue = effects_on_shares(catalogue)
-    space = search_space(model, fit, catalogue)
+    space = search_space(model, fit, catalogue, means)
     search = Search(space.reduced, space.nuisance, space.candidates)
     search.run(progress)
     steps = onset_candidates(search, search.best) if not problem.of_outputs else []
@@ -90,37 +84,46 @@ def identify(
     left = unexplained(space, search, answer.best)
     named = answer.named()
     closest = _closest(search, answer, named, left)
-    evaluator = Evaluator(problem)
-    estimates = [answer.estimate(c) for c in named if c not in closest]
-    estimates = _that_matter(evaluator, estimates)
-    first = _fit_of(evaluator, [])
-    found = _fit_of(evaluator, estimates)
     if progress:
         progress("errors on flights not used", 1.0)
-    before_rows, after_rows = across_flights(evaluator, first), across_flights(evaluator, found)
-    unused = assemble(model, unused_tracks) if unused_tracks else None
+    left_out = LeftOut.of(problem, search, answer.best)
+    matter = _that_matter(left_out, [c for c in named if c not in closest])
+    estimates = [answer.estimate(c) for c in matter]
+    values = {e.candidate: e.value for e in estimates}
+    before, after = left_out.residual({}), left_out.residual(values)
+    chosen = left_out.with_choice(matter, [c for c in named if c not in matter])
+    unseen = [Unseen(problem=problem, before_rpm=before, after_rpm=chosen, role="fit")]
+    if unused_tracks:
+        unused = assemble(model, unused_tracks)
+        unseen.append(
+            Unseen(
+                problem=unused,
+                before_rpm=unused.measured_rpm - unused.speeds(),
+                after_rpm=on_new_flights(unused, estimates),
+                role="held_out",
+            )
+        )
+    last = unseen[-1]
+    wind = followed_wind(problem, after, left_out.held(values), fit)
     return Identification(
         model=model,
         problem=problem,
-        held_out=unused,
-        fit=found,
-        found=_found(evaluator, estimates),
+        found=_found(left_out, estimates),
         left=left,
         closest=tuple(search.candidates[c].term for c in closest),
-        before=_errors(unused or problem, unused, evaluator, first, before_rows),
-        after=_errors(unused or problem, unused, evaluator, found, after_rows),
-        residual_before_rpm=first.residual_rpm,
-        residual_after_rpm=found.residual_rpm,
-        floor_rpm=floor_rpm(problem, found.residual_rpm),
-        sensor_noise_rpm=sensor_noise_rpm(
-            found.residual_rpm @ problem.modes.directions, problem.follows
-        ),
+        unseen=tuple(unseen),
+        before=errors_of(last.problem, last.before_rpm),
+        after=errors_of(last.problem, last.after_rpm),
+        residual_after_rpm=after,
+        residual_carried_rpm=left_out.with_carried(matter),
+        floor_rpm=floor_rpm(problem, after),
+        sensor_noise_rpm=sensor_noise_rpm(problem.in_modes(after), problem.follows),
         alternatives=answer.alternatives(),
         one_of=answer.one_of(named),
         excluded=answer.excluded(search.linearise(answer.best), named),
         mentioned=answer.mentioned([c for c in named if c not in closest]),
         untried={e.name: lacks for e in catalogue if (lacks := problem.lacks(e))},
-        followed=tuple(f for f in [followed_wind(problem, found, fit)] if f is not None),
+        followed=() if wind is None else (wind,),
     )
 
 
@@ -138,17 +141,12 @@ def _closest(
     return [c for c in named if c in held and acts_in(search, held[c], left.mode)]
 
 
-def _that_matter(evaluator: Evaluator, estimates: Sequence[EffectEstimate]) -> list[EffectEstimate]:
+def _that_matter(left_out: LeftOut, members: Collection[int]) -> list[int]:
     """The effects without any of which flights left out would be predicted worse, by LEAST_FALL."""
-
-    def error(some: Sequence[EffectEstimate]) -> float:
-        fit = _fit_of(evaluator, some)
-        return float(np.sqrt(np.mean(nearly_across_flights(evaluator.problem, fit) ** 2)))
-
-    kept = list(estimates)
+    kept = list(members)
     while kept:
-        whole = error(kept)
-        without = [error([e for e in kept if e is not one]) for one in kept]
+        whole = _size(left_out.with_set(kept))
+        without = [_size(left_out.with_set([c for c in kept if c != one])) for one in kept]
         least = int(np.argmin(without))
         if without[least] >= (1.0 + LEAST_FALL) * whole:
             break
@@ -156,25 +154,15 @@ def _that_matter(evaluator: Evaluator, estimates: Sequence[EffectEstimate]) -> l
     return kept
 
 
-def _fit_of(evaluator: Evaluator, estimates: Sequence[EffectEstimate]) -> Fit:
-    """The problem of all rows at the values found, with what cross-validation needs."""
-    problem = evaluator.problem
-    terms = tuple(e.term for e in estimates)
-    layout = layout_of(terms, problem.flights)
-    values = np.zeros(layout.size)
-    columns: list[Floats] = [e.value[:, k] for e in estimates for k in range(e.value.shape[1])]
-    for k, column in enumerate(columns):
-        values[layout.places[:, k]] = column
-    plain = fit_terms(evaluator, (), scales=np.ones(problem.measured_rpm.shape[1]))
-    scales = mode_scales(problem, plain.residual_rpm)
-    return linearise(evaluator, terms, layout, values, scales)
+def _size(residual_rpm: Floats) -> float:
+    return float(np.sqrt(np.mean(residual_rpm**2)))
 
 
-def _found(evaluator: Evaluator, estimates: Sequence[EffectEstimate]) -> tuple[Found, ...]:
+def _found(left_out: LeftOut, estimates: Sequence[EffectEstimate]) -> tuple[Found, ...]:
     """The named effects, that which takes most of the error first."""
 
     def error(some: Sequence[EffectEstimate]) -> float:
-        return float(np.sqrt(np.mean(_fit_of(evaluator, some).residual_rpm ** 2)))
+        return _size(left_out.residual({e.candidate: e.value for e in some}))
 
     order: list[EffectEstimate] = []
     errors = [error(())]
@@ -205,15 +193,3 @@ def _found(evaluator: Evaluator, estimates: Sequence[EffectEstimate]) -> tuple[F
             )
         )
     return tuple(found)
-
-
-def _errors(
-    problem: Problem,
-    unused: Problem | None,
-    evaluator: Evaluator,
-    fit: Fit,
-    cross_validated: Floats,
-) -> Errors:
-    if unused is None:
-        return errors_of(problem, cross_validated)
-    return errors_of(unused, on_new_flights(unused, evaluator, fit))

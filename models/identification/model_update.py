@@ -14,12 +14,8 @@ import numpy as np
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.errors import ModelError
-from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.cross_validation import left_out_values
-from thrustmargin.models.identification.fit import Evaluator, warm_start
 from thrustmargin.models.identification.output_shares import FEWEST_FLIGHTS, learnt_spread
 from thrustmargin.models.identification.result import Found, Identification
-from thrustmargin.models.identification.terms import layout_of
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.network.ensemble import ensemble_speed
 from thrustmargin.models.network.validity import (
@@ -139,7 +135,7 @@ def _interval(model: RotorModel, found: Identification) -> tuple[Interval | None
     kept = "the interval is that of the old model"
     coverage = old.coverage if old is not None else COVERAGE
     problem, needed = found.problem, flights_needed(coverage)
-    if any(t.effect.begins for t in found.fit.terms):
+    if any(f.term.effect.begins for f in found.found):
         return old, f"{kept}: a rotor changed during these flights"
     airspeed, tank_kg = problem.channels.airspeed, problem.channels.tank_kg
     inside = model.training_domain.covers_inputs(airspeed, tank_kg)
@@ -150,7 +146,7 @@ def _interval(model: RotorModel, found: Identification) -> tuple[Interval | None
             f"training, these are {flights.size}"
         )
     spread = ensemble_speed(model.network, airspeed[inside], tank_kg[inside])[1]
-    rows = (_unseen_residual(found)[inside], spread, airspeed[inside], problem.flight[inside])
+    rows = (found.residual_carried_rpm[inside], spread, airspeed[inside], problem.flight[inside])
     interval = calibrate(*rows, coverage=coverage)
     measured = measure_coverage(*rows, coverage=coverage)
     words = f"the interval for {100 * coverage:.0f} % is calibrated anew on {flights.size} flights"
@@ -161,18 +157,3 @@ def _interval(model: RotorModel, found: Identification) -> tuple[Interval | None
             "for others"
         )
     return replace(interval, measured=measured), words
-
-
-def _unseen_residual(found: Identification) -> Floats:
-    """Residual (T, R) rpm of the new model, every row under values found without its flight."""
-    fit, problem = found.fit, found.problem
-    evaluator = Evaluator(problem)
-    carried = tuple(t for t in fit.terms if not of_single_flights(t.effect))
-    layout = layout_of(carried, problem.flights)
-    out = np.empty_like(fit.residual_rpm)
-    for blocks, moved in left_out_values(fit.statistics):
-        whole = replace(fit, values=fit.values + moved)
-        values = warm_start(carried, whole, problem.flights)
-        rows = np.isin(problem.block, blocks)
-        out[rows] = (problem.measured_rpm - evaluator.predict(carried, layout, values))[rows]
-    return out

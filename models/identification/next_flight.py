@@ -26,6 +26,7 @@ from thrustmargin.models.effects import BY_KEY, effects_for
 from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.identification.candidates import Term
 from thrustmargin.models.identification.manoeuvres import (
     FlownLimits,
     Manoeuvre,
@@ -39,7 +40,6 @@ from thrustmargin.models.identification.rivals import (
     fitted_rival,
     second_noise_rpm,
 )
-from thrustmargin.models.identification.terms import Term
 from thrustmargin.models.model.predict import model_channels, table_of
 from thrustmargin.models.model.rotor_model import RotorModel
 

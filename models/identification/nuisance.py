@@ -17,7 +17,7 @@ from itertools import product
 
 import numpy as np
 
-from thrustmargin.models.flight import Floats
+from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.identification.whitening import Whitening
 
 #: times the size that the free form has on a sound aircraft, and how likely each is beforehand: an
@@ -41,6 +41,7 @@ LEVELS = tuple(
 
 
 EVERY = slice(None)
+NuisanceGram = tuple[Floats, Floats, Floats]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -93,10 +94,17 @@ class Nuisance:
         z = self.whitening.apply(columns)
         return [self._sums(z[f], f) for f in self.flights]
 
-    def solved(self, flights: Sequence[int] | None = None) -> Solved:
-        """The nuisances eliminated from all flights, or from those chosen."""
+    def grams(self) -> list[NuisanceGram]:
+        """S'S, S'X and X'X of each flight."""
+        return [self._gram(rows) for rows in self.flights]
+
+    def solved(
+        self, flights: Sequence[int] | None = None, grams: Sequence[NuisanceGram] | None = None
+    ) -> Solved:
+        """The nuisances eliminated from all flights, or from those chosen; `grams` of all."""
         chosen = tuple(range(len(self.flights)) if flights is None else flights)
-        parts = [self._gram(self.flights[f]) for f in chosen]
+        grams = self.grams() if grams is None else grams
+        parts = [grams[f] for f in chosen]
         known, free = self.doubt.shape[2], self.free.shape[0] * self.free.shape[2]
         systems = [np.eye(p[0].shape[0]) + p[0] for p in parts]
         scatter = [np.linalg.inv(system) for system in systems]
@@ -119,7 +127,21 @@ class Nuisance:
             log_evidence=np.array(evidence),
         )
 
-    def _gram(self, rows: slice) -> tuple[Floats, Floats, Floats]:
+    def of_means(self, kept: Bools) -> Nuisance:
+        """With some of the n means only."""
+        filter_ = self.whitening.of_means(kept)
+        flights = tuple(
+            slice(*np.searchsorted(filter_.flight, [f, f + 1])) for f in range(len(self.flights))
+        )
+        return Nuisance(
+            whitening=filter_,
+            flights=flights,
+            scatter=self.scatter[kept],
+            doubt=self.doubt[kept],
+            free=self.free[:, kept],
+        )
+
+    def _gram(self, rows: slice) -> NuisanceGram:
         """S'S, S'X and X'X of one flight."""
         columns = np.concatenate([self.scatter[rows], self.doubt[rows]], axis=2)
         sums = self._sums(columns, rows)

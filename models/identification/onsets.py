@@ -27,11 +27,12 @@ from thrustmargin.models.identification.candidates import (
     ROTOR_PRIOR,
     Candidate,
     Held,
+    Term,
     candidate,
     derivatives,
 )
-from thrustmargin.models.identification.set_search import FittedSet, Key, Search
-from thrustmargin.models.identification.terms import Term
+from thrustmargin.models.identification.linear_sets import FittedSet, Key
+from thrustmargin.models.identification.set_search import Search
 
 LEAST_AFTER = 8.0  # s of flight before and after a step, for it to be one
 GRID, FINE = 5.0, 0.35  # s between the times that are tried, and about the best of them

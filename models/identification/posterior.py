@@ -7,16 +7,17 @@ so that what cannot be told apart is in them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.stats import norm
 
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.candidates import Term
+from thrustmargin.models.identification.linear_sets import FittedSet, Linear
 from thrustmargin.models.identification.result import Excluded, Mentioned, OneOf, SetWeight
-from thrustmargin.models.identification.set_search import FittedSet, Linear, Search
-from thrustmargin.models.identification.terms import Term
+from thrustmargin.models.identification.set_search import Search
 
 NAMED = 0.95  # of the weight, for a name
 MENTION = 0.05  # of the weight, from which a rotor is mentioned and an alternative listed
@@ -41,6 +42,14 @@ class Posterior:
     search: Search
     sets: tuple[FittedSet, ...]
     weights: Floats  # (sets,)
+
+    @classmethod
+    def of(cls, search: Search, fitted: Iterable[FittedSet]) -> Posterior:
+        """Sets with their weights."""
+        sets = sorted(fitted, key=lambda f: -f.total)
+        totals = np.array([s.total for s in sets])
+        weights = np.exp(totals - np.logaddexp.reduce(totals))
+        return cls(search=search, sets=tuple(sets), weights=weights)
 
     @property
     def best(self) -> FittedSet:
@@ -138,7 +147,7 @@ class Posterior:
             estimate = self.estimate(likeliest)
             largest = int(np.argmax(np.abs(estimate.value[:, 0])))
             loss, error = float(estimate.value[largest, 0]), float(estimate.error[largest, 0])
-            half = norm.ppf(0.975) * error
+            half = float(norm.ppf(0.975)) * error
             found.append(
                 Mentioned(
                     rotor=rotor,
@@ -196,7 +205,4 @@ def _clear(estimate: EffectEstimate) -> bool:
 
 def posterior_of(search: Search) -> Posterior:
     """The sets that a search has fitted, with their weights."""
-    sets = sorted(search.fitted.values(), key=lambda f: -f.total)
-    totals = np.array([s.total for s in sets])
-    weights = np.exp(totals - np.logaddexp.reduce(totals))
-    return Posterior(search=search, sets=tuple(sets), weights=weights)
+    return Posterior.of(search, search.fitted.values())

@@ -11,15 +11,9 @@ import numpy as np
 from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.adequacy import Unexplained
-from thrustmargin.models.identification.fit import Evaluator, Fit
+from thrustmargin.models.identification.candidates import Term
 from thrustmargin.models.identification.problem import Problem
-from thrustmargin.models.identification.terms import Term, layout_of
-from thrustmargin.models.identification.unseen_errors import (
-    Errors,
-    Unseen,
-    across_flights,
-    on_new_flights,
-)
+from thrustmargin.models.identification.unseen_errors import Errors, Unseen
 from thrustmargin.models.model.json_values import to_json_values
 from thrustmargin.models.model.rotor_model import RotorModel
 
@@ -133,15 +127,14 @@ class Identification:
 
     model: RotorModel
     problem: Problem
-    held_out: Problem | None
-    fit: Fit
     found: tuple[Found, ...]
     left: Unexplained | None  # what no effect explains, in the mode that has most of it
     closest: tuple[Term, ...]  # effects that come closest to it, which are no names
-    before: Errors
+    unseen: tuple[Unseen, ...]  # of the fitted flights, then of held-out ones if there are any
+    before: Errors  # of the last of them
     after: Errors
-    residual_before_rpm: Floats  # (T, R) on the rows of `problem`
-    residual_after_rpm: Floats  # (T, R)
+    residual_after_rpm: Floats  # (T, R) on the rows of `problem`
+    residual_carried_rpm: Floats  # (T, R) as flights to come see it: values found without each
     floor_rpm: float
     sensor_noise_rpm: float
     alternatives: tuple[SetWeight, ...] = ()  # likeliest first
@@ -152,6 +145,11 @@ class Identification:
     untried: Mapping[str, tuple[str, ...]] = field(
         default_factory=dict
     )  # effect -> lacking channels
+
+    @property
+    def held_out(self) -> Problem | None:
+        """The rows of flights that no step has used."""
+        return self.unseen[-1].problem if len(self.unseen) > 1 else None
 
     def __repr__(self) -> str:
         problem, held_out = self.problem, self.held_out
@@ -252,29 +250,3 @@ def _named(term: Term) -> dict[str, Any]:
 def _of_rotor(loss: Mentioned) -> dict[str, Any]:
     """With the name of the effect, and the rotor counted from 1, as everywhere outside arrays."""
     return {"name": ROTOR_DEGRADATION.name} | to_json_values(loss) | {"rotor": loss.rotor + 1}
-
-
-def unseen_residuals(found: Identification) -> tuple[Unseen, ...]:
-    """Of the fitted flights, cross-validated, and of the held-out flights if there are any.
-
-    The last one is that which the errors of the identification come from.
-    """
-    evaluator = Evaluator(found.problem)
-    problem = found.problem
-    fitted = Unseen(
-        problem=problem,
-        before_rpm=found.residual_before_rpm,
-        after_rpm=across_flights(evaluator, found.fit),
-        role="fit",
-    )
-    if found.held_out is None:
-        return (fitted,)
-    new = found.held_out
-    before = Evaluator(new).predict((), layout_of((), new.flights), np.zeros(0))
-    unused = Unseen(
-        problem=new,
-        before_rpm=new.measured_rpm - before,
-        after_rpm=on_new_flights(new, evaluator, found.fit),
-        role="held_out",
-    )
-    return fitted, unused

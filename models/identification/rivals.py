@@ -15,9 +15,9 @@ from thrustmargin.models.effects.base import Parameter, Placed
 from thrustmargin.models.effects.channels import Channels
 from thrustmargin.models.effects.compose import BaseTable, rotor_speed_rpm, tolerant
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.candidates import Term
 from thrustmargin.models.identification.modes import modes
 from thrustmargin.models.identification.problem import BLOCK_SECONDS, Problem
-from thrustmargin.models.identification.terms import Term
 from thrustmargin.models.model.rotor_model import RotorModel
 
 MOST_FITTED = 2000  # rows of the flown ones that a rival is fitted to

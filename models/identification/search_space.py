@@ -62,10 +62,13 @@ class SearchSpace:
 
 
 def search_space(
-    model: RotorModel, tracks: Sequence[FlightTrack], catalogue: Sequence[Effect]
+    model: RotorModel,
+    tracks: Sequence[FlightTrack],
+    catalogue: Sequence[Effect],
+    means: Reduced | None = None,
 ) -> SearchSpace:
-    """Raises DataError and AirframeError as `problem.assemble`."""
-    reduced = reduce_flights(model, tracks)
+    """`means` are those of the flights, if at hand; raises as `problem.assemble`."""
+    reduced = reduce_flights(model, tracks) if means is None else means
     candidates = tuple(candidates_of(reduced, catalogue))
     residual = np.nan_to_num(reduced.in_modes(reduced.measured_rpm) - predicted(reduced, ()))
     anything = _moved(reduced, candidates)

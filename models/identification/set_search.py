@@ -9,11 +9,9 @@ until it stays.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.candidates import (
@@ -24,13 +22,24 @@ from thrustmargin.models.identification.candidates import (
 )
 from thrustmargin.models.identification.evidence import (
     IMPOSSIBLE,
-    Scored,
     ValuePrior,
     prior_of,
     score,
 )
 from thrustmargin.models.identification.free_form import FORM, form_columns
-from thrustmargin.models.identification.nuisance import EVERY, LEVELS, Nuisance, Solved
+from thrustmargin.models.identification.linear_sets import (
+    ColumnsAbout,
+    FittedSet,
+    Key,
+    Linear,
+    forms_taken_out,
+)
+from thrustmargin.models.identification.nuisance import (
+    EVERY,
+    LEVELS,
+    Nuisance,
+    Solved,
+)
 from thrustmargin.models.identification.reduced import Reduced
 
 BEAM = 12  # sets that are grown at each size
@@ -40,89 +49,11 @@ MOST_EFFECTS = 10
 NEAR = 9.0  # of log evidence below the best: less than one in 8,000 as likely
 
 SIDE, SIDE_FORM = 0.2, 0.5  # share of the main change that is by the way, and how good it is
-TINY = 1e-9  # keeps the matrix of a value that moves nothing solvable
 LEAST_CHANGE = 0.5  # rpm RMS, below which the form of an effect does not matter
 STALE = 2.0  # fall of -2 log likelihood below which derivatives are worked out anew
 CONVERGED = 0.02  # the same, below which no more steps are taken
 
 Progress = Callable[[str, float], None]
-Key = frozenset[int]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FittedSet:
-    """A set fitted in full."""
-
-    key: Key
-    held: tuple[Held, ...]
-    levels: tuple[Scored, ...]  # at each level
-    log_evidence: Floats  # (levels,) with the level's own
-    residual: Floats  # (N, R) rpm in modes
-
-    @property
-    def total(self) -> float:
-        """Log evidence over all levels."""
-        return float(np.logaddexp.reduce(self.log_evidence))
-
-    @property
-    def best_level(self) -> int:
-        return int(np.argmax(self.log_evidence))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Linear:
-    """All candidates about a fitted set: `gram` (levels, q, q) of [derivatives, changes, residual].
-
-    `columns` are the places of each candidate's values; a change is what a candidate adds to the
-    prediction by coming in at its start or by going out.
-    """
-
-    about: FittedSet
-    held: tuple[Held, ...]  # every candidate: at its values in the set, at its start out of it
-    columns: tuple[slice, ...]
-    gram: Floats
-    doubt: Floats  # (levels,) log evidence of what was taken out
-
-    def score(self, key: Iterable[int], level: int) -> Scored:
-        """A set about this one."""
-        members = sorted(key)
-        gram, where = self.gram[level], self._where(members)
-        residual = self._residual(frozenset(members))
-        along = gram @ residual
-        prior = prior_of([self.held[c] for c in members])
-        return score(prior, gram[np.ix_(where, where)], along[where], float(residual @ along))
-
-    def gains(self, key: Key, level: int, pool: Sequence[int]) -> Floats:
-        """Roughly how much each candidate of a pool would add to the log likelihood of a set."""
-        members = sorted(key)
-        gram, where, residual = self.gram[level], self._where(members), self._residual(key)
-        prior = prior_of([self.held[c] for c in members])
-        system = gram[np.ix_(where, where)] + np.diag(prior.weight + TINY)
-        left = gram - gram[:, where] @ np.linalg.solve(system, gram[where])
-        before = float(residual @ left @ residual)
-        out = np.zeros(len(pool))
-        for i, c in enumerate(pool):
-            part, own = self.columns[c], prior_of([self.held[c]])
-            with_it = self._residual(key ^ {c})
-            g = left[part] @ with_it + own.pull
-            h = left[part, part] + np.diag(own.weight + TINY)
-            after = float(with_it @ left @ with_it)
-            out[i] = 0.5 * (before - after) + 0.5 * float(g @ np.linalg.solve(h, g))
-        return out
-
-    def _where(self, members: Sequence[int]) -> NDArray[np.intp]:
-        """Places of the values of some candidates."""
-        places = [k for c in members for k in range(self.columns[c].start, self.columns[c].stop)]
-        return np.array(places, dtype=np.intp)
-
-    def _residual(self, key: Key) -> Floats:
-        """(q,) weights that make the residual of a set of the columns: less what each candidate
-        changes that comes in or goes out."""
-        weights = np.zeros(self.gram.shape[1])
-        weights[-1] = 1.0
-        first = self.columns[-1].stop if self.columns else 0
-        weights[[first + c for c in self.about.key ^ key]] = -1.0
-        return weights
 
 
 class Search:
@@ -181,6 +112,11 @@ class Search:
 
     def linearise(self, about: FittedSet) -> Linear:
         """All candidates about a fitted set."""
+        columns = self.columns_about(about)
+        return columns.linear(self.solved, self.nuisance.sums(columns.whole))
+
+    def columns_about(self, about: FittedSet) -> ColumnsAbout:
+        """What all candidates do about a fitted set, by the means."""
         inside = dict(zip(sorted(about.key), about.held, strict=True))
         base = predicted(self.reduced, about.held)
         held, columns, changes, places = [], [], [], []
@@ -199,9 +135,15 @@ class Search:
             places.append(slice(first, first + columns[-1].shape[2]))
             first = places[-1].stop
         residual = self.reduced.in_modes(self.reduced.measured_rpm) - base
-        whole = np.concatenate([*columns, np.stack(changes, axis=2)], axis=2)
-        gram, doubt = self._grams(np.nan_to_num(whole), self._forms(about.held), residual)
-        return Linear(about=about, held=tuple(held), columns=tuple(places), gram=gram, doubt=doubt)
+        asked = np.concatenate([*columns, np.stack(changes, axis=2), residual[:, :, None]], axis=2)
+        whole = np.concatenate([np.nan_to_num(asked), self._forms(about.held)], axis=2)
+        return ColumnsAbout(
+            about=about,
+            held=tuple(held),
+            columns=tuple(places),
+            asked=asked.shape[2],
+            whole=whole,
+        )
 
     def promising(self, linear: Linear) -> list[Key]:
         """Sets that are not fitted yet and would be likely, by the linear problem."""
@@ -334,17 +276,7 @@ class Search:
         """(levels, P + 1, P + 1) of columns and a residual with the forms' doubt taken out, and
         (levels,) the log evidence of all that was taken out."""
         whole = np.concatenate([columns, np.nan_to_num(residual)[:, :, None], forms], axis=2)
-        grams = self.solved.reduce(self.nuisance.sums(whole), levels)
-        evidence = self.solved.log_evidence[levels]
-        kept = columns.shape[2] + 1
-        if not forms.shape[2]:
-            return grams, evidence
-        crossed = grams[:, kept:, :kept]
-        system = np.eye(forms.shape[2]) + grams[:, kept:, kept:]
-        left = grams[:, :kept, :kept] - np.swapaxes(crossed, 1, 2) @ np.linalg.solve(
-            system, crossed
-        )
-        return left, evidence - 0.5 * np.linalg.slogdet(system)[1]
+        return forms_taken_out(self.solved, self.nuisance.sums(whole), columns.shape[2] + 1, levels)
 
 
 def _normal_cost(prior: ValuePrior) -> float:

@@ -19,20 +19,11 @@ import numpy as np
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.identification.cross_validation import held_out_cost, intervals
-from thrustmargin.models.identification.fit import (
-    Evaluator,
-    Fit,
-    Statistics,
-    background_of,
-    fit_terms,
-    mode_scales,
-    term_values,
-    warm_start,
-)
+from thrustmargin.models.identification.base_uncertainty import base_uncertainty_rpm
+from thrustmargin.models.identification.candidates import Candidate, Held, Term, candidate
 from thrustmargin.models.identification.output_shares import effects_on_shares
 from thrustmargin.models.identification.problem import Problem, assemble
-from thrustmargin.models.identification.terms import Term, columns_of, layout_of
+from thrustmargin.models.identification.row_fit import RowFit, RowSums, fit_rows, half_widths
 from thrustmargin.models.model.rotor_model import RotorModel
 
 STANDARD = (
@@ -70,125 +61,105 @@ def with_standard_effects(
 
     At least 2 flights. Raises DataError when one has too few rows to fit.
     """
-    # How these flights differ shows in the fit itself: before it, wind and balance are in there.
-    problem = replace(
-        assemble(model, tracks),
-        background_rpm=np.zeros(model.airframe.rotor_count),
-        background_degrees=np.inf,
-    )
-    evaluator = Evaluator(problem)
-    first = fit_terms(evaluator, (), scales=np.ones(model.airframe.rotor_count))
-    fit = _fitted(evaluator, standard_effects(model, problem), first)
+    problem = assemble(model, tracks)
+    doubt = problem.in_modes(base_uncertainty_rpm(model, problem.base, problem.channels))
+    known = np.sqrt(np.sum(doubt**2, axis=0).mean(axis=0))
+    terms = standard_effects(model, problem)
+    fit = fit_rows(problem, [_at_start(t, problem) for t in terms], known_rpm=known)
     if model.network is not None:
-        fit = _without_density_if_unneeded(evaluator, fit)
+        fit = _without_density_if_unneeded(problem, fit, known)
     kept = _needed(fit)
-    while kept != fit.terms:  # a value may shrink when those that opposed it are gone
-        fit = _fitted(evaluator, kept, fit)
-        kept = tuple(t for t in fit.terms if _of_note(fit, t))
-    interval = intervals(fit, background_of(problem, fit))
-    records = tuple(
-        EffectRecord(
-            name=term.effect.name,
-            variant=term.effect.variant,
-            rotor=None,
-            parameters={
-                p.name: Identified(value=float(v), unit=p.unit, ci95=(float(low), float(high)))
-                for p, v, low, high in zip(
-                    term.effect.parameters,
-                    *(
-                        term_values(fit, term, of)[0]
-                        for of in (None, interval.lower, interval.upper)
-                    ),
-                    strict=True,
-                )
-            },
-            flights=problem.names,
-            date=date,
+    while kept != fit.held:  # a value may shrink when those that opposed it are gone
+        fit = fit_rows(problem, kept, known_rpm=known)
+        kept = tuple(h for h in fit.held if _of_note(h))
+    half = iter(_half_widths(fit, doubt))
+    records = []
+    for held in fit.held:
+        parameters = {}
+        for p, value in zip(held.candidate.parameters, held.free_values, strict=True):
+            width = next(half) + p.resolution + p.accuracy * abs(value)
+            ci95 = (float(value - width), float(value + width))
+            parameters[p.name] = Identified(value=float(value), unit=p.unit, ci95=ci95)
+        effect = held.candidate.term.effect
+        records.append(
+            EffectRecord(
+                name=effect.name,
+                variant=effect.variant,
+                rotor=None,
+                parameters=parameters,
+                flights=problem.names,
+                date=date,
+            )
         )
-        for term in fit.terms
-    )
     return replace(model, effects=(*model.effects, *records))
 
 
-def _fitted(evaluator: Evaluator, terms: Sequence[Term], near: Fit) -> Fit:
-    """All terms together, once at the scales of what is left before and once after."""
-    problem = evaluator.problem
-    for _ in range(2):
-        near = fit_terms(
-            evaluator,
-            tuple(terms),
-            scales=mode_scales(problem, near.residual_rpm),
-            start=warm_start(terms, near, problem.flights),
-        )
-    return near
+def _at_start(term: Term, problem: Problem) -> Held:
+    one: Candidate = candidate(term, problem.flights)
+    return Held(candidate=one, values=one.start)
 
 
-def _without_density_if_unneeded(evaluator: Evaluator, fit: Fit) -> Fit:
+def _half_widths(fit: RowFit, doubt: Floats) -> Floats:
+    """(P,) of the values of a fit, with what the base model does not know in them, (D, T, R).
+
+    How these flights differ shows in the fit itself: before it, wind and balance are in there.
+    """
+    z = fit.filter.apply(np.concatenate([fit.columns, np.moveaxis(doubt, 0, 2)], axis=2))
+    count = fit.columns.shape[2]
+    shared = np.einsum("trp,trk->pk", z[:, :, :count], z[:, :, count:])
+    return half_widths(fit.sums, shared)[0]
+
+
+def _without_density_if_unneeded(problem: Problem, fit: RowFit, known: Floats) -> RowFit:
     """The fit, without the density of the air if flights left out do not ask for it."""
-    rest = tuple(t for t in fit.terms if t.effect.key != BY_NATURE)
-    without = _fitted(evaluator, rest, fit)
-    gain, error = gain_and_error(_costs(without.statistics), _costs(fit.statistics))
+    rest = [h for h in fit.held if h.candidate.key != BY_NATURE]
+    without = fit_rows(problem, rest, known_rpm=known)
+    gain, error = gain_and_error(without.sums.left_out_costs(), fit.sums.left_out_costs())
     return fit if gain > error else without
 
 
-def _needed(fit: Fit) -> tuple[Term, ...]:
-    """The terms that stay, by the sufficient statistics of the fit with all of them.
+def _needed(fit: RowFit) -> tuple[Held, ...]:
+    """What stays, by the sums of the fit with all of it.
 
     An effect with a value at a bound is not what happens, one of less than its least worth naming
     is not worth a line: they go first.
     """
-    kept = [t for t in fit.terms if _of_note(fit, t)]
+    kept = tuple(h for h in fit.held if _of_note(h))
     while True:
-        whole = _costs(held_at_absent(fit, kept))
+        whole = held_at_absent(fit, kept).left_out_costs()
         gains = []
-        for term in kept:
-            if term.effect.key != BY_NATURE:
-                rest = [t for t in kept if t != term]
-                gain, error = gain_and_error(_costs(held_at_absent(fit, rest)), whole)
+        for one in kept:
+            if one.candidate.key != BY_NATURE:
+                rest = tuple(h for h in kept if h is not one)
+                gain, error = gain_and_error(held_at_absent(fit, rest).left_out_costs(), whole)
                 gains.append((gain - error, rest))
         if not gains or min(gains, key=lambda g: g[0])[0] > 0.0:
-            return tuple(kept)
+            return kept
         kept = min(gains, key=lambda g: g[0])[1]
 
 
-def held_at_absent(fit: Fit, kept: Sequence[Term]) -> Statistics:
-    """The statistics of a fit with the other terms' effect held at nothing, the rest free."""
-    s, columns = fit.statistics, columns_of(fit.terms)
-    free, move = [], np.zeros(len(fit.layout.parameters))
-    for term in fit.terms:
-        for parameter, k in zip(term.effect.parameters, columns[term.key].values(), strict=True):
-            if term in kept:
-                free.append(k)
-            elif parameter.absent is not None:
-                move[k] = parameter.absent - fit.values[fit.layout.places[0, k]]
-    pushed = s.hessian @ move
-    where = fit.layout.places[0, free]
-    return replace(
-        s,
-        layout=layout_of(kept, fit.layout.places.shape[0]),
-        hessian=s.hessian[:, free][:, :, free],
-        gradient=(s.gradient - pushed)[:, free],
-        cost=s.cost - 2.0 * s.gradient @ move + pushed @ move,
-        prior=s.prior[where],
-        pull=s.pull[where],
-    )
+def held_at_absent(fit: RowFit, kept: Sequence[Held]) -> RowSums:
+    """The sums of a fit with the other effects held at nothing, the rest free."""
+    free, move = [], []
+    for held in fit.held:
+        for p, value in zip(held.candidate.parameters, held.free_values, strict=True):
+            stays = any(held is h for h in kept)
+            if stays:
+                free.append(len(move))
+            move.append(0.0 if stays or p.absent is None else p.absent - value)
+    return fit.sums.held_at(free, np.array(move))
 
 
-def _of_note(fit: Fit, term: Term) -> bool:
+def _of_note(held: Held) -> bool:
     """True when all values that make the effect are inside their bounds and one is worth naming;
     always of an effect that is no choice."""
-    if term.effect.key == BY_NATURE:
+    if held.candidate.key == BY_NATURE:
         return True
-    pairs = zip(term.effect.parameters, term_values(fit, term)[0], strict=True)
+    pairs = zip(held.candidate.parameters, held.free_values, strict=True)
     main = [(p, value) for p, value in pairs if not p.detail]
     return all(p.lower < value < p.upper for p, value in main) and any(
         abs(value - (p.absent or 0.0)) >= p.smallest for p, value in main
     )
-
-
-def _costs(statistics: Statistics) -> Floats:
-    """(F,) cost of each flight under values found without it."""
-    return np.bincount(statistics.owner, held_out_cost(statistics)).astype(np.float64)
 
 
 def gain_and_error(without: Floats, having: Floats) -> tuple[float, float]:

@@ -11,7 +11,7 @@ noise that is independent and of size one, on which least squares has its honest
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ ORDER = 2
 HUBER = 3.0  # sizes of w beyond which a mean counts linearly
 FEWEST = 15  # means from which a size is taken: it is then good to a fifth
 LEAST_NOISE = 1e-4  # of the mean rotor speed: no sensor is better
+SPREAD = 3.0  # largest ratio of the sizes of two modes, of rows without a filter
 MOST_MEMORY = 0.98  # of a1 + a2: a constant must not vanish
 
 
@@ -43,6 +44,43 @@ class Whitening:
             out -= self.coefficients[:, lag].reshape(shape) * values[self.rows - 1 - lag]
         factor = self.weight / self.scale
         return out * factor.reshape(*factor.shape, *[1] * (values.ndim - 2))
+
+    def of_means(self, kept: Bools) -> Whitening:
+        """Of some of the n means only."""
+        return replace(
+            self,
+            rows=self.rows[kept],
+            flight=self.flight[kept],
+            scale=self.scale[kept],
+            weight=self.weight[kept],
+        )
+
+
+def plain(
+    residual: Floats,
+    flight: NDArray[np.intp],
+    of_outputs: bool = False,
+    known_rpm: Floats | float = 0.0,
+) -> Whitening:
+    """No filter, for rows that do not follow each other: each mode of a residual (T, R) rpm over
+    its size, no mode's beyond SPREAD times that of the quietest, single wild rows linearly.
+
+    A mode in which much is missing is large for that reason; it must not lose its say for it. What
+    motor outputs have in common is as measured. `known_rpm` (R,) adds to the sizes in squares.
+    """
+    scale = 1.4826 * np.median(np.abs(residual), axis=0)
+    if of_outputs:
+        scale[0] = scale[1:].min()
+    least = max(float(scale.min()), 1e-6)
+    scale = np.hypot(np.clip(scale, least, SPREAD * least), known_rpm)
+    scale = np.broadcast_to(scale, residual.shape)
+    return Whitening(
+        rows=np.arange(residual.shape[0]),
+        flight=flight,
+        coefficients=np.zeros((residual.shape[1], ORDER)),
+        scale=scale,
+        weight=np.sqrt(HUBER / np.maximum(np.abs(residual / scale), HUBER)),
+    )
 
 
 def whitening_of(

@@ -23,7 +23,7 @@ from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.margin_change import MarginChange, margin_changes
 from thrustmargin.models.identification.model_update import ModelUpdate, update_model
 from thrustmargin.models.identification.next_flight import NextFlight, following_flight
-from thrustmargin.models.identification.result import Found, Identification, unseen_residuals
+from thrustmargin.models.identification.result import Found, Identification
 from thrustmargin.models.identification.unseen_errors import (
     Errors,
     RotorErrors,
@@ -67,7 +67,7 @@ def result_of(
     date: str = "",
 ) -> Result:
     """Everything that is shown of an identification; `tracks` are the flights it was given."""
-    unseen = unseen_residuals(found)
+    unseen = found.unseen
     margins, margin = margin_changes(found)
     following = following_flight(found, tracks)
     mission = "" if following is None else mission

@@ -22,6 +22,7 @@ from thrustmargin.gcs_plugin.wording.identify_answer import (
     unexplained,
 )
 from thrustmargin.models.effects import BY_KEY
+from thrustmargin.models.identification.candidates import Term
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.manoeuvres import FlownLimits, manoeuvres
 from thrustmargin.models.identification.margin_change import MarginChange, margin_changes
@@ -32,7 +33,6 @@ from thrustmargin.models.identification.result import (
     Mentioned,
     OneOf,
 )
-from thrustmargin.models.identification.terms import Term
 
 NAMES = ("front right", "rear left", "front left", "rear right")
 MASS, GAUGE, BALANCE = (Term(effect=BY_KEY[k]) for k in ("extra_mass", "tank_scale", "cg_offset"))

@@ -16,10 +16,9 @@ from thrustmargin.models.effects.slung_load import (
     swing,
 )
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.identification.cross_validation import intervals
-from thrustmargin.models.identification.fit import Evaluator, fit_terms, term_values
+from thrustmargin.models.identification.candidates import Held, Term, candidate, predicted
 from thrustmargin.models.identification.problem import assemble
-from thrustmargin.models.identification.terms import Term
+from thrustmargin.models.identification.row_fit import fit_rows, half_widths
 from thrustmargin.models.model.predict import model_channels
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
@@ -221,13 +220,16 @@ def test_mass_and_cable_of_a_known_load_are_found_from_rotor_speeds():
         key=lambda e: abs(np.log(e.parameters[1].start / cable)),
     )
     terms = (Term(effect=table["load_factor"]), Term(effect=near))
-    fit = fit_terms(Evaluator(problem), terms, scales=np.full(4, 15.0), steps=30)
-    found = term_values(fit, terms[1])[0]
+    held = [Held(candidate=one, values=one.start) for one in (candidate(t, 1) for t in terms)]
+    fit = fit_rows(problem, held)
+    found = fit.held[1].values[0]
     assert found[0] == pytest.approx(load, rel=0.05)
     assert found[1] == pytest.approx(cable, rel=0.02)
-    interval = intervals(fit)
-    assert term_values(fit, terms[1], interval.lower)[0][0] > 0.0
-    without = fit_terms(Evaluator(problem), terms[:1], scales=np.full(4, 15.0), steps=30)
-    collective = np.ones(4) / 2.0
-    before, after = (np.std(f.residual_rpm @ collective) for f in (without, fit))
+    count = fit.columns.shape[2]
+    half = half_widths(fit.sums, np.zeros((count, 0)))[0]
+    assert found[0] > half[-2] > 0.0
+    before, after = (
+        np.std((problem.in_modes(problem.measured_rpm) - predicted(problem, f.held))[:, 0])
+        for f in (fit_rows(problem, held[:1]), fit)
+    )
     assert after < 0.4 * before

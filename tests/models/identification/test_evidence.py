@@ -8,9 +8,8 @@ from scipy.integrate import dblquad, quad
 from scipy.stats import norm
 
 from thrustmargin.models.effects.base import Effect, Kind, Parameter, shaping
-from thrustmargin.models.identification.candidates import Candidate, Held
+from thrustmargin.models.identification.candidates import Candidate, Held, Term
 from thrustmargin.models.identification.evidence import IMPOSSIBLE, prior_of, score
-from thrustmargin.models.identification.terms import Term
 
 MAIN = Parameter(name="a", unit="1", lower=-2.0, upper=2.0, scale=0.5, smallest=0.01)
 SHAPE = shaping("b", "1", start=0.3, lower=-5.0, upper=5.0, scale=0.4)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tests.models.identification.test_cross_validation import statistics
+from tests.models.identification.test_row_fit import sums
 from tests.models.identification.test_standard_effects import with_weight_forward
 from tests.models.made_flights import curve_model, made_flights
 from thrustmargin.models.identification.flight_scatter import (
@@ -23,13 +23,13 @@ def test_the_mean_of_a_flight_has_the_error_of_its_blocks():
 
 
 def test_one_flights_own_estimate_and_its_error_by_blocks():
-    s = statistics([0, 0, 0, 0, 1], [1.0, 2.0, 3.0, 2.0, 50.0], [1.0] * 5, [9.0] * 5)
-    move, error = own_estimate(s, 0, [0])
+    s = sums([0] * 4, [1.0, 2.0, 3.0, 2.0], [1.0] * 4, [9.0] * 4).sums
+    move, error = own_estimate(s)
     assert move[0] == pytest.approx(2.0)  # of left over -1, 0, 1, 0
     assert error[0] == pytest.approx(np.sqrt(2.0 / 16.0 * 4.0 / 3.0))
-    assert own_estimate(s, 1, [0])[1, 0] == np.inf  # one block shows no scatter
-    blind = statistics([0, 0, 0], [1.0, 2.0, 3.0], [0.0] * 3, [9.0] * 3)
-    assert own_estimate(blind, 0, [0])[1, 0] == np.inf
+    assert own_estimate(s[:1])[1, 0] == np.inf  # one block shows no scatter
+    blind = sums([0, 0, 0], [1.0, 2.0, 3.0], [0.0] * 3, [9.0] * 3).sums
+    assert own_estimate(blind)[1, 0] == np.inf
 
 
 def drawn(rng, flights: int, rows: int = 300):

@@ -84,6 +84,6 @@ def test_a_speed_that_ignores_the_battery_is_told_from_one_that_follows_it(sitl_
     found = identify([ignores], model).to_json()
     (voltage,) = [e for e in found["effects"] if e["name"] == "battery_voltage"]
     assert voltage["parameters"]["exponent"]["value"] == pytest.approx(2.0, rel=0.2)
-    assert found["after"]["rmse_rpm"] < 0.07 * found["before"]["rmse_rpm"]
+    assert found["after"]["rmse_rpm"] < 0.08 * found["before"]["rmse_rpm"]
     good = identify([follows], model).to_json()
     assert "battery_voltage" not in [e["name"] for e in good["effects"]]

@@ -10,11 +10,11 @@ from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION, ROT
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.effects.wind import WIND
 from thrustmargin.models.errors import ModelError
+from thrustmargin.models.identification.candidates import Term
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.margin_change import margin_changes
 from thrustmargin.models.identification.model_update import record_of, update_model, with_effects
-from thrustmargin.models.identification.result import Found, Identification, unseen_residuals
-from thrustmargin.models.identification.terms import Term
+from thrustmargin.models.identification.result import Found, Identification
 from thrustmargin.models.identification.unseen_errors import rotor_errors
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import load_model, save_model
@@ -231,7 +231,7 @@ def test_effects_of_single_flights_have_their_margin_on_those_flights(worn):
 
 
 def test_errors_by_rotor_are_of_the_same_rows_as_the_errors_in_all(worn):
-    unseen = unseen_residuals(worn)
+    unseen = worn.unseen
     assert [u.role for u in unseen] == ["fit", "held_out"]
     every, *rotors = rotor_errors(unseen[-1])
     assert every.before == worn.before
@@ -253,7 +253,7 @@ def test_errors_by_rotor_are_of_the_same_rows_as_the_errors_in_all(worn):
 def test_without_held_out_flights_the_errors_are_cross_validated():
     flights = made_flights(3, loss=LOSS)
     found = identify(flights, curve_model(), catalogue=table(["rotor_degradation"]))
-    (only,) = unseen_residuals(found)
+    (only,) = found.unseen
     assert only.role == "fit"
     assert rotor_errors(only)[0].after == found.after
     # Each flight is predicted with values that were found without it.

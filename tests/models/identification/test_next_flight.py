@@ -10,6 +10,7 @@ from tests.models.made_flights import curve_model, made_flight
 from thrustmargin.models.effects import BY_KEY, effects_for
 from thrustmargin.models.effects.compose import rotor_speed_rpm
 from thrustmargin.models.identification import next_flight as module
+from thrustmargin.models.identification.candidates import Term
 from thrustmargin.models.identification.manoeuvres import (
     FlownLimits,
     flown_track,
@@ -29,7 +30,6 @@ from thrustmargin.models.identification.rivals import (
     fitted_rival,
     second_noise_rpm,
 )
-from thrustmargin.models.identification.terms import Term
 from thrustmargin.models.model.predict import model_channels, table_of
 from thrustmargin.models.network.records import GoodFlights
 

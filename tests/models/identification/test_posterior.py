@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.identification.candidates import Held, candidate
+from thrustmargin.models.identification.candidates import Held, Term, candidate
 from thrustmargin.models.identification.evidence import Scored
+from thrustmargin.models.identification.linear_sets import FittedSet
 from thrustmargin.models.identification.posterior import posterior_of
-from thrustmargin.models.identification.set_search import FittedSet
-from thrustmargin.models.identification.terms import Term
 
 MASS, GAUGE, CG = (
     candidate(Term(effect=BY_KEY[k]), 1) for k in ("extra_mass", "tank_scale", "cg_offset")

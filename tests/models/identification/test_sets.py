@@ -6,18 +6,14 @@ import numpy as np
 import pytest
 
 from tests.models.made_flights import F16, curve_model, made_flight, made_flights, table
-from thrustmargin.models.effects import BY_KEY, CATALOGUE, effects_for
+from thrustmargin.models.effects import CATALOGUE, effects_for
 from thrustmargin.models.identification.candidates import Held, derivatives, predicted
-from thrustmargin.models.identification.fit import Evaluator
 from thrustmargin.models.identification.free_form import free_columns, hats, wander_columns
-from thrustmargin.models.identification.loop import _fit_of, _that_matter, identify
+from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.onsets import onset_candidates
-from thrustmargin.models.identification.posterior import EffectEstimate
-from thrustmargin.models.identification.problem import assemble
 from thrustmargin.models.identification.reduced import BIN, reduce_flights
 from thrustmargin.models.identification.search_space import search_space
 from thrustmargin.models.identification.set_search import Search
-from thrustmargin.models.identification.terms import Term
 
 SOME = ["extra_mass", "rotor_degradation", "cg_offset", "tank_scale", "yaw_trim"]
 
@@ -138,29 +134,6 @@ def test_the_slow_noise_of_each_flight_begins_with_it():
     columns = wander_columns(time_s, np.array([0, 0, 0, 1, 1, 1]), apart=25.0)
     assert columns[:, 0] == pytest.approx([1.0, 0.6, 0.0, 1.0, 0.5, 0.0])
     assert columns[:, 1] == pytest.approx([0.0, 0.4, 1.0, 0.0, 0.5, 1.0])
-
-
-def estimate_of(key: str, rotor: int | None, **values: float) -> EffectEstimate:
-    """An effect at given values in three flights, its other values at their starts."""
-    term = Term(effect=BY_KEY[key], rotor=rotor)
-    row = [values.get(p.name, p.start) for p in term.effect.parameters]
-    value = np.array([row] * 3)
-    return EffectEstimate(
-        candidate=0, term=term, probability=1.0, value=value, error=np.zeros_like(value)
-    )
-
-
-def test_an_effect_that_hardly_moves_the_error_is_not_worth_a_name():
-    """20 g of hidden mass are there, and take less than 2 % of what is left."""
-    flights = made_flights(3, loss=0.08, hidden_mass=0.02)
-    evaluator = Evaluator(assemble(curve_model(), flights))
-    rotor = estimate_of("rotor_degradation", 0, loss=0.08, torque_share=1.0)
-    mass = estimate_of("extra_mass", None, mass=0.02)
-    errors = [
-        np.mean(_fit_of(evaluator, some).residual_rpm ** 2) for some in ([rotor], [rotor, mass])
-    ]
-    assert errors[1] < errors[0]  # it is better with it
-    assert _that_matter(evaluator, [mass, rotor]) == [rotor]
 
 
 def test_what_an_effect_does_is_good_to_a_few_per_cent_of_itself():

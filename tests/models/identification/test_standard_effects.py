@@ -7,15 +7,16 @@ import pytest
 
 from tests.models.made_flights import F16, curve_model, made_flights
 from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.identification.cross_validation import held_out_cost
-from thrustmargin.models.identification.fit import Evaluator, fit_terms
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.candidates import Term
 from thrustmargin.models.identification.problem import assemble
+from thrustmargin.models.identification.row_fit import fit_rows
 from thrustmargin.models.identification.standard_effects import (
+    _at_start,
     gain_and_error,
     held_at_absent,
     with_standard_effects,
 )
-from thrustmargin.models.identification.terms import Term
 from thrustmargin.models.model.rotor_model import physics_model
 
 
@@ -70,17 +71,23 @@ def test_what_flights_contradict_each_other_about_is_not_kept():
     assert "cg_offset" not in {e.name for e in model.effects}
 
 
+def fitted(tracks, keys, known_rpm: Floats | float = 0.0):
+    """The rows, and some effects fitted to them together."""
+    problem = assemble(curve_model(), tracks)
+    terms = [Term(effect=BY_KEY[key]) for key in keys]
+    held = [_at_start(t, problem) for t in terms]
+    return problem, fit_rows(problem, held, known_rpm=known_rpm)
+
+
 def test_what_stays_takes_the_place_of_a_like_effect_that_goes():
     tracks = [with_weight_forward(t, 0.003) for t in made_flights(3)]
-    evaluator = Evaluator(assemble(curve_model(), tracks))
-    terms = [Term(effect=BY_KEY[key]) for key in ("cg_offset", "cg_offset:tank")]
-    whole = fit_terms(evaluator, terms, scales=np.full(4, 8.0))
-    held = held_at_absent(whole, terms[1:])
-    hessian, gradient = held.normal(np.ones(held.owner.size, dtype=np.bool_))
-    moved = np.linalg.solve(hessian + np.diag(held.prior), gradient + held.pull)
-    alone = fit_terms(evaluator, terms[1:], scales=np.full(4, 8.0))
-    assert whole.values[2] + moved[0] == pytest.approx(alone.values[0], rel=0.05)
-    assert alone.values[0] > 0.003 > 5.0 * abs(whole.values[2])
+    problem, whole = fitted(tracks, ("cg_offset", "cg_offset:tank"))
+    tank = whole.held[1]
+    sums = held_at_absent(whole, [tank])
+    moved = sums.move(sums.sums.sum(axis=0))
+    alone = fit_rows(problem, [tank]).held[0].values[0, 0]
+    assert tank.values[0, 0] + moved[0] == pytest.approx(alone, rel=0.05)
+    assert alone > 0.003 > 5.0 * abs(tank.values[0, 0])
 
 
 def test_a_gain_is_the_mean_over_flights_of_the_logarithm_and_its_standard_error():
@@ -89,19 +96,16 @@ def test_a_gain_is_the_mean_over_flights_of_the_logarithm_and_its_standard_error
     assert error == pytest.approx(1.0 / 3**0.5)
 
 
-def test_leaving_a_term_out_by_the_statistics_is_leaving_it_out_of_the_fit():
-    tracks = [with_weight_forward(t, 0.003) for t in made_flights(3)]  # no row beyond Huber's
-    evaluator = Evaluator(assemble(curve_model(), tracks))
-    terms = [Term(effect=BY_KEY[key]) for key in ("cg_offset", "yaw_trim", "translational_lift")]
-    whole = fit_terms(evaluator, terms, scales=np.full(4, 8.0))
+def test_leaving_an_effect_out_by_the_sums_is_leaving_it_out_of_the_fit():
+    tracks = [with_weight_forward(t, 0.003) for t in made_flights(3)]
+    alike = np.full(4, 40.0)  # rpm, beside which the modes' own sizes are nothing
+    problem, whole = fitted(tracks, ("cg_offset", "yaw_trim", "translational_lift"), alike)
     np.testing.assert_allclose(
-        held_out_cost(held_at_absent(whole, terms)), held_out_cost(whole.statistics)
+        held_at_absent(whole, whole.held).left_out_costs(), whole.sums.left_out_costs()
     )
     for k in range(3):
-        rest = [t for t in terms if t != terms[k]]
-        again = fit_terms(evaluator, rest, scales=np.full(4, 8.0))
-        held, fitted = (
-            float(held_out_cost(s).sum()) for s in (held_at_absent(whole, rest), again.statistics)
-        )
-        assert held == pytest.approx(fitted, rel=0.05)
-    assert held_at_absent(whole, terms[1:]).cost.sum() > 1.2 * whole.statistics.cost.sum()
+        rest = [h for h in whole.held if h is not whole.held[k]]
+        again = fit_rows(problem, rest, known_rpm=alike).sums.left_out_costs().sum()
+        assert held_at_absent(whole, rest).left_out_costs().sum() == pytest.approx(again, rel=0.05)
+    worse = held_at_absent(whole, whole.held[1:]).left_out_costs().sum()
+    assert worse > 1.2 * whole.sums.left_out_costs().sum()
