@@ -9,6 +9,9 @@ LINKS := $(VENV)/links/thrustmargin
 demo: $(VENV)/.demo
 	$(BIN)/thrustmargin demo --out report.html $(DEMO_ARGS)
 
+# Two at a time, module by module, so that what a module's tests share is made once.
+PYTEST_ARGS ?= -n 2 --dist loadscope
+
 test: check
 	$(BIN)/python -m pytest $(PYTEST_ARGS)
 
