@@ -26,8 +26,8 @@ from thrustmargin.mission.plan import (
 from thrustmargin.models.flight import FlightTrack, Floats, Origin
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
+from thrustmargin.models.model.fill_limits import steady_flight
 from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.physics.airframe import Airframe
 
 #: m/s below which a mission speed is taken as unknown
 SLOWEST = 0.2
@@ -174,17 +174,7 @@ def forecast(
     return Forecast(item=np.array([r[4] for r in rows], dtype=np.intp), analysis=analysis)
 
 
-def margin_at_fill(
-    airframe: Airframe, model: RotorModel, now: Conditions, fill_kg: float, airspeed: float
-) -> float:
+def margin_at_fill(model: RotorModel, now: Conditions, fill_kg: float, airspeed: float) -> float:
     """Predicted thrust margin of the worst rotor with `fill_kg` in the tank; NaN if unknown."""
-    track = FlightTrack.of(
-        name="after refill",
-        time_s=np.zeros(1),
-        rotor_count=airframe.rotor_count,
-        tank_kg=np.array([fill_kg]),
-        airspeed=np.array([airspeed]),
-        voltage=np.array([now.voltage]),
-    )
-    density = np.array([now.density])
-    return float(np.min(analyse(track, model, density, claim=AHEAD).margin_predicted))
+    filled = steady_flight(model, now.density, now.voltage, airspeed, np.array([fill_kg]))
+    return float(np.min(filled.margin_predicted))

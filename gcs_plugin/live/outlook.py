@@ -114,13 +114,8 @@ class LookAhead:
             voltage=float(track.voltage[row]),
             wind_ned=tuple(float(w) for w in np.nan_to_num(track.wind_ned[row])),  # type: ignore[arg-type]
         )
-        full = margin_at_fill(
-            airframe,
-            self._model,
-            conditions,
-            airframe.tank_capacity_kg,
-            float(track.airspeed[row]),
-        )
+        airspeed, fill = float(track.airspeed[row]), airframe.tank_capacity_kg
+        full = margin_at_fill(self._model, conditions, fill, airspeed)
         self.now = Outlook(
             seconds_to_empty=tank / flow if flow > 0.0 else (math.inf if flow == 0.0 else math.nan),
             margin_full=full,

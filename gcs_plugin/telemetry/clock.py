@@ -276,12 +276,9 @@ def _steps(offset: Floats) -> Index:
 
 def _running_median(offset: Floats) -> Floats:
     """Median of each value and the eight before it; the first ones look ahead instead."""
-    if offset.size <= WINDOW:
-        return np.full(offset.size, np.median(offset))
-    # The origin shifts the window so that it ends at the value itself.
-    causal = median_filter(offset, WINDOW, mode="nearest", origin=WINDOW // 2)
-    causal[: WINDOW - 1] = np.median(offset[:WINDOW])
-    return causal
+    window = min(WINDOW, offset.size)
+    middle = np.median(np.lib.stride_tricks.sliding_window_view(offset, window), axis=1)
+    return np.concatenate([np.full(window - 1, middle[0]), middle])
 
 
 def _repaired(stamps_s: Floats) -> Floats:

@@ -84,7 +84,7 @@ def largest_fills(
         fill = largest_fill(
             airframe, ceiling(airframe, density, voltage), criterion="yaw uncontrolled"
         )
-        error = _analysed(model, 1.0, 1.0, airspeed, np.zeros(1)).redundancy_error
+        error = steady_flight(model, 1.0, 1.0, airspeed, np.zeros(1)).redundancy_error
         mass = airframe.empty_mass + fill
         rows[1] = [mass * np.exp(k * INTERVAL * error) - airframe.empty_mass for k in (0, -1, 1)]
     rows[2] = airframe.max_takeoff_mass - airframe.empty_mass
@@ -92,10 +92,10 @@ def largest_fills(
     return Fills(by_reason=rows[:, 0], low=rows[:, 1], high=rows[:, 2])
 
 
-def _analysed(
+def steady_flight(
     model: RotorModel, density: float, voltage: float, airspeed: float, fills: Floats
 ) -> FlightAnalysis:
-    """F moments of steady level flight with `fills` (F,) kg in the tank."""
+    """F moments of steady level flight at `airspeed` m/s with `fills` (F,) kg in the tank."""
     track = FlightTrack.of(
         name="before take-off",
         time_s=APART * np.arange(fills.size),
@@ -114,7 +114,7 @@ def _by_use(
     both ends of its interval."""
     top = max(2.0 * model.airframe.tank_capacity_kg, model.airframe.empty_mass)
     fills = np.linspace(0.0, top, STEPS)
-    made = _analysed(model, density, voltage, airspeed, fills)
+    made = steady_flight(model, density, voltage, airspeed, fills)
     use, reach = made.utilisation_predicted, INTERVAL * made.utilisation_error
     return [_crossing(fills, np.max(use + k * reach, axis=1), limit) for k in (0, 1, -1)]
 

@@ -151,10 +151,6 @@ class RotorModel:
             self.forward_flight, airspeed, mass, self.reference_density, self.airframe
         )
 
-    def base_apparent_thrust(self, airspeed: Floats, tank_kg: Floats) -> Floats:
-        """(N, R) N: a0 N² of `base_speed`, with a0 at the model's reference density."""
-        return self.thrust_coefficient * self.base_speed(airspeed, tank_kg) ** 2
-
 
 def hover_speed(airframe: Airframe, tank_kg: Floats, density: Floats) -> Floats:
     """(N, R) rpm at which the rotors carry the weight in hover, in air of `density` (N,) kg/m³.

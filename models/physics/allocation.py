@@ -47,18 +47,14 @@ class TrimCurve:
     rotor: Floats
 
 
-def mixer(airframe: Airframe, cg_offset: tuple[float, float] = (0.0, 0.0)) -> Floats:
-    """(4, R) matrix from rotor thrusts, N, to collective, N, and roll, pitch, yaw moment, N m.
-
-    `cg_offset` is where the centre of gravity really is, (x, y) m frd.
-    """
-    x = airframe.rotor_position_frd[:, 0] - cg_offset[0]
-    y = airframe.rotor_position_frd[:, 1] - cg_offset[1]
+def mixer(airframe: Airframe) -> Floats:
+    """(4, R) matrix from rotor thrusts, N, to collective, N, and roll, pitch, yaw moment, N m."""
+    x, y = airframe.rotor_position_frd[:, :2].T
     return np.stack([np.ones_like(x), -y, x, airframe.rotor_spin * airframe.torque_ratio])
 
 
 @lru_cache(maxsize=256)
-def holdable(airframe: Airframe, cg_offset: tuple[float, float] = (0.0, 0.0)) -> Holdable:
+def holdable(airframe: Airframe) -> Holdable:
     """Largest level collectives with all rotors, and with each of them lost.
 
     On a quad any offset of the centre of gravity makes a rotor on its side impossible to lose: two
@@ -69,22 +65,17 @@ def holdable(airframe: Airframe, cg_offset: tuple[float, float] = (0.0, 0.0)) ->
         return Holdable(intact=nan, yaw_kept=np.array([nan]), yaw_uncontrolled=np.array([nan]))
 
     def without(rotor: int, yaw_kept: bool) -> float:
-        return float(_best(airframe, cg_offset, yaw_kept=yaw_kept, lost=rotor).sum())
+        return float(_best(airframe, yaw_kept=yaw_kept, lost=rotor).sum())
 
     return Holdable(
-        intact=float(_best(airframe, cg_offset, yaw_kept=True).sum()),
+        intact=float(_best(airframe, yaw_kept=True).sum()),
         yaw_kept=np.array([without(i, True) for i in rotors]),
         yaw_uncontrolled=np.array([without(i, False) for i in rotors]),
     )
 
 
 @lru_cache(maxsize=256)
-def trim_curve(
-    airframe: Airframe,
-    rotor: int,
-    yaw_kept: bool = True,
-    cg_offset: tuple[float, float] = (0.0, 0.0),
-) -> TrimCurve:
+def trim_curve(airframe: Airframe, rotor: int, yaw_kept: bool = True) -> TrimCurve:
     """The least that rotor `rotor` (from 0) must make for each level collective.
 
     The set of (collective, thrust of the rotor) that can be trimmed is a convex polygon; this is
@@ -93,12 +84,10 @@ def trim_curve(
     """
 
     def corner(of_collective: float, of_rotor: float) -> tuple[float, float]:
-        thrust = _best(
-            airframe, cg_offset, yaw_kept=yaw_kept, favour=(of_collective, rotor, of_rotor)
-        )
+        thrust = _best(airframe, yaw_kept=yaw_kept, favour=(of_collective, rotor, of_rotor))
         return float(thrust.sum()), float(thrust[rotor])
 
-    alone = float(_best(airframe, cg_offset, yaw_kept=yaw_kept, lost=rotor).sum())
+    alone = float(_best(airframe, yaw_kept=yaw_kept, lost=rotor).sum())
     # A touch of weight on the rotor picks, of all largest collectives, the one that spares it.
     points = [(alone, 0.0), corner(1.0, -1e-4)]
     edge = 0
@@ -117,7 +106,6 @@ def trim_curve(
 
 def _best(
     airframe: Airframe,
-    cg_offset: tuple[float, float],
     *,
     yaw_kept: bool,
     lost: int | None = None,
@@ -126,7 +114,7 @@ def _best(
     """(R,) thrusts that maximise favour[0] x collective + favour[2] x thrust of rotor favour[1]."""
     from scipy.optimize import linprog
 
-    matrix = mixer(airframe, cg_offset)
+    matrix = mixer(airframe)
     # Rows are scaled to about 1: zero stays zero, and the solver's tolerance means the same in all.
     arm = float(np.max(np.hypot(matrix[1], matrix[2])))
     rows = [matrix[1] / arm, matrix[2] / arm]

@@ -116,27 +116,15 @@ def hover_use(airframe: Airframe, limits: Ceiling, load: ArrayLike) -> Floats:
     return np.asarray(load, dtype=np.float64) / (limits.free_thrust * holdable(airframe).intact)
 
 
-def redundancy(
-    airframe: Airframe,
-    limits: Ceiling,
-    load: ArrayLike,
-    *,
-    yaw_kept: bool,
-    cg_offset: tuple[float, float] = (0.0, 0.0),
-) -> Floats:
+def redundancy(airframe: Airframe, limits: Ceiling, load: ArrayLike, *, yaw_kept: bool) -> Floats:
     """(T,) largest level thrust with the worst single rotor lost, over `load` (T,) in N."""
-    held = holdable(airframe, cg_offset)
+    held = holdable(airframe)
     worst = float(np.min(held.yaw_kept if yaw_kept else held.yaw_uncontrolled))
     return worst * limits.free_thrust / np.asarray(load, dtype=np.float64)
 
 
 def trimmable_loss(
-    airframe: Airframe,
-    limits: Ceiling,
-    load: ArrayLike,
-    *,
-    yaw_kept: bool = True,
-    cg_offset: tuple[float, float] = (0.0, 0.0),
+    airframe: Airframe, limits: Ceiling, load: ArrayLike, *, yaw_kept: bool = True
 ) -> Floats:
     """(T,) share of its largest thrust that the worst-placed rotor can lose with `load` held level.
 
@@ -146,7 +134,7 @@ def trimmable_loss(
     collective = np.asarray(load, dtype=np.float64) / limits.free_thrust
     worst = np.where(np.isnan(collective), np.nan, np.inf)
     for rotor, full in enumerate(airframe.rotor_effectiveness):
-        curve = trim_curve(airframe, rotor, yaw_kept, cg_offset)
+        curve = trim_curve(airframe, rotor, yaw_kept)
         needed = np.interp(collective, curve.collective, curve.rotor)
         worst = np.minimum(worst, 1.0 - needed / full)
     return worst
@@ -158,14 +146,13 @@ def largest_fill(
     *,
     criterion: Criterion = "utilisation",
     limit: float | None = None,
-    cg_offset: tuple[float, float] = (0.0, 0.0),
 ) -> Floats:
     """(T,) kg of liquid at which the worst rotor's u, or the redundancy, just meets `limit`.
 
     `limit` is 0.5 for utilisation and 1 for redundancy unless given. The answer is not cut to the
     tank: above its capacity a full tank is within the limit, below 0 the empty aircraft is beyond.
     """
-    held = holdable(airframe, cg_offset)
+    held = holdable(airframe)
     if criterion == "utilisation":
         collective = (0.5 if limit is None else limit) * held.intact
     else:

@@ -114,7 +114,7 @@ def test_an_unknown_tank_gives_an_unknown_margin_and_not_a_guess():
 
 
 def test_a_refill_takes_margin():
-    full = margin_at_fill(AIRFRAME, MODEL, NOW, 16.0, 0.0)
+    full = margin_at_fill(MODEL, NOW, 16.0, 0.0)
     share = (21.1 + 16.0) * 9.80665 / 4 / (2.011e-5 * 3000**2)
     assert full == pytest.approx(1 - share, abs=1e-6)
-    assert full < margin_at_fill(AIRFRAME, MODEL, NOW, 4.0, 0.0)
+    assert full < margin_at_fill(MODEL, NOW, 4.0, 0.0)

@@ -173,7 +173,7 @@ def test_a_model_in_other_air_knows_its_own_coefficient():
     # 2e-5 x 1.0/1.2
     thin = learnt(reference_density=1.0)
     assert thin.thrust_coefficient == pytest.approx(2e-5 / 1.2)
-    apparent = thin.base_apparent_thrust(np.array([3.0]), np.array([4.0]))
+    apparent = thin.thrust_coefficient * thin.base_speed(np.array([3.0]), np.array([4.0])) ** 2
     np.testing.assert_allclose(apparent, [2e-5 / 1.2 * network_rpm(3.0, 4.0) ** 2], rtol=1e-6)
     # Beyond its inputs: the weight in that air.
     speed = thin.base_speed(np.array([9.0, NAN]), np.array([4.0, 4.0]))

@@ -26,6 +26,11 @@ def rearranged(airframe: Airframe, position_frd, spin, effectiveness=None) -> Ai
     )
 
 
+def shifted(airframe: Airframe, x: float, y: float) -> Airframe:
+    """With the centre of gravity moved by (x, y) m frd: positions count from it."""
+    return replace(airframe, rotor_position_frd=airframe.rotor_position_frd - [x, y, 0.0])
+
+
 def ring(count: int, spin) -> Airframe:
     angle = np.arange(count) * 2 * np.pi / count
     position = np.stack([np.cos(angle), np.sin(angle), np.zeros(count)], axis=1)
@@ -119,7 +124,7 @@ def test_a_trim_curve_by_hand():
 
 def test_equal_thrust_is_trim_until_the_centre_of_gravity_moves():
     assert mixer(QUAD) @ np.ones(4) == pytest.approx([4.0, 0.0, 0.0, 0.0], abs=1e-12)
-    _, roll, pitch, _ = mixer(QUAD, cg_offset=(0.05, 0.02)) @ np.ones(4)
+    _, roll, pitch, _ = mixer(shifted(QUAD, 0.05, 0.02)) @ np.ones(4)
     assert roll == pytest.approx(4 * 0.02)  # weight to the right of the old centre
     assert pitch == pytest.approx(-4 * 0.05)
 
@@ -186,7 +191,7 @@ def test_rectangular_quads_of_any_size_hold_the_same(length, width):
 
 
 def test_a_centre_of_gravity_off_the_middle_costs_thrust():
-    whole, off = holdable(QUAD), holdable(QUAD, cg_offset=(0.1, 0.0))
+    whole, off = holdable(QUAD), holdable(shifted(QUAD, 0.1, 0.0))
     # Front and rear share 1/2 -+ d/(2 l): the pair nearer to the load is full at 1.
     arm = 0.6785
     assert off.intact == pytest.approx(whole.intact / (1 + 0.1 / arm))
@@ -196,8 +201,8 @@ def test_a_centre_of_gravity_off_the_middle_costs_thrust():
     np.testing.assert_allclose(off.yaw_uncontrolled[~front], 2.0)
 
 
-def _least_by_brute_force(airframe, rotor, collective, yaw_kept, cg_offset=(0.0, 0.0)):
-    matrix = mixer(airframe, cg_offset)
+def _least_by_brute_force(airframe, rotor, collective, yaw_kept):
+    matrix = mixer(airframe)
     rows = [matrix[0], matrix[1], matrix[2]] + ([matrix[3]] if yaw_kept else [])
     cost = np.zeros(airframe.rotor_count)
     cost[rotor] = 1.0
@@ -228,13 +233,14 @@ def test_trim_curve_is_the_least_thrust_at_every_collective(name, yaw_kept):
     st.floats(0.01, 0.99),
 )
 def test_trim_curve_holds_for_odd_layouts_and_loads_off_the_middle(
-    effectiveness, cg_offset, yaw_kept, share
+    effectiveness, offset, yaw_kept, share
 ):
     odd = replace(ring(7, [1, -1, 1, -1, 1, -1, 1]), rotor_effectiveness=np.array(effectiveness))
-    curve = trim_curve(odd, 2, yaw_kept, cg_offset)
+    odd = shifted(odd, *offset)
+    curve = trim_curve(odd, 2, yaw_kept)
     collective = share * curve.collective[-1]
     found = np.interp(collective, curve.collective, curve.rotor)
-    expected = _least_by_brute_force(odd, 2, collective, yaw_kept, cg_offset)
+    expected = _least_by_brute_force(odd, 2, collective, yaw_kept)
     assert found == pytest.approx(expected, abs=1e-5)
 
 

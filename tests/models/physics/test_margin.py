@@ -313,19 +313,19 @@ def test_use_redundancy_and_fill_of_a_quad_by_hand():
 def test_a_centre_of_gravity_in_front_loads_the_front_pair_by_hand():
     limits = ceiling(ROUND, 0.9, 25.0)
     arm = float(ROUND.rotor_position_frd[:, 0].max())
-    ahead: dict[str, Any] = {"cg_offset": (0.2 * arm, 0.0)}
+    ahead = replace(ROUND, rotor_position_frd=ROUND.rotor_position_frd - [0.2 * arm, 0.0, 0.0])
     # The front pair carries 1.2 of its share: 100/4 x 1.2 = 30 N of 33.75, so 1/9 can be lost.
-    assert trimmable_loss(ROUND, limits, 100.0, **ahead) == pytest.approx([1.0 / 9.0])
+    assert trimmable_loss(ahead, limits, 100.0) == pytest.approx([1.0 / 9.0])
     # A lost front rotor cannot be replaced; with a rear one lost its diagonal pair is level at no
     # thrust, the other holds 2 x 33.75.
-    held = holdable(ROUND, **ahead).yaw_uncontrolled * limits.free_thrust[0]
+    held = holdable(ahead).yaw_uncontrolled * limits.free_thrust[0]
     front = ROUND.rotor_position_frd[:, 0] > 0.0
     np.testing.assert_allclose(held[~front], 67.5)
     np.testing.assert_allclose(held[front], 0.0, atol=1e-7)
-    worst = redundancy(ROUND, limits, 100.0, yaw_kept=False, **ahead)
+    worst = redundancy(ahead, limits, 100.0, yaw_kept=False)
     assert worst == pytest.approx([0.0], abs=1e-9)
     # All at most 33.75 with the front at 1.2 of the mean: 135 N / 1.2 = 112.5 N, half of it 56.25.
-    fill = largest_fill(ROUND, limits, **ahead)
+    fill = largest_fill(ahead, limits)
     assert fill == pytest.approx([56.25 / G0 - 20.0])
 
 
