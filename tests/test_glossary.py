@@ -23,10 +23,12 @@ INSTEAD = {
     r"\bmend(s|ed)?\b": "repaired",
     r"\byaw[ _]free\b(?!_)": "yaw uncontrolled",
     r"\bheading given up\b": "yaw uncontrolled",
-    r"\bbattery pack\b": "battery",
+    r"\bpack voltage\b|\bbattery pack\b": "battery voltage",
 }
 #: Spellings of formats that stay, and places in which the word is that of a file.
 KEPT = (
+    '("voltage", "pack voltage", "V", 3),',
+    '"pack voltage": "voltage",',
     '("redundancy_yaw_uncontrolled", "redundancy heading given up", "1", 4),',
     "JSON, which keep their spelling: `capacity_use` is thrust utilisation, `yaw_free` yaw "
     "uncontrolled.",

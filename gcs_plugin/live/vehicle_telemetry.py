@@ -63,7 +63,7 @@ FIELDS: Mapping[str, tuple[tuple[str, ...], str]] = {
     "height": (("height_agl",), "height_agl"),
     "airspeed": (("airspeed",), "airspeed"),
     "wind": (("wind_ned",), "wind_ned"),
-    "pack voltage": (("battery_voltage", "voltage", "esc_voltage"), "voltage"),
+    "battery voltage": (("battery_voltage", "voltage", "esc_voltage"), "voltage"),
     "air pressure": (("pressure",), "pressure"),
     "motor outputs": (("servo_us",), "throttle"),
 }
