@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import signal
 import sys
 from collections.abc import Callable, Sequence
 from importlib import import_module
@@ -55,7 +56,22 @@ def main(argv: Sequence[str] | None = None) -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
+    _end_as_by_ctrl_c()
     sys.exit(run(sys.argv[1:] if argv is None else list(argv)))
+
+
+def _end_as_by_ctrl_c() -> None:
+    """SIGTERM, SIGHUP and the closing of a window on Windows end as Ctrl-C does: files whole."""
+    found = [getattr(signal, n) for n in ("SIGTERM", "SIGHUP", "SIGBREAK") if hasattr(signal, n)]
+    ours = [number for number in found if signal.getsignal(number) is signal.SIG_DFL]
+
+    def end(*_: object) -> None:
+        for number in ours:
+            signal.signal(number, signal.SIG_IGN)  # a second one must not disturb the ending
+        raise KeyboardInterrupt
+
+    for number in ours:
+        signal.signal(number, end)
 
 
 def run(argv: Sequence[str]) -> int:

@@ -6,7 +6,7 @@ import math
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.live import Live
 from tyro.conf import Positional, UseAppendAction
@@ -39,6 +39,7 @@ def monitor(
     view: bool = True,
     host: str = "127.0.0.1",
     port: int = 8080,
+    token_file: Path | None = None,
     browser: bool = True,
     silent: bool = False,
     seconds: float | None = None,
@@ -73,8 +74,10 @@ def monitor(
         signing_key_file: Key of signed links; with it every frame that is not signed with it is
             dropped and counted.
         view: Show the aircraft in 3D on a page of this computer; --no-view for the table alone.
-        host: Address to serve the page on; only this computer can reach 127.0.0.1.
+        host: Address to serve the page on; only this computer can reach 127.0.0.1. On any other a
+            token is asked for, which is printed.
         port: Port of the page.
+        token_file: File with the token that a browser must know, instead of a new one each time.
         browser: Open the page in the browser.
         silent: Make no sound: without it the page has a button that switches tone and voice on, and
             the terminal without a page rings its bell.
@@ -85,8 +88,10 @@ def monitor(
     from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
     from thrustmargin.gcs_plugin.live.vehicle_monitor import WatchSettings
     from thrustmargin.gcs_plugin.telemetry.tank_source import check_source
+    from thrustmargin.gcs_plugin.view.token_door import page_token
 
     check_utilisation(max_utilisation)
+    where = {"host": host, "port": port, "token": page_token(host, token_file)}
     keywords = reading_keywords(reading)
     accept = sign = None
     if signing_key_file is not None:
@@ -151,7 +156,7 @@ def monitor(
         from thrustmargin.gcs_plugin.live.console import Bell
 
         live.subscribers.append(Bell(Terminal().bell))
-    page = _page(live, chosen.airframe, host, port, silent) if view else None
+    page = _page(live, chosen.airframe, silent, **where) if view else None
     until = math.inf if seconds is None else time.monotonic() + seconds
     try:
         live.start()
@@ -170,14 +175,13 @@ def monitor(
         raise unprinted[0]
 
 
-def _page(live: LiveMonitor, airframe: Airframe, host: str, port: int, silent: bool) -> LiveView:
+def _page(live: LiveMonitor, airframe: Airframe, silent: bool, **where: Any) -> LiveView:
     from thrustmargin.gcs_plugin.live.console import rowless_lines, status_lines
     from thrustmargin.gcs_plugin.view.live_view import LiveView
 
     page = LiveView(
         airframe,
-        host=host,
-        port=port,
+        **where,
         status=lambda: [*status_lines(live.status(), page=True), *rowless_lines(live.fleet)],
         clock=live.now_us,
         silent=silent,

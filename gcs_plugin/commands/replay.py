@@ -25,6 +25,7 @@ def replay(
     reading: Reading = AS_HEARD,
     port: int = 8080,
     host: str = "127.0.0.1",
+    token_file: Path | None = None,
     speed: float = 1.0,
     browser: bool = True,
     start_paused: bool = False,
@@ -46,17 +47,21 @@ def replay(
             model's, else that of topxgun-f16-sitl for a flight that is recognised as one of it.
         reading: How the log is read.
         port: Port of the page.
-        host: Address to serve the page on; only this computer can reach 127.0.0.1.
+        host: Address to serve the page on; only this computer can reach 127.0.0.1. On any other a
+            token is asked for, which is printed.
+        token_file: File with the token that a browser must know, instead of a new one each time.
         speed: Speed of the replay, 1 is real time; the page offers x1 to x60.
         browser: Open the page in the browser.
         start_paused: Wait at the start of the flight.
     """
     from thrustmargin.gcs_plugin.commands.inputs import chosen_model
     from thrustmargin.gcs_plugin.view.replay_view import run_replay
+    from thrustmargin.gcs_plugin.view.token_door import page_token
 
     rotor_model = chosen_model(model, airframe)
     older = None if before is None else chosen_model(before, rotor_model.airframe.name)
-    options = {"host": host, "port": port, "speed": speed, "paused": start_paused}
+    options = {"host": host, "port": port, "token": page_token(host, token_file)}
+    options |= {"speed": speed, "paused": start_paused}
     given = model is not None or airframe is not None
     view = replay_view(log, rotor_model, older, given=given, reading=reading, **options)
     run_replay(view, browser=browser)

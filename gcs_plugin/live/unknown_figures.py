@@ -64,3 +64,11 @@ def unknown_lines(figures: dict[str, str]) -> Iterable[str]:
     for reason in dict.fromkeys(figures.values()):
         names = [name for name, why in figures.items() if why == reason]
         yield f"unknown: {', '.join(names)}: {reason}"
+
+
+def stale_words(ages: dict[str, float]) -> str:
+    """One sentence, longest missing first; empty when all is fresh."""
+    if not ages:
+        return ""
+    parts = [f"{words} ({age:.0f} s)" for words, age in sorted(ages.items(), key=lambda a: -a[1])]
+    return "no longer reported: " + ", ".join(parts)

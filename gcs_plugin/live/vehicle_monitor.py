@@ -20,10 +20,10 @@ from thrustmargin.gcs_plugin.live.alarm import AlarmEvent, AlarmSettings
 from thrustmargin.gcs_plugin.live.outlook import LookAhead
 from thrustmargin.gcs_plugin.live.standing_alarms import Alarms
 from thrustmargin.gcs_plugin.live.tank_balance import virtual_gauge
-from thrustmargin.gcs_plugin.live.unknown_figures import ASKS
+from thrustmargin.gcs_plugin.live.unknown_figures import ASKS, stale_words
 from thrustmargin.gcs_plugin.live.update import Update
 from thrustmargin.gcs_plugin.live.vehicle_state import VehicleState, fold_mission
-from thrustmargin.gcs_plugin.live.vehicle_telemetry import LiveRows, VehicleTelemetry, stale_words
+from thrustmargin.gcs_plugin.live.vehicle_telemetry import LiveRows, VehicleTelemetry
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.mission.plan import MissionPlan

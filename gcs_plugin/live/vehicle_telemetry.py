@@ -304,14 +304,6 @@ class VehicleTelemetry:
         return ages
 
 
-def stale_words(ages: dict[str, float]) -> str:
-    """One sentence, longest missing first; empty when all is fresh."""
-    if not ages:
-        return ""
-    parts = [f"{words} ({age:.0f} s)" for words, age in sorted(ages.items(), key=lambda a: -a[1])]
-    return "no longer reported: " + ", ".join(parts)
-
-
 def _said(state: VehicleState) -> tuple[object, ...]:
     """What of a state rows depend on."""
     return id(state.parameters), state.kind, state.autopilot, state.component

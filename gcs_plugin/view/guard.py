@@ -6,12 +6,15 @@ that it points at this machine (DNS rebinding). Here every request must name thi
 address or `localhost` and never by another name, and a WebSocket must come from the very page that
 this server served. Pages may not be framed by others and may load nothing from elsewhere.
 
+An address that others can reach needs a `door` besides, which asks who they are.
+
 The port is opened here and handed to viser: a busy one is an error, never silently another one.
 """
 
 from __future__ import annotations
 
 import contextlib
+import errno
 import http
 import io
 import ipaddress
@@ -82,11 +85,21 @@ def open_port(host: str, port: int) -> socket.socket:
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
         return socket.create_server((host, port), family=family, backlog=64)
-    except (OSError, OverflowError) as error:
-        raise LinkError(
-            f"port {port} on {host} cannot be opened ({error}); "
-            "close the program that uses it or choose another with --port"
-        ) from error
+    except socket.gaierror as error:
+        raise LinkError(f"host {host!r} is not known; give an IP address with --host") from error
+    except OSError as error:
+        if error.errno in (errno.EADDRNOTAVAIL, 10049):  # 10049, 10013: as Windows numbers them
+            reason = f"{host} is no address of this computer; give --host one that is, or 0.0.0.0"
+        elif error.errno in (errno.EACCES, 10013):
+            reason = f"port {port} on {host} is not allowed here; choose --port 1024 or more"
+        else:
+            reason = (
+                f"port {port} on {host} cannot be opened ({error.strerror}); "
+                "close the program that uses it or choose another with --port"
+            )
+        raise LinkError(reason) from error
+    except OverflowError as error:
+        raise LinkError(f"--port {port} is none; ports are 0 to 65535") from error
 
 
 class PageAddition(Protocol):
@@ -99,18 +112,32 @@ class PageAddition(Protocol):
         ...
 
 
+#: Its own answer to a request, or None to let it in.
+Door = Callable[["ServerConnection", "Request"], "Response | None"]
+
+
 def guarded_server(
-    *, host: str = LOOPBACK, port: int = 8080, addition: PageAddition | None = None
+    *,
+    host: str = LOOPBACK,
+    port: int = 8080,
+    addition: PageAddition | None = None,
+    door: Door | None = None,
 ) -> viser.ViserServer:
-    """A viser server behind the checks above. Raises LinkError when the port cannot be opened."""
+    """A viser server behind the checks above.
+
+    Raises LinkError when the port cannot be opened, or others could reach it and no door is there.
+    """
     import viser
     import viser._messages as messages
 
     listening = open_port(host, port)
     loopback_only = ipaddress.ip_address(listening.getsockname()[0]).is_loopback
+    if not loopback_only and door is None:
+        listening.close()
+        raise LinkError(f"{host} can be reached by others: a page there needs a token")
     quiet = contextlib.redirect_stdout(io.StringIO())  # viser prints a banner of its own
     try:
-        with _handed_to_viser(listening, loopback_only, addition), quiet:
+        with _handed_to_viser(listening, loopback_only, addition, door), quiet:
             server = viser.ViserServer(host=host, port=port, label="thrustmargin", verbose=False)
     except BaseException:
         listening.close()
@@ -148,7 +175,10 @@ def stop_server(server: viser.ViserServer) -> None:
 
 @contextlib.contextmanager
 def _handed_to_viser(
-    listening: socket.socket, loopback_only: bool, addition: PageAddition | None
+    listening: socket.socket,
+    loopback_only: bool,
+    addition: PageAddition | None,
+    door: Door | None,
 ) -> Iterator[None]:
     """While viser starts, the WebSocket server that it makes is the guarded one on our socket."""
     import websockets.asyncio.server as server_module
@@ -159,7 +189,7 @@ def _handed_to_viser(
         def __init__(self, handler: Any, host: Any, port: Any, **settings: Any) -> None:
             del host, port
             settings["process_request"] = _guarded(
-                settings.get("process_request"), loopback_only, addition
+                settings.get("process_request"), loopback_only, addition, door
             )
             super().__init__(handler, sock=listening, **settings)
 
@@ -175,11 +205,14 @@ def _guarded(
     answer: Callable[[ServerConnection, Request], Response | None] | None,
     loopback_only: bool,
     addition: PageAddition | None,
+    door: Door | None,
 ) -> Callable[[ServerConnection, Request], Response | None]:
     def process_request(connection: ServerConnection, request: Request) -> Response | None:
         reason = refusal(request.headers, loopback_only=loopback_only)
         if reason is not None:
             return connection.respond(http.HTTPStatus.FORBIDDEN, reason + "\n")
+        if door is not None and (asked := door(connection, request)) is not None:
+            return asked
         response = None if addition is None else _added(connection, request, addition)
         if response is None and answer is not None:
             whole = addition is not None and urlsplit(request.path).path in ("/", "/index.html")

@@ -80,6 +80,7 @@ class LiveView(ViewPage, Subscriber):
         *,
         host: str = LOOPBACK,
         port: int = 8080,
+        token: str = "",
         status: Callable[[], list[str]] = list,
         clock: Callable[[], int] | None = None,
         silent: bool = False,
@@ -91,7 +92,7 @@ class LiveView(ViewPage, Subscriber):
             silent=silent,
             acknowledged=acknowledged,
         )
-        super().__init__("view", host=host, port=port, every=0.25, addition=self._bar)
+        super().__init__("view", host=host, port=port, token=token, every=0.25, addition=self._bar)
         self._airframe = airframe
         self._status = status
         self._heard = Heard(self.wake, clock)

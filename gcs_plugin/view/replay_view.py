@@ -57,10 +57,11 @@ class ReplayView(ViewPage):
         overlays: Sequence[Overlay] = (),
         host: str = LOOPBACK,
         port: int = 8080,
+        token: str = "",
         speed: float = 1.0,
         paused: bool = False,
     ) -> None:
-        super().__init__("replay", host=host, port=port, every=1 / TICK_HZ)
+        super().__init__("replay", host=host, port=port, token=token, every=1 / TICK_HZ)
         track = analysis.track
         if track.time_s.size == 0:
             raise DataError(f"{track.name}: no rows to replay; is the log empty?")

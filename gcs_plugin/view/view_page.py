@@ -11,6 +11,7 @@ import time
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.view.guard import (
@@ -20,6 +21,7 @@ from thrustmargin.gcs_plugin.view.guard import (
     is_loopback,
     stop_server,
 )
+from thrustmargin.gcs_plugin.view.token_door import asked_for
 from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
@@ -34,7 +36,8 @@ class ViewPage(ABC):
     """A page that one thread of its own draws, all `every` s and whenever it is woken.
 
     `start` opens it, `stop` ends it. What is on it is built by `_build` and drawn by `_draw`.
-    `what` names it for people; `port` 0 is any free one; `addition` is put on it besides viser's.
+    `what` names it for people; `port` 0 is any free one; `addition` is put on it besides viser's;
+    `token` is what a browser must know, empty for nothing.
     """
 
     def __init__(
@@ -43,10 +46,11 @@ class ViewPage(ABC):
         *,
         host: str,
         port: int,
+        token: str,
         every: float,
         addition: PageAddition | None = None,
     ) -> None:
-        self._addition = addition
+        self._addition, self._token = addition, token
         self.wake = threading.Event()  # set: draw at once
         self.draw_seconds: deque[float] = deque(maxlen=1000)  # how long the last drawings took
         self._what, self._host, self._port, self._every = what, host, port, every
@@ -65,14 +69,18 @@ class ViewPage(ABC):
 
     @property
     def url(self) -> str:
-        """Where the page is. Raises DataError before `start` and after `stop`."""
+        """Where the page is, with its token. Raises DataError before `start` and after `stop`."""
         if self._server is None:
             raise DataError("the view is not open; call start() first")
-        return f"http://{address_of(self._host)}:{self._server.get_port()}"
+        ends = f"/?token={self._token}" if self._token else ""
+        return f"http://{address_of(self._host)}:{self._server.get_port()}{ends}"
 
     def start(self) -> None:
         """Open the port, build the page and begin to draw. Raises LinkError for a taken port."""
-        self._server = guarded_server(host=self._host, port=self._port, addition=self._addition)
+        door = partial(asked_for, token=self._token) if self._token else None
+        self._server = guarded_server(
+            host=self._host, port=self._port, addition=self._addition, door=door
+        )
         self._build(self._server)
         self._thread = threading.Thread(
             target=self._run, args=(self._server,), name=f"{self._what}-page", daemon=True
@@ -94,7 +102,11 @@ class ViewPage(ABC):
         """Print where the page is, warn when others can reach it, and open the `browser`."""
         print(f"{self._what} at {self.url} - Ctrl-C ends it", flush=True)
         if not is_loopback(self._host):
-            print(f"on {self._host} anyone who can reach this computer can open it", flush=True)
+            print(
+                "others open it at this computer's address in their network, with this token, "
+                "which travels unencrypted: docs/live.md says how to put TLS before it",
+                flush=True,
+            )
         if browser:
             _open_browser(self.url)
 

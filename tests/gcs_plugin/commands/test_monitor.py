@@ -1,11 +1,15 @@
 """`thrustmargin monitor` as a process: fed over UDP, killed, on a full disk, and as a page."""
 
 import os
+import re
 import signal
 import socket
 import subprocess
+import sys
 import threading
 import time
+import urllib.error
+import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -279,3 +283,46 @@ def test_on_a_full_disk_the_monitor_goes_on_and_says_so_and_records_again_when_t
         assert set(kept) <= set(sent)
         assert kept[-1] == sent[-1]
         assert sample_table(session).num_rows > rows / 2
+
+
+MAIN = "import sys; from thrustmargin.gcs_plugin.cli import main; main(sys.argv[1:])"
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="no such signals here")
+@pytest.mark.parametrize("number", [signal.SIGTERM, getattr(signal, "SIGHUP", 1), signal.SIGINT])
+def test_sigterm_and_sighup_end_as_ctrl_c_does(sitl_logs, tmp_path, model_file, number):
+    port = free_udp_port()
+    options = ("--record", str(tmp_path), "--model", str(model_file), "--host", "0.0.0.0")
+    url = f"udpin:127.0.0.1:{port}"
+    monitor = subprocess.Popen(
+        [sys.executable, "-c", MAIN, "monitor", url, "--port", str(free_tcp_port()), *options],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert monitor.stdout is not None
+    page = monitor.stdout.readline().split()[2]
+    # Others can reach 0.0.0.0: the address that is printed opens it, and none without the token.
+    assert re.fullmatch(r"http://127\.0\.0\.1:\d+/\?token=[\w-]{20,}", page)
+    with urllib.request.build_opener(urllib.request.HTTPCookieProcessor()).open(page) as reply:
+        assert reply.status == 200
+    with pytest.raises(urllib.error.HTTPError, match="401"):
+        urllib.request.urlopen(page.partition("?")[0])
+    path = sitl_logs / "campaign" / "v4_m10_q2.5.tlog"
+    stream = command("stream", str(path), "--to", f"udpout:127.0.0.1:{port}", "--speed", "20")
+    session = recording_in(tmp_path)
+    deadline = time.monotonic() + 60
+    while not list((session / "samples").glob("*.parquet")):
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    monitor.send_signal(number)
+    said, told = monitor.communicate(timeout=60)
+    stream.kill()
+    stream.wait()
+    assert monitor.returncode == 130
+    assert "stopped; files that were finished are whole" in told
+    assert f"recording to {session}" in told
+    assert "Traceback" not in said + told
+    kept = list(stamped_frames(session / "telemetry.tlog"))
+    assert f"{len(kept)} messages" in told

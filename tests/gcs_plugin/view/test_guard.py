@@ -3,6 +3,7 @@
 import asyncio
 import http.client
 import socket
+from functools import partial
 from typing import Any
 
 import pytest
@@ -19,7 +20,8 @@ from thrustmargin.gcs_plugin.view.guard import (
     open_port,
     stop_server,
 )
-from thrustmargin.models.errors import LinkError
+from thrustmargin.gcs_plugin.view.token_door import asked_for, page_token
+from thrustmargin.models.errors import DataError, LinkError
 
 PROTOCOL = Subprotocol(f"viser-v{viser.__version__}")
 
@@ -37,18 +39,23 @@ def get(port: int, host: str) -> http.client.HTTPResponse:
     return connection.getresponse()
 
 
-def socket_opens(port: int, *, host: str, origin: Any) -> bool:
+def socket_opens(port: int, *, host: str, origin: Any, cookie: str = "") -> bool:
     """Whether a WebSocket is accepted and viser talks on it."""
 
     async def ask() -> bool:
         with socket.create_connection(("127.0.0.1", port)) as sock:
             try:
                 async with connect(
-                    f"ws://{host}/", sock=sock, origin=origin, subprotocols=[PROTOCOL], proxy=None
+                    f"ws://{host}/",
+                    sock=sock,
+                    origin=origin,
+                    subprotocols=[PROTOCOL],
+                    proxy=None,
+                    additional_headers={"Cookie": cookie} if cookie else None,
                 ) as link:
                     return len(await asyncio.wait_for(link.recv(), 5)) > 0
             except websockets.exceptions.InvalidStatus as refused:
-                return refused.response.status_code != 403
+                return refused.response.status_code not in (401, 403)
 
     return asyncio.run(ask())
 
@@ -157,3 +164,80 @@ def test_hosts_are_named_as_a_browser_needs_them():
 )
 def test_only_addresses_and_localhost_name_this_machine(host, loopback_only, own):
     assert names_this_machine(host, loopback_only=loopback_only) is own
+
+
+TOKEN = "field-pilot-2026"
+
+
+def asked(port: int, path: str = "/", cookie: str = "") -> http.client.HTTPResponse:
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=5)
+    headers = {"Host": f"127.0.0.1:{port}"} | ({"Cookie": cookie} if cookie else {})
+    connection.request("GET", path, headers=headers)
+    return connection.getresponse()
+
+
+def test_where_others_can_reach_it_nobody_gets_in_without_the_token():
+    open_to_all = guarded_server(host="0.0.0.0", port=0, door=partial(asked_for, token=TOKEN))
+    try:
+        port = open_to_all.get_port()
+        name, host = f"thrustmargin_{port}", f"127.0.0.1:{port}"
+        for path, cookie in (
+            ("/", ""),
+            ("/index.html", ""),
+            ("/?token=wrong-token-1", ""),
+            (f"/index.html?token={TOKEN}", ""),  # only the page that asks takes it
+            ("/", f"{name}=wrong"),
+            ("/", f"thrustmargin_1={TOKEN}"),
+            ("/", f"{name}={TOKEN}x"),
+        ):
+            reply = asked(port, path, cookie)
+            body = reply.read()
+            assert (reply.status, b"viser" in body) == (401, False), path
+            assert TOKEN.encode() not in body
+        assert not socket_opens(port, host=host, origin=f"http://{host}")
+        let_in = asked(port, f"/?token={TOKEN}")
+        assert (let_in.status, let_in.getheader("Location")) == (303, "/")
+        cookie = str(let_in.getheader("Set-Cookie"))
+        assert "HttpOnly" in cookie
+        assert "SameSite=Strict" in cookie
+        kept = cookie.partition(";")[0]
+        assert asked(port, "/", f"other=1; {kept}").status == 200
+        assert socket_opens(port, host=host, origin=f"http://{host}", cookie=kept)
+        # A cookie that some other site's page makes the browser send opens nothing there.
+        assert not socket_opens(port, host=host, origin="http://evil.example", cookie=kept)
+    finally:
+        stop_server(open_to_all)
+
+
+def test_without_a_token_there_is_no_page_for_others():
+    with pytest.raises(LinkError, match="needs a token"):
+        guarded_server(host="0.0.0.0", port=0)
+
+
+def test_a_token_is_made_or_read_and_must_be_long_enough(tmp_path):
+    assert page_token("127.0.0.1", None) == page_token("localhost", None) == ""
+    made = {page_token("0.0.0.0", None) for _ in range(3)}
+    assert len(made) == 3
+    assert all(len(token) >= 20 for token in made)
+    file = tmp_path / "token"
+    file.write_text(f"{TOKEN}\n")
+    assert page_token("127.0.0.1", file) == page_token("0.0.0.0", file) == TOKEN
+    for bad in ("short", "with a space in it", "semi;colon;semi;colon", ""):
+        file.write_text(bad)
+        with pytest.raises(DataError, match="12 or more letters"):
+            page_token("0.0.0.0", file)
+    with pytest.raises(DataError, match="cannot be read"):
+        page_token("0.0.0.0", tmp_path / "none")
+
+
+@pytest.mark.parametrize(
+    ("host", "port", "says"),
+    [
+        ("203.0.113.7", 0, "no address of this computer"),
+        ("no-such-host.invalid", 0, "is not known"),
+        ("127.0.0.1", 70_000, "ports are 0 to 65535"),
+    ],
+)
+def test_a_wrong_host_or_port_has_its_own_reason(host, port, says):
+    with pytest.raises(LinkError, match=says):
+        open_port(host, port)
