@@ -83,6 +83,11 @@ class MarginVerdict:
     redundancy_yaw_free_low: float  # ends of its 90 % interval
     redundancy_yaw_free_high: float
     not_survivable_s: float  # airborne time with redundancy, yaw uncontrolled, below 1
+    fill_kg: float = float("nan")  # largest that keeps both limits in hover, battery at its lowest
+    fill_low_kg: float = float("nan")  # ends of its 90 % interval
+    fill_high_kg: float = float("nan")
+    fill_start_kg: float = float("nan")  # the same with the battery as it was at the start
+    tank_start_kg: float = float("nan")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

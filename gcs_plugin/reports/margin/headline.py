@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from thrustmargin.gcs_plugin.reports.margin.data import Fact, Level, MarginVerdict, Moment
+from thrustmargin.gcs_plugin.wording.fill_words import amount
 from thrustmargin.gcs_plugin.wording.numbers import (
     UNKNOWN,
     clock,
@@ -32,9 +33,10 @@ _VERDICTS: Mapping[Level, str] = {
 }
 
 
-def headline(level: Level, limit: float) -> str:
-    """The verdict of a flight in capitals, to be read first."""
-    return _VERDICTS[level].format(limit=percent(limit))
+def headline(level: Level, limit: float, lost_s: float = 0.0) -> str:
+    """The verdict of a flight in capitals, to be read first; `lost_s` s no rotor could be lost."""
+    words = _VERDICTS[level].format(limit=percent(limit))
+    return f"{words} FOR {duration(lost_s).upper()}" if level == "critical" and lost_s else words
 
 
 def several_headline(levels: Sequence[Level], limit: float) -> tuple[Level, str]:
@@ -65,12 +67,36 @@ def facts(verdict: MarginVerdict, claim: AirframeClaim) -> tuple[Fact, ...]:
     if verdict.level == "near":
         above += "; the limit lies within the error"
     return (
+        Fact("what to do", action(verdict)),
         Fact("worst", moment_words(verdict.worst)),
         Fact(f"above {percent(verdict.limit)}", above),
         Fact("one rotor lost", _one_rotor_out(verdict)),
         Fact("from", verdict.basis),
         airframe,
     )
+
+
+def action(verdict: MarginVerdict) -> str:
+    """What the pilot does next time, for this air and this battery."""
+    fill = amount(verdict.fill_kg, verdict.fill_low_kg, verdict.fill_high_kg)
+    limit = percent(verdict.limit)
+    if not math.isfinite(verdict.fill_kg):
+        return "state mass and rotors in the airframe file: no fill can be worked out"
+    if verdict.fill_kg <= 0.0:
+        return "do not fill: even empty it is too heavy for this air and this battery"
+    fresh = verdict.fill_start_kg
+    more = f", {amount(fresh, fresh, fresh)} as long as it is fresh"
+    most = f"fill at most {fill} on this battery{more if fresh > verdict.fill_kg + 0.05 else ''}"
+    if verdict.level == "critical":
+        return f"{most}: with more it could not hold its weight after losing a rotor"
+    if verdict.level == "under":
+        return f"nothing: in hover up to {fill} stay within the limits on this battery"
+    if verdict.level == "near":
+        low = verdict.fill_low_kg
+        return f"to be sure, fill at most {amount(low, low, low)}; the limit is at {fill}"
+    if verdict.tank_start_kg > verdict.fill_kg:
+        return f"{most}, which is {limit} in hover"
+    return f"fly turns and climbs more gently: in hover up to {fill} are within {limit}"
 
 
 def load_facts(track: FlightTrack) -> tuple[Fact, ...]:

@@ -79,7 +79,10 @@ def report_flight(
     )
     seconds = track.row_seconds
     moments = worst_moments(analysis, airframe.rotor_names)
-    verdict = _verdict(analysis, seconds, limit, moments[0] if moments else None)
+    verdict = replace(
+        _verdict(analysis, seconds, limit, moments[0] if moments else None),
+        **_fills(analysis, as_flown, rows),
+    )
     return FlightReport(
         name=track.name,
         verdict=replace(verdict, facts=(*facts(verdict, analysis.claim), *load_facts(track))),
@@ -121,7 +124,7 @@ def _verdict(
             level = "critical"
     return MarginVerdict(
         level=level,
-        headline=headline(level, limit),
+        headline=headline(level, limit, lost_s),
         facts=(),
         limit=limit,
         one_rotor_out_use=one_rotor_out_use(analysis.model.airframe),
@@ -238,6 +241,27 @@ def _rotors(analysis: FlightAnalysis, seconds: Floats, limit: float) -> tuple[Js
         }
         for k, name in enumerate(analysis.model.airframe.rotor_names)
     )
+
+
+def _fills(
+    analysis: FlightAnalysis, as_flown: Airframe, rows: Mapping[str, Floats]
+) -> dict[str, float]:
+    """The largest fill that keeps both limits in hover, with its interval, and what was filled."""
+    track = analysis.track
+    most_kg = min(as_flown.tank_capacity_kg, as_flown.max_takeoff_mass - as_flown.empty_mass)
+    fill = np.minimum(rows["fill_limit_kg"], rows["fill_one_rotor_out_kg"])
+    flying, (first, _) = track.flying & np.isfinite(fill), end_rows(track)
+    if not np.any(flying):
+        return {}
+    row = int(np.argmin(np.where(flying, fill, np.inf)))
+    mass = as_flown.empty_mass + fill[row]
+    reach = np.nan_to_num(INTERVAL * analysis.redundancy_error[row])
+    ends = [min(float(mass * np.exp(k * reach)) - as_flown.empty_mass, most_kg) for k in (0, -1, 1)]
+    return {
+        **dict(zip(("fill_kg", "fill_low_kg", "fill_high_kg"), ends, strict=True)),
+        "fill_start_kg": min(median(fill[first]), most_kg),
+        "tank_start_kg": median(track.tank_kg[first]),
+    }
 
 
 def _redundancy(

@@ -20,6 +20,7 @@ from thrustmargin.gcs_plugin.reports.margin.data import (
     share,
 )
 from thrustmargin.gcs_plugin.reports.margin.headline import (
+    action,
     estimate,
     facts,
     headline,
@@ -222,12 +223,19 @@ VERDICT = MarginVerdict(
     redundancy_yaw_free_low=0.919,
     redundancy_yaw_free_high=0.919,
     not_survivable_s=93.0,
+    fill_kg=9.84,
+    fill_low_kg=9.1,
+    fill_high_kg=10.4,
+    fill_start_kg=13.0,
+    tank_start_kg=16.0,
 )
 
 
 def test_the_facts_give_part_amount_and_time():
     given = AirframeClaim(words="airframe my-quad, given")
     assert [f"{fact.label}: {fact.text}" for fact in facts(VERDICT, given)] == [
+        "what to do: fill at most 9.8 kg (9.1 to 10.4) on this battery, 13.0 kg as long as it is "
+        "fresh: with more it could not hold its weight after losing a rotor",
         "worst: rotor 2, rear left, at 0:53, turning right, spraying, 14.6 kg in the tank, "
         "158 m north, 5 m west of the start",
         "above 50 %: 1 min 56 s, 56 % of the flight",
@@ -248,6 +256,26 @@ def test_the_facts_give_part_amount_and_time():
     assert "`thrustmargin airframe new --from north.tlog`" in said[2]
     bare = replace(MOMENT, doing=(), tank_kg=NAN, north=NAN)
     assert moment_words(bare) == "rotor 2, rear left, at 0:53"
+
+
+def test_each_verdict_says_what_to_do():
+    def say(**changed):
+        return action(replace(VERDICT, **changed))
+
+    over = {"level": "over", "not_survivable_s": 0.0}
+    assert say(**over) == (
+        "fill at most 9.8 kg (9.1 to 10.4) on this battery, 13.0 kg as long as it is fresh, "
+        "which is 50 % in hover"
+    )
+    assert say(**over, tank_start_kg=8.0) == (
+        "fly turns and climbs more gently: in hover up to 9.8 kg (9.1 to 10.4) are within 50 %"
+    )
+    assert say(level="near") == (
+        "to be sure, fill at most 9.1 kg; the limit is at 9.8 kg (9.1 to 10.4)"
+    )
+    assert say(level="under").startswith("nothing: in hover up to 9.8 kg")
+    assert say(fill_kg=-1.0).startswith("do not fill: even empty")
+    assert "no fill can be worked out" in say(fill_kg=NAN)
 
 
 def test_what_was_inferred_has_its_interval_and_says_what_the_error_holds():
@@ -271,6 +299,8 @@ def test_what_was_inferred_has_its_interval_and_says_what_the_error_holds():
 def test_headlines_name_the_limit_and_count_flights():
     assert headline("over", 0.6) == "ABOVE THE 60 % LIMIT AT TIMES"
     assert headline("under", 0.5) == "BELOW THE 50 % LIMIT"
+    assert headline("critical", 0.5, 93.0) == "TOO HEAVY TO LOSE A ROTOR FOR 1 MIN 33 S"
+    assert headline("over", 0.5, 93.0) == "ABOVE THE 50 % LIMIT AT TIMES"
     levels: list[Level] = ["under", "critical", "over", "critical"]
     assert several_headline(levels, 0.5) == (
         "critical",

@@ -236,7 +236,8 @@ def test_without_a_tank_level_measured_use_stands_and_redundancy_is_unknown():
     assert report.verdict.worst is not None
     assert report.verdict.worst.basis == "measured"
     assert np.isnan(report.flight["liquid_used_kg"])
-    assert "tank level is unknown" in report.verdict.facts[2].text
+    said = {fact.label: fact.text for fact in report.verdict.facts}
+    assert "tank level is unknown" in said["one rotor lost"]
 
 
 @pytest.mark.parametrize(
@@ -326,3 +327,16 @@ def test_a_track_without_any_channel_is_reported_as_unknown():
     report = report_flight(*flight(track=bare), max_utilisation=0.5)
     assert report.verdict.level == "unknown"
     assert len(report.quality["missing"]) > 5
+
+
+def test_the_fill_advised_is_the_least_of_the_flight_and_that_of_its_start(analysis, report):
+    verdict, rows = report.verdict, report.rows
+    both = np.minimum(rows["fill_limit_kg"], rows["fill_one_rotor_out_kg"])
+    flying = analysis.track.flying
+    assert verdict.fill_kg == pytest.approx(both[flying].min())
+    row = int(np.argmin(np.where(flying, both, np.inf)))
+    mass, error = 21.1 + both[row], analysis.redundancy_error[row]
+    assert verdict.fill_low_kg == pytest.approx(mass * np.exp(-1.645 * error) - 21.1)
+    assert verdict.fill_high_kg == pytest.approx(mass * np.exp(1.645 * error) - 21.1)
+    assert verdict.fill_kg < verdict.fill_start_kg <= 16.0
+    assert verdict.tank_start_kg == pytest.approx(10.0, abs=0.3)
