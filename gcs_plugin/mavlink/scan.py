@@ -60,10 +60,10 @@ class Frames:
         """Frames of each id that is not known."""
         return dict(Counter(number for _, number in self.unverified))
 
-    def byte(self, version1: int, version2: int, rows: Index | slice = slice(None)) -> Bytes:
+    def byte(self, version1: int, version2: int) -> Bytes:
         """(n,) one byte of the frames' headers: its offset in MAVLink 1 and in MAVLink 2."""
-        start = self.start[rows]
-        return self.data[start + np.where(self.data[start] == V2, version2, version1)]
+        place = np.where(self.data[self.start] == V2, version2, version1)
+        return self.data[self.start + place]
 
     def unstamped(self) -> bool:
         """True when most frames begin where the one before ends, with no room for a stamp."""

@@ -26,6 +26,7 @@ from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.allocation import mixer
 
 KAPPA_FLOOR = 0.05
+MOST_AIRSPEED, AIRSPEED_STEP = 20.0, 0.1  # m/s of the table of a base model
 THRUST_FLOOR = 1e-3  # N: a rotor that would have to pull down stands still instead
 
 
@@ -69,12 +70,10 @@ def base_table(
     airframe: Airframe,
     *,
     thrust_coefficient: float,
-    max_airspeed: float = 20.0,
-    airspeed_step: float = 0.1,
 ) -> BaseTable:
     """Tabulate a base model: `speed(airspeed (N,), tank_kg (N,)) -> (N, R)` rpm."""
     tank_step_kg = airframe.tank_capacity_kg / 80.0 or 1.0
-    speeds = np.arange(0.0, max_airspeed + airspeed_step, airspeed_step)
+    speeds = np.arange(0.0, MOST_AIRSPEED + AIRSPEED_STEP, AIRSPEED_STEP)
     masses = np.arange(0.0, 1.5 * airframe.tank_capacity_kg + tank_step_kg, tank_step_kg)
     airspeed, tank_kg = (g.ravel() for g in np.meshgrid(speeds, masses, indexing="ij"))
     thrust = thrust_coefficient * speed(airspeed, tank_kg) ** 2
@@ -85,7 +84,7 @@ def base_table(
     control = np.linalg.pinv(rows @ shares)
     return BaseTable(
         thrust=thrust.reshape(speeds.size, masses.size, airframe.rotor_count),
-        airspeed_step=airspeed_step,
+        airspeed_step=AIRSPEED_STEP,
         tank_step_kg=tank_step_kg,
         thrust_coefficient=thrust_coefficient,
         effectiveness=airframe.rotor_effectiveness,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,14 +32,8 @@ class NetworkPoints:
     left_out: int  # points outside the model's training domain
 
 
-def network_points(
-    airframe: Airframe,
-    model: RotorModel,
-    *,
-    airspeeds: Sequence[float] = FIGURE_AIRSPEEDS,
-    tank_shares: Sequence[float] = FIGURE_TANK_SHARES,
-) -> NetworkPoints:
-    """What the model's network predicts over a grid of airspeed (m/s) and share of the tank.
+def network_points(airframe: Airframe, model: RotorModel) -> NetworkPoints:
+    """What the model's network predicts at the figure's airspeeds and shares of the tank.
 
     The model is asked in the air of its training, and Eq. 1 carries its speeds over to the air of
     its airframe's thrust curve, in which the figure is drawn. Raises ModelError when it was made
@@ -51,7 +44,9 @@ def network_points(
             f"the model was made for {model.airframe.name}, not for {airframe.name}; "
             "give --model a file trained on this aircraft"
         )
-    speed, share = (g.ravel() for g in np.meshgrid(airspeeds, tank_shares, indexing="ij"))
+    speed, share = (
+        g.ravel() for g in np.meshgrid(FIGURE_AIRSPEEDS, FIGURE_TANK_SHARES, indexing="ij")
+    )
     tank = share * airframe.tank_capacity_kg
     rows = speed.size
     still = np.zeros((rows, 3))

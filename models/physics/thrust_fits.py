@@ -57,17 +57,11 @@ class HoverFit:
     rows: int
 
 
-def fit_hover(
-    tracks: Sequence[FlightTrack],
-    airframe: Airframe,
-    *,
-    mass: float | None = None,
-) -> HoverFit:
+def fit_hover(tracks: Sequence[FlightTrack], airframe: Airframe) -> HoverFit:
     """Thrust coefficient and trim from the steady hover of flights with measured rotor speeds.
 
-    `mass` kg of the aircraft as it flew; without it the airframe's empty mass and the tank's
-    content. Of the airframe only its rotors' places, spin and effectiveness are used, and its empty
-    mass.
+    The aircraft weighs the airframe's empty mass and the tank's content. Of the airframe nothing
+    else is used but its rotors' places, spin and effectiveness.
     Raises DataError when there is too little steady hover with every rotor's speed.
     """
     parts, airs = [], []
@@ -80,8 +74,7 @@ def fit_hover(
         air = track_air(track)
         airs.append(air)
         density = air.density
-        load = track.measured("tank_kg")
-        carried = np.full(density.shape, mass) if mass else airframe.empty_mass + load
+        carried = airframe.empty_mass + track.measured("tank_kg")
         upright = np.cos(track.attitude[:, 0]) * np.cos(track.attitude[:, 1])
         weight = carried * G0 / upright
         squares = airframe.rotor_effectiveness * track.rotor_speed_rpm**2
@@ -93,7 +86,7 @@ def fit_hover(
         parts.append(np.column_stack([flight, when, weight[use], density[use], squares[use]]))
     table = np.concatenate(parts) if parts else np.empty((0, 4 + airframe.rotor_count))
     if len(table) < FEWEST_ROWS:
-        if all(not np.isfinite(track.tank_kg).any() for track in tracks) and mass is None:
+        if all(not np.isfinite(track.tank_kg).any() for track in tracks):
             raise DataError("what is on board is not known; give --load KG")
         raise DataError(
             f"{len(table)} rows of steady hover with the speed of every rotor, {FEWEST_ROWS} are "

@@ -17,6 +17,7 @@ from thrustmargin.models.physics.thrust_fits import fit_hover
 
 ROOT = Path(__file__).resolve().parents[3]
 F16 = load_airframe("topxgun-f16")
+F16_AT_25_KG = replace(F16, empty_mass=25.0)
 
 
 def hover(
@@ -42,11 +43,12 @@ def hover(
         velocity_ned=np.zeros((time_s.size, 3)),
         angular_rate_frd=np.zeros((time_s.size, 3)),
         altitude=np.zeros(time_s.size),
+        tank_kg=np.zeros(time_s.size),
     )
 
 
 def test_a_hover_gives_the_coefficient_it_was_made_with():
-    fit = fit_hover([hover(25.0, 2e-5)], F16, mass=25.0)
+    fit = fit_hover([hover(25.0, 2e-5)], F16_AT_25_KG)
     assert fit.coefficient.value == pytest.approx(2e-5)
     assert fit.reference_density == pytest.approx(1.225, rel=1e-4)
     assert [t.value for t in fit.trim] == pytest.approx([1.0] * 4)
@@ -54,7 +56,7 @@ def test_a_hover_gives_the_coefficient_it_was_made_with():
 
 def test_the_load_and_the_yaw_moment_stand_where_they_were_put():
     weight = 25.0 * G0
-    fit = fit_hover([hover(25.0, 2e-5, (-0.02 * weight, 0.03 * weight, 1.5))], F16, mass=25.0)
+    fit = fit_hover([hover(25.0, 2e-5, (-0.02 * weight, 0.03 * weight, 1.5))], F16_AT_25_KG)
     assert fit.load_place[0].value == pytest.approx(0.03)
     assert fit.load_place[1].value == pytest.approx(0.02)
     assert fit.yaw_split.value == pytest.approx(1.5 / F16.torque_ratio / weight)
@@ -63,14 +65,14 @@ def test_the_load_and_the_yaw_moment_stand_where_they_were_put():
 def test_the_interval_is_of_whole_flights_when_they_differ_more_than_their_rows():
     coefficients = (1.96e-5, 2.0e-5, 2.04e-5)
     flights = [hover(25.0, a, seed=k, noise=0.005) for k, a in enumerate(coefficients)]
-    found = fit_hover(flights, F16, mass=25.0).coefficient
+    found = fit_hover(flights, F16_AT_25_KG).coefficient
     # Spread of three means, Student's t with two degrees of freedom: 4.303 x 0.04 / sqrt(3).
     assert (found.high - found.low) / 2 == pytest.approx(4.303 * 0.04e-5 / np.sqrt(3), rel=0.05)
 
 
 def test_thin_air_is_put_in_before_flights_are_compared():
     thin = replace(hover(25.0, 1.8e-5), altitude=np.full(600, 870.0))  # 8 % thinner
-    fit = fit_hover([hover(25.0, 2e-5), thin], F16, mass=25.0)
+    fit = fit_hover([hover(25.0, 2e-5), thin], F16_AT_25_KG)
     at_sea_level = fit.coefficient.value * 1.225 / fit.reference_density
     assert at_sea_level == pytest.approx(1.96e-5, rel=0.01)
 
@@ -88,13 +90,13 @@ def test_what_is_no_hover_is_not_taken():
     ):
         assert not hover_rows(moved).any()
         with pytest.raises(DataError, match="0 rows of steady hover"):
-            fit_hover([moved], F16, mass=25.0)
+            fit_hover([moved], F16_AT_25_KG)
     assert hover_rows(replace(track, airspeed=np.full(600, np.nan))).all()
 
 
 def test_a_flight_of_another_aircraft_is_refused():
     with pytest.raises(DataError, match="give flights of this aircraft"):
-        fit_hover([hover(25.0, 2e-5)], load_airframe("agras-t40"), mass=25.0)
+        fit_hover([hover(25.0, 2e-5)], load_airframe("agras-t40"))
 
 
 def test_recorded_slow_flights_give_the_simulators_own_curve():
