@@ -95,7 +95,7 @@ def test_text_from_a_log_is_shown_and_never_run():
     analysis = flight(name=evil)
     html = gauges_html(ShownRow(analysis, 0), evil, f"</div>{evil}")
     assert "<img" not in html
-    assert html.count("&lt;img src=x onerror=&quot;alert(1)&quot;&gt;") == 2
+    assert html.count("&lt;img src=x onerror=&#34;alert(1)&#34;&gt;") == 2
 
 
 @pytest.mark.parametrize("name", ["topxgun-f16", "agras-t20", "agras-t40"])
