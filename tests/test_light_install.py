@@ -16,6 +16,7 @@ WITHOUT_TORCH = {
     "demo": [FLIGHT, *VIEW],
     "airframe": ["check", "topxgun-f16-sitl", FLIGHT],
     "fetch": ["mission", "--help"],
+    "fill": ["--airframe", "topxgun-f16"],
     "identify": [FLIGHT],
     "inspect": [FLIGHT],
     "match": ["--airframe", "topxgun-f16"],
