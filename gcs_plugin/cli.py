@@ -7,6 +7,7 @@ Exit codes: 0 done, 1 the input or the environment does not allow it, 2 the comm
 from __future__ import annotations
 
 import contextlib
+import difflib
 import io
 import os
 import signal
@@ -15,32 +16,39 @@ from collections.abc import Callable, Sequence
 from importlib import import_module
 from typing import Any
 
-import tyro
-
-from thrustmargin.gcs_plugin.commands.options import UsageError, refuse_renamed
-from thrustmargin.gcs_plugin.mavlink.layouts import clean_lines
+from thrustmargin.gcs_plugin.commands.options import QUIET, UsageError, refuse_renamed
+from thrustmargin.gcs_plugin.mavlink.text import clean_lines
 from thrustmargin.models.errors import ThrustMarginError
 
-#: subcommand -> module of thrustmargin.gcs_plugin.commands that holds a function of the same name.
-COMMANDS = (
-    "airframe",
-    "demo",
-    "fetch",
-    "fill",
-    "identify",
-    "inspect",
-    "match",
-    "monitor",
-    "replay",
-    "report",
-    "stream",
-    "train",
-)
+#: Subcommand, a module of thrustmargin.gcs_plugin.commands that holds a function of the same name
+#: -> the first words of its docstring, here so that the help loads none of them.
+COMMANDS = {
+    "airframe": "Make, show and check the file of an aircraft",
+    "demo": "Show what thrustmargin does",
+    "fetch": "Download the mission or a flight log from the vehicle",
+    "fill": "Say how much liquid to fill for a day, and how that changes with air and battery",
+    "identify": "Find what a rotor speed model lacks",
+    "inspect": "Show what a log holds",
+    "match": "Match an aircraft's load with its power system",
+    "monitor": "Watch every aircraft on a link",
+    "replay": "Replay a recorded flight",
+    "report": "Write a margin report of one or more flights",
+    "stream": "Play a telemetry log onto the network as if the vehicle were there",
+    "train": "Train the rotor speed model of one aircraft on its own good flights",
+}
 
-DESCRIPTION = (
-    "How much thrust a spraying multirotor has left, and why. "
-    "Example: thrustmargin report sitl_logs/campaign/v4_m16_q2.5.tlog"
-)
+USAGE = """usage: thrustmargin COMMAND [OPTIONS]
+
+How much thrust a spraying multirotor has left, and why.
+Example: thrustmargin report sitl_logs/campaign/v4_m16_q2.5.tlog
+
+commands:
+{commands}
+options:
+  -h, --help  this help; after a command, that command's
+  --version   the version that is installed
+  --quiet     with any command: print nothing but results that go to standard output, and errors
+"""
 
 
 def command_function(name: str) -> Callable[..., Any]:
@@ -74,16 +82,29 @@ def _end_as_by_ctrl_c() -> None:
         signal.signal(number, end)
 
 
+def usage() -> str:
+    """The help that lists the commands."""
+    wide = max(map(len, COMMANDS))
+    lines = [f"  {name:{wide}}  {what}\n" for name, what in COMMANDS.items()]
+    return USAGE.format(commands="".join(lines))
+
+
+def not_a_command(name: str) -> str:
+    """What to say of a command that is none, with those that may be meant."""
+    near = difflib.get_close_matches(name, COMMANDS, n=2, cutoff=0.6)
+    meant = f"; did you mean {' or '.join(near)}?" if near else ""
+    return f"no command {name!r}{meant} (thrustmargin --help lists them)"
+
+
 def run(argv: Sequence[str]) -> int:
     """Run one subcommand; returns the exit code. Raises SystemExit(2) for a wrong command line."""
-    chosen = [name for name in argv[:1] if name in COMMANDS]
-    functions = {name: command_function(name) for name in chosen or COMMANDS}
+    options = list(argv[: argv.index("--")] if "--" in argv else argv)
+    if "--quiet" in options:
+        os.environ[QUIET] = "1"
+        argv = [word for word in options if word != "--quiet"] + list(argv[len(options) :])
     try:
-        refuse_renamed(argv)
         try:
-            outcome = tyro.extras.subcommand_cli_from_dict(
-                functions, prog="thrustmargin", description=DESCRIPTION, args=list(argv)
-            )
+            outcome = _answer(argv)
         finally:
             _flush()
     except ThrustMarginError as error:
@@ -99,6 +120,28 @@ def run(argv: Sequence[str]) -> int:
         _complain("stopped; files that were finished are whole")
         return 130
     return outcome if isinstance(outcome, int) else 0
+
+
+def _answer(argv: Sequence[str]) -> Any:
+    """What the command says, or the help, or the version."""
+    first = argv[0] if argv else ""
+    if first in ("", "-h", "--help"):
+        print(usage(), end="", file=sys.stdout if first else sys.stderr)
+        return 0 if first else 2
+    if first == "--version":
+        from importlib.metadata import version
+
+        print(f"thrustmargin {version('thrustmargin')}")
+        return 0
+    if first not in COMMANDS and not first.startswith("--tyro"):
+        _complain(not_a_command(first))
+        raise SystemExit(2)
+    refuse_renamed(argv)
+    chosen = [first] if first in COMMANDS else [*COMMANDS]
+    functions = {name: command_function(name) for name in chosen}
+    import tyro  # takes half of the time of a help that needs nothing of it
+
+    return tyro.extras.subcommand_cli_from_dict(functions, prog="thrustmargin", args=list(argv))
 
 
 def _complain(words: str) -> None:

@@ -40,7 +40,7 @@ class FetchMission(FetchFrom):
     Example: thrustmargin fetch mission udpin:127.0.0.1:14550 -o field.plan
     """
 
-    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])] = Path("mission.plan")
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o", "--out"])] = Path("mission.plan")
     """File to write."""
 
 
@@ -51,7 +51,7 @@ class FetchLog(FetchFrom):
     Example: thrustmargin fetch log /dev/ttyACM0,115200 --id 12 -o flight.BIN
     """
 
-    output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
+    output: Annotated[Path | None, tyro.conf.arg(aliases=["-o", "--out"])] = None
     """File to write; without it log_NUMBER.BIN (.ulg from PX4) in this folder."""
     list: bool = False
     """Only show which logs the vehicle holds."""

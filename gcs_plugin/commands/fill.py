@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,7 @@ from rich import box
 from rich.table import Table
 
 from thrustmargin.gcs_plugin.commands.options import (
+    STDOUT,
     Output,
     UsageError,
     check_outputs,
@@ -57,7 +59,8 @@ def fill(
         max_utilisation: Largest share of a rotor's maximum thrust that may be in use.
         rotor_lost: Whether one rotor lost must be survived, yaw uncontrolled.
         out: Page to write (.html), for print or screen.
-        json: Write the numbers as JSON to this file.
+        json: Write the numbers as JSON to this file (.json); - is standard output, and nothing
+            else.
     """
     from thrustmargin.gcs_plugin.commands.inputs import chosen_model
     from thrustmargin.gcs_plugin.reports.fill import fill_table as made
@@ -70,7 +73,10 @@ def fill(
     _check("--speed", speed, 0.0, 60.0, "m/s")
     _check("--wind", wind, 0.0, 60.0, "m/s")
     check_outputs(
-        (Output("--out", out, endings=(".html", ".htm")), Output("--json", json)),
+        (
+            Output("--out", out, endings=(".html", ".htm")),
+            Output("--json", json, endings=(".json",)),
+        ),
         inputs=[model, airframe],
     )
     rotor_model = chosen_model(model, airframe)
@@ -90,14 +96,16 @@ def fill(
         temperatures_c=TEMPERATURES_C,
         altitudes=ALTITUDES,
     )
-    console = Terminal(soft_wrap=True)
+    console = Terminal(soft_wrap=True, quiet=json == STDOUT)
     console.print(table.advice, style="bold")
     for sentence in made.conditions(table):
         console.print(f"  {sentence}")
     for state, volts in table.voltages.items():
         console.print(_grid(table, state, volts, made.temperatures(table)))
     for path, text in ((out, made.html_text), (json, made.json_text)):
-        if path is not None:
+        if path == STDOUT:
+            sys.stdout.write(text(table))
+        elif path is not None:
             with whole_file(path) as draft:
                 draft.write_text(text(table), encoding="utf-8")
             console.print(f"wrote {path}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -10,6 +11,12 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 from tyro.conf import Positional
 
+from thrustmargin.gcs_plugin.commands.options import (
+    STDOUT,
+    Output,
+    check_outputs,
+    require_logs,
+)
 from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading, ReadingOptions
 from thrustmargin.models.errors import (
     DataError,
@@ -58,7 +65,7 @@ def identify(
         held_out: Flights that are not learnt from, on which the error is stated.
         reading: How the logs are read.
         out: New model file to write, with the effects added; the old one stays.
-        json: Write the result as JSON to this file.
+        json: Write the result as JSON to this file (.json); - is standard output, and nothing else.
         html: Write a page with the residual before and after to this file.
         next_flight: Write the flight that would tell apart what these flights cannot as a mission,
             a QGroundControl .plan file about the place where they were flown.
@@ -69,7 +76,6 @@ def identify(
     from datetime import UTC, datetime
 
     from thrustmargin.gcs_plugin.commands.inputs import starting_model
-    from thrustmargin.gcs_plugin.commands.options import Output, check_outputs, require_logs
     from thrustmargin.gcs_plugin.commands.terminal import Terminal, steps
     from thrustmargin.gcs_plugin.reports.identify.identify_result import result_of
     from thrustmargin.models.identification.loop import identify as search
@@ -80,7 +86,7 @@ def identify(
     check_outputs(
         (
             Output("--out", out, endings=(".safetensors",), keep=not force),
-            Output("--json", json),
+            Output("--json", json, endings=(".json",)),
             Output("--html", html, endings=(".html", ".htm")),
             Output("--next-flight", next_flight, endings=(".plan",), keep=not force),
         ),
@@ -111,7 +117,8 @@ def identify(
         )
         progress("writing", 0.0)
         written = write_result(result, out=out, json=json, html=html, mission=next_flight)
-    show(result, written)
+    if json != STDOUT:
+        show(result, written)
     if next_flight is not None and next_flight not in written:
         errors.print(f"no {next_flight}: no flight would tell more")
     return 1 if result.not_used else 0
@@ -181,6 +188,9 @@ def write_result(
 
     following = result.following
     mission = None if following is None else mission
+    if json == STDOUT:
+        sys.stdout.write(json_text(result))
+        json = None
     wanted = [path for path in (out, json, html, mission) if path is not None]
     try:
         with ExitStack() as files:

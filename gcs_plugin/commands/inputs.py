@@ -90,8 +90,15 @@ def read_logs(
         try:
             yield read_flight(path, model, given=given, reading=reading)
         except skipped as error:
-            reason = str(error).removeprefix(f"{path.name}: ")
-            unused.append(UnusedLog(name=path.name, reason=reason))
+            unused.append(UnusedLog(name=path.name, reason=_unnamed(error, path)))
+
+
+def _unnamed(error: Exception, path: Path) -> str:
+    """What went wrong, without the name that stands before it already."""
+    words = str(error)
+    for named in (f"{path}: ", f"{path.name}: ", f"{path} ", f"{path.name} "):
+        words = words.removeprefix(named)
+    return words.replace(str(path), "it")
 
 
 def claimed(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json as json_module
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,7 +15,7 @@ from rich.table import Table
 from rich.text import Text
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.options import Output, check_outputs, require_logs
+from thrustmargin.gcs_plugin.commands.options import STDOUT, Output, check_outputs, require_logs
 from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading, ReadingOptions
 from thrustmargin.gcs_plugin.commands.terminal import Terminal
 from thrustmargin.models.errors import LogError, ThrustMarginError
@@ -48,13 +49,13 @@ def inspect(
         airframe: Name of a shipped airframe, or your airframe file (.toml); without it
             topxgun-f16-sitl is taken when the flight is recognised as one of it.
         reading: How the logs are read.
-        json: Write the same as JSON to this file.
+        json: Write the same as JSON to this file (.json); - is standard output, and nothing else.
     """
     from thrustmargin.gcs_plugin.logs.inspection import as_json
 
-    console, errors = Terminal(), Terminal(stderr=True)
+    console, errors = Terminal(quiet=json == STDOUT), Terminal(stderr=True)
     require_logs(logs)
-    check_outputs([Output("--json", json)], inputs=[*logs, airframe])
+    check_outputs([Output("--json", json, endings=(".json",))], inputs=[*logs, airframe])
     done, failed = [], 0
     for path in logs:
         try:
@@ -69,10 +70,13 @@ def inspect(
             continue
         _print(console, inspection)
         done.append(as_json(inspection))
-    if json is not None:
+    text = json_module.dumps(done, indent=2) + "\n"
+    if json == STDOUT:
+        sys.stdout.write(text)
+    elif json is not None:
         try:
             with whole_file(json) as draft:
-                draft.write_text(json_module.dumps(done, indent=2) + "\n", encoding="utf-8")
+                draft.write_text(text, encoding="utf-8")
         except OSError as error:
             raise LogError(f"cannot write {json}: {error.strerror or error}") from error
         console.print(f"wrote {json}", soft_wrap=True)

@@ -8,6 +8,13 @@ from pathlib import Path
 
 from thrustmargin.models.errors import DataError, ThrustMarginError
 
+#: Set in the environment by --quiet, so that processes of ours are quiet too.
+QUIET = "THRUSTMARGIN_QUIET"
+
+
+#: `--json -`: the JSON, and nothing else, goes to standard output.
+STDOUT = Path("-")
+
 
 class UsageError(ThrustMarginError):
     """The command line is wrong: exit code 2."""
@@ -72,7 +79,7 @@ def check_outputs(outputs: Iterable[Output], *, inputs: Iterable[Path | str | No
     taken: set[str] = set()
     for output in outputs:
         path = output.path
-        if path is None:
+        if path is None or path == STDOUT:
             continue
         if output.endings and path.suffix.lower() not in output.endings:
             raise DataError(f"cannot write {path}; end its name in {' or '.join(output.endings)}")

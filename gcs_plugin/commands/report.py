@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,6 +10,7 @@ import tyro
 from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.options import (
+    STDOUT,
     Output,
     check_outputs,
     check_utilisation,
@@ -28,7 +30,8 @@ def report(
     model: Path | None = None,
     airframe: str | None = None,
     reading: Reading = AS_HEARD,
-    out: Path = Path("report.html"),
+    out: Path | None = None,
+    json: Path | None = None,
     max_utilisation: float = 0.5,
 ) -> int:
     """Write a margin report of one or more flights: how close it was, where, and with which rotor.
@@ -45,25 +48,30 @@ def report(
         airframe: Name of a shipped airframe, or an airframe file (.toml); without it the
             model's, else that of topxgun-f16-sitl for a flight that is recognised as one of it.
         reading: How the logs are read.
-        out: Page to write (.html).
+        out: Page to write (.html); without it report.html, unless --json is given.
+        json: Write the numbers as JSON to this file (.json); - is standard output, and nothing
+            else.
         max_utilisation: Largest share of a rotor's maximum thrust that may be in use.
     """
     from thrustmargin.gcs_plugin.commands.inputs import chosen_model, listed, read_logs
     from thrustmargin.gcs_plugin.reports.margin import build_report
-    from thrustmargin.gcs_plugin.reports.margin.render import write_report
+    from thrustmargin.gcs_plugin.reports.margin.render import json_text, write_report
     from thrustmargin.models.model.analysis import analyse
+    from thrustmargin.models.whole_file import whole_file
 
     console = Terminal(stderr=True, soft_wrap=True)
     require_logs(logs)
     check_utilisation(max_utilisation)
-    check_outputs(
-        (
+    if out is None and json is None:
+        out = Path("report.html")
+    outputs = [Output("--json", json, endings=(".json",))]
+    if out is not None:
+        outputs += [
             Output("--out", out, endings=(".html", ".htm")),
             Output("--out", out.with_suffix(".json")),
             Output("--out", out.with_suffix(".csv")),
-        ),
-        inputs=[*logs, model, airframe],
-    )
+        ]
+    check_outputs(outputs, inputs=[*logs, model, airframe])
     rotor_model = chosen_model(model, airframe)
     unread: list[UnusedLog] = []
     read = read_logs(
@@ -80,11 +88,20 @@ def report(
         raise DataError(listed(unread))
     with console.status("writing the report"):
         made = build_report(flights, max_utilisation=max_utilisation, unread=unread)
+        written = None
         try:
-            written = write_report(made, out)
+            if out is not None:
+                written = write_report(made, out)
+            text = json_text(made, "" if written is None else written.csv.name)
+            if json == STDOUT:
+                sys.stdout.write(text)
+            elif json is not None:
+                with whole_file(json) as draft:
+                    draft.write_bytes(text.encode("utf-8", "replace"))
         except OSError as error:
-            raise DataError(f"cannot write {out}: {error.strerror or error}") from error
-    summary = Terminal(soft_wrap=True)
+            where = error.filename or out or "standard output"
+            raise DataError(f"cannot write {where}: {error.strerror or error}") from error
+    summary = Terminal(soft_wrap=True, quiet=json == STDOUT)
     for flight in made.flights:
         verdict = flight.verdict
         summary.print(f"{flight.name}: {verdict.headline}", style="bold")
@@ -92,5 +109,8 @@ def report(
             summary.print(f"  {fact.label}: {fact.text}")
     for log in unread:
         console.print(f"not read: {log.name}: {log.reason}")
-    summary.print(f"wrote {written.html}, {written.json.name} and {written.csv.name}")
+    if written is not None:
+        summary.print(f"wrote {written.html}, {written.json.name} and {written.csv.name}")
+    if json is not None:
+        summary.print(f"wrote {json}")
     return 1 if unread else 0

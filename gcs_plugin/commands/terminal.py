@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -10,13 +11,19 @@ from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.segment import Segment
 
-from thrustmargin.gcs_plugin.mavlink.layouts import clean_lines
+from thrustmargin.gcs_plugin.commands.options import QUIET
+from thrustmargin.gcs_plugin.mavlink.text import clean_lines
 
 
 class Terminal(Console):
-    """A rich console for text from anywhere: markup, emoji codes and control bytes stay text."""
+    """A rich console for text from anywhere: markup, emoji codes and control bytes stay text.
+
+    With --quiet standard output is silent, and standard error has words and no progress.
+    """
 
     def __init__(self, *, stderr: bool = False, soft_wrap: bool = False, **options: Any) -> None:
+        if os.environ.get(QUIET):
+            options |= {"force_terminal": False} if stderr else {"quiet": True}
         super().__init__(
             stderr=stderr,
             soft_wrap=soft_wrap,

@@ -84,8 +84,8 @@ class SenderWatch:
     @property
     def shared(self) -> bool:
         """True while two vehicles send under this id."""
-        if self._by_clocks:
-            return True
+        if self._by_clocks or not self._returns:
+            return self._by_clocks
         recent = [at for at in self._returns if self.frames - at < RETURNS_WITHIN]
         self._returns = recent
         return len(recent) >= RETURNS

@@ -10,13 +10,13 @@ from thrustmargin.gcs_plugin.live.update import Update
 from thrustmargin.gcs_plugin.live.vehicle_monitor import VehicleMonitor, WatchSettings
 from thrustmargin.gcs_plugin.live.vehicle_state import (
     GROUND_STATION,
-    MISSION_MESSAGES,
     NO_AUTOPILOT,
+    OF_MISSION,
 )
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
-from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.models.model.rotor_model import RotorModel
 
+HEARTBEAT = 0  # message id
 STATIONS = (0, 255)  # system ids that are never vehicles
 
 
@@ -52,12 +52,11 @@ class Fleet:
     def take(self, frames: Sequence[Frame]) -> None:
         """Frames in the order in which they came, of any sender."""
         for frame in frames:
-            name = layouts()[frame.id].name if frame.verified else ""
             if frame.system in self._stations:
-                if name in MISSION_MESSAGES:
+                if frame.verified and frame.id in OF_MISSION:
                     self._overhear(frame)
                 continue
-            if name == "HEARTBEAT" and _is_station(frame):
+            if frame.verified and frame.id == HEARTBEAT and _is_station(frame):
                 self._stations.add(frame.system)
                 self._watches.pop(frame.system, None)
                 continue

@@ -284,12 +284,13 @@ class LiveMonitor:
 
     def _publish(self, update: Update) -> None:
         if self.recorder is not None:
-            final = sample_batch(update, slice(update.unsettled, update.settled))
+            rows = sample_batch(update, slice(update.unsettled, None))
+            settled = update.settled - update.unsettled
             self.recorder.samples(
                 update.vehicle,
                 update.boot,
-                final,
-                sample_batch(update, slice(update.settled, None)),
+                rows.slice(0, settled),
+                rows.slice(settled),
             )
         for event in update.events:
             row = int(np.searchsorted(update.clock_s, event.time_s))

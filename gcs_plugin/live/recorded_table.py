@@ -66,7 +66,18 @@ def sample_batch(update: Update, new: slice) -> pa.RecordBatch:
         "margin_ahead": np.full(rows, update.outlook.margin_ahead),
         "seconds_to_empty": np.full(rows, update.outlook.seconds_to_empty),
     }
-    return pa.record_batch({name: np.ascontiguousarray(v) for name, v in table.items()})
+    return pa.RecordBatch.from_arrays([_column(v) for v in table.values()], names=list(table))
+
+
+def _column(values: np.ndarray) -> pa.Array:
+    """Numbers as an Arrow column; pyarrow's own way of an array first imports pandas, if it can."""
+    import pyarrow as pa
+
+    kinds = {"f8": pa.float64(), "i2": pa.int16(), "i1": pa.int8(), "b1": pa.bool_()}
+    kind = kinds[values.dtype.str[1:]]
+    packed = np.packbits(values, bitorder="little") if kind == pa.bool_() else values
+    data = pa.py_buffer(np.ascontiguousarray(packed))
+    return pa.Array.from_buffers(kind, values.size, [None, data])
 
 
 def _spread(table: dict[str, Any], names: list[str], values: np.ndarray) -> None:

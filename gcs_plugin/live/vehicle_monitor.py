@@ -111,7 +111,7 @@ class VehicleMonitor:
                 f"two vehicles send as system {self.system}: nothing is computed; "
                 "give each its own id (SYSID_THISMAV)"
             )
-        if self.rows == 0 and self.state.stamp_us - self._first_us > ROWLESS * 1e6:
+        if self.rows == 0 and self.telemetry.stamp_us - self._first_us > ROWLESS * 1e6:
             return self.telemetry.problem or f"{NO_ROWS}; {ASKS}"
         return self.telemetry.problem
 
@@ -123,7 +123,7 @@ class VehicleMonitor:
     @property
     def shared(self) -> bool:
         """True while two vehicles send under this id."""
-        return self.state.stamp_us < self.shared_until_us
+        return self.telemetry.stamp_us < self.shared_until_us
 
     @property
     def waiting(self) -> bool:
@@ -155,7 +155,7 @@ class VehicleMonitor:
         self._first_us = self._first_us or frame.stamp_us
         if frame.stamp_us < self.shared_until_us:
             # A mix of two aircraft must not pass for one: heard, but not used.
-            self.telemetry.state = replace(self.state, stamp_us=frame.stamp_us)
+            self.telemetry.stamp_us = frame.stamp_us
             self.telemetry.forget()
             return
         self.telemetry.take(frame)
@@ -290,7 +290,7 @@ class VehicleMonitor:
         if not self.seen:
             return []
         # Frames that came and were not taken yet may hold the rotor speeds.
-        behind = (self.state.stamp_us - self._rotor_us) * 1e-6
+        behind = (self.telemetry.stamp_us - self._rotor_us) * 1e-6
         return self.alarms.heard(
             now_us * 1e-6,
             self.silent(now_us),
@@ -305,7 +305,7 @@ class VehicleMonitor:
 
     @property
     def _last_us(self) -> int:
-        return max(self.state.stamp_us, self._heard_us.get(self.system, 0))
+        return max(self.telemetry.stamp_us, self._heard_us.get(self.system, 0))
 
     def stale(self, now_us: int) -> str:
         """Which fields are no longer reported and since when, in words; empty when none is.
@@ -315,8 +315,8 @@ class VehicleMonitor:
         """
         if self.shared or self.silent(now_us) > self.alarms.settings.silence:
             return ""
-        waits = self._last_us > self.state.stamp_us
-        return stale_words(self.telemetry.stale(self.state.stamp_us if waits else now_us))
+        waits = self._last_us > self.telemetry.stamp_us
+        return stale_words(self.telemetry.stale(self.telemetry.stamp_us if waits else now_us))
 
     @property
     def flying(self) -> bool:

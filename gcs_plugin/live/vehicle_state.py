@@ -10,7 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
-from thrustmargin.gcs_plugin.mavlink.layouts import layouts, printable
+from thrustmargin.gcs_plugin.mavlink.layouts import layouts
+from thrustmargin.gcs_plugin.mavlink.text import printable
 from thrustmargin.gcs_plugin.telemetry.recording import Waypoint
 from thrustmargin.gcs_plugin.telemetry.vehicle_kind import vehicle_facts
 from thrustmargin.models.vehicle_facts import VehicleFacts
@@ -19,6 +20,11 @@ ARDUPILOT, NO_AUTOPILOT = 3, 8  # MAV_AUTOPILOT_ARDUPILOTMEGA, MAV_AUTOPILOT_INV
 GROUND_STATION = 6  # MAV_TYPE_GCS
 ARMED = 0x80  # MAV_MODE_FLAG_SAFETY_ARMED
 MISSION_MESSAGES = ("MISSION_ITEM_INT", "MISSION_ITEM", "MISSION_COUNT")
+
+#: Ids of the frames that change a state: these, HEARTBEAT and PARAM_VALUE.
+OF_MISSION = frozenset(n for n, m in layouts().items() if m.name in MISSION_MESSAGES)
+OF_ITSELF = frozenset(n for n, m in layouts().items() if m.name in ("HEARTBEAT", "PARAM_VALUE"))
+SAYS = OF_MISSION | OF_ITSELF
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -30,7 +36,6 @@ class VehicleState:
     kind: int = -1  # MAV_TYPE
     autopilot: int = -1  # MAV_AUTOPILOT
     armed: bool = False
-    stamp_us: int = 0  # ground's clock when anything last came
     parameters: Mapping[str, float] = field(default_factory=dict)
     mission: Mapping[int, Waypoint] = field(default_factory=dict)
 
@@ -41,8 +46,7 @@ class VehicleState:
 
 
 def fold(state: VehicleState, frame: Frame) -> VehicleState:
-    """The state after one more frame of this vehicle."""
-    state = replace(state, stamp_us=frame.stamp_us)
+    """The state after one more frame of this vehicle; the same one for frames not in `SAYS`."""
     name = layouts()[frame.id].name if frame.verified else ""
     if name in MISSION_MESSAGES:
         return fold_mission(state, frame)

@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.gcs_plugin.live.vehicle_state import VehicleState, fold
+from thrustmargin.gcs_plugin.live.vehicle_state import OF_ITSELF, SAYS, VehicleState, fold
 from thrustmargin.gcs_plugin.logs.tlog import AUTOPILOTS
 from thrustmargin.gcs_plugin.mavlink.decode import ESC_TELEMETRY_FIRST, MAVLINK_RULES
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
@@ -52,8 +52,6 @@ from thrustmargin.models.vehicle_facts import VehicleFacts
 
 CLOCK_WAIT = 20.0  # s without the vehicle's clock after which the ground's counts
 _NEEDED = frozenset((*(rule.message for rule in MAVLINK_RULES), *REFERENCES, "SYSTEM_TIME"))
-#: Messages that make no row: what changes with them holds from the next row on.
-_SAYS = frozenset(n for n, m in layouts().items() if m.name in ("HEARTBEAT", "PARAM_VALUE"))
 _TIME = next(n for n, m in layouts().items() if m.name == "SYSTEM_TIME")
 #: field for people -> its channels in the signals, any of which will do, and the limit's name
 FIELDS: Mapping[str, tuple[tuple[str, ...], str]] = {
@@ -101,6 +99,7 @@ class VehicleTelemetry:
 
     def __init__(self, system: int, options: Options) -> None:
         self.state = VehicleState(system=system)
+        self.stamp_us = 0  # ground's clock when anything last came
         self.clock = ArrivalClock()
         self.problem = ""
         self.events: list[str] = []  # restarts and leaps of its clock since they were last taken
@@ -141,20 +140,21 @@ class VehicleTelemetry:
 
     def take(self, frame: Frame) -> None:
         """One frame of this vehicle, in the order in which it came."""
-        before, self.state = self.state, fold(self.state, frame)
-        changed = _said(before) != _said(self.state)
-        if frame.id == _TIME and not self._gps_time:
-            changed = True
+        self.stamp_us = frame.stamp_us
+        changed = frame.id == _TIME and not self._gps_time
+        if frame.id in SAYS:
+            before, self.state = self.state, fold(self.state, frame)
+            changed = changed or _said(before) != _said(self.state)
         if not self._pieces or (changed and not self._pieces[-1].rowless):
             self._pieces.append(_Piece(self.state, []))
         piece = self._pieces[-1]
         piece.state = self.state
         piece.frames.append(frame)
-        piece.rowless &= frame.id in _SAYS or frame.id == _TIME
+        piece.rowless &= frame.id in OF_ITSELF or frame.id == _TIME
 
     def forget(self) -> None:
         """Begin anew, as with a vehicle that was never heard."""
-        self.state = VehicleState(system=self.state.system, stamp_us=self.state.stamp_us)
+        self.state = VehicleState(system=self.state.system)
         self._pieces.clear()
         self._by_pilot.clear()
         self._restart()

@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs.read import Beginning, LogFormat, decoded
-from thrustmargin.gcs_plugin.mavlink.layouts import clean
+from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.telemetry.flight_log import log_of_track
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.gcs_plugin.telemetry.resample import plausible

@@ -9,8 +9,8 @@ from typing import Any, Literal
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs import FlightLog, LogQuality
-from thrustmargin.gcs_plugin.mavlink.layouts import clean
 from thrustmargin.gcs_plugin.mavlink.rules import OVER_GROUND
+from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.models.checks.motor_order import MotorOrder, check_motor_order
 from thrustmargin.models.checks.plausible import comparisons
 from thrustmargin.models.checks.speed_readings import resolution_words

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.logs.read import LogFormat
 from thrustmargin.gcs_plugin.mavlink.decode import MAVLINK_RULES
-from thrustmargin.gcs_plugin.mavlink.layouts import layouts, piece, printable
+from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.mavlink.scan import PADDING, Frames, columns, read_bytes, scan
+from thrustmargin.gcs_plugin.mavlink.text import piece, printable
 from thrustmargin.gcs_plugin.telemetry.clock import Clock, unix_minus_clock, vehicle_clock
 from thrustmargin.gcs_plugin.telemetry.flight_log import assemble
 from thrustmargin.gcs_plugin.telemetry.recording import (

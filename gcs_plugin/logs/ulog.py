@@ -12,7 +12,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.logs.read import LogFormat
 from thrustmargin.gcs_plugin.logs.ulog_messages import whole_messages
 from thrustmargin.gcs_plugin.logs.ulog_topics import TOPICS, Topic, ulog_signals, with_vectors
-from thrustmargin.gcs_plugin.mavlink.layouts import clean
+from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.telemetry.flight_log import assemble
 from thrustmargin.gcs_plugin.telemetry.recording import (
     LogQuality,

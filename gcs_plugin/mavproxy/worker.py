@@ -287,7 +287,7 @@ def _lines(now: Reading, max_utilisation: float, age: float) -> list[str]:
         f"{number(now.seconds_to_empty, '.0f')} s of spraying, margin when refilled "
         f"{share(now.margin_full)}",
     ]
-    lines += [f"  {words}" for words in (now.airframe, *now.unknown) if words]
+    lines += [f"  {words}" for words in (*now.unknown, now.airframe) if words]
     if math.isfinite(now.margin_ahead):
         lines.append(f"  least margin on the rest of the route {share(now.margin_ahead)}")
     return lines + [f"  ALARM {text}" for text in now.alarms]

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.mavlink.layouts import clean
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
+from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.telemetry.motors import motor_map
 from thrustmargin.gcs_plugin.telemetry.power import esc_voltage_offsets
 from thrustmargin.gcs_plugin.telemetry.recording import (

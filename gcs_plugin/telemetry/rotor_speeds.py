@@ -167,6 +167,6 @@ def _median_of(others: Sequence[Signal | None], time_s: Floats) -> Floats:
     last = [np.abs(last_before(s, time_s)) for s in others if s is not None and s.time_s.size]
     if not last:
         return np.full(time_s.size, np.nan)
-    stack = np.stack(last)
-    some = np.isfinite(stack).any(axis=0)
-    return np.where(some, np.nanmedian(np.where(some, stack, 0.0), axis=0), np.nan)
+    stack = np.sort(last, axis=0)  # NaN at the end; np.nanmedian takes ten times as long
+    count, at = np.isfinite(stack).sum(axis=0), np.arange(time_s.size)
+    return (stack[np.maximum(count - 1, 0) // 2, at] + stack[count // 2, at]) / 2.0

@@ -9,8 +9,8 @@ from functools import cache
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.decode import ESC_TELEMETRY_FIRST, MAVLINK_RULES, esc_silent
-from thrustmargin.gcs_plugin.mavlink.layouts import printable
 from thrustmargin.gcs_plugin.mavlink.rules import Rule, Signal, decode
+from thrustmargin.gcs_plugin.mavlink.text import printable
 from thrustmargin.gcs_plugin.telemetry.recording import Stream
 from thrustmargin.gcs_plugin.telemetry.resample import coverage, in_time_order, known_rows
 from thrustmargin.models.flight import Floats

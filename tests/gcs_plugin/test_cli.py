@@ -1,10 +1,29 @@
-"""The command line as a whole: exit codes, and one line where something does not work."""
+"""The command line as a whole: exit codes, help, and one line where something does not work."""
 
+import json
+import os
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
 
 from thrustmargin.gcs_plugin.cli import COMMANDS, command_function, run
+
+MAIN = "import sys; from thrustmargin.gcs_plugin.cli import main; main(sys.argv[1:])"
+FLIGHT = "sitl_logs/campaign/v4_m16_q2.5.tlog"
+
+
+def started(*words: str, **options) -> subprocess.CompletedProcess[str]:
+    """`thrustmargin` as a process of its own."""
+    return subprocess.run(
+        [sys.executable, "-c", MAIN, *words],
+        capture_output=True,
+        text=True,
+        check=False,
+        **options,
+    )
 
 
 @pytest.mark.parametrize("name", COMMANDS)
@@ -12,6 +31,7 @@ def test_every_command_has_a_function_of_its_name_with_an_example(name: str):
     function = command_function(name)
     assert function.__name__ == name
     assert f"Example: thrustmargin {name}" in (function.__doc__ or "")
+    assert " ".join((function.__doc__ or "").split()).startswith(COMMANDS[name])
 
 
 def test_what_does_not_work_is_one_line_and_exit_1(tmp_path: Path, capsys):
@@ -21,8 +41,115 @@ def test_what_does_not_work_is_one_line_and_exit_1(tmp_path: Path, capsys):
     assert "Traceback" not in said.err
 
 
-def test_a_wrong_command_line_is_exit_2(capsys):
+@pytest.mark.parametrize(
+    ("typed", "meant"), [("raport", "report"), ("identfy", "identify"), ("Replay", "replay")]
+)
+def test_a_mistyped_command_is_exit_2_and_the_one_that_is_meant(typed, meant, capsys):
     with pytest.raises(SystemExit) as ended:
-        run(["raport"])
+        run([typed, "some.tlog"])
     assert ended.value.code == 2
-    assert "raport" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert f"did you mean {meant}" in said
+    assert said.count("\n") == 1
+    with pytest.raises(SystemExit):
+        run(["xyzzy"])
+    assert "did you mean" not in capsys.readouterr().err
+
+
+def test_help_and_version(capsys):
+    from importlib.metadata import version
+
+    assert run(["--help"]) == 0
+    said = capsys.readouterr().out
+    assert all(f"  {name}" in said for name in COMMANDS)
+    assert run([]) == 2
+    assert capsys.readouterr().err == said
+    assert run(["--version"]) == 0
+    assert capsys.readouterr().out == f"thrustmargin {version('thrustmargin')}\n"
+
+
+def test_help_loads_nothing_heavy():
+    code = f"{MAIN.replace('main(sys.argv[1:])', '')}from thrustmargin.gcs_plugin.cli import run\n"
+    code += "run(['--help']); light = set(sys.modules)\n"
+    code += "assert not {'numpy', 'tyro', 'rich', 'pymavlink', 'asyncio'} & light\n"
+    code += "try: run(['report', '--help'])\nexcept SystemExit: pass\n"
+    code += "assert not {'numpy', 'pymavlink', 'plotly', 'scipy'} & set(sys.modules)\n"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_help_is_there_at_once():
+    """Processor time, for the machine may be busy; 0.3 s is what a person does not wait for."""
+    used = []
+    for _ in range(3):
+        before, began = os.times(), time.monotonic()
+        assert started("--help").returncode == 0
+        after = os.times()
+        processor = sum(after[2:4]) - sum(before[2:4])  # 0 on Windows
+        used.append(processor or time.monotonic() - began)
+    assert min(used) < 0.3
+
+
+def test_json_to_standard_output_is_json_and_nothing_else(sitl_logs, tmp_path):
+    flight = str(sitl_logs / "campaign" / "v4_m16_q2.5.tlog")
+    for command, look in (
+        ("inspect", lambda found: found[0]),
+        ("report", lambda found: found["flights"][0]),
+    ):
+        done = started(command, flight, "--json", "-", cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert look(json.loads(done.stdout))
+        assert list(tmp_path.iterdir()) == []
+    with_page = started("report", flight, "--json", "-", "--out", "page.html", cwd=tmp_path)
+    assert json.loads(with_page.stdout)["flights"]
+    assert {path.name for path in tmp_path.iterdir()} == {"page.html", "page.json", "page.csv"}
+
+
+def test_json_never_takes_a_log_as_its_file(sitl_logs, tmp_path):
+    flight = tmp_path / "flight.tlog"
+    flight.write_bytes(b"a log that is kept")
+    for command in ("inspect", "report"):
+        done = started(command, str(sitl_logs / "dev" / "none.tlog"), "--json", str(flight))
+        assert done.returncode == 1
+        assert "end its name in .json" in done.stderr
+    assert flight.read_bytes() == b"a log that is kept"
+
+
+def test_quiet_says_nothing_but_errors(sitl_logs, tmp_path):
+    flight = str(sitl_logs / "campaign" / "v4_m16_q2.5.tlog")
+    done = started("report", "--quiet", flight, "--out", "r.html", cwd=tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert (tmp_path / "r.html").exists()
+    assert "--quiet" not in (tmp_path / "r.json").read_text()
+    wrong = started("inspect", "none.tlog", "--quiet", cwd=tmp_path)
+    assert wrong.returncode == 1
+    assert "none.tlog" in wrong.stderr
+    assert json.loads(started("inspect", flight, "--json", "-", "--quiet").stdout)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("inspect", "{}"),
+        ("report", "{}"),
+        ("replay", "{}", "--no-browser"),
+        ("identify", "{}"),
+        ("train", "{}"),
+        ("stream", "{}"),
+    ],
+    ids=lambda words: words[0],
+)
+@pytest.mark.parametrize("kind", ["missing", "empty", "noise", "folder"])
+def test_an_error_names_its_file_once(words, kind, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "oddfile.tlog"
+    if kind == "empty":
+        path.write_bytes(b"")
+    elif kind == "noise":
+        path.write_bytes(bytes(range(256)) * 40)
+    elif kind == "folder":
+        path.mkdir()
+    assert run([word.format(path) for word in words]) == 1
+    told = capsys.readouterr().err
+    assert told.count("oddfile") == 1, told
+    assert "Traceback" not in told

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.logs.dataflash.message_scan import LETTERS, SCALED_LETTERS, Format
-from thrustmargin.gcs_plugin.mavlink.layouts import printable
 from thrustmargin.gcs_plugin.mavlink.rules import UNITS
+from thrustmargin.gcs_plugin.mavlink.text import printable
 from thrustmargin.models.flight import Floats
 
 #: unit label of the log -> (factor, offset) to SI; latitude and longitude stay degrees, charge

@@ -147,7 +147,7 @@ def test_a_log_is_never_overwritten_by_what_is_said_of_it(tmp_path, capsys):
     log = tmp_path / "flight.tlog"
     log.write_bytes(FLIGHT.read_bytes())
     assert run(["inspect", str(log), "--json", str(log)]) == 1
-    assert "would overwrite" in capsys.readouterr().err
+    assert "end its name in .json" in capsys.readouterr().err
     assert log.read_bytes() == FLIGHT.read_bytes()
 
 

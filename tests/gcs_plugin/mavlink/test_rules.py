@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.mavlink.decode import ESC_TELEMETRY_FIRST, MAVLINK_RULES, esc_silent
-from thrustmargin.gcs_plugin.mavlink.layouts import clean, layouts, piece, printable
+from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.mavlink.rules import UNITS, Rule, decode, quantity
+from thrustmargin.gcs_plugin.mavlink.text import clean, piece, printable
 
 DTYPES = {layout.name: layout.dtype for layout in layouts().values()}
 NAN = math.nan
