@@ -279,10 +279,12 @@ def test_run_replay_plays_until_ctrl_c_and_then_frees_its_port(analysis, capsys)
 def test_run_replay_ends_when_it_is_told_to_and_warns_on_an_open_network(analysis, capsys):
     stop = threading.Event()
     stop.set()
-    run_replay(ReplayView(analysis, host="0.0.0.0", port=0), browser=False, stop=stop)
+    view = ReplayView(analysis, host="0.0.0.0", port=0, token="of-this-flight")
+    run_replay(view, browser=False, stop=stop)
     printed = capsys.readouterr().out
     assert "replay at http://127.0.0.1:" in printed
-    assert "anyone who can reach this computer" in printed
+    assert "/?token=of-this-flight" in printed
+    assert "with this token" in printed
 
 
 def test_a_replay_that_plays_moves_the_aircraft(analysis):
