@@ -18,8 +18,8 @@ from thrustmargin.gcs_plugin.reports.identify.residual_figures import (
     rows_of,
 )
 from thrustmargin.gcs_plugin.reports.shared.page_shell import (
+    packed,
     page_text,
-    script_safe,
     software_version,
 )
 from thrustmargin.gcs_plugin.wording.identify_answer import (
@@ -51,7 +51,7 @@ def html_text(result: Result) -> str:
     """The page; figures are drawn when they come into view."""
     rows = rows_of(result.unseen, result.tracks)
     shown = rows.worst_first()[:MOST_FLIGHTS]
-    made = {n: script_safe(f.to_json()) for n, f in figures(rows, shown).items()}
+    made = {n: packed(str(f.to_json())) for n, f in figures(rows, shown).items()}
     context = {
         "result": result,
         "found": result.found,

@@ -17,7 +17,7 @@ from thrustmargin.gcs_plugin.reports.margin.csv_rows import COLUMNS, csv_columns
 from thrustmargin.gcs_plugin.reports.margin.data import SCHEMA, Report
 from thrustmargin.gcs_plugin.reports.margin.figures import figures
 from thrustmargin.gcs_plugin.reports.margin.summary import worst_first
-from thrustmargin.gcs_plugin.reports.shared.page_shell import page_text, script_safe
+from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text
 from thrustmargin.gcs_plugin.wording import numbers as words
 from thrustmargin.models.model.json_values import to_json_values
 from thrustmargin.models.whole_file import whole_file
@@ -117,7 +117,7 @@ def csv_bytes(report: Report) -> bytes:
 def html_text(report: Report, written: Written) -> str:
     """The page; the figures of every flight are drawn when they come into view."""
     drawn = {
-        f"{name}_{index}": script_safe(made.to_json())
+        f"{name}_{index}": packed(str(made.to_json()))
         for index, flight in enumerate(report.flights)
         for name, made in figures(flight).items()
     }

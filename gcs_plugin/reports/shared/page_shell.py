@@ -1,13 +1,15 @@
 """What every page that is written to a file shares: head, style, scripts and their policy.
 
-A page asks nothing of any network: plotly.js is in it once, figures are JSON in inert <script>
-elements, and its content security policy lets only the two scripts run whose hash it names. Text
-from a log reaches the page through jinja2's autoescape or through JSON with < > & as \\u escapes.
+A page asks nothing of any network: plotly.js (its basic bundle, MIT) and the figures' JSON are in
+it, packed with gzip as base64 in inert <script> elements, and its content security policy lets only
+the two scripts run whose hash it names. Text from a log reaches the page through jinja2's
+autoescape or inside such a figure. Without scripts the page is whole but for its charts.
 """
 
 from __future__ import annotations
 
 import base64
+import gzip
 import hashlib
 from collections.abc import Callable, Mapping
 from importlib import resources
@@ -19,13 +21,6 @@ from markupsafe import Markup
 
 from thrustmargin.gcs_plugin.wording import numbers as words
 
-_ESCAPES = {
-    "<": "\\u003c",
-    ">": "\\u003e",
-    "&": "\\u0026",
-    "\u2028": "\\u2028",
-    "\u2029": "\\u2029",
-}
 _SHELL = "thrustmargin.gcs_plugin.reports.shared"
 
 
@@ -44,9 +39,7 @@ def page_text(
     """
     library = draw = ""
     if draws:
-        from plotly.offline import get_plotlyjs
-
-        library, draw = get_plotlyjs().replace("\r\n", "\n"), _text(_SHELL, "draw.js")
+        library, draw = _text(_SHELL, "plotly-basic.min.js"), _text(_SHELL, "draw.js")
     style = _text(_SHELL, "page.css") + (_text(package, "page.css") if own_style else "")
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(
@@ -63,16 +56,14 @@ def page_text(
         context,
         policy=content_policy(library, draw),
         style=Markup(style),
-        library=Markup(library),
+        library=packed(library),
         draw=Markup(draw),
     )
 
 
-def script_safe(text: str) -> Markup:
-    """JSON text with every character escaped that could end or open an HTML element."""
-    for character, escape in _ESCAPES.items():
-        text = text.replace(character, escape)
-    return Markup(text)
+def packed(text: str) -> Markup:
+    """The text as base64 of its gzip, in which no character could end an HTML element."""
+    return Markup(base64.b64encode(gzip.compress(text.encode(), mtime=0)).decode())
 
 
 def content_policy(*scripts: str) -> str:

@@ -86,13 +86,18 @@ def rotor_panels(
 
 
 def single(values: Floats) -> NDArray[np.float32]:
-    """Numbers for plotly.js in single precision; NaN stays NaN, which breaks a line."""
-    return np.asarray(values, dtype=np.float32)
+    """Numbers for plotly.js, to one part in 16 000: finer than a pixel, and packs to half the size.
+
+    In single precision with the last ten bits zero; NaN stays NaN, which breaks a line.
+    """
+    exact = np.array(values, dtype=np.float32)
+    bits = exact.view(np.uint32)
+    return np.where(np.isnan(exact), exact, ((bits + 0x200) & 0xFFFFFC00).view(np.float32))
 
 
 def milliseconds(time_s: Floats) -> NDArray[np.float32]:
     """Log time as what plotly's date axis shows as minutes and seconds."""
-    return single(np.round(np.asarray(time_s) * 1000.0))
+    return np.asarray(np.round(np.asarray(time_s) * 1000.0), dtype=np.float32)
 
 
 def keep_extremes(values: Floats, buckets: int) -> NDArray[np.intp]:
@@ -169,11 +174,12 @@ def band(
     return filled(x, low[kept], high[kept], color=color, **shown)
 
 
-def filled(x: Floats, lower: Floats, upper: Floats, *, color: str, **shown: Any) -> Scatter:
-    """The area between two known (N,) arrays over `x` (N,); `shown` are plotly's properties."""
+def filled(x: NDArray[Any], lower: Floats, upper: Floats, *, color: str, **shown: Any) -> Scatter:
+    """The area between two known (N,) arrays over `x` (N,), which is not rounded; `shown`
+    are plotly's properties."""
     return Scatter(
         mode="none",
-        x=single(np.concatenate([x, x[::-1]])),
+        x=np.concatenate([x, x[::-1]]),
         y=single(np.concatenate([upper, lower[::-1]])),
         fill="toself",
         fillcolor=color,

@@ -44,7 +44,9 @@ def route_map(
     made = Figure(layout={"template": STYLE, "height": height, "margin": dict(margin)})
     made.update_xaxes(title_text="east, m")
     made.update_yaxes(title_text="north, m", scaleanchor="x")
-    way = {"x": single(east[placed]), "y": single(north[placed])}
+    flown = np.flatnonzero(placed)
+    flown = flown[:: max(1, flown.size // MAP_POINTS)]
+    way = {"x": single(east[flown]), "y": single(north[flown])}
     made.add_scatter(**way, line={"color": GRID, "width": 2}, hoverinfo="skip", showlegend=False)
     number = "%{marker.color:" + form + "}" + scale.unit
     for k, (values, badness) in enumerate(coloured.values()):
