@@ -78,12 +78,13 @@ class LeftOut:
         if problem.flights == 1:
             return cls(problem=problem, search=search, folds=_fifths(search, columns, problem))
         count = min(problem.flights, MOST_FOLDS)
+        members = frozenset().union(*search.fitted)
         sums, grams = nuisance.sums(columns.whole), nuisance.grams()
         folds = []
         for k in range(count):
             out = tuple(range(k, problem.flights, count))
             rest = [f for f in range(problem.flights) if f not in out]
-            linear = columns.linear(nuisance.solved(rest, grams), sums, out)
+            linear = columns.linear(nuisance.solved(rest, grams), sums).only(members, out)
             folds.append(LeftOutPart(flights=out, rows=np.isin(problem.flight, out), linear=linear))
         return cls(problem=problem, search=search, folds=tuple(folds))
 
@@ -106,16 +107,18 @@ class LeftOut:
 
     def with_choice(self, members: Collection[int], aside: Collection[int]) -> Floats:
         """(T, R) rpm, each row with the effects that are named without its flight, not those that
-        the whole answer puts `aside`; those of its `members` that only the flight can tell stay."""
+        the whole answer puts `aside`; those of its `members` that only the flight can tell, or that
+        begin at a moment, stay: that one flight went bad says nothing of the flight before it."""
         values = []
         for fold in self.folds:
             found = fold.named(self.search)
             own = [
                 c
                 for c in members
-                if any(f in fold.flights for _, f in self.search.candidates[c].free)
+                if self._term(c).effect.begins
+                or any(f in fold.flights for _, f in self.search.candidates[c].free)
             ]
-            chosen = {c for c in found if c not in aside}
+            chosen = {c for c in found if c not in aside and not self._term(c).effect.begins}
             values.append(fold.values(self.search, chosen | set(own)))
         return self._without(values)
 

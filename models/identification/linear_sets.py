@@ -83,12 +83,12 @@ class Linear:
             out[i] = 0.5 * (before - after) + 0.5 * float(g @ np.linalg.solve(h, g))
         return out
 
-    def without(self, flights: Collection[int]) -> Linear:
-        """With the values of single flights gone that are of `flights`."""
+    def only(self, members: Collection[int], without: Collection[int]) -> Linear:
+        """With values of some candidates alone, and none that are of the flights `without`."""
         held, columns, kept = [], [], []
-        for one, places in zip(self.held, self.columns, strict=True):
-            free = one.candidate.free
-            mine = [k for k, (_, flight) in enumerate(free) if flight not in flights]
+        for c, (one, places) in enumerate(zip(self.held, self.columns, strict=True)):
+            free = one.candidate.free if c in members else ()
+            mine = [k for k, (_, flight) in enumerate(free) if flight not in without]
             candidate = replace(one.candidate, free=tuple(free[k] for k in mine))
             held.append(replace(one, candidate=candidate))
             columns.append(slice(len(kept), len(kept) + len(mine)))
@@ -123,27 +123,26 @@ class ColumnsAbout:
     asked: int  # q
     whole: Floats
 
-    def linear(
-        self, solved: Solved, sums: Sequence[FlightSums], without: Collection[int] = ()
-    ) -> Linear:
-        """By the sums of the flights that are `solved`; flights `without` have no values there."""
-        gram, doubt = forms_taken_out(solved, sums, self.asked)
-        linear = Linear(
+    def linear(self, solved: Solved, sums: Sequence[FlightSums]) -> Linear:
+        """By the sums of the flights that are `solved`."""
+        gram, doubt = forms_taken_out(solved, sums, range(self.asked))
+        return Linear(
             about=self.about, held=self.held, columns=self.columns, gram=gram, doubt=doubt
         )
-        return linear.without(without) if without else linear
 
 
 def forms_taken_out(
-    solved: Solved, sums: Sequence[FlightSums], asked: int, levels: slice = EVERY
+    solved: Solved, sums: Sequence[FlightSums], asked: Sequence[int], levels: slice = EVERY
 ) -> tuple[Floats, Floats]:
     """(levels, q, q) of the `asked` columns with the doubt of the others taken out, which have
     size one, and (levels,) the log evidence of all that was taken out."""
     grams = solved.reduce(sums, levels)
     evidence = solved.log_evidence[levels]
-    if grams.shape[1] == asked:
-        return grams, evidence
-    crossed = grams[:, asked:, :asked]
-    system = np.eye(grams.shape[1] - asked) + grams[:, asked:, asked:]
-    left = grams[:, :asked, :asked] - np.swapaxes(crossed, 1, 2) @ np.linalg.solve(system, crossed)
+    forms = np.setdiff1d(np.arange(grams.shape[1]), asked)
+    own = grams[:, asked][:, :, asked]
+    if not forms.size:
+        return own, evidence
+    crossed = grams[:, forms][:, :, asked]
+    system = np.eye(forms.size) + grams[:, forms][:, :, forms]
+    left = own - np.swapaxes(crossed, 1, 2) @ np.linalg.solve(system, crossed)
     return left, evidence - 0.5 * np.linalg.slogdet(system)[1]

@@ -8,6 +8,7 @@ what is excluded, and states the error on flights that no step has used.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
+from itertools import combinations
 
 import numpy as np
 from scipy.stats import norm
@@ -87,7 +88,9 @@ def identify(
     if progress:
         progress("errors on flights not used", 1.0)
     left_out = LeftOut.of(problem, search, answer.best)
-    matter = _that_matter(left_out, [c for c in named if c not in closest])
+    matter = _that_matter(
+        lambda some: _size(left_out.with_set(some)), [c for c in named if c not in closest]
+    )
     estimates = [answer.estimate(c) for c in matter]
     values = {e.candidate: e.value for e in estimates}
     before, after = left_out.residual({}), left_out.residual(values)
@@ -116,7 +119,7 @@ def identify(
         after=errors_of(last.problem, last.after_rpm),
         residual_after_rpm=after,
         residual_carried_rpm=left_out.with_carried(matter),
-        floor_rpm=floor_rpm(problem, after),
+        floor_rpm=floor_rpm(last.problem, last.after_rpm),
         sensor_noise_rpm=sensor_noise_rpm(problem.in_modes(after), problem.follows),
         alternatives=answer.alternatives(),
         one_of=answer.one_of(named),
@@ -141,16 +144,21 @@ def _closest(
     return [c for c in named if c in held and acts_in(search, held[c], left.mode)]
 
 
-def _that_matter(left_out: LeftOut, members: Collection[int]) -> list[int]:
-    """The effects without any of which flights left out would be predicted worse, by LEAST_FALL."""
+def _that_matter(error: Callable[[Sequence[int]], float], members: Collection[int]) -> list[int]:
+    """The effects without any of which, or any two, flights left out would be predicted worse.
+
+    `error` is that of flights left out with a set; what counts is LEAST_FALL of it. Two that oppose
+    each other each look needed beside the other.
+    """
     kept = list(members)
     while kept:
-        whole = _size(left_out.with_set(kept))
-        without = [_size(left_out.with_set([c for c in kept if c != one])) for one in kept]
+        whole = error(kept)
+        groups = [*combinations(kept, 1), *combinations(kept, 2)]
+        without = [error([c for c in kept if c not in g]) for g in groups]
         least = int(np.argmin(without))
         if without[least] >= (1.0 + LEAST_FALL) * whole:
             break
-        kept.pop(least)
+        kept = [c for c in kept if c not in groups[least]]
     return kept
 
 

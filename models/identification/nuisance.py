@@ -11,11 +11,12 @@ as if they had been measured with their priors. The size of the free form is a h
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.identification.whitening import Whitening
@@ -46,11 +47,22 @@ NuisanceGram = tuple[Floats, Floats, Floats]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FlightSums:
-    """Sums over the means of one flight of columns z with the scatter's S and the shared X."""
+    """Sums over the means of one flight of columns z with the scatter's S and the shared X; of q
+    columns the u that are not zero throughout the flight, as values of other flights are."""
 
-    scatter: Floats  # (K, q) S'z
-    shared: Floats  # (X, q) X'z
-    own: Floats  # (q, q) z'z
+    scatter: Floats  # (K, u) S'z
+    shared: Floats  # (X, u) X'z
+    own: Floats  # (u, u) z'z
+    used: NDArray[np.intp]  # (u,) which columns
+    count: int  # q
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Prepared:
+    """Columns that are filtered, and their sums by flight."""
+
+    z: Floats  # (n, R, q)
+    sums: list[FlightSums]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -70,13 +82,21 @@ class Solved:
 
     def without_scatter(self, sums: Sequence[FlightSums]) -> tuple[Floats, Floats]:
         """(X, q) X'z and (q, q) z'z with the scatter alone taken out."""
-        shared, own = 0.0, 0.0
-        for f, scatter, crossed in zip(self.flights, self.scatter, self.crossed, strict=True):
-            one = sums[f]
-            left = scatter @ one.scatter
-            shared = shared + one.shared - crossed.T @ left
-            own = own + one.own - one.scatter.T @ left
-        return np.asarray(shared), np.asarray(own)
+        return self._summed({f: sums[f] for f in self.flights})
+
+    def of_flight(self, flight: int, sums: FlightSums) -> tuple[Floats, Floats]:
+        """The same of one flight."""
+        return self._summed({flight: sums})
+
+    def _summed(self, sums: Mapping[int, FlightSums]) -> tuple[Floats, Floats]:
+        count = next(iter(sums.values())).count
+        shared, own = np.zeros((self.crossed.shape[2], count)), np.zeros((count, count))
+        for f, one in sums.items():
+            k = self.flights.index(f)
+            left = self.scatter[k] @ one.scatter
+            shared[:, one.used] += one.shared - self.crossed[k].T @ left
+            own[np.ix_(one.used, one.used)] += one.own - one.scatter.T @ left
+        return shared, own
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -93,6 +113,33 @@ class Nuisance:
         """Of columns (N, R, q) rpm in modes, flight by flight."""
         z = self.whitening.apply(columns)
         return [self._sums(z[f], f) for f in self.flights]
+
+    def prepared(self, columns: Floats) -> Prepared:
+        """Columns (N, R, q) rpm in modes, filtered once for many residuals."""
+        z = self.whitening.apply(columns)
+        return Prepared(z=z, sums=[self._sums(z[f], f) for f in self.flights])
+
+    def with_residual(self, columns: Prepared, residual: Floats) -> list[FlightSums]:
+        """Of prepared columns, and of a residual (N, R) rpm in modes as the last one."""
+        out, last = [], self.whitening.apply(residual[:, :, None])
+        for rows, before in zip(self.flights, columns.sums, strict=True):
+            one = self._sums(last[rows], rows)
+            mine = columns.z[rows][:, :, before.used]
+            cross = np.einsum("nmq,nm->q", mine, last[rows, :, 0], optimize=True)
+            count = cross.size
+            own = np.empty((count + 1, count + 1))
+            own[:count, :count], own[count:, count:] = before.own, one.own
+            own[:count, count] = own[count, :count] = cross
+            out.append(
+                FlightSums(
+                    scatter=np.concatenate([before.scatter, one.scatter], axis=1),
+                    shared=np.concatenate([before.shared, one.shared], axis=1),
+                    own=own,
+                    used=np.append(before.used, before.count),
+                    count=before.count + 1,
+                )
+            )
+        return out
 
     def grams(self) -> list[NuisanceGram]:
         """S'S, S'X and X'X of each flight."""
@@ -127,6 +174,14 @@ class Nuisance:
             log_evidence=np.array(evidence),
         )
 
+    def of_flight(self, flight: int, first: int) -> Nuisance:
+        """With one flight only, whose means begin at `first`."""
+        rows = np.arange(self.whitening.rows.size)
+        mine = self.flights[flight]
+        part = self.of_means((rows >= mine.start) & (rows < mine.stop))
+        filter_ = replace(part.whitening, rows=part.whitening.rows - first)
+        return replace(part, whitening=filter_, flights=(slice(0, filter_.rows.size),))
+
     def of_means(self, kept: Bools) -> Nuisance:
         """With some of the n means only."""
         filter_ = self.whitening.of_means(kept)
@@ -144,7 +199,7 @@ class Nuisance:
     def _gram(self, rows: slice) -> NuisanceGram:
         """S'S, S'X and X'X of one flight."""
         columns = np.concatenate([self.scatter[rows], self.doubt[rows]], axis=2)
-        sums = self._sums(columns, rows)
+        sums = self._sums(columns, rows, np.arange(columns.shape[2]))
         many = self.scatter.shape[2]
         modes, _, hats = self.free.shape
         known = self.doubt.shape[2]
@@ -157,8 +212,11 @@ class Nuisance:
             whole[part, part] = self.free[mode, rows].T @ self.free[mode, rows]
         return sums.own[:many, :many], sums.shared[:, :many].T, whole
 
-    def _sums(self, z: Floats, rows: slice) -> FlightSums:
-        count = z.shape[2]
+    def _sums(self, z: Floats, rows: slice, used: NDArray[np.intp] | None = None) -> FlightSums:
+        every = z.shape[2]
+        if used is None:  # a residual is always there
+            used = np.arange(1) if every == 1 else np.flatnonzero(z.any(axis=(0, 1)))
+        z, count = z[:, :, used], used.size
 
         def flat(columns: Floats) -> Floats:
             return columns.reshape(columns.shape[0] * columns.shape[1], columns.shape[2])
@@ -167,6 +225,8 @@ class Nuisance:
         doubt = flat(self.doubt[rows]).T @ flat(z)
         return FlightSums(
             scatter=flat(self.scatter[rows]).T @ flat(z),
-            shared=np.concatenate([doubt, free.reshape(-1, count)]),
+            shared=np.concatenate([doubt, free.reshape(free.shape[0] * free.shape[1], count)]),
             own=flat(z).T @ flat(z),
+            used=used,
+            count=every,
         )

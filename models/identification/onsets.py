@@ -9,9 +9,8 @@ is in its prior.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import replace
-from functools import partial
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from thrustmargin.models.effects.rotor_degradation import (
     ROTOR_DEGRADATION_SINCE,
     ROTOR_DEGRADATION_WHILE,
 )
-from thrustmargin.models.flight import Floats
+from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.identification.candidates import (
     ROTOR_PRIOR,
     Candidate,
@@ -67,23 +66,24 @@ def onset_candidates(search: Search, about: FittedSet) -> list[Candidate]:
         held = [*fitted.held, Held(candidate=loss, values=loss.start)]
         column = np.nan_to_num(derivatives(reduced, held, len(held) - 1)[:, :, 0])
         best: dict[str, tuple[float, int, tuple[float, ...]]] = {}
-        tries = 0
-        for kind, flight, times, step in _steps(search):
+        tries, sums = 0, _LossSums.of(search, fitted, column)
+        for step in _steps(search):
+            times = step.times
             if not times.size:
                 continue
-            gains = _gains(search, fitted, column, step(times))
+            gains = _gains(sums.gram(step, times))
             tries += times.size
             k = int(np.argmax(gains))
-            if kind not in best or gains[k] > best[kind][0]:
+            if step.kind not in best or gains[k] > best[step.kind][0]:
                 fine = times[k] + np.arange(-GRID, GRID + FINE, FINE)
-                closer = _gains(search, fitted, column, step(fine))
-                k = int(np.argmax(closer))
-                best[kind] = (float(closer[k]), flight, (float(fine[k]),))
-            if kind == "one":
+                closer = _gains(sums.gram(step, fine))
+                k = _middle(closer)[0]
+                best[step.kind] = (float(closer[k]), step.flight or 0, (float(fine[k]),))
+            if step.kind == "one":
                 tries += times.size * (times.size - 1) // 2
-                gain, ends = _while(search, fitted, column, step, times)
+                gain, ends = _while(sums, step)
                 if gain > best.get("while", (0.0,))[0]:
-                    best["while"] = (gain, flight, ends)
+                    best["while"] = (gain, step.flight or 0, ends)
         for kind, (gain, flight, when) in best.items():
             if gain > LEAST_GAIN + np.log(tries):
                 found.append((gain, _candidate(search, kind, rotor, flight, when, tries)))
@@ -91,66 +91,110 @@ def onset_candidates(search: Search, about: FittedSet) -> list[Candidate]:
     return [one for _, one in found[: 2 * len(KINDS)]]
 
 
-def _steps(search: Search) -> Iterator[tuple[str, int, Floats, Callable[[Floats], Floats]]]:
-    """(kind, flight, times (S,), times -> steps (N, S) of 0 and 1) of every family of steps."""
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Step:
+    """A family of losses that begin at a time: of one flight, or of every flight (None)."""
+
+    kind: str
+    flight: int | None
+    times: Floats  # (S,) that are tried
+    after: Bools  # (F,) other flights that have the loss throughout
+
+
+def _steps(search: Search) -> Iterator[_Step]:
     x, flight = search.reduced.channels, search.reduced.flight
     flights = search.reduced.flights
     starts = np.array([x.clock_s[flight == f][0] for f in range(flights)])
     dated = flights > 1 and bool(np.isfinite(starts).all())
-
-    def after(times: Floats) -> Floats:
-        return x.time_s[:, None] >= times
-
-    def in_one(f: int, times: Floats) -> Floats:
-        return after(times) & (flight == f)[:, None]
-
-    def since(f: int, times: Floats) -> Floats:
-        return in_one(f, times) | (starts[flight] > starts[f])[:, None]
-
     for f in range(flights) if flights <= MOST_FLIGHTS else ():
         times = _grid(x.time_s[flight == f])
-        yield "one", f, times, partial(in_one, f)
+        none = np.zeros(flights, dtype=np.bool_)
+        yield _Step(kind="one", flight=f, times=times, after=none)
         if dated:
-            yield "since", f, times, partial(since, f)
+            yield _Step(kind="since", flight=f, times=times, after=starts > starts[f])
     if flights > 1:
-        yield "each", 0, _grid(x.time_s), after
+        every = np.zeros(flights, dtype=np.bool_)
+        yield _Step(kind="each", flight=None, times=_grid(x.time_s), after=every)
 
 
 def _grid(time_s: Floats) -> Floats:
     return np.arange(time_s.min() + LEAST_AFTER, time_s.max() - LEAST_AFTER, GRID)
 
 
-def _gram(search: Search, fitted: FittedSet, column: Floats, steps: Floats) -> Floats:
-    """(S + 1, S + 1) Gram matrix of a loss in each step and of the residual, at the set's level."""
-    columns = column[:, :, None] * steps.astype(np.float64)[:, None, :]
-    whole = np.concatenate([columns, np.nan_to_num(fitted.residual)[:, :, None]], axis=2)
-    level = slice(fitted.best_level, fitted.best_level + 1)
-    return search.solved.reduce(search.nuisance.sums(whole), level)[0]
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _LossSums:
+    """A loss's derivative and a set's residual, summed by flights with their scatter taken out."""
+
+    search: Search
+    columns: Floats  # (N, R, 2) rpm in modes: the loss throughout, and the residual
+    level: int
+    shared: Floats  # (F, X, 2)
+    own: Floats  # (F, 2, 2)
+
+    @classmethod
+    def of(cls, search: Search, fitted: FittedSet, column: Floats) -> _LossSums:
+        columns = np.stack([column, np.nan_to_num(fitted.residual)], axis=2)
+        sums, flights = search.nuisance.sums(columns), range(search.reduced.flights)
+        parts = [search.solved.of_flight(f, sums[f]) for f in flights]
+        return cls(
+            search=search,
+            columns=columns,
+            level=fitted.best_level,
+            shared=np.stack([p[0] for p in parts]),
+            own=np.stack([p[1] for p in parts]),
+        )
+
+    def gram(self, step: _Step, times: Floats) -> Floats:
+        """(S + 1, S + 1) of a loss from each of some times on and of the residual."""
+        reduced, nuisance, solved = self.search.reduced, self.search.nuisance, self.search.solved
+        level = slice(self.level, self.level + 1)
+        if step.flight is None:
+            sums = nuisance.sums(self._from(times, slice(None)))
+            return solved.reduce(sums, level)[0]
+        f, count = step.flight, times.size
+        means = slice(*np.searchsorted(reduced.flight, [f, f + 1]))
+        own_sums = nuisance.of_flight(f, means.start).sums(self._from(times, means))[0]
+        shared, own = solved.of_flight(f, own_sums)
+        for g in range(reduced.flights):
+            if g != f and step.after[g]:
+                both = [0] * count + [1]
+                shared += self.shared[g][:, both]
+                own += self.own[g][np.ix_(both, both)]
+            elif g != f:
+                shared[:, -1] += self.shared[g][:, 1]
+                own[-1, -1] += self.own[g][1, 1]
+        return own - shared.T @ solved.shared[self.level] @ shared
+
+    def _from(self, times: Floats, means: slice) -> Floats:
+        """(n, R, S + 1) the loss from each time on, and the residual."""
+        later = self.search.reduced.channels.time_s[means, None] >= times
+        loss = self.columns[means, :, :1] * later[:, None, :]
+        return np.concatenate([loss, self.columns[means, :, 1:]], axis=2)
 
 
-def _gains(search: Search, fitted: FittedSet, column: Floats, steps: Floats) -> Floats:
+def _gains(gram: Floats) -> Floats:
     """(S,) gain of a loss in each step."""
-    gram = _gram(search, fitted, column, steps)
     power = np.maximum(np.diag(gram)[:-1], 1e-12)
     return np.maximum(gram[:-1, -1], 0.0) ** 2 / power / 2
 
 
-def _while(
-    search: Search,
-    fitted: FittedSet,
-    column: Floats,
-    step: Callable[[Floats], Floats],
-    times: Floats,
-) -> tuple[float, tuple[float, ...]]:
+def _middle(gains: Floats) -> tuple[int, ...]:
+    """Where gains are largest, in the middle of those alike: times between two means are."""
+    ties = np.argwhere(gains >= gains.max() * (1.0 - 1e-6))
+    return tuple(int(np.sort(places)[places.size // 2]) for places in ties.T)
+
+
+def _while(sums: _LossSums, step: _Step) -> tuple[float, tuple[float, ...]]:
     """The largest gain of a loss between two times, and the two: a step less a later step."""
     best: tuple[float, tuple[float, ...]] = (0.0, (0.0, 0.0))
+    times = step.times
     for _ in range(2):  # on the grid, then about the best of it
-        gram = _gram(search, fitted, column, step(times))
+        gram = sums.gram(step, times)
         inner, power = gram[:-1, -1], np.diag(gram)[:-1]
         between = power[:, None] + power - 2.0 * gram[:-1, :-1]
         score = np.maximum(inner[:, None] - inner, 0.0) ** 2 / np.maximum(between, 1e-12) / 2
         score[times[None, :] - times[:, None] < LEAST_AFTER] = 0.0
-        i, j = np.unravel_index(int(np.argmax(score)), score.shape)
+        i, j = _middle(score)
         best = (float(score[i, j]), (float(times[i]), float(times[j])))
         near = np.arange(-GRID, GRID + FINE, FINE)
         times = np.unique(np.concatenate([near + best[1][0], near + best[1][1]]))

@@ -143,6 +143,12 @@ def stride_of(model: RotorModel, tracks: Sequence[FlightTrack]) -> int:
     return max(1, -(-rows // MOST_ROWS))
 
 
+def flown_s(model: RotorModel, track: FlightTrack) -> float:
+    """How long a flight is that can be fitted."""
+    rows = training_rows(track, model.inputs)
+    return float(rows.sum() * np.median(np.diff(track.time_s))) if rows.any() else 0.0
+
+
 def assemble_flight(model: RotorModel, track: FlightTrack) -> Problem:
     """All rows of one flight that can be fitted; raises as `assemble`."""
     airframe = model.airframe

@@ -20,6 +20,7 @@ from thrustmargin.models.identification.problem import (
     Problem,
     RowsToFit,
     assemble_flight,
+    flown_s,
     joined,
     stride_of,
     thinned,
@@ -29,6 +30,8 @@ from thrustmargin.models.model.rotor_model import RotorModel
 #: s of an aircraft of the F16's size: longer than the rotors' lag and most gusts, shorter than what
 #: a manoeuvre does; times go with the root of the size (Froude)
 BIN = 0.7
+#: of all flights: of a season each flight keeps stretches, one flight's here, the next one's there
+MOST_MEANS, STRETCH = 9_000, 30
 LEAST_FILL = 0.5  # of the usual rows of a bin, for it to count
 
 
@@ -54,11 +57,13 @@ def rows_and_means(model: RotorModel, tracks: Sequence[FlightTrack]) -> tuple[Pr
     is held in full."""
     of_outputs(tracks)  # raises where flights are of both kinds
     stride = stride_of(model, tracks)
+    seconds = sum(flown_s(model, track) for track in tracks)
+    every = -(-int(seconds / (BIN * froude_time_scale(model.airframe))) // MOST_MEANS)
     rows, parts = [], []
     for index, track in enumerate(tracks):
         whole = assemble_flight(model, track)
         rows.append(thinned(whole, stride))
-        parts.append(_means(whole, index))
+        parts.append(_stretches(_means(whole, index), index, every))
     first = parts[0]
     channels = concatenate([p.channels for p in parts])
     means = replace(
@@ -71,6 +76,22 @@ def rows_and_means(model: RotorModel, tracks: Sequence[FlightTrack]) -> tuple[Pr
         names=tuple(name for p in parts for name in p.names),
     )
     return joined(rows), means
+
+
+def _stretches(means: Reduced, flight: int, every: int) -> Reduced:
+    """Every so many stretches of STRETCH means that follow each other."""
+    count = means.flight.size
+    kept = np.flatnonzero((np.arange(count) // STRETCH + flight) % every == 0)
+    if every < 2 or kept.size < STRETCH:
+        return means
+    return replace(
+        means,
+        channels=means.channels.rows(kept),
+        measured_rpm=means.measured_rpm[kept],
+        flight=means.flight[kept],
+        follows=means.follows[kept] & (np.diff(kept, prepend=-2) == 1),
+        uncertainty_rpm=means.uncertainty_rpm[:, kept],
+    )
 
 
 def _means(problem: Problem, index: int) -> Reduced:

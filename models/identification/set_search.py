@@ -38,6 +38,7 @@ from thrustmargin.models.identification.nuisance import (
     EVERY,
     LEVELS,
     Nuisance,
+    Prepared,
     Solved,
 )
 from thrustmargin.models.identification.reduced import Reduced
@@ -202,11 +203,11 @@ class Search:
     def _fit(self, key: Key, held: list[Held], steps: int, level: int | None = None) -> FittedSet:
         """Gauss-Newton with halved steps; derivatives are worked out anew where they bring more."""
         measured = self.reduced.in_modes(self.reduced.measured_rpm)
-        columns, forms, fresh = self._columns(held), self._forms(held), True
+        columns, fresh = self._prepared(held), True
         level = 0 if level is None else level
         only = slice(level, level + 1)
         residual = measured - predicted(self.reduced, held)
-        gram = self._grams(columns, forms, residual, only)[0][0]
+        gram = self._grams(columns, held, residual, only)[0][0]
         merit = float(gram[-1, -1]) + _normal_cost(prior_of(held))
         for _ in range(steps if held else 0):
             prior = prior_of(held)
@@ -216,7 +217,7 @@ class Search:
                 parts = zip(held, prior.groups, strict=True)
                 moved = [h.moved(shrink * taken[group]) for h, group in parts]
                 new = measured - predicted(self.reduced, moved)
-                trial = self._grams(columns, forms, new, only)[0][0]
+                trial = self._grams(columns, held, new, only)[0][0]
                 value = float(trial[-1, -1]) + _normal_cost(prior_of(moved))
                 if value < merit:
                     gained = merit - value
@@ -225,13 +226,13 @@ class Search:
             if gained < CONVERGED and fresh:
                 break
             if gained < STALE:
-                columns, forms = self._columns(held), self._forms(held)
-                gram = self._grams(columns, forms, residual, only)[0][0]
+                columns = self._prepared(held)
+                gram = self._grams(columns, held, residual, only)[0][0]
                 merit = float(gram[-1, -1]) + _normal_cost(prior_of(held))
             fresh = gained < STALE
         if held and not fresh:
-            columns, forms = self._columns(held), self._forms(held)
-        grams, doubt = self._grams(columns, forms, residual)
+            columns = self._prepared(held)
+        grams, doubt = self._grams(columns, held, residual)
         prior = prior_of(held)
         levels = tuple(score(prior, g[:-1, :-1], g[:-1, -1], float(g[-1, -1])) for g in grams)
         evidence = np.array([s.log_evidence for s in levels]) + doubt
@@ -239,11 +240,12 @@ class Search:
             key=key, held=tuple(held), levels=levels, log_evidence=evidence, residual=residual
         )
 
-    def _columns(self, held: list[Held]) -> Floats:
-        """(N, R, P) derivatives by the free values of a set."""
+    def _prepared(self, held: Sequence[Held]) -> Prepared:
+        """Derivatives by the free values of a set, and its forms."""
         parts = [derivatives(self.reduced, held, k) for k in range(len(held))]
-        empty = np.zeros((*self.reduced.measured_rpm.shape, 0))
-        return np.nan_to_num(np.concatenate([empty, *parts], axis=2))
+        return self.nuisance.prepared(
+            np.nan_to_num(np.concatenate([*parts, self._forms(held)], axis=2))
+        )
 
     def _forms(self, held: Sequence[Held]) -> Floats:
         """(N, R, Q) by how much what each effect of a set does may be another than its form says.
@@ -271,12 +273,13 @@ class Search:
         return np.concatenate(parts, axis=2)
 
     def _grams(
-        self, columns: Floats, forms: Floats, residual: Floats, levels: slice = EVERY
+        self, columns: Prepared, held: Sequence[Held], residual: Floats, levels: slice = EVERY
     ) -> tuple[Floats, Floats]:
-        """(levels, P + 1, P + 1) of columns and a residual with the forms' doubt taken out, and
-        (levels,) the log evidence of all that was taken out."""
-        whole = np.concatenate([columns, np.nan_to_num(residual)[:, :, None], forms], axis=2)
-        return forms_taken_out(self.solved, self.nuisance.sums(whole), columns.shape[2] + 1, levels)
+        """(levels, P + 1, P + 1) of derivatives and a residual with the forms' doubt taken out,
+        and (levels,) the log evidence of all that was taken out."""
+        sums = self.nuisance.with_residual(columns, np.nan_to_num(residual))
+        asked = [*range(sum(len(h.candidate.free) for h in held)), columns.z.shape[2]]
+        return forms_taken_out(self.solved, sums, asked, levels)
 
 
 def _normal_cost(prior: ValuePrior) -> float:

@@ -38,12 +38,15 @@ class Whitening:
 
     def apply(self, values: Floats) -> Floats:
         """(n, R, ...) of (N, R, ...) rpm in modes: filtered, weighted, in units of the noise."""
-        shape = (1, -1, *[1] * (values.ndim - 2))
-        out = values[self.rows].astype(np.float64, copy=True)
-        for lag in range(ORDER):
-            out -= self.coefficients[:, lag].reshape(shape) * values[self.rows - 1 - lag]
-        factor = self.weight / self.scale
-        return out * factor.reshape(*factor.shape, *[1] * (values.ndim - 2))
+        if self.coefficients.any():
+            first, second = (c[:, *[None] * (values.ndim - 2)] for c in self.coefficients.T)
+            filtered = values[2:] - first * values[1:-1]
+            filtered -= second * values[:-2]
+            out = filtered[self.rows - ORDER]
+        else:
+            out = values[self.rows].astype(np.float64)
+        out *= (self.weight / self.scale)[:, :, *[None] * (values.ndim - 2)]
+        return out
 
     def of_means(self, kept: Bools) -> Whitening:
         """Of some of the n means only."""

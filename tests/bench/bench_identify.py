@@ -97,6 +97,41 @@ def _told(case: Case, wall: float, processor: float, megabytes: float | None = N
     return words
 
 
+SEASON = """
+import resource, sys, time
+from tests.bench.bench_identify import season
+from thrustmargin.models.identification.loop import identify
+from thrustmargin.models.model.model_file import shipped_model
+tracks = season(int(sys.argv[1]))
+begun = time.process_time()
+found = identify(tracks, shipped_model())
+peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+print(time.process_time() - begun, peak, [f.term.key for f in found.found])
+"""
+
+
+def season(count: int) -> list[FlightTrack]:
+    """The recorded campaign flown again and again, each time with a little noise of its own."""
+    rng, every = np.random.default_rng(1), hosts()
+    tracks = []
+    for number in range(count):
+        track = every[number % len(every)]
+        day = 1.0 + rng.normal(0.0, 2e-4)
+        noise = rng.normal(0.0, 3.0, track.rotor_speed_rpm.shape)
+        speeds = day * track.rotor_speed_rpm + noise
+        tracks.append(replace(track, name=f"flight {number + 1}", rotor_speed_rpm=speeds))
+    return tracks
+
+
+@pytest.mark.parametrize("count", [6, 24, 96, 200])
+def test_a_season_of_one_aircraft(count):
+    """Seconds of processor and peak memory; aims: 15 s for six, 120 s for 200."""
+    command = [sys.executable, "-c", SEASON, str(count)]
+    told = subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    seconds, megabytes, names = told.split(maxsplit=2)
+    print(f"\n{count} flights: {float(seconds):.0f} s, peak {float(megabytes):.0f} MiB, {names}")
+
+
 def test_making_a_data_set(benchmark):
     benchmark(build, 5, "mixed", F16)
 

@@ -115,3 +115,38 @@ def test_components_that_keep_their_size_keep_it_and_none_vanishes():
     assert learnt.scatter[0] == 1.0
     assert np.all(learnt.scatter >= LEAST)
     assert learnt.scatter[1] == learnt.scatter[2] < 0.5
+
+
+def test_a_value_of_one_flight_is_summed_there_alone_and_fits_in_among_the_others():
+    """Its column is zero in other flights, which leave it out of their sums."""
+    nuisance, rng = made()
+    columns = columns_of(rng)
+    columns[2 + ROWS :, :, 1] = 0.0
+    sums = nuisance.sums(columns)
+    assert [s.used.tolist() for s in sums] == [[0, 1, 2], [0, 2]]
+    solved, level = nuisance.solved(), 3
+    flat = columns[2:].reshape(-1, 3)
+    expected = flat.T @ np.linalg.solve(dense(nuisance, LEVELS[level]), flat)
+    np.testing.assert_allclose(solved.reduce(sums)[level], expected, rtol=1e-8)
+
+
+def test_a_residual_beside_columns_that_were_prepared_is_one_more_column():
+    nuisance, rng = made()
+    columns = columns_of(rng, 4)
+    columns[2 + ROWS :, :, 2] = 0.0
+    whole = nuisance.solved().reduce(nuisance.sums(columns))
+    prepared = nuisance.prepared(columns[:, :, :3])
+    sums = nuisance.with_residual(prepared, columns[:, :, 3])
+    np.testing.assert_allclose(nuisance.solved().reduce(sums), whole, rtol=1e-9, atol=1e-9)
+
+
+def test_sums_of_some_means_are_those_of_a_nuisance_of_them():
+    nuisance, rng = made()
+    columns = columns_of(rng)
+    kept = np.ones(2 * ROWS, dtype=bool)
+    kept[10:40] = False
+    some = nuisance.of_means(kept)
+    assert [f.stop - f.start for f in some.flights] == [ROWS - 30, ROWS]
+    flat = columns[2:][kept].reshape(-1, 3)
+    expected = flat.T @ np.linalg.solve(dense(some, LEVELS[0]), flat)
+    np.testing.assert_allclose(some.solved().reduce(some.sums(columns))[0], expected, rtol=1e-8)

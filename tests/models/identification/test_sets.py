@@ -10,8 +10,8 @@ from thrustmargin.models.effects import CATALOGUE, effects_for
 from thrustmargin.models.identification.candidates import Held, derivatives, predicted
 from thrustmargin.models.identification.free_form import free_columns, hats, wander_columns
 from thrustmargin.models.identification.loop import identify
-from thrustmargin.models.identification.onsets import onset_candidates
-from thrustmargin.models.identification.reduced import BIN, reduce_flights
+from thrustmargin.models.identification.onsets import _LossSums, _steps, onset_candidates
+from thrustmargin.models.identification.reduced import BIN, STRETCH, reduce_flights
 from thrustmargin.models.identification.search_space import search_space
 from thrustmargin.models.identification.set_search import Search
 
@@ -146,3 +146,38 @@ def test_what_an_effect_does_is_good_to_a_few_per_cent_of_itself():
     assert np.abs(forms[:, 0, 0]) == pytest.approx(0.05 * np.abs(change[:, 0]), rel=1e-3)
     assert not forms[:, 1:, 0].any()
     assert search._forms([]).shape[2] == 0
+
+
+@pytest.mark.parametrize("kind", ["one", "since", "each"])
+def test_a_loss_from_a_moment_on_is_summed_as_if_over_all_flights(kind):
+    flights = [replace(t, start_unix_s=1e9 + 600.0 * k) for k, t in enumerate(made_flights(3))]
+    space = search_space(curve_model(), flights, effects_for(F16, table(["rotor_degradation"])))
+    search = Search(space.reduced, space.nuisance, space.candidates)
+    nothing = search.fit(frozenset(), ())
+    column = derivatives(space.reduced, [search.start[0]], 0)[:, :, 0]
+    step = [s for s in _steps(search) if s.kind == kind][-2 if kind == "since" else -1]
+    gram = _LossSums.of(search, nothing, column).gram(step, step.times)
+    x, flight = space.reduced.channels, space.reduced.flight
+    later = x.time_s[:, None] >= step.times
+    if step.flight is not None:
+        later = later & (flight == step.flight)[:, None] | step.after[flight][:, None]
+    whole = np.concatenate(
+        [column[:, :, None] * later[:, None, :], nothing.residual[:, :, None]], axis=2
+    )
+    level = slice(nothing.best_level, nothing.best_level + 1)
+    expected = search.solved.reduce(search.nuisance.sums(whole), level)[0]
+    np.testing.assert_allclose(gram, expected, rtol=1e-7, atol=1e-7 * np.abs(expected).max())
+
+
+def test_of_many_flights_each_keeps_stretches_that_take_turns(monkeypatch):
+    flights = made_flights(3, duration=150.0)
+    whole = reduce_flights(curve_model(), flights)
+    monkeypatch.setattr("thrustmargin.models.identification.reduced.MOST_MEANS", 250)
+    some = reduce_flights(curve_model(), flights)
+    counts = np.bincount(some.flight)
+    assert some.flight.size < 0.6 * whole.flight.size
+    assert (counts >= STRETCH).all()
+    first = [some.channels.time_s[some.flight == f][0] for f in range(3)]
+    assert first[1] > first[0] + 15.0  # the second flight keeps what the first leaves out
+    runs = np.diff(np.flatnonzero(~some.follows))
+    assert set(runs) <= {STRETCH, *(counts % STRETCH)}
