@@ -81,13 +81,13 @@ def check_outputs(outputs: Iterable[Output], *, inputs: Iterable[Path | str | No
         path = output.path
         if path is None or path == STDOUT:
             continue
+        if path.exists() and not path.is_file():
+            what = "a folder" if path.is_dir() else "a device or a pipe"
+            raise DataError(f"{path} is {what}, not a file; give another {output.option}")
         if output.endings and path.suffix.lower() not in output.endings:
             raise DataError(f"cannot write {path}; end its name in {' or '.join(output.endings)}")
         if not path.parent.is_dir():
             raise DataError(f"no folder {path.parent}; make it, or give another {output.option}")
-        if path.exists() and not path.is_file():
-            what = "a folder" if path.is_dir() else "a device or a pipe"
-            raise DataError(f"{path} is {what}, not a file; give another {output.option}")
         for read in inputs:
             if _same(path, read):
                 raise DataError(

@@ -31,9 +31,10 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.live.alarm import CRITICAL, NOTICE, WARNING, AlarmSettings
 from thrustmargin.gcs_plugin.live.tank_balance import TankBalance
+from thrustmargin.gcs_plugin.wording.fault_words import fault_words
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import Basis, FlightAnalysis
-from thrustmargin.models.model.rotor_faults import MOST, RotorFault
+from thrustmargin.models.model.rotor_faults import Kind, RotorFault
 from thrustmargin.models.model.utilisation_error import INTERVAL
 
 ROTORS_HOLD = 1.0  # s of the time after which missing rotor speeds are reported
@@ -167,29 +168,22 @@ def airframe(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:  # noqa: AR
 
 
 def rotor_thrust(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:  # noqa: ARG001
-    yield from _faulty(now, "propeller", "Rotor {} makes {} less thrust: propeller?")
+    yield from _faulty(now, "propeller")
 
 
 def motor_speed(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:  # noqa: ARG001
-    yield from _faulty(now, "motor", "Motor {} or ESC {} slow for output: land")
+    yield from _faulty(now, "motor")
 
 
-def _faulty(now: RowNow, kind: str, text: str) -> Iterator[AlarmCheck]:
+def _faulty(now: RowNow, kind: Kind) -> Iterator[AlarmCheck]:
     """The faults of one kind, and that all other rotors are sound."""
     if now.faults is None:
         return
     found = {fault.rotor: fault for fault in now.faults if fault.kind == kind}
     for rotor in range(now.analysis.track.rotor_count):
         fault = found.get(rotor)
-        words = "" if fault is None else text.format(rotor + 1, _size(fault))
+        words = "" if fault is None else fault_words(fault)
         yield AlarmCheck(fault is not None, fault is None, CRITICAL, words, rotor + 1)
-
-
-def _size(fault: RotorFault) -> str:
-    """The size of a fault with its 95 % interval, as `12% (9-15)`."""
-    if fault.upper >= MOST:
-        return f">{100 * fault.lower:.0f}%"
-    return f"{100 * fault.size:.0f}% ({100 * fault.lower:.0f}-{100 * fault.upper:.0f})"
 
 
 def envelope(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:  # noqa: ARG001

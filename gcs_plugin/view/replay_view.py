@@ -12,19 +12,23 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from thrustmargin.gcs_plugin.live.alarm import CRITICAL, Alarm
 from thrustmargin.gcs_plugin.view.camera import Camera
 from thrustmargin.gcs_plugin.view.charts import RotorCharts
 from thrustmargin.gcs_plugin.view.controls import ReplayClock, ReplayControls
 from thrustmargin.gcs_plugin.view.gauges import STYLE, gauges_html
 from thrustmargin.gcs_plugin.view.guard import LOOPBACK
+from thrustmargin.gcs_plugin.view.live_html import Standing, alarms_html
 from thrustmargin.gcs_plugin.view.overlays import Overlay, overlays_of, speed_overlay
 from thrustmargin.gcs_plugin.view.scene import Scene
 from thrustmargin.gcs_plugin.view.shown_row import ShownRow, enu, ground_height, plan_enu, row_at
 from thrustmargin.gcs_plugin.view.view_page import ViewPage, arrange, left_panel
+from thrustmargin.gcs_plugin.wording.fault_words import fault_words
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.mission.route import Trail
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.model.rotor_faults import fault_history
 
 if TYPE_CHECKING:
     import viser
@@ -75,6 +79,8 @@ class ReplayView(ViewPage):
         self._waypoints = waypoints
         self._messages = sorted(messages)
         self._message_times = np.array([t for t, _ in self._messages])
+        self._faults = fault_history(analysis)
+        self._fault_times = np.array([time_s for time_s, _ in self._faults])
         self._start_s = float(track.time_s[0])
         self._flown = track.flying if track.flying.any() else np.ones_like(track.flying)
         self._trail = Trail([o.worst for o in self._overlays], limit=SEGMENTS)
@@ -133,7 +139,8 @@ class ReplayView(ViewPage):
         self._scene.show(VEHICLE, row)
         if hurry or self._ticks % GAUGE_TICKS == 0:
             title = f"{self._airframe.title} · {self._analysis.track.name}"
-            self._gauges.content = gauges_html(row, title, self._message_at(time_s))
+            html = gauges_html(row, title, self._message_at(time_s))
+            self._gauges.content = alarms_html(1, [self._alarms_at(time_s)]) + html
             self._controls.show(time_s)
         if hurry or self._ticks % CHART_TICKS == 0:
             self._charts.show(self._start_s + time_s)
@@ -145,6 +152,18 @@ class ReplayView(ViewPage):
         if last < 0 or time_s - self._messages[last][0] > MESSAGE_S:
             return ""
         return self._messages[last][1]
+
+    def _alarms_at(self, time_s: float) -> Standing:
+        """The rotor and motor alarms that stood at `time_s`, as they were said live."""
+        last = int(np.searchsorted(self._fault_times, self._start_s + time_s, side="right")) - 1
+        faults = self._faults[last][1] if last >= 0 else ()
+        names = {"propeller": "rotor", "motor": "motor"}
+        return Standing(
+            number=1,
+            alarms=tuple(
+                Alarm(names[f.kind], f.rotor + 1, CRITICAL, fault_words(f), time_s) for f in faults
+            ),
+        )
 
     def _recolour(self, overlay: Overlay) -> None:
         self._overlay = overlay

@@ -16,7 +16,8 @@ another change is sought from there, one back to sound included.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -65,6 +66,15 @@ class RotorFault:
     size: float
     lower: float  # 95 % interval
     upper: float  # MOST while it is still growing
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FaultEpisode:
+    """A fault of one flight: s from its first row at which it was found, and over (None: never)."""
+
+    begin_s: float
+    end_s: float | None
+    fault: RotorFault  # as it was known last
 
 
 class FaultTest:
@@ -202,6 +212,37 @@ class RotorFaults:
             self._tests[1].add(
                 self._begun_s, motors - np.median(motors), moves - np.median(moves, axis=0)
             )
+
+
+def fault_history(analysis: FlightAnalysis) -> list[tuple[float, tuple[RotorFault, ...]]]:
+    """(time s, faults that stand from there on) of a whole flight: what live alarms said of it."""
+    if analysis.withheld:
+        return []
+    found, track = RotorFaults(analysis.model), analysis.track
+    history: list[tuple[float, tuple[RotorFault, ...]]] = []
+    for row, signals in enumerate(fault_signals(analysis, slice(None))):
+        time_s = float(track.time_s[row])
+        if not track.flying[row]:
+            found.landed(time_s)
+        elif found.add(time_s, signals) and found.standing != (history[-1][1] if history else ()):
+            history.append((time_s, found.standing))
+    return history
+
+
+def fault_episodes(
+    history: Sequence[tuple[float, tuple[RotorFault, ...]]],
+) -> tuple[FaultEpisode, ...]:
+    """The faults of a flight, in the order in which they were found."""
+    open_now: dict[tuple[str, int], FaultEpisode] = {}
+    over: list[FaultEpisode] = []
+    for time_s, faults in history:
+        standing = {(fault.kind, fault.rotor): fault for fault in faults}
+        for key in open_now.keys() - standing.keys():
+            over.append(replace(open_now.pop(key), end_s=time_s))
+        for key, fault in standing.items():
+            begin_s = open_now[key].begin_s if key in open_now else time_s
+            open_now[key] = FaultEpisode(begin_s=begin_s, end_s=None, fault=fault)
+    return tuple(sorted([*over, *open_now.values()], key=lambda episode: episode.begin_s))
 
 
 def fault_signals(analysis: FlightAnalysis, rows: slice) -> Floats:

@@ -24,6 +24,7 @@ from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.models.model.model_file import shipped_model
 
 SENDER = Path(__file__).with_name("many_vehicles.py")
+BARE = SENDER.with_name("bare_pymavlink.py")
 RUN = "import sys; from thrustmargin.gcs_plugin.cli import main; main(sys.argv[1:])"
 SIXTY = ("--speed", "60", "--loop")
 
@@ -105,6 +106,55 @@ def test_fifty_vehicles_at_fifty_messages_a_second(benchmark, sitl_logs, tmp_pat
         f"{told['late']} s late"
     )
     print(*told["words"], sep="\n")
+    benchmark.extra_info.update(told)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_twenty_vehicles_beside_a_bare_pymavlink_loop(benchmark, sitl_logs, tmp_path):
+    """Both hear the same 20 vehicles x 48 messages/s at the same time, each on its own port."""
+    seconds = float(os.environ.get("THRUSTMARGIN_LOAD_SECONDS", "30"))
+    log = sitl_logs / "campaign" / "v4_m16_q2.5.tlog"
+    environment = {**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{os.environ['PYTHONPATH']}"}
+    told = {}
+
+    def measure() -> None:
+        port, bare_port = free_port(), free_port()
+        process = monitor_process(port, tmp_path)
+        bare = subprocess.Popen(
+            [sys.executable, str(BARE), str(bare_port), str(seconds + 12)],
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        assert bare.stdout is not None
+        bare.stdout.readline()
+        before, _ = used(process.pid)
+        words = [str(v) for v in (20, 48, seconds, 45)]
+        senders = [
+            subprocess.Popen(
+                [sys.executable, str(SENDER), str(log), str(target), *words],
+                stdout=subprocess.PIPE,
+                text=True,
+                cwd=ROOT,
+                env=environment,
+            )
+            for target in (port, bare_port)
+        ]
+        sent = [int(sender.communicate()[0].split()[0]) for sender in senders]
+        after, memory = used(process.pid)
+        heard, processor = bare.communicate()[0].split()
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=60)
+        (session,) = tmp_path.iterdir()
+        kept = sum(1 for _ in stamped_frames(session / "telemetry.tlog"))
+        told.update(monitor=(after - before) / seconds, bare=float(processor) / seconds)
+        told.update(lost=sent[0] - kept, bare_lost=sent[1] - int(heard), memory=memory)
+
+    benchmark.pedantic(measure, rounds=1)
+    print(
+        f"\n20 vehicles x 48 messages/s for {seconds:.0f} s: monitor {told['monitor']:.0%} of a "
+        f"core, {told['memory']:.0f} MB, {told['lost']} lost; a bare pymavlink loop beside it "
+        f"{told['bare']:.1%}, {told['bare_lost']} lost"
+    )
     benchmark.extra_info.update(told)
 
 

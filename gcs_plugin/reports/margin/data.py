@@ -128,6 +128,7 @@ class FlightReport:
     load: tuple[JsonObject, ...]
     rotors: tuple[JsonObject, ...]
     moments: tuple[Moment, ...]
+    alarms: tuple[JsonObject, ...]  # of rotors and motors, as the live alarms say them
     redundancy: JsonObject
     accuracy: Accuracy
     quality: JsonObject

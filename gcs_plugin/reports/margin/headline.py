@@ -20,6 +20,7 @@ from thrustmargin.gcs_plugin.wording.numbers import (
 )
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.load_inference import FROM_THRUST, STATED
 from thrustmargin.models.scores import Estimate
 
@@ -145,3 +146,23 @@ def estimate(figure: Estimate, unit: str = "", decimals: int = 1, factor: float 
     if UNKNOWN in (middle, low, high):
         return number(figure.value * factor, unit, decimals)
     return f"{middle} ({low} to {high}) {unit}".rstrip()
+
+
+def basis_words(
+    analysis: FlightAnalysis, measured_s: float, known_s: float, airborne_s: float
+) -> str:
+    """What the thrust utilisation of a flight rests on, s of which each is known."""
+    if known_s == 0.0:
+        return "nothing measured, nothing predicted"
+    missing = airborne_s - known_s
+    tail = "" if missing < 0.05 * airborne_s else f"; unknown for {duration(missing)}"
+    if measured_s == 0.0:
+        why = "in the air " if analysis.track.reports("rotor_speed_rpm") else ""
+        return f"predicted; no rotor speeds {why}in this log{tail}"
+    if measured_s < 0.999 * known_s:
+        part = percent(measured_s / known_s)
+        basis = analysis.words_of_speed
+        return f"rotor speeds {basis} for {part} of the flight, predicted for the rest{tail}"
+    if np.any(analysis.from_outputs):
+        return f"rotor speeds {analysis.track.sources['rotor_speed_rpm']}{tail}"
+    return f"measured rotor speeds{tail}"

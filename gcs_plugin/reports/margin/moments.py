@@ -1,15 +1,18 @@
-"""The worst moments of a flight and what the vehicle was doing in them."""
+"""The worst moments of a flight, what the vehicle was doing in them, and its rotor alarms."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import UTC, datetime
 
 import numpy as np
 import pymap3d
 
-from thrustmargin.gcs_plugin.reports.margin.data import Moment, mean
+from thrustmargin.gcs_plugin.reports.margin.data import Fact, JsonObject, Moment, mean
+from thrustmargin.gcs_plugin.wording.fault_words import episode_words, fault_words
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
+from thrustmargin.models.model.rotor_faults import FaultEpisode
 from thrustmargin.models.model.utilisation_error import INTERVAL
 
 #: Moments closer than this are one moment, s: about the length of a turn at a line end.
@@ -128,6 +131,26 @@ def doing(analysis: FlightAnalysis, row: int) -> tuple[str, ...]:
     elif np.isfinite(spraying) and not words:
         words.append("flying, not spraying")
     return tuple(words)
+
+
+def alarm_facts(episodes: Sequence[FaultEpisode]) -> tuple[Fact, ...]:
+    """What the live alarms said, one fact each."""
+    return tuple(Fact("alarm", episode_words(episode)) for episode in episodes)
+
+
+def alarm_row(episode: FaultEpisode) -> JsonObject:
+    """A fault of a rotor or motor, with the words of its live alarm."""
+    fault = episode.fault
+    return {
+        "kind": fault.kind,
+        "rotor": fault.rotor + 1,
+        "from_s": episode.begin_s,
+        "until_s": episode.end_s,
+        "size": fault.size,
+        "size_low": fault.lower,
+        "size_high": fault.upper,
+        "words": fault_words(fault),
+    }
 
 
 def utc_words(start_unix_s: float | None, time_s: float) -> str | None:

@@ -27,21 +27,31 @@ from thrustmargin.gcs_plugin.reports.margin.data import (
     share,
 )
 from thrustmargin.gcs_plugin.reports.margin.headline import (
+    basis_words,
     facts,
     headline,
     load_facts,
     several_headline,
 )
 from thrustmargin.gcs_plugin.reports.margin.load import load_rows
-from thrustmargin.gcs_plugin.reports.margin.moments import airborne_use, utc_words, worst_moments
+from thrustmargin.gcs_plugin.reports.margin.moments import (
+    airborne_use,
+    alarm_facts,
+    alarm_row,
+    utc_words,
+    worst_moments,
+)
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
-from thrustmargin.gcs_plugin.wording import numbers as words
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.predict import flown_airframe
+from thrustmargin.models.model.rotor_faults import (
+    fault_episodes,
+    fault_history,
+)
 from thrustmargin.models.model.utilisation_error import INTERVAL
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.margin import ceiling, hover_use, largest_fill, weight
@@ -83,14 +93,17 @@ def report_flight(
         _verdict(analysis, seconds, limit, moments[0] if moments else None),
         **_fills(analysis, as_flown, rows),
     )
+    alarms = fault_episodes(fault_history(analysis))
+    said = (*alarm_facts(alarms), *facts(verdict, analysis.claim), *load_facts(track))
     return FlightReport(
         name=track.name,
-        verdict=replace(verdict, facts=(*facts(verdict, analysis.claim), *load_facts(track))),
+        verdict=replace(verdict, facts=said),
         flight=_flight(analysis, rows["ground_speed"], seconds),
         model=model_use(analysis),
         load=load_rows(analysis, limits),
         rotors=_rotors(analysis, seconds, limit),
         moments=moments,
+        alarms=tuple(map(alarm_row, alarms)),
         redundancy=_redundancy(analysis, rows, seconds),
         accuracy=accuracy(analysis, airframe.rotor_names),
         quality=_quality(log),
@@ -129,7 +142,7 @@ def _verdict(
         limit=limit,
         one_rotor_out_use=one_rotor_out_use(analysis.model.airframe),
         worst=worst,
-        basis=_basis_words(analysis, measured_s, known_s, airborne_s),
+        basis=basis_words(analysis, measured_s, known_s, airborne_s),
         speed_basis=analysis.words_of_speed,
         measured_share=share(measured_s, airborne_s),
         over_limit_s=over_s,
@@ -146,25 +159,6 @@ def one_rotor_out_use(airframe: Airframe) -> float:
     limits = ceiling(airframe, airframe.reference_density, airframe.ceiling_voltage)
     fill = largest_fill(airframe, limits, criterion="yaw uncontrolled")
     return float(hover_use(airframe, limits, weight(airframe, fill)).item())
-
-
-def _basis_words(
-    analysis: FlightAnalysis, measured_s: float, known_s: float, airborne_s: float
-) -> str:
-    if known_s == 0.0:
-        return "nothing measured, nothing predicted"
-    missing = airborne_s - known_s
-    tail = "" if missing < 0.05 * airborne_s else f"; unknown for {words.duration(missing)}"
-    if measured_s == 0.0:
-        why = "in the air " if analysis.track.reports("rotor_speed_rpm") else ""
-        return f"predicted; no rotor speeds {why}in this log{tail}"
-    if measured_s < 0.999 * known_s:
-        part = words.percent(measured_s / known_s)
-        basis = analysis.words_of_speed
-        return f"rotor speeds {basis} for {part} of the flight, predicted for the rest{tail}"
-    if np.any(analysis.from_outputs):
-        return f"rotor speeds {analysis.track.sources['rotor_speed_rpm']}{tail}"
-    return f"measured rotor speeds{tail}"
 
 
 def _flight(analysis: FlightAnalysis, speed: Floats, seconds: Floats) -> JsonObject:

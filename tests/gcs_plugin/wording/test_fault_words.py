@@ -1,0 +1,84 @@
+"""A bad rotor is told in the same words live, in the report and in the replay of its recording."""
+
+import json
+
+import pytest
+
+from tests.gcs_plugin.live.live_vehicle import log_frames
+from thrustmargin.gcs_plugin.cli import run
+from thrustmargin.gcs_plugin.commands.inputs import read_flight
+from thrustmargin.gcs_plugin.live.fleet import Fleet
+from thrustmargin.gcs_plugin.live.vehicle_monitor import WatchSettings
+from thrustmargin.gcs_plugin.view.live_html import alarms_html
+from thrustmargin.gcs_plugin.view.replay_view import ReplayView
+from thrustmargin.gcs_plugin.wording.fault_words import episode_words, fault_words
+from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.model_file import shipped_model
+from thrustmargin.models.model.rotor_faults import (
+    MOST,
+    FaultEpisode,
+    RotorFault,
+    fault_episodes,
+)
+
+FAULT = RotorFault(kind="propeller", rotor=2, size=0.12, lower=0.094, upper=0.153)
+
+
+def test_words_name_part_amount_and_action_in_the_length_of_a_statustext():
+    motor = RotorFault(kind="motor", rotor=7, size=0.3, lower=0.28, upper=MOST)
+    assert fault_words(FAULT) == "Rotor 3 makes 12% (9-15) less thrust: propeller?"
+    assert fault_words(motor) == "Motor 8 or ESC >28% slow for output: land"
+    assert all(len(fault_words(fault)) <= 50 for fault in (FAULT, motor))
+    episode = FaultEpisode(begin_s=145.0, end_s=None, fault=FAULT)
+    assert episode_words(episode) == f"{fault_words(FAULT)} (found at 2 min 25 s)"
+
+
+def test_faults_that_come_and_go_are_episodes():
+    motor = RotorFault(kind="motor", rotor=0, size=0.3, lower=0.2, upper=0.4)
+    later = RotorFault(kind="propeller", rotor=2, size=0.11, lower=0.1, upper=0.12)
+    history = [(1.0, (FAULT,)), (2.0, (later, motor)), (3.0, (motor,)), (5.0, ()), (9.0, (FAULT,))]
+    assert fault_episodes(history) == (
+        FaultEpisode(begin_s=1.0, end_s=3.0, fault=later),
+        FaultEpisode(begin_s=2.0, end_s=5.0, fault=motor),
+        FaultEpisode(begin_s=9.0, end_s=None, fault=FAULT),
+    )
+    assert fault_episodes([]) == ()
+
+
+@pytest.fixture(scope="module")
+def said_live(sitl_logs) -> str:
+    """The rotor alarm as it stood at the end of the flight."""
+    fleet = Fleet(shipped_model(), WatchSettings(airframe_given=False))
+    frames = log_frames(sitl_logs / "onset" / "worn_prop_onset.tlog")
+    words = ""
+    for first in range(0, len(frames), 400):
+        fleet.take(frames[first : first + 400])
+        fleet.updates()
+        alarms = fleet.vehicles[1].alarms.standing if fleet.vehicles else {}
+        words = alarms[("rotor", 3)].text if ("rotor", 3) in alarms else words
+    return words
+
+
+def test_the_report_says_what_the_live_alarm_said(sitl_logs, tmp_path, capsys, said_live):
+    assert said_live.startswith("Rotor 3 makes 12% (")
+    path = str(sitl_logs / "onset" / "worn_prop_onset.tlog")
+    assert run(["report", path, "--json", "-", "--out", str(tmp_path / "r.html")]) == 0
+    flight = json.loads(capsys.readouterr().out)["flights"][0]
+    (alarm,) = flight["alarms"]
+    assert (alarm["words"], alarm["rotor"], alarm["until_s"]) == (said_live, 3, None)
+    assert flight["verdict"]["facts"][0]["label"] == "alarm"
+    assert said_live in flight["verdict"]["facts"][0]["text"]
+    assert said_live in (tmp_path / "r.html").read_text("utf-8")
+    sound = str(sitl_logs / "onset" / "reference.tlog")
+    assert run(["report", sound, "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["flights"][0]["alarms"] == []
+
+
+def test_the_replay_shows_it_from_when_it_was_found(sitl_logs, said_live):
+    model = shipped_model()
+    log, claim = read_flight(sitl_logs / "onset" / "worn_prop_onset.tlog", model, given=False)
+    view = ReplayView(analyse(log.track, model, claim=claim), port=0, paused=True)
+    shown = {at: alarms_html(1, [view._alarms_at(at)]) for at in (100.0, 147.0, 200.0)}
+    assert shown[100.0] == ""
+    assert "Rotor 3 makes &gt;" in shown[147.0]  # as it was said then, while it grew
+    assert said_live in shown[200.0]
