@@ -125,18 +125,18 @@ class ColumnsAbout:
 
     def linear(self, solved: Solved, sums: Sequence[FlightSums]) -> Linear:
         """By the sums of the flights that are `solved`."""
-        gram, doubt = forms_taken_out(solved, sums, range(self.asked))
+        gram, doubt = forms_taken_out(solved, solved.without_scatter(sums), range(self.asked))
         return Linear(
             about=self.about, held=self.held, columns=self.columns, gram=gram, doubt=doubt
         )
 
 
 def forms_taken_out(
-    solved: Solved, sums: Sequence[FlightSums], asked: Sequence[int], levels: slice = EVERY
+    solved: Solved, sums: tuple[Floats, Floats], asked: Sequence[int], levels: slice = EVERY
 ) -> tuple[Floats, Floats]:
     """(levels, q, q) of the `asked` columns with the doubt of the others taken out, which have
     size one, and (levels,) the log evidence of all that was taken out."""
-    grams = solved.reduce(sums, levels)
+    grams = solved.without_shared(*sums, levels)
     evidence = solved.log_evidence[levels]
     forms = np.setdiff1d(np.arange(grams.shape[1]), asked)
     own = grams[:, asked][:, :, asked]

@@ -59,10 +59,13 @@ class FlightSums:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Prepared:
-    """Columns that are filtered, and their sums by flight."""
+    """Columns that are filtered, with the scatter taken out of their sums."""
 
     z: Floats  # (n, R, q)
-    sums: list[FlightSums]
+    used: list[NDArray[np.intp]]  # columns that are not zero throughout each flight
+    left: list[Floats]  # (K, u) of each flight: what the scatter takes of them
+    shared: Floats  # (X, q)
+    own: Floats  # (q, q)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -77,7 +80,10 @@ class Solved:
 
     def reduce(self, sums: Sequence[FlightSums], levels: slice = EVERY) -> Floats:
         """(levels, q, q): z'z with the nuisances taken out, of the flights of this."""
-        shared, own = self.without_scatter(sums)
+        return self.without_shared(*self.without_scatter(sums), levels)
+
+    def without_shared(self, shared: Floats, own: Floats, levels: slice = EVERY) -> Floats:
+        """(levels, q, q) of X'z and z'z of which the scatter is taken out."""
         return own - shared.T @ self.shared[levels] @ shared
 
     def without_scatter(self, sums: Sequence[FlightSums]) -> tuple[Floats, Floats]:
@@ -114,32 +120,30 @@ class Nuisance:
         z = self.whitening.apply(columns)
         return [self._sums(z[f], f) for f in self.flights]
 
-    def prepared(self, columns: Floats) -> Prepared:
-        """Columns (N, R, q) rpm in modes, filtered once for many residuals."""
+    def prepared(self, columns: Floats, solved: Solved) -> Prepared:
+        """Columns (N, R, q) rpm in modes with the scatter taken out, once for many residuals."""
         z = self.whitening.apply(columns)
-        return Prepared(z=z, sums=[self._sums(z[f], f) for f in self.flights])
+        sums = [self._sums(z[f], f) for f in self.flights]
+        shared, own = solved.without_scatter(sums)
+        left = [w @ one.scatter for w, one in zip(solved.scatter, sums, strict=True)]
+        used = [one.used for one in sums]
+        return Prepared(z=z, used=used, left=left, shared=shared, own=own)
 
-    def with_residual(self, columns: Prepared, residual: Floats) -> list[FlightSums]:
-        """Of prepared columns, and of a residual (N, R) rpm in modes as the last one."""
-        out, last = [], self.whitening.apply(residual[:, :, None])
-        for rows, before in zip(self.flights, columns.sums, strict=True):
-            one = self._sums(last[rows], rows)
-            mine = columns.z[rows][:, :, before.used]
-            cross = np.einsum("nmq,nm->q", mine, last[rows, :, 0], optimize=True)
-            count = cross.size
-            own = np.empty((count + 1, count + 1))
-            own[:count, :count], own[count:, count:] = before.own, one.own
-            own[:count, count] = own[count, :count] = cross
-            out.append(
-                FlightSums(
-                    scatter=np.concatenate([before.scatter, one.scatter], axis=1),
-                    shared=np.concatenate([before.shared, one.shared], axis=1),
-                    own=own,
-                    used=np.append(before.used, before.count),
-                    count=before.count + 1,
-                )
-            )
-        return out
+    def with_residual(
+        self, columns: Prepared, residual: Floats, solved: Solved
+    ) -> tuple[Floats, Floats]:
+        """`Solved.without_scatter` of prepared columns and of a residual (N, R) rpm in modes, the
+        last one."""
+        last, count = self.whitening.apply(residual[:, :, None]), columns.own.shape[0]
+        sums = [self._sums(last[f], f) for f in self.flights]
+        shared, own = solved.without_scatter(sums)
+        cross = np.zeros((count, 1))
+        parts = zip(self.flights, columns.used, columns.left, sums, strict=True)
+        for rows, used, left, one in parts:
+            along = np.tensordot(columns.z[rows], last[rows, :, 0], axes=((0, 1), (0, 1)))
+            cross[used, 0] += along[used] - left.T @ one.scatter[:, 0]
+        whole = np.block([[columns.own, cross], [cross.T, own]])
+        return np.concatenate([columns.shared, shared], axis=1), whole
 
     def grams(self) -> list[NuisanceGram]:
         """S'S, S'X and X'X of each flight."""

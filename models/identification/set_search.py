@@ -244,7 +244,7 @@ class Search:
         """Derivatives by the free values of a set, and its forms."""
         parts = [derivatives(self.reduced, held, k) for k in range(len(held))]
         return self.nuisance.prepared(
-            np.nan_to_num(np.concatenate([*parts, self._forms(held)], axis=2))
+            np.nan_to_num(np.concatenate([*parts, self._forms(held)], axis=2)), self.solved
         )
 
     def _forms(self, held: Sequence[Held]) -> Floats:
@@ -277,7 +277,7 @@ class Search:
     ) -> tuple[Floats, Floats]:
         """(levels, P + 1, P + 1) of derivatives and a residual with the forms' doubt taken out,
         and (levels,) the log evidence of all that was taken out."""
-        sums = self.nuisance.with_residual(columns, np.nan_to_num(residual))
+        sums = self.nuisance.with_residual(columns, np.nan_to_num(residual), self.solved)
         asked = [*range(sum(len(h.candidate.free) for h in held)), columns.z.shape[2]]
         return forms_taken_out(self.solved, sums, asked, levels)
 

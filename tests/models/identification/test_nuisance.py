@@ -134,10 +134,12 @@ def test_a_residual_beside_columns_that_were_prepared_is_one_more_column():
     nuisance, rng = made()
     columns = columns_of(rng, 4)
     columns[2 + ROWS :, :, 2] = 0.0
-    whole = nuisance.solved().reduce(nuisance.sums(columns))
-    prepared = nuisance.prepared(columns[:, :, :3])
-    sums = nuisance.with_residual(prepared, columns[:, :, 3])
-    np.testing.assert_allclose(nuisance.solved().reduce(sums), whole, rtol=1e-9, atol=1e-9)
+    solved = nuisance.solved()
+    whole = solved.without_scatter(nuisance.sums(columns))
+    prepared = nuisance.prepared(columns[:, :, :3], solved)
+    found = nuisance.with_residual(prepared, columns[:, :, 3], solved)
+    for one, other in zip(found, whole, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
 
 
 def test_sums_of_some_means_are_those_of_a_nuisance_of_them():
