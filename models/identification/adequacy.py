@@ -39,6 +39,8 @@ class Unexplained:
 def unexplained(space: SearchSpace, search: Search, best: FittedSet) -> Unexplained | None:
     """The mode of which names leave most; None when they take what can be explained."""
     curves = _free_part(space, search, best)
+    if not curves:
+        return None
     left = np.mean(np.sum(list(curves.values()), axis=0) ** 2, axis=0)  # (R,)
     sound = _sound_part(space)
     named = np.mean((predicted(search.reduced, best.held) - predicted(search.reduced, ())) ** 2, 0)

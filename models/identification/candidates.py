@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from thrustmargin.models.effects.base import Effect, Parameter, Placed
+from thrustmargin.models.effects.base import TORQUE_SHARE, Effect, Parameter, Placed
 from thrustmargin.models.effects.load_factor import LOAD_FACTOR
 from thrustmargin.models.effects.manoeuvre_moment import MANOEUVRE_MOMENT
 from thrustmargin.models.effects.rotor_degradation import LOSS
@@ -79,6 +79,14 @@ class Held:
     def free_values(self) -> Floats:
         """(P,) the values that are free."""
         return np.array([self.values[flight or 0, k] for k, flight in self.candidate.free])
+
+    def usually_shaped(self) -> Held:
+        """A bad rotor with its usual share of the torque; itself where that is so."""
+        values = self.values.copy()
+        for k, p in enumerate(self.candidate.term.effect.parameters):
+            if p.name == TORQUE_SHARE.name:
+                values[:, k] = p.start
+        return self if np.array_equal(values, self.values) else replace(self, values=values)
 
     def moved(self, by: Floats) -> Held:
         """With the free values (P,) moved, kept within their bounds."""

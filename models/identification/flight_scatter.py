@@ -16,8 +16,10 @@ from scipy.interpolate import BSpline
 
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.effects.base import Effect
+from thrustmargin.models.effects.channels import froude_time_scale
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.candidates import Held, Term, candidate, predicted, slopes
+from thrustmargin.models.identification.free_form import WANDER
 from thrustmargin.models.identification.output_shares import effects_on_shares
 from thrustmargin.models.identification.problem import Problem, assemble
 from thrustmargin.models.identification.row_fit import block_sums
@@ -29,6 +31,7 @@ from thrustmargin.models.network.records import GoodFlights, scatter_between
 SLOW_CHANNELS = ("airspeed", "tank_kg", "time_s", "voltage", "heading")
 KNOTS = 8  # pieces of a curve; how smooth it is, flights left out decide
 HARMONICS = 3  # of a curve over heading
+MEANS = 0.75  # of the scatter of knots, that of means between them: root of 1/2 to 5/8
 SMOOTHNESS = 10.0 ** np.arange(-4.0, 5.0)  # weights of the penalty, per row
 
 
@@ -64,11 +67,13 @@ def good_flights(left_out: Sequence[LeftOutFlights]) -> GoodFlights:
     names = problem.modes.names
     which, rows = np.concatenate(flight), np.concatenate(amplitudes)
     over = {name: np.concatenate(values) for name, values in channels.items()}
+    apart = WANDER * froude_time_scale(left_out[0].model.airframe)
     by_mode = np.array(means)  # (F, 2, R)
     return GoodFlights(
         flights=len(means),
         scatter=_pooled(estimates),
         mode_scatter_rpm=tuple(scatter_between(*by_mode[:, :, k].T) for k in range(len(names))),
+        slow_rpm=tuple(slow_wander(rows, over["time_s"], which, apart).tolist()),
         curve_rpm={
             f"{mode}.{name}": confirmed_curve_rms(
                 rows[:, k], values, which, periodic=name == "heading"
@@ -78,6 +83,23 @@ def good_flights(left_out: Sequence[LeftOutFlights]) -> GoodFlights:
             for k, mode in enumerate(names)
         },
     )
+
+
+def slow_wander(values: Floats, time_s: Floats, flight: NDArray[np.intp], apart: float) -> Floats:
+    """(R,) size of slow noise within flights that values (T, R) show: knots every `apart` seconds.
+
+    Between knots that scatter by s, means over `apart` seconds scatter by MEANS s about their
+    flight's; 0 where no flight is long enough.
+    """
+    total, count = np.zeros(values.shape[1]), 0
+    for f in np.unique(flight):
+        of, at = values[flight == f], time_s[flight == f]
+        long = at[-1] - at[0] + 1e-6
+        pieces = ((at - at[0]) / long * max(1, round(long / apart))).astype(np.intp)
+        parts = np.stack([of[pieces == k].mean(axis=0) for k in np.unique(pieces)])
+        total += np.sum((parts - parts.mean(axis=0)) ** 2, axis=0)
+        count += len(parts) - 1
+    return np.sqrt(total / max(count, 1)) / MEANS
 
 
 def mean_and_error(values: Floats, block: NDArray[np.intp], mine: NDArray[np.bool_]) -> Floats:

@@ -70,7 +70,7 @@ def form_columns(x: Channels) -> Floats:
     parts = [np.ones((x.time_s.size, 1))]
     for name in FORMED:
         values = np.asarray(getattr(x, name))
-        if np.isfinite(values).all() and np.ptp(values) > 1e-6:
+        if np.isfinite(values).all() and np.ptp(values) > max(CHANNELS[name][1], 1e-6):
             part = hats(values, 3)
             parts.append(part - part.mean(axis=0))
     return np.concatenate(parts, axis=1)

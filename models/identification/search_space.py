@@ -6,11 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import norm
 from scipy.stats import t as student
 
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.effects.channels import froude_time_scale
+from thrustmargin.models.effects.manoeuvre_moment import MANOEUVRE_MOMENT
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.identification.candidates import (
     Candidate,
@@ -42,6 +44,8 @@ LEAST_CHANGE = 0.5  # rpm RMS of a mode, below which the form of an effect does 
 SHAPE = 0.5  # of a shape's usual size: how well it is known once it was fitted
 SURE = (0.5, 10.0)  # times what is usual, that a learnt scatter may be
 FREE_EFFECTS = 100.0  # times their scatter: any effect may be there while slow noise is learnt
+ANSWER = 0.3  # of an output's answer to a turn: what a third less thrust would make of it
+TAILS = 1.4  # root mean square over what the median gives, of noise with the tails of Laplace's
 LOADED = 0.03  # of the load factor: a gust or two
 LEAST_SHARE = 0.0005  # of the same: few good flights cannot show that there is nothing
 AT_ENDS = 2.0  # times the RMS of a curve, that it has at the ends of its channel
@@ -73,44 +77,84 @@ def search_space(
     residual = np.nan_to_num(reduced.in_modes(reduced.measured_rpm) - predicted(reduced, ()))
     anything = _moved(reduced, candidates)
     sizes_of = _scatter_sizes(candidates, model.good_flights)
-    standing = _standing(reduced, residual)
-    scatter = np.concatenate([anything * sizes_of, standing], axis=2)
+    standing, shared = _standing(reduced, residual)
+    form = (anything * sizes_of)[:, :, sizes_of > 0.0]
     hats, groups = free_columns(reduced.channels, reduced.flight)
+    if standing.any():  # how flights differ as a whole is known, and is nobody else's
+        form = _within_flights(form, reduced.flight)
+        hats, groups = hats[:, 1:], groups[1:]
+    scatter = np.concatenate([form, standing], axis=2)
     filter_ = _noise(reduced, residual, anything, hats)
     speed = float(reduced.measured_rpm.mean())
-    modes = residual.shape[1]
-    apart = WANDER * froude_time_scale(model.airframe)
-    wander = wander_columns(reduced.channels.time_s, reduced.flight, apart)
-    by_mode = np.zeros((*residual.shape, modes * wander.shape[1]))
-    for mode in range(modes):
-        part = slice(mode * wander.shape[1], (mode + 1) * wander.shape[1])
-        by_mode[:, mode, part] = USUAL_SHARE * speed * wander
+    wander, own = _wander(reduced, scatter.shape[2])
     sizes = _free_sizes(reduced, groups, model.good_flights, speed)
-    whole = np.repeat(hats[:, None, :], modes, axis=1)
+    whole = np.repeat(hats[:, None, :], residual.shape[1], axis=1)
     nuisance = Nuisance(
         whitening=filter_,
         flights=tuple(
             slice(*np.searchsorted(filter_.flight, [f, f + 1])) for f in range(reduced.flights)
         ),
-        scatter=filter_.apply(np.concatenate([scatter, by_mode], axis=2)),
-        doubt=filter_.apply(_doubt(reduced)),
+        scatter=filter_.apply(np.concatenate([scatter, wander], axis=2)),
+        doubt=filter_.apply(np.concatenate([_doubt(reduced), shared], axis=2)),
         free=np.moveaxis(filter_.apply(whole), 1, 0) * sizes[:, None, :],
     )
-    own = np.concatenate(
-        [np.full(scatter.shape[2], -1), np.repeat(np.arange(modes), wander.shape[1])]
-    ).astype(np.intp)
     anywhere = filter_.apply(FREE_EFFECTS * anything)
     open_ = replace(nuisance, doubt=np.concatenate([nuisance.doubt, anywhere], axis=2))
-    learnt = learn(open_, residual, groups, own, level=len(LEVELS) - 1)
+    size = learn(open_, residual, groups, own, level=len(LEVELS) - 1).scatter
+    usual = USUAL_SHARE * speed
+    if model.good_flights is not None and model.good_flights.slow_rpm:
+        slow = np.array(model.good_flights.slow_rpm) / usual
+        size = np.where(own >= 0, np.maximum(size, slow[own]), size)
+    noise = _left_noise(replace(open_, scatter=nuisance.scatter * size), residual)
     return SearchSpace(
         reduced=reduced,
         candidates=candidates,
-        nuisance=replace(nuisance, scatter=nuisance.scatter * learnt.scatter),
+        nuisance=replace(
+            nuisance,
+            whitening=replace(filter_, scale=filter_.scale * noise),
+            scatter=nuisance.scatter * size / noise[:, :, None],
+            doubt=nuisance.doubt / noise[:, :, None],
+            free=nuisance.free / noise.T[:, :, None],
+        ),
         groups=groups,
         hats=hats,
         sizes=sizes,
-        wander_rpm=USUAL_SHARE * speed * learnt.scatter[scatter.shape[2] :: wander.shape[1]],
+        wander_rpm=usual * np.array([size[own == mode][0] for mode in range(residual.shape[1])]),
     )
+
+
+def _wander(reduced: Reduced, others: int) -> tuple[Floats, NDArray[np.intp]]:
+    """(N, R, R W) rpm: slow noise of the usual size in each mode, and of it and `others` before it
+    the mode of each."""
+    x, modes = reduced.channels, reduced.measured_rpm.shape[1]
+    curves = wander_columns(
+        x.time_s, reduced.flight, WANDER * froude_time_scale(reduced.model.airframe)
+    )
+    each = USUAL_SHARE * float(reduced.measured_rpm.mean()) * curves
+    columns = np.einsum("nw,mk->nmkw", each, np.eye(modes)).reshape(len(each), modes, -1)
+    own = np.concatenate([np.full(others, -1), np.repeat(np.arange(modes), curves.shape[1])])
+    return columns, own.astype(np.intp)
+
+
+def _left_noise(open_: Nuisance, residual: Floats) -> Floats:
+    """(n, R) size of what nothing explains, of each flight and mode, where it is more than noise.
+
+    Wild seconds hide behind the median that noise is taken from; more than they is no noise.
+    """
+    z = open_.whitening.apply(residual)
+    sums = open_.sums(residual[:, :, None])
+    solved = open_.solved()
+    shared, _ = solved.without_scatter(sums)
+    mean = solved.shared[len(LEVELS) - 1] @ shared[:, 0]
+    known = open_.doubt.shape[2]
+    free = mean[known:].reshape(open_.free.shape[0], -1)
+    left = z - open_.doubt @ mean[:known] - np.einsum("rnh,rh->nr", open_.free, free)
+    out = np.ones_like(z)
+    for f, rows in enumerate(open_.flights):
+        draws = solved.scatter[f] @ (sums[f].scatter[:, 0] - solved.crossed[f] @ mean)
+        left[rows] -= open_.scatter[rows] @ draws
+        out[rows] = np.clip(np.sqrt(np.mean(left[rows] ** 2, axis=0)), 1.0, TAILS)
+    return out
 
 
 def main_values(candidates: Sequence[Candidate]) -> list[tuple[int, int, str]]:
@@ -167,6 +211,7 @@ def _doubt(reduced: Reduced) -> Floats:
             own[:, mode] = FORM * change[:, mode, None] * slow
             columns.append(own)
     columns += _shapes(reduced, base)
+    columns += _answers(reduced, base) if reduced.of_outputs else []
     return np.concatenate(columns, axis=2)
 
 
@@ -184,19 +229,46 @@ def _shapes(reduced: Reduced, base: Floats) -> list[Floats]:
     return columns
 
 
-def _standing(reduced: Reduced, residual: Floats) -> Floats:
-    """(N, R, R) rpm: by how much each mode differs from flight to flight, whatever is new.
+def _answers(reduced: Reduced, base: Floats) -> list[Floats]:
+    """By how much each rotor's output may answer a turn more than the others.
 
-    As good flights have shown; of motor outputs, whose shares hang on wind and battery, else as
-    these flights show themselves, and with too few of them as much as it takes to name nothing.
+    Outputs are asked for, not measured: a rate loop that answers a gust asks the same of all
+    rotors, and not more of one that makes less thrust.
+    """
+    columns = []
+    for k, item in enumerate(reduced.model.placed):
+        if item.effect.key == MANOEUVRE_MOMENT.key:
+            turning = base - reduced.in_modes(reduced.speeds((), without=k))
+            by_rotor = np.nan_to_num(turning) @ reduced.modes.directions.T
+            for rotor, direction in enumerate(reduced.modes.directions):
+                columns.append((ANSWER * by_rotor[:, rotor, None] * direction)[:, :, None])
+    return columns
+
+
+def _standing(reduced: Reduced, residual: Floats) -> tuple[Floats, Floats]:
+    """(N, R, R) rpm: by how much each mode differs from flight to flight, whatever it comes from,
+    and by how much all flights differ from those that the model was made from.
+
+    As good flights showed that were left out of it: of n, their mean is known to 1/n of their
+    variance. Of motor outputs, whose shares hang on wind and battery, else as these flights show
+    themselves, and with too few of them as much as it takes to name nothing.
     """
     model, modes = reduced.model, residual.shape[1]
-    known = model.good_flights.mode_scatter_rpm if model.good_flights else ()
-    size = np.array(known or model.background_rpm or np.zeros(modes))
+    size = np.array(model.background_rpm or np.zeros(modes))
+    good = model.good_flights.flights if model.good_flights else np.inf
     if reduced.of_outputs:
         size, degrees = spread_of_flights(residual, reduced.flight, size)
         size = size * student.ppf(0.975, degrees) / norm.ppf(0.975)
-    return np.repeat(np.diag(size)[None], residual.shape[0], axis=0)
+    each = np.repeat(np.diag(size)[None], residual.shape[0], axis=0)
+    return each / np.sqrt(1.0 + 1.0 / good), each / np.sqrt(good + 1.0)
+
+
+def _within_flights(columns: Floats, flight: NDArray[np.intp]) -> Floats:
+    """Columns (N, R, K) less their means over each flight, which stand in the modes' scatter."""
+    out = np.empty_like(columns)
+    for f in np.unique(flight):
+        out[flight == f] = columns[flight == f] - columns[flight == f].mean(axis=0)
+    return out
 
 
 def _noise(reduced: Reduced, residual: Floats, scatter: Floats, hats: Floats) -> Whitening:
@@ -242,20 +314,3 @@ def _free_sizes(
             for mode in reduced.modes.names
         ]
     ).reshape(len(reduced.modes.names), len(groups))
-
-
-def learnt_curves(space: SearchSpace, known: GoodFlights | None = None) -> dict[str, float]:
-    """ "mode.channel" -> rpm of the free form's hats that these (good) flights show."""
-    reduced = space.reduced
-    residual = np.nan_to_num(reduced.in_modes(reduced.measured_rpm) - predicted(reduced, ()))
-    count = space.nuisance.scatter.shape[2]
-    learnt = learn(space.nuisance, residual, space.groups, np.full(count, -1, dtype=np.intp))
-    speed = float(reduced.measured_rpm.mean())
-    sizes = _free_sizes(reduced, space.groups, known, speed)
-    names = list(dict.fromkeys(space.groups))
-    first = [space.groups.index(name) for name in names]
-    return {
-        f"{mode}.{name}": float(sizes[m, first[g]] * learnt.free[m, g])
-        for m, mode in enumerate(reduced.modes.names)
-        for g, name in enumerate(names)
-    }

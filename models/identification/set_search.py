@@ -45,6 +45,7 @@ from thrustmargin.models.identification.reduced import Reduced
 
 BEAM = 12  # sets that are grown at each size
 FITTED = 6  # sets that are fitted in full in each round
+NEXT = 4  # the same of those one effect away, however they rank: far from it a line misleads
 ROUNDS = 6
 MOST_EFFECTS = 10
 NEAR = 9.0  # of log evidence below the best: less than one in 8,000 as likely
@@ -180,7 +181,20 @@ class Search:
         ranked = sorted(found, key=lambda k: -found[k])
         top = max(found[ranked[0]], best.total)
         near = [k for k in ranked if found[k] > top - NEAR and k not in self.fitted]
-        return near[:FITTED]
+        more = [k for k in ranked if len(k ^ best.key) == 1 and k not in self.fitted]
+        return list(dict.fromkeys([*near[:FITTED], *more[:NEXT], *self._other_rotors(best.key)]))
+
+    def _other_rotors(self, key: Key) -> list[Key]:
+        """A set with another rotor in the place of each bad one, as far as not fitted yet."""
+        found = []
+        for c in key:
+            term = self.candidates[c].term
+            for other, one in enumerate(self.candidates):
+                same = one.term.rotor is not None and one.term.effect is term.effect
+                new = (key - {c}) | {other}
+                if same and len(new) == len(key) and new not in self.fitted:
+                    found.append(new)
+        return found
 
     def _twice(self, key: Key, c: int) -> bool:
         """True where the same effect of the same rotor is in a set in another form."""
@@ -192,11 +206,19 @@ class Search:
         )
 
     def fit(self, key: Key, near: Sequence[Held], steps: int = 8) -> FittedSet:
-        """Fit a set in full from the values in `near` (of all candidates) or from the starts."""
+        """Fit a set in full from the values in `near` (of all candidates) or from the starts.
+
+        The doubt of an effect's form goes with its values, which steps do not see: a bad rotor is
+        also tried in its usual shape.
+        """
         if key in self.fitted:
             return self.fitted[key]
         held = [near[c] if near else self.start[c] for c in sorted(key)]
         found = self._fit(key, held, steps)
+        usual = [h.usually_shaped() for h in found.held]
+        if any(a is not b for a, b in zip(usual, found.held, strict=True)):
+            other = self._fit(key, usual, 0)
+            found = other if other.total > found.total + STALE else found
         self.fitted[key] = found
         return found
 

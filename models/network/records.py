@@ -65,6 +65,7 @@ class GoodFlights:
     #: "effect_key.parameter" -> standard deviation from flight to flight, in the parameter's unit
     scatter: Mapping[str, float] = field(default_factory=dict)
     mode_scatter_rpm: tuple[float, ...] = ()  # of each mode's mean residual; R, or none
+    slow_rpm: tuple[float, ...] = ()  # by which each mode wanders within a flight; R, or none
     #: "mode.channel" -> RMS in rpm of the smooth curve of the residual over that channel, as far as
     #: flights left out confirm it; 0 where they do not
     curve_rpm: Mapping[str, float] = field(default_factory=dict)
@@ -76,6 +77,7 @@ class GoodFlights:
     def __post_init__(self) -> None:
         named = {**self.scatter, **self.curve_rpm}
         named |= {f"mode {k + 1}": v for k, v in enumerate(self.mode_scatter_rpm)}
+        named |= {f"slow mode {k + 1}": v for k, v in enumerate(self.slow_rpm)}
         for name, value in named.items():
             if not 0.0 <= value < float("inf"):
                 raise ModelError(f"has the scatter {value} of {name}")

@@ -12,8 +12,13 @@ from thrustmargin.models.identification.free_form import free_columns, hats, wan
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.onsets import _LossSums, _steps, onset_candidates
 from thrustmargin.models.identification.reduced import BIN, STRETCH, reduce_flights
-from thrustmargin.models.identification.search_space import search_space
+from thrustmargin.models.identification.search_space import (
+    _standing,
+    _within_flights,
+    search_space,
+)
 from thrustmargin.models.identification.set_search import Search
+from thrustmargin.models.network.records import GoodFlights
 
 SOME = ["extra_mass", "rotor_degradation", "cg_offset", "tank_scale", "yaw_trim"]
 
@@ -127,6 +132,44 @@ def test_hats_add_up_to_one_and_curves_of_the_free_form_have_no_mean():
     assert mean[[g == "constant" for g in groups]] == pytest.approx(1.0)
     others = [g not in ("constant", "heading") for g in groups]
     assert mean[others] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_how_flights_differ_as_a_whole_stands_once_and_as_good_flights_showed():
+    flights = made_flights(3)
+    known = replace(
+        curve_model(), background_rpm=(4.0, 3.0, 2.0, 1.0), good_flights=GoodFlights(flights=3)
+    )
+    space = search_space(known, flights, effects_for(F16, table(SOME)))
+    assert "constant" not in space.groups
+    rows = np.zeros_like(space.reduced.measured_rpm)
+    standing, shared = _standing(space.reduced, rows)
+    each, all_ = standing[0].diagonal(), shared[0].diagonal()
+    assert each**2 + all_**2 == pytest.approx(np.square(known.background_rpm))
+    assert (each / all_) ** 2 == pytest.approx(3.0)  # the mean of three is known to a third
+    columns = _within_flights(np.arange(12.0).reshape(6, 2, 1), np.array([0, 0, 0, 1, 1, 1]))
+    assert columns[:, 0, 0] == pytest.approx([-2.0, 0.0, 2.0, -2.0, 0.0, 2.0])
+
+
+def test_slow_noise_is_no_less_than_good_flights_had():
+    known = replace(
+        curve_model(),
+        background_rpm=(1.0,) * 4,
+        good_flights=GoodFlights(flights=3, slow_rpm=(50.0, 0.0, 0.0, 0.0)),
+    )
+    wander = search_space(known, made_flights(2), effects_for(F16, table(SOME))).wander_rpm
+    assert wander[0] == pytest.approx(50.0)
+    assert (wander[1:] < 10.0).all()
+
+
+def test_a_set_is_also_tried_with_another_rotor_in_the_place_of_a_bad_one():
+    space = search_space(curve_model(), [made_flight(1, loss=0.08)], CATALOGUE)
+    search = Search(space.reduced, space.nuisance, space.candidates)
+    search.run()
+    keys = [c.key for c in search.candidates]
+    bad = search.best.key
+    (rotor,) = (c for c in bad if keys[c].startswith("rotor_degradation"))
+    others = [keys.index(f"rotor_degradation@{k}") for k in (1, 2, 3, 4)]
+    assert all((bad - {rotor}) | {c} in search.fitted for c in others)
 
 
 def test_the_slow_noise_of_each_flight_begins_with_it():
