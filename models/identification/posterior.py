@@ -20,6 +20,7 @@ from thrustmargin.models.identification.result import Excluded, Mentioned, OneOf
 from thrustmargin.models.identification.set_search import Search
 
 NAMED = 0.95  # of the weight, for a name
+CHOICE = 0.5  # of the weight holds just one of several, for "either ... or"
 MENTION = 0.05  # of the weight, from which a rotor is mentioned and an alternative listed
 EXCLUDED = 0.95  # that an effect which was not seen is smaller than what is stated
 
@@ -109,17 +110,26 @@ class Posterior:
     def one_of(self, named: Sequence[int]) -> tuple[OneOf, ...]:
         """The smallest groups of effects without a name of which nearly surely one is there.
 
-        An effect that is likely by itself, at a size that may be nothing, is no such group.
+        An effect that is likely by itself, at a size that may be nothing, is no such group, nor are
+        effects that mostly come together: one stands in for another, else it is no choice.
         """
         rest = {c for s in self.sets for c in s.key} - set(named)
-        by_weight = sorted(rest, key=lambda c: -self.probability([c]))
+        by_weight = sorted(
+            (c for c in rest if self.probability([c]) >= MENTION),
+            key=lambda c: -self.probability([c]),
+        )
         found = []
         while by_weight and self.probability(by_weight) >= NAMED:
             group = [by_weight[0]]
             while self.probability(group) < NAMED:
                 left = [c for c in by_weight if c not in group]
                 group.append(max(left, key=lambda c: self.probability([*group, c])))
-            if len(group) > 1:
+            alone = sum(
+                w
+                for s, w in zip(self.sets, self.weights, strict=True)
+                if len(s.key & set(group)) == 1
+            )
+            if len(group) > 1 and alone >= CHOICE:
                 found.append(
                     OneOf(
                         terms=tuple(self.search.candidates[c].term for c in group),

@@ -80,6 +80,14 @@ def test_one_of_two_where_only_together_they_hold_the_weight():
     assert group.probabilities == pytest.approx((0.55, 0.42))
 
 
+def test_what_mostly_comes_together_is_no_choice_and_what_has_no_weight_is_in_none():
+    both = a_set(0.82, mass=(1.0, 0.2), gauge=(1.1, 0.02))
+    found = answer_of(both, a_set(0.12, mass=(1.0, 0.2)), a_set(0.06, gauge=(1.1, 0.02)))
+    assert found.one_of([3]) == ()
+    slight = [a_set(0.94, mass=(1.0, 0.5)), a_set(0.03, gauge=(1.1, 0.02)), a_set(0.03)]
+    assert answer_of(*slight).one_of([]) == ()
+
+
 def test_one_alone_whose_size_may_be_nothing_is_not_one_of_several():
     assert answer_of(a_set(1.0, mass=(0.3, 0.2))).one_of([]) == ()
 
