@@ -270,6 +270,21 @@ def test_a_layout_alone_does_not_keep_the_rotors_of_another(tmp_path):
     assert (longer.rotor_count, round(longer.arm, 3)) == (4, 0.9)
 
 
+LOWER = 'lower_rotor_effectiveness = { value = %g, unit = "1", source = "own bench" }\n'
+COAXIAL = CHILD.replace("hexa-x", "octo-coaxial-x8") + ARM
+
+
+def test_the_lower_rotors_of_a_coaxial_layout_need_their_share_of_thrust(tmp_path):
+    craft = load_airframe(write(tmp_path, COAXIAL + LOWER % 0.8))
+    assert sorted(craft.rotor_effectiveness.tolist()) == [0.8] * 4 + [1.0] * 4
+    assert load_airframe(write(tmp_path, COAXIAL + LOWER % 1.0)).rotor_effectiveness.sum() == 8.0
+    for text in (COAXIAL, COAXIAL + LOWER % 1.2):
+        with pytest.raises(
+            AirframeError, match=r"octo-coaxial-x8 without .* arm, lower_rotor_effect"
+        ):
+            load_airframe(write(tmp_path, text))
+
+
 def test_own_rotors_replace_the_arm_of_the_base_too(tmp_path):
     write(tmp_path, CHILD + ARM, "base.toml")
     own = ROTORS.replace('extends = "topxgun-f16"', 'extends = "base.toml"')

@@ -211,6 +211,12 @@ def _least_by_brute_force(airframe, rotor, collective, yaw_kept):
     return linprog(cost, A_eq=np.array(rows), b_eq=target, bounds=bounds).fun
 
 
+def _largest_by_brute_force(airframe, yaw_kept):
+    rows = mixer(airframe)[1 : 4 if yaw_kept else 3]
+    bounds = [(0.0, top) for top in airframe.rotor_effectiveness]
+    return -linprog(-np.ones(len(bounds)), A_eq=rows, b_eq=np.zeros(len(rows)), bounds=bounds).fun
+
+
 @pytest.mark.parametrize("yaw_kept", [True, False])
 @pytest.mark.parametrize("name", SHIPPED)
 def test_trim_curve_is_the_least_thrust_at_every_collective(name, yaw_kept):
@@ -238,7 +244,9 @@ def test_trim_curve_holds_for_odd_layouts_and_loads_off_the_middle(
     odd = replace(ring(7, [1, -1, 1, -1, 1, -1, 1]), rotor_effectiveness=np.array(effectiveness))
     odd = shifted(odd, *offset)
     curve = trim_curve(odd, 2, yaw_kept)
-    collective = share * curve.collective[-1]
+    largest = _largest_by_brute_force(odd, yaw_kept)
+    assert curve.collective[-1] == pytest.approx(largest, abs=1e-6)
+    collective = share * largest
     found = np.interp(collective, curve.collective, curve.rotor)
     expected = _least_by_brute_force(odd, 2, collective, yaw_kept)
     assert found == pytest.approx(expected, abs=1e-5)

@@ -162,6 +162,12 @@ def test_what_slows_a_balanced_flight_and_what_lifts_it_by_hand():
     np.testing.assert_allclose(straight_flight(track, weak).lift, 1.1 / 0.75, rtol=1e-5)
 
 
+def test_what_slows_a_flight_at_walking_pace_by_hand():
+    track = balanced(np.tile([0.5, 0.0], (40, 1)), [0.0, 0.0])
+    by_hand = (0.2 + 0.006 * 0.5) * 0.5  # m/s²
+    np.testing.assert_allclose(straight_flight(track, ROUND).slowing, by_hand, rtol=1e-5)
+
+
 def test_an_unknown_wind_is_taken_as_none_and_an_incomplete_row_is_left_out():
     track = balanced(np.tile([10.0, 0.0], (40, 1)), [0.0, 0.0])
     unknown = replace(track, wind_ned=np.full((40, 3), np.nan))

@@ -8,6 +8,7 @@ from thrustmargin.models.physics.motor_layouts import (
     ardupilot_layout,
     bearings,
     layout_of_rotors,
+    layout_of_text,
     motor_layouts,
 )
 
@@ -81,3 +82,40 @@ def test_another_number_or_shape_of_rotors_is_no_such_layout():
     assert motor_layouts()["quad-plus"].mismatch(narrow) == ""
     assert ardupilot_layout(1, 4) is None
     assert ardupilot_layout(6, 0) is None
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        ("QUAD/PLUS", "quad-plus"),
+        ("QUAD/X", "quad-x"),
+        ("QUAD/V", "quad-v"),
+        ("QUAD/H", "quad-h"),
+        ("QUAD/PLUSREV", "quad-plus-reversed"),
+        ("QUAD/BF_X", "quad-bf-x"),
+        ("QUAD/DJI_X", "quad-dji-x"),
+        ("QUAD/CW_X", "quad-cw-x"),
+        ("QUAD/X_REV", "quad-bf-x-reversed"),
+        ("QUAD/Y4", "quad-y4"),
+        ("HEXA/X", "hexa-x"),
+        ("OCTA/I", "octo-i"),
+        ("OCTAQUAD/X", "octo-coaxial-x8"),
+        ("Y6/default", "y6"),
+        ("Y6/Y6B", "y6-b"),
+        ("Y6/Y6F", "y6-f"),
+        ("DODECAHEXA/X", "dodecahexa-x"),
+        ("DECA/X/CW_X", "deca-x"),
+    ],
+)
+def test_the_layout_is_read_from_what_ardupilot_prints_at_boot(text, name):
+    """The words are those of AP_Motors::get_type_string."""
+    found = layout_of_text(["EKF3 active", f"Frame: {text}"])
+    assert found is not None
+    assert found.name == name
+
+
+@pytest.mark.parametrize(
+    "text", ["Frame: QUAD/UNKNOWN", "Frame: HELI/X", "Shape: QUAD/X", "QUAD/X"]
+)
+def test_other_boot_texts_name_no_layout(text):
+    assert layout_of_text([text]) is None
