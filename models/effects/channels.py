@@ -141,7 +141,7 @@ def lag_weights(lag: Any, derivative_correction: Any = None) -> Any:
     u = np.abs(lag - grid) / LAG_STEP
     near = (1.5 * u - 2.5) * u * u + 1.0
     far = ((-0.5 * u + 2.5) * u - 4.0) * u + 2.0
-    w = np.where(u < 1, near, np.where(u < 2, far, 0.0 * u))
+    w = np.where(u < 1, near, np.where(u < 2, far, 0.0))
     if derivative_correction is None:
         return w
     # A step of the grid is a step of the lag, so the neighbours are the same weights moved along.

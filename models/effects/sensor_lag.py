@@ -12,7 +12,7 @@ def _airspeed_late(p, x: Channels, airspeed, tank_kg):
 
 
 def _rotor_speed_late(p, x: Channels, airspeed, tank_kg):
-    late = lag_weights(-p["lag"]) - lag_weights(0.0 * p["lag"])
+    late = lag_weights(-p["lag"]) - lag_weights(0.0)
     return airspeed + x.airspeed_shifts @ late, tank_kg
 
 

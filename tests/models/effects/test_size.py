@@ -7,6 +7,7 @@ import pytest
 
 from thrustmargin.models.effects import BY_KEY, CATALOGUE, effects_for
 from thrustmargin.models.effects.base import USUAL_ARM, Placed
+from thrustmargin.models.effects.channels import froude_time_scale
 from thrustmargin.models.effects.compose import rotor_speed_rpm
 from thrustmargin.models.effects.flow_moment import FLOW_MOMENT
 from thrustmargin.models.flight import FlightTrack
@@ -61,6 +62,14 @@ def test_bounds_go_with_the_aircrafts_own_mass_and_arm():
         ]
         assert pair[1].upper / pair[0].upper == pytest.approx(factor, rel=1e-5)
         assert pair[1].smallest / pair[0].smallest == pytest.approx(factor, rel=1e-5)
+
+
+@pytest.mark.parametrize(("arm", "scale"), [(0.1, 1 / 3), (0.225, 0.5), (0.9, 1.0), (3.6, 1.0)])
+def test_manoeuvres_quicken_with_the_root_of_an_arm_below_that_of_a_sprayer(arm, scale):
+    airframe = load_airframe("topxgun-f16")
+    places = airframe.rotor_position_frd * (arm / airframe.arm)
+    sized = replace(airframe, rotor_position_frd=places)
+    assert froude_time_scale(sized) == pytest.approx(scale)
 
 
 def forward_flight(heading_deg: float, north: float, east: float) -> FlightTrack:

@@ -72,3 +72,10 @@ def test_no_number_of_a_withheld_analysis_needs_an_airframe(rotors):
             assert np.isnan(getattr(flight, field.name)).all(), field.name
     assert flight.model is unknown_aircraft(rotors)
     assert flight.model.airframe.rotor_count == rotors
+
+
+def test_rotors_of_a_layout_without_a_name_are_drawn_evenly_round_the_nose():
+    places = unknown_aircraft(5).airframe.rotor_position_frd
+    bearing = np.degrees(np.arctan2(places[:, 1], places[:, 0])) % 360.0
+    np.testing.assert_allclose(bearing, [36.0, 108.0, 180.0, 252.0, 324.0])
+    np.testing.assert_allclose(np.linalg.norm(places, axis=1), 1.0)

@@ -1,5 +1,6 @@
 """A result in a notebook is a few lines that a person can read."""
 
+import numpy as np
 import pytest
 
 from tests.models.model.test_windows import lively
@@ -34,5 +35,7 @@ def test_they_say_what_matters(analysis):
     assert "not reported: position_ned, throttle" in repr(analysis.track)
     assert "effects: manoeuvre_moment, load_factor" in repr(analysis.model)
     assert "50 by network" in repr(analysis.prediction)
-    assert "least thrust margin" in repr(analysis)
+    worst = [f"{np.nanmin(m):.1%}" for m in (analysis.margin, analysis.margin_predicted)]
+    words = f"{worst[0]} {analysis.words_of_speed}, {worst[1]} predicted"
+    assert f"least thrust margin {words}" in repr(analysis)
     assert "21.1 kg empty, tank of 16 kg" in repr(load_airframe("topxgun-f16"))

@@ -90,6 +90,7 @@ def test_flights_without_drag_or_lift_have_none():
     assert fit_forward_flight(made_flights(1, duration=20.0), F16) is None
 
 
+COLUMNS = ("airspeed", "mass", "slowing")
 AIR_1_2 = 101_325.0 * 1.2 / 1.225  # Pa; at sea level temperature, 1.2 kg/m³
 
 
@@ -243,6 +244,18 @@ def test_the_known_airspeed_is_the_95th_percentile_of_the_rows():
     fewer = fit_forward_flight([*planted()[:5] * 8, planted()[5]], ROUND)  # one row in 41
     assert fewer is not None
     assert fewer.known_airspeed == 10.0
+
+
+def test_scatter_of_half_a_percent_of_the_weight_is_fitted_by_least_squares():
+    tracks = planted()
+    for track in tracks:
+        track.attitude[::4, 1] += 0.005  # rad: 0.05 m/s², on one side
+    rows = [straight_flight(track, ROUND) for track in tracks]
+    v, m, slowing = (np.concatenate([getattr(r, n) for r in rows]) for n in COLUMNS)
+    by_hand = np.linalg.lstsq(np.stack([v, 0.6 * v**2 / m], axis=1), slowing, rcond=None)[0]
+    found = fit_forward_flight(tracks, ROUND)
+    assert found is not None
+    np.testing.assert_allclose([found.rotor_drag, found.drag_area], by_hand, rtol=1e-3)
 
 
 def test_a_few_wild_rows_move_the_fit_little():
