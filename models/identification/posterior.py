@@ -59,7 +59,8 @@ class Posterior:
     def probability(self, members: Sequence[int]) -> float:
         """That at least one of some candidates is there."""
         wanted = set(members)
-        return float(sum(w for s, w in zip(self.sets, self.weights, strict=True) if s.key & wanted))
+        held = [w for s, w in zip(self.sets, self.weights, strict=True) if s.key & wanted]
+        return min(1.0, float(sum(held)))
 
     def named(self) -> list[int]:
         """Candidates that nearly all the weight holds, at a size that is clear of nothing."""
