@@ -16,7 +16,9 @@ from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.load_inference import (
     LOAD_FROM_SPEEDS,
     NINETY,
+    SPAN,
     LoadEvidence,
+    load_fit,
     with_load,
     with_load_so_far,
 )
@@ -28,6 +30,7 @@ from thrustmargin.models.physics.flight_phases import training_rows
 
 F16 = load_airframe("topxgun-f16-sitl")
 SITL = Path("sitl_logs")
+START = LoadEvidence()
 RNG = np.random.default_rng(7)
 
 
@@ -78,6 +81,21 @@ def test_it_falls_while_the_pump_runs_until_the_tank_is_empty():
     found = with_load(hover(load, spraying=spraying), F16)
     np.testing.assert_allclose(found.tank_kg, load, atol=0.35)
     assert found.sources["tank_kg"].endswith("falling with the pump's output")
+
+
+def test_before_a_fall_is_seen_the_pump_is_taken_to_run_at_half_its_flow():
+    rows = int(10 * SPAN)  # one mean: a level, and nothing of a slope
+    found = with_load(hover(np.full(rows, 9.0), spraying=np.ones(rows)), F16)
+    half = 0.5 * F16.pump_max_flow_l_min / 60.0 * F16.liquid_density  # kg/s
+    np.testing.assert_allclose(np.diff(found.tank_kg), -0.1 * half, rtol=1e-3)
+
+
+def test_a_load_that_falls_from_the_first_row_to_the_last_is_one_line():
+    _, shown = with_load_so_far(hover(8.0 - 0.004 * np.arange(1800), noise=1e-4), F16, START)
+    fit = load_fit(shown, F16)
+    assert fit is not None
+    assert fit.span == (0.0, np.inf)
+    np.testing.assert_allclose(fit.values, [8.0, 0.04], rtol=0.02)  # kg, kg/s
 
 
 def test_without_a_pump_it_falls_by_its_own_trend_and_never_fills_in_flight():
@@ -147,7 +165,10 @@ def test_a_stated_load_stays_and_is_contradicted_only_by_thrust_that_surely_diff
     wrong = with_load(replace(right, tank_kg=np.zeros(600)), F16)
     assert np.all(wrong.tank_kg == 0.0)
     assert not wrong.standard_errors
-    assert wrong.sources["tank_kg"].startswith("stated: 8 kg, but hover thrust shows 9.")
+    alone = with_load(replace(right, tank_kg=np.full(600, np.nan), sources={}), F16)
+    load, error = np.median(alone.tank_kg), np.median(alone.standard_errors["tank_kg"])
+    shows = f"hover thrust shows {load:.1f} ± {NINETY * error:.1f} kg (90 %)"
+    assert wrong.sources["tank_kg"] == f"stated: 8 kg, but {shows}"
 
 
 def live(track: FlightTrack, cuts) -> FlightTrack:
