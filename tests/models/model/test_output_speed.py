@@ -165,6 +165,25 @@ def test_full_output_extrapolates_to_the_simulators_ceiling(measured):
     assert top.value == pytest.approx(truth, rel=0.07)
 
 
+@pytest.mark.parametrize("measured", [True, False])
+def test_every_flight_counts_whichever_comes_first(measured):
+    tracks = [hover(gain=2700.0, sag=0.0, tank_kg=load) for load in (1.0, 14.0)]
+    tracks = [replace(track, current=np.full(600, np.nan)) for track in tracks]
+    flights = [(t if measured else silent(t), ARDUPILOT) for t in tracks]
+    one, volts = full_output_speed(flights, F16)
+    other, _ = full_output_speed(flights[::-1], F16)
+    assert (one.low, one.value, one.high) == pytest.approx((other.low, other.value, other.high))
+    assert one.value == pytest.approx(2700.0 * volts / 58.8, rel=0.01)
+
+
+def test_where_speeds_are_measured_a_wrong_weight_does_not_move_the_full_output():
+    flown = hover(gain=2700.0)
+    wrong = replace(flown, tank_kg=np.full(600, 16.0))  # 8 kg were on board
+    unknown = replace(flown, tank_kg=np.full(600, np.nan))
+    of_wrong, of_unknown = (full_output_speed([(t, ARDUPILOT)], F16)[0] for t in (wrong, unknown))
+    assert of_wrong.value == pytest.approx(of_unknown.value, rel=1e-9)
+
+
 def test_a_flight_that_shows_nothing_of_the_ceiling_is_refused():
     airframe = load_airframe("topxgun-f16-sitl")
     track = read_log(CAMPAIGN / "v4_m4_q1.5.tlog", airframe=airframe).track
