@@ -12,7 +12,6 @@ LONGEST, SHORTEST = 370, 40  # lines of a file; near 400 it is two files
 LONG: dict[str, str] = {}
 SHORT: dict[str, str] = {
     "gcs_plugin/mavlink/text.py": "every command loads it, and nothing heavy with it",
-    "gcs_plugin/wording/fault_words.py": "one wording for live, report and replay",
 }
 #: Folders whose files may be short: one file a thing, so that adding one is adding a file.
 ONE_FILE_EACH = ("models/effects",)

@@ -57,7 +57,7 @@ def fill(
         speed: m/s over the ground while spraying.
         wind: m/s of wind, which is flown against.
         max_utilisation: Largest share of a rotor's maximum thrust that may be in use.
-        rotor_lost: Whether one rotor lost must be survived, yaw uncontrolled.
+        rotor_lost: Whether one rotor lost must be survived; without yaw control, it will spin.
         out: Page to write (.html), for print or screen.
         json: Write the numbers as JSON to this file (.json); - is standard output, and nothing
             else.

@@ -11,6 +11,7 @@ from rich.text import Text
 
 from thrustmargin.gcs_plugin.commands.options import Output, check_outputs
 from thrustmargin.gcs_plugin.commands.terminal import Terminal
+from thrustmargin.gcs_plugin.wording.fault_words import HELD, MAXIMUM_FILL, ONE_LOST, SPINS
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.physics.atmosphere import G0
 
@@ -97,12 +98,12 @@ def load_table(matching: Matching) -> Table:
         table.add_row(Text(limit.name), f"{limit.max_thrust / G0:.2f} kgf a rotor", "")
         table.add_row("  thrust utilisation", f"{limit.use_full:.1%}", f"{limit.use_empty:.1%}")
         table.add_row(
-            "  one rotor lost, yaw uncontrolled",
+            f"  {ONE_LOST}, {SPINS}",
             f"{limit.redundancy_yaw_uncontrolled_full:.2f} x weight",
             f"{limit.redundancy_yaw_uncontrolled_empty:.2f} x weight",
         )
         table.add_row(
-            "  one rotor lost, yaw controlled",
+            f"  {ONE_LOST}, {HELD}",
             f"{limit.redundancy_yaw_kept_full:.2f} x weight",
             f"{limit.redundancy_yaw_kept_empty:.2f} x weight",
         )
@@ -110,7 +111,7 @@ def load_table(matching: Matching) -> Table:
             "  largest fill for 50 % utilisation", _fill(limit.fill_half_use, capacity), ""
         )
         fill = _fill(limit.fill_one_rotor_out, capacity)
-        table.add_row("  largest fill for one rotor lost", fill, "")
+        table.add_row(f"  {MAXIMUM_FILL}", fill, "")
     return table
 
 
@@ -122,8 +123,7 @@ def notes(matching: Matching) -> list[str]:
         f"C_T of the thrust curve {matching.thrust_coefficient:.4f}, {inside} the range of Eq. 3, "
         f"{low:.4f} to {high:.4f} over the printed parameters.",
         "One rotor lost: thrust that can be held level and steady, over the weight. 1 or more "
-        "carries the aircraft, with nothing kept back for gusts or turns; its fill is with yaw "
-        "uncontrolled.",
+        f"carries the aircraft, with nothing kept back for gusts or turns; its fill is {SPINS}.",
     ]
 
 

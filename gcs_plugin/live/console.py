@@ -19,6 +19,7 @@ from thrustmargin.gcs_plugin.live.fleet import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorStatus
 from thrustmargin.gcs_plugin.live.update import Update
 from thrustmargin.gcs_plugin.live.vehicle_monitor import VehicleMonitor
+from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, SPINS
 from thrustmargin.gcs_plugin.wording.numbers import BEHIND, NOT_RECORDING, behind_words
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.utilisation_error import INTERVAL
@@ -35,7 +36,7 @@ COLUMNS = {
     "id": False,
     "margin": False,
     "predicted": False,
-    "one rotor lost": False,
+    ONE_LOST: False,
     "tank": False,
     "by thrust": True,
     "empty in": False,
@@ -46,8 +47,8 @@ COLUMNS = {
 WRAPPED = (3, 6, 7)  # of the headings, those of several words; cells are shorter
 WIDE = 110  # characters
 LEGEND = (
-    "margin: worst rotor, ± where not measured, ≈ predicted · one rotor lost: thrust that can be "
-    "held over weight, yaw uncontrolled · ~ old, the last that was known"
+    f"margin: worst rotor, ± where not measured, ≈ predicted · {ONE_LOST}: thrust that can be "
+    f"held over weight, {SPINS} · ~ old, the last that was known"
 )
 
 

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from thrustmargin.gcs_plugin.live.outlook import Outlook
+from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST
 from thrustmargin.models.model.analysis import FlightAnalysis
 
 ASKS = "--request-rates asks for them"
@@ -43,7 +44,7 @@ def unknown_figures(analysis: FlightAnalysis, outlook: Outlook) -> dict[str, str
     if not predicted:
         found["predicted margin"] = why_predicted
     if math.isnan(analysis.redundancy_yaw_uncontrolled[row]):
-        found["one rotor lost"] = NO_LOAD
+        found[ONE_LOST] = NO_LOAD
     if tank_unknown:
         found["tank"] = NO_LOAD
     if track.flying[row] and not measured:

@@ -121,16 +121,14 @@ def _whole(quality: LogQuality) -> Finding:
 
 def _continuous(log: FlightLog) -> Finding:
     quality = log.quality
-    # What lies before the first row is a mission and parameters being sent, not the flight.
-    gaps = [gap for gap in quality.gaps if gap[0] >= log.clock_start_s]
     if quality.clock_jumps:
         words = f"time went backwards {len(quality.clock_jumps)} time(s): the vehicle restarted"
         return Finding(check="time", level="warning", words=words)
-    if gaps:
-        start, length = max(gaps, key=lambda gap: gap[1])
-        total = sum(length for _, length in gaps)
+    if log.silences:
+        start, length = max(log.silences, key=lambda gap: gap[1])
+        total = sum(length for _, length in log.silences)
         words = (
-            f"{len(gaps)} pause(s) over 1 s without any message, {total:.1f} s in all, "
+            f"{len(log.silences)} pause(s) over 1 s without any message, {total:.1f} s in all, "
             f"the longest {length:.1f} s at {start:.1f} s since boot"
         )
         return Finding(check="time", level="warning" if total > 5.0 else "ok", words=words)

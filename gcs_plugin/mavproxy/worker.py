@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.commands.reading import ReadingOptions, reading_keywords
+from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, SPINS
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.fleet import Fleet
@@ -282,7 +283,7 @@ def _lines(now: Reading, max_utilisation: float, age: float) -> list[str]:
         f"vehicle {now.vehicle}, {state}{old}: thrust margin {share(now.margin)}{within}{rotor}"
         f"{basis}, "
         f"predicted {share(now.margin_predicted)}, limit {share(1.0 - max_utilisation)}",
-        f"  one rotor lost, yaw uncontrolled: {number(now.redundancy, '.2f')} of the weight",
+        f"  {ONE_LOST}, {SPINS}: {number(now.redundancy, '.2f')} of the weight",
         f"  tank {number(now.tank_kg, '.1f')} kg{source}, empty after "
         f"{number(now.seconds_to_empty, '.0f')} s of spraying, margin when refilled "
         f"{share(now.margin_full)}",

@@ -156,6 +156,14 @@ class FlightLog:
     esc_voltage_offset_v: tuple[float, ...] = ()  # of each motor's ESC off the others; NaN none
     unmeasured: tuple[str, ...] = ()  # of the notes, those on ESC readings that are none
 
+    @property
+    def silences(self) -> tuple[tuple[float, float], ...]:
+        """(start, s since boot, and length, s) of every pause over 1 s without any message.
+
+        From the first row on: before it a mission and parameters are sent, which is no flight.
+        """
+        return tuple(gap for gap in self.quality.gaps if gap[0] >= self.clock_start_s)
+
     def __repr__(self) -> str:
         track, quality = self.track, self.quality
         present = ", ".join(c.name for c in self.channels if c.samples)

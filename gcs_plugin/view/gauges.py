@@ -17,6 +17,7 @@ from markupsafe import Markup
 from thrustmargin.gcs_plugin.view.aircraft import tank_level
 from thrustmargin.gcs_plugin.view.shown_row import ShownRow
 from thrustmargin.gcs_plugin.wording import palette as colours
+from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, outcome
 from thrustmargin.models.model.analysis import MEASURED
 from thrustmargin.models.model.load_inference import STATED
 from thrustmargin.models.model.utilisation_error import INTERVAL
@@ -107,18 +108,12 @@ def _on(scale: colours.ColourScale, value: float) -> str:
 def _redundancy(row: ShownRow) -> Gauge:
     free = row.analysis.redundancy_yaw_uncontrolled[row.row]
     kept = row.analysis.redundancy_yaw_kept[row.row]
-    caption = "One rotor lost"
+    caption = ONE_LOST.capitalize()
     if not np.isfinite(free):
         why = "airframe not known" if row.analysis.withheld else "load or weight unknown"
         return Gauge(caption, "no data", why)
-    if np.isfinite(kept) and kept >= 1.0:
-        verdict = "holds height and heading"
-    elif free >= 1.0:
-        verdict = "holds height, not heading"
-    else:
-        verdict = "CANNOT hold height"
     style = _on(colours.REDUNDANCY, free)
-    return Gauge(caption, f"{free:.2f} x", f"the weight: {verdict}", style)
+    return Gauge(caption, f"{free:.2f} x", f"the weight: {outcome(free, kept)}", style)
 
 
 def _tank(row: ShownRow, airframe: Airframe) -> Gauge:

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from thrustmargin.gcs_plugin.wording import palette as colours
+from thrustmargin.gcs_plugin.wording.effect_sentences import effect_things
+from thrustmargin.gcs_plugin.wording.fault_words import SPINS
 from thrustmargin.gcs_plugin.wording.numbers import clock
 from thrustmargin.gcs_plugin.wording.palette import ColourScale
 from thrustmargin.mission.route import Worst
@@ -18,9 +20,7 @@ from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
 
-#: The residual's scale ends at this share of the airframe's largest rotor speed.
-RESIDUAL_SPAN = 0.1
-#: Share of the rows of a flight that the scale of its residual before and after leaves outside.
+#: Share of the rows of a flight that the scale of its residual leaves outside.
 BEYOND_SCALE = 0.02
 
 
@@ -60,7 +60,7 @@ def overlays_of(analysis: FlightAnalysis) -> tuple[Overlay, ...]:
     load, rotor = worst_rotor(use)
     note = _basis_note(analysis, np.isfinite(load))
     residual, residual_rotor = worst_rotor(analysis.residual_rpm, np.abs(analysis.residual_rpm))
-    limit = RESIDUAL_SPAN * analysis.model.airframe.max_rotor_speed_rpm
+    limit = residual_limit(residual, analysis.track.flying)
     vehicle = np.full(load.size, np.nan)
     return (
         Overlay(name="Load", values=load, scale=colours.LOAD, worst="max", rotor=rotor, note=note),
@@ -78,7 +78,7 @@ def overlays_of(analysis: FlightAnalysis) -> tuple[Overlay, ...]:
             scale=colours.REDUNDANCY,
             worst="min",
             rotor=vehicle,
-            note="yaw uncontrolled",
+            note=SPINS,
         ),
         Overlay(
             name="Residual",
@@ -115,8 +115,7 @@ def before_and_after(before: FlightAnalysis, after: FlightAnalysis) -> tuple[Ove
             "after is of one"
         )
     worst = [worst_rotor(a.residual_rpm, np.abs(a.residual_rpm)) for a in (before, after)]
-    size = np.abs(worst[0][0])[before.track.flying & np.isfinite(worst[0][0])]
-    limit = max(1.0, float(np.quantile(size, 1.0 - BEYOND_SCALE))) if size.size else 1.0
+    limit = residual_limit(worst[0][0], before.track.flying)
     first, second = (
         Overlay(
             name=name,
@@ -133,9 +132,18 @@ def before_and_after(before: FlightAnalysis, after: FlightAnalysis) -> tuple[Ove
     return first, second
 
 
+def residual_limit(residual_rpm: Floats, flying: Bools) -> float:
+    """rpm at which the colours of (T,) residuals end: all but 2 % of the rows in flight are within.
+
+    At least 1; 1 where nothing is known.
+    """
+    size = np.abs(residual_rpm)[flying & np.isfinite(residual_rpm)]
+    return max(1.0, float(np.quantile(size, 1.0 - BEYOND_SCALE))) if size.size else 1.0
+
+
 def _model_note(analysis: FlightAnalysis) -> str:
     """Which model, described by its effects, in which a model before and after differ."""
-    names = sorted({e.name.replace("_", " ") for e in analysis.model.effects})
+    names = effect_things(analysis.model)
     return f"model with {', '.join(names)}" if names else "model without effects"
 
 

@@ -16,6 +16,7 @@ from thrustmargin.gcs_plugin.wording.effect_amounts import DescribedEffect, roto
 from thrustmargin.models.identification.already_followed import FOLLOWED_WIND
 from thrustmargin.models.identification.candidates import Term
 from thrustmargin.models.identification.result import Found, Identification
+from thrustmargin.models.model.rotor_model import RotorModel
 
 KEEP = "nothing to repair; keep it in the model with --out"
 
@@ -42,6 +43,13 @@ def effect_thing(term: Term, rotor_names: Sequence[str]) -> str:
     """What an effect is called in a list: `a weak rotor 1 (front right)`."""
     rotor = "" if term.rotor is None else rotor_words(term.rotor, tuple(rotor_names))
     return words_of(term).thing.format(rotor=rotor)
+
+
+def effect_things(model: RotorModel) -> tuple[str, ...]:
+    """What the effects of a model are called, each once."""
+    names = model.airframe.rotor_names
+    things = (effect_thing(Term(effect=p.effect, rotor=p.rotor), names) for p in model.placed)
+    return tuple(dict.fromkeys(things))
 
 
 def words_of(term: Term) -> EffectWords:

@@ -1,6 +1,8 @@
-"""A bad rotor or motor in words: part, amount, action. Live alarm, replay and report say the same.
+"""A bad rotor in words (part, amount, action), and what the loss of one would mean.
 
-At most 50 characters, what a STATUSTEXT holds.
+Live alarm, replay, report, console, match and fill say the same. A fault's sentence has at most 50
+characters, what a STATUSTEXT holds. Redundancy is the thrust that the rotors left can hold level,
+over the weight: 1 or more carries it.
 """
 
 from __future__ import annotations
@@ -29,3 +31,23 @@ def episode_words(episode: FaultEpisode) -> str:
     """The same with when in the flight it was found, and when it was over."""
     end = "" if episode.end_s is None else f", until {duration(episode.end_s)}"
     return f"{fault_words(episode.fault)} (found at {duration(episode.begin_s)}{end})"
+
+
+ONE_LOST = "one rotor lost"
+#: No yaw moment is asked of the rotors left, or the heading is held.
+SPINS = "without yaw control, it will spin"
+HELD = "with yaw control"
+MAXIMUM_FILL = "maximum fill to survive one rotor failure"
+DESCENDED = "would have descended"
+#: why a fill is the largest: with more, and already empty
+TOO_HEAVY = (
+    "with more it would descend after losing a rotor",
+    "it would descend after losing a rotor",
+)
+
+
+def outcome(uncontrolled: float, controlled: float) -> str:
+    """What it would do, from the redundancy without and with yaw control."""
+    if controlled >= 1.0:
+        return "holds height and heading"
+    return "holds height, but it will spin" if uncontrolled >= 1.0 else "WOULD DESCEND"

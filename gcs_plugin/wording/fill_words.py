@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from thrustmargin.gcs_plugin.wording.fault_words import TOO_HEAVY
 from thrustmargin.gcs_plugin.wording.numbers import number, percent
 from thrustmargin.models.model.fill_limits import Reason
 
@@ -14,10 +15,7 @@ _BECAUSE: Mapping[Reason, tuple[str, str]] = {
         "more would take over {limit} of a rotor's maximum thrust in steady flight",
         "steady flight takes over {limit} of a rotor's maximum thrust",
     ),
-    "one rotor lost": (
-        "with more it could not hold its weight after losing a rotor",
-        "it cannot hold its weight after losing a rotor",
-    ),
+    "one rotor lost": TOO_HEAVY,
     "take-off mass": (
         "more is over the maker's maximum take-off mass",
         "it is over the maker's maximum take-off mass",
@@ -27,7 +25,7 @@ _BECAUSE: Mapping[Reason, tuple[str, str]] = {
 
 
 def fill_advice(fill: float, low: float, high: float, reason: Reason, *, limit: float) -> str:
-    """`Fill at most 9.8 kg (9.1 to 10.4): with more it could not hold its weight after ...`.
+    """`Fill at most 9.8 kg (9.1 to 10.4): with more it would descend after ...`.
 
     `fill` and its 90 % interval in kg; `limit` the share of thrust that may be in use.
     """

@@ -20,6 +20,7 @@ from thrustmargin.gcs_plugin.wording.numbers import (
     joined,
     number,
     percent,
+    shown_unit,
     within,
 )
 from thrustmargin.models.effects import BY_KEY
@@ -113,17 +114,15 @@ def chance(probability: float) -> str:
     return "over 99 %" if probability > 0.5 else "under 1 %"
 
 
-def at_most(size: float, unit: str) -> str:
+def at_most(size: float, unit: str, name: str = "") -> str:
     """A limit with two digits that count, rounded away from zero: `2.1 %` of 0.0204."""
-    factor, unit = {"1": (100.0, "%"), "m": (1000.0, "mm")}.get(
-        unit, (1.0, unit.replace("^2", "²"))
-    )
+    factor, unit = shown_unit(unit, name)
     if not math.isfinite(size) or size <= 0.0:
         return number(size * factor, unit)
     decimals = 1 - math.floor(math.log10(size * factor))
     up = math.ceil(size * factor * 10.0**decimals - 1e-6) / 10.0**decimals
     text = number(up, "", max(0, decimals))
-    return f"{text.rstrip('0').rstrip('.') if '.' in text else text} {unit}"
+    return f"{text.rstrip('0').rstrip('.') if '.' in text else text} {unit}".rstrip()
 
 
 def excluded_rows(found: Identification) -> list[tuple[str, str]]:
@@ -137,7 +136,9 @@ def excluded_rows(found: Identification) -> list[tuple[str, str]]:
             thing += f", {one.parameter.replace('_', ' ')}"
         if thing not in largest or one.above > largest[thing].above:
             largest[thing] = one
-    return [(thing, f"above {at_most(e.above, e.unit)}") for thing, e in largest.items()]
+    return [
+        (thing, f"above {at_most(e.above, e.unit, e.parameter)}") for thing, e in largest.items()
+    ]
 
 
 def set_words(terms: Sequence[Term], names: Sequence[str]) -> str:

@@ -86,6 +86,17 @@ def within(
     return f"{amount} {unit}".rstrip(), f"({texts[1]} to {texts[2]})"
 
 
+def shown_unit(unit: str, name: str = "") -> tuple[float, str]:
+    """What a number in a file's `unit` is multiplied by for people, and their unit.
+
+    Shares are per cent, but for a parameter whose `name` says that it is an exponent.
+    """
+    if unit == "1" and "exponent" in name:
+        return 1.0, ""
+    people = {"1": (100.0, "%"), "m": (1000.0, "mm"), "1/s": (6000.0, "% a minute")}
+    return people.get(unit, (1.0, unit.replace("^2", "²")))
+
+
 def joined(parts: tuple[str, str]) -> str:
     """Amount and interval in one."""
     return " ".join(parts).rstrip()

@@ -101,7 +101,7 @@ REDUNDANCY = ColourScale(
     factor=1.0,
     form=".2f",
     stops=_two_sided(0.5, 1.0, 1.5, BAD[::-1], GOOD[::-1]),
-    marks=((0.5, "0.5"), (0.75, "sinks"), (1.0, "1.0"), (1.25, "holds"), (1.5, "1.5")),
+    marks=((0.5, "0.5"), (0.75, "descends"), (1.0, "1.0"), (1.25, "holds"), (1.5, "1.5")),
 )
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from thrustmargin.gcs_plugin.reports.shared.page_shell import page_text, software_version
+from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, SPINS
 from thrustmargin.gcs_plugin.wording.fill_words import amount, fill_advice
 from thrustmargin.gcs_plugin.wording.numbers import number, percent
 from thrustmargin.models.model.fill_limits import Fills, largest_fills
@@ -135,7 +136,7 @@ def conditions(table: FillTable) -> list[str]:
     said = [
         f"For {table.day.words}.",
         f"Limit: {percent(table.limit)} of a rotor's maximum thrust in steady flight"
-        + (", and the loss of one rotor, yaw uncontrolled." if table.rotor_lost else "."),
+        + (f", and {ONE_LOST}: {SPINS}." if table.rotor_lost else "."),
         "Turns, climbs and gusts take more; nothing is kept back for the moment of a failure.",
         f"Model: {table.model.description}.",
     ]

@@ -18,7 +18,7 @@ from thrustmargin.gcs_plugin.wording.identify_answer import (
     set_words,
     where_from,
 )
-from thrustmargin.gcs_plugin.wording.numbers import joined, number, within
+from thrustmargin.gcs_plugin.wording.numbers import joined, number, shown_unit, within
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.margin_change import MarginChange, margin_changes
 from thrustmargin.models.identification.model_update import ModelUpdate, update_model
@@ -156,11 +156,11 @@ def _parameter_rows(found: Identification, one: Found) -> list[tuple[str, str, s
     rows = []
     for k, p in enumerate(parameters):
         name = p.name.replace("_", " ")
-        unit = "" if p.unit == "1" else p.unit.replace("^2", "²")
+        factor, unit = shown_unit(p.unit, p.name)
         for f in largest if p.per_flight else [one.flight]:
             value, low, high = (float(v[f, k]) for v in (one.value, one.lower, one.upper))
             where = f", {found.problem.names[f]}" if p.per_flight else ""
-            rows.append((name + where, *within(value, low, high, unit, most=6)))
+            rows.append((name + where, *within(value, low, high, unit, factor=factor, most=6)))
     return rows
 
 

@@ -22,6 +22,7 @@ from thrustmargin.gcs_plugin.reports.shared.page_shell import (
     page_text,
     software_version,
 )
+from thrustmargin.gcs_plugin.wording.effect_sentences import effect_thing
 from thrustmargin.gcs_plugin.wording.identify_answer import (
     chance,
     excluded_rows,
@@ -40,6 +41,7 @@ _WORDS = {
         effect_rows,
         error_rows,
         set_rows,
+        effect_thing,
         excluded_rows,
         margin_words,
         where_from,

@@ -14,6 +14,7 @@ from pathlib import PurePath
 import numpy as np
 
 from thrustmargin.gcs_plugin.reports.margin.data import Accuracy, JsonObject, RotorAccuracy
+from thrustmargin.gcs_plugin.wording.effect_sentences import effect_things
 from thrustmargin.models.effects.stored import EffectRecord
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FROM_OUTPUTS, Basis, FlightAnalysis
@@ -59,6 +60,7 @@ def model_use(analysis: FlightAnalysis) -> JsonObject:
         "none_share": shares[Basis.NONE],
         "inside_envelope": None if model.network is None else inside,
         "effects": tuple(_effect(e) for e in model.effects),
+        "effect_words": effect_things(model),
     }
 
 

@@ -25,6 +25,7 @@ from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     rotor_panels,
 )
 from thrustmargin.gcs_plugin.reports.shared.route_map import moved, route_map
+from thrustmargin.gcs_plugin.wording.fault_words import HELD, MAXIMUM_FILL, SPINS
 from thrustmargin.gcs_plugin.wording.palette import GROUND_SPEED, LOAD, REDUNDANCY, ColourScale
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FROM_OUTPUTS, worst_rotor
@@ -155,12 +156,12 @@ def redundancy_figure(rows: Rows, limit: float) -> Figure:
     free, kept = rows["redundancy_yaw_uncontrolled"], rows["redundancy_yaw_kept"]
     one_out, of_limit = rows["fill_one_rotor_out_kg"], rows["fill_limit_kg"]
     held = [
-        line(time_s, free, color=MEASURED, name="yaw uncontrolled"),
-        line(time_s, kept, color=PREDICTED, name="yaw controlled", dash="dash"),
+        line(time_s, free, color=MEASURED, name=SPINS),
+        line(time_s, kept, color=PREDICTED, name=HELD, dash="dash"),
     ]
     fills = [
         line(time_s, tank, color=INK, name="in the tank"),
-        line(time_s, one_out, color=OVER, name="most to lose a rotor", dash="dash"),
+        line(time_s, one_out, color=OVER, name=MAXIMUM_FILL, dash="dash"),
     ]
     if not np.allclose(one_out, of_limit, atol=0.05, equal_nan=True):
         name = f"most for {limit * 100:.0f} % in hover"
@@ -199,10 +200,10 @@ def use_map(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> Figu
 def redundancy_map(rows: Rows) -> Figure:
     """The map of redundancy, with buttons for yaw uncontrolled and controlled."""
     free, kept = rows["redundancy_yaw_uncontrolled"], rows["redundancy_yaw_kept"]
-    coloured = {"yaw uncontrolled": (free, -free)}
+    coloured = {SPINS: (free, -free)}
     if not np.any(np.isfinite(kept)):
         return _map(rows, coloured, REDUNDANCY)
-    made = _map(rows, coloured | {"yaw controlled": (kept, -kept)}, REDUNDANCY)
+    made = _map(rows, coloured | {HELD: (kept, -kept)}, REDUNDANCY)
     return made.update_layout(height=620, margin_b=120)
 
 

@@ -8,15 +8,19 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from thrustmargin.gcs_plugin.reports.margin.data import Fact, Level, MarginVerdict, Moment
+from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, SPINS, TOO_HEAVY
 from thrustmargin.gcs_plugin.wording.fill_words import amount
 from thrustmargin.gcs_plugin.wording.numbers import (
     UNKNOWN,
     clock,
     duration,
+    joined,
+    known,
     number,
     percent,
     percent_within,
     place,
+    within,
 )
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim
@@ -71,7 +75,7 @@ def facts(verdict: MarginVerdict, claim: AirframeClaim) -> tuple[Fact, ...]:
         Fact("what to do", action(verdict)),
         Fact("worst", moment_words(verdict.worst)),
         Fact(f"above {percent(verdict.limit)}", above),
-        Fact("one rotor lost", _one_rotor_out(verdict)),
+        Fact(ONE_LOST, _one_rotor_out(verdict)),
         Fact("from", verdict.basis),
         airframe,
     )
@@ -89,7 +93,7 @@ def action(verdict: MarginVerdict) -> str:
     more = f", {amount(fresh, fresh, fresh)} as long as it is fresh"
     most = f"fill at most {fill} on this battery{more if fresh > verdict.fill_kg + 0.05 else ''}"
     if verdict.level == "critical":
-        return f"{most}: with more it could not hold its weight after losing a rotor"
+        return f"{most}: {TOO_HEAVY[0]}"
     if verdict.level == "under":
         return f"nothing: in hover up to {fill} stay within the limits on this battery"
     if verdict.level == "near":
@@ -122,7 +126,7 @@ def _one_rotor_out(verdict: MarginVerdict) -> str:
     if verdict.not_survivable_s > 0.0:
         too_long = duration(verdict.not_survivable_s)
         return f"too heavy for {too_long} (at worst {held} the weight can be held)"
-    return f"the weight can be held all flight, yaw uncontrolled ({held} or more)"
+    return f"the weight can be held all flight, {SPINS} ({held} or more)"
 
 
 def moment_words(moment: Moment) -> str:
@@ -139,13 +143,11 @@ def moment_words(moment: Moment) -> str:
 
 
 def estimate(figure: Estimate, unit: str = "", decimals: int = 1, factor: float = 1.0) -> str:
-    """`41.2 (38.0 to 44.6) rpm`; without the bracket where there is no interval."""
-    middle, low, high = (
-        number(value * factor, "", decimals) for value in (figure.value, figure.low, figure.high)
-    )
-    if UNKNOWN in (middle, low, high):
-        return number(figure.value * factor, unit, decimals)
-    return f"{middle} ({low} to {high}) {unit}".rstrip()
+    """`41 (38 to 45) rpm`, with the digits that the interval allows; without one no bracket."""
+    ends = figure.value, figure.low, figure.high
+    if not known(figure.value):
+        return UNKNOWN
+    return f"{joined(within(*ends, factor=factor, most=decimals))} {unit}".rstrip()
 
 
 def basis_words(

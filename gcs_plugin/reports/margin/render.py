@@ -19,6 +19,8 @@ from thrustmargin.gcs_plugin.reports.margin.figures import figures
 from thrustmargin.gcs_plugin.reports.margin.summary import worst_first
 from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text
 from thrustmargin.gcs_plugin.wording import numbers as words
+from thrustmargin.gcs_plugin.wording.fault_words import DESCENDED, HELD, MAXIMUM_FILL, SPINS
+from thrustmargin.gcs_plugin.wording.fill_words import amount
 from thrustmargin.models.model.json_values import to_json_values
 from thrustmargin.models.whole_file import whole_file
 
@@ -37,6 +39,7 @@ _WORDS = {
         headline.estimate,
         words.place,
         words.from_direction,
+        words.within,
         headline.moment_words,
     )
 }
@@ -127,5 +130,10 @@ def html_text(report: Report, written: Written) -> str:
         "schema": SCHEMA,
         "figures": drawn,
         "files": {"json": written.json.name, "csv": written.csv.name},
+        "spins": SPINS,
+        "held": HELD,
+        "descended": DESCENDED,
+        "maximum_fill": MAXIMUM_FILL,
+        "fill": lambda fill: amount(fill, fill, fill),
     }
     return page_text(__name__.rpartition(".")[0], context, functions=_WORDS)

@@ -81,5 +81,5 @@ def test_a_load_that_nothing_reports_is_inferred_and_named_on_every_page(tmp_pat
     tank = next(c for c in made["quality"]["channels"] if c["name"] == "tank_kg")
     assert tank["source"] == made["flight"]["tank_source"]
     assert tank["samples"] > 2000
-    assert "load inferred, 90 % interval" in page.read_text()
+    assert "inferred from hover thrust" in page.read_text()
     assert "tank standard error where inferred [kg]" in page.with_suffix(".csv").read_text()

@@ -404,7 +404,7 @@ def test_a_silent_esc_hides_no_margin_of_the_other_rotors():
 def test_the_summary_says_everything_with_its_unit():
     assert summary(NOW, 0.5, 0.1) == [
         "vehicle 3, flying: thrust margin 42 % (rotor 2), predicted 45 %, limit 50 %",
-        "  one rotor lost, yaw uncontrolled: 0.96 of the weight",
+        "  one rotor lost, without yaw control, it will spin: 0.96 of the weight",
         "  tank 12.2 kg by NAMED_VALUE_FLOAT TANK, empty after 294 s of spraying, "
         "margin when refilled 39 %",
     ]
@@ -414,7 +414,7 @@ def test_what_is_not_known_is_two_dashes():
     unknown = Reading(vehicle=1, stamp=0.0)
     assert summary(unknown, 0.5, 0.0) == [
         "vehicle 1, on the ground: thrust margin --, predicted --, limit 50 %",
-        "  one rotor lost, yaw uncontrolled: -- of the weight",
+        "  one rotor lost, without yaw control, it will spin: -- of the weight",
         "  tank -- kg, empty after -- s of spraying, margin when refilled --",
     ]
     assert share(float("inf")) == "--"

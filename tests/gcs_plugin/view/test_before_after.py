@@ -45,7 +45,7 @@ def test_before_and_after_share_one_scale_and_differ_in_their_values(closed):
     by_name = {o.name: o for o in overlays_of(new)}
     np.testing.assert_array_equal(after.values, by_name["Residual"].values)
     assert before.note == "model without effects"
-    assert after.note == "model with rotor degradation"
+    assert after.note == "model with a weak rotor 1 (front right)"
 
 
 def test_two_flights_are_not_before_and_after(closed):

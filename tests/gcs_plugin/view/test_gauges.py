@@ -82,7 +82,7 @@ def test_nothing_known_shows_no_number_at_all():
 
 
 @pytest.mark.parametrize(
-    ("tank", "verdict"), [(1.0, "holds height, not heading"), (16.0, "CANNOT hold height")]
+    ("tank", "verdict"), [(1.0, "holds height, but it will spin"), (16.0, "WOULD DESCEND")]
 )
 def test_redundancy_speaks_for_itself_on_both_sides_of_one(tank, verdict):
     analysis = flight(tank_kg=np.full(ROWS, tank))

@@ -41,6 +41,14 @@ def test_residual_is_the_rotor_furthest_off_with_its_sign():
     assert overlay.worst == "abs"
 
 
+def test_the_residuals_colours_end_where_the_residual_does():
+    analysis = flight()
+    overlay = by_name(analysis)["Residual"]
+    size = np.abs(overlay.values[analysis.track.flying])
+    assert 0.01 <= np.mean(size > overlay.scale.high) <= 0.03
+    assert overlay.scale.low == -overlay.scale.high
+
+
 def test_the_note_tells_measured_from_predicted():
     rpm = flight().track.rotor_speed_rpm.copy()
     assert by_name(flight())["Load"].note == "measured"

@@ -17,7 +17,7 @@ def test_each_reason_has_its_sentence():
         return fill_advice(fill, fill, fill, reason, limit=0.5)
 
     assert say(9.8, "one rotor lost") == (
-        "Fill at most 9.8 kg: with more it could not hold its weight after losing a rotor"
+        "Fill at most 9.8 kg: with more it would descend after losing a rotor"
     )
     assert say(9.8, "tank") == "Fill at most 9.8 kg: the tank holds no more"
     assert say(0.0, "tank") == "Nothing to fill: the airframe file has no tank"

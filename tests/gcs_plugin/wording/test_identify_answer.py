@@ -127,6 +127,8 @@ def test_a_limit_is_rounded_away_from_zero():
     assert at_most(0.0201, "1") == "2.1 %"
     assert at_most(0.02, "1") == "2 %"
     assert at_most(0.123, "kg") == "0.13 kg"
+    assert at_most(0.000037, "1/s") == "0.23 % a minute"
+    assert at_most(0.14, "1", "exponent") == "0.14"
     assert at_most(123.4, "s") == "130 s"
 
 

@@ -235,7 +235,7 @@ def test_the_facts_give_part_amount_and_time():
     given = AirframeClaim(words="airframe my-quad, given")
     assert [f"{fact.label}: {fact.text}" for fact in facts(VERDICT, given)] == [
         "what to do: fill at most 9.8 kg (9.1 to 10.4) on this battery, 13.0 kg as long as it is "
-        "fresh: with more it could not hold its weight after losing a rotor",
+        "fresh: with more it would descend after losing a rotor",
         "worst: rotor 2, rear left, at 0:53, turning right, spraying, 14.6 kg in the tank, "
         "158 m north, 5 m west of the start",
         "above 50 %: 1 min 56 s, 56 % of the flight",
@@ -248,7 +248,7 @@ def test_the_facts_give_part_amount_and_time():
     said = {fact.label: fact.text for fact in facts(light, given)}
     assert said["above 50 %"] == "never"
     assert said["one rotor lost"] == (
-        "the weight can be held all flight, yaw uncontrolled (1.10 × or more)"
+        "the weight can be held all flight, without yaw control, it will spin (1.10 × or more)"
     )
     doubted = replace(given, withheld=("16 V in flight", "6 rotors"), source="north.tlog")
     said = [f"{fact.label}: {fact.text}" for fact in facts(VERDICT, doubted)]
@@ -314,10 +314,8 @@ def test_headlines_name_the_limit_and_count_flights():
 
 
 def test_an_estimate_has_its_interval_in_brackets_where_there_is_one():
-    assert estimate(Estimate(value=41.23, low=38.04, high=44.58), "rpm") == (
-        "41.2 (38.0 to 44.6) rpm"
-    )
+    assert estimate(Estimate(value=41.23, low=38.04, high=44.58), "rpm") == ("41 (38 to 45) rpm")
     share_of_rows = Estimate(value=0.968, low=0.95, high=1.0)
-    assert estimate(share_of_rows, "%", 1, 100) == "96.8 (95.0 to 100.0) %"
+    assert estimate(share_of_rows, "%", 1, 100) == "97 (95 to 100) %"
     assert estimate(Estimate(value=41.23, low=NAN, high=NAN), "rpm") == "41.2 rpm"
     assert estimate(Estimate(value=NAN, low=NAN, high=NAN), "rpm") == "unknown"

@@ -19,6 +19,7 @@ from tests.gcs_plugin.reports.margin.report_flight import HOSTILE, flight, log, 
 from thrustmargin.gcs_plugin.reports.margin import build_report
 from thrustmargin.gcs_plugin.reports.margin.data import Report
 from thrustmargin.gcs_plugin.reports.margin.figures import figures
+from thrustmargin.gcs_plugin.reports.margin.headline import estimate
 from thrustmargin.gcs_plugin.reports.margin.render import (
     Written,
     csv_bytes,
@@ -35,6 +36,7 @@ from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.scores import Estimate
 
 
 def unpacked(text: str) -> str:
@@ -113,7 +115,7 @@ def test_page_json_and_csv_say_the_same_numbers(report, page):
     assert f"{worst['capacity_use'] * 100:.0f} %in use" in text.replace("% in", "%in")
     assert f"{worst['margin'] * 100:.0f} %thrust left" in text.replace("% thrust", "%thrust")
     rmse = one["accuracy"]["overall"]["rmse_rpm"]
-    assert f"{rmse['value']:.1f} ({rmse['low']:.1f} to {rmse['high']:.1f})" in text
+    assert estimate(Estimate(**rmse), "", 1) in text
     assert f"{one['redundancy']['yaw_free_min']:.2f} × weight" in text
     assert f"{one['flight']['liquid_used_kg']:.2f} kg" in text
 

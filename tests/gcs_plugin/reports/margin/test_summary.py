@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.gcs_plugin.reports.margin.report_flight import flight, log, model, without
+from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.reports.margin import build_report, report_flight
 from thrustmargin.gcs_plugin.reports.margin.data import end_rows
 from thrustmargin.gcs_plugin.reports.margin.moments import APART_S, doing
@@ -340,3 +341,15 @@ def test_the_fill_advised_is_the_least_of_the_flight_and_that_of_its_start(analy
     assert verdict.fill_high_kg == pytest.approx(mass * np.exp(1.645 * error) - 21.1)
     assert verdict.fill_kg < verdict.fill_start_kg <= 16.0
     assert verdict.tank_start_kg == pytest.approx(10.0, abs=0.3)
+
+
+def test_report_and_inspection_count_the_same_pauses():
+    """One before the first row (parameters being sent) is none of the flight."""
+    analysis, recorded = flight()
+    start = recorded.clock_start_s
+    gaps = ((start - 30.0, 10.3), (start + 5.0, 1.5))
+    recorded = replace(recorded, quality=replace(recorded.quality, gaps=gaps))
+    quality = report_flight(analysis, recorded, max_utilisation=0.5).quality
+    assert (quality["silences"], quality["longest_silence_s"]) == (1, 1.5)
+    found = {f.check: f.words for f in inspect_log(recorded, model().airframe).findings}
+    assert found["time"].startswith("1 pause(s) over 1 s without any message, 1.5 s in all")
