@@ -78,6 +78,15 @@ def test_a_battery_of_other_cells_contradicts(volts, verdict):
     assert ("motor output" in found) == (verdict != "contradicts")
 
 
+def test_a_contradicting_voltage_says_how_far_the_same_battery_goes():
+    half = replace(TRACK, voltage=np.full_like(TRACK.voltage, 0.5 * F16.nominal_voltage))
+    (words,) = doubts_of(half, F16, FACTS, PARAMETERS)
+    assert "50% of the" in words
+    assert words.endswith("; the same battery stays within 78% to 122%")
+    (fits,) = (c for c in comparisons(TRACK, F16, FACTS, PARAMETERS) if c.check == "voltage")
+    assert fits.words.endswith("of airframe topxgun-f16-sitl")
+
+
 def test_another_number_of_rotors_ends_the_comparison():
     six = replace(FACTS, rotor_count=6, rotor_evidence="FRAME_CLASS 2")
     assert doubts_of(TRACK, F16, six, PARAMETERS) == (

@@ -61,6 +61,11 @@ def test_a_change_of_any_size_is_the_mean_over_the_sizes():
     assert found[0] == pytest.approx(math.log(expected / norm.pdf(0.2, 0.0, 0.1)), abs=1e-12)
 
 
+def test_the_sizes_are_half_decades_from_a_hundredth_to_all_of_the_signal():
+    assert (SIZES[0], SIZES[-1]) == (0.01, 1.0)
+    assert np.diff(np.log10(SIZES)) == pytest.approx(0.5, abs=0.03)
+
+
 def test_the_two_sums_are_those_of_generalised_least_squares():
     """Trim of standard deviation 0.05, noise of autocorrelation 0.5: by one dense covariance."""
     test = frozen(trim=0.05, noise=0.02)
@@ -99,6 +104,13 @@ def test_the_noise_is_learnt_white_or_not():
     run(test, y)
     assert test.lag == pytest.approx([0.0, 0.8], abs=0.12)
     assert np.sqrt(test.noise) == pytest.approx([0.02, 0.02], rel=0.12)
+
+
+def test_a_standing_trim_that_was_not_known_is_not_taken_for_slow_noise():
+    test = watch(trim=0.0)
+    run(test, np.random.default_rng(10).normal(0.1, 0.01, (300, 2)))
+    assert test.lag == pytest.approx([0.0, 0.0], abs=0.15)
+    assert np.sqrt(test.noise) == pytest.approx([0.01, 0.01], rel=0.12)
 
 
 def test_one_odd_block_teaches_no_more_than_three_standard_errors():
