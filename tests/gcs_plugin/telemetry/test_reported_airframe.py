@@ -33,6 +33,12 @@ def test_cells_are_what_settings_and_voltage_agree_on(settings, volts, expected)
     assert cells(QUAD | settings, volts)[0] == expected
 
 
+@pytest.mark.parametrize("count", [*range(1, 9), 10, 12, 13, 14, 16, 18, 20, 24, 28])
+def test_a_full_battery_of_any_number_sold_is_counted(count):
+    assert cells(QUAD | {"MOT_BAT_VOLT_MAX": 4.2 * count})[0] == count
+    assert cells(QUAD, 4.15 * count)[0] == count
+
+
 def test_one_hint_is_a_guess_two_that_agree_are_not_and_none_is_none():
     assert cells(QUAD | {"BATT_LOW_VOLT": 43.2}) == (12, True)
     assert cells(QUAD | {"BATT_LOW_VOLT": 43.2}, 49.1) == (12, False)

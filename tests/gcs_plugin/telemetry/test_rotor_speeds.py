@@ -1,5 +1,6 @@
 """ESC readings that are no measurement are NaN in the rows, and said so, in any form of log."""
 
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,11 @@ from thrustmargin.gcs_plugin.logs import FlightLog, read_log
 from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.rotor_speeds import lifting, measured_speeds
+from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
+    _median_of,
+    lifting,
+    measured_speeds,
+)
 from thrustmargin.models.physics.airframe import load_airframe
 
 FLIGHT = "campaign/v4_m10_q2.5.tlog"
@@ -81,6 +86,22 @@ def test_held_lone_and_zero_readings_are_named(sitl_logs, tmp_path, rotor, rows,
     assert differs.size <= rows.stop - rows.start + 1
     # A single reading that is left out is bridged by its neighbours.
     assert np.isfinite(log.track.rotor_speed_rpm).all() == (value is not None)
+
+
+@pytest.mark.parametrize("others", [1, 2, 3, 7])
+def test_the_median_of_the_other_rotors_is_numpys(others):
+    """Each rotor from its first reading on, of either sign; nothing before any is known."""
+    rng = np.random.default_rng(others)
+    rows = np.arange(12.0)
+    last = np.full((others, 12), np.nan)
+    signals = []
+    for k in range(others):
+        last[k, k + 1 :] = rng.uniform(-3000.0, 3000.0, 11 - k)
+        signals.append(Signal("rotor_speed_rpm", "ESC", rows[k + 1 :], last[k, k + 1 :], k))
+    with warnings.catch_warnings(action="ignore"):
+        expected = np.nanmedian(np.abs(last), axis=0)
+    np.testing.assert_allclose(_median_of([None, *signals], rows), expected)
+    assert np.isnan(_median_of([None], rows)).all()
 
 
 def test_a_table_is_judged_as_a_log_is(sitl_logs, tmp_path):
