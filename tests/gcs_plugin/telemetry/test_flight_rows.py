@@ -311,3 +311,11 @@ def test_reports_of_a_channel_are_counted_with_their_pauses():
     voltage = next(r for r in found if r.name == "voltage")
     assert (voltage.samples, voltage.gaps, np.isnan(voltage.rate_hz)) == (1, 0, True)
     assert np.isnan(voltage.longest_gap_s)
+
+
+@pytest.mark.parametrize("sampling", ["hold", "linear"])
+def test_only_what_is_stated_with_an_error_carries_one(sampling):
+    rows = made(flight(), Options(load=3.0, air_temperature=291.15, sampling=sampling))
+    assert rows.sources["tank_kg"].startswith("stated: 3 kg")
+    assert rows.channels["temperature"].tolist() == [291.15] * rows.clock_s.size
+    assert {k: set(v.tolist()) for k, v in rows.standard_errors.items()} == {"temperature": {2.0}}
