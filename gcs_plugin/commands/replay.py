@@ -82,6 +82,7 @@ def replay_view(
     airframe. `options` are those of ReplayView.
     """
     from thrustmargin.gcs_plugin.commands.inputs import read_flight
+    from thrustmargin.gcs_plugin.reports.margin import report_flight
     from thrustmargin.gcs_plugin.view.overlays import before_and_after
     from thrustmargin.gcs_plugin.view.replay_view import ReplayView
     from thrustmargin.models.model.analysis import analyse
@@ -90,10 +91,12 @@ def replay_view(
         flight, claim = read_flight(log, model, given=given, reading=reading)
         analysis = analyse(flight.track, model, claim=claim)
         older = None if before is None else analyse(flight.track, before, claim=claim)
+        verdict = report_flight(analysis, flight, max_utilisation=0.5).verdict
     return ReplayView(
         analysis,
         waypoints=flight.waypoints,
         messages=flight.messages,
         overlays=() if older is None else before_and_after(older, analysis),
+        verdict=(verdict.headline, verdict.level),
         **options,
     )

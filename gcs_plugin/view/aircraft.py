@@ -25,7 +25,7 @@ DARK = (38, 38, 42)
 NOSE = (200, 20, 110)
 LIQUID = (0, 110, 130)
 SIDES = 28
-ARM_PIXELS, SPIN_PIXELS = 5.0, 3.0
+ARM_PIXELS, SPIN_PIXELS, FAULT_PIXELS = 5.0, 3.0, 9.0
 NO_ARM = 1.0  # m, size of an aircraft of which no rotor is known
 #: Tank box in the vehicle frame as shares of the arm length: half width, height, top.
 TANK_HALF, TANK_HEIGHT, TANK_TOP = 0.24, 0.5, -0.06
@@ -53,6 +53,8 @@ class VehicleNode:
             head_radius=0.15 * self._arm,
             head_length=0.28 * self._arm,
         )
+        self._faulty: frozenset[int] = frozenset()
+        self._rings = self._add_rings(scene)
         self._discs = self._add_rotors(scene) if airframe.rotor_count else None
         self._tank = scene.add_box(
             f"{self._root}/tank",
@@ -110,6 +112,22 @@ class VehicleNode:
         self._parts += [body, discs, spin]
         return discs
 
+    def _add_rings(self, scene: SceneApi) -> list[Any]:
+        """A red ring about each rotor, which is shown while an alarm is of it."""
+        ring = 1.05 * disc_radius(self._airframe) * unit_disc()[0][1:] + [0.0, 0.0, 0.03]
+        sides = np.stack([ring, np.roll(ring, -1, axis=0)], axis=1)
+        return [
+            scene.add_line_segments(
+                f"{self._root}/fault_{i + 1}",
+                rotor + sides,
+                line_colours(len(sides), colours.ALARM),
+                thickness=FAULT_PIXELS,
+                thickness_units="screen",
+                visible=False,
+            )
+            for i, rotor in enumerate(self._rotors)
+        ]
+
     @property
     def arm(self) -> float:
         """Distance of the outermost rotor from the centre, m."""
@@ -124,7 +142,7 @@ class VehicleNode:
         """Draw the aircraft `scale` times its size; `detailed` puts the margins on the rotors."""
         self._scale = scale
         self._detailed = detailed
-        for node in (self._nose, self._tank, *self._parts):
+        for node in (self._nose, self._tank, *self._parts, *self._rings):
             node.scale = scale
         self._tank.position = scale * self._arm * np.array([0, 0, TANK_TOP - TANK_HEIGHT / 2])
         for label, rotor in zip(self._labels, self._rotors, strict=True):
@@ -134,8 +152,15 @@ class VehicleNode:
         """Take it off the scene until it is shown again."""
         self.frame.visible = self._visible = False
 
-    def show(self, row: ShownRow) -> None:
-        """Put the aircraft where `row` says, in its colours. Hidden without a position."""
+    def show(self, row: ShownRow, faulty: frozenset[int] = frozenset()) -> None:
+        """Put the aircraft where `row` says, in its colours. Hidden without a position.
+
+        `faulty` are the numbers, from 1, of the rotors that an alarm is of.
+        """
+        if faulty != self._faulty:
+            self._faulty = faulty
+            for i, ring in enumerate(self._rings, start=1):
+                ring.visible = i in faulty
         position, wxyz, margin = row.position_enu, row.wxyz, row.margin
         placed = bool(np.all(np.isfinite(position)))
         if placed != self._visible:
@@ -148,7 +173,8 @@ class VehicleNode:
         if self._discs is not None:
             self._discs.batched_colors = disc_colours(margin)
         for i, label in enumerate(self._labels):
-            label.text = rotor_label(i, margin[i]) if self._detailed else str(i + 1)
+            text = rotor_label(i, margin[i]) if self._detailed else str(i + 1)
+            label.text = f"! {text}" if i + 1 in faulty else text
         self._show_tank(row.track.tank_kg[row.row])
 
     def _show_tank(self, tank_kg: float) -> None:

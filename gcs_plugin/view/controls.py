@@ -24,7 +24,10 @@ SPEEDS = (1, 2, 5, 10, 30, 60)
 
 
 class ReplayClock:
-    """Runs from 0 to `duration` s at `speed` times real time; stops at the end."""
+    """Runs from 0 to `duration` s at `speed` times real time; at the end it rests at `rest`.
+
+    `ended` is True from then until somebody plays or seeks.
+    """
 
     def __init__(
         self,
@@ -32,6 +35,7 @@ class ReplayClock:
         *,
         speed: float = 1.0,
         paused: bool = False,
+        rest: float | None = None,
         wall: Callable[[], float] = time.monotonic,
     ) -> None:
         self.duration = duration
@@ -41,6 +45,8 @@ class ReplayClock:
         self._since = wall()
         self._speed = speed
         self._playing = not paused
+        self._rest = duration if rest is None else rest
+        self._ended = False
 
     @property
     def speed(self) -> float:
@@ -53,6 +59,12 @@ class ReplayClock:
             self._advance()
             return self._playing
 
+    @property
+    def ended(self) -> bool:
+        with self._lock:
+            self._advance()
+            return self._ended
+
     def now(self) -> float:
         """Seconds into the flight."""
         with self._lock:
@@ -63,9 +75,9 @@ class ReplayClock:
         """Go on; from the start when at the end."""
         with self._lock:
             self._advance()
-            if self._time_s >= self.duration:
+            if self._ended or self._time_s >= self.duration:
                 self._time_s = 0.0
-            self._playing = True
+            self._playing, self._ended = True, False
 
     def pause(self) -> None:
         with self._lock:
@@ -78,7 +90,7 @@ class ReplayClock:
             return
         with self._lock:
             self._advance()
-            self._time_s = min(max(time_s, 0.0), self.duration)
+            self._time_s, self._ended = min(max(time_s, 0.0), self.duration), False
 
     def set_speed(self, speed: float) -> None:
         with self._lock:
@@ -90,7 +102,7 @@ class ReplayClock:
         if self._playing:
             self._time_s += (wall - self._since) * self._speed
             if self._time_s >= self.duration:
-                self._time_s, self._playing = self.duration, False
+                self._time_s, self._playing, self._ended = self._rest, False, True
         self._since = wall
 
 
@@ -183,6 +195,7 @@ def choice(
 def time_html(clock: ReplayClock) -> str:
     """Time of the flight, its length, and the speed of the replay."""
     state = f"x{clock.speed:g}" + ("" if clock.playing else ", paused")
+    state = "ended: the worst moment" if clock.ended else state
     return (
         '<div class="tm-time" style="font-family:system-ui;color:#111;padding:0 10px">'
         f'<span style="font-size:40px;font-weight:800">{clock_text(clock.now())}</span>'

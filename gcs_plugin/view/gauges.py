@@ -7,6 +7,7 @@ read "no data".
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from importlib import resources
 
@@ -35,7 +36,7 @@ _ENVIRONMENT = jinja2.Environment(
     lstrip_blocks=True,
 )
 #: The look of all gauges; a page needs it once.
-STYLE = _ENVIRONMENT.get_template("gauges_style.html").render()
+STYLE = _ENVIRONMENT.get_template("gauges_style.html").render(alarm=colours.css(colours.ALARM))
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,10 +50,13 @@ class Gauge:
     bar: float | None = None  # share of its length that is full
 
 
-def gauges_html(row: ShownRow, title: str, message: str = "") -> str:
+def gauges_html(
+    row: ShownRow, title: str, message: str = "", *, faulty: Collection[int] = ()
+) -> str:
     """All gauges of one aircraft at one moment, to stand on a page with `STYLE`.
 
     `title` is its name and `message` what it last said; both may hold anything, they are escaped.
+    `faulty` are the numbers, from 1, of the rotors that an alarm is of.
     """
     airframe = row.analysis.model.airframe
     return _ENVIRONMENT.get_template("gauges.html").render(
@@ -60,6 +64,7 @@ def gauges_html(row: ShownRow, title: str, message: str = "") -> str:
         airframe=airframe,
         title=title,
         message=message,
+        faulty=faulty,
         worst=_worst(row, airframe),
         redundancy=_redundancy(row),
         tank=_tank(row, airframe),

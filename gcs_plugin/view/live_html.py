@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.telemetry.recording import Waypoint
 
 #: White on each is read in sunlight: contrast 7:1 and more.
-RED, ORANGE, GREY = "#b00020", "#8a3a00", "#4d4d4d"
+RED, ORANGE, GREY = colours.css(colours.ALARM), "#8a3a00", "#4d4d4d"
+#: Of a flight's verdict by its level.
+VERDICT_PAPER = {"critical": RED, "over": ORANGE, "near": ORANGE, "under": "#00512d"}
 #: Tabs that a gloved finger hits.
 STYLE = "<style>[role=tablist]{font:700 20px system-ui!important}</style>"
 MOST_ALARMS = 4  # on one page: more would push the numbers off it
@@ -42,6 +44,11 @@ class Standing:
     gone: bool = False  # left for good: nothing of it is shown
     stale: str = ""  # fields that are no longer reported, in words
     mission: Mapping[int, Waypoint] | None = None
+
+    @property
+    def faulty(self) -> frozenset[int]:
+        """Numbers, from 1, of the rotors that an alarm is of."""
+        return frozenset(alarm.rotor for alarm in self.alarms if alarm.rotor is not None)
 
     @property
     def old(self) -> bool:

@@ -207,13 +207,14 @@ class LiveView(ViewPage, Subscriber):
         if airframe.rotor_count != one.rotor_count:
             one.rotor_count = airframe.rotor_count
             self._scene.add_vehicle(str(one.number), airframe)
-        self._scene.show(str(one.number), row, focus=one.number == self._focus)
+        focus, faulty = one.number == self._focus, standing.faulty
+        self._scene.show(str(one.number), row, focus=focus, faulty=faulty)
         position = row.position_enu
         placed = bool(np.all(np.isfinite(position)))
         one.label.visible = placed and len(fleet) > 1
         if placed:
             one.label.position = position + self._scene.above(str(one.number))
-        html = gauges_html(row, f"{airframe.title} · vehicle {one.number}")
+        html = gauges_html(row, f"{airframe.title} · vehicle {one.number}", faulty=faulty)
         html += outlook_html(update.outlook, standing.stale, update.remarks)
         one.gauges.content = alarms_html(one.number, fleet) + aged(html, standing.old)
 

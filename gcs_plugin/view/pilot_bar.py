@@ -19,7 +19,7 @@ from urllib.parse import parse_qs, urlsplit
 
 from thrustmargin.gcs_plugin.live.alarm import CRITICAL, WARNING, Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.view.gauges import percent
-from thrustmargin.gcs_plugin.view.live_html import Standing, paper_of
+from thrustmargin.gcs_plugin.view.live_html import GREY, VERDICT_PAPER, Standing, paper_of
 from thrustmargin.gcs_plugin.wording import palette as colours
 
 STATE, ACKNOWLEDGE = "/pilot-bar.json", "/pilot-bar/acknowledge"
@@ -31,7 +31,9 @@ class PilotBar:
     """State of the bar. `standing` gives the aircraft as last heard, to any thread.
 
     `style` is that of the rest of the page, which a folded panel must not take away. `silent` takes
-    the sound button away; `acknowledged` hears of every alarm that was acknowledged.
+    the sound button away, `recorded` all buttons and ages; the
+    `verdict` of a whole flight, in words and its level, stands there too; `acknowledged` hears of
+    every alarm that was acknowledged.
     """
 
     def __init__(
@@ -40,9 +42,11 @@ class PilotBar:
         *,
         style: str = "",
         silent: bool = False,
+        recorded: bool = False,
+        verdict: tuple[str, str] = ("", ""),
         acknowledged: Callable[[int, Alarm], None] | None = None,
     ) -> None:
-        self._standing = standing
+        self._standing, self._recorded, self._verdict = standing, recorded, verdict
         self._acknowledged = acknowledged
         self._token = secrets.token_urlsafe(16)
         self._lock = threading.Lock()
@@ -51,7 +55,8 @@ class PilotBar:
         text = (resources.files("thrustmargin.gcs_plugin.view") / "pilot_bar.html").read_text(
             encoding="utf-8"
         )
-        text = text.replace("@TOKEN@", self._token).replace("@SILENT@", json.dumps(silent))
+        text = text.replace("@TOKEN@", self._token).replace("@RECORDED@", json.dumps(recorded))
+        text = text.replace("@SILENT@", json.dumps(silent or recorded))
         self.insert = (style + text).encode()  # what the page gets before its end
 
     def on_event(self, vehicle: int, event: AlarmEvent) -> None:
@@ -94,7 +99,7 @@ class PilotBar:
         with self._lock:
             known, history = set(self._known), list(self._history)
         return {
-            "vehicles": [_vehicle(one) for one in fleet],
+            "vehicles": [_vehicle(one, recorded=self._recorded) for one in fleet],
             "alarms": [
                 {
                     "id": repr(_key(one, alarm)),
@@ -107,6 +112,8 @@ class PilotBar:
                 for one, alarm in standing
             ],
             "history": history,
+            "verdict": self._verdict[0],
+            "verdict_paper": VERDICT_PAPER.get(self._verdict[1], GREY),
         }
 
     def _note(self, words: str) -> None:
@@ -118,8 +125,8 @@ def _key(one: Standing, alarm: Alarm) -> Key:
     return one.number, alarm.key, alarm.since_s
 
 
-def _vehicle(one: Standing) -> dict[str, Any]:
-    """One aircraft: its margin in words and colours, and the age of it."""
+def _vehicle(one: Standing, *, recorded: bool) -> dict[str, Any]:
+    """One aircraft: its margin in words and colours, and the age of it (None of a record)."""
     margin = one.margin if one.flying and not one.problem else float("nan")
     paper = colours.MARGIN.screen(margin)
     if one.problem:
@@ -134,6 +141,6 @@ def _vehicle(one: Standing) -> dict[str, Any]:
         "caption": caption,
         "paper": colours.css(paper),
         "ink": colours.ink_on(paper),
-        "age": round(max(one.age, 0.0), 2),
+        "age": None if recorded else round(max(one.age, 0.0), 2),
         "old": one.old,
     }

@@ -20,6 +20,7 @@ from thrustmargin.gcs_plugin.view.gauges import STYLE, gauges_html
 from thrustmargin.gcs_plugin.view.guard import LOOPBACK
 from thrustmargin.gcs_plugin.view.live_html import Standing, alarms_html
 from thrustmargin.gcs_plugin.view.overlays import Overlay, overlays_of, speed_overlay
+from thrustmargin.gcs_plugin.view.pilot_bar import PilotBar
 from thrustmargin.gcs_plugin.view.scene import Scene
 from thrustmargin.gcs_plugin.view.shown_row import ShownRow, enu, ground_height, plan_enu, row_at
 from thrustmargin.gcs_plugin.view.view_page import ViewPage, arrange, left_panel
@@ -48,7 +49,8 @@ class ReplayView(ViewPage):
     """The view of one analysed flight. `start` opens it, `stop` closes it; `url` is where it is.
 
     `waypoints` are the log's mission items and `messages` its texts with their time in s from the
-    first row; `overlays` are further ways to colour the route, besides those of the analysis.
+    first row; `verdict` is that of the whole flight, and its level; `overlays` are further ways to
+    colour the route, besides those of the analysis. After its end it rests on the worst moment.
     Raises DataError for a flight without rows, and LinkError from `start` when the port is taken.
     """
 
@@ -64,8 +66,13 @@ class ReplayView(ViewPage):
         token: str = "",
         speed: float = 1.0,
         paused: bool = False,
+        verdict: tuple[str, str] = ("", ""),
     ) -> None:
-        super().__init__("replay", host=host, port=port, token=token, every=1 / TICK_HZ)
+        self._standing = Standing(number=1)
+        self._bar = PilotBar(lambda: [self._standing], style=STYLE, recorded=True, verdict=verdict)
+        super().__init__(
+            "replay", host=host, port=port, token=token, every=1 / TICK_HZ, addition=self._bar
+        )
         track = analysis.track
         if track.time_s.size == 0:
             raise DataError(f"{track.name}: no rows to replay; is the log empty?")
@@ -90,7 +97,9 @@ class ReplayView(ViewPage):
             np.column_stack([o.values for o in self._overlays])[self._flown],
         )
         self._ticks = 0
-        self.clock = ReplayClock(track.duration, speed=speed, paused=paused)
+        worst = self._worst_row()
+        rest = None if worst is None else self._time_of(worst)
+        self.clock = ReplayClock(track.duration, speed=speed, paused=paused, rest=rest)
 
     def seek(self, time_s: float) -> None:
         """Go to a time of the flight, s after its first row."""
@@ -136,11 +145,13 @@ class ReplayView(ViewPage):
     def _draw(self, *, hurry: bool) -> None:
         time_s = self.clock.now()
         row = ShownRow(self._analysis, row_at(self._analysis.track.time_s, self._start_s + time_s))
-        self._scene.show(VEHICLE, row)
+        self._standing = self._standing_at(time_s, row)
+        faulty = self._standing.faulty
+        self._scene.show(VEHICLE, row, faulty=faulty)
         if hurry or self._ticks % GAUGE_TICKS == 0:
             title = f"{self._airframe.title} · {self._analysis.track.name}"
-            html = gauges_html(row, title, self._message_at(time_s))
-            self._gauges.content = alarms_html(1, [self._alarms_at(time_s)]) + html
+            html = gauges_html(row, title, self._message_at(time_s), faulty=faulty)
+            self._gauges.content = alarms_html(1, [self._standing]) + html
             self._controls.show(time_s)
         if hurry or self._ticks % CHART_TICKS == 0:
             self._charts.show(self._start_s + time_s)
@@ -153,13 +164,16 @@ class ReplayView(ViewPage):
             return ""
         return self._messages[last][1]
 
-    def _alarms_at(self, time_s: float) -> Standing:
-        """The rotor and motor alarms that stood at `time_s`, as they were said live."""
+    def _standing_at(self, time_s: float, row: ShownRow) -> Standing:
+        """The margin at `time_s`, and the alarms of rotors and motors as they were said live."""
         last = int(np.searchsorted(self._fault_times, self._start_s + time_s, side="right")) - 1
         faults = self._faults[last][1] if last >= 0 else ()
         names = {"propeller": "rotor", "motor": "motor"}
         return Standing(
             number=1,
+            margin=row.worst[0],
+            flying=row.flying,
+            problem="; ".join(self._analysis.claim.withheld),
             alarms=tuple(
                 Alarm(names[f.kind], f.rotor + 1, CRITICAL, fault_words(f), time_s) for f in faults
             ),

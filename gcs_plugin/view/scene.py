@@ -194,9 +194,19 @@ class Scene:
         self._vehicles[key] = VehicleNode(self._api, "/world", key, airframe)
         self._rescale()
 
-    def show(self, key: str, row: ShownRow, *, focus: bool = True) -> None:
-        """Move one aircraft to `row`; with `focus` a following camera goes with it."""
-        self._vehicles[key].show(row)
+    def show(
+        self,
+        key: str,
+        row: ShownRow,
+        *,
+        focus: bool = True,
+        faulty: frozenset[int] = frozenset(),
+    ) -> None:
+        """Move one aircraft to `row`; with `focus` a following camera goes with it.
+
+        `faulty` are the numbers, from 1, of the rotors that an alarm is of.
+        """
+        self._vehicles[key].show(row, faulty)
         if focus and self._camera is not Camera.FIELD:
             self._centre_on(row.position_enu, row.wxyz)
 

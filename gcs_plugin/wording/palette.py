@@ -24,6 +24,7 @@ Rgb = tuple[int, int, int]
 
 NO_DATA: Rgb = (165, 165, 165)
 INK: Rgb = (17, 17, 17)
+ALARM: Rgb = (176, 0, 32)  # of what stands out most: a critical alarm and its rotor
 GOOD = ((150, 195, 222), (66, 140, 208), (14, 66, 150))
 BAD = ((236, 150, 35), (206, 66, 16), (112, 0, 4))
 

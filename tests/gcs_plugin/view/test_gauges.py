@@ -116,3 +116,12 @@ def test_boxes_sit_where_the_rotors_are(name):
 def test_a_coaxial_pair_shares_its_place():
     airframe = load_airframe("agras-t40")
     assert all(len(place) == 2 for rank in rotor_ranks(airframe) for place in rank)
+
+
+def test_the_rotor_of_an_alarm_is_marked_and_no_other():
+    analysis = flight()
+    html = gauges_html(ShownRow(analysis, 10), "", faulty={3})
+    marked = [i for i in range(1, 5) if "!" in box(html, f"rotor-{i}")]
+    assert marked == [3]
+    assert html.count(" faulty") == 1
+    assert "!" not in "".join(box(shown(), f"rotor-{i}") for i in range(1, 5))

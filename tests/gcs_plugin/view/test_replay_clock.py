@@ -54,3 +54,14 @@ def test_a_seek_lands_in_the_flight_and_nan_is_ignored(wall):
     assert clock.now() == 60.0
     clock.seek(-1)
     assert clock.now() == 0.0
+
+
+def test_after_its_end_it_rests_on_the_moment_that_counts_and_plays_from_the_start(wall):
+    clock = ReplayClock(60.0, rest=42.0, wall=wall)
+    wall.now += 100
+    assert (clock.now(), clock.playing, clock.ended) == (42.0, False, True)
+    clock.play()
+    assert (clock.now(), clock.ended) == (0.0, False)
+    clock.pause()
+    clock.seek(60.0)
+    assert (clock.now(), clock.ended) == (60.0, False)

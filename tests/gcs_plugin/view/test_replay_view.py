@@ -26,6 +26,7 @@ from thrustmargin.mission.route import Trail
 from thrustmargin.models.errors import DataError, LinkError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.rotor_faults import RotorFault
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
@@ -110,6 +111,34 @@ def test_the_switch_recolours_the_same_route_and_its_legend(view, analysis):
     assert not np.array_equal(seen["Load"], seen["Residual"])
     with pytest.raises(DataError, match="Load, Thrust margin"):
         view.set_overlay("wind")
+
+
+def test_opened_after_its_end_it_rests_on_the_worst_moment_with_the_verdict(analysis):
+    view = ReplayView(analysis, port=0, speed=1e6, verdict=("ABOVE THE LIMIT", "over"))
+    view.start()
+    try:
+        settled(view, lambda: view.clock.ended)
+        worst = int(np.argmax(analysis.utilisation.max(axis=1)))
+        assert view.clock.now() == pytest.approx(analysis.track.time_s[worst])
+        least = f"{100 * analysis.margin[worst].min():.0f} %"
+        settled(view, lambda: view._bar.state()["vehicles"][0]["margin"] == least)
+        assert view._bar.state()["verdict"] == "ABOVE THE LIMIT"
+        assert view._bar.state()["vehicles"][0]["age"] is None
+    finally:
+        view.stop()
+
+
+def test_a_rotor_found_bad_is_marked_on_its_card_and_in_the_scene(view):
+    fault = RotorFault(kind="propeller", rotor=1, size=0.12, lower=0.09, upper=0.15)
+    view._faults, view._fault_times = [(20.0, (fault,))], np.array([20.0])
+    rings = [node(view, f"/world/vehicle_1/fault_{i}") for i in range(1, 5)]
+    assert not any(ring.visible for ring in rings)
+    view.seek(25.0)
+    settled(view, lambda: [ring.visible for ring in rings] == [False, True, False, False])
+    settled(view, lambda: view._gauges.content.count(" faulty") == 1)
+    assert node(view, "/world/vehicle_1/label_2").text.startswith("! ")
+    view.seek(10.0)
+    settled(view, lambda: not any(ring.visible for ring in rings))
 
 
 def test_the_worst_moment_is_pinned_and_one_press_away(view, analysis):
