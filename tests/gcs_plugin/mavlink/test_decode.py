@@ -109,6 +109,13 @@ def test_quaternion_gives_the_angles_that_made_it():
     np.testing.assert_allclose(angles, [[roll, pitch, yaw]], atol=1e-12)
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_nose_straight_up_or_down_has_a_pitch_whatever_the_rounding(side):
+    half = np.full(1, np.sqrt(0.5) * (1.0 + 1e-6))  # a little over the unit
+    (angles,) = attitude_from_quaternion(half, 0.0 * half, side * half, 0.0 * half)
+    assert angles[1] == side * np.pi / 2
+
+
 def test_layouts_have_the_size_that_pymavlink_packs():
     for number, message in dialect.mavlink_map.items():
         assert layouts()[number].dtype.itemsize == message.unpacker.size

@@ -141,6 +141,8 @@ def test_header_fields_and_payload_are_those_that_were_packed():
     (frame,) = FrameSplitter(link=3).feed(bytes(message.pack(packer)), 99)
     assert (frame.id, frame.system, frame.component, frame.sequence) == (30, 42, 9, 200)
     assert (frame.verified, frame.stamp_us, frame.link) == (True, 99, 3)
+    (alone,) = FrameSplitter().feed(bytes(message.pack(packer)), 99)
+    assert alone.link == 0
     columns = fields(frame)
     assert columns is not None
     # The last field is 0 and was trimmed on the wire.

@@ -121,6 +121,23 @@ def test_one_rotor_above_the_limit_is_enough_and_a_silent_esc_hides_none():
     assert np.isnan(analysis.known_utilisation[2, 1])
 
 
+def test_a_limit_is_surely_passed_above_the_90_percent_interval_and_perhaps_within_it():
+    flight = analyse(hovering(), MODEL)
+    use = flight.utilisation.max(axis=1)
+    error = replace(flight, utilisation_error=np.full(flight.utilisation.shape, 0.02))
+    # 1.645 standard errors of 0.02 are 0.0329 of thrust utilisation.
+    for below, above, surely, maybe in (
+        (-0.03, True, False, True),
+        (-0.04, True, True, True),
+        (0.03, False, False, True),
+        (0.04, False, False, False),
+    ):
+        limit = float(use[0]) + below
+        assert error.above_limit(limit)[0] == above
+        assert error.surely_above(limit)[0] == surely
+        assert error.maybe_above(limit)[0] == maybe
+
+
 def test_a_flight_of_no_rows_is_no_error():
     flight = analyse(hovering().rows(slice(0, 0)), MODEL)
     assert flight.utilisation.shape == (0, 4)

@@ -171,6 +171,21 @@ def test_a_stated_load_stays_and_is_contradicted_only_by_thrust_that_surely_diff
     assert wrong.sources["tank_kg"] == f"stated: 8 kg, but {shows}"
 
 
+@pytest.mark.parametrize(("errors", "said"), [(2.4, False), (2.8, True), (-2.8, True)])
+def test_a_stated_load_is_contradicted_beyond_its_99_percent_interval(errors, said):
+    track = hover(np.full(600, 9.0), spraying=np.zeros(600), pressure=np.full(600, 101_325.0))
+    shown = with_load(track, F16)
+    off = errors * shown.standard_errors["tank_kg"]
+    stated = replace(track, tank_kg=shown.tank_kg + off, sources={"tank_kg": "stated: so much"})
+    assert ("but hover thrust" in with_load(stated, F16).sources["tank_kg"]) == said
+
+
+@pytest.mark.parametrize(("seconds", "enough"), [(2.5, False), (3.5, True)])
+def test_three_seconds_of_level_flight_show_a_load(seconds, enough):
+    found = with_load(hover(np.full(1 + int(10 * seconds), 9.0)), F16)
+    assert found.reports("tank_kg") == enough
+
+
 def live(track: FlightTrack, cuts) -> FlightTrack:
     """The track as a listener has it, in pieces."""
     so_far, parts = LoadEvidence(), []
