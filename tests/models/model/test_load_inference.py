@@ -140,6 +140,16 @@ def test_too_unsure_a_load_is_not_used():
     assert "too unsure" in with_load(rough, F16).notes[-1]
 
 
+def test_speeds_that_were_inferred_count_with_twice_their_share_of_error():
+    """Thrust goes with the square of speed: 3 % of speed are 6 % of the mass."""
+    track = hover(np.full(600, 9.0), noise=0.0)
+    inferred = {"rotor_speed_rpm": 0.03 * track.rotor_speed_rpm}
+    _, shown = with_load_so_far(replace(track, standard_errors=inferred), F16, START)
+    fit = load_fit(shown, F16)
+    assert fit is not None
+    assert fit.speeds == pytest.approx(0.06**2)
+
+
 def test_nothing_below_zero_is_shown_within_the_interval():
     found = with_load(hover(np.full(600, -0.5)), F16)
     np.testing.assert_array_equal(found.tank_kg, 0.0)
