@@ -17,6 +17,7 @@ from thrustmargin.models.model.rotor_faults import (
     THRESHOLD,
     RotorFault,
     RotorFaults,
+    fault_episodes,
     fault_signals,
     loss_steps,
     mode_directions,
@@ -204,3 +205,15 @@ def test_the_ground_long_enough_forgets_a_fault_and_a_bounce_does_not():
         faults.landed(90.0)
         faults.add(90.0 + pause, rows[0])
         assert len(faults.standing) == left
+
+
+def test_an_episode_begins_when_it_is_found_ends_when_it_is_cleared_and_keeps_its_last_size():
+    def fault(rotor: int, size: float, kind: Any = "propeller") -> RotorFault:
+        return RotorFault(kind=kind, rotor=rotor, size=size, lower=0.9 * size, upper=1.1 * size)
+
+    first, grown, motor = fault(2, 0.1), fault(2, 0.2), fault(2, 0.3, "motor")
+    again = fault(2, 0.15)
+    history = [(5.0, (first,)), (8.0, (grown, motor)), (20.0, (motor,)), (30.0, (again, motor))]
+    found = [(e.begin_s, e.end_s, e.fault) for e in fault_episodes(history)]
+    assert found == [(5.0, 20.0, grown), (8.0, None, motor), (30.0, None, again)]
+    assert fault_episodes([]) == ()
