@@ -24,9 +24,10 @@ from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     over_time,
     rotor_panels,
 )
-from thrustmargin.gcs_plugin.reports.shared.route_map import moved, route_map
+from thrustmargin.gcs_plugin.reports.shared.route_map import add_surroundings, moved, route_map
 from thrustmargin.gcs_plugin.wording.fault_words import HELD, MAXIMUM_FILL, SPINS
 from thrustmargin.gcs_plugin.wording.palette import GROUND_SPEED, LOAD, REDUNDANCY, ColourScale
+from thrustmargin.mission.field import sprayed_field
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FROM_OUTPUTS, worst_rotor
 from thrustmargin.models.model.utilisation_error import INTERVAL
@@ -61,6 +62,20 @@ def figures(report: FlightReport) -> Mapping[str, Figure]:
     inferred = np.isfinite(rows["tank_error_kg"])  # from these speeds: the residual says nothing
     if np.any(np.isfinite(residual[~inferred])):
         made["residual"] = residual_figure(rows, names)
+    if placed:
+        place = rows["north"], rows["east"]
+        at = np.column_stack([*place, np.zeros(place[0].size)])
+        field = sprayed_field(at, rows["spraying"])
+        wind = {key: report.flight[f"wind_{key}"] for key in ("speed_median", "from_deg")}
+        for name in ("map_use", "map_speed", "map_redundancy"):
+            if name in made:
+                add_surroundings(
+                    made[name],
+                    place,
+                    field,
+                    wind_speed=wind["speed_median"],
+                    wind_from_deg=wind["from_deg"],
+                )
     return made
 
 
@@ -204,7 +219,7 @@ def redundancy_map(rows: Rows) -> Figure:
     if not np.any(np.isfinite(kept)):
         return _map(rows, coloured, REDUNDANCY)
     made = _map(rows, coloured | {HELD: (kept, -kept)}, REDUNDANCY)
-    return made.update_layout(height=620, margin_b=120)
+    return made.update_layout(height=650, margin_b=150)
 
 
 def _map(rows: Rows, coloured: Mapping[str, tuple[Floats, Floats]], scale: ColourScale) -> Figure:
@@ -215,7 +230,7 @@ def _map(rows: Rows, coloured: Mapping[str, tuple[Floats, Floats]], scale: Colou
         scale,
         form=".2f",
         height=560,
-        margin={"l": 70, "r": 20, "t": 90, "b": 60},
+        margin={"l": 70, "r": 20, "t": 90, "b": 90},
     )
 
 

@@ -30,6 +30,7 @@
     if (box.dataset.drawn) return;
     box.dataset.drawn = "yes";
     const figure = JSON.parse(figures.get(box));
+    box.dataset.height = figure.layout.height;
     box.textContent = "";
     Plotly.newPlot(box, figure.data, figure.layout, config);
   };
@@ -41,16 +42,24 @@
     { rootMargin: "800px" },
   );
   boxes.forEach((box) => near.observe(box));
-  // A4 less its margins; a plot that is wider than the paper would be cut off.
-  const paperWidth = 690;
+  // A4 less its margins, drawn wider and then made smaller as a whole, type too: nothing is cut off,
+  // nothing overlaps, and a flight fits four pages.
+  const SMALLER = 0.6;
+  const onPaper = (box) => ({
+    autosize: false,
+    width: (box.closest(".pair") ? 335 : 690) / SMALLER,
+    height: box.closest(".pair") ? 500 : 0.66 * box.dataset.height,
+  });
   addEventListener("beforeprint", () => {
-    document.querySelectorAll("details").forEach((d) => { d.open = true; });
+    document.querySelectorAll("details:not(.aside)").forEach((d) => { d.open = true; });
     boxes.forEach((box) => {
       draw(box);
-      Plotly.relayout(box, { autosize: false, width: paperWidth });
+      box.style.zoom = SMALLER;
+      Plotly.relayout(box, onPaper(box));
     });
   });
-  addEventListener("afterprint", () => {
-    boxes.forEach((box) => Plotly.relayout(box, { autosize: true, width: null }));
-  });
+  addEventListener("afterprint", () => boxes.forEach((box) => {
+    box.style.zoom = "";
+    Plotly.relayout(box, { autosize: true, width: null, height: Number(box.dataset.height) });
+  }));
 })();

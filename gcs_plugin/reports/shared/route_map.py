@@ -8,19 +8,29 @@ from html import escape
 from typing import Any
 
 import numpy as np
+import shapely
 from plotly.graph_objects import Figure
 
 from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     GRID,
+    INK,
     STYLE,
     keep_worst,
     milliseconds,
     single,
 )
+from thrustmargin.gcs_plugin.wording.numbers import from_direction
 from thrustmargin.gcs_plugin.wording.palette import ColourScale, css
+from thrustmargin.mission.field import Field
 from thrustmargin.models.flight import Floats
 
 MAP_POINTS = 900
+LEAST_WIND = 0.5  # m/s, below which its direction says nothing
+_OUTLINE: dict[str, Any] = {
+    "line": {"color": css((60, 120, 50)), "width": 2},
+    "hoverinfo": "skip",
+    "showlegend": True,
+}
 
 
 def route_map(
@@ -66,6 +76,50 @@ def route_map(
     if len(coloured) > 1:
         made.update_layout(updatemenus=[_buttons(list(coloured))])
     return made
+
+
+def add_surroundings(
+    made: Figure,
+    place: tuple[Floats, Floats],
+    field: Field | None,
+    *,
+    wind_speed: float,
+    wind_from_deg: float,
+) -> None:
+    """The sprayed field's outline, the take-off, a scale bar and the wind (m/s), with a legend.
+
+    `place` is north and east (T,), m, of the route; no background is fetched from anywhere.
+    """
+    placed = np.flatnonzero(np.isfinite(place[0]) & np.isfinite(place[1]))
+    north, east = place[0][placed], place[1][placed]
+    parts = () if field is None else field.ground.geoms
+    rings = [shapely.get_coordinates(part.exterior) for part in parts]
+    if rings:
+        # One trace of all parts: a row of NaN between two breaks the line.
+        outline = np.concatenate([np.append(ring, [[np.nan] * 2], axis=0) for ring in rings])
+        made.add_scatter(
+            x=single(outline[:, 1]), y=single(outline[:, 0]), name="sprayed field", **_OUTLINE
+        )
+    mark = {"size": 15, "symbol": "square-x-open", "color": INK, "line": {"width": 3}}
+    home = {"x": [float(east[0])], "y": [float(north[0])], "name": "take-off"}
+    made.add_scatter(mode="markers", marker=mark, hoverinfo="skip", showlegend=True, **home)
+    span = max(float(np.ptp(north)), float(np.ptp(east)), 5.0)
+    bar = max(s for p in (1, 10, 100, 1000) for s in (p, 2 * p, 5 * p) if s <= max(0.4 * span, 1))
+    left, low = float(east.min()), float(north.min()) - 0.12 * span
+    ends = {"x": [left, left + bar], "y": [low, low]}
+    line = {"color": INK, "width": 5}
+    made.add_scatter(line=line, name=f"{bar} m", hoverinfo="skip", showlegend=True, **ends)
+    if np.isfinite(wind_speed) and np.isfinite(wind_from_deg):
+        to = np.radians(wind_from_deg + 180.0)
+        text = f"<b>wind {wind_speed:.1f} m/s</b><br>{from_direction(wind_from_deg)}"
+        made.add_annotation(text=text, x=1, y=1, xref="paper", yref="paper", xanchor="right")
+        if wind_speed >= LEAST_WIND:
+            made.add_annotation(
+                **{"x": 0.88, "y": 0.72, "xref": "paper", "yref": "paper", "text": ""},
+                **{"ax": -46 * float(np.sin(to)), "ay": 46 * float(np.cos(to))},
+                **{"showarrow": True, "arrowhead": 2, "arrowwidth": 4, "arrowcolor": INK},
+            )
+    made.update_layout(legend={"y": 0.0, "yanchor": "bottom", "x": 0.0})
 
 
 def _buttons(names: list[str]) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -115,7 +116,8 @@ def test_the_buttons_switch_the_map_between_yaw_uncontrolled_and_controlled(page
 
 
 def test_printing_draws_every_plot_on_the_paper(page, tmp_path):
-    page.pdf(path=tmp_path / "report.pdf", prefer_css_page_size=True)
+    paper = page.pdf(path=tmp_path / "report.pdf", prefer_css_page_size=True)
+    assert len(re.findall(rb"/Type\s*/Page\b", paper)) <= 4
     assert (tmp_path / "report.pdf").stat().st_size > 50_000
     assert min(page.evaluate(DRAWN)) > 0
     page.evaluate("dispatchEvent(new Event('beforeprint'))")

@@ -183,6 +183,17 @@ def test_a_whole_flight_has_every_figure(report):
     assert set(made) == {"use", "rotors", "map_use", "map_redundancy", "redundancy", "residual"}
 
 
+def test_the_maps_have_outline_take_off_scale_and_wind(report):
+    made = figures(report.flights[0])
+    for name in ("map_use", "map_redundancy"):
+        shown = {trace.name: trace for trace in made[name].data if trace.showlegend}
+        assert {"sprayed field", "take-off"} < set(shown)
+        (scale,) = (key for key in shown if key.endswith(" m"))
+        assert np.ptp(np.asarray(shown[scale].x)) == pytest.approx(float(scale[:-2]))
+        assert "wind" in " ".join(a.text for a in made[name].layout.annotations)
+        assert not made[name].layout.images
+
+
 def test_figures_hold_the_worst_value_after_thinning(report):
     of = report.flights[0]
     figure = figures(of)["use"]
@@ -338,6 +349,8 @@ def test_several_flights_have_an_overview_that_leads_to_each(tmp_path):
     links = [a["href"] for tag, a in page.elements if tag == "a"]
     anchors = {"#" + (a["id"] or "") for tag, a in page.elements if tag == "section" and "id" in a}
     assert set(links) == {"#flight-1", "#flight-2"} == anchors
+    folded = [a for tag, a in page.elements if tag == "details" and a.get("class") == "one"]
+    assert folded == [{"class": "one"}] * 2  # a table first: no flight is open
     assert "bad.tlog: is empty" in plain(page.text)
     assert "ALL 2 FLIGHTS ABOVE THE 50 % LIMIT AT TIMES" in plain(page.text)
 
