@@ -17,7 +17,7 @@ import pytest
 
 from tests.gcs_plugin.reports.margin.report_flight import HOSTILE, flight, log, without
 from thrustmargin.gcs_plugin.reports.margin import build_report
-from thrustmargin.gcs_plugin.reports.margin.data import Report
+from thrustmargin.gcs_plugin.reports.margin.data import Fact, Report
 from thrustmargin.gcs_plugin.reports.margin.figures import figures
 from thrustmargin.gcs_plugin.reports.margin.headline import estimate
 from thrustmargin.gcs_plugin.reports.margin.render import (
@@ -181,6 +181,17 @@ def test_policy_lets_exactly_the_two_scripts_of_the_page_run(page):
 def test_a_whole_flight_has_every_figure(report):
     made = figures(report.flights[0])
     assert set(made) == {"use", "rotors", "map_use", "map_redundancy", "redundancy", "residual"}
+
+
+def test_an_alarm_of_the_flight_and_what_to_do_both_stand_under_the_verdict(report, tmp_path):
+    one = report.flights[0]
+    facts = (Fact("alarm", "rotor 1 makes 8% less thrust"), *one.verdict.facts)
+    changed = replace(one, verdict=replace(one.verdict, facts=facts))
+    page = page_of(replace(report, flights=(changed,)), tmp_path)
+    (do,) = (fact.text for fact in facts if fact.label == "what to do")
+    for said in ("Rotor 1 makes 8% less thrust.", f"{do[0].upper()}{do[1:]}."):
+        assert plain(page.text).count(said) == 1
+    assert [a for _, a in page.elements].count({"class": "do"}) == 2
 
 
 def test_the_maps_have_outline_take_off_scale_and_wind(report):
