@@ -51,7 +51,9 @@ def test_a_load_cell_that_is_pushed_reads_negative():
     assert fit.coefficient.value == pytest.approx(2e-5)
 
 
-@pytest.mark.parametrize(("low", "high"), [(0.5, 1.0), (50.0, 100.0), (1500.0, 2000.0)])
+@pytest.mark.parametrize(
+    ("low", "high"), [(0.5, 1.0), (0.5, 1.02), (50.0, 100.0), (1500.0, 2000.0)]
+)
 def test_full_throttle_in_any_unit_gives_the_ceiling(low: float, high: float):
     throttle = np.linspace(low, high, SPEED.size)
     fit = fit_bench(

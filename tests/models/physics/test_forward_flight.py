@@ -51,6 +51,9 @@ SLOWING_10, SLOWING_5 = 2.6, 1.15
 
 def test_hover_induced_velocity_by_hand():
     assert hover_induced_velocity(np.array([30.0]), 1.2, ROUND) == pytest.approx(HOVER_INDUCED)
+    # Half the diameter is a quarter of the disc, through which the air goes twice as fast.
+    half = replace(ROUND, propeller_diameter=0.5)
+    assert hover_induced_velocity(np.array([30.0]), 1.2, half) == pytest.approx(2 * HOVER_INDUCED)
 
 
 def test_drag_and_what_it_adds_to_the_weight_by_hand():
@@ -198,6 +201,10 @@ def test_speeding_up_adds_to_the_load_as_vectors_do():
     load = manoeuvre_load(GIVEN, track, ROUND, 1.0)
     assert load[row] == pytest.approx(by_hand, rel=1e-6)
     assert by_hand > 1.015
+    slow = balanced(np.column_stack([0.1 * time_s, np.zeros(60)]), [0.0, 0.0])  # 0.2 m/s at row 20
+    slowing = (0.2 + 0.006 * 0.2) * 0.2
+    by_hand = np.hypot(0.1 + slowing, 9.80665) / np.hypot(slowing, 9.80665)
+    assert manoeuvre_load(GIVEN, slow, ROUND, 1.0)[row] == pytest.approx(by_hand, rel=1e-6)
     unknown = replace(track, wind_ned=np.full((60, 3), np.nan), airspeed=speed)
     slowing = (0.2 + 0.006 * 6.0) * 6.0
     by_hand = np.hypot(1.0 + slowing, 9.80665) / np.hypot(slowing, 9.80665)
