@@ -138,7 +138,7 @@ def legend_html(scale: ColourScale, note: str = "") -> str:
     """The scale as a bar with its marks, the no-data grey, and a note; safe for any text."""
 
     def place(value: float) -> float:
-        return 100 * (value - scale.low) / (scale.high - scale.low)
+        return round(100 * (value - scale.low) / (scale.high - scale.low), 6)
 
     stops = ", ".join(f"{css(c)} {place(s):.1f}%" for s, c in scale.stops)
     marks = "".join(

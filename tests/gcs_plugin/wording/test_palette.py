@@ -122,3 +122,8 @@ def test_ink_on_paper_has_the_contrast_that_wcag_asks_for_large_text():
         dark = ink_on(paper) == "#111"
         ratio = (luminance + 0.05) / 0.0556 if dark else 1.05 / (luminance + 0.05)
         assert ratio >= 3.0
+
+
+def test_the_last_mark_of_a_legend_ends_where_its_bar_does():
+    for limit in (1.5000000000000004, 2.6000000000000014, 77.7):
+        assert "translateX(-100%)" in legend_html(residual_scale(limit))
