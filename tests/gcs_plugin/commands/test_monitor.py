@@ -300,6 +300,7 @@ def test_sigterm_and_sighup_end_as_ctrl_c_does(sitl_logs, tmp_path, model_file, 
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=lambda: signal.signal(number, signal.SIG_DFL),  # nohup has it ignored
     )
     assert monitor.stdout is not None
     page = monitor.stdout.readline().split()[2]

@@ -19,7 +19,7 @@ def udp() -> socket.socket:
     made = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     made.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4 << 20)
     made.bind(("127.0.0.1", 0))
-    made.settimeout(3.0)
+    made.settimeout(30.0)  # the sender is a process that must start
     return made
 
 

@@ -220,7 +220,9 @@ def test_mass_and_cable_of_a_known_load_are_found_from_rotor_speeds():
         key=lambda e: abs(np.log(e.parameters[1].start / cable)),
     )
     terms = (Term(effect=table["load_factor"]), Term(effect=near))
-    held = [Held(candidate=one, values=one.start) for one in (candidate(t, 1) for t in terms)]
+    held = [
+        Held(candidate=one, values=one.start) for one in (candidate(t, len(tracks)) for t in terms)
+    ]
     fit = fit_rows(problem, held)
     found = fit.held[1].values[0]
     assert found[0] == pytest.approx(load, rel=0.05)
