@@ -65,4 +65,4 @@ def test_boosted_trees_on_the_same_channels_do_not_undercut_it(sitl_logs):
             left[out, k] = modes[out, k] - trees.fit(columns[~out], modes[~out, k]).predict(
                 columns[out]
             )
-    assert floor_rpm(problem, residual) < 1.01 * rms(left)
+    assert floor_rpm(problem, residual) < 1.02 * rms(left)
