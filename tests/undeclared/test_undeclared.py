@@ -13,8 +13,8 @@ from tests.undeclared.subject import trained_model
 PLAIN = {"rotor": 0.08, "cg": 0.02, "jet": 0.01}
 
 
-#: Known to be weak: a model of six of this craft's flights misses how late its rotors follow in
-#: turns, and `identify` then names late rotor speeds beside what was put in.
+#: Known to be weak: a model of six of this craft's flights misses something of its turns that a
+#: delay of the rotor speeds takes in part, and `identify` names that delay, wrongly.
 OF_THE_BASE = {"sensor_lag"}
 
 
