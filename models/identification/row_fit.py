@@ -114,7 +114,7 @@ def fit_rows(
         for _ in range(STEPS):
             columns = _columns(problem, held)
             sums = _sums(problem, held, filter_, columns, left)
-            taken = sums.move(sums.sums[chosen].sum(axis=0))
+            taken = inside_bounds(sums, sums.sums[chosen].sum(axis=0), held)
             size = np.array([p.scale for h in held for p in h.candidate.parameters])
             taken = np.clip(taken, -FARTHEST * size, FARTHEST * size)
             merit = _merit(held, sums.prior, filter_.apply(left)[rows])
@@ -132,6 +132,26 @@ def fit_rows(
     columns = _columns(problem, held)
     sums = _sums(problem, held, filter_, columns, left)
     return RowFit(held=held, filter=filter_, columns=columns, sums=sums)
+
+
+def inside_bounds(sums: RowSums, total: Floats, held: Sequence[Held]) -> Floats:
+    """(P,) the move of the values; one at a bound that would leave it stays, and the others move as
+    is best without it."""
+    value = np.concatenate([np.zeros(0), *(h.free_values for h in held)])
+    which = [h.candidate.parameters for h in held]
+    low = np.array([p.lower for of in which for p in of])
+    high = np.array([p.upper for of in which for p in of])
+    taken, free = np.zeros(value.size), np.ones(value.size, dtype=bool)
+    while True:
+        some = np.flatnonzero(free)
+        taken[:] = 0.0
+        taken[some] = sums.held_at(some.tolist(), taken).move(
+            total[np.ix_([*some, value.size], [*some, value.size])]
+        )
+        out = ((value <= low) & (taken < 0.0)) | ((value >= high) & (taken > 0.0))
+        if not np.any(out):
+            return taken
+        free &= ~out
 
 
 def _columns(problem: Problem, held: Sequence[Held]) -> Floats:

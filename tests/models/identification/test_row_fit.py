@@ -1,6 +1,8 @@
 """Least squares on rows: derivatives, left-out costs and intervals, worked out by hand."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +14,13 @@ from thrustmargin.models.effects import BY_KEY, CATALOGUE
 from thrustmargin.models.effects.slung_load import LENGTHS
 from thrustmargin.models.identification.candidates import Held, Term, candidate, predicted, slopes
 from thrustmargin.models.identification.problem import assemble
-from thrustmargin.models.identification.row_fit import RowSums, block_sums, fit_rows, half_widths
+from thrustmargin.models.identification.row_fit import (
+    RowSums,
+    block_sums,
+    fit_rows,
+    half_widths,
+    inside_bounds,
+)
 from thrustmargin.models.identification.whitening import Whitening, plain
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
@@ -183,3 +191,25 @@ def test_a_value_beyond_its_bounds_moves_nothing(problem):
     one = candidate(Term(effect=effect), 2)
     beyond = np.array([[p.upper + 1.0 for p in effect.parameters]] * 2)
     np.testing.assert_array_equal(slopes(problem, [Held(candidate=one, values=beyond)], 0), 0.0)
+
+
+def test_a_value_at_its_bound_stays_and_the_others_move_as_is_best_without_it():
+    """Columns (1, 1) and (0, 1), residual (-1, 3): freely -1 and 4, with the first at 0 only 3."""
+    columns = np.array([[1.0, 0.0], [1.0, 1.0]])
+    z = np.column_stack([columns, [-1.0, 3.0]])
+    sums = RowSums(
+        sums=(z.T @ z)[None],
+        owner=np.zeros(1, dtype=np.intp),
+        prior=np.zeros(2),
+        pull=np.zeros(2),
+        flights=1,
+    )
+
+    def held(lower: float) -> Any:
+        parameters = tuple(SimpleNamespace(lower=low, upper=9.0) for low in (lower, -9.0))
+        candidate = SimpleNamespace(parameters=parameters)
+        return [SimpleNamespace(free_values=np.zeros(2), candidate=candidate)]
+
+    total = sums.sums.sum(axis=0)
+    assert inside_bounds(sums, total, held(-9.0)) == pytest.approx([-1.0, 4.0])
+    assert inside_bounds(sums, total, held(0.0)) == pytest.approx([0.0, 3.0])
