@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.commands.reading import ReadingOptions, reading_keywords
-from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, SPINS
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.fleet import Fleet
@@ -266,6 +265,8 @@ def own_syntax(words: str) -> str:
 
 
 def _lines(now: Reading, max_utilisation: float, age: float) -> list[str]:
+    from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, SPINS
+
     if now.problem:
         return [f"vehicle {now.vehicle}: {now.problem}"]
     if math.isnan(now.stamp):

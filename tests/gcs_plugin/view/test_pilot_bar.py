@@ -149,7 +149,6 @@ def test_at_every_width_margin_age_and_alarm_stay_in_sight(tmp_path):
                 assert contrast(page.locator(".tm-one").screenshot()) >= 4.5
                 page.screenshot(path=folder / f"live-{width}.png")
             page.locator("#tm-ack").click()
-            page.wait_for_selector("#tm-ack", state="hidden", timeout=10_000)
             page.get_by_text("History").click()
             page.wait_for_function(
                 "document.getElementById('tm-history').innerText.includes('acknowledged')",

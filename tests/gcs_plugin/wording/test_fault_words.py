@@ -11,6 +11,7 @@ from thrustmargin.gcs_plugin.live.fleet import Fleet
 from thrustmargin.gcs_plugin.live.vehicle_monitor import WatchSettings
 from thrustmargin.gcs_plugin.view.live_html import alarms_html
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
+from thrustmargin.gcs_plugin.view.shown_row import ShownRow
 from thrustmargin.gcs_plugin.wording.fault_words import episode_words, fault_words
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import shipped_model
@@ -78,7 +79,8 @@ def test_the_replay_shows_it_from_when_it_was_found(sitl_logs, said_live):
     model = shipped_model()
     log, claim = read_flight(sitl_logs / "onset" / "worn_prop_onset.tlog", model, given=False)
     view = ReplayView(analyse(log.track, model, claim=claim), port=0, paused=True)
-    shown = {at: alarms_html(1, [view._alarms_at(at)]) for at in (100.0, 147.0, 200.0)}
+    row = ShownRow(analyse(log.track, model, claim=claim), 0)
+    shown = {at: alarms_html(1, [view._standing_at(at, row)]) for at in (100.0, 147.0, 200.0)}
     assert shown[100.0] == ""
     assert "Rotor 3 makes &gt;" in shown[147.0]  # as it was said then, while it grew
     assert said_live in shown[200.0]
