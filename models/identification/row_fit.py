@@ -145,9 +145,8 @@ def inside_bounds(sums: RowSums, total: Floats, held: Sequence[Held]) -> Floats:
     while True:
         some = np.flatnonzero(free)
         taken[:] = 0.0
-        taken[some] = sums.held_at(some.tolist(), taken).move(
-            total[np.ix_([*some, value.size], [*some, value.size])]
-        )
+        kept = np.append(some, value.size)
+        taken[some] = sums.held_at(some.tolist(), taken).move(total[np.ix_(kept, kept)])
         out = ((value <= low) & (taken < 0.0)) | ((value >= high) & (taken > 0.0))
         if not np.any(out):
             return taken
