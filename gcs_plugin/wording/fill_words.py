@@ -25,7 +25,7 @@ _BECAUSE: Mapping[Reason, tuple[str, str]] = {
 
 
 def fill_advice(fill: float, low: float, high: float, reason: Reason, *, limit: float) -> str:
-    """`Fill at most 9.8 kg (9.1 to 10.4): with more it would descend after ...`.
+    """`Fill at most 9.1 kg (limit at 9.8, 9.1 to 10.4): with more it would descend after ...`.
 
     `fill` and its 90 % interval in kg; `limit` the share of thrust that may be in use.
     """
@@ -36,7 +36,20 @@ def fill_advice(fill: float, low: float, high: float, reason: Reason, *, limit: 
         return "Nothing to fill: the airframe file has no tank"
     if fill <= 0.0:
         return f"Do not fill: even empty {empty}"
-    return f"Fill at most {amount(fill, low, high)}: {more}"
+    if low <= 0.0:
+        return (
+            f"Do not fill: the limit is at {amount(fill, low, high)}, too unsure to fill anything"
+        )
+    return f"Fill at most {sure(fill, low, high)}: {more}"
+
+
+def sure(fill: float, low: float, high: float) -> str:
+    """What keeps a limit even at the low end of its interval, which is what loads are planned by:
+    `9.1 kg (limit at 9.8, 9.1 to 10.4)`; `9.8 kg` where the interval is none."""
+    if not (math.isfinite(low) and math.isfinite(high)) or high - low < 0.05:
+        return amount(fill, low, high)
+    ends = f"{number(max(low, 0.0), '')} to {number(max(high, 0.0), '')}"
+    return f"{amount(low, low, low)} (limit at {number(max(fill, 0.0), '')}, {ends})"
 
 
 def amount(fill: float, low: float, high: float) -> str:

@@ -96,6 +96,8 @@ def nothing(found: Identification) -> str:
         for e in found.excluded
         if e.term.effect.key == ROTOR_DEGRADATION.key and e.parameter == "loss"
     }
+    if found.problem.of_outputs:
+        return "Motor outputs show nothing that is missing, but they cannot clear a rotor"
     if not of_rotors:
         return "Nothing is missing"
     most = at_most(max(of_rotors.values()), "1")

@@ -123,7 +123,12 @@ def identify(
         sensor_noise_rpm=sensor_noise_rpm(problem.in_modes(after), problem.follows),
         alternatives=answer.alternatives(),
         one_of=answer.one_of(named),
-        excluded=answer.excluded(search.linearise(answer.best), named),
+        # Motors and ESCs of one make differ by more than outputs scatter: they clear no rotor.
+        excluded=tuple(
+            e
+            for e in answer.excluded(search.linearise(answer.best), named)
+            if e.term.rotor is None or not problem.of_outputs
+        ),
         mentioned=answer.mentioned([c for c in named if c not in closest]),
         untried={e.name: lacks for e in catalogue if (lacks := problem.lacks(e))},
         followed=() if wind is None else (wind,),

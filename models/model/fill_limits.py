@@ -54,6 +54,12 @@ class Fills:
         return np.min(self.low, axis=0), np.min(self.high, axis=0)
 
     @property
+    def sure(self) -> Floats:
+        """(C,) kg to plan by: the low end of the interval, the largest fill where it has none."""
+        low = self.interval[0]
+        return np.where(np.isfinite(low), low, self.largest)
+
+    @property
     def reason(self) -> tuple[Reason, ...]:
         """C reasons: the limit that is met first."""
         return tuple(REASONS[k] for k in np.argmin(self.by_reason, axis=0))

@@ -72,7 +72,8 @@ class FillTable:
         return made
 
     def _cell(self, k: int) -> str:
-        fill, _, _ = _at(self.around, k)
+        fill, low, _ = _at(self.around, k)
+        fill = low if np.isfinite(low) else fill
         if fill <= 0.0:
             return "none"
         full = self.around.reason[k] == "tank"
@@ -159,7 +160,8 @@ def json_text(table: FillTable) -> str:
         "model": table.model.description,
         "advice": table.advice,
         "recommended": {
-            "fill_kg": _plain(fill),
+            "fill_kg": _plain(low if np.isfinite(low) else fill),
+            "limit_kg": _plain(fill),
             "interval90_kg": [_plain(low), _plain(high)],
             "reason": table.recommended.reason[0],
             "temperature_c": table.day.temperature_c,
@@ -175,7 +177,7 @@ def json_text(table: FillTable) -> str:
             "temperature_c": table.temperatures_c,
             "fill_kg": [
                 [[_plain(max(v, 0.0)) for v in row] for row in plane]
-                for plane in table.around.largest.reshape(shape).tolist()
+                for plane in table.around.sure.reshape(shape).tolist()
             ],
         },
         "conditions": conditions(table),

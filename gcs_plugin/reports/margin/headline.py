@@ -9,7 +9,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.reports.margin.data import Fact, Level, MarginVerdict, Moment
 from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, SPINS, TOO_HEAVY
-from thrustmargin.gcs_plugin.wording.fill_words import amount
+from thrustmargin.gcs_plugin.wording.fill_words import amount, sure
 from thrustmargin.gcs_plugin.wording.numbers import (
     UNKNOWN,
     clock,
@@ -89,19 +89,22 @@ def action(verdict: MarginVerdict) -> str:
         return "state mass and rotors in the airframe file: no fill can be worked out"
     if verdict.fill_kg <= 0.0:
         return "do not fill: even empty it is too heavy for this air and this battery"
-    fresh = verdict.fill_start_kg
-    more = f", {amount(fresh, fresh, fresh)} as long as it is fresh"
-    most = f"fill at most {fill} on this battery{more if fresh > verdict.fill_kg + 0.05 else ''}"
+    if verdict.fill_low_kg <= 0.0:
+        return f"do not fill: the limit is at {fill}, too unsure to fill anything"
+    fresh = verdict.fill_start_kg - (verdict.fill_kg - verdict.fill_low_kg)  # as sure as the other
+    surely = sure(verdict.fill_kg, verdict.fill_low_kg, verdict.fill_high_kg)
+    most = f"fill at most {surely} on this battery"
+    if fresh > verdict.fill_low_kg + 0.05:
+        most += f", {amount(fresh, fresh, fresh)} as long as it is fresh"
     if verdict.level == "critical":
         return f"{most}: {TOO_HEAVY[0]}"
     if verdict.level == "under":
-        return f"nothing: in hover up to {fill} stay within the limits on this battery"
+        return f"nothing: in hover up to {surely} stay within the limits on this battery"
     if verdict.level == "near":
-        low = verdict.fill_low_kg
-        return f"to be sure, fill at most {amount(low, low, low)}; the limit is at {fill}"
-    if verdict.tank_start_kg > verdict.fill_kg:
+        return most
+    if verdict.tank_start_kg > verdict.fill_low_kg:
         return f"{most}, which is {limit} in hover"
-    return f"fly turns and climbs more gently: in hover up to {fill} are within {limit}"
+    return f"fly turns and climbs more gently: in hover up to {surely} are within {limit}"
 
 
 def load_facts(track: FlightTrack) -> tuple[Fact, ...]:

@@ -19,12 +19,14 @@ def test_the_fill_of_a_hot_day_is_printed_with_its_reason_conditions_and_table(t
     assert run(["fill", "--airframe", "topxgun-f16", *asked, *files]) == 0
     text = said(capsys)
     # 2 rotors of 181 N in air of 96.61 kPa and 35 °C carry 33.78 kg, 21.1 of them the aircraft
-    assert text.startswith("Fill at most 12.6 kg (7.6 to 16.0): ")
+    assert text.startswith("Fill at most 7.5 kg (limit at 12.7, 7.6 to 16.0): ")
     assert "For 35 °C, 400 m above the sea, battery at 51.8 V, 9.0 m/s through the air." in text
     assert "Guessed in the airframe file: ceiling_voltage" in text
     made = json.loads(numbers.read_text())
     assert made["schema"] == "thrustmargin.fill/1"
-    assert made["recommended"]["fill_kg"] == pytest.approx(12.68, abs=0.01)
+    assert made["recommended"]["limit_kg"] == pytest.approx(12.68, abs=0.01)
+    # The ceiling is guessed: 10 % of thrust, and 1.645 times that is kept back
+    assert made["recommended"]["fill_kg"] == pytest.approx(33.78 * 0.848 - 21.1, abs=0.4)
     table = made["table"]["fill_kg"]
     assert len(table) == 3
     assert all(a >= b for row in table[1] for a, b in itertools.pairwise(row))
@@ -58,4 +60,4 @@ def test_what_no_fill_can_be_worked_out_for_is_one_line(asked, why, capsys):
 def test_match_gives_the_same_fill(capsys, tmp_path, monkeypatch):
     monkeypatch.setenv("COLUMNS", "200")
     assert run(["match", "--airframe", "topxgun-f16", "--out", str(tmp_path / "f.svg")]) == 0
-    assert "Fill at most 15.8 kg" in said(capsys)
+    assert "limit at 15.8," in said(capsys)

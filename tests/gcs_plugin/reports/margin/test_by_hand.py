@@ -234,8 +234,8 @@ VERDICT = MarginVerdict(
 def test_the_facts_give_part_amount_and_time():
     given = AirframeClaim(words="airframe my-quad, given")
     assert [f"{fact.label}: {fact.text}" for fact in facts(VERDICT, given)] == [
-        "what to do: fill at most 9.8 kg (9.1 to 10.4) on this battery, 13.0 kg as long as it is "
-        "fresh: with more it would descend after losing a rotor",
+        "what to do: fill at most 9.1 kg (limit at 9.8, 9.1 to 10.4) on this battery, "
+        "12.2 kg as long as it is fresh: with more it would descend after losing a rotor",
         "worst: rotor 2, rear left, at 0:53, turning right, spraying, 14.6 kg in the tank, "
         "158 m north, 5 m west of the start",
         "above 50 %: 1 min 56 s, 56 % of the flight",
@@ -264,16 +264,16 @@ def test_each_verdict_says_what_to_do():
 
     over = {"level": "over", "not_survivable_s": 0.0}
     assert say(**over) == (
-        "fill at most 9.8 kg (9.1 to 10.4) on this battery, 13.0 kg as long as it is fresh, "
-        "which is 50 % in hover"
+        "fill at most 9.1 kg (limit at 9.8, 9.1 to 10.4) on this battery, 12.2 kg as "
+        "long as it is fresh, which is 50 % in hover"
     )
     assert say(**over, tank_start_kg=8.0) == (
-        "fly turns and climbs more gently: in hover up to 9.8 kg (9.1 to 10.4) are within 50 %"
+        "fly turns and climbs more gently: in hover up to 9.1 kg (limit at 9.8, 9.1 to 10.4) "
+        "are within 50 %"
     )
-    assert say(level="near") == (
-        "to be sure, fill at most 9.1 kg; the limit is at 9.8 kg (9.1 to 10.4)"
-    )
-    assert say(level="under").startswith("nothing: in hover up to 9.8 kg")
+    assert say(level="near").startswith("fill at most 9.1 kg (limit at 9.8, 9.1 to 10.4)")
+    assert say(fill_low_kg=-0.5).startswith("do not fill: the limit is at 9.8 kg")
+    assert say(level="under").startswith("nothing: in hover up to 9.1 kg")
     assert say(fill_kg=-1.0).startswith("do not fill: even empty")
     assert "no fill can be worked out" in say(fill_kg=NAN)
 

@@ -197,12 +197,13 @@ def test_an_alarm_of_the_flight_and_what_to_do_both_stand_under_the_verdict(repo
 def test_the_maps_have_outline_take_off_scale_and_wind(report):
     made = figures(report.flights[0])
     for name in ("map_use", "map_redundancy"):
-        shown = {trace.name: trace for trace in made[name].data if trace.showlegend}
+        figure: Any = made[name]
+        shown = {trace.name: trace for trace in figure.data if trace.showlegend}
         assert {"sprayed field", "take-off"} < set(shown)
         (scale,) = (key for key in shown if key.endswith(" m"))
         assert np.ptp(np.asarray(shown[scale].x)) == pytest.approx(float(scale[:-2]))
-        assert "wind" in " ".join(a.text for a in made[name].layout.annotations)
-        assert not made[name].layout.images
+        assert "wind" in " ".join(a.text for a in figure.layout.annotations)
+        assert not figure.layout.images
 
 
 def test_figures_hold_the_worst_value_after_thinning(report):
