@@ -216,7 +216,7 @@ def _guarded(
         response = None if addition is None else _added(connection, request, addition)
         if response is None and answer is not None:
             whole = addition is not None and urlsplit(request.path).path in ("/", "/index.html")
-            if whole:
+            if whole and "Accept-Encoding" in request.headers:
                 del request.headers["Accept-Encoding"]  # something is put into it
             response = answer(connection, request)
             if whole and addition is not None and response is not None:

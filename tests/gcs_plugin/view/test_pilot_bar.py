@@ -1,5 +1,6 @@
 """The bar of the live page: its state, its door, and what a pilot sees of it at every width."""
 
+import http.client
 import io
 import re
 import time
@@ -12,6 +13,7 @@ from tests.browser import open_page, screenshot_folder
 from tests.gcs_plugin.live.live_vehicle import Vehicle
 from tests.gcs_plugin.view.live_flight import flying
 from thrustmargin.gcs_plugin.live.alarm import CRITICAL, NOTICE, WARNING, Alarm, AlarmEvent
+from thrustmargin.gcs_plugin.view.guard import guarded_server, stop_server
 from thrustmargin.gcs_plugin.view.live_html import Standing
 from thrustmargin.gcs_plugin.view.pilot_bar import ACKNOWLEDGE, STATE, PilotBar
 
@@ -87,6 +89,25 @@ def test_only_the_page_itself_may_acknowledge():
     assert status_of(bar, f"{ACKNOWLEDGE}?token={token_of(bar)}") == 200
     assert bar.state()["alarms"][0]["acknowledged"]
     assert status_of(bar, STATE) == 200
+
+
+def test_the_page_is_whole_for_a_client_of_any_encoding():
+    bar = bar_of(ONE)
+    server = guarded_server(port=0, addition=bar)
+    try:
+        for headers in ({}, {"Accept-Encoding": "gzip"}):
+            ask = http.client.HTTPConnection("127.0.0.1", server.get_port(), timeout=30)
+            ask.putrequest("GET", "/", skip_accept_encoding=True)
+            for name, value in headers.items():
+                ask.putheader(name, value)
+            ask.endheaders()
+            reply = ask.getresponse()
+            page = reply.read()
+            assert reply.status == 200
+            assert page.count(bar.insert) == 1
+            assert page.rstrip().endswith(b"</html>")
+    finally:
+        stop_server(server)
 
 
 def test_a_silent_page_has_no_sound():
