@@ -79,7 +79,7 @@ def identify(
     from thrustmargin.gcs_plugin.commands.terminal import Terminal, steps
     from thrustmargin.gcs_plugin.reports.identify.identify_result import result_of
     from thrustmargin.models.identification.loop import identify as search
-    from thrustmargin.models.identification.usable_flights import require_distinct
+    from thrustmargin.models.identification.rows.usable_flights import require_distinct
 
     errors = Terminal(stderr=True, soft_wrap=True)
     require_logs(logs)
@@ -143,7 +143,7 @@ def read_flights(
     from thrustmargin.gcs_plugin.commands.inputs import claimed, listed, read_logs
     from thrustmargin.gcs_plugin.logs.inspection import instrument_offsets
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-    from thrustmargin.models.identification.usable_flights import too_little, wrong_order
+    from thrustmargin.models.identification.rows.usable_flights import too_little, wrong_order
 
     tracks: list[FlightTrack] = []
     left_out: list[UnusedLog] = []
@@ -182,7 +182,7 @@ def write_result(
     from thrustmargin.gcs_plugin.reports.identify.identify_result import json_text
     from thrustmargin.mission.manoeuvre_plan import manoeuvre_plan
     from thrustmargin.mission.plan import plan_text
-    from thrustmargin.models.identification.manoeuvres import FlownLimits
+    from thrustmargin.models.identification.answer.manoeuvres import FlownLimits
     from thrustmargin.models.model.model_file import save_model
     from thrustmargin.models.whole_file import whole_file
 

@@ -71,7 +71,7 @@ def train(
     from thrustmargin.gcs_plugin.commands.terminal import Terminal, steps
     from thrustmargin.gcs_plugin.reports.model.model_figures import loss_paths, write_loss_curves
     from thrustmargin.gcs_plugin.reports.model.training_tables import training_tables
-    from thrustmargin.models.identification.commissioning import commission
+    from thrustmargin.models.identification.good_flights.commissioning import commission
     from thrustmargin.models.model.model_file import save_model
     from thrustmargin.models.model.rotor_model import physics_model
     from thrustmargin.models.model.training import TrainSettings

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from thrustmargin.gcs_plugin.wording.numbers import clock, joined, number, within
-from thrustmargin.models.identification.result import Found, Identification
+from thrustmargin.models.identification.answer.result import Found, Identification
 
 #: m/s at which the climb effect is described
 CLIMB_RATE = 2.0

@@ -13,9 +13,9 @@ from types import MappingProxyType
 
 from thrustmargin.gcs_plugin.wording import effect_amounts as amounts
 from thrustmargin.gcs_plugin.wording.effect_amounts import DescribedEffect, rotor_words
-from thrustmargin.models.identification.already_followed import FOLLOWED_WIND
-from thrustmargin.models.identification.candidates import Term
-from thrustmargin.models.identification.result import Found, Identification
+from thrustmargin.models.identification.answer.already_followed import FOLLOWED_WIND
+from thrustmargin.models.identification.answer.result import Found, Identification
+from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.model.rotor_model import RotorModel
 
 KEEP = "nothing to repair; keep it in the model with --out"

@@ -25,17 +25,17 @@ from thrustmargin.gcs_plugin.wording.numbers import (
 )
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION
-from thrustmargin.models.identification.candidates import Term
-from thrustmargin.models.identification.margin_change import WORST_SHARE, MarginChange
-from thrustmargin.models.identification.next_flight import CERTAIN, NextFlight
-from thrustmargin.models.identification.output_shares import FEWEST_FLIGHTS
-from thrustmargin.models.identification.result import (
+from thrustmargin.models.identification.answer.margin_change import WORST_SHARE, MarginChange
+from thrustmargin.models.identification.answer.next_flight import CERTAIN, NextFlight
+from thrustmargin.models.identification.answer.result import (
     Errors,
     Excluded,
     Identification,
     Mentioned,
     OneOf,
 )
+from thrustmargin.models.identification.rows.candidates import Term
+from thrustmargin.models.identification.rows.output_shares import FEWEST_FLIGHTS
 
 #: Share of thrust by which a margin must move to be reported as a change.
 NOTICED = 0.005

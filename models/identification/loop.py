@@ -17,21 +17,25 @@ from thrustmargin.models.effects import CATALOGUE, effects_for
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.identification.adequacy import Unexplained, acts_in, unexplained
-from thrustmargin.models.identification.already_followed import followed_wind
-from thrustmargin.models.identification.floor import floor_rpm
-from thrustmargin.models.identification.left_out import LeftOut, on_new_flights
-from thrustmargin.models.identification.modes import sensor_noise_rpm
-from thrustmargin.models.identification.onsets import onset_candidates, without_rotors
-from thrustmargin.models.identification.output_shares import effects_on_shares
-from thrustmargin.models.identification.posterior import EffectEstimate, Posterior, posterior_of
-from thrustmargin.models.identification.problem import assemble
-from thrustmargin.models.identification.reduced import rows_and_means
-from thrustmargin.models.identification.result import Found, Identification
-from thrustmargin.models.identification.search_space import search_space
-from thrustmargin.models.identification.set_search import Search
-from thrustmargin.models.identification.unseen_errors import Unseen, errors_of
-from thrustmargin.models.identification.usable_flights import Flown, require_airframe
+from thrustmargin.models.identification.answer.adequacy import Unexplained, acts_in, unexplained
+from thrustmargin.models.identification.answer.already_followed import followed_wind
+from thrustmargin.models.identification.answer.floor import floor_rpm
+from thrustmargin.models.identification.answer.left_out import LeftOut, on_new_flights
+from thrustmargin.models.identification.answer.posterior import (
+    EffectEstimate,
+    Posterior,
+    posterior_of,
+)
+from thrustmargin.models.identification.answer.result import Found, Identification
+from thrustmargin.models.identification.answer.unseen_errors import Unseen, errors_of
+from thrustmargin.models.identification.rows.modes import sensor_noise_rpm
+from thrustmargin.models.identification.rows.output_shares import effects_on_shares
+from thrustmargin.models.identification.rows.problem import assemble
+from thrustmargin.models.identification.rows.reduced import rows_and_means
+from thrustmargin.models.identification.rows.usable_flights import Flown, require_airframe
+from thrustmargin.models.identification.sets.onsets import onset_candidates, without_rotors
+from thrustmargin.models.identification.sets.search_space import search_space
+from thrustmargin.models.identification.sets.set_search import Search
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import RotorModel
 

@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 from tests.measured.findings import Finding, Number
 from tests.measured.tables import csv_columns
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.modes import robust_scale
+from thrustmargin.models.identification.rows.modes import robust_scale
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.thrust import fit_thrust_curve
 

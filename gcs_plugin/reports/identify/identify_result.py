@@ -20,11 +20,11 @@ from thrustmargin.gcs_plugin.wording.identify_answer import (
 )
 from thrustmargin.gcs_plugin.wording.numbers import joined, number, shown_unit, within
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.identification.margin_change import MarginChange, margin_changes
-from thrustmargin.models.identification.model_update import ModelUpdate, update_model
-from thrustmargin.models.identification.next_flight import NextFlight, following_flight
-from thrustmargin.models.identification.result import Found, Identification
-from thrustmargin.models.identification.unseen_errors import (
+from thrustmargin.models.identification.answer.margin_change import MarginChange, margin_changes
+from thrustmargin.models.identification.answer.model_update import ModelUpdate, update_model
+from thrustmargin.models.identification.answer.next_flight import NextFlight, following_flight
+from thrustmargin.models.identification.answer.result import Found, Identification
+from thrustmargin.models.identification.answer.unseen_errors import (
     Errors,
     RotorErrors,
     Unseen,

@@ -30,8 +30,8 @@ from thrustmargin.gcs_plugin.reports.shared.route_map import route_map
 from thrustmargin.gcs_plugin.wording.numbers import CHANNEL_WORDS, channel_title
 from thrustmargin.gcs_plugin.wording.palette import residual_scale
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.identification.problem import Problem
-from thrustmargin.models.identification.unseen_errors import Unseen
+from thrustmargin.models.identification.answer.unseen_errors import Unseen
+from thrustmargin.models.identification.rows.problem import Problem
 
 LEAST_VARIATION = 0.02  # of its median, below which nothing can be seen to go with a channel
 

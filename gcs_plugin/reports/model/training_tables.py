@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.stats import t as student
 
-from thrustmargin.models.identification.modes import modes
+from thrustmargin.models.identification.rows.modes import modes
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.model.training import PAPER_BEST_EPOCH, PAPER_LOWEST_LOSS, PAPER_R2
 from thrustmargin.models.network.records import (

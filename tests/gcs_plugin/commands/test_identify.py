@@ -21,9 +21,9 @@ from thrustmargin.gcs_plugin.reports.identify.identify_result import Result, res
 from thrustmargin.mission.plan import TAKEOFF, read_plan
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.identification.candidates import Term
+from thrustmargin.models.identification.answer.result import OneOf
 from thrustmargin.models.identification.loop import identify
-from thrustmargin.models.identification.result import OneOf
+from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import load_model, save_model
 from thrustmargin.models.model.rotor_model import physics_model

@@ -20,7 +20,7 @@ from thrustmargin.gcs_plugin.reports.identify.page import html_text
 from thrustmargin.models.errors import ThrustMarginError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 from thrustmargin.models.identification.loop import identify
-from thrustmargin.models.identification.usable_flights import too_little, wrong_order
+from thrustmargin.models.identification.rows.usable_flights import too_little, wrong_order
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
 from thrustmargin.models.physics.airframe import load_airframe

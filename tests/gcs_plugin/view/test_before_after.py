@@ -16,8 +16,8 @@ from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.gcs_plugin.view.overlays import before_and_after, overlays_of
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
 from thrustmargin.models.errors import DataError
+from thrustmargin.models.identification.answer.model_update import with_effects
 from thrustmargin.models.identification.loop import identify
-from thrustmargin.models.identification.model_update import with_effects
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import save_model
 from thrustmargin.models.model.rotor_model import RotorModel

@@ -15,10 +15,10 @@ from thrustmargin.gcs_plugin.wording.effect_sentences import (
 from thrustmargin.models.effects import BY_KEY, CATALOGUE
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.effects.stored import EffectRecord, Identified
-from thrustmargin.models.identification.already_followed import FOLLOWED_WIND
-from thrustmargin.models.identification.candidates import Term
+from thrustmargin.models.identification.answer.already_followed import FOLLOWED_WIND
+from thrustmargin.models.identification.answer.result import Found, Identification
 from thrustmargin.models.identification.loop import identify
-from thrustmargin.models.identification.result import Found, Identification
+from thrustmargin.models.identification.rows.candidates import Term
 
 
 @pytest.fixture(scope="module")

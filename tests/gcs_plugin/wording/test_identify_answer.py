@@ -22,17 +22,17 @@ from thrustmargin.gcs_plugin.wording.identify_answer import (
     unexplained,
 )
 from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.identification.candidates import Term
-from thrustmargin.models.identification.loop import identify
-from thrustmargin.models.identification.manoeuvres import FlownLimits, manoeuvres
-from thrustmargin.models.identification.margin_change import MarginChange, margin_changes
-from thrustmargin.models.identification.next_flight import NextFlight
-from thrustmargin.models.identification.result import (
+from thrustmargin.models.identification.answer.manoeuvres import FlownLimits, manoeuvres
+from thrustmargin.models.identification.answer.margin_change import MarginChange, margin_changes
+from thrustmargin.models.identification.answer.next_flight import NextFlight
+from thrustmargin.models.identification.answer.result import (
     Excluded,
     Identification,
     Mentioned,
     OneOf,
 )
+from thrustmargin.models.identification.loop import identify
+from thrustmargin.models.identification.rows.candidates import Term
 
 NAMES = ("front right", "rear left", "front left", "rear right")
 MASS, GAUGE, BALANCE = (Term(effect=BY_KEY[k]) for k in ("extra_mass", "tank_scale", "cg_offset"))

@@ -12,7 +12,7 @@ from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.models.checks.motor_order import check_motor_order
 from thrustmargin.models.checks.speed_readings import resolution_words
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.identification.problem import assemble
+from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.model.rotor_model import physics_model
 
 

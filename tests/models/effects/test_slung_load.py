@@ -16,9 +16,9 @@ from thrustmargin.models.effects.slung_load import (
     swing,
 )
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.identification.candidates import Held, Term, candidate, predicted
-from thrustmargin.models.identification.problem import assemble
-from thrustmargin.models.identification.row_fit import fit_rows, half_widths
+from thrustmargin.models.identification.rows.candidates import Held, Term, candidate, predicted
+from thrustmargin.models.identification.rows.problem import assemble
+from thrustmargin.models.identification.rows.row_fit import fit_rows, half_widths
 from thrustmargin.models.model.predict import model_channels
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe

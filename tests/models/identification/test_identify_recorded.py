@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.models.identification.answer.model_update import with_effects
 from thrustmargin.models.identification.loop import identify
-from thrustmargin.models.identification.model_update import with_effects
 from thrustmargin.models.model.model_file import shipped_model
 
 #: group -> effect, rotor, parameter, true value (sitl_logs/manifest.toml)

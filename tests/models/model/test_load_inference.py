@@ -11,7 +11,7 @@ from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.checks.speed_scale import check_speed_scale
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.identification.usable_flights import too_little
+from thrustmargin.models.identification.rows.usable_flights import too_little
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.load_inference import (
     LOAD_FROM_SPEEDS,

@@ -34,9 +34,9 @@ from thrustmargin.gcs_plugin.reports.identify.residual_figures import (
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.identification.candidates import Term
+from thrustmargin.models.identification.answer.result import Excluded, Mentioned, OneOf, SetWeight
 from thrustmargin.models.identification.loop import identify
-from thrustmargin.models.identification.result import Excluded, Mentioned, OneOf, SetWeight
+from thrustmargin.models.identification.rows.candidates import Term
 
 HOSTILE = "</script><img src=x onerror=alert(1)>\u2028{{ 7*7 }}&amp;\"'.tlog"
 

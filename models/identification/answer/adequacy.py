@@ -1,0 +1,95 @@
+"""Do the names take what a free form could explain? What they leave, in which mode, along what.
+
+In each mode the free form is let loose (the widest level) beside the best set. What it then takes
+is what no effect of the table explains. A sound aircraft leaves some too: the sizes that its good
+flights showed. Where a mode's free part is beyond that and more than LEFT of all that is explained
+in the mode, the mode is unexplained, and effects that act mostly there are only the closest that
+the table has.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.rows.candidates import Held, predicted
+from thrustmargin.models.identification.sets.linear_sets import FittedSet
+from thrustmargin.models.identification.sets.nuisance import LEVELS
+from thrustmargin.models.identification.sets.search_space import SearchSpace
+from thrustmargin.models.identification.sets.set_search import Search
+
+LEFT = 0.15  # of what can be explained in a mode, that names may leave
+BEYOND = 3.0  # times the size on a sound aircraft, of the free part's RMS
+ACTS = 0.5  # of the square of an effect's change, in a mode that it mostly acts in
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Unexplained:
+    """What no name explains in one mode."""
+
+    mode: int
+    channel: str
+    share: float  # of the variance of what is left
+    rms_rpm: float
+    curve_rpm: Floats  # (N,) the free form along the channel
+
+
+def unexplained(space: SearchSpace, search: Search, best: FittedSet) -> Unexplained | None:
+    """The mode of which names leave most; None when they take what can be explained."""
+    curves = _free_part(space, search, best)
+    if not curves:
+        return None
+    left = np.mean(np.sum(list(curves.values()), axis=0) ** 2, axis=0)  # (R,)
+    sound = _sound_part(space)
+    named = np.mean((predicted(search.reduced, best.held) - predicted(search.reduced, ())) ** 2, 0)
+    wrong = (left > BEYOND**2 * sound) & (left > LEFT * (left + named))
+    wrong &= search.reduced.judged
+    if not wrong.any():
+        return None
+    mode = int(np.argmax(np.where(wrong, left, 0.0)))
+    sizes = {name: float(np.mean(curve[:, mode] ** 2)) for name, curve in curves.items()}
+    channel = max((n for n in sizes if n != "constant"), key=lambda n: sizes[n], default="constant")
+    rest = np.mean(np.nan_to_num(best.residual) ** 2, axis=0).sum()
+    return Unexplained(
+        mode=mode,
+        channel=channel,
+        share=float(min(1.0, left[mode] / max(rest, 1e-12))),
+        rms_rpm=float(np.sqrt(left[mode])),
+        curve_rpm=curves[channel][:, mode],
+    )
+
+
+def acts_in(search: Search, held: Held, mode: int) -> bool:
+    """True for an effect of which most of the change is in a mode."""
+    change = predicted(search.reduced, [held]) - predicted(search.reduced, ())
+    square = np.mean(np.nan_to_num(change) ** 2, axis=0)
+    return bool(square[mode] > ACTS * square.sum())
+
+
+def _free_part(space: SearchSpace, search: Search, best: FittedSet) -> dict[str, Floats]:
+    """Channel -> (N, R) rpm that the free form takes beside a set, at the widest level."""
+    nuisance, solved = search.nuisance, search.solved
+    level = len(LEVELS) - 1
+    sums = nuisance.sums(np.nan_to_num(best.residual)[:, :, None])
+    shared, _ = solved.without_scatter(sums)
+    known = nuisance.doubt.shape[2]
+    modes, _, hats = nuisance.free.shape
+    mean = (solved.shared[level] @ shared[:, 0])[known:].reshape(modes, hats)
+    names = np.array(space.groups)
+    return {
+        name: np.stack(
+            [
+                space.hats[:, names == name] @ (mean[m] * space.sizes[m])[names == name]
+                for m in range(modes)
+            ],
+            axis=1,
+        )
+        for name in dict.fromkeys(space.groups)
+    }
+
+
+def _sound_part(space: SearchSpace) -> Floats:
+    """(R,) rpm²: mean square of the free form on a sound aircraft."""
+    return np.mean(space.hats**2, axis=0) @ (space.sizes**2).T

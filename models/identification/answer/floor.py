@@ -1,0 +1,67 @@
+"""The floor: what a flexible learner leaves of flights that it has not seen.
+
+It reads every reported channel within a second around a row, in a line, curves along each of them
+and smooth functions of all of them together: random Fourier features, which make the kernel of a
+Gaussian process linear (Rahimi and Recht 2007). It learns from the error that the effects leave,
+flight by flight left out, so that it is never above that error; where it is far below, something
+that the channels know is missing from the effects.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from thrustmargin.models.effects.channels import Channels
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.answer.left_out import FIFTHS, MOST_FOLDS
+from thrustmargin.models.identification.rows.problem import Problem
+from thrustmargin.models.identification.sets.free_form import hats
+
+RIDGES = 10.0 ** np.arange(-3.0, 2.0)  # per row; those that leave least, mode by mode
+HATS = 9  # along one channel
+WAVES = 150  # of each length
+LENGTHS = (1.0, 3.0)  # of a wave, in standard deviations of a channel, times their number's root
+AT_ONCE = ("airspeed", "tank_kg", "time_s", "voltage", "advance_ratio", "load_factor", "yaw_rate")
+
+
+def floor_rpm(problem: Problem, residual_rpm: Floats) -> float:
+    """RMS in rpm that a learner leaves of a residual (T, R), at most all of it."""
+    modes = problem.in_modes(residual_rpm)
+    columns = _columns(problem.channels)
+    if problem.flights > 1:
+        fold = problem.flight % MOST_FOLDS
+    else:
+        fold = problem.block * FIFTHS // (problem.block[-1] + 1)
+    gram, cross = columns.T @ columns, columns.T @ modes
+    left = np.zeros((RIDGES.size, modes.shape[1]))
+    for k in np.unique(fold):
+        own, wanted = columns[fold == k], modes[fold == k]
+        values, vectors = np.linalg.eigh(gram - own.T @ own)
+        along = vectors.T @ (cross - own.T @ wanted)
+        seen = own @ vectors
+        for i, ridge in enumerate(RIDGES * columns.shape[0]):
+            weights = along / (np.maximum(values, 0.0) + ridge)[:, None]
+            left[i] += np.sum((wanted - seen @ weights) ** 2, axis=0)
+    least = np.minimum(left.min(axis=0), np.sum(modes**2, axis=0))
+    return float(np.sqrt(least.sum() / modes.size))
+
+
+def _columns(x: Channels) -> Floats:
+    tables = [x.load_factor_shifts, x.manoeuvre_load_shifts, *x.rate_shifts, *x.acceleration_shifts]
+    now = [*(getattr(x, name) for name in AT_ONCE), *(r[:, r.shape[1] // 2] for r in x.rate_shifts)]
+    now += [np.sin(x.heading), np.cos(x.heading)]
+    lines = np.concatenate([np.stack(now, axis=1), *tables, x.airspeed_shifts], axis=1)
+    few = _even(np.stack(now, axis=1))
+    rng = np.random.default_rng(0)
+    waves = [np.ones((lines.shape[0], 1)), *(hats(one, HATS) for one in few.T)]
+    for length in LENGTHS:
+        turns = rng.normal(size=(few.shape[1], WAVES)) / (length * np.sqrt(few.shape[1]))
+        waves.append(np.sqrt(2.0) * np.cos(few @ turns + rng.uniform(0.0, 2.0 * np.pi, WAVES)))
+    return np.concatenate([*waves, _even(lines)], axis=1)
+
+
+def _even(columns: Floats) -> Floats:
+    """About their means, of size one; those that are not reported or do not vary are left out."""
+    spread = columns.std(axis=0)
+    told = np.isfinite(spread) & (spread > 1e-9)
+    return (columns[:, told] - columns[:, told].mean(axis=0)) / spread[told]

@@ -1,0 +1,198 @@
+"""The answer found again without the flights that it is judged on, selection and all.
+
+Each flight is left out in turn, of one flight each fifth, of many flights some at a time. The sums
+over the other flights are a smaller problem of the same kind: on it every set that the search has
+fitted is weighed again, and effects and values are those that it then names. What only a flight
+itself can tell (its wind, the moment at which a rotor went bad) is found on every other block of
+time of that flight and used on the blocks between.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thrustmargin.models.effects.compose import filled
+from thrustmargin.models.flight import Bools, Floats
+from thrustmargin.models.identification.answer.posterior import EffectEstimate, Posterior
+from thrustmargin.models.identification.rows.candidates import Held, Term, candidate, placed
+from thrustmargin.models.identification.rows.problem import Problem
+from thrustmargin.models.identification.rows.row_fit import fit_rows
+from thrustmargin.models.identification.sets.linear_sets import ColumnsAbout, FittedSet, Linear
+from thrustmargin.models.identification.sets.set_search import Search
+
+MOST_FOLDS = 20  # of many flights: what is left out then is a twentieth
+FIFTHS = 5  # of a single flight
+
+Values = dict[int, Floats]  # candidate -> (F, K)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LeftOutPart:
+    """The search's problem without what is judged: some flights, or a fifth of the only one."""
+
+    flights: tuple[int, ...]  # left out; none where it is a fifth
+    rows: Bools  # (T,) left out, of the problem
+    linear: Linear
+
+    def named(self, search: Search) -> Values:
+        """What the rest names by itself."""
+        answer = self._posterior(search, search.fitted)
+        return {c: answer.estimate(c).value for c in answer.named()}
+
+    def values(self, search: Search, members: Collection[int]) -> Values:
+        """The values of a given set on the rest."""
+        answer = self._posterior(search, [frozenset(members)])
+        return {c: answer.estimate(c).value for c in members}
+
+    def _posterior(self, search: Search, keys: Iterable[frozenset[int]]) -> Posterior:
+        linear, sets = self.linear, []
+        for key in keys:
+            levels = tuple(linear.score(key, k) for k in range(linear.doubt.size))
+            sets.append(
+                FittedSet(
+                    key=key,
+                    held=tuple(linear.held[c] for c in sorted(key)),
+                    levels=levels,
+                    log_evidence=np.array([s.log_evidence for s in levels]) + linear.doubt,
+                    residual=linear.about.residual,
+                )
+            )
+        return Posterior.of(search, sets)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LeftOut:
+    """The rows that errors are told on, and the search without each part of them."""
+
+    problem: Problem
+    search: Search
+    folds: tuple[LeftOutPart, ...]
+
+    @classmethod
+    def of(cls, problem: Problem, search: Search, about: FittedSet) -> LeftOut:
+        """Linear about a set fitted to all flights."""
+        columns, nuisance = search.columns_about(about), search.nuisance
+        if problem.flights == 1:
+            return cls(problem=problem, search=search, folds=_fifths(search, columns, problem))
+        count = min(problem.flights, MOST_FOLDS)
+        members = frozenset().union(*search.fitted)
+        sums, grams = nuisance.sums(columns.whole), nuisance.grams()
+        folds = []
+        for k in range(count):
+            out = tuple(range(k, problem.flights, count))
+            rest = [f for f in range(problem.flights) if f not in out]
+            linear = columns.linear(nuisance.solved(rest, grams), sums).only(members, out)
+            folds.append(LeftOutPart(flights=out, rows=np.isin(problem.flight, out), linear=linear))
+        return cls(problem=problem, search=search, folds=tuple(folds))
+
+    def residual(self, values: Values) -> Floats:
+        """(T, R) rpm measured minus predicted, all rows with the same values."""
+        placed_ = placed(self.problem, self.held(values))
+        return self.problem.measured_rpm - self.problem.speeds(placed_)
+
+    def with_set(self, members: Collection[int]) -> Floats:
+        """(T, R) rpm with given effects, each row with values found without its flight."""
+        return self._without([fold.values(self.search, members) for fold in self.folds])
+
+    def with_carried(self, members: Collection[int]) -> Floats:
+        """The same with those of the effects alone that flights to come will have."""
+        lasting = {
+            c for c in members if not any(p.per_flight for p in self._term(c).effect.parameters)
+        }
+        values = [fold.values(self.search, members) for fold in self.folds]
+        return self._without([{c: v for c, v in of.items() if c in lasting} for of in values])
+
+    def with_choice(self, members: Collection[int], aside: Collection[int]) -> Floats:
+        """(T, R) rpm, each row with the effects that are named without its flight, not those that
+        the whole answer puts `aside`; those of its `members` that only the flight can tell, or that
+        begin at a moment, stay: that one flight went bad says nothing of the flight before it."""
+        values = []
+        for fold in self.folds:
+            found = fold.named(self.search)
+            own = [
+                c
+                for c in members
+                if self._term(c).effect.begins
+                or any(f in fold.flights for _, f in self.search.candidates[c].free)
+            ]
+            chosen = {c for c in found if c not in aside and not self._term(c).effect.begins}
+            values.append(fold.values(self.search, chosen | set(own)))
+        return self._without(values)
+
+    def _term(self, c: int) -> Term:
+        return self.search.candidates[c].term
+
+    def held(self, values: Values) -> list[Held]:
+        """Effects with values of all flights."""
+        return [_for_flights(self._term(c), v) for c, v in sorted(values.items())]
+
+    def _without(self, values: Sequence[Values]) -> Floats:
+        """Each row with the values of the fold without it."""
+        out = np.empty_like(self.problem.measured_rpm)
+        for fold, found in zip(self.folds, values, strict=True):
+            if not fold.flights:
+                out[fold.rows] = self.residual(found)[fold.rows]
+            for f in fold.flights:
+                mine = np.flatnonzero(self.problem.flight == f)
+                held = self.held({c: v[[f]] for c, v in found.items()})
+                out[mine] = residual_of_unseen(self.problem.rows(mine), held)
+        return out
+
+
+def _fifths(search: Search, columns: ColumnsAbout, problem: Problem) -> tuple[LeftOutPart, ...]:
+    blocks = problem.block_flight.size
+    part = np.arange(blocks) * min(FIFTHS, blocks) // blocks
+    begins = problem.channels.time_s[np.searchsorted(problem.block, np.arange(blocks))]
+    means_s = search.reduced.channels.time_s[search.nuisance.whitening.rows]
+    of_mean = part[np.maximum(np.searchsorted(begins, means_s, side="right") - 1, 0)]
+    folds = []
+    for k in np.unique(part):
+        rest = search.nuisance.of_means(of_mean != k)
+        linear = columns.linear(rest.solved(), rest.sums(columns.whole))
+        folds.append(LeftOutPart(flights=(), rows=part[problem.block] == k, linear=linear))
+    return tuple(folds)
+
+
+def on_new_flights(unused: Problem, estimates: Sequence[EffectEstimate]) -> Floats:
+    """(T, R) rpm on flights that no step has used, with the values of an answer."""
+    held = []
+    for one in estimates:
+        middle = np.median(one.value, axis=0)
+        names = (p.name for p in one.term.effect.parameters)
+        x = filled(one.term.effect, dict(zip(names, middle, strict=True)), unused.channels)
+        unused = replace(unused, channels=x)
+        held.append(_for_flights(one.term, np.repeat(middle[None], unused.flights, axis=0)))
+    return residual_of_unseen(unused, held)
+
+
+def _for_flights(term: Term, values: Floats) -> Held:
+    """A term with the values (F, K) of other flights than the search's."""
+    return Held(candidate=candidate(term, values.shape[0]), values=values)
+
+
+def residual_of_unseen(problem: Problem, held: Sequence[Held]) -> Floats:
+    """(T, R) rpm; values of single flights are found on every other block of each flight."""
+    measured = problem.measured_rpm
+    if not any(flight is not None for h in held for _, flight in h.candidate.free):
+        return measured - problem.speeds(placed(problem, held))
+    out = np.empty_like(measured)
+    starts = np.searchsorted(problem.block_flight, problem.block_flight)
+    parity = (np.arange(problem.block_flight.size) - starts) % 2
+    for half in (0, 1):
+        found = own_values(problem, held, parity != half)
+        rows = parity[problem.block] == half
+        out[rows] = (measured - problem.speeds(placed(problem, found)))[rows]
+    return out
+
+
+def own_values(problem: Problem, held: Sequence[Held], chosen: Bools) -> list[Held]:
+    """With the values of each flight found on the `chosen` blocks (B,), the shared ones kept."""
+    own = [
+        replace(h.candidate, free=tuple(f for f in h.candidate.free if f[1] is not None))
+        for h in held
+    ]
+    free = [replace(h, candidate=c) for h, c in zip(held, own, strict=True)]
+    return list(fit_rows(problem, free, chosen).held)

@@ -1,0 +1,159 @@
+"""The model update: the old model plus the effects that were found, as a new model.
+
+What belongs to one flight is not carried to others: a wind stays behind, and a rotor that went bad
+in flight is bad from now on. With enough flights the interval is calibrated anew, on every row's
+residual under values found without its flight; else the old one is kept.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thrustmargin.models.effects.base import Effect
+from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.errors import ModelError
+from thrustmargin.models.identification.answer.result import Found, Identification
+from thrustmargin.models.identification.rows.output_shares import FEWEST_FLIGHTS, learnt_spread
+from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.network.ensemble import ensemble_speed
+from thrustmargin.models.network.validity import (
+    Interval,
+    calibrate,
+    flights_needed,
+    measure_coverage,
+)
+
+COVERAGE = 0.9  # of an interval where the old model has none
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ModelUpdate:
+    """The new model, and in words what did not carry over and which interval it has."""
+
+    model: RotorModel
+    notes: tuple[str, ...]
+
+
+def with_effects(model: RotorModel, found: Identification, *, date: str = "") -> RotorModel:
+    """The model with the effects found on it; see `update_model`."""
+    return update_model(model, found, date=date).model
+
+
+def update_model(model: RotorModel, found: Identification, *, date: str = "") -> ModelUpdate:
+    """Add the effects of an identification to the model that it was made with.
+
+    `date` is ISO 8601. Raises ModelError for a model of another aircraft.
+    """
+    if model.airframe.name != found.model.airframe.name:
+        raise ModelError(
+            f"the effects were found on {found.model.airframe.name}, the model is of "
+            f"{model.airframe.name}; add them to the model that they were found with"
+        )
+    names = found.problem.names
+    records = [record_of(f, names, date) for f in found.found]
+    notes = [_left_behind(f, names) for f in found.found if of_single_flights(f.term.effect)]
+    interval, about = _interval(model, found)
+    added = tuple(r for r in records if r is not None)
+    return ModelUpdate(
+        model=replace(
+            model,
+            effects=(*model.effects, *added),
+            interval=interval,
+            background_rpm=_background(model, found),
+        ),
+        notes=(*notes, about),
+    )
+
+
+def of_single_flights(effect: Effect) -> bool:
+    """True when the effect has values of single flights."""
+    return any(p.per_flight for p in effect.parameters)
+
+
+def record_of(found: Found, names: tuple[str, ...], date: str = "") -> EffectRecord | None:
+    """The effect as a model file keeps it; None when it belongs to its flights alone."""
+    effect = found.term.effect.afterwards or found.term.effect
+    if of_single_flights(effect):
+        return None
+    kept = {p.name for p in effect.parameters}
+    row = found.flight
+    return EffectRecord(
+        name=effect.name,
+        variant=effect.variant,
+        rotor=None if found.term.rotor is None else found.term.rotor + 1,
+        parameters={
+            p.name: Identified(
+                value=float(found.value[row, k]),
+                unit=p.unit,
+                ci95=(float(found.lower[row, k]), float(found.upper[row, k])),
+            )
+            for k, p in enumerate(found.term.effect.parameters)
+            if p.name in kept
+        },
+        flights=names,
+        date=date,
+    )
+
+
+def _left_behind(found: Found, names: tuple[str, ...]) -> str:
+    """What of an effect with values of single flights does not reach the new model."""
+    effect = found.term.effect
+    if effect.afterwards is not None:
+        return (
+            f"rotor {(found.term.rotor or 0) + 1} went bad during {names[found.flight]}: "
+            "the new model has it bad throughout, as after the onset"
+        )
+    return (
+        f"the {effect.name} was that of its flights and is not in the new model: "
+        "another day has its own"
+    )
+
+
+def _background(model: RotorModel, found: Identification) -> tuple[float, ...]:
+    """Spread over flights of the mean residual of each mode, rpm; the old with too few flights.
+
+    It is how much flights differ of which this model holds: an effect must stand out from it.
+    """
+    problem = found.problem
+    if problem.of_outputs and problem.flights >= FEWEST_FLIGHTS:
+        modes = found.residual_after_rpm @ problem.modes.directions
+        return tuple(float(v) for v in learnt_spread(modes, problem.flight))
+    if problem.flights < flights_needed(COVERAGE):
+        return model.background_rpm
+    amplitudes = found.residual_after_rpm @ problem.modes.directions
+    means = [amplitudes[problem.flight == f].mean(axis=0) for f in range(problem.flights)]
+    return tuple(float(v) for v in np.std(means, axis=0, ddof=1))
+
+
+def _interval(model: RotorModel, found: Identification) -> tuple[Interval | None, str]:
+    """The new model's interval, and in words where it comes from."""
+    old = model.interval
+    if model.network is None or model.training_domain is None:
+        return old, "no interval: the model has no network to calibrate one for"
+    kept = "the interval is that of the old model"
+    coverage = old.coverage if old is not None else COVERAGE
+    problem, needed = found.problem, flights_needed(coverage)
+    if any(f.term.effect.begins for f in found.found):
+        return old, f"{kept}: a rotor changed during these flights"
+    airspeed, tank_kg = problem.channels.airspeed, problem.channels.tank_kg
+    inside = model.training_domain.covers_inputs(airspeed, tank_kg)
+    flights = np.unique(problem.flight[inside])
+    if flights.size < needed:
+        return old, (
+            f"{kept}: a new one for {100 * coverage:.0f} % needs {needed} flights inside the "
+            f"training, these are {flights.size}"
+        )
+    spread = ensemble_speed(model.network, airspeed[inside], tank_kg[inside])[1]
+    rows = (found.residual_carried_rpm[inside], spread, airspeed[inside], problem.flight[inside])
+    interval = calibrate(*rows, coverage=coverage)
+    measured = measure_coverage(*rows, coverage=coverage)
+    words = f"the interval for {100 * coverage:.0f} % is calibrated anew on {flights.size} flights"
+    learnt = len(set(problem.names) & set(model.training_domain.flights))
+    if learnt:
+        words += (
+            f"; the network has learnt from {learnt} of them, so it may be a little narrow "
+            "for others"
+        )
+    return replace(interval, measured=measured), words

@@ -1,0 +1,215 @@
+"""The next flight: the manoeuvre that best tells two rival explanations of the flights apart.
+
+Each rival is fitted to the flown rows. Over the rows of a manoeuvre the two then predict mode
+amplitudes m_A and m_B (in units of the noise), with
+
+    d = m_A - m_B,  S = I + J_A C_A J_A' + J_B C_B J_B' + N N'
+
+C what the flown rows leave open of each rival's values, N how effects scatter from flight to flight
+and by how much the base model is off. Kullback-Leibler divergence: d' S^-1 d / 2 nats; a choice
+between the two by these rows is right with probability Phi(sqrt(d' S^-1 d) / 2).
+S^-1 by Woodbury, so that only the Gram matrix of the columns is needed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from scipy.linalg import block_diag
+from scipy.stats import norm
+
+from thrustmargin.models.effects import BY_KEY, effects_for
+from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.identification.answer.manoeuvres import (
+    FlownLimits,
+    Manoeuvre,
+    flown_track,
+    manoeuvres,
+)
+from thrustmargin.models.identification.answer.result import Identification
+from thrustmargin.models.identification.answer.rivals import (
+    ModePrediction,
+    Rival,
+    fitted_rival,
+    second_noise_rpm,
+)
+from thrustmargin.models.identification.rows.candidates import Term
+from thrustmargin.models.model.predict import model_channels, table_of
+from thrustmargin.models.model.rotor_model import RotorModel
+
+Terms = tuple[Term, ...]
+
+CERTAIN = 0.95  # probability of a right choice at which the rivals count as told apart
+CHANCE = 0.6  # at or below which no manoeuvre is worth flying for it
+ROW_S = 0.2  # between rows of a manoeuvre
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NextFlight:
+    """What to fly next, and how well it would tell the rivals apart."""
+
+    separates: tuple[Terms, Terms]
+    manoeuvre: Manoeuvre
+    repeats: int  # of the manoeuvre, in the flight at each fill
+    nats: float  # expected Kullback-Leibler divergence of it all
+    certainty: float  # probability of a right choice by it alone
+
+    @property
+    def minutes(self) -> float:
+        """All repeats at all fills, without take-off and landing."""
+        return self.repeats * self.manoeuvre.minutes
+
+
+def following_flight(found: Identification, tracks: Sequence[FlightTrack]) -> NextFlight | None:
+    """What to fly next after an identification; `tracks` are the flights it was given.
+
+    None when it left nothing open, or when no manoeuvre of the library would tell.
+    """
+    pair = rivals_of(found)
+    if pair is None:
+        return None
+    noise = second_noise_rpm(found.problem, found.residual_after_rpm)
+    try:
+        limits = FlownLimits.of(tracks)
+    except DataError:
+        return None
+    best = next_flight(
+        found.model,
+        (fitted_rival(found.problem, pair[0], noise), fitted_rival(found.problem, pair[1], noise)),
+        limits=limits,
+        noise_rpm=noise,
+        background_rpm=found.problem.background_rpm,
+    )
+    return best if best.certainty > CHANCE else None
+
+
+def rivals_of(found: Identification) -> tuple[Terms, Terms] | None:
+    """The two likeliest explanations that an identification could not tell apart.
+
+    In this order: one of several effects, two sets of effects, a rotor that is not cleared, an
+    effect and another that would do as well. None when it left nothing open.
+    """
+    named = tuple(f.term for f in found.found)
+    for one in found.one_of:
+        likely = sorted(zip(one.probabilities, one.terms, strict=True), key=lambda pair: -pair[0])
+        first, second = (term for _, term in likely[:2])
+        rest = tuple(t for t in named if t.key not in (first.key, second.key))
+        return (*rest, first), (*rest, second)
+    if len(found.alternatives) > 1 and found.alternatives[0].probability < CERTAIN:
+        return found.alternatives[0].terms, found.alternatives[1].terms
+    for rotor in sorted(found.mentioned, key=lambda one: -one.probability):
+        return named, (*named, Term(effect=ROTOR_DEGRADATION, rotor=rotor.rotor))
+    for one in found.found:
+        for name in one.indistinguishable_from:
+            if name in BY_KEY:
+                rest = tuple(t for t in named if t.key != one.term.key)
+                return named, (*rest, Term(effect=BY_KEY[name].scaled(found.model.airframe)))
+    return None
+
+
+def next_flight(
+    model: RotorModel,
+    rivals: tuple[Rival, Rival],
+    *,
+    limits: FlownLimits,
+    noise_rpm: Floats,
+    background_rpm: Floats | float = 0.0,
+) -> NextFlight:
+    """The shortest flight that tells two rivals apart, else the one that tells most.
+
+    `noise_rpm` (R,) is that of a mean over one second, of each mode; `background_rpm` (R,) that of
+    a flight's mean.
+    """
+
+    @cache
+    def flown_at(name: str, fill_kg: float) -> _Flown:
+        track = flown_track(library[name], model, limits, fill_kg)
+        return _flown_once(model, rivals, track, noise_rpm, background_rpm)
+
+    every = manoeuvres(limits)
+    library = {manoeuvre.name: manoeuvre for manoeuvre in every}
+    made: list[NextFlight] = []
+    for manoeuvre in every:
+        gram = _gram([flown_at(manoeuvre.name, fill) for fill in manoeuvre.fills_kg])
+        most = max(1, int(limits.minutes * len(manoeuvre.fills_kg) / manoeuvre.minutes))
+        for repeats in range(1, most + 1):
+            square = _distance_square(gram, repeats)
+            if math.sqrt(square) / 2.0 >= norm.ppf(CERTAIN):
+                break
+        made.append(
+            NextFlight(
+                separates=(rivals[0].terms, rivals[1].terms),
+                manoeuvre=manoeuvre,
+                repeats=repeats,
+                nats=square / 2.0,
+                certainty=float(norm.cdf(math.sqrt(square) / 2.0)),
+            )
+        )
+    return max(made, key=_preference)
+
+
+def _preference(made: NextFlight) -> tuple[bool, float]:
+    told = made.certainty >= CERTAIN
+    return told, -made.minutes if told else made.nats / made.minutes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Flown:
+    """A manoeuvre at one fill, N rows of all modes: columns of S, and d."""
+
+    shared: Floats  # (N, P) what is open of the rivals' values, which all fills share
+    apart: Floats  # (N, K) scatter of one flight
+    difference: Floats  # (N,)
+
+
+def _flown_once(
+    model: RotorModel,
+    rivals: tuple[Rival, Rival],
+    track: FlightTrack,
+    noise_rpm: Floats,
+    background_rpm: Floats | float,
+) -> _Flown:
+    used = [p.effect for p in model.placed]
+    used += [*effects_for(model.airframe), *(t.effect for r in rivals for t in r.terms)]
+    x = model_channels(model, track, effects=used)
+    every = round(ROW_S / (track.time_s[1] - track.time_s[0]))
+    x = x.rows(np.arange(0, track.time_s.size, every))
+    predict = ModePrediction.of(model, table_of(model), x, noise_rpm / np.sqrt(ROW_S))
+    ours, theirs = (predict.modes(rival.terms, rival.values) for rival in rivals)
+    columns = [predict.columns(r.terms, r.values) @ _root(r.covariance) for r in rivals]
+    return _Flown(
+        shared=np.concatenate(columns, axis=1),
+        apart=predict.scatter(background_rpm),
+        difference=(ours - theirs).ravel(),
+    )
+
+
+def _gram(flown: Sequence[_Flown]) -> Floats:
+    """Gram matrix of the columns of S, with d last, of a manoeuvre flown once at each fill."""
+    table = np.column_stack(
+        [
+            np.concatenate([one.shared for one in flown]),
+            np.asarray(block_diag(*(one.apart for one in flown))),
+            np.concatenate([one.difference for one in flown]),
+        ]
+    )
+    return table.T @ table
+
+
+def _distance_square(gram: Floats, repeats: int) -> float:
+    """d' S^-1 d when the rows come so many times, in the same flights."""
+    whole = repeats * gram
+    inner, along = whole[:-1, :-1], whole[:-1, -1]
+    explained = along @ np.linalg.solve(np.eye(inner.shape[0]) + inner, along)
+    return float(max(0.0, whole[-1, -1] - explained))
+
+
+def _root(covariance: Floats) -> Floats:
+    sizes, vectors = np.linalg.eigh(covariance)
+    return vectors * np.sqrt(np.maximum(sizes, 0.0))

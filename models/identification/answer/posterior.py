@@ -1,0 +1,219 @@
+"""From sets and their evidence to an answer: named, one of, not seen and excluded above.
+
+An effect is named when nearly all the weight of all sets holds it. Where only together several do,
+it is one of them. Values and intervals are averaged over the sets and the levels that have weight,
+so that what cannot be told apart is in them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import norm
+
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.answer.result import Excluded, Mentioned, OneOf, SetWeight
+from thrustmargin.models.identification.rows.candidates import Term
+from thrustmargin.models.identification.sets.linear_sets import FittedSet, Linear
+from thrustmargin.models.identification.sets.set_search import Search
+
+NAMED = 0.95  # of the weight, for a name
+CHOICE = 0.5  # of the weight holds just one of several, for "either ... or"
+MENTION = 0.05  # of the weight, from which a rotor is mentioned and an alternative listed
+EXCLUDED = 0.95  # that an effect which was not seen is smaller than what is stated
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EffectEstimate:
+    """One effect over all sets that hold it: (F, K) values and their standard errors."""
+
+    candidate: int
+    term: Term
+    probability: float
+    value: Floats
+    error: Floats
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Posterior:
+    """All fitted sets with their weights, likeliest first."""
+
+    search: Search
+    sets: tuple[FittedSet, ...]
+    weights: Floats  # (sets,)
+
+    @classmethod
+    def of(cls, search: Search, fitted: Iterable[FittedSet]) -> Posterior:
+        """Sets with their weights."""
+        sets = sorted(fitted, key=lambda f: -f.total)
+        totals = np.array([s.total for s in sets])
+        weights = np.exp(totals - np.logaddexp.reduce(totals))
+        return cls(search=search, sets=tuple(sets), weights=weights)
+
+    @property
+    def best(self) -> FittedSet:
+        return self.sets[0]
+
+    def probability(self, members: Sequence[int]) -> float:
+        """That at least one of some candidates is there."""
+        wanted = set(members)
+        held = [w for s, w in zip(self.sets, self.weights, strict=True) if s.key & wanted]
+        return min(1.0, float(sum(held)))
+
+    def named(self) -> list[int]:
+        """Candidates that nearly all the weight holds, at a size that is clear of nothing."""
+        seen = {c for s in self.sets for c in s.key}
+        likely = sorted(c for c in seen if self.probability([c]) >= NAMED)
+        return [c for c in likely if _clear(self.estimate(c))]
+
+    def estimate(self, candidate: int) -> EffectEstimate:
+        """Mean and standard error over sets and levels of the values of one candidate."""
+        term = self.search.candidates[candidate].term
+        total, mean, square = 0.0, 0.0, 0.0
+        for one in self.sets:
+            if candidate not in one.key:
+                continue
+            of = sorted(one.key).index(candidate)
+            before = sum(len(h.candidate.free) for h in one.held[:of])
+            held = one.held[of]
+            for scored, evidence in zip(one.levels, one.log_evidence, strict=True):
+                weight = float(np.exp(evidence - self.sets[0].total))
+                values, errors = held.values.copy(), np.zeros_like(held.values)
+                for k, (parameter, flight) in enumerate(held.candidate.free):
+                    rows = slice(None) if flight is None else flight
+                    values[rows, parameter] += scored.step[before + k]
+                    errors[rows, parameter] = scored.covariance[before + k, before + k]
+                total += weight
+                mean = mean + weight * values
+                square = square + weight * (errors + values**2)
+        mean, square = np.asarray(mean) / total, np.asarray(square) / total
+        return EffectEstimate(
+            candidate=candidate,
+            term=term,
+            probability=self.probability([candidate]),
+            value=mean,
+            error=np.sqrt(np.maximum(square - mean**2, 0.0)),
+        )
+
+    def alternatives(self) -> tuple[SetWeight, ...]:
+        """Sets that have weight."""
+        return tuple(
+            SetWeight(
+                probability=float(w),
+                terms=tuple(self.search.candidates[c].term for c in sorted(s.key)),
+            )
+            for s, w in zip(self.sets, self.weights, strict=True)
+            if w >= MENTION
+        )
+
+    def one_of(self, named: Sequence[int]) -> tuple[OneOf, ...]:
+        """The smallest groups of effects without a name of which nearly surely one is there.
+
+        An effect that is likely by itself, at a size that may be nothing, is no such group, nor are
+        effects that mostly come together: one stands in for another, else it is no choice.
+        """
+        rest = {c for s in self.sets for c in s.key} - set(named)
+        by_weight = sorted(
+            (c for c in rest if self.probability([c]) >= MENTION),
+            key=lambda c: -self.probability([c]),
+        )
+        found = []
+        while by_weight and self.probability(by_weight) >= NAMED:
+            group = [by_weight[0]]
+            while self.probability(group) < NAMED:
+                left = [c for c in by_weight if c not in group]
+                group.append(max(left, key=lambda c: self.probability([*group, c])))
+            alone = sum(
+                w
+                for s, w in zip(self.sets, self.weights, strict=True)
+                if len(s.key & set(group)) == 1
+            )
+            if len(group) > 1 and alone >= CHOICE:
+                found.append(
+                    OneOf(
+                        terms=tuple(self.search.candidates[c].term for c in group),
+                        probabilities=tuple(self.probability([c]) for c in group),
+                    )
+                )
+            by_weight = [c for c in by_weight if c not in group]
+        return tuple(found)
+
+    def mentioned(self, named: Sequence[int]) -> tuple[Mentioned, ...]:
+        """Rotors without a name that still have weight."""
+        candidates = self.search.candidates
+        safe = {candidates[c].term.rotor for c in named}
+        rotors: dict[int, list[int]] = {}
+        for c in {c for s in self.sets for c in s.key}:
+            rotor = candidates[c].term.rotor
+            if rotor is not None and rotor not in safe:
+                rotors.setdefault(rotor, []).append(c)
+        found = []
+        for rotor, members in sorted(rotors.items()):
+            probability = self.probability(members)
+            if probability <= MENTION:
+                continue
+            likeliest = max(members, key=lambda c: self.probability([c]))
+            estimate = self.estimate(likeliest)
+            largest = int(np.argmax(np.abs(estimate.value[:, 0])))
+            loss, error = float(estimate.value[largest, 0]), float(estimate.error[largest, 0])
+            half = float(norm.ppf(0.975)) * error
+            found.append(
+                Mentioned(
+                    rotor=rotor,
+                    probability=probability,
+                    loss=loss,
+                    ci95=(loss - half, loss + half),
+                )
+            )
+        return tuple(found)
+
+    def excluded(self, linear: Linear, named: Sequence[int]) -> tuple[Excluded, ...]:
+        """Sizes above which effects of one main value are excluded, beside the best set."""
+        best, level = self.best, self.best.best_level
+        found = []
+        for c, candidate in enumerate(self.search.candidates):
+            main = [
+                k
+                for k, p in enumerate(candidate.parameters)
+                if p.absent is not None and not p.detail
+            ]
+            if c in named or len(main) != 1 or candidate.term.effect.begins:
+                continue
+            if self.probability([c]) > MENTION:
+                continue
+            key = best.key | {c}
+            scored = linear.score(key, level)
+            at = sum(len(self.search.candidates[k].free) for k in sorted(key) if k < c) + main[0]
+            p = candidate.parameters[main[0]]
+            value = linear.held[c].free_values[main[0]] + scored.step[at] - (p.absent or 0.0)
+            error = float(np.sqrt(scored.covariance[at, at]))
+            found.append(
+                Excluded(
+                    term=candidate.term,
+                    parameter=p.name,
+                    unit=p.unit,
+                    above=float(abs(value) + norm.ppf(EXCLUDED) * error),
+                )
+            )
+        return tuple(found)
+
+
+def _clear(estimate: EffectEstimate) -> bool:
+    """True where the interval of a main value leaves out "absent"; effects without it are clear."""
+    main = [
+        (k, p.absent)
+        for k, p in enumerate(estimate.term.effect.parameters)
+        if p.absent is not None and not p.detail
+    ]
+    away = [
+        np.abs(estimate.value[:, k] - absent) > norm.ppf(0.975) * estimate.error[:, k]
+        for k, absent in main
+    ]
+    return not main or bool(np.any(away))
+
+
+def posterior_of(search: Search) -> Posterior:
+    """The sets that a search has fitted, with their weights."""
+    return Posterior.of(search, search.fitted.values())

@@ -1,0 +1,252 @@
+"""What `identify` found, as numbers, and its JSON ("thrustmargin.identify/1")."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.answer.adequacy import Unexplained
+from thrustmargin.models.identification.answer.unseen_errors import Errors, Unseen
+from thrustmargin.models.identification.rows.candidates import Term
+from thrustmargin.models.identification.rows.problem import Problem
+from thrustmargin.models.model.json_values import to_json_values
+from thrustmargin.models.model.rotor_model import RotorModel
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SetWeight:
+    """A set of effects that together explain the flights, and how likely it is."""
+
+    probability: float
+    terms: tuple[Term, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OneOf:
+    """Effects of which nearly surely one is there, and how likely each is."""
+
+    terms: tuple[Term, ...]
+    probabilities: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Excluded:
+    """A size of an effect that was not seen, above which these flights exclude it at 95 %."""
+
+    term: Term
+    parameter: str
+    unit: str
+    above: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mentioned:
+    """A rotor that is not named and that the flights do not clear."""
+
+    rotor: int  # 0-based
+    probability: float
+    loss: float
+    ci95: tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Found:
+    """One accepted effect; values of shape (F, parameters), alike in all F flights if shared."""
+
+    term: Term
+    value: Floats
+    lower: Floats
+    upper: Floats
+    rmse_before_rpm: float
+    rmse_after_rpm: float
+    p_value: float
+    indistinguishable_from: tuple[str, ...]
+    probability: float = 1.0
+
+    def __repr__(self) -> str:
+        main = [(k, p) for k, p in enumerate(self.term.effect.parameters) if not p.detail]
+        values = ", ".join(
+            f"{p.name} {self.value[self.flight, k]:.2g}{'' if p.unit == '1' else f' {p.unit}'} "
+            f"({self.lower[self.flight, k]:.2g} to {self.upper[self.flight, k]:.2g})"
+            for k, p in main
+        )
+        return f"{self.term.words}: {values}"
+
+    @property
+    def flight(self) -> int:
+        """The flight whose values stand for the effect: the one it shows most in."""
+        own = [k for k, p in enumerate(self.term.effect.parameters) if p.per_flight]
+        return int(np.argmax(np.abs(self.value[:, own[0]]))) if own else 0
+
+    def parameters(self, names: tuple[str, ...]) -> dict[str, Any]:
+        """Parameters as JSON: value, unit, interval; values of one flight with each flight's."""
+        out: dict[str, Any] = {}
+        for k, p in enumerate(self.term.effect.parameters):
+            f = self.flight
+            entry: dict[str, Any] = {
+                "value": float(self.value[f, k]),
+                "unit": p.unit,
+                "ci95": [float(self.lower[f, k]), float(self.upper[f, k])],
+            }
+            if p.per_flight:
+                entry["flight"] = names[f]
+                entry["per_flight"] = [float(v) for v in self.value[:, k]]
+                ends = zip(self.lower[:, k], self.upper[:, k], strict=True)
+                entry["per_flight_ci95"] = [[float(low), float(high)] for low, high in ends]
+            out[p.name] = entry
+        return out
+
+    def to_json(self, names: tuple[str, ...], *, followed: bool = False) -> dict[str, Any]:
+        """One of the JSON's effects; `followed` by a channel already, so that none is added."""
+        return {
+            "name": self.term.effect.name,
+            "variant": self.term.effect.variant,
+            "rotor": None if self.term.rotor is None else self.term.rotor + 1,
+            "probability": self.probability,
+            "parameters": self.parameters(names),
+            "rmse_before_rpm": self.rmse_before_rpm,
+            "rmse_after_rpm": self.rmse_after_rpm,
+            "p_value": self.p_value,
+            "indistinguishable_from": list(self.indistinguishable_from),
+            "tell_apart_by": self.term.effect.distinguished_by
+            if self.indistinguishable_from
+            else None,
+            "source": self.term.effect.source,
+            "already_followed": followed,
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Identification:
+    """Everything that a search found, with the rows it was found on."""
+
+    model: RotorModel
+    problem: Problem
+    found: tuple[Found, ...]
+    left: Unexplained | None  # what no effect explains, in the mode that has most of it
+    closest: tuple[Term, ...]  # effects that come closest to it, which are no names
+    unseen: tuple[Unseen, ...]  # of the fitted flights, then of held-out ones if there are any
+    before: Errors  # of the last of them
+    after: Errors
+    residual_after_rpm: Floats  # (T, R) on the rows of `problem`
+    residual_carried_rpm: Floats  # (T, R) as flights to come see it: values found without each
+    floor_rpm: float
+    sensor_noise_rpm: float
+    alternatives: tuple[SetWeight, ...] = ()  # likeliest first
+    one_of: tuple[OneOf, ...] = ()
+    excluded: tuple[Excluded, ...] = ()
+    mentioned: tuple[Mentioned, ...] = ()
+    followed: tuple[Found, ...] = ()  # what the flights have and a channel tells the model of
+    untried: Mapping[str, tuple[str, ...]] = field(
+        default_factory=dict
+    )  # effect -> lacking channels
+
+    @property
+    def held_out(self) -> Problem | None:
+        """The rows of flights that no step has used."""
+        return self.unseen[-1].problem if len(self.unseen) > 1 else None
+
+    def __repr__(self) -> str:
+        problem, held_out = self.problem, self.held_out
+        left = "flights that were not used"
+        if held_out is None:
+            left = "each flight" if problem.flights > 1 else "each fifth"
+            left += " left out in turn"
+        return "\n".join(
+            [
+                f"{self.model.airframe.name}, {problem.flights} "
+                f"flight{'s' if problem.flights > 1 else ''}: rotor speed error "
+                f"{self.before.rmse_rpm:.1f} -> {self.after.rmse_rpm:.1f} rpm, {left}",
+                *(repr(f) for f in self.found),
+                *([] if self.found else ["no effect is missing"]),
+                *(f"{f!r}, which a channel reports already" for f in self.followed),
+                *self._unexplained_words(),
+            ]
+        )
+
+    def _unexplained_words(self) -> list[str]:
+        what = self.unexplained()
+        if not what["mode"]:
+            return []
+        along = f"along {what['channel']}" if what["channel"] else "that lasts for seconds"
+        return [
+            f"unexplained: {what['mode']} {along}, "
+            f"{100 * what['fraction_of_variance']:.0f} % of the variance left"
+        ]
+
+    @property
+    def reported(self) -> tuple[Found, ...]:
+        """The effects found, then those that are followed already."""
+        return (*self.found, *self.followed)
+
+    def to_json(self, *, model_in: str = "", model_out: str = "") -> dict[str, Any]:
+        """The JSON of the identify command; NaN as null."""
+        rows = np.bincount(self.problem.flight)
+        flights = [
+            {"log": n, "role": "fit", "samples": int(s)}
+            for n, s in zip(self.problem.names, rows, strict=True)
+        ]
+        if self.held_out is not None:
+            unused = np.bincount(self.held_out.flight)
+            flights += [
+                {"log": n, "role": "held_out", "samples": int(s)}
+                for n, s in zip(self.held_out.names, unused, strict=True)
+            ]
+        effects = [f.to_json(self.problem.names) for f in self.found]
+        effects += [f.to_json(self.problem.names, followed=True) for f in self.followed]
+        return to_json_values(
+            {
+                "schema": "thrustmargin.identify/1",
+                "model": {"in": model_in, "out": model_out},
+                "flights": flights,
+                "errors_from": "held_out" if self.held_out is not None else "cross_validation",
+                "before": self.before,
+                "after": self.after,
+                "effects": effects,
+                "alternatives": [
+                    {"probability": w.probability, "effects": [_named(t) for t in w.terms]}
+                    for w in self.alternatives
+                ],
+                "one_of": [
+                    {"effects": [_named(t) for t in o.terms], "probabilities": o.probabilities}
+                    for o in self.one_of
+                ],
+                "excluded": [
+                    {**_named(e.term), "parameter": e.parameter, "unit": e.unit, "above": e.above}
+                    for e in self.excluded
+                ],
+                "mentioned": [_of_rotor(m) for m in self.mentioned],
+                "not_tried": self.untried,
+                "from_motor_outputs": self.problem.of_outputs,
+                "unexplained": self.unexplained(),
+                "floor_rpm": self.floor_rpm,
+                "sensor_noise_rpm": self.sensor_noise_rpm,
+            }
+        )
+
+    def unexplained(self) -> dict[str, Any]:
+        """What no effect explains: its share of what is left, mode, channel and closest effects."""
+        left = self.left
+        return {
+            "fraction_of_variance": left.share if left else 0.0,
+            "mode": self.problem.modes.names[left.mode] if left else None,
+            "channel": left.channel if left else None,
+            "rms_rpm": left.rms_rpm if left else 0.0,
+            "closest": [term.words for term in self.closest],
+        }
+
+
+def _named(term: Term) -> dict[str, Any]:
+    """An effect by its name, the variant and the rotor, which is counted from 1."""
+    rotor = None if term.rotor is None else term.rotor + 1
+    return {"name": term.effect.name, "variant": term.effect.variant, "rotor": rotor}
+
+
+def _of_rotor(loss: Mentioned) -> dict[str, Any]:
+    """With the name of the effect, and the rotor counted from 1, as everywhere outside arrays."""
+    return {"name": ROTOR_DEGRADATION.name} | to_json_values(loss) | {"rotor": loss.rotor + 1}

@@ -1,0 +1,170 @@
+"""A model fit for use from good flights: the base, the standard effects, interval and scatter.
+
+All that the new model claims is measured by the whole chain on flights left out in turn: a base
+made without them (the network included), the standard effects chosen and fitted without them, then
+the prediction that `report` would print for them. Two bases stand to choose: the network, and
+weight and thrust curve, which need no learning. The network is kept unless flights left out are
+predicted worse with it, by more than the standard error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.identification.good_flights.flight_scatter import (
+    LeftOutFlights,
+    good_flights,
+)
+from thrustmargin.models.identification.good_flights.standard_effects import (
+    gain_and_error,
+    with_standard_effects,
+)
+from thrustmargin.models.identification.rows.modes import modes
+from thrustmargin.models.identification.rows.output_shares import (
+    learnt_spread,
+    of_outputs,
+    scaled_to,
+)
+from thrustmargin.models.model.predict import predict, temperature_offset
+from thrustmargin.models.model.rotor_model import RotorModel, physics_model
+from thrustmargin.models.model.training import Fold, Trained, condition_scores, training_domain
+from thrustmargin.models.network.ensemble import ensemble_speed
+from thrustmargin.models.network.training_rows import Samples, gather
+from thrustmargin.models.network.validity import calibrate, measure_coverage
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.atmosphere import track_air
+from thrustmargin.models.physics.flight_phases import training_rows
+
+FOLDS = 5  # of the flights for a base that is not learnt
+
+#: called with what is being done.
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Chain:
+    """One way to a model, and what it says of each flight when made without it."""
+
+    base: RotorModel
+    folds: tuple[Fold, ...]  # closed: with their standard effects
+    samples: Samples
+    predicted_rpm: Floats  # (N, R) of the rows of `samples`
+
+    @property
+    def residual_rpm(self) -> Floats:
+        """(N, R) measured minus predicted."""
+        return self.samples.rotor_speed_rpm - self.predicted_rpm
+
+
+def commission(
+    trained: Trained | None,
+    tracks: Sequence[FlightTrack],
+    airframe: Airframe,
+    *,
+    date: str,
+    seed: int = 0,
+    coverage: float = 0.9,
+    progress: Progress | None = None,
+) -> RotorModel:
+    """The model of an aircraft from good flights, at least 3, with what they show of themselves.
+
+    `trained` is what `training.train` made of the same tracks; None where they allow no network.
+    Raises DataError when there are fewer than 3 flights or one has too few rows.
+    """
+    say = progress or (lambda _: None)
+    curve = physics_model(airframe)
+    inputs = curve.inputs if trained is None else trained.model.inputs
+    used = [i for i, track in enumerate(tracks) if training_rows(track, inputs).any()]
+    if len(used) < 3:
+        raise DataError(f"{len(used)} flights with usable rows; at least 3 are needed")
+    bases = [(curve, _folds(curve, used))]
+    if trained is not None:
+        bases.insert(0, (trained.model, trained.folds))
+    samples = gather(tracks, inputs)
+    chains = [chain_of(base, folds, tracks, used, samples, inputs, say) for base, folds in bases]
+    best = chains[-1] if trained is not None and worse(*chains) else chains[0]
+    say("effects of all flights")
+    model = with_standard_effects(best.base, [tracks[i] for i in used], date=date)
+    spread = np.zeros_like(best.predicted_rpm)
+    if model.network is not None:
+        spread = ensemble_speed(model.network, samples.airspeed, samples.tank_kg)[1]
+    rows = (best.residual_rpm, spread, np.nan_to_num(samples.airspeed), samples.flight)
+    interval = replace(
+        calibrate(*rows, coverage=coverage), measured=measure_coverage(*rows, coverage=coverage)
+    )
+    say("how flights differ")
+    left_out = [
+        LeftOutFlights(model=fold.model, tracks=tuple(tracks[i] for i in fold.flights))
+        for fold in best.folds
+    ]
+    shown = replace(
+        good_flights(left_out),
+        errors=condition_scores(samples, best.predicted_rpm, seed),
+        mean_speed_rpm=float(samples.rotor_speed_rpm.mean()),
+        flight_rmse_rpm=dict(
+            zip(samples.flights, np.sqrt(_mean_squares(best)).tolist(), strict=True)
+        ),
+    )
+    amplitudes = best.residual_rpm @ modes(airframe).directions
+    return replace(
+        model,
+        training_domain=training_domain(samples),
+        training=None if trained is None else trained.model.training,
+        interval=interval,
+        background_rpm=tuple(learnt_spread(amplitudes, samples.flight).tolist()),
+        good_flights=shown,
+    )
+
+
+def _folds(base: RotorModel, flights: Sequence[int]) -> tuple[Fold, ...]:
+    """Folds of a base that learns nothing: of few flights each by itself."""
+    parts = np.array_split(np.array(flights), min(FOLDS, len(flights)))
+    return tuple(Fold(model=base, flights=tuple(part.tolist())) for part in parts)
+
+
+def chain_of(
+    base: RotorModel,
+    folds: Sequence[Fold],
+    tracks: Sequence[FlightTrack],
+    used: Sequence[int],
+    samples: Samples,
+    inputs: Sequence[str],
+    say: Progress,
+) -> Chain:
+    """The base with the standard effects chosen and fitted anew without each fold's flights."""
+    what = "weight and thrust curve" if base.network is None else "network"
+    predicted = np.empty_like(samples.rotor_speed_rpm)
+    shares = of_outputs([tracks[i] for i in used])
+    closed = []
+    for k, fold in enumerate(folds, 1):
+        say(f"{what}, flights left out: {k} of {len(folds)}")
+        model = with_standard_effects(
+            fold.model, [tracks[i] for i in used if i not in fold.flights]
+        )
+        closed.append(Fold(model=model, flights=fold.flights))
+        for i in fold.flights:
+            track, mine = tracks[i], samples.flight == used.index(i)
+            rows = training_rows(track, inputs)
+            density = track_air(track, temperature_offset(model)).density
+            speed = predict(model, track, density).rotor_speed_rpm[rows]
+            if shares:
+                speed = scaled_to(np.sum(samples.rotor_speed_rpm[mine] ** 2, axis=1), speed)
+            predicted[mine] = speed
+    return Chain(base=base, folds=tuple(closed), samples=samples, predicted_rpm=predicted)
+
+
+def _mean_squares(chain: Chain) -> Floats:
+    """(F,) rpm², mean square error of each flight."""
+    flight = chain.samples.flight
+    return np.bincount(flight, np.mean(chain.residual_rpm**2, axis=1)) / np.bincount(flight)
+
+
+def worse(network: Chain, curve: Chain) -> bool:
+    """True when flights left out are predicted worse by the network, beyond the standard error."""
+    gain, error = gain_and_error(_mean_squares(network), _mean_squares(curve))
+    return gain > error

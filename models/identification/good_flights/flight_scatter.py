@@ -1,0 +1,240 @@
+"""How the good flights of an aircraft differ, measured on flights that their model has not seen.
+
+Each flight gives its own estimate of every effect of the catalogue, one linear step from the model,
+with an error from its blocks of time. What flights scatter beyond those errors is what a new sound
+flight may show. The same is asked of each mode's mean, and of smooth curves over slow channels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BSpline
+
+from thrustmargin.models.effects import effects_for
+from thrustmargin.models.effects.base import Effect
+from thrustmargin.models.effects.channels import froude_time_scale
+from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.identification.good_flights.standard_effects import gain_and_error
+from thrustmargin.models.identification.rows.candidates import (
+    Held,
+    Term,
+    candidate,
+    predicted,
+    slopes,
+)
+from thrustmargin.models.identification.rows.output_shares import effects_on_shares
+from thrustmargin.models.identification.rows.problem import Problem, assemble
+from thrustmargin.models.identification.rows.row_fit import block_sums
+from thrustmargin.models.identification.rows.whitening import Whitening, plain
+from thrustmargin.models.identification.sets.free_form import WANDER
+from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.network.records import GoodFlights, scatter_between
+
+SLOW_CHANNELS = ("airspeed", "tank_kg", "time_s", "voltage", "heading")
+KNOTS = 8  # pieces of a curve; how smooth it is, flights left out decide
+HARMONICS = 3  # of a curve over heading
+MEANS = 0.75  # of the scatter of knots, that of means between them: root of 1/2 to 5/8
+SMOOTHNESS = 10.0 ** np.arange(-4.0, 5.0)  # weights of the penalty, per row
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LeftOutFlights:
+    """Flights, and a model that was made without them."""
+
+    model: RotorModel
+    tracks: tuple[FlightTrack, ...]
+
+
+def good_flights(left_out: Sequence[LeftOutFlights]) -> GoodFlights:
+    """What the flights show of how they differ; each flight is in one of `left_out`."""
+    estimates: dict[tuple[str, int | None], list[Floats]] = {}
+    means: list[Floats] = []
+    amplitudes: list[Floats] = []
+    channels: dict[str, list[Floats]] = {name: [] for name in SLOW_CHANNELS}
+    flight: list[NDArray[np.intp]] = []
+    for fold in left_out:
+        problem = assemble(fold.model, fold.tracks)
+        modes = problem.in_modes(problem.measured_rpm - problem.speeds())
+        filter_ = plain(modes, problem.flight, problem.of_outputs)
+        for key, found in _own_estimates(problem, filter_).items():
+            estimates.setdefault(key, []).append(found)
+        means += [
+            mean_and_error(modes, problem.block, problem.flight == f)
+            for f in range(problem.flights)
+        ]
+        flight.append(problem.flight + (flight[-1].max() + 1 if flight else 0))
+        amplitudes.append(modes)
+        for name, values in channels.items():
+            values.append(problem.channels.read(name))
+    names = problem.modes.names
+    which, rows = np.concatenate(flight), np.concatenate(amplitudes)
+    over = {name: np.concatenate(values) for name, values in channels.items()}
+    apart = WANDER * froude_time_scale(left_out[0].model.airframe)
+    by_mode = np.array(means)  # (F, 2, R)
+    return GoodFlights(
+        flights=len(means),
+        scatter=_pooled(estimates),
+        mode_scatter_rpm=tuple(scatter_between(*by_mode[:, :, k].T) for k in range(len(names))),
+        slow_rpm=tuple(slow_wander(rows, over["time_s"], which, apart).tolist()),
+        curve_rpm={
+            f"{mode}.{name}": confirmed_curve_rms(
+                rows[:, k], values, which, periodic=name == "heading"
+            )
+            for name, values in over.items()
+            if np.isfinite(values).all()
+            for k, mode in enumerate(names)
+        },
+    )
+
+
+def slow_wander(values: Floats, time_s: Floats, flight: NDArray[np.intp], apart: float) -> Floats:
+    """(R,) size of slow noise within flights that values (T, R) show: knots every `apart` seconds.
+
+    Between knots that scatter by s, means over `apart` seconds scatter by MEANS s about their
+    flight's; 0 where no flight is long enough.
+    """
+    total, count = np.zeros(values.shape[1]), 0
+    for f in np.unique(flight):
+        of, at = values[flight == f], time_s[flight == f]
+        long = at[-1] - at[0] + 1e-6
+        pieces = ((at - at[0]) / long * max(1, round(long / apart))).astype(np.intp)
+        parts = np.stack([of[pieces == k].mean(axis=0) for k in np.unique(pieces)])
+        total += np.sum((parts - parts.mean(axis=0)) ** 2, axis=0)
+        count += len(parts) - 1
+    return np.sqrt(total / max(count, 1)) / MEANS
+
+
+def mean_and_error(values: Floats, block: NDArray[np.intp], mine: NDArray[np.bool_]) -> Floats:
+    """(2, R) mean of the values (T, R) of one flight, and its error from that of its blocks."""
+    blocks = np.stack([values[mine & (block == b)].mean(axis=0) for b in np.unique(block[mine])])
+    if len(blocks) < 2:
+        return np.stack([blocks[0], np.full(values.shape[1], np.inf)])
+    return np.stack([blocks.mean(axis=0), blocks.std(axis=0, ddof=1) / np.sqrt(len(blocks))])
+
+
+def _own_estimates(problem: Problem, filter_: Whitening) -> dict[tuple[str, int | None], Floats]:
+    """(F, 2) value and error of each flight, by parameter ("effect_key.parameter") and rotor."""
+    model, found = problem.model, {}
+    catalogue = effects_for(model.airframe)
+    if problem.of_outputs:
+        catalogue = effects_on_shares(catalogue)
+    for effect in catalogue:
+        if effect.begins or problem.lacks(effect):
+            continue
+        rest, values = _at_the_model(model, effect)
+        at = replace(problem, model=rest)
+        start = np.array([values] * problem.flights)
+        for rotor in range(model.airframe.rotor_count) if effect.of_one_rotor else (None,):
+            one = candidate(Term(effect=effect, rotor=rotor), problem.flights)
+            held = [Held(candidate=one, values=start)]
+            main = [k for k, p in enumerate(effect.parameters) if not p.detail]
+            columns = slopes(at, held, 0)[:, :, main]
+            residual = problem.in_modes(problem.measured_rpm) - predicted(at, held)
+            whole = np.concatenate([columns, residual[:, :, None]], axis=2)
+            sums = block_sums(filter_, whole, problem.block)
+            own = np.stack(
+                [own_estimate(sums[problem.block_flight == f]) for f in range(problem.flights)]
+            )
+            for i, k in enumerate(main):
+                key = f"{effect.key}.{effect.parameters[k].name}", rotor
+                found[key] = own[:, :, i] + [values[k], 0.0]
+    return found
+
+
+def _at_the_model(model: RotorModel, effect: Effect) -> tuple[RotorModel, list[float]]:
+    """The model without the effect, and the effect's values in it, those of no effect if none."""
+    for k, (record, placed) in enumerate(zip(model.effects, model.placed, strict=True)):
+        if placed.effect.key == effect.key and record.rotor is None:
+            rest = replace(model, effects=(*model.effects[:k], *model.effects[k + 1 :]))
+            return rest, [float(placed.values[p.name]) for p in effect.parameters]
+    return model, [p.start if p.absent is None else p.absent for p in effect.parameters]
+
+
+def own_estimate(sums: Floats) -> Floats:
+    """(2, M) move of M parameters that one flight asks for, and its error, by the sums (B, M + 1,
+    M + 1) over its blocks of derivatives and residual.
+
+    The error is infinite where the flight has too few blocks or does not show the parameter.
+    """
+    hessian, gradient = sums[:, :-1, :-1], sums[:, :-1, -1]
+    total = hessian.sum(axis=0)
+    blocks, size = gradient.shape
+    if blocks <= size or np.linalg.matrix_rank(total) < size:
+        return np.stack([np.zeros(size), np.full(size, np.inf)])
+    bread = np.linalg.inv(total)
+    move = bread @ gradient.sum(axis=0)
+    left = gradient - hessian @ move
+    variance = np.diag(bread @ left.T @ left @ bread) * blocks / (blocks - size)
+    return np.stack([move, np.sqrt(variance)])
+
+
+def _pooled(estimates: dict[tuple[str, int | None], list[Floats]]) -> dict[str, float]:
+    """Scatter between flights of each parameter; of effects on one rotor, of a rotor of them."""
+    scatter: dict[str, list[float]] = {}
+    for (key, _), parts in estimates.items():
+        own = np.concatenate(parts)
+        known = np.isfinite(own).all(axis=1) & (own[:, 1] > 0.0)
+        if np.count_nonzero(known) > 1:
+            scatter.setdefault(key, []).append(scatter_between(*own[known].T))
+    sizes = {key: float(np.sqrt(np.mean(np.square(of)))) for key, of in scatter.items()}
+    return {key: size for key, size in sizes.items() if np.isfinite(size)}
+
+
+def confirmed_curve_rms(
+    values: Floats, channel: Floats, flight: NDArray[np.intp], *, periodic: bool = False
+) -> float:
+    """RMS of what a smooth curve of `values` (T,) over a channel (T,) explains of flights left out.
+
+    0 where it does not beat their mean by more than the standard error over flights. Penalised
+    B-splines with a second-difference penalty (Eilers and Marx, Stat. Sci. 11, 89 (1996)), over an
+    angle in rad its harmonics; the smoothness is the best of SMOOTHNESS on flights left out.
+    """
+    if not periodic and np.ptp(channel) <= 0.0:
+        return 0.0
+    columns, penalty = _harmonics(channel) if periodic else _splines(channel)
+    labels = np.unique(flight)
+    grams, pulls, squares, counts, sums = [], [], [], [], []
+    for label in labels:
+        x, y = columns[flight == label], values[flight == label]
+        grams.append(x.T @ x)
+        pulls.append(x.T @ y)
+        squares.append(y @ y)
+        counts.append(y.size)
+        sums.append(y.sum())
+    gram, pull, count, total = sum(grams), sum(pulls), sum(counts), sum(sums)
+    left = np.zeros((SMOOTHNESS.size, labels.size))
+    constant = np.zeros(labels.size)
+    for f in range(labels.size):
+        mean = (total - sums[f]) / (count - counts[f])
+        constant[f] = squares[f] - 2.0 * mean * sums[f] + mean**2 * counts[f]
+        for k, weight in enumerate(SMOOTHNESS):
+            curve = np.linalg.solve(gram - grams[f] + weight * count * penalty, pull - pulls[f])
+            left[k, f] = squares[f] - 2.0 * curve @ pulls[f] + curve @ grams[f] @ curve
+    best = left[np.argmin(left.sum(axis=1))]
+    gain, error = gain_and_error(constant, best)
+    return float(np.sqrt(max(0.0, (constant - best).sum()) / count)) if gain > error else 0.0
+
+
+def _splines(channel: Floats) -> tuple[Floats, Floats]:
+    """Cubic B-splines (T, P) over the range of a channel, and their penalty (P, P)."""
+    inner = np.linspace(channel.min(), channel.max(), KNOTS + 1)
+    step = inner[1] - inner[0]
+    knots = inner[0] + step * np.arange(-3, KNOTS + 4)
+    inside = np.clip(channel, inner[0], inner[-1] - 1e-9 * step)
+    columns = BSpline.design_matrix(inside, knots, 3).toarray()
+    second = np.diff(np.eye(columns.shape[1]), 2, axis=0)
+    return columns, second.T @ second + 1e-9 * np.eye(columns.shape[1])
+
+
+def _harmonics(angle: Floats) -> tuple[Floats, Floats]:
+    """A constant and HARMONICS of an angle (T,) rad, and their penalty: of the fourth power."""
+    waves = [np.ones_like(angle)]
+    weights = [0.0]
+    for k in range(1, HARMONICS + 1):
+        waves += [np.cos(k * angle), np.sin(k * angle)]
+        weights += [k**4.0] * 2
+    return np.stack(waves, axis=1), np.diag(np.array(weights) + 1e-9)

@@ -1,0 +1,171 @@
+"""What belongs to every aircraft, fitted to its good flights: no search, and nothing is named.
+
+Moments of turning and of the flow, thrust of turns and gusts, drag and lift of forward flight
+beyond what the base model has, inflow in climb, where the centre of gravity stands, the trim of
+yaw, the density of the air and how late telemetry comes are part of every aircraft. All of them are
+fitted together. An effect stays if flights left out in turn are predicted better with it, by more
+than the standard error of that gain; the least needed goes first. A gain is the logarithm of a
+flight's cost without over that with, so that a flight with many sharp turns has no more to say than
+a quiet one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from thrustmargin.models.effects import BY_KEY
+from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.identification.rows.base_uncertainty import base_uncertainty_rpm
+from thrustmargin.models.identification.rows.candidates import Candidate, Held, Term, candidate
+from thrustmargin.models.identification.rows.output_shares import effects_on_shares
+from thrustmargin.models.identification.rows.problem import Problem, assemble
+from thrustmargin.models.identification.rows.row_fit import RowFit, RowSums, fit_rows, half_widths
+from thrustmargin.models.model.rotor_model import RotorModel
+
+STANDARD = (
+    "sensor_lag",
+    "sensor_lag:rotor speed",
+    "parasite_drag",
+    "load_factor",
+    "cg_offset",
+    "cg_offset:tank",
+    "flow_moment",
+    "drag_moment",
+    "yaw_trim",
+    "manoeuvre_moment",
+    "air_density",
+    "translational_lift",
+    "climb_inflow",
+)
+#: Without a network the base follows the air of each row (Eq. 6), so its density is no choice.
+BY_NATURE = "air_density"
+
+
+def standard_effects(model: RotorModel, problem: Problem) -> list[Term]:
+    """The effects of STANDARD for which every row has its channels."""
+    effects = [BY_KEY[key].scaled(model.airframe) for key in STANDARD]
+    if problem.of_outputs:
+        effects = list(effects_on_shares(effects))
+    possible = [e for e in effects if e.possible_on(model.airframe) and not problem.lacks(e)]
+    return [Term(effect=e) for e in possible]
+
+
+def with_standard_effects(
+    model: RotorModel, tracks: Sequence[FlightTrack], *, date: str = ""
+) -> RotorModel:
+    """The model with the standard effects that its flights show, fitted together on `tracks`.
+
+    At least 2 flights. Raises DataError when one has too few rows to fit.
+    """
+    problem = assemble(model, tracks)
+    doubt = problem.in_modes(base_uncertainty_rpm(model, problem.base, problem.channels))
+    known = np.sqrt(np.sum(doubt**2, axis=0).mean(axis=0))
+    terms = standard_effects(model, problem)
+    fit = fit_rows(problem, [_at_start(t, problem) for t in terms], known_rpm=known)
+    if model.network is not None:
+        fit = _without_density_if_unneeded(problem, fit, known)
+    kept = _needed(fit)
+    while kept != fit.held:  # a value may shrink when those that opposed it are gone
+        fit = fit_rows(problem, kept, known_rpm=known)
+        kept = tuple(h for h in fit.held if _of_note(h))
+    half = iter(_half_widths(fit, doubt))
+    records = []
+    for held in fit.held:
+        parameters = {}
+        for p, value in zip(held.candidate.parameters, held.free_values, strict=True):
+            width = next(half) + p.resolution + p.accuracy * abs(value)
+            ci95 = (float(value - width), float(value + width))
+            parameters[p.name] = Identified(value=float(value), unit=p.unit, ci95=ci95)
+        effect = held.candidate.term.effect
+        records.append(
+            EffectRecord(
+                name=effect.name,
+                variant=effect.variant,
+                rotor=None,
+                parameters=parameters,
+                flights=problem.names,
+                date=date,
+            )
+        )
+    return replace(model, effects=(*model.effects, *records))
+
+
+def _at_start(term: Term, problem: Problem) -> Held:
+    one: Candidate = candidate(term, problem.flights)
+    return Held(candidate=one, values=one.start)
+
+
+def _half_widths(fit: RowFit, doubt: Floats) -> Floats:
+    """(P,) of the values of a fit, with what the base model does not know in them, (D, T, R).
+
+    How these flights differ shows in the fit itself: before it, wind and balance are in there.
+    """
+    z = fit.filter.apply(np.concatenate([fit.columns, np.moveaxis(doubt, 0, 2)], axis=2))
+    count = fit.columns.shape[2]
+    shared = np.einsum("trp,trk->pk", z[:, :, :count], z[:, :, count:])
+    return half_widths(fit.sums, shared)[0]
+
+
+def _without_density_if_unneeded(problem: Problem, fit: RowFit, known: Floats) -> RowFit:
+    """The fit, without the density of the air if flights left out do not ask for it."""
+    rest = [h for h in fit.held if h.candidate.key != BY_NATURE]
+    without = fit_rows(problem, rest, known_rpm=known)
+    gain, error = gain_and_error(without.sums.left_out_costs(), fit.sums.left_out_costs())
+    return fit if gain > error else without
+
+
+def _needed(fit: RowFit) -> tuple[Held, ...]:
+    """What stays, by the sums of the fit with all of it.
+
+    An effect with a value at a bound is not what happens, one of less than its least worth naming
+    is not worth a line: they go first.
+    """
+    kept = tuple(h for h in fit.held if _of_note(h))
+    while True:
+        whole = held_at_absent(fit, kept).left_out_costs()
+        gains = []
+        for one in kept:
+            if one.candidate.key != BY_NATURE:
+                rest = tuple(h for h in kept if h is not one)
+                gain, error = gain_and_error(held_at_absent(fit, rest).left_out_costs(), whole)
+                gains.append((gain - error, rest))
+        if not gains or min(gains, key=lambda g: g[0])[0] > 0.0:
+            return kept
+        kept = min(gains, key=lambda g: g[0])[1]
+
+
+def held_at_absent(fit: RowFit, kept: Sequence[Held]) -> RowSums:
+    """The sums of a fit with the other effects held at nothing, the rest free."""
+    free, move = [], []
+    for held in fit.held:
+        for p, value in zip(held.candidate.parameters, held.free_values, strict=True):
+            stays = any(held is h for h in kept)
+            if stays:
+                free.append(len(move))
+            move.append(0.0 if stays or p.absent is None else p.absent - value)
+    return fit.sums.held_at(free, np.array(move))
+
+
+def _of_note(held: Held) -> bool:
+    """True when all values that make the effect are inside their bounds and one is worth naming;
+    always of an effect that is no choice."""
+    if held.candidate.key == BY_NATURE:
+        return True
+    pairs = zip(held.candidate.parameters, held.free_values, strict=True)
+    main = [(p, value) for p, value in pairs if not p.detail]
+    return all(p.lower < value < p.upper for p, value in main) and any(
+        abs(value - (p.absent or 0.0)) >= p.smallest for p, value in main
+    )
+
+
+def gain_and_error(without: Floats, having: Floats) -> tuple[float, float]:
+    """Mean over flights of log(cost without / cost with), and its standard error.
+
+    Costs (F,) above 0 of at least 2 flights, the same in both.
+    """
+    gains = np.log(without / having)
+    return float(gains.mean()), float(np.std(gains, ddof=1) / np.sqrt(gains.size))

@@ -1,0 +1,216 @@
+"""Effects that a search may put into a set, and what they do to the predicted speeds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from thrustmargin.models.effects.base import TORQUE_SHARE, Effect, Parameter, Placed
+from thrustmargin.models.effects.load_factor import LOAD_FACTOR
+from thrustmargin.models.effects.manoeuvre_moment import MANOEUVRE_MOMENT
+from thrustmargin.models.effects.rotor_degradation import LOSS
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.rows.problem import RowsToFit
+from thrustmargin.models.identification.rows.reduced import Reduced
+from thrustmargin.models.model.predict import flown_airframe
+from thrustmargin.models.physics.atmosphere import G0
+from thrustmargin.models.physics.margin import ceiling, trimmable_loss
+
+EFFECT_PRIOR, ROTOR_PRIOR = 0.02, 0.005  # that an effect is there; that a given rotor is bad
+#: what any motion does by Newton's and Euler's laws: a model has it or lacks it, once
+OF_MOTION = (LOAD_FACTOR.key, MANOEUVRE_MOMENT.key)
+STEP = 1e-3  # of a parameter's usual size, of the central difference
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Term:
+    """An effect that is being fitted, on one rotor (0-based) where it is of one."""
+
+    effect: Effect
+    rotor: int | None = None
+
+    @property
+    def key(self) -> str:
+        suffix = "" if self.rotor is None else f"@{self.rotor + 1}"
+        return self.effect.key + suffix
+
+    @property
+    def words(self) -> str:
+        """Name, and the rotor counted from 1."""
+        return self.effect.name + ("" if self.rotor is None else f" of rotor {self.rotor + 1}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Candidate:
+    """A term with K parameters, the values it starts from and which of them are free."""
+
+    term: Term
+    start: Floats  # (F, K)
+    free: tuple[tuple[int, int | None], ...]  # (parameter, flight or None where all share it)
+    log_prior: float
+
+    @property
+    def key(self) -> str:
+        return self.term.key
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """(P,) the parameter of each free value."""
+        every = self.term.effect.parameters
+        return tuple(every[k] for k, _ in self.free)
+
+    @property
+    def start_values(self) -> list[float]:
+        """(P,) where the free values start."""
+        return [float(self.start[flight or 0, k]) for k, flight in self.free]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Held:
+    """A candidate with values."""
+
+    candidate: Candidate
+    values: Floats  # (F, K)
+
+    @property
+    def free_values(self) -> Floats:
+        """(P,) the values that are free."""
+        return np.array([self.values[flight or 0, k] for k, flight in self.candidate.free])
+
+    def usually_shaped(self) -> Held:
+        """A bad rotor with its usual share of the torque; itself where that is so."""
+        values = self.values.copy()
+        for k, p in enumerate(self.candidate.term.effect.parameters):
+            if p.name == TORQUE_SHARE.name:
+                values[:, k] = p.start
+        return self if np.array_equal(values, self.values) else replace(self, values=values)
+
+    def moved(self, by: Floats) -> Held:
+        """With the free values (P,) moved, kept within their bounds."""
+        values = self.values.copy()
+        for (k, flight), step in zip(self.candidate.free, by, strict=True):
+            p = self.candidate.term.effect.parameters[k]
+            rows = slice(None) if flight is None else flight
+            values[rows, k] = np.clip(values[rows, k] + step, p.lower, p.upper)
+        return replace(self, values=values)
+
+
+def candidates_of(reduced: Reduced, catalogue: Sequence[Effect]) -> list[Candidate]:
+    """Every effect whose channels the flights report, on each rotor where it is of one; not those
+    that begin in a flight, which `onsets` finds."""
+    rotors = reduced.measured_rpm.shape[1]
+    most = _flyable_loss(reduced)
+    has = {item.effect.key for item in reduced.model.placed}
+    found = []
+    for effect in catalogue:
+        if effect.begins or (effect.key in has and effect.key in OF_MOTION):
+            continue
+        if effect.by_flights and reduced.flights == 1:
+            continue
+        if effect.of_one_rotor:
+            effect = _bounded(effect, most)
+        for rotor in range(rotors) if effect.of_one_rotor else (None,):
+            term = Term(effect=effect, rotor=rotor)
+            if not reduced.lacks(effect) and _would_show(reduced, effect):
+                found.append(candidate(term, reduced.flights))
+    return found
+
+
+def _would_show(reduced: Reduced, effect: Effect) -> bool:
+    """False for an effect that even at its usual size these flights could hardly show."""
+    if effect.weight is None:
+        return True
+    values = {p.name: p.start + (0.0 if p.detail else p.scale) for p in effect.parameters}
+    return bool(effect.weight(values, reduced.channels) >= 1.0)
+
+
+def _flyable_loss(reduced: Reduced) -> float:
+    """The largest loss of one rotor with which the flights' weight could be held level."""
+    x, airframe = reduced.channels, flown_airframe(reduced.model)
+    voltage = np.nanmedian(x.voltage) if np.isfinite(x.voltage).any() else np.nan
+    limits = ceiling(airframe, np.nanmedian(x.density), voltage)
+    load = float(np.nanmedian(x.total_mass)) * G0
+    most = float(trimmable_loss(airframe, limits, load, yaw_kept=False)[0])
+    return most if np.isfinite(most) else 1.0
+
+
+def _bounded(effect: Effect, most: float) -> Effect:
+    """A rotor's loss that nobody could have flown with is none, nor is a rotor that gains."""
+    kept = tuple(
+        replace(p, lower=-p.smallest, upper=min(p.upper, max(most, p.scale)))
+        if p.name == LOSS.name
+        else p
+        for p in effect.parameters
+    )
+    return replace(effect, parameters=kept)
+
+
+def candidate(term: Term, flights: int) -> Candidate:
+    """A term at its own start, with every value free."""
+    start = np.array([[p.start for p in term.effect.parameters]] * flights)
+    free: list[tuple[int, int | None]] = []
+    for k, p in enumerate(term.effect.parameters):
+        free += [(k, f) for f in range(flights)] if p.per_flight else [(k, None)]
+    prior = EFFECT_PRIOR if term.rotor is None else ROTOR_PRIOR
+    return Candidate(term=term, start=start, free=tuple(free), log_prior=float(np.log(prior)))
+
+
+def placed(rows: RowsToFit, held: Sequence[Held]) -> list[Placed]:
+    """Effects with their values, an array of N where flights have their own."""
+    out = []
+    for one in held:
+        values: dict[str, Any] = {}
+        for k, p in enumerate(one.candidate.term.effect.parameters):
+            column = one.values[:, k]
+            same = np.all(column == column[0])
+            values[p.name] = float(column[0]) if same else column[rows.flight]
+        term = one.candidate.term
+        out.append(Placed(effect=term.effect, rotor=term.rotor, values=values))
+    return out
+
+
+def predicted(rows: RowsToFit, held: Sequence[Held]) -> Floats:
+    """(N, R) rpm in modes."""
+    return rows.in_modes(rows.speeds(placed(rows, held)))
+
+
+def derivatives(rows: RowsToFit, held: Sequence[Held], of: int) -> Floats:
+    """(T, R, P) rpm in modes by the free values of one of the candidates."""
+    free = held[of].candidate.free
+    wanted = sorted({k for k, _ in free})
+    by_row = slopes(rows, held, of, wanted)
+    columns = [np.zeros((*by_row.shape[:2], 0))]
+    for k, flight in free:
+        column = by_row[:, :, wanted.index(k), None]
+        columns.append(
+            column if flight is None else column * (rows.flight == flight)[:, None, None]
+        )
+    return np.concatenate(columns, axis=2)
+
+
+def slopes(
+    rows: RowsToFit, held: Sequence[Held], of: int, wanted: Sequence[int] | None = None
+) -> Floats:
+    """(T, R, K) rpm in modes by the parameters of one of the candidates, or those `wanted`, by
+    central differences.
+
+    A value at its bound is moved to one side only, one beyond its bounds not at all.
+    """
+    one = held[of]
+    parameters = one.candidate.term.effect.parameters
+    columns = [np.zeros((*rows.measured_rpm.shape, 0))]
+    for k in range(len(parameters)) if wanted is None else wanted:
+        p = parameters[k]
+        ends = []
+        for sign in (1.0, -1.0):
+            values = one.values.copy()
+            values[:, k] = np.clip(values[:, k] + sign * STEP * p.scale, p.lower, p.upper)
+            others = [*held[:of], replace(one, values=values), *held[of + 1 :]]
+            ends.append((predicted(rows, others), values[:, k]))
+        (above, up), (below, down) = ends
+        width = np.where(up == down, np.inf, up - down)[rows.flight]
+        columns.append(((above - below) / width[:, None])[:, :, None])
+    return np.concatenate(columns, axis=2)

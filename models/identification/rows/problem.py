@@ -1,0 +1,232 @@
+"""A fitting problem: the rows of several flights, with channels, measured speeds and blocks.
+
+Rows that say nothing about the model are left out: on the ground, within take-off and landing, or
+with a rotor speed, airspeed or tank level missing. The unit of everything statistical is the block
+(BLOCK_SECONDS of one flight) and the flight; rows within one are correlated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thrustmargin.models.effects import effects_for
+from thrustmargin.models.effects.base import Effect, Placed
+from thrustmargin.models.effects.channels import Channels, concatenate
+from thrustmargin.models.effects.compose import BaseTable, filled, rotor_speed_rpm
+from thrustmargin.models.errors import AirframeError, DataError
+from thrustmargin.models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.identification.rows.modes import Modes, modes
+from thrustmargin.models.identification.rows.output_shares import (
+    of_outputs,
+    scaled_to,
+    spread_of_flights,
+)
+from thrustmargin.models.model.predict import model_channels, table_of
+from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.physics.flight_phases import training_rows
+
+BLOCK_SECONDS = 10.0
+LEAST_ROWS = 100
+MOST_ROWS = 9_000
+WINDOW_SHARE = 0.5  # rows beside an end or a gap lack what lies around them, most in short flights
+MISSING_SHARE = 0.02  # a channel with more rows missing than this is not there
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RowsToFit:
+    """T rows of F flights, one flight after the other, R rotors."""
+
+    model: RotorModel
+    base: BaseTable  # of numpy arrays
+    modes: Modes
+    channels: Channels  # numpy
+    measured_rpm: Floats  # (T, R)
+    flight: NDArray[np.intp]  # (T,) which flight
+    follows: Bools  # (T,) the row comes right after the one before it
+    names: tuple[str, ...]  # of the flights
+    of_outputs: bool = False  # speeds are from motor outputs: only each rotor's share counts
+
+    @property
+    def flights(self) -> int:
+        return len(self.names)
+
+    @property
+    def placed(self) -> tuple[Placed, ...]:
+        """Effects that the model already has."""
+        return self.model.placed
+
+    def lacks(self, effect: Effect) -> tuple[str, ...]:
+        """The channels that the effect needs or reads and that not every row has."""
+        read = dict.fromkeys((*effect.needs, *effect.neutral))
+        return tuple(name for name in read if not _reported(self.channels.read(name)))
+
+    def speeds(self, placed: Sequence[Placed] = (), *, without: int | None = None) -> Floats:
+        """(T, R) rpm with effects besides those that the model has, or all of those but one."""
+        own = [item for k, item in enumerate(self.placed) if k != without]
+        with np.errstate(invalid="ignore", over="ignore"):
+            speed = rotor_speed_rpm(self.base, (*own, *placed), self.channels)
+            if self.of_outputs:
+                speed = scaled_to(np.sum(self.measured_rpm**2, axis=1), speed)
+        return speed
+
+    def in_modes(self, speed_rpm: Floats) -> Floats:
+        """Amplitudes (..., R) rpm of the modes of speeds or their differences."""
+        return speed_rpm @ self.modes.directions
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Problem(RowsToFit):
+    """Rows in B blocks of time."""
+
+    block: NDArray[np.intp]  # (T,) which block, increasing
+    block_flight: NDArray[np.intp]  # (B,) flight of each block
+    durations: Floats  # (F,) s
+    background_rpm: Floats  # (R,) by which each mode differs from flight to flight, whatever is new
+
+    @property
+    def flight_start_unix_s(self) -> Floats:
+        """(F,) Unix time of the first row of each flight, NaN where the log does not tell it."""
+        first = np.unique(self.flight, return_index=True)[1]
+        return self.channels.clock_s[first]
+
+    @property
+    def first_row_s(self) -> Floats:
+        """(F,) time of the first row of each flight since its start."""
+        return self.channels.time_s[np.unique(self.flight, return_index=True)[1]]
+
+    def rows(self, which: NDArray[np.intp]) -> Problem:
+        """Some of the rows, in their order, of the flights and blocks that they are of."""
+        flights, flight = np.unique(self.flight[which], return_inverse=True)
+        blocks, block = np.unique(self.block[which], return_inverse=True)
+        return replace(
+            self,
+            channels=self.channels.rows(which),
+            measured_rpm=self.measured_rpm[which],
+            flight=flight,
+            follows=self.follows[which] & (np.diff(which, prepend=-2) == 1),
+            names=tuple(self.names[f] for f in flights),
+            block=block,
+            block_flight=np.searchsorted(flights, self.block_flight[blocks]),
+            durations=self.durations[flights],
+        )
+
+
+def airspeed_is_ground_speed(track: FlightTrack) -> bool:
+    """True when the airspeed is the speed over ground for want of a sensor and of a wind."""
+    return "ground speed" in track.sources.get("airspeed", "")
+
+
+def _reported(channel: Any) -> bool:
+    if isinstance(channel, tuple):
+        return all(_reported(c) for c in channel)
+    return isinstance(channel, np.ndarray) and bool(np.isfinite(channel).all())
+
+
+def assemble(model: RotorModel, tracks: Sequence[FlightTrack]) -> Problem:
+    """Rows of the flights that can be fitted, thinned alike to about MOST_ROWS.
+
+    Raises AirframeError for a wrong rotor count and DataError when a flight has too few rows.
+    """
+    of_outputs(tracks)  # raises where flights are of both kinds
+    stride = stride_of(model, tracks)
+    return joined([thinned(assemble_flight(model, track), stride) for track in tracks])
+
+
+def stride_of(model: RotorModel, tracks: Sequence[FlightTrack]) -> int:
+    """Every how many rows of flights are kept, so that about MOST_ROWS are."""
+    rows = sum(int(training_rows(track, model.inputs).sum()) for track in tracks)
+    return max(1, -(-rows // MOST_ROWS))
+
+
+def flown_s(model: RotorModel, track: FlightTrack) -> float:
+    """How long a flight is that can be fitted."""
+    rows = training_rows(track, model.inputs)
+    return float(rows.sum() * np.median(np.diff(track.time_s))) if rows.any() else 0.0
+
+
+def assemble_flight(model: RotorModel, track: FlightTrack) -> Problem:
+    """All rows of one flight that can be fitted; raises as `assemble`."""
+    airframe = model.airframe
+    if track.rotor_count != airframe.rotor_count:
+        raise AirframeError(
+            f"{track.name}: {track.rotor_count} rotors, but airframe {airframe.name} has "
+            f"{airframe.rotor_count}; give the right airframe with --airframe"
+        )
+    if model.network is None and airspeed_is_ground_speed(track):
+        track = replace(track, airspeed=np.full_like(track.airspeed, np.nan))
+    channels = model_channels(model, track, effects=effects_for(airframe))
+    keep = training_rows(track, model.inputs)
+    if "airspeed" in model.inputs:
+        keep &= np.isfinite(channels.airspeed_shifts).all(axis=1)
+    for optional in (
+        channels.airspeed_shifts,
+        channels.load_factor_shifts,
+        channels.rate_shifts[2],
+    ):
+        good = np.isfinite(optional).all(axis=1)
+        if np.sum(keep & ~good) < WINDOW_SHARE * np.sum(keep):
+            keep &= good
+    for optional in (channels.voltage, channels.radius_over_height, channels.advance_ratio):
+        good = np.isfinite(optional)
+        if np.sum(keep & ~good) < MISSING_SHARE * np.sum(keep):
+            keep &= good
+    rows = np.flatnonzero(keep)
+    if rows.size < LEAST_ROWS:
+        raise DataError(
+            f"{track.name}: {rows.size} rows in flight with rotor speeds and all that the "
+            f"model needs; {LEAST_ROWS} are needed. Look at it with: thrustmargin inspect"
+        )
+    channels = channels.rows(rows)
+    for item in model.placed:
+        channels = filled(item.effect, item.values, channels)
+    elapsed = track.time_s[rows] - track.time_s[rows[0]]
+    whole = max(1, round(float(elapsed[-1]) / BLOCK_SECONDS))
+    block = np.minimum((elapsed / (elapsed[-1] / whole + 1e-9)).astype(np.intp), whole - 1)
+    block = np.unique(block, return_inverse=True)[1]
+    return Problem(
+        model=model,
+        base=table_of(model),
+        channels=channels,
+        measured_rpm=track.rotor_speed_rpm[rows],
+        flight=np.zeros(rows.size, dtype=np.intp),
+        block=block,
+        block_flight=np.zeros(int(block.max()) + 1, dtype=np.intp),
+        follows=np.concatenate([[False], np.diff(rows) == 1]),
+        names=(track.name,),
+        durations=np.array([float(elapsed[-1])]),
+        modes=modes(airframe),
+        background_rpm=np.array(model.background_rpm or np.zeros(airframe.rotor_count)),
+        of_outputs=of_outputs([track]),
+    )
+
+
+def thinned(problem: Problem, stride: int) -> Problem:
+    """Every so many rows."""
+    which = np.arange(0, problem.measured_rpm.shape[0], stride)
+    return problem if stride == 1 else problem.rows(which)
+
+
+def joined(parts: Sequence[Problem]) -> Problem:
+    """Flights of one aircraft under each other; of motor outputs, with how flights differ."""
+    counts = np.cumsum([0, *(p.block_flight.size for p in parts)])
+    problem = replace(
+        parts[0],
+        channels=concatenate([p.channels for p in parts]),
+        measured_rpm=np.concatenate([p.measured_rpm for p in parts]),
+        flight=np.concatenate([p.flight + k for k, p in enumerate(parts)]),
+        block=np.concatenate([p.block + k for p, k in zip(parts, counts[:-1], strict=True)]),
+        block_flight=np.concatenate([p.block_flight + k for k, p in enumerate(parts)]),
+        follows=np.concatenate([p.follows for p in parts]),
+        names=tuple(name for p in parts for name in p.names),
+        durations=np.concatenate([p.durations for p in parts]),
+    )
+    if not problem.of_outputs:
+        return problem
+    residual = problem.in_modes(problem.measured_rpm - problem.speeds())
+    spread, _ = spread_of_flights(residual, problem.flight, problem.background_rpm)
+    return replace(problem, background_rpm=spread)

@@ -1,0 +1,123 @@
+"""Flights as short means: what the search works on.
+
+A rotor's inertia, a gust and a late message move a residual within tenths of a second; an effect
+lasts. So rows are averaged over BIN seconds, channels and measured speeds alike, and effects are
+worked out on the means: seven times fewer rows at 10 Hz, and noise that is nearly independent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thrustmargin.models.effects.channels import concatenate, froude_time_scale
+from thrustmargin.models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.identification.rows.base_uncertainty import base_uncertainty_rpm
+from thrustmargin.models.identification.rows.output_shares import of_outputs
+from thrustmargin.models.identification.rows.problem import (
+    Problem,
+    RowsToFit,
+    assemble_flight,
+    flown_s,
+    joined,
+    stride_of,
+    thinned,
+)
+from thrustmargin.models.model.rotor_model import RotorModel
+
+#: s of an aircraft of the F16's size: longer than the rotors' lag and most gusts, shorter than what
+#: a manoeuvre does; times go with the root of the size (Froude)
+BIN = 0.7
+#: of all flights: of a season each flight keeps stretches, one flight's here, the next one's there
+MOST_MEANS, STRETCH = 9_000, 30
+LEAST_FILL = 0.5  # of the usual rows of a bin, for it to count
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Reduced(RowsToFit):
+    """N means of F flights."""
+
+    uncertainty_rpm: Floats  # (D, N, R) by which the base model may be off, one deviation each
+
+    @property
+    def judged(self) -> Bools:
+        """(R,) modes that say something: of motor outputs the collective does not."""
+        return np.arange(self.measured_rpm.shape[1]) >= int(self.of_outputs)
+
+
+def reduce_flights(model: RotorModel, tracks: Sequence[FlightTrack]) -> Reduced:
+    """Means of the rows that can be fitted; raises as `problem.assemble`, flight by flight."""
+    return rows_and_means(model, tracks)[1]
+
+
+def rows_and_means(model: RotorModel, tracks: Sequence[FlightTrack]) -> tuple[Problem, Reduced]:
+    """The rows as `problem.assemble` thins them, and the means of all rows; one flight at a time
+    is held in full."""
+    of_outputs(tracks)  # raises where flights are of both kinds
+    stride = stride_of(model, tracks)
+    seconds = sum(flown_s(model, track) for track in tracks)
+    every = -(-int(seconds / (BIN * froude_time_scale(model.airframe))) // MOST_MEANS)
+    rows, parts = [], []
+    for index, track in enumerate(tracks):
+        whole = assemble_flight(model, track)
+        rows.append(thinned(whole, stride))
+        parts.append(_stretches(_means(whole, index), index, every))
+    first = parts[0]
+    channels = concatenate([p.channels for p in parts])
+    means = replace(
+        first,
+        channels=channels,
+        measured_rpm=np.concatenate([p.measured_rpm for p in parts]),
+        flight=np.concatenate([p.flight for p in parts]),
+        follows=np.concatenate([p.follows for p in parts]),
+        uncertainty_rpm=base_uncertainty_rpm(model, first.base, channels),
+        names=tuple(name for p in parts for name in p.names),
+    )
+    return joined(rows), means
+
+
+def _stretches(means: Reduced, flight: int, every: int) -> Reduced:
+    """Every so many stretches of STRETCH means that follow each other."""
+    count = means.flight.size
+    kept = np.flatnonzero((np.arange(count) // STRETCH + flight) % every == 0)
+    if every < 2 or kept.size < STRETCH:
+        return means
+    return replace(
+        means,
+        channels=means.channels.rows(kept),
+        measured_rpm=means.measured_rpm[kept],
+        flight=means.flight[kept],
+        follows=means.follows[kept] & (np.diff(kept, prepend=-2) == 1),
+        uncertainty_rpm=means.uncertainty_rpm[:, kept],
+    )
+
+
+def _means(problem: Problem, index: int) -> Reduced:
+    time_s = problem.channels.time_s
+    which = ((time_s - time_s[0]) / (BIN * froude_time_scale(problem.model.airframe))).astype(
+        np.intp
+    )
+    bins, start, count = np.unique(which, return_index=True, return_counts=True)
+    full = count >= LEAST_FILL * np.median(count)
+
+    def mean(values: Floats) -> Floats:
+        sums = np.add.reduceat(values, start, axis=0)
+        return (sums / count.reshape(-1, *[1] * (values.ndim - 1)))[full]
+
+    channels = problem.channels
+    heading = np.mod(mean(np.unwrap(channels.heading)), 2 * np.pi)
+    kept = bins[full]
+    return Reduced(
+        model=problem.model,
+        base=problem.base,
+        modes=problem.modes,
+        channels=replace(channels.each(mean), heading=heading),
+        measured_rpm=mean(problem.measured_rpm),
+        flight=np.full(kept.size, index),
+        follows=np.diff(kept, prepend=kept[0] - 2) == 1,
+        uncertainty_rpm=np.zeros((0, kept.size, problem.measured_rpm.shape[1])),
+        names=problem.names,
+        of_outputs=problem.of_outputs,
+    )

@@ -1,0 +1,222 @@
+"""Least squares on rows at 10 Hz, for a set of effects that is given: no search, no free form.
+
+Lags of tenths of a second show in rows, not in means. Each row's residual in modes is over the
+mode's robust size, with Huber weights, and blocks of time keep their sums z'z of derivatives and
+residual: leaving flights out, intervals and effects taken out again are algebra on those sums.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from thrustmargin.models.flight import Bools, Floats
+from thrustmargin.models.identification.rows.candidates import Held, derivatives, predicted
+from thrustmargin.models.identification.rows.problem import Problem
+from thrustmargin.models.identification.rows.whitening import Whitening, plain
+
+ROUNDS = 2  # of weights by what is left
+STEPS = 10  # of Gauss and Newton in each
+SHRINK = (1.0, 0.3, 0.1)  # of a step that does not help
+CONVERGED = 1e-6  # of the cost, that a step must gain
+FARTHEST = 4.0  # usual sizes, that a value moves at once
+RIDGE = 1e-4  # weight of a value's usual size, per row: it only keeps what nothing shows at rest
+
+
+def block_sums(filter_: Whitening, columns: Floats, block: NDArray[np.intp]) -> Floats:
+    """(B, q, q) z'z of columns (T, R, q) rpm in modes over the rows of each block."""
+    z = filter_.apply(columns)
+    ends = [*np.flatnonzero(np.diff(block, prepend=-1)), block.size]
+    parts = [z[a:b].reshape(-1, z.shape[2]) for a, b in pairwise(ends)]
+    return np.stack([part.T @ part for part in parts])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RowSums:
+    """Sums by blocks about the values of a fit: P derivatives, then the residual."""
+
+    sums: Floats  # (B, P + 1, P + 1)
+    owner: NDArray[np.intp]  # (B,) flight of each block
+    prior: Floats  # (P,) weight of the prior
+    pull: Floats  # (P,) its gradient at the values
+    flights: int
+
+    def by_flight(self) -> Floats:
+        """(F, P + 1, P + 1)."""
+        out = np.zeros((self.flights, *self.sums.shape[1:]))
+        np.add.at(out, self.owner, self.sums)
+        return out
+
+    def move(self, total: Floats) -> Floats:
+        """(P,) from the values to the best by some of the sums."""
+        system = total[:-1, :-1] + np.diag(self.prior)
+        return np.asarray(np.linalg.solve(system, total[:-1, -1] + self.pull), dtype=np.float64)
+
+    def left_out_costs(self) -> Floats:
+        """(F,) cost of each flight under the values that the others give."""
+        each = self.by_flight()
+        total, costs = each.sum(axis=0), []
+        for own in each:
+            weights = np.append(-self.move(total - own), 1.0)
+            costs.append(float(weights @ own @ weights))
+        return np.array(costs)
+
+    def held_at(self, free: Sequence[int], move: Floats) -> RowSums:
+        """With the values moved (P,) and only some of them free."""
+        chosen = np.zeros((self.prior.size + 1, len(free) + 1))
+        chosen[list(free), np.arange(len(free))] = 1.0
+        chosen[:-1, -1], chosen[-1, -1] = -move, 1.0
+        return replace(
+            self,
+            sums=chosen.T @ self.sums @ chosen,
+            prior=self.prior[list(free)],
+            pull=(self.pull - self.prior * move)[list(free)],
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RowFit:
+    """Effects with the values found, and the sums about them."""
+
+    held: tuple[Held, ...]
+    filter: Whitening
+    columns: Floats  # (T, R, P) rpm in modes
+    sums: RowSums
+
+
+def fit_rows(
+    problem: Problem,
+    held: Sequence[Held],
+    chosen: Bools | None = None,
+    known_rpm: Floats | float = 0.0,
+) -> RowFit:
+    """All free values of a set together, from where they stand, on the `chosen` blocks (B,).
+
+    `known_rpm` (R,) is what the base model may be off by in each mode: quiet sensors do not make it
+    any truer.
+    """
+    held = tuple(held)
+    measured = problem.in_modes(problem.measured_rpm)
+    chosen = np.ones(problem.block_flight.size, dtype=bool) if chosen is None else chosen
+    rows = chosen[problem.block]
+
+    def residual(of: Sequence[Held]) -> Floats:
+        return np.nan_to_num(measured - predicted(problem, of))
+
+    left = residual(held)
+    for _ in range(ROUNDS if any(h.candidate.free for h in held) else 1):
+        filter_ = plain(left, problem.flight, problem.of_outputs, known_rpm)
+        for _ in range(STEPS):
+            columns = _columns(problem, held)
+            sums = _sums(problem, held, filter_, columns, left)
+            taken = inside_bounds(sums, sums.sums[chosen].sum(axis=0), held)
+            size = np.array([p.scale for h in held for p in h.candidate.parameters])
+            taken = np.clip(taken, -FARTHEST * size, FARTHEST * size)
+            merit = _merit(held, sums.prior, filter_.apply(left)[rows])
+            gained = 0.0
+            for shrink in SHRINK:
+                moved = _moved(held, shrink * taken)
+                new = residual(moved)
+                value = _merit(moved, sums.prior, filter_.apply(new)[rows])
+                if value < merit:
+                    gained, held, left = merit - value, moved, new
+                    break
+            if gained <= CONVERGED * merit:
+                break
+    filter_ = plain(left, problem.flight, problem.of_outputs, known_rpm)
+    columns = _columns(problem, held)
+    sums = _sums(problem, held, filter_, columns, left)
+    return RowFit(held=held, filter=filter_, columns=columns, sums=sums)
+
+
+def inside_bounds(sums: RowSums, total: Floats, held: Sequence[Held]) -> Floats:
+    """(P,) the move of the values; one at a bound that would leave it stays, and the others move as
+    is best without it."""
+    value = np.concatenate([np.zeros(0), *(h.free_values for h in held)])
+    which = [h.candidate.parameters for h in held]
+    low = np.array([p.lower for of in which for p in of])
+    high = np.array([p.upper for of in which for p in of])
+    taken, free = np.zeros(value.size), np.ones(value.size, dtype=bool)
+    while True:
+        some = np.flatnonzero(free)
+        taken[:] = 0.0
+        kept = np.append(some, value.size)
+        taken[some] = sums.held_at(some.tolist(), taken).move(total[np.ix_(kept, kept)])
+        out = ((value <= low) & (taken < 0.0)) | ((value >= high) & (taken > 0.0))
+        if not np.any(out):
+            return taken
+        free &= ~out
+
+
+def _columns(problem: Problem, held: Sequence[Held]) -> Floats:
+    empty = np.zeros((*problem.measured_rpm.shape, 0))
+    parts = [derivatives(problem, held, k) for k in range(len(held))]
+    return np.nan_to_num(np.concatenate([empty, *parts], axis=2))
+
+
+def _sums(
+    problem: Problem, held: Sequence[Held], filter_: Whitening, columns: Floats, left: Floats
+) -> RowSums:
+    away, weight = _from_absent(held), RIDGE * left.shape[0] / _sizes(held) ** 2
+    whole = np.concatenate([columns, left[:, :, None]], axis=2)
+    return RowSums(
+        sums=block_sums(filter_, whole, problem.block),
+        owner=problem.block_flight,
+        prior=weight,
+        pull=-weight * away,
+        flights=problem.flights,
+    )
+
+
+def _merit(held: Sequence[Held], prior: Floats, z: Floats) -> float:
+    return float(np.sum(z**2) + np.sum(prior * _from_absent(held) ** 2))
+
+
+def _sizes(held: Sequence[Held]) -> Floats:
+    return np.array([p.scale for h in held for p in h.candidate.parameters])
+
+
+def _from_absent(held: Sequence[Held]) -> Floats:
+    """(P,) how far each value is from nothing; none where there is no such value."""
+    pairs = [
+        (p, v) for h in held for p, v in zip(h.candidate.parameters, h.free_values, strict=True)
+    ]
+    return np.array([0.0 if p.absent is None else v - p.absent for p, v in pairs])
+
+
+def _moved(held: Sequence[Held], by: Floats) -> tuple[Held, ...]:
+    ends = np.cumsum([0, *(len(h.candidate.free) for h in held)])
+    return tuple(h.moved(by[a:b]) for h, (a, b) in zip(held, pairwise(ends), strict=True))
+
+
+def half_widths(sums: RowSums, doubt: Floats, confidence: float = 0.95) -> tuple[Floats, Floats]:
+    """(P,) half widths of intervals and (P, P) their covariance, from blocks and flights.
+
+    Never from the number of rows: the variance is that of block sums, and where flights disagree by
+    more than their blocks explain, that of flight sums (Liang and Zeger 1986), with Student's t at
+    half as many degrees of freedom as blocks, because neighbouring blocks are not quite
+    independent, or with one less than flights. What the base model is off by is beside that, for no
+    row teaches it: `doubt` (P, D) are the derivatives' sums with the directions of it.
+    """
+    gradient, blocks, flights = sums.sums[:, :-1, -1], sums.owner.size, sums.flights
+    total = sums.sums.sum(axis=0)[:-1, :-1]
+    bread = np.linalg.inv(total + np.diag(sums.prior + 1e-12))
+    covariance = bread @ gradient.T @ gradient @ bread * blocks / max(1, blocks - 1)
+    level = 0.5 + confidence / 2
+    quantile = np.full(len(bread), student.ppf(level, max(2, blocks // 2)))
+    if flights > 2:
+        own = sums.by_flight()[:, :-1, -1]
+        wide = np.diag(bread @ own.T @ own @ bread) * flights / (flights - 1)
+        narrow = np.diag(covariance)
+        scale = np.sqrt(np.maximum(wide / np.maximum(narrow, 1e-300), 1.0))
+        quantile[wide > narrow] = student.ppf(level, flights - 1)
+        covariance = covariance * scale[:, None] * scale
+    square = quantile**2 * np.diag(covariance)
+    base = bread @ doubt @ doubt.T @ bread
+    square = square + student.ppf(level, np.inf) ** 2 * np.diag(base)
+    return np.sqrt(square), covariance + base

@@ -1,0 +1,103 @@
+"""Which flights may be fitted: rotor speeds that can be believed, enough rows, each flight once.
+
+Rotor speeds that are swapped, electrical or in another unit are no matter of physics: fitted, they
+would come out as a wrong effect, so they end the work with one sentence. Readings that are no
+measurement were left out when the log was read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Protocol
+
+from thrustmargin.models.checks.motor_order import check_motor_order
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.identification.rows.problem import LEAST_ROWS
+from thrustmargin.models.model.airframe_claim import airframe_claim
+from thrustmargin.models.model.analysis import require_rotors
+from thrustmargin.models.model.load_inference import LOAD_FROM_SPEEDS
+from thrustmargin.models.model.output_speed import FROM_OUTPUTS
+from thrustmargin.models.model.predict import flown_airframe
+from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.flight_phases import training_rows
+from thrustmargin.models.vehicle_facts import VehicleFacts
+
+
+class HasTrack(Protocol):
+    """A log that was read: its flight, what the vehicle is, and the autopilot's parameters."""
+
+    @property
+    def track(self) -> FlightTrack: ...
+    @property
+    def facts(self) -> VehicleFacts: ...
+    @property
+    def parameters(self) -> Mapping[str, float]: ...
+
+
+Flown = FlightTrack | HasTrack
+
+
+def require_airframe(flights: Sequence[Flown], model: RotorModel, *, given: bool) -> None:
+    """Raise DataError with all reasons for which flights cannot be fitted as the model's aircraft.
+
+    A model that was not `given` needs flights that are recognised as of its airframe. Raises
+    AirframeError for another number of rotors.
+    """
+    reasons: list[str] = []
+    for flown in flights:
+        if isinstance(flown, FlightTrack):
+            track, facts, parameters = flown, VehicleFacts(), {}
+        else:
+            track, facts, parameters = flown.track, flown.facts, flown.parameters
+        require_rotors(track, model.airframe)
+        claim = airframe_claim(track, flown_airframe(model), facts, parameters, given=given)
+        wrong = claim.withheld or [w for w in [wrong_order(track, model.airframe)] if w]
+        reasons += [f"{track.name}: {words}" for words in wrong]
+    if reasons:
+        raise DataError("; ".join(reasons))
+
+
+def wrong_order(track: FlightTrack, airframe: Airframe) -> str | None:
+    """Why the rotor speeds of a flight are those of other rotors, and what to do; else None.
+
+    Speeds from motor outputs are what the autopilot asked for, not what a sensor says.
+    """
+    if FROM_OUTPUTS in track.sources.get("rotor_speed_rpm", ""):
+        return None
+    order = check_motor_order(track, airframe)
+    if order.verdict == "differs":
+        return (
+            f"{order.words}; nothing was fitted: put the rotor speeds in motor order, or give the "
+            "right --airframe"
+        )
+    return None
+
+
+def too_little(track: FlightTrack, model: RotorModel) -> str | None:
+    """Why a flight has too few rows to fit or to validate on; None when it has enough."""
+    rows = int(training_rows(track, model.inputs).sum())
+    if rows >= LEAST_ROWS:
+        return None
+    if "tank_kg" in model.inputs and "tank_kg" in track.standard_errors:
+        return LOAD_FROM_SPEEDS
+    words = {"airspeed": "airspeed", "tank_kg": "tank level"}
+    needed = {"rotor_speed_rpm": "rotor speeds", **{name: words[name] for name in model.inputs}}
+    absent = [name for channel, name in needed.items() if not track.reports(channel)]
+    if absent:
+        return f"it reports no {' and no '.join(absent)}"
+    return f"{rows} rows in steady flight with {', '.join(needed.values())}; needs {LEAST_ROWS}"
+
+
+def require_distinct(tracks: Sequence[FlightTrack]) -> None:
+    """Raise DataError when a flight is given twice: it would confirm itself."""
+    seen: dict[bytes, str] = {}
+    for track in tracks:
+        content = track.rotor_speed_rpm.tobytes()
+        if content in seen:
+            raise DataError(
+                f"{track.name} and {seen[content]} are the same flight; give each flight once, "
+                "either to fit or as --held-out"
+            )
+        seen[content] = track.name

@@ -1,0 +1,74 @@
+"""What sound flights show: how large the scatter and the free form are when nothing is missing.
+
+Both are variance components of a linear model, found by expectation and maximisation (Dempster,
+Laird and Rubin 1977; Laird and Ware 1982): the mean square of each draw given the flights takes the
+place of its variance, until it stays.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.sets.nuisance import Nuisance
+
+STEPS = 20
+LEAST = 0.05  # of the size that a component began with, below which it is not let fall: few flights
+# cannot show that something never varies
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Learnt:
+    """Factors of the sizes that a nuisance began with."""
+
+    scatter: Floats  # (K,)
+    free: Floats  # (R, groups)
+
+
+def learn(
+    nuisance: Nuisance,
+    residual: Floats,
+    groups: tuple[str, ...],
+    own: NDArray[np.intp],
+    level: int = 0,
+) -> Learnt:
+    """Variance components of a residual (N, R) rpm in modes.
+
+    `groups` (H,) is each hat's channel; `own` (K,) numbers the components of the columns that each
+    flight draws for itself, -1 for those that keep their size.
+    """
+    names = list(dict.fromkeys(groups))
+    of = np.array([names.index(g) for g in groups])
+    modes, _, hats = nuisance.free.shape
+    scatter = np.ones(nuisance.scatter.shape[2])
+    free = np.ones((modes, len(names)))
+    sums = nuisance.sums(residual[:, :, None])
+    known = nuisance.doubt.shape[2]
+    for _ in range(STEPS):
+        now = replace(
+            nuisance,
+            scatter=nuisance.scatter * scatter,
+            free=nuisance.free * free[:, None, of],
+        )
+        solved = now.solved()
+        sums = now.sums(residual[:, :, None])
+        shared, _ = solved.without_scatter(sums)
+        covariance = solved.shared[level]
+        mean = covariance @ shared[:, 0]
+        square = (mean**2 + np.diag(covariance))[known:].reshape(modes, hats)
+        for g in range(len(names)):
+            free[:, g] *= np.sqrt(square[:, of == g].mean(axis=1)) if level == 0 else 1.0
+        draws = []
+        for f, spread, crossed in zip(solved.flights, solved.scatter, solved.crossed, strict=True):
+            moved = spread @ crossed
+            at = spread @ sums[f].scatter[:, 0] - moved @ mean
+            more = np.einsum("kx,xy,ky->k", moved, covariance, moved, optimize=True)
+            draws.append(at**2 + np.diag(spread) + more)
+        drawn = np.mean(draws, axis=0)
+        for g in range(own.max() + 1):
+            scatter[own == g] *= np.sqrt(drawn[own == g].mean())
+        scatter, free = np.maximum(scatter, LEAST), np.maximum(free, LEAST)
+    return Learnt(scatter=scatter, free=free)

@@ -1,0 +1,148 @@
+"""Sets of effects about a set that was fitted: all candidates in one linear problem.
+
+One Gram matrix holds the derivatives by the values of all candidates, what each candidate does by
+coming in or going out, and the residual; on it a set costs a small Cholesky factor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.rows.candidates import Held
+from thrustmargin.models.identification.sets.evidence import Scored, prior_of, score
+from thrustmargin.models.identification.sets.nuisance import EVERY, FlightSums, Solved
+
+TINY = 1e-9  # keeps the matrix of a value that moves nothing solvable
+
+Key = frozenset[int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FittedSet:
+    """A set fitted in full."""
+
+    key: Key
+    held: tuple[Held, ...]
+    levels: tuple[Scored, ...]  # at each level
+    log_evidence: Floats  # (levels,) with the level's own
+    residual: Floats  # (N, R) rpm in modes
+
+    @property
+    def total(self) -> float:
+        """Log evidence over all levels."""
+        return float(np.logaddexp.reduce(self.log_evidence))
+
+    @property
+    def best_level(self) -> int:
+        return int(np.argmax(self.log_evidence))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Linear:
+    """All candidates about a fitted set: `gram` (levels, q, q) of [derivatives, changes, residual].
+
+    `columns` are the places of each candidate's values; a change is what a candidate adds to the
+    prediction by coming in at its start or by going out.
+    """
+
+    about: FittedSet
+    held: tuple[Held, ...]  # every candidate: at its values in the set, at its start out of it
+    columns: tuple[slice, ...]
+    gram: Floats
+    doubt: Floats  # (levels,) log evidence of what was taken out
+
+    def score(self, key: Iterable[int], level: int) -> Scored:
+        """A set about this one."""
+        members = sorted(key)
+        gram, where = self.gram[level], self._where(members)
+        residual = self._residual(frozenset(members))
+        along = gram @ residual
+        prior = prior_of([self.held[c] for c in members])
+        return score(prior, gram[np.ix_(where, where)], along[where], float(residual @ along))
+
+    def gains(self, key: Key, level: int, pool: Sequence[int]) -> Floats:
+        """Roughly how much each candidate of a pool would add to the log likelihood of a set."""
+        members = sorted(key)
+        gram, where, residual = self.gram[level], self._where(members), self._residual(key)
+        prior = prior_of([self.held[c] for c in members])
+        system = gram[np.ix_(where, where)] + np.diag(prior.weight + TINY)
+        left = gram - gram[:, where] @ np.linalg.solve(system, gram[where])
+        before = float(residual @ left @ residual)
+        out = np.zeros(len(pool))
+        for i, c in enumerate(pool):
+            part, own = self.columns[c], prior_of([self.held[c]])
+            with_it = self._residual(key ^ {c})
+            g = left[part] @ with_it + own.pull
+            h = left[part, part] + np.diag(own.weight + TINY)
+            after = float(with_it @ left @ with_it)
+            out[i] = 0.5 * (before - after) + 0.5 * float(g @ np.linalg.solve(h, g))
+        return out
+
+    def only(self, members: Collection[int], without: Collection[int]) -> Linear:
+        """With values of some candidates alone, and none that are of the flights `without`."""
+        held, columns, kept = [], [], []
+        for c, (one, places) in enumerate(zip(self.held, self.columns, strict=True)):
+            free = one.candidate.free if c in members else ()
+            mine = [k for k, (_, flight) in enumerate(free) if flight not in without]
+            candidate = replace(one.candidate, free=tuple(free[k] for k in mine))
+            held.append(replace(one, candidate=candidate))
+            columns.append(slice(len(kept), len(kept) + len(mine)))
+            kept += [places.start + k for k in mine]
+        first = self.columns[-1].stop if self.columns else 0
+        kept += range(first, self.gram.shape[1])
+        gram = self.gram[:, kept][:, :, kept]
+        return replace(self, held=tuple(held), columns=tuple(columns), gram=gram)
+
+    def _where(self, members: Sequence[int]) -> NDArray[np.intp]:
+        """Places of the values of some candidates."""
+        places = [k for c in members for k in range(self.columns[c].start, self.columns[c].stop)]
+        return np.array(places, dtype=np.intp)
+
+    def _residual(self, key: Key) -> Floats:
+        """(q,) weights that make the residual of a set of the columns: less what each candidate
+        changes that comes in or goes out."""
+        weights = np.zeros(self.gram.shape[1])
+        weights[-1] = 1.0
+        first = self.columns[-1].stop if self.columns else 0
+        weights[[first + c for c in self.about.key ^ key]] = -1.0
+        return weights
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ColumnsAbout:
+    """What makes a `Linear`: (N, R, q + Q) rpm in modes of `whole`, of which Q are the forms."""
+
+    about: FittedSet
+    held: tuple[Held, ...]
+    columns: tuple[slice, ...]
+    asked: int  # q
+    whole: Floats
+
+    def linear(self, solved: Solved, sums: Sequence[FlightSums]) -> Linear:
+        """By the sums of the flights that are `solved`."""
+        gram, doubt = forms_taken_out(solved, solved.without_scatter(sums), range(self.asked))
+        return Linear(
+            about=self.about, held=self.held, columns=self.columns, gram=gram, doubt=doubt
+        )
+
+
+def forms_taken_out(
+    solved: Solved, sums: tuple[Floats, Floats], asked: Sequence[int], levels: slice = EVERY
+) -> tuple[Floats, Floats]:
+    """(levels, q, q) of the `asked` columns with the doubt of the others taken out, which have
+    size one, and (levels,) the log evidence of all that was taken out."""
+    grams = solved.without_shared(*sums, levels)
+    evidence = solved.log_evidence[levels]
+    forms = np.setdiff1d(np.arange(grams.shape[1]), asked)
+    own = grams[:, asked][:, :, asked]
+    if not forms.size:
+        return own, evidence
+    crossed = grams[:, forms][:, :, asked]
+    system = np.eye(forms.size) + grams[:, forms][:, :, forms]
+    left = own - np.swapaxes(crossed, 1, 2) @ np.linalg.solve(system, crossed)
+    return left, evidence - 0.5 * np.linalg.slogdet(system)[1]

@@ -1,0 +1,236 @@
+"""All that is not asked for, taken out of the Gram matrices flight by flight.
+
+    y = J d + S_f s_f + B b + F c + e
+
+y are whitened mode residuals, J the derivatives by what is asked. S_f are the derivatives by every
+effect's scatter from flight to flight, one draw a flight; B what the base model is unsure of; F the
+free form. s, b and c are normal, so they leave as Schur complements: what is left of [J y]'[J y] is
+as if they had been measured with their priors. The size of the free form is a hypothesis
+(`Level`), each with its own matrix and its own evidence.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thrustmargin.models.flight import Bools, Floats
+from thrustmargin.models.identification.rows.whitening import Whitening
+
+#: times the size that the free form has on a sound aircraft, and how likely each is beforehand: an
+#: aircraft is usually what its good flights say
+FREEDOMS, FREEDOM_PRIORS = (1.0, 4.0, 16.0), (0.6, 0.25, 0.15)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Level:
+    """One hypothesis: factors of the free form of the collective and of the other modes."""
+
+    collective: float
+    moments: float
+    log_prior: float
+
+
+LEVELS = tuple(
+    Level(collective=c, moments=m, log_prior=float(np.log(p * q)))
+    for (c, p), (m, q) in product(zip(FREEDOMS, FREEDOM_PRIORS, strict=True), repeat=2)
+)
+
+
+EVERY = slice(None)
+NuisanceGram = tuple[Floats, Floats, Floats]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FlightSums:
+    """Sums over the means of one flight of columns z with the scatter's S and the shared X; of q
+    columns the u that are not zero throughout the flight, as values of other flights are."""
+
+    scatter: Floats  # (K, u) S'z
+    shared: Floats  # (X, u) X'z
+    own: Floats  # (u, u) z'z
+    used: NDArray[np.intp]  # (u,) which columns
+    count: int  # q
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Prepared:
+    """Columns that are filtered, with the scatter taken out of their sums."""
+
+    z: Floats  # (n, R, q)
+    used: list[NDArray[np.intp]]  # columns that are not zero throughout each flight
+    left: list[Floats]  # (K, u) of each flight: what the scatter takes of them
+    shared: Floats  # (X, q)
+    own: Floats  # (q, q)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Solved:
+    """The nuisances of some flights eliminated, at every level."""
+
+    flights: tuple[int, ...]
+    scatter: Floats  # (F, K, K): (I + S'S)^-1, the covariance of s
+    crossed: Floats  # (F, K, X) S'X
+    shared: Floats  # (levels, X, X): P^½ (I + P^½ X'X P^½)^-1 P^½, the covariance of b and c
+    log_evidence: Floats  # (levels,) of the determinants, with the levels' priors
+
+    def reduce(self, sums: Sequence[FlightSums], levels: slice = EVERY) -> Floats:
+        """(levels, q, q): z'z with the nuisances taken out, of the flights of this."""
+        return self.without_shared(*self.without_scatter(sums), levels)
+
+    def without_shared(self, shared: Floats, own: Floats, levels: slice = EVERY) -> Floats:
+        """(levels, q, q) of X'z and z'z of which the scatter is taken out."""
+        return own - shared.T @ self.shared[levels] @ shared
+
+    def without_scatter(self, sums: Sequence[FlightSums]) -> tuple[Floats, Floats]:
+        """(X, q) X'z and (q, q) z'z with the scatter alone taken out."""
+        return self._summed({f: sums[f] for f in self.flights})
+
+    def of_flight(self, flight: int, sums: FlightSums) -> tuple[Floats, Floats]:
+        """The same of one flight."""
+        return self._summed({flight: sums})
+
+    def _summed(self, sums: Mapping[int, FlightSums]) -> tuple[Floats, Floats]:
+        count = next(iter(sums.values())).count
+        shared, own = np.zeros((self.crossed.shape[2], count)), np.zeros((count, count))
+        for f, one in sums.items():
+            k = self.flights.index(f)
+            left = self.scatter[k] @ one.scatter
+            shared[:, one.used] += one.shared - self.crossed[k].T @ left
+            own[np.ix_(one.used, one.used)] += one.own - one.scatter.T @ left
+        return shared, own
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Nuisance:
+    """Whitened columns of F flights: n means, R modes."""
+
+    whitening: Whitening
+    flights: tuple[slice, ...]  # of the n means
+    scatter: Floats  # (n, R, K) one standard deviation of a sound aircraft's scatter
+    doubt: Floats  # (n, R, D) one of the base model
+    free: Floats  # (R, n, H) one of the free form on a sound aircraft
+
+    def sums(self, columns: Floats) -> list[FlightSums]:
+        """Of columns (N, R, q) rpm in modes, flight by flight."""
+        z = self.whitening.apply(columns)
+        return [self._sums(z[f], f) for f in self.flights]
+
+    def prepared(self, columns: Floats, solved: Solved) -> Prepared:
+        """Columns (N, R, q) rpm in modes with the scatter taken out, once for many residuals."""
+        z = self.whitening.apply(columns)
+        sums = [self._sums(z[f], f) for f in self.flights]
+        shared, own = solved.without_scatter(sums)
+        left = [w @ one.scatter for w, one in zip(solved.scatter, sums, strict=True)]
+        used = [one.used for one in sums]
+        return Prepared(z=z, used=used, left=left, shared=shared, own=own)
+
+    def with_residual(
+        self, columns: Prepared, residual: Floats, solved: Solved
+    ) -> tuple[Floats, Floats]:
+        """`Solved.without_scatter` of prepared columns and of a residual (N, R) rpm in modes, the
+        last one."""
+        last, count = self.whitening.apply(residual[:, :, None]), columns.own.shape[0]
+        sums = [self._sums(last[f], f) for f in self.flights]
+        shared, own = solved.without_scatter(sums)
+        cross = np.zeros((count, 1))
+        parts = zip(self.flights, columns.used, columns.left, sums, strict=True)
+        for rows, used, left, one in parts:
+            along = np.tensordot(columns.z[rows], last[rows, :, 0], axes=((0, 1), (0, 1)))
+            cross[used, 0] += along[used] - left.T @ one.scatter[:, 0]
+        whole = np.block([[columns.own, cross], [cross.T, own]])
+        return np.concatenate([columns.shared, shared], axis=1), whole
+
+    def grams(self) -> list[NuisanceGram]:
+        """S'S, S'X and X'X of each flight."""
+        return [self._gram(rows) for rows in self.flights]
+
+    def solved(
+        self, flights: Sequence[int] | None = None, grams: Sequence[NuisanceGram] | None = None
+    ) -> Solved:
+        """The nuisances eliminated from all flights, or from those chosen; `grams` of all."""
+        chosen = tuple(range(len(self.flights)) if flights is None else flights)
+        grams = self.grams() if grams is None else grams
+        parts = [grams[f] for f in chosen]
+        known, free = self.doubt.shape[2], self.free.shape[0] * self.free.shape[2]
+        systems = [np.eye(p[0].shape[0]) + p[0] for p in parts]
+        scatter = [np.linalg.inv(system) for system in systems]
+        left = sum(p[2] - p[1].T @ w @ p[1] for p, w in zip(parts, scatter, strict=True))
+        own = sum(np.linalg.slogdet(system)[1] for system in systems)
+        hats = np.arange(free) // max(self.free.shape[2], 1)  # the mode of each
+        shared, evidence = [], []
+        for level in LEVELS:
+            of_modes = np.where(hats == 0, level.collective, level.moments)
+            root = np.concatenate([np.ones(known), of_modes])
+            system = np.eye(root.size) + root[:, None] * left * root
+            shared.append(root[:, None] * np.linalg.inv(system) * root)
+            determinant = own + np.linalg.slogdet(system)[1]
+            evidence.append(level.log_prior - 0.5 * float(determinant))
+        return Solved(
+            flights=chosen,
+            scatter=np.stack(scatter).astype(np.float64),
+            crossed=np.stack([p[1] for p in parts]),
+            shared=np.stack(shared),
+            log_evidence=np.array(evidence),
+        )
+
+    def of_flight(self, flight: int, first: int) -> Nuisance:
+        """With one flight only, whose means begin at `first`."""
+        rows = np.arange(self.whitening.rows.size)
+        mine = self.flights[flight]
+        part = self.of_means((rows >= mine.start) & (rows < mine.stop))
+        filter_ = replace(part.whitening, rows=part.whitening.rows - first)
+        return replace(part, whitening=filter_, flights=(slice(0, filter_.rows.size),))
+
+    def of_means(self, kept: Bools) -> Nuisance:
+        """With some of the n means only."""
+        filter_ = self.whitening.of_means(kept)
+        flights = tuple(
+            slice(*np.searchsorted(filter_.flight, [f, f + 1])) for f in range(len(self.flights))
+        )
+        return Nuisance(
+            whitening=filter_,
+            flights=flights,
+            scatter=self.scatter[kept],
+            doubt=self.doubt[kept],
+            free=self.free[:, kept],
+        )
+
+    def _gram(self, rows: slice) -> NuisanceGram:
+        """S'S, S'X and X'X of one flight."""
+        columns = np.concatenate([self.scatter[rows], self.doubt[rows]], axis=2)
+        sums = self._sums(columns, rows, np.arange(columns.shape[2]))
+        many = self.scatter.shape[2]
+        modes, _, hats = self.free.shape
+        known = self.doubt.shape[2]
+        whole = np.zeros((known + modes * hats,) * 2)
+        whole[:known, :known] = sums.own[many:, many:]
+        whole[known:, :known] = sums.shared[known:, many:]
+        whole[:known, known:] = sums.shared[known:, many:].T
+        for mode in range(modes):
+            part = slice(known + mode * hats, known + (mode + 1) * hats)
+            whole[part, part] = self.free[mode, rows].T @ self.free[mode, rows]
+        return sums.own[:many, :many], sums.shared[:, :many].T, whole
+
+    def _sums(self, z: Floats, rows: slice, used: NDArray[np.intp] | None = None) -> FlightSums:
+        every = z.shape[2]
+        if used is None:  # a residual is always there
+            used = np.arange(1) if every == 1 else np.flatnonzero(z.any(axis=(0, 1)))
+        z, count = z[:, :, used], used.size
+
+        def flat(columns: Floats) -> Floats:
+            return columns.reshape(columns.shape[0] * columns.shape[1], columns.shape[2])
+
+        free = np.einsum("mnh,nmq->mhq", self.free[:, rows], z, optimize=True)
+        doubt = flat(self.doubt[rows]).T @ flat(z)
+        return FlightSums(
+            scatter=flat(self.scatter[rows]).T @ flat(z),
+            shared=np.concatenate([doubt, free.reshape(free.shape[0] * free.shape[1], count)]),
+            own=flat(z).T @ flat(z),
+            used=used,
+            count=every,
+        )

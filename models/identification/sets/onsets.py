@@ -1,0 +1,223 @@
+"""A rotor that goes bad at a moment: which rotor, when, and in which flights.
+
+About a set without any bad rotor, the gain of a loss that begins at a time is g²/2h of its column,
+the loss's derivative from that time on. Four kinds of step are looked for: in one flight, in it for
+a while, at one time of every flight, and from a moment of one flight on through all later ones. The
+best of each rotor and kind becomes a candidate of the search; that it was chosen among many times
+is in its prior.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thrustmargin.models.effects.rotor_degradation import (
+    ROTOR_DEGRADATION,
+    ROTOR_DEGRADATION_EACH,
+    ROTOR_DEGRADATION_ONSET,
+    ROTOR_DEGRADATION_SINCE,
+    ROTOR_DEGRADATION_WHILE,
+)
+from thrustmargin.models.flight import Bools, Floats
+from thrustmargin.models.identification.rows.candidates import (
+    ROTOR_PRIOR,
+    Candidate,
+    Held,
+    Term,
+    candidate,
+    derivatives,
+)
+from thrustmargin.models.identification.sets.linear_sets import FittedSet, Key
+from thrustmargin.models.identification.sets.set_search import Search
+
+LEAST_AFTER = 8.0  # s of flight before and after a step, for it to be one
+GRID, FINE = 5.0, 0.35  # s between the times that are tried, and about the best of them
+LEAST_GAIN = 3.0  # of the log likelihood, beyond the choice among all times
+MOST_FLIGHTS = 24  # of which single steps are looked for; a season is looked at by flights
+
+#: kind -> effect, name of its time
+KINDS = {
+    "one": (ROTOR_DEGRADATION_ONSET, "onset_time"),
+    "while": (ROTOR_DEGRADATION_WHILE, "onset_time"),
+    "each": (ROTOR_DEGRADATION_EACH, "onset_time"),
+    "since": (ROTOR_DEGRADATION_SINCE, "onset_clock"),
+}
+
+
+def without_rotors(search: Search, key: Key) -> Key:
+    """A set of which bad rotors are taken out."""
+    return frozenset(
+        c for c in key if search.candidates[c].term.effect.name != ROTOR_DEGRADATION.name
+    )
+
+
+def onset_candidates(search: Search, about: FittedSet) -> list[Candidate]:
+    """Steps worth a place among the candidates, about a set without its bad rotors."""
+    sound = without_rotors(search, about.key)
+    near = dict(zip(sorted(about.key), about.held, strict=True))
+    fitted = search.fitted.get(sound) or search.fit_near(sound, near)
+    reduced, rotors = search.reduced, search.reduced.measured_rpm.shape[1]
+    found = []
+    for rotor in range(rotors):
+        loss = candidate(Term(effect=ROTOR_DEGRADATION, rotor=rotor), reduced.flights)
+        held = [*fitted.held, Held(candidate=loss, values=loss.start)]
+        column = np.nan_to_num(derivatives(reduced, held, len(held) - 1)[:, :, 0])
+        best: dict[str, tuple[float, int, tuple[float, ...]]] = {}
+        tries, sums = 0, _LossSums.of(search, fitted, column)
+        for step in _steps(search):
+            times = step.times
+            if not times.size:
+                continue
+            gains = _gains(sums.gram(step, times))
+            tries += times.size
+            k = int(np.argmax(gains))
+            if step.kind not in best or gains[k] > best[step.kind][0]:
+                fine = times[k] + np.arange(-GRID, GRID + FINE, FINE)
+                closer = _gains(sums.gram(step, fine))
+                k = _middle(closer)[0]
+                best[step.kind] = (float(closer[k]), step.flight or 0, (float(fine[k]),))
+            if step.kind == "one":
+                tries += times.size * (times.size - 1) // 2
+                gain, ends = _while(sums, step)
+                if gain > best.get("while", (0.0,))[0]:
+                    best["while"] = (gain, step.flight or 0, ends)
+        for kind, (gain, flight, when) in best.items():
+            if gain > LEAST_GAIN + np.log(tries):
+                found.append((gain, _candidate(search, kind, rotor, flight, when, tries)))
+    found.sort(key=lambda pair: -pair[0])
+    return [one for _, one in found[: 2 * len(KINDS)]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Step:
+    """A family of losses that begin at a time: of one flight, or of every flight (None)."""
+
+    kind: str
+    flight: int | None
+    times: Floats  # (S,) that are tried
+    after: Bools  # (F,) other flights that have the loss throughout
+
+
+def _steps(search: Search) -> Iterator[_Step]:
+    x, flight = search.reduced.channels, search.reduced.flight
+    flights = search.reduced.flights
+    starts = np.array([x.clock_s[flight == f][0] for f in range(flights)])
+    dated = flights > 1 and bool(np.isfinite(starts).all())
+    for f in range(flights) if flights <= MOST_FLIGHTS else ():
+        times = _grid(x.time_s[flight == f])
+        none = np.zeros(flights, dtype=np.bool_)
+        yield _Step(kind="one", flight=f, times=times, after=none)
+        if dated:
+            yield _Step(kind="since", flight=f, times=times, after=starts > starts[f])
+    if flights > 1:
+        every = np.zeros(flights, dtype=np.bool_)
+        yield _Step(kind="each", flight=None, times=_grid(x.time_s), after=every)
+
+
+def _grid(time_s: Floats) -> Floats:
+    return np.arange(time_s.min() + LEAST_AFTER, time_s.max() - LEAST_AFTER, GRID)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _LossSums:
+    """A loss's derivative and a set's residual, summed by flights with their scatter taken out."""
+
+    search: Search
+    columns: Floats  # (N, R, 2) rpm in modes: the loss throughout, and the residual
+    level: int
+    shared: Floats  # (F, X, 2)
+    own: Floats  # (F, 2, 2)
+
+    @classmethod
+    def of(cls, search: Search, fitted: FittedSet, column: Floats) -> _LossSums:
+        columns = np.stack([column, np.nan_to_num(fitted.residual)], axis=2)
+        sums, flights = search.nuisance.sums(columns), range(search.reduced.flights)
+        parts = [search.solved.of_flight(f, sums[f]) for f in flights]
+        return cls(
+            search=search,
+            columns=columns,
+            level=fitted.best_level,
+            shared=np.stack([p[0] for p in parts]),
+            own=np.stack([p[1] for p in parts]),
+        )
+
+    def gram(self, step: _Step, times: Floats) -> Floats:
+        """(S + 1, S + 1) of a loss from each of some times on and of the residual."""
+        reduced, nuisance, solved = self.search.reduced, self.search.nuisance, self.search.solved
+        level = slice(self.level, self.level + 1)
+        if step.flight is None:
+            sums = nuisance.sums(self._from(times, slice(None)))
+            return solved.reduce(sums, level)[0]
+        f, count = step.flight, times.size
+        means = slice(*np.searchsorted(reduced.flight, [f, f + 1]))
+        own_sums = nuisance.of_flight(f, means.start).sums(self._from(times, means))[0]
+        shared, own = solved.of_flight(f, own_sums)
+        for g in range(reduced.flights):
+            if g != f and step.after[g]:
+                both = [0] * count + [1]
+                shared += self.shared[g][:, both]
+                own += self.own[g][np.ix_(both, both)]
+            elif g != f:
+                shared[:, -1] += self.shared[g][:, 1]
+                own[-1, -1] += self.own[g][1, 1]
+        return own - shared.T @ solved.shared[self.level] @ shared
+
+    def _from(self, times: Floats, means: slice) -> Floats:
+        """(n, R, S + 1) the loss from each time on, and the residual."""
+        later = self.search.reduced.channels.time_s[means, None] >= times
+        loss = self.columns[means, :, :1] * later[:, None, :]
+        return np.concatenate([loss, self.columns[means, :, 1:]], axis=2)
+
+
+def _gains(gram: Floats) -> Floats:
+    """(S,) gain of a loss in each step."""
+    power = np.maximum(np.diag(gram)[:-1], 1e-12)
+    return np.maximum(gram[:-1, -1], 0.0) ** 2 / power / 2
+
+
+def _middle(gains: Floats) -> tuple[int, ...]:
+    """Where gains are largest, in the middle of those alike: times between two means are."""
+    ties = np.argwhere(gains >= gains.max() * (1.0 - 1e-6))
+    return tuple(int(np.sort(places)[places.size // 2]) for places in ties.T)
+
+
+def _while(sums: _LossSums, step: _Step) -> tuple[float, tuple[float, ...]]:
+    """The largest gain of a loss between two times, and the two: a step less a later step."""
+    best: tuple[float, tuple[float, ...]] = (0.0, (0.0, 0.0))
+    times = step.times
+    for _ in range(2):  # on the grid, then about the best of it
+        gram = sums.gram(step, times)
+        inner, power = gram[:-1, -1], np.diag(gram)[:-1]
+        between = power[:, None] + power - 2.0 * gram[:-1, :-1]
+        score = np.maximum(inner[:, None] - inner, 0.0) ** 2 / np.maximum(between, 1e-12) / 2
+        score[times[None, :] - times[:, None] < LEAST_AFTER] = 0.0
+        i, j = _middle(score)
+        best = (float(score[i, j]), (float(times[i]), float(times[j])))
+        near = np.arange(-GRID, GRID + FINE, FINE)
+        times = np.unique(np.concatenate([near + best[1][0], near + best[1][1]]))
+    return best
+
+
+def _candidate(
+    search: Search, kind: str, rotor: int, flight: int, when: tuple[float, ...], tries: int
+) -> Candidate:
+    effect, clock = KINDS[kind]
+    plain = candidate(Term(effect=effect, rotor=rotor), search.reduced.flights)
+    names = [p.name for p in effect.parameters]
+    start = plain.start.copy()
+    time = when[0]
+    if kind == "while":
+        start[:, names.index("end_time")] = when[1]
+    if kind == "since":
+        x = search.reduced.channels
+        first = int(np.argmax(search.reduced.flight == flight))
+        time += float(x.clock_s[first] - x.time_s[first])
+    start[:, names.index(clock)] = time
+    free = plain.free
+    if kind in ("one", "while"):
+        free = tuple((k, f) for k, f in plain.free if f == flight)
+    prior = float(np.log(ROTOR_PRIOR / len(KINDS)) - np.log(tries))
+    return replace(plain, start=start, free=free, log_prior=prior)

@@ -1,0 +1,316 @@
+"""Everything that a search over sets works on, made from flights and a model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+from scipy.stats import t as student
+
+from thrustmargin.models.effects.base import Effect
+from thrustmargin.models.effects.channels import froude_time_scale
+from thrustmargin.models.effects.manoeuvre_moment import MANOEUVRE_MOMENT
+from thrustmargin.models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.identification.rows.candidates import (
+    Candidate,
+    Held,
+    candidates_of,
+    derivatives,
+    predicted,
+)
+from thrustmargin.models.identification.rows.output_shares import spread_of_flights
+from thrustmargin.models.identification.rows.reduced import Reduced, reduce_flights
+from thrustmargin.models.identification.rows.whitening import Whitening, whitening_of
+from thrustmargin.models.identification.sets.free_form import (
+    FORM,
+    WANDER,
+    form_columns,
+    free_columns,
+    wander_columns,
+)
+from thrustmargin.models.identification.sets.learning import learn
+from thrustmargin.models.identification.sets.nuisance import LEVELS, Nuisance
+from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.network.records import GoodFlights
+from thrustmargin.models.physics.flight_phases import TURN_RATE
+
+#: of the mean rotor speed: what a curve of the free form, and the slow noise, begin with where no
+#: good flights tell; a trained model is off by 0.1 to 0.5 % along its own inputs
+USUAL_SHARE = 0.001
+LEAST_CHANGE = 0.5  # rpm RMS of a mode, below which the form of an effect does not matter
+SHAPE = 0.5  # of a shape's usual size: how well it is known once it was fitted
+SURE = (0.5, 10.0)  # times what is usual, that a learnt scatter may be
+FREE_EFFECTS = 100.0  # times their scatter: any effect may be there while slow noise is learnt
+ANSWER = 0.3  # of an output's answer to a turn: what a third less thrust would make of it
+TAILS = 1.4  # root mean square over what the median gives, of noise with the tails of Laplace's
+LOADED = 0.03  # of the load factor: a gust or two
+LEAST_SHARE = 0.0005  # of the same: few good flights cannot show that there is nothing
+AT_ENDS = 2.0  # times the RMS of a curve, that it has at the ends of its channel
+RIDGE = 1e-2  # of columns of size about one, in the regression that leaves the noise
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SearchSpace:
+    """F flights reduced, what may be missing, and what is not asked for."""
+
+    reduced: Reduced
+    candidates: tuple[Candidate, ...]
+    nuisance: Nuisance
+    groups: tuple[str, ...]  # (H,) the channel of each hat of the free form
+    hats: Floats  # (N, H)
+    sizes: Floats  # (R, H) rpm of each hat on a sound aircraft
+    wander_rpm: Floats  # (R,) size of the flights' slow noise in each mode
+
+
+def search_space(
+    model: RotorModel,
+    tracks: Sequence[FlightTrack],
+    catalogue: Sequence[Effect],
+    means: Reduced | None = None,
+) -> SearchSpace:
+    """`means` are those of the flights, if at hand; raises as `problem.assemble`."""
+    reduced = reduce_flights(model, tracks) if means is None else means
+    candidates = tuple(candidates_of(reduced, catalogue))
+    residual = np.nan_to_num(reduced.in_modes(reduced.measured_rpm) - predicted(reduced, ()))
+    anything = _moved(reduced, candidates)
+    sizes_of = _scatter_sizes(candidates, model.good_flights)
+    standing, shared = _standing(reduced, residual)
+    form = (anything * sizes_of)[:, :, sizes_of > 0.0]
+    hats, groups = free_columns(reduced.channels, reduced.flight)
+    if standing.any():  # how flights differ as a whole is known, and is nobody else's
+        form = _within_flights(form, reduced.flight)
+        hats, groups = hats[:, 1:], groups[1:]
+    scatter = np.concatenate([form, standing], axis=2)
+    filter_ = _noise(reduced, residual, anything, hats)
+    speed = float(reduced.measured_rpm.mean())
+    wander, own = _wander(reduced, scatter.shape[2])
+    sizes = _free_sizes(reduced, groups, model.good_flights, speed)
+    whole = np.repeat(hats[:, None, :], residual.shape[1], axis=1)
+    nuisance = Nuisance(
+        whitening=filter_,
+        flights=tuple(
+            slice(*np.searchsorted(filter_.flight, [f, f + 1])) for f in range(reduced.flights)
+        ),
+        scatter=filter_.apply(np.concatenate([scatter, wander], axis=2)),
+        doubt=filter_.apply(np.concatenate([_doubt(reduced), shared], axis=2)),
+        free=np.moveaxis(filter_.apply(whole), 1, 0) * sizes[:, None, :],
+    )
+    anywhere = filter_.apply(FREE_EFFECTS * anything)
+    open_ = replace(nuisance, doubt=np.concatenate([nuisance.doubt, anywhere], axis=2))
+    size = learn(open_, residual, groups, own, level=len(LEVELS) - 1).scatter
+    usual = USUAL_SHARE * speed
+    if model.good_flights is not None and model.good_flights.slow_rpm:
+        slow = np.array(model.good_flights.slow_rpm) / usual
+        size = np.where(own >= 0, np.maximum(size, slow[own]), size)
+    noise = _left_noise(replace(open_, scatter=nuisance.scatter * size), residual)
+    return SearchSpace(
+        reduced=reduced,
+        candidates=candidates,
+        nuisance=replace(
+            nuisance,
+            whitening=replace(filter_, scale=filter_.scale * noise),
+            scatter=nuisance.scatter * size / noise[:, :, None],
+            doubt=nuisance.doubt / noise[:, :, None],
+            free=nuisance.free / noise.T[:, :, None],
+        ),
+        groups=groups,
+        hats=hats,
+        sizes=sizes,
+        wander_rpm=usual * np.array([size[own == mode][0] for mode in range(residual.shape[1])]),
+    )
+
+
+def _wander(reduced: Reduced, others: int) -> tuple[Floats, NDArray[np.intp]]:
+    """(N, R, R W) rpm: slow noise of the usual size in each mode, and of it and `others` before it
+    the mode of each."""
+    x, modes = reduced.channels, reduced.measured_rpm.shape[1]
+    curves = wander_columns(
+        x.time_s, reduced.flight, WANDER * froude_time_scale(reduced.model.airframe)
+    )
+    each = USUAL_SHARE * float(reduced.measured_rpm.mean()) * curves
+    columns = np.einsum("nw,mk->nmkw", each, np.eye(modes)).reshape(len(each), modes, -1)
+    own = np.concatenate([np.full(others, -1), np.repeat(np.arange(modes), curves.shape[1])])
+    return columns, own.astype(np.intp)
+
+
+def _left_noise(open_: Nuisance, residual: Floats) -> Floats:
+    """(n, R) size of what nothing explains, of each flight and mode, where it is more than noise.
+
+    Wild seconds hide behind the median that noise is taken from; more than they is no noise.
+    """
+    z = open_.whitening.apply(residual)
+    sums = open_.sums(residual[:, :, None])
+    solved = open_.solved()
+    shared, _ = solved.without_scatter(sums)
+    mean = solved.shared[len(LEVELS) - 1] @ shared[:, 0]
+    known = open_.doubt.shape[2]
+    free = mean[known:].reshape(open_.free.shape[0], -1)
+    left = z - open_.doubt @ mean[:known] - np.einsum("rnh,rh->nr", open_.free, free)
+    out = np.ones_like(z)
+    for f, rows in enumerate(open_.flights):
+        draws = solved.scatter[f] @ (sums[f].scatter[:, 0] - solved.crossed[f] @ mean)
+        left[rows] -= open_.scatter[rows] @ draws
+        out[rows] = np.clip(np.sqrt(np.mean(left[rows] ** 2, axis=0)), 1.0, TAILS)
+    return out
+
+
+def main_values(candidates: Sequence[Candidate]) -> list[tuple[int, int, str]]:
+    """(candidate, its free value, "effect_key.parameter") of every value that makes an effect."""
+    names = []
+    for c, one in enumerate(candidates):
+        for k, (_, flight) in enumerate(one.free):
+            p = one.parameters[k]
+            if flight is None and not p.detail and p.smallest > 0.0:
+                names.append((c, k, f"{one.term.effect.key}.{p.name}"))
+    return names
+
+
+def _moved(reduced: Reduced, candidates: Sequence[Candidate]) -> Floats:
+    """(N, R, K) rpm in modes: what `smallest` of every value that makes an effect changes."""
+    columns = []
+    at: dict[int, Floats] = {}
+    for c, k, _ in main_values(candidates):
+        one = candidates[c]
+        if c not in at:
+            at[c] = np.nan_to_num(derivatives(reduced, [Held(candidate=one, values=one.start)], 0))
+        columns.append(at[c][:, :, k] * one.parameters[k].smallest)
+    if not columns:
+        return np.zeros((*reduced.measured_rpm.shape, 0))
+    return np.stack(columns, axis=2)
+
+
+def _scatter_sizes(candidates: Sequence[Candidate], known: GoodFlights | None) -> Floats:
+    """(K,) scatter of each value from flight to flight, in units of its `smallest`.
+
+    As good flights showed, within SURE of what is usual: few flights say little of a scatter, and
+    short ones much too much. A sound propeller does not change from flight to flight, so rotors
+    have none.
+    """
+    learnt = {} if known is None else known.scatter
+    sizes = []
+    for c, k, name in main_values(candidates):
+        usual = candidates[c].parameters[k].smallest
+        size = np.clip(learnt.get(name, usual) / usual, *SURE)
+        sizes.append(0.0 if candidates[c].term.rotor is not None else float(size))
+    return np.array(sizes)
+
+
+def _doubt(reduced: Reduced) -> Floats:
+    """(N, R, D) rpm in modes: what the base model may be off by, and the forms of its effects."""
+    columns = [np.moveaxis(reduced.in_modes(reduced.uncertainty_rpm), 0, 2)]
+    base, slow = predicted(reduced, ()), form_columns(reduced.channels)
+    for k in range(len(reduced.model.placed)):
+        change = np.nan_to_num(base - reduced.in_modes(reduced.speeds((), without=k)))
+        for mode in range(base.shape[1]):
+            if np.sqrt(np.mean(change[:, mode] ** 2)) < LEAST_CHANGE:
+                continue
+            own = np.zeros((*base.shape, slow.shape[1]))
+            own[:, mode] = FORM * change[:, mode, None] * slow
+            columns.append(own)
+    columns += _shapes(reduced, base)
+    columns += _answers(reduced, base) if reduced.of_outputs else []
+    return np.concatenate(columns, axis=2)
+
+
+def _shapes(reduced: Reduced, base: Floats) -> list[Floats]:
+    """What the shapes of the model's own effects (lags, sharpenings) may be off by."""
+    columns = []
+    for k, item in enumerate(reduced.model.placed):
+        for p in item.effect.parameters:
+            if p.detail:
+                value = float(item.values[p.name])
+                step = SHAPE * p.scale * (1.0 if value < (p.lower + p.upper) / 2 else -1.0)
+                moved = replace(item, values={**item.values, p.name: value + step})
+                change = reduced.in_modes(reduced.speeds((moved,), without=k)) - base
+                columns.append(np.nan_to_num(change)[:, :, None])
+    return columns
+
+
+def _answers(reduced: Reduced, base: Floats) -> list[Floats]:
+    """By how much each rotor's output may answer a turn more than the others.
+
+    Outputs are asked for, not measured: a rate loop that answers a gust asks the same of all
+    rotors, and not more of one that makes less thrust.
+    """
+    columns = []
+    for k, item in enumerate(reduced.model.placed):
+        if item.effect.key == MANOEUVRE_MOMENT.key:
+            turning = base - reduced.in_modes(reduced.speeds((), without=k))
+            by_rotor = np.nan_to_num(turning) @ reduced.modes.directions.T
+            for rotor, direction in enumerate(reduced.modes.directions):
+                columns.append((ANSWER * by_rotor[:, rotor, None] * direction)[:, :, None])
+    return columns
+
+
+def _standing(reduced: Reduced, residual: Floats) -> tuple[Floats, Floats]:
+    """(N, R, R) rpm: by how much each mode differs from flight to flight, whatever it comes from,
+    and by how much all flights differ from those that the model was made from.
+
+    As good flights showed that were left out of it: of n, their mean is known to 1/n of their
+    variance. Of motor outputs, whose shares hang on wind and battery, else as these flights show
+    themselves, and with too few of them as much as it takes to name nothing.
+    """
+    model, modes = reduced.model, residual.shape[1]
+    size = np.array(model.background_rpm or np.zeros(modes))
+    good = model.good_flights.flights if model.good_flights else np.inf
+    if reduced.of_outputs:
+        size, degrees = spread_of_flights(residual, reduced.flight, size)
+        size = size * student.ppf(0.975, degrees) / norm.ppf(0.975)
+    each = np.repeat(np.diag(size)[None], residual.shape[0], axis=0)
+    return each / np.sqrt(1.0 + 1.0 / good), each / np.sqrt(good + 1.0)
+
+
+def _within_flights(columns: Floats, flight: NDArray[np.intp]) -> Floats:
+    """Columns (N, R, K) less their means over each flight, which stand in the modes' scatter."""
+    out = np.empty_like(columns)
+    for f in np.unique(flight):
+        out[flight == f] = columns[flight == f] - columns[flight == f].mean(axis=0)
+    return out
+
+
+def _noise(reduced: Reduced, residual: Floats, scatter: Floats, hats: Floats) -> Whitening:
+    """The filter of what no effect and no curve can explain, each flight with its own values."""
+    left = np.empty_like(residual)
+    for mode in range(residual.shape[1]):
+        known = scatter[:, mode, :]
+        known = known / np.maximum(np.abs(known).max(axis=0), 1e-9)
+        columns = np.concatenate([hats, known], axis=1)
+        gram = columns.T @ columns + RIDGE * np.eye(columns.shape[1])
+        left[:, mode] = residual[:, mode] - columns @ np.linalg.solve(
+            gram, columns.T @ residual[:, mode]
+        )
+    speed = float(reduced.measured_rpm.mean())
+    busy = _busy(reduced)
+    found = whitening_of(left, reduced.flight, reduced.follows, busy, speed)
+    return replace(found, weight=found.weight * reduced.judged)
+
+
+def _busy(reduced: Reduced) -> Bools:
+    """(N,) means in a manoeuvre or beside one."""
+    x = reduced.channels
+    with np.errstate(invalid="ignore"):
+        moved = (np.abs(x.yaw_rate) > TURN_RATE) | (np.abs(x.load_factor - 1.0) > LOADED)
+    beside = moved.copy()
+    beside[1:] |= moved[:-1] & reduced.follows[1:]
+    beside[:-1] |= moved[1:] & reduced.follows[1:]
+    return beside
+
+
+def _free_sizes(
+    reduced: Reduced, groups: Sequence[str], known: GoodFlights | None, speed: float
+) -> Floats:
+    """(R, H) rpm: size of each hat of the free form on a sound aircraft."""
+    learnt = {} if known is None else known.curve_rpm
+    usual, least = USUAL_SHARE * speed, LEAST_SHARE * speed
+    return np.array(
+        [
+            [
+                max(AT_ENDS * learnt.get(f"{mode}.{group}", usual / AT_ENDS), least)
+                for group in groups
+            ]
+            for mode in reduced.modes.names
+        ]
+    ).reshape(len(reduced.modes.names), len(groups))

@@ -1,0 +1,309 @@
+"""The search over sets of effects.
+
+About a set at its likeliest values everything is linear: one Gram matrix holds the derivatives by
+the values of all candidates, what each candidate does by coming in or going out, and the residual.
+On it a beam of sets is grown, and neighbours of the best are tried, thousands in a second. What
+ranks high is fitted in full, with the effects as they are, and the search goes on about the best
+until it stays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.rows.candidates import (
+    Candidate,
+    Held,
+    derivatives,
+    predicted,
+)
+from thrustmargin.models.identification.rows.reduced import Reduced
+from thrustmargin.models.identification.sets.evidence import (
+    IMPOSSIBLE,
+    ValuePrior,
+    prior_of,
+    score,
+)
+from thrustmargin.models.identification.sets.free_form import FORM, form_columns
+from thrustmargin.models.identification.sets.linear_sets import (
+    ColumnsAbout,
+    FittedSet,
+    Key,
+    Linear,
+    forms_taken_out,
+)
+from thrustmargin.models.identification.sets.nuisance import (
+    EVERY,
+    LEVELS,
+    Nuisance,
+    Prepared,
+    Solved,
+)
+
+BEAM = 12  # sets that are grown at each size
+FITTED = 6  # sets that are fitted in full in each round
+NEXT = 4  # the same of those one effect away, however they rank: far from it a line misleads
+ROUNDS = 6
+MOST_EFFECTS = 10
+NEAR = 9.0  # of log evidence below the best: less than one in 8,000 as likely
+
+SIDE, SIDE_FORM = 0.2, 0.5  # share of the main change that is by the way, and how good it is
+LEAST_CHANGE = 0.5  # rpm RMS, below which the form of an effect does not matter
+STALE = 2.0  # fall of -2 log likelihood below which derivatives are worked out anew
+CONVERGED = 0.02  # the same, below which no more steps are taken
+
+Progress = Callable[[str, float], None]
+
+
+class Search:
+    """Sets fitted so far, about which the search goes on.
+
+    A large effect is not known to the last part: what it does is good to FORM of itself, in each
+    mode and along the slow channels. Every set is judged with that doubt of its own effects.
+    """
+
+    def __init__(
+        self,
+        reduced: Reduced,
+        nuisance: Nuisance,
+        candidates: Sequence[Candidate],
+        solved: Solved | None = None,
+    ) -> None:
+        self.reduced, self.nuisance = reduced, nuisance
+        self.slow = form_columns(reduced.channels)
+        self.candidates = list(candidates)
+        self.solved = solved or nuisance.solved()
+        self.fitted: dict[Key, FittedSet] = {}
+        self.start = [Held(candidate=c, values=c.start) for c in self.candidates]
+
+    def run(self, progress: Progress | None = None) -> None:
+        """Search until the best set stays."""
+        best = self.fit(frozenset(), ()) if not self.fitted else self.best
+        for number in range(ROUNDS):
+            if progress:
+                progress(f"round {number + 1}", number / ROUNDS)
+            linear = self.linearise(best)
+            for key in self.promising(linear):
+                self.fit(key, linear.held)
+            if self.best.key == best.key:
+                break
+            best = self.best
+
+    def add(self, more: Sequence[Candidate], beside: Key) -> None:
+        """Candidates that were found on the way, each tried alone and beside a set."""
+        near = {
+            c: h for f in self.fitted.values() for c, h in zip(sorted(f.key), f.held, strict=True)
+        }
+        for one in more:
+            self.candidates.append(one)
+            self.start.append(Held(candidate=one, values=one.start))
+            new = len(self.candidates) - 1
+            for key in (frozenset({new}), beside | {new}):
+                self.fit(key, [near.get(c, self.start[c]) for c in range(new + 1)])
+
+    def fit_near(self, key: Key, near: Mapping[int, Held]) -> FittedSet:
+        """A set fitted from the values of a neighbour, without a place among the sets."""
+        return self._fit(key, [near[c] for c in sorted(key)], 3)
+
+    @property
+    def best(self) -> FittedSet:
+        return max(self.fitted.values(), key=lambda f: f.total)
+
+    def linearise(self, about: FittedSet) -> Linear:
+        """All candidates about a fitted set."""
+        columns = self.columns_about(about)
+        return columns.linear(self.solved, self.nuisance.sums(columns.whole))
+
+    def columns_about(self, about: FittedSet) -> ColumnsAbout:
+        """What all candidates do about a fitted set, by the means."""
+        inside = dict(zip(sorted(about.key), about.held, strict=True))
+        base = predicted(self.reduced, about.held)
+        held, columns, changes, places = [], [], [], []
+        first = 0
+        for c, at_start in enumerate(self.start):
+            if c in inside:
+                members = list(about.held)
+                of = sorted(about.key).index(c)
+                rest = [h for k, h in enumerate(members) if k != of]
+                changes.append(predicted(self.reduced, rest) - base)
+            else:
+                members, of = [*about.held, at_start], len(about.held)
+                changes.append(predicted(self.reduced, members) - base)
+            columns.append(derivatives(self.reduced, members, of))
+            held.append(members[of])
+            places.append(slice(first, first + columns[-1].shape[2]))
+            first = places[-1].stop
+        residual = self.reduced.in_modes(self.reduced.measured_rpm) - base
+        asked = np.concatenate([*columns, np.stack(changes, axis=2), residual[:, :, None]], axis=2)
+        whole = np.concatenate([np.nan_to_num(asked), self._forms(about.held)], axis=2)
+        return ColumnsAbout(
+            about=about,
+            held=tuple(held),
+            columns=tuple(places),
+            asked=asked.shape[2],
+            whole=whole,
+        )
+
+    def promising(self, linear: Linear) -> list[Key]:
+        """Sets that are not fitted yet and would be likely, by the linear problem."""
+        found: dict[Key, float] = {}
+        best = self.fitted[linear.about.key]
+        levels = sorted({best.best_level, 0, len(LEVELS) // 2})
+
+        def look(key: Key, level: int) -> float:
+            value = linear.score(key, level).log_evidence + linear.doubt[level]
+            found[key] = max(found.get(key, IMPOSSIBLE), value)
+            return value
+
+        everything = range(len(self.candidates))
+        for level in levels:
+            about = linear.about.key
+            beam = {about: look(about, level)}
+            for member in about:  # neighbours: one less
+                beam[about - {member}] = look(about - {member}, level)
+            for _ in range(MOST_EFFECTS):
+                grown: dict[Key, float] = {}
+                for key in sorted(beam, key=lambda k: -beam[k])[:BEAM]:
+                    pool = [c for c in everything if c not in key and not self._twice(key, c)]
+                    if len(key) >= MOST_EFFECTS or not pool:
+                        continue
+                    gains = linear.gains(key, level, pool)
+                    for i in np.argsort(-gains)[:BEAM]:
+                        new = key | {pool[i]}
+                        if new not in grown:
+                            grown[new] = look(new, level)
+                if not grown or max(grown.values()) < max(beam.values()) - NEAR:
+                    break
+                beam = grown
+        ranked = sorted(found, key=lambda k: -found[k])
+        top = max(found[ranked[0]], best.total)
+        near = [k for k in ranked if found[k] > top - NEAR and k not in self.fitted]
+        more = [k for k in ranked if len(k ^ best.key) == 1 and k not in self.fitted]
+        return list(dict.fromkeys([*near[:FITTED], *more[:NEXT], *self._other_rotors(best.key)]))
+
+    def _other_rotors(self, key: Key) -> list[Key]:
+        """A set with another rotor in the place of each bad one, as far as not fitted yet."""
+        found = []
+        for c in key:
+            term = self.candidates[c].term
+            for other, one in enumerate(self.candidates):
+                same = one.term.rotor is not None and one.term.effect is term.effect
+                new = (key - {c}) | {other}
+                if same and len(new) == len(key) and new not in self.fitted:
+                    found.append(new)
+        return found
+
+    def _twice(self, key: Key, c: int) -> bool:
+        """True where the same effect of the same rotor is in a set in another form."""
+        term = self.candidates[c].term
+        return term.effect.of_one_rotor and any(
+            self.candidates[k].term.rotor == term.rotor
+            and self.candidates[k].term.effect.name == term.effect.name
+            for k in key
+        )
+
+    def fit(self, key: Key, near: Sequence[Held], steps: int = 8) -> FittedSet:
+        """Fit a set in full from the values in `near` (of all candidates) or from the starts.
+
+        The doubt of an effect's form goes with its values, which steps do not see: a bad rotor is
+        also tried in its usual shape.
+        """
+        if key in self.fitted:
+            return self.fitted[key]
+        held = [near[c] if near else self.start[c] for c in sorted(key)]
+        found = self._fit(key, held, steps)
+        usual = [h.usually_shaped() for h in found.held]
+        if any(a is not b for a, b in zip(usual, found.held, strict=True)):
+            other = self._fit(key, usual, 0)
+            found = other if other.total > found.total + STALE else found
+        self.fitted[key] = found
+        return found
+
+    def _fit(self, key: Key, held: list[Held], steps: int, level: int | None = None) -> FittedSet:
+        """Gauss-Newton with halved steps; derivatives are worked out anew where they bring more."""
+        measured = self.reduced.in_modes(self.reduced.measured_rpm)
+        columns, fresh = self._prepared(held), True
+        level = 0 if level is None else level
+        only = slice(level, level + 1)
+        residual = measured - predicted(self.reduced, held)
+        gram = self._grams(columns, held, residual, only)[0][0]
+        merit = float(gram[-1, -1]) + _normal_cost(prior_of(held))
+        for _ in range(steps if held else 0):
+            prior = prior_of(held)
+            taken = score(prior, gram[:-1, :-1], gram[:-1, -1], float(gram[-1, -1])).step
+            gained = 0.0
+            for shrink in (1.0, 0.3, 0.1):
+                parts = zip(held, prior.groups, strict=True)
+                moved = [h.moved(shrink * taken[group]) for h, group in parts]
+                new = measured - predicted(self.reduced, moved)
+                trial = self._grams(columns, held, new, only)[0][0]
+                value = float(trial[-1, -1]) + _normal_cost(prior_of(moved))
+                if value < merit:
+                    gained = merit - value
+                    held, residual, gram, merit = moved, new, trial, value
+                    break
+            if gained < CONVERGED and fresh:
+                break
+            if gained < STALE:
+                columns = self._prepared(held)
+                gram = self._grams(columns, held, residual, only)[0][0]
+                merit = float(gram[-1, -1]) + _normal_cost(prior_of(held))
+            fresh = gained < STALE
+        if held and not fresh:
+            columns = self._prepared(held)
+        grams, doubt = self._grams(columns, held, residual)
+        prior = prior_of(held)
+        levels = tuple(score(prior, g[:-1, :-1], g[:-1, -1], float(g[-1, -1])) for g in grams)
+        evidence = np.array([s.log_evidence for s in levels]) + doubt
+        return FittedSet(
+            key=key, held=tuple(held), levels=levels, log_evidence=evidence, residual=residual
+        )
+
+    def _prepared(self, held: Sequence[Held]) -> Prepared:
+        """Derivatives by the free values of a set, and its forms."""
+        parts = [derivatives(self.reduced, held, k) for k in range(len(held))]
+        return self.nuisance.prepared(
+            np.nan_to_num(np.concatenate([*parts, self._forms(held)], axis=2)), self.solved
+        )
+
+    def _forms(self, held: Sequence[Held]) -> Floats:
+        """(N, R, Q) by how much what each effect of a set does may be another than its form says.
+
+        FORM of its change along the direction that it changes most, anew in each mode, and
+        SIDE_FORM of what it changes by the way in modes that it hardly acts in.
+        """
+        modes, count = self.reduced.measured_rpm.shape[1], self.slow.shape[1]
+        parts = [np.zeros((self.slow.shape[0], modes, 0))]
+        base = predicted(self.reduced, held)
+        for k in range(len(held)):
+            without = predicted(self.reduced, [*held[:k], *held[k + 1 :]])
+            change = np.nan_to_num(base - without)
+            if np.sqrt(np.mean(change**2)) < LEAST_CHANGE:
+                continue
+            main = change @ np.linalg.eigh(change.T @ change)[1][:, -1]
+            size = np.sqrt(np.mean(change**2, axis=0))
+            side = (size < SIDE * size.max()) & (size > LEAST_CHANGE)
+            parts.append(change[:, :, None] * np.diag(side)[None][:, :, side] * SIDE_FORM)
+            own = np.zeros((main.size, modes, modes * count))
+            for mode in range(modes):
+                part = slice(mode * count, (mode + 1) * count)
+                own[:, mode, part] = FORM * main[:, None] * self.slow
+            parts.append(own)
+        return np.concatenate(parts, axis=2)
+
+    def _grams(
+        self, columns: Prepared, held: Sequence[Held], residual: Floats, levels: slice = EVERY
+    ) -> tuple[Floats, Floats]:
+        """(levels, P + 1, P + 1) of derivatives and a residual with the forms' doubt taken out,
+        and (levels,) the log evidence of all that was taken out."""
+        sums = self.nuisance.with_residual(columns, np.nan_to_num(residual), self.solved)
+        asked = [*range(sum(len(h.candidate.free) for h in held)), columns.z.shape[2]]
+        return forms_taken_out(self.solved, sums, asked, levels)
+
+
+def _normal_cost(prior: ValuePrior) -> float:
+    """What the normal priors of a set cost at its values."""
+    return float(np.sum(prior.weight * (prior.values - prior.centre) ** 2))

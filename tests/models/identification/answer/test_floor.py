@@ -1,0 +1,68 @@
+"""The floor: a law of the channels is learnt, noise and what only a flight knows are not."""
+
+import numpy as np
+import pytest
+
+from tests.models.made_flights import curve_model, made_flights
+from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.models.identification.answer.floor import floor_rpm
+from thrustmargin.models.identification.rows.problem import assemble
+from thrustmargin.models.model.model_file import shipped_model
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return assemble(curve_model(), made_flights(4))
+
+
+def rms(values) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def test_smooth_laws_of_two_channels_are_learnt_from_other_flights(problem):
+    x = problem.channels
+    law = 20.0 * np.cos(x.time_s / 20.0) + 100.0 * (x.load_factor - 1.0)
+    law = np.repeat(law[:, None], 4, axis=1)
+    assert floor_rpm(problem, law) < 0.35 * rms(law)
+
+
+def test_noise_is_not_learnt(problem):
+    noise = np.random.default_rng(4).normal(0.0, 10.0, problem.measured_rpm.shape)
+    assert 0.95 * rms(noise) < floor_rpm(problem, noise) <= rms(noise)
+
+
+def test_what_only_the_flight_itself_shows_is_not_learnt(problem):
+    """Each flight has a curve of its own over time: rows of the flight would give it away."""
+    sign = np.array([1.0, -1.0, 1.0, -1.0])[problem.flight]
+    own = sign * 20.0 * np.sin(problem.channels.time_s / 10.0)
+    own = np.repeat(own[:, None], 4, axis=1)
+    assert floor_rpm(problem, own) > 0.9 * rms(own)
+
+
+def test_the_floor_is_never_above_what_is_left(problem):
+    left = np.random.default_rng(5).normal(size=problem.measured_rpm.shape)
+    for size in ([1.0, 1.0, 1.0, 1.0], [9.0, 0.1, 1.0, 1.0]):
+        assert floor_rpm(problem, left * size) <= rms(left * size)
+
+
+@pytest.mark.slow
+def test_boosted_trees_on_the_same_channels_do_not_undercut_it(sitl_logs):
+    ensemble = pytest.importorskip("sklearn.ensemble")
+    model = shipped_model()
+    names = [f"worn_prop_{k}.tlog" for k in (1, 2, 3)]
+    tracks = [read_log(sitl_logs / "dev" / n, airframe=model.airframe).track for n in names]
+    problem = assemble(model, tracks)
+    x, residual = problem.channels, problem.measured_rpm - problem.speeds()
+    every = [x.airspeed, x.tank_kg, x.time_s, x.voltage, x.advance_ratio, x.load_factor, x.heading]
+    tables = [x.load_factor_shifts, *x.rate_shifts, *x.acceleration_shifts]
+    columns = np.concatenate([np.stack(every, axis=1), *(t[:, ::4] for t in tables)], axis=1)
+    modes = problem.in_modes(residual)
+    left = np.empty_like(modes)
+    for f in range(3):
+        out = problem.flight == f
+        for k in range(4):
+            trees = ensemble.HistGradientBoostingRegressor(max_iter=80, learning_rate=0.06)
+            left[out, k] = modes[out, k] - trees.fit(columns[~out], modes[~out, k]).predict(
+                columns[out]
+            )
+    assert floor_rpm(problem, residual) < 1.02 * rms(left)

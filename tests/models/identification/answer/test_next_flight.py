@@ -1,0 +1,217 @@
+"""The next flight is the one whose rows tell two rivals apart, by formulas checked the long way."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from tests.models.made_flights import curve_model, made_flight
+from thrustmargin.models.effects import BY_KEY, effects_for
+from thrustmargin.models.effects.compose import rotor_speed_rpm
+from thrustmargin.models.identification.answer import next_flight as module
+from thrustmargin.models.identification.answer.manoeuvres import (
+    FlownLimits,
+    flown_track,
+    manoeuvres,
+)
+from thrustmargin.models.identification.answer.next_flight import (
+    CHANCE,
+    following_flight,
+    next_flight,
+    rivals_of,
+)
+from thrustmargin.models.identification.answer.result import Mentioned, OneOf, SetWeight
+from thrustmargin.models.identification.answer.rivals import (
+    ModePrediction,
+    Rival,
+    fitted_rival,
+    second_noise_rpm,
+)
+from thrustmargin.models.identification.rows.candidates import Term
+from thrustmargin.models.identification.rows.problem import assemble
+from thrustmargin.models.model.predict import model_channels, table_of
+from thrustmargin.models.network.records import GoodFlights
+
+#: One fill, one speed: hidden mass is as good as a wrong gauge.
+FLIGHTS = [made_flight(k, tank_kg=8.0, hidden_mass=1.0) for k in range(3)]
+MODEL, LIMITS = curve_model(), FlownLimits.of(FLIGHTS)
+PROBLEM = assemble(MODEL, FLIGHTS)
+NOISE = np.array([4.0, 3.0, 2.5, 2.5])
+MASS, GAUGE, LOSS = (Term(effect=BY_KEY[key]) for key in ("extra_mass", "tank_scale", "yaw_trim"))
+
+
+def rivals(first, second) -> tuple[Rival, Rival]:
+    return fitted_rival(PROBLEM, first, NOISE), fitted_rival(PROBLEM, second, NOISE)
+
+
+def test_a_rival_is_fitted_to_the_flown_rows():
+    mass, gauge = rivals((MASS,), (GAUGE,))
+    assert mass.values == pytest.approx([1.0], abs=0.06)
+    # The tank was 8.0 to 5.3 kg: 1 kg more is a gain of about 1.15.
+    assert gauge.values == pytest.approx([1.15], abs=0.04)
+
+
+def test_hidden_mass_and_gauge_are_told_apart_by_another_fill():
+    chosen = next_flight(MODEL, rivals((MASS,), (GAUGE,)), limits=LIMITS, noise_rpm=NOISE)
+    assert chosen.separates == ((MASS,), (GAUGE,))
+    assert min(chosen.manoeuvre.fills_kg) == pytest.approx(0.8)
+    assert chosen.nats > 1.0
+    assert chosen.minutes <= LIMITS.minutes * len(chosen.manoeuvre.fills_kg)
+
+
+def test_rivals_that_predict_the_same_everywhere_are_not_told_apart():
+    mass = rivals((MASS,), ())[0]
+    chosen = next_flight(MODEL, (mass, mass), limits=LIMITS, noise_rpm=NOISE)
+    assert (chosen.nats, chosen.certainty) == (0.0, 0.5)
+
+
+def test_the_divergence_is_that_of_two_gaussians(monkeypatch):
+    """Against d' S^-1 d with S written out, of a short hover."""
+    hover = manoeuvres(LIMITS)[1]
+    monkeypatch.setattr(module, "ROW_S", 2.0)
+    first, second = (
+        Rival(terms=r.terms, values=r.values, covariance=0.04 * np.eye(r.values.size))
+        for r in rivals((MASS,), (GAUGE, LOSS))
+    )
+    pair = (first, second)
+    track = flown_track(hover, MODEL, LIMITS, hover.fills_kg[0])
+    gram = module._gram([module._flown_once(MODEL, pair, track, NOISE, 3.0)])
+    x = model_channels(MODEL, track, effects=effects_for(MODEL.airframe))
+    x = x.rows(slice(None, None, 20))
+    predict = ModePrediction.of(MODEL, table_of(MODEL), x, NOISE / np.sqrt(2.0))
+    d = (
+        predict.modes(pair[0].terms, pair[0].values) - predict.modes(pair[1].terms, pair[1].values)
+    ).ravel()
+    whole = np.eye(d.size)
+    for rival in pair:
+        j = predict.columns(rival.terms, rival.values)
+        whole += j @ rival.covariance @ j.T
+    n = predict.scatter(3.0)
+    whole += n @ n.T
+    assert module._distance_square(gram, 1) == pytest.approx(
+        d @ np.linalg.solve(whole, d), rel=1e-6
+    )
+    # Twice the same rows in one flight are the same rows with half the noise.
+    half = whole - 0.5 * np.eye(d.size)
+    assert module._distance_square(gram, 2) == pytest.approx(d @ np.linalg.solve(half, d), rel=1e-6)
+
+
+def test_values_are_shared_by_fills_and_scatter_is_each_flight_s_own():
+    one = module._Flown(shared=np.ones((2, 1)), apart=np.ones((2, 1)), difference=np.ones(2))
+    gram = module._gram([one, one])
+    # Columns: shared 1111, apart 1100 and 0011, difference 1111.
+    assert gram.tolist() == [[4, 2, 2, 4], [2, 2, 0, 2], [2, 0, 2, 2], [4, 2, 2, 4]]
+    # S = I + 11' + blocks: on (1, 1, 1, 1) it is 1 + 4 + 2.
+    assert module._distance_square(gram, 1) == pytest.approx(4.0 / 7.0)
+
+
+def test_nothing_is_an_explanation_too():
+    nothing, loss = rivals((), (LOSS,))
+    assert nothing.values.size == 0
+    far = Rival(terms=loss.terms, values=np.array([1.0]), covariance=0.01 * np.eye(1))
+    chosen = next_flight(MODEL, (nothing, far), limits=LIMITS, noise_rpm=NOISE)
+    assert chosen.certainty > 0.9
+
+
+def test_the_scatter_of_good_flights_takes_the_place_of_the_usual_one():
+    predict = ModePrediction.of(MODEL, PROBLEM.base, PROBLEM.channels, np.ones(4))
+    usual = predict.scatter(0.0)
+    good = GoodFlights(flights=5, scatter={"extra_mass.mass": 0.0, "yaw_trim.moment": 1.0})
+    shown = ModePrediction.of(
+        replace(MODEL, good_flights=good), PROBLEM.base, PROBLEM.channels, np.ones(4)
+    ).scatter(0.0)
+    assert shown.shape[1] == usual.shape[1] - 1
+    moment = predict.columns((LOSS,), np.zeros(1))[:, 0]
+    assert np.isclose(shown - moment[:, None], 0.0).all(axis=0).any()
+
+
+def test_derivatives_are_those_of_the_prediction():
+    predict = ModePrediction.of(MODEL, PROBLEM.base, PROBLEM.channels, np.ones(4))
+    column = predict.columns((MASS,), np.array([1.0]))[:, 0].reshape(-1, 4)
+    # N = sqrt(N0² (1 + m/M)), so dN/dm = N0² / (2 M N).
+    base = rotor_speed_rpm(PROBLEM.base, (), PROBLEM.channels)
+    now = base * np.sqrt(1.0 + 1.0 / PROBLEM.channels.total_mass)[:, None]
+    slope = base**2 / (2.0 * PROBLEM.channels.total_mass[:, None] * now)
+    np.testing.assert_allclose(column @ PROBLEM.modes.directions.T, slope, rtol=1e-4)
+
+
+def test_noise_of_a_second_is_that_of_blocks_about_their_flight():
+    rng = np.random.default_rng(3)
+    white = 5.0 * rng.standard_normal(PROBLEM.measured_rpm.shape) + 100.0 * (
+        PROBLEM.flight[:, None] == 1
+    )
+    found = second_noise_rpm(PROBLEM, white)
+    # 24 free blocks: a standard deviation from so few is good to 15 %.
+    assert found == pytest.approx(np.full(4, 5.0 * np.sqrt(0.1)), rel=0.45)
+
+
+def test_a_step_in_flight_counts_as_it_is_afterwards():
+    onset = Term(effect=BY_KEY["rotor_degradation:onset"], rotor=1)
+    assert fitted_rival(PROBLEM, (onset,), NOISE).terms[0].key == "rotor_degradation@2"
+
+
+def test_values_stay_within_their_bounds():
+    heavy = assemble(MODEL, [made_flight(1, tank_kg=4.0, hidden_mass=9.0)])
+    assert fitted_rival(heavy, (GAUGE,), NOISE).values == pytest.approx([2.0])
+
+
+def test_what_is_open_of_a_value_is_in_its_unit_and_no_less_than_sound_flights_scatter_by():
+    usual = MASS.effect.parameters[0].smallest
+    open_kg = np.sqrt(fitted_rival(PROBLEM, (MASS,), NOISE).covariance[0, 0])
+    assert 0.95 * usual < open_kg < 5.0 * usual
+
+
+def left_open(**given):
+    """What of an identification says what it could not tell apart."""
+    nothing = {"found": (), "one_of": (), "alternatives": (), "mentioned": ()}
+    return SimpleNamespace(**{**nothing, "model": MODEL, **given})
+
+
+def named(term, alike=()):
+    return SimpleNamespace(term=term, indistinguishable_from=alike)
+
+
+def keys(found):
+    pair = rivals_of(found)  # type: ignore[arg-type]
+    return pair and tuple([t.key for t in side] for side in pair)
+
+
+def test_rivals_are_what_the_identification_left_open():
+    weak = Term(effect=BY_KEY["rotor_degradation"], rotor=2)
+    assert keys(left_open()) is None
+    assert keys(left_open(found=(named(MASS),))) is None
+    either = OneOf(terms=(LOSS, GAUGE, MASS), probabilities=(0.1, 0.3, 0.6))
+    assert keys(left_open(found=(named(weak),), one_of=(either,))) == (
+        ["rotor_degradation@3", "extra_mass"],
+        ["rotor_degradation@3", "tank_scale"],
+    )
+    sets = (SetWeight(probability=0.7, terms=(MASS,)), SetWeight(probability=0.3, terms=(GAUGE,)))
+    assert keys(left_open(alternatives=sets)) == (["extra_mass"], ["tank_scale"])
+    sure = (SetWeight(probability=0.97, terms=(MASS,)), SetWeight(probability=0.03, terms=()))
+    assert keys(left_open(alternatives=sure)) is None
+    unclear = (
+        Mentioned(rotor=0, probability=0.06, loss=0.01, ci95=(0.0, 0.02)),
+        Mentioned(rotor=2, probability=0.3, loss=0.02, ci95=(0.0, 0.04)),
+    )
+    assert keys(left_open(found=(named(MASS),), mentioned=unclear)) == (
+        ["extra_mass"],
+        ["extra_mass", "rotor_degradation@3"],
+    )
+    alike = (named(LOSS), named(MASS, ("tank_scale",)))
+    assert keys(left_open(found=alike)) == (["yaw_trim", "extra_mass"], ["yaw_trim", "tank_scale"])
+
+
+def test_a_flight_that_tells_no_more_than_chance_is_not_asked_for():
+    def after(first, second):
+        found = left_open(
+            alternatives=tuple(SetWeight(probability=0.5, terms=(t,)) for t in (first, second)),
+            problem=PROBLEM,
+            residual_after_rpm=PROBLEM.measured_rpm - PROBLEM.measured_rpm.mean(axis=0),
+        )
+        return following_flight(found, FLIGHTS)  # type: ignore[arg-type]
+
+    assert after(MASS, MASS) is None
+    told = after(MASS, LOSS)
+    assert told is not None
+    assert told.certainty > CHANCE

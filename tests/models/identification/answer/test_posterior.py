@@ -1,0 +1,109 @@
+"""From weighed sets to names, on sets whose weights are given by hand."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from thrustmargin.models.effects import BY_KEY
+from thrustmargin.models.identification.answer.posterior import posterior_of
+from thrustmargin.models.identification.rows.candidates import Held, Term, candidate
+from thrustmargin.models.identification.sets.evidence import Scored
+from thrustmargin.models.identification.sets.linear_sets import FittedSet
+
+MASS, GAUGE, CG = (
+    candidate(Term(effect=BY_KEY[k]), 1) for k in ("extra_mass", "tank_scale", "cg_offset")
+)
+LOSS = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=2), 1)
+ALL = [MASS, GAUGE, CG, LOSS]
+
+
+def a_set(weight: float, **values: tuple[float, float]) -> FittedSet:
+    """A set at one level: the first value of each effect and its standard error by name."""
+    names = {"mass": 0, "gauge": 1, "cg": 2, "loss": 3}
+    key = frozenset(names[n] for n in values)
+    held, errors = [], []
+    for n in sorted(values, key=lambda name: names[name]):
+        one = ALL[names[n]]
+        start = one.start.copy()
+        start[0, 0] = values[n][0]
+        held.append(Held(candidate=one, values=start))
+        errors += [values[n][1]] + [0.1] * (len(one.free) - 1)
+    scored = Scored(
+        log_evidence=0.0, step=np.zeros(len(errors)), covariance=np.diag(np.square(errors))
+    )
+    return FittedSet(
+        key=key,
+        held=tuple(held),
+        levels=(scored,),
+        log_evidence=np.array([np.log(weight)]),
+        residual=np.zeros((1, 4)),
+    )
+
+
+def answer_of(*sets: FittedSet):
+    search: Any = SimpleNamespace(fitted={s.key: s for s in sets}, candidates=ALL)
+    return posterior_of(search)
+
+
+def test_what_nearly_all_weight_holds_is_named():
+    found = answer_of(
+        a_set(0.60, loss=(0.08, 0.01)), a_set(0.36, loss=(0.08, 0.01), mass=(1.0, 0.2)), a_set(0.04)
+    )
+    assert found.weights == pytest.approx([0.60, 0.36, 0.04])
+    assert found.named() == [3]
+    assert found.probability([3]) == pytest.approx(0.96)
+    assert found.probability([0]) == pytest.approx(0.36)
+
+
+def test_a_size_that_may_be_nothing_is_no_name():
+    assert answer_of(a_set(1.0, mass=(0.3, 0.2))).named() == []
+    assert answer_of(a_set(1.0, mass=(0.5, 0.2))).named() == [0]
+    assert answer_of(a_set(1.0, gauge=(0.9, 0.02))).named() == [1]
+    assert answer_of(a_set(1.0, gauge=(1.03, 0.02))).named() == []
+
+
+def test_values_are_averaged_over_the_sets_with_what_lies_between_them():
+    found = answer_of(a_set(0.75, mass=(1.0, 0.2)), a_set(0.25, mass=(2.0, 0.4), cg=(0.02, 0.001)))
+    estimate = found.estimate(0)
+    assert estimate.value[0, 0] == pytest.approx(1.25)
+    # .75 x .04 + .25 x .16 within the sets, .75 x .25 x 1² between them
+    assert estimate.error[0, 0] ** 2 == pytest.approx(0.07 + 0.1875)
+
+
+def test_one_of_two_where_only_together_they_hold_the_weight():
+    found = answer_of(a_set(0.55, mass=(1.0, 0.2)), a_set(0.42, gauge=(1.1, 0.02)), a_set(0.03))
+    assert found.named() == []
+    (group,) = found.one_of([])
+    assert [t.effect.name for t in group.terms] == ["extra_mass", "tank_scale"]
+    assert group.probabilities == pytest.approx((0.55, 0.42))
+
+
+def test_what_mostly_comes_together_is_no_choice_and_what_has_no_weight_is_in_none():
+    both = a_set(0.82, mass=(1.0, 0.2), gauge=(1.1, 0.02))
+    found = answer_of(both, a_set(0.12, mass=(1.0, 0.2)), a_set(0.06, gauge=(1.1, 0.02)))
+    assert found.one_of([3]) == ()
+    slight = [a_set(0.94, mass=(1.0, 0.5)), a_set(0.03, gauge=(1.1, 0.02)), a_set(0.03)]
+    assert answer_of(*slight).one_of([]) == ()
+
+
+def test_one_alone_whose_size_may_be_nothing_is_not_one_of_several():
+    assert answer_of(a_set(1.0, mass=(0.3, 0.2))).one_of([]) == ()
+
+
+def test_a_rotor_that_has_weight_is_mentioned_and_a_named_one_is_not_said_twice():
+    listed = answer_of(a_set(0.9), a_set(0.1, loss=(0.03, 0.01)))
+    (rotor,) = listed.mentioned([])
+    assert (rotor.rotor, rotor.probability) == (2, pytest.approx(0.1))
+    assert rotor.ci95 == pytest.approx((0.03 - 0.0196, 0.03 + 0.0196), abs=1e-4)
+    assert listed.mentioned([3]) == ()
+    assert answer_of(a_set(0.97), a_set(0.03, loss=(0.03, 0.01))).mentioned([]) == ()
+
+
+def test_alternatives_are_the_sets_with_weight_likeliest_first():
+    found = answer_of(a_set(0.2, mass=(1.0, 0.2)), a_set(0.78), a_set(0.02, cg=(0.02, 0.001)))
+    assert [(len(a.terms), round(a.probability, 2)) for a in found.alternatives()] == [
+        (0, 0.78),
+        (1, 0.2),
+    ]

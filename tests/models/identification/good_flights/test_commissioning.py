@@ -1,0 +1,75 @@
+"""A model from good flights: no flight reaches its own prediction; the better base."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.models.identification.good_flights.test_standard_effects import with_weight_forward
+from tests.models.made_flights import F16, curve_model, made_flights
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.identification.good_flights.commissioning import (
+    chain_of,
+    commission,
+    worse,
+)
+from thrustmargin.models.model.predict import predict
+from thrustmargin.models.model.training import Fold
+from thrustmargin.models.network.training_rows import gather
+from thrustmargin.models.physics.atmosphere import track_air
+
+INPUTS = ("airspeed", "tank_kg")
+
+
+def chain(tracks):
+    folds = tuple(Fold(model=curve_model(), flights=(k,)) for k in range(len(tracks)))
+    used = list(range(len(tracks)))
+    return chain_of(curve_model(), folds, tracks, used, gather(tracks), INPUTS, lambda _: None)
+
+
+def test_nothing_of_a_flight_reaches_its_own_prediction():
+    tracks = [with_weight_forward(t, 0.01) for t in made_flights(3, duration=60.0)]
+    other = [tracks[0], with_weight_forward(tracks[1], 0.03), tracks[2]]
+    before, after = chain(tracks), chain(other)
+    own = before.samples.flight == 1
+    np.testing.assert_array_equal(before.predicted_rpm[own], after.predicted_rpm[own])
+    assert np.abs(before.predicted_rpm[~own] - after.predicted_rpm[~own]).max() > 5.0
+
+
+def test_the_network_stays_unless_flights_left_out_are_worse_with_it():
+    known = chain(made_flights(3, duration=60.0))
+    measured, flight = known.samples.rotor_speed_rpm, known.samples.flight
+
+    def off(*by: float):
+        return replace(known, predicted_rpm=measured + np.array(by)[flight][:, None])
+
+    assert not worse(off(10.0, 10.0, 10.0), off(20.0, 25.0, 20.0))
+    assert worse(off(20.0, 25.0, 20.0), off(10.0, 10.0, 10.0))
+    assert not worse(off(20.0, 10.0, 10.0), off(10.0, 10.0, 10.1))  # one flight proves nothing
+
+
+def test_three_flights_without_a_network_make_a_model_with_effects_and_interval():
+    tracks = [with_weight_forward(t, 0.02) for t in made_flights(3, duration=60.0)]
+    model = commission(None, tracks, F16, date="2025-06-01")
+    assert "cg_offset" in {e.name for e in model.effects}
+    shown = model.good_flights
+    assert shown is not None
+    assert set(shown.flight_rmse_rpm) == {t.name for t in tracks}
+    whole = next(e.score for e in shown.errors if e.condition == "all rows")
+    assert whole.rmse_rpm < 12.0  # the noise put in is 8
+    new = with_weight_forward(made_flights(4, duration=60.0)[3], 0.02)
+    predicted = predict(model, new, track_air(new).density)
+    inside = (new.rotor_speed_rpm > predicted.lower_rpm) & (
+        new.rotor_speed_rpm < predicted.upper_rpm
+    )
+    known = np.isfinite(predicted.lower_rpm)
+    assert known.any()
+    assert inside[known].mean() > 0.9
+    far = replace(new, airspeed=new.airspeed + 9.0)
+    assert np.isnan(predict(model, far, track_air(far).density).lower_rpm).all()
+    assert predicted.coverage == 0.9
+
+
+def test_two_flights_are_too_few():
+    with pytest.raises(DataError, match="2 flights with usable rows"):
+        commission(None, made_flights(2), F16, date="")

@@ -1,0 +1,91 @@
+"""How flights differ: by hand, by drawn numbers, and on flights that differ by a known size."""
+
+import numpy as np
+import pytest
+
+from tests.models.identification.good_flights.test_standard_effects import with_weight_forward
+from tests.models.identification.rows.test_row_fit import sums
+from tests.models.made_flights import curve_model, made_flights
+from thrustmargin.models.identification.good_flights.flight_scatter import (
+    LeftOutFlights,
+    confirmed_curve_rms,
+    good_flights,
+    mean_and_error,
+    own_estimate,
+    slow_wander,
+)
+
+
+def test_the_mean_of_a_flight_has_the_error_of_its_blocks():
+    values = np.array([[1.0], [3.0], [5.0], [5.0], [99.0]])
+    block, mine = np.array([0, 0, 1, 1, 2]), np.array([True] * 4 + [False])
+    np.testing.assert_allclose(mean_and_error(values, block, mine)[:, 0], [3.5, 1.5])
+    assert mean_and_error(values, block, ~mine)[1, 0] == np.inf
+
+
+def test_one_flights_own_estimate_and_its_error_by_blocks():
+    s = sums([0] * 4, [1.0, 2.0, 3.0, 2.0], [1.0] * 4, [9.0] * 4).sums
+    move, error = own_estimate(s)
+    assert move[0] == pytest.approx(2.0)  # of left over -1, 0, 1, 0
+    assert error[0] == pytest.approx(np.sqrt(2.0 / 16.0 * 4.0 / 3.0))
+    assert own_estimate(s[:1])[1, 0] == np.inf  # one block shows no scatter
+    blind = sums([0, 0, 0], [1.0, 2.0, 3.0], [0.0] * 3, [9.0] * 3).sums
+    assert own_estimate(blind)[1, 0] == np.inf
+
+
+def test_slow_noise_is_what_means_over_its_time_scatter_about_their_flights():
+    time_s = np.tile(np.arange(40.0), 2)
+    flight = np.repeat([0, 1], 40)
+    steps = np.where(time_s < 20.0, 3.0, -3.0) + 100.0 * flight
+    values = np.stack([steps, 100.0 * flight], axis=1)
+    found = slow_wander(values, time_s, flight, 20.0)
+    assert found == pytest.approx([np.sqrt(18.0) / 0.75, 0.0])  # two means, 3 off theirs
+    assert slow_wander(values, time_s, flight, 60.0) == pytest.approx([0.0, 0.0])
+
+
+def drawn(rng, flights: int, rows: int = 300):
+    """Channel, flight numbers, and noise of like neighbours, each flight with its own mean."""
+    flight = np.repeat(np.arange(flights), rows)
+    slow = np.repeat(rng.normal(size=flight.size // 30), 30)
+    noise = rng.normal(0, 2, flights)[flight] + slow + rng.normal(size=flight.size)
+    return np.tile(np.linspace(0.0, 1.0, rows), flights), flight, noise
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+def test_a_curve_that_all_flights_share_is_found_in_its_size(periodic):
+    rng = np.random.default_rng(0)
+    channel, flight, noise = drawn(rng, 8)
+    angle = 2.0 * np.pi * channel
+    found = confirmed_curve_rms(
+        4.0 * np.sin(angle) + noise, angle if periodic else channel, flight, periodic=periodic
+    )
+    assert found == pytest.approx(4.0 / np.sqrt(2.0), rel=0.1)
+
+
+def test_chance_and_a_curve_of_one_flight_are_not_confirmed():
+    rng = np.random.default_rng(1)
+    confirmed = 0
+    for _ in range(40):
+        channel, flight, noise = drawn(rng, 6)
+        confirmed += confirmed_curve_rms(50.0 + noise, channel, flight) > 0.0
+        one = noise + np.where(flight == 2, 9.0 * np.sin(7.0 * channel), 0.0)
+        assert confirmed_curve_rms(one, channel, flight) < 0.5
+    assert confirmed <= 4  # a gain beyond its standard error, of a smoothness that is chosen
+    assert confirmed_curve_rms(noise, np.ones_like(noise), flight) == 0.0
+
+
+def test_flights_that_differ_show_by_how_much_and_in_what_alone():
+    tracks = made_flights(8, duration=60.0)
+    metres = np.array([-3.0, -1.0, 1.0, 3.0, -3.0, -1.0, 1.0, 3.0]) / 1000.0
+    odd = [with_weight_forward(t, m) for t, m in zip(tracks, metres, strict=True)]
+    model = curve_model()
+    shown = good_flights([LeftOutFlights(model=model, tracks=tuple(odd))])
+    alike = good_flights([LeftOutFlights(model=model, tracks=tuple(tracks))])
+    assert shown.flights == 8
+    assert shown.scatter["cg_offset.x"] == pytest.approx(np.std(metres, ddof=1), rel=0.1)
+    assert shown.scatter["cg_offset.y"] < 0.0002
+    assert alike.scatter["cg_offset.x"] < 0.0002
+    pitch, yaw = shown.mode_scatter_rpm[2], shown.mode_scatter_rpm[3]
+    assert pitch > 5.0
+    assert yaw < 0.5
+    assert shown.scatter["rotor_degradation.loss"] > 3.0 * alike.scatter["rotor_degradation.loss"]

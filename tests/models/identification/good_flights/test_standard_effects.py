@@ -1,0 +1,111 @@
+"""Standard effects: what is kept, by hand and on small flights with a change of a known size."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.models.made_flights import F16, curve_model, made_flights
+from thrustmargin.models.effects import BY_KEY
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.good_flights.standard_effects import (
+    _at_start,
+    gain_and_error,
+    held_at_absent,
+    with_standard_effects,
+)
+from thrustmargin.models.identification.rows.candidates import Term
+from thrustmargin.models.identification.rows.problem import assemble
+from thrustmargin.models.identification.rows.row_fit import fit_rows
+from thrustmargin.models.model.rotor_model import physics_model
+
+
+def with_weight_forward(track, metres: float):
+    """The flight with its weight forward of the centre, by the balance of a symmetric quad."""
+    forward = F16.rotor_position_frd[:, 0]
+    share = 1.0 + metres * forward / np.mean(forward**2)
+    return replace(track, rotor_speed_rpm=track.rotor_speed_rpm * np.sqrt(share))
+
+
+def test_what_flights_show_is_kept_with_its_size_and_what_they_do_not_is_not():
+    tracks = [with_weight_forward(t, 0.02) for t in made_flights(4)]
+    model = with_standard_effects(curve_model(), tracks, date="2025-06-01")
+    kept = {e.effect.key: e for e in model.placed}
+    assert "cg_offset" in kept
+    assert kept.keys().isdisjoint({"yaw_trim", "cg_offset:tank"})
+    record = next(e for e in model.effects if e.name == "cg_offset")
+    assert record.flights == tuple(t.name for t in tracks)
+    forward = record.parameters["x"]
+    assert forward.ci95[0] < 0.02 < forward.ci95[1]
+    assert forward.value == pytest.approx(0.02, abs=0.001)
+    assert "air_density" in kept  # weight and thrust curve go on following the air
+
+
+def leaning(track, seed: int, height: float):
+    """The flight of an aircraft without a tank in a wind that nothing reports: it leans slowly to
+    and fro, and the force of the air acts `height` above its centre of gravity."""
+    rng = np.random.default_rng(seed)
+    phase = 0.3 * track.time_s + rng.uniform(0.0, 6.0)
+    attitude, still = track.attitude.copy(), np.zeros_like(track.velocity_ned)
+    attitude[:, 1] = 0.05 * (np.sin(phase) + rng.normal())  # nose up: the air pushes forward
+    forward = F16.rotor_position_frd[:, 0]
+    share = 1.0 + height * np.sin(attitude[:, 1])[:, None] * forward / np.mean(forward**2)
+    weight = F16.empty_mass / (F16.empty_mass + track.tank_kg)
+    speed = track.rotor_speed_rpm * np.sqrt(share * weight[:, None])
+    changed = {"attitude": attitude, "rotor_speed_rpm": speed, "tank_kg": 0.0 * track.tank_kg}
+    return replace(track, velocity_ned=still, wind_ned=np.full_like(still, np.nan), **changed)
+
+
+def test_without_a_known_wind_the_lean_tells_the_moment_of_the_flow():
+    bare = physics_model(replace(F16, tank_volume_l=0.0))
+    tracks = [leaning(track, k, 0.4) for k, track in enumerate(made_flights(4))]
+    kept = {e.effect.key: e for e in with_standard_effects(bare, tracks).placed}
+    assert "flow_moment" not in kept
+    assert kept["drag_moment"].values["pitch"] == pytest.approx(0.4, rel=0.1)
+
+
+def test_what_flights_contradict_each_other_about_is_not_kept():
+    offsets = (0.024, -0.010, 0.020, -0.012)  # 5 mm forward on average, which is worth naming
+    tracks = [with_weight_forward(t, o) for t, o in zip(made_flights(4), offsets, strict=True)]
+    model = with_standard_effects(curve_model(), tracks)
+    assert "cg_offset" not in {e.name for e in model.effects}
+
+
+def fitted(tracks, keys, known_rpm: Floats | float = 0.0):
+    """The rows, and some effects fitted to them together."""
+    problem = assemble(curve_model(), tracks)
+    terms = [Term(effect=BY_KEY[key]) for key in keys]
+    held = [_at_start(t, problem) for t in terms]
+    return problem, fit_rows(problem, held, known_rpm=known_rpm)
+
+
+def test_what_stays_takes_the_place_of_a_like_effect_that_goes():
+    tracks = [with_weight_forward(t, 0.003) for t in made_flights(3)]
+    problem, whole = fitted(tracks, ("cg_offset", "cg_offset:tank"))
+    tank = whole.held[1]
+    sums = held_at_absent(whole, [tank])
+    moved = sums.move(sums.sums.sum(axis=0))
+    alone = fit_rows(problem, [tank]).held[0].values[0, 0]
+    assert tank.values[0, 0] + moved[0] == pytest.approx(alone, rel=0.05)
+    assert alone > 0.003 > 5.0 * abs(tank.values[0, 0])
+
+
+def test_a_gain_is_the_mean_over_flights_of_the_logarithm_and_its_standard_error():
+    gain, error = gain_and_error(np.array([np.e, np.e**3, 1.0]), np.array([1.0, np.e, 1.0]))
+    assert gain == pytest.approx(1.0)  # of 1, 2, 0
+    assert error == pytest.approx(1.0 / 3**0.5)
+
+
+def test_leaving_an_effect_out_by_the_sums_is_leaving_it_out_of_the_fit():
+    tracks = [with_weight_forward(t, 0.003) for t in made_flights(3)]
+    alike = np.full(4, 40.0)  # rpm, beside which the modes' own sizes are nothing
+    problem, whole = fitted(tracks, ("cg_offset", "yaw_trim", "translational_lift"), alike)
+    np.testing.assert_allclose(
+        held_at_absent(whole, whole.held).left_out_costs(), whole.sums.left_out_costs()
+    )
+    for k in range(3):
+        rest = [h for h in whole.held if h is not whole.held[k]]
+        again = fit_rows(problem, rest, known_rpm=alike).sums.left_out_costs().sum()
+        assert held_at_absent(whole, rest).left_out_costs().sum() == pytest.approx(again, rel=0.05)
+    worse = held_at_absent(whole, whole.held[1:]).left_out_costs().sum()
+    assert worse > 1.2 * whole.sums.left_out_costs().sum()

@@ -1,0 +1,79 @@
+"""What the base model may be off by reaches intervals, and only there."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.models.made_flights import F16, made_flight
+from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.models.effects.extra_mass import EXTRA_MASS
+from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.identification.good_flights.standard_effects import _half_widths
+from thrustmargin.models.identification.rows.base_uncertainty import base_uncertainty_rpm
+from thrustmargin.models.identification.rows.candidates import Held, Term, candidate
+from thrustmargin.models.identification.rows.problem import assemble
+from thrustmargin.models.identification.rows.row_fit import fit_rows
+from thrustmargin.models.model.model_file import shipped_model
+from thrustmargin.models.model.rotor_model import physics_model
+
+
+def with_mass(half_width: float):
+    mass = Identified(value=1.0, unit="kg", ci95=(1.0 - half_width, 1.0 + half_width))
+    record = EffectRecord(name="extra_mass", rotor=None, parameters={"mass": mass})
+    return replace(physics_model(F16), effects=(record,))
+
+
+def mass_found(model):
+    """Value and half width of the mass that flights ask for on top, and their rows."""
+    problem = assemble(model, [made_flight(k, hidden_mass=3.0) for k in (1, 2, 3)])
+    one = candidate(Term(effect=EXTRA_MASS), 3)
+    fit = fit_rows(problem, [Held(candidate=one, values=one.start)])
+    half = _half_widths(fit, problem.in_modes(doubt_of(problem)))
+    return fit.held[0].values[0, 0], half[0], problem
+
+
+def doubt_of(problem):
+    return base_uncertainty_rpm(problem.model, problem.base, problem.channels)
+
+
+def test_an_uncertain_mass_before_makes_the_mass_found_on_top_as_uncertain():
+    sure, narrow, _ = mass_found(with_mass(0.0))
+    unsure, wide, _ = mass_found(with_mass(0.5))
+    assert unsure == pytest.approx(sure, abs=1e-3)
+    assert wide == pytest.approx(np.hypot(narrow, 0.5), rel=0.1)
+
+
+def test_a_model_that_states_no_doubt_adds_none():
+    _, _, problem = mass_found(physics_model(F16))
+    assert doubt_of(problem).shape == (0, *problem.measured_rpm.shape)
+
+
+@pytest.fixture(scope="module")
+def windy(sitl_logs):
+    model = shipped_model()
+    track = read_log(sitl_logs / "dev" / "windy_2.tlog", airframe=model.airframe).track
+    return assemble(model, [track])
+
+
+def test_beyond_its_airspeeds_the_base_is_in_doubt_as_far_as_physics_carries_it(windy):
+    known = windy.model.known_airspeed
+    held = replace(
+        windy.model,
+        forward_flight=replace(
+            windy.model.forward_flight, known_airspeed=float(windy.channels.airspeed.max())
+        ),
+    )
+    more = np.sum(doubt_of(windy) ** 2, axis=(0, 2))
+    less = np.sum(base_uncertainty_rpm(held, windy.base, windy.channels) ** 2, axis=(0, 2))
+    fast = windy.channels.airspeed > known + 3.0
+    assert fast.sum() > 100
+    assert np.sqrt(more[fast].mean()) > np.sqrt(less[fast].mean()) + 5.0
+
+
+def test_each_direction_is_one_standard_deviation_of_its_value():
+    _, _, problem = mass_found(with_mass(0.5))
+    heavier = doubt_of(problem)[0]
+    mass = problem.channels.total_mass + 1.0
+    expected = problem.measured_rpm.mean() * 0.5 * (0.5 / 1.96) / mass.mean()
+    assert heavier.mean() == pytest.approx(expected, rel=0.1)

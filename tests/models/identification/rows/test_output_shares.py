@@ -1,0 +1,99 @@
+"""Flights without rotor speeds: a weak rotor by its share of the outputs, and nothing else."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.models.made_flights import curve_model, made_flight
+from thrustmargin.gcs_plugin.wording.identify_answer import nothing, open_questions
+from thrustmargin.models.effects.base import Kind
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.identification.answer.model_update import with_effects
+from thrustmargin.models.identification.loop import identify
+from thrustmargin.models.identification.rows.output_shares import (
+    learnt_spread,
+    of_outputs,
+    scaled_to,
+    spread_of_flights,
+)
+from thrustmargin.models.model.output_speed import FROM_OUTPUTS
+
+TRIM = 0.006  # of rotor speed, by which each rotor of sound flights differs
+ROLL = np.array([1.0, -1.0, -1.0, 1.0])
+
+
+def by_outputs(seed: int, loss: float = 0.0) -> FlightTrack:
+    """A flight whose equivalent speeds a sagging battery moves, each with a trim of its own."""
+    rng = np.random.default_rng(100 + seed)
+    track = made_flight(seed, duration=60.0, loss=loss, rotor=2)
+    trim = 1.0 + TRIM * rng.standard_normal(4)
+    together = 1.0 + 0.05 * np.sin(track.time_s / (9.0 + seed)) + 0.02 * seed
+    speed = track.rotor_speed_rpm * trim * together[:, None]
+    sources = {"rotor_speed_rpm": f"{FROM_OUTPUTS} (RCOU)"}
+    return replace(track, rotor_speed_rpm=speed, sources=sources)
+
+
+def names(found):
+    return [(f.term.effect.name, f.term.rotor) for f in found.found]
+
+
+def test_a_weak_rotor_is_named_by_its_share_whatever_the_battery_does():
+    found = identify([by_outputs(k, loss=0.2) for k in range(4)], curve_model())
+    assert names(found) == [("rotor_degradation", 2)]
+    (loss,) = found.found
+    assert loss.lower[0, 0] < 0.2 < loss.upper[0, 0]
+    assert loss.upper[0, 0] - loss.lower[0, 0] > 0.02  # flights differ more than rows do
+    assert {e.term.effect.kind for e in found.excluded} <= {Kind.MOMENTS, Kind.COEFFICIENT}
+
+
+def test_sound_rotors_get_no_name_though_their_trim_differs_from_flight_to_flight():
+    found = identify([by_outputs(k) for k in range(4)], curve_model())
+    assert names(found) == []
+    assert found.mentioned == ()
+    assert [e for e in found.excluded if e.term.rotor is not None] == []
+    assert nothing(found).endswith("but they cannot clear a rotor")
+
+
+def test_one_flight_names_a_rotor_only_beside_what_good_flights_have_shown():
+    alone = identify(by_outputs(9, loss=0.3), curve_model())
+    assert names(alone) == []
+    assert any("learnt from good flights" in line for line in open_questions(alone))
+    good = identify([by_outputs(k) for k in range(5)], curve_model())
+    learnt = with_effects(curve_model(), good)
+    assert len(learnt.background_rpm) == 4
+    beside = identify(by_outputs(9, loss=0.3), learnt)
+    assert names(beside) == [("rotor_degradation", 2)]
+    sound = identify(by_outputs(8), learnt)
+    assert names(sound) == []
+
+
+def test_flights_of_both_kinds_are_not_mixed():
+    mixed = [by_outputs(0), made_flight(1)]
+    with pytest.raises(DataError, match="each kind by itself"):
+        of_outputs(mixed)
+    half = replace(by_outputs(0), sources={"rotor_speed_rpm": f"ESC; rotor 3 {FROM_OUTPUTS}"})
+    with pytest.raises(DataError, match="only some rotors"):
+        of_outputs([half])
+    assert of_outputs([made_flight(1)]) is False
+
+
+def test_a_prediction_is_scaled_to_the_measured_sum_of_squares_by_hand():
+    speed = np.array([[3.0, 4.0], [6.0, 8.0]])
+    np.testing.assert_allclose(scaled_to(np.array([100.0, 25.0]), speed), [[6, 8], [3, 4]])
+
+
+def test_spread_of_flights_by_hand():
+    """Means 1, 2, 3 and 6: deviation about their mean 2.160, root mean square 3.536."""
+    flight = np.repeat(np.arange(4), 2)
+    residual = np.repeat([1.0, 2.0, 3.0, 6.0], 2)[:, None] + np.tile([[-0.5], [0.5]], (4, 1))
+    own, degrees = spread_of_flights(residual, flight, np.zeros(1))
+    assert own[0] == pytest.approx(2.1602, abs=1e-4)
+    assert degrees == 3.0
+    known, degrees = spread_of_flights(residual, flight, np.array([3.0]))
+    assert (known[0], degrees) == (3.0, np.inf)
+    few, _ = spread_of_flights(residual[:4], flight[:4], np.zeros(1))
+    assert few[0] > 100.0
+    # t of 4 degrees at 97.5 % is 2.7764, the normal quantile 1.9600
+    assert learnt_spread(residual, flight)[0] == pytest.approx(3.5355 * 2.7764 / 1.96, rel=1e-3)

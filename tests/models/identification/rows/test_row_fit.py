@@ -1,0 +1,221 @@
+"""Least squares on rows: derivatives, left-out costs and intervals, worked out by hand."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from tests.models.made_flights import curve_model, made_flights
+from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.models.effects import BY_KEY, CATALOGUE
+from thrustmargin.models.effects.slung_load import LENGTHS
+from thrustmargin.models.identification.rows.candidates import (
+    Held,
+    Term,
+    candidate,
+    predicted,
+    slopes,
+)
+from thrustmargin.models.identification.rows.problem import assemble
+from thrustmargin.models.identification.rows.row_fit import (
+    RowSums,
+    block_sums,
+    fit_rows,
+    half_widths,
+    inside_bounds,
+)
+from thrustmargin.models.identification.rows.whitening import Whitening, plain
+from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.physics.airframe import load_airframe
+
+F16 = load_airframe("topxgun-f16-sitl")
+STEP = 1e-4  # of a parameter's usual size
+
+
+def sums(owner, gradient, hessian, cost, *, prior=0.0) -> RowSums:
+    """One value: sums of j e, j² and e² of every block."""
+    g, h, c = (np.array(v, dtype=float) for v in (gradient, hessian, cost))
+    return RowSums(
+        sums=np.stack([np.stack([h, g], axis=1), np.stack([g, c], axis=1)], axis=2),
+        owner=np.array(owner),
+        prior=np.array([prior]),
+        pull=np.zeros(1),
+        flights=max(owner) + 1,
+    )
+
+
+def width(s: RowSums, doubt=()) -> float:
+    return float(half_widths(s, np.array(doubt, dtype=float).reshape(1, -1))[0][0])
+
+
+def cost_under(value: float, gradient: float, hessian: float, cost: float) -> float:
+    """Sum of (e - j value)²."""
+    return cost - 2.0 * value * gradient + value**2 * hessian
+
+
+def test_a_flight_is_scored_under_the_value_that_the_other_flights_give_alone():
+    g, h, c = [6.0, 2.0, 20.0], [2.0, 2.0, 5.0], [30.0, 40.0, 90.0]
+    others = [(2.0 + 20.0) / 7.0, (6.0 + 20.0) / 7.0, (6.0 + 2.0) / 4.0]
+    expected = [cost_under(v, *b) for v, b in zip(others, zip(g, h, c, strict=True), strict=True)]
+    assert sums([0, 1, 2], g, h, c).left_out_costs() == pytest.approx(expected)
+
+
+def test_all_blocks_of_a_flight_are_left_out_together():
+    s = sums([0, 0, 1, 1], [6.0, 8.0, 1.0, 3.0], [1.0] * 4, [99.0] * 4)
+    first = cost_under(2.0, 14.0, 2.0, 198.0)
+    assert s.left_out_costs() == pytest.approx([first, cost_under(7.0, 4.0, 2.0, 198.0)])
+
+
+def test_a_prior_holds_the_value_back():
+    s = sums([0, 1], [4.0, 6.0], [1.0, 1.0], [40.0, 40.0], prior=1.0)
+    assert s.left_out_costs() == pytest.approx(
+        [cost_under(v, g, 1, 40) for v, g in [(3, 4), (2, 6)]]
+    )
+
+
+def test_values_held_elsewhere_leave_the_sums_of_what_is_then_left():
+    rng = np.random.default_rng(3)
+    columns, e = rng.normal(size=(40, 2, 3)), rng.normal(size=(40, 2))
+    whole = np.concatenate([columns, e[:, :, None]], axis=2)
+    block = np.repeat(np.arange(4), 10)
+    ones = Whitening(
+        rows=np.arange(40),
+        flight=block // 2,
+        coefficients=np.zeros((2, 2)),
+        scale=np.ones((40, 2)),
+        weight=np.ones((40, 2)),
+    )
+    s = RowSums(
+        sums=block_sums(ones, whole, block),
+        owner=np.array([0, 0, 1, 1]),
+        prior=np.array([1.0, 2.0, 3.0]),
+        pull=np.zeros(3),
+        flights=2,
+    )
+    move = np.array([0.0, 0.5, -0.2])
+    left = e - columns @ move
+    direct = block_sums(ones, np.stack([columns[:, :, 0], left], axis=2), block)
+    held = s.held_at([0], move)
+    np.testing.assert_allclose(held.sums, direct)
+    assert held.prior == pytest.approx([1.0])
+
+
+@pytest.mark.parametrize("blocks", [2, 6, 21])
+def test_an_interval_from_blocks_has_half_as_many_degrees_of_freedom_as_blocks(blocks):
+    g = np.where(np.arange(blocks) % 2, 3.0, -3.0)
+    # Sandwich: sum of g² over (sum of j²)², with blocks / (blocks - 1) for the mean taken.
+    variance = 9.0 * blocks / (4.0 * blocks) ** 2 * blocks / (blocks - 1)
+    half = stats.t(max(2, blocks // 2)).ppf(0.975) * np.sqrt(variance)
+    assert width(sums([0] * blocks, g, [4.0] * blocks, [10.0] * blocks)) == pytest.approx(half)
+
+
+def test_flights_that_disagree_widen_the_interval_with_one_degree_of_freedom_less_than_flights():
+    s = sums([0, 0, 1, 1, 2, 2], [2.0, 2.0, -1.0, -1.0, -1.0, -1.0], [1.0] * 6, [9.0] * 6)
+    by_block, by_flight = 12.0 / 36.0 * 6 / 5, (16.0 + 4.0 + 4.0) / 36.0 * 3 / 2
+    assert by_flight > by_block
+    assert width(s) == pytest.approx(stats.t(2).ppf(0.975) * np.sqrt(by_flight))
+
+
+def test_flights_that_agree_leave_the_interval_of_blocks():
+    s = sums([0, 0, 1, 1, 2, 2], [2.0, -2.0] * 3, [1.0] * 6, [9.0] * 6)
+    assert width(s) == pytest.approx(stats.t(3).ppf(0.975) * np.sqrt(24.0 / 36.0 * 6 / 5))
+
+
+def test_what_the_base_model_does_not_know_is_added_in_squares_and_no_block_teaches_it():
+    s = sums([0, 0, 1, 1], [1.0, -1.0, 1.0, -1.0], [4.0] * 4, [9.0] * 4)
+    alone, normal = stats.t(2).ppf(0.975) ** 2 * 4.0 / 16.0**2 * 4 / 3, stats.norm.ppf(0.975)
+    # Each of 4 rows of j = 2 moves by 0.5 with the same sign, as a member of an ensemble has it.
+    assert width(s, [4 * 2.0 * 0.5]) ** 2 == pytest.approx(alone + normal**2 * 4.0**2 / 16.0**2)
+
+
+def test_without_a_filter_each_mode_counts_by_its_size_and_a_wild_row_linearly():
+    e = np.tile([[1.0, 10.0, 2.0], [-1.0, -10.0, -2.0]], (50, 1))
+    e[0] = [60.0, 10.0, 2.0]
+    found = plain(e, np.zeros(100, dtype=np.intp))
+    assert found.scale[0] == pytest.approx(1.4826 * np.array([1.0, 3.0, 2.0]))  # none beyond 3
+    z = found.apply(e)
+    assert z[1, 0] == pytest.approx(-1.0 / 1.4826)
+    size = 60.0 / 1.4826
+    assert z[0, 0] == pytest.approx(size * np.sqrt(3.0 / size))
+    known = plain(e, np.zeros(100, dtype=np.intp), known_rpm=np.array([0.0, 0.0, 4.0]))
+    assert known.scale[0, 2] == pytest.approx(np.hypot(1.4826 * 2.0, 4.0))
+    outputs = plain(e, np.zeros(100, dtype=np.intp), of_outputs=True)
+    assert outputs.scale[0, 0] == pytest.approx(1.4826 * 2.0)
+
+
+def test_a_loss_is_found_from_its_rows_and_only_from_the_blocks_chosen():
+    problem = assemble(curve_model(), made_flights(2, loss=0.08))
+    worse = problem.measured_rpm.copy()
+    out = problem.block < 3
+    worse[out] *= 1.3
+    problem = replace(problem, measured_rpm=worse)
+    one = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=0), 2)
+    held = [Held(candidate=one, values=one.start)]
+    chosen = np.arange(problem.block_flight.size) >= 3
+    loss = fit_rows(problem, held, chosen).held[0].values[0, 0]
+    assert loss == pytest.approx(0.08, abs=0.004)
+    assert abs(fit_rows(problem, held).held[0].values[0, 0] - 0.08) > 2.0 * abs(loss - 0.08)
+
+
+@pytest.fixture(scope="module")
+def problem(sitl_logs):
+    """Two flights with every channel, and the pull of a load and a flow that they do not have."""
+    names = ("v4_m10_q1.5.tlog", "v6_m4_q1.5.tlog")
+    logs = [read_log(sitl_logs / "campaign" / name, airframe=F16) for name in names]
+    problem = assemble(physics_model(F16), [log.track for log in logs])
+    x = problem.channels
+    pull = 1.0 + 0.1 * np.sin(x.time_s[:, None] + 0.3 * np.arange(LENGTHS))
+    level = 0.05 * np.sin(x.time_s[:, None] + np.arange(2.0))  # forward and right
+    own = {"slung_load": pull, "drag_moment": level, "flow_moment": 100.0 * level}
+    return replace(problem, channels=replace(x, own=own))
+
+
+@pytest.mark.parametrize("effect", CATALOGUE, ids=lambda e: e.key)
+def test_slopes_are_those_of_differences_in_the_prediction(problem, effect):
+    assert not problem.lacks(effect)
+    one = candidate(Term(effect=effect, rotor=1 if effect.of_one_rotor else None), 2)
+    scale = np.array([p.scale for p in effect.parameters])
+    at = Held(candidate=one, values=one.start + 0.03 * scale)
+    prediction, found = predicted(problem, [at]), slopes(problem, [at], 0)
+    for k, parameter in enumerate(effect.parameters):
+        move = np.zeros_like(at.values)
+        move[:, k] = STEP * parameter.scale
+        ahead, behind = (
+            predicted(problem, [replace(at, values=at.values + s * move)]) for s in (1, -1)
+        )
+        expected = (ahead - behind) / (2 * STEP * parameter.scale)
+        size = max(np.abs(expected).max(), 1e-6 * np.abs(prediction).max())
+        assert np.abs(found[:, :, k] - expected).max() < 1e-2 * size, parameter.name
+
+
+def test_a_value_beyond_its_bounds_moves_nothing(problem):
+    """No step is possible there: a derivative of 0, not one that is no number."""
+    effect = BY_KEY["cg_offset"]
+    one = candidate(Term(effect=effect), 2)
+    beyond = np.array([[p.upper + 1.0 for p in effect.parameters]] * 2)
+    np.testing.assert_array_equal(slopes(problem, [Held(candidate=one, values=beyond)], 0), 0.0)
+
+
+def test_a_value_at_its_bound_stays_and_the_others_move_as_is_best_without_it():
+    """Columns (1, 1) and (0, 1), residual (-1, 3): freely -1 and 4, with the first at 0 only 3."""
+    columns = np.array([[1.0, 0.0], [1.0, 1.0]])
+    z = np.column_stack([columns, [-1.0, 3.0]])
+    sums = RowSums(
+        sums=(z.T @ z)[None],
+        owner=np.zeros(1, dtype=np.intp),
+        prior=np.zeros(2),
+        pull=np.zeros(2),
+        flights=1,
+    )
+
+    def held(lower: float) -> Any:
+        parameters = tuple(SimpleNamespace(lower=low, upper=9.0) for low in (lower, -9.0))
+        candidate = SimpleNamespace(parameters=parameters)
+        return [SimpleNamespace(free_values=np.zeros(2), candidate=candidate)]
+
+    total = sums.sums.sum(axis=0)
+    assert inside_bounds(sums, total, held(-9.0)) == pytest.approx([-1.0, 4.0])
+    assert inside_bounds(sums, total, held(0.0)) == pytest.approx([0.0, 3.0])

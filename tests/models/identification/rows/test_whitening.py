@@ -1,0 +1,90 @@
+"""The noise filter on made noise of known coefficients, and by hand."""
+
+import numpy as np
+import pytest
+
+from thrustmargin.models.identification.rows.whitening import (
+    FEWEST,
+    HUBER,
+    LEAST_NOISE,
+    Whitening,
+    whitening_of,
+)
+
+SPEED = 2000.0
+
+
+def made(seed=0, count=6000, size=(4.0, 2.0)):
+    """Autoregressive noise of two flights, twice as large in the first, and its innovations."""
+    rng = np.random.default_rng(seed)
+    flight = np.repeat([0, 1], count // 2)
+    e, w = np.zeros(count), rng.standard_normal(count) * np.array(size)[flight]
+    for t in range(2, count):
+        e[t] = 0.4 * e[t - 1] + 0.2 * e[t - 2] + w[t]
+    follows = np.ones(count, dtype=bool)
+    follows[[0, count // 2]] = False
+    return e[:, None], flight, follows
+
+
+def test_coefficients_and_sizes_are_found_and_leave_noise_of_size_one():
+    residual, flight, follows = made()
+    calm = np.zeros(flight.size, dtype=bool)
+    found = whitening_of(residual, flight, follows, calm, SPEED)
+    assert found.coefficients[0] == pytest.approx([0.4, 0.2], abs=0.04)
+    sizes = [np.median(found.scale[found.flight == f]) for f in (0, 1)]
+    assert sizes == pytest.approx([4.0, 2.0], rel=0.06)
+    white = found.apply(residual)[:, 0]
+    assert white.std() == pytest.approx(1.0, abs=0.04)
+    assert abs(np.corrcoef(white[1:], white[:-1])[0, 1]) < 0.04
+
+
+def test_a_filter_by_hand():
+    filter_ = Whitening(
+        rows=np.array([2, 3]),
+        flight=np.array([0, 0]),
+        coefficients=np.array([[0.5, 0.25]]),
+        scale=np.full((2, 1), 2.0),
+        weight=np.ones((2, 1)),
+    )
+    # (7 - .5 x 5 - .25 x 3) / 2 and (8 - .5 x 7 - .25 x 5) / 2
+    white = filter_.apply(np.array([[3.0], [5.0], [7.0], [8.0]]))
+    assert white[:, 0] == pytest.approx([1.875, 1.625])
+
+
+def test_means_after_a_pause_have_no_past():
+    residual, flight, follows = made(count=400)
+    follows[100] = False
+    calm = np.zeros(flight.size, dtype=bool)
+    rows = whitening_of(residual, flight, follows, calm, SPEED).rows
+    assert not {0, 1, 100, 101, 200, 201} & set(rows)
+    assert rows.size == 400 - 6
+
+
+def test_manoeuvres_have_a_size_of_their_own_where_there_are_enough():
+    residual, flight, follows = made()
+    busy = np.zeros(flight.size, dtype=bool)
+    busy[1000:1200] = True
+    residual[busy] *= 5.0
+    found = whitening_of(residual, flight, follows, busy, SPEED)
+    loud = np.isin(found.rows, np.flatnonzero(busy))
+    ratio = np.median(found.scale[loud]) / np.median(found.scale[~loud & (found.flight == 0)])
+    assert 3.0 < ratio < 7.0
+    few = np.zeros(flight.size, dtype=bool)
+    few[1000 : 1000 + FEWEST - 1] = True
+    assert np.unique(whitening_of(residual, flight, follows, few, SPEED).scale).size == 2
+
+
+def test_one_wild_mean_counts_linearly():
+    residual, flight, follows = made()
+    residual[3000 + 50] += 400.0
+    calm = np.zeros(flight.size, dtype=bool)
+    found = whitening_of(residual, flight, follows, calm, SPEED)
+    k = int(np.searchsorted(found.rows, 3050))
+    plain = found.apply(residual)[k, 0] / found.weight[k, 0]
+    assert found.apply(residual)[k, 0] ** 2 == pytest.approx(HUBER * abs(plain), rel=1e-6)
+
+
+def test_no_sensor_is_better_than_the_least_noise():
+    flight, follows = np.zeros(200, dtype=int), np.ones(200, dtype=bool)
+    quiet = whitening_of(np.zeros((200, 1)), flight, follows, np.zeros(200, dtype=bool), SPEED)
+    assert np.all(quiet.scale == LEAST_NOISE * SPEED)

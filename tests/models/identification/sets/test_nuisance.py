@@ -1,0 +1,154 @@
+"""Nuisances leave the Gram matrices as they leave a dense normal distribution."""
+
+import numpy as np
+import pytest
+
+from thrustmargin.models.identification.rows.whitening import Whitening
+from thrustmargin.models.identification.sets.learning import LEAST, learn
+from thrustmargin.models.identification.sets.nuisance import LEVELS, Nuisance
+
+MODES, ROWS, FLIGHTS = 2, 60, 2
+
+
+def made(seed=0, rows=ROWS, doubt=2):
+    """Two flights with 3 scatters, doubts, and 4 hats; the filter leaves everything as it is."""
+    rng = np.random.default_rng(seed)
+    n = rows * FLIGHTS
+    whitening = Whitening(
+        rows=np.arange(n) + 2,
+        flight=np.repeat(np.arange(FLIGHTS), rows),
+        coefficients=np.zeros((MODES, 2)),
+        scale=np.ones((n, MODES)),
+        weight=np.ones((n, MODES)),
+    )
+    nuisance = Nuisance(
+        whitening=whitening,
+        flights=tuple(slice(f * rows, (f + 1) * rows) for f in range(FLIGHTS)),
+        scatter=rng.standard_normal((n, MODES, 3)),
+        doubt=rng.standard_normal((n, MODES, doubt)),
+        free=rng.standard_normal((MODES, n, 4)),
+    )
+    return nuisance, rng
+
+
+def dense(nuisance: Nuisance, level) -> np.ndarray:
+    """The covariance of all (means x modes) by the definition of the model."""
+    n = nuisance.scatter.shape[0]
+    covariance = np.eye(n * MODES)
+    for part in nuisance.flights:
+        own = np.zeros((n, MODES, nuisance.scatter.shape[2]))
+        own[part] = nuisance.scatter[part]
+        flat = own.reshape(n * MODES, -1)
+        covariance += flat @ flat.T
+    flat = nuisance.doubt.reshape(n * MODES, -1)
+    covariance += flat @ flat.T
+    for mode in range(MODES):
+        factor = level.collective if mode == 0 else level.moments
+        hats = np.zeros((n, MODES, 4))
+        hats[:, mode] = nuisance.free[mode]
+        flat = factor * hats.reshape(n * MODES, -1)
+        covariance += flat @ flat.T
+    return covariance
+
+
+def columns_of(rng, count=3, rows=ROWS):
+    return np.concatenate(
+        [np.zeros((2, MODES, count)), rng.standard_normal((2 * rows, MODES, count))]
+    )
+
+
+@pytest.mark.parametrize("k", [0, 4, 8])
+def test_the_gram_matrix_and_the_evidence_are_those_of_the_dense_model(k):
+    nuisance, rng = made()
+    z = columns_of(rng)
+    solved = nuisance.solved()
+    gram = solved.reduce(nuisance.sums(z))[k]
+    covariance = dense(nuisance, LEVELS[k])
+    flat = z[2:].reshape(-1, 3)
+    assert gram == pytest.approx(flat.T @ np.linalg.solve(covariance, flat), rel=1e-9)
+    determinant = -0.5 * np.linalg.slogdet(covariance)[1]
+    assert solved.log_evidence[k] - LEVELS[k].log_prior == pytest.approx(determinant, rel=1e-9)
+
+
+def test_a_flight_left_out_is_not_in_the_answer():
+    nuisance, rng = made()
+    z = columns_of(rng)
+    other = z.copy()
+    other[2 : 2 + ROWS] *= 7.0  # the first flight
+    one = nuisance.solved([1])
+    assert one.reduce(nuisance.sums(z)) == pytest.approx(one.reduce(nuisance.sums(other)))
+
+
+def test_without_doubt_or_hats_nothing_breaks():
+    nuisance, rng = made(doubt=0)
+    assert nuisance.solved().reduce(nuisance.sums(columns_of(rng))).shape == (len(LEVELS), 3, 3)
+
+
+def test_levels_are_a_prior():
+    assert np.logaddexp.reduce([level.log_prior for level in LEVELS]) == pytest.approx(0.0)
+    assert LEVELS[0].collective == LEVELS[0].moments == 1.0
+
+
+def test_sizes_are_learnt_from_what_was_drawn():
+    """Three times the scatter's size and half of the hats', over many flights' draws."""
+    found = []
+    for seed in range(12):
+        nuisance, rng = made(seed, rows=120)
+        n = nuisance.scatter.shape[0]
+        y = rng.standard_normal((n, MODES))
+        for part in nuisance.flights:
+            y[part] += nuisance.scatter[part] @ (3.0 * rng.standard_normal(3))
+        for mode in range(MODES):
+            y[:, mode] += nuisance.free[mode] @ (0.5 * rng.standard_normal(4))
+        residual = np.concatenate([np.zeros((2, MODES)), y])
+        learnt = learn(nuisance, residual, ("a",) * 4, np.zeros(3, dtype=int))
+        found.append([learnt.scatter[0], *learnt.free[:, 0]])
+    scatter, *free = np.sqrt(np.mean(np.square(found), axis=0))
+    assert scatter == pytest.approx(3.0, rel=0.3)
+    assert free == pytest.approx([0.5, 0.5], rel=0.4)
+
+
+def test_components_that_keep_their_size_keep_it_and_none_vanishes():
+    nuisance, rng = made()
+    residual = np.concatenate([np.zeros((2, MODES)), rng.standard_normal((2 * ROWS, MODES))])
+    learnt = learn(nuisance, residual, ("a",) * 4, np.array([-1, 0, 0]))
+    assert learnt.scatter[0] == 1.0
+    assert np.all(learnt.scatter >= LEAST)
+    assert learnt.scatter[1] == learnt.scatter[2] < 0.5
+
+
+def test_a_value_of_one_flight_is_summed_there_alone_and_fits_in_among_the_others():
+    """Its column is zero in other flights, which leave it out of their sums."""
+    nuisance, rng = made()
+    columns = columns_of(rng)
+    columns[2 + ROWS :, :, 1] = 0.0
+    sums = nuisance.sums(columns)
+    assert [s.used.tolist() for s in sums] == [[0, 1, 2], [0, 2]]
+    solved, level = nuisance.solved(), 3
+    flat = columns[2:].reshape(-1, 3)
+    expected = flat.T @ np.linalg.solve(dense(nuisance, LEVELS[level]), flat)
+    np.testing.assert_allclose(solved.reduce(sums)[level], expected, rtol=1e-8)
+
+
+def test_a_residual_beside_columns_that_were_prepared_is_one_more_column():
+    nuisance, rng = made()
+    columns = columns_of(rng, 4)
+    columns[2 + ROWS :, :, 2] = 0.0
+    solved = nuisance.solved()
+    whole = solved.without_scatter(nuisance.sums(columns))
+    prepared = nuisance.prepared(columns[:, :, :3], solved)
+    found = nuisance.with_residual(prepared, columns[:, :, 3], solved)
+    for one, other in zip(found, whole, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
+
+
+def test_sums_of_some_means_are_those_of_a_nuisance_of_them():
+    nuisance, rng = made()
+    columns = columns_of(rng)
+    kept = np.ones(2 * ROWS, dtype=bool)
+    kept[10:40] = False
+    some = nuisance.of_means(kept)
+    assert [f.stop - f.start for f in some.flights] == [ROWS - 30, ROWS]
+    flat = columns[2:][kept].reshape(-1, 3)
+    expected = flat.T @ np.linalg.solve(dense(some, LEVELS[0]), flat)
+    np.testing.assert_allclose(some.solved().reduce(some.sums(columns))[0], expected, rtol=1e-8)

@@ -1,0 +1,226 @@
+"""Searches over sets on small made flights: several effects at once, steps in time, adequacy."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.models.made_flights import F16, curve_model, made_flight, made_flights, table
+from thrustmargin.models.effects import CATALOGUE, effects_for
+from thrustmargin.models.identification.loop import identify
+from thrustmargin.models.identification.rows.candidates import Held, derivatives, predicted
+from thrustmargin.models.identification.rows.reduced import BIN, STRETCH, reduce_flights
+from thrustmargin.models.identification.sets.free_form import free_columns, hats, wander_columns
+from thrustmargin.models.identification.sets.onsets import _LossSums, _steps, onset_candidates
+from thrustmargin.models.identification.sets.search_space import (
+    _standing,
+    _within_flights,
+    search_space,
+)
+from thrustmargin.models.identification.sets.set_search import Search
+from thrustmargin.models.network.records import GoodFlights
+
+SOME = ["extra_mass", "rotor_degradation", "cg_offset", "tank_scale", "yaw_trim"]
+
+
+def test_a_weak_rotor_and_hidden_mass_at_once_are_both_named():
+    flights = made_flights(3, loss=0.06, hidden_mass=1.5)
+    found = identify(flights, curve_model(), catalogue=table(SOME))
+    names = {f.term.words: f for f in found.found}
+    assert set(names) == {"extra_mass", "rotor_degradation of rotor 1"}
+    mass, rotor = names["extra_mass"], names["rotor_degradation of rotor 1"]
+    assert mass.lower[0, 0] < 1.5 < mass.upper[0, 0]
+    assert rotor.lower[0, 0] < 0.06 < rotor.upper[0, 0]
+    assert min(f.probability for f in found.found) >= 0.95
+
+
+def test_sound_flights_get_no_name_and_say_what_is_excluded():
+    found = identify(made_flights(3), curve_model(), catalogue=table(SOME))
+    assert found.found == ()
+    assert found.one_of == ()
+    limits = {(e.term.effect.name, e.term.rotor): e.above for e in found.excluded}
+    assert all(0.0 < limits["rotor_degradation", k] < 0.03 for k in range(4))
+    assert limits["extra_mass", None] < 1.0
+
+
+def test_more_flights_exclude_smaller_losses():
+    above = []
+    for count in (2, 8):
+        found = identify(made_flights(count), curve_model(), catalogue=table(SOME))
+        above.append(np.mean([e.above for e in found.excluded if e.parameter == "loss"]))
+    assert above[1] < 0.75 * above[0]
+
+
+def test_a_step_in_time_is_found_where_it_was_put():
+    flights = [made_flight(1), made_flight(2, loss=0.08, rotor=1, loss_from=45.0)]
+    space = search_space(curve_model(), flights, effects_for(F16, table(["rotor_degradation"])))
+    search = Search(space.reduced, space.nuisance, space.candidates)
+    steps = onset_candidates(search, search.fit(frozenset(), ()))
+    best = steps[0]
+    names = [p.name for p in best.term.effect.parameters]
+    assert best.term.rotor == 1
+    assert best.start[1, names.index("onset_time")] == pytest.approx(45.0, abs=1.5)
+    assert {flight for _, flight in best.free} == {1}
+
+
+def test_a_rotor_that_recovers_is_found_from_when_to_when():
+    track = made_flight(2, duration=150.0)
+    weak = (track.time_s >= 40.0) & (track.time_s < 95.0)
+    speeds = track.rotor_speed_rpm.copy()
+    speeds[weak, 1] /= np.sqrt(1.0 - 0.08)
+    flight = replace(track, rotor_speed_rpm=speeds)
+    found = identify([flight], curve_model(), catalogue=table(["rotor_degradation"]))
+    (rotor,) = found.found
+    assert (rotor.term.effect.variant, rotor.term.rotor) == ("for a while", 1)
+    loss, began, ended, _ = rotor.value[0]
+    assert loss == pytest.approx(0.08, abs=0.01)
+    assert (began, ended) == (pytest.approx(40.0, abs=1.5), pytest.approx(95.0, abs=1.5))
+
+
+def test_what_no_effect_explains_is_told_with_its_mode_and_gets_no_name():
+    """All rotors turn faster along a wave of the airspeed that no effect of the table has."""
+    flights = []
+    for track in made_flights(4, duration=150.0):
+        wave = 60.0 * np.sin(2.0 * track.airspeed)
+        flights.append(replace(track, rotor_speed_rpm=track.rotor_speed_rpm + wave[:, None]))
+    found = identify(flights, curve_model(), catalogue=table(["rotor_degradation", "cg_offset"]))
+    assert found.found == ()
+    assert found.unexplained()["mode"] == "collective"
+    assert found.unexplained()["rms_rpm"] > 10.0
+
+
+def test_means_are_those_of_the_rows():
+    track = made_flight(3)
+    reduced = reduce_flights(curve_model(), [track])
+    assert np.median(np.diff(reduced.channels.time_s)) == pytest.approx(BIN, abs=0.05)
+    x = reduced.channels
+    middle = int(np.argmin(np.abs(x.time_s - 40.0)))
+    near = np.abs(track.time_s - x.time_s[middle]) < BIN / 2
+    mean = track.rotor_speed_rpm[near].mean(axis=0)
+    assert reduced.measured_rpm[middle] == pytest.approx(mean, abs=6.0)
+    assert not reduced.follows[0]
+    assert reduced.follows[1:].all()
+
+
+@pytest.mark.parametrize("effect", [e for e in CATALOGUE if not e.begins], ids=lambda e: e.key)
+def test_derivatives_are_the_slope_of_the_prediction(effect):
+    flights = made_flights(2)
+    space = search_space(curve_model(), flights, [effect])
+    if not space.candidates:
+        pytest.skip("made flights lack a channel of it")
+    one = space.candidates[0]
+    at = Held(candidate=one, values=one.start)
+    slope = derivatives(space.reduced, [at], 0)
+    for k, p in enumerate(one.parameters):
+        step = np.zeros(len(one.free))
+        step[k] = 0.01 * p.scale
+        moved = at.moved(step)
+        width = moved.free_values[k] - at.free_values[k]
+        change = predicted(space.reduced, [moved]) - predicted(space.reduced, [at])
+        size = np.abs(change).max()
+        assert change == pytest.approx(width * slope[:, :, k], abs=0.1 * size + 1e-3)
+
+
+def test_hats_add_up_to_one_and_curves_of_the_free_form_have_no_mean():
+    values = np.random.default_rng(0).uniform(0.0, 8.0, 500)
+    assert hats(values, 5).sum(axis=1) == pytest.approx(1.0)
+    assert hats(np.full(9, 2.0), 5).shape == (9, 1)
+    reduced = reduce_flights(curve_model(), made_flights(2))
+    columns, groups = free_columns(reduced.channels, reduced.flight)
+    assert columns.shape[1] == len(groups)
+    mean = columns.mean(axis=0)
+    assert mean[[g == "constant" for g in groups]] == pytest.approx(1.0)
+    others = [g not in ("constant", "heading") for g in groups]
+    assert mean[others] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_how_flights_differ_as_a_whole_stands_once_and_as_good_flights_showed():
+    flights = made_flights(3)
+    known = replace(
+        curve_model(), background_rpm=(4.0, 3.0, 2.0, 1.0), good_flights=GoodFlights(flights=3)
+    )
+    space = search_space(known, flights, effects_for(F16, table(SOME)))
+    assert "constant" not in space.groups
+    rows = np.zeros_like(space.reduced.measured_rpm)
+    standing, shared = _standing(space.reduced, rows)
+    each, all_ = standing[0].diagonal(), shared[0].diagonal()
+    assert each**2 + all_**2 == pytest.approx(np.square(known.background_rpm))
+    assert (each / all_) ** 2 == pytest.approx(3.0)  # the mean of three is known to a third
+    columns = _within_flights(np.arange(12.0).reshape(6, 2, 1), np.array([0, 0, 0, 1, 1, 1]))
+    assert columns[:, 0, 0] == pytest.approx([-2.0, 0.0, 2.0, -2.0, 0.0, 2.0])
+
+
+def test_slow_noise_is_no_less_than_good_flights_had():
+    known = replace(
+        curve_model(),
+        background_rpm=(1.0,) * 4,
+        good_flights=GoodFlights(flights=3, slow_rpm=(50.0, 0.0, 0.0, 0.0)),
+    )
+    wander = search_space(known, made_flights(2), effects_for(F16, table(SOME))).wander_rpm
+    assert wander[0] == pytest.approx(50.0)
+    assert (wander[1:] < 10.0).all()
+
+
+def test_a_set_is_also_tried_with_another_rotor_in_the_place_of_a_bad_one():
+    space = search_space(curve_model(), [made_flight(1, loss=0.08)], CATALOGUE)
+    search = Search(space.reduced, space.nuisance, space.candidates)
+    search.run()
+    keys = [c.key for c in search.candidates]
+    bad = search.best.key
+    (rotor,) = (c for c in bad if keys[c].startswith("rotor_degradation"))
+    others = [keys.index(f"rotor_degradation@{k}") for k in (1, 2, 3, 4)]
+    assert all((bad - {rotor}) | {c} in search.fitted for c in others)
+
+
+def test_the_slow_noise_of_each_flight_begins_with_it():
+    time_s = np.array([100.0, 110.0, 125.0, 7.0, 19.5, 32.0])
+    columns = wander_columns(time_s, np.array([0, 0, 0, 1, 1, 1]), apart=25.0)
+    assert columns[:, 0] == pytest.approx([1.0, 0.6, 0.0, 1.0, 0.5, 0.0])
+    assert columns[:, 1] == pytest.approx([0.0, 0.4, 1.0, 0.0, 0.5, 1.0])
+
+
+def test_what_an_effect_does_is_good_to_a_few_per_cent_of_itself():
+    space = search_space(curve_model(), made_flights(2), table(["extra_mass"]))
+    search = Search(space.reduced, space.nuisance, space.candidates)
+    heavy = Held(candidate=space.candidates[0], values=np.full((2, 1), 3.0))
+    change = predicted(space.reduced, [heavy]) - predicted(space.reduced, [])
+    forms = search._forms([heavy])
+    # The first column: the constant curve in the collective, which is where mass acts.
+    assert np.abs(forms[:, 0, 0]) == pytest.approx(0.05 * np.abs(change[:, 0]), rel=1e-3)
+    assert not forms[:, 1:, 0].any()
+    assert search._forms([]).shape[2] == 0
+
+
+@pytest.mark.parametrize("kind", ["one", "since", "each"])
+def test_a_loss_from_a_moment_on_is_summed_as_if_over_all_flights(kind):
+    flights = [replace(t, start_unix_s=1e9 + 600.0 * k) for k, t in enumerate(made_flights(3))]
+    space = search_space(curve_model(), flights, effects_for(F16, table(["rotor_degradation"])))
+    search = Search(space.reduced, space.nuisance, space.candidates)
+    nothing = search.fit(frozenset(), ())
+    column = derivatives(space.reduced, [search.start[0]], 0)[:, :, 0]
+    step = [s for s in _steps(search) if s.kind == kind][-2 if kind == "since" else -1]
+    gram = _LossSums.of(search, nothing, column).gram(step, step.times)
+    x, flight = space.reduced.channels, space.reduced.flight
+    later = x.time_s[:, None] >= step.times
+    if step.flight is not None:
+        later = later & (flight == step.flight)[:, None] | step.after[flight][:, None]
+    whole = np.concatenate(
+        [column[:, :, None] * later[:, None, :], nothing.residual[:, :, None]], axis=2
+    )
+    level = slice(nothing.best_level, nothing.best_level + 1)
+    expected = search.solved.reduce(search.nuisance.sums(whole), level)[0]
+    np.testing.assert_allclose(gram, expected, rtol=1e-7, atol=1e-7 * np.abs(expected).max())
+
+
+def test_of_many_flights_each_keeps_stretches_that_take_turns(monkeypatch):
+    flights = made_flights(3, duration=150.0)
+    whole = reduce_flights(curve_model(), flights)
+    monkeypatch.setattr("thrustmargin.models.identification.rows.reduced.MOST_MEANS", 250)
+    some = reduce_flights(curve_model(), flights)
+    counts = np.bincount(some.flight)
+    assert some.flight.size < 0.6 * whole.flight.size
+    assert (counts >= STRETCH).all()
+    first = [some.channels.time_s[some.flight == f][0] for f in range(3)]
+    assert first[1] > first[0] + 15.0  # the second flight keeps what the first leaves out
+    runs = np.diff(np.flatnonzero(~some.follows))
+    assert set(runs) <= {STRETCH, *(counts % STRETCH)}
