@@ -36,9 +36,9 @@ KEPT = (
 
 
 def sources() -> list[Path]:
-    """All source but the search for effects, and all documents."""
+    """All source and all documents."""
     documents = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md")]
-    return [p for p in modules().values() if "identification" not in p.parts] + documents
+    return [*modules().values(), *documents]
 
 
 def found(word: str) -> list[str]:

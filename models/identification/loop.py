@@ -1,8 +1,8 @@
 """Close the loop: residual -> missing effect -> added effect -> error before and after.
 
 `identify` scores sets of effects on flights with measured rotor speeds, beside a free form that
-competes with them; it names what nearly all the weight holds, tells what cannot be told apart and
-what is excluded, and states the error on flights that no step has used.
+competes with them; it names what nearly all the weight holds, lists what cannot be distinguished
+and what is excluded, and states the error on flights that no step has used.
 """
 
 from __future__ import annotations

@@ -45,7 +45,7 @@ def unexplained(space: SearchSpace, search: Search, best: FittedSet) -> Unexplai
     sound = _sound_part(space)
     named = np.mean((predicted(search.reduced, best.held) - predicted(search.reduced, ())) ** 2, 0)
     wrong = (left > BEYOND**2 * sound) & (left > LEFT * (left + named))
-    wrong &= search.reduced.judged
+    wrong &= search.reduced.scored_modes
     if not wrong.any():
         return None
     mode = int(np.argmax(np.where(wrong, left, 0.0)))

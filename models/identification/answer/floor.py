@@ -63,5 +63,5 @@ def _columns(x: Channels) -> Floats:
 def _even(columns: Floats) -> Floats:
     """About their means, of size one; those that are not reported or do not vary are left out."""
     spread = columns.std(axis=0)
-    told = np.isfinite(spread) & (spread > 1e-9)
-    return (columns[:, told] - columns[:, told].mean(axis=0)) / spread[told]
+    varies = np.isfinite(spread) & (spread > 1e-9)
+    return (columns[:, varies] - columns[:, varies].mean(axis=0)) / spread[varies]

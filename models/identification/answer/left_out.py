@@ -1,4 +1,4 @@
-"""The answer found again without the flights that it is judged on, selection and all.
+"""The answer found again without the flights that it is scored on, selection and all.
 
 Each flight is left out in turn, of one flight each fifth, of many flights some at a time. The sums
 over the other flights are a smaller problem of the same kind: on it every set that the search has
@@ -31,7 +31,7 @@ Values = dict[int, Floats]  # candidate -> (F, K)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LeftOutPart:
-    """The search's problem without what is judged: some flights, or a fifth of the only one."""
+    """The search's problem without what is scored: some flights, or a fifth of the only one."""
 
     flights: tuple[int, ...]  # left out; none where it is a fifth
     rows: Bools  # (T,) left out, of the problem
@@ -65,7 +65,7 @@ class LeftOutPart:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LeftOut:
-    """The rows that errors are told on, and the search without each part of them."""
+    """The rows that errors are reported on, and the search without each part of them."""
 
     problem: Problem
     search: Search

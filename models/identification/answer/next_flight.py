@@ -1,4 +1,4 @@
-"""The next flight: the manoeuvre that best tells two rival explanations of the flights apart.
+"""The next flight: the manoeuvre that best distinguishes two rival explanations.
 
 Each rival is fitted to the flown rows. Over the rows of a manoeuvre the two then predict mode
 amplitudes m_A and m_B (in units of the noise), with
@@ -45,7 +45,7 @@ from thrustmargin.models.model.rotor_model import RotorModel
 
 Terms = tuple[Term, ...]
 
-CERTAIN = 0.95  # probability of a right choice at which the rivals count as told apart
+CERTAIN = 0.95  # probability of a right choice at which the rivals count as distinguished
 CHANCE = 0.6  # at or below which no manoeuvre is worth flying for it
 ROW_S = 0.2  # between rows of a manoeuvre
 
@@ -121,7 +121,7 @@ def next_flight(
     noise_rpm: Floats,
     background_rpm: Floats | float = 0.0,
 ) -> NextFlight:
-    """The shortest flight that tells two rivals apart, else the one that tells most.
+    """The shortest flight that distinguishes two rivals, else the one that does most.
 
     `noise_rpm` (R,) is that of a mean over one second, of each mode; `background_rpm` (R,) that of
     a flight's mean.
@@ -155,8 +155,8 @@ def next_flight(
 
 
 def _preference(made: NextFlight) -> tuple[bool, float]:
-    told = made.certainty >= CERTAIN
-    return told, -made.minutes if told else made.nats / made.minutes
+    distinguished = made.certainty >= CERTAIN
+    return distinguished, -made.minutes if distinguished else made.nats / made.minutes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -2,7 +2,7 @@
 
 An effect is named when nearly all the weight of all sets holds it. Where only together several do,
 it is one of them. Values and intervals are averaged over the sets and the levels that have weight,
-so that what cannot be told apart is in them.
+so that what cannot be distinguished is in them.
 """
 
 from __future__ import annotations

@@ -141,7 +141,7 @@ class Identification:
     one_of: tuple[OneOf, ...] = ()
     excluded: tuple[Excluded, ...] = ()
     mentioned: tuple[Mentioned, ...] = ()
-    followed: tuple[Found, ...] = ()  # what the flights have and a channel tells the model of
+    followed: tuple[Found, ...] = ()  # what the flights have and a channel reports to the model
     untried: Mapping[str, tuple[str, ...]] = field(
         default_factory=dict
     )  # effect -> lacking channels

@@ -9,7 +9,7 @@ of the model, so a prediction is scaled, row by row, to the sum of squares that 
 and only effects that change how the rotors share the thrust are looked for. A standing share also
 differs from flight to flight, by wind and by how the battery was put in. That spread is taken from
 the flights themselves, or from good flights that the model has learnt from; with neither, a
-standing difference cannot be told from it.
+standing difference cannot be distinguished from it.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def of_outputs(tracks: Sequence[FlightTrack]) -> bool:
         if FROM_OUTPUTS in source and not source.startswith(FROM_OUTPUTS):
             raise DataError(
                 f"{track.name}: only some rotors report their speed; leave this log out, for what "
-                "the others do cannot be told from their ESC"
+                "the others do cannot be distinguished from what their ESC does"
             )
         kinds.add(FROM_OUTPUTS in source)
     if len(kinds) > 1:

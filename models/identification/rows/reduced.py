@@ -42,7 +42,7 @@ class Reduced(RowsToFit):
     uncertainty_rpm: Floats  # (D, N, R) by which the base model may be off, one deviation each
 
     @property
-    def judged(self) -> Bools:
+    def scored_modes(self) -> Bools:
         """(R,) modes that say something: of motor outputs the collective does not."""
         return np.arange(self.measured_rpm.shape[1]) >= int(self.of_outputs)
 

@@ -285,7 +285,7 @@ def _noise(reduced: Reduced, residual: Floats, scatter: Floats, hats: Floats) ->
     speed = float(reduced.measured_rpm.mean())
     busy = _busy(reduced)
     found = whitening_of(left, reduced.flight, reduced.follows, busy, speed)
-    return replace(found, weight=found.weight * reduced.judged)
+    return replace(found, weight=found.weight * reduced.scored_modes)
 
 
 def _busy(reduced: Reduced) -> Bools:

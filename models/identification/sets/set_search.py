@@ -62,7 +62,7 @@ class Search:
     """Sets fitted so far, about which the search goes on.
 
     A large effect is not known to the last part: what it does is good to FORM of itself, in each
-    mode and along the slow channels. Every set is judged with that doubt of its own effects.
+    mode and along the slow channels. Every set is scored with that doubt of its own effects.
     """
 
     def __init__(
