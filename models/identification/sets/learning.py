@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.sets.nuisance import Nuisance
+from thrustmargin.models.identification.sets.nuisance import LEVELS, Nuisance
 
 STEPS = 20
 LEAST = 0.05  # of the size that a component began with, below which it is not let fall: few flights
@@ -53,10 +53,10 @@ def learn(
             scatter=nuisance.scatter * scatter,
             free=nuisance.free * free[:, None, of],
         )
-        solved = now.solved()
+        solved = now.solved(levels=LEVELS[level : level + 1])
         sums = now.sums(residual[:, :, None])
         shared, _ = solved.without_scatter(sums)
-        covariance = solved.shared[level]
+        covariance = solved.shared[0]
         mean = covariance @ shared[:, 0]
         square = (mean**2 + np.diag(covariance))[known:].reshape(modes, hats)
         for g in range(len(names)):

@@ -150,7 +150,10 @@ class Nuisance:
         return [self._gram(rows) for rows in self.flights]
 
     def solved(
-        self, flights: Sequence[int] | None = None, grams: Sequence[NuisanceGram] | None = None
+        self,
+        flights: Sequence[int] | None = None,
+        grams: Sequence[NuisanceGram] | None = None,
+        levels: Sequence[Level] = LEVELS,
     ) -> Solved:
         """The nuisances eliminated from all flights, or from those chosen; `grams` of all."""
         chosen = tuple(range(len(self.flights)) if flights is None else flights)
@@ -163,7 +166,7 @@ class Nuisance:
         own = sum(np.linalg.slogdet(system)[1] for system in systems)
         hats = np.arange(free) // max(self.free.shape[2], 1)  # the mode of each
         shared, evidence = [], []
-        for level in LEVELS:
+        for level in levels:
             of_modes = np.where(hats == 0, level.collective, level.moments)
             root = np.concatenate([np.ones(known), of_modes])
             system = np.eye(root.size) + root[:, None] * left * root

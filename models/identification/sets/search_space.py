@@ -143,9 +143,9 @@ def _left_noise(open_: Nuisance, residual: Floats) -> Floats:
     """
     z = open_.whitening.apply(residual)
     sums = open_.sums(residual[:, :, None])
-    solved = open_.solved()
+    solved = open_.solved(levels=LEVELS[-1:])
     shared, _ = solved.without_scatter(sums)
-    mean = solved.shared[len(LEVELS) - 1] @ shared[:, 0]
+    mean = solved.shared[0] @ shared[:, 0]
     known = open_.doubt.shape[2]
     free = mean[known:].reshape(open_.free.shape[0], -1)
     left = z - open_.doubt @ mean[:known] - np.einsum("rnh,rh->nr", open_.free, free)
