@@ -1,0 +1,163 @@
+"""What may be searched for on which flights, and how values stand, move and are shared."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.models.made_flights import F16, curve_model, made_flights, table
+from thrustmargin.models.effects import BY_KEY, effects_for
+from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.identification.rows.candidates import (
+    EFFECT_PRIOR,
+    ROTOR_PRIOR,
+    Held,
+    Term,
+    candidate,
+    candidates_of,
+    derivatives,
+    placed,
+    predicted,
+    slopes,
+)
+from thrustmargin.models.identification.rows.reduced import reduce_flights
+from thrustmargin.models.physics.atmosphere import G0
+from thrustmargin.models.physics.margin import ceiling, trimmable_loss
+
+MODEL = curve_model()
+LOSS, MASS, GAUGE = (BY_KEY[k] for k in ("rotor_degradation", "extra_mass", "tank_scale"))
+
+
+@pytest.fixture(scope="module")
+def reduced():
+    return reduce_flights(MODEL, made_flights(3))
+
+
+def keys(reduced, *names: str) -> list[str]:
+    return [c.key for c in candidates_of(reduced, table(names))]
+
+
+def test_an_effect_of_one_rotor_is_tried_on_each_with_a_prior_of_its_own(reduced):
+    found = candidates_of(reduced, table(["rotor_degradation", "extra_mass"]))
+    rotors = [c for c in found if c.term.rotor is not None]
+    assert [c.term.rotor for c in rotors] == [0, 1, 2, 3]
+    assert [c.key for c in rotors] == [f"rotor_degradation@{k}" for k in (1, 2, 3, 4)]
+    assert rotors[1].term.words == "rotor_degradation of rotor 2"
+    assert {c.log_prior for c in rotors} == {float(np.log(ROTOR_PRIOR))}
+    (mass,) = [c for c in found if c.term.rotor is None]
+    assert mass.term.words == "extra_mass"
+    assert mass.log_prior == pytest.approx(np.log(EFFECT_PRIOR))
+
+
+def test_a_loss_is_bounded_by_what_could_be_flown(reduced):
+    x, limits = (
+        reduced.channels,
+        ceiling(F16, np.median(reduced.channels.density), np.median(reduced.channels.voltage)),
+    )
+    load = np.median(x.total_mass) * G0
+    most = float(trimmable_loss(F16, limits, load, yaw_kept=False)[0])
+    bounds = {p.name: p for p in candidates_of(reduced, [LOSS])[0].term.effect.parameters}["loss"]
+    loss = {p.name: p for p in LOSS.parameters}["loss"]
+    assert bounds.upper == pytest.approx(min(loss.upper, max(most, loss.scale)))
+    assert bounds.lower == -loss.smallest
+
+
+def test_what_a_model_has_of_motion_is_not_looked_for_again(reduced):
+    assert keys(reduced, "load_factor") == ["load_factor"]
+    effect = BY_KEY["load_factor"]
+    found = {p.name: Identified(value=1, unit=p.unit, ci95=(0.9, 1.1)) for p in effect.parameters}
+    record = EffectRecord(name=effect.name, rotor=None, parameters=found, variant=effect.variant)
+    has = replace(reduced, model=replace(MODEL, effects=(record,)))
+    assert keys(has, "load_factor", "extra_mass") == ["extra_mass"]
+
+
+def test_what_begins_in_a_flight_or_differs_between_flights_has_its_own_rule(reduced):
+    assert all(not c.term.effect.begins for c in candidates_of(reduced, effects_for(F16)))
+    between = [e for e in effects_for(F16) if e.by_flights]
+    assert between
+    one = reduce_flights(MODEL, made_flights(1))
+    assert not {e.key for e in between} & {c.term.effect.key for c in candidates_of(one, between)}
+
+
+def test_an_effect_whose_channel_is_missing_or_that_could_not_show_is_no_candidate(reduced):
+    flights = [replace(t, voltage=np.full_like(t.voltage, np.nan)) for t in made_flights(2)]
+    assert keys(reduced, "battery_voltage")
+    assert not keys(reduce_flights(MODEL, flights), "battery_voltage")
+    weighed = replace(MASS, weight=lambda values, _: values["mass"] / 0.999 / usual)
+    faint = replace(MASS, weight=lambda values, _: values["mass"] / 1.001 / usual)
+    usual = MASS.parameters[0].start + MASS.parameters[0].scale
+    assert [c.key for c in candidates_of(reduced, [weighed, faint])] == ["extra_mass"]
+
+
+def test_values_of_single_flights_are_free_one_by_one():
+    shared, own = candidate(Term(effect=MASS), 3), candidate(Term(effect=GAUGE), 3)
+    assert shared.free == ((0, None),)
+    assert own.free == ((0, None),)
+    wind = candidate(Term(effect=BY_KEY["wind"]), 3)
+    assert wind.free == tuple(
+        (k, f) for k in range(len(wind.term.effect.parameters)) for f in range(3)
+    )
+    assert [p.name for p in wind.parameters] == [
+        p.name for p in wind.term.effect.parameters for _ in range(3)
+    ]
+    assert wind.start_values == [p.start for p in wind.parameters]
+
+
+def test_values_move_within_their_bounds_each_where_it_belongs():
+    wind = candidate(Term(effect=BY_KEY["wind"]), 2)
+    held = Held(candidate=wind, values=np.array([[1.0, 2.0], [3.0, 4.0]]))
+    np.testing.assert_array_equal(held.free_values, [1.0, 3.0, 2.0, 4.0])
+    moved = held.moved(np.array([0.1, 0.2, 0.3, 0.4]))
+    np.testing.assert_allclose(moved.values, [[1.1, 2.3], [3.2, 4.4]])
+    most = wind.term.effect.parameters[0].upper
+    assert held.moved(np.array([1e9, 0.0, 0.0, 0.0])).values[0, 0] == most
+    mass = Held(candidate=candidate(Term(effect=MASS), 2), values=np.zeros((2, 1)))
+    np.testing.assert_allclose(mass.moved(np.array([1.5])).values, [[1.5], [1.5]])
+
+
+def test_a_bad_rotor_goes_back_to_its_usual_share_of_the_torque():
+    one = candidate(Term(effect=LOSS, rotor=0), 2)
+    names = [p.name for p in LOSS.parameters]
+    share = names.index("torque_share")
+    values = one.start.copy()
+    usual = Held(candidate=one, values=values)
+    assert usual.usually_shaped() is usual
+    other = values.copy()
+    other[:, share] += 0.3
+    other[:, 0] = 0.1
+    back = Held(candidate=one, values=other).usually_shaped().values
+    np.testing.assert_allclose(back[:, share], values[:, share])
+    np.testing.assert_allclose(back[:, 0], 0.1)
+
+
+def test_values_that_differ_between_flights_go_to_their_rows(reduced):
+    wind = candidate(Term(effect=BY_KEY["wind"]), 3)
+    same = Held(candidate=wind, values=np.full((3, 2), 2.0))
+    assert placed(reduced, [same])[0].values == {p.name: 2.0 for p in wind.term.effect.parameters}
+    own = Held(candidate=wind, values=np.array([[1.0, 0.0], [2.0, 0.0], [3.0, 0.0]]))
+    (item,) = placed(reduced, [own])
+    first, second = (item.values[p.name] for p in wind.term.effect.parameters)
+    np.testing.assert_array_equal(first, reduced.flight + 1.0)
+    assert second == 0.0
+
+
+def test_a_derivative_by_the_value_of_one_flight_is_nothing_in_the_others(reduced):
+    wind = candidate(Term(effect=BY_KEY["wind"]), 3)
+    held = [Held(candidate=wind, values=np.full((3, 2), 1.0))]
+    by_parameter, by_value = slopes(reduced, held, 0), derivatives(reduced, held, 0)
+    assert by_value.shape[2] == 6
+    for column, (k, flight) in enumerate(wind.free):
+        mine = reduced.flight == flight
+        np.testing.assert_array_equal(by_value[mine][:, :, column], by_parameter[mine][:, :, k])
+        assert not by_value[~mine][:, :, column].any()
+    only = slopes(reduced, held, 0, [1])
+    np.testing.assert_array_equal(only[:, :, 0], by_parameter[:, :, 1])
+
+
+def test_a_slope_at_a_bound_is_that_to_the_inner_side(reduced):
+    one = candidate(Term(effect=MASS), 3)
+    p = MASS.parameters[0]
+    held = Held(candidate=one, values=np.full((3, 1), p.upper))
+    inner = Held(candidate=one, values=np.full((3, 1), p.upper - 1e-3 * p.scale))
+    expected = (predicted(reduced, [held]) - predicted(reduced, [inner])) / (1e-3 * p.scale)
+    np.testing.assert_allclose(slopes(reduced, [held], 0)[:, :, 0], expected, rtol=1e-6)

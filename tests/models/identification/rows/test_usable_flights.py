@@ -1,0 +1,66 @@
+"""Flights that may not be fitted, and the sentence that says why."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.models.checks.test_motor_order import made_flight as turning_flight
+from tests.models.made_flights import F16, curve_model, made_flight
+from thrustmargin.models.errors import AirframeError, DataError
+from thrustmargin.models.identification.rows.problem import LEAST_ROWS
+from thrustmargin.models.identification.rows.usable_flights import (
+    require_airframe,
+    require_distinct,
+    too_little,
+    wrong_order,
+)
+from thrustmargin.models.model.load_inference import LOAD_FROM_SPEEDS
+from thrustmargin.models.model.output_speed import FROM_OUTPUTS
+from thrustmargin.models.physics.airframe import load_airframe
+
+
+def test_each_flight_is_given_once():
+    one, two = made_flight(1), made_flight(2)
+    require_distinct([one, two])
+    again = replace(one, name="copy.tlog")
+    with pytest.raises(DataError, match=r"copy.tlog and made_1.csv are the same flight; give each"):
+        require_distinct([one, two, again])
+
+
+def test_a_short_flight_says_how_many_rows_it_has():
+    assert too_little(made_flight(1), curve_model()) is None
+    words = too_little(made_flight(1, duration=6.0), curve_model())
+    assert words is not None
+    assert words.endswith(f"needs {LEAST_ROWS}")
+    assert "rotor speeds" in words
+
+
+def test_a_flight_without_a_channel_says_which():
+    track = made_flight(1)
+    bare = replace(track, rotor_speed_rpm=np.full_like(track.rotor_speed_rpm, np.nan))
+    assert too_little(bare, curve_model()) == "it reports no rotor speeds"
+    unknown = np.full_like(track.tank_kg, np.nan)
+    empty = replace(bare, tank_kg=unknown)
+    assert too_little(empty, curve_model()) == "it reports no rotor speeds and no tank level"
+    inferred = replace(track, standard_errors={"tank_kg": np.ones_like(track.tank_kg)})
+    assert too_little(inferred, curve_model()) == LOAD_FROM_SPEEDS
+
+
+def test_speeds_of_other_rotors_are_refused_and_outputs_are_not_asked():
+    track = turning_flight(F16)
+    assert wrong_order(track, F16) is None
+    other = replace(track, rotor_speed_rpm=track.rotor_speed_rpm[:, [1, 0, 2, 3]])
+    words = wrong_order(other, F16)
+    assert words is not None
+    assert words.endswith("put the rotor speeds in motor order, or give the right --airframe")
+    with pytest.raises(DataError, match=r"made: .*nothing was fitted"):
+        require_airframe([track, other], curve_model(), given=True)
+    outputs = replace(other, sources={"rotor_speed_rpm": FROM_OUTPUTS})
+    assert wrong_order(outputs, F16) is None
+
+
+def test_another_number_of_rotors_is_refused():
+    hexa = replace(curve_model(), airframe=load_airframe("agras-t20"))
+    with pytest.raises(AirframeError, match="4"):
+        require_airframe([made_flight(1)], hexa, given=True)
