@@ -1,0 +1,69 @@
+"""What names leave unexplained: in which mode, along which channel, how much of it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.models.made_flights import F16, curve_model, made_flights, table
+from thrustmargin.models.effects import effects_for
+from thrustmargin.models.identification.answer.adequacy import acts_in, unexplained
+from thrustmargin.models.identification.rows.candidates import Held
+from thrustmargin.models.identification.rows.modes import modes
+from thrustmargin.models.identification.sets.search_space import search_space
+from thrustmargin.models.identification.sets.set_search import Search
+
+MODEL = curve_model()
+DIRECTIONS = modes(F16).directions
+SIZE = 60.0  # rpm, amplitude of the wave in its mode
+
+
+def searched(mode: int | None, keys=("rotor_degradation", "cg_offset", "extra_mass")):
+    """Flights with a wave of the airspeed in one mode, which no effect of the table has."""
+    flights = []
+    for track in made_flights(3, duration=120.0):
+        wave = np.zeros((track.time_s.size, 4))
+        if mode is not None:
+            wave = SIZE * np.sin(2.0 * track.airspeed)[:, None] * DIRECTIONS[:, mode]
+        flights.append(replace(track, rotor_speed_rpm=track.rotor_speed_rpm + wave))
+    space = search_space(MODEL, flights, effects_for(F16, table(keys)))
+    return space, Search(space.reduced, space.nuisance, space.candidates)
+
+
+@pytest.mark.parametrize("mode", [1, 3])
+def test_a_wave_that_no_effect_has_is_left_in_its_mode_with_its_size_along_its_channel(mode):
+    space, search = searched(mode)
+    left = unexplained(space, search, search.fit(frozenset(), ()))
+    assert left is not None
+    assert left.mode == mode
+    assert left.channel == "airspeed"
+    x = space.reduced.channels
+    wave = SIZE * np.sin(2.0 * x.airspeed)
+    assert left.rms_rpm == pytest.approx(np.sqrt(np.mean(wave**2)), rel=0.2)
+    assert np.corrcoef(left.curve_rpm, wave)[0, 1] > 0.8
+    assert 0.8 < left.share <= 1.0
+
+
+def test_sound_flights_leave_nothing():
+    space, search = searched(None)
+    assert unexplained(space, search, search.fit(frozenset(), ())) is None
+
+
+def test_what_motor_outputs_have_in_common_is_not_left_unexplained():
+    space, search = searched(0)
+    empty = search.fit(frozenset(), ())
+    assert unexplained(space, search, empty) is not None
+    search.reduced = replace(search.reduced, of_outputs=True)
+    left = unexplained(space, search, empty)
+    assert left is None or left.mode != 0
+
+
+def test_an_effect_acts_in_the_mode_of_most_of_its_change():
+    _, search = searched(None)
+    by_key = {c.key: c for c in search.candidates}
+    mass = Held(candidate=by_key["extra_mass"], values=np.full((3, 1), 2.0))
+    assert [acts_in(search, mass, m) for m in range(4)] == [True, False, False, False]
+    one = by_key["rotor_degradation@1"]
+    values = one.start.copy()
+    values[:, 0] = 0.1
+    assert not any(acts_in(search, Held(candidate=one, values=values), m) for m in range(4))
