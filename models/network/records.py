@@ -16,6 +16,8 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.network.network import NetConfig
 from thrustmargin.models.scores import Score
 
+ROUNDING = 1e-12
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SplitScore:
@@ -88,12 +90,15 @@ def scatter_between(estimates: Floats, errors: Floats) -> float:
 
     estimates and errors (F,), errors standard deviations above 0. What the errors alone make
     flights differ is taken off, so that 0 means "no more than chance". NaN for fewer than 2
-    flights. Method of moments: DerSimonian and Laird, Control. Clin. Trials 7, 177 (1986), Eq. 8.
+    flights, and where one alone is known. Method of moments: DerSimonian and Laird, Control. Clin.
+    Trials 7, 177 (1986), Eq. 8.
     """
     if estimates.size < 2:
         return float("nan")
     weight = errors**-2.0
     mean = np.sum(weight * estimates) / np.sum(weight)
     excess = np.sum(weight * (estimates - mean) ** 2) - (estimates.size - 1)
-    between = excess / (np.sum(weight) - np.sum(weight**2) / np.sum(weight))
-    return float(np.sqrt(max(between, 0.0)))
+    others = np.sum(weight) - np.sum(weight**2) / np.sum(weight)
+    if others <= ROUNDING * np.sum(weight):
+        return float("nan")
+    return float(np.sqrt(max(excess / others, 0.0)))

@@ -78,7 +78,9 @@ def good_flights(left_out: Sequence[LeftOutFlights]) -> GoodFlights:
     return GoodFlights(
         flights=len(means),
         scatter=_pooled(estimates),
-        mode_scatter_rpm=tuple(scatter_between(*by_mode[:, :, k].T) for k in range(len(names))),
+        mode_scatter_rpm=tuple(
+            float(np.nan_to_num(scatter_between(*by_mode[:, :, k].T))) for k in range(len(names))
+        ),
         slow_rpm=tuple(slow_wander(rows, over["time_s"], which, apart).tolist()),
         curve_rpm={
             f"{mode}.{name}": confirmed_curve_rms(
@@ -180,8 +182,11 @@ def _pooled(estimates: dict[tuple[str, int | None], list[Floats]]) -> dict[str, 
         known = np.isfinite(own).all(axis=1) & (own[:, 1] > 0.0)
         if np.count_nonzero(known) > 1:
             scatter.setdefault(key, []).append(scatter_between(*own[known].T))
-    sizes = {key: float(np.sqrt(np.mean(np.square(of)))) for key, of in scatter.items()}
-    return {key: size for key, size in sizes.items() if np.isfinite(size)}
+    return {
+        key: float(np.sqrt(np.nanmean(np.square(of))))
+        for key, of in scatter.items()
+        if not np.isnan(of).all()
+    }
 
 
 def confirmed_curve_rms(

@@ -22,6 +22,11 @@ def test_one_flight_shows_no_scatter():
     assert np.isnan(scatter_between(np.array([1.0]), np.array([1.0])))
 
 
+def test_where_one_flight_alone_is_known_how_they_differ_is_not():
+    assert np.isnan(scatter_between(np.array([1.0, 5.0]), np.array([1e-9, 1.0])))
+    assert np.isnan(scatter_between(np.array([1.0, 5.0]), np.array([1.0, np.inf])))
+
+
 @pytest.mark.parametrize("true", [0.0, 1.0, 3.0])
 def test_the_scatter_of_drawn_flights_is_found(true):
     rng = np.random.default_rng(1)

@@ -1,19 +1,48 @@
 """How flights differ: by hand, by drawn numbers, and on flights that differ by a known size."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.models.identification.good_flights.test_standard_effects import with_weight_forward
 from tests.models.identification.rows.test_row_fit import sums
-from tests.models.made_flights import curve_model, made_flights
+from tests.models.made_flights import curve_model, made_flight, made_flights
+from thrustmargin.models.effects import BY_KEY
+from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.identification.good_flights.flight_scatter import (
     LeftOutFlights,
+    _at_the_model,
+    _own_estimates,
     confirmed_curve_rms,
     good_flights,
     mean_and_error,
     own_estimate,
     slow_wander,
 )
+from thrustmargin.models.identification.rows.problem import assemble
+from thrustmargin.models.identification.rows.whitening import plain
+
+
+def record(name: str, parameter: str, value: float, unit: str) -> EffectRecord:
+    found = {parameter: Identified(value=value, unit=unit, ci95=(0.9 * value, 1.1 * value))}
+    return EffectRecord(name=name, rotor=None, parameters=found)
+
+
+def test_an_effect_that_the_model_has_is_estimated_anew_about_its_value():
+    """Flights with 2 and 3 kg hidden, and a model that has 2.2 kg and a gauge that reads right."""
+    mass = record("extra_mass", "mass", 2.2, "kg")
+    gauge = record("tank_scale", "gain", 1.0, "1")
+    model = replace(curve_model(), effects=(gauge, mass))
+    rest, values = _at_the_model(model, BY_KEY["extra_mass"])
+    assert values == [2.2]
+    assert rest.effects == (gauge,)
+    assert _at_the_model(model, BY_KEY["cg_offset"]) == (model, [0.0, 0.0])
+    problem = assemble(model, [made_flight(1, hidden_mass=2.0), made_flight(2, hidden_mass=3.0)])
+    modes = problem.in_modes(problem.measured_rpm - problem.speeds())
+    own = _own_estimates(problem, plain(modes, problem.flight))["extra_mass.mass", None]
+    assert own[:, 0] == pytest.approx([2.0, 3.0], abs=0.06)
+    assert np.all((own[:, 1] > 0.0) & (own[:, 1] < 0.1))
 
 
 def test_the_mean_of_a_flight_has_the_error_of_its_blocks():
