@@ -28,6 +28,7 @@ COMMANDS = {
     "fetch": "Download the mission or a flight log from the vehicle",
     "fill": "Say how much liquid to fill for a day, and how that changes with air and battery",
     "identify": "Find what a rotor speed model lacks",
+    "ingest": "Take logs into the store of a season",
     "inspect": "Show what a log holds",
     "match": "Match an aircraft's load with its power system",
     "monitor": "Watch every aircraft on a link",

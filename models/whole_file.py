@@ -25,15 +25,17 @@ def regular(path: Path) -> Path:
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
+def whole_file(path: Path, *, drafts: Path | None = None) -> Iterator[Path]:
     """Yields the path of a draft to write; it replaces `path` only when the block ends well.
+
+    The draft is beside it, or in the folder `drafts` of the same disk.
 
     On any error, Ctrl-C included, the draft is removed and what stood at `path` stays as it was.
     Raises OSError when the folder is missing or cannot be written, or `path` is no file.
     """
     if path.exists():
         regular(path)
-    draft = path.with_name(f".{path.name}.{os.getpid()}.part")
+    draft = (drafts or path.parent) / f".{path.name}.{os.getpid()}.part"
     try:
         yield draft
         with draft.open("r+b") as written:

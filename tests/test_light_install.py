@@ -18,6 +18,7 @@ WITHOUT_TORCH = {
     "fetch": ["mission", "--help"],
     "fill": ["--airframe", "topxgun-f16"],
     "identify": [FLIGHT],
+    "ingest": [FLIGHT, "--store", "season"],
     "inspect": [FLIGHT],
     "match": ["--airframe", "topxgun-f16"],
     "monitor": [FLIGHT, "--port", "0", "--no-browser", "--seconds", "3"],

@@ -90,10 +90,10 @@ def read_logs(
         try:
             yield read_flight(path, model, given=given, reading=reading)
         except skipped as error:
-            unused.append(UnusedLog(name=path.name, reason=_unnamed(error, path)))
+            unused.append(UnusedLog(name=path.name, reason=unnamed(error, path)))
 
 
-def _unnamed(error: Exception, path: Path) -> str:
+def unnamed(error: Exception, path: Path) -> str:
     """What went wrong, without the name that stands before it already."""
     words = str(error)
     for named in (f"{path}: ", f"{path.name}: ", f"{path} ", f"{path.name} "):

@@ -1,9 +1,8 @@
 """The recorded table of samples: one row a moment and vehicle, every column one number, SI units.
 
 Columns: `vehicle`, `boot` (restarts heard), `unix_s` (ground's clock), `clock_s` (vehicle's, since
-boot), `time_s` (since the first row of this boot), each channel of a FlightTrack (vectors as _n _e
-_d, _x _y _z or _roll _pitch _yaw, rotors as _1 _2 ...), the standard errors of channels that may be
-inferred (_error), `flying`, then what the analysis made of it.
+boot), `time_s` (since the first row of this boot), those of `store/row_table`, then what only a
+listener knows.
 """
 
 from __future__ import annotations
@@ -13,14 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thrustmargin.gcs_plugin.live.update import Update
-from thrustmargin.models.flight import TRACK_CHANNELS
+from thrustmargin.gcs_plugin.store.row_table import analysis_columns
 
 if TYPE_CHECKING:
     import pyarrow as pa
-
-
-#: Channels that may be inferred, each with columns of its standard error.
-INFERRED = ("rotor_speed_rpm", "tank_kg")
 
 
 def sample_batch(update: Update, new: slice) -> pa.RecordBatch:
@@ -28,7 +23,6 @@ def sample_batch(update: Update, new: slice) -> pa.RecordBatch:
     import pyarrow as pa
 
     analysis, track = update.analysis, update.analysis.track
-    rotors = track.rotor_count
     rows = track.time_s[new].size
     table: dict[str, Any] = {
         "vehicle": np.full(rows, update.vehicle, dtype=np.int16),
@@ -37,30 +31,8 @@ def sample_batch(update: Update, new: slice) -> pa.RecordBatch:
         "clock_s": update.clock_s[new],
         "time_s": track.time_s[new],
     }
-    for channel, column in TRACK_CHANNELS.items():
-        _spread(table, column.column_names(channel, rotors), getattr(track, channel)[new])
-    for channel in INFERRED:  # standard errors, 0 where it was measured
-        error = track.standard_errors.get(channel, np.zeros_like(getattr(track, channel)))
-        names = TRACK_CHANNELS[channel].column_names(channel, rotors)
-        _spread(table, [f"{name}_error" for name in names], error[new])
-    table["flying"] = track.flying[new]
-    prediction = analysis.prediction
-    for name, values in (
-        ("predicted_rpm", prediction.rotor_speed_rpm),
-        ("lower_rpm", prediction.lower_rpm),
-        ("upper_rpm", prediction.upper_rpm),
-        ("margin", analysis.margin),
-        ("margin_predicted", analysis.margin_predicted),
-    ):
-        _spread(table, [f"{name}_{k + 1}" for k in range(rotors)], values[new])
+    table |= analysis_columns(analysis, new)
     table |= {
-        "basis": prediction.basis[new],
-        "density": analysis.density[new],
-        "max_rotor_speed_rpm": analysis.max_rotor_speed_rpm[new],
-        "weight": analysis.weight[new],
-        "redundancy_yaw_kept": analysis.redundancy_yaw_kept[new],
-        "redundancy_yaw_free": analysis.redundancy_yaw_uncontrolled[new],
-        "trimmable_loss": analysis.trimmable_loss[new],
         "tank_by_thrust_kg": update.virtual_kg[new],
         "pumped_kg": update.pumped_kg[new],
         "margin_ahead": np.full(rows, update.outlook.margin_ahead),
@@ -78,9 +50,3 @@ def _column(values: np.ndarray) -> pa.Array:
     packed = np.packbits(values, bitorder="little") if kind == pa.bool_() else values
     data = pa.py_buffer(np.ascontiguousarray(packed))
     return pa.Array.from_buffers(kind, values.size, [None, data])
-
-
-def _spread(table: dict[str, Any], names: list[str], values: np.ndarray) -> None:
-    columns = values[:, None] if values.ndim == 1 else values
-    for number, name in enumerate(names):
-        table[name] = columns[:, number]

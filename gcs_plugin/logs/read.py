@@ -130,6 +130,11 @@ def _known() -> Iterator[LogFormat]:
             yield found
 
 
+def log_endings() -> set[str]:
+    """Endings of the names of logs, in small letters with their dot."""
+    return {ending for kind in _known() for ending in kind.suffixes}
+
+
 def _named(*, is_text: bool) -> str:
     return " nor ".join(kind.known_by for kind in _known() if kind.is_text == is_text)
 

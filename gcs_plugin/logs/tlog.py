@@ -24,6 +24,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     Waypoint,
     damage_of,
     pauses,
+    serial_digits,
 )
 from thrustmargin.gcs_plugin.telemetry.signals import airspeed_words, mavlink_signals, pitot_present
 from thrustmargin.gcs_plugin.telemetry.statements import Options
@@ -119,7 +120,18 @@ def read_tlog(path: Path, *, vehicle: int | None = None, on_arrival: bool = Fals
         autopilot=AUTOPILOTS.get(maker, "unknown"),
         mav_type=kind,
         notes=tuple(notes),
+        hardware_id=_hardware_id(frames, mine),
     )
+
+
+def _hardware_id(frames: Frames, mine: Bools) -> str:
+    """The serial number that AUTOPILOT_VERSION states, the longer where it states two."""
+    rows = np.flatnonzero(mine & (frames.id == _IDS["AUTOPILOT_VERSION"]))
+    for said in reversed(columns(frames, rows, layouts()[_IDS["AUTOPILOT_VERSION"]])):
+        long, short = said["uid2"].tobytes().hex(), said["uid"].tobytes().hex()
+        if serial := serial_digits(long) or serial_digits(short):
+            return serial
+    return ""
 
 
 def _of(frames: Frames, name: str) -> NDArray[np.int64]:

@@ -20,6 +20,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     damage_of,
     longest_stretch,
     pauses,
+    serial_digits,
     without_leaps,
 )
 from thrustmargin.gcs_plugin.telemetry.signals import Signals
@@ -84,6 +85,8 @@ def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Sig
         mav_type=_mav_type(topics, parameters),
         motor_order="by PX4's actuator functions",
         notes=tuple(notes),
+        hardware_id=serial_digits(str(log.msg_info_dict.get("sys_uuid", ""))),
+        firmware=" ".join(filter(None, ("PX4", log.get_version_info_str()))),
     )
     return recording, signals
 

@@ -91,6 +91,8 @@ def assemble(recording: Recording, signals: Signals, options: Options) -> Flight
         facts=motors.facts,
         esc_voltage_offset_v=esc_voltage_offsets(signals, motors.outputs),
         unmeasured=rows.unmeasured,
+        hardware_id=recording.hardware_id,
+        firmware=recording.firmware,
     )
 
 

@@ -7,6 +7,7 @@ What they share of clocks that leap, fall back or pause is here too.
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -127,6 +128,8 @@ class Recording:
     mav_type: int | None = None  # as the vehicle reports itself; None unknown
     motor_order: str = ""  # in words, where ESC channels are numbered by motor already
     notes: tuple[str, ...] = ()
+    hardware_id: str = ""  # serial number of the autopilot in hexadecimal digits
+    firmware: str = ""  # where a field of its own states it
 
     def __repr__(self) -> str:
         quality, whose = self.quality, f"vehicle {self.vehicle} ({self.autopilot})"
@@ -155,6 +158,8 @@ class FlightLog:
     facts: VehicleFacts = field(default_factory=VehicleFacts)  # what kind of vehicle it is
     esc_voltage_offset_v: tuple[float, ...] = ()  # of each motor's ESC off the others; NaN none
     unmeasured: tuple[str, ...] = ()  # of the notes, those on ESC readings that are none
+    hardware_id: str = ""  # serial number of the autopilot in hexadecimal digits
+    firmware: str = ""  # where a field of its own states it
 
     @property
     def silences(self) -> tuple[tuple[float, float], ...]:
@@ -178,6 +183,17 @@ class FlightLog:
             + (skipped if quality.damaged_places else "nothing"),
         )
         return textwrap.indent("\n".join(textwrap.shorten(x, 240) for x in lines), "  ")[2:]
+
+
+def serial_digits(text: str) -> str:
+    """Hexadecimal digits of a serial number, in small letters, without zero bytes at its end.
+
+    Empty where it is none, or says nothing.
+    """
+    text = text.strip().lower()
+    if len(text) % 2 or not re.fullmatch("[0-9a-f]+", text):
+        return ""
+    return bytes.fromhex(text).rstrip(b"\0").hex()
 
 
 def damage_of(

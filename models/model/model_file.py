@@ -7,6 +7,7 @@ no other file.
 from __future__ import annotations
 
 import json
+from hashlib import sha256
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -52,14 +53,24 @@ def shipped_model() -> RotorModel:
         return load_model(path)
 
 
+def model_bytes(model: RotorModel) -> bytes:
+    """All that a model file of it holds."""
+    from safetensors.numpy import save
+
+    return save(_tensors(model.network), metadata={METADATA_KEY: json.dumps(_metadata(model))})
+
+
+def model_digest(model: RotorModel) -> str:
+    """16 hexadecimal digits by which figures made with one model are known from another's."""
+    return sha256(model_bytes(model)).hexdigest()[:16]
+
+
 def save_model(model: RotorModel, path: Path) -> None:
     """Write a model file; an older file of that name is replaced in one step or stays whole.
 
     Raises ModelError when the file cannot be written.
     """
-    from safetensors.numpy import save
-
-    content = save(_tensors(model.network), metadata={METADATA_KEY: json.dumps(_metadata(model))})
+    content = model_bytes(model)
     try:
         with whole_file(path) as draft:
             draft.write_bytes(content)

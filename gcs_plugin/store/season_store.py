@@ -1,0 +1,159 @@
+"""The data set of a season in a folder or bucket: whole objects in, tables out.
+
+    flights/aircraft=A/month=2026-05/flights.parquet   one row a flight
+    sums/aircraft=A/month=2026-05/sums.parquet         one row a flight: what identification needs
+    rows/aircraft=A/month=2026-05/rows-1.parquet       10 Hz rows of the days 1 to 10, and so on
+    rejected/rejected.parquet                          logs of which no flight was made
+    _staged/A/2026-05/FLIGHT.zip                       flights read but not merged yet
+    _writer.lock                                       held while somebody writes
+
+A flight counts as stored when it is in `flights`; its rows and sums are there before it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.store.schema import table_schema
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.whole_file import whole_file
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+    from fsspec import AbstractFileSystem
+
+STAGED = "_staged"
+#: Files that are being written to a disk; what a killed writer leaves there means nothing.
+DRAFTS = "_drafts"
+#: Month of a flight whose log tells no time.
+NO_MONTH = "unknown"
+Arrays = Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True, slots=True)
+class SeasonStore:
+    """A folder, or what any address of fsspec names; `root` is the path in `files`."""
+
+    url: str
+    files: AbstractFileSystem
+    root: str
+
+    @classmethod
+    def open(cls, url: str) -> Self:
+        """The store at a folder or address. Raises DataError when the address is no such."""
+        from fsspec.core import url_to_fs
+
+        try:
+            files, root = url_to_fs(url, use_listings_cache=False)
+        except (ValueError, ImportError) as error:
+            raise DataError(f"--store {url}: {error}; install 'thrustmargin[fleet]'") from error
+        return cls(url, files, root.rstrip("/"))
+
+    @property
+    def on_disk(self) -> bool:
+        """Whether it is a folder of this machine, or one that is mounted on it."""
+        protocol = self.files.protocol
+        return "file" in ((protocol,) if isinstance(protocol, str) else protocol)
+
+    def path(self, key: str) -> str:
+        return f"{self.root}/{key}"
+
+    def keys(self, folder: str) -> list[str]:
+        """Every object below a folder, in order; nothing where there is none."""
+        try:
+            found = self.files.find(self.path(folder))
+        except FileNotFoundError:
+            return []
+        return sorted(str(path)[len(self.root) + 1 :] for path in found)
+
+    def put(self, key: str, write: Callable[[Path], Any]) -> None:
+        """Let `write` fill a file and put it in place in one step: nobody sees a part of it."""
+        if self.on_disk:
+            path = Path(self.path(key))
+            path.parent.mkdir(parents=True, exist_ok=True)
+            drafts = Path(self.path(DRAFTS))
+            drafts.mkdir(parents=True, exist_ok=True)
+            # A folder of its own: machines that share the disk may have the same process ids.
+            with (
+                tempfile.TemporaryDirectory(dir=drafts) as own,
+                whole_file(path, drafts=Path(own)) as draft,
+            ):
+                write(draft)
+            return
+        with tempfile.TemporaryDirectory() as folder:
+            draft = Path(folder) / "object"
+            write(draft)
+            # An object appears when its last part has come.
+            self.files.put_file(str(draft), self.path(key))
+
+    def delete(self, key: str) -> None:
+        with contextlib.suppress(FileNotFoundError):
+            self.files.rm_file(self.path(key))
+
+    def table(self, name: str, *, columns: list[str] | None = None, where: Any = None) -> pa.Table:
+        """`flights`, `rows`, `sums` or `rejected`, with the aircraft and month of each row.
+
+        `where` is a pyarrow expression; `aircraft` and `month` in it choose what is read at all.
+        """
+        import pyarrow as pa
+        import pyarrow.dataset as ds
+
+        folders = pa.schema({"aircraft": pa.string(), "month": pa.string()})
+        schema = table_schema(name)
+        if name != "rejected":
+            schema = pa.schema([*schema, *folders])
+        found = [self.path(key) for key in self.keys(name) if key.endswith(".parquet")]
+        if not found:
+            return schema.empty_table().select(columns or schema.names)
+        data = ds.dataset(
+            found,
+            schema=schema,
+            filesystem=self.files,
+            format="parquet",
+            partitioning=ds.HivePartitioning(folders),
+        )
+        return data.to_table(columns=columns, filter=where)
+
+
+def read_flights(store: SeasonStore, aircraft: str | None = None) -> pa.Table:
+    """One row a flight, the columns of `schema.FLIGHTS` and aircraft and month, oldest first."""
+    found = store.table("flights", where=_of(aircraft))
+    return found.sort_by([("aircraft", "ascending"), ("started_unix_s", "ascending")])
+
+
+def read_sums(store: SeasonStore, aircraft: str | None = None) -> Iterator[dict[str, Any]]:
+    """flight, aircraft, started_unix_s, model_digest and `arrays` by name of each flight."""
+    found = store.table("sums", where=_of(aircraft))
+    for row in found.sort_by(
+        [("aircraft", "ascending"), ("started_unix_s", "ascending")]
+    ).to_pylist():
+        yield {**row, "arrays": {a["name"]: _array(a) for a in row["arrays"]}}
+
+
+def _of(aircraft: str | None) -> Any:
+    import pyarrow.dataset as ds
+
+    return None if aircraft is None else ds.field("aircraft") == aircraft
+
+
+def _array(stored: Mapping[str, Any]) -> np.ndarray:
+    return np.frombuffer(stored["data"], "<f8").reshape(stored["shape"])
+
+
+def array_cells(arrays: Arrays) -> list[dict[str, Any]]:
+    """Arrays as the store keeps them."""
+    return [
+        {
+            "name": name,
+            "shape": list(values.shape),
+            "data": np.ascontiguousarray(values, dtype="<f8").tobytes(),
+        }
+        for name, values in arrays.items()
+    ]
