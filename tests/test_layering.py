@@ -20,7 +20,7 @@ ORDER = (
     ("models.season", "mission"),
     ("gcs_plugin.wording", "gcs_plugin.mavlink"),
     ("gcs_plugin.link", "gcs_plugin.telemetry"),
-    ("gcs_plugin.logs",),
+    ("gcs_plugin.logs", "gcs_plugin.store"),
     ("gcs_plugin.live",),
     ("gcs_plugin.vehicle", "gcs_plugin.view"),
     ("gcs_plugin.reports",),

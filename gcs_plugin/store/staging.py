@@ -137,7 +137,8 @@ def merge(store: SeasonStore, aircraft: str, month: str, keys: list[str]) -> int
 
 @contextmanager
 def _staged(store: SeasonStore, key: str) -> Iterator[zipfile.ZipFile]:
-    with store.files.open(store.path(key), "rb") as file, zipfile.ZipFile(file) as whole:
+    opened: Any = store.files.open(store.path(key), "rb")
+    with opened as file, zipfile.ZipFile(file) as whole:
         yield whole
 
 
@@ -165,12 +166,14 @@ def _table_merged(
 ) -> None:
     """All flights in one row group, by time."""
     import pyarrow as pa
-    import pyarrow.compute as pc
 
     new = pa.concat_tables(_staged_table(store, key, member) for key in keys)
     with _present(store, target) as file:
         old = new.slice(0, 0) if file is None else file.read()
-    kept = old.filter(pc.invert(pc.is_in(old["flight"], new["flight"].combine_chunks())))
+    newer = set(new["flight"].to_pylist())
+    kept = old.filter(
+        pa.array([name not in newer for name in old["flight"].to_pylist()], pa.bool_())
+    )
     whole = pa.concat_tables([kept.cast(new.schema), new])
     whole = whole.sort_by([("started_unix_s", "ascending"), ("flight", "ascending")])
     with draft.open("wb") as out, _writer(out, whole) as writer:
@@ -184,8 +187,9 @@ def _rows_merged(
     new = {Path(key).stem: key for key in keys}
     with _present(store, target) as file:
         old: dict[str, int] = {}
-        for group in range(0 if file is None else file.metadata.num_row_groups):
-            old[file.metadata.row_group(group).column(0).statistics.min] = group
+        described = None if file is None else file.metadata
+        for group in range(0 if described is None else described.num_row_groups):
+            old[described.row_group(group).column(0).statistics.min] = group
         names = sorted({*new, *old})
         with draft.open("wb") as out:
             first = _staged_table(store, keys[0], member)
@@ -194,6 +198,7 @@ def _rows_merged(
                     if name in new:
                         rows = _staged_table(store, new[name], member)
                     else:
+                        assert file is not None
                         rows = file.read_row_group(old[name]).cast(first.schema)
                     writer.write_table(rows, row_group_size=max(rows.num_rows, 1))
 
@@ -205,10 +210,5 @@ def _writer(out: Any, table: pa.Table) -> Any:
 
     numbers = [f.name for f in table.schema if pa.types.is_floating(f.type)]
     texts = [f.name for f in table.schema if pa.types.is_string(f.type)]
-    return pq.ParquetWriter(
-        out,
-        table.schema,
-        compression="zstd",
-        use_dictionary=texts,
-        use_byte_stream_split=numbers,
-    )
+    encoding: Any = {"use_dictionary": texts, "use_byte_stream_split": numbers}
+    return pq.ParquetWriter(out, table.schema, compression="zstd", **encoding)

@@ -1,0 +1,43 @@
+"""Small flights for tests of the store, and what a store holds in a form that can be compared."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.store.season_store import SeasonStore, array_cells
+from thrustmargin.gcs_plugin.store.staging import SeasonFlight
+
+FEBRUARY = 1_770_000_000.0  # Unix s, 2026-02-02 02:40 UTC
+
+
+def small_flight(number: int, *, aircraft: str = "A", days: float = 0.0) -> SeasonFlight:
+    """A flight of three rows that is known by its number; the second row's voltage is unknown."""
+    name = f"{number:016x}"
+    started = FEBRUARY + days * 86_400.0 + number
+    head = {"flight": name, "started_unix_s": started}
+    rows = {
+        "time_s": np.arange(3) * 0.1,
+        "voltage": np.array([50.0 + number, np.nan, 49.0]),
+        "flying": np.array([False, True, True]),
+    }
+    sums = head | {"model_digest": "m", "arrays": array_cells({"gram": np.eye(2) * number})}
+    summary = head | {"verdict": "under", "worst_margin": 0.5, "hectares": np.nan, "alarms": []}
+    return SeasonFlight(aircraft=aircraft, summary=summary, rows=rows, sums=sums)
+
+
+def content(store: SeasonStore) -> dict[str, list[dict[str, Any]]]:
+    """Every row of every table that flights go into, in an order of its own."""
+    tables = {name: store.table(name).to_pylist() for name in ("flights", "sums", "rows")}
+    return {
+        name: sorted(rows, key=lambda row: (row["flight"], row.get("time_s") or 0.0))
+        for name, rows in tables.items()
+    }
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    """Path -> bytes of every Parquet file of a store."""
+    found = sorted(folder.rglob("*.parquet"))
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in found}

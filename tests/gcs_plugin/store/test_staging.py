@@ -1,0 +1,138 @@
+"""Flights come into the tables whole and once, in whatever order and however often it is tried."""
+
+from pathlib import Path
+
+import duckdb
+import numpy as np
+import pandas as pd
+import polars as pl
+import pytest
+
+from tests.gcs_plugin.store.season import content, files, small_flight
+from thrustmargin.gcs_plugin.store.season_store import SeasonStore, read_flights, read_sums
+from thrustmargin.gcs_plugin.store.staging import merge, stage, staged_partitions
+
+#: Changes of the store while three flights come into it: each staged, merged and unstaged.
+CHANGES = 3 + 3 * 3 + 3
+
+
+class Killed(BaseException):
+    """The process ends here."""
+
+
+class Dying(SeasonStore):
+    """A store whose process is killed before the change of that number."""
+
+    __slots__ = ("left",)
+
+    def __init__(self, path: Path, changes: int) -> None:
+        opened = SeasonStore.open(str(path))
+        super().__init__(opened.url, opened.files, opened.root)
+        object.__setattr__(self, "left", changes)
+
+    def _change(self) -> None:
+        object.__setattr__(self, "left", self.left - 1)
+        if self.left < 0:
+            raise Killed
+
+    def put(self, key, write):
+        self._change()
+        super().put(key, write)
+
+    def delete(self, key):
+        self._change()
+        super().delete(key)
+
+
+def fill(store: SeasonStore, numbers: list[int]) -> None:
+    for number in numbers:
+        aircraft, days = "AB"[number % 2], 12.0 * (number % 3)
+        stage(store, small_flight(number, aircraft=aircraft, days=days))
+
+
+def merge_all(store: SeasonStore) -> None:
+    for (aircraft, month), keys in staged_partitions(store).items():
+        merge(store, aircraft, month, keys)
+
+
+def test_files_depend_on_the_flights_and_not_on_their_order(tmp_path: Path):
+    one, other = (SeasonStore.open(str(tmp_path / name)) for name in ("one", "other"))
+    fill(one, [1, 2, 3, 4, 5, 6, 7])
+    merge_all(one)
+    fill(other, [7, 2, 5])
+    merge_all(other)
+    fill(other, [5, 6, 1])
+    merge_all(other)
+    fill(other, [4, 3])
+    merge_all(other)
+    assert files(tmp_path / "one") == files(tmp_path / "other")
+    assert len(content(one)["flights"]) == 7
+    assert len(content(one)["rows"]) == 21
+    assert staged_partitions(one) == {}
+
+
+@pytest.fixture(scope="module")
+def unharmed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """Files of a store that nobody killed."""
+    folder = tmp_path_factory.mktemp("unharmed")
+    whole = SeasonStore.open(str(folder))
+    fill(whole, [2, 8, 3])
+    merge_all(whole)
+    return files(folder)
+
+
+@pytest.mark.parametrize("changes", range(CHANGES + 1))
+def test_killed_before_any_change_nothing_is_lost_or_doubled(
+    tmp_path: Path, unharmed: dict[str, bytes], changes: int
+):
+    dying = Dying(tmp_path / "dying", changes)
+    killed = False
+    try:
+        fill(dying, [2])
+        merge_all(dying)
+        fill(dying, [8, 3])
+        merge_all(dying)
+    except Killed:
+        killed = True
+        seen = content(dying)
+        for name, rows in seen.items():
+            keys = [(row["flight"], row.get("time_s")) for row in rows]
+            assert len(keys) == len(set(keys)), f"{name} has a flight twice"
+        stored = {row["flight"] for row in seen["flights"]}
+        assert stored <= {row["flight"] for row in seen["sums"]}
+        assert stored <= {row["flight"] for row in seen["rows"]}
+    assert killed == (changes < CHANGES)
+    again = SeasonStore.open(str(tmp_path / "dying"))
+    fill(again, [2, 8, 3])
+    merge_all(again)
+    assert files(tmp_path / "dying") == unharmed
+
+
+def test_duckdb_polars_and_pandas_read_the_same(tmp_path: Path):
+    store = SeasonStore.open(str(tmp_path))
+    fill(store, [1, 2, 3, 4])
+    merge_all(store)
+    query = f"from '{tmp_path}/flights/**/*.parquet' select aircraft, month, flight order by flight"
+    by_duckdb = duckdb.execute(query).fetchall()
+    by_polars = pl.scan_parquet(f"{tmp_path}/flights/").sort("flight").collect()
+    by_pandas = pd.read_parquet(tmp_path / "flights").sort_values("flight")
+    expected = [(r["aircraft"], r["month"], r["flight"]) for r in content(store)["flights"]]
+    assert by_duckdb == expected
+    assert by_polars.select("aircraft", "month", "flight").rows() == expected
+    rows = by_pandas[["aircraft", "month", "flight"]].itertuples(index=False, name=None)
+    assert list(rows) == expected
+    voltage = duckdb.execute(f"select avg(voltage) from '{tmp_path}/rows/**/*.parquet'").fetchall()
+    assert voltage[0][0] == pytest.approx((51 + 52 + 53 + 54 + 4 * 49) / 8)  # unknown is no number
+    assert pd.read_parquet(tmp_path / "rows")["voltage"].count() == 8
+    assert pl.scan_parquet(f"{tmp_path}/rows/").collect()["voltage"].null_count() == 4
+
+
+def test_flights_and_sums_come_back(tmp_path: Path):
+    store = SeasonStore.open(str(tmp_path))
+    assert read_flights(store).num_rows == 0
+    fill(store, [1, 2, 3])
+    merge_all(store)
+    assert read_flights(store, "B")["flight"].to_pylist() == [f"{n:016x}" for n in (3, 1)]
+    (sums,) = read_sums(store, "A")
+    assert (sums["flight"], sums["aircraft"]) == (f"{2:016x}", "A")
+    np.testing.assert_array_equal(sums["arrays"]["gram"], 2.0 * np.eye(2))
