@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from thrustmargin.gcs_plugin.wording.live_words import AIRFRAME_NOT_YET, AIRFRAME_UNKNOWN
 from thrustmargin.models.checks.speed_scale import FEWEST_ROWS
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim
@@ -23,7 +24,6 @@ from thrustmargin.models.vehicle_facts import VehicleFacts
 STEP, EVERY, REACH = 0.25, 1.0, 60.0
 #: Looks on end that must speak for it: to withhold a margin, and to claim one again.
 TO_WITHHOLD, TO_CLAIM = 5, 10
-NOT_YET = "airframe not known yet: hover 5 s"
 
 
 class AirframeWatch:
@@ -44,9 +44,9 @@ class AirframeWatch:
             return AirframeClaim(
                 words=f"airframe {self._airframe.name}, given", source=self._source
             )
-        withheld = (NOT_YET,)
+        withheld = (AIRFRAME_NOT_YET,)
         return AirframeClaim(
-            basis="not known", words="airframe not known", withheld=withheld, source=self._source
+            basis="not known", words=AIRFRAME_UNKNOWN, withheld=withheld, source=self._source
         )
 
     def look(
@@ -87,7 +87,7 @@ class AirframeWatch:
             self._parts.append(track.rows(rows))
 
     def _decide(self, now: AirframeClaim) -> None:
-        if self.claim.withheld == (NOT_YET,):
+        if self.claim.withheld == (AIRFRAME_NOT_YET,):
             self.claim = now
         elif bool(now.withheld) == bool(self.claim.withheld):
             self._against = 0
@@ -96,5 +96,5 @@ class AirframeWatch:
             if self._against >= (TO_WITHHOLD if now.withheld else TO_CLAIM):
                 self._against = 0
                 if self.claim.basis == "recognised":  # and was given by nobody
-                    now = replace(now, basis="not known", words="airframe not known")
+                    now = replace(now, basis="not known", words=AIRFRAME_UNKNOWN)
                 self.claim = now

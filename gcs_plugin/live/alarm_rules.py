@@ -17,7 +17,7 @@
 A margin that was inferred, not measured, has its 90 % error in the text; where the limit lies
 within it the alarm is a notice. `rotor` and `motor` need measured speeds: how the motors differ in
 output is not known. What is not known (NaN) neither raises nor clears; a rotor below the limit
-counts though another is unknown. Texts are short, for a STATUSTEXT has 50 characters.
+counts though another is unknown. The texts are in wording/alarm_words.py.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.live.alarm import CRITICAL, NOTICE, WARNING, AlarmSettings
 from thrustmargin.gcs_plugin.live.tank_balance import TankBalance
+from thrustmargin.gcs_plugin.wording import alarm_words as words
 from thrustmargin.gcs_plugin.wording.fault_words import fault_words
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import Basis, FlightAnalysis
@@ -38,16 +39,6 @@ from thrustmargin.models.model.rotor_faults import Kind, RotorFault
 from thrustmargin.models.model.utilisation_error import INTERVAL
 
 ROTORS_HOLD = 1.0  # s of the time after which missing rotor speeds are reported
-#: ESC_FAILURE_FLAGS of MAVLink's common.xml, gravest first
-FAILURES = {
-    32: "motor stuck",
-    4: "too hot",
-    1: "too much current",
-    2: "voltage too high",
-    8: "too fast",
-    16: "does not follow",
-    64: "failure",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,9 +91,8 @@ def margin(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:
     worst = float(np.min(margins[known], initial=np.inf))
     rotor = int(np.argmin(np.where(known, margins, np.inf))) + 1
     error = INTERVAL * float(now.analysis.utilisation_error[now.row, rotor - 1])
-    yield _low(
-        s, "Thrust margin", worst, f": rotor {rotor}", error=error, clears=bool(np.all(known))
-    )
+    clears = bool(np.all(known))
+    yield _low(s, words.MEASURED_MARGIN, worst, rotor, error=error, clears=clears)
 
 
 def predicted_margin(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:
@@ -114,28 +104,27 @@ def predicted_margin(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:
     rotor = int(np.argmax(np.where(np.isfinite(use), use, -np.inf))) + 1
     least = 1.0 - float(use[rotor - 1])
     error = INTERVAL * float(np.nan_to_num(analysis.utilisation_error[row, rotor - 1]))
-    yield _low(s, "Predicted margin", least, f": rotor {rotor}", error=error)
+    yield _low(s, words.PREDICTED_MARGIN, least, rotor, error=error)
 
 
 def margin_ahead(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:
-    yield _low(s, "Route ahead: margin", now.margin_ahead)
+    yield _low(s, words.MARGIN_AHEAD, now.margin_ahead)
 
 
 def _low(
-    s: AlarmSettings, what: str, least: float, of: str = "", *, error: float = 0.0, clears=True
+    s: AlarmSettings,
+    what: str,
+    least: float,
+    rotor: int | None = None,
+    *,
+    error: float = 0.0,
+    clears=True,
 ) -> AlarmCheck:
-    """A margin against the limit; rounded down, so that what is below it also reads so.
-
-    Where the limit lies within the 90 % `error` of an inferred margin, the text says so, and it is
-    a notice.
-    """
+    """A margin against the limit; a notice where that lies within the 90 % `error`."""
     limit = 1.0 - s.max_utilisation
     off = clears and least > limit + s.margin_hysteresis
-    text = ""
-    if math.isfinite(least):
-        place = "below" if least + error < limit else "near"
-        within = f" (+-{math.ceil(100 * error)})" if error > 0.0 else ""
-        text = f"{what} {math.floor(100 * least + 1e-6)}%{within} {place} {limit:.0%}{of}"
+    known = math.isfinite(least)
+    text = words.margin_words(what, least, limit, error=error, rotor=rotor) if known else ""
     severity = WARNING if not error > 0.0 or least + error < limit else NOTICE
     return AlarmCheck(least < limit, off, severity, text)
 
@@ -145,24 +134,22 @@ def saturation(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:
     by_speed = np.where(analysis.from_outputs[now.row], np.nan, analysis.utilisation[now.row])
     used = np.fmax(analysis.track.throttle[now.row], np.sqrt(by_speed))
     for rotor, share in enumerate(used.tolist(), start=1):
-        text = f"Rotor {rotor} at its limit: no thrust left"
-        yield AlarmCheck(share > s.saturation, share < s.saturation - 0.05, CRITICAL, text, rotor)
+        off = share < s.saturation - 0.05
+        yield AlarmCheck(share > s.saturation, off, CRITICAL, words.at_limit(rotor), rotor)
 
 
 def esc(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:  # noqa: ARG001
     failures = np.empty(0) if now.esc_failures is None else now.esc_failures
     for i in np.flatnonzero(np.isfinite(failures)).tolist():
         flags = int(failures[i])
-        known = ", ".join(words for bit, words in FAILURES.items() if flags & bit)
-        text = f"ESC of rotor {i + 1}: {known or f'failure {flags}'}" if flags else ""
+        text = words.esc_words(i + 1, flags) if flags else ""
         yield AlarmCheck(flags != 0, flags == 0, CRITICAL, text, i + 1)
 
 
 def airframe(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:  # noqa: ARG001
     claim = now.analysis.claim
     doubted = claim.basis == "given"
-    text = "NO VERDICT: flight does not fit the airframe"
-    text = text if doubted else "NO VERDICT: airframe not known"
+    text = words.NOT_THE_AIRFRAME if doubted else words.AIRFRAME_UNKNOWN
     withheld = bool(claim.withheld)
     yield AlarmCheck(withheld, not withheld, WARNING if doubted else NOTICE, text)
 
@@ -182,21 +169,21 @@ def _faulty(now: RowNow, kind: Kind) -> Iterator[AlarmCheck]:
     found = {fault.rotor: fault for fault in now.faults if fault.kind == kind}
     for rotor in range(now.analysis.track.rotor_count):
         fault = found.get(rotor)
-        words = "" if fault is None else fault_words(fault)
-        yield AlarmCheck(fault is not None, fault is None, CRITICAL, words, rotor + 1)
+        text = "" if fault is None else fault_words(fault)
+        yield AlarmCheck(fault is not None, fault is None, CRITICAL, text, rotor + 1)
 
 
 def envelope(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:  # noqa: ARG001
     if now.analysis.model.network is not None:
         basis = int(now.analysis.prediction.basis[now.row])
-        text = "Outside the model's training: weight only"
-        yield AlarmCheck(basis == Basis.PHYSICS, basis == Basis.NETWORK, NOTICE, text)
+        outside, inside = basis == Basis.PHYSICS, basis == Basis.NETWORK
+        yield AlarmCheck(outside, inside, NOTICE, words.OUTSIDE_TRAINING)
 
 
 def tank(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:
     if now.balance is not None:
-        words = tank_verdict(now.balance, s)
-        yield AlarmCheck(bool(words), not words, WARNING, words)
+        text = tank_verdict(now.balance, s)
+        yield AlarmCheck(bool(text), not text, WARNING, text)
 
 
 def tank_verdict(balance: TankBalance, settings: AlarmSettings) -> str:
@@ -210,23 +197,23 @@ def tank_verdict(balance: TankBalance, settings: AlarmSettings) -> str:
     gauge, pump, thrust = balance.gauge, balance.pump, balance.thrust
     if parts(gauge, pump):
         if balance.level_kg < 0.3 and gauge < pump:
-            return "Tank empty, pump still on"
+            return words.TANK_EMPTY
         if gauge > pump:
             backed = parts(thrust, pump) and thrust > pump
-            return "Tank falls faster than the pump" + (": leak?" if backed else "")
+            return words.TANK_LEAKS if backed else words.TANK_FAST
         backed = parts(pump, thrust) and thrust < pump
-        return "Tank falls slower than the pump" + (": clogged?" if backed else ": gauge?")
+        return words.TANK_CLOGGED if backed else words.GAUGE_WRONG
     if abs(balance.apart_kg) > settings.tank_mass_kg:
-        return f"Thrust says {balance.apart_kg:+.1f} kg against the gauge"
+        return words.thrust_against_gauge(balance.apart_kg)
     return ""
 
 
 def telemetry(s: AlarmSettings, now: LinkNow) -> Iterator[AlarmCheck]:
     lost = now.silent > s.silence
     if now.flying:
-        yield AlarmCheck(lost, not lost, CRITICAL, "Telemetry lost in flight")
+        yield AlarmCheck(lost, not lost, CRITICAL, words.TELEMETRY_LOST)
     else:
-        yield AlarmCheck(lost, not lost, NOTICE, "No telemetry, last on the ground")
+        yield AlarmCheck(lost, not lost, NOTICE, words.NO_TELEMETRY)
 
 
 def rotor_speeds(s: AlarmSettings, now: LinkNow) -> Iterator[AlarmCheck]:
@@ -234,12 +221,11 @@ def rotor_speeds(s: AlarmSettings, now: LinkNow) -> Iterator[AlarmCheck]:
     # part of the time as hold, for rotor speeds are not the first to be heard on its return.
     behind, limit = now.rotors_behind, s.silence - ROTORS_HOLD
     missing = np.flatnonzero(behind > limit)
-    several = "s" if missing.size > 1 else ""
-    text = f"No speed of rotor{several} {', '.join(str(k + 1) for k in missing)}: ESC?"
+    text = words.speeds_missing((missing + 1).tolist())
     if missing.size == behind.size:
-        text = "No rotor speeds: ESC telemetry lost"
+        text = words.NO_ROTOR_SPEEDS
     if now.from_outputs:
-        text = "No motor outputs: margin unknown"
+        text = words.NO_OUTPUTS
     on = missing.size > 0 and now.silent <= s.silence and now.flying
     yield AlarmCheck(on, bool(np.all(behind <= limit)) or not now.flying, WARNING, text)
 

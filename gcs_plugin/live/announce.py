@@ -25,6 +25,7 @@ from thrustmargin.gcs_plugin.link.sender import Sender
 from thrustmargin.gcs_plugin.live.alarm import NOTICE, WARNING, AlarmEvent
 from thrustmargin.gcs_plugin.live.fleet import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.update import Update
+from thrustmargin.gcs_plugin.wording.alarm_words import over_words
 
 TEXT_EVERY, FIGURES_EVERY, REMIND_EVERY = 1.0, 1.0, 30.0  # s
 QUIET = 1.5  # s of a vehicle's silence from which nothing is said for it
@@ -55,8 +56,7 @@ class Announcer(Subscriber):
             self._queue(state, alarm.severity, alarm.text)
         else:
             state.reminded.pop(alarm.key, None)
-            rotor = f" (rotor {alarm.rotor})" if alarm.rotor else ""
-            self._queue(state, NOTICE, f"Over: {alarm.name}{rotor}")
+            self._queue(state, NOTICE, over_words(alarm.name, alarm.rotor))
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:
         now_s = now_us * 1e-6

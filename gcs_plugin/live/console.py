@@ -19,8 +19,8 @@ from thrustmargin.gcs_plugin.live.fleet import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorStatus
 from thrustmargin.gcs_plugin.live.update import Update
 from thrustmargin.gcs_plugin.live.vehicle_monitor import VehicleMonitor
-from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, SPINS
-from thrustmargin.gcs_plugin.wording.numbers import BEHIND, NOT_RECORDING, behind_words
+from thrustmargin.gcs_plugin.wording import live_words as words
+from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.utilisation_error import INTERVAL
 
@@ -38,18 +38,14 @@ COLUMNS = {
     "predicted": False,
     ONE_LOST: False,
     "tank": False,
-    "by thrust": True,
-    "empty in": False,
-    "route ahead": False,
-    "if full": True,
+    words.BY_THRUST: True,
+    words.EMPTY_IN: False,
+    words.ROUTE_AHEAD: False,
+    words.IF_FULL: True,
     "age": False,
 }
 WRAPPED = (3, 6, 7)  # of the headings, those of several words; cells are shorter
 WIDE = 110  # characters
-LEGEND = (
-    f"margin: worst rotor, ± where not measured, ≈ predicted · {ONE_LOST}: thrust that can be "
-    f"held over weight, {SPINS} · ~ old, the last that was known"
-)
 
 
 class Screen:
@@ -87,25 +83,25 @@ def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> Re
         alarms += [(number, alarm) for alarm in list(watch.alarms.standing.values())]
         stale = watch.stale(now_us)
         remarks += [
-            Text(f"vehicle {number}: {words}", style="bold yellow")
-            for words in (watch.problem, stale)
-            if words
+            Text(words.of_vehicle(number, line), style="bold yellow")
+            for line in (watch.problem, stale)
+            if line
         ]
         if watch.last is not None:
             remarks += [
-                Text(f"vehicle {number}: {words}", style="dim") for words in watch.last.remarks
+                Text(words.of_vehicle(number, line), style="dim") for line in watch.last.remarks
             ]
     alarms.sort(key=lambda item: (item[1].severity, item[0]))
     lines = [
-        Text(f"vehicle {n}: {a.text}", style=STYLES.get(a.severity, "yellow")) for n, a in alarms
+        Text(words.of_vehicle(n, a.text), style=STYLES.get(a.severity, "yellow")) for n, a in alarms
     ]
     if not table.rows:
-        remarks.append(Text("no vehicle heard yet on " + ", ".join(monitor.settings.urls)))
+        remarks.append(Text(words.not_heard_on(monitor.settings.urls)))
     else:
-        remarks.append(Text(LEGEND, style="dim"))
+        remarks.append(Text(words.LEGEND, style="dim"))
     parts: list[RenderableType] = [*lines, table, *remarks]
     for line in status_lines(monitor.status(), page=page):
-        loud = line.startswith((NOT_RECORDING, BEHIND))
+        loud = line.startswith((words.NOT_RECORDING, words.BEHIND))
         parts.append(Text(line, style="bold white on red" if loud else "dim"))
     return Group(*parts)
 
@@ -124,7 +120,7 @@ def vehicle_cells(watch: VehicleMonitor, now_us: int, limit: float) -> list[str]
     cells = numbers(update, limit, old=old)
     if old:
         cells = [f"[dim]~{cell}[/dim]" if cell != "-" else cell for cell in cells]
-    heard = f"[bold red]OLD {seconds(age)}[/]" if old else seconds(age)
+    heard = f"[bold red]{words.OLD} {seconds(age)}[/]" if old else seconds(age)
     return [str(watch.system), *cells, heard]
 
 
@@ -140,7 +136,7 @@ def numbers(update: Update, limit: float, *, old: bool = False) -> list[str]:
     inferred = math.isfinite(tank) and math.isnan(analysis.track.measured("tank_kg")[-1])
     error = INTERVAL * analysis.utilisation_error[-1]
     return [
-        "NO VERDICT"
+        words.NO_VERDICT
         if analysis.withheld
         else _margin_cell(
             1.0 - analysis.known_utilisation[-1],
@@ -177,7 +173,7 @@ def _margin_cell(
     that is `predicted`, without any rotor's speed, is never green.
     """
     if not flying:
-        return "on ground"
+        return words.ON_GROUND
     known = np.isfinite(margin)
     if not np.any(known):
         return "-"
@@ -186,11 +182,11 @@ def _margin_cell(
     rotor = int(np.nanargmin(margin))
     reach = float(error[rotor])
     within = f" ±{100 * reach:.0f}" if reach > 0.0 else ""
-    words = f"{'≈ ' if predicted else ''}{percent(worst)}{within} r{rotor + 1}"
-    words += f", {unknown} unknown" if unknown else ""
+    cell = f"{'≈ ' if predicted else ''}{percent(worst)}{within} r{rotor + 1}"
+    cell += f", {unknown} unknown" if unknown else ""
     near = unknown or predicted or worst - reach < limit
     colour = "bold red" if worst + reach < limit else "yellow" if near else "green"
-    return words if old else f"[{colour}]{words}[/]"
+    return cell if old else f"[{colour}]{cell}[/]"
 
 
 def _any(values: np.ndarray) -> bool:
@@ -199,39 +195,22 @@ def _any(values: np.ndarray) -> bool:
 
 def status_lines(status: MonitorStatus, *, page: bool = False) -> list[str]:
     """The link and the recording in words; `page`: the 3D page is shown."""
-    lost = [
-        f"{count} {words}"
-        for count, words in (
-            (status.bad_checksum, "with a wrong checksum"),
-            (status.bytes_skipped, "bytes skipped"),
-            (status.refused, "refused by signing"),
-            (status.kernel_drops, "dropped by the system"),
-            (status.compute_drops, "not analysed: this computer is too slow"),
-        )
-        if count
-    ]
-    lines = [behind_words(status.behind_s, page=page)] if status.behind_s else []
-    lines.append(f"{status.frames} messages" + (f" ({', '.join(lost)})" if lost else ""))
+    lines = [words.behind_words(status.behind_s, page=page)] if status.behind_s else []
+    lost = {name: getattr(status, name) for name in words.LOST}
+    lines.append(words.messages_words(status.frames, lost))
     recorder = status.recorder
-    if recorder is not None:
-        if recorder.trouble:
-            lines.append(
-                f"{NOT_RECORDING}: {recorder.trouble} ({recorder.frames_lost} messages lost); "
-                "make room, it goes on by itself"
-            )
-        else:
-            lines.append(
-                f"recording to {recorder.folder}: {recorder.frames} messages, "
-                f"{recorder.rows} samples"
-                + (f", {recorder.frames_lost} lost earlier" if recorder.frames_lost else "")
-            )
+    if recorder is not None and recorder.trouble:
+        lines.append(words.not_recording(recorder.trouble, recorder.frames_lost))
+    elif recorder is not None:
+        counts = recorder.frames, recorder.rows, recorder.frames_lost
+        lines.append(words.recording_words(str(recorder.folder), *counts))
     return lines
 
 
 def rowless_lines(fleet: Fleet) -> list[str]:
     """Why vehicles that are heard have nothing to show."""
     return [
-        f"vehicle {n}: {w.problem}"
+        words.of_vehicle(n, w.problem)
         for n, w in fleet.vehicles.items()
         if w.problem and w.last is None
     ]
@@ -283,38 +262,40 @@ class EventPrinter(Subscriber):
         self._trouble = ""
         self._behind = False
 
-    def _say(self, words: str, unix_s: float) -> None:
+    def _say(self, line: str, unix_s: float) -> None:
         known = unix_s if math.isfinite(unix_s) else self._monitor.now_us() * 1e-6
-        self._print(f"{time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(known))} {words}")
+        self._print(f"{time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(known))} {line}")
 
     def on_event(self, vehicle: int, event: AlarmEvent) -> None:
-        words = f"vehicle {vehicle}: {'' if event.raised else 'over: '}{event.alarm.text}"
-        self._say(words, event.unix_s)
+        text = f"{'' if event.raised else 'over: '}{event.alarm.text}"
+        self._say(words.of_vehicle(vehicle, text), event.unix_s)
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:
         now_s = now_us * 1e-6
         for number, watch in fleet.vehicles.items():
             if number not in self._heard:
                 self._heard.add(number)
-                self._say(f"vehicle {number}: heard", now_s)
+                self._say(words.of_vehicle(number, words.HEARD), now_s)
             if watch.problem != self._problems.get(number, ""):
                 self._problems[number] = watch.problem
-                self._say(f"vehicle {number}: {watch.problem or 'watched again'}", now_s)
+                line = watch.problem or words.WATCHED_AGAIN
+                self._say(words.of_vehicle(number, line), now_s)
             claim = watch.claim
             if watch.last is not None and claim is not self._claims.get(number):
                 self._claims[number] = claim
                 helps = f"; {claim.remedy}" if claim.withheld else ""
-                self._say(f"vehicle {number}: {claim.described}{helps}", now_s)
+                self._say(words.of_vehicle(number, f"{claim.described}{helps}"), now_s)
         recorder = self._monitor.recorder
         trouble = "" if recorder is None else recorder.status().trouble
         if trouble != self._trouble:
             self._trouble = trouble
-            self._say(f"{NOT_RECORDING}: {trouble}" if trouble else "recording again", now_s)
+            line = words.not_recording(trouble) if trouble else words.RECORDING_AGAIN
+            self._say(line, now_s)
 
     def look(self, *, page: bool = False) -> None:
         """Whether the analysis is late; from another thread, for it may be stuck."""
         behind_s = self._monitor.status().behind_s
         if (behind_s > 0.0) != self._behind:
             self._behind = behind_s > 0.0
-            words = behind_words(behind_s, page=page) if behind_s else "no longer behind"
-            self._say(words, self._monitor.now_us() * 1e-6)
+            late = words.behind_words(behind_s, page=page)
+            self._say(late if behind_s else words.NOT_BEHIND, self._monitor.now_us() * 1e-6)

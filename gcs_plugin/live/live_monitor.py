@@ -32,7 +32,12 @@ from thrustmargin.gcs_plugin.live.recorder import Recorder, RecorderStatus
 from thrustmargin.gcs_plugin.live.update import Update
 from thrustmargin.gcs_plugin.live.vehicle_monitor import GONE, WatchSettings
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
-from thrustmargin.gcs_plugin.wording.numbers import behind_words
+from thrustmargin.gcs_plugin.wording.live_words import (
+    NOT_BEHIND,
+    behind_words,
+    heard_words,
+    silent_words,
+)
 from thrustmargin.models.model.rotor_model import RotorModel
 
 #: s between two rounds of the compute thread: at least, and at most when rounds take long.
@@ -276,7 +281,7 @@ class LiveMonitor:
         behind = self._behind_s()
         if (behind > 0.0) != self._was_behind:
             self._was_behind = behind > 0.0
-            self._note(None, "note", behind_words(behind) if behind else "no longer behind")
+            self._note(None, "note", behind_words(behind) if behind else NOT_BEHIND)
 
     def _tick(self, now_us: int) -> None:
         for vehicle, event in self.fleet.tick(now_us):
@@ -321,17 +326,17 @@ class LiveMonitor:
         for number, watch in self.fleet.vehicles.items():
             if number not in self._known:
                 self._known.add(number)
-                self._note(number, "appeared", f"vehicle {number} heard")
+                self._note(number, "appeared", heard_words(number))
             for note in watch.notes:
                 self._note(number, "note", note)
             watch.notes.clear()
             gone = watch.silent(now_us) > GONE
             if gone and number not in self._gone:
                 self._gone.add(number)
-                self._note(number, "left", f"vehicle {number} silent for {GONE:.0f} s")
+                self._note(number, "left", silent_words(number, GONE))
             elif not gone and number in self._gone:
                 self._gone.discard(number)
-                self._note(number, "returned", f"vehicle {number} heard again")
+                self._note(number, "returned", heard_words(number, again=True))
 
     def _note(self, vehicle: int | None, kind: str, text: str, **more: object) -> None:
         if self.recorder is not None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from thrustmargin.gcs_plugin.live.alarm import Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.live.outlook import Outlook
 from thrustmargin.gcs_plugin.live.unknown_figures import unknown_figures, unknown_lines
+from thrustmargin.gcs_plugin.wording.live_words import NO_ALARM, no_escs, tank_by
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FROM_OUTPUTS, FlightAnalysis
 
@@ -42,7 +43,7 @@ class Update:
 
     def __repr__(self) -> str:
         margins = ", ".join(f"{100.0 * m:.1f}" for m in self.analysis.margin[-1])
-        alarms = "; ".join(alarm.text for alarm in self.alarms) or "no alarm"
+        alarms = "; ".join(alarm.text for alarm in self.alarms) or NO_ALARM
         return f"Update(vehicle {self.vehicle}, margin by rotor {margins} %, {alarms})"
 
     @property
@@ -51,7 +52,7 @@ class Update:
         claim = self.analysis.claim
         helps = (claim.remedy,) if claim.withheld else ()
         speeds = self.analysis.track.sources.get("rotor_speed_rpm", "")
-        inferred = (f"no ESC telemetry: rotor speeds {speeds}",) if FROM_OUTPUTS in speeds else ()
-        tank = (f"tank by {self.tank_source}",) if self.tank_source else ()
+        inferred = (no_escs(speeds),) if FROM_OUTPUTS in speeds else ()
+        tank = (tank_by(self.tank_source),) if self.tank_source else ()
         unknown = unknown_lines(unknown_figures(self.analysis, self.outlook))
         return (claim.described, *helps, *unknown, *tank, *inferred, *self.notes)

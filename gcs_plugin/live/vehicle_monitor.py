@@ -20,12 +20,12 @@ from thrustmargin.gcs_plugin.live.alarm import AlarmEvent, AlarmSettings
 from thrustmargin.gcs_plugin.live.outlook import LookAhead
 from thrustmargin.gcs_plugin.live.standing_alarms import Alarms
 from thrustmargin.gcs_plugin.live.tank_balance import virtual_gauge
-from thrustmargin.gcs_plugin.live.unknown_figures import ASKS, stale_words
 from thrustmargin.gcs_plugin.live.update import Update
 from thrustmargin.gcs_plugin.live.vehicle_state import VehicleState, fold_mission
 from thrustmargin.gcs_plugin.live.vehicle_telemetry import LiveRows, VehicleTelemetry
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.telemetry.statements import Options
+from thrustmargin.gcs_plugin.wording.live_words import NO_ROWS, stale_words, two_vehicles
 from thrustmargin.mission.plan import MissionPlan
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.airframe_claim import AirframeClaim
@@ -42,9 +42,8 @@ CARRIED = ("clock_s", "stamp_us", "pumped_kg", "delivered_kg", "margin_ahead")
 SHARED_HOLD = 10.0
 #: ATTITUDE, ATTITUDE_QUATERNION, LOCAL_POSITION_NED, GLOBAL_POSITION_INT: begin with time_boot_ms.
 BOOT_CLOCKS = (30, 31, 32, 33)
-#: s after which a vehicle without any row says so, and its words.
+#: s after which a vehicle without any row says so.
 ROWLESS = 5.0
-NO_ROWS = "heard, but neither rotor speeds, motor outputs, attitude nor position with its clock"
 #: s of silence after which a vehicle has left.
 GONE = 60.0
 
@@ -107,12 +106,9 @@ class VehicleMonitor:
     def problem(self) -> str:
         """Why there is no margin; empty when nothing stands in the way."""
         if self.shared:
-            return (
-                f"two vehicles send as system {self.system}: nothing is computed; "
-                "give each its own id (SYSID_THISMAV)"
-            )
+            return two_vehicles(self.system, helps=True)
         if self.rows == 0 and self.telemetry.stamp_us - self._first_us > ROWLESS * 1e6:
-            return self.telemetry.problem or f"{NO_ROWS}; {ASKS}"
+            return self.telemetry.problem or NO_ROWS
         return self.telemetry.problem
 
     @property
@@ -148,7 +144,7 @@ class VehicleMonitor:
             sender.clocked(frame.id, frame.stamp_us * 1e-6, clock_s)
         if sender.shared:
             if not self.shared:
-                self.notes.append(f"two vehicles send as system {self.system}")
+                self.notes.append(two_vehicles(self.system))
             self.shared_until_us = frame.stamp_us + int(SHARED_HOLD * 1e6)
         if verdict is not Verdict.NEW:
             return

@@ -46,6 +46,7 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
     pitot_present,
 )
 from thrustmargin.gcs_plugin.telemetry.statements import Options
+from thrustmargin.gcs_plugin.wording.live_words import FIELD_WORDS, order_assumed
 from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, Origin
 from thrustmargin.models.vehicle_facts import VehicleFacts
@@ -53,17 +54,17 @@ from thrustmargin.models.vehicle_facts import VehicleFacts
 CLOCK_WAIT = 20.0  # s without the vehicle's clock after which the ground's counts
 _NEEDED = frozenset((*(rule.message for rule in MAVLINK_RULES), *REFERENCES, "SYSTEM_TIME"))
 _TIME = next(n for n, m in layouts().items() if m.name == "SYSTEM_TIME")
-#: field for people -> its channels in the signals, any of which will do, and the limit's name
-FIELDS: Mapping[str, tuple[tuple[str, ...], str]] = {
-    "attitude": (("attitude",), "attitude"),
-    "position": (("geodetic", "position_ned"), "position_ned"),
-    "speed over ground": (("velocity_ned",), "velocity_ned"),
-    "height": (("height_agl",), "height_agl"),
-    "airspeed": (("airspeed",), "airspeed"),
-    "wind": (("wind_ned",), "wind_ned"),
-    "battery voltage": (("battery_voltage", "voltage", "esc_voltage"), "voltage"),
-    "air pressure": (("pressure",), "pressure"),
-    "motor outputs": (("servo_us",), "throttle"),
+#: field, by the name of its limit -> its channels in the signals, any of which will do
+FIELDS: Mapping[str, tuple[str, ...]] = {
+    "attitude": ("attitude",),
+    "position_ned": ("geodetic", "position_ned"),
+    "velocity_ned": ("velocity_ned",),
+    "height_agl": ("height_agl",),
+    "airspeed": ("airspeed",),
+    "wind_ned": ("wind_ned",),
+    "voltage": ("battery_voltage", "voltage", "esc_voltage"),
+    "pressure": ("pressure",),
+    "throttle": ("servo_us",),
 }
 
 
@@ -239,7 +240,7 @@ class VehicleTelemetry:
             return None
         notes = list(motors.notes)
         if motors.assumed:
-            notes.append(f"{motors.order_words}; --request-rates asks")
+            notes.append(order_assumed(motors.order_words))
         try:
             made = flight_rows(signals, motors, state.parameters, self._options, carried)
         except LogError as error:
@@ -294,13 +295,13 @@ class VehicleTelemetry:
         """
         now, signals = self.clock.now_s(now_us), self._buffer.signals
         ages: dict[str, float] = {}
-        for words, (channels, limit) in FIELDS.items():
+        for limit, channels in FIELDS.items():
             known = [_last_known(s) for name in channels for s in signals.get(name, ())]
             age = now - max(known, default=math.nan)
             if age > TRACK_CHANNELS[limit].max_age and math.isfinite(age):
-                ages[words] = age
+                ages[FIELD_WORDS[limit]] = age
         if now - self._tank_s > TRACK_CHANNELS["tank_kg"].max_age:
-            ages["tank level"] = now - self._tank_s
+            ages[FIELD_WORDS["tank_kg"]] = now - self._tank_s
         return ages
 
 

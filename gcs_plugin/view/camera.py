@@ -7,6 +7,7 @@ from itertools import product
 
 import numpy as np
 
+from thrustmargin.gcs_plugin.wording import view_words as words
 from thrustmargin.models.flight import Floats
 
 NO_TURN = np.array([1.0, 0.0, 0.0, 0.0])
@@ -22,9 +23,9 @@ FILL = 0.84
 class Camera(StrEnum):
     """The choices, as the switch names them."""
 
-    FIELD = "Whole field"
-    FOLLOW = "Follow, north up"
-    CHASE = "Follow, nose ahead"
+    FIELD = words.WHOLE_FIELD
+    FOLLOW = words.NORTH_UP
+    CHASE = words.NOSE_AHEAD
 
 
 def overview(low: Floats, high: Floats, aspect: float) -> tuple[Floats, Floats]:

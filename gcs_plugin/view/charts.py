@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from thrustmargin.gcs_plugin.wording import view_words as words
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 
@@ -37,7 +38,7 @@ class RotorCharts:
 
         airframe = analysis.model.airframe
         series = (
-            uplot.Series(label="time, s"),
+            uplot.Series(label=words.TIME.lower()),
             uplot.Series(show=True, width=0),
             uplot.Series(show=True, width=0),
             uplot.Series(label="predicted", stroke=PREDICTED_INK, width=2),
@@ -54,7 +55,7 @@ class RotorCharts:
         gui.add_html(
             '<div style="font:600 13px system-ui;color:#111;margin:0 10px">'
             f'<b style="color:{MEASURED_INK}">&#9644;</b> measured &nbsp; '
-            f'<b style="color:{PREDICTED_INK}">&#9644;</b> predicted with its interval, rpm</div>'
+            f'<b style="color:{PREDICTED_INK}">&#9644;</b> {words.PREDICTED_WITHIN}</div>'
         )
         data = self._data(self._shown)
         last = airframe.rotor_count - 1

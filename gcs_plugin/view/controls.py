@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.view.camera import Camera
 from thrustmargin.gcs_plugin.view.overlays import Overlay
+from thrustmargin.gcs_plugin.wording import view_words as words
 from thrustmargin.gcs_plugin.wording.numbers import clock as clock_text
 from thrustmargin.gcs_plugin.wording.palette import legend_html
 
@@ -128,11 +129,13 @@ class ReplayControls:
         self._touched = -math.inf
         self._time = gui.add_html(time_html(clock))
         duration = max(round(clock.duration, 1), 0.1)
-        self._slider = gui.add_slider("Time, s", min=0.0, max=duration, step=0.1, initial_value=0.0)
+        self._slider = gui.add_slider(
+            words.TIME, min=0.0, max=duration, step=0.1, initial_value=0.0
+        )
         self._play = gui.add_button("Pause" if clock.playing else "Play")
         speeds = [f"x{s}" for s in SPEEDS]
         self._speed = gui.add_button_group("Speed", speeds)
-        self._worst = gui.add_button("Go to the worst moment", color=(200, 20, 110))
+        self._worst = gui.add_button(words.TO_THE_WORST, color=(200, 20, 110))
         by_name = {o.name: o for o in overlays}
         self._colour = choice(
             gui, "Colour", [*by_name], ask, lambda name: on_overlay(by_name[name])
@@ -194,8 +197,7 @@ def choice(
 
 def time_html(clock: ReplayClock) -> str:
     """Time of the flight, its length, and the speed of the replay."""
-    state = f"x{clock.speed:g}" + ("" if clock.playing else ", paused")
-    state = "ended: the worst moment" if clock.ended else state
+    state = words.replay_state(clock.speed, playing=clock.playing, ended=clock.ended)
     return (
         '<div class="tm-time" style="font-family:system-ui;color:#111;padding:0 10px">'
         f'<span style="font-size:40px;font-weight:800">{clock_text(clock.now())}</span>'

@@ -18,7 +18,9 @@ from markupsafe import Markup
 from thrustmargin.gcs_plugin.view.aircraft import tank_level
 from thrustmargin.gcs_plugin.view.shown_row import ShownRow
 from thrustmargin.gcs_plugin.wording import palette as colours
-from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, outcome
+from thrustmargin.gcs_plugin.wording import view_words as words
+from thrustmargin.gcs_plugin.wording.live_words import AIRFRAME_UNKNOWN, NO_VERDICT
+from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import MEASURED
 from thrustmargin.models.model.load_inference import STATED
 from thrustmargin.models.model.utilisation_error import INTERVAL
@@ -72,7 +74,8 @@ def gauges_html(
         many=airframe.rotor_count > FEW_ROTORS,
         rest=_rest(row),
         source=_source,
-        percent=percent,
+        percent=words.share_words,
+        words=words,
         rpm=rpm,
         css=lambda margin: colours.css(colours.MARGIN.screen(margin)),
     )
@@ -80,28 +83,31 @@ def gauges_html(
 
 def _worst(row: ShownRow, airframe: Airframe) -> Gauge:
     margin, worst = row.worst
-    caption = "Thrust margin, worst rotor"
+    caption = words.WORST_MARGIN
     claim = row.analysis.claim
     if claim.withheld:
         why = Markup("<br>").join((*claim.withheld, claim.remedy))
-        return Gauge(caption, "NO VERDICT", Markup('<span class="why">{}</span>').format(why))
+        return Gauge(caption, NO_VERDICT, Markup('<span class="why">{}</span>').format(why))
     if worst is None:
-        return Gauge(caption, "no data", "no rotor speed and no prediction")
+        return Gauge(caption, words.NO_DATA, words.NOTHING_KNOWN)
     if not row.flying:
         # At rest a rotor has all its thrust left, which says nothing: what it will have in the air.
         predicted = row.margin_predicted
         margin = float(np.nanmin(predicted)) if np.isfinite(predicted).any() else np.nan
-        caption, words = "On the ground: margin in the air", Markup("predicted for this load")
-        return Gauge(caption, percent(margin), words, _on(colours.MARGIN, margin))
+        style = _on(colours.MARGIN, margin)
+        caption = words.MARGIN_IN_THE_AIR
+        return Gauge(caption, words.share_words(margin), words.FOR_THIS_LOAD, style)
     name = airframe.rotor_names[worst]
-    words = Markup("rotor {}, {} · {}").format(worst + 1, name, _source(row, worst))
+    rests = Markup("{} · {}").format(words.rotor_place(worst + 1, name), _source(row, worst))
     unknown = int(np.sum(~row.measured)) if row.measured.any() else 0
     if unknown:
-        words += f" · {unknown} rotor{'s' if unknown > 1 else ''} not measured"
+        rests += f" · {words.not_measured(unknown)}"
     error = float(row.error[worst])
     if error > 0.0:
-        words = f"{percent(margin - error)} to {percent(margin + error)} · " + words
-    return Gauge(caption, percent(margin), words, _on(colours.MARGIN, margin))
+        rests = (
+            f"{words.share_words(margin - error)} to {words.share_words(margin + error)} · " + rests
+        )
+    return Gauge(caption, words.share_words(margin), rests, _on(colours.MARGIN, margin))
 
 
 def _on(scale: colours.ColourScale, value: float) -> str:
@@ -113,28 +119,28 @@ def _on(scale: colours.ColourScale, value: float) -> str:
 def _redundancy(row: ShownRow) -> Gauge:
     free = row.analysis.redundancy_yaw_uncontrolled[row.row]
     kept = row.analysis.redundancy_yaw_kept[row.row]
-    caption = ONE_LOST.capitalize()
+    caption = words.ROTOR_LOST
     if not np.isfinite(free):
-        why = "airframe not known" if row.analysis.withheld else "load or weight unknown"
-        return Gauge(caption, "no data", why)
+        why = AIRFRAME_UNKNOWN if row.analysis.withheld else words.LOAD_UNKNOWN
+        return Gauge(caption, words.NO_DATA, why)
     style = _on(colours.REDUNDANCY, free)
-    return Gauge(caption, f"{free:.2f} x", f"the weight: {outcome(free, kept)}", style)
+    return Gauge(caption, f"{free:.2f} x", words.of_the_weight(free, kept), style)
 
 
 def _tank(row: ShownRow, airframe: Airframe) -> Gauge:
     tank_kg = row.track.tank_kg[row.row]
     level = tank_level(tank_kg, airframe.tank_capacity_kg)
     if not np.isfinite(tank_kg):
-        return Gauge("Tank", "no data", "no gauge and no pump reported")
+        return Gauge("Tank", words.NO_DATA, words.NO_TANK)
     if not np.isfinite(level):
-        return Gauge("Tank", f"{tank_kg:.1f} kg", "its size is not known")
-    words = f"{100 * level:.0f} % of {airframe.tank_capacity_kg:g} kg"
+        return Gauge("Tank", f"{tank_kg:.1f} kg", words.TANK_SIZE_UNKNOWN)
+    held = words.tank_share(level, airframe.tank_capacity_kg)
     error = row.track.standard_errors.get("tank_kg")
     if error is not None and error[row.row] > 0.0:
-        words += f", inferred, ± {INTERVAL * error[row.row]:.1f} kg"
+        held += f", {words.inferred_within(INTERVAL * error[row.row])}"
     elif row.track.sources.get("tank_kg", "").startswith(STATED):
-        words += f", {STATED}"
-    return Gauge("Tank", f"{tank_kg:.1f} kg", words, bar=level)
+        held += f", {STATED}"
+    return Gauge("Tank", f"{tank_kg:.1f} kg", held, bar=level)
 
 
 def rotor_ranks(airframe: Airframe) -> list[list[list[int]]]:
@@ -152,28 +158,22 @@ def rotor_ranks(airframe: Airframe) -> list[list[list[int]]]:
 
 
 def _rest(row: ShownRow) -> str:
-    parts = [
-        ("airspeed", row.track.airspeed, "m/s"),
-        ("height", row.track.height_agl, "m"),
-        ("battery", row.track.voltage, "V"),
-    ]
-    return " · ".join(
-        f"{name} {f'{values[row.row]:.1f} {unit}' if np.isfinite(values[row.row]) else 'no data'}"
-        for name, values, unit in parts
+    def known(values: Floats, unit: str) -> str:
+        value = float(values[row.row])
+        return f"{value:.1f} {unit}" if np.isfinite(value) else words.NO_DATA
+
+    track = row.track
+    return words.figures_below(
+        known(track.airspeed, "m/s"), known(track.height_agl, "m"), known(track.voltage, "V")
     )
 
 
 def _source(row: ShownRow, i: int) -> str:
     """What a rotor's margin rests on; underlined unless it is a measurement."""
-    basis = row.basis(i) or "no data"
+    basis = row.basis(i) or words.NO_DATA
     return basis if basis == MEASURED else Markup("<u>{}</u>").format(basis)
-
-
-def percent(share: float) -> str:
-    """A share as whole per cent, "no data" for NaN."""
-    return f"{100 * share:.0f} %" if np.isfinite(share) else "no data"
 
 
 def rpm(speed: float) -> str:
     """A rotor speed as whole rpm, "no data" for NaN."""
-    return f"{speed:.0f}" if np.isfinite(speed) else "no data"
+    return f"{speed:.0f}" if np.isfinite(speed) else words.NO_DATA

@@ -95,7 +95,7 @@ class Heard:
                 stale=watch.stale(now_us) if look else before.stale,
             )
             self._put(now)
-            if now.words != before.words:
+            if now.shown != before.shown:
                 self.wake.set()
 
     def _put(self, one: Standing) -> None:

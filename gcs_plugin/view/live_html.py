@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.live.alarm import CRITICAL, WARNING, Alarm
 from thrustmargin.gcs_plugin.live.outlook import Outlook
-from thrustmargin.gcs_plugin.view.gauges import percent
+from thrustmargin.gcs_plugin.wording import live_words
 from thrustmargin.gcs_plugin.wording import palette as colours
-from thrustmargin.gcs_plugin.wording.numbers import BEHIND, NOT_RECORDING
+from thrustmargin.gcs_plugin.wording import view_words as words
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.update import Update
@@ -57,12 +57,10 @@ class Standing:
     @property
     def age_words(self) -> str:
         """Whether the vehicle is silent, or only its figures are late."""
-        return ("no data for {:.0f} s" if self.silent > OLD else "figures {:.0f} s old").format(
-            self.age
-        )
+        return words.age_words(self.age, silent=self.silent > OLD)
 
     @property
-    def words(self) -> tuple[tuple[Alarm, ...], str, bool]:
+    def shown(self) -> tuple[tuple[Alarm, ...], str, bool]:
         """What is shown of it on the pages of the others too."""
         return self.alarms, self.problem, self.gone
 
@@ -76,17 +74,20 @@ def alarms_html(number: int, fleet: Sequence[Standing]) -> str:
     every.sort(key=lambda item: (item[1].severity, item[0] != number, item[0]))
     lines = []
     for of, alarm in every[:MOST_ALARMS]:
-        words = alarm.text if of == number else f"Vehicle {of}: {alarm.text}"
+        text = alarm.text if of == number else words.of_vehicle(of, alarm.text)
         lines.append(
             f'<div data-alarm style="background:{paper_of(alarm.severity)};padding:3px 8px;'
-            f'margin-bottom:3px">{escape(words)}</div>'
+            f'margin-bottom:3px">{escape(text)}</div>'
         )
     if len(every) > MOST_ALARMS:
-        lines.append(f'<div style="color:{RED}">and {len(every) - MOST_ALARMS} more</div>')
+        lines.append(
+            f'<div style="color:{RED}">{words.more_alarms(len(every) - MOST_ALARMS)}</div>'
+        )
     for one in fleet:
         if one.problem and not one.gone:
-            words = one.problem if one.number == number else f"Vehicle {one.number}: {one.problem}"
-            lines.append(f'<div data-problem style="background:{RED}">{escape(words)}</div>')
+            own = one.number == number
+            text = one.problem if own else words.of_vehicle(one.number, one.problem)
+            lines.append(f'<div data-problem style="background:{RED}">{escape(text)}</div>')
         if one.number == number and one.old:
             lines.append(f'<div data-age style="background:{GREY}">{one.age_words}</div>')
     style = "color:#fff;font:700 21px/1.15 system-ui;margin:4px 8px"
@@ -111,13 +112,13 @@ def fleet_html(fleet: Sequence[Standing]) -> str:
 def _bar(one: Standing) -> str:
     paper = colours.MARGIN.screen(math.nan if one.old or one.problem else one.margin)
     if one.problem:
-        big, small = "no margin", ""
+        big, small = words.NO_MARGIN, ""
     elif one.old:
-        big, small = one.age_words.replace("for ", "").removeprefix("figures "), ""
+        big, small = words.age_short(one.age, silent=one.silent > OLD), ""
     elif not one.flying:
-        big, small = "on ground", kilograms(one.tank_kg)
+        big, small = live_words.ON_GROUND, kilograms(one.tank_kg)
     else:
-        big, small = percent(one.margin), kilograms(one.tank_kg)
+        big, small = words.share_words(one.margin), kilograms(one.tank_kg)
     worst = min((alarm.severity for alarm in one.alarms), default=None)
     bell = (
         ""
@@ -152,16 +153,15 @@ def outlook_html(outlook: Outlook, stale: str = "", remarks: Sequence[str] = ())
     """
     parts = []
     if math.isfinite(outlook.seconds_to_empty):
-        minutes, seconds = divmod(int(outlook.seconds_to_empty), 60)
-        parts.append(f"empty in {minutes}:{seconds:02d} of spraying")
+        parts.append(words.empties_in(outlook.seconds_to_empty))
     if math.isfinite(outlook.margin_ahead):
-        parts.append(f"rest of the route: margin {percent(outlook.margin_ahead)} or more")
+        parts.append(words.margin_ahead(outlook.margin_ahead))
     if math.isfinite(outlook.margin_full):
-        parts.append(f"with a full tank: {percent(outlook.margin_full)}")
+        parts.append(words.margin_full(outlook.margin_full))
     lines = "".join(f"<div>{escape(part)}</div>" for part in parts)
     if stale:
         lines += f'<div data-stale style="color:{RED}">{escape(stale)}</div>'
-    small = "".join(f"<div>{escape(words)}</div>" for words in remarks)
+    small = "".join(f"<div>{escape(line)}</div>" for line in remarks)
     return (
         f'<div class="tm"><div class="txt" data-gauge="outlook">{lines}</div>'
         f'<div class="small" data-remarks>{small}</div></div>'
@@ -171,9 +171,9 @@ def outlook_html(outlook: Outlook, stale: str = "", remarks: Sequence[str] = ())
 def status_html(lines: Sequence[str]) -> str:
     """Lines about link and recording; what is lost for good stands out."""
     loud = f'style="background:{RED};color:#fff;font:700 21px system-ui;padding:3px 8px"'
+    loud_lines = live_words.NOT_RECORDING, live_words.BEHIND
     body = "".join(
-        f"<div {loud if line.startswith((NOT_RECORDING, BEHIND)) else ''}>{escape(line)}</div>"
-        for line in lines
+        f"<div {loud if line.startswith(loud_lines) else ''}>{escape(line)}</div>" for line in lines
     )
     return (
         '<div data-status style="font:500 13px system-ui;color:#111;margin:2px 10px;'

@@ -37,6 +37,8 @@ from thrustmargin.gcs_plugin.view.pilot_bar import PilotBar
 from thrustmargin.gcs_plugin.view.scene import Scene
 from thrustmargin.gcs_plugin.view.shown_row import ShownRow, enu, ground_height, plan_enu
 from thrustmargin.gcs_plugin.view.view_page import ViewPage, arrange, left_panel
+from thrustmargin.gcs_plugin.wording import view_words as words
+from thrustmargin.gcs_plugin.wording.live_words import NO_VEHICLE
 from thrustmargin.gcs_plugin.wording.palette import legend_html
 from thrustmargin.mission.route import Trail
 from thrustmargin.models.flight import Floats, Origin
@@ -119,7 +121,7 @@ class LiveView(ViewPage, Subscriber):
         self._api = server.scene
         arrange(gui, width=340)
         self._bars = gui.add_html("")
-        self._words = gui.add_html(status_html(["no vehicle heard yet"]))
+        self._words = gui.add_html(status_html([NO_VEHICLE]))
         self._colour = choice(gui, "Colour", ["Load"], self.ask, self._recolour)
         self._legend = gui.add_html("")
         choice(
@@ -143,7 +145,7 @@ class LiveView(ViewPage, Subscriber):
                 continue
             if one is None or one.gauges is None:
                 one = self._add(standing.number, fleet)
-            shown = standing.update, [other.words for other in fleet]
+            shown = standing.update, [other.shown for other in fleet]
             if (shown != one.shown or standing.old) and now - one.drawn_s >= spacing:
                 one.drawn_s, one.shown = now, shown
                 self._show(one, standing, fleet)
@@ -168,7 +170,7 @@ class LiveView(ViewPage, Subscriber):
         one = self._aircraft.setdefault(
             number, Aircraft(number, Trail([o.worst for o in overlays]))
         )
-        one.tab = self._tabs.add_tab(f"Vehicle {number}")
+        one.tab = self._tabs.add_tab(words.vehicle_name(number))
         with one.tab:
             one.gauges = self._gui.add_html("")
         if one.label is not None:
@@ -177,12 +179,12 @@ class LiveView(ViewPage, Subscriber):
         self._scene.add_vehicle(str(number), self._airframe)
         one.label = self._api.add_label(
             f"/world/name_{number}",
-            f"Vehicle {number}",
+            words.vehicle_name(number),
             anchor="bottom-center",
             font_screen_scale=1.25,
             visible=False,
         )
-        self._followed.options = tuple(f"Vehicle {n}" for n in sorted(s.number for s in fleet))
+        self._followed.options = tuple(map(words.vehicle_name, sorted(s.number for s in fleet)))
         if self._focus is None:
             self._focus = number
             self._colour.options = tuple(overlay.name for overlay in overlays)
@@ -214,7 +216,7 @@ class LiveView(ViewPage, Subscriber):
         one.label.visible = placed and len(fleet) > 1
         if placed:
             one.label.position = position + self._scene.above(str(one.number))
-        html = gauges_html(row, f"{airframe.title} · vehicle {one.number}", faulty=faulty)
+        html = gauges_html(row, words.titled(airframe.title, one.number), faulty=faulty)
         html += outlook_html(update.outlook, standing.stale, update.remarks)
         one.gauges.content = alarms_html(one.number, fleet) + aged(html, standing.old)
 
@@ -276,5 +278,5 @@ class LiveView(ViewPage, Subscriber):
 
     def _follow(self, name: str) -> None:
         for number in self._aircraft:
-            if name == f"Vehicle {number}":
+            if name == words.vehicle_name(number):
                 self._focus = number

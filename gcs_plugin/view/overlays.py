@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from thrustmargin.gcs_plugin.wording import palette as colours
+from thrustmargin.gcs_plugin.wording import view_words as words
 from thrustmargin.gcs_plugin.wording.effect_sentences import effect_things
 from thrustmargin.gcs_plugin.wording.fault_words import SPINS
 from thrustmargin.gcs_plugin.wording.numbers import clock
@@ -65,7 +66,7 @@ def overlays_of(analysis: FlightAnalysis) -> tuple[Overlay, ...]:
     return (
         Overlay(name="Load", values=load, scale=colours.LOAD, worst="max", rotor=rotor, note=note),
         Overlay(
-            name="Thrust margin",
+            name=words.MARGIN,
             values=1.0 - load,
             scale=colours.MARGIN,
             worst="min",
@@ -126,7 +127,7 @@ def before_and_after(before: FlightAnalysis, after: FlightAnalysis) -> tuple[Ove
             note=_model_note(analysis),
         )
         for name, analysis, (values, rotor) in zip(
-            ("Residual before", "Residual after"), (before, after), worst, strict=True
+            (words.RESIDUAL_BEFORE, words.RESIDUAL_AFTER), (before, after), worst, strict=True
         )
     )
     return first, second
@@ -143,8 +144,7 @@ def residual_limit(residual_rpm: Floats, flying: Bools) -> float:
 
 def _model_note(analysis: FlightAnalysis) -> str:
     """Which model, described by its effects, in which a model before and after differ."""
-    names = effect_things(analysis.model)
-    return f"model with {', '.join(names)}" if names else "model without effects"
+    return words.model_with(effect_things(analysis.model))
 
 
 def _basis_note(analysis: FlightAnalysis, known: Bools) -> str:
@@ -157,5 +157,5 @@ def _basis_note(analysis: FlightAnalysis, known: Bools) -> str:
     if share == 1.0:
         return basis
     if share == 0.0:
-        return "predicted: no rotor speed was measured"
-    return f"{basis} for {100 * share:.0f} %, predicted for the rest"
+        return words.ALL_PREDICTED
+    return words.measured_share(basis, share)

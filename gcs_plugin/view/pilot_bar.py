@@ -18,9 +18,9 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from thrustmargin.gcs_plugin.live.alarm import CRITICAL, WARNING, Alarm, AlarmEvent
-from thrustmargin.gcs_plugin.view.gauges import percent
 from thrustmargin.gcs_plugin.view.live_html import GREY, VERDICT_PAPER, Standing, paper_of
 from thrustmargin.gcs_plugin.wording import palette as colours
+from thrustmargin.gcs_plugin.wording import view_words as words
 
 STATE, ACKNOWLEDGE = "/pilot-bar.json", "/pilot-bar/acknowledge"
 KEPT = 200  # lines of the history
@@ -57,12 +57,13 @@ class PilotBar:
         )
         text = text.replace("@TOKEN@", self._token).replace("@RECORDED@", json.dumps(recorded))
         text = text.replace("@SILENT@", json.dumps(silent or recorded))
+        text = text.replace("@WORDS@", json.dumps(words.BAR_SCRIPT, ensure_ascii=False))
         self.insert = (style + text).encode()  # what the page gets before its end
 
     def on_event(self, vehicle: int, event: AlarmEvent) -> None:
         """An alarm was raised or cleared: a line of the history."""
         what = "raised" if event.raised else "over"
-        self._note(f"vehicle {vehicle}, {what}: {event.alarm.text}")
+        self._note(words.alarm_line(vehicle, what, event.alarm.text))
 
     def acknowledge(self) -> None:
         """All alarms that stand now are known to the pilot."""
@@ -73,7 +74,7 @@ class PilotBar:
                     fresh = key not in self._known
                     self._known.add(key)
                 if fresh:
-                    self._note(f"vehicle {one.number}, acknowledged: {alarm.text}")
+                    self._note(words.alarm_line(one.number, "acknowledged", alarm.text))
                     if self._acknowledged is not None:
                         self._acknowledged(one.number, alarm)
 
@@ -86,7 +87,7 @@ class PilotBar:
             return None
         given = parse_qs(parts.query).get("token", [""])[0]
         if not secrets.compare_digest(given.encode(), self._token.encode()):
-            return 403, b'{"refused": "only the page of this view may acknowledge"}'
+            return 403, json.dumps({"refused": words.BAR_REFUSES}).encode()
         self.acknowledge()
         return 200, b"{}"
 
@@ -103,7 +104,7 @@ class PilotBar:
             "alarms": [
                 {
                     "id": repr(_key(one, alarm)),
-                    "text": f"Vehicle {one.number}: {alarm.text}" if many else alarm.text,
+                    "text": words.of_vehicle(one.number, alarm.text) if many else alarm.text,
                     "paper": paper_of(alarm.severity),
                     "loud": alarm.severity <= WARNING,
                     "critical": alarm.severity <= CRITICAL,
@@ -116,9 +117,9 @@ class PilotBar:
             "verdict_paper": VERDICT_PAPER.get(self._verdict[1], GREY),
         }
 
-    def _note(self, words: str) -> None:
+    def _note(self, line: str) -> None:
         with self._lock:
-            self._history.appendleft(f"{time.strftime('%H:%M:%S')} {words}")
+            self._history.appendleft(f"{time.strftime('%H:%M:%S')} {line}")
 
 
 def _key(one: Standing, alarm: Alarm) -> Key:
@@ -130,11 +131,11 @@ def _vehicle(one: Standing, *, recorded: bool) -> dict[str, Any]:
     margin = one.margin if one.flying and not one.problem else float("nan")
     paper = colours.MARGIN.screen(margin)
     if one.problem:
-        big, caption = "no verdict", one.problem
+        big, caption = words.BAR_WITHOUT_VERDICT, one.problem
     elif not one.flying:
-        big, caption = "on the ground", "no margin yet"
+        big, caption = words.ON_GROUND, words.NO_MARGIN_YET
     else:
-        big, caption = percent(one.margin), "thrust margin of the worst rotor"
+        big, caption = words.share_words(one.margin), words.WORST_ROTOR
     return {
         "number": one.number,
         "margin": big,

@@ -24,6 +24,7 @@ from thrustmargin.gcs_plugin.view.pilot_bar import PilotBar
 from thrustmargin.gcs_plugin.view.scene import Scene
 from thrustmargin.gcs_plugin.view.shown_row import ShownRow, enu, ground_height, plan_enu, row_at
 from thrustmargin.gcs_plugin.view.view_page import ViewPage, arrange, left_panel
+from thrustmargin.gcs_plugin.wording import view_words as words
 from thrustmargin.gcs_plugin.wording.fault_words import fault_words
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.mission.route import Trail
@@ -120,7 +121,7 @@ class ReplayView(ViewPage):
     def _build(self, server: viser.ViserServer) -> None:
         gui, track = server.gui, self._analysis.track
         arrange(gui, width=400)
-        with left_panel(gui).add_tab("Thrust margin"):
+        with left_panel(gui).add_tab(words.MARGIN):
             gui.add_html(STYLE)
             self._gauges = gui.add_html("")
         self._scene = Scene(server)

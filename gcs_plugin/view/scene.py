@@ -24,6 +24,7 @@ from thrustmargin.gcs_plugin.view.camera import (
     overview,
 )
 from thrustmargin.gcs_plugin.view.shown_row import ShownRow, enu
+from thrustmargin.gcs_plugin.wording import view_words as words
 from thrustmargin.gcs_plugin.wording.palette import ColourScale, Rgb, line_colours, sent_for
 from thrustmargin.mission.field import Field
 from thrustmargin.models.flight import Floats
@@ -236,14 +237,14 @@ class Scene:
         self._world.position = -turn @ position_enu
 
     def _rescale(self) -> None:
-        words = [f"grid {self._cell:g} m"]
+        note = [words.grid_words(self._cell)]
         for vehicle in self._vehicles.values():
             scale = 1.0
             if self._camera is Camera.FIELD:
                 scale = max(OVERVIEW_SHARE * self._extent / vehicle.arm, 1.0)
             vehicle.set_scale(scale, detailed=self._camera is not Camera.FIELD)
-            words.append(f"aircraft drawn {scale:.0f} x its size" if scale > 1 else "true size")
-        self._note.text = ", ".join(dict.fromkeys(words))
+            note.append(words.drawn_larger(scale))
+        self._note.text = ", ".join(dict.fromkeys(note))
 
     def _look(self) -> None:
         """Turn every open page, and those to come, to what the camera is set to."""

@@ -9,14 +9,6 @@ from types import MappingProxyType
 from typing import TypeGuard
 
 UNKNOWN = "unknown"
-#: A line of status that begins so is made to stand out.
-NOT_RECORDING, BEHIND = "NOT RECORDING", "this computer is"
-
-
-def behind_words(behind_s: float, *, page: bool = False) -> str:
-    """That what is shown is late because the computer is, and what helps."""
-    helps = "closing the 3D page" if page else "closing other programs"
-    return f"{BEHIND} {behind_s:.0f} s behind: {helps} helps"
 
 
 def known(value: float | None) -> TypeGuard[float]:

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from thrustmargin.gcs_plugin.reports.shared.page_shell import page_text, software_version
-from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, SPINS
+from thrustmargin.gcs_plugin.wording import report_words as words
 from thrustmargin.gcs_plugin.wording.fill_words import amount, fill_advice
-from thrustmargin.gcs_plugin.wording.numbers import number, percent
+from thrustmargin.gcs_plugin.wording.numbers import number
 from thrustmargin.models.model.fill_limits import Fills, largest_fills
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.atmosphere import air_density, isa_pressure
@@ -33,11 +33,7 @@ class Day:
 
     @property
     def words(self) -> str:
-        return (
-            f"{number(self.temperature_c, '°C', 0)}, {number(self.altitude, 'm', 0)} above the "
-            f"sea, battery at {number(self.voltage, 'V')}, {number(self.airspeed, 'm/s')} through "
-            "the air"
-        )
+        return words.day_words(self.temperature_c, self.altitude, self.voltage, self.airspeed)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -136,17 +132,16 @@ def conditions(table: FillTable) -> list[str]:
     _, low, high = _at(table.recommended, 0)
     said = [
         f"For {table.day.words}.",
-        f"Limit: {percent(table.limit)} of a rotor's maximum thrust in steady flight"
-        + (f", and {ONE_LOST}: {SPINS}." if table.rotor_lost else "."),
-        "Turns, climbs and gusts take more; nothing is kept back for the moment of a failure.",
+        words.fill_limit(table.limit, rotor_lost=table.rotor_lost),
+        words.NOTHING_KEPT_BACK,
         f"Model: {table.model.description}.",
     ]
     if table.recommended.reason[0] == "utilisation" and high - low < 1e-6:
-        said.append("No interval: the model was not trained in such air, load or speed.")
+        said.append(words.UNTRAINED)
     if not np.isfinite(airframe.max_takeoff_mass):
-        said.append("The airframe file has no max_takeoff_mass: the maker's limit is not in this.")
+        said.append(words.NO_MAKERS_LIMIT)
     if airframe.guessed:
-        said.append(f"Guessed in the airframe file: {', '.join(airframe.guessed)}.")
+        said.append(words.guessed(airframe.guessed))
     return said
 
 

@@ -14,6 +14,7 @@ from pathlib import PurePath
 import numpy as np
 
 from thrustmargin.gcs_plugin.reports.margin.data import Accuracy, JsonObject, RotorAccuracy
+from thrustmargin.gcs_plugin.wording import report_words as words
 from thrustmargin.gcs_plugin.wording.effect_sentences import effect_things
 from thrustmargin.models.effects.stored import EffectRecord
 from thrustmargin.models.flight import Floats
@@ -69,29 +70,18 @@ def _kinds_of_speed(analysis: FlightAnalysis) -> tuple[str, ...]:
     training, here = analysis.model.training, analysis.words_of_speed
     if training is None or training.speed == here or not analysis.any_measured.any():
         return ()
-    return (
-        f"it learnt from rotor speeds {training.speed} and this flight's are {here}: part of the "
-        "difference from the prediction is that of the two kinds",
-    )
+    return (words.other_kind(training.speed, here),)
 
 
 def model_words(model: RotorModel) -> list[str]:
     """Training domain and interval of a model, in words."""
-    words = []
+    said = []
     if model.training_domain is not None:
         covers = model.training_domain
-        words.append(
-            "trained at "
-            f"{covers.airspeed[0]:.1f} to {covers.airspeed[1]:.1f} m/s airspeed, "
-            f"{covers.tank_kg[0]:.1f} to {covers.tank_kg[1]:.1f} kg in the tank, "
-            f"{covers.density[0]:.3f} to {covers.density[1]:.3f} kg/m³"
-        )
+        said.append(words.trained_at(covers.airspeed, covers.tank_kg, covers.density))
     if model.interval is not None:
-        words.append(
-            f"interval made to hold {model.interval.coverage * 100:.0f} % on flights like its "
-            f"{model.interval.flights} training flights"
-        )
-    return words
+        said.append(words.interval_made(model.interval.coverage, model.interval.flights))
+    return said
 
 
 def _effect(effect: EffectRecord) -> str:
@@ -102,9 +92,6 @@ def _effect(effect: EffectRecord) -> str:
 
 #: Longer than a line end with its turns, so that blocks are nearly independent of each other.
 BLOCK_S = 20.0
-TRAINED_ON = (
-    "The network learnt from a flight of this name: the error on a new flight is likely larger."
-)
 
 
 def accuracy(analysis: FlightAnalysis, rotor_names: tuple[str, ...]) -> Accuracy:
@@ -137,15 +124,9 @@ def accuracy(analysis: FlightAnalysis, rotor_names: tuple[str, ...]) -> Accuracy
     overall = replace(overall, r2=estimate(mean_r2, whole, drawn, blocks))
     trained = trained_on(analysis)
     if blocks >= FEWEST_BLOCKS:
-        words = (
-            f"In brackets the {CONFIDENCE * 100:.0f} % interval, from {blocks} blocks of "
-            f"{BLOCK_S:.0f} s of this flight: it covers its gusts and turns, not other days."
-        )
+        said = words.in_brackets(CONFIDENCE, blocks, BLOCK_S)
     else:
-        words = (
-            f"No intervals: the flight has {blocks} blocks of {BLOCK_S:.0f} s, and fewer than "
-            f"{FEWEST_BLOCKS} cannot show how sure a figure is."
-        )
+        said = words.no_intervals(blocks, FEWEST_BLOCKS, BLOCK_S)
     return Accuracy(
         rotors=rotors,
         overall=overall,
@@ -154,7 +135,7 @@ def accuracy(analysis: FlightAnalysis, rotor_names: tuple[str, ...]) -> Accuracy
         blocks=blocks,
         confidence=CONFIDENCE,
         trained_on=trained,
-        words=f"{TRAINED_ON} {words}" if trained else words,
+        words=f"{words.TRAINED_ON} {said}" if trained else said,
     )
 
 
@@ -187,15 +168,15 @@ def _nothing(coverage: float, analysis: FlightAnalysis) -> Accuracy:
     measured = known & ~analysis.from_outputs
     predicted = np.isfinite(analysis.prediction.rotor_speed_rpm)
     if known.any() and not measured.any():
-        words = f"The rotor speeds are {FROM_OUTPUTS}: they cannot check the prediction."
+        said = words.not_measured(FROM_OUTPUTS)
     elif not known.any():
-        words = "No rotor speeds in this log: the prediction cannot be checked against it."
+        said = words.NO_SPEEDS
     elif not predicted.any():
-        words = "No prediction for this log: an input of the model is missing throughout."
+        said = words.NO_PREDICTION
     elif not np.isfinite(analysis.track.measured("tank_kg")).any():
-        words = f"No prediction error: {LOAD_FROM_SPEEDS}."
+        said = words.no_error(LOAD_FROM_SPEEDS)
     else:
-        words = "No airborne row has both a measured and a predicted rotor speed."
+        said = words.NO_ROW_OF_BOTH
     return Accuracy(
         rotors=(),
         overall=None,
@@ -204,5 +185,5 @@ def _nothing(coverage: float, analysis: FlightAnalysis) -> Accuracy:
         blocks=0,
         confidence=CONFIDENCE,
         trained_on=trained_on(analysis),
-        words=words,
+        words=said,
     )

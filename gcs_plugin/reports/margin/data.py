@@ -12,82 +12,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+from thrustmargin.gcs_plugin.wording.margin_verdict import Level, MarginVerdict, Moment
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.airframe_claim import AirframeBasis
 from thrustmargin.models.scores import Estimate
 
 SCHEMA = "thrustmargin.report/1"
 
-#: under: below the limit all flight. over: above it at times, and one lost rotor could be survived
-#: throughout. critical: at times one lost rotor could not. near: the limit, or a lost rotor that
-#: is just survived, lies within the 90 % interval. unknown: no thrust utilisation at all.
-Level = Literal["under", "near", "over", "critical", "unknown"]
 JsonObject = Mapping[str, Any]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Moment:
-    """One row of the flight at which some rotor worked hardest."""
-
-    time_s: float
-    clock_utc: str | None
-    rotor: int
-    rotor_name: str
-    capacity_use: float
-    capacity_use_low: float  # ends of its 90 % interval: the same where nothing was inferred
-    capacity_use_high: float
-    margin: float
-    basis: str  # "measured", "from motor outputs" or "predicted"
-    doing: tuple[str, ...]  # what the vehicle was doing, in words
-    tank_kg: float
-    ground_speed: float
-    airspeed: float
-    climb_rate: float
-    height_agl: float
-    north: float
-    east: float
-    latitude_deg: float
-    longitude_deg: float
-    redundancy_yaw_free: float
-
-
-@dataclass(frozen=True, slots=True)
-class Fact:
-    """One thing to know, with the word that it is found by."""
-
-    label: str
-    text: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MarginVerdict:
-    """The answer to "how close was it?"."""
-
-    level: Level
-    headline: str
-    facts: tuple[Fact, ...]
-    limit: float
-    one_rotor_out_use: float  # utilisation in hover at which one lost rotor is just survived
-    worst: Moment | None
-    basis: str  # what the utilisation rests on, in words
-    speed_basis: str  # "measured", or what stands in for a rotor's speed
-    measured_share: float  # of the airborne time
-    over_limit_s: float
-    over_limit_share: float  # of the airborne time with a known utilisation
-    redundancy_yaw_free_min: float
-    redundancy_yaw_free_low: float  # ends of its 90 % interval
-    redundancy_yaw_free_high: float
-    not_survivable_s: float  # airborne time with redundancy, yaw uncontrolled, below 1
-    fill_kg: float = float("nan")  # largest that keeps both limits in hover, battery at its lowest
-    fill_low_kg: float = float("nan")  # ends of its 90 % interval
-    fill_high_kg: float = float("nan")
-    fill_start_kg: float = float("nan")  # the same with the battery as it was at the start
-    tank_start_kg: float = float("nan")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from plotly.graph_objects import Figure
 
-from thrustmargin.gcs_plugin.reports.margin.data import FlightReport, Moment
+from thrustmargin.gcs_plugin.reports.margin.data import FlightReport
 from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     BAND,
     INK,
@@ -25,7 +25,9 @@ from thrustmargin.gcs_plugin.reports.shared.plot_style import (
     rotor_panels,
 )
 from thrustmargin.gcs_plugin.reports.shared.route_map import add_surroundings, moved, route_map
+from thrustmargin.gcs_plugin.wording import report_words as words
 from thrustmargin.gcs_plugin.wording.fault_words import HELD, MAXIMUM_FILL, SPINS
+from thrustmargin.gcs_plugin.wording.margin_verdict import Moment
 from thrustmargin.gcs_plugin.wording.palette import GROUND_SPEED, LOAD, REDUNDANCY, ColourScale
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.models.flight import Floats
@@ -87,21 +89,21 @@ def use_figure(rows: Rows, use: Floats, limit: float, worst: Moment | None) -> F
     traces = [
         band(time_s, np.full(top.size, limit * 100), above, color=OVER_FILL),
         line(time_s, top, color=MEASURED, name="worst rotor"),
-        line(time_s, mean, color=MEAN, name="mean of the rotors", width=2),
+        line(time_s, mean, color=MEAN, name=words.MEAN_ROTOR, width=2),
     ]
     high = max(float(np.nanmax(top)) * 1.3, limit * 130)
-    axis = {"title_text": "thrust in use", "ticksuffix": " %", "range": [0.0, high]}
+    axis = {"title_text": words.IN_USE, "ticksuffix": " %", "range": [0.0, high]}
     panels = [Panel(traces=traces, axis=axis, height_px=280, limit=_limit(limit))]
     if np.any(np.isfinite(tank)):
         sprayed = np.where(rows["spraying"] > 0.5, tank, np.nan)
         reach = INTERVAL * rows["tank_error_kg"]
         inferred = np.any(np.isfinite(reach))
-        named = "load inferred, 90 % interval" if inferred else "tank"
+        named = words.LOAD_INFERRED if inferred else "tank"
         within = [band(time_s, np.maximum(tank - reach, 0.0), tank + reach, color=BAND)]
         traces = [
             *(within if inferred else ()),
             line(time_s, tank, color=INK, name=named, width=2),
-            line(time_s, sprayed, color=SPRAYING, name="tank while spraying", width=5),
+            line(time_s, sprayed, color=SPRAYING, name=words.TANK_SPRAYING, width=5),
         ]
         axis = {"title_text": "tank, kg", "range": [0.0, float(np.nanmax(tank)) * 1.1 + 0.1]}
         panels.append(Panel(traces=traces, axis=axis, height_px=80))
@@ -153,7 +155,7 @@ def residual_figure(rows: Rows, names: Sequence[str]) -> Figure:
     )
     reach = max(float(np.nanmax(np.abs(residual))) * 1.08, 1.0)
     promised = {"color": BAND, "name": "promised interval"}
-    left = {"color": MEASURED, "name": "measured minus predicted", "width": 2}
+    left = {"color": MEASURED, "name": words.MEASURED_MINUS_PREDICTED, "width": 2}
     panels = rotor_panels(
         names,
         lambda k, legend: [
@@ -175,14 +177,14 @@ def redundancy_figure(rows: Rows, limit: float) -> Figure:
         line(time_s, kept, color=PREDICTED, name=HELD, dash="dash"),
     ]
     fills = [
-        line(time_s, tank, color=INK, name="in the tank"),
+        line(time_s, tank, color=INK, name=words.IN_THE_TANK),
         line(time_s, one_out, color=OVER, name=MAXIMUM_FILL, dash="dash"),
     ]
     if not np.allclose(one_out, of_limit, atol=0.05, equal_nan=True):
         name = f"most for {limit * 100:.0f} % in hover"
         fills.append(line(time_s, of_limit, color=PREDICTED, name=name, dash="dot"))
     high = max(1.2, float(np.nanmax([free, kept])) * 1.1)
-    over_weight = {"title_text": "thrust over weight", "range": [-0.03, high]}
+    over_weight = {"title_text": words.OVER_WEIGHT, "range": [-0.03, high]}
     kilograms = np.concatenate([tank, one_out, of_limit])
     low, high = min(0.0, float(np.nanmin(kilograms))), float(np.nanmax(kilograms)) * 1.1 + 0.1
     in_tank = {"title_text": "kg", "range": [low, high]}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from thrustmargin.gcs_plugin.reports.margin.data import JsonObject, end_rows, median
+from thrustmargin.gcs_plugin.wording import report_words as words
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.atmosphere import G0
@@ -52,38 +53,38 @@ def load_rows(analysis: FlightAnalysis, limits: Ceiling) -> tuple[JsonObject, ..
 
     return (
         row(
-            "liquid in the tank",
+            words.LIQUID,
             "kg",
             *(paper.airframe.tank_capacity_kg, 0.0, airframe.tank_capacity_kg, 0.0),
             *(median(track.tank_kg[first]), median(track.tank_kg[last])),
         ),
         row(
-            "load a rotor",
+            words.LOAD,
             "kgf",
             *(paper.load.full_load, paper.load.empty_load, own.full_load, own.empty_load),
             *(start / G0, end / G0),
         ),
         row(
-            "full over empty, start over end",
+            words.RATIO,
             "more",
             *(paper.load.load_increase, NAN, own.load_increase, NAN, start / end - 1.0, NAN),
         ),
         row(
-            "load over the maker's maximum thrust",
+            words.NAMEPLATE,
             "1",
             *(paper.ceilings[0].use_full, paper.ceilings[0].use_empty),
             *(own.full_load * G0 / nameplate, own.empty_load * G0 / nameplate),
             *(start / nameplate, end / nameplate),
         ),
         row(
-            "thrust in use in hover, by weight",
+            words.IN_HOVER,
             "1",
             *(PAPER_BENCH_USE_FULL, NAN, median(full[first]), median(empty[last])),
             *(median(in_hover[first]), median(in_hover[last])),
             approximate=True,
         ),
         row(
-            "thrust in use in flight, mean of the rotors",
+            words.IN_FLIGHT,
             "1",
             *(NAN, NAN, NAN, NAN, median(use[first]), median(use[last])),
         ),

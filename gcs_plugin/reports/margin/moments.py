@@ -8,8 +8,10 @@ from datetime import UTC, datetime
 import numpy as np
 import pymap3d
 
-from thrustmargin.gcs_plugin.reports.margin.data import Fact, JsonObject, Moment, mean
+from thrustmargin.gcs_plugin.reports.margin.data import JsonObject, mean
 from thrustmargin.gcs_plugin.wording.fault_words import episode_words, fault_words
+from thrustmargin.gcs_plugin.wording.margin_verdict import Fact, Moment
+from thrustmargin.gcs_plugin.wording.report_words import NOT_SPRAYING
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
 from thrustmargin.models.model.rotor_faults import FaultEpisode
@@ -129,7 +131,7 @@ def doing(analysis: FlightAnalysis, row: int) -> tuple[str, ...]:
     if spraying > 0.5:
         words.append("spraying")
     elif np.isfinite(spraying) and not words:
-        words.append("flying, not spraying")
+        words.append(NOT_SPRAYING)
     return tuple(words)
 
 

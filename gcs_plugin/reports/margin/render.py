@@ -12,7 +12,6 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 
-from thrustmargin.gcs_plugin.reports.margin import headline
 from thrustmargin.gcs_plugin.reports.margin.csv_rows import COLUMNS, csv_columns
 from thrustmargin.gcs_plugin.reports.margin.data import SCHEMA, Report
 from thrustmargin.gcs_plugin.reports.margin.figures import figures
@@ -21,6 +20,7 @@ from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text
 from thrustmargin.gcs_plugin.wording import numbers as words
 from thrustmargin.gcs_plugin.wording.fault_words import DESCENDED, HELD, MAXIMUM_FILL, SPINS
 from thrustmargin.gcs_plugin.wording.fill_words import amount
+from thrustmargin.gcs_plugin.wording.margin_verdict import estimate, moment_words
 from thrustmargin.models.model.json_values import to_json_values
 from thrustmargin.models.whole_file import whole_file
 
@@ -36,11 +36,11 @@ _WORDS = {
         words.clock,
         words.duration,
         words.area,
-        headline.estimate,
+        estimate,
         words.place,
         words.from_direction,
         words.within,
-        headline.moment_words,
+        moment_words,
     )
 }
 

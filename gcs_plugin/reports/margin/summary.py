@@ -15,9 +15,6 @@ from thrustmargin.gcs_plugin.reports.margin.csv_rows import rows_of
 from thrustmargin.gcs_plugin.reports.margin.data import (
     FlightReport,
     JsonObject,
-    Level,
-    MarginVerdict,
-    Moment,
     Overview,
     Report,
     end_rows,
@@ -25,13 +22,6 @@ from thrustmargin.gcs_plugin.reports.margin.data import (
     median,
     most,
     share,
-)
-from thrustmargin.gcs_plugin.reports.margin.headline import (
-    basis_words,
-    facts,
-    headline,
-    load_facts,
-    several_headline,
 )
 from thrustmargin.gcs_plugin.reports.margin.load import load_rows
 from thrustmargin.gcs_plugin.reports.margin.moments import (
@@ -43,6 +33,17 @@ from thrustmargin.gcs_plugin.reports.margin.moments import (
 )
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
+from thrustmargin.gcs_plugin.wording.margin_verdict import (
+    Level,
+    MarginVerdict,
+    Moment,
+    basis_words,
+    facts,
+    headline,
+    load_facts,
+    several_headline,
+)
+from thrustmargin.gcs_plugin.wording.report_words import WITHOUT
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, Floats
@@ -55,20 +56,6 @@ from thrustmargin.models.model.rotor_faults import (
 from thrustmargin.models.model.utilisation_error import INTERVAL
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.margin import ceiling, hover_use, largest_fill, weight
-
-#: What a flight without a channel cannot say; channels that nothing depends on are left out.
-WITHOUT = {
-    "rotor_speed_rpm": "no rotor speeds in this log: all figures are predicted",
-    "tank_kg": "no tank level: weight, redundancy and largest fill are unknown",
-    "voltage": "no battery voltage: the rotors' maximum is taken at the nominal voltage",
-    "airspeed": "no airspeed: the network cannot predict",
-    "position_ned": "no position: nothing can be drawn on the map",
-    "velocity_ned": "no velocity: ground speed, distance and climb are unknown",
-    "spraying": "no pump state: sprayed time, distance and area are unknown",
-    "wind_ned": "no wind report",
-    "angular_rate_frd": "no angular rate: turns are not named",
-    "pressure": "no static pressure",
-}
 
 
 def report_flight(

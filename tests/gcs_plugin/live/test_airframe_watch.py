@@ -7,7 +7,7 @@ import pytest
 
 from tests.gcs_plugin.live.live_vehicle import ROOT, log_frames
 from tests.gcs_plugin.live.monitored import AIRFRAME, MODEL
-from thrustmargin.gcs_plugin.live.airframe_watch import NOT_YET, AirframeWatch
+from thrustmargin.gcs_plugin.live.airframe_watch import AirframeWatch
 from thrustmargin.gcs_plugin.live.announce import figures
 from thrustmargin.gcs_plugin.live.console import numbers
 from thrustmargin.gcs_plugin.live.vehicle_monitor import VehicleMonitor, WatchSettings
@@ -15,6 +15,7 @@ from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.mavproxy.worker import fields, reading, summary
 from thrustmargin.gcs_plugin.view.gauges import gauges_html
 from thrustmargin.gcs_plugin.view.shown_row import ShownRow
+from thrustmargin.gcs_plugin.wording.live_words import AIRFRAME_NOT_YET
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 
@@ -43,19 +44,21 @@ def with_volts(volts: float, first: int, end: int) -> FlightTrack:
 
 def test_an_airframe_that_nobody_gave_is_known_after_some_seconds_in_flight_and_stays():
     made = claims(watched(given=False), LOG.track, 0, LOG.track.time_s.size)
-    waiting = [claim.withheld == (NOT_YET,) for claim in made]
+    waiting = [claim.withheld == (AIRFRAME_NOT_YET,) for claim in made]
     changes = np.flatnonzero(np.diff(waiting))
     assert changes.size == 1
     seconds = 0.5 * (changes[0] + 1) - 0.1 * START
     assert 4.0 < seconds < 8.0
-    known = [claim for claim in made if claim.withheld != (NOT_YET,)]
+    known = [claim for claim in made if claim.withheld != (AIRFRAME_NOT_YET,)]
     assert all(claim is known[0] for claim in known)
     assert known[0].basis == "recognised"
 
 
 def test_on_the_ground_nothing_is_decided():
     ground = replace(LOG.track, flying=np.zeros_like(LOG.track.flying))
-    assert {c.withheld for c in claims(watched(given=False), ground, 0, 600)} == {(NOT_YET,)}
+    assert {c.withheld for c in claims(watched(given=False), ground, 0, 600)} == {
+        (AIRFRAME_NOT_YET,)
+    }
     assert {c.withheld for c in claims(watched(given=True), ground, 0, 600)} == {()}
 
 
@@ -105,17 +108,17 @@ def monitored(**settings) -> tuple[VehicleMonitor, list]:
 def test_margins_are_withheld_on_every_screen_until_the_airframe_is_recognised():
     vehicle, updates = monitored(airframe_given=False)
     first = next(u for u in updates if u.analysis.track.flying[-1])
-    assert first.analysis.withheld == (NOT_YET,)
+    assert first.analysis.withheld == (AIRFRAME_NOT_YET,)
     assert np.isnan(first.analysis.margin).all()
     assert numbers(first, 0.5)[0] == "NO VERDICT"
-    assert NOT_YET in first.remarks[0]
+    assert AIRFRAME_NOT_YET in first.remarks[0]
     assert set(figures(first)) == set()
     shown = reading(first, 0.0)
-    assert NOT_YET in summary(shown, 0.5, 0.0)[0]
+    assert AIRFRAME_NOT_YET in summary(shown, 0.5, 0.0)[0]
     assert "NO VERDICT" in fields(shown, 0.5, 0.0)["Margin"][0]
     html = gauges_html(ShownRow(first.analysis, -1), "vehicle 1")
     assert "NO VERDICT" in html
-    assert NOT_YET in html
+    assert AIRFRAME_NOT_YET in html
     last = updates[-1]
     assert last.analysis.claim.basis == "recognised"
     assert np.isfinite(last.analysis.margin[-1]).all()

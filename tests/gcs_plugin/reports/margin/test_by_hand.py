@@ -9,9 +9,6 @@ from tests.gcs_plugin.reports.margin.report_flight import log, model
 from thrustmargin.gcs_plugin.reports.margin import report_flight
 from thrustmargin.gcs_plugin.reports.margin.data import (
     FlightReport,
-    Level,
-    MarginVerdict,
-    Moment,
     end_rows,
     least,
     mean,
@@ -19,7 +16,10 @@ from thrustmargin.gcs_plugin.reports.margin.data import (
     most,
     share,
 )
-from thrustmargin.gcs_plugin.reports.margin.headline import (
+from thrustmargin.gcs_plugin.wording.margin_verdict import (
+    Level,
+    MarginVerdict,
+    Moment,
     action,
     estimate,
     facts,

@@ -17,9 +17,8 @@ import pytest
 
 from tests.gcs_plugin.reports.margin.report_flight import HOSTILE, flight, log, without
 from thrustmargin.gcs_plugin.reports.margin import build_report
-from thrustmargin.gcs_plugin.reports.margin.data import Fact, Report
+from thrustmargin.gcs_plugin.reports.margin.data import Report
 from thrustmargin.gcs_plugin.reports.margin.figures import figures
-from thrustmargin.gcs_plugin.reports.margin.headline import estimate
 from thrustmargin.gcs_plugin.reports.margin.render import (
     Written,
     csv_bytes,
@@ -31,6 +30,7 @@ from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import packed
 from thrustmargin.gcs_plugin.reports.shared.plot_style import keep_extremes, keep_worst, single
 from thrustmargin.gcs_plugin.reports.shared.route_map import moved, plotly_scale
+from thrustmargin.gcs_plugin.wording.margin_verdict import Fact, estimate
 from thrustmargin.gcs_plugin.wording.palette import LOAD
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse

@@ -1,0 +1,72 @@
+"""The alarms in words: part, amount, action. At most 50 characters each, what a STATUSTEXT holds.
+
+Screen, voice, recording, report and STATUSTEXT say the same. Those of a bad rotor: fault_words.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+#: ESC_FAILURE_FLAGS of MAVLink's common.xml, gravest first
+FAILURES = {
+    32: "motor stuck",
+    4: "too hot",
+    1: "too much current",
+    2: "voltage too high",
+    8: "too fast",
+    16: "does not follow",
+    64: "failure",
+}
+#: What a margin against the limit is of.
+MEASURED_MARGIN, PREDICTED_MARGIN, MARGIN_AHEAD = (
+    "Thrust margin",
+    "Predicted margin",
+    "Route ahead: margin",
+)
+NOT_THE_AIRFRAME = "NO VERDICT: flight does not fit the airframe"
+AIRFRAME_UNKNOWN = "NO VERDICT: airframe not known"
+OUTSIDE_TRAINING = "Outside the model's training: weight only"
+TELEMETRY_LOST = "Telemetry lost in flight"
+NO_TELEMETRY = "No telemetry, last on the ground"
+NO_ROTOR_SPEEDS = "No rotor speeds: ESC telemetry lost"
+NO_OUTPUTS = "No motor outputs: margin unknown"
+TANK_EMPTY = "Tank empty, pump still on"
+TANK_FAST = "Tank falls faster than the pump"
+TANK_LEAKS = f"{TANK_FAST}: leak?"
+TANK_CLOGGED = "Tank falls slower than the pump: clogged?"
+GAUGE_WRONG = "Tank falls slower than the pump: gauge?"
+
+
+def margin_words(what: str, least: float, limit: float, *, error: float, rotor: int | None) -> str:
+    """`Thrust margin 44% (+-3) below 50%: rotor 1`; shares, rounded down, so that what is below
+    the limit also reads so. `error` is half the 90 % interval, 0 of what was measured."""
+    place = "below" if least + error < limit else "near"
+    within = f" (+-{math.ceil(100 * error)})" if error > 0.0 else ""
+    of = "" if rotor is None else f": rotor {rotor}"
+    return f"{what} {math.floor(100 * least + 1e-6)}%{within} {place} {limit:.0%}{of}"
+
+
+def at_limit(rotor: int) -> str:
+    return f"Rotor {rotor} at its limit: no thrust left"
+
+
+def esc_words(rotor: int, flags: int) -> str:
+    """What an ESC reports of itself, by its ESC_FAILURE_FLAGS."""
+    known = ", ".join(words for bit, words in FAILURES.items() if flags & bit)
+    return f"ESC of rotor {rotor}: {known or f'failure {flags}'}"
+
+
+def thrust_against_gauge(apart_kg: float) -> str:
+    return f"Thrust says {apart_kg:+.1f} kg against the gauge"
+
+
+def speeds_missing(rotors: Iterable[int]) -> str:
+    """Rotors, from 1, whose speed no longer comes."""
+    numbers = [str(rotor) for rotor in rotors]
+    return f"No speed of rotor{'s' if len(numbers) > 1 else ''} {', '.join(numbers)}: ESC?"
+
+
+def over_words(name: str, rotor: int | None) -> str:
+    """That an alarm no longer stands, for the ground stations."""
+    return f"Over: {name}{f' (rotor {rotor})' if rotor else ''}"

@@ -1,0 +1,139 @@
+"""What terminal, page and log say while vehicles fly: of a figure that is unknown and of what
+helps, of a vehicle's silence, of the link and the recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, SPINS
+
+#: Why a figure is unknown, and which option helps.
+ASKS = "--request-rates asks for them"
+NO_SPEEDS = f"no rotor speeds (ESC telemetry) and no motor outputs heard; {ASKS}"
+NO_MEASURED = f"no rotor speeds measured (ESC telemetry); {ASKS}"
+NO_LOAD = (
+    "tank level unknown: no gauge, and no hover yet that shows the load (10 s, with rotor speeds "
+    "or motor outputs); --load states it, --tank names its source"
+)
+NO_AIRSPEED = f"no airspeed and no ground speed heard; {ASKS}"
+NO_MISSION = "no mission heard; --fetch-mission asks for it"
+NO_FLOW = "no pump output heard, and no gauge that shows the flow (20 s)"
+NO_POSITION = "no position heard"
+NO_ROWS = (
+    "heard, but neither rotor speeds, motor outputs, attitude nor position with its clock; " + ASKS
+)
+AIRFRAME_NOT_YET = "airframe not known yet: hover 5 s"
+AIRFRAME_UNKNOWN = "airframe not known"
+
+#: Figures by the name that a reason is given for.
+MEASURED_MARGIN, PREDICTED_MARGIN = "measured margin", "predicted margin"
+TANK, TANK_BY_THRUST, TIME_TO_EMPTY = "tank", "tank by thrust", "time to empty"
+ROUTE_AHEAD, FULL_MARGIN = "route ahead", "margin with a full tank"
+#: Fields of the vehicle's reports that may grow old.
+FIELD_WORDS: Mapping[str, str] = {
+    "attitude": "attitude",
+    "position_ned": "position",
+    "velocity_ned": "speed over ground",
+    "height_agl": "height",
+    "airspeed": "airspeed",
+    "wind_ned": "wind",
+    "voltage": "battery voltage",
+    "pressure": "air pressure",
+    "throttle": "motor outputs",
+    "tank_kg": "tank level",
+}
+
+NO_VEHICLE = "no vehicle heard yet"
+NO_ALARM = "no alarm"
+HEARD, WATCHED_AGAIN, RECORDING_AGAIN = "heard", "watched again", "recording again"
+NOT_BEHIND = "no longer behind"
+ON_GROUND, NO_VERDICT, OLD = "on ground", "NO VERDICT", "OLD"
+#: Columns of the terminal's table, and what is said below it.
+BY_THRUST, EMPTY_IN, IF_FULL = "by thrust", "empty in", "if full"
+LEGEND = (
+    f"margin: worst rotor, ± where not measured, ≈ predicted · {ONE_LOST}: thrust that can be "
+    f"held over weight, {SPINS} · ~ old, the last that was known"
+)
+#: A line of status that begins so is made to stand out.
+NOT_RECORDING, BEHIND = "NOT RECORDING", "this computer is"
+#: What was lost of a link, by the counter of its status.
+LOST: Mapping[str, str] = {
+    "bad_checksum": "with a wrong checksum",
+    "bytes_skipped": "bytes skipped",
+    "refused": "refused by signing",
+    "kernel_drops": "dropped by the system",
+    "compute_drops": "not analysed: this computer is too slow",
+}
+
+
+def behind_words(behind_s: float, *, page: bool = False) -> str:
+    """That what is shown is late because the computer is, and what helps."""
+    helps = "closing the 3D page" if page else "closing other programs"
+    return f"{BEHIND} {behind_s:.0f} s behind: {helps} helps"
+
+
+def of_vehicle(number: int, words: str) -> str:
+    return f"vehicle {number}: {words}"
+
+
+def not_heard_on(urls: Iterable[str]) -> str:
+    return f"{NO_VEHICLE} on {', '.join(urls)}"
+
+
+def two_vehicles(system: int, *, helps: bool = False) -> str:
+    """That one id is used twice, and (`helps`) what that means and what to do."""
+    said = f"two vehicles send as system {system}"
+    if helps:
+        said += ": nothing is computed; give each its own id (SYSID_THISMAV)"
+    return said
+
+
+def silent_words(number: int, gone_s: float) -> str:
+    return f"vehicle {number} silent for {gone_s:.0f} s"
+
+
+def heard_words(number: int, *, again: bool = False) -> str:
+    return f"vehicle {number} heard{' again' if again else ''}"
+
+
+def unknown_words(figures: Iterable[str], reason: str) -> str:
+    return f"unknown: {', '.join(figures)}: {reason}"
+
+
+def stale_words(ages: Mapping[str, float]) -> str:
+    """Fields no longer reported, by their words, with their age, s; empty when all is fresh."""
+    if not ages:
+        return ""
+    parts = [f"{words} ({age:.0f} s)" for words, age in sorted(ages.items(), key=lambda a: -a[1])]
+    return "no longer reported: " + ", ".join(parts)
+
+
+def no_escs(source: str) -> str:
+    return f"no ESC telemetry: rotor speeds {source}"
+
+
+def tank_by(source: str) -> str:
+    return f"tank by {source}"
+
+
+def order_assumed(words: str) -> str:
+    return f"{words}; --request-rates asks"
+
+
+def messages_words(frames: int, lost: Mapping[str, int]) -> str:
+    """How many messages came, and what was lost, by the counters of `LOST`."""
+    parts = [f"{lost[name]} {words}" for name, words in LOST.items() if lost.get(name)]
+    return f"{frames} messages" + (f" ({', '.join(parts)})" if parts else "")
+
+
+def recording_words(folder: str, frames: int, rows: int, lost: int) -> str:
+    earlier = f", {lost} lost earlier" if lost else ""
+    return f"recording to {folder}: {frames} messages, {rows} samples{earlier}"
+
+
+def not_recording(trouble: str, lost: int | None = None) -> str:
+    """That nothing is recorded and why; `lost` messages so far, and what to do."""
+    said = f"{NOT_RECORDING}: {trouble}"
+    if lost is None:
+        return said
+    return f"{said} ({lost} messages lost); make room, it goes on by itself"
