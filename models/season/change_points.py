@@ -1,0 +1,284 @@
+"""When a value that each flight shows changed: by a step, or by so much a flight.
+
+Flights are cut into segments by binary segmentation (`ruptures`); in a segment the value stays or
+goes along a line. A cut, and a slope, must each bring more than a penalty in the sum of squares
+over the flights' variances. The penalty follows from the wanted rate of false entries: under "no
+change" each of them is the largest of many squared normal numbers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.ndimage import median_filter
+from scipy.stats import chi2, norm
+
+from thrustmargin.models.flight import Floats
+
+FALSE_ENTRIES = 0.01  # wanted of one aircraft in one season
+LEAST_FLIGHTS, LEAST_LINE = 3, 5  # in a segment; on a line
+WILD, AROUND = 3.0, 5  # errors beyond which a flight is drawn in to its neighbours' median; flights
+DATED = float(chi2.ppf(0.95, 1))  # rise of the sum of squares that bounds a date's interval
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Change:
+    """One change of a value. Flights are counted from 0."""
+
+    ramp: bool  # goes on from flight to flight; else at once
+    flight: int  # the first one after the change
+    earliest: int  # of 95 %
+    latest: int
+    until: int  # the first flight after what began here
+    before: float  # value on the flight before it
+    after: float  # value after a step, or at the end of the ramp
+    size_error: float  # of after - before
+    per_flight: float  # slope of a ramp, 0 of a step
+    per_flight_error: float
+    score: float  # standard errors that it stands out by
+
+    @property
+    def size(self) -> float:
+        return self.after - self.before
+
+
+def penalty_of(flights: int, series: int = 1, false_entries: float = FALSE_ENTRIES) -> float:
+    """The least gain of an entry, in squared standard errors, for a rate of false ones over all
+    `series` of one season: steps and slopes from every flight on are tried (Bonferroni)."""
+    tried = 2 * max(flights, 1) * max(series, 1)
+    return float(norm.isf(false_entries / tried / 2.0) ** 2)
+
+
+def spread_beyond(values: Floats, errors: Floats) -> float:
+    """By how much flights scatter more than their errors say, at least 1.
+
+    From second differences, which neither a step nor a ramp changes much; by their median.
+    """
+    if values.size < 5:
+        return 1.0
+    second = values[2:] - 2.0 * values[1:-1] + values[:-2]
+    variance = errors[2:] ** 2 + 4.0 * errors[1:-1] ** 2 + errors[:-2] ** 2
+    return max(1.0, float(np.median(np.abs(second) / np.sqrt(variance)) / norm.ppf(0.75)))
+
+
+def scatter_of(values: Floats) -> Floats:
+    """(F,) the same error for all flights of a value that has none of its own."""
+    return np.full(values.size, max(spread_of(values), 1e-12))
+
+
+def spread_of(values: Floats) -> float:
+    """Standard deviation from flight to flight, by the median of second differences."""
+    second = values[2:] - 2.0 * values[1:-1] + values[:-2]
+    return float(np.median(np.abs(second)) / norm.ppf(0.75) / np.sqrt(6.0)) if second.size else 0.0
+
+
+def drawn_in(values: Floats, errors: Floats) -> Floats:
+    """Values of which a single wild flight is no further from its neighbours' median than WILD
+    times its error and theirs together."""
+    middle = median_filter(values, AROUND, mode="nearest")
+    far = WILD * np.hypot(errors, median_filter(errors, AROUND, mode="nearest"))
+    return middle + np.clip(values - middle, -far, far)
+
+
+class _Piece(NamedTuple):
+    """The line of one segment, by the flight."""
+
+    mean: float  # at the middle flight
+    slope: float
+    middle: float
+    mean_error: float
+    slope_error: float
+    squares: float  # left, over the variances
+    cost: float  # the same with the penalty of a slope
+
+    def at(self, flight: Any) -> Any:
+        return self.mean + self.slope * (flight - self.middle)
+
+    def error(self, flight: float) -> float:
+        return float(np.hypot(self.mean_error, self.slope_error * (flight - self.middle)))
+
+
+class _ConstantOrLine:
+    """Sums over flights, from which any segment costs the same to fit."""
+
+    def __init__(self, values: Floats, errors: Floats, penalty: float) -> None:
+        w, t = errors**-2.0, np.arange(values.size, dtype=np.float64)
+        rows = [w, w * t, w * t * t, w * values, w * t * values, w * values**2]
+        self.sums = np.concatenate([np.zeros((6, 1)), np.cumsum(rows, axis=1)], axis=1)
+        self.rows = self.sums.T.tolist()
+        self.penalty = penalty
+
+    def cost(self, start: int, end: int) -> float:
+        """Of one segment, as `fitted` has it; asked hundreds of thousands of times."""
+        a, b = self.rows[start], self.rows[end]
+        w, wt, wy = b[0] - a[0], b[1] - a[1], b[3] - a[3]
+        squares = b[5] - a[5] - wy * wy / w
+        if end - start < LEAST_LINE:
+            return squares
+        across, along = b[4] - a[4] - wy * wt / w, b[2] - a[2] - wt * wt / w
+        return squares - max(0.0, across * across / along - self.penalty)
+
+    def costs(self, start: Any, end: Any) -> Floats:
+        """(N,) of segments, as `fitted` has them."""
+        w, wt, wtt, wy, wty, wyy = self.sums[:, end] - self.sums[:, start]
+        across, along = wty - wy * wt / w, wtt - wt * wt / w
+        gained = across**2 / np.maximum(along, 1e-9) - self.penalty
+        worth = (np.asarray(end) - start >= LEAST_LINE) & (gained > 0.0)
+        return wyy - wy**2 / w - np.where(worth, gained, 0.0)
+
+    def fitted(self, start: int, end: int) -> _Piece:
+        """The line of a segment; its slope is 0 unless it is worth the penalty."""
+        w, wt, wtt, wy, wty, wyy = self.sums[:, end] - self.sums[:, start]
+        mean, middle = wy / w, wt / w
+        along, across, squares = wtt - wt * middle, wty - wy * middle, wyy - wy * mean
+        if end - start >= LEAST_LINE and across**2 / along > self.penalty:
+            slope = across / along
+            squares -= across * slope
+            of = (mean, slope, middle, w**-0.5, along**-0.5, squares, squares + self.penalty)
+        else:
+            of = (mean, 0.0, middle, w**-0.5, 0.0, squares, squares)
+        return _Piece(*(float(value) for value in of))
+
+
+def segments(values: Floats, errors: Floats, penalty: float) -> list[tuple[int, int]]:
+    """(start, end) of each segment, one after the other."""
+    from ruptures import Binseg  # it takes a while to load
+    from ruptures.base import BaseCost
+
+    sums = _ConstantOrLine(values, errors, penalty)
+
+    class Cost(BaseCost):
+        min_size = LEAST_FLIGHTS
+
+        @property
+        def model(self) -> str:
+            return "constant or line"
+
+        def fit(self, *args: Any, **_: Any) -> Any:
+            self.signal = args[0]
+            return self
+
+        def error(self, start: int, end: int) -> float:
+            return sums.cost(start, end)
+
+    if values.size < 2 * LEAST_FLIGHTS:
+        return [(0, values.size)]
+    search = Binseg(custom_cost=Cost(), min_size=LEAST_FLIGHTS, jump=1)
+    cuts = [0, *(int(end) for end in search.fit_predict(values[:, None], pen=penalty))]
+
+    k = 1
+    while k < len(cuts) - 1:  # a cut that came before its neighbours: to its place, or away
+        left, right = cuts[k - 1], cuts[k + 1]
+        tried = np.arange(left + LEAST_FLIGHTS, right - LEAST_FLIGHTS + 1)
+        costs = sums.costs(np.full_like(tried, left), tried)
+        costs += sums.costs(tried, np.full_like(tried, right))
+        best = int(tried[np.argmin(costs)])
+        if float(sums.costs(np.array([left]), np.array([right]))[0] - costs.min()) <= penalty:
+            del cuts[k]
+            k = max(1, k - 1)
+            continue
+        moved, cuts[k] = best != cuts[k], best
+        k = max(1, k - 1) if moved else k + 1
+    return list(pairwise(cuts))
+
+
+def changes(values: Floats, errors: Floats, penalty: float) -> tuple[list[Change], Floats]:
+    """The changes of a value (F,) with errors (F,), and (F,) the curve that they make.
+
+    A single wild flight is no change. Slopes are by the flight.
+    """
+    if values.size < 2 * LEAST_FLIGHTS:
+        return [], np.full(values.size, float(np.mean(values)) if values.size else np.nan)
+    values = drawn_in(values, errors)
+    sums = _ConstantOrLine(values, errors, penalty)
+    pieces = segments(values, errors, penalty)
+    fits = [sums.fitted(*piece) for piece in pieces]
+    curve = np.concatenate([f.at(np.arange(*p)) for p, f in zip(pieces, fits, strict=True)])
+    found: list[Change] = []
+    for k, ((start, end), now) in enumerate(zip(pieces, fits, strict=True)):
+        dates, before = (start, start, start), float(now.at(start))
+        if k:
+            began, old = pieces[k - 1][0], fits[k - 1]
+            before = float(old.at(start - 1))
+            bent = _hinge(values, errors, began, end, line=bool(old.slope)) if now.slope else None
+            if bent is not None and bent[0] - now.squares - old.squares <= penalty:
+                dates = bent[1]
+            else:
+                stays = float(now.at(start) if now.slope else now.mean)
+                error = float(np.hypot(now.error(start), old.error(start - 1)))
+                found.append(
+                    Change(
+                        ramp=False,
+                        flight=start,
+                        earliest=min(start, (tried := _step(values, errors, began, end))[0]),
+                        latest=max(start, tried[1]),
+                        until=end,
+                        before=before,
+                        after=stays,
+                        size_error=error,
+                        per_flight=0.0,
+                        per_flight_error=0.0,
+                        score=abs(stays - before) / error,
+                    )
+                )
+                before = stays
+        if now.slope:
+            found.append(
+                Change(
+                    ramp=True,
+                    flight=dates[0],
+                    earliest=dates[1],
+                    latest=dates[2],
+                    until=end,
+                    before=before,
+                    after=float(now.at(end - 1)),
+                    size_error=now.slope_error * (end - start),
+                    per_flight=now.slope,
+                    per_flight_error=now.slope_error,
+                    score=abs(now.slope) / now.slope_error,
+                )
+            )
+    return found, curve
+
+
+def _profile(costs: Floats, first: int) -> tuple[int, int, int]:
+    """The flight of the least cost, and the first and last that cost no more than DATED above."""
+    good = np.flatnonzero(costs <= costs.min() + DATED)
+    return int(np.argmin(costs)) + first, int(good[0]) + first, int(good[-1]) + first
+
+
+def _step(values: Floats, errors: Floats, began: int, end: int) -> tuple[int, int]:
+    """Earliest and latest flight of the step in a stretch, each side with its own line."""
+    sums = _ConstantOrLine(values, errors, 0.0)
+    tried = np.arange(began + LEAST_FLIGHTS, end - LEAST_FLIGHTS + 1)
+    costs = sums.costs(np.full_like(tried, began), tried)
+    costs += sums.costs(tried, np.full_like(tried, end))
+    return _profile(costs, int(tried[0]))[1:]
+
+
+def _hinge(
+    values: Floats, errors: Floats, began: int, end: int, *, line: bool
+) -> tuple[float, tuple[int, int, int]]:
+    """The squares left by two lines that meet (the first of them flat unless `line`), and the
+    first flight on the second one with its interval."""
+    tried = np.arange(began + 1, end - 2)
+    t, w, y = np.arange(began, end) - 1.0 * began, errors[began:end] ** -2.0, values[began:end]
+    rows = np.stack([w, w * t, w * t * t, w * y, w * t * y])
+    w0, w1, w2, y0, y1 = np.cumsum(rows[:, ::-1], axis=1)[:, ::-1][:, tried - began]  # from it on
+    all0, all1, all2, all_y, all_ty = rows.sum(axis=1)[:, None] + np.zeros(tried.size)
+    h = tried - began
+    bent1, bent2, bent_t, bent_y = (
+        w1 - h * w0,
+        w2 - 2 * h * w1 + h * h * w0,
+        w2 - h * w1,
+        y1 - h * y0,
+    )
+    system = np.array([[all0, bent1, all1], [bent1, bent2, bent_t], [all1, bent_t, all2]])
+    along, used = np.array([all_y, bent_y, all_ty]), 3 if line else 2
+    system, along = np.moveaxis(system[:used, :used], 2, 0), along[:used].T
+    size = np.linalg.solve(system, along[:, :, None])[:, :, 0]
+    costs = float(w @ y**2) - np.sum(along * size, axis=1)
+    return float(np.min(costs)), _profile(costs, int(tried[0]) + 1)

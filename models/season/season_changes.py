@@ -1,0 +1,297 @@
+"""What changed over a season, and in which value: from the sums of flights alone.
+
+Every value is looked at by itself beside the season's means of all others, and cut into segments
+(`change_points`). The value whose curve takes most of the squares is the change; its curve is taken
+out of all flights, and the rest is looked at again. So a worn propeller is not also a centre of
+gravity, a mass and a yaw moment. A curve is known to FORM of itself: what is left of it elsewhere
+is no change.
+
+What all flights have in common may be the model's fault, and more flights do not cure that: a mean
+over the season is judged as by one flight of average noise. Changes are judged by all flights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.sets.free_form import FORM
+from thrustmargin.models.season.change_points import (
+    FALSE_ENTRIES,
+    LEAST_FLIGHTS,
+    Change,
+    changes,
+    penalty_of,
+    spread_beyond,
+)
+from thrustmargin.models.season.season_sums import SeasonSums
+
+MOST_FINDS = 8  # of one season
+SHAPE = 0.5  # of a loss: what its torque share may be off by
+RECENT = 10  # flights
+NO_SCATTER = 0.05  # of the usual size: scatter of a value that has none of its own
+NEAR = 9.0  # of log likelihood: less than one in 8,000 as likely
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Trend:
+    """One value over F flights."""
+
+    name: str
+    value: Floats  # (F,) of each flight, NaN where it says nothing
+    error: Floats  # (F,) standard error, as flights scatter
+    curve: Floats  # (F,) as the season has it
+    changes: tuple[Change, ...]
+    instead: tuple[str, ...]  # other values whose change would explain these flights as well
+    least_seen: float  # a step of the last RECENT flights of this size would have been entered
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SharedEffect:
+    """A value in which all flights of a season depart from the model."""
+
+    name: str
+    value: float  # without what changed over the season
+    error: float  # standard error: flights scatter, and the model itself is uncertain
+    instead: tuple[str, ...]  # other values that would explain these flights as well
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SeasonChanges:
+    """All values over the season, those that changed first."""
+
+    trends: tuple[Trend, ...]
+    shared: tuple[SharedEffect, ...]
+
+    def trend(self, name: str) -> Trend | None:
+        return next((t for t in self.trends if t.name == name), None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Found:
+    """Values that depart from the model in all flights, and curves of those that change."""
+
+    shared: frozenset[int] = frozenset()
+    shapes: Mapping[int, Floats] = field(default_factory=dict)  # place -> (F,) from 0
+
+    def with_shape(self, place: int, shape: Floats | None) -> _Found:
+        rest = {k: v for k, v in self.shapes.items() if k != place}
+        return replace(self, shapes=rest if shape is None else {**rest, place: shape})
+
+
+def season_changes(sums: SeasonSums, false_entries: float = FALSE_ENTRIES) -> SeasonChanges:
+    """What all flights of a season depart in from the model, and what changed between them, at a
+    rate of false entries a season."""
+    penalty = penalty_of(sums.flights, len(sums.main), false_entries)
+    found = _Found()
+    for _ in range(MOST_FINDS):
+        more = _next(sums, found, penalty)
+        if more is None:
+            break
+        found = more
+        for place in found.shapes:  # each anew beside the others
+            rest = found.with_shape(place, None)
+            found = found.with_shape(place, _shape(sums, place, rest, penalty))
+        for place in found.shared:  # a mean that was only a change
+            rest = replace(found, shared=found.shared - {place})
+            if _gain(sums, rest, found, place) / sums.flights <= penalty:
+                found = rest
+    order = [*found.shapes, *(int(k) for k in sums.main if k not in found.shapes)]
+    return SeasonChanges(
+        trends=tuple(_trend(sums, k, found, penalty) for k in order),
+        shared=tuple(_shared(sums, found, penalty)),
+    )
+
+
+def _next(sums: SeasonSums, found: _Found, penalty: float) -> _Found | None:
+    """With the one value more that explains most, if any is worth the penalty."""
+    tried: list[tuple[float, _Found]] = []
+    for place in (int(k) for k in sums.main):
+        if place not in found.shared:
+            more = replace(found, shared=found.shared | {place})
+            if _possible(sums, more, place, penalty):
+                tried.append((_gain(sums, found, more, place) / sums.flights, more))
+        shape = None if place in found.shapes else _shape(sums, place, found, penalty)
+        if shape is not None:
+            more = found.with_shape(place, shape)
+            tried.append((_gain(sums, found, more, place), more))
+    gain, best = max(tried, key=lambda t: t[0], default=(0.0, found))
+    return best if gain > penalty else None
+
+
+def _possible(sums: SeasonSums, found: _Found, place: int, penalty: float) -> bool:
+    """False for a mean that no aircraft has, or that the form of the other means may make, which
+    is known to FORM."""
+    at = _joint(sums, replace(found, shapes={}))[0][0]
+    value = sums.limit("absent")[place] + at[place]
+    if not sums.limit("lower")[place] < value < sums.limit("upper")[place]:
+        return False
+    leak = sum(
+        abs(sums.total[place, k] * at[k] / sums.total[place, place]) for k in found.shared - {place}
+    )
+    return bool(abs(at[place]) > np.sqrt(penalty) * FORM * leak)
+
+
+def _gain(sums: SeasonSums, less: _Found, more: _Found, place: int) -> float:
+    """What one value more takes of the squares, as its flights scatter."""
+    beyond = _series(sums, place, _joint(sums, more)[0])[2]
+    return (_joint(sums, less)[1] - _joint(sums, more)[1]) / beyond**2
+
+
+def _shape(sums: SeasonSums, place: int, found: _Found, penalty: float) -> Floats | None:
+    """(F,) by how much a value departs from its first flights; None where it stays."""
+    entries, curve = _entries(sums, place, found, _joint(sums, found)[0], penalty)
+    return curve - curve[0] if entries else None
+
+
+def _entries(
+    sums: SeasonSums, place: int, found: _Found, curves: Floats, penalty: float
+) -> tuple[list[Change], Floats]:
+    """The changes of one value that stand out of all that others may make of it, flights counted
+    over the whole season; and (F,) its curve."""
+    value, error, _ = _series(sums, place, curves)
+    where = np.flatnonzero(np.isfinite(value))
+    if where.size < 2 * LEAST_FLIGHTS:
+        return [], np.zeros(sums.flights)
+    entries, curve = changes(value[where], error[where], penalty)
+    leak = np.zeros(where.size)
+    for other in (k for k in found.shapes if k != place):
+        moved = curves[where, other] - curves[where, other].mean()
+        leak += FORM * np.abs(sums.information[where, place, other] * moved) * error[where] ** 2
+    off = float(np.ptp(leak))
+    kept = []
+    for change in entries:
+        own = np.hypot(change.size / change.score, off)
+        if abs(change.size) > np.sqrt(penalty) * own:
+            kept.append(_placed(change, where))
+    return kept, np.interp(np.arange(sums.flights), where, curve)
+
+
+def _series(sums: SeasonSums, place: int, curves: Floats) -> tuple[Floats, Floats, float]:
+    """(F,) estimates and standard errors, these as flights scatter, and by how much they do.
+
+    No flight counts as surer than the median one: flights of one kind share faults of the model,
+    and a few sure ones of another kind would make them a change.
+    """
+    value, error = sums.estimates(place, curves)
+    known = np.isfinite(value)
+    if known.any():
+        error = np.where(known, np.maximum(error, np.median(error[known])), np.inf)
+    beyond = spread_beyond(value[known], error[known])
+    return value, error * beyond, beyond
+
+
+def _basis(sums: SeasonSums, found: _Found) -> tuple[NDArray[np.intp], Floats, Floats]:
+    """(B,) place, (F, B) curve and (B,) prior size of what all flights are fitted with: each value
+    has a mean, as on a sound aircraft unless it is shared; each shape its size, a loss its torque
+    share. The means come first."""
+    main, scale = sums.main, sums.limit("scale")
+    usual = np.maximum(sums.limit("smallest"), NO_SCATTER * scale)[main]
+    free = np.array([int(k) in found.shared for k in main], dtype=bool)
+    prior = [*(np.where(free, scale[main], usual) / np.sqrt(sums.flights))]
+    places, curves = [*main], [np.ones((sums.flights, main.size))]
+    for place, shape in found.shapes.items():
+        share = sums.share_of(place)
+        for at, size in [(place, np.inf), *([] if share is None else [(share, SHAPE)])]:
+            places.append(at)
+            prior.append(size)
+            curves.append(shape[:, None])
+    return np.array(places), np.concatenate(curves, axis=1), np.array(prior)
+
+
+def _joint(sums: SeasonSums, found: _Found) -> tuple[Floats, float]:
+    """(F, q) curves of all values by least squares, and what is left with the cost of priors."""
+    places, over, prior = _basis(sums, found)
+    means = sums.main.size
+    system = np.zeros((places.size, places.size))
+    system[:means, :means] = sums.total[np.ix_(places[:means], places[:means])]
+    for k in range(means, places.size):
+        row = sums.information[:, places[k]][:, places] * over
+        system[k] = system[:, k] = over[:, k] @ row
+    along = np.einsum("fi,fi->i", over, sums.pull[:, places])
+    system[np.diag_indices_from(system)] += prior**-2.0 + 1e-12 * np.diag(system) + 1e-12
+    size = np.linalg.solve(system, along)
+    curves = np.zeros((sums.flights, len(sums.names)))
+    for k, place in enumerate(places):
+        curves[:, place] += size[k] * over[:, k]
+    return curves, float(sums.squares.sum() - along @ size)
+
+
+def _shared(sums: SeasonSums, found: _Found, penalty: float) -> list[SharedEffect]:
+    """Means of the season that stand out of the standard errors that flights show, each flight
+    counted once."""
+    places, over, prior = _basis(sums, found)
+    rows = sums.information[:, places][:, :, places]
+    system = over[:, :, None] * rows * over[:, None, :]
+    along = over * sums.pull[:, places]
+    bread = np.linalg.inv(system.sum(axis=0) + np.diag(prior**-2.0 + 1e-12))
+    size = bread @ along.sum(axis=0)
+    left = along - system @ size
+    variance = np.diag(bread @ left.T @ left @ bread)
+    variance = variance * sums.flights / max(sums.flights - 1, 1)
+    squares, out = _joint(sums, found)[1], []
+    for k in sorted(found.shared):
+        at = int(np.flatnonzero(places == k)[0])
+        rest = replace(found, shared=found.shared - {k})
+        others = {
+            int(o): replace(rest, shared=rest.shared | {int(o)})
+            for o in sums.main
+            if o not in found.shared
+        }
+        error = float(np.hypot(np.sqrt(variance[at]), np.nanmedian(sums.doubt(k))))
+        if abs(size[at]) < np.sqrt(penalty) * error:
+            continue
+        instead = _as_good(sums, rest, squares, others)
+        out.append(
+            SharedEffect(name=sums.names[k], value=float(size[at]), error=error, instead=instead)
+        )
+    return out
+
+
+def _as_good(
+    sums: SeasonSums, rest: _Found, squares: float, others: Mapping[int, _Found]
+) -> tuple[str, ...]:
+    """Values that take nearly as much of the squares as the one that is not in `rest`: what effects
+    do is known to FORM of itself."""
+    gain = _joint(sums, rest)[1] - squares
+    most = squares + max(2.0 * NEAR, FORM * gain)
+    return tuple(sums.names[k] for k, other in others.items() if _joint(sums, other)[1] < most)
+
+
+def _trend(sums: SeasonSums, place: int, found: _Found, penalty: float) -> Trend:
+    curves, squares = _joint(sums, found)
+    value, error, _ = _series(sums, place, curves)
+    where = np.flatnonzero(np.isfinite(value))
+    entries: list[Change] = []
+    instead: tuple[str, ...] = ()
+    if place in found.shapes:
+        entries = _entries(sums, place, found, curves, penalty)[0]
+        rest = found.with_shape(place, None)
+        shapes = {int(k): _shape(sums, int(k), rest, penalty) for k in sums.main if k != place}
+        others = {k: rest.with_shape(k, s) for k, s in shapes.items() if s is not None}
+        instead = _as_good(sums, rest, squares, others)
+    recent = min(RECENT, where.size // 2)
+    least = np.nan
+    if recent:
+        share = np.sqrt(1 / recent + 1 / (where.size - recent))
+        least = float(np.sqrt(penalty) * share * np.median(error[where]))
+    return Trend(
+        name=sums.names[place],
+        value=value,
+        error=error,
+        curve=curves[:, place],
+        changes=tuple(entries),
+        instead=instead,
+        least_seen=least,
+    )
+
+
+def _placed(change: Change, where: NDArray[np.intp]) -> Change:
+    """Counted over all flights, those too that say nothing of the value."""
+    after = [*where.tolist(), int(where[-1]) + 1]
+    counted = ("flight", "earliest", "latest", "until")
+    return replace(change, **{k: after[min(getattr(change, k), where.size)] for k in counted})
