@@ -25,8 +25,8 @@ DATED = float(chi2.ppf(0.95, 1))  # rise of the sum of squares that bounds a dat
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Change:
-    """One change of a value. Flights are counted from 0."""
+class SeasonEntry:
+    """One change of a value over a season. Flights are counted from 0."""
 
     ramp: bool  # goes on from flight to flight; else at once
     flight: int  # the first one after the change
@@ -185,7 +185,7 @@ def segments(values: Floats, errors: Floats, penalty: float) -> list[tuple[int, 
     return list(pairwise(cuts))
 
 
-def changes(values: Floats, errors: Floats, penalty: float) -> tuple[list[Change], Floats]:
+def changes(values: Floats, errors: Floats, penalty: float) -> tuple[list[SeasonEntry], Floats]:
     """The changes of a value (F,) with errors (F,), and (F,) the curve that they make.
 
     A single wild flight is no change. Slopes are by the flight.
@@ -197,7 +197,7 @@ def changes(values: Floats, errors: Floats, penalty: float) -> tuple[list[Change
     pieces = segments(values, errors, penalty)
     fits = [sums.fitted(*piece) for piece in pieces]
     curve = np.concatenate([f.at(np.arange(*p)) for p, f in zip(pieces, fits, strict=True)])
-    found: list[Change] = []
+    found: list[SeasonEntry] = []
     for k, ((start, end), now) in enumerate(zip(pieces, fits, strict=True)):
         dates, before = (start, start, start), float(now.at(start))
         if k:
@@ -210,7 +210,7 @@ def changes(values: Floats, errors: Floats, penalty: float) -> tuple[list[Change
                 stays = float(now.at(start) if now.slope else now.mean)
                 error = float(np.hypot(now.error(start), old.error(start - 1)))
                 found.append(
-                    Change(
+                    SeasonEntry(
                         ramp=False,
                         flight=start,
                         earliest=min(start, (tried := _step(values, errors, began, end))[0]),
@@ -227,7 +227,7 @@ def changes(values: Floats, errors: Floats, penalty: float) -> tuple[list[Change
                 before = stays
         if now.slope:
             found.append(
-                Change(
+                SeasonEntry(
                     ramp=True,
                     flight=dates[0],
                     earliest=dates[1],

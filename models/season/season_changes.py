@@ -23,7 +23,7 @@ from thrustmargin.models.identification.sets.free_form import FORM
 from thrustmargin.models.season.change_points import (
     FALSE_ENTRIES,
     LEAST_FLIGHTS,
-    Change,
+    SeasonEntry,
     changes,
     penalty_of,
     spread_beyond,
@@ -45,7 +45,7 @@ class Trend:
     value: Floats  # (F,) of each flight, NaN where it says nothing
     error: Floats  # (F,) standard error, as flights scatter
     curve: Floats  # (F,) as the season has it
-    changes: tuple[Change, ...]
+    changes: tuple[SeasonEntry, ...]
     instead: tuple[str, ...]  # other values whose change would explain these flights as well
     least_seen: float  # a step of the last RECENT flights of this size would have been entered
 
@@ -150,7 +150,7 @@ def _shape(sums: SeasonSums, place: int, found: _Found, penalty: float) -> Float
 
 def _entries(
     sums: SeasonSums, place: int, found: _Found, curves: Floats, penalty: float
-) -> tuple[list[Change], Floats]:
+) -> tuple[list[SeasonEntry], Floats]:
     """The changes of one value that stand out of all that others may make of it, flights counted
     over the whole season; and (F,) its curve."""
     value, error, _ = _series(sums, place, curves)
@@ -266,7 +266,7 @@ def _trend(sums: SeasonSums, place: int, found: _Found, penalty: float) -> Trend
     curves, squares = _joint(sums, found)
     value, error, _ = _series(sums, place, curves)
     where = np.flatnonzero(np.isfinite(value))
-    entries: list[Change] = []
+    entries: list[SeasonEntry] = []
     instead: tuple[str, ...] = ()
     if place in found.shapes:
         entries = _entries(sums, place, found, curves, penalty)[0]
@@ -290,7 +290,7 @@ def _trend(sums: SeasonSums, place: int, found: _Found, penalty: float) -> Trend
     )
 
 
-def _placed(change: Change, where: NDArray[np.intp]) -> Change:
+def _placed(change: SeasonEntry, where: NDArray[np.intp]) -> SeasonEntry:
     """Counted over all flights, those too that say nothing of the value."""
     after = [*where.tolist(), int(where[-1]) + 1]
     counted = ("flight", "earliest", "latest", "until")

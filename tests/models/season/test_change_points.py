@@ -25,7 +25,8 @@ def test_the_penalty_is_bonferronis_of_all_that_is_tried():
 
 def test_a_segment_is_its_weighted_mean_or_its_regression_line():
     rng = np.random.default_rng(1)
-    values, errors = np.arange(12) + rng.standard_normal(12), rng.uniform(0.5, 2.0, 12)
+    values = np.asarray(rng.normal(0.0, 1.0, 12) + np.arange(12), dtype=np.float64)
+    errors = rng.uniform(0.5, 2.0, 12)
     line = _ConstantOrLine(values, errors, 1.0).fitted(2, 11)
     slope, mean = np.polyfit(np.arange(2, 11), values[2:11], 1, w=1.0 / errors[2:11])
     assert (line.slope, line.at(0.0)) == pytest.approx((slope, mean))
