@@ -9,11 +9,11 @@ LINKS := $(VENV)/links/thrustmargin
 demo: $(VENV)/.demo
 	$(BIN)/thrustmargin demo --out report.html $(DEMO_ARGS)
 
-# Two at a time, module by module, so that what a module's tests share is made once.
+# Two at a time, each on one core; module by module, so that what its tests share is made once.
 PYTEST_ARGS ?= -n 2 --dist loadscope
 
 test: check
-	$(BIN)/python -m pytest $(PYTEST_ARGS)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest $(PYTEST_ARGS)
 
 check: $(VENV)/.test
 	$(BIN)/ruff check .

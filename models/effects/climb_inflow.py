@@ -11,7 +11,8 @@ CLIMB_SHARE = 0.15  # of the scatter of axial inflow, that must be climbing to b
 
 
 def _weight(p, x: Channels):
-    return np.std(x.climb_ratio) / (CLIMB_SHARE * np.std(x.advance_ratio))
+    inflow = np.std(x.advance_ratio)
+    return np.std(x.climb_ratio) / (CLIMB_SHARE * inflow) if inflow > 0.0 else 0.0
 
 
 CLIMB_INFLOW = Effect(

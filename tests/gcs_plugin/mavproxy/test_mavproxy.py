@@ -99,6 +99,14 @@ class MavProxy:
         self.do(command)
         return self.wait(pattern)
 
+    def ask_until(self, command: str, pattern: str, answer: str) -> re.Match[str]:
+        """Ask again until what is answered, a line with `answer`, has the pattern."""
+        deadline = time.monotonic() + 60.0
+        while not (found := re.search(pattern, self.ask(command, answer).string)):
+            assert time.monotonic() < deadline, "\n".join(self.printed)
+            time.sleep(0.2)
+        return found
+
     def probe(self) -> dict[str, Any]:
         return json.loads(self.ask("probe", "PROBE(.*)")[1])
 
@@ -274,13 +282,14 @@ class TestInMavproxy:
             for n, (t, data) in enumerate(flight)
         ]
         play(torn, mavproxy.port, 40.0, 60.0, 4.0)
-        mavproxy.ask("margin", r"vehicle 1, flying.*: thrust margin [34]\d %")
+        margin = r"vehicle 1, flying.*: thrust margin [34]\d %"
+        mavproxy.ask_until("margin", margin, "^margin: no|^vehicle 1")
 
     def test_it_can_be_unloaded_and_loaded_again(self, mavproxy: MavProxy, flight, model: Path):
         play(flight, mavproxy.port, 40.0, 44.0, 4.0)
         mavproxy.ask(f"module unload {MODULE}", f"Unloaded module {MODULE}")
         mavproxy.ask("margin", "Unknown command 'margin'")
-        assert "thrustmargin" not in mavproxy.probe()["threads"]
+        mavproxy.ask_until("probe", r'"threads": \[((?!thrustmargin)[^]])*\]', "PROBE")
         loaded = f'{MODULE}:{{"model":"{model}","max_utilisation":0.55}}'
         mavproxy.ask(f"module load {loaded}", "Loaded module")
         mavproxy.ask("margin max-utilisation", "margin max-utilisation 0.55")
@@ -314,10 +323,7 @@ class TestInMavproxy:
         try:
             running.wait(f"Loaded module {MODULE}")
             play(flight, running.port, 40.0, 44.0, 4.0)
-            deadline = time.monotonic() + 60.0
-            while "vehicle 1" not in running.ask("margin", "^margin: no|^vehicle 1")[0]:
-                assert time.monotonic() < deadline, "\n".join(running.printed)
-                time.sleep(0.2)
+            running.ask_until("margin", "vehicle 1", "^margin: no|^vehicle 1")
             copy.unlink()  # which the module has read by now
             running.ask("margin view", "margin view: http")
             running.wait(r"margin view ended: thrustmargin: .*gone\.safetensors", timeout=90.0)
