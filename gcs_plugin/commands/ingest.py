@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import Executor, ProcessPoolExecutor
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -104,8 +105,14 @@ def ingest(
     found, refused = find_logs(logs)
     target = SeasonStore.open(where)
     cores = workers or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
-    make, at_once = _local(cores) if cluster is None else _dask(cluster)
-    with writer_lock(target) as still_held, transfer_bar() as (say, show):
+    with ExitStack() as stack:
+        if cluster is None:
+            make, at_once = local_processes(cores)
+        else:
+            client = stack.enter_context(_client(cluster))
+            make, at_once = partial(client.get_executor, pure=False, retries=3), 4 * _cores(client)
+        still_held = stack.enter_context(writer_lock(target))
+        say, show = stack.enter_context(transfer_bar())
 
         def progress(what: str, done: int, total: int) -> None:
             say(what)
@@ -200,7 +207,7 @@ def _at_address(word: str, endings: set[str]) -> dict[str, int]:
         raise DataError(f"{word}: {error}; install 'thrustmargin[fleet]'") from error
 
 
-def _local(cores: int) -> tuple[Callable[[], Executor], int]:
+def local_processes(cores: int) -> tuple[Callable[[], Executor], int]:
     """Processes of this machine, and how many logs to give them at once."""
 
     def make() -> Executor:
@@ -222,8 +229,8 @@ def _begin_worker() -> None:
     threading.Thread(target=follow, daemon=True).start()
 
 
-def _dask(scheduler: str) -> tuple[Callable[[], Executor], int]:
-    """The workers of a Dask cluster. Raises InstallError or DataError where there are none."""
+def _client(scheduler: str) -> Any:
+    """Of a Dask cluster, to be closed. Raises InstallError or DataError where there is none."""
     try:
         from distributed import Client
     except ImportError as error:
@@ -231,11 +238,13 @@ def _dask(scheduler: str) -> tuple[Callable[[], Executor], int]:
             "--cluster needs Dask, which is not installed; run: pip install 'thrustmargin[fleet]'"
         ) from error
     try:
-        client = Client(scheduler, timeout=10)
+        return Client(scheduler, timeout=10)
     except (OSError, TimeoutError, ValueError) as error:
         raise DataError(f"no Dask scheduler answers at {scheduler}: {error}") from error
-    threads = sum(client.nthreads().values())
-    return lambda: client.get_executor(pure=False, retries=3), max(4 * threads, 8)
+
+
+def _cores(client: Any) -> int:
+    return max(sum(client.nthreads().values()), 2)
 
 
 def _print(outcome: IngestOutcome, store: str, *, quiet: bool) -> None:

@@ -24,6 +24,7 @@ from thrustmargin.gcs_plugin.store.staging import merge, staged_partitions
 from thrustmargin.models.errors import DataError, ThrustMarginError
 
 DIED = "the process that read it died, alone with it too: too little memory, or a fault; report it"
+TRIES_ALONE = 2
 REJECTED = "rejected/rejected.parquet"
 #: Hexadecimal digits of a flight's name.
 DIGITS = 16
@@ -53,7 +54,7 @@ class IngestOutcome:
 class _Task:
     log: LogSource
     content: str | None = None  # None: to be found out
-    alone: bool = False  # a process died while it was read, perhaps of it
+    alone: int = 0  # try by itself, after a process died while it was read, perhaps of it
 
 
 def address(path: str) -> bool:
@@ -80,7 +81,8 @@ def content_of(path: str) -> str:
     """The first 16 hexadecimal digits of the SHA-256 of a log."""
     import fsspec
 
-    with fsspec.open(path, "rb") as file:
+    opened: Any = fsspec.open(path, "rb")
+    with opened as file:
         return hashlib.file_digest(file, "sha256").hexdigest()[:DIGITS]
 
 
@@ -140,10 +142,10 @@ def ingest_logs(
                     found = future.result()
                 except BrokenExecutor:
                     broken = True
-                    if task.alone:
+                    if task.alone == TRIES_ALONE:
                         _reject(outcome, task, DIED)
                     else:
-                        waiting.appendleft(replace(task, alone=True))
+                        waiting.appendleft(replace(task, alone=task.alone + 1))
                         continue
                 except (ThrustMarginError, OSError) as error:
                     if isinstance(error, OSError) and task.content is not None:
@@ -166,6 +168,12 @@ def ingest_logs(
             if broken:
                 pool.shutdown(wait=False, cancel_futures=True)
                 pool = executor()
+        staged = {Path(key).stem for keys in staged_partitions(store).values() for key in keys}
+        if lost := set(outcome.flights) - staged:
+            raise DataError(
+                f"{len(lost)} flights were read but are not in {store.url}: the workers must share "
+                "its folder, or give the address of a bucket"
+            )
         _merge_all(store, pool, still_held, show)
         still_held()
         _write_rejected(store, outcome, taken)

@@ -13,6 +13,7 @@ A flight counts as stored when it is in `flights`; its rows and sums are there b
 from __future__ import annotations
 
 import contextlib
+import errno
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -90,8 +91,12 @@ class SeasonStore:
         with tempfile.TemporaryDirectory() as folder:
             draft = Path(folder) / "object"
             write(draft)
-            # An object appears when its last part has come.
-            self.files.put_file(str(draft), self.path(key))
+            try:
+                # An object appears when its last part has come.
+                self.files.put_file(str(draft), self.path(key))
+            except Exception as error:  # each kind of bucket has errors of its own
+                words = f"{type(error).__name__}: {error}"
+                raise OSError(errno.EIO, words, f"{self.url}/{key}") from error
 
     def delete(self, key: str) -> None:
         with contextlib.suppress(FileNotFoundError):

@@ -187,8 +187,8 @@ def _rows_merged(
     new = {Path(key).stem: key for key in keys}
     with _present(store, target) as file:
         old: dict[str, int] = {}
-        described = None if file is None else file.metadata
-        for group in range(0 if described is None else described.num_row_groups):
+        described: Any = None if file is None else file.metadata
+        for group in range(0 if file is None else described.num_row_groups):
             old[described.row_group(group).column(0).statistics.min] = group
         names = sorted({*new, *old})
         with draft.open("wb") as out:

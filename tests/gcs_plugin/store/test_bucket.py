@@ -1,0 +1,64 @@
+"""A store in a bucket is the store on a disk, and has one writer too."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.gcs_plugin.peers.bucket import bucket
+from tests.gcs_plugin.store.season import content, small_flight
+from thrustmargin.gcs_plugin.store import writer_lock as lock_module
+from thrustmargin.gcs_plugin.store.season_store import SeasonStore
+from thrustmargin.gcs_plugin.store.staging import merge, stage, staged_partitions
+from thrustmargin.gcs_plugin.store.writer_lock import writer_lock
+from thrustmargin.models.errors import DataError
+
+
+@pytest.fixture(scope="module")
+def season_bucket():
+    with pytest.MonkeyPatch.context() as patch, bucket("season", patch) as url:
+        yield url
+
+
+def filled(store: SeasonStore) -> SeasonStore:
+    for numbers in ([1, 2, 3], [3, 4]):
+        for number in numbers:
+            stage(store, small_flight(number, aircraft="AB"[number % 2]))
+        for (aircraft, month), keys in staged_partitions(store).items():
+            merge(store, aircraft, month, keys)
+    return store
+
+
+def test_a_bucket_holds_what_a_folder_holds(season_bucket: str, tmp_path: Path):
+    there = filled(SeasonStore.open(f"{season_bucket}/one"))
+    here = filled(SeasonStore.open(str(tmp_path)))
+    assert content(there) == content(here)
+    assert len(content(there)["flights"]) == 4
+    assert staged_partitions(there) == {}
+
+
+def test_a_second_writer_of_a_bucket_is_refused_until_the_first_ends(season_bucket: str):
+    store = SeasonStore.open(f"{season_bucket}/two")
+    with writer_lock(store) as still_held:
+        still_held()
+        with (
+            pytest.raises(DataError, match="written by another ingest \\(process"),
+            writer_lock(store),
+        ):
+            pass
+    with writer_lock(store):
+        pass
+
+
+def test_a_writer_that_died_is_followed_and_stops_when_it_wakes(
+    season_bucket: str, monkeypatch: pytest.MonkeyPatch
+):
+    store = SeasonStore.open(f"{season_bucket}/three")
+    with writer_lock(store) as still_held:
+        monkeypatch.setattr(lock_module, "STALE_S", 0.0)
+        with writer_lock(store), pytest.raises(DataError, match="taken over by another"):
+            still_held()
+
+
+def test_an_address_of_nothing_is_one_line():
+    with pytest.raises(DataError, match="--store nothing://x"):
+        SeasonStore.open("nothing://x")

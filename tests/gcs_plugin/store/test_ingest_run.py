@@ -1,0 +1,117 @@
+"""A run over many logs: bad ones are listed, dead processes lose nothing, one writer at a time."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from tests.gcs_plugin.store.season import content, files, log_files, stage_number
+from tests.import_graph import ROOT
+from thrustmargin.gcs_plugin.commands.ingest import local_processes
+from thrustmargin.gcs_plugin.store.ingest_run import IngestOutcome, LogSource, ingest_logs
+from thrustmargin.gcs_plugin.store.season_store import SeasonStore
+from thrustmargin.gcs_plugin.store.staging import staged_partitions
+from thrustmargin.gcs_plugin.store.writer_lock import writer_lock
+from thrustmargin.models.errors import DataError
+
+#: One run in a process of its own, to be killed: folder of logs, store, folder of marks.
+RUN = """
+import sys
+from functools import partial
+from pathlib import Path
+from tests.gcs_plugin.store.season import stage_number
+from tests.gcs_plugin.store.test_ingest_run import run
+from thrustmargin.gcs_plugin.store.ingest_run import LogSource
+
+if __name__ == "__main__":
+    logs = [LogSource(str(p), p.name, 1) for p in sorted(Path(sys.argv[1]).iterdir())]
+    run(Path(sys.argv[2]), logs, slow=Path(sys.argv[3]))
+"""
+
+
+def run(folder: Path, logs: list[LogSource], slow: Path | None = None) -> IngestOutcome:
+    store = SeasonStore.open(str(folder))
+    make, at_once = local_processes(2)
+    with writer_lock(store) as still_held:
+        return ingest_logs(
+            store,
+            logs,
+            partial(stage_number, store=str(folder), slow=slow),
+            executor=make,
+            at_once=at_once,
+            still_held=still_held,
+            show=lambda *_: None,
+        )
+
+
+def test_what_goes_wrong_is_listed_and_stops_nothing(tmp_path: Path):
+    logs = log_files(
+        tmp_path,
+        one="1",
+        two="2",
+        twice="1",
+        bad="bad 3",
+        bug="bug 4",
+        deadly=f"die {tmp_path / 'mark'}",
+        once=f"die-once {tmp_path / 'marked'} 5",
+        six="6",
+    )
+    gone = LogSource(str(tmp_path / "gone.tlog"), "gone.tlog", 1)
+    outcome = run(tmp_path / "store", [*logs, gone])
+    assert len(outcome.flights) == 4
+    assert outcome.already == 1
+    reasons = {row["log_name"]: row["reason"] for row in outcome.rejected}
+    assert set(reasons) == {"bad.tlog", "bug.tlog", "deadly.tlog", "gone.tlog"}
+    assert reasons["bad.tlog"] == "nothing in it"
+    assert "ZeroDivisionError while reading it" in reasons["bug.tlog"]
+    assert "process that read it died" in reasons["deadly.tlog"]
+    store = SeasonStore.open(str(tmp_path / "store"))
+    assert len(content(store)["flights"]) == 4
+    listed = store.table("rejected").to_pylist()
+    assert {row["log_name"]: row["reason"] for row in listed} == reasons
+
+    (tmp_path / "bad.tlog").write_text("7")
+    again = run(tmp_path / "store", logs)
+    assert (len(again.flights), again.already) == (1, 5)
+    left = store.table("rejected")["log_name"].to_pylist()
+    assert "bug.tlog" in left
+    assert len(content(store)["flights"]) == 5
+
+
+def test_a_second_writer_is_refused_with_who_writes(tmp_path: Path):
+    store = SeasonStore.open(str(tmp_path))
+    with writer_lock(store):
+        other = SeasonStore.open(str(tmp_path))
+        mine = f"another ingest \\(process {os.getpid()} on "
+        with pytest.raises(DataError, match=mine), writer_lock(other):
+            pass
+    with writer_lock(store):
+        pass
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("after", [1, 4, 9])
+def test_killed_and_run_again_it_is_as_if_never_killed(tmp_path: Path, after: int):
+    logs, marks = tmp_path / "logs", tmp_path / "marks"
+    logs.mkdir()
+    marks.mkdir()
+    given = log_files(logs, **{f"log{n}": str(n) for n in range(12)})
+    code = tmp_path / "run.py"
+    code.write_text(RUN)
+    words = [sys.executable, str(code), str(logs), str(tmp_path / "killed"), str(marks)]
+    paths = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+    with subprocess.Popen(words, env={**os.environ, "PYTHONPATH": paths}) as process:
+        while len(list(marks.iterdir())) < after:
+            assert process.poll() is None
+            time.sleep(0.01)
+        process.send_signal(signal.SIGKILL)
+    again = run(tmp_path / "killed", given)
+    assert len(again.flights) + again.already == 12
+    run(tmp_path / "whole", given)
+    assert files(tmp_path / "killed") == files(tmp_path / "whole")
+    assert staged_partitions(SeasonStore.open(str(tmp_path / "killed"))) == {}
