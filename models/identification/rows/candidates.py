@@ -19,7 +19,9 @@ from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.margin import ceiling, trimmable_loss
 
-EFFECT_PRIOR, ROTOR_PRIOR = 0.02, 0.005  # that an effect is there; that a given rotor is bad
+#: that an effect is there, or that a given rotor is bad; that another one is bad beside it: damage
+#: is mostly of one, and two imitate a centre of gravity and a yaw moment
+EFFECT_PRIOR, ROTOR_PRIOR = 0.02, 0.005
 #: what any motion does by Newton's and Euler's laws: a model has it or lacks it, once
 OF_MOTION = (LOAD_FACTOR.key, MANOEUVRE_MOMENT.key)
 STEP = 1e-3  # of a parameter's usual size, of the central difference

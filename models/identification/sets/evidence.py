@@ -21,7 +21,7 @@ from scipy.special import ndtr
 
 from thrustmargin.models.effects.base import Parameter
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.rows.candidates import Held
+from thrustmargin.models.identification.rows.candidates import EFFECT_PRIOR, ROTOR_PRIOR, Held
 
 IMPOSSIBLE = -1e9  # log evidence of a set that cannot be
 
@@ -71,8 +71,14 @@ def prior_of(held: Sequence[Held]) -> ValuePrior:
         values=at,
         centre=start,
         groups=tuple(groups),
-        log_sets=sum(one.candidate.log_prior for one in held),
+        log_sets=sum(one.candidate.log_prior for one in held) + _first_rotor(held),
     )
+
+
+def _first_rotor(held: Sequence[Held]) -> float:
+    """By how much likelier the first bad rotor of a set is than those beside it."""
+    some = any(one.candidate.term.rotor is not None for one in held)
+    return log(EFFECT_PRIOR / ROTOR_PRIOR) if some else 0.0
 
 
 def is_shape(p: Parameter) -> bool:

@@ -48,7 +48,7 @@ def free_columns(x: Channels, flight: NDArray[np.intp]) -> tuple[Floats, tuple[s
         if not np.isfinite(values).all() or np.ptp(values) <= max(least, 1e-6):
             continue
         if name == "voltage":
-            values = _slow(values, flight)
+            values = slowly(values, flight)
         if name == "heading":
             part = np.stack([f(k * values) for k in (1, 2) for f in (np.sin, np.cos)], axis=1)
         else:
@@ -95,7 +95,7 @@ def hats(values: Floats, count: int) -> Floats:
     return np.maximum(1.0 - np.abs(place[:, None] - np.arange(knots.size)), 0.0)
 
 
-def _slow(values: Floats, flight: NDArray[np.intp]) -> Floats:
+def slowly(values: Floats, flight: NDArray[np.intp]) -> Floats:
     """Running mean within each flight."""
     out = np.empty_like(values)
     for f in np.unique(flight):

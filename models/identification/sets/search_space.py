@@ -29,6 +29,7 @@ from thrustmargin.models.identification.sets.free_form import (
     WANDER,
     form_columns,
     free_columns,
+    slowly,
     wander_columns,
 )
 from thrustmargin.models.identification.sets.learning import learn
@@ -211,6 +212,7 @@ def _doubt(reduced: Reduced) -> Floats:
             own[:, mode] = FORM * change[:, mode, None] * slow
             columns.append(own)
     columns += _shapes(reduced, base)
+    columns += [_answers_to_load(reduced, base)]
     columns += _answers(reduced, base) if reduced.of_outputs else []
     return np.concatenate(columns, axis=2)
 
@@ -227,6 +229,16 @@ def _shapes(reduced: Reduced, base: Floats) -> list[Floats]:
                 change = reduced.in_modes(reduced.speeds((moved,), without=k)) - base
                 columns.append(np.nan_to_num(change)[:, :, None])
     return columns
+
+
+def _answers_to_load(reduced: Reduced, base: Floats) -> Floats:
+    """(N, R, R - 1) rpm: what the moments' modes do while gusts and manoeuvres load the rotors.
+
+    A controller's answer, as large as the load's own change: it is no sign of how rotors share it.
+    """
+    load = np.nan_to_num(base[:, 0])
+    fast = load - slowly(load, reduced.flight)
+    return fast[:, None, None] * np.eye(base.shape[1])[None, :, 1:]
 
 
 def _answers(reduced: Reduced, base: Floats) -> list[Floats]:

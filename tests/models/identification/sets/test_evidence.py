@@ -119,3 +119,16 @@ def test_the_prior_of_the_set_is_in_its_evidence():
         score(prior_of([held(SHAPE, prior=p)]), h, g, 9.0).log_evidence for p in (0.0, -4.0)
     )
     assert plain - rare == pytest.approx(4.0)
+
+
+def test_the_first_bad_rotor_is_as_likely_as_any_effect_and_one_beside_it_less():
+    def rotor(number):
+        one = held(MAIN, prior=float(np.log(0.005)))
+        term = replace(one.candidate.term, rotor=number)
+        return replace(one, candidate=replace(one.candidate, term=term))
+
+    other = held(MAIN, prior=float(np.log(0.02)))
+    assert prior_of([rotor(0)]).log_sets == pytest.approx(np.log(0.02))
+    assert prior_of([rotor(0), rotor(2)]).log_sets == pytest.approx(np.log(0.02 * 0.005))
+    assert prior_of([other]).log_sets == pytest.approx(np.log(0.02))
+    assert prior_of([other, rotor(1)]).log_sets == pytest.approx(np.log(0.02**2))

@@ -13,6 +13,7 @@ from thrustmargin.models.identification.rows.reduced import BIN, STRETCH, reduce
 from thrustmargin.models.identification.sets.free_form import free_columns, hats, wander_columns
 from thrustmargin.models.identification.sets.onsets import _LossSums, _steps, onset_candidates
 from thrustmargin.models.identification.sets.search_space import (
+    _answers_to_load,
     _standing,
     _within_flights,
     search_space,
@@ -148,6 +149,26 @@ def test_how_flights_differ_as_a_whole_stands_once_and_as_good_flights_showed():
     assert (each / all_) ** 2 == pytest.approx(3.0)  # the mean of three is known to a third
     columns = _within_flights(np.arange(12.0).reshape(6, 2, 1), np.array([0, 0, 0, 1, 1, 1]))
     assert columns[:, 0, 0] == pytest.approx([-2.0, 0.0, 2.0, -2.0, 0.0, 2.0])
+
+
+def test_what_gusts_make_a_controller_do_is_no_sign_of_how_rotors_share_the_thrust():
+    space = search_space(curve_model(), made_flights(2), effects_for(F16, table(SOME)))
+    rows, modes = space.reduced.measured_rpm.shape
+    gusts = np.where(np.arange(rows) % 2, 30.0, -30.0)
+    base = np.zeros((rows, modes))
+    base[:, 0] = 7000.0 - np.linspace(0.0, 400.0, rows) + gusts
+    columns = _answers_to_load(space.reduced, base)
+    assert columns.shape == (rows, modes, modes - 1)
+    assert not columns[:, 0].any()  # load lifts the collective, and that is known
+    inside = slice(30, 60)  # of the first flight, where the running mean is whole
+    assert columns[inside, 2, 1] == pytest.approx(gusts[inside], abs=3.0)
+    base[:, 0] -= gusts
+    assert np.abs(_answers_to_load(space.reduced, base)[inside]).max() < 3.0
+    answer = space.nuisance.whitening.apply(columns)
+    made = replace(space.nuisance, doubt=np.concatenate([space.nuisance.doubt, answer], axis=2))
+    residual = columns.sum(axis=2)[:, :, None]
+    left, before = (n.solved().reduce(n.sums(residual))[0, 0, 0] for n in (made, space.nuisance))
+    assert left < 0.05 * before
 
 
 def test_slow_noise_is_no_less_than_good_flights_had():
