@@ -6,7 +6,7 @@ there are model, airframe, max_utilisation and the reading options: vehicle, tan
 load, load_end, air_temperature_c. Each can be set later too: `margin airframe f16.toml`,
 `margin tank NAMED_VALUE_FLOAT TANK`, `margin load 8`; `-` takes it back.
 Nothing happens when this file is imported (MAVProxy imports it twice); everything that takes time
-runs in `thrustmargin.gcs_plugin.mavproxy.worker`, on a thread of its own. The 3D view is
+runs in `thrustmargin.gcs_plugin.mavproxy_worker`, on a thread of its own. The 3D view is
 `thrustmargin monitor`, a process that hears what MAVProxy hears, frame by frame over loopback UDP,
 and can send nothing to the vehicle.
 """
@@ -24,7 +24,7 @@ from typing import Any
 
 from MAVProxy.modules.lib import mp_module
 
-from thrustmargin.gcs_plugin.mavproxy.worker import MarginOptions, MarginWorker, fields, summary
+from thrustmargin.gcs_plugin.mavproxy_worker import MarginOptions, MarginWorker, fields, summary
 
 MAIN = "import sys; from thrustmargin.gcs_plugin.cli import main; main(sys.argv[1:])"
 

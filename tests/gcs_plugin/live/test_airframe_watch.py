@@ -12,7 +12,7 @@ from thrustmargin.gcs_plugin.live.announce import figures
 from thrustmargin.gcs_plugin.live.console import numbers
 from thrustmargin.gcs_plugin.live.vehicle_monitor import VehicleMonitor, WatchSettings
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.mavproxy.worker import fields, reading, summary
+from thrustmargin.gcs_plugin.mavproxy_worker import fields, reading, summary
 from thrustmargin.gcs_plugin.view.gauges import gauges_html
 from thrustmargin.gcs_plugin.view.shown_row import ShownRow
 from thrustmargin.gcs_plugin.wording.live_words import AIRFRAME_NOT_YET

@@ -20,7 +20,7 @@ SENTENCE = re.compile(r"[A-Za-z'°]+,? [a-z']+,? [A-Za-z']+")
 #: What looks like one and is none, or is for who runs the program: a file, what it may say.
 ALLOWED = {
     "gcs_plugin/reports/margin/csv_rows.py": "names of columns, which are the file's format",
-    "gcs_plugin/mavproxy/worker.py": "lines of MAVProxy's console, in its own syntax",
+    "gcs_plugin/mavproxy_worker.py": "lines of MAVProxy's console, in its own syntax",
     "gcs_plugin/view/view_page.py": "where the page is, for who started it",
     "gcs_plugin/view/guard.py": "refusals of strangers and of a port",
     "gcs_plugin/view/token_door.py": "the door before the page",

@@ -23,7 +23,7 @@ from tests.gcs_plugin.live.live_vehicle import Vehicle
 from thrustmargin.gcs_plugin.live.fleet import Fleet
 from thrustmargin.gcs_plugin.mavlink.frame import frame_of
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
-from thrustmargin.gcs_plugin.mavproxy.worker import (
+from thrustmargin.gcs_plugin.mavproxy_worker import (
     MarginOptions,
     MarginWorker,
     Reading,
@@ -38,7 +38,7 @@ from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
 MODULE = "thrustmargin.gcs_plugin.mavproxy_module"
-PEERS = Path(__file__).parents[1] / "peers"
+PEERS = Path(__file__).parent / "peers"
 INSTALLED = importlib.util.find_spec("MAVProxy") is not None
 if not INSTALLED and os.environ.get("THRUSTMARGIN_REQUIRE_MAVPROXY"):
     pytest.fail("THRUSTMARGIN_REQUIRE_MAVPROXY is set and the extra [mavproxy] is not installed")
