@@ -39,6 +39,17 @@ def test_what_only_the_flight_itself_shows_is_not_learnt(problem):
     assert floor_rpm(problem, own) > 0.9 * rms(own)
 
 
+def test_of_one_flight_a_law_is_learnt_from_its_other_fifths():
+    """And what repeats in each fifth alone is not: over fifths that are left out it is new."""
+    one = assemble(curve_model(), made_flights(1, duration=200.0))
+    law = np.repeat(100.0 * (one.channels.load_factor - 1.0)[:, None], 4, axis=1)
+    assert floor_rpm(one, law) < 0.5 * rms(law)
+    fifth = one.block * 5 // (one.block[-1] + 1)
+    steps = np.array([20.0, -20.0, 20.0, -20.0, 20.0])[fifth]
+    steps = np.repeat(steps[:, None], 4, axis=1)
+    assert floor_rpm(one, steps) > 0.9 * rms(steps)
+
+
 def test_the_floor_is_never_above_what_is_left(problem):
     left = np.random.default_rng(5).normal(size=problem.measured_rpm.shape)
     for size in ([1.0, 1.0, 1.0, 1.0], [9.0, 0.1, 1.0, 1.0]):

@@ -1,0 +1,92 @@
+"""A wind beyond that of the training flights, which the reported airspeed follows."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.models.identification.answer.already_followed import (
+    LEVEL_ERROR,
+    _half_widths,
+    _worse,
+    followed_wind,
+)
+from thrustmargin.models.identification.rows.problem import assemble
+from thrustmargin.models.model.model_file import shipped_model
+from thrustmargin.models.physics.atmosphere import G0
+
+MODEL = shipped_model()
+FLIGHT, DOMAIN = MODEL.forward_flight, MODEL.training_domain
+assert FLIGHT is not None
+assert DOMAIN is not None
+NORTH, EAST = 7.0 * np.cos(np.radians(30.0)), 7.0 * np.sin(np.radians(30.0))
+
+
+@pytest.fixture(scope="module")
+def windy(sitl_logs):
+    """Two flights in 7 m/s of which the training flights had less."""
+    logs = [sitl_logs / "dev" / f"windy_{k}.tlog" for k in (2, 3)]
+    return [read_log(log, airframe=MODEL.airframe).track for log in logs]
+
+
+@pytest.fixture(scope="module")
+def problem(windy):
+    return assemble(MODEL, windy)
+
+
+def answer(problem, tracks) -> Any:
+    return followed_wind(problem, problem.measured_rpm - problem.speeds(), (), tracks)
+
+
+def test_the_wind_is_stated_with_its_direction_and_what_it_would_cost(problem, windy):
+    found = answer(problem, windy)
+    assert found is not None
+    assert found.value.shape == (2, 2)
+    # The wind blows from the value's opposite: what is stated is the way the air moves.
+    speed = np.hypot(*found.value.T)
+    assert np.all(np.abs(speed - 7.0) < 1.2)
+    assert np.all((found.upper - found.value) >= G0 * LEVEL_ERROR / FLIGHT.rotor_drag)
+    assert found.rmse_before_rpm > 1.03 * found.rmse_after_rpm
+    assert found.p_value < 0.02
+    left = problem.measured_rpm - problem.speeds()
+    assert found.rmse_after_rpm == pytest.approx(np.sqrt(np.mean(left**2)))
+
+
+def test_without_a_training_domain_or_drag_no_wind_is_stated(problem, windy):
+    bare = replace(problem, model=replace(MODEL, network=None, training_domain=None))
+    assert answer(bare, windy) is None
+    still = replace(FLIGHT, rotor_drag=0.0)
+    assert answer(replace(problem, model=replace(MODEL, forward_flight=still)), windy) is None
+
+
+def test_a_wind_that_training_had_is_not_stated(problem, windy):
+    domain = replace(DOMAIN, wind_speed=(0.0, 9.0))
+    known = replace(problem, model=replace(MODEL, training_domain=domain))
+    assert answer(known, windy) is None
+
+
+def test_an_interval_has_the_scatter_of_blocks_and_how_the_two_ways_differ():
+    """One flight, four blocks: north 1, 3, 1, 3 by report and 2 more by drag."""
+    north = np.array([[1.0, 3.0], [3.0, 5.0], [1.0, 3.0], [3.0, 5.0]])
+    winds = [np.stack([north, np.zeros((4, 2))], axis=2)]
+    mean = np.stack([w.mean(axis=0) for w in winds])
+    scatter = stats.t(2).ppf(0.975) * np.std([2.0, 4.0, 2.0, 4.0], ddof=1) / 2.0
+    between = stats.t(2).ppf(0.975) * np.sqrt((2.0**2 + 0.0) / 2) / 2
+    expected = [np.hypot(scatter, between), between]
+    assert _half_widths(winds, mean)[0] == pytest.approx(expected)
+
+
+def test_how_likely_by_chance_is_by_the_differences_of_blocks(problem):
+    still = replace(problem.channels, airspeed=np.zeros_like(problem.channels.airspeed))
+    residual = problem.measured_rpm - problem.speeds()
+    before, after, p = _worse(problem, residual, (), still)
+    blind = problem.measured_rpm - replace(problem, channels=still).speeds()
+    assert before == pytest.approx(np.sqrt(np.mean(blind**2)))
+    assert after == pytest.approx(np.sqrt(np.mean(residual**2)))
+    squares = np.mean(blind**2, axis=1) - np.mean(residual**2, axis=1)
+    gained = np.array([squares[problem.block == b].mean() for b in np.unique(problem.block)])
+    t = gained.mean() / (gained.std(ddof=1) / np.sqrt(gained.size))
+    assert p == pytest.approx(stats.t(gained.size // 2).sf(t))
