@@ -19,9 +19,8 @@ from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.physics.atmosphere import G0
 
 MODEL = shipped_model()
-FLIGHT, DOMAIN = MODEL.forward_flight, MODEL.training_domain
-assert FLIGHT is not None
-assert DOMAIN is not None
+FLIGHT: Any = MODEL.forward_flight
+DOMAIN: Any = MODEL.training_domain
 NORTH, EAST = 7.0 * np.cos(np.radians(30.0)), 7.0 * np.sin(np.radians(30.0))
 
 
