@@ -32,6 +32,7 @@ from thrustmargin.models.errors import DataError, InstallError
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.store.ingest_run import IngestOutcome, LogSource
+    from thrustmargin.gcs_plugin.store.season_store import SeasonStore
 
 SCHEMA = "thrustmargin.ingest/1"
 #: A file of a live recording that changed so many seconds ago may still grow.
@@ -50,6 +51,7 @@ def ingest(
     max_utilisation: float = 0.5,
     workers: int | None = None,
     cluster: str | None = None,
+    anonymise: bool = False,
     json: Path | None = None,
 ) -> int:
     """Take logs into the store of a season: a flight once, whatever its file is called.
@@ -73,8 +75,10 @@ def ingest(
         workers: Processes to read with; without it one a core.
         cluster: Scheduler of a Dask cluster whose workers read, such as tcp://10.0.0.7:8786; logs,
             store, model and airframe must be where all of them reach them.
+        anonymise: Strip who and where: names, serial numbers, ids, texts, the place on the globe.
         json: Write what was done as JSON to this file (.json); - is standard output.
     """
+    from thrustmargin.gcs_plugin.commands.anonymous import own_key, pseudonym
     from thrustmargin.gcs_plugin.commands.season_flight import (
         IngestSettings,
         season_model,
@@ -100,18 +104,19 @@ def ingest(
         aircraft=None if aircraft is None else checked_aircraft(aircraft),
         reading=reading,
         max_utilisation=max_utilisation,
+        key=own_key() if anonymise else None,
     )
     season_model(settings.model, settings.airframe)  # a wrong one is said before anything is read
     found, refused = find_logs(logs)
     target = SeasonStore.open(where)
-    cores = workers or len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
     with ExitStack() as stack:
         if cluster is None:
-            make, at_once = local_processes(cores)
+            make, at_once = local_processes(workers or _own_cores())
         else:
             client = stack.enter_context(_client(cluster))
             make, at_once = partial(client.get_executor, pure=False, retries=3), 4 * _cores(client)
         still_held = stack.enter_context(writer_lock(target))
+        _check_kind(target, None if settings.key is None else pseudonym(settings.key, "store"))
         say, show = stack.enter_context(transfer_bar())
 
         def progress(what: str, done: int, total: int) -> None:
@@ -127,6 +132,7 @@ def ingest(
             still_held=still_held,
             show=progress,
             refused=refused,
+            hide=None if settings.key is None else partial(pseudonym, settings.key),
         )
     _print(outcome, store, quiet=json == STDOUT)
     if json is not None:
@@ -139,6 +145,36 @@ def ingest(
             with whole_file(json) as draft:
                 draft.write_text(text, "utf-8")
     return 1 if outcome.rejected else 0
+
+
+def _check_kind(store: SeasonStore, names: str | None) -> None:
+    """Raise DataError unless flights are named in this store as they are to be in this run.
+
+    A log would else be another flight in each way. `names` is None, or known by its key.
+    """
+    key = "_store.json"
+    if store.files.exists(store.path(key)):
+        held = json_module.loads(store.files.cat_file(store.path(key)))["names"]
+    elif store.keys("flights"):
+        held = None
+    else:
+        said = json_module.dumps({"names": names})
+        store.put(key, lambda draft: draft.write_text(said, "utf-8"))
+        return
+    if held != names:
+        kind = "as they are" if held is None else "under the pseudonyms of a key"
+        other = "of another key" if held and names else "the other way"
+        raise DataError(
+            f"{store.url} holds flights {kind}, and a flight {other} would be counted twice; "
+            "give another --store"
+        )
+
+
+def _own_cores() -> int:
+    """Cores that this process may use."""
+    if sys.platform == "linux":
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 def _absolute(airframe: str | None) -> str | None:
@@ -248,9 +284,9 @@ def _cores(client: Any) -> int:
 
 
 def _print(outcome: IngestOutcome, store: str, *, quiet: bool) -> None:
-    words = [f"{len(outcome.flights)} flights taken into {store}"]
-    words += [f"{outcome.already} logs were there already"] if outcome.already else []
-    words += [f"{len(outcome.rejected)} logs not taken"] if outcome.rejected else []
+    words = [f"flights taken into {store}: {len(outcome.flights)}"]
+    words += [f"logs there already: {outcome.already}"] if outcome.already else []
+    words += [f"logs not taken: {len(outcome.rejected)}"] if outcome.rejected else []
     Terminal(soft_wrap=True, quiet=quiet).print("; ".join(words))
     console = Terminal(stderr=True, soft_wrap=True)
     for row in outcome.rejected:

@@ -33,6 +33,7 @@ def report(
     out: Path | None = None,
     json: Path | None = None,
     max_utilisation: float = 0.5,
+    anonymise: bool = False,
 ) -> int:
     """Write a margin report of one or more flights: how close it was, where, and with which rotor.
 
@@ -52,6 +53,7 @@ def report(
         json: Write the numbers as JSON to this file (.json); - is standard output, and nothing
             else.
         max_utilisation: Largest share of a rotor's maximum thrust that may be in use.
+        anonymise: Strip who and where: names, serial numbers, ids, texts, the place on the globe.
     """
     from thrustmargin.gcs_plugin.commands.inputs import chosen_model, listed, read_logs
     from thrustmargin.gcs_plugin.reports.margin import build_report
@@ -86,8 +88,15 @@ def report(
     flights = [(analyse(log.track, rotor_model, claim=claim), log) for log, claim in read]
     if not flights:
         raise DataError(listed(unread))
+    shown = unread
+    if anonymise:
+        from thrustmargin.gcs_plugin.commands.anonymous import anonymous
+        from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+
+        flights = [anonymous(*flight, f"flight {n}") for n, flight in enumerate(flights, 1)]
+        shown = [UnusedLog(name="a log", reason="not read") for _ in unread]
     with console.status("writing the report"):
-        made = build_report(flights, max_utilisation=max_utilisation, unread=unread)
+        made = build_report(flights, max_utilisation=max_utilisation, unread=shown)
         written = None
         try:
             if out is not None:

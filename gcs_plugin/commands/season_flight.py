@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from thrustmargin.gcs_plugin.commands.anonymous import anonymous, pseudonym, without_name
 from thrustmargin.gcs_plugin.commands.inputs import chosen_model, read_flight, unnamed
 from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, ReadingOptions
 from thrustmargin.gcs_plugin.logs import FlightLog
@@ -39,6 +40,7 @@ class IngestSettings:
     aircraft: str | None = None
     reading: ReadingOptions = AS_HEARD
     max_utilisation: float = 0.5
+    key: str | None = None  # of pseudonyms, to strip who and where
 
 
 @lru_cache(maxsize=4)
@@ -60,7 +62,7 @@ def stage_log(log: LogSource, content: str, *, settings: IngestSettings) -> list
     with threadpool_limits(1), local_file(log.path) as path:
         flights = season_flights(path, content, settings)
     for flight in flights:
-        flight.summary["log_name"] = clean(log.name)
+        flight.summary["log_name"] = clean(log.name) if settings.key is None else None
         stage(store, flight)
     return [flight.summary["flight"] for flight in flights]
 
@@ -90,14 +92,21 @@ def _season_flight(
     if not np.any(log.track.flying):
         raise DataError("it never left the ground")
     analysis = analyse(log.track, model, claim=claim)
-    report = report_flight(analysis, log, max_utilisation=settings.max_utilisation)
-    identity = aircraft_identity(log, settings.aircraft)
-    known = None if analysis.withheld else digest
     sums, reason = _sums(analysis)
+    identity, program = aircraft_identity(log, settings.aircraft), firmware(log)
+    aircraft, read = identity.name, log
+    if settings.key is not None:
+        aircraft = f"aircraft-{pseudonym(settings.key, aircraft)[:8]}"
+        analysis, log = anonymous(analysis, log, name)
+    report = report_flight(analysis, log, max_utilisation=settings.max_utilisation)
+    known = None if analysis.withheld else digest
+    if reason is not None and settings.key is not None:
+        reason = without_name(reason, path.name)
     started = log.track.start_unix_s
     summary = _summary(analysis, log, report) | {
         "flight": name,
         "aircraft_by": identity.by,
+        "firmware": program,
         "model_digest": known,
         "sums_reason": reason,
     }
@@ -109,8 +118,8 @@ def _season_flight(
     }
     head = {"flight": name, "started_unix_s": started, "model_digest": known}
     kept = None if sums is None else head | {"arrays": array_cells(sums)}
-    flight = SeasonFlight(aircraft=identity.name, summary=summary, rows=rows, sums=kept)
-    return flight, log
+    flight = SeasonFlight(aircraft=aircraft, summary=summary, rows=rows, sums=kept)
+    return flight, read
 
 
 def _sums(analysis: FlightAnalysis) -> tuple[dict[str, np.ndarray] | None, str | None]:
@@ -141,9 +150,8 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
         "log_format": log.format,
         "log_bytes": log.quality.bytes,
         "software": software_version(),
-        "system_id": log.vehicle if log.format != "CSV" else None,
+        "system_id": log.vehicle if log.vehicle and log.format != "CSV" else None,
         "autopilot": log.autopilot,
-        "firmware": firmware(log),
         "airframe": None if withheld else airframe.name,
         "airframe_basis": report.airframe_basis,
         "rotor_count": track.rotor_count or None,
@@ -225,7 +233,7 @@ def battery_resistance(
     volts, amperes = (np.bincount(bins, weights=x[known]) / count for x in (voltage, current))
     if volts.size < 12:
         return float("nan"), float("nan")
-    drawn = np.cumsum(amperes) / max(float(np.abs(amperes).sum()), 1e-9)
+    drawn = (np.cumsum(amperes) - amperes / 2.0) / max(float(np.abs(amperes).sum()), 1e-9)
     design = np.column_stack([np.ones_like(volts), drawn, drawn**2, -amperes])
     solved, _, rank, _ = np.linalg.lstsq(design, volts, rcond=1e-9)
     if rank < 4:

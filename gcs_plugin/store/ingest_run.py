@@ -103,6 +103,7 @@ def ingest_logs(
     still_held: Callable[[], None],
     show: Callable[[str, int, int], None],
     refused: Sequence[tuple[str, str]] = (),
+    hide: Callable[[str], str] | None = None,
 ) -> IngestOutcome:
     """Take every log into the store that is not in it yet.
 
@@ -110,6 +111,7 @@ def ingest_logs(
     what another process can be given. `executor` makes the processes, again after some died.
     `show` is called with what is done, and how many bytes of how many. The caller holds the lock
     of the store, which `still_held` confirms. `refused` are (name, reason) of others to be listed.
+    `hide` makes pseudonyms of contents, in a store that names nobody.
     """
     begun = time.monotonic()
     if store.on_disk and Path(store.path(DRAFTS)).exists():
@@ -157,7 +159,7 @@ def ingest_logs(
                     if task.content is not None:
                         outcome.flights += found
                         outcome.bytes += task.log.bytes
-                    elif found in taken:
+                    elif (found := found if hide is None else hide(found)) in taken:
                         outcome.already += 1
                     else:
                         taken.add(found)
@@ -176,7 +178,7 @@ def ingest_logs(
             )
         _merge_all(store, pool, still_held, show)
         still_held()
-        _write_rejected(store, outcome, taken)
+        _write_rejected(store, outcome, taken, hidden=hide is not None)
     except BaseException:
         pool.shutdown(wait=False, cancel_futures=True)
         raise
@@ -186,7 +188,8 @@ def ingest_logs(
 
 
 def _reject(outcome: IngestOutcome, task: _Task, reason: str) -> None:
-    reason = reason.removeprefix(f"{task.log.path}: ").removeprefix(f"{task.log.name}: ")
+    for named in (task.log.path, task.log.name):
+        reason = reason.removeprefix(f"{named}: ").removeprefix(f"{named} ")
     outcome.rejected.append(
         {
             "log_name": task.log.name,
@@ -215,7 +218,9 @@ def _merge_all(
         show("writing the store", done, total)
 
 
-def _write_rejected(store: SeasonStore, outcome: IngestOutcome, taken: set[str]) -> None:
+def _write_rejected(
+    store: SeasonStore, outcome: IngestOutcome, taken: set[str], *, hidden: bool
+) -> None:
     """The rejected logs of all runs, each once, without those that were taken in since."""
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -225,7 +230,9 @@ def _write_rejected(store: SeasonStore, outcome: IngestOutcome, taken: set[str])
 
     tried = {row["content"] for row in outcome.rejected}
     rows = {key(row): row for row in store.table("rejected").to_pylist()}
-    rows |= {key(row): row for row in outcome.rejected}
+    for row in outcome.rejected:
+        shown = {**row, "log_name": "hidden", "reason": "not taken"} if hidden else row
+        rows[key(row)] = shown
     kept = [r for r in rows.values() if r["content"] in tried or r["content"] not in taken]
     kept.sort(key=lambda row: (row["log_name"], row["content"] or ""))
     table = pa.Table.from_pylist(kept, schema=table_schema("rejected"))

@@ -48,6 +48,7 @@ def stage_number(
         (slow / words[-1]).touch()
         time.sleep(0.3)
     flight = small_flight(int(words[-1]), aircraft="AB"[int(words[-1]) % 2])
+    assert flight.sums is not None
     flight.summary["flight"] = flight.sums["flight"] = content
     stage(SeasonStore.open(store), flight)
     return [content]

@@ -1,0 +1,89 @@
+"""Flights without who and where: for a report or a store that others may see.
+
+Gone are the names of logs and of the aircraft, serial numbers and system ids, the autopilot's
+texts, the mission, and the place on the globe: north and east begin at 0, and there is no altitude.
+What is left is what a margin rests on: times, air pressure, the airframe's name, the route's shape.
+"""
+
+from __future__ import annotations
+
+import hmac
+import os
+import secrets
+from dataclasses import replace
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.logs import FlightLog
+from thrustmargin.gcs_plugin.reports.margin.accuracy import trained_on
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.whole_file import whole_file
+
+
+def anonymous(
+    analysis: FlightAnalysis, log: FlightLog, name: str
+) -> tuple[FlightAnalysis, FlightLog]:
+    """The same flight as `name`, without who and where; its figures stay as they are."""
+    track, model, domain = analysis.track, analysis.model, analysis.model.training_domain
+    placed = np.all(np.isfinite(track.position_ned), axis=1)
+    start = track.position_ned[np.argmax(placed)] if placed.any() else np.zeros(3)
+    track = replace(
+        track,
+        name=name,
+        origin=None,
+        position_ned=track.position_ned - start,
+        altitude=np.full(track.time_s.size, np.nan),
+        notes=tuple(without_name(note, log.path.name) for note in track.notes),
+    )
+    if domain is not None:  # that the model has seen this flight must still be said
+        domain = replace(domain, flights=(name,) if trained_on(analysis) else ())
+    claim = analysis.claim
+    reasons = tuple(without_name(reason, log.path.name) for reason in claim.withheld)
+    analysis = replace(
+        analysis,
+        track=track,
+        model=replace(model, training_domain=domain),
+        claim=replace(claim, withheld=reasons, source="LOG"),
+    )
+    hidden = {"messages": (), "waypoints": (), "parameters": {}, "hardware_id": "", "firmware": ""}
+    return analysis, replace(log, track=track, path=Path(name), vehicle=0, vehicles=(0,), **hidden)
+
+
+def without_name(text: str, name: str) -> str:
+    """A text in which the log is not named."""
+    return text.replace(name, "the log").replace(Path(name).stem, "the log")
+
+
+def pseudonym(key: str, text: str) -> str:
+    """16 hexadecimal digits that stand for a text, and tell it to nobody without the key."""
+    return hmac.new(bytes.fromhex(key), text.encode(), sha256).hexdigest()[:16]
+
+
+def key_file() -> Path:
+    """Where this user's key of pseudonyms is."""
+    base = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
+    return Path(base) / "thrustmargin" / "anonymise.key"
+
+
+def own_key() -> str:
+    """The key by which one aircraft has one pseudonym in every run; made when there is none.
+
+    Raises DataError when the file holds another thing.
+    """
+    path = key_file()
+    if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with whole_file(path) as draft:
+            draft.touch(0o600)
+            draft.write_text(secrets.token_hex(32) + "\n")
+    key = path.read_text().strip()
+    try:
+        known = len(bytes.fromhex(key)) == 32
+    except ValueError:
+        known = False
+    if not known:
+        raise DataError(f"{path} is no key of pseudonyms; move it away and a new one is made")
+    return key
