@@ -102,6 +102,21 @@ def test_the_battery_goes_down_as_it_did_in_the_flights():
     assert track.voltage[-1] == pytest.approx(58.0 - 0.01 * track.time_s[-1])
 
 
+def test_air_liquid_and_wind_are_those_of_the_flights_in_every_row():
+    typical = {"pressure": 95000.0, "temperature": 290.0, "altitude": 540.0}
+    track, one = flown("speed steps", typical=typical)
+    for channel, value in typical.items():
+        np.testing.assert_array_equal(getattr(track, channel), value)
+    np.testing.assert_array_equal(track.tank_kg, 9.0)
+    np.testing.assert_array_equal(track.wind_ned, [[0.0, 3.0, 0.0]] * track.time_s.size)
+    np.testing.assert_allclose(track.height_agl, -track.position_ned[:, 2])
+    np.testing.assert_allclose(track.velocity_ned[:, 2], 0.0)
+    assert track.height_agl[0] == pytest.approx(one.height)
+    lasts = sum(piece.seconds for piece in one.pieces)
+    assert track.time_s[-1] == pytest.approx(lasts, abs=0.2)
+    assert one.minutes == pytest.approx(len(one.fills_kg) * lasts / 60.0)
+
+
 def test_drag_tilts_the_aircraft_into_the_wind():
     from thrustmargin.models.physics.forward_flight import ForwardFlight
 

@@ -126,6 +126,14 @@ def test_the_scatter_of_good_flights_takes_the_place_of_the_usual_one():
     assert np.isclose(shown - moment[:, None], 0.0).all(axis=0).any()
 
 
+def test_a_sound_flight_s_mean_is_off_in_each_mode_by_its_own_scatter_over_its_noise():
+    noise, scatter = np.array([4.0, 3.0, 2.5, 2.0]), np.array([8.0, 3.0, 5.0, 1.0])
+    predict = ModePrediction.of(MODEL, PROBLEM.base, PROBLEM.channels, noise)
+    rows = PROBLEM.channels.time_s.size
+    means = predict.scatter(scatter)[:, :4].reshape(rows, 4, 4)
+    np.testing.assert_allclose(means, [np.diag(scatter / noise)] * rows, atol=1e-12)
+
+
 def test_derivatives_are_those_of_the_prediction():
     predict = ModePrediction.of(MODEL, PROBLEM.base, PROBLEM.channels, np.ones(4))
     column = predict.columns((MASS,), np.array([1.0]))[:, 0].reshape(-1, 4)

@@ -8,10 +8,13 @@ import pytest
 
 from tests.models.effects.test_slung_load import flown_with_load
 from tests.models.made_flights import curve_model, made_flight, made_flights, table
+from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.identification.answer.result import Found
 from thrustmargin.models.identification.answer.unseen_errors import errors_of
 from thrustmargin.models.identification.loop import identify
+from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.identification.rows.problem import BLOCK_SECONDS, assemble
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
@@ -49,6 +52,47 @@ class Log:
     track: FlightTrack
     facts: VehicleFacts = field(default_factory=VehicleFacts)
     parameters: Mapping[str, float] = field(default_factory=dict)
+
+
+def test_the_json_of_an_effect_has_its_values_units_and_intervals():
+    wind = Found(
+        term=Term(effect=BY_KEY["wind"]),
+        value=np.array([[1.0, 2.0], [-6.0, 3.0]]),
+        lower=np.array([[0.5, 1.0], [-7.0, 2.0]]),
+        upper=np.array([[1.5, 3.0], [-5.0, 4.0]]),
+        rmse_before_rpm=40.0,
+        rmse_after_rpm=11.0,
+        p_value=0.01,
+        indistinguishable_from=("parasite_drag",),
+        probability=0.99,
+    )
+    found = wind.to_json(("a.tlog", "b.tlog"))
+    assert (found["name"], found["rotor"], found["already_followed"]) == ("wind", None, False)
+    assert (found["rmse_before_rpm"], found["rmse_after_rpm"]) == (40.0, 11.0)
+    assert (found["probability"], found["p_value"]) == (0.99, 0.01)
+    assert found["indistinguishable_from"] == ["parasite_drag"]
+    assert found["tell_apart_by"] == BY_KEY["wind"].distinguished_by
+    north = found["parameters"]["wind_north"]
+    assert north == {  # of the flight that it shows most in
+        "value": -6.0,
+        "unit": "m/s",
+        "ci95": [-7.0, -5.0],
+        "flight": "b.tlog",
+        "per_flight": [1.0, -6.0],
+        "per_flight_ci95": [[0.5, 1.5], [-7.0, -5.0]],
+    }
+    assert wind.to_json(("a.tlog", "b.tlog"), followed=True)["already_followed"] is True
+    assert repr(wind) == "wind: wind_north -6 m/s (-7 to -5), wind_east 3 m/s (2 to 4)"
+    mass = replace(
+        wind,
+        term=Term(effect=BY_KEY["rotor_degradation"], rotor=1),
+        value=np.array([[0.08, 0.5]]),
+        lower=np.array([[0.07, 0.5]]),
+        upper=np.array([[0.09, 0.5]]),
+        indistinguishable_from=(),
+    ).to_json(("a.tlog",))
+    assert (mass["rotor"], mass["tell_apart_by"]) == (2, None)
+    assert mass["parameters"]["loss"] == {"value": 0.08, "unit": "1", "ci95": [0.07, 0.09]}
 
 
 def test_a_flight_may_be_given_alone_as_a_track_or_as_a_log_that_was_read():
