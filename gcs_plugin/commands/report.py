@@ -32,6 +32,7 @@ def report(
     reading: Reading = AS_HEARD,
     out: Path | None = None,
     json: Path | None = None,
+    pdf: Path | None = None,
     max_utilisation: float = 0.5,
     anonymise: bool = False,
 ) -> int:
@@ -49,24 +50,29 @@ def report(
         airframe: Name of a shipped airframe, or an airframe file (.toml); without it the
             model's, else that of topxgun-f16-sitl for a flight that is recognised as one of it.
         reading: How the logs are read.
-        out: Page to write (.html); without it report.html, unless --json is given.
+        out: Page to write (.html); without it report.html, unless --json or --pdf
+            is given.
         json: Write the numbers as JSON to this file (.json); - is standard output, and nothing
             else.
+        pdf: Write the page to this file (.pdf) too, on A4 to print; needs no browser.
         max_utilisation: Largest share of a rotor's maximum thrust that may be in use.
         anonymise: Strip who and where: names, serial numbers, ids, texts, the place on the globe.
     """
     from thrustmargin.gcs_plugin.commands.inputs import chosen_model, listed, read_logs
     from thrustmargin.gcs_plugin.reports.margin import build_report
-    from thrustmargin.gcs_plugin.reports.margin.render import json_text, write_report
+    from thrustmargin.gcs_plugin.reports.margin.render import json_text, pdf_bytes, write_report
     from thrustmargin.models.model.analysis import analyse
     from thrustmargin.models.whole_file import whole_file
 
     console = Terminal(stderr=True, soft_wrap=True)
     require_logs(logs)
     check_utilisation(max_utilisation)
-    if out is None and json is None:
+    if out is None and json is None and pdf is None:
         out = Path("report.html")
-    outputs = [Output("--json", json, endings=(".json",))]
+    outputs = [
+        Output("--json", json, endings=(".json",)),
+        Output("--pdf", pdf, endings=(".pdf",)),
+    ]
     if out is not None:
         outputs += [
             Output("--out", out, endings=(".html", ".htm")),
@@ -102,6 +108,9 @@ def report(
             if out is not None:
                 written = write_report(made, out)
             text = json_text(made, "" if written is None else written.csv.name)
+            if pdf is not None:
+                with whole_file(pdf) as draft:
+                    draft.write_bytes(pdf_bytes(made, written))
             if json == STDOUT:
                 sys.stdout.write(text)
             elif json is not None:
@@ -120,6 +129,7 @@ def report(
         console.print(f"not read: {log.name}: {log.reason}")
     if written is not None:
         summary.print(f"wrote {written.html}, {written.json.name} and {written.csv.name}")
-    if json is not None:
-        summary.print(f"wrote {json}")
+    for also in (json, pdf):
+        if also is not None:
+            summary.print(f"wrote {also}")
     return 1 if unread else 0

@@ -62,6 +62,11 @@ class BoundedQueue(Generic[T]):
             self._ready.notify_all()
 
     @property
+    def closed(self) -> bool:
+        """True when nothing more will come."""
+        return self._closed
+
+    @property
     def finished(self) -> bool:
         """True when closed and empty."""
         with self._ready:

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 SYNC = 0.5  # s between fsyncs of the .tlog and the events
+GATHER = 0.05  # s in which frames gather: a write for each datagram would cost more than its bytes
 SAMPLE_SYNC = 0.6  # s between new versions of the running Parquet file
 #: A Parquet file is closed and the next begun after so many rows or seconds.
 PART_ROWS, PART_SECONDS = 6000, 60.0
@@ -131,6 +132,9 @@ class Recorder:
         synced = sampled = time.monotonic()
         while not self._frames.finished:
             frames = self._frames.take(SYNC / 2)
+            if frames and not self._frames.closed:
+                time.sleep(GATHER)
+                frames += self._frames.take(0.0)
             if frames:
                 self._telemetry.append(
                     [frame.stamp_us.to_bytes(8, "big") + frame.data for frame in frames]
@@ -221,7 +225,7 @@ class _Parts:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._number = 1
-        self._batches: list[pa.RecordBatch] = []
+        self._tables: list[pa.Table] = []  # the first holds all that is on the disk
         self._begun = time.monotonic()
         self._written = 0  # rows of the running part that are on the disk
         self._closed_rows = 0
@@ -234,40 +238,44 @@ class _Parts:
 
     def write(self, new: list[pa.RecordBatch], later: list[pa.RecordBatch]) -> None:
         """Add rows for good, and rows that the next call replaces."""
-        if not self._batches:
+        import pyarrow as pa
+
+        if not self._tables:
             self._begun = time.monotonic()
-        self._batches += new
-        waiting = sum(batch.num_rows for batch in self._batches)
+        self._tables += [pa.Table.from_batches([batch]) for batch in new]
+        waiting = sum(table.num_rows for table in self._tables)
         full = waiting >= PART_ROWS or time.monotonic() - self._begun >= PART_SECONDS
         # What is only provisional goes into the next part, when this one is closed.
-        shown = [*self._batches, *([] if full else later)]
-        rows = sum(batch.num_rows for batch in shown)
+        provisional = [] if full else [pa.Table.from_batches([batch]) for batch in later]
+        rows = waiting + sum(table.num_rows for table in provisional)
         if rows == 0 or (not new and not self.trouble and rows == self._written):
             return
+        # A vehicle of fewer rotors has no number in the columns of the others.
+        whole = pa.concat_tables(self._tables, promote_options="default") if waiting else None
         try:
-            self._replace(shown)
+            # Joined once: thousands of small batches take ten times as long to write as their rows.
+            kept = [] if whole is None else [whole.combine_chunks()]
+            self._replace([*kept, *provisional])
         except OSError as error:
             self.trouble = _words(error)
             # The rows on the disk stay; the newest go when more wait than a part may hold.
             while waiting > 2 * PART_ROWS:
-                dropped = self._batches.pop().num_rows
+                dropped = self._tables.pop().num_rows
                 waiting -= dropped
                 self.rows_lost += dropped
             return
         self.trouble = ""
-        self._written = rows
+        self._tables, self._written = kept, rows
         if full:
             self._closed_rows += rows
             self._number += 1
-            self._batches, self._written = [], 0
+            self._tables, self._written = [], 0
 
-    def _replace(self, batches: list[pa.RecordBatch]) -> None:
+    def _replace(self, tables: list[pa.Table]) -> None:
         import pyarrow as pa
         import pyarrow.parquet as pq
 
         path = self._folder / f"{self._number:06d}.parquet"
-        tables = [pa.Table.from_batches([batch]) for batch in batches]
-        # A vehicle of fewer rotors has no number in the columns of the others.
         table = pa.concat_tables(tables, promote_options="default")
         # The draft's name begins with a dot and does not end in .parquet: no reader takes it.
         with whole_file(path) as draft:

@@ -54,7 +54,7 @@ def _disk_lock(store: SeasonStore) -> Iterator[Callable[[], None]]:
         lock.acquire()
     except Timeout as error:
         with contextlib.suppress(OSError):
-            raise _refused(store, note.read_text()) from error
+            raise _refused(store, note.read_text(encoding="utf-8")) from error
         raise _refused(store, "not known who") from error
     try:
         note.write_text(_me())

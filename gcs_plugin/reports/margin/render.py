@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -11,6 +12,8 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv
+from markupsafe import Markup
+from plotly.graph_objects import Figure
 
 from thrustmargin.gcs_plugin.reports.margin.csv_rows import COLUMNS, csv_columns
 from thrustmargin.gcs_plugin.reports.margin.data import SCHEMA, Report
@@ -117,19 +120,35 @@ def csv_bytes(report: Report) -> bytes:
     return buffer.getvalue()
 
 
+def pdf_bytes(report: Report, written: Written | None) -> bytes:
+    """The page on A4, with the same words and figures; a flight takes three to four."""
+    from thrustmargin.gcs_plugin.reports.shared import pdf_page
+
+    drawn = _drawn(report)
+    return pdf_page.pdf_bytes(_page(report, written, dict.fromkeys(drawn, Markup())), drawn)
+
+
 def html_text(report: Report, written: Written) -> str:
     """The page; the figures of every flight are drawn when they come into view."""
-    drawn = {
-        f"{name}_{index}": packed(str(made.to_json()))
+    drawn = {name: packed(str(made.to_json())) for name, made in _drawn(report).items()}
+    return _page(report, written, drawn)
+
+
+def _drawn(report: Report) -> dict[str, Figure]:
+    return {
+        f"{name}_{index}": made
         for index, flight in enumerate(report.flights)
         for name, made in figures(flight).items()
     }
+
+
+def _page(report: Report, written: Written | None, drawn: Mapping[str, Markup]) -> str:
     context = {
         "report": report,
         "order": worst_first(report.flights),
         "schema": SCHEMA,
         "figures": drawn,
-        "files": {"json": written.json.name, "csv": written.csv.name},
+        "files": {"json": written.json.name, "csv": written.csv.name} if written else None,
         "spins": SPINS,
         "held": HELD,
         "descended": DESCENDED,

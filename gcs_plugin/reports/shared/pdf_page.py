@@ -1,0 +1,255 @@
+"""A report's page as PDF on A4, made from its HTML: the same words and figures, no browser.
+
+Known are the elements that the report's template uses; asides (folded on the page) stay out. All
+text of logs arrives as characters, never as markup, and fonts are embedded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from html.parser import HTMLParser
+from pathlib import Path
+
+from plotly.graph_objects import Figure
+
+from thrustmargin.gcs_plugin.reports.shared.drawn_figure import png
+
+MARGIN = 12.0  # mm
+TILES = 4  # beside each other
+LEAST_SCALE = 0.7  # to which a figure shrinks before it goes to the next page
+#: paper and ink of a verdict, as on the page
+LEVELS = {
+    "under": ((0, 81, 45), (255, 255, 255)),
+    "near": ((255, 176, 0), (0, 0, 0)),
+    "over": ((255, 176, 0), (0, 0, 0)),
+    "critical": ((163, 0, 0), (255, 255, 255)),
+    "unknown": ((68, 68, 68), (255, 255, 255)),
+}
+EMPTY = {"meta", "br", "img", "link", "input", "hr"}
+SILENT = {"script", "style", "noscript", "title"}
+
+
+@dataclass(eq=False)
+class Node:
+    """One element: its tag, classes, attributes, and texts and elements in order."""
+
+    tag: str
+    attributes: Mapping[str, str]
+    inside: list[Node | str] = field(default_factory=list)
+
+    @property
+    def classes(self) -> list[str]:
+        return self.attributes.get("class", "").split()
+
+    @property
+    def text(self) -> str:
+        parts = (one if isinstance(one, str) else f" {one.text} " for one in self.inside)
+        return " ".join("".join(parts).split(" ")).replace("\n", " ").strip()
+
+    def all(self, tag: str) -> list[Node]:
+        found = []
+        for one in self.inside:
+            if isinstance(one, Node):
+                found += [one] if one.tag == tag else one.all(tag)
+        return found
+
+
+class _Tree(HTMLParser):
+    def __init__(self) -> None:
+        super().__init__(convert_charrefs=True)
+        self.root = Node("html", {})
+        self._open = [self.root]
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        node = Node(tag, {name: value or "" for name, value in attrs})
+        self._open[-1].inside.append(node)
+        if tag not in EMPTY:
+            self._open.append(node)
+
+    def handle_endtag(self, tag: str) -> None:
+        for back in range(len(self._open) - 1, 0, -1):
+            if self._open[back].tag == tag:
+                del self._open[back:]
+                return
+
+    def handle_data(self, data: str) -> None:
+        if data.strip() or data == " ":
+            self._open[-1].inside.append(data)
+
+
+def pdf_bytes(html: str, figures: Mapping[str, Figure]) -> bytes:
+    """The page `html` as PDF; `figures` are drawn where the page has their places."""
+    tree = _Tree()
+    tree.feed(html)
+    paper = _Paper(figures)
+    paper.block(tree.root)
+    return bytes(paper.pdf.output())
+
+
+class _Paper:
+    def __init__(self, figures: Mapping[str, Figure]) -> None:
+        import matplotlib as mpl
+        from fpdf import FPDF
+
+        self._figures = figures
+        self.pdf = pdf = FPDF(format="A4")
+        fonts = Path(mpl.get_data_path()) / "fonts" / "ttf"
+        pdf.add_font("body", "", fonts / "DejaVuSans.ttf")
+        pdf.add_font("body", "B", fonts / "DejaVuSans-Bold.ttf")
+        pdf.set_margin(MARGIN)
+        pdf.set_auto_page_break(True, MARGIN)
+        pdf.add_page()
+        self._flights = 0
+        self._left: tuple[int, float] | None = None  # page and top of a figure with room beside
+
+    def block(self, node: Node) -> None:
+        """Lay out one element and what is in it."""
+        classes = node.classes
+        if node.tag in SILENT or "aside" in classes or "bar" in classes:
+            return
+        if node.tag == "section" and "flight" in classes:
+            self._flights += 1
+            if self._flights > 1:
+                self.pdf.add_page()
+        act = {
+            "h1": lambda: self._words(node.text, 13, bold=True),
+            "h2": lambda: self._heading(node.text, 12),
+            "h3": lambda: self._heading(node.text, 10),
+            "p": lambda: self._words(node.text, 8),
+            "ul": lambda: [self._words(f"• {item.text}", 8) for item in node.all("li")],
+            "summary": lambda: None,
+            "table": lambda: self._table(node),
+            "figure": lambda: self._figure(node),
+            "footer": lambda: self._words(node.text, 6.5),
+        }.get(node.tag)
+        if "verdict" in classes:
+            self._verdict(node, next(c for c in classes if c in LEVELS))
+        elif "tiles" in classes:
+            self._tiles(node)
+        elif act is not None:
+            act()
+        else:
+            for one in node.inside:
+                if isinstance(one, Node):
+                    self.block(one)
+                elif one.strip():
+                    self._words(one.strip(), 8)
+
+    def _words(self, text: str, size: float, *, bold: bool = False, fill: bool = False) -> None:
+        self.pdf.set_font("body", "B" if bold else "", size)
+        self.pdf.multi_cell(
+            self.pdf.epw, 0.46 * size, text, fill=fill, align="L", new_x="LMARGIN", new_y="NEXT"
+        )
+
+    def _heading(self, text: str, size: float) -> None:
+        # Never alone at the foot of a page.
+        if self.pdf.will_page_break(40.0):
+            self.pdf.add_page()
+        self.pdf.ln(2.5)
+        self._words(text, size, bold=True)
+        self.pdf.line(MARGIN, self.pdf.y, MARGIN + self.pdf.epw, self.pdf.y)
+        self.pdf.ln(1.0)
+
+    def _verdict(self, node: Node, level: str) -> None:
+        pdf, (paper, ink) = self.pdf, LEVELS[level]
+        pdf.set_fill_color(*paper)
+        pdf.set_text_color(*ink)
+        for one in node.inside:
+            if not isinstance(one, Node):
+                continue
+            if one.tag == "dl":
+                for name, text in zip(one.all("dt"), one.all("dd"), strict=True):
+                    self._words(f"{name.text}: {text.text}", 8.5, fill=True)
+            elif "figures" in one.classes:
+                said = "   ·   ".join(part.text for part in one.all("div"))
+                self._words(said, 14, bold=True, fill=True)
+            elif one.tag == "p":
+                self._words(one.text, 19 if "call" in one.classes else 11, bold=True, fill=True)
+        pdf.set_text_color(0)
+        pdf.set_fill_color(255)
+        pdf.ln(2.0)
+
+    def _tiles(self, node: Node) -> None:
+        tiles = [one for one in node.inside if isinstance(one, Node)]
+        with self.pdf.table(
+            borders_layout="NONE",
+            first_row_as_headings=False,
+            padding=0.6,
+            line_height=3.4,
+            text_align="LEFT",
+            v_align="TOP",
+        ) as table:
+            self.pdf.set_font("body", "", 7.5)
+            for begin in range(0, len(tiles), TILES):
+                row = table.row()
+                for tile in tiles[begin : begin + TILES]:
+                    (value,) = tile.all("dd")
+                    small = " ".join(one.text for one in value.all("small"))
+                    main = "".join(o for o in value.inside if isinstance(o, str)).strip()
+                    (name,) = tile.all("dt")
+                    row.cell(f"{name.text}\n{main}" + (f"\n{small}" if small else ""))
+                for _ in range(TILES - len(tiles[begin : begin + TILES])):
+                    row.cell("")
+        self.pdf.ln(1.0)
+
+    def _table(self, node: Node) -> None:
+        from fpdf.enums import TableBordersLayout
+        from fpdf.fonts import FontFace
+
+        pdf = self.pdf
+        for caption in node.all("caption"):
+            self._words(caption.text, 7)
+        rows = [[cell for cell in row.inside if isinstance(cell, Node)] for row in node.all("tr")]
+        columns = max((len(row) for row in rows), default=0)
+        if not columns:
+            return
+        pdf.set_font("body", "", 7)
+        width = [4.0] * columns
+        for row in rows:
+            for k, cell in enumerate(row):
+                if len(row) != columns:
+                    continue
+                whole = [cell.text] if cell.tag == "td" else cell.text.split()
+                longest = max(whole, key=len, default="")
+                width[k] = max(width[k], min(pdf.get_string_width(longest) + 3.0, 55.0))
+        with pdf.table(
+            borders_layout=TableBordersLayout.HORIZONTAL_LINES,
+            col_widths=tuple(width),
+            headings_style=FontFace(emphasis="BOLD"),
+            line_height=3.4,
+            padding=0.5,
+            text_align="LEFT",
+            first_row_as_headings=bool(node.all("th")),
+        ) as table:
+            for row in rows:
+                made = table.row()
+                for cell in row:
+                    strong = FontFace(emphasis="BOLD") if "strong" in cell.classes else None
+                    spread = int(cell.attributes.get("colspan", "1"))
+                    made.cell(cell.text, colspan=spread, style=strong)
+        pdf.ln(1.5)
+
+    def _figure(self, node: Node) -> None:
+        name = next(one.attributes["data-figure"] for one in node.all("div"))
+        image, width, height = png(self._figures[name.removeprefix("figure-")])
+        pdf, half = self.pdf, 0.5 * self.pdf.epw
+        scale = min(1.0, pdf.epw / width, (pdf.eph - 12.0) / height)
+        beside = width * scale <= half + 1.0
+        if beside and self._left is not None and self._left[0] == pdf.page:
+            x, pdf.y = MARGIN + half, self._left[1]
+            self._left = None
+        else:
+            room = (pdf.page_break_trigger - pdf.y - 8.0) / (height * scale)
+            if room < LEAST_SCALE:
+                pdf.add_page()
+            else:
+                scale *= min(1.0, room)
+            x = MARGIN
+            self._left = (pdf.page, pdf.y) if beside else None
+        pdf.set_font("body", "", 7)
+        for caption in node.all("figcaption"):
+            pdf.set_x(x)
+            wide = half - 2.0 if beside else pdf.epw
+            pdf.multi_cell(wide, 3.2, caption.text, align="L", new_x="LMARGIN", new_y="NEXT")
+        pdf.image(image, w=width * scale, h=height * scale, x=x)

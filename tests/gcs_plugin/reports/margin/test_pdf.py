@@ -1,0 +1,74 @@
+"""`report --pdf`: the page's words and figures on A4, made without a browser."""
+
+import io
+from dataclasses import replace
+
+import pytest
+from pypdf import PdfReader
+
+from tests.gcs_plugin.reports.margin.report_flight import flight
+from thrustmargin.gcs_plugin.reports.margin import build_report
+from thrustmargin.gcs_plugin.reports.margin.data import Report
+from thrustmargin.gcs_plugin.reports.margin.render import pdf_bytes
+from thrustmargin.gcs_plugin.wording.margin_verdict import Fact
+
+
+@pytest.fixture(scope="module")
+def report() -> Report:
+    return build_report([flight()], max_utilisation=0.5)
+
+
+def words(text: str) -> str:
+    """Text without what a line break or a font does to its spaces and ligatures."""
+    return "".join(text.split())
+
+
+def read(report: Report) -> PdfReader:
+    return PdfReader(io.BytesIO(pdf_bytes(report, None)))
+
+
+@pytest.fixture(scope="module")
+def pdf(report: Report) -> PdfReader:
+    return read(report)
+
+
+def test_a_flight_takes_three_or_four_pages_of_a4(pdf):
+    assert 3 <= len(pdf.pages) <= 4
+    for page in pdf.pages:
+        assert [round(float(side)) for side in page.mediabox[2:]] == [595, 842]
+
+
+def test_verdict_facts_and_moments_are_those_of_the_report(report, pdf):
+    said = words(" ".join(page.extract_text() for page in pdf.pages))
+    verdict = report.flights[0].verdict
+    assert words(verdict.headline) in words(pdf.pages[0].extract_text())
+    for fact in verdict.facts:
+        assert words(fact.text[1:]) in said, fact
+    for moment in report.flights[0].moments:
+        assert words(f"{moment.rotor} {moment.rotor_name}") in said
+    assert "unknown" not in words(pdf.pages[0].extract_text())
+
+
+def test_every_figure_is_drawn_once_and_whole(pdf):
+    sizes = [image.image.size for page in pdf.pages for image in page.images]
+    assert len(sizes) == 6
+    wide, narrow = max(w for w, _ in sizes), min(w for w, _ in sizes)
+    assert narrow == pytest.approx(wide / 2, rel=0.01)  # the maps, beside each other
+
+
+def test_a_flight_begins_on_a_page_of_its_own(report):
+    two = build_report([flight(), flight()], max_utilisation=0.5)
+    pages = [page.extract_text() for page in read(two).pages]
+    headline = words(report.flights[0].verdict.headline)
+    begins = [words(text).startswith(headline) for text in pages]
+    assert sum(begins) == 1  # of the second flight; the first stands under the table of both
+    assert headline in words(pages[0] + pages[1])
+
+
+def test_text_of_a_log_stays_text(report):
+    evil = Fact("airframe", "<b>bold</b> <script>alert(1)</script> $x^2$ \u202e %d {}")
+    one = report.flights[0]
+    changed = replace(one, name="<i>a", verdict=replace(one.verdict, facts=(evil,)))
+    text = words(read(replace(report, flights=(changed,))).pages[0].extract_text())
+    assert words("<b>bold</b> <script>alert(1)</script> $x^2$") in text
+    assert words("<i>a") in text
