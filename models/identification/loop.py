@@ -11,7 +11,6 @@ from collections.abc import Callable, Collection, Sequence
 from itertools import combinations
 
 import numpy as np
-from scipy.stats import norm
 
 from thrustmargin.models.effects import CATALOGUE, effects_for
 from thrustmargin.models.effects.base import Effect
@@ -29,7 +28,7 @@ from thrustmargin.models.identification.answer.posterior import (
 from thrustmargin.models.identification.answer.result import Found, Identification
 from thrustmargin.models.identification.answer.unseen_errors import Unseen, errors_of
 from thrustmargin.models.identification.rows.modes import sensor_noise_rpm
-from thrustmargin.models.identification.rows.output_shares import effects_on_shares
+from thrustmargin.models.identification.rows.output_shares import effects_on_shares, steepness_of
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.rows.reduced import rows_and_means
 from thrustmargin.models.identification.rows.usable_flights import Flown, require_airframe
@@ -43,7 +42,6 @@ Progress = Callable[[str, float], None]
 #: of the error on flights left out, that an effect must take to be worth a name: what the scatter
 #: of a sound propeller (0.4 % of its thrust) does to rotor speeds that are good to 0.6 %
 LEAST_FALL = 0.02
-CONFIDENCE = norm.ppf(0.975)  # standard errors on either side of an interval of 95 %
 
 
 def identify(
@@ -85,7 +83,7 @@ def identify(
     if steps:
         search.add(steps, without_rotors(search, search.best.key))
         search.run(progress)
-    answer = posterior_of(search)
+    answer = posterior_of(search, steepness_of(fit) if problem.of_outputs else 0.0)
     left = unexplained(space, search, answer.best)
     named = answer.named()
     closest = _closest(search, answer, named, left)
@@ -191,17 +189,12 @@ def _found(left_out: LeftOut, estimates: Sequence[EffectEstimate]) -> tuple[Foun
         errors.append(trials[best])
     found = []
     for k, e in enumerate(order):
-        parameters = e.term.effect.parameters
-        finest = np.array([p.resolution for p in parameters]) + np.abs(e.value) * np.array(
-            [p.accuracy for p in parameters]
-        )
-        half = CONFIDENCE * e.error + finest
         found.append(
             Found(
                 term=e.term,
                 value=e.value,
-                lower=e.value - half,
-                upper=e.value + half,
+                lower=e.value - e.half_width,
+                upper=e.value + e.half_width,
                 rmse_before_rpm=errors[k],
                 rmse_after_rpm=errors[k + 1],
                 p_value=1.0 - e.probability,

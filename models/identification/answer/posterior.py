@@ -22,6 +22,7 @@ from thrustmargin.models.identification.sets.set_search import Search
 NAMED = 0.95  # of the weight, for a name
 CHOICE = 0.5  # of the weight holds just one of several, for "either ... or"
 MENTION = 0.05  # of the weight, from which a rotor is mentioned and an alternative listed
+CONFIDENCE = norm.ppf(0.975)  # standard errors on either side of an interval of 95 %
 EXCLUDED = 0.95  # that an effect which was not seen is smaller than what is stated
 
 
@@ -34,6 +35,18 @@ class EffectEstimate:
     probability: float
     value: Floats
     error: Floats
+    steepness: float = 0.0  # standard error of what sets the size of all values, as a share
+
+    @property
+    def half_width(self) -> Floats:
+        """(F, K) of intervals of 95 %, with what no number of rows gets them below."""
+        parameters = self.term.effect.parameters
+        finest = np.array([p.resolution for p in parameters])
+        share = np.array([p.accuracy for p in parameters])
+        share = share + np.array(
+            [0.0 if p.detail else CONFIDENCE * self.steepness for p in parameters]
+        )
+        return CONFIDENCE * self.error + finest + np.abs(self.value) * share
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,14 +56,15 @@ class Posterior:
     search: Search
     sets: tuple[FittedSet, ...]
     weights: Floats  # (sets,)
+    steepness: float = 0.0  # of the thrust curve of motor outputs: a standard error, as a share
 
     @classmethod
-    def of(cls, search: Search, fitted: Iterable[FittedSet]) -> Posterior:
+    def of(cls, search: Search, fitted: Iterable[FittedSet], steepness: float = 0.0) -> Posterior:
         """Sets with their weights."""
         sets = sorted(fitted, key=lambda f: -f.total)
         totals = np.array([s.total for s in sets])
         weights = np.exp(totals - np.logaddexp.reduce(totals))
-        return cls(search=search, sets=tuple(sets), weights=weights)
+        return cls(search=search, sets=tuple(sets), weights=weights, steepness=steepness)
 
     @property
     def best(self) -> FittedSet:
@@ -95,6 +109,7 @@ class Posterior:
             probability=self.probability([candidate]),
             value=mean,
             error=np.sqrt(np.maximum(square - mean**2, 0.0)),
+            steepness=self.steepness,
         )
 
     def alternatives(self) -> tuple[SetWeight, ...]:
@@ -157,8 +172,7 @@ class Posterior:
             likeliest = max(members, key=lambda c: self.probability([c]))
             estimate = self.estimate(likeliest)
             largest = int(np.argmax(np.abs(estimate.value[:, 0])))
-            loss, error = float(estimate.value[largest, 0]), float(estimate.error[largest, 0])
-            half = float(norm.ppf(0.975)) * error
+            loss, half = (float(v[largest, 0]) for v in (estimate.value, estimate.half_width))
             found.append(
                 Mentioned(
                     rotor=rotor,
@@ -208,12 +222,12 @@ def _clear(estimate: EffectEstimate) -> bool:
         if p.absent is not None and not p.detail
     ]
     away = [
-        np.abs(estimate.value[:, k] - absent) > norm.ppf(0.975) * estimate.error[:, k]
+        np.abs(estimate.value[:, k] - absent) > CONFIDENCE * estimate.error[:, k]
         for k, absent in main
     ]
     return not main or bool(np.any(away))
 
 
-def posterior_of(search: Search) -> Posterior:
+def posterior_of(search: Search, steepness: float = 0.0) -> Posterior:
     """The sets that a search has fitted, with their weights."""
-    return Posterior.of(search, search.fitted.values())
+    return Posterior.of(search, search.fitted.values(), steepness)

@@ -13,6 +13,7 @@ from thrustmargin.models.effects.load_factor import LOAD_FACTOR
 from thrustmargin.models.effects.manoeuvre_moment import MANOEUVRE_MOMENT
 from thrustmargin.models.effects.rotor_degradation import LOSS
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.rows.columns import ALL_FLIGHTS, Columns
 from thrustmargin.models.identification.rows.problem import RowsToFit
 from thrustmargin.models.identification.rows.reduced import Reduced
 from thrustmargin.models.model.predict import flown_airframe
@@ -181,16 +182,18 @@ def predicted(rows: RowsToFit, held: Sequence[Held]) -> Floats:
 
 def derivatives(rows: RowsToFit, held: Sequence[Held], of: int) -> Floats:
     """(T, R, P) rpm in modes by the free values of one of the candidates."""
+    return value_columns(rows, held, of).wide(rows.flight)
+
+
+def value_columns(rows: RowsToFit, held: Sequence[Held], of: int) -> Columns:
+    """The same, those of one flight's own values without the zeros of all others."""
     free = held[of].candidate.free
     wanted = sorted({k for k, _ in free})
-    by_row = slopes(rows, held, of, wanted)
-    columns = [np.zeros((*by_row.shape[:2], 0))]
-    for k, flight in free:
-        column = by_row[:, :, wanted.index(k), None]
-        columns.append(
-            column if flight is None else column * (rows.flight == flight)[:, None, None]
-        )
-    return np.concatenate(columns, axis=2)
+    return Columns(
+        values=slopes(rows, held, of, wanted),
+        source=np.array([wanted.index(k) for k, _ in free], dtype=np.intp),
+        flight=np.array([ALL_FLIGHTS if f is None else f for _, f in free], dtype=np.intp),
+    )
 
 
 def slopes(

@@ -25,6 +25,7 @@ from thrustmargin.models.effects.base import Effect, Kind
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.output_speed import FROM_OUTPUTS
+from thrustmargin.models.physics.motor_output import STEEPNESS_ASSUMED, STEEPNESS_SET
 
 FEWEST_FLIGHTS = 3  # that show by how much flights differ
 
@@ -56,6 +57,13 @@ def effects_on_shares(catalogue: Sequence[Effect]) -> tuple[Effect, ...]:
     return tuple(
         e for e in catalogue if (e.kind is Kind.MOMENTS or e.of_one_rotor) and not e.begins
     )
+
+
+def steepness_of(tracks: Sequence[FlightTrack]) -> float:
+    """Standard error, as a share, of how steeply thrust goes with output: of every size that is
+    read off shares. A flight's own fit of it is no surer, for thrust of forward flight is in it."""
+    assumed = any("assumed" in track.sources["rotor_speed_rpm"] for track in tracks)
+    return STEEPNESS_ASSUMED if assumed else STEEPNESS_SET
 
 
 def scaled_to(total: Any, speed: Any) -> Any:

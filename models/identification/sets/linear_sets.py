@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.candidates import Held
+from thrustmargin.models.identification.rows.columns import Columns
 from thrustmargin.models.identification.sets.evidence import Scored, prior_of, score
 from thrustmargin.models.identification.sets.nuisance import EVERY, FlightSums, Solved
 
@@ -115,13 +116,13 @@ class Linear:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ColumnsAbout:
-    """What makes a `Linear`: (N, R, q + Q) rpm in modes of `whole`, of which Q are the forms."""
+    """What makes a `Linear`: q + Q columns of rpm in modes, of which Q are the forms."""
 
     about: FittedSet
     held: tuple[Held, ...]
     columns: tuple[slice, ...]
     asked: int  # q
-    whole: Floats
+    whole: Columns
 
     def linear(self, solved: Solved, sums: Sequence[FlightSums]) -> Linear:
         """By the sums of the flights that are `solved`."""

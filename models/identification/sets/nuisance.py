@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.models.flight import Bools, Floats
+from thrustmargin.models.identification.rows.columns import Columns
 from thrustmargin.models.identification.rows.whitening import Whitening
 
 #: times the size that the free form has on a sound aircraft, and how likely each is beforehand: an
@@ -61,8 +62,7 @@ class FlightSums:
 class Prepared:
     """Columns that are filtered, with the scatter taken out of their sums."""
 
-    z: Floats  # (n, R, q)
-    used: list[NDArray[np.intp]]  # columns that are not zero throughout each flight
+    z: Columns  # n means
     left: list[Floats]  # (K, u) of each flight: what the scatter takes of them
     shared: Floats  # (X, q)
     own: Floats  # (q, q)
@@ -115,33 +115,31 @@ class Nuisance:
     doubt: Floats  # (n, R, D) one of the base model
     free: Floats  # (R, n, H) one of the free form on a sound aircraft
 
-    def sums(self, columns: Floats) -> list[FlightSums]:
+    def sums(self, columns: Columns | Floats) -> list[FlightSums]:
         """Of columns (N, R, q) rpm in modes, flight by flight."""
-        z = self.whitening.apply(columns)
-        return [self._sums(z[f], f) for f in self.flights]
+        return self._all_sums(self._filtered(columns))
 
-    def prepared(self, columns: Floats, solved: Solved) -> Prepared:
+    def prepared(self, columns: Columns | Floats, solved: Solved) -> Prepared:
         """Columns (N, R, q) rpm in modes with the scatter taken out, once for many residuals."""
-        z = self.whitening.apply(columns)
-        sums = [self._sums(z[f], f) for f in self.flights]
+        z = self._filtered(columns)
+        sums = self._all_sums(z)
         shared, own = solved.without_scatter(sums)
         left = [w @ one.scatter for w, one in zip(solved.scatter, sums, strict=True)]
-        used = [one.used for one in sums]
-        return Prepared(z=z, used=used, left=left, shared=shared, own=own)
+        return Prepared(z=z, left=left, shared=shared, own=own)
 
     def with_residual(
         self, columns: Prepared, residual: Floats, solved: Solved
     ) -> tuple[Floats, Floats]:
         """`Solved.without_scatter` of prepared columns and of a residual (N, R) rpm in modes, the
         last one."""
-        last, count = self.whitening.apply(residual[:, :, None]), columns.own.shape[0]
-        sums = [self._sums(last[f], f) for f in self.flights]
+        last, z = self._filtered(residual[:, :, None]), columns.z
+        sums = self._all_sums(last)
         shared, own = solved.without_scatter(sums)
-        cross = np.zeros((count, 1))
-        parts = zip(self.flights, columns.used, columns.left, sums, strict=True)
-        for rows, used, left, one in parts:
-            along = np.tensordot(columns.z[rows], last[rows, :, 0], axes=((0, 1), (0, 1)))
-            cross[used, 0] += along[used] - left.T @ one.scatter[:, 0]
+        cross = np.zeros((z.count, 1))
+        for f, (rows, left, one) in enumerate(zip(self.flights, columns.left, sums, strict=True)):
+            along = np.tensordot(z.values[rows], last.values[rows, :, 0], axes=((0, 1), (0, 1)))
+            used = z.in_flight(f)
+            cross[used, 0] += along[z.source[used]] - left.T @ one.scatter[:, 0]
         whole = np.block([[columns.own, cross], [cross.T, own]])
         return np.concatenate([columns.shared, shared], axis=1), whole
 
@@ -206,7 +204,7 @@ class Nuisance:
     def _gram(self, rows: slice) -> NuisanceGram:
         """S'S, S'X and X'X of one flight."""
         columns = np.concatenate([self.scatter[rows], self.doubt[rows]], axis=2)
-        sums = self._sums(columns, rows, np.arange(columns.shape[2]))
+        sums = self._sums(Columns.of_all(columns), rows, np.arange(columns.shape[2]))
         many = self.scatter.shape[2]
         modes, _, hats = self.free.shape
         known = self.doubt.shape[2]
@@ -219,11 +217,19 @@ class Nuisance:
             whole[part, part] = self.free[mode, rows].T @ self.free[mode, rows]
         return sums.own[:many, :many], sums.shared[:, :many].T, whole
 
-    def _sums(self, z: Floats, rows: slice, used: NDArray[np.intp] | None = None) -> FlightSums:
-        every = z.shape[2]
-        if used is None:  # a residual is always there
-            used = np.arange(1) if every == 1 else np.flatnonzero(z.any(axis=(0, 1)))
-        z, count = z[:, :, used], used.size
+    def _filtered(self, columns: Columns | Floats) -> Columns:
+        asked = columns if isinstance(columns, Columns) else Columns.of_all(columns)
+        return replace(asked, values=self.whitening.apply(asked.values))
+
+    def _all_sums(self, z: Columns) -> list[FlightSums]:
+        return [
+            self._sums(replace(z, values=z.values[rows]), rows, z.in_flight(f))
+            for f, rows in enumerate(self.flights)
+        ]
+
+    def _sums(self, of_flight: Columns, rows: slice, used: NDArray[np.intp]) -> FlightSums:
+        """Of filtered columns over the `rows` of one flight."""
+        z, count = of_flight.values[:, :, of_flight.source[used]], used.size
 
         def flat(columns: Floats) -> Floats:
             return columns.reshape(columns.shape[0] * columns.shape[1], columns.shape[2])
@@ -235,5 +241,5 @@ class Nuisance:
             shared=np.concatenate([doubt, free.reshape(free.shape[0] * free.shape[1], count)]),
             own=flat(z).T @ flat(z),
             used=used,
-            count=every,
+            count=of_flight.count,
         )

@@ -17,9 +17,10 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.candidates import (
     Candidate,
     Held,
-    derivatives,
     predicted,
+    value_columns,
 )
+from thrustmargin.models.identification.rows.columns import Columns, side_by_side
 from thrustmargin.models.identification.rows.reduced import Reduced
 from thrustmargin.models.identification.sets.evidence import (
     IMPOSSIBLE,
@@ -132,19 +133,20 @@ class Search:
             else:
                 members, of = [*about.held, at_start], len(about.held)
                 changes.append(predicted(self.reduced, members) - base)
-            columns.append(derivatives(self.reduced, members, of))
+            columns.append(value_columns(self.reduced, members, of))
             held.append(members[of])
-            places.append(slice(first, first + columns[-1].shape[2]))
+            places.append(slice(first, first + columns[-1].count))
             first = places[-1].stop
         residual = self.reduced.in_modes(self.reduced.measured_rpm) - base
-        asked = np.concatenate([*columns, np.stack(changes, axis=2), residual[:, :, None]], axis=2)
-        whole = np.concatenate([np.nan_to_num(asked), self._forms(about.held)], axis=2)
+        both = np.stack([*changes, residual], axis=2)
+        forms = self._forms(about.held)
+        whole = side_by_side([*columns, Columns.of_all(both), Columns.of_all(forms)])
         return ColumnsAbout(
             about=about,
             held=tuple(held),
             columns=tuple(places),
-            asked=asked.shape[2],
-            whole=whole,
+            asked=first + both.shape[2],
+            whole=whole.without_nan(),
         )
 
     def promising(self, linear: Linear) -> list[Key]:
@@ -264,10 +266,9 @@ class Search:
 
     def _prepared(self, held: Sequence[Held]) -> Prepared:
         """Derivatives by the free values of a set, and its forms."""
-        parts = [derivatives(self.reduced, held, k) for k in range(len(held))]
-        return self.nuisance.prepared(
-            np.nan_to_num(np.concatenate([*parts, self._forms(held)], axis=2)), self.solved
-        )
+        parts = [value_columns(self.reduced, held, k) for k in range(len(held))]
+        whole = side_by_side([*parts, Columns.of_all(self._forms(held))])
+        return self.nuisance.prepared(whole.without_nan(), self.solved)
 
     def _forms(self, held: Sequence[Held]) -> Floats:
         """(N, R, Q) by how much what each effect of a set does may be another than its form says.
@@ -300,7 +301,7 @@ class Search:
         """(levels, P + 1, P + 1) of derivatives and a residual with the forms' doubt taken out,
         and (levels,) the log evidence of all that was taken out."""
         sums = self.nuisance.with_residual(columns, np.nan_to_num(residual), self.solved)
-        asked = [*range(sum(len(h.candidate.free) for h in held)), columns.z.shape[2]]
+        asked = [*range(sum(len(h.candidate.free) for h in held)), columns.z.count]
         return forms_taken_out(self.solved, sums, asked, levels)
 
 

@@ -8,17 +8,22 @@ import pytest
 from tests.models.made_flights import curve_model, made_flight
 from thrustmargin.gcs_plugin.wording.identify_answer import nothing, open_questions
 from thrustmargin.models.effects.base import Kind
+from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer.model_update import with_effects
+from thrustmargin.models.identification.answer.posterior import EffectEstimate
 from thrustmargin.models.identification.loop import identify
+from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.identification.rows.output_shares import (
     learnt_spread,
     of_outputs,
     scaled_to,
     spread_of_flights,
+    steepness_of,
 )
 from thrustmargin.models.model.output_speed import FROM_OUTPUTS
+from thrustmargin.models.physics.motor_output import STEEPNESS_ASSUMED, STEEPNESS_SET
 
 TRIM = 0.006  # of rotor speed, by which each rotor of sound flights differs
 ROLL = np.array([1.0, -1.0, -1.0, 1.0])
@@ -44,7 +49,8 @@ def test_a_weak_rotor_is_named_by_its_share_whatever_the_battery_does():
     assert names(found) == [("rotor_degradation", 2)]
     (loss,) = found.found
     assert loss.lower[0, 0] < 0.2 < loss.upper[0, 0]
-    assert loss.upper[0, 0] - loss.lower[0, 0] > 0.02  # flights differ more than rows do
+    # Flights differ more than rows do, and the thrust curve's steepness is known to 15 %.
+    assert loss.upper[0, 0] - loss.lower[0, 0] > 0.02 + 2 * 1.96 * 0.15 * loss.value[0, 0]
     assert {e.term.effect.kind for e in found.excluded} <= {Kind.MOMENTS, Kind.COEFFICIENT}
 
 
@@ -97,3 +103,22 @@ def test_spread_of_flights_by_hand():
     assert few[0] > 100.0
     # t of 4 degrees at 97.5 % is 2.7764, the normal quantile 1.9600
     assert learnt_spread(residual, flight)[0] == pytest.approx(3.5355 * 2.7764 / 1.96, rel=1e-3)
+
+
+def test_a_size_read_off_shares_is_as_sure_as_the_thrust_curve():
+    known, assumed = by_outputs(1), by_outputs(2)
+    words = {"rotor_speed_rpm": f"{FROM_OUTPUTS} (RCOU, an assumed exponent of 0.65)"}
+    assumed = replace(assumed, sources=words)
+    assert steepness_of([known, known]) == STEEPNESS_SET == 0.15
+    assert steepness_of([known, assumed]) == STEEPNESS_ASSUMED == 0.3
+    term = Term(effect=ROTOR_DEGRADATION, rotor=1)
+    one = EffectEstimate(
+        candidate=0,
+        term=term,
+        probability=1.0,
+        value=np.array([[0.1, 0.5]]),
+        error=np.array([[0.01, 0.1]]),
+        steepness=0.3,
+    )
+    assert one.half_width[0] == pytest.approx([1.96 * (0.01 + 0.3 * 0.1), 1.96 * 0.1], rel=1e-4)
+    assert replace(one, steepness=0.0).half_width[0, 0] == pytest.approx(0.0196, rel=1e-3)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from thrustmargin.models.identification.rows.columns import ALL_FLIGHTS, Columns, side_by_side
 from thrustmargin.models.identification.rows.whitening import Whitening
 from thrustmargin.models.identification.sets.learning import LEAST, learn
 from thrustmargin.models.identification.sets.nuisance import LEVELS, Nuisance
@@ -117,27 +118,36 @@ def test_components_that_keep_their_size_keep_it_and_none_vanishes():
     assert learnt.scatter[1] == learnt.scatter[2] < 0.5
 
 
+def own_values(rng) -> Columns:
+    """A column of both flights, and two values of which each flight has its own."""
+    owners = np.array([ALL_FLIGHTS, 0, 1, 0, 1])
+    values = columns_of(rng)
+    return Columns(values=values, source=np.array([0, 1, 1, 2, 2]), flight=owners)
+
+
 def test_a_value_of_one_flight_is_summed_there_alone_and_fits_in_among_the_others():
-    """Its column is zero in other flights, which leave it out of their sums."""
     nuisance, rng = made()
-    columns = columns_of(rng)
-    columns[2 + ROWS :, :, 1] = 0.0
+    columns = own_values(rng)
     sums = nuisance.sums(columns)
-    assert [s.used.tolist() for s in sums] == [[0, 1, 2], [0, 2]]
+    assert [s.used.tolist() for s in sums] == [[0, 1, 3], [0, 2, 4]]
+    flight = np.repeat([0, 0, 1], [2, ROWS, ROWS])
+    wide = columns.wide(flight)
+    assert not wide[flight == 1, :, 1].any()
+    assert not wide[flight == 0, :, 4].any()
     solved, level = nuisance.solved(), 3
-    flat = columns[2:].reshape(-1, 3)
+    flat = wide[2:].reshape(-1, 5)
     expected = flat.T @ np.linalg.solve(dense(nuisance, LEVELS[level]), flat)
-    np.testing.assert_allclose(solved.reduce(sums)[level], expected, rtol=1e-8)
+    np.testing.assert_allclose(solved.reduce(sums)[level], expected, rtol=1e-8, atol=1e-9)
 
 
 def test_a_residual_beside_columns_that_were_prepared_is_one_more_column():
     nuisance, rng = made()
-    columns = columns_of(rng, 4)
-    columns[2 + ROWS :, :, 2] = 0.0
+    columns, residual = own_values(rng), columns_of(rng, 1)
     solved = nuisance.solved()
-    whole = solved.without_scatter(nuisance.sums(columns))
-    prepared = nuisance.prepared(columns[:, :, :3], solved)
-    found = nuisance.with_residual(prepared, columns[:, :, 3], solved)
+    both = side_by_side([columns, Columns.of_all(residual)])
+    whole = solved.without_scatter(nuisance.sums(both))
+    prepared = nuisance.prepared(columns, solved)
+    found = nuisance.with_residual(prepared, residual[:, :, 0], solved)
     for one, other in zip(found, whole, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
 

@@ -1,0 +1,59 @@
+"""Columns of a fit of which some belong to one flight alone, without the zeros of all others.
+
+A tank gauge's gain or a wind is a value of its own in each flight. Written out, its derivatives
+are one column a flight over the rows of all flights; here they share one array.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thrustmargin.models.flight import Floats
+
+ALL_FLIGHTS = -1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Columns:
+    """q columns of N rows in R modes, rpm."""
+
+    values: Floats  # (N, R, c)
+    source: NDArray[np.intp]  # (q,) which of the c each is
+    flight: NDArray[np.intp]  # (q,) the one flight in which it is not zero, or ALL_FLIGHTS
+
+    @classmethod
+    def of_all(cls, values: Floats) -> Columns:
+        """Columns (N, R, q) of all flights."""
+        count = values.shape[2]
+        return cls(values=values, source=np.arange(count), flight=np.full(count, ALL_FLIGHTS))
+
+    @property
+    def count(self) -> int:
+        return self.source.size
+
+    def in_flight(self, flight: int) -> NDArray[np.intp]:
+        """(u,) the columns that are not zero throughout a flight."""
+        return np.flatnonzero((self.flight == ALL_FLIGHTS) | (self.flight == flight))
+
+    def without_nan(self) -> Columns:
+        """With 0 where something is not known."""
+        return replace(self, values=np.nan_to_num(self.values))
+
+    def wide(self, flight: NDArray[np.intp]) -> Floats:
+        """(N, R, q) written out, for rows of the flights (N,)."""
+        there = (self.flight == ALL_FLIGHTS) | (self.flight == flight[:, None])
+        return self.values[:, :, self.source] * there[:, None, :]
+
+
+def side_by_side(parts: Sequence[Columns]) -> Columns:
+    """All columns of some parts, in their order."""
+    first = np.cumsum([0, *(p.values.shape[2] for p in parts)])
+    return Columns(
+        values=np.concatenate([p.values for p in parts], axis=2),
+        source=np.concatenate([p.source + k for p, k in zip(parts, first[:-1], strict=True)]),
+        flight=np.concatenate([p.flight for p in parts]),
+    )
