@@ -27,6 +27,7 @@ COMMANDS = {
     "demo": "Show what thrustmargin does",
     "fetch": "Download the mission or a flight log from the vehicle",
     "fill": "Say how much liquid to fill for a day, and how that changes with air and battery",
+    "fleet": "Show which aircraft of a season to look at first, and why",
     "identify": "Find what a rotor speed model lacks",
     "ingest": "Take logs into the store of a season",
     "inspect": "Show what a log holds",

@@ -17,6 +17,7 @@ WITHOUT_TORCH = {
     "airframe": ["check", "topxgun-f16-sitl", FLIGHT],
     "fetch": ["mission", "--help"],
     "fill": ["--airframe", "topxgun-f16"],
+    "fleet": ["season"],
     "identify": [FLIGHT],
     "ingest": [FLIGHT, "--store", "season"],
     "inspect": [FLIGHT],

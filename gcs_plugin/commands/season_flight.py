@@ -24,6 +24,7 @@ from thrustmargin.gcs_plugin.store.schema import ROTORS
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore, array_cells
 from thrustmargin.gcs_plugin.store.staging import SeasonFlight, stage
 from thrustmargin.models.errors import DataError, ThrustMarginError
+from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse, worst_rotor
 from thrustmargin.models.model.model_file import model_digest
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -84,9 +85,17 @@ def season_flights(path: Path, content: str, settings: IngestSettings) -> list[S
 def _season_flight(
     path: Path, name: str, settings: IngestSettings, reading: ReadingOptions
 ) -> tuple[SeasonFlight, FlightLog]:
-    model, digest = season_model(settings.model, settings.airframe)
+    model, _ = season_model(settings.model, settings.airframe)
     given = settings.model is not None or settings.airframe is not None
     log, claim = read_flight(path, model, given=given, reading=reading)
+    return flight_of_log(log, claim, name, settings, file=path.name), log
+
+
+def flight_of_log(
+    log: FlightLog, claim: AirframeClaim, name: str, settings: IngestSettings, *, file: str = ""
+) -> SeasonFlight:
+    """What the store keeps of a log that was read from a file. Raises DataError when it is none."""
+    model, digest = season_model(settings.model, settings.airframe)
     if log.track.rotor_count > ROTORS:
         raise DataError(f"{log.track.rotor_count} rotors; the store has columns for {ROTORS}")
     if not np.any(log.track.flying):
@@ -94,14 +103,14 @@ def _season_flight(
     analysis = analyse(log.track, model, claim=claim)
     sums, reason = _sums(analysis)
     identity, program = aircraft_identity(log, settings.aircraft), firmware(log)
-    aircraft, read = identity.name, log
+    aircraft = identity.name
     if settings.key is not None:
         aircraft = f"aircraft-{pseudonym(settings.key, aircraft)[:8]}"
         analysis, log = anonymous(analysis, log, name)
     report = report_flight(analysis, log, max_utilisation=settings.max_utilisation)
     known = None if analysis.withheld else digest
     if reason is not None and settings.key is not None:
-        reason = without_name(reason, path.name)
+        reason = without_name(reason, file)
     started = log.track.start_unix_s
     summary = _summary(analysis, log, report) | {
         "flight": name,
@@ -118,8 +127,7 @@ def _season_flight(
     }
     head = {"flight": name, "started_unix_s": started, "model_digest": known}
     kept = None if sums is None else head | {"arrays": array_cells(sums)}
-    flight = SeasonFlight(aircraft=aircraft, summary=summary, rows=rows, sums=kept)
-    return flight, read
+    return SeasonFlight(aircraft=aircraft, summary=summary, rows=rows, sums=kept)
 
 
 def _sums(analysis: FlightAnalysis) -> tuple[dict[str, np.ndarray] | None, str | None]:

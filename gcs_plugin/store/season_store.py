@@ -28,12 +28,13 @@ from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
     import pyarrow as pa
+    import pyarrow.dataset as pa_dataset
     from fsspec import AbstractFileSystem
 
 STAGED = "_staged"
 #: Files that are being written to a disk; what a killed writer leaves there means nothing.
 DRAFTS = "_drafts"
-#: Month of a flight whose log tells no time.
+#: Month of a flight whose log has no time.
 NO_MONTH = "unknown"
 Arrays = Mapping[str, np.ndarray]
 
@@ -107,6 +108,10 @@ class SeasonStore:
 
         `where` is a pyarrow expression; `aircraft` and `month` in it choose what is read at all.
         """
+        return self.dataset(name).to_table(columns=columns, filter=where)
+
+    def dataset(self, name: str) -> pa_dataset.Dataset:
+        """The same, not read yet."""
         import pyarrow as pa
         import pyarrow.dataset as ds
 
@@ -116,15 +121,14 @@ class SeasonStore:
             schema = pa.schema([*schema, *folders])
         found = [self.path(key) for key in self.keys(name) if key.endswith(".parquet")]
         if not found:
-            return schema.empty_table().select(columns or schema.names)
-        data = ds.dataset(
+            return ds.dataset(schema.empty_table())
+        return ds.dataset(
             found,
             schema=schema,
             filesystem=self.files,
             format="parquet",
             partitioning=ds.HivePartitioning(folders),
         )
-        return data.to_table(columns=columns, filter=where)
 
 
 def read_flights(store: SeasonStore, aircraft: str | None = None) -> pa.Table:

@@ -8,11 +8,12 @@ change" each of them is the largest of many squared normal numbers.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.stats import chi2, norm
 
@@ -141,6 +142,13 @@ class _ConstantOrLine:
         else:
             of = (mean, 0.0, middle, w**-0.5, 0.0, squares, squares)
         return _Piece(*(float(value) for value in of))
+
+
+def placed(entry: SeasonEntry, where: NDArray[np.intp]) -> SeasonEntry:
+    """An entry of the flights at the places `where`, counted over all flights."""
+    after = [*where.tolist(), int(where[-1]) + 1]
+    counted = ("flight", "earliest", "latest", "until")
+    return replace(entry, **{k: after[min(getattr(entry, k), where.size)] for k in counted})
 
 
 def segments(values: Floats, errors: Floats, penalty: float) -> list[tuple[int, int]]:

@@ -7,7 +7,7 @@ gravity, a mass and a yaw moment. A curve is known to FORM of itself: what is le
 is no change.
 
 What all flights have in common may be the model's fault, and more flights do not cure that: a mean
-over the season is judged as by one flight of average noise. Changes are judged by all flights.
+over the season is weighed as by one flight of average noise. Changes are weighed by all flights.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from thrustmargin.models.season.change_points import (
     SeasonEntry,
     changes,
     penalty_of,
+    placed,
     spread_beyond,
 )
 from thrustmargin.models.season.season_sums import SeasonSums
@@ -48,6 +49,12 @@ class Trend:
     changes: tuple[SeasonEntry, ...]
     instead: tuple[str, ...]  # other values whose change would explain these flights as well
     least_seen: float  # a step of the last RECENT flights of this size would have been entered
+    usual: float  # by how much a sound aircraft has of it from flight to flight
+
+    @property
+    def now(self) -> float:
+        """As the season leaves it, 0 being what the model says."""
+        return float(self.curve[-1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -167,7 +174,7 @@ def _entries(
     for change in entries:
         own = np.hypot(change.size / change.score, off)
         if abs(change.size) > np.sqrt(penalty) * own:
-            kept.append(_placed(change, where))
+            kept.append(placed(change, where))
     return kept, np.interp(np.arange(sums.flights), where, curve)
 
 
@@ -189,10 +196,9 @@ def _basis(sums: SeasonSums, found: _Found) -> tuple[NDArray[np.intp], Floats, F
     """(B,) place, (F, B) curve and (B,) prior size of what all flights are fitted with: each value
     has a mean, as on a sound aircraft unless it is shared; each shape its size, a loss its torque
     share. The means come first."""
-    main, scale = sums.main, sums.limit("scale")
-    usual = np.maximum(sums.limit("smallest"), NO_SCATTER * scale)[main]
+    main, scale, usual = sums.main, sums.limit("scale"), _usual(sums)
     free = np.array([int(k) in found.shared for k in main], dtype=bool)
-    prior = [*(np.where(free, scale[main], usual) / np.sqrt(sums.flights))]
+    prior = [*(np.where(free, scale[main], usual[main]) / np.sqrt(sums.flights))]
     places, curves = [*main], [np.ones((sums.flights, main.size))]
     for place, shape in found.shapes.items():
         share = sums.share_of(place)
@@ -201,6 +207,11 @@ def _basis(sums: SeasonSums, found: _Found) -> tuple[NDArray[np.intp], Floats, F
             prior.append(size)
             curves.append(shape[:, None])
     return np.array(places), np.concatenate(curves, axis=1), np.array(prior)
+
+
+def _usual(sums: SeasonSums) -> Floats:
+    """(q,) what a sound aircraft has of each value."""
+    return np.maximum(sums.limit("smallest"), NO_SCATTER * sums.limit("scale"))
 
 
 def _joint(sums: SeasonSums, found: _Found) -> tuple[Floats, float]:
@@ -287,11 +298,5 @@ def _trend(sums: SeasonSums, place: int, found: _Found, penalty: float) -> Trend
         changes=tuple(entries),
         instead=instead,
         least_seen=least,
+        usual=float(_usual(sums)[place]),
     )
-
-
-def _placed(change: SeasonEntry, where: NDArray[np.intp]) -> SeasonEntry:
-    """Counted over all flights, those too that say nothing of the value."""
-    after = [*where.tolist(), int(where[-1]) + 1]
-    counted = ("flight", "earliest", "latest", "until")
-    return replace(change, **{k: after[min(getattr(change, k), where.size)] for k in counted})

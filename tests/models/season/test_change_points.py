@@ -39,7 +39,7 @@ def test_a_segment_is_its_weighted_mean_or_its_regression_line():
 
 
 def test_the_error_of_a_slope_is_that_of_a_regression():
-    values, errors = np.arange(20) * 1.0, np.full(20, 0.3)
+    values, errors = np.arange(20.0), np.full(20, 0.3)
     found = _ConstantOrLine(values, errors, 1.0).fitted(0, 20)
     noisy = values + 0.3 * np.random.default_rng(2).standard_normal(20)
     assert found.slope_error == pytest.approx(0.3 / np.sqrt(np.sum((np.arange(20) - 9.5) ** 2)))

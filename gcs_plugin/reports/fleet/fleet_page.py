@@ -1,0 +1,259 @@
+"""A fleet's season as one page, as JSON, as CSV and as the lines of a table."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import (
+    ACT,
+    FINE,
+    FIRST,
+    LEVELS,
+    WATCH,
+    AircraftSeason,
+    finite,
+    sum_of,
+)
+from thrustmargin.gcs_plugin.reports.shared.page_shell import page_text, software_version
+from thrustmargin.gcs_plugin.wording import fleet_words as words
+from thrustmargin.gcs_plugin.wording.numbers import number, percent
+from thrustmargin.models.season.season_changes import Trend
+
+COLOURS = {FIRST: "critical", ACT: "over", WATCH: "unknown", FINE: "under"}
+MOST_LISTED = 20
+WIDE, HIGH = 520.0, 96.0  # of a small chart, in its own units
+HEADS = ("aircraft", "what", "why", "do", "flights", "hours", "worst margin", "above limit")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FleetSeason:
+    """All aircraft, those to look at first at the top."""
+
+    store: str
+    aircraft: tuple[AircraftSeason, ...]
+    rejected: int  # logs that were no flights
+
+    @property
+    def flights(self) -> int:
+        return sum(len(a.flights) for a in self.aircraft)
+
+    @property
+    def call(self) -> str:
+        """The one sentence to act on."""
+        first = self.aircraft[0] if self.aircraft else None
+        if first is None:
+            return "no flights in the store"
+        if not first.findings or first.level in (FINE, WATCH):
+            return "no aircraft has to be looked at"
+        return f"{first.name}: {first.findings[0].action.split(';')[0]}"
+
+    @property
+    def level(self) -> str:
+        return self.aircraft[0].level if self.aircraft else WATCH
+
+    @property
+    def days(self) -> str:
+        """First and last day of flying."""
+        known = [f["started_unix_s"] for a in self.aircraft for f in a.flights]
+        known = [s for s in known if finite(s)]
+        return f"{words.day(min(known))} to {words.day(max(known))}" if known else "no dates"
+
+    @property
+    def reasons(self) -> list[tuple[str, int]]:
+        """Why flights have no verdict, the usual reason first."""
+        without = [f for a in self.aircraft for f in a.without_verdict]
+        return Counter(str(f["verdict_reason"] or "unknown") for f in without).most_common()
+
+    @property
+    def above_limit(self) -> list[tuple[str, Any]]:
+        """Flights above the limit, the worst first."""
+        found = [(a.name, f) for a in self.aircraft for f in a.above_limit]
+        return sorted(found, key=lambda one: one[1]["worst_margin"])[:MOST_LISTED]
+
+
+def ranked(store: str, aircraft: Sequence[AircraftSeason], rejected: int = 0) -> FleetSeason:
+    """The aircraft in the order in which to look at them."""
+
+    def urgency(one: AircraftSeason) -> tuple[int, float, str]:
+        weight = one.findings[0].weight if one.findings else 0.0
+        return LEVELS.index(one.level), -weight, one.name
+
+    order = tuple(sorted(aircraft, key=urgency))
+    return FleetSeason(store=store, aircraft=order, rejected=rejected)
+
+
+def cells(one: AircraftSeason) -> tuple[str, ...]:
+    """The row of an aircraft under HEADS."""
+    top = one.findings[0] if one.findings and one.level != FINE else None
+    worst = one.worst
+    return (
+        one.name,
+        one.level,
+        top.sentence if top else one.no_changes or words.HEALTHY,
+        top.action if top else "",
+        str(len(one.flights)),
+        number(one.hours, "", 1),
+        percent(worst["worst_margin"]) if worst else "unknown",
+        str(len(one.above_limit)),
+    )
+
+
+def html_text(fleet: FleetSeason, *, alone: bool = False) -> str:
+    """The page; of one aircraft `alone` with all its flights."""
+    return page_text(
+        "thrustmargin.gcs_plugin.reports.fleet",
+        {
+            "fleet": fleet,
+            "alone": alone,
+            "heads": HEADS,
+            "software": software_version(),
+            "colours": COLOURS,
+        },
+        functions={
+            "cells": cells,
+            "number": number,
+            "percent": percent,
+            "day": words.day,
+            "chart": chart,
+            "title": lambda trend: words.value_words(trend.name).title,
+            "now": now,
+            "least_loss": words.least_loss,
+            "listed": listed,
+            "finite": finite,
+        },
+        own_style=True,
+        draws=False,
+    )
+
+
+def listed(one: AircraftSeason) -> list[Trend]:
+    """The trends that a page draws: the rotors, then what changed, then the usual ones."""
+    trends = one.changes.trends if one.changes else ()
+    more = [t for t in trends if t not in one.rotors and (t.changes or t.name in words.TRENDS)]
+    return [*one.rotors, *more, *([one.battery] if one.battery else [])]
+
+
+def now(trend: Trend) -> str:
+    """The value after the last flight with its interval."""
+    known = np.flatnonzero(np.isfinite(trend.value) & np.isfinite(trend.error))
+    if not known.size:
+        return "unknown"
+    spoken = words.value_words(trend.name)
+    value, half = float(trend.curve[known[-1]]), 1.96 * float(trend.error[known[-1]])
+    return f"{spoken.amount(value)} (last flight \N{PLUS-MINUS SIGN} {spoken.amount(half)})"
+
+
+def chart(trend: Trend) -> Markup:
+    """Each flight with its interval, the season's curve and the changes, as SVG."""
+    known = np.flatnonzero(np.isfinite(trend.value) & np.isfinite(trend.error))
+    if known.size < 2:
+        return Markup("")
+    middle, half = trend.value.tolist(), (1.96 * trend.error).tolist()
+    curve: list[float] = trend.curve.tolist()
+    value, error = trend.value[known], 1.96 * trend.error[known]
+    low = min(0.0, float(np.quantile(value - error, 0.02)))
+    high = max(0.0, float(np.quantile(value + error, 0.98)))
+    span = max(high - low, 1e-12)
+
+    def x(k: float) -> str:
+        return f"{4.0 + (WIDE - 8.0) * k / max(trend.value.size - 1, 1):.1f}"
+
+    def y(value: float) -> str:
+        return f"{4.0 + (HIGH - 8.0) * (1.0 - (np.clip(value, low, high) - low) / span):.1f}"
+
+    every = known[:: max(1, known.size // 150)].tolist()
+    drawn = [(x(k), *map(y, (middle[k], middle[k] - half[k], middle[k] + half[k]))) for k in every]
+    bars = "".join(
+        f'<path d="M{at} {low_end}V{high_end}"/><circle cx="{at}" cy="{mid}" r="2"/>'
+        for at, mid, low_end, high_end in drawn
+    )
+    line = " ".join(f"{x(k)},{y(curve[k])}" for k in range(len(curve)))
+    marks = "".join(f'<path class="at" d="M{x(e.flight)} 0V{HIGH}"/>' for e in trend.changes)
+    label = words.value_words(trend.name).title
+    return Markup(
+        '<svg viewBox="0 0 {w} {h}" role="img" aria-label="{label}">'
+        '<path class="zero" d="M0 {zero}H{w}"/>{bars}{marks}<polyline points="{line}"/></svg>'
+    ).format(
+        w=WIDE, h=HIGH, label=label, zero=y(0.0),
+        bars=Markup(bars), marks=Markup(marks), line=line,
+    )  # fmt: skip
+
+
+def as_json(fleet: FleetSeason) -> str:
+    """All of it; null where a value is unknown."""
+    made = {
+        "schema": "thrustmargin.fleet/1",
+        "store": fleet.store,
+        "call": fleet.call,
+        "flights": fleet.flights,
+        "aircraft": [_json(a) for a in fleet.aircraft],
+        "without_verdict": [{"reason": r, "flights": n} for r, n in fleet.reasons],
+        "software": software_version(),
+    }
+    return json.dumps(made, indent=1, allow_nan=False) + "\n"
+
+
+def _json(one: AircraftSeason) -> dict[str, Any]:
+    trends = [] if one.changes is None else list(one.changes.trends)
+    return {
+        "aircraft": one.name,
+        "level": one.level,
+        "flights": len(one.flights),
+        "hours": _plain(one.hours),
+        "hectares": _plain(sum_of(one.flights, "hectares")),
+        "litres": _plain(sum_of(one.flights, "litres")),
+        "worst_margin": _plain(one.worst["worst_margin"]) if one.worst else None,
+        "above_limit": len(one.above_limit),
+        "without_verdict": len(one.without_verdict),
+        "smallest_loss_seen": _plain(one.least_seen),
+        "no_changes": one.no_changes or None,
+        "findings": [{**asdict(f), "weight": _plain(f.weight)} for f in one.findings],
+        "trends": [
+            {
+                "name": t.name,
+                "now": _plain(t.now),
+                "least_seen": _plain(t.least_seen),
+                "changes": [{k: _plain(v) for k, v in asdict(e).items()} for e in t.changes],
+                "instead": list(t.instead),
+                "value": [_plain(v) for v in t.value.tolist()],
+                "error": [_plain(v) for v in t.error.tolist()],
+            }
+            for t in (*trends, *([one.battery] if one.battery else []))
+        ],
+        "parts": [
+            {
+                "part": p.part.name,
+                "position": p.part.position,
+                "flights": p.flights,
+                "hours": _plain(p.hours),
+                "loss": _plain(p.loss),
+                "loss_error": _plain(p.loss_error),
+            }
+            for p in one.parts
+        ],
+    }
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, bool | int) or value is None:
+        return value
+    return float(f"{value:.6g}") if np.isfinite(value) else None
+
+
+def as_csv(fleet: FleetSeason) -> str:
+    """One row an aircraft; no cell begins as a formula of a spreadsheet."""
+    out = io.StringIO()
+    writer = csv.writer(out)
+    writer.writerow(HEADS)
+    for one in fleet.aircraft:
+        writer.writerow("'" + c if c[:1] in ("=", "+", "-", "@") else c for c in cells(one))
+    return out.getvalue()

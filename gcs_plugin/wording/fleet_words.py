@@ -1,0 +1,133 @@
+"""What a season says of an aircraft, in words: what changed, when, and what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from types import MappingProxyType
+from typing import Any
+
+from thrustmargin.gcs_plugin.wording.effect_sentences import WORDS
+from thrustmargin.gcs_plugin.wording.numbers import known, number
+from thrustmargin.models.season.change_points import SeasonEntry
+from thrustmargin.models.season.season_sums import LOSS
+
+
+@dataclass(frozen=True, slots=True)
+class ValueWords:
+    """How one value of a season is called and written; its numbers are times `factor`."""
+
+    title: str
+    unit: str
+    factor: float = 1.0
+    decimals: int = 1
+    action: str = ""
+
+    def amount(self, value: float) -> str:
+        """`3.1 %`."""
+        return number(value * self.factor, self.unit, self.decimals)
+
+
+BALANCE = "move battery or load back to the middle, or look for what was mounted"
+BATTERY = "battery resistance"
+VALUES: Mapping[str, ValueWords] = MappingProxyType(
+    {
+        "yaw_trim.moment": ValueWords(
+            "yaw moment", "N m", 1.0, 2, "level the motors; look for a twisted arm"
+        ),
+        "cg_offset.x": ValueWords("centre of gravity forward", "mm", 1e3, 0, BALANCE),
+        "cg_offset.y": ValueWords("centre of gravity to the right", "mm", 1e3, 0, BALANCE),
+        "extra_mass.mass": ValueWords("mass not reported", "kg", 1.0, 2, "weigh it empty"),
+        "tank_scale.gain": ValueWords(
+            "load above the tank gauge", "%", 100.0, 1, "weigh the tank full and set the gauge"
+        ),
+        BATTERY: ValueWords(
+            BATTERY, "m\N{GREEK CAPITAL LETTER OMEGA}", 1e3, 0, "test the battery, or retire it"
+        ),
+    }
+)
+TRENDS = ("yaw_trim.moment", "cg_offset.x", "cg_offset.y", "extra_mass.mass", "tank_scale.gain")
+SWAP_UNKNOWN = "as after a new propeller or motor; enter it into parts.csv"
+SILENT = "nothing was reported then"
+HEALTHY = "nothing changed"
+FILL_LESS = "fill less: thrustmargin fill says how much"
+
+
+def rotor_of(name: str) -> int | None:
+    """The rotor, from 1, of the name of a rotor's loss."""
+    return int(name.removeprefix(LOSS)) if name.startswith(LOSS) else None
+
+
+def value_words(name: str) -> ValueWords:
+    """The words of a value by its name in the sums of flights."""
+    rotor = rotor_of(name)
+    if rotor is not None:
+        action = f"change propeller {rotor}; if the loss stays, look at motor and ESC {rotor}"
+        return ValueWords(f"thrust lost by rotor {rotor}", "%", 100.0, 1, action)
+    if name in VALUES:
+        return VALUES[name]
+    effect, _, value = name.rpartition(".")
+    effect_words = WORDS.get(effect) or WORDS.get(effect.partition(":")[0])
+    action = "run thrustmargin identify on the flights since then"
+    if effect_words and effect_words.action and "--out" not in effect_words.action:
+        action = effect_words.action
+    spelt = " ".join((effect.replace("_", " "), value.replace("_", " ")))
+    return ValueWords(spelt, "", 1.0, 3, action)
+
+
+def day(unix_s: float | None) -> str:
+    """`12 Jun 2026`; empty where the log does not tell."""
+    if not known(unix_s):
+        return ""
+    when = datetime.fromtimestamp(unix_s, tz=UTC)
+    return f"{when.day} {when:%b %Y}"
+
+
+def flight_words(index: int, unix_s: float | None) -> str:
+    """`flight 61 (12 Jun 2026)` of a flight counted from 0."""
+    date = day(unix_s)
+    return f"flight {index + 1}" + (f" ({date})" if date else "")
+
+
+def entry_sentence(name: str, entry: SeasonEntry, when: str, ended: bool) -> str:
+    """What changed and when, with the interval of the flight: 95 %."""
+    words = value_words(name)
+    since = when
+    if entry.latest > entry.earliest:
+        since += f", {entry.earliest + 1} to {entry.latest + 1},"
+    start, end = words.amount(entry.before), words.amount(entry.after)
+    if entry.ramp:
+        each = number(entry.per_flight * words.factor, words.unit, words.decimals + 1)
+        until = f"until flight {entry.until}" if ended else "still going on"
+        return f"{words.title}: {each} more a flight since {since} from {start} to {end}, {until}"
+    if rotor_of(name) is not None and back_to_sound(entry):
+        return f"{words.title}: back from {start} to {end} at {since}"
+    return f"{words.title}: from {start} to {end} at {since}"
+
+
+def back_to_sound(entry: SeasonEntry) -> bool:
+    """True for a step after which a rotor lacks less than before it."""
+    return not entry.ramp and entry.size < 0.0 and abs(entry.after) < abs(entry.before)
+
+
+def shared_sentence(name: str, value: float, error: float) -> str:
+    """What all flights have in common that the model does not."""
+    words = value_words(name)
+    low, high = (words.amount(value + k * error) for k in (-1.96, 1.96))
+    return f"{words.title}: {words.amount(value)} in all flights ({low} to {high})"
+
+
+def least_loss(least: float) -> str:
+    """The sensitivity of a season."""
+    return f"a loss of {number(100 * least, '%', 2)} in the last 10 flights would have been seen"
+
+
+def margin_sentence(bad: int, recent: int, worst: Mapping[str, Any]) -> str:
+    """Flights that used more thrust than is allowed."""
+    least = number(100.0 * worst["worst_margin"], "%", 0)
+    doing = f" in {worst['worst_doing']}" if worst["worst_doing"] else ""
+    return (
+        f"above the limit in {bad} of the last {recent} flights; least thrust margin {least}, "
+        f"rotor {worst['worst_rotor']}{doing}"
+    )

@@ -1,0 +1,113 @@
+"""One aircraft's season: findings in the order of their weight, tied to what was reported then."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from tests.gcs_plugin.reports.fleet.made_store import DAY, START, rows_of, sums_of
+from tests.models.season.made_seasons import GAIN, LOSS_2, season, wear, with_change
+from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import (
+    ACT,
+    FINE,
+    FIRST,
+    WATCH,
+    aircraft_season,
+)
+from thrustmargin.gcs_plugin.reports.fleet.parts import Part
+
+RNG = np.random.default_rng
+
+
+def test_wear_that_goes_on_is_looked_at_first_with_its_date_and_what_was_said():
+    flights = with_change(season(RNG(1), 60), LOSS_2, wear(60, 30, 0.002))
+    rows = rows_of(60)
+    rows[30]["alarms"] = ["rotor 2 weak"]
+    found = aircraft_season("a", rows, sums_of(flights))
+    assert found.level == FIRST
+    top = found.findings[0]
+    assert (
+        "thrust lost by rotor 2: 0.20 % more a flight since flight 31 (31 May 2026" in top.sentence
+    )
+    assert top.action.startswith("change propeller 2")
+    assert top.then == "rotor 2 weak"
+
+
+def test_a_small_step_is_watched_and_a_larger_one_acted_on():
+    late = np.arange(60) >= 40
+    small, larger = (
+        aircraft_season("a", rows_of(60), sums_of(with_change(season(RNG(2), 60), LOSS_2, loss)))
+        for loss in (0.006 * late, 0.02 * late)
+    )
+    assert small.level == WATCH
+    assert larger.level == ACT
+
+
+def test_a_swap_is_named_by_its_part_and_is_no_reason_to_look():
+    lost = np.where(np.arange(60) < 40, 0.03, 0.0)
+    flights = with_change(season(RNG(3), 60), LOSS_2, lost)
+    swap = START + 39.5 * DAY
+    place = Part(name="", aircraft="a", position="propeller 2", installed_s=-np.inf, removed_s=swap)
+    old = replace(place, name="P-1")
+    new = replace(place, name="P-2", installed_s=swap, removed_s=np.inf)
+    found = aircraft_season("a", rows_of(60), sums_of(flights), [old, new])
+    (step,) = (f for f in found.findings if f.flight is not None)
+    assert step.level == FINE
+    assert "propeller 2 P-2, installed" in step.action
+    assert "back from 2.9 % to" in step.sentence
+    before, after = found.parts
+    assert (before.flights, after.flights) == (40, 20)
+    assert after.hours == 20 * 600.0 / 3600.0
+    assert abs(before.loss - 0.03) < 3 * before.loss_error + 0.003
+    assert abs(after.loss) < 3 * after.loss_error + 0.003
+    unknown = aircraft_season("a", rows_of(60), sums_of(flights))
+    assert any("enter it into parts.csv" in f.action for f in unknown.findings)
+
+
+def test_an_ageing_battery_is_dated_and_a_steady_one_is_silent():
+    noise = 0.0005 * RNG(4).standard_normal(60)
+    rows = rows_of(60, battery_ohm_error=0.0003)
+    for k, row in enumerate(rows):
+        row["battery_ohm"] = 0.030 + noise[k] + 0.001 * max(0, k - 29)
+    found = aircraft_season("a", rows, [])
+    assert found.level == FIRST  # doubled
+    assert "battery resistance" in found.findings[0].sentence
+    for k, row in enumerate(rows):
+        row["battery_ohm"] = 0.030 + noise[k]
+    assert aircraft_season("a", rows, []).findings == ()
+
+
+def test_a_healthy_season_says_what_it_would_have_seen():
+    found = aircraft_season("a", rows_of(50), sums_of(season(RNG(5), 50)))
+    assert (found.level, found.findings) == (FINE, ())
+    assert 0.0005 < found.least_seen < 0.005
+
+
+def test_flights_above_the_limit_and_without_verdict_are_reasons():
+    rows = rows_of(30)
+    for row in rows[-3:]:
+        row.update(verdict="critical", worst_margin=0.2, worst_rotor=4, worst_doing="climbing")
+    found = aircraft_season("a", rows, [])
+    assert found.level == FIRST
+    assert (
+        "3 of the last 10 flights; least thrust margin 20 %, rotor 4 in climbing"
+        in found.findings[0].sentence
+    )
+    assert found.no_changes.startswith("no flight has sums")
+    rows = rows_of(4, verdict="unknown", verdict_reason="no tank level")
+    silent = aircraft_season("a", rows, [])
+    assert silent.findings[0].action == "no tank level"
+
+
+def test_sums_about_an_older_model_are_left_out_and_said():
+    flights = season(RNG(6), 30)
+    sums = [*sums_of(flights)[:10], *sums_of(flights, "new")[10:]]
+    found = aircraft_season("a", rows_of(30), sums)
+    assert found.counted == tuple(range(10, 30))
+    assert found.no_changes == "10 flights are about an older model and are left out"
+
+
+def test_a_drifting_gauge_asks_for_scales():
+    flights = with_change(season(RNG(7), 60), GAIN, wear(60, 10, 0.003))
+    found = aircraft_season("a", rows_of(60), sums_of(flights))
+    assert "load above the tank gauge" in found.findings[0].sentence
+    assert "weigh the tank" in found.findings[0].action

@@ -1,0 +1,122 @@
+"""The page, the table, JSON and CSV of a fleet."""
+
+import csv
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.gcs_plugin.reports.fleet.made_store import made_store, rows_of, sums_of
+from tests.models.season.made_seasons import LOSS_2, season, wear, with_change
+from thrustmargin.gcs_plugin.cli import run
+from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import aircraft_season
+from thrustmargin.gcs_plugin.reports.fleet.fleet_page import (
+    as_csv,
+    as_json,
+    chart,
+    html_text,
+    ranked,
+)
+
+RNG = np.random.default_rng
+HOSTILE = "<script>alert(1)</script>=cmd()"
+
+
+def fleet():
+    worn = with_change(season(RNG(1), 40), LOSS_2, wear(40, 20, 0.003))
+    rows = rows_of(40, alarms=[HOSTILE], log_name=HOSTILE)
+    return ranked(
+        "season",
+        [
+            aircraft_season("sound", rows_of(40), sums_of(season(RNG(2), 40))),
+            aircraft_season(HOSTILE, rows_of(5, verdict="unknown", verdict_reason=HOSTILE), []),
+            aircraft_season("worn", rows, sums_of(worn)),
+        ],
+    )
+
+
+def test_the_worst_aircraft_is_the_call_of_the_page():
+    made = fleet()
+    assert [a.name for a in made.aircraft] == ["worn", HOSTILE, "sound"]
+    assert made.call == "worn: change propeller 2"
+    page = html_text(made)
+    assert page.index("worn: change propeller 2") < page.index("All aircraft")
+    assert "would have been seen" in page
+
+
+def test_text_of_a_log_stays_text():
+    page = html_text(fleet(), alone=True)
+    assert "<script>alert" not in page
+    assert "&lt;script&gt;alert(1)" in page
+    assert "script-src 'none'" in page or "script-src ;" in page or "<script" not in page
+    hostile = next(r for r in csv.reader(io.StringIO(as_csv(fleet()))) if HOSTILE in r[0])
+    assert all(cell[:1] not in ("=", "+", "-", "@") for cell in hostile)
+
+
+def test_json_has_null_for_what_is_unknown_and_every_change():
+    told = json.loads(as_json(fleet()))
+    worn = told["aircraft"][0]
+    (trend,) = (t for t in worn["trends"] if t["changes"])
+    assert trend["name"] == LOSS_2
+    assert trend["changes"][0]["ramp"] is True
+    assert abs(trend["changes"][0]["flight"] - 20) <= 3
+    assert told["aircraft"][1]["smallest_loss_seen"] is None
+
+
+def test_a_chart_draws_each_flight_and_marks_each_change():
+    found = fleet().aircraft[0].changes
+    trend = found.trend(LOSS_2) if found else None
+    assert trend is not None
+    assert str(chart(trend)).count("<circle") == 40
+    assert str(chart(trend)).count('class="at"') == 1
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> str:
+    worn = with_change(season(RNG(1), 30), LOSS_2, wear(30, 12, 0.003))
+    folder = tmp_path_factory.mktemp("fleet") / "season"
+    return made_store(folder, {"a-1": season(RNG(2), 30), "a-2": worn})
+
+
+def test_the_command_says_whom_to_look_at_and_writes_page_json_and_csv(
+    store: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    page, numbers = tmp_path / "fleet.html", tmp_path / "fleet.json"
+    assert run(["fleet", store, "--out", str(page), "--json", str(numbers)]) == 0
+    assert capsys.readouterr().out.startswith("a-2: change propeller 2")
+    assert "<title>a-2: change propeller 2</title>" in page.read_text("utf-8")
+    assert json.loads(numbers.read_text())["aircraft"][0]["aircraft"] == "a-2"
+    assert run(["fleet", store, "--aircraft", "a-1", "--csv", "-"]) == 0
+    rows = list(csv.reader(io.StringIO(capsys.readouterr().out)))
+    assert [r[0] for r in rows] == ["aircraft", "a-1"]
+
+
+def test_sql_and_compare_read_the_same_store(store: str, capsys: pytest.CaptureFixture[str]):
+    assert run(["fleet", store, "--sql", "select count(*) as n from flights", "--csv", "-"]) == 0
+    assert capsys.readouterr().out.split() == ["n", "60"]
+    assert run(["fleet", store, "--compare", "a-1", "a-2", "--csv", "-"]) == 0
+    assert "worst_margin,0.6,0.6" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--aircraft", "a-3"], "it has a-1, a-2"),
+        (["--compare", "a-1", "x"], "no aircraft, flight or model 'x'"),
+        (["--sql", "drop table flights"], "takes one SELECT"),
+    ],
+)
+def test_what_is_not_there_is_said(
+    store: str, capsys: pytest.CaptureFixture[str], words: list[str], said: str
+):
+    assert run(["fleet", store, *words]) == 1
+    assert said in capsys.readouterr().err
+
+
+def test_a_folder_without_flights_asks_for_ingest(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    assert run(["fleet", str(tmp_path)]) == 1
+    assert "thrustmargin ingest" in capsys.readouterr().err

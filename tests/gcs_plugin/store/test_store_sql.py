@@ -1,0 +1,45 @@
+"""SQL on a store reads its tables, and can neither write nor read anything else."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.gcs_plugin.reports.fleet.made_store import empty_store
+from thrustmargin.gcs_plugin.store.store_sql import query
+from thrustmargin.models.errors import DataError
+
+
+def test_a_select_reads_the_tables(tmp_path: Path):
+    store = empty_store(tmp_path / "season")
+    assert query(store, "select count(*) as n from flights").to_pylist() == [{"n": 0}]
+    assert "worst_margin" in query(store, "select * from flights").column_names
+
+
+@pytest.mark.parametrize(
+    "sql",
+    [
+        "copy (select 1) to '{}/out.csv'",
+        "copy flights to '{}/season/out.parquet'",
+        "attach '{}/x.db'",
+        "export database '{}/all'",
+        "select 1; copy (select 1) to '{}/out.csv'",
+        "create table t as select 1",
+        "set enable_external_access = true",
+        "install httpfs",
+        "load httpfs",
+        "select * from read_csv('{}/secret.csv')",
+        "select * from read_text('{}/secret.csv')",
+        "select * from '{}/secret.csv'",
+        "select * from glob('{}/*')",
+        "select * from store",
+        "no sql at all",
+        "",
+    ],
+)
+def test_nothing_else_is_read_or_written(tmp_path: Path, sql: str):
+    store = empty_store(tmp_path / "season")
+    (tmp_path / "secret.csv").write_text("a\n1\n")
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(DataError, match="--sql"):
+        query(store, sql.format(tmp_path))
+    assert sorted(tmp_path.rglob("*")) == before
