@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from thrustmargin.gcs_plugin.commands.reading import ReadingOptions, reading_keywords
 
 if TYPE_CHECKING:
-    from thrustmargin.gcs_plugin.live.fleet import Fleet
+    from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
     from thrustmargin.gcs_plugin.live.update import Update
 
 #: Frames that wait for the thread; some ten seconds of a busy link with ten vehicles.
@@ -136,7 +136,7 @@ class MarginWorker:
         from pathlib import Path
 
         from thrustmargin.gcs_plugin.commands.inputs import chosen_model
-        from thrustmargin.gcs_plugin.live.fleet import Fleet
+        from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
         from thrustmargin.gcs_plugin.live.vehicle_monitor import WatchSettings
 
         options = self.options

@@ -23,7 +23,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.link.sender import Sender
 from thrustmargin.gcs_plugin.live.alarm import NOTICE, WARNING, AlarmEvent
-from thrustmargin.gcs_plugin.live.fleet import Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.update import Update
 from thrustmargin.gcs_plugin.wording.alarm_words import over_words
 

@@ -26,7 +26,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.link.bounded_queue import BoundedQueue
 from thrustmargin.gcs_plugin.link.listener import Listener
 from thrustmargin.gcs_plugin.live.alarm import Alarm, AlarmEvent
-from thrustmargin.gcs_plugin.live.fleet import Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.recorded_table import sample_batch
 from thrustmargin.gcs_plugin.live.recorder import Recorder, RecorderStatus
 from thrustmargin.gcs_plugin.live.update import Update

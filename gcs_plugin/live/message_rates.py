@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from thrustmargin.gcs_plugin.link.sender import Sender
-from thrustmargin.gcs_plugin.live.fleet import Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.live.vehicle_state import ARDUPILOT
 

@@ -14,7 +14,7 @@ from queue import Queue
 from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.link.listener import Listener
-from thrustmargin.gcs_plugin.live.fleet import Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.models.errors import ThrustMarginError
 

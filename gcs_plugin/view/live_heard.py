@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from thrustmargin.gcs_plugin.live.alarm import worst_first
-from thrustmargin.gcs_plugin.live.fleet import Fleet
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.update import Update
 from thrustmargin.gcs_plugin.live.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.view.live_html import Standing

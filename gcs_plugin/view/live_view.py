@@ -17,7 +17,7 @@ import numpy as np
 import pymap3d
 
 from thrustmargin.gcs_plugin.live.alarm import Alarm, AlarmEvent
-from thrustmargin.gcs_plugin.live.fleet import Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.update import Update
 from thrustmargin.gcs_plugin.view import live_html
 from thrustmargin.gcs_plugin.view.camera import Camera

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from tests.gcs_plugin.live.live_vehicle import ROOT, Vehicle
-from thrustmargin.gcs_plugin.live.fleet import Subscriber
+from thrustmargin.gcs_plugin.live.link_vehicles import Subscriber
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.models.model.model_file import shipped_model

@@ -15,7 +15,7 @@ from thrustmargin.gcs_plugin.link.sender import COMPONENT, Sender
 from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter
 from thrustmargin.gcs_plugin.live.alarm import CRITICAL, WARNING, Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.live.announce import Announcer
-from thrustmargin.gcs_plugin.live.fleet import Fleet
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
 from thrustmargin.gcs_plugin.live.message_rates import RateRequester, wanted
 from thrustmargin.models.model.rotor_model import physics_model

@@ -19,7 +19,7 @@ from tests.gcs_plugin.live.monitored import MODEL, recording_in
 from tests.gcs_plugin.peers.processes import free_udp_port
 from thrustmargin.gcs_plugin.live.alarm import AlarmEvent, AlarmSettings
 from thrustmargin.gcs_plugin.live.console import status_lines
-from thrustmargin.gcs_plugin.live.fleet import Subscriber
+from thrustmargin.gcs_plugin.live.link_vehicles import Subscriber
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
 from thrustmargin.gcs_plugin.live.update import Update
 from thrustmargin.gcs_plugin.live.vehicle_monitor import WatchSettings

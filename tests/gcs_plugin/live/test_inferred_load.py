@@ -8,7 +8,7 @@ import pytest
 from tests.gcs_plugin.live.live_vehicle import log_frames
 from tests.gcs_plugin.live.monitored import AIRFRAME, MODEL
 from thrustmargin.gcs_plugin.live.console import numbers
-from thrustmargin.gcs_plugin.live.fleet import Fleet
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.update import Update
 from thrustmargin.gcs_plugin.live.vehicle_monitor import VehicleMonitor, WatchSettings
 from thrustmargin.gcs_plugin.logs import read_log

@@ -26,7 +26,7 @@ from tests.gcs_plugin.live.monitored import (
 )
 from tests.gcs_plugin.peers.processes import free_udp_port
 from thrustmargin.gcs_plugin.live.alarm import AlarmEvent
-from thrustmargin.gcs_plugin.live.fleet import Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
 from thrustmargin.gcs_plugin.live.update import Update
 from thrustmargin.gcs_plugin.live.vehicle_monitor import WatchSettings

@@ -8,7 +8,7 @@ import pytest
 from tests.gcs_plugin.live.live_vehicle import log_frames
 from tests.gcs_plugin.live.monitored import MODEL
 from thrustmargin.gcs_plugin.live.console import COLUMNS, vehicle_cells
-from thrustmargin.gcs_plugin.live.fleet import Fleet
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.unknown_figures import unknown_figures
 from thrustmargin.gcs_plugin.live.vehicle_monitor import WatchSettings
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields

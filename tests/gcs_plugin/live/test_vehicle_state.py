@@ -120,7 +120,7 @@ def test_when_clocked_messages_stay_away_the_grounds_clock_carries_on():
 
 
 def test_a_mission_is_overheard_whoever_uploads_it(sitl_logs):
-    from thrustmargin.gcs_plugin.live.fleet import Fleet
+    from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
     from thrustmargin.models.model.rotor_model import physics_model
     from thrustmargin.models.physics.airframe import load_airframe
 

@@ -13,7 +13,7 @@ import pytest
 from tests.gcs_plugin.peers.processes import ARDUPILOT_ITEMS, free_udp_port, vehicle
 from thrustmargin.gcs_plugin.link.listener import Listener
 from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter
-from thrustmargin.gcs_plugin.live.fleet import Fleet
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.vehicle.mission_fetcher import MissionFetcher
 from thrustmargin.models.model.model_file import save_model
 from thrustmargin.models.model.rotor_model import physics_model

@@ -13,7 +13,7 @@ from tests.browser import open_page
 from tests.gcs_plugin.live.live_vehicle import Vehicle
 from tests.gcs_plugin.view.live_flight import AIRFRAME, Live, flying
 from thrustmargin.gcs_plugin.live.alarm import CRITICAL, WARNING, Alarm
-from thrustmargin.gcs_plugin.live.fleet import Fleet
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.outlook import Outlook
 from thrustmargin.gcs_plugin.view.live_html import (
     Standing,

@@ -7,7 +7,7 @@ import pytest
 from tests.gcs_plugin.live.live_vehicle import log_frames
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.inputs import read_flight
-from thrustmargin.gcs_plugin.live.fleet import Fleet
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.vehicle_monitor import WatchSettings
 from thrustmargin.gcs_plugin.view.live_html import alarms_html
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
