@@ -156,7 +156,7 @@ def monitor(
         from thrustmargin.gcs_plugin.live.console import Bell
 
         live.subscribers.append(Bell(Terminal().bell))
-    page = _page(live, chosen.airframe, silent, **where) if view else None
+    page = _page(live, chosen.airframe, silent, max_utilisation, **where) if view else None
     until = math.inf if seconds is None else time.monotonic() + seconds
     try:
         live.start()
@@ -175,7 +175,9 @@ def monitor(
         raise unprinted[0]
 
 
-def _page(live: LiveMonitor, airframe: Airframe, silent: bool, **where: Any) -> LiveView:
+def _page(
+    live: LiveMonitor, airframe: Airframe, silent: bool, max_utilisation: float, **where: Any
+) -> LiveView:
     from thrustmargin.gcs_plugin.live.console import rowless_lines, status_lines
     from thrustmargin.gcs_plugin.view.live_view import LiveView
 
@@ -185,6 +187,7 @@ def _page(live: LiveMonitor, airframe: Airframe, silent: bool, **where: Any) -> 
         status=lambda: [*status_lines(live.status(), page=True), *rowless_lines(live.fleet)],
         clock=live.now_us,
         silent=silent,
+        max_utilisation=max_utilisation,
         acknowledged=live.acknowledge,
     )
     try:

@@ -7,13 +7,14 @@ chart, so that a tick is one assignment of arrays.
 from __future__ import annotations
 
 from html import escape
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from thrustmargin.gcs_plugin.wording import view_words as words
-from thrustmargin.models.flight import Floats
+from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.physics.airframe import Airframe
 
 if TYPE_CHECKING:
     from viser import GuiApi
@@ -30,13 +31,43 @@ MEASURED_INK, PREDICTED_INK, NOW_INK = "#111111", "#d05a00", "#c8146e"
 BAND = "rgba(236,150,35,0.35)"
 
 
-class RotorCharts:
-    """R small charts in the current GUI container."""
+class Speeds(NamedTuple):
+    """Rotor speeds of T moments of R rotors, rpm; NaN where unknown."""
 
-    def __init__(self, gui: GuiApi, analysis: FlightAnalysis) -> None:
+    time_s: Floats  # (T,)
+    lower: Floats  # (T, R) of the prediction's interval
+    upper: Floats
+    predicted: Floats
+    measured: Floats
+    flying: Bools  # (T,)
+
+    @classmethod
+    def of(cls, analysis: FlightAnalysis) -> Speeds:
+        track, made = analysis.track, analysis.prediction
+        bounds = made.lower_rpm, made.upper_rpm
+        return cls(track.time_s, *bounds, made.rotor_speed_rpm, track.rotor_speed_rpm, track.flying)
+
+    def rows(self, chosen: slice, clock_s: Floats) -> Speeds:
+        """Those rows, with their times (T,) by another clock."""
+        bounds = self.lower[chosen], self.upper[chosen]
+        speeds = self.predicted[chosen], self.measured[chosen]
+        return Speeds(clock_s[chosen], *bounds, *speeds, self.flying[chosen])
+
+
+class RotorCharts:
+    """R small charts in the current GUI container, with `ahead` of `window_s` s after now."""
+
+    def __init__(
+        self,
+        gui: GuiApi,
+        airframe: Airframe,
+        speeds: Speeds,
+        *,
+        window_s: float = WINDOW_S,
+        ahead: float = AHEAD,
+    ) -> None:
         from viser import uplot
 
-        airframe = analysis.model.airframe
         series = (
             uplot.Series(label=words.TIME.lower()),
             uplot.Series(show=True, width=0),
@@ -45,10 +76,10 @@ class RotorCharts:
             uplot.Series(label="measured", stroke=MEASURED_INK, width=1.6),
             uplot.Series(label="now", stroke=NOW_INK, width=3),
         )
-        low, high = speed_range(analysis)
+        low, high = speed_range(speeds)
         self._range = (low, high)
-        self._analysis = analysis
-        self._shown = float(analysis.track.time_s[0])
+        self._window_s, self._ahead = window_s, ahead
+        self._shown = float(speeds.time_s[0])
         self._charts = []
         if not airframe.rotor_count:
             return
@@ -57,7 +88,7 @@ class RotorCharts:
             f'<b style="color:{MEASURED_INK}">&#9644;</b> measured &nbsp; '
             f'<b style="color:{PREDICTED_INK}">&#9644;</b> {words.PREDICTED_WITHIN}</div>'
         )
-        data = self._data(self._shown)
+        data = self._data(self._shown, speeds)
         last = airframe.rotor_count - 1
         height = PIXELS if airframe.rotor_count <= 4 else SMALL_PIXELS
         for i in range(airframe.rotor_count):
@@ -81,23 +112,32 @@ class RotorCharts:
             )
             self._charts.append(chart)
 
-    def show(self, time_s: float) -> None:
-        """Move the window so that `time_s` is at the line of now."""
+    def show(self, time_s: float, speeds: Speeds) -> None:
+        """Move the window so that `time_s` is at the line of now; the range only grows."""
         if time_s == self._shown:
             return
         self._shown = time_s
-        for chart, data in zip(self._charts, self._data(time_s), strict=True):
+        low, high = speed_range(speeds)
+        grown = (min(low, self._range[0]), max(high, self._range[1]))
+        from viser import uplot
+
+        scales = {"x": uplot.Scale(time=False), "y": uplot.Scale(range=grown)}
+        for chart, data in zip(self._charts, self._data(time_s, speeds), strict=True):
             chart.data = data
+            if grown != self._range:
+                chart.scales = scales
+        self._range = grown
 
-    def _data(self, time_s: float) -> list[tuple[Floats, ...]]:
-        start, end = time_s - (1 - AHEAD) * WINDOW_S, time_s + AHEAD * WINDOW_S
-        return chart_data(self._analysis, start, end, time_s, self._range)
+    def _data(self, time_s: float, speeds: Speeds) -> list[tuple[Floats, ...]]:
+        start = time_s - (1 - self._ahead) * self._window_s
+        end = time_s + self._ahead * self._window_s
+        return chart_data(speeds, start, end, time_s, self._range)
 
 
-def speed_range(analysis: FlightAnalysis) -> tuple[float, float]:
+def speed_range(given: Speeds) -> tuple[float, float]:
     """Limits of the charts in rpm, whole hundreds around all flying rows."""
-    both = (analysis.track.rotor_speed_rpm, analysis.prediction.rotor_speed_rpm)
-    speeds = np.concatenate([speeds[analysis.track.flying].ravel() for speeds in both])
+    both = (given.measured, given.predicted)
+    speeds = np.concatenate([speeds[given.flying].ravel() for speeds in both])
     speeds = speeds[np.isfinite(speeds)]
     if speeds.size == 0:
         return 0.0, 3000.0
@@ -106,7 +146,7 @@ def speed_range(analysis: FlightAnalysis) -> tuple[float, float]:
 
 
 def chart_data(
-    analysis: FlightAnalysis,
+    speeds: Speeds,
     start_s: float,
     end_s: float,
     now_s: float,
@@ -116,7 +156,7 @@ def chart_data(
 
     Rows are thinned by a fixed stride of the flight, so that points stay put as the window moves.
     """
-    time_s, prediction = analysis.track.time_s, analysis.prediction
+    time_s = speeds.time_s
     first = int(np.searchsorted(time_s, start_s, side="left"))
     end = int(np.searchsorted(time_s, end_s, side="right"))
     step = max(1, (end - first) // POINTS)
@@ -132,13 +172,8 @@ def chart_data(
     times = np.clip(np.concatenate([ends[:1], times, ends[1:]]), start_s, end_s)
     now = np.full(times.size, np.nan)
     now[after + 1 : after + 3] = limits
-    lines = (
-        prediction.lower_rpm,
-        prediction.upper_rpm,
-        prediction.rotor_speed_rpm,
-        analysis.track.rotor_speed_rpm,
-    )
+    lines = speeds.lower, speeds.upper, speeds.predicted, speeds.measured
     return [
         (times, *(column(values[:, i]) for values in lines), now)
-        for i in range(analysis.track.rotor_count)
+        for i in range(speeds.measured.shape[1])
     ]

@@ -163,9 +163,12 @@ def _rest(row: ShownRow) -> str:
         return f"{value:.1f} {unit}" if np.isfinite(value) else words.NO_DATA
 
     track = row.track
-    return words.figures_below(
-        known(track.airspeed, "m/s"), known(track.height_agl, "m"), known(track.voltage, "V")
+    figures = (
+        known(track.airspeed, "m/s"),
+        known(track.height_agl, "m"),
+        known(track.voltage, "V"),
     )
+    return words.figures_below(*figures, float(track.spraying[row.row]))
 
 
 def _source(row: ShownRow, i: int) -> str:

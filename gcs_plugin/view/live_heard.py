@@ -18,6 +18,7 @@ from thrustmargin.gcs_plugin.live.alarm import worst_first
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.update import Update
 from thrustmargin.gcs_plugin.live.vehicle_monitor import VehicleMonitor
+from thrustmargin.gcs_plugin.view.live_history import LiveHistory
 from thrustmargin.gcs_plugin.view.live_html import Standing
 from thrustmargin.gcs_plugin.view.overlays import Overlay, overlays_of
 from thrustmargin.gcs_plugin.view.shown_row import ShownRow
@@ -39,8 +40,10 @@ class Heard:
         self._clock = clock
         self._watches: dict[int, VehicleMonitor] = {}
         self.overlays: tuple[Overlay, ...] = ()
-        #: For the trails, rows in flight: (N,) time s, (N, 3) position NED m, (N, K) of overlays.
-        self.rows: dict[int, deque[tuple[Floats, Floats, Floats]]] = defaultdict(deque)
+        #: For the trails, rows in flight: (N,) time s, (N, 3) position NED m, (N, K) of overlays,
+        #: (N,) pump on.
+        self.rows: dict[int, deque[tuple[Floats, Floats, Floats, Floats]]] = defaultdict(deque)
+        self.history: dict[int, LiveHistory] = defaultdict(LiveHistory)
         self._standing: dict[int, Standing] = {}  # in the order in which they were first heard
         self._stale_s = 0.0
 
@@ -63,7 +66,10 @@ class Heard:
         overlays = overlays_of(update.analysis)
         values = np.column_stack([overlay.values for overlay in overlays])
         fresh = update.first + np.flatnonzero(track.flying[update.first :])
-        self.rows[number].append((update.clock_s[fresh], track.position_ned[fresh], values[fresh]))
+        self.rows[number].append(
+            (update.clock_s[fresh], track.position_ned[fresh], values[fresh], track.spraying[fresh])
+        )
+        self.history[number].add(update)
         self.overlays = overlays
         self._put(
             replace(

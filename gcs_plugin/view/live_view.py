@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,10 +20,12 @@ from thrustmargin.gcs_plugin.live.alarm import Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.update import Update
 from thrustmargin.gcs_plugin.view import live_html
+from thrustmargin.gcs_plugin.view.before_take_off import FillAdvice
 from thrustmargin.gcs_plugin.view.camera import Camera
 from thrustmargin.gcs_plugin.view.controls import choice
 from thrustmargin.gcs_plugin.view.gauges import STYLE, gauges_html
 from thrustmargin.gcs_plugin.view.guard import LOOPBACK
+from thrustmargin.gcs_plugin.view.live_charts import LiveCharts
 from thrustmargin.gcs_plugin.view.live_heard import Heard
 from thrustmargin.gcs_plugin.view.live_html import (
     Standing,
@@ -35,7 +37,8 @@ from thrustmargin.gcs_plugin.view.live_html import (
 )
 from thrustmargin.gcs_plugin.view.pilot_bar import PilotBar
 from thrustmargin.gcs_plugin.view.scene import Scene
-from thrustmargin.gcs_plugin.view.shown_row import ShownRow, enu, ground_height, plan_enu
+from thrustmargin.gcs_plugin.view.shown_row import ENU_NED, ShownRow, enu, ground_height, plan_enu
+from thrustmargin.gcs_plugin.view.surroundings import SprayedGround
 from thrustmargin.gcs_plugin.view.view_page import ViewPage, arrange, left_panel
 from thrustmargin.gcs_plugin.wording import view_words as words
 from thrustmargin.gcs_plugin.wording.live_words import NO_VEHICLE
@@ -48,7 +51,7 @@ if TYPE_CHECKING:
     import viser
 
 #: s; gauges for up to two aircraft
-GAUGES_EVERY, BARS_EVERY, TRAIL_EVERY, STATUS_EVERY = 0.1, 0.2, 0.5, 0.5
+GAUGES_EVERY, BARS_EVERY, TRAIL_EVERY, STATUS_EVERY, CHARTS_EVERY = 0.1, 0.2, 0.5, 0.5, 0.5
 
 
 @dataclass(slots=True, eq=False)
@@ -66,14 +69,16 @@ class Aircraft:
     shown: Any = None  # rows and words that the gauges show
     drawn_s: float = 0.0
     rotor_count: int = -1  # of the aircraft that is drawn
+    sprayed: SprayedGround = field(default_factory=SprayedGround)
+    fill: FillAdvice | None = None
 
 
 class LiveView(ViewPage, Subscriber):
     """The view of every vehicle that a monitor hears; `start` opens it, `stop` ends it.
 
     `status` gives lines about link and recording, `clock` the ground's time, µs; `silent` makes no
-    sound, `acknowledged` hears of what the pilot acknowledged. Raises LinkError from `start` when
-    the port is taken.
+    sound, `max_utilisation` is the limit that the advice before take-off keeps, `acknowledged`
+    hears of what the pilot acknowledged. Raises LinkError from `start` when the port is taken.
     """
 
     def __init__(
@@ -86,6 +91,7 @@ class LiveView(ViewPage, Subscriber):
         status: Callable[[], list[str]] = list,
         clock: Callable[[], int] | None = None,
         silent: bool = False,
+        max_utilisation: float = 0.5,
         acknowledged: Callable[[int, Alarm], None] | None = None,
     ) -> None:
         self._bar = PilotBar(
@@ -96,13 +102,13 @@ class LiveView(ViewPage, Subscriber):
         )
         super().__init__("view", host=host, port=port, token=token, every=0.25, addition=self._bar)
         self._airframe = airframe
-        self._status = status
+        self._status, self._limit = status, max_utilisation
         self._heard = Heard(self.wake, clock)
         self._origin: Origin | None = None
         self._shown = 0  # number of the overlay
         self._focus: int | None = None
         self._aircraft: dict[int, Aircraft] = {}
-        self._status_s = self._trails_s = self._bars_s = 0.0
+        self._status_s = self._trails_s = self._bars_s = self._charts_s = 0.0
 
     def on_update(self, update: Update) -> None:
         """New rows; called on the compute thread."""
@@ -128,6 +134,7 @@ class LiveView(ViewPage, Subscriber):
             gui, "Camera", [*Camera], self.ask, lambda name: self._scene.set_camera(Camera(name))
         )
         self._followed = choice(gui, "Aircraft", ["-"], self.ask, self._follow)
+        self._charts = LiveCharts(gui, self.ask)
         self._tabs = left_panel(gui)
         self._scene = Scene(server)
         self._scene.set_ground(np.array([[-30.0, -30.0, 0.0], [30.0, 30.0, 5.0]]), 0.0)
@@ -161,9 +168,23 @@ class LiveView(ViewPage, Subscriber):
             for standing in fleet:
                 if standing.number in self._aircraft:
                     self._draw_trail(self._aircraft[standing.number], standing)
+        if now - self._charts_s >= CHARTS_EVERY:
+            self._charts_s = now
+            self._draw_charts(fleet)
         if now - self._status_s >= STATUS_EVERY:
             self._status_s = now
             self._words.content = status_html(self._status())
+
+    def _draw_charts(self, fleet: list[Standing]) -> None:
+        """Of the aircraft that is followed, and its wind."""
+        one = next((s for s in fleet if s.number == self._focus and not s.gone), None)
+        if one is None or one.update is None:
+            return
+        track = one.update.analysis.track
+        self._scene.show_wind(np.full(3, np.nan) if one.old else track.wind_ned[-1])
+        speeds = self._heard.history[one.number].speeds
+        if speeds is not None and not one.update.analysis.withheld:
+            self._charts.show(one.number, one.update.analysis.model.airframe, speeds)
 
     def _add(self, number: int, fleet: list[Standing]) -> Aircraft:
         overlays = self._heard.overlays
@@ -217,6 +238,8 @@ class LiveView(ViewPage, Subscriber):
         if placed:
             one.label.position = position + self._scene.above(str(one.number))
         html = gauges_html(row, words.titled(airframe.title, one.number), faulty=faulty)
+        one.fill = one.fill or FillAdvice(self._limit)
+        html += one.fill.html(update.analysis)
         html += outlook_html(update.outlook, standing.stale, update.remarks)
         one.gauges.content = alarms_html(one.number, fleet) + aged(html, standing.old)
 
@@ -245,8 +268,17 @@ class LiveView(ViewPage, Subscriber):
         offset_ned = self._offset_ned(one, update)
         fresh = bool(rows)
         while rows:
-            time_s, position_ned, values = rows.popleft()
+            time_s, position_ned, values, spraying = rows.popleft()
             one.trail.add(time_s, position_ned + offset_ned, values)
+            places = (position_ned + offset_ned) @ ENU_NED.T
+            height = enu(offset_ned)[2] + ground_height(update.analysis.track)
+            one.sprayed.add(places, spraying, height)
+        if one.sprayed.changed:
+            one.sprayed.changed = False
+            self._scene.surroundings.sprayed(str(one.number), one.sprayed.points)
+        if update.analysis.track.origin is not None:
+            at = np.array([0.0, 0.0, ground_height(update.analysis.track)]) + enu(offset_ned)
+            self._scene.surroundings.home(str(one.number), at)
         if fresh:
             self._colour_trail(one)
         if standing.mission and standing.mission is not one.plan:

@@ -14,7 +14,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.live.alarm import CRITICAL, Alarm
 from thrustmargin.gcs_plugin.view.camera import Camera
-from thrustmargin.gcs_plugin.view.charts import RotorCharts
+from thrustmargin.gcs_plugin.view.charts import RotorCharts, Speeds
 from thrustmargin.gcs_plugin.view.controls import ReplayClock, ReplayControls
 from thrustmargin.gcs_plugin.view.gauges import STYLE, gauges_html
 from thrustmargin.gcs_plugin.view.guard import LOOPBACK
@@ -81,6 +81,7 @@ class ReplayView(ViewPage):
             raise DataError(f"a replay cannot run at speed {speed:g}; give a number above 0")
         self._analysis = analysis
         self._airframe = analysis.model.airframe
+        self._speeds = Speeds.of(analysis)
         shown = (speed_overlay(track),) if analysis.withheld else overlays_of(analysis)
         self._overlays = (*shown, *overlays)
         self._overlay = self._overlays[0]
@@ -134,12 +135,15 @@ class ReplayView(ViewPage):
             on_camera=self._scene.set_camera,
             on_worst=self._to_worst,
         )
-        self._charts = RotorCharts(gui, self._analysis)
+        self._charts = RotorCharts(gui, self._airframe, self._speeds)
         ground = ground_height(track)
         self._scene.set_ground(enu(track.position_ned), ground)
         self._scene.set_field(sprayed_field(track.position_ned, track.spraying))
         self._scene.set_plan(VEHICLE, plan_enu(self._waypoints, track.origin, ground), ground)
         self._scene.add_vehicle(VEHICLE, self._airframe)
+        if self._trail.route.count:
+            begin = enu(self._trail.route.start_ned[0])
+            self._scene.surroundings.home(VEHICLE, np.array([*begin[:2], ground]))
         self._recolour(self._overlay)
         self._draw(hurry=True)
 
@@ -154,8 +158,9 @@ class ReplayView(ViewPage):
             html = gauges_html(row, title, self._message_at(time_s), faulty=faulty)
             self._gauges.content = alarms_html(1, [self._standing]) + html
             self._controls.show(time_s)
+            self._scene.show_wind(row.track.wind_ned[row.row])
         if hurry or self._ticks % CHART_TICKS == 0:
-            self._charts.show(self._start_s + time_s)
+            self._charts.show(self._start_s + time_s, self._speeds)
         self._ticks += 1
 
     def _message_at(self, time_s: float) -> str:

@@ -24,6 +24,7 @@ from thrustmargin.gcs_plugin.view.camera import (
     overview,
 )
 from thrustmargin.gcs_plugin.view.shown_row import ShownRow, enu
+from thrustmargin.gcs_plugin.view.surroundings import Surroundings
 from thrustmargin.gcs_plugin.wording import view_words as words
 from thrustmargin.gcs_plugin.wording.palette import ColourScale, Rgb, line_colours, sent_for
 from thrustmargin.mission.field import Field
@@ -69,6 +70,7 @@ class Scene:
             point_shading="flat",
             visible=False,
         )
+        self.surroundings = Surroundings(self._api)
         self._camera = Camera.FIELD
         self._low, self._high = np.full(3, -20.0), np.full(3, 20.0)  # m, corners of all shown
         self._ground = 0.0  # m, up
@@ -210,6 +212,11 @@ class Scene:
         self._vehicles[key].show(row, faulty)
         if focus and self._camera is not Camera.FIELD:
             self._centre_on(row.position_enu, row.wxyz)
+
+    def show_wind(self, wind_ned: Floats) -> None:
+        """Draw the (3,) m/s wind beside the field; NaN takes it away."""
+        place = np.array([self._low[0], self._high[1], self._ground]) + 0.12 * self._extent
+        self.surroundings.wind(wind_ned, np.round([*place[:2], self._ground], 1), self._extent / 4)
 
     def hide(self, key: str) -> None:
         """Take an aircraft off the scene until it is shown again."""

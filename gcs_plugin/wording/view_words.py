@@ -50,6 +50,26 @@ RESIDUAL_BEFORE, RESIDUAL_AFTER = "Residual before", "Residual after"
 ALL_PREDICTED = "predicted: no rotor speed was measured"
 WITHOUT_EFFECTS = "model without effects"
 TRUE_SIZE = "true size"
+HOME, BEFORE = "Home", "Before take-off"
+#: The charts of a live page.
+LAST_MINUTES, SECONDS_BACK, LIVE_NOW = "Last minutes", "Seconds back", "live"
+SPRAY = {1.0: "spray on", 0.0: "spray off"}
+
+
+def wind_words(speed: float) -> str:
+    return f"wind {speed:.1f} m/s"
+
+
+def fill_rests_on(density: float, basis: str, voltage: float, airspeed: float) -> str:
+    """What an advice before take-off holds for: kg/m³ and its basis, V, m/s."""
+    return (
+        f"in air of {density:.2f} kg/m³ ({basis}), battery at {voltage:.1f} V under load, "
+        f"{airspeed:.0f} m/s through the air; thrustmargin fill has other conditions"
+    )
+
+
+def seconds_back(seconds: float) -> str:
+    return f"NOT LIVE: {seconds:.0f} s ago"
 
 
 TURNS_LEFT, TURNS_RIGHT = "turns left (CCW)", "turns right (CW)"
@@ -84,8 +104,10 @@ def inferred_within(error_kg: float) -> str:
     return f"inferred, ± {error_kg:.1f} kg"
 
 
-def figures_below(airspeed: str, height: str, voltage: str) -> str:
-    return f"airspeed {airspeed} · height {height} · battery {voltage}"
+def figures_below(airspeed: str, height: str, voltage: str, spraying: float) -> str:
+    """`spraying` is 1 on, 0 off; unknown is left out."""
+    spray = f" · {SPRAY[spraying]}" if spraying in SPRAY else ""
+    return f"airspeed {airspeed} · height {height} · battery {voltage}{spray}"
 
 
 def age_words(age_s: float, *, silent: bool) -> str:

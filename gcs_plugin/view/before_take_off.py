@@ -1,0 +1,51 @@
+"""What to fill, on the page while the aircraft stands: the numbers of `thrustmargin fill`."""
+
+from __future__ import annotations
+
+import math
+from html import escape
+
+from thrustmargin.gcs_plugin.wording import view_words as words
+from thrustmargin.gcs_plugin.wording.fill_words import fill_advice
+from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.model.fill_limits import largest_fills
+
+AIRSPEED = 5.0  # m/s, what `thrustmargin fill` takes unless it is asked for another
+CHANGE = 0.003  # of air density, from which it is worked out anew
+
+
+class FillAdvice:
+    """The advice for one aircraft on the ground; it is worked out again when the air changes.
+
+    The battery counts at its nominal voltage: at rest its voltage is not that under load.
+    """
+
+    def __init__(self, limit: float) -> None:
+        self._limit = limit  # share of a rotor's maximum thrust that may be in use
+        self._known: tuple[object, float] | None = None
+        self._html = ""
+
+    def html(self, analysis: FlightAnalysis) -> str:
+        """Empty in flight, and where no airframe is claimed or no air is known."""
+        model, density = analysis.model, float(analysis.density[-1])
+        if analysis.track.flying[-1] or analysis.withheld or not math.isfinite(density):
+            return ""
+        known = self._known
+        if known is None or known[0] is not model or abs(density / known[1] - 1.0) > CHANGE:
+            self._known = (model, density)
+            self._html = self._made(analysis, density)
+        return self._html
+
+    def _made(self, analysis: FlightAnalysis, density: float) -> str:
+        model = analysis.model
+        volts = model.airframe.nominal_voltage
+        fills = largest_fills(model, density, volts, airspeed=AIRSPEED, max_utilisation=self._limit)
+        low, high = (float(end[0]) for end in fills.interval)
+        ends = float(fills.largest[0]), low, high
+        advice = fill_advice(*ends, fills.reason[0], limit=self._limit)
+        rests = words.fill_rests_on(density, analysis.density_basis, volts, AIRSPEED)
+        return (
+            f'<div class="tm"><div class="box" data-gauge="fill"><div class="cap">{words.BEFORE}'
+            f'</div><div class="txt"><b>{escape(advice)}.</b></div>'
+            f'<div class="small">{escape(rests)}</div></div></div>'
+        )
