@@ -144,11 +144,11 @@ def _tracks(flights: Sequence[Flown]) -> list[FlightTrack]:
 def _closest(
     search: Search, answer: Posterior, named: Sequence[int], left: Unexplained | None
 ) -> list[int]:
-    """Named effects that act mostly in a mode which names do not explain."""
+    """Named effects that act mostly in modes which names do not explain."""
     if left is None:
         return []
     held = dict(zip(sorted(answer.best.key), answer.best.held, strict=True))
-    return [c for c in named if c in held and acts_in(search, held[c], left.mode)]
+    return [c for c in named if c in held and acts_in(search, held[c], left.modes)]
 
 
 def _that_matter(error: Callable[[Sequence[int]], float], members: Collection[int]) -> list[int]:

@@ -3,12 +3,13 @@
 In each mode the free form is let loose (the widest level) beside the best set. What it then takes
 is what no effect of the table explains. A sound aircraft leaves some too: the sizes that its good
 flights showed. Where a mode's free part is beyond that and more than LEFT of all that is explained
-in the mode, the mode is unexplained, and effects that act mostly there are only the closest that
-the table has.
+in the mode, the mode is unexplained, and effects that act mostly in such modes are only the closest
+that the table has.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,14 +23,15 @@ from thrustmargin.models.identification.sets.set_search import Search
 
 LEFT = 0.15  # of what can be explained in a mode, that names may leave
 BEYOND = 3.0  # times the size on a sound aircraft, of the free part's RMS
-ACTS = 0.5  # of the square of an effect's change, in a mode that it mostly acts in
+ACTS = 2 / 3  # of the square of an effect's change: two of the modes of a rotor are not most of it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Unexplained:
-    """What no name explains in one mode."""
+    """What no name explains: the mode that has most of it, and every mode that has some."""
 
     mode: int
+    modes: tuple[int, ...]
     channel: str
     share: float  # of the variance of what is left
     rms_rpm: float
@@ -54,6 +56,7 @@ def unexplained(space: SearchSpace, search: Search, best: FittedSet) -> Unexplai
     rest = np.mean(np.nan_to_num(best.residual) ** 2, axis=0).sum()
     return Unexplained(
         mode=mode,
+        modes=tuple(np.flatnonzero(wrong).tolist()),
         channel=channel,
         share=float(min(1.0, left[mode] / max(rest, 1e-12))),
         rms_rpm=float(np.sqrt(left[mode])),
@@ -61,11 +64,11 @@ def unexplained(space: SearchSpace, search: Search, best: FittedSet) -> Unexplai
     )
 
 
-def acts_in(search: Search, held: Held, mode: int) -> bool:
-    """True for an effect of which most of the change is in a mode."""
+def acts_in(search: Search, held: Held, modes: Sequence[int]) -> bool:
+    """True for an effect of which most of the change is in some modes."""
     change = predicted(search.reduced, [held]) - predicted(search.reduced, ())
     square = np.mean(np.nan_to_num(change) ** 2, axis=0)
-    return bool(square[mode] > ACTS * square.sum())
+    return bool(square[list(modes)].sum() > ACTS * square.sum())
 
 
 def _free_part(space: SearchSpace, search: Search, best: FittedSet) -> dict[str, Floats]:

@@ -62,8 +62,28 @@ def test_an_effect_acts_in_the_mode_of_most_of_its_change():
     _, search = searched(None)
     by_key = {c.key: c for c in search.candidates}
     mass = Held(candidate=by_key["extra_mass"], values=np.full((3, 1), 2.0))
-    assert [acts_in(search, mass, m) for m in range(4)] == [True, False, False, False]
+    assert [acts_in(search, mass, [m]) for m in range(4)] == [True, False, False, False]
     one = by_key["rotor_degradation@1"]
     values = one.start.copy()
     values[:, 0] = 0.1
-    assert not any(acts_in(search, Held(candidate=one, values=values), m) for m in range(4))
+    rotor = Held(candidate=one, values=values)
+    assert not any(acts_in(search, rotor, [m, n]) for m in range(4) for n in range(m))
+    assert acts_in(search, rotor, [0, 1, 2])
+
+
+def test_an_effect_in_a_mode_that_is_left_is_no_name_though_another_mode_has_more_left():
+    flights = []
+    for track in made_flights(3, duration=120.0):
+        wave = np.sin(2.0 * track.airspeed)[:, None]
+        lasting = 15.0 * DIRECTIONS[:, 1] + 0.0 * wave
+        both = SIZE * wave * DIRECTIONS[:, 1] + 2.0 * SIZE * wave * DIRECTIONS[:, 0]
+        speed = track.rotor_speed_rpm + lasting + both
+        flights.append(replace(track, rotor_speed_rpm=speed))
+    space = search_space(MODEL, flights, effects_for(F16, table(["cg_offset"])))
+    search = Search(space.reduced, space.nuisance, space.candidates)
+    shifted = search.fit(frozenset({0}), ())
+    left = unexplained(space, search, shifted)
+    assert left is not None
+    assert (left.mode, left.modes) == (0, (0, 1))
+    assert acts_in(search, shifted.held[0], left.modes)
+    assert not acts_in(search, shifted.held[0], [left.mode])
