@@ -4,7 +4,7 @@ BIN := $(VENV)/bin
 # The import name as folders, for pyright: it does not follow an editable install.
 LINKS := $(VENV)/links/thrustmargin
 
-.PHONY: demo test check bench measured mutation screenshots clean
+.PHONY: demo fleet-demo test check bench measured mutation screenshots clean
 
 demo: $(VENV)/.demo
 	$(BIN)/thrustmargin demo --out report.html $(DEMO_ARGS)
@@ -39,6 +39,11 @@ $(VENV)/.venv:
 	$(PYTHON) -c 'import sys; assert sys.version_info[:2] >= (3, 11), "thrustmargin needs Python 3.11 or newer; run: make PYTHON=python3.11"'
 	$(PYTHON) -m venv $(VENV)
 	touch $@
+
+# A season of 12 aircraft from the recorded flights, with faults put in, and the page that finds them.
+fleet-demo: $(VENV)/.test
+	$(BIN)/python -m tests.season_plant fleet-demo --flights 40
+	$(BIN)/thrustmargin fleet fleet-demo --out fleet.html
 
 $(VENV)/.demo: $(VENV)/.venv pyproject.toml constraints.txt
 	$(BIN)/pip install --quiet --constraint constraints.txt --editable .

@@ -59,7 +59,7 @@ FAULTS: Mapping[str, Fault] = {
     "sprayer-02": Fault(words="propeller 2 wears", implant=worn),
     "sprayer-05": Fault(words="propeller 3 swapped", implant=swapped, parts=("propeller 3",)),
     "sprayer-07": Fault(words="gauge drifts", implant=drifting),
-    "sprayer-08": Fault(words="battery ages", ohm=lambda k, n: 0.06 * max(0.0, k / n - 0.3)),
+    "sprayer-08": Fault(words="battery ages", ohm=lambda k, n: 0.3 * max(0.0, k / n - 0.3)),
     "sprayer-11": Fault(words="centre of gravity moved", implant=shifted),
 }
 

@@ -90,9 +90,9 @@ def fleet(
     console.print(season.call, style="bold")
     console.print(_table(season))
     alone = aircraft is not None
-    if alone:
-        for found in season.aircraft[0].findings:
-            console.print(f"  {found.sentence}: {found.action} ({found.then or 'all flights'})")
+    for one in season.aircraft:
+        for found in one.findings if alone else one.findings[:1]:
+            console.print(f"{one.name}: {found.sentence}. Do: {found.action}")
     texts: Sequence[tuple[Path | None, Callable[[], str]]] = (
         (out, lambda: fleet_page.html_text(season, alone=alone)),
         (csv, lambda: fleet_page.as_csv(season)),
@@ -187,9 +187,8 @@ def _table(season: FleetSeason) -> Table:
     from thrustmargin.gcs_plugin.reports.fleet.fleet_page import HEADS, cells
 
     grid = Table(box=box.SIMPLE_HEAD)
-    for head in HEADS:
-        right = head in ("flights", "hours", "worst margin", "above limit")
-        grid.add_column(head, justify="right" if right else "left", overflow="fold")
+    for head in HEADS[:6]:
+        grid.add_column(head, justify="left" if head in HEADS[:2] else "right", overflow="fold")
     for one in season.aircraft:
-        grid.add_row(*cells(one))
+        grid.add_row(*cells(one)[:6])
     return grid

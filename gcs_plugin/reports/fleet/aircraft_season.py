@@ -24,9 +24,10 @@ from thrustmargin.models.season.flight_sums import from_arrays
 from thrustmargin.models.season.season_changes import SeasonChanges, Trend, season_changes
 from thrustmargin.models.season.season_sums import season_sums
 
-FIRST, ACT, WATCH, FINE = "look first", "at the next service", "watch", "sound"
-LEVELS = (FIRST, ACT, WATCH, FINE)  # worst first
-#: times what sound aircraft differ by
+FIRST, LOAD, ACT, WATCH = "look first", "fill less", "at the next service", "watch"
+FINE = "sound"
+LEVELS = (FIRST, ACT, LOAD, WATCH, FINE)  # worst first: the aircraft itself before its loads
+#: times what sound aircraft differ by, now or, as it goes on, in RECENT flights
 ACTS, FIRSTS = 3.0, 10.0
 RESISTANCE = (0.3, 1.0)  # rise of a battery's resistance to act on; a doubled one is worn out
 RECENT, DAY = 10, 86400.0  # flights; s
@@ -166,7 +167,8 @@ def _changed(season: AircraftSeason, parts: Sequence[Part]) -> Iterable[SeasonFi
             last = entry is trend.changes[-1]
             ended = entry.until < count
             swap = words.rotor_of(trend.name) is not None and words.back_to_sound(entry)
-            now = abs(trend.now - (trend.changes[0].before if battery else 0.0))
+            ahead = RECENT * entry.per_flight if entry.ramp and not ended else 0.0
+            now = abs(trend.now + ahead - (trend.changes[0].before if battery else 0.0))
             ratio = now / trend.usual if last and not swap else 0.0
             level = _level(ratio, *RESISTANCE) if battery else _level(ratio)
             at = entry.flight if battery else season.counted[min(entry.flight, count - 1)]
@@ -224,7 +226,7 @@ def _shared(season: AircraftSeason) -> Iterable[SeasonFinding]:
 def _margins(season: AircraftSeason) -> Iterable[SeasonFinding]:
     count = len(season.flights)
     recent = season.flights[-RECENT:]
-    for level, verdict in ((FIRST, "critical"), (ACT, "over")):
+    for level, verdict in ((LOAD, "critical"), (ACT, "over")):
         bad = [f for f in recent if f["verdict"] == verdict]
         if bad:
             worst = min(bad, key=lambda f: f["worst_margin"])

@@ -18,6 +18,7 @@ from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import (
     FINE,
     FIRST,
     LEVELS,
+    LOAD,
     WATCH,
     AircraftSeason,
     finite,
@@ -28,10 +29,10 @@ from thrustmargin.gcs_plugin.wording import fleet_words as words
 from thrustmargin.gcs_plugin.wording.numbers import number, percent
 from thrustmargin.models.season.season_changes import Trend
 
-COLOURS = {FIRST: "critical", ACT: "over", WATCH: "unknown", FINE: "under"}
+COLOURS = {FIRST: "critical", LOAD: "over", ACT: "over", WATCH: "unknown", FINE: "under"}
 MOST_LISTED = 20
 WIDE, HIGH = 520.0, 96.0  # of a small chart, in its own units
-HEADS = ("aircraft", "what", "why", "do", "flights", "hours", "worst margin", "above limit")
+HEADS = ("aircraft", "look", "flights", "hours", "worst margin", "above limit", "why", "do")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -98,12 +99,12 @@ def cells(one: AircraftSeason) -> tuple[str, ...]:
     return (
         one.name,
         one.level,
-        top.sentence if top else one.no_changes or words.HEALTHY,
-        top.action if top else "",
         str(len(one.flights)),
         number(one.hours, "", 1),
         percent(worst["worst_margin"]) if worst else "unknown",
         str(len(one.above_limit)),
+        top.sentence if top else one.no_changes or words.HEALTHY,
+        top.action if top else "",
     )
 
 

@@ -10,6 +10,7 @@ from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import (
     ACT,
     FINE,
     FIRST,
+    LOAD,
     WATCH,
     aircraft_season,
 )
@@ -87,7 +88,7 @@ def test_flights_above_the_limit_and_without_verdict_are_reasons():
     for row in rows[-3:]:
         row.update(verdict="critical", worst_margin=0.2, worst_rotor=4, worst_doing="climbing")
     found = aircraft_season("a", rows, [])
-    assert found.level == FIRST
+    assert found.level == LOAD
     assert (
         "3 of the last 10 flights; least thrust margin 20 %, rotor 4 in climbing"
         in found.findings[0].sentence
