@@ -25,7 +25,7 @@ _BECAUSE: Mapping[Reason, tuple[str, str]] = {
 
 
 def fill_advice(fill: float, low: float, high: float, reason: Reason, *, limit: float) -> str:
-    """`Fill at most 9.1 kg (limit at 9.8, 9.1 to 10.4): with more it would descend after ...`.
+    """`Fill at most 9.1 kg (limit at 9.8, 9.1 to 10.5): with more it would descend after ...`.
 
     `fill` and its 90 % interval in kg; `limit` the share of thrust that may be in use.
     """
@@ -45,19 +45,30 @@ def fill_advice(fill: float, low: float, high: float, reason: Reason, *, limit: 
 
 def sure(fill: float, low: float, high: float) -> str:
     """What keeps a limit even at the low end of its interval, which is what loads are planned by:
-    `9.1 kg (limit at 9.8, 9.1 to 10.4)`; `9.8 kg` where the interval is none."""
-    if not (math.isfinite(low) and math.isfinite(high)) or high - low < 0.05:
+    `9.1 kg (limit at 9.8, 9.1 to 10.5)`; `9.8 kg` where the interval is none."""
+    if not _has_interval(low, high):
         return amount(fill, low, high)
-    ends = f"{number(max(low, 0.0), '')} to {number(max(high, 0.0), '')}"
-    return f"{amount(low, low, low)} (limit at {number(max(fill, 0.0), '')}, {ends})"
+    middle = number(_down(fill), "")
+    return f"{number(_down(low), 'kg')} (limit at {middle}, {_ends(low, high)})"
 
 
 def amount(fill: float, low: float, high: float) -> str:
-    """`9.8 kg (9.1 to 10.4)`, rounded down; without the bracket where the interval is none."""
+    """`9.8 kg (9.1 to 10.5)`, rounded to the safe side, its interval outwards; without the bracket
+    where there is none."""
     if not math.isfinite(fill):
         return number(fill, "kg")
-    down = math.floor(max(fill, 0.0) * 10.0 + 1e-6) / 10.0
-    low, high = max(low, 0.0), max(high, 0.0)
-    if not (math.isfinite(low) and math.isfinite(high)) or high - low < 0.05:
-        return number(down, "kg")
-    return f"{number(down, 'kg')} ({number(low, '')} to {number(high, '')})"
+    words = number(_down(fill), "kg")
+    return f"{words} ({_ends(low, high)})" if _has_interval(low, high) else words
+
+
+def _has_interval(low: float, high: float) -> bool:
+    return math.isfinite(low) and math.isfinite(high) and high - low >= 0.05
+
+
+def _ends(low: float, high: float) -> str:
+    up = math.ceil(max(high, 0.0) * 10.0 - 1e-6) / 10.0
+    return f"{number(_down(low), '')} to {number(up, '')}"
+
+
+def _down(kg: float) -> float:
+    return math.floor(max(kg, 0.0) * 10.0 + 1e-6) / 10.0

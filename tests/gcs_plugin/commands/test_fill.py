@@ -19,7 +19,7 @@ def test_the_fill_of_a_hot_day_is_printed_with_its_reason_conditions_and_table(t
     assert run(["fill", "--airframe", "topxgun-f16", *asked, *files]) == 0
     text = said(capsys)
     # 2 rotors of 181 N in air of 96.61 kPa and 35 °C carry 33.78 kg, 21.1 of them the aircraft
-    assert text.startswith("Fill at most 7.5 kg (limit at 12.7, 7.6 to 16.0): ")
+    assert text.startswith("Fill at most 7.5 kg (limit at 12.6, 7.5 to 16.0): ")
     assert "For 35 °C, 400 m above the sea, battery at 51.8 V, 9.0 m/s through the air." in text
     assert "Guessed in the airframe file: ceiling_voltage" in text
     made = json.loads(numbers.read_text())

@@ -2,12 +2,13 @@
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.wording.fill_words import amount, fill_advice
+from thrustmargin.gcs_plugin.wording.fill_words import amount, fill_advice, sure
 
 
 def test_a_fill_is_rounded_down_and_has_its_interval():
-    assert amount(9.87, 9.12, 10.44) == "9.8 kg (9.1 to 10.4)"
+    assert amount(9.87, 9.12, 10.44) == "9.8 kg (9.1 to 10.5)"
     assert amount(9.8, 9.8, 9.8) == "9.8 kg"
+    assert sure(9.87, 8.68, 10.84) == "8.6 kg (limit at 9.8, 8.6 to 10.9)"
     assert amount(3.0, -2.0, 8.0) == "3.0 kg (0.0 to 8.0)"
     assert amount(np.nan, np.nan, np.nan) == "unknown"
 
