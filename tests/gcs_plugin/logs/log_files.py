@@ -236,3 +236,19 @@ def with_rotor_speeds(path: Path, change: Callable[[np.ndarray], np.ndarray]) ->
         _write(data, at + 2 * rotor, column, "<u2")
     reseal(data, start, layout.crc_extra)
     return data[:size].tobytes()
+
+
+def other_flight(path: Path, *, later_us: int, system: int) -> bytes:
+    """The telemetry log as one of another day and another vehicle, checksums made anew."""
+    data, size = read_bytes(path, frames.PADDING)
+    found = frames.scan(data, size)
+    stamps = frames.gather(data, found.start - 8, 8).view(">u8").ravel()
+    _write(data, found.start - 8, stamps + np.uint64(later_us), ">u8")
+    data[found.start[data[found.start + 5] == 1] + 5] = system
+    by_name = {layout.name: number for number, layout in layouts().items()}
+    at = found.start[found.id == by_name["SYSTEM_TIME"]] + 10
+    unix = frames.gather(data, at, 8).view("<u8").ravel()
+    _write(data, at, np.where(unix > 0, unix + np.uint64(later_us), unix), "<u8")
+    for number in np.unique(found.id):
+        reseal(data, found.start[found.id == number], layouts()[int(number)].crc_extra)
+    return data[:size].tobytes()
