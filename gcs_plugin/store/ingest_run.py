@@ -8,6 +8,7 @@ Nothing is kept in memory but names, so that it grows with the number of logs al
 from __future__ import annotations
 
 import hashlib
+import multiprocessing
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -181,6 +182,8 @@ def ingest_logs(
         _write_rejected(store, outcome, taken, hidden=hide is not None)
     except BaseException:
         pool.shutdown(wait=False, cancel_futures=True)
+        for process in multiprocessing.active_children():
+            process.terminate()  # a large log takes long, and what is staged is whole
         raise
     pool.shutdown()
     outcome.seconds = time.monotonic() - begun

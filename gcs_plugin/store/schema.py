@@ -131,7 +131,7 @@ time_s | number | s | since the flight's first row
 
 
 def arrow_schema(columns: tuple[StoredColumn, ...]) -> pa.Schema:
-    """The columns as an Arrow schema, unit and meaning with each."""
+    """The columns as an Arrow schema."""
     import pyarrow as pa
 
     array = pa.struct({"name": pa.string(), "shape": pa.list_(pa.int32()), "data": pa.binary()})
@@ -146,10 +146,8 @@ def arrow_schema(columns: tuple[StoredColumn, ...]) -> pa.Schema:
         "bool": pa.bool_(),
         "small": pa.int8(),
     }
-    return pa.schema(
-        pa.field(c.name, kinds[c.kind], metadata={"unit": c.unit, "words": c.words})
-        for c in columns
-    )
+    # No unit or word in the files: in one of few rows they would outweigh the figures.
+    return pa.schema([pa.field(c.name, kinds[c.kind]) for c in columns])
 
 
 def row_columns() -> Iterator[StoredColumn]:

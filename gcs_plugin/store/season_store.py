@@ -125,7 +125,7 @@ class SeasonStore:
         return ds.dataset(
             found,
             schema=schema,
-            filesystem=self.files,
+            filesystem=None if self.on_disk else self.files,
             format="parquet",
             partitioning=ds.HivePartitioning(folders),
         )

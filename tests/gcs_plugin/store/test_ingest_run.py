@@ -115,3 +115,27 @@ def test_killed_and_run_again_it_is_as_if_never_killed(tmp_path: Path, after: in
     run(tmp_path / "whole", given)
     assert files(tmp_path / "killed") == files(tmp_path / "whole")
     assert staged_partitions(SeasonStore.open(str(tmp_path / "killed"))) == {}
+
+
+@pytest.mark.slow
+def test_ctrl_c_ends_the_processes_too_and_the_rest_follows(tmp_path: Path):
+    logs = sorted((ROOT / "sitl_logs/campaign").glob("v2*.tlog"))
+    command = [sys.executable, "-m", "thrustmargin.gcs_plugin.cli", "ingest", *map(str, logs)]
+    command += ["--store", str(tmp_path), "--workers", "2"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        while len(list(tmp_path.rglob("*.zip"))) < 2:
+            assert process.poll() is None
+            time.sleep(0.01)
+        children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+        begun = time.monotonic()
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert said == "thrustmargin: stopped; files that were finished are whole\n"
+    assert time.monotonic() - begun < 10.0
+    assert children
+    while left := [c for c in children if Path(f"/proc/{c}").exists()]:
+        assert time.monotonic() - begun < 10.0, left
+        time.sleep(0.1)
+    assert subprocess.run(command, check=False).returncode == 0
+    assert len(content(SeasonStore.open(str(tmp_path)))["flights"]) == len(logs)
