@@ -39,6 +39,7 @@ BAR_SCRIPT = {
     "no_alarm_yet": "No alarm so far.",
     "no_connection": "NO CONNECTION for {} s",
     "no_connection_title": "! no connection",
+    "settings": "Settings of the page",
 }
 #: Controls.
 TIME, TO_THE_WORST = "Time, s", "Go to the worst moment"

@@ -1,0 +1,80 @@
+"""axe-core finds nothing serious on the pages: contrast, names of controls, structure."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.browser import open_page, require_chromium
+from tests.gcs_plugin.live.live_vehicle import Vehicle
+from tests.gcs_plugin.reports.margin.report_flight import flight as reported
+from tests.gcs_plugin.view.live_flight import AIRFRAME, flying
+from tests.gcs_plugin.view.view_flight import flight as shown
+from thrustmargin.gcs_plugin.reports.fill.fill_table import Day, fill_table, html_text
+from thrustmargin.gcs_plugin.reports.margin import build_report
+from thrustmargin.gcs_plugin.reports.margin.render import write_report
+from thrustmargin.gcs_plugin.view.replay_view import ReplayView
+from thrustmargin.models.model.rotor_model import physics_model
+
+pytestmark = pytest.mark.browser
+
+
+def serious(page) -> list[str]:
+    """What axe-core calls serious or critical, with the element."""
+    from axe_playwright_python.sync_playwright import Axe
+
+    found = Axe().run(page).response["violations"]
+    return [
+        f"{one['id']}: {node['html'][:160]} {node['failureSummary'][:300]}"
+        for one in found
+        if one["impact"] in ("serious", "critical")
+        for node in one["nodes"]
+    ]
+
+
+@pytest.fixture(autouse=True)
+def browser():
+    require_chromium()
+
+
+@pytest.mark.parametrize("width", [390, 1366])
+def test_the_report(tmp_path: Path, width: int):
+    made = build_report([reported(), reported()], max_utilisation=0.5)
+    written = write_report(made, tmp_path / "report.html")
+    with open_page(written.html.as_uri(), width=width) as page:
+        page.wait_for_selector("h1")
+        for fold in page.locator("details").all():
+            fold.evaluate("one => { one.open = true; }")
+        assert serious(page) == []
+
+
+def test_the_page_of_fills(tmp_path: Path):
+    model = physics_model(AIRFRAME)
+    day = Day(temperature_c=30.0, altitude=100.0, voltage=AIRFRAME.nominal_voltage, airspeed=5.0)
+    grid = {"temperatures_c": (20.0, 30.0), "altitudes": (0.0, 500.0)}
+    table = fill_table(model, day, limit=0.5, rotor_lost=True, **grid)
+    page_file = tmp_path / "fill.html"
+    page_file.write_text(html_text(table), encoding="utf-8")
+    with open_page(page_file.as_uri(), width=820) as page:
+        assert serious(page) == []
+
+
+@pytest.mark.parametrize("width", [390, 1366])
+def test_the_live_page(width: int):
+    with flying() as live, open_page(live.view.url, width=width) as page:
+        page.wait_for_selector("#tm-bar")
+        live.fly(8.0, Vehicle(), rpm=2400)
+        page.wait_for_function("document.querySelector('#tm-alarm').textContent.includes('%')")
+        assert serious(page) == []
+
+
+def test_the_replay():
+    view = ReplayView(shown(), port=0, paused=True, verdict=("BELOW THE 50 % LIMIT", "under"))
+    view.start()
+    try:
+        with open_page(view.url, width=1366) as page:
+            page.wait_for_selector('[data-gauge="worst"]')
+            page.wait_for_function("document.querySelector('.tm-one') !== null")
+            page.wait_for_timeout(1500)
+            assert serious(page) == []
+    finally:
+        view.stop()
