@@ -62,6 +62,7 @@ class AircraftSeason:
 
     name: str
     flights: tuple[Mapping[str, Any], ...]  # rows of the store
+    twice: int  # more logs of the same flights, left out
     counted: tuple[int, ...]  # places among them of the flights that `changes` is about
     changes: SeasonChanges | None
     no_changes: str  # why there are none
@@ -116,6 +117,28 @@ def sum_of(flights: Iterable[Mapping[str, Any]], name: str) -> float:
     return float(sum(f[name] for f in flights if finite(f[name])))
 
 
+def each_once(flights: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Flights without a second log of the same time, as autopilot and ground record one flight;
+    of two that overlap by half, the one that has sums stays, else the first."""
+    kept: list[Mapping[str, Any]] = []
+    for flight in flights:
+        before = kept[-1] if kept else None
+        if before is None or not _overlap(before, flight):
+            kept.append(flight)
+        elif before["sums_reason"] is not None and flight["sums_reason"] is None:
+            kept[-1] = flight
+    return kept
+
+
+def _overlap(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    times = [(f["started_unix_s"], f["duration_s"]) for f in (one, other)]
+    if not all(finite(start) and finite(long) for start, long in times):
+        return False
+    ends = min(start + long for start, long in times)
+    both = ends - max(start for start, _ in times)
+    return both > 0.5 * min(long for _, long in times)
+
+
 def aircraft_season(
     name: str,
     flights: Sequence[Mapping[str, Any]],
@@ -123,6 +146,7 @@ def aircraft_season(
     parts: Sequence[Part] = (),
 ) -> AircraftSeason:
     """From rows of the store, oldest first; sums that are about an older model are left out."""
+    flights, given = each_once(flights), len(flights)
     order = {f["flight"]: k for k, f in enumerate(flights)}
     sums = [s for s in sums if s["flight"] in order]
     digest = sums[-1]["model_digest"] if sums else None
@@ -142,6 +166,7 @@ def aircraft_season(
     season = AircraftSeason(
         name=name,
         flights=tuple(flights),
+        twice=given - len(flights),
         counted=tuple(order[s["flight"]] for s in kept),
         changes=found,
         no_changes=missing,

@@ -112,3 +112,14 @@ def test_a_drifting_gauge_asks_for_scales():
     found = aircraft_season("a", rows_of(60), sums_of(flights))
     assert "load above the tank gauge" in found.findings[0].sentence
     assert "weigh the tank" in found.findings[0].action
+
+
+def test_one_flight_in_two_logs_counts_once_and_the_one_with_sums_stays():
+    first, second, later = rows_of(3, duration_s=700.0)
+    second |= {"started_unix_s": first["started_unix_s"] + 20.0}
+    first["sums_reason"] = "no rotor speed"
+    found = aircraft_season("a", [first, second, later], [])
+    assert [f["flight"] for f in found.flights] == [second["flight"], later["flight"]]
+    assert (found.twice, found.hours) == (1, 2 * 600.0 / 3600.0)
+    unknown = [{**row, "started_unix_s": None} for row in (first, second)]
+    assert aircraft_season("a", unknown, []).twice == 0
