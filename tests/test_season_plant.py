@@ -22,7 +22,7 @@ SAID = {
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("season")
-    make_season(folder / "store", flights=30, aircraft=[HEALTHY, *FAULTS])
+    make_season(folder / "store", flights=40, aircraft=[HEALTHY, *FAULTS])
     assert run(["fleet", str(folder / "store"), "--out", str(folder / "fleet.html")]) == 0
     return folder / "fleet.html"
 

@@ -51,6 +51,7 @@ TRENDS = ("yaw_trim.moment", "cg_offset.x", "cg_offset.y", "extra_mass.mass", "t
 SWAP_UNKNOWN = "as after a new propeller or motor; enter it into parts.csv"
 SILENT = "nothing was reported then"
 HEALTHY = "nothing changed"
+GROUND_IT = "do not fly it so; fill less, and look at its battery and propellers"
 FILL_LESS = "fill less: thrustmargin fill says how much"
 
 
@@ -95,12 +96,12 @@ def entry_sentence(name: str, entry: SeasonEntry, when: str, ended: bool) -> str
     words = value_words(name)
     since = when
     if entry.latest > entry.earliest:
-        since += f", {entry.earliest + 1} to {entry.latest + 1},"
+        since += f", between {entry.earliest + 1} and {entry.latest + 1}"
     start, end = words.amount(entry.before), words.amount(entry.after)
     if entry.ramp:
         each = number(entry.per_flight * words.factor, words.unit, words.decimals + 1)
         until = f"until flight {entry.until}" if ended else "still going on"
-        return f"{words.title}: {each} more a flight since {since} from {start} to {end}, {until}"
+        return f"{words.title}: {each} more a flight since {since}: from {start} to {end}, {until}"
     if rotor_of(name) is not None and back_to_sound(entry):
         return f"{words.title}: back from {start} to {end} at {since}"
     return f"{words.title}: from {start} to {end} at {since}"

@@ -29,6 +29,7 @@ FINE = "sound"
 LEVELS = (FIRST, ACT, LOAD, WATCH, FINE)  # worst first: the aircraft itself before its loads
 #: times what sound aircraft differ by, now or, as it goes on, in RECENT flights
 ACTS, FIRSTS = 3.0, 10.0
+NO_THRUST = 1e3  # weight of a flight that had no thrust left: before all else
 RESISTANCE = (0.3, 1.0)  # rise of a battery's resistance to act on; a doubled one is worn out
 RECENT, DAY = 10, 86400.0  # flights; s
 
@@ -255,11 +256,12 @@ def _margins(season: AircraftSeason) -> Iterable[SeasonFinding]:
         bad = [f for f in recent if f["verdict"] == verdict]
         if bad:
             worst = min(bad, key=lambda f: f["worst_margin"])
+            none_left = worst["worst_margin"] <= 0.0
             yield SeasonFinding(
-                level=level,
-                weight=float(len(bad)),
+                level=FIRST if none_left else level,
+                weight=NO_THRUST if none_left else float(len(bad)),
                 sentence=words.margin_sentence(len(bad), len(recent), worst),
-                action=words.FILL_LESS,
+                action=words.GROUND_IT if none_left else words.FILL_LESS,
             )
             break
     if season.without_verdict and len(season.without_verdict) * 2 > count:

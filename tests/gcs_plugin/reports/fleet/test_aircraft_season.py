@@ -94,6 +94,9 @@ def test_flights_above_the_limit_and_without_verdict_are_reasons():
         in found.findings[0].sentence
     )
     assert found.no_changes.startswith("no flight has sums")
+    rows[-1]["worst_margin"] = -0.1  # no thrust was left: nothing is more urgent
+    found = aircraft_season("a", rows, [])
+    assert (found.level, found.findings[0].action.split(";")[0]) == (FIRST, "do not fly it so")
     rows = rows_of(4, verdict="unknown", verdict_reason="no tank level")
     silent = aircraft_season("a", rows, [])
     assert silent.findings[0].action == "no tank level"
