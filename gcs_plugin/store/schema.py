@@ -124,7 +124,7 @@ when_unix_s | number | s | when it was tried last
 #: Columns of rows before those of `row_table`.
 ROW_HEAD = _columns("""
 flight | text | | as in flights
-unix_s | number | s | Unix time; null where the log does not tell
+unix_s | number | s | Unix time; null where the log does not say
 clock_s | number | s | the vehicle's clock
 time_s | number | s | since the flight's first row
 """)
