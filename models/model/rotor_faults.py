@@ -18,6 +18,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -214,6 +215,7 @@ class RotorFaults:
             )
 
 
+@lru_cache(maxsize=1)  # a replay asks twice, for its verdict and its alarms: seconds for an hour
 def fault_history(analysis: FlightAnalysis) -> list[tuple[float, tuple[RotorFault, ...]]]:
     """(time s, faults that stand from there on) of a whole flight: what live alarms said of it."""
     if analysis.withheld:

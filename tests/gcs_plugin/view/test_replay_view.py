@@ -26,7 +26,7 @@ from thrustmargin.mission.route import Trail
 from thrustmargin.models.errors import DataError, LinkError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.rotor_faults import RotorFault
+from thrustmargin.models.model.rotor_faults import RotorFault, fault_history
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
@@ -409,3 +409,10 @@ def test_without_rotors_told_all_that_needs_none_is_shown(tmp_path):
         assert not (route_colours(view) == NO_DATA).all(axis=1).any()
     finally:
         view.stop()
+
+
+def test_the_faults_of_a_flight_are_searched_once_for_verdict_and_alarms():
+    analysis = flight()
+    assert fault_history(analysis) is fault_history(analysis)
+    other = flight()
+    assert fault_history(other) is not fault_history(analysis)
