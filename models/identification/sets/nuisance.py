@@ -231,15 +231,21 @@ class Nuisance:
         """Of filtered columns over the `rows` of one flight."""
         z, count = of_flight.values[:, :, of_flight.source[used]], used.size
 
-        def flat(columns: Floats) -> Floats:
-            return columns.reshape(columns.shape[0] * columns.shape[1], columns.shape[2])
-
-        free = np.einsum("mnh,nmq->mhq", self.free[:, rows], z, optimize=True)
-        doubt = flat(self.doubt[rows]).T @ flat(z)
+        modes, _, hats = self.free.shape
+        scatter = np.zeros((self.scatter.shape[2], count))
+        doubt, free = np.zeros((self.doubt.shape[2], count)), np.zeros((modes, hats, count))
+        own = np.zeros((count, count))
+        for mode in range(modes):  # most columns act in one mode alone
+            there = np.flatnonzero(z[:, mode].any(axis=0))
+            part = z[:, mode, there]
+            scatter[:, there] += self.scatter[rows, mode].T @ part
+            doubt[:, there] += self.doubt[rows, mode].T @ part
+            free[mode][:, there] = self.free[mode, rows].T @ part
+            own[np.ix_(there, there)] += part.T @ part
         return FlightSums(
-            scatter=flat(self.scatter[rows]).T @ flat(z),
-            shared=np.concatenate([doubt, free.reshape(free.shape[0] * free.shape[1], count)]),
-            own=flat(z).T @ flat(z),
+            scatter=scatter,
+            shared=np.concatenate([doubt, free.reshape(modes * hats, count)]),
+            own=own,
             used=used,
             count=of_flight.count,
         )
