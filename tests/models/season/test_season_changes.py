@@ -74,6 +74,15 @@ def test_the_smallest_loss_that_would_have_been_seen_is_seen_and_half_of_it_is_n
     assert not entries(of(with_change(flights, LOSS_2, 0.3 * least.least_seen * late)))
 
 
+def test_what_the_form_of_a_large_loss_leaves_elsewhere_is_no_change():
+    model = shipped_model()
+    logs = sorted(CAMPAIGN.parent.glob("dev/worn_prop_*.tlog"))
+    worn = [flight_sums(model, read_log(path).track) for path in logs]  # 8 %, as flown
+    found = of([*season(np.random.default_rng(12), 30), *worn * 10])
+    assert entries(found) == [("rotor_degradation.loss@1", False)]
+    assert found.trends[0].changes[0].size == pytest.approx(0.08, rel=0.1)
+
+
 @pytest.mark.parametrize(
     ("kind", "name", "truth"),
     [("worn_prop", "rotor_degradation.loss@1", 0.08), ("cg_forward", "cg_offset.x", 0.04)],
