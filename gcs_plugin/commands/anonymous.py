@@ -78,8 +78,8 @@ def own_key() -> str:
         path.parent.mkdir(parents=True, exist_ok=True)
         with whole_file(path) as draft:
             draft.touch(0o600)
-            draft.write_text(secrets.token_hex(32) + "\n")
-    key = path.read_text().strip()
+            draft.write_text(secrets.token_hex(32) + "\n", encoding="utf-8")
+    key = path.read_text(encoding="utf-8").strip()
     try:
         known = len(bytes.fromhex(key)) == 32
     except ValueError:
