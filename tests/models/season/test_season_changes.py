@@ -74,6 +74,12 @@ def test_the_smallest_loss_that_would_have_been_seen_is_seen_and_half_of_it_is_n
     assert not entries(of(with_change(flights, LOSS_2, 0.3 * least.least_seen * late)))
 
 
+def test_what_a_twentieth_of_a_large_loss_could_make_is_not_named_beside_it():
+    late = np.arange(40) >= 20
+    flights = with_change(season(np.random.default_rng(12), 40, 6), LOSS_2, 0.08 * late)
+    assert entries(of(with_change(flights, "cg_offset.y", 0.001 * late))) == [(LOSS_2, False)]
+
+
 def test_what_the_form_of_a_large_loss_leaves_elsewhere_is_no_change():
     model = shipped_model()
     logs = sorted(CAMPAIGN.parent.glob("dev/worn_prop_*.tlog"))
