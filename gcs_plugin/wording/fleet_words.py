@@ -9,7 +9,8 @@ from types import MappingProxyType
 from typing import Any
 
 from thrustmargin.gcs_plugin.wording.effect_sentences import WORDS
-from thrustmargin.gcs_plugin.wording.numbers import known, number
+from thrustmargin.gcs_plugin.wording.numbers import known, number, within
+from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.season.change_points import SeasonEntry
 from thrustmargin.models.season.season_sums import LOSS
 
@@ -52,6 +53,7 @@ SWAP_UNKNOWN = "as after a new propeller or motor; enter it into parts.csv"
 SILENT = "nothing was reported then"
 HEALTHY = "nothing changed"
 GROUND_IT = "do not fly it so; fill less, and look at its battery and propellers"
+LOOK = "run thrustmargin identify on the flights since then"
 FILL_LESS = "fill less: thrustmargin fill says how much"
 
 
@@ -69,12 +71,14 @@ def value_words(name: str) -> ValueWords:
     if name in VALUES:
         return VALUES[name]
     effect, _, value = name.rpartition(".")
-    effect_words = WORDS.get(effect) or WORDS.get(effect.partition(":")[0])
-    action = "run thrustmargin identify on the flights since then"
-    if effect_words and effect_words.action and "--out" not in effect_words.action:
-        action = effect_words.action
-    spelt = " ".join((effect.replace("_", " "), value.replace("_", " ")))
-    return ValueWords(spelt, "", 1.0, 3, action)
+    words = WORDS.get(effect) or WORDS.get(effect.partition(":")[0])
+    table = BY_KEY.get(effect)
+    if words is None or table is None:
+        return ValueWords(f"{effect} {value}".replace("_", " "), "", 1.0, 3, LOOK)
+    unit = next((p.unit for p in table.parameters if p.name == value), "1")
+    action = words.action if words.action and "--out" not in words.action else LOOK
+    title = f"{words.thing}, {value.replace('_', ' ')}"
+    return ValueWords(title, "" if unit == "1" else unit, 1.0, 3 if unit == "1" else 1, action)
 
 
 def day(unix_s: float | None) -> str:
@@ -115,8 +119,9 @@ def back_to_sound(entry: SeasonEntry) -> bool:
 def shared_sentence(name: str, value: float, error: float) -> str:
     """What all flights have in common that the model does not."""
     words = value_words(name)
-    low, high = (words.amount(value + k * error) for k in (-1.96, 1.96))
-    return f"{words.title}: {words.amount(value)} in all flights ({low} to {high})"
+    ends = (value - 1.96 * error, value + 1.96 * error)
+    amount, interval = within(value, *ends, words.unit, factor=words.factor)
+    return f"{words.title}: {amount} in all flights {interval}".rstrip()
 
 
 def least_loss(least: float) -> str:
