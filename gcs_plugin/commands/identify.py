@@ -99,7 +99,7 @@ def identify(
     not_used: list[UnusedLog] = []
     given = model is not None or airframe is not None
     fit, new = (
-        read_flights(paths, start, given, reading, not_used, errors, option=option)
+        logs_to_fit(paths, start, given, reading, not_used, errors, option=option)
         for paths, option in ((logs, ""), (held_out, "--held-out "))
     )
     require_distinct((*fit, *new))
@@ -124,7 +124,7 @@ def identify(
     return 1 if result.not_used else 0
 
 
-def read_flights(
+def logs_to_fit(
     logs: Sequence[Path],
     model: RotorModel,
     given: bool,

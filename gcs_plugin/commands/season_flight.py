@@ -24,11 +24,11 @@ from thrustmargin.gcs_plugin.store.schema import ROTORS
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore, array_cells
 from thrustmargin.gcs_plugin.store.staging import SeasonFlight, stage
 from thrustmargin.models.errors import DataError, ThrustMarginError
+from thrustmargin.models.identification.season.flight_sums import flight_sums, to_arrays
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse, worst_rotor
 from thrustmargin.models.model.model_file import model_digest
 from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.season.flight_sums import flight_sums, to_arrays
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -113,7 +113,7 @@ SUMS = _columns("""
 flight | text | | as in flights
 started_unix_s | number | s | as in flights
 model_digest | text | | the model that the sums are about
-arrays | arrays | | name, shape and little-endian float64 of each array (models/season/flight_sums)
+arrays | arrays | | name, shape, little-endian float64 of each array (season/flight_sums)
 """)
 REJECTED = _columns("""
 log_name | text | | name of the file

@@ -11,8 +11,8 @@ from typing import Any
 from thrustmargin.gcs_plugin.wording.effect_sentences import WORDS
 from thrustmargin.gcs_plugin.wording.numbers import known, number, within
 from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.season.change_points import SeasonEntry
-from thrustmargin.models.season.season_sums import LOSS
+from thrustmargin.models.identification.season.change_points import SeasonEntry
+from thrustmargin.models.identification.season.season_sums import LOSS
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +54,7 @@ SILENT = "nothing was reported then"
 HEALTHY = "nothing changed"
 GROUND_IT = "do not fly it so; fill less, and look at its battery and propellers"
 LOOK = "run thrustmargin identify on the flights since then"
+NAME_EACH = "take its logs in again with ingest --aircraft, a name for each aircraft"
 FILL_LESS = "fill less: thrustmargin fill says how much"
 
 
@@ -122,6 +123,14 @@ def shared_sentence(name: str, value: float, error: float) -> str:
     ends = (value - 1.96 * error, value + 1.96 * error)
     amount, interval = within(value, *ends, words.unit, factor=words.factor)
     return f"{words.title}: {amount} in all flights {interval}".rstrip()
+
+
+def several_aircraft(at_once: int, flights: int) -> str:
+    """Flights at the same time under one name."""
+    return (
+        f"{at_once} of {flights} flights are at the time of another one: more than one aircraft "
+        "has this name, so what is said of it may be of none"
+    )
 
 
 def least_loss(least: float) -> str:

@@ -16,11 +16,17 @@ from functools import cache
 
 import numpy as np
 
-from tests.models.season.made_seasons import LOSS_2, good_sums, good_tracks, wear, with_change
+from tests.models.identification.season.made_seasons import (
+    LOSS_2,
+    good_sums,
+    good_tracks,
+    wear,
+    with_change,
+)
 from thrustmargin.models.identification.rows.problem import assemble
+from thrustmargin.models.identification.season.season_changes import season_changes
+from thrustmargin.models.identification.season.season_sums import season_sums
 from thrustmargin.models.model.model_file import shipped_model
-from thrustmargin.models.season.season_changes import season_changes
-from thrustmargin.models.season.season_sums import season_sums
 
 FLIGHTS, FIRST, LEARNT = 100, 60, 30
 RATES = (0.0005, 0.001, 0.002, 0.005)

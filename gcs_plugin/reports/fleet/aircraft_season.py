@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from thrustmargin.gcs_plugin.reports.fleet.parts import Part
 from thrustmargin.gcs_plugin.wording import fleet_words as words
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.season.change_points import (
+from thrustmargin.models.identification.season.change_points import (
     SeasonEntry,
     changes,
     penalty_of,
@@ -20,9 +21,13 @@ from thrustmargin.models.season.change_points import (
     scatter_of,
     spread_beyond,
 )
-from thrustmargin.models.season.flight_sums import from_arrays
-from thrustmargin.models.season.season_changes import SeasonChanges, Trend, season_changes
-from thrustmargin.models.season.season_sums import season_sums
+from thrustmargin.models.identification.season.flight_sums import from_arrays
+from thrustmargin.models.identification.season.season_changes import (
+    SeasonChanges,
+    Trend,
+    season_changes,
+)
+from thrustmargin.models.identification.season.season_sums import season_sums
 
 FIRST, LOAD, ACT, WATCH = "look first", "fill less", "at the next service", "watch"
 FINE = "sound"
@@ -32,6 +37,8 @@ ACTS, FIRSTS = 3.0, 10.0
 NO_THRUST = 1e3  # weight of a flight that had no thrust left: before all else
 RESISTANCE = (0.3, 1.0)  # rise of a battery's resistance to act on; a doubled one is worn out
 RECENT, DAY = 10, 86400.0  # flights; s
+CLOCKS_APART = 5.0  # s, by which the clocks of autopilot and ground may differ
+AT_ONE_TIME = 8  # logs of one time under one name, at most
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,6 +71,7 @@ class AircraftSeason:
     name: str
     flights: tuple[Mapping[str, Any], ...]  # rows of the store
     twice: int  # more logs of the same flights, left out
+    at_once: int  # flights at the time of another one
     counted: tuple[int, ...]  # places among them of the flights that `changes` is about
     changes: SeasonChanges | None
     no_changes: str  # why there are none
@@ -119,16 +127,34 @@ def sum_of(flights: Iterable[Mapping[str, Any]], name: str) -> float:
 
 
 def each_once(flights: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """Flights without a second log of the same time, as autopilot and ground record one flight;
-    of two that overlap by half, the one that has sums stays, else the first."""
+    """Flights without a second log of the same one, as autopilot and ground record it; of two, the
+    one that has sums stays, else the first."""
     kept: list[Mapping[str, Any]] = []
     for flight in flights:
-        before = kept[-1] if kept else None
-        if before is None or not _overlap(before, flight):
+        near = range(max(0, len(kept) - AT_ONE_TIME), len(kept))
+        same = next((k for k in near if _same_flight(kept[k], flight)), None)
+        if same is None:
             kept.append(flight)
-        elif before["sums_reason"] is not None and flight["sums_reason"] is None:
-            kept[-1] = flight
+        elif kept[same]["sums_reason"] is not None and flight["sums_reason"] is None:
+            kept[same] = flight
     return kept
+
+
+def at_once(flights: Sequence[Mapping[str, Any]]) -> int:
+    """How many flights are at the time of the one before them, which no aircraft can fly."""
+    return sum(_overlap(one, other) for one, other in pairwise(flights))
+
+
+def _same_flight(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
+    """At one time, with the worst moment at the same one; where it is not known, one recorded by
+    the autopilot and one by the ground."""
+    if not _overlap(one, other):
+        return False
+    worst = [f["worst_time_s"] for f in (one, other)]
+    if not all(finite(w) for w in worst):
+        return one["log_format"] != other["log_format"]
+    moments = [f["started_unix_s"] + f["worst_time_s"] for f in (one, other)]
+    return abs(moments[0] - moments[1]) < CLOCKS_APART
 
 
 def _overlap(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
@@ -168,6 +194,7 @@ def aircraft_season(
         name=name,
         flights=tuple(flights),
         twice=given - len(flights),
+        at_once=at_once(flights),
         counted=tuple(order[s["flight"]] for s in kept),
         changes=found,
         no_changes=missing,
@@ -175,9 +202,19 @@ def aircraft_season(
         findings=(),
         parts=(),
     )
-    findings = [*_changed(season, mine), *_shared(season), *_margins(season)]
+    findings = [*_several(season), *_changed(season, mine), *_shared(season), *_margins(season)]
     findings.sort(key=lambda f: (LEVELS.index(f.level), -f.weight))
     return replace(season, findings=tuple(findings), parts=_histories(season, mine))
+
+
+def _several(season: AircraftSeason) -> Iterable[SeasonFinding]:
+    if season.at_once:
+        yield SeasonFinding(
+            level=ACT,
+            weight=float("inf"),
+            sentence=words.several_aircraft(season.at_once, len(season.flights)),
+            action=words.NAME_EACH,
+        )
 
 
 def _level(ratio: float, acts: float = ACTS, firsts: float = FIRSTS) -> str:

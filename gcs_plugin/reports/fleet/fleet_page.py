@@ -27,7 +27,7 @@ from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import (
 from thrustmargin.gcs_plugin.reports.shared.page_shell import page_text, software_version
 from thrustmargin.gcs_plugin.wording import fleet_words as words
 from thrustmargin.gcs_plugin.wording.numbers import number, percent
-from thrustmargin.models.season.season_changes import Trend
+from thrustmargin.models.identification.season.season_changes import Trend
 
 COLOURS = {FIRST: "critical", LOAD: "over", ACT: "over", WATCH: "unknown", FINE: "under"}
 MOST_LISTED = 20

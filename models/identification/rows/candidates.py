@@ -13,9 +13,9 @@ from thrustmargin.models.effects.load_factor import LOAD_FACTOR
 from thrustmargin.models.effects.manoeuvre_moment import MANOEUVRE_MOMENT
 from thrustmargin.models.effects.rotor_degradation import LOSS
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.rows.columns import ALL_FLIGHTS, Columns
 from thrustmargin.models.identification.rows.problem import RowsToFit
 from thrustmargin.models.identification.rows.reduced import Reduced
+from thrustmargin.models.identification.rows.value_columns import ALL_FLIGHTS, ValueColumns
 from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.margin import ceiling, trimmable_loss
@@ -185,11 +185,11 @@ def derivatives(rows: RowsToFit, held: Sequence[Held], of: int) -> Floats:
     return value_columns(rows, held, of).wide(rows.flight)
 
 
-def value_columns(rows: RowsToFit, held: Sequence[Held], of: int) -> Columns:
+def value_columns(rows: RowsToFit, held: Sequence[Held], of: int) -> ValueColumns:
     """The same, those of one flight's own values without the zeros of all others."""
     free = held[of].candidate.free
     wanted = sorted({k for k, _ in free})
-    return Columns(
+    return ValueColumns(
         values=slopes(rows, held, of, wanted),
         source=np.array([wanted.index(k) for k, _ in free], dtype=np.intp),
         flight=np.array([ALL_FLIGHTS if f is None else f for _, f in free], dtype=np.intp),

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.candidates import Held
-from thrustmargin.models.identification.rows.columns import Columns
+from thrustmargin.models.identification.rows.value_columns import ValueColumns
 from thrustmargin.models.identification.sets.evidence import Scored, prior_of, score
 from thrustmargin.models.identification.sets.nuisance import EVERY, FlightSums, Solved
 
@@ -122,7 +122,7 @@ class ColumnsAbout:
     held: tuple[Held, ...]
     columns: tuple[slice, ...]
     asked: int  # q
-    whole: Columns
+    whole: ValueColumns
 
     def linear(self, solved: Solved, sums: Sequence[FlightSums]) -> Linear:
         """By the sums of the flights that are `solved`."""

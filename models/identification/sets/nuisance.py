@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.models.flight import Bools, Floats
-from thrustmargin.models.identification.rows.columns import Columns
+from thrustmargin.models.identification.rows.value_columns import ValueColumns
 from thrustmargin.models.identification.rows.whitening import Whitening
 
 #: times the size that the free form has on a sound aircraft, and how likely each is beforehand: an
@@ -62,7 +62,7 @@ class FlightSums:
 class Prepared:
     """Columns that are filtered, with the scatter taken out of their sums."""
 
-    z: Columns  # n means
+    z: ValueColumns  # n means
     left: list[Floats]  # (K, u) of each flight: what the scatter takes of them
     shared: Floats  # (X, q)
     own: Floats  # (q, q)
@@ -115,11 +115,11 @@ class Nuisance:
     doubt: Floats  # (n, R, D) one of the base model
     free: Floats  # (R, n, H) one of the free form on a sound aircraft
 
-    def sums(self, columns: Columns | Floats) -> list[FlightSums]:
+    def sums(self, columns: ValueColumns | Floats) -> list[FlightSums]:
         """Of columns (N, R, q) rpm in modes, flight by flight."""
         return self._all_sums(self._filtered(columns))
 
-    def prepared(self, columns: Columns | Floats, solved: Solved) -> Prepared:
+    def prepared(self, columns: ValueColumns | Floats, solved: Solved) -> Prepared:
         """Columns (N, R, q) rpm in modes with the scatter taken out, once for many residuals."""
         z = self._filtered(columns)
         sums = self._all_sums(z)
@@ -204,7 +204,7 @@ class Nuisance:
     def _gram(self, rows: slice) -> NuisanceGram:
         """S'S, S'X and X'X of one flight."""
         columns = np.concatenate([self.scatter[rows], self.doubt[rows]], axis=2)
-        sums = self._sums(Columns.of_all(columns), rows, np.arange(columns.shape[2]))
+        sums = self._sums(ValueColumns.of_all(columns), rows, np.arange(columns.shape[2]))
         many = self.scatter.shape[2]
         modes, _, hats = self.free.shape
         known = self.doubt.shape[2]
@@ -217,17 +217,17 @@ class Nuisance:
             whole[part, part] = self.free[mode, rows].T @ self.free[mode, rows]
         return sums.own[:many, :many], sums.shared[:, :many].T, whole
 
-    def _filtered(self, columns: Columns | Floats) -> Columns:
-        asked = columns if isinstance(columns, Columns) else Columns.of_all(columns)
+    def _filtered(self, columns: ValueColumns | Floats) -> ValueColumns:
+        asked = columns if isinstance(columns, ValueColumns) else ValueColumns.of_all(columns)
         return replace(asked, values=self.whitening.apply(asked.values))
 
-    def _all_sums(self, z: Columns) -> list[FlightSums]:
+    def _all_sums(self, z: ValueColumns) -> list[FlightSums]:
         return [
             self._sums(replace(z, values=z.values[rows]), rows, z.in_flight(f))
             for f, rows in enumerate(self.flights)
         ]
 
-    def _sums(self, of_flight: Columns, rows: slice, used: NDArray[np.intp]) -> FlightSums:
+    def _sums(self, of_flight: ValueColumns, rows: slice, used: NDArray[np.intp]) -> FlightSums:
         """Of filtered columns over the `rows` of one flight."""
         z, count = of_flight.values[:, :, of_flight.source[used]], used.size
 

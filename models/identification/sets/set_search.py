@@ -20,8 +20,8 @@ from thrustmargin.models.identification.rows.candidates import (
     predicted,
     value_columns,
 )
-from thrustmargin.models.identification.rows.columns import Columns, side_by_side
 from thrustmargin.models.identification.rows.reduced import Reduced
+from thrustmargin.models.identification.rows.value_columns import ValueColumns, side_by_side
 from thrustmargin.models.identification.sets.evidence import (
     IMPOSSIBLE,
     ValuePrior,
@@ -140,7 +140,7 @@ class Search:
         residual = self.reduced.in_modes(self.reduced.measured_rpm) - base
         both = np.stack([*changes, residual], axis=2)
         forms = self._forms(about.held)
-        whole = side_by_side([*columns, Columns.of_all(both), Columns.of_all(forms)])
+        whole = side_by_side([*columns, ValueColumns.of_all(both), ValueColumns.of_all(forms)])
         return ColumnsAbout(
             about=about,
             held=tuple(held),
@@ -267,7 +267,7 @@ class Search:
     def _prepared(self, held: Sequence[Held]) -> Prepared:
         """Derivatives by the free values of a set, and its forms."""
         parts = [value_columns(self.reduced, held, k) for k in range(len(held))]
-        whole = side_by_side([*parts, Columns.of_all(self._forms(held))])
+        whole = side_by_side([*parts, ValueColumns.of_all(self._forms(held))])
         return self.nuisance.prepared(whole.without_nan(), self.solved)
 
     def _forms(self, held: Sequence[Held]) -> Floats:

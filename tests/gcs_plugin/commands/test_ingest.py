@@ -17,7 +17,7 @@ from thrustmargin.gcs_plugin.store.ingest_run import content_of
 from thrustmargin.gcs_plugin.store.schema import FLIGHTS
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore, read_flights, read_sums
 from thrustmargin.models.errors import DataError
-from thrustmargin.models.season.flight_sums import from_arrays
+from thrustmargin.models.identification.season.flight_sums import from_arrays
 
 FLIGHT = ROOT / "sitl_logs/campaign/v4_m16_q2.5.tlog"
 OTHER = ROOT / "sitl_logs/formats/v4_m10_q2.5.BIN"

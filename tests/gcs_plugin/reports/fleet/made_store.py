@@ -11,7 +11,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.store.schema import FLIGHTS
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore, array_cells
 from thrustmargin.gcs_plugin.store.staging import SeasonFlight, merge, stage, staged_partitions
-from thrustmargin.models.season.flight_sums import FlightEvidence, to_arrays
+from thrustmargin.models.identification.season.flight_sums import FlightEvidence, to_arrays
 
 START, DAY = 1.7776224e9, 86400.0  # 1 May 2026
 

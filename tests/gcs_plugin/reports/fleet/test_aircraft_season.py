@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from tests.gcs_plugin.reports.fleet.made_store import DAY, START, rows_of, sums_of
-from tests.models.season.made_seasons import GAIN, LOSS_2, season, wear, with_change
+from tests.models.identification.season.made_seasons import GAIN, LOSS_2, season, wear, with_change
 from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import (
     ACT,
     FINE,
@@ -118,11 +118,27 @@ def test_a_drifting_gauge_asks_for_scales():
 
 
 def test_one_flight_in_two_logs_counts_once_and_the_one_with_sums_stays():
-    first, second, later = rows_of(3, duration_s=700.0)
-    second |= {"started_unix_s": first["started_unix_s"] + 20.0}
+    first, second, later = rows_of(3, duration_s=700.0, worst_time_s=100.0)
+    second |= {"started_unix_s": first["started_unix_s"] + 20.0, "worst_time_s": 82.0}
     first["sums_reason"] = "no rotor speed"
     found = aircraft_season("a", [first, second, later], [])
     assert [f["flight"] for f in found.flights] == [second["flight"], later["flight"]]
     assert (found.twice, found.hours) == (1, 2 * 600.0 / 3600.0)
     unknown = [{**row, "started_unix_s": None} for row in (first, second)]
     assert aircraft_season("a", unknown, []).twice == 0
+    formats = zip((first, second), ("tlog", "DataFlash"), strict=True)
+    blind = [{**row, "worst_time_s": None, "log_format": kind} for row, kind in formats]
+    assert aircraft_season("a", blind, []).twice == 1
+    assert aircraft_season("a", [{**row, "log_format": "tlog"} for row in blind], []).twice == 0
+
+
+def test_two_aircraft_under_one_name_are_never_taken_for_one_flight_and_it_is_said():
+    first, second, later = rows_of(3, duration_s=700.0, worst_time_s=100.0)
+    second |= {"started_unix_s": first["started_unix_s"] + 60.0}
+    found = aircraft_season("a", [first, second, later], [])
+    assert (found.twice, len(found.flights)) == (0, 3)
+    assert found.findings[0].sentence.startswith("1 of 3 flights are at the time of another one")
+    assert "ingest --aircraft" in found.findings[0].action
+    assert not [
+        f for f in aircraft_season("a", [first, later], []).findings if "at the time" in f.sentence
+    ]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from tests.gcs_plugin.reports.fleet.made_store import made_store, rows_of, sums_of
-from tests.models.season.made_seasons import LOSS_2, season, wear, with_change
+from tests.models.identification.season.made_seasons import LOSS_2, season, wear, with_change
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import aircraft_season
 from thrustmargin.gcs_plugin.reports.fleet.fleet_page import (

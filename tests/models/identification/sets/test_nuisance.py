@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
-from thrustmargin.models.identification.rows.columns import ALL_FLIGHTS, Columns, side_by_side
+from thrustmargin.models.identification.rows.value_columns import (
+    ALL_FLIGHTS,
+    ValueColumns,
+    side_by_side,
+)
 from thrustmargin.models.identification.rows.whitening import Whitening
 from thrustmargin.models.identification.sets.learning import LEAST, learn
 from thrustmargin.models.identification.sets.nuisance import LEVELS, Nuisance
@@ -118,11 +122,11 @@ def test_components_that_keep_their_size_keep_it_and_none_vanishes():
     assert learnt.scatter[1] == learnt.scatter[2] < 0.5
 
 
-def own_values(rng) -> Columns:
+def own_values(rng) -> ValueColumns:
     """A column of both flights, and two values of which each flight has its own."""
     owners = np.array([ALL_FLIGHTS, 0, 1, 0, 1])
     values = columns_of(rng)
-    return Columns(values=values, source=np.array([0, 1, 1, 2, 2]), flight=owners)
+    return ValueColumns(values=values, source=np.array([0, 1, 1, 2, 2]), flight=owners)
 
 
 def test_a_value_of_one_flight_is_summed_there_alone_and_fits_in_among_the_others():
@@ -144,7 +148,7 @@ def test_a_residual_beside_columns_that_were_prepared_is_one_more_column():
     nuisance, rng = made()
     columns, residual = own_values(rng), columns_of(rng, 1)
     solved = nuisance.solved()
-    both = side_by_side([columns, Columns.of_all(residual)])
+    both = side_by_side([columns, ValueColumns.of_all(residual)])
     whole = solved.without_scatter(nuisance.sums(both))
     prepared = nuisance.prepared(columns, solved)
     found = nuisance.with_residual(prepared, residual[:, :, 0], solved)

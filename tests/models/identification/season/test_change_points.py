@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import linregress, norm
 
-from thrustmargin.models.season.change_points import (
+from thrustmargin.models.identification.season.change_points import (
     _ConstantOrLine,
     changes,
     drawn_in,

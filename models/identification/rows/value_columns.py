@@ -18,7 +18,7 @@ ALL_FLIGHTS = -1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Columns:
+class ValueColumns:
     """q columns of N rows in R modes, rpm."""
 
     values: Floats  # (N, R, c)
@@ -26,7 +26,7 @@ class Columns:
     flight: NDArray[np.intp]  # (q,) the one flight in which it is not zero, or ALL_FLIGHTS
 
     @classmethod
-    def of_all(cls, values: Floats) -> Columns:
+    def of_all(cls, values: Floats) -> ValueColumns:
         """Columns (N, R, q) of all flights."""
         count = values.shape[2]
         return cls(values=values, source=np.arange(count), flight=np.full(count, ALL_FLIGHTS))
@@ -39,7 +39,7 @@ class Columns:
         """(u,) the columns that are not zero throughout a flight."""
         return np.flatnonzero((self.flight == ALL_FLIGHTS) | (self.flight == flight))
 
-    def without_nan(self) -> Columns:
+    def without_nan(self) -> ValueColumns:
         """With 0 where something is not known."""
         return replace(self, values=np.nan_to_num(self.values))
 
@@ -49,10 +49,10 @@ class Columns:
         return self.values[:, :, self.source] * there[:, None, :]
 
 
-def side_by_side(parts: Sequence[Columns]) -> Columns:
+def side_by_side(parts: Sequence[ValueColumns]) -> ValueColumns:
     """All columns of some parts, in their order."""
     first = np.cumsum([0, *(p.values.shape[2] for p in parts)])
-    return Columns(
+    return ValueColumns(
         values=np.concatenate([p.values for p in parts], axis=2),
         source=np.concatenate([p.source + k for p, k in zip(parts, first[:-1], strict=True)]),
         flight=np.concatenate([p.flight for p in parts]),

@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.sets.free_form import FORM
-from thrustmargin.models.season.change_points import (
+from thrustmargin.models.identification.season.change_points import (
     FALSE_ENTRIES,
     LEAST_FLIGHTS,
     SeasonEntry,
@@ -29,7 +28,8 @@ from thrustmargin.models.season.change_points import (
     placed,
     spread_beyond,
 )
-from thrustmargin.models.season.season_sums import SeasonSums
+from thrustmargin.models.identification.season.season_sums import SeasonSums
+from thrustmargin.models.identification.sets.free_form import FORM
 
 MOST_FINDS = 8  # of one season
 SHAPE = 0.5  # of a loss: what its torque share may be off by

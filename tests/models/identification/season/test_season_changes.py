@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from tests.models.season.made_seasons import (
+from tests.models.identification.season.made_seasons import (
     GAIN,
     LOSS_2,
     good_sums,
@@ -16,10 +16,10 @@ from tests.models.season.made_seasons import (
 from tests.undeclared.recorded import CAMPAIGN
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.errors import DataError
+from thrustmargin.models.identification.season.flight_sums import flight_sums
+from thrustmargin.models.identification.season.season_changes import SeasonChanges, season_changes
+from thrustmargin.models.identification.season.season_sums import season_sums
 from thrustmargin.models.model.model_file import shipped_model
-from thrustmargin.models.season.flight_sums import flight_sums
-from thrustmargin.models.season.season_changes import SeasonChanges, season_changes
-from thrustmargin.models.season.season_sums import season_sums
 
 
 def of(flights) -> SeasonChanges:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.season.flight_sums import LIMITS, FlightEvidence
+from thrustmargin.models.identification.season.flight_sums import LIMITS, FlightEvidence
 
 LOSS, SHARE = "rotor_degradation.loss@", "rotor_degradation.torque_share@"
 

@@ -14,8 +14,8 @@ import numpy as np
 from tests.undeclared.recorded import CAMPAIGN
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.identification.season.flight_sums import FlightEvidence, flight_sums
 from thrustmargin.models.model.model_file import shipped_model
-from thrustmargin.models.season.flight_sums import FlightEvidence, flight_sums
 
 LOSS_2, GAIN = "rotor_degradation.loss@2", "tank_scale.gain"
 

@@ -10,16 +10,16 @@ from tests.undeclared.recorded import CAMPAIGN
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.errors import DataError
-from thrustmargin.models.identification.sets.search_space import search_space
-from thrustmargin.models.identification.sets.set_search import Search
-from thrustmargin.models.model.model_file import shipped_model
-from thrustmargin.models.season.flight_sums import (
+from thrustmargin.models.identification.season.flight_sums import (
     KEPT_LEVELS,
     FlightEvidence,
     flight_sums,
     from_arrays,
     to_arrays,
 )
+from thrustmargin.models.identification.sets.search_space import search_space
+from thrustmargin.models.identification.sets.set_search import Search
+from thrustmargin.models.model.model_file import shipped_model
 
 DEV = CAMPAIGN.parent / "dev"
 
