@@ -34,8 +34,9 @@ def bucket(name: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
                     if probe.connect_ex(("127.0.0.1", port)) == 0:
                         break
                 time.sleep(0.1)
-            files = fsspec.filesystem("s3", skip_instance_cache=True)
-            files.mkdir(name)
+            # One made for an earlier server would be taken again, for its address is no argument.
+            fsspec.get_filesystem_class("s3").clear_instance_cache()
+            fsspec.filesystem("s3").mkdir(name)
             yield f"s3://{name}"
         finally:
             server.kill()
