@@ -14,6 +14,7 @@ from thrustmargin.gcs_plugin.telemetry.clock import (
     Clock,
     arrival_times,
     own_clock,
+    unix_minus_clock,
     vehicle_clock,
 )
 
@@ -175,9 +176,21 @@ def test_a_clock_of_32_bits_in_microseconds_wraps_after_71_minutes():
     estimate = [4294.5, 4295.4, 8588.9, 8592.5]
     found = plain_clock(estimate).of(servo, np.arange(4))
     np.testing.assert_allclose(found, [4294.0, 4295.0, 8590.0, 8592.5], atol=1e-9)
+    # Half a turn is none: 2147.483648 s off it is no clock of this vehicle.
+    half = fields("time_usec", "<u4", 10_000_000)
+    assert plain_clock([2157.5]).of(half, np.arange(1)).tolist() == [2157.5]
     whole = fields("time_usec", "<u8", 32_704, 8_590_000_000)
     found = plain_clock([4295.4, 8589.0]).of(whole, np.arange(2))
     assert found.tolist() == [4295.4, 8590.0]
+
+
+def test_unix_time_is_that_of_the_first_message_that_knows_it():
+    # 10^15 µs after 1970 was September 2001: less is the time since boot of a clock not yet set.
+    unix = np.array([0, 999_999_999_999_999, 1_700_000_000_500_000, 1_800_000_000_000_000])
+    boot = np.array([1000, 2000, 3500, 4000])
+    said = {"time_unix_usec": unix, "time_boot_ms": boot}
+    assert unix_minus_clock(said) == pytest.approx(1_700_000_000.5 - 3.5, abs=1e-6)
+    assert unix_minus_clock({name: column[:2] for name, column in said.items()}) is None
 
 
 def listen(clock: ArrivalClock, *heard: Heard):

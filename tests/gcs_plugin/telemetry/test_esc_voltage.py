@@ -31,6 +31,10 @@ def test_an_instrument_off_loaded_or_not_is_named_with_its_size(off: float):
     assert all(map(math.isnan, found[1:]))
 
 
+def test_three_steps_of_what_escs_report_are_an_offset():
+    assert offsets(BATTERY - 0.4, BATTERY, BATTERY, BATTERY)[0] == pytest.approx(-0.4, abs=0.01)
+
+
 def test_the_offset_is_of_the_motor_and_not_of_the_output():
     found = offsets(BATTERY - 0.5, BATTERY, BATTERY, BATTERY, outputs=(3, 2, 1, 0))
     assert [math.isnan(v) for v in found] == [True, True, True, False]

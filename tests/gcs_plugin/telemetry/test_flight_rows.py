@@ -12,6 +12,7 @@ from thrustmargin.gcs_plugin.telemetry.flight_log import assemble, log_of_track
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap
 from thrustmargin.gcs_plugin.telemetry.recording import LogQuality, Recording
 from thrustmargin.gcs_plugin.telemetry.rows import (
+    KEPT,
     Carried,
     flight_rows,
     row_times,
@@ -62,6 +63,7 @@ def test_rows_are_the_reports_of_rotor_one_and_of_the_next_where_that_is_silent(
     assert rows_of(*TURNING) == live
     # Up to what made rows already nothing is made again, and the next row is 0.09 s later.
     assert rows_of(*TURNING, heard_s=3.0, row_s=3.0) == live[6:]
+    assert rows_of(*TURNING, heard_s=3.0) == live[6:]
     assert rows_of(*TURNING, heard_s=2.9, row_s=2.92) == live[6:]
     assert rows_of(*TURNING, heard_s=2.9, row_s=2.9) == live[5:]
     unknown = replace(TURNING[0], values=np.array([900.0, NAN, 900.0, 900.0]))
@@ -319,3 +321,9 @@ def test_only_what_is_stated_with_an_error_carries_one(sampling):
     assert rows.sources["tank_kg"].startswith("stated: 3 kg")
     assert rows.channels["temperature"].tolist() == [291.15] * rows.clock_s.size
     assert {k: set(v.tolist()) for k, v in rows.standard_errors.items()} == {"temperature": {2.0}}
+
+
+def test_a_listener_keeps_all_that_a_row_may_look_back_at():
+    ages = {name: column.max_age for name, column in TRACK_CHANNELS.items()}
+    assert max(ages.values()) <= KEPT
+    assert 4.0 + ages["tank_kg"] <= KEPT  # a tank's fall over four seconds, by reports still young

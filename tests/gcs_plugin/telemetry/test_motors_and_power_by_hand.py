@@ -45,6 +45,7 @@ def test_motors_are_where_their_functions_are():
     found = motors(twelve)
     assert found.rotor_count == 12
     assert found.outputs == (0, 1, 2, 3, 4, 5, 6, 7, 28, 29, 30, 31)
+    assert [motors({f"SERVO{n}_FUNCTION": 22.0}).pump_output for n in (32, 33)] == [31, None]
 
 
 def test_motors_that_nothing_names_are_taken_in_order():
@@ -125,6 +126,13 @@ def test_outputs_without_a_pulse_or_beyond_the_reported_have_no_throttle():
     assert found == [None, direct, None]
 
 
+def test_what_an_esc_says_of_itself_holds_for_five_seconds():
+    said = collected([reports("esc_failure", [2.0, 0.0], 2, times=[10.0, 20.0])])
+    found = motors(functions(3, 2, 1)).failures(said, np.array([9.0, 10.0, 15.0, 15.1, 21.0]))
+    np.testing.assert_array_equal(found[:, 0], [NAN, 2.0, 2.0, NAN, 0.0])
+    assert np.isnan(found[:, 1:]).all()
+
+
 def test_rotor_speeds_follow_the_outputs_and_silent_ones_are_none():
     escs = [reports("esc_rpm", [1000.0 + k] * 3, k) for k in (0, 2)]
     escs.append(reports("esc_rpm", [NAN] * 3, 1))
@@ -174,6 +182,11 @@ def test_currents_of_escs_add_up():
         assert sources[0].values[0] == 6.0
         np.testing.assert_array_equal(sources[0].values[2], last)
     assert first_of("current", reports("esc_current", [0.0] * 3, 0))[0] == ()
+    # Below nothing is no current and no voltage that an ESC measures.
+    back, _ = first_of("current", reports("esc_current", [-1.0, 5.0, 5.0], 0), sampling="hold")
+    np.testing.assert_array_equal(back[0].values, [NAN, 5.0, 5.0])
+    volts = [reports("esc_voltage", [v] * 3, k) for k, v in enumerate((48.0, -0.5))]
+    assert first_of("voltage", *volts)[0][0].values[0] == 48.0
 
 
 def test_a_second_pack_is_named():

@@ -240,6 +240,9 @@ def test_two_clocks_in_turns_are_two_vehicles():
         longest_stretch(turns, "x")
     # Ten falls are still restarts.
     assert len(longest_stretch(turns[: 6 * 21], "x").jumps) == 10
+    # So are eleven when one of the stretches is half of the log.
+    long = np.concatenate([turns[: 6 * 23], np.arange(138.0) - 200.0])
+    assert longest_stretch(long, "x").first == 138
 
 
 def test_a_step_of_five_seconds_is_time_and_a_lone_longer_one_is_damage():

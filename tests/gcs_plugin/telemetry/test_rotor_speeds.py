@@ -163,6 +163,39 @@ def test_an_output_that_was_just_idle_asks_for_nothing_yet():
     assert found.signals[0].time_s[-1] == pytest.approx(1.8)  # 1 s after the last idle output
 
 
+@pytest.mark.parametrize(
+    ("outputs", "at_s", "kept"),
+    [
+        ([0.12] * 40, None, list(range(40))),  # idle: a rotor may stand
+        ([0.13] * 40, None, []),
+        ([0.6], 1.0, [*range(10), *range(31, 40)]),  # one output, believed for two seconds
+    ],
+)
+def test_a_rotor_may_stand_while_its_output_is_idle_or_not_known(outputs, at_s, kept):
+    output = made(outputs)
+    if at_s is not None:
+        output = Signal("throttle", "x", np.array([at_s]), output.values)
+    turning = made(np.full(40, 900.0))
+    found = measured_speeds([made(np.zeros(40)), turning], [output, output], None, look_ahead=False)
+    assert found.signals[0] is not None
+    assert np.round(10 * found.signals[0].time_s).tolist() == kept
+
+
+def test_an_idle_output_asks_for_nothing_for_one_second():
+    output = Signal("throttle", "x", np.array([0.0, 0.5]), np.array([0.1, 0.6]))
+    speeds = Signal("esc_rpm", "x", np.array([0.75, 1.0, 1.25]), np.zeros(3))
+    found = measured_speeds([speeds, made([900.0] * 20)], [output] * 2, None, look_ahead=False)
+    assert found.signals[0] is not None
+    assert found.signals[0].time_s.tolist() == [0.75]
+
+
+def test_readings_that_were_heard_are_not_looked_at_again():
+    speeds = Signal("esc_rpm", "x", np.array([0.0, 0.5, 1.0]), np.full(3, 900.0))
+    found = measured_speeds([speeds] * 2, [None] * 2, None, look_ahead=False, heard_s=0.5)
+    assert found.signals[0] is not None
+    assert found.signals[0].time_s.tolist() == [1.0]
+
+
 def test_hover_motors_that_idle_do_not_lift():
     nan = float("nan")
     speeds = np.array([[900.0, 950.0], [0.0, 0.0], [0.0, 0.0], [900.0, nan], [nan, nan]])

@@ -15,6 +15,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     Stream,
     Waypoint,
     damage_of,
+    serial_digits,
 )
 from thrustmargin.gcs_plugin.telemetry.signals import (
     SignalBuffer,
@@ -124,6 +125,14 @@ def test_a_listener_keeps_each_battery_by_itself_and_the_lowest_first():
     assert [(s.index, s.time_s.tolist()) for s in found] == [(0, [1.0]), (1, [0.0, 2.0])]
     assert [s.source.endswith(f"of id {k}") for k, s in enumerate(found)] == [True, True]
     assert buffer.heard == {"BATTERY_STATUS"}
+
+
+def test_a_listener_has_named_values_in_the_order_of_their_names():
+    buffer = SignalBuffer(4.0)
+    for at, name in enumerate((b"TANK", b"FLOW", b"LEVEL")):
+        one = stream([at], name=np.array([name]), value=np.array([1.0], np.float32))
+        buffer.add({"NAMED_VALUE_FLOAT": one}, "", -np.inf)
+    assert [s.index for s in buffer.signals["named_value"]] == ["FLOW", "LEVEL", "TANK"]
 
 
 def heard(buffer: SignalBuffer) -> list[float]:
@@ -253,3 +262,14 @@ def test_a_log_in_five_lines():
     ]
     hurt = replace(log, quality=replace(log.quality, bytes_skipped=7, damaged_places=2))
     assert repr(hurt).endswith("skipped: 7 bytes in 2 damaged place(s)")
+    gaps = ((1.0, 5.0), (3.0, 2.0), (9.0, 4.0))
+    flown = replace(log, quality=replace(log.quality, gaps=gaps), clock_start_s=3.0)
+    assert flown.silences == ((3.0, 2.0), (9.0, 4.0))  # before the first row none is a flight's
+
+
+@pytest.mark.parametrize(
+    ("text", "digits"),
+    [(" 0A1b00 ", "0a1b"), ("0a1", ""), ("0a1g", ""), ("", ""), ("0000", ""), ("000a", "000a")],
+)
+def test_a_serial_number_is_in_whole_bytes_of_hexadecimal_digits(text, digits):
+    assert serial_digits(text) == digits

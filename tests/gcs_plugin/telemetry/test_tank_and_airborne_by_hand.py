@@ -224,6 +224,12 @@ def test_half_the_thrust_of_cruise_is_flight():
     assert words.startswith("motor outputs above")
 
 
+def test_cruise_is_the_75th_percentile_of_thrust():
+    # Of 1 to 12 it is 1 + 0.75 x 11 = 9.25: from half of that, 4.625, on.
+    rows, _ = flying(rotor_speed_rpm=np.sqrt(np.arange(1.0, 13.0))[:, None])
+    assert rows == list(range(4, 12))
+
+
 def test_a_metre_above_home_or_nothing_at_all():
     rows, words = flying(height_agl=[0.0, 1.0, 1.1, NAN, 2.0] + [0.5] * 7)
     assert rows == [2, 4]
