@@ -25,7 +25,7 @@ from thrustmargin.gcs_plugin.telemetry.resample import (
     sample,
     thinned,
 )
-from thrustmargin.gcs_plugin.telemetry.signals import best, by_index, collected
+from thrustmargin.gcs_plugin.telemetry.signals import best, by_index, collected, speed_through_air
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import TRACK_CHANNELS
 
@@ -274,3 +274,11 @@ def test_a_damaged_time_at_an_end_is_a_leap_too(row):
     clock: Any = np.arange(20) * MILLI
     clock[row] = 9e9
     assert np.flatnonzero(np.isnan(without_leaps(clock))).tolist() == [row]
+
+
+def test_speed_through_air_is_velocity_less_the_wind_of_that_moment():
+    velocity = np.array([[3.0, 0.0, 0.0], [3.0, 4.0, 0.0]])
+    wind = np.array([[-2.0, 0.0, 0.0], [-2.0, 0.0, 0.0], [-1.0, 7.0, 0.0]])
+    # Half way between 1 s and 3 s the wind is (-1.5, 3.5); of two at one instant the first counts.
+    found = speed_through_air(np.array([0.0, 2.0]), velocity, np.array([1.0, 1.0, 3.0]), wind)
+    np.testing.assert_allclose(found, [5.0, np.hypot(4.5, 0.5)])

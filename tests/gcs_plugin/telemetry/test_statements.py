@@ -80,3 +80,21 @@ def test_a_table_takes_what_is_stated_in_the_place_of_its_own():
     assert warm.sources["temperature"] == "stated: 18 °C outside"
     assert warm.temperature.tolist() == [291.15] * 5
     assert warm.standard_errors["temperature"].tolist() == [2.0] * 5
+
+
+def test_a_pause_of_the_rows_counts_as_two_seconds():
+    times = np.array([0.0, 1.0, 11.0, 12.0])
+    (found,) = stated_channels(
+        Options(load=8.0, load_end=4.0),
+        time_s=times,
+        flying=np.ones(4, dtype=bool),
+        spraying=np.full(4, np.nan),
+        pumped_kg=np.full(4, np.nan),
+    )
+    assert found[1].tolist() == [8.0, 7.0, 5.0, 4.0]
+
+
+def test_a_listener_without_a_pump_keeps_the_least_that_is_stated():
+    kilograms, words = load(Options(load=8.0, load_end=2.0, sampling="hold"), UNKNOWN)
+    assert kilograms == [8.0] * 5
+    assert words == "stated: 8 kg at the start, falling with the pump's output, at least 2 kg"

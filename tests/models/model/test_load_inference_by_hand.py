@@ -114,6 +114,22 @@ def test_no_tank_fills_in_flight():
     assert not fit.falls
 
 
+@pytest.mark.parametrize(("ratio", "ends"), [(1.07, np.inf), (1.16, 60.0)])
+def test_an_end_of_the_fall_must_be_worth_its_knot(ratio, ends):
+    """By the Bayesian criterion: of 13 means 2 x 13 ln(scatter ratio) > ln 13, from 1.104 on."""
+    seconds = np.linspace(0.0, 120.0, 13)
+    bent = np.minimum(seconds, 60.0)
+    line = np.column_stack([np.ones(13), seconds])
+    of_one = np.sum((bent - line @ np.linalg.lstsq(line, bent)[0]) ** 2)  # a straight line's
+    # The scatter's square is (squares + 3 x usual²)/14, the usual 1 % of about 29 kg.
+    slope = 0.29 * np.sqrt(3.0 * (ratio**2 - 1.0) / of_one)
+    masses = 29.0 - slope * (bent - bent.mean())
+    fit = fitted(
+        *((10.0, 1, m, 0.0, s, s) for m, s in zip(masses, seconds, strict=True)), spraying=(1.0,)
+    )
+    assert fit.span == (0.0, ends)
+
+
 def hover(kilograms: float, rows: int = 101, **channels: Any):
     """Rows of 0.1 s whose rotors carry 20 kg and so much more."""
     speed = np.sqrt((20.0 + kilograms) * G0 / (4.0 * 2e-5))

@@ -6,12 +6,15 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
+from tests.models.model.test_model_by_hand import AIRFRAME, learnt, network_rpm
+from tests.models.model.test_model_by_hand import flight as hand_flight
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 
 F16 = load_airframe("topxgun-f16-sitl")
+CEILING_AND_LOAD = ("max_rotor_speed_rpm", "ceiling_voltage", "empty_mass", "thrust_coefficient")
 
 
 def flight(speed_rpm=2100.0, **given) -> FlightTrack:
@@ -89,3 +92,15 @@ def test_a_prediction_has_the_error_of_its_load_and_of_the_guesses_behind_it():
     share = both.utilisation_error / both.utilisation_predicted
     assert share == pytest.approx(np.full((2, 4), np.hypot(0.1, 0.1)))
     assert analysis.basis_of(0, 0) == "predicted"
+
+
+def test_a_prediction_with_a_network_has_half_of_its_interval_over_1_645():
+    # The network of test_model_by_hand: 1830 rpm and more, its half width by hand there.
+    model = learnt()
+    track = hand_flight([3.0], [4.0], voltage=np.full(1, 50.0))
+    analysis = analyse(track, model, np.full(1, 1.2))
+    half = np.hypot(20.0, 1.6448536 * 20.0 * np.sqrt(2.0)) * np.array([2.0, 2.0, 2.0, 1.0])
+    share = 2.0 * half / 1.645 / network_rpm(3.0, 4.0)
+    guessed = 0.1 * np.sqrt(sum(AIRFRAME.quantities[q].guessed for q in CEILING_AND_LOAD))
+    by_hand = analysis.utilisation_predicted * np.hypot(share, guessed)
+    np.testing.assert_allclose(analysis.utilisation_error, by_hand, rtol=1e-5)

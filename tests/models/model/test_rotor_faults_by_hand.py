@@ -1,0 +1,196 @@
+"""Signals, priors and names of the tests for a bad rotor, each number worked out by hand."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.models.model.test_model_by_hand import recorded
+from thrustmargin.models.checks.sudden_change import Prior
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.rotor_faults import (
+    FAULT_SIZES,
+    MOST,
+    FaultTest,
+    RotorFaults,
+    _motor_test,
+    _propeller_test,
+    fault_signals,
+    loss_steps,
+    mode_directions,
+)
+from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.network.records import GoodFlights
+from thrustmargin.models.physics.airframe import load_airframe
+
+G0 = 9.80665
+F16 = load_airframe("topxgun-f16-sitl")
+MODEL = physics_model(F16)
+MODES = mode_directions(MODEL)
+SIZES = FAULT_SIZES.size
+
+
+def test_the_signals_of_a_row():
+    # 29.1 kg on four rotors: rotor 2 turns 5 % faster than predicted, in a pull-up of 1.2 g.
+    speed = math.sqrt(29.1 * G0 / 4 / F16.thrust_coefficient)
+    track = FlightTrack.of(
+        name="x",
+        time_s=np.array([7.0]),
+        rotor_count=4,
+        rotor_speed_rpm=np.array([[speed, 1.05 * speed, speed, np.nan]]),
+        throttle=np.full((1, 4), 0.55),
+        airspeed=np.zeros(1),
+        tank_kg=np.array([8.0]),
+        specific_force_frd=np.array([[0.0, 0.6 * G0, -0.8 * 1.5 * G0]]),
+        angular_rate_frd=np.array([[0.1, np.nan, 0.3]]),
+    )
+    found = fault_signals(analyse(track, MODEL, np.full(1, F16.reference_density)), slice(None))[0]
+    share = 0.35 * 0.5 + 0.65 * 0.25  # half way between 0.15 and 0.95, exponent 0.65
+    np.testing.assert_allclose(found[:5], [7.0, 0.0, 1.05**2 - 1.0, 0.0, np.nan], atol=1e-9)
+    level = 2.0 * math.log(speed) - math.log(share)
+    np.testing.assert_allclose(found[5:9], [level, level + 2.0 * math.log(1.05), level, np.nan])
+    np.testing.assert_allclose(found[9:13], math.log(share))
+    load = math.hypot(0.6, 1.2) - 1.0
+    np.testing.assert_allclose(found[13:], [load, 0.1, 0.0, 0.3])
+
+
+def test_a_motor_s_prior():
+    prior = _motor_test(MODEL)._prior
+    np.testing.assert_allclose(prior.trim, 0.1)
+    np.testing.assert_allclose(prior.noise, 0.01)
+    np.testing.assert_allclose(prior.inputs, [[0.15, 0.2]] * 4)  # steepness of the curve, lag in s
+    assert (prior.flights, prior.alone) == (0, False)
+    test = _motor_test(MODEL)
+    # A speed short by s moves ln N² of its own motor, known to half of the step from size to size.
+    step = 2.0 * np.log(1.0 - FAULT_SIZES)
+    np.testing.assert_allclose(test._steps[2, 1:, 2], step)
+    np.testing.assert_allclose(test._widths[2, 1:, 2], -0.03 * step)
+    assert not np.any(test._steps[2, :, [0, 1, 3]])
+    assert not np.any(test._steps[:, 0])
+
+
+def turns(left: tuple[float, float, float, float]) -> np.ndarray:
+    """(4, 7) prior of load, rates and accelerations in each mode: its own whole, of others 0.1."""
+    arm = F16.arm
+    own = 2.0 * np.array([1.0, arm / G0, arm / G0, arm**2 / F16.torque_ratio / G0]) * left
+    table = np.tile(0.1 * own, (4, 1))
+    table[range(4), range(4)] = own
+    return np.column_stack([table, table[:, 1:]])
+
+
+def test_a_propellers_prior():
+    prior = _propeller_test(MODEL, MODES)._prior
+    # A mode of four rotors, each a tenth of its thrust off: 0.1 x 2.
+    np.testing.assert_allclose(prior.trim, 0.2)
+    np.testing.assert_allclose(prior.noise, 0.02)
+    np.testing.assert_allclose(prior.inputs, turns((1.0, 1.0, 1.0, 1.0)))
+    assert (prior.flights, prior.alone) == (0, True)
+    # What the model knows of a manoeuvre it has taken but for a tenth.
+    for key, left in (("load_factor", (0.1, 1, 1, 1)), ("manoeuvre_moment", (1, 0.1, 0.1, 0.1))):
+        known = replace(MODEL, effects=(recorded(key),))
+        np.testing.assert_allclose(_propeller_test(known, MODES)._prior.inputs, turns(left))
+    steps, torque = (a @ MODES for a in loss_steps(MODEL))
+    widths = _propeller_test(MODEL, MODES)._widths[:, 1:]
+    np.testing.assert_allclose(widths, np.sqrt(torque**2 + (0.03 * steps) ** 2))
+
+
+def test_good_flights_say_how_far_a_trim_may_be_off():
+    # Thrust goes with the square: twice the share of the speed in hover with half a tank.
+    hover = math.sqrt((21.1 + 8.0) * G0 / 4 / F16.thrust_coefficient)
+    shown = (10.0, 4.0, 6.0, 8.0)
+    good = GoodFlights(flights=7, scatter={}, mode_scatter_rpm=shown)
+    for model, flights in (
+        (replace(MODEL, good_flights=good), 7),
+        (replace(MODEL, background_rpm=shown), 0),
+    ):
+        prior = _propeller_test(model, MODES)._prior
+        np.testing.assert_allclose(prior.trim, 2.0 * np.array(shown) / hover)
+        assert prior.flights == flights
+
+
+def named(posterior: np.ndarray, *, begins: bool = False):
+    test = _motor_test(MODEL)
+    test._name(1, posterior, begins=begins)
+    return test.faults.get(1)
+
+
+def test_a_fault_is_the_mean_of_its_sizes_with_the_interval_that_holds_95_percent():
+    posterior = np.zeros(SIZES + 1)
+    posterior[11:15] = 0.25
+    fault = named(posterior)
+    assert fault is not None
+    at = FAULT_SIZES[10:14]
+    assert fault.size == pytest.approx(at.mean())
+    # Half of each size's share lies below it: 0.125, 0.375, 0.625, 0.875; beyond, to the next one.
+    assert (fault.lower, fault.upper) == pytest.approx(
+        (np.interp(0.2, [0, 1], FAULT_SIZES[9:11]), np.interp(0.8, [0, 1], FAULT_SIZES[13:15])),
+    )
+    growing = named(posterior, begins=True)
+    assert growing is not None
+    assert (growing.lower, growing.upper) == (fault.lower, MOST)
+
+
+@pytest.mark.parametrize(("sound", "bad"), [(0.49, True), (0.51, False)])
+def test_sound_again_is_as_likely_before_as_all_sizes_together(sound, bad):
+    posterior = np.full(SIZES + 1, (1.0 - sound) / SIZES)
+    posterior[0] = sound / SIZES
+    assert (named(posterior / posterior.sum()) is not None) == bad
+
+
+@pytest.mark.parametrize(("wrong", "said"), [(24, False), (1, True)])
+def test_a_rotor_is_named_when_it_has_nearly_all_of_the_weight(wrong, said):
+    """Two rotors move three signals alike, the second in so many of its sizes only."""
+    steps = np.ones((2, SIZES, 3))
+    steps[1, wrong:] = -1.0
+    each = np.ones(3)
+    prior = Prior(trim=0.1 * each, noise=0.01 * each, inputs=np.zeros((3, 1)))
+    test = FaultTest("motor", steps, np.full(steps.shape, 0.01), prior)
+    rng = np.random.default_rng(1)
+    for block in range(100):
+        jump = 1.0 if block >= 80 else 0.0
+        test.add(0.7 * block, jump + 0.01 * rng.standard_normal(3), np.zeros((3, 1)))
+    assert sorted(test.faults) == [0] * said
+
+
+def row_of(time_s: float, excess=(0.0,) * 4) -> np.ndarray:
+    return np.array([time_s, *excess, *(14.0,) * 4, *(-1.0,) * 4, 0.0, 0.0, 0.0, 0.0])
+
+
+def blocks(faults: RotorFaults, rows) -> list[float]:
+    """Times of the rows with which a block was whole."""
+    return [float(row[0]) for row in rows if faults.add(float(row[0]), row)]
+
+
+def test_a_block_is_seven_rows_and_ends_where_time_goes_back():
+    assert blocks(RotorFaults(MODEL), [row_of(k / 10) for k in range(16)]) == [0.7, 1.4]
+    assert blocks(RotorFaults(MODEL), [row_of(t) for t in (5.0, 5.1, 2.0, 2.1)]) == [2.0]
+
+
+@pytest.mark.parametrize(
+    ("rows", "excess", "propeller", "motor"),
+    [
+        (3, 0.0, 1, 1),
+        (2, 0.0, 0, 0),  # too few for a mean
+        (7, -0.19, 1, 1),
+        (7, -0.21, 0, 1),  # the legs carry: what a rotor lacks says nothing of its propeller
+        (7, np.nan, 0, 1),
+    ],
+)
+def test_which_blocks_a_test_reads(rows, excess, propeller, motor):
+    faults = RotorFaults(MODEL)
+    faults._end(np.array([row_of(k / 10, (excess,) * 4) for k in range(rows)]))
+    assert [test._test._blocks for test in faults._tests] == [propeller, motor]
+
+
+def test_a_part_can_have_been_changed_in_half_a_minute_on_the_ground():
+    for pause, kept in ((29.9, True), (30.1, False)):
+        faults = RotorFaults(MODEL)
+        posterior = np.zeros(SIZES + 1)
+        posterior[5] = 1.0
+        faults._tests[1]._name(2, posterior, begins=False)
+        assert [f.rotor for f in faults.standing] == [2]
+        faults.landed(10.0)
+        faults.add(10.0 + pause, row_of(10.0 + pause))
+        assert bool(faults.standing) == kept
