@@ -3,7 +3,10 @@
 About the model as it is, with nothing missing, the residual r of a flight is linear in the values d
 of all effects: r = J d + what is not asked (scatter from flight to flight, doubt of the base model,
 the free form, noise). With that taken out, all that the flight says is the matrix [J r]'[J r]. Sums
-of flights add up, so a season is identified without its rows (`season_fit`).
+of flights add up, so a season is identified without its rows (`season_sums`).
+
+A rotor's loss bends: 8 % does 6 % more than 8 times what 1 % does. The columns of what it does
+beyond its derivative, over d², are kept too, so that sums can be had about any loss (`about`).
 
 A rotor's share of the torque moves nothing while it has lost nothing. Its column is therefore what
 the share changes in the derivative by the loss, and its value is loss x (share - usual share).
@@ -18,6 +21,7 @@ import numpy as np
 
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.effects.base import TORQUE_SHARE
+from thrustmargin.models.effects.rotor_degradation import LOSS
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.rows.candidates import (
@@ -32,8 +36,7 @@ from thrustmargin.models.identification.sets.nuisance import LEVELS
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.model.rotor_model import RotorModel
 
-#: sizes of the free form that are kept: as on a sound aircraft, and as much larger in all modes
-KEPT_LEVELS = tuple(k for k, level in enumerate(LEVELS) if level.collective == level.moments)
+BENT_AT = 0.1  # of thrust lost, up to which the bend is that of a chord
 #: of each column: value of no effect, bounds, usual size, flight-to-flight scatter of a sound
 #: aircraft, 1 where the value is a single flight's own, 1 where it only shapes an effect
 LIMITS = ("absent", "lower", "upper", "scale", "smallest", "per_flight", "shapes")
@@ -45,9 +48,11 @@ class FlightEvidence:
 
     names: tuple[str, ...]  # (q,) "effect.value", of one rotor "effect.value@2" (counted from 1)
     limits: Floats  # (q, 7) LIMITS of each value
-    gram: Floats  # (L, q + 1, q + 1) of [derivatives, residual], what is not asked taken out
+    bent: tuple[int, ...]  # (c,) places of the values that bend
+    #: (q + c + 1, q + c + 1) of [derivatives, bends, residual], what is not asked taken out, with
+    #: the free form as on a sound aircraft
+    gram: Floats
     known: Floats  # (q,) the diagonal that the derivatives would have without doubt of the model
-    log_evidence: Floats  # (L,) of what was taken out, with the levels' priors
     seconds: float  # in flight that were used
     means: int  # how many means over short times
     rotor_count: int
@@ -56,6 +61,15 @@ class FlightEvidence:
     def limit(self, name: str) -> Floats:
         """(q,) one column of LIMITS."""
         return self.limits[:, LIMITS.index(name)]
+
+    def about(self, values: Floats) -> Floats:
+        """(q + 1, q + 1) of [derivatives, residual] where the bent values are as in `values` (q,),
+        so that r = J d still holds for the values d from 0: r + Q v² = (J + 2 Q v) d."""
+        size, bends = len(self.names), len(self.bent)
+        at = np.delete(np.eye(size + bends + 1), range(size, size + bends), axis=1)
+        for k, place in enumerate(self.bent, size):
+            at[k, place], at[k, -1] = 2.0 * values[place], values[place] ** 2
+        return at.T @ self.gram @ at
 
 
 def flight_sums(model: RotorModel, track: FlightTrack) -> FlightEvidence:
@@ -69,11 +83,15 @@ def flight_sums(model: RotorModel, track: FlightTrack) -> FlightEvidence:
     if reduced.of_outputs:
         catalogue = effects_on_shares(catalogue)
     space = search_space(model, [track], catalogue, reduced)
-    names, limits, columns = [], [], []
+    names, limits, columns, bent, bends = [], [], [], [], []
     for one in space.candidates:
         columns.append(_derivatives(reduced, one))
+        first = len(names)
         suffix = "" if one.term.rotor is None else f"@{one.term.rotor + 1}"
         for (_, flight), p, start in zip(one.free, one.parameters, one.start_values, strict=True):
+            if one.term.effect.of_one_rotor and p.name == LOSS.name:
+                bent.append(len(names))
+                bends.append(_bend(reduced, one, columns[-1][:, :, len(names) - first]))
             names.append(f"{one.term.effect.key}.{p.name}{suffix}")
             absent, lower, upper, scale = start, p.lower, p.upper, p.scale
             if one.term.effect.of_one_rotor and p.name == TORQUE_SHARE.name:
@@ -81,19 +99,20 @@ def flight_sums(model: RotorModel, track: FlightTrack) -> FlightEvidence:
             own = (float(flight is not None), float(p.detail))
             limits.append((absent, lower, upper, scale, p.smallest, *own))
     residual = reduced.in_modes(reduced.measured_rpm) - predicted(reduced, ())
-    whole = np.nan_to_num(np.concatenate([*columns, residual[:, :, None]], axis=2))
-    solved = space.nuisance.solved(levels=[LEVELS[k] for k in KEPT_LEVELS])
+    last = [np.stack([*bends, residual], axis=2)]
+    whole = np.nan_to_num(np.concatenate([*columns, *last], axis=2))
+    solved = space.nuisance.solved(levels=LEVELS[:1])
     shared, own = solved.without_scatter(space.nuisance.sums(whole))
-    gram = solved.without_shared(shared, own)
-    gram = (gram + np.swapaxes(gram, 1, 2)) / 2.0
+    gram = solved.without_shared(shared, own)[0]
+    gram = (gram + gram.T) / 2.0
     if not np.isfinite(gram).all():
         raise DataError(f"{track.name}: its residuals are not finite; see thrustmargin inspect")
     return FlightEvidence(
         names=tuple(names),
         limits=np.array(limits).reshape(-1, len(LIMITS)),
+        bent=tuple(bent),
         gram=gram,
-        known=np.diag(own)[:-1].copy(),
-        log_evidence=solved.log_evidence,
+        known=np.diag(own)[: len(names)].copy(),
         seconds=float(reduced.channels.time_s[-1] - reduced.channels.time_s[0]),
         means=reduced.flight.size,
         rotor_count=reduced.measured_rpm.shape[1],
@@ -114,15 +133,23 @@ def _derivatives(reduced: Reduced, one: Candidate) -> Floats:
     return found
 
 
+def _bend(reduced: Reduced, one: Candidate, slope: Floats) -> Floats:
+    """(N, R) rpm in modes that a loss d does beyond its derivative, over d²."""
+    moved = one.start.copy()
+    moved[:, [p.name for p in one.parameters].index(LOSS.name)] += BENT_AT
+    done = predicted(reduced, (Held(candidate=one, values=moved),)) - predicted(reduced, ())
+    return (done - BENT_AT * slope) / BENT_AT**2
+
+
 def to_arrays(evidence: FlightEvidence) -> dict[str, Floats]:
     """Named arrays of float64 that `from_arrays` turns back, for a table or a file."""
-    upper = np.triu_indices(evidence.gram.shape[1])
+    upper = np.triu_indices(len(evidence.gram))
     return {
         "names": np.array(list("\n".join(evidence.names).encode()), dtype=np.float64),
         "limits": evidence.limits,
-        "gram": evidence.gram[:, upper[0], upper[1]],
+        "bent": np.array(evidence.bent, dtype=np.float64),
+        "gram": evidence.gram[upper],
         "known": evidence.known,
-        "log_evidence": evidence.log_evidence,
         "facts": np.array(
             [evidence.seconds, evidence.means, evidence.rotor_count, evidence.of_outputs]
         ).astype(np.float64),
@@ -133,24 +160,22 @@ def from_arrays(arrays: Mapping[str, Floats]) -> FlightEvidence:
     """What `to_arrays` made. Raises DataError when the arrays do not go together."""
     try:
         names = tuple(bytes(arrays["names"].astype(np.uint8)).decode().split("\n"))
-        size = len(names) + 1
-        rows, columns = np.triu_indices(size)
-        packed = arrays["gram"]
-        gram = np.zeros((packed.shape[0], size, size))
-        gram[:, rows, columns] = packed
-        gram[:, columns, rows] = packed
+        bent = tuple(arrays["bent"].astype(int).tolist())
+        rows, columns = np.triu_indices(len(names) + len(bent) + 1)
+        gram = np.zeros((rows[-1] + 1,) * 2)
+        gram[rows, columns] = gram[columns, rows] = arrays["gram"]
         seconds, means, rotors, of_outputs = arrays["facts"].tolist()
         limits, known = arrays["limits"], arrays["known"]
     except (KeyError, ValueError, IndexError) as error:
         raise DataError(f"sums of a flight that do not go together: {error}") from error
-    if limits.shape != (size - 1, len(LIMITS)) or known.shape != (size - 1,):
-        raise DataError(f"sums of a flight with {size - 1} names and limits of {limits.shape}")
+    if limits.shape != (len(names), len(LIMITS)) or known.shape != (len(names),):
+        raise DataError(f"sums of a flight with {len(names)} names and limits of {limits.shape}")
     return FlightEvidence(
         names=names,
         limits=limits,
+        bent=bent,
         gram=gram,
         known=known,
-        log_evidence=arrays["log_evidence"],
         seconds=seconds,
         means=int(means),
         rotor_count=int(rotors),

@@ -28,13 +28,14 @@ from thrustmargin.models.identification.season.change_points import (
     placed,
     spread_beyond,
 )
-from thrustmargin.models.identification.season.season_sums import SeasonSums
+from thrustmargin.models.identification.season.season_sums import SeasonSums, season_sums
 from thrustmargin.models.identification.sets.free_form import FORM
 
 MOST_FINDS = 8  # of one season
 SHAPE = 0.5  # of a loss: what its torque share may be off by
 RECENT = 10  # flights
 NO_SCATTER = 0.05  # of the usual size: scatter of a value that has none of its own
+ABOUT, BENT = 4, 0.001  # times sums are made anew; near enough to a loss
 NEAR = 9.0  # of log likelihood: less than one in 8,000 as likely
 
 
@@ -100,9 +101,10 @@ def season_changes(sums: SeasonSums, false_entries: float = FALSE_ENTRIES) -> Se
         if more is None:
             break
         found = more
-        for place in found.shapes:  # each anew beside the others
-            rest = found.with_shape(place, None)
-            found = found.with_shape(place, _shape(sums, place, rest, penalty))
+        sums = _about(sums, found)
+        for place in found.shapes:  # each anew beside the others, as they are with it
+            found = found.with_shape(place, _shape(sums, place, found, penalty))
+        sums = _about(sums, found)
         for place in found.shared:  # a mean that was only a change
             rest = replace(found, shared=found.shared - {place})
             if _gain(sums, rest, found, place) / sums.flights <= penalty:
@@ -112,6 +114,24 @@ def season_changes(sums: SeasonSums, false_entries: float = FALSE_ENTRIES) -> Se
         trends=tuple(_trend(sums, k, found, penalty) for k in order),
         shared=tuple(_shared(sums, found, penalty)),
     )
+
+
+def _about(sums: SeasonSums, found: _Found) -> SeasonSums:
+    """The sums about the losses that were found: those of a large loss about 0 leave enough of it
+    to be taken for another rotor's."""
+    for _ in range(ABOUT):
+        curves = _joint(sums, found)[0]
+        bends = {n for flight in sums.evidence for n in (flight.names[k] for k in flight.bent)}
+        bent = {
+            sums.names[k]: curves[:, k]
+            for k in {*found.shapes, *found.shared}
+            if sums.names[k] in bends
+        }
+        names = {*bent, *sums.bent}
+        if all(np.allclose(bent.get(n, 0.0), sums.bent.get(n, 0.0), atol=BENT) for n in names):
+            break
+        sums = season_sums(sums.evidence, bent)
+    return sums
 
 
 def _next(sums: SeasonSums, found: _Found, penalty: float) -> _Found | None:
@@ -200,12 +220,14 @@ def _basis(sums: SeasonSums, found: _Found) -> tuple[NDArray[np.intp], Floats, F
     free = np.array([int(k) in found.shared for k in main], dtype=bool)
     prior = [*(np.where(free, scale[main], usual[main]) / np.sqrt(sums.flights))]
     places, curves = [*main], [np.ones((sums.flights, main.size))]
-    for place, shape in found.shapes.items():
-        share = sums.share_of(place)
-        for at, size in [(place, np.inf), *([] if share is None else [(share, SHAPE)])]:
-            places.append(at)
-            prior.append(size)
-            curves.append(shape[:, None])
+    lost = {k: sums.bent.get(sums.names[k], np.zeros(1)) for k in found.shared}
+    more = [(k, shape, np.inf) for k, shape in found.shapes.items()]
+    of = [*found.shapes.items(), *((k, np.full(sums.flights, v.mean())) for k, v in lost.items())]
+    more += [(s, c, SHAPE) for k, c in of if (s := sums.share_of(k)) is not None and c.any()]
+    for at, curve, size in more:
+        places.append(at)
+        prior.append(size)
+        curves.append(curve[:, None])
     return np.array(places), np.concatenate(curves, axis=1), np.array(prior)
 
 

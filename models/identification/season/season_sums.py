@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,8 @@ class SeasonSums:
     known: Floats  # (F, q) information without doubt of the model
     total: Floats  # (q, q) information of all flights
     rotor_count: int
+    evidence: tuple[FlightEvidence, ...]
+    bent: Mapping[str, Floats]  # (F,) values that bend, about which these sums are; else about 0
 
     @property
     def flights(self) -> int:
@@ -65,8 +68,10 @@ class SeasonSums:
         return np.sqrt(np.maximum(own, 0.0))
 
 
-def season_sums(flights: Sequence[FlightEvidence], level: int = 0) -> SeasonSums:
-    """Flights in the order of time, at one size of the free form.
+def season_sums(
+    flights: Sequence[FlightEvidence], bent: Mapping[str, Floats] = MappingProxyType({})
+) -> SeasonSums:
+    """Flights in the order of time, about values (F,) of those that bend.
 
     Raises DataError when there are none, or they are of aircraft with different rotors.
     """
@@ -82,22 +87,24 @@ def season_sums(flights: Sequence[FlightEvidence], level: int = 0) -> SeasonSums
             if not own:
                 limits.setdefault(name, row)
     names = tuple(sorted(limits))
-    at = {name: k for k, name in enumerate(names)}
+    place = {name: k for k, name in enumerate(names)}
     count, size = len(flights), len(names)
     information, pull = np.zeros((count, size, size)), np.zeros((count, size))
     squares, known = np.zeros(count), np.zeros((count, size))
     for k, flight in enumerate(flights):
-        gram, own = flight.gram[level], flight.limit("per_flight") > 0.0
+        at = np.array([bent[name][k] if name in bent else 0.0 for name in flight.names])
+        gram, own = flight.about(at), flight.limit("per_flight") > 0.0
+        steeper = gram.diagonal()[:-1] / np.maximum(flight.gram.diagonal()[: at.size], 1e-300)
         if own.any():
             mine = np.flatnonzero(np.append(own, False))
             prior = flight.limit("scale")[own] ** -2.0
             block = gram[np.ix_(mine, mine)] + np.diag(prior)
             gram = gram - gram[:, mine] @ np.linalg.solve(block, gram[mine])
         kept = np.flatnonzero(~own)
-        to = [at[flight.names[j]] for j in kept]
+        to = [place[flight.names[j]] for j in kept]
         information[k][np.ix_(to, to)] = gram[np.ix_(kept, kept)]
         pull[k, to], squares[k] = gram[kept, -1], gram[-1, -1]
-        known[k, to] = flight.known[kept]
+        known[k, to] = (flight.known * steeper)[kept]
     return SeasonSums(
         names=names,
         limits=np.array([limits[name] for name in names]).reshape(size, len(LIMITS)),
@@ -107,4 +114,6 @@ def season_sums(flights: Sequence[FlightEvidence], level: int = 0) -> SeasonSums
         known=known,
         total=information.sum(axis=0),
         rotor_count=flights[0].rotor_count,
+        evidence=tuple(flights),
+        bent=bent,
     )

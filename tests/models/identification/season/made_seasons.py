@@ -1,6 +1,7 @@
 """Seasons made of the sums of recorded good flights, drawn at random, with a change put in.
 
-A change d of a value adds J d to a flight's residual, which its sums follow exactly.
+A change d of a value adds J d, and Q d² where it bends, to a flight's residual, which its sums
+follow exactly.
 """
 
 from __future__ import annotations
@@ -45,12 +46,12 @@ def with_change(
     """The flights with `values` (F,) of one value beyond what they had."""
     out = []
     for flight, value in zip(flights, values, strict=True):
-        moved = np.zeros(len(flight.names) + 1)
-        moved[flight.names.index(name)], moved[-1] = value, 1.0
-        gram = flight.gram.copy()
-        along = flight.gram @ moved
-        gram[:, -1, :] = gram[:, :, -1] = along
-        gram[:, -1, -1] = along @ moved
+        moved = np.eye(len(flight.gram))
+        place = flight.names.index(name)
+        moved[place, -1] = value
+        if place in flight.bent:
+            moved[len(flight.names) + flight.bent.index(place), -1] = value**2
+        gram = moved.T @ flight.gram @ moved
         out.append(replace(flight, gram=gram))
     return out
 

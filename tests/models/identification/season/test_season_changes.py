@@ -9,11 +9,13 @@ from tests.models.identification.season.made_seasons import (
     GAIN,
     LOSS_2,
     good_sums,
+    good_tracks,
     season,
     wear,
     with_change,
 )
-from tests.undeclared.recorded import CAMPAIGN
+from tests.undeclared.conditions import Implant
+from tests.undeclared.recorded import CAMPAIGN, implanted
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.identification.season.flight_sums import flight_sums
@@ -89,6 +91,26 @@ def test_what_the_form_of_a_large_loss_leaves_elsewhere_is_no_change():
     assert found.trends[0].changes[0].size == pytest.approx(0.08, rel=0.1)
 
 
+@pytest.mark.parametrize(("rotor", "loss", "forward"), [(2, 0.08, 0.002), (1, 0.15, 0.0)])
+def test_a_large_loss_beside_a_small_shift_has_its_size_and_is_no_other_rotors(
+    rotor: int, loss: float, forward: float
+):
+    model = shipped_model()
+    faults = [
+        Implant(kind="rotor", size=loss, condition={"rotor": rotor - 1}, truth={"loss": loss}),
+        Implant(kind="cg", size=0.0, condition={"cg": (forward, 0.0)}),
+    ]
+    bad = [flight_sums(model, implanted(track, faults)) for track in good_tracks(30)[:6]]
+    name = f"rotor_degradation.loss@{rotor}"
+    changed = of([*good_sums()[:12], *bad * 2])
+    assert entries(changed) == [(name, False), *([("cg_offset.x", False)] if forward else [])]
+    assert changed.trends[0].changes[0].size == pytest.approx(loss, rel=0.03)
+    always = of(bad)
+    assert [one.name for one in always.shared] == [name]
+    assert always.shared[0].value == pytest.approx(loss, rel=0.05)
+    assert entries(always) == []
+
+
 @pytest.mark.parametrize(
     ("kind", "name", "truth"),
     [("worn_prop", "rotor_degradation.loss@1", 0.08), ("cg_forward", "cg_offset.x", 0.04)],
@@ -119,7 +141,8 @@ def test_a_flights_own_estimate_is_its_share_of_the_sums():
     own = flights[0].limit("per_flight") > 0.0
     assert own.any()  # the wind of each flight is its own and is taken out
     mine = np.flatnonzero(np.append(own, False))
-    gram = flights[0].gram[0]
+    bends = len(flights[0].bent)
+    gram = np.delete(np.delete(flights[0].gram, range(-1 - bends, -1), 0), range(-1 - bends, -1), 1)
     block = gram[np.ix_(mine, mine)] + np.diag(flights[0].limit("scale")[own] ** -2.0)
     left = gram - gram[:, mine] @ np.linalg.inv(block) @ gram[mine]
     assert value[0] == pytest.approx(left[k, -1] / left[k, k])
