@@ -193,8 +193,10 @@ def load_fit(shown: LoadEvidence, airframe: Airframe) -> LoadFit | None:
     usual = 0.5 * fastest if by_spraying else 0.0
     if not by_spraying and shown.spraying:  # a pump that is heard to be off
         fastest = usual = 0.0
-    knots = np.unique(np.quantile(seconds, np.linspace(0.0, 1.0, KNOTS)))
-    begins, ends = (0.0,) if by_spraying else (0.0, *knots[1:-1]), (np.inf, *knots[1:-1])
+    knots = np.unique(np.quantile(seconds, np.linspace(0.0, 1.0, KNOTS)))[1:-1]
+    if fastest == 0.0:
+        knots = knots[:0]
+    begins, ends = (0.0,) if by_spraying else (0.0, *knots), (np.inf, *knots)
     best, least = None, np.inf
     for begin, end in ((b, e) for b in begins for e in ends if b < e):
         fit = _fit(means, np.clip(seconds, begin, end) - begin, usual, fastest, airframe)
@@ -203,8 +205,6 @@ def load_fit(shown: LoadEvidence, airframe: Airframe) -> LoadFit | None:
         criterion = 2.0 * count * np.log(fit.scatter) + (found + 1) * np.log(count)
         if criterion < least:
             best, least = fit._replace(span=(begin, end), by_spraying=by_spraying), criterion
-        if fastest == 0.0:
-            break
     return best
 
 

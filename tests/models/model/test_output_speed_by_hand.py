@@ -27,6 +27,7 @@ F16: Airframe = replace(
     rotor_effectiveness=np.array([1.0, 1.0, 0.5, 0.5]),
 )
 SQUARE = {"MOT_THST_EXPO": 1.0, "MOT_SPIN_MIN": 0.0, "MOT_SPIN_MAX": 1.0}  # f(x) = x²
+NOTHING = OutputCalibration()
 STEEP = 0.15  # standard error of a curve that the builder set
 WEIGHT, POWER, ROTORS = range(3)
 
@@ -185,7 +186,7 @@ def test_before_anything_was_flown_an_output_means_the_airframes_full_thrust():
     track = outputs(
         50, thrust=np.where(late, 0.7, 0.35) * np.ones(4), voltage=np.where(late[:, 0], 25.0, 50.0)
     )
-    filled, _ = filled_speeds(track, F16, SQUARE, OutputCalibration())
+    filled, _ = filled_speeds(track, F16, SQUARE, NOTHING)
     assert np.flatnonzero(np.isfinite(filled.rotor_speed_rpm[:, 0]))[0] == 30  # 3 s
     early = 3000.0 * np.sqrt(0.35)
     np.testing.assert_allclose(filled.rotor_speed_rpm[35], early)
@@ -199,6 +200,13 @@ def test_before_anything_was_flown_an_output_means_the_airframes_full_thrust():
     # In the row of the change the report may lag 0.2 s behind: ln 2 in 0.1 s.
     squares += (2.0 * np.log(2.0)) ** 2
     np.testing.assert_allclose(error[40], 0.5 * np.sqrt(squares) * then)
+
+
+def test_a_voltage_that_is_not_reported_is_the_nominal_one():
+    speed = 3000.0 * np.sqrt(0.35 * F16.nominal_voltage / 50.0)
+    for volts in (0.0, np.nan):
+        filled, _ = filled_speeds(outputs(50, voltage=np.full(50, volts)), F16, SQUARE, NOTHING)
+        np.testing.assert_allclose(filled.rotor_speed_rpm[35], speed)
 
 
 @pytest.mark.parametrize("share", [0.35, 0.5])

@@ -2,6 +2,8 @@
 
 import math
 import tomllib
+from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 
 from tests.undeclared.crafts import CRAFTS
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_faults import (
     FAULT_SIZES,
@@ -18,6 +21,7 @@ from thrustmargin.models.model.rotor_faults import (
     RotorFault,
     RotorFaults,
     fault_episodes,
+    fault_history,
     fault_signals,
     loss_steps,
     mode_directions,
@@ -205,6 +209,20 @@ def test_the_ground_long_enough_forgets_a_fault_and_a_bounce_does_not():
         faults.landed(90.0)
         faults.add(90.0 + pause, rows[0])
         assert len(faults.standing) == left
+
+
+def test_the_history_of_a_flight_has_every_change_once():
+    track, since = hover(11), ONSET
+    bad = np.where((track.time_s >= since)[:, None], lost(2, 0.15), 1.0)
+    flown = replace(track, rotor_speed_rpm=track.rotor_speed_rpm * bad)
+    history = fault_history(analyse(replace(flown, throttle=np.full_like(bad, np.nan)), MODEL))
+    times, standing = zip(*history, strict=True)
+    assert ONSET < times[0] < ONSET + 10.0
+    assert all(a < b for a, b in pairwise(times))
+    assert all(a != b for a, b in pairwise(standing))
+    assert {(f.kind, f.rotor) for faults in standing for f in faults} == {("propeller", 2)}
+    withheld = AirframeClaim(withheld=("another aircraft",))
+    assert fault_history(analyse(flown, MODEL, claim=withheld)) == []
 
 
 def test_an_episode_begins_when_it_is_found_ends_when_it_is_cleared_and_keeps_its_last_size():

@@ -12,6 +12,7 @@ from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_faults import (
     FAULT_SIZES,
+    LIKE_A_TURN,
     MOST,
     FaultTest,
     RotorFaults,
@@ -182,6 +183,40 @@ def test_which_blocks_a_test_reads(rows, excess, propeller, motor):
     faults = RotorFaults(MODEL)
     faults._end(np.array([row_of(k / 10, (excess,) * 4) for k in range(rows)]))
     assert [test._test._blocks for test in faults._tests] == [propeller, motor]
+
+
+class Heard:
+    """What a test is given."""
+
+    def add(self, time_s, values, inputs) -> None:
+        self.time_s, self.values, self.inputs = time_s, values, inputs
+
+
+def test_a_block_is_the_mean_of_its_rows_and_its_slopes_from_first_to_last():
+    """Excess, motors, outputs, load factor and rates that rise by their own amounts in 0.6 s."""
+    faults = RotorFaults(MODEL)
+    propeller, motor = Heard(), Heard()
+    faults._tests[:] = propeller, motor
+    rows = np.array([row_of(5.0 + k / 10) for k in range(7)])
+    at = np.array([0, 1, 1, 1, 1, 1, 4])[:, None]  # mean 9/7, 4 from the first to the last
+    rises = np.arange(1.0, 17.0)
+    rows[:, 1:] += at * rises
+    faults.add(5.0, rows[0])
+    faults._end(rows)
+    means = rows[0, 1:] + 9.0 / 7.0 * rises
+    slopes = 4.0 / 0.6 * rises
+    assert (propeller.time_s, motor.time_s) == (5.0, 5.0)
+    np.testing.assert_allclose(propeller.values, means[:4] @ MODES, atol=1e-12)
+    np.testing.assert_allclose(propeller.inputs, [[*means[12:], *slopes[13:]]] * 4)
+    np.testing.assert_allclose(motor.values, means[4:8] - np.median(means[4:8]))
+    moves = np.column_stack([means[8:12], slopes[8:12]])
+    np.testing.assert_allclose(motor.inputs, moves - np.median(moves, axis=0))
+
+
+def test_a_start_that_looks_like_a_part_may_be_a_turn_of_once_a_minute():
+    # A block of 0.7 s in 60 s: e^4.451 to one.
+    assert math.exp(LIKE_A_TURN) == pytest.approx(60.0 / 0.7)
+    assert _motor_test(MODEL)._sound == 1.0
 
 
 def test_a_part_can_have_been_changed_in_half_a_minute_on_the_ground():
