@@ -13,6 +13,7 @@ from thrustmargin.models.physics.airframe import (
     airframe_table,
     load_airframe,
 )
+from thrustmargin.models.physics.airframe_checks import table_problems
 
 SHIPPED = airframe_names()
 SPRAYERS = [name for name in SHIPPED if load_airframe(name).tank_capacity_kg > 0]
@@ -357,6 +358,39 @@ position_frd = [0.0, -1.0, 0.0]
 def test_values_that_are_impossible_together_are_refused(tmp_path, name, value, unit, message):
     with pytest.raises(AirframeError, match=message):
         load_airframe(write(tmp_path, quantity(name, value, unit)))
+
+
+@pytest.mark.parametrize(
+    ("change", "fits"),
+    [
+        # C_T = a 3600/(rho D^4) from 0.01 to 0.5: at D = 1 m and 1.2 kg/m³ a = C_T/3000.
+        ({"thrust_coefficient": 0.0101 / 3000.0}, True),
+        ({"thrust_coefficient": 0.0099 / 3000.0}, False),
+        ({"thrust_coefficient": 0.499 / 3000.0}, True),
+        ({"thrust_coefficient": 0.501 / 3000.0}, False),
+        # Four rotors of 2e-5 x 3000² = 180 N lift 73.42 kg.
+        ({"empty_mass": 73.4, "thrust_coefficient": 2e-5, "max_rotor_speed_rpm": 3000.0}, True),
+        ({"empty_mass": 73.5, "thrust_coefficient": 2e-5, "max_rotor_speed_rpm": 3000.0}, False),
+        ({"arm": 0.965}, True),  # the rotors stand at 0.9595 m: one in a hundred may be rounding
+        ({"arm": 0.975}, False),
+    ],
+)
+def test_limits_of_what_an_airframe_can_be(change, fits):
+    table = airframe_table(load_airframe("topxgun-f16"))
+    usual = {"propeller_diameter": 1.0, "reference_density": 1.2, "max_rotor_speed_rpm": 30_000.0}
+    for name, value in (usual | change).items():
+        unit = {"arm": "m", **QUANTITIES}[name]
+        table["quantities"][name] = {"value": value, "unit": unit, "source": "own"}
+    assert (table_problems(table) == []) == fits
+
+
+@pytest.mark.parametrize(("metres", "fits"), [(50.0, True), (50.1, False)])
+def test_a_rotor_stands_within_fifty_metres(metres, fits):
+    table = airframe_table(load_airframe("topxgun-f16")) | {"layout": "custom"}
+    for rotor in table["rotors"]:
+        rotor["position_frd"] = [metres * np.sign(v) for v in rotor["position_frd"]]
+    table["quantities"].pop("arm", None)
+    assert (table_problems(table) == []) == fits
 
 
 @pytest.mark.parametrize(("key", "value"), [("quantities", [1]), ("rotors", {"a": 1})])

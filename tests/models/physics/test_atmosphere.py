@@ -124,6 +124,16 @@ def test_a_board_that_cannot_be_is_not_believed_and_a_gap_is_of_the_standard_atm
     assert some.density_error[1] > 1.5 * some.density_error[0]
 
 
+@pytest.mark.parametrize(
+    ("off", "used"), [(39.9, True), (40.1, False), (-39.9, True), (-40.1, False)]
+)
+def test_a_temperature_more_than_40_k_from_the_standard_is_a_fault(off, used):
+    at = 288.15 - 6.5 + off  # at 1000 m
+    stated = {"temperature": np.full(5, at), "standard_errors": {"temperature": np.full(5, 2.0)}}
+    air = track_air(flight(altitude=np.full(5, 1000.0), **stated))
+    np.testing.assert_allclose(air.temperature, at if used else 281.65)
+
+
 def test_altitude_stands_in_for_pressure_and_says_so():
     density, basis = track_density(flight(altitude=np.full(5, 1500.0)))
     np.testing.assert_allclose(density, isa_density(1500.0))

@@ -46,6 +46,63 @@ def test_a_typing_error_is_named_and_does_not_move_the_curve():
     assert fit.coefficient.value == pytest.approx(2e-5)
 
 
+@pytest.mark.parametrize(
+    ("scatter", "off", "left_out"),
+    [
+        (0.001, 0.14, ()),  # 15 % off is far, however little the others scatter
+        (0.001, 0.16, (4,)),
+        (0.04, 0.28, ()),  # five times their scatter of 1.4826 x 0.04 is 29.7 %
+        (0.04, 0.31, (4,)),
+    ],
+)
+def test_a_point_far_off_is_left_out(scatter, off, left_out):
+    """Logarithms of T/N² of +- the scatter by turns, the median of nine 0, one point far off."""
+    logs = scatter * np.array([1, -1, 1, -1, 0, 1, -1, 0, -1], float)
+    logs[4] = off
+    thrust = 2e-5 * SPEED**2 * np.exp(logs)
+    assert fit_bench(rotor_speed_rpm=SPEED, thrust=thrust).left_out == left_out
+
+
+def test_a_scatter_of_more_than_15_percent_is_no_curve():
+    # The median distance is 1.4826 standard deviations' worth: 0.101 is 0.1497, 0.102 is 0.1512.
+    signs = np.array([1, -1, 1, -1, 0, 1, -1, 1, -1], float)
+    for size, fits in ((0.101, True), (0.102, False)):
+        thrust = 2e-5 * SPEED**2 * np.exp(size * signs)
+        if fits:
+            assert fit_bench(rotor_speed_rpm=SPEED, thrust=thrust).points == 9
+        else:
+            with pytest.raises(DataError, match="15% about"):
+                fit_bench(rotor_speed_rpm=SPEED, thrust=thrust)
+
+
+@pytest.mark.parametrize(("top", "full"), [(0.92, False), (0.94, True)])
+def test_full_throttle_is_from_93_percent_on(top, full):
+    throttle = np.linspace(0.4, top, 9)
+    fit = fit_bench(rotor_speed_rpm=SPEED, thrust=2e-5 * SPEED**2, throttle=throttle)
+    assert fit.full_throttle == full
+
+
+@pytest.mark.parametrize(("throttle", "top"), [(0.98, 3000.0), (0.99, 3100.0)])
+def test_rows_within_1_5_percent_of_the_largest_throttle_are_at_it(throttle, top):
+    speed = np.append(SPEED, 3100.0)
+    of = np.append(np.linspace(0.2, 1.0, 9), throttle)
+    fit = fit_bench(rotor_speed_rpm=speed, thrust=2e-5 * speed**2, throttle=of)
+    assert fit.max_rotor_speed_rpm == top
+
+
+@pytest.mark.parametrize(("lowest", "known"), [(47.6, False), (47.4, True)])
+def test_voltages_must_differ_by_five_percent_for_an_exponent(lowest, known):
+    volts = np.linspace(lowest, 50.0, 8)
+    speed = np.append(SPEED, 3000.0 * (volts / 50.0) ** 0.8)
+    fit = fit_bench(
+        rotor_speed_rpm=speed,
+        thrust=2e-5 * speed**2,
+        throttle=np.append(np.linspace(20.0, 90.0, 9), np.full(8, 100.0)),
+        voltage=np.append(np.full(9, 45.0), volts),
+    )
+    assert np.isfinite(fit.voltage_exponent.value) == known
+
+
 def test_a_load_cell_that_is_pushed_reads_negative():
     fit = fit_bench(rotor_speed_rpm=SPEED, thrust=-2e-5 * SPEED**2)
     assert fit.coefficient.value == pytest.approx(2e-5)

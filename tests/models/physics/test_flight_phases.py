@@ -7,7 +7,7 @@ import pytest
 
 from tests.models.made_flights import level_flight
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.physics.flight_phases import training_rows, turning_rows
+from thrustmargin.models.physics.flight_phases import hover_rows, training_rows, turning_rows
 
 NAN = float("nan")
 
@@ -45,6 +45,45 @@ def test_flight_below_half_the_usual_low_height_is_take_off_or_landing():
     height = np.full(100, 3.0)
     height[:5], height[97:] = 1.4, 1.6  # eight low rows: the tenth percentile is 3, half of it 1.5
     assert kept(level_flight(height_agl=height)) == list(range(5, 100))
+
+
+def test_the_usual_low_height_is_the_tenth_percentile():
+    # Heights of 1 to 101 m rise by one a row: the tenth percentile is 11, half of it 5.5.
+    assert kept(level_flight(101, height_agl=np.arange(1.0, 102.0))) == list(range(5, 101))
+
+
+@pytest.mark.parametrize(
+    ("channel", "value", "hovers"),
+    [
+        ("airspeed", 1.99, True),
+        ("airspeed", 2.01, False),
+        ("velocity_ned", [0.0, 0.0, 0.31], False),
+        ("attitude", [np.arccos(0.991), 0.0, 1.0], True),
+        ("attitude", [0.0, np.arccos(0.989), 1.0], False),
+        ("angular_rate_frd", [1.0, 1.0, np.radians(5.1)], False),
+        ("angular_rate_frd", [1.0, 1.0, np.radians(4.9)], True),
+    ],
+)
+def test_what_is_a_hover(channel, value, hovers):
+    still = {
+        "airspeed": np.zeros(100),
+        "velocity_ned": np.zeros((100, 3)),
+        "attitude": np.zeros((100, 3)),
+        "angular_rate_frd": np.zeros((100, 3)),
+    }
+    track = level_flight(**still | {channel: np.array([value] * 100)})
+    assert hover_rows(track).tolist() == [hovers] * 100
+
+
+def test_a_hover_lasts_a_second():
+    fast = np.ones(100, dtype=bool)
+    fast[[*range(20, 30), *range(50, 61)]] = False  # 0.9 s and 1.0 s from first to last
+    track = level_flight(
+        airspeed=np.where(fast, 5.0, 0.0),
+        velocity_ned=np.zeros((100, 3)),
+        attitude=np.zeros((100, 3)),
+    )
+    assert np.flatnonzero(hover_rows(track)).tolist() == list(range(50, 61))
 
 
 def test_each_stretch_of_flight_has_its_own_take_off_and_landing():

@@ -93,6 +93,13 @@ def test_flights_without_drag_or_lift_have_none():
     assert fit_forward_flight(made_flights(1, duration=20.0), F16) is None
 
 
+@pytest.mark.parametrize(("spread", "known"), [(0.9, False), (1.1, True)])
+def test_airspeeds_must_differ_by_a_metre_a_second(spread, known):
+    north = 5.0 + np.linspace(0.0, spread, 320)
+    track = balanced(np.column_stack([north, np.zeros(320)]), [0.0, 0.0])
+    assert (fit_forward_flight([track], ROUND) is not None) == known
+
+
 COLUMNS = ("airspeed", "mass", "slowing")
 AIR_1_2 = 101_325.0 * 1.2 / 1.225  # Pa; at sea level temperature, 1.2 kg/m³
 

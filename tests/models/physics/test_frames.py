@@ -74,6 +74,22 @@ def test_shipped_aircraft_have_the_rotors_of_their_layout(name):
     assert layout_of_rotors(craft.rotor_position_frd, craft.rotor_spin) is layout
 
 
+def test_a_coaxial_pair_stands_a_tenth_of_the_arm_above_and_below():
+    rotors = motor_layouts()["octo-coaxial-x8"].rotors(0.8)
+    heights = [rotor["position_frd"][2] for rotor in rotors]
+    assert sorted(set(heights)) == [-0.08, 0.08]
+    assert {rotor["position_frd"][2] for rotor in motor_layouts()["hexa-x"].rotors(0.8)} == {0.0}
+
+
+@pytest.mark.parametrize(("turned", "known"), [(14.0, True), (16.0, False), (-16.0, False)])
+def test_rotors_within_fifteen_degrees_of_a_layouts_arms_are_it(turned, known):
+    layout = motor_layouts()["quad-x"]
+    angle = np.radians(turned)
+    back = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    places = np.column_stack([layout.place @ back, np.zeros(4)])
+    assert (layout_of_rotors(places, layout.spin) is layout) == known
+
+
 def test_another_number_or_shape_of_rotors_is_no_such_layout():
     plus = np.array([r["position_frd"] for r in motor_layouts()["quad-plus"].rotors(1.0)])
     assert "6 rotors, not 4" in motor_layouts()["hexa-x"].mismatch(plus)

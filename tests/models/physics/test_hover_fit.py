@@ -77,6 +77,29 @@ def test_thin_air_is_put_in_before_flights_are_compared():
     assert at_sea_level == pytest.approx(1.96e-5, rel=0.01)
 
 
+def test_a_tilted_hover_takes_more_than_the_weight():
+    """At 7 and 2 degrees the rotors make m g/(cos 7 cos 2)."""
+    tilted = np.tile(np.radians([7.0, -2.0, 30.0]), (600, 1))
+    fit = fit_hover([replace(hover(25.0, 2e-5), attitude=tilted)], F16_AT_25_KG)
+    cosine = np.cos(np.radians(7.0)) * np.cos(np.radians(2.0))
+    assert fit.coefficient.value == pytest.approx(2e-5 / cosine)
+
+
+def test_five_seconds_of_hover_are_enough():
+    assert fit_hover([hover(25.0, 2e-5, seconds=5.0)], F16_AT_25_KG).rows == 50
+    with pytest.raises(DataError, match="49 rows of steady hover"):
+        fit_hover([hover(25.0, 2e-5, seconds=4.9)], F16_AT_25_KG)
+
+
+def test_of_one_flight_the_interval_is_by_its_blocks_of_ten_seconds():
+    """Blocks of 1.96, 2.00 and 2.04e-5, as three flights; what is left over is of the last."""
+    parts = [hover(25.0, a, seconds=10.0).rotor_speed_rpm for a in (1.96e-5, 2e-5, 2.04e-5)]
+    speeds = np.concatenate([*parts, parts[2][:5]])
+    flight = replace(hover(25.0, 2e-5, seconds=30.5), rotor_speed_rpm=speeds)
+    found = fit_hover([flight], F16_AT_25_KG).coefficient
+    assert (found.high - found.low) / 2 == pytest.approx(4.303 * 0.04e-5 / np.sqrt(3), rel=0.05)
+
+
 def test_what_is_no_hover_is_not_taken():
     track = hover(25.0, 2e-5)
     fast, tilted, turning = (np.zeros((600, 3)) for _ in range(3))

@@ -55,3 +55,10 @@ def test_px4s_actuator_motors_is_thrust_already():
 def test_an_idling_motor_has_no_share():
     assert np.isnan(share({}, 0.12))
     assert np.isnan(share({}, np.nan))
+
+
+@pytest.mark.parametrize(("thrust", "known"), [(0.009, False), (0.011, True)])
+def test_below_a_hundredth_of_full_thrust_the_curve_says_nothing(thrust, known):
+    curve = output_curve({"MOT_THST_EXPO": 0.0, "MOT_SPIN_MIN": 0.0, "MOT_SPIN_MAX": 1.0})
+    found = curve.thrust_share(np.array([thrust]))
+    np.testing.assert_allclose(found, [thrust if known else np.nan])

@@ -134,3 +134,16 @@ def test_a_long_gap_does_not_widen_the_rows_of_a_mean():
 
 def test_two_rows_have_a_mean():
     np.testing.assert_allclose(moving_mean(times(2), np.array([1.0, 3.0]), 0.3), [2.0, 2.0])
+
+
+@pytest.mark.parametrize("width", [3, 4, 7])
+def test_a_mean_is_that_of_each_window_by_itself(width):
+    """Of an even number of rows there is one more before than after."""
+    rng = np.random.default_rng(width)
+    values = np.where(rng.random(400) < 0.3, rng.normal(size=400), np.nan)
+    by_hand = np.full(400, np.nan)
+    for row in range(400):
+        window = values[max(row - width // 2, 0) : row + (width + 1) // 2]
+        if np.isfinite(window).any():
+            by_hand[row] = np.nanmean(window)
+    np.testing.assert_allclose(moving_mean(times(400), values, width / 10), by_hand, atol=1e-9)
