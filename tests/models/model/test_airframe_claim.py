@@ -38,6 +38,11 @@ def test_without_grounds_there_is_no_airframe_and_the_reason_and_the_command_are
     assert f"`thrustmargin airframe new --from {SMALL.name}`" in found.remedy
 
 
+def test_the_reason_is_the_first_thing_that_is_not_close():
+    silent = replace(LOG.track, voltage=np.full(LOG.track.time_s.size, np.nan))
+    assert "(no battery voltage in flight)" in claim(silent, given=False).withheld[0]
+
+
 def test_what_is_guessed_of_the_airframe_and_widens_the_margin_is_said():
     real = load_airframe("topxgun-f16")
     found = airframe_claim(LOG.track, real, LOG.facts, LOG.parameters, given=True)

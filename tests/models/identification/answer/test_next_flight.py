@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from tests.models.made_flights import curve_model, made_flight
 from thrustmargin.models.effects import BY_KEY, effects_for
@@ -223,3 +224,20 @@ def test_a_flight_that_tells_no_more_than_chance_is_not_asked_for():
     told = after(MASS, LOSS)
     assert told is not None
     assert told.certainty > CHANCE
+
+
+def test_certainty_is_the_chance_of_a_right_choice_by_the_divergence():
+    """d' S^-1 d is twice the nats; half of its root, in standard errors, is how far apart."""
+    pair = rivals((MASS,), (GAUGE,))
+    for noise in (NOISE, 30.0 * NOISE):
+        chosen = next_flight(MODEL, pair, limits=LIMITS, noise_rpm=noise)
+        assert chosen.certainty == pytest.approx(norm.cdf(np.sqrt(2.0 * chosen.nats) / 2.0))
+
+
+def test_a_flight_repeats_a_manoeuvre_no_longer_than_flights_last():
+    limits = replace(LIMITS, minutes=3.0)
+    pair = rivals((MASS,), (GAUGE,))
+    chosen = next_flight(MODEL, pair, limits=limits, noise_rpm=1000.0 * NOISE)
+    assert chosen.certainty < 0.95
+    fills = len(chosen.manoeuvre.fills_kg)
+    assert chosen.repeats == max(1, int(3.0 * fills / chosen.manoeuvre.minutes))

@@ -1,13 +1,15 @@
 """From weighed sets to names, on sets whose weights are given by hand."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.identification.answer.posterior import posterior_of
+from thrustmargin.models.identification.answer.posterior import EffectEstimate, posterior_of
 from thrustmargin.models.identification.rows.candidates import Held, Term, candidate
 from thrustmargin.models.identification.sets.evidence import Scored
 from thrustmargin.models.identification.sets.linear_sets import FittedSet
@@ -107,3 +109,90 @@ def test_alternatives_are_the_sets_with_weight_likeliest_first():
         (0, 0.78),
         (1, 0.2),
     ]
+
+
+def test_an_interval_has_the_error_the_finest_step_and_the_share_that_no_rows_lessen():
+    parameter = replace(BY_KEY["extra_mass"].parameters[0], resolution=0.05, accuracy=0.02)
+    effect = replace(BY_KEY["extra_mass"], parameters=(parameter,))
+    values = np.array([[2.0], [-3.0]])
+    estimate = EffectEstimate(
+        candidate=0,
+        term=Term(effect=effect),
+        probability=1.0,
+        value=values,
+        error=np.array([[0.1], [0.2]]),
+        steepness=0.15,
+    )
+    z = norm.ppf(0.975)
+    share = 0.02 + z * 0.15
+    by_hand = [[z * 0.1 + 0.05 + 2.0 * share], [z * 0.2 + 0.05 + 3.0 * share]]
+    np.testing.assert_allclose(estimate.half_width, by_hand)
+    # What says when or how, and not how much, is as good as before by a curve that is off.
+    detail = replace(effect, parameters=(replace(parameter, detail=True),))
+    fine = replace(estimate, term=Term(effect=detail))
+    by_hand = [[z * 0.1 + 0.05 + 2.0 * 0.02], [z * 0.2 + 0.05 + 3.0 * 0.02]]
+    np.testing.assert_allclose(fine.half_width, by_hand)
+
+
+@pytest.mark.parametrize(("weight", "names"), [(0.949, []), (0.951, [0])])
+def test_a_name_needs_95_percent_of_the_weight(weight, names):
+    found = answer_of(a_set(weight, mass=(2.0, 0.1)), a_set(1.0 - weight))
+    assert found.named() == names
+
+
+@pytest.mark.parametrize(("times", "names"), [(1.95, []), (1.97, [0]), (-1.95, []), (-1.97, [0])])
+def test_a_name_is_clear_of_nothing_by_1_96_standard_errors(times, names):
+    assert answer_of(a_set(1.0, mass=(0.2 * times, 0.2))).named() == names
+
+
+@pytest.mark.parametrize(("both", "groups"), [(0.49, 1), (0.51, 0)])
+def test_a_choice_has_half_of_the_weight_on_just_one(both, groups):
+    together = a_set(both, mass=(2.0, 0.1), gauge=(1.2, 0.02))
+    rest = (1.0 - both) / 2.0
+    found = answer_of(together, a_set(rest, mass=(2.0, 0.1)), a_set(rest, gauge=(1.2, 0.02)))
+    assert len(found.one_of([])) == groups
+
+
+@pytest.mark.parametrize(("weight", "listed"), [(0.049, 0), (0.051, 1)])
+def test_a_twentieth_of_the_weight_is_mentioned(weight, listed):
+    found = answer_of(a_set(1.0 - weight), a_set(weight, loss=(0.03, 0.01)))
+    assert len(found.mentioned([])) == listed
+    assert len(found.alternatives()) == 1 + listed
+
+
+def excluded(value: float, error: float, *sets: FittedSet, named=()):
+    """What is excluded where each effect alone beside the best set would have this value."""
+
+    def score(key: frozenset[int], _level: int) -> Scored:
+        free = sum(len(ALL[c].free) for c in key)
+        first = np.zeros(free)
+        first[0] = value
+        return Scored(log_evidence=0.0, step=first, covariance=np.eye(free) * error**2)
+
+    held = []
+    for one in ALL:
+        absent = one.start.copy()
+        for k, p in enumerate(one.parameters):
+            absent[:, k] = p.start if p.absent is None else p.absent
+        held.append(Held(candidate=one, values=absent))
+    linear: Any = SimpleNamespace(score=score, held=held)
+    return {e.term.effect.name: e for e in answer_of(*sets).excluded(linear, named)}
+
+
+def test_a_size_is_excluded_above_its_value_and_1_645_standard_errors():
+    for value in (0.3, -0.3):
+        found = excluded(value, 0.2, a_set(1.0))["extra_mass"]
+        assert found.above == pytest.approx(0.3 + norm.ppf(0.95) * 0.2)
+        assert (found.parameter, found.unit) == ("mass", "kg")
+    # A gauge that is right has 1: what is excluded is how far from it.
+    assert excluded(0.1, 0.02, a_set(1.0))["tank_scale"].above == pytest.approx(
+        0.1 + norm.ppf(0.95) * 0.02
+    )
+    # Of two values as main as each other, as of a shifted load, none is the size.
+    assert "cg_offset" not in excluded(0.1, 0.02, a_set(1.0))
+
+
+def test_what_is_named_or_has_weight_is_not_excluded():
+    assert "extra_mass" not in excluded(0.1, 0.02, a_set(1.0), named=[0])
+    seen = (a_set(0.94), a_set(0.06, mass=(1.0, 0.3)))
+    assert "extra_mass" not in excluded(0.1, 0.02, *seen)
