@@ -95,7 +95,7 @@ class Origin:
     altitude: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
 class FlightTrack:
     """One flight of one vehicle as arrays of T rows and R rotors; NaN where unreported.
 

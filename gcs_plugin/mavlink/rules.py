@@ -33,6 +33,7 @@ class Columns(Protocol):
     def __getitem__(self, name: str, /) -> NDArray[Any]: ...
 
 
+FEW = 64  # messages, of which Python is quicker than numpy to say what numbers there are
 #: Units that stay as they are.
 _SI = (
     "1",
@@ -119,7 +120,8 @@ class Signal:
 def in_si(columns: Columns, name: str, unit: str) -> Floats:
     """(n,) or (n, k) the field `name`, given in `unit`, in SI."""
     factor, offset = UNITS[unit]
-    return columns[name].astype(np.float64) * factor + offset
+    value = columns[name].astype(np.float64)
+    return value if (factor, offset) == (1.0, 0.0) else value * factor + offset
 
 
 def quantity(rule: Rule, columns: Columns, si: Callable[[Any, str, str], Floats] = in_si) -> Floats:
@@ -148,7 +150,7 @@ def decode(
         yield None, slice(None), values
         return
     numbers = columns[rule.index]
-    for number in np.unique(numbers):
+    for number in sorted(set(numbers.tolist())) if numbers.size < FEW else np.unique(numbers):
         if rule.only is None or number == rule.only:
             rows = numbers == number
             yield int(number), rows, values[rows]

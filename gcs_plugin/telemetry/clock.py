@@ -207,7 +207,7 @@ class ArrivalClock:
             )
         offsets = (*self.offsets, stamp - own)[-WINDOW:]
         newest = max(own, self.newest)
-        return replace(self, offsets=offsets, newest=newest, stamp=stamp, earlier=None), note
+        return ArrivalClock(offsets, newest, stamp, self.last, self.boot, None, self.late), note
 
 
 def _held_back(

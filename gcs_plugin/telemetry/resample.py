@@ -27,9 +27,8 @@ _BLOCK = 1 << 14
 def plausible(channel: str, values: Floats) -> Floats:
     """The values with numbers that cannot be true (infinite, out of range) as NaN."""
     limit = TRACK_CHANNELS[channel]
-    with np.errstate(invalid="ignore"):
-        bad = ~((values >= limit.low) & (values <= limit.high))
-    return np.where(bad, np.nan, values)
+    good = (values >= limit.low) & (values <= limit.high)
+    return values if good.all() else np.where(good, values, np.nan)
 
 
 def known_rows(values: Floats) -> Bools:
@@ -41,12 +40,14 @@ def known_rows(values: Floats) -> Bools:
 def sample(channel: str, signal: Signal, time_s: Floats, sampling: Sampling) -> Floats:
     """The signal at `time_s` (T,): (T,) or (T, k), NaN where no report is young enough."""
     when, values = _reports(channel, signal)
-    result = np.full((time_s.size, *values.shape[1:]), np.nan)
     if when.size == 0:
-        return result
+        return np.full((time_s.size, *values.shape[1:]), np.nan)
     if sampling == "linear" and TRACK_CHANNELS[channel].averaged and _is_fast(when):
         when, values = _averaged(when, values)
+    if time_s.size <= _BLOCK:
+        return _at(TRACK_CHANNELS[channel], when, values, time_s, sampling)
     # In blocks: the steps between take several times the memory of the result.
+    result = np.empty((time_s.size, *values.shape[1:]))
     for low in range(0, time_s.size, _BLOCK):
         rows = slice(low, low + _BLOCK)
         result[rows] = _at(TRACK_CHANNELS[channel], when, values, time_s[rows], sampling)
@@ -57,9 +58,10 @@ def _reports(channel: str, signal: Signal) -> tuple[Floats, Floats]:
     """Times and values of the reports that can be true; of those at one instant, the last."""
     values = plausible(channel, signal.values)
     keep = known_rows(values)
-    if signal.time_s.size:
-        keep[:-1] &= (np.diff(signal.time_s) > 0) | ~keep[1:]
-    return signal.time_s[keep], values[keep]
+    time_s = signal.time_s
+    if time_s.size:
+        keep[:-1] &= (time_s[1:] > time_s[:-1]) | ~keep[1:]
+    return (time_s, values) if keep.all() else (time_s[keep], values[keep])
 
 
 def _is_fast(when: Floats) -> bool:
@@ -78,12 +80,12 @@ def _averaged(when: Floats, values: Floats) -> tuple[Floats, Floats]:
 def _at(
     limit: TrackChannel, when: Floats, values: Floats, time_s: Floats, sampling: Sampling
 ) -> Floats:
-    after = np.searchsorted(when, time_s, side="right")
+    after = when.searchsorted(time_s, side="right")
     left = np.maximum(after - 1, 0)
     age = time_s - when[left]
     fresh = (after > 0) & (age <= limit.max_age)
     if sampling == "hold" or limit.kind == "state":
-        return _masked(values[left], fresh)
+        return values[left] if fresh.all() else _masked(values[left], fresh)
     right = np.minimum(after, when.size - 1)
     near = (after < when.size) & (when[right] - time_s <= limit.max_age)
     both = fresh & near
@@ -134,11 +136,13 @@ def first_known(
 
 def last_before(signal: Signal, time_s: Floats) -> Floats:
     """(T,) or (T, k) last known report at each time, however old; NaN before the first."""
-    keep = known_rows(signal.values)
-    values, when = signal.values[keep], signal.time_s[keep]
+    values, when = signal.values, signal.time_s
+    keep = known_rows(values)
+    if not keep.all():
+        values, when = values[keep], when[keep]
     if when.size == 0:
         return np.full((time_s.size, *values.shape[1:]), np.nan)
-    last = np.searchsorted(when, time_s, side="right") - 1
+    last = when.searchsorted(time_s, side="right") - 1
     return _masked(values[np.maximum(last, 0)], last >= 0)
 
 

@@ -107,16 +107,16 @@ class SignalBuffer:
         """Take the reports in `streams` (emptied) that are later than `after_s`."""
         self.heard |= set(streams)
         for rank, new in decoded(streams, airspeed_words):
-            rows = slice(int(np.searchsorted(new.time_s, after_s, side="right")), None)
+            later = int(new.time_s.searchsorted(after_s, side="right"))
+            time_s, values = new.time_s[later:], new.values[later:]
             key = (rank, -1 if new.index is None else new.index)
             old = self._kept.get(key)
-            if old is None:
-                self._kept[key] = replace(new, time_s=new.time_s[rows], values=new.values[rows])
-                continue
-            time_s = np.concatenate([old.time_s, new.time_s[rows]])
-            values = np.concatenate([old.values, new.values[rows]])
+            if old is not None:
+                time_s = np.concatenate([old.time_s, time_s])
+                values = np.concatenate([old.values, values])
+            source = new.source if old is None else old.source
             self._kept[key] = self._shortened(
-                replace(old, time_s=time_s, values=values), after_s - self._seconds
+                Signal(new.channel, source, time_s, values, new.index), after_s - self._seconds
             )
 
     def _shortened(self, signal: Signal, since: float) -> Signal:

@@ -15,6 +15,7 @@ know, since they look like a speed that lags or a rotor that jumps.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -109,13 +110,22 @@ def _held(
     look_ahead: bool,
 ) -> LastReading:
     """Mark the readings that are repeated; the last run of equal ones for the next readings."""
-    changes = np.append(rpm[0] != before.value, rpm[1:] != rpm[:-1])
+    drive = np.where(np.isfinite(output), np.fmax(output, FLOOR), np.fmax(others, SLOW))
+    earlier = np.concatenate([[before.value], rpm[:-1]])
+    changes, change = rpm != earlier, np.abs(rpm - earlier)
+    if changes.all():
+        driven = float(drive[-1])
+        return LastReading(
+            value=float(rpm[-1]),
+            since_s=float(time_s[-1]),
+            low=math.inf if math.isnan(driven) else driven,
+            high=-math.inf if math.isnan(driven) else driven,
+            step=min(before.step, float(np.fmin.reduce(change))),
+        )
     starts = np.flatnonzero(changes)
     if not changes[0]:
         starts = np.append(0, starts)
     ends = np.append(starts[1:], time_s.size)
-    drive = np.where(np.isfinite(output), np.fmax(output, FLOOR), np.fmax(others, SLOW))
-    change = np.abs(np.diff(rpm, prepend=before.value))
     step = np.minimum.accumulate(np.append(before.step, np.where(change > 0, change, np.inf)))[1:]
     last = before
     since = time_s[starts]

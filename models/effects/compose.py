@@ -60,7 +60,7 @@ class BaseTable:
 
 def _cell(x: Array, size: int) -> tuple[Array, Array]:
     """Index of the cell that holds x and the place in it; held at the ends of the grid."""
-    x = np.clip(np.nan_to_num(x), 0.0, size - 1.0)
+    x = np.minimum(np.fmax(x, 0.0), size - 1.0)
     index = np.minimum(x.astype(np.intp), size - 2)
     return index, x - index
 

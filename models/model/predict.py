@@ -19,7 +19,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.models.effects.base import Effect, FlightState
+from thrustmargin.models.effects.base import Effect, FlightState, Placed
 from thrustmargin.models.effects.channels import Channels, channels_of
 from thrustmargin.models.effects.compose import (
     BaseTable,
@@ -69,13 +69,18 @@ def speed_with_effects(
 
     NaN where one of the model's `inputs` is missing.
     """
-    x, placed = model_channels(model, track, start=start), model.placed
+    x = model_channels(model, track, start=start)
     with np.errstate(invalid="ignore", divide="ignore"):
-        speed = rotor_speed_rpm(table_of(model), [tolerant(item) for item in placed], x)
+        speed = rotor_speed_rpm(table_of(model), _tolerant_effects(model), x)
     for channel in model.inputs:
         speed[~np.isfinite(getattr(track, channel))] = np.nan
     alone = np.sqrt(table_of(model).look_up(x.airspeed, x.tank_kg) / model.thrust_coefficient)
-    return speed, speed / alone, lacking(placed, x)
+    return speed, speed / alone, lacking(model.placed, x)
+
+
+@lru_cache(maxsize=8)
+def _tolerant_effects(model: RotorModel) -> tuple[Placed, ...]:
+    return tuple(tolerant(item) for item in model.placed)
 
 
 @lru_cache(maxsize=8)

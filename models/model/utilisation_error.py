@@ -42,7 +42,8 @@ def load_error(track: FlightTrack, airframe: Airframe) -> Floats:
     tank = np.nan_to_num(track.standard_errors.get("tank_kg", np.zeros(track.time_s.size)))
     load = np.nan_to_num(track.tank_kg)
     inferred = (tank > 0.0) & (FROM_THRUST in track.sources.get("tank_kg", ""))
-    own = tank**2 - np.where(inferred, shared_error(track, airframe, load), 0.0) ** 2
+    shared = shared_error(track, airframe, load) if np.any(inferred) else 0.0
+    own = tank**2 - np.where(inferred, shared, 0.0) ** 2
     share = np.sqrt(np.maximum(own, 0.0)) / (airframe.empty_mass + load)
     # A load that hover thrust shows is off as the curve is, and so is the largest thrust.
     guesses = np.where(

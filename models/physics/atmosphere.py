@@ -10,6 +10,7 @@ Air is taken as dry: at 30 degC and 80 % humidity the true density is 1.5 % lowe
 from __future__ import annotations
 
 from dataclasses import dataclass
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -76,6 +77,10 @@ class Air:
     basis: str
 
 
+#: The air of the tracks in use by temperature offset: five parts of an analysis ask for it.
+_AIR: WeakKeyDictionary[FlightTrack, dict[float, Air]] = WeakKeyDictionary()
+
+
 def track_air(track: FlightTrack, temperature_offset: float = 0.0) -> Air:
     """The air of a flight: pressure and outside temperature, row by row the best that is there.
 
@@ -86,6 +91,13 @@ def track_air(track: FlightTrack, temperature_offset: float = 0.0) -> Air:
     that it is the board's, less BOARD_WARMER; the standard atmosphere. 10 K are 3.5 % of density.
     `temperature_offset` in K is what the air is known to be warmer than that.
     """
+    made = _AIR.setdefault(track, {})
+    if temperature_offset not in made:
+        made[temperature_offset] = _found_air(track, temperature_offset)
+    return made[temperature_offset]
+
+
+def _found_air(track: FlightTrack, temperature_offset: float) -> Air:
     low, high = PLAUSIBLE_PRESSURE
     reported = np.isfinite(track.pressure)
     by_pressure = reported & (track.pressure >= low) & (track.pressure <= high)
@@ -124,7 +136,8 @@ def track_air(track: FlightTrack, temperature_offset: float = 0.0) -> Air:
         parts.append(
             f"pressure outside {low / 100:.0f}..{high / 100:.0f} hPa ignored in {_rows(faulty)}"
         )
-    density = np.where(known, density, np.nanmedian(density))
+    if not np.all(known):
+        density = np.where(known, density, np.nanmedian(density))
     pressure_error = np.where(by_pressure, SENSOR_ERROR, WEATHER_ERROR)
     return Air(
         density=density,
