@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.models.made_flights import made_flights
 from tests.models.model.test_training import sorties
 from thrustmargin.models.errors import DataError
+from thrustmargin.models.model import training
 from thrustmargin.models.model.training import (
     TrainSettings,
     _left_out_speeds,
@@ -18,9 +20,10 @@ from thrustmargin.models.model.training import (
     training_domain,
 )
 from thrustmargin.models.network.ensemble import RotorNetwork
-from thrustmargin.models.network.network import NetConfig, NetworkFit
-from thrustmargin.models.network.training_rows import Samples, Split, turning_rows
+from thrustmargin.models.network.network import NetConfig, NetworkFit, fit_network
+from thrustmargin.models.network.training_rows import Samples, Split, gather, turning_rows
 from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.physics.forward_flight import fit_forward_flight
 
 NAN = float("nan")
 FLIGHT = np.array([0, 0, 0, 1, 1, 1, 2, 2])
@@ -177,3 +180,37 @@ def test_flights_of_nothing_but_turns_cannot_be_learnt():
         DataError, match="no row outside yaw turns; give flights with straight legs"
     ):
         train(spinning, load_airframe("topxgun-f16-sitl"), settings, date="", version="")
+
+
+def test_each_network_begins_from_its_own_seed(monkeypatch):
+    seeds = []
+
+    def seen(*args, seed, **given):
+        seeds.append(seed)
+        return fit_network(*args, seed=seed, **given)
+
+    monkeypatch.setattr(training, "fit_network", seen)
+    settings = TrainSettings(members=3, seed=4, net=NetConfig(hidden=(2,), max_epochs=1))
+    train(sorties(4), load_airframe("topxgun-f16-sitl"), settings, date="", version="")
+    assert seeds == [4, 4, 5, 6, 7]  # two splits, then the members
+
+
+def test_a_fold_knows_nothing_of_the_flights_that_it_leaves_out():
+    """Each flight is faster than the one before: what is known of airspeeds gives it away."""
+    airframe = load_airframe("topxgun-f16-sitl")
+    tracks = [
+        replace(t, airspeed=t.airspeed + 3.0 * k, pressure=np.full(t.time_s.size, 9e4 + 2e3 * k))
+        for k, t in enumerate(made_flights(4))
+    ]
+    settings = TrainSettings(splits=(), members=4, net=NetConfig(hidden=(2,), max_epochs=1))
+    folds = train(tracks, airframe, settings, date="", version="").folds
+    assert sorted(f for fold in folds for f in fold.flights) == [0, 1, 2, 3]
+    for fold in folds:
+        rest = [t for k, t in enumerate(tracks) if k not in fold.flights]
+        alone, samples = fit_forward_flight(rest, airframe), gather(rest)
+        assert alone is not None
+        assert fold.model.forward_flight == alone
+        assert fold.model.reference_density == float(np.median(samples.density))
+        assert fold.model.training_domain is not None
+        assert fold.model.training_domain.flights == samples.flights
+        assert fold.model.training_domain.airspeed == training_domain(samples).airspeed

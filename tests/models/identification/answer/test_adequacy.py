@@ -85,5 +85,8 @@ def test_an_effect_in_a_mode_that_is_left_is_no_name_though_another_mode_has_mor
     left = unexplained(space, search, shifted)
     assert left is not None
     assert (left.mode, left.modes) == (0, (0, 1))
+    whole = np.mean(np.sum(shifted.residual**2, axis=1))  # of which four fifths are in mode 0
+    assert left.share == pytest.approx(left.rms_rpm**2 / whole)
+    assert left.share == pytest.approx(0.8, abs=0.1)
     assert acts_in(search, shifted.held[0], left.modes)
     assert not acts_in(search, shifted.held[0], [left.mode])

@@ -11,6 +11,7 @@ from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.identification.answer.already_followed import (
     LEVEL_ERROR,
     _half_widths,
+    _winds,
     _worse,
     followed_wind,
 )
@@ -65,6 +66,21 @@ def test_a_wind_that_training_had_is_not_stated(problem, windy):
     domain = replace(DOMAIN, wind_speed=(0.0, 9.0))
     known = replace(problem, model=replace(MODEL, training_domain=domain))
     assert answer(known, windy) is None
+
+
+@pytest.mark.parametrize(("blocks", "stated"), [(3, False), (4, True)])
+def test_four_blocks_of_straight_flight_state_a_wind(problem, windy, blocks, stated):
+    short = []
+    for track in windy:
+        rows = next(
+            n
+            for n in range(50, track.time_s.size, 20)
+            if len(_winds(track.rows(slice(0, n)), problem, FLIGHT)) == blocks
+        )
+        short.append(track.rows(slice(0, rows)))
+    assert (answer(problem, short) is not None) == stated
+    grounded = replace(windy[0], flying=np.zeros_like(windy[0].flying))
+    assert answer(problem, [grounded, windy[1]]) is None
 
 
 def test_an_interval_has_the_scatter_of_blocks_and_how_the_two_ways_differ():

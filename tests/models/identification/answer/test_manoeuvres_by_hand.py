@@ -180,3 +180,20 @@ def test_turns_begin_at_two_radians_a_second_squared():
     rate = np.concatenate([np.zeros(100), [0.2, 0.4], np.full(98, 0.5)])
     mean = np.convolve(np.pad(rate, (5, 4), mode="edge"), np.full(10, 0.1), mode="valid")
     np.testing.assert_allclose(track.attitude[:, 2], 0.2 + 0.1 * np.cumsum(mean), atol=1e-9)
+
+
+def test_what_is_flown_is_said_in_words():
+    said = {m.name: m.words for m in manoeuvres(limits())}
+    assert said == {
+        "hover": "hover 30 s",
+        "legs": "fly a leg into the wind and back at 3.0 and at 6.0 m/s",
+        "speed steps": "change speed in steps between 0, 3.0 and 6.0 m/s",
+        "squares": "fly a small square to the right, then one to the left, nose ahead",
+        "climb and descent": "climb from 3 to 20 m and descend, twice",
+    }
+    loads = [m.words for m in manoeuvres(limits(fill_kg=(1.23, 15.0))) if m.name == "hover"]
+    assert loads == [
+        "hover 30 s, with 15 kg in the tank",
+        "hover 30 s, with 1.2 kg in the tank",
+        "hover 30 s, once with 15 and once with 1.2 kg in the tank",
+    ]

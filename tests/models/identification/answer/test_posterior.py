@@ -18,12 +18,13 @@ MASS, GAUGE, CG = (
     candidate(Term(effect=BY_KEY[k]), 1) for k in ("extra_mass", "tank_scale", "cg_offset")
 )
 LOSS = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=2), 1)
-ALL = [MASS, GAUGE, CG, LOSS]
+LAST = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=3), 1)
+ALL = [MASS, GAUGE, CG, LOSS, LAST]
 
 
 def a_set(weight: float, **values: tuple[float, float]) -> FittedSet:
     """A set at one level: the first value of each effect and its standard error by name."""
-    names = {"mass": 0, "gauge": 1, "cg": 2, "loss": 3}
+    names = {"mass": 0, "gauge": 1, "cg": 2, "loss": 3, "last": 4}
     key = frozenset(names[n] for n in values)
     held, errors = [], []
     for n in sorted(values, key=lambda name: names[name]):
@@ -196,3 +197,8 @@ def test_what_is_named_or_has_weight_is_not_excluded():
     assert "extra_mass" not in excluded(0.1, 0.02, a_set(1.0), named=[0])
     seen = (a_set(0.94), a_set(0.06, mass=(1.0, 0.3)))
     assert "extra_mass" not in excluded(0.1, 0.02, *seen)
+
+
+def test_a_rotor_without_weight_does_not_end_the_list():
+    sets = (a_set(0.87), a_set(0.03, loss=(0.03, 0.01)), a_set(0.1, last=(0.04, 0.01)))
+    assert [m.rotor for m in answer_of(*sets).mentioned([])] == [3]

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from tests.models.made_flights import F16, made_flight
+from tests.models.model.test_model_by_hand import AIRFRAME, DRAG, learnt, network_rpm
+from tests.models.model.test_model_by_hand import flight as hand_flight
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.effects.extra_mass import EXTRA_MASS
 from thrustmargin.models.effects.stored import EffectRecord, Identified
@@ -15,7 +17,9 @@ from thrustmargin.models.identification.rows.candidates import Held, Term, candi
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.rows.row_fit import fit_rows
 from thrustmargin.models.model.model_file import shipped_model
+from thrustmargin.models.model.predict import model_channels, table_of
 from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.physics.forward_flight import thrust_ratio
 
 
 def with_mass(half_width: float):
@@ -77,3 +81,33 @@ def test_each_direction_is_one_standard_deviation_of_its_value():
     mass = problem.channels.total_mass + 1.0
     expected = problem.measured_rpm.mean() * 0.5 * (0.5 / 1.96) / mass.mean()
     assert heavier.mean() == pytest.approx(expected, rel=0.1)
+
+
+def rows_of(model, airspeed, tank_kg):
+    track = hand_flight(airspeed, tank_kg)
+    return base_uncertainty_rpm(model, table_of(model), model_channels(model, track, effects=()))
+
+
+def test_the_squares_of_members_add_up_to_their_variance():
+    """Two members 20 rpm on either side of their mean: a variance of 800, at the edge beyond it."""
+    found = rows_of(learnt(), [3.0, 9.0, 0.0], [4.0, 9.5, 0.0])
+    np.testing.assert_allclose(np.abs(found), 20.0, rtol=1e-5)
+    assert found.shape == (2, 3, 4)
+    np.testing.assert_allclose(np.sum(found**2, axis=0), 800.0, rtol=1e-5)
+
+
+def test_beyond_its_airspeeds_a_quarter_of_lift_and_of_drag_is_in_doubt():
+    model = learnt(forward_flight=DRAG)  # to 4 m/s of its own
+    lift, drag = rows_of(model, [7.0, 3.0], [4.0, 4.0])[2:]
+    np.testing.assert_allclose([lift[1], drag[1]], 0.0, atol=1e-9)
+
+    def growth(**changed):
+        of = replace(DRAG, **changed)
+        fast, slow = thrust_ratio(of, np.array([7.0, 4.0]), np.full(2, 24.0), 1.2, AIRFRAME)
+        return np.sqrt(fast / slow)
+
+    speed = network_rpm(4.0, 4.0) * growth()
+    by_lift = speed * (growth(lift_gain=0.125) / growth() - 1.0)
+    by_drag = speed * (growth(rotor_drag=0.25, drag_area=0.375) / growth() - 1.0)
+    np.testing.assert_allclose(lift[0], by_lift, rtol=1e-3)
+    np.testing.assert_allclose(drag[0], by_drag, rtol=1e-3)
