@@ -160,11 +160,28 @@ def _rebalanced(base: BaseTable, apart: Sequence[Placed], x: Channels, thrust: A
     shared = coefficient([item for item in apart if item.rotor is None], x, rotors)
     torque = _product(apart, x, rotors, lambda item: item.effect.torque)
     torque = np.clip(torque, KAPPA_FLOOR, None) / shared
-    control = base.thrust_control * alone[:, None, :] + base.torque_control * torque[:, None, :]
-    asked = thrust @ (base.thrust_control + base.torque_control).T
-    lacking = asked[:, :, None] - control @ thrust[:, :, None]
-    added = base.shares @ np.linalg.solve(control @ base.shares, lacking)
-    return thrust + added[:, :, 0]
+    alone, torque = (np.broadcast_to(of, thrust.shape) for of in (alone, torque))
+    # What control c makes of what all rotors are asked for by d: (T, C, C), one product a rotor.
+    by_thrust, by_torque = (
+        (of[:, None, :] * base.shares.T).reshape(-1, rotors).T
+        for of in (base.thrust_control, base.torque_control)
+    )
+    controls = base.shares.shape[1]
+    made = (alone @ by_thrust + torque @ by_torque).reshape(-1, controls, controls)
+    lacking = ((1.0 - alone) * thrust) @ base.thrust_control.T
+    lacking = lacking + ((1.0 - torque) * thrust) @ base.torque_control.T
+    return thrust + _solved(made, lacking) @ base.shares.T
+
+
+def _solved(systems: Array, right: Array) -> Array:
+    """(T, C) of systems (T, C, C) near one: elimination of all rows at once, without pivots, in a
+    quarter of the time of LAPACK's on each."""
+    both = np.concatenate([systems, right[:, :, None]], axis=2).transpose(1, 2, 0).copy()
+    for k in range(both.shape[0]):
+        row = both[k] / both[k, k]
+        both -= both[:, k, None] * row
+        both[k] = row
+    return both[:, -1].T
 
 
 def rotor_speed_rpm(base: BaseTable, placed: Sequence[Placed], x: Channels) -> Array:

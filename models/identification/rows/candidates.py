@@ -189,10 +189,10 @@ def value_columns(rows: RowsToFit, held: Sequence[Held], of: int) -> ValueColumn
     """The same, those of one flight's own values without the zeros of all others."""
     free = held[of].candidate.free
     wanted = sorted({k for k, _ in free})
-    return ValueColumns(
-        values=slopes(rows, held, of, wanted),
-        source=np.array([wanted.index(k) for k, _ in free], dtype=np.intp),
-        flight=np.array([ALL_FLIGHTS if f is None else f for _, f in free], dtype=np.intp),
+    return ValueColumns.with_source(
+        slopes(rows, held, of, wanted),
+        np.array([wanted.index(k) for k, _ in free], dtype=np.intp),
+        np.array([ALL_FLIGHTS if f is None else f for _, f in free], dtype=np.intp),
     )
 
 

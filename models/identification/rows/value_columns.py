@@ -1,7 +1,8 @@
-"""Columns of a fit of which some belong to one flight alone, without the zeros of all others.
+"""Columns of a fit of which some belong to one flight or one mode, without the zeros of all others.
 
 A tank gauge's gain or a wind is a value of its own in each flight. Written out, its derivatives
-are one column a flight over the rows of all flights; here they share one array.
+are one column a flight over the rows of all flights; here they share one array. So do curves that
+act anew in each mode.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from thrustmargin.models.flight import Floats
 
 ALL_FLIGHTS = -1
+ALL_MODES = -1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -24,12 +26,27 @@ class ValueColumns:
     values: Floats  # (N, R, c)
     source: NDArray[np.intp]  # (q,) which of the c each is
     flight: NDArray[np.intp]  # (q,) the one flight in which it is not zero, or ALL_FLIGHTS
+    mode: NDArray[np.intp]  # (q,) the one mode in which it is not zero, or ALL_MODES
 
     @classmethod
     def of_all(cls, values: Floats) -> ValueColumns:
         """Columns (N, R, q) of all flights."""
-        count = values.shape[2]
-        return cls(values=values, source=np.arange(count), flight=np.full(count, ALL_FLIGHTS))
+        return cls.with_source(values, np.arange(values.shape[2]))
+
+    @classmethod
+    def with_source(
+        cls,
+        values: Floats,
+        source: NDArray[np.intp],
+        flight: NDArray[np.intp] | int = ALL_FLIGHTS,
+        mode: NDArray[np.intp] | int = ALL_MODES,
+    ) -> ValueColumns:
+        """Columns of which `source` says which of the values (N, R, c) each is."""
+        own = (
+            np.broadcast_to(np.asarray(one, dtype=np.intp), source.shape) for one in (flight, mode)
+        )
+        of_flight, of_mode = own
+        return cls(values=values, source=source, flight=of_flight, mode=of_mode)
 
     @property
     def count(self) -> int:
@@ -46,7 +63,9 @@ class ValueColumns:
     def wide(self, flight: NDArray[np.intp]) -> Floats:
         """(N, R, q) written out, for rows of the flights (N,)."""
         there = (self.flight == ALL_FLIGHTS) | (self.flight == flight[:, None])
-        return self.values[:, :, self.source] * there[:, None, :]
+        modes = np.arange(self.values.shape[1])[:, None]
+        acts = (self.mode == ALL_MODES) | (self.mode == modes)
+        return self.values[:, :, self.source] * (there[:, None, :] & acts)
 
 
 def side_by_side(parts: Sequence[ValueColumns]) -> ValueColumns:
@@ -56,4 +75,5 @@ def side_by_side(parts: Sequence[ValueColumns]) -> ValueColumns:
         values=np.concatenate([p.values for p in parts], axis=2),
         source=np.concatenate([p.source + k for p, k in zip(parts, first[:-1], strict=True)]),
         flight=np.concatenate([p.flight for p in parts]),
+        mode=np.concatenate([p.mode for p in parts]),
     )

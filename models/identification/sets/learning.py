@@ -45,17 +45,23 @@ def learn(
     modes, _, hats = nuisance.free.shape
     scatter = np.ones(nuisance.scatter.shape[2])
     free = np.ones((modes, len(names)))
-    sums = nuisance.sums(residual[:, :, None])
+    sums, grams = nuisance.sums(residual[:, :, None]), nuisance.grams()
     known = nuisance.doubt.shape[2]
     for _ in range(STEPS):
-        now = replace(
-            nuisance,
-            scatter=nuisance.scatter * scatter,
-            free=nuisance.free * free[:, None, of],
+        size = np.concatenate([np.ones(known), free[:, of].ravel()])
+        own_size = scatter[:, None]
+        solved = nuisance.solved(
+            grams=[
+                (s * own_size * scatter, sx * own_size * size, x * size[:, None] * size)
+                for s, sx, x in grams
+            ],
+            levels=LEVELS[level : level + 1],
         )
-        solved = now.solved(levels=LEVELS[level : level + 1])
-        sums = now.sums(residual[:, :, None])
-        shared, _ = solved.without_scatter(sums)
+        now = [
+            replace(one, scatter=one.scatter * own_size, shared=one.shared * size[:, None])
+            for one in sums
+        ]
+        shared, _ = solved.without_scatter(now)
         covariance = solved.shared[0]
         mean = covariance @ shared[:, 0]
         square = (mean**2 + np.diag(covariance))[known:].reshape(modes, hats)
@@ -64,7 +70,7 @@ def learn(
         draws = []
         for f, spread, crossed in zip(solved.flights, solved.scatter, solved.crossed, strict=True):
             moved = spread @ crossed
-            at = spread @ sums[f].scatter[:, 0] - moved @ mean
+            at = spread @ now[f].scatter[:, 0] - moved @ mean
             more = np.einsum("kx,xy,ky->k", moved, covariance, moved, optimize=True)
             draws.append(at**2 + np.diag(spread) + more)
         drawn = np.mean(draws, axis=0)

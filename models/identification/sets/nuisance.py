@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.models.flight import Bools, Floats
-from thrustmargin.models.identification.rows.value_columns import ValueColumns
+from thrustmargin.models.identification.rows.value_columns import ALL_MODES, ValueColumns
 from thrustmargin.models.identification.rows.whitening import Whitening
 
 #: times the size that the free form has on a sound aircraft, and how likely each is beforehand: an
@@ -56,16 +56,6 @@ class FlightSums:
     own: Floats  # (u, u) z'z
     used: NDArray[np.intp]  # (u,) which columns
     count: int  # q
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Prepared:
-    """Columns that are filtered, with the scatter taken out of their sums."""
-
-    z: ValueColumns  # n means
-    left: list[Floats]  # (K, u) of each flight: what the scatter takes of them
-    shared: Floats  # (X, q)
-    own: Floats  # (q, q)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -117,35 +107,13 @@ class Nuisance:
 
     def sums(self, columns: ValueColumns | Floats) -> list[FlightSums]:
         """Of columns (N, R, q) rpm in modes, flight by flight."""
-        return self._all_sums(self._filtered(columns))
-
-    def prepared(self, columns: ValueColumns | Floats, solved: Solved) -> Prepared:
-        """Columns (N, R, q) rpm in modes with the scatter taken out, once for many residuals."""
-        z = self._filtered(columns)
-        sums = self._all_sums(z)
-        shared, own = solved.without_scatter(sums)
-        left = [w @ one.scatter for w, one in zip(solved.scatter, sums, strict=True)]
-        return Prepared(z=z, left=left, shared=shared, own=own)
-
-    def with_residual(
-        self, columns: Prepared, residual: Floats, solved: Solved
-    ) -> tuple[Floats, Floats]:
-        """`Solved.without_scatter` of prepared columns and of a residual (N, R) rpm in modes, the
-        last one."""
-        last, z = self._filtered(residual[:, :, None]), columns.z
-        sums = self._all_sums(last)
-        shared, own = solved.without_scatter(sums)
-        cross = np.zeros((z.count, 1))
-        for f, (rows, left, one) in enumerate(zip(self.flights, columns.left, sums, strict=True)):
-            along = np.tensordot(z.values[rows], last.values[rows, :, 0], axes=((0, 1), (0, 1)))
-            used = z.in_flight(f)
-            cross[used, 0] += along[z.source[used]] - left.T @ one.scatter[:, 0]
-        whole = np.block([[columns.own, cross], [cross.T, own]])
-        return np.concatenate([columns.shared, shared], axis=1), whole
+        return self.sums_of_filtered(self.filtered(columns))
 
     def grams(self) -> list[NuisanceGram]:
         """S'S, S'X and X'X of each flight."""
-        return [self._gram(rows) for rows in self.flights]
+        columns = ValueColumns.of_all(np.concatenate([self.scatter, self.doubt], axis=2))
+        sums = self.sums_of_filtered(columns)
+        return [self._gram(one, rows) for one, rows in zip(sums, self.flights, strict=True)]
 
     def solved(
         self,
@@ -201,10 +169,8 @@ class Nuisance:
             free=self.free[:, kept],
         )
 
-    def _gram(self, rows: slice) -> NuisanceGram:
-        """S'S, S'X and X'X of one flight."""
-        columns = np.concatenate([self.scatter[rows], self.doubt[rows]], axis=2)
-        sums = self._sums(ValueColumns.of_all(columns), rows, np.arange(columns.shape[2]))
+    def _gram(self, sums: FlightSums, rows: slice) -> NuisanceGram:
+        """S'S, S'X and X'X of one flight, by the sums of [S B] over its rows."""
         many = self.scatter.shape[2]
         modes, _, hats = self.free.shape
         known = self.doubt.shape[2]
@@ -217,27 +183,27 @@ class Nuisance:
             whole[part, part] = self.free[mode, rows].T @ self.free[mode, rows]
         return sums.own[:many, :many], sums.shared[:, :many].T, whole
 
-    def _filtered(self, columns: ValueColumns | Floats) -> ValueColumns:
+    def filtered(self, columns: ValueColumns | Floats) -> ValueColumns:
+        """Columns of N means as columns of n, in units of the noise."""
         asked = columns if isinstance(columns, ValueColumns) else ValueColumns.of_all(columns)
         return replace(asked, values=self.whitening.apply(asked.values))
 
-    def _all_sums(self, z: ValueColumns) -> list[FlightSums]:
-        return [
-            self._sums(replace(z, values=z.values[rows]), rows, z.in_flight(f))
-            for f, rows in enumerate(self.flights)
-        ]
+    def sums_of_filtered(self, z: ValueColumns) -> list[FlightSums]:
+        """Flight by flight."""
+        return [self._sums(z, rows, z.in_flight(f)) for f, rows in enumerate(self.flights)]
 
-    def _sums(self, of_flight: ValueColumns, rows: slice, used: NDArray[np.intp]) -> FlightSums:
-        """Of filtered columns over the `rows` of one flight."""
-        z, count = of_flight.values[:, :, of_flight.source[used]], used.size
-
+    def _sums(self, z: ValueColumns, rows: slice, used: NDArray[np.intp]) -> FlightSums:
+        """Of filtered columns over the `rows` of one flight, of which some are `used` there."""
+        source, of_mode, count = z.source[used], z.mode[used], used.size
         modes, _, hats = self.free.shape
         scatter = np.zeros((self.scatter.shape[2], count))
         doubt, free = np.zeros((self.doubt.shape[2], count)), np.zeros((modes, hats, count))
         own = np.zeros((count, count))
         for mode in range(modes):  # most columns act in one mode alone
-            there = np.flatnonzero(z[:, mode].any(axis=0))
-            part = z[:, mode, there]
+            there = np.flatnonzero((of_mode == ALL_MODES) | (of_mode == mode))
+            part = z.values[rows, mode][:, source[there]]
+            acts = part.any(axis=0)
+            there, part = there[acts], part[:, acts]
             scatter[:, there] += self.scatter[rows, mode].T @ part
             doubt[:, there] += self.doubt[rows, mode].T @ part
             free[mode][:, there] = self.free[mode, rows].T @ part
@@ -247,5 +213,5 @@ class Nuisance:
             shared=np.concatenate([doubt, free.reshape(modes * hats, count)]),
             own=own,
             used=used,
-            count=of_flight.count,
+            count=z.count,
         )

@@ -24,7 +24,6 @@ from thrustmargin.models.identification.rows.reduced import Reduced
 from thrustmargin.models.identification.rows.value_columns import ValueColumns, side_by_side
 from thrustmargin.models.identification.sets.evidence import (
     IMPOSSIBLE,
-    ValuePrior,
     prior_of,
     score,
 )
@@ -36,19 +35,16 @@ from thrustmargin.models.identification.sets.linear_sets import (
     Linear,
     forms_taken_out,
 )
-from thrustmargin.models.identification.sets.nuisance import (
-    EVERY,
-    LEVELS,
-    Nuisance,
-    Prepared,
-    Solved,
-)
+from thrustmargin.models.identification.sets.nuisance import LEVELS, Nuisance, Solved
+from thrustmargin.models.identification.sets.prepared import Prepared
 
 BEAM = 12  # sets that are grown at each size
 FITTED = 6  # sets that are fitted in full in each round
 NEXT = 4  # the same of those one effect away, however they rank: far from it a line misleads
 ROUNDS = 6
 MOST_EFFECTS = 10
+HOPELESS = 500.0  # the same, from which a set takes no more steps: a lag alone may bring 200
+STEPPED = 0  # the level at which values are found: a free form of the usual size
 NEAR = 9.0  # of log evidence below the best: less than one in 8,000 as likely
 
 SIDE, SIDE_FORM = 0.2, 0.5  # share of the main change that is by the way, and how good it is
@@ -140,7 +136,7 @@ class Search:
         residual = self.reduced.in_modes(self.reduced.measured_rpm) - base
         both = np.stack([*changes, residual], axis=2)
         forms = self._forms(about.held)
-        whole = side_by_side([*columns, ValueColumns.of_all(both), ValueColumns.of_all(forms)])
+        whole = side_by_side([*columns, ValueColumns.of_all(both), forms])
         return ColumnsAbout(
             about=about,
             held=tuple(held),
@@ -211,38 +207,40 @@ class Search:
         """Fit a set in full from the values in `near` (of all candidates) or from the starts.
 
         The doubt of an effect's form goes with its values, which steps do not see: a bad rotor is
-        also tried in its usual shape.
+        also tried in its usual shape. A set that is far from the best is left where it stands.
         """
         if key in self.fitted:
             return self.fitted[key]
-        held = [near[c] if near else self.start[c] for c in sorted(key)]
-        found = self._fit(key, held, steps)
+        least = self.best.total - HOPELESS if self.fitted else -np.inf
+        found = self._fit(
+            key, [near[c] if near else self.start[c] for c in sorted(key)], steps, least
+        )
         usual = [h.usually_shaped() for h in found.held]
-        if any(a is not b for a, b in zip(usual, found.held, strict=True)):
+        changed = any(a is not b for a, b in zip(usual, found.held, strict=True))
+        if changed and found.total > least:
             other = self._fit(key, usual, 0)
             found = other if other.total > found.total + STALE else found
         self.fitted[key] = found
         return found
 
-    def _fit(self, key: Key, held: list[Held], steps: int, level: int | None = None) -> FittedSet:
-        """Gauss-Newton with halved steps; derivatives are worked out anew where they bring more."""
+    def _fit(self, key: Key, held: Sequence[Held], steps: int, least: float = -np.inf) -> FittedSet:
+        """Gauss-Newton with halved steps; derivatives are worked out anew where they bring more,
+        and where even these promise less than the `least` log evidence, that is the end."""
         measured = self.reduced.in_modes(self.reduced.measured_rpm)
         columns, fresh = self._prepared(held), True
-        level = 0 if level is None else level
-        only = slice(level, level + 1)
-        residual = measured - predicted(self.reduced, held)
-        gram = self._grams(columns, held, residual, only)[0][0]
-        merit = float(gram[-1, -1]) + _normal_cost(prior_of(held))
-        for _ in range(steps if held else 0):
+        residual = np.nan_to_num(measured - predicted(self.reduced, held))
+        gram, merit = self._normal(columns, held, residual)
+        for number in range(steps if held else 0):
+            if fresh and number and self._scored(key, columns, held, residual).total < least:
+                break
             prior = prior_of(held)
             taken = score(prior, gram[:-1, :-1], gram[:-1, -1], float(gram[-1, -1])).step
             gained = 0.0
             for shrink in (1.0, 0.3, 0.1):
                 parts = zip(held, prior.groups, strict=True)
                 moved = [h.moved(shrink * taken[group]) for h, group in parts]
-                new = measured - predicted(self.reduced, moved)
-                trial = self._grams(columns, held, new, only)[0][0]
-                value = float(trial[-1, -1]) + _normal_cost(prior_of(moved))
+                new = np.nan_to_num(measured - predicted(self.reduced, moved))
+                trial, value = self._normal(columns, moved, new)
                 if value < merit:
                     gained = merit - value
                     held, residual, gram, merit = moved, new, trial, value
@@ -251,12 +249,26 @@ class Search:
                 break
             if gained < STALE:
                 columns = self._prepared(held)
-                gram = self._grams(columns, held, residual, only)[0][0]
-                merit = float(gram[-1, -1]) + _normal_cost(prior_of(held))
+                gram, merit = self._normal(columns, held, residual)
             fresh = gained < STALE
         if held and not fresh:
             columns = self._prepared(held)
-        grams, doubt = self._grams(columns, held, residual)
+        return self._scored(key, columns, held, residual)
+
+    def _normal(
+        self, columns: Prepared, held: Sequence[Held], residual: Floats
+    ) -> tuple[Floats, float]:
+        """The normal equations of a set at its values, and what these cost."""
+        gram, prior = columns.gram(residual), prior_of(held)
+        away = prior.values - prior.centre
+        return gram, float(gram[-1, -1]) + float(np.sum(prior.weight * away**2))
+
+    def _scored(
+        self, key: Key, columns: Prepared, held: Sequence[Held], residual: Floats
+    ) -> FittedSet:
+        """A set as it stands, with all that the derivatives promise, at every level."""
+        asked = [*range(columns.asked), columns.z.count]
+        grams, doubt = forms_taken_out(self.solved, columns.sums(residual), asked)
         prior = prior_of(held)
         levels = tuple(score(prior, g[:-1, :-1], g[:-1, -1], float(g[-1, -1])) for g in grams)
         evidence = np.array([s.log_evidence for s in levels]) + doubt
@@ -267,17 +279,19 @@ class Search:
     def _prepared(self, held: Sequence[Held]) -> Prepared:
         """Derivatives by the free values of a set, and its forms."""
         parts = [value_columns(self.reduced, held, k) for k in range(len(held))]
-        whole = side_by_side([*parts, ValueColumns.of_all(self._forms(held))])
-        return self.nuisance.prepared(whole.without_nan(), self.solved)
+        whole = side_by_side([*parts, self._forms(held)]).without_nan()
+        asked = sum(p.count for p in parts)
+        return Prepared.of(self.nuisance, self.solved, whole, asked, STEPPED)
 
-    def _forms(self, held: Sequence[Held]) -> Floats:
-        """(N, R, Q) by how much what each effect of a set does may be another than its form says.
+    def _forms(self, held: Sequence[Held]) -> ValueColumns:
+        """By how much what each effect of a set does may be another than its form says, in rpm.
 
         FORM of its change along the direction that it changes most, anew in each mode, and
         SIDE_FORM of what it changes by the way in modes that it hardly acts in.
         """
         modes, count = self.reduced.measured_rpm.shape[1], self.slow.shape[1]
-        parts = [np.zeros((self.slow.shape[0], modes, 0))]
+        parts = [ValueColumns.of_all(np.zeros((self.slow.shape[0], modes, 0)))]
+        each, curve = np.divmod(np.arange(modes * count), count)
         base = predicted(self.reduced, held)
         for k in range(len(held)):
             without = predicted(self.reduced, [*held[:k], *held[k + 1 :]])
@@ -286,25 +300,9 @@ class Search:
                 continue
             main = change @ np.linalg.eigh(change.T @ change)[1][:, -1]
             size = np.sqrt(np.mean(change**2, axis=0))
-            side = (size < SIDE * size.max()) & (size > LEAST_CHANGE)
-            parts.append(change[:, :, None] * np.diag(side)[None][:, :, side] * SIDE_FORM)
-            own = np.zeros((main.size, modes, modes * count))
-            for mode in range(modes):
-                part = slice(mode * count, (mode + 1) * count)
-                own[:, mode, part] = FORM * main[:, None] * self.slow
-            parts.append(own)
-        return np.concatenate(parts, axis=2)
-
-    def _grams(
-        self, columns: Prepared, held: Sequence[Held], residual: Floats, levels: slice = EVERY
-    ) -> tuple[Floats, Floats]:
-        """(levels, P + 1, P + 1) of derivatives and a residual with the forms' doubt taken out,
-        and (levels,) the log evidence of all that was taken out."""
-        sums = self.nuisance.with_residual(columns, np.nan_to_num(residual), self.solved)
-        asked = [*range(sum(len(h.candidate.free) for h in held)), columns.z.count]
-        return forms_taken_out(self.solved, sums, asked, levels)
-
-
-def _normal_cost(prior: ValuePrior) -> float:
-    """What the normal priors of a set cost at its values."""
-    return float(np.sum(prior.weight * (prior.values - prior.centre) ** 2))
+            side = np.flatnonzero((size < SIDE * size.max()) & (size > LEAST_CHANGE))
+            one = np.zeros(side.size, dtype=np.intp)
+            parts.append(ValueColumns.with_source(SIDE_FORM * change[:, :, None], one, mode=side))
+            own = np.repeat((FORM * main[:, None] * self.slow)[:, None, :], modes, axis=1)
+            parts.append(ValueColumns.with_source(own, curve, mode=each))
+        return side_by_side(parts)

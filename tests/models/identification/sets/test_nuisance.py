@@ -11,6 +11,7 @@ from thrustmargin.models.identification.rows.value_columns import (
 from thrustmargin.models.identification.rows.whitening import Whitening
 from thrustmargin.models.identification.sets.learning import LEAST, learn
 from thrustmargin.models.identification.sets.nuisance import LEVELS, Nuisance
+from thrustmargin.models.identification.sets.prepared import Prepared
 
 MODES, ROWS, FLIGHTS = 2, 60, 2
 
@@ -126,7 +127,7 @@ def own_values(rng) -> ValueColumns:
     """A column of both flights, and two values of which each flight has its own."""
     owners = np.array([ALL_FLIGHTS, 0, 1, 0, 1])
     values = columns_of(rng)
-    return ValueColumns(values=values, source=np.array([0, 1, 1, 2, 2]), flight=owners)
+    return ValueColumns.with_source(values, np.array([0, 1, 1, 2, 2]), owners)
 
 
 def test_a_value_of_one_flight_is_summed_there_alone_and_fits_in_among_the_others():
@@ -147,13 +148,32 @@ def test_a_value_of_one_flight_is_summed_there_alone_and_fits_in_among_the_other
 def test_a_residual_beside_columns_that_were_prepared_is_one_more_column():
     nuisance, rng = made()
     columns, residual = own_values(rng), columns_of(rng, 1)
-    solved = nuisance.solved()
+    of_modes = ValueColumns.with_source(
+        columns_of(rng, 2), np.array([0, 1, 1]), mode=np.array([0, 0, 1])
+    )
+    columns = side_by_side([columns, of_modes])
+    solved, level, asked = nuisance.solved(), 3, 5
     both = side_by_side([columns, ValueColumns.of_all(residual)])
     whole = solved.without_scatter(nuisance.sums(both))
-    prepared = nuisance.prepared(columns, solved)
-    found = nuisance.with_residual(prepared, residual[:, :, 0], solved)
-    for one, other in zip(found, whole, strict=True):
+    prepared = Prepared.of(nuisance, solved, columns, asked, level)
+    for one, other in zip(prepared.sums(residual[:, :, 0]), whole, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
+    flight = np.repeat([0, 0, 1], [2, ROWS, ROWS])
+    flat = both.wide(flight)[2:].reshape(-1, columns.count + 1)
+    doubt = flat[:, asked:-1]
+    covariance = dense(nuisance, LEVELS[level]) + doubt @ doubt.T
+    kept = flat[:, [*range(asked), -1]]
+    expected = kept.T @ np.linalg.solve(covariance, kept)
+    np.testing.assert_allclose(prepared.gram(residual[:, :, 0]), expected, rtol=1e-8, atol=1e-9)
+
+
+def test_a_column_of_one_mode_is_nothing_in_the_others():
+    rng = np.random.default_rng(3)
+    columns = ValueColumns.with_source(columns_of(rng, 1), np.array([0, 0]), mode=np.array([1, 0]))
+    wide = columns.wide(np.repeat([0, 0, 1], [2, ROWS, ROWS]))
+    np.testing.assert_array_equal(wide[:, 1, 0], columns.values[:, 1, 0])
+    assert not wide[:, 0, 0].any()
+    assert not wide[:, 1, 1].any()
 
 
 def test_sums_of_some_means_are_those_of_a_nuisance_of_them():

@@ -1,0 +1,99 @@
+"""Columns whose sums with the nuisances are kept, so that each residual costs one product more.
+
+About one set many residuals are asked for, one for each step that is tried. What columns have in
+common with themselves and with the nuisances stays; only the residual's own products are anew.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.rows.value_columns import ValueColumns
+from thrustmargin.models.identification.sets.nuisance import Nuisance, Solved
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Prepared:
+    """q columns that are filtered: the P that are asked for, then Q of the forms' doubt."""
+
+    nuisance: Nuisance
+    solved: Solved
+    z: ValueColumns  # n means
+    taken: list[Floats]  # (K, u) of each flight: what the scatter takes of them
+    shared: Floats  # (X, q) with the scatter taken out
+    own: Floats  # (q, q)
+    along: Floats  # (X, q) what the shared nuisances take of them at one level
+    within: Floats  # (X, X) covariance of these at the level
+    asked: int  # P
+    left: Floats  # (P, P) of the asked, with all that is not asked taken out
+    crossed: Floats  # (Q, P) what the forms take of the asked
+    forms: Floats  # (Q, Q) covariance of the forms
+
+    @classmethod
+    def of(
+        cls, nuisance: Nuisance, solved: Solved, columns: ValueColumns, asked: int, level: int
+    ) -> Prepared:
+        """Columns (N, R, q) rpm in modes, of which the first are `asked`."""
+        z = nuisance.filtered(columns)
+        sums = nuisance.sums_of_filtered(z)
+        shared, own = solved.without_scatter(sums)
+        along = solved.shared[level] @ shared
+        gram = own - shared.T @ along
+        doubt = gram[asked:, asked:]
+        forms = np.linalg.inv(np.eye(doubt.shape[0]) + doubt)
+        crossed = forms @ gram[asked:, :asked]
+        return cls(
+            nuisance=nuisance,
+            solved=solved,
+            z=z,
+            taken=[w @ one.scatter for w, one in zip(solved.scatter, sums, strict=True)],
+            shared=shared,
+            own=own,
+            along=along,
+            within=solved.shared[level],
+            asked=asked,
+            left=gram[:asked, :asked] - gram[:asked, asked:] @ crossed,
+            crossed=crossed,
+            forms=forms,
+        )
+
+    def sums(self, residual: Floats) -> tuple[Floats, Floats]:
+        """`Solved.without_scatter` of the columns and of a residual (N, R) rpm in modes, last."""
+        shared, cross, own = self._of_residual(residual)
+        whole = np.block([[self.own, cross[:, None]], [cross[None], np.array([[own]])]])
+        return np.concatenate([self.shared, shared[:, None]], axis=1), whole
+
+    def gram(self, residual: Floats) -> Floats:
+        """(P + 1, P + 1) of the asked columns and a residual (N, R) rpm in modes, at the level,
+        with all that is not asked taken out."""
+        shared, cross, own = self._of_residual(residual)
+        cross = cross - self.along.T @ shared
+        asked, doubt = np.split(cross, [self.asked])
+        along = asked - self.crossed.T @ doubt
+        cost = own - shared @ self.within @ shared - doubt @ self.forms @ doubt
+        return np.block([[self.left, along[:, None]], [along[None], np.array([[cost]])]])
+
+    def _of_residual(self, residual: Floats) -> tuple[Floats, Floats, float]:
+        """X'r (X,), z'r (q,) and r'r with the scatter taken out."""
+        n, z = self.nuisance, self.z
+        r = n.whitening.apply(residual)
+        modes = range(r.shape[1])
+        draws = np.zeros((len(n.flights), n.scatter.shape[2]))
+        products = np.zeros((len(n.flights) + 1, r.shape[1] + 1, z.values.shape[2]))
+        for f, rows in enumerate(n.flights):
+            draws[f] = np.einsum("nrk,nr->k", n.scatter[rows], r[rows], optimize=True)
+            for mode in modes:
+                products[f, mode] = z.values[rows, mode].T @ r[rows, mode]
+        products[:, -1] = products.sum(axis=1)  # where -1 stands for all modes, and all flights
+        products[-1] = products.sum(axis=0)
+        taken = np.einsum("fkj,fj->fk", self.solved.scatter, draws)
+        free = [n.free[mode].T @ r[:, mode] for mode in modes]
+        shared = np.concatenate([n.doubt.reshape(r.size, -1).T @ r.ravel(), *free])
+        shared -= np.tensordot(taken, self.solved.crossed, axes=2)
+        cross = products[z.flight, z.mode, z.source]
+        for f, left in enumerate(self.taken):
+            cross[z.in_flight(f)] -= left.T @ draws[f]
+        return shared, cross, float(np.sum(r**2) - np.sum(draws * taken))
