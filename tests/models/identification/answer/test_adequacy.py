@@ -90,3 +90,30 @@ def test_an_effect_in_a_mode_that_is_left_is_no_name_though_another_mode_has_mor
     assert left.share == pytest.approx(0.8, abs=0.1)
     assert acts_in(search, shifted.held[0], left.modes)
     assert not acts_in(search, shifted.held[0], [left.mode])
+
+
+def waving(size_rpm: float, lasting_rpm: float = 0.0):
+    """What is left of a wave of a size in roll, beside a standing roll that has a name."""
+    flights = []
+    for track in made_flights(3, duration=120.0):
+        speed = size_rpm * np.sin(2.0 * track.airspeed)[:, None] + lasting_rpm
+        speed = track.rotor_speed_rpm + speed * DIRECTIONS[:, 1]
+        flights.append(replace(track, rotor_speed_rpm=speed))
+    space = search_space(MODEL, flights, effects_for(F16, table(["cg_offset"])))
+    search = Search(space.reduced, space.nuisance, space.candidates)
+    best = search.fit(frozenset({0} if lasting_rpm else ()), ())
+    return space, unexplained(space, search, best)
+
+
+@pytest.mark.parametrize(("share", "found"), [(0.1, False), (0.25, True)])
+def test_names_may_leave_15_percent_of_what_is_explained_in_a_mode(share, found):
+    """A wave has half of its square: so much of it and of a standing roll of 60 rpm."""
+    wave = 60.0 * np.sqrt(2.0 * share / (1.0 - share))
+    assert (waving(wave, 60.0)[1] is not None) == found
+
+
+@pytest.mark.parametrize(("times", "found"), [(2.0, False), (4.5, True)])
+def test_what_is_left_is_three_times_what_a_sound_aircraft_leaves(times, found):
+    space, _ = waving(60.0)
+    sound = np.sqrt(np.mean(space.hats**2, axis=0) @ space.sizes[1] ** 2)
+    assert (waving(times * sound * np.sqrt(2.0))[1] is not None) == found

@@ -8,6 +8,7 @@ import pytest
 from scipy import stats
 
 from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.models.identification.answer import already_followed
 from thrustmargin.models.identification.answer.already_followed import (
     LEVEL_ERROR,
     _half_widths,
@@ -81,6 +82,25 @@ def test_four_blocks_of_straight_flight_state_a_wind(problem, windy, blocks, sta
     assert (answer(problem, short) is not None) == stated
     grounded = replace(windy[0], flying=np.zeros_like(windy[0].flying))
     assert answer(problem, [grounded, windy[1]]) is None
+
+
+def test_a_level_error_of_half_a_degree_is_in_the_interval(problem, windy):
+    found = answer(problem, windy)
+    winds = [_winds(track, problem, FLIGHT) for track in windy]
+    of_winds = _half_widths(winds, np.stack([w.mean(axis=0) for w in winds]))
+    of_level = 9.80665 * np.radians(0.5) / FLIGHT.rotor_drag
+    np.testing.assert_allclose(found.upper - found.value, np.hypot(of_winds, of_level))
+
+
+@pytest.mark.parametrize(
+    ("before", "p", "stated"),
+    [(1.031, 0.019, True), (1.029, 0.019, False), (1.031, 0.021, False)],
+)
+def test_without_the_airspeed_it_is_worse_by_3_percent_and_not_by_chance(
+    problem, windy, monkeypatch, before, p, stated
+):
+    monkeypatch.setattr(already_followed, "_worse", lambda *_: (before, 1.0, p))
+    assert (answer(problem, windy) is not None) == stated
 
 
 def test_an_interval_has_the_scatter_of_blocks_and_how_the_two_ways_differ():

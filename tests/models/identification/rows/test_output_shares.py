@@ -101,6 +101,8 @@ def test_spread_of_flights_by_hand():
     assert (known[0], degrees) == (3.0, np.inf)
     few, _ = spread_of_flights(residual[:4], flight[:4], np.zeros(1))
     assert few[0] > 100.0
+    own, degrees = spread_of_flights(residual[:6], flight[:6], np.zeros(1))
+    assert (own[0], degrees) == (pytest.approx(1.0), 2.0)  # three flights show it: 1, 2, 3
     # t of 4 degrees at 97.5 % is 2.7764, the normal quantile 1.9600
     assert learnt_spread(residual, flight)[0] == pytest.approx(3.5355 * 2.7764 / 1.96, rel=1e-3)
 

@@ -34,6 +34,12 @@ def test_a_mean_is_that_of_its_rows_channels_and_speeds_alike():
         assert x.rate_shifts[2][one] == pytest.approx(y.rate_shifts[2][mine].mean(axis=0))
 
 
+def test_a_mean_is_over_seven_tenths_of_a_second_of_an_aircraft_of_the_f16s_size():
+    assert froude_time_scale(F16) == pytest.approx(1.0, abs=0.05)
+    step = np.median(np.diff(reduce_flights(MODEL, [made_flight(1)]).channels.time_s))
+    assert step == pytest.approx(0.7 * froude_time_scale(F16), abs=0.05)
+
+
 def test_a_heading_that_passes_north_is_not_averaged_to_south():
     track = made_flight(1)
     attitude = track.attitude.copy()

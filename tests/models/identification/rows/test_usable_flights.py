@@ -18,6 +18,7 @@ from thrustmargin.models.identification.rows.usable_flights import (
 from thrustmargin.models.model.load_inference import LOAD_FROM_SPEEDS
 from thrustmargin.models.model.output_speed import FROM_OUTPUTS
 from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.physics.flight_phases import training_rows
 
 
 def test_each_flight_is_given_once():
@@ -34,6 +35,17 @@ def test_a_short_flight_says_how_many_rows_it_has():
     assert words is not None
     assert words.endswith(f"needs {LEAST_ROWS}")
     assert "rotor speeds" in words
+
+
+@pytest.mark.parametrize(("rows", "enough"), [(99, False), (100, True)])
+def test_a_hundred_rows_are_enough(rows, enough):
+    track = made_flight(1)
+    use = np.flatnonzero(training_rows(track, curve_model().inputs))
+    flying = track.flying.copy()
+    flying[use[rows] :] = False
+    short = replace(track, flying=flying)
+    assert int(training_rows(short, curve_model().inputs).sum()) == rows
+    assert (too_little(short, curve_model()) is None) == enough
 
 
 def test_a_flight_without_a_channel_says_which():

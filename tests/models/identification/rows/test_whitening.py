@@ -88,3 +88,42 @@ def test_no_sensor_is_better_than_the_least_noise():
     flight, follows = np.zeros(200, dtype=int), np.ones(200, dtype=bool)
     quiet = whitening_of(np.zeros((200, 1)), flight, follows, np.zeros(200, dtype=bool), SPEED)
     assert np.all(quiet.scale == LEAST_NOISE * SPEED)
+
+
+def of_one_mode(residual, busy=None):
+    rows = len(residual)
+    flight, follows = np.zeros(rows, dtype=int), np.ones(rows, dtype=bool)
+    follows[0] = False
+    busy = np.zeros(rows, dtype=bool) if busy is None else busy
+    return whitening_of(np.asarray(residual, float)[:, None], flight, follows, busy, SPEED)
+
+
+def test_no_sensor_is_better_than_a_ten_thousandth_of_the_speed():
+    assert of_one_mode(np.zeros(100)).scale.max() == pytest.approx(0.2)  # of 2000 rpm
+
+
+@pytest.mark.parametrize(("count", "sizes"), [(14, 1), (15, 2)])
+def test_fifteen_means_of_a_manoeuvre_have_a_size_of_their_own(count, sizes):
+    busy = np.zeros(200, dtype=bool)
+    busy[100 : 100 + count] = True
+    noise = np.random.default_rng(1).normal(size=200) * np.where(busy, 20.0, 1.0)
+    assert np.unique(of_one_mode(noise, busy).scale).size == sizes
+
+
+def test_a_constant_does_not_vanish():
+    """A random walk has a memory of 1, of which 0.98 is kept."""
+    walk = np.cumsum(np.random.default_rng(2).normal(size=4000))
+    assert of_one_mode(walk).coefficients.sum() == pytest.approx(0.98, abs=1e-6)
+
+
+def test_a_size_is_about_the_median_and_coefficients_have_the_doubt_of_one_mean():
+    """Of 1, -1, 1, .. and 3 more: median 3 or so, each 1 from it; a1 by hand with a ridge of 1."""
+    e = 3.0 + np.tile([1.0, -1.0], 20)
+    found = of_one_mode(e)
+    over = e / 1.4826  # the size of the two values 4 and 2 about their median of 3
+    past = np.stack([over[1:-1], over[:-2]], axis=1)
+    kept = np.max(np.column_stack([over[2:], past]), axis=1) < HUBER
+    assert kept.all()
+    by_hand = np.linalg.solve(past.T @ past + np.eye(2), past.T @ over[2:])
+    by_hand *= min(1.0, 0.98 / by_hand.sum())
+    np.testing.assert_allclose(found.coefficients[0], by_hand)
