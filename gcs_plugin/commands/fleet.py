@@ -13,7 +13,7 @@ from rich.table import Table
 from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.options import STDOUT, Output, UsageError, check_outputs
-from thrustmargin.gcs_plugin.commands.terminal import Terminal, steps
+from thrustmargin.gcs_plugin.commands.terminal import Terminal
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.whole_file import whole_file
 
@@ -59,7 +59,6 @@ def fleet(
         sql: Print the answer of one SELECT over flights, rows, sums and rejected, and nothing else.
         compare: Two aircraft, flights or models (digests) side by side.
     """
-    from thrustmargin.gcs_plugin.reports.fleet import fleet_page
     from thrustmargin.gcs_plugin.store.season_store import SeasonStore
 
     if (csv, json).count(STDOUT) > 1:
@@ -84,6 +83,9 @@ def fleet(
     if compare is not None:
         _print_rows(["median of flights", *compare], _side_by_side(opened, compare), csv)
         return
+    from thrustmargin.gcs_plugin.commands.fleet_seasons import fleet_season
+    from thrustmargin.gcs_plugin.reports.fleet import fleet_page
+
     season = fleet_season(opened, aircraft, _parts(opened, parts))
     quiet = STDOUT in (csv, json)
     console = Terminal(soft_wrap=True, quiet=quiet)
@@ -105,28 +107,6 @@ def fleet(
             with whole_file(path) as draft:
                 draft.write_text(text(), encoding="utf-8")
             console.print(f"wrote {path}")
-
-
-def fleet_season(
-    store: SeasonStore, aircraft: str | None = None, parts: Sequence[Part] = ()
-) -> FleetSeason:
-    """The season of all aircraft of a store, or of one. Raises DataError where it is not there."""
-    from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import aircraft_season
-    from thrustmargin.gcs_plugin.reports.fleet.fleet_page import ranked
-    from thrustmargin.gcs_plugin.store.season_store import read_flights, read_sums
-
-    by_name: dict[str, list[dict[str, Any]]] = {}
-    for row in read_flights(store, aircraft).to_pylist():
-        by_name.setdefault(row["aircraft"], []).append(row)
-    if not by_name:
-        names = set(store.table("flights", columns=["aircraft"])["aircraft"].to_pylist())
-        raise DataError(f"no aircraft {aircraft!r} in the store; it has {', '.join(sorted(names))}")
-    done = []
-    with steps(Terminal(stderr=True), total=len(by_name)) as step:
-        for name, flights in by_name.items():
-            step(name, float(len(done)))
-            done.append(aircraft_season(name, flights, list(read_sums(store, name)), parts))
-    return ranked(store.url, done, store.table("rejected", columns=["log_name"]).num_rows)
 
 
 def _parts(store: SeasonStore, file: Path | None) -> list[Part]:

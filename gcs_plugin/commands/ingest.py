@@ -52,6 +52,7 @@ def ingest(
     workers: int | None = None,
     cluster: str | None = None,
     anonymise: bool = False,
+    again: bool = False,
     json: Path | None = None,
 ) -> int:
     """Take logs into the store of a season: a flight once, whatever its file is called.
@@ -76,6 +77,8 @@ def ingest(
         cluster: Scheduler of a Dask cluster whose workers read, such as tcp://10.0.0.7:8786; logs,
             store, model and airframe must be where all of them reach them.
         anonymise: Strip who and where: names, serial numbers, ids, texts, the place on the globe.
+        again: Read logs that are in the store too, and put what they say now in the place of what
+            is stored: for another model, airframe or aircraft's name.
         json: Write what was done as JSON to this file (.json); - is standard output.
     """
     from thrustmargin.gcs_plugin.commands.anonymous import own_key, pseudonym
@@ -111,7 +114,7 @@ def ingest(
     target = SeasonStore.open(where)
     with ExitStack() as stack:
         if cluster is None:
-            make, at_once = local_processes(workers or _own_cores())
+            make, at_once = local_processes(workers or own_cores())
         else:
             client = stack.enter_context(_client(cluster))
             make, at_once = partial(client.get_executor, pure=False, retries=3), 4 * _cores(client)
@@ -132,6 +135,7 @@ def ingest(
             still_held=still_held,
             show=progress,
             refused=refused,
+            again=again,
             hide=None if settings.key is None else partial(pseudonym, settings.key),
         )
     _print(outcome, store, quiet=json == STDOUT)
@@ -170,7 +174,7 @@ def _check_kind(store: SeasonStore, names: str | None) -> None:
         )
 
 
-def _own_cores() -> int:
+def own_cores() -> int:
     """Cores that this process may use."""
     if sys.platform == "linux":
         return len(os.sched_getaffinity(0))

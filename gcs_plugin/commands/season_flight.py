@@ -17,13 +17,19 @@ from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.reports.margin import FlightReport, report_flight
 from thrustmargin.gcs_plugin.reports.margin.data import mean, median, most
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
-from thrustmargin.gcs_plugin.store.aircraft_identity import aircraft_identity, firmware
+from thrustmargin.gcs_plugin.store.aircraft_identity import (
+    aircraft_identity,
+    board,
+    firmware,
+    layout,
+)
 from thrustmargin.gcs_plugin.store.ingest_run import LogSource, local_file
 from thrustmargin.gcs_plugin.store.row_table import analysis_columns
 from thrustmargin.gcs_plugin.store.schema import ROTORS
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore, array_cells
 from thrustmargin.gcs_plugin.store.staging import SeasonFlight, stage
 from thrustmargin.models.errors import DataError, ThrustMarginError
+from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.season.flight_sums import flight_sums, to_arrays
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse, worst_rotor
@@ -103,9 +109,11 @@ def flight_of_log(
     analysis = analyse(log.track, model, claim=claim)
     sums, reason = _sums(analysis)
     identity, program = aircraft_identity(log, settings.aircraft), firmware(log)
+    hardware, motors = board(log), layout(log)
     aircraft = identity.name
     if settings.key is not None:
         aircraft = f"aircraft-{pseudonym(settings.key, aircraft)[:8]}"
+        hardware = pseudonym(settings.key, hardware) if hardware else None
         analysis, log = anonymous(analysis, log, name)
     report = report_flight(analysis, log, max_utilisation=settings.max_utilisation)
     known = None if analysis.withheld else digest
@@ -115,6 +123,8 @@ def flight_of_log(
     summary = _summary(analysis, log, report) | {
         "flight": name,
         "aircraft_by": identity.by,
+        "board": hardware,
+        "layout": motors,
         "firmware": program,
         "model_digest": known,
         "sums_reason": reason,
@@ -178,7 +188,9 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
         "speed_source": track.sources.get("rotor_speed_rpm"),
         "airspeed_source": track.sources.get("airspeed"),
         "verdict": verdict.level,
-        "verdict_reason": "; ".join(report.withheld) or verdict.headline,
+        "verdict_reason": "; ".join(report.withheld)
+        or _without(verdict.level, track)
+        or verdict.headline,
         "limit": verdict.limit,
         "worst_margin": worst.margin if worst else nan,
         "worst_margin_low": 1.0 - worst.capacity_use_high if worst else nan,
@@ -209,6 +221,13 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
         "unmeasured": list(log.unmeasured),
         **{name: quality[name] for name in _OF_QUALITY},
     }
+
+
+def _without(level: str, track: FlightTrack) -> str:
+    """Why a flight has no verdict by what its log lacks; empty where it has one."""
+    lacks = (("rotor_speed_rpm", "rotor speed"), ("tank_kg", "tank level"))
+    missing = [words for name, words in lacks if not np.isfinite(getattr(track, name)).any()]
+    return f"no {' and no '.join(missing)}" if level == "unknown" and missing else ""
 
 
 #: Keys of the report that are columns of the store under the same name.

@@ -6,8 +6,9 @@ import re
 from dataclasses import dataclass
 
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
+from thrustmargin.gcs_plugin.telemetry.reported_airframe import reported_airframe
 from thrustmargin.gcs_plugin.telemetry.vehicle_kind import whole_number
-from thrustmargin.models.errors import DataError
+from thrustmargin.models.errors import AirframeError, DataError
 
 #: What ArduPilot says when it starts: its board, and its serial number in three words.
 _BOARD = re.compile(r"^\S.* ([0-9A-F]{8}) ([0-9A-F]{8}) ([0-9A-F]{8})$")
@@ -43,6 +44,21 @@ def aircraft_identity(log: FlightLog, given: str | None = None) -> AircraftIdent
     if log.format == "CSV":
         return AircraftIdentity("unknown", "not known")
     return AircraftIdentity(f"sysid-{log.vehicle}", "system id")
+
+
+def board(log: FlightLog) -> str | None:
+    """The autopilot that flew, by its serial number or its board number."""
+    number = whole_number(log.parameters, "BRD_SERIAL_NUM")
+    return log.hardware_id or _serial_of_texts(log) or (str(number) if number else None)
+
+
+def layout(log: FlightLog) -> str | None:
+    """The motor layout that the autopilot reports; None where it does not, or it is not known."""
+    texts = [text for _, text in log.messages]
+    try:
+        return reported_airframe(log.parameters, facts=log.facts, texts=texts).layout
+    except AirframeError:
+        return None
 
 
 def _serial_of_texts(log: FlightLog) -> str:

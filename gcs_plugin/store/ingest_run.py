@@ -21,7 +21,7 @@ from typing import Any
 
 from thrustmargin.gcs_plugin.store.schema import table_schema
 from thrustmargin.gcs_plugin.store.season_store import DRAFTS, SeasonStore
-from thrustmargin.gcs_plugin.store.staging import merge, staged_partitions
+from thrustmargin.gcs_plugin.store.staging import drop_replaced, merge, staged_partitions
 from thrustmargin.models.errors import DataError, ThrustMarginError
 
 DIED = "the process that read it died, alone with it too: too little memory, or a fault; report it"
@@ -105,8 +105,9 @@ def ingest_logs(
     show: Callable[[str, int, int], None],
     refused: Sequence[tuple[str, str]] = (),
     hide: Callable[[str], str] | None = None,
+    again: bool = False,
 ) -> IngestOutcome:
-    """Take every log into the store that is not in it yet.
+    """Take every log into the store that is not in it yet, or all of them `again`.
 
     `read` (log, content) stages the flights of a log and names them; it and the store must be
     what another process can be given. `executor` makes the processes, again after some died.
@@ -122,10 +123,12 @@ def ingest_logs(
     outcome = IngestOutcome()
     for name, reason in refused:
         _reject(outcome, _Task(LogSource(name, name, 0)), reason)
-    taken = known_contents(store)
+    taken = set() if again else known_contents(store)
     waiting = deque(_Task(log) for log in logs)
     total, done = max(sum(log.bytes for log in logs), 1), 0
     pool = executor()
+    if again:  # what an earlier run left is not mixed with this one's
+        _merge_all(store, pool, still_held, show)
     running: dict[Future[Any], _Task] = {}
     try:
         while waiting or running:
@@ -179,6 +182,7 @@ def ingest_logs(
             )
         _merge_all(store, pool, still_held, show)
         still_held()
+        taken |= known_contents(store)
         _write_rejected(store, outcome, taken, hidden=hide is not None)
     except BaseException:
         pool.shutdown(wait=False, cancel_futures=True)
@@ -212,6 +216,7 @@ def _merge_all(
     waiting = staged_partitions(store)
     total, done = sum(map(len, waiting.values())), 0
     still_held()
+    drop_replaced(store, waiting)
     running = [pool.submit(merge, store, *where, keys) for where, keys in waiting.items()]
     for future in running:
         try:

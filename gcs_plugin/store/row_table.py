@@ -7,10 +7,14 @@ the analysis made of it.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from thrustmargin.models.flight import TRACK_CHANNELS, Floats
-from thrustmargin.models.model.analysis import FlightAnalysis
+
+if TYPE_CHECKING:  # a question to the store needs no model
+    from thrustmargin.models.model.analysis import FlightAnalysis
 
 Columns = dict[str, np.ndarray]
 #: Channels that may be inferred, each with columns of its standard error.

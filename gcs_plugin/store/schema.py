@@ -44,6 +44,7 @@ log_format | text | | tlog, DataFlash, ULog, CSV
 log_bytes | whole | B | its size
 software | text | | version of thrustmargin that read it
 aircraft_by | text | | what names the aircraft: given, serial, board number, system id, not known
+board | text | | serial number of the autopilot, or board number
 system_id | whole | | MAVLink system id
 autopilot | text | | ArduPilot, PX4, unknown
 firmware | text | | as the autopilot reports it
@@ -51,6 +52,7 @@ airframe | text | | name of the airframe; null where it is not known
 airframe_basis | text | | given, recognised, not known
 model_digest | text | | the rotor speed model that predicted; null without a verdict's ground
 rotor_count | whole | | rotors
+layout | text | | of the motors, as the autopilot reports it
 duration_s | number | s | first row to last
 flying_s | number | s | off the ground
 distance_m | number | m | over ground

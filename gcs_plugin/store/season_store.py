@@ -75,6 +75,14 @@ class SeasonStore:
             return []
         return sorted(str(path)[len(self.root) + 1 :] for path in found)
 
+    def aircraft(self) -> list[str]:
+        """Names of the aircraft that have flights."""
+        try:
+            found = self.files.ls(self.path("flights"), detail=False)
+        except FileNotFoundError:
+            return []
+        return sorted(str(p).rstrip("/").rpartition("/aircraft=")[2] for p in found)
+
     def put(self, key: str, write: Callable[[Path], Any]) -> None:
         """Let `write` fill a file and put it in place in one step: nobody sees a part of it."""
         if self.on_disk:
@@ -103,14 +111,13 @@ class SeasonStore:
         with contextlib.suppress(FileNotFoundError):
             self.files.rm_file(self.path(key))
 
-    def table(self, name: str, *, columns: list[str] | None = None, where: Any = None) -> pa.Table:
-        """`flights`, `rows`, `sums` or `rejected`, with the aircraft and month of each row.
+    def table(
+        self, name: str, aircraft: str | None = None, *, columns: list[str] | None = None
+    ) -> pa.Table:
+        """`flights`, `rows`, `sums` or `rejected`, with the aircraft and month of each row."""
+        return self.dataset(name, aircraft).to_table(columns=columns)
 
-        `where` is a pyarrow expression; `aircraft` and `month` in it choose what is read at all.
-        """
-        return self.dataset(name).to_table(columns=columns, filter=where)
-
-    def dataset(self, name: str) -> pa_dataset.Dataset:
+    def dataset(self, name: str, aircraft: str | None = None) -> pa_dataset.Dataset:
         """The same, not read yet."""
         import pyarrow as pa
         import pyarrow.dataset as ds
@@ -119,7 +126,8 @@ class SeasonStore:
         schema = table_schema(name)
         if name != "rejected":
             schema = pa.schema([*schema, *folders])
-        found = [self.path(key) for key in self.keys(name) if key.endswith(".parquet")]
+        folder = name if aircraft is None else f"{name}/aircraft={aircraft}"
+        found = [self.path(key) for key in self.keys(folder) if key.endswith(".parquet")]
         if not found:
             return ds.dataset(schema.empty_table())
         return ds.dataset(
@@ -133,23 +141,17 @@ class SeasonStore:
 
 def read_flights(store: SeasonStore, aircraft: str | None = None) -> pa.Table:
     """One row a flight, the columns of `schema.FLIGHTS` and aircraft and month, oldest first."""
-    found = store.table("flights", where=_of(aircraft))
+    found = store.table("flights", aircraft)
     return found.sort_by([("aircraft", "ascending"), ("started_unix_s", "ascending")])
 
 
 def read_sums(store: SeasonStore, aircraft: str | None = None) -> Iterator[dict[str, Any]]:
     """flight, aircraft, started_unix_s, model_digest and `arrays` by name of each flight."""
-    found = store.table("sums", where=_of(aircraft))
+    found = store.table("sums", aircraft)
     for row in found.sort_by(
         [("aircraft", "ascending"), ("started_unix_s", "ascending")]
     ).to_pylist():
         yield {**row, "arrays": {a["name"]: _array(a) for a in row["arrays"]}}
-
-
-def _of(aircraft: str | None) -> Any:
-    import pyarrow.dataset as ds
-
-    return None if aircraft is None else ds.field("aircraft") == aircraft
 
 
 def _array(stored: Mapping[str, Any]) -> np.ndarray:

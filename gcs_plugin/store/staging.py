@@ -114,6 +114,44 @@ def staged_partitions(store: SeasonStore) -> dict[tuple[str, str], list[str]]:
     return found
 
 
+def drop_replaced(store: SeasonStore, waiting: dict[tuple[str, str], list[str]]) -> None:
+    """Take out of the tables what staged flights replace and `merge` does not write over: that of
+    another aircraft or time, or sums that they have no longer. The flights wait staged meanwhile.
+    """
+    new = {Path(key).stem: key for keys in waiting.values() for key in keys}
+    stored = store.table("flights", columns=["flight", "aircraft", "month"]).to_pylist()
+    for row in (row for row in stored if row["flight"] in new):
+        own, key = (row["aircraft"], row["month"]), new[row["flight"]]
+        with _staged(store, key) as whole:
+            kept = whole.namelist() if key in waiting.get(own, ()) else []
+        for table in ("flights", "sums", "rows"):
+            for target in store.keys(f"{table}/aircraft={own[0]}/month={own[1]}"):
+                if target.rpartition("/")[2] not in kept:
+                    _drop(store, target, row["flight"])
+
+
+def _drop(store: SeasonStore, target: str, flight: str) -> None:
+    """Write a file of a month anew without one flight; away with one that would be empty."""
+    import pyarrow.compute as pc
+
+    with _present(store, target) as file:
+        groups = [file.read_row_group(k) for k in range(file.num_row_groups)]
+    left = [group.filter(pc.field("flight") != flight) for group in groups]
+    left = [group for group in left if group.num_rows]
+    if sum(g.num_rows for g in left) == sum(g.num_rows for g in groups):
+        return
+    if not left:
+        store.delete(target)
+        return
+
+    def write(draft: Path) -> None:
+        with draft.open("wb") as out, _writer(out, left[0]) as writer:
+            for group in left:
+                writer.write_table(group, row_group_size=group.num_rows)
+
+    store.put(target, write)
+
+
 def merge(store: SeasonStore, aircraft: str, month: str, keys: list[str]) -> int:
     """Put the staged flights `keys` of one aircraft and month in place; returns how many."""
     members: dict[str, list[str]] = {}
@@ -174,7 +212,8 @@ def _table_merged(
     kept = old.filter(
         pa.array([name not in newer for name in old["flight"].to_pylist()], pa.bool_())
     )
-    whole = pa.concat_tables([kept.cast(new.schema), new])
+    # A column that an older version did not write is null.
+    whole = pa.concat_tables([kept, new], promote_options="default").select(new.column_names)
     whole = whole.sort_by([("started_unix_s", "ascending"), ("flight", "ascending")])
     with draft.open("wb") as out, _writer(out, whole) as writer:
         writer.write_table(whole.combine_chunks(), row_group_size=max(whole.num_rows, 1))

@@ -54,7 +54,19 @@ SILENT = "nothing was reported then"
 HEALTHY = "nothing changed"
 GROUND_IT = "do not fly it so; fill less, and look at its battery and propellers"
 LOOK = "run thrustmargin identify on the flights since then"
-NAME_EACH = "take its logs in again with ingest --aircraft, a name for each aircraft"
+NAME_EACH = "take its logs in with ingest --again --aircraft, a name for each aircraft"
+NO_SUMS = "no flight has sums: they need measured rotor speeds and a model"
+SET_AIRFRAME = (
+    "set the airframe: thrustmargin airframe new --from one of its logs, then "
+    "thrustmargin ingest --again --airframe with that file"
+)
+OTHER_AIRFRAME = (
+    "set the airframe: these flights do not fit the one given; take them in with "
+    "ingest --again --airframe and their own"
+)
+NO_SPEEDS = "switch on ESC telemetry, or have the motor outputs logged"
+NO_LOAD = "connect a tank gauge, or take the logs in with ingest --again --load KG"
+LOOK_INTO = "run thrustmargin inspect on one of its logs"
 FILL_LESS = "fill less: thrustmargin fill says how much"
 
 
@@ -131,6 +143,53 @@ def several_aircraft(at_once: int, flights: int) -> str:
         f"{at_once} of {flights} flights are at the time of another one: more than one aircraft "
         "has this name, so what is said of it may be of none"
     )
+
+
+def frame(rotors: int | None, layout: str | None) -> str:
+    """`6 rotors, hexa-x`."""
+    counted = "rotors not known" if rotors is None else f"{rotors} rotors"
+    return f"{counted}, {layout}" if layout else counted
+
+
+def one_name(frames: Mapping[str, int]) -> str:
+    """Aircraft that share a name, with the flights of each."""
+    each = "; ".join(f"{words}: {count} flights" for words, count in frames.items())
+    return f"its name is that of {len(frames)} aircraft, each shown by itself ({each})"
+
+
+def several_boards(boards: int) -> str:
+    """Flights of several autopilots in turns."""
+    return (
+        f"{boards} autopilots flew in turns under this name: more than one aircraft has it, so "
+        "what is said of it may be of none"
+    )
+
+
+def older_model(flights: int) -> str:
+    """Sums that cannot be compared with the newest."""
+    return (
+        f"{flights} flights are about an older model and are left out; ingest --again takes them in"
+    )
+
+
+def of_battery(name: str, elsewhere: str) -> str:
+    """Whose resistance it is: `battery B-3 (then on sprayer-2): `."""
+    then = f" (then on {elsewhere})" if elsewhere else ""
+    return f"{name}{then}, " if name else ""
+
+
+def no_verdict(flight: Mapping[str, Any]) -> tuple[str, str]:
+    """Why a flight has no verdict, and what helps."""
+    reason = str(flight["verdict_reason"] or "not known why")
+    if flight["airframe_basis"] == "not known":
+        return reason, SET_AIRFRAME
+    if flight["airframe_basis"] is not None and flight["airframe"] is None:
+        return reason, OTHER_AIRFRAME
+    if "rotor_speed_rpm" in (flight["missing_channels"] or ()):
+        return reason, NO_SPEEDS
+    if "tank_kg" in (flight["missing_channels"] or ()):
+        return reason, NO_LOAD
+    return reason, LOOK_INTO
 
 
 def least_loss(least: float) -> str:

@@ -210,9 +210,7 @@ class RotorFaults:
             self._tests[0].add(self._begun_s, excess @ self._modes, np.tile(turns, (rotors, 1)))
         if np.isfinite(motors).all():
             moves = np.column_stack([output, slope[2 * rotors : 3 * rotors]])
-            self._tests[1].add(
-                self._begun_s, motors - np.median(motors), moves - np.median(moves, axis=0)
-            )
+            self._tests[1].add(self._begun_s, motors - _median(motors), moves - _median(moves))
 
 
 @lru_cache(maxsize=1)  # a replay asks twice, for its verdict and its alarms: seconds for an hour
@@ -229,6 +227,12 @@ def fault_history(analysis: FlightAnalysis) -> list[tuple[float, tuple[RotorFaul
         elif found.add(time_s, signals) and found.standing != (history[-1][1] if history else ()):
             history.append((time_s, found.standing))
     return history
+
+
+def _median(values: Floats) -> Floats:
+    """Over the first axis, NaN where one is; np.median takes ten times as long for so few."""
+    order, half = np.sort(values, axis=0), len(values) // 2
+    return (order[half] + order[(len(values) - 1) // 2]) / 2.0 + 0.0 * order[-1]
 
 
 def fault_episodes(

@@ -4,23 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
-from typing import Any
-
-import numpy as np
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 from thrustmargin.gcs_plugin.reports.fleet.parts import Part
+from thrustmargin.gcs_plugin.reports.fleet.same_aircraft import at_once, boards_in_turns, each_once
 from thrustmargin.gcs_plugin.wording import fleet_words as words
+from thrustmargin.gcs_plugin.wording.numbers import known as finite
 from thrustmargin.models.errors import DataError
-from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.season.change_points import (
-    SeasonEntry,
-    changes,
-    penalty_of,
-    placed,
-    scatter_of,
-    spread_beyond,
-)
+from thrustmargin.models.identification.season.change_points import SeasonEntry
 from thrustmargin.models.identification.season.flight_sums import from_arrays
 from thrustmargin.models.identification.season.season_changes import (
     SeasonChanges,
@@ -29,16 +21,16 @@ from thrustmargin.models.identification.season.season_changes import (
 )
 from thrustmargin.models.identification.season.season_sums import season_sums
 
+if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.reports.fleet.part_history import PartHistory
+
 FIRST, LOAD, ACT, WATCH = "look first", "fill less", "at the next service", "watch"
 FINE = "sound"
 LEVELS = (FIRST, ACT, LOAD, WATCH, FINE)  # worst first: the aircraft itself before its loads
 #: times what sound aircraft differ by, now or, as it goes on, in RECENT flights
 ACTS, FIRSTS = 3.0, 10.0
 NO_THRUST = 1e3  # weight of a flight that had no thrust left: before all else
-RESISTANCE = (0.3, 1.0)  # rise of a battery's resistance to act on; a doubled one is worn out
 RECENT, DAY = 10, 86400.0  # flights; s
-CLOCKS_APART = 5.0  # s, by which the clocks of autopilot and ground may differ
-AT_ONE_TIME = 8  # logs of one time under one name, at most
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,17 +45,6 @@ class SeasonFinding:
     then: str = ""  # what was reported then
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PartHistory:
-    """What one part has flown, and how its rotor does since it is there."""
-
-    part: Part
-    flights: int
-    hours: float
-    loss: float  # mean of its last flights, NaN where unknown
-    loss_error: float
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AircraftSeason:
     """F flights of one aircraft, oldest first."""
@@ -71,13 +52,12 @@ class AircraftSeason:
     name: str
     flights: tuple[Mapping[str, Any], ...]  # rows of the store
     twice: int  # more logs of the same flights, left out
-    at_once: int  # flights at the time of another one
+    several: str  # why it is more than one aircraft; empty where nothing says so
     counted: tuple[int, ...]  # places among them of the flights that `changes` is about
     changes: SeasonChanges | None
     no_changes: str  # why there are none
-    battery: Trend | None
-    findings: tuple[SeasonFinding, ...]
-    parts: tuple[PartHistory, ...]
+    findings: tuple[SeasonFinding, ...]  # the first one first
+    parts: tuple[PartHistory, ...] = ()  # that flew on it
 
     @property
     def level(self) -> str:
@@ -118,52 +98,8 @@ class AircraftSeason:
         return self.flights[self.counted[min(counted, len(self.counted) - 1)]]["started_unix_s"]
 
 
-def finite(value: float | None) -> bool:
-    return value is not None and bool(np.isfinite(value))
-
-
 def sum_of(flights: Iterable[Mapping[str, Any]], name: str) -> float:
     return float(sum(f[name] for f in flights if finite(f[name])))
-
-
-def each_once(flights: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """Flights without a second log of the same one, as autopilot and ground record it; of two, the
-    one that has sums stays, else the first."""
-    kept: list[Mapping[str, Any]] = []
-    for flight in flights:
-        near = range(max(0, len(kept) - AT_ONE_TIME), len(kept))
-        same = next((k for k in near if _same_flight(kept[k], flight)), None)
-        if same is None:
-            kept.append(flight)
-        elif kept[same]["sums_reason"] is not None and flight["sums_reason"] is None:
-            kept[same] = flight
-    return kept
-
-
-def at_once(flights: Sequence[Mapping[str, Any]]) -> int:
-    """How many flights are at the time of the one before them, which no aircraft can fly."""
-    return sum(_overlap(one, other) for one, other in pairwise(flights))
-
-
-def _same_flight(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
-    """At one time, with the worst moment at the same one; where it is not known, one recorded by
-    the autopilot and one by the ground."""
-    if not _overlap(one, other):
-        return False
-    worst = [f["worst_time_s"] for f in (one, other)]
-    if not all(finite(w) for w in worst):
-        return one["log_format"] != other["log_format"]
-    moments = [f["started_unix_s"] + f["worst_time_s"] for f in (one, other)]
-    return abs(moments[0] - moments[1]) < CLOCKS_APART
-
-
-def _overlap(one: Mapping[str, Any], other: Mapping[str, Any]) -> bool:
-    times = [(f["started_unix_s"], f["duration_s"]) for f in (one, other)]
-    if not all(finite(start) and finite(long) for start, long in times):
-        return False
-    ends = min(start + long for start, long in times)
-    both = ends - max(start for start, _ in times)
-    return both > 0.5 * min(long for _, long in times)
 
 
 def aircraft_season(
@@ -171,70 +107,75 @@ def aircraft_season(
     flights: Sequence[Mapping[str, Any]],
     sums: Sequence[Mapping[str, Any]],
     parts: Sequence[Part] = (),
+    frames: Mapping[str, int] = MappingProxyType({}),
 ) -> AircraftSeason:
-    """From rows of the store, oldest first; sums that are about an older model are left out."""
+    """From rows of the store, oldest first; sums that are about an older model are left out.
+
+    `frames` are the flights of each aircraft that has this name; what parts do by themselves is
+    added by `with_parts`.
+    """
     flights, given = each_once(flights), len(flights)
     order = {f["flight"]: k for k, f in enumerate(flights)}
     sums = [s for s in sums if s["flight"] in order]
     digest = sums[-1]["model_digest"] if sums else None
     kept = [s for s in sums if s["model_digest"] == digest]
-    found, missing = None, "no flight has sums: they need measured rotor speeds and a model"
+    found, missing = None, words.NO_SUMS
     if kept:
         try:
-            found, missing = (
-                season_changes(season_sums([from_arrays(s["arrays"]) for s in kept])),
-                "",
-            )
+            evidence = [from_arrays(s["arrays"]) for s in kept]
+            found, missing = season_changes(season_sums(evidence)), ""
         except DataError as error:
             missing = str(error)
     if len(kept) < len(sums):
-        missing = f"{len(sums) - len(kept)} flights are about an older model and are left out"
-    mine = tuple(p for p in parts if p.aircraft == name)
+        missing = words.older_model(len(sums) - len(kept))
+    together, boards = at_once(flights), boards_in_turns(flights)
     season = AircraftSeason(
         name=name,
         flights=tuple(flights),
         twice=given - len(flights),
-        at_once=at_once(flights),
+        several=words.one_name(frames)
+        if len(frames) > 1
+        else words.several_boards(boards)
+        if boards
+        else words.several_aircraft(together, len(flights))
+        if together
+        else "",
         counted=tuple(order[s["flight"]] for s in kept),
         changes=found,
         no_changes=missing,
-        battery=_battery(flights),
         findings=(),
-        parts=(),
     )
+    mine = [p for p in parts if p.aircraft == name]
     findings = [*_several(season), *_changed(season, mine), *_shared(season), *_margins(season)]
-    findings.sort(key=lambda f: (LEVELS.index(f.level), -f.weight))
-    return replace(season, findings=tuple(findings), parts=_histories(season, mine))
+    return replace(season, findings=in_order(findings))
+
+
+def in_order(findings: Iterable[SeasonFinding]) -> tuple[SeasonFinding, ...]:
+    """The first one first."""
+    return tuple(sorted(findings, key=lambda f: (LEVELS.index(f.level), -f.weight)))
 
 
 def _several(season: AircraftSeason) -> Iterable[SeasonFinding]:
-    if season.at_once:
+    if season.several:
         yield SeasonFinding(
-            level=ACT,
-            weight=float("inf"),
-            sentence=words.several_aircraft(season.at_once, len(season.flights)),
-            action=words.NAME_EACH,
+            level=ACT, weight=float("inf"), sentence=season.several, action=words.NAME_EACH
         )
 
 
-def _level(ratio: float, acts: float = ACTS, firsts: float = FIRSTS) -> str:
+def level_of(ratio: float, acts: float = ACTS, firsts: float = FIRSTS) -> str:
     return FIRST if ratio >= firsts else ACT if ratio >= acts else WATCH
 
 
 def _changed(season: AircraftSeason, parts: Sequence[Part]) -> Iterable[SeasonFinding]:
-    trends = [*(season.changes.trends if season.changes else ())]
-    for trend in (*trends, *([season.battery] if season.battery else [])):
-        battery = trend.name == words.BATTERY
-        count = len(season.flights) if battery else len(season.counted)
+    count = len(season.counted)
+    for trend in season.changes.trends if season.changes else ():
         for entry in trend.changes:
-            last = entry is trend.changes[-1]
-            ended = entry.until < count
+            last, ended = entry is trend.changes[-1], entry.until < count
             swap = words.rotor_of(trend.name) is not None and words.back_to_sound(entry)
             ahead = RECENT * entry.per_flight if entry.ramp and not ended else 0.0
-            now = abs(trend.now + ahead - (trend.changes[0].before if battery else 0.0))
-            ratio = now / trend.usual if last and not swap else 0.0
-            level = _level(ratio, *RESISTANCE) if battery else _level(ratio)
-            at = entry.flight if battery else season.counted[min(entry.flight, count - 1)]
+            counts = last and not swap
+            ratio = abs(trend.now + ahead) / trend.usual if counts else 0.0
+            at = season.counted[min(entry.flight, count - 1)]
             action = words.value_words(trend.name).action
             if trend.instead:
                 others = [words.value_words(n).title for n in trend.instead[:3]]
@@ -243,12 +184,12 @@ def _changed(season: AircraftSeason, parts: Sequence[Part]) -> Iterable[SeasonFi
                 action = "it has stopped; " + action
             when = words.flight_words(at, season.flights[at]["started_unix_s"])
             yield SeasonFinding(
-                level=level if last and not swap else FINE,
+                level=level_of(ratio) if counts else FINE,
                 weight=ratio,
                 sentence=words.entry_sentence(trend.name, entry, when, ended),
                 action=_swapped(season, trend, entry, parts) if swap else action,
                 flight=at,
-                then=_reported(season, at),
+                then=reported_then(season, at),
             )
 
 
@@ -266,7 +207,8 @@ def _swapped(
     return words.SWAP_UNKNOWN
 
 
-def _reported(season: AircraftSeason, at: int) -> str:
+def reported_then(season: AircraftSeason, at: int) -> str:
+    """What the alarms said around one of its flights."""
     near = season.flights[max(at - 1, 0) : at + 2]
     said = dict.fromkeys(text for f in near for text in f["alarms"] or ())
     return "; ".join(list(said)[:3]) or words.SILENT
@@ -279,7 +221,7 @@ def _shared(season: AircraftSeason) -> Iterable[SeasonFinding]:
         words_of = words.value_words(one.name)
         also = [words.value_words(n).title for n in one.instead[:3]]
         yield SeasonFinding(
-            level=_level(ratio),
+            level=level_of(ratio),
             weight=ratio,
             sentence=words.shared_sentence(one.name, one.value, one.error),
             action=words_of.action + (f"; it may also be: {', '.join(also)}" if also else ""),
@@ -302,57 +244,10 @@ def _margins(season: AircraftSeason) -> Iterable[SeasonFinding]:
             )
             break
     if season.without_verdict and len(season.without_verdict) * 2 > count:
-        reason = season.without_verdict[-1]["verdict_reason"] or "unknown"
+        reason, action = words.no_verdict(season.without_verdict[-1])
         yield SeasonFinding(
             level=ACT,
             weight=0.0,
-            sentence=f"{len(season.without_verdict)} of {count} flights have no verdict",
-            action=str(reason),
+            sentence=f"{len(season.without_verdict)} of {count} flights have no verdict: {reason}",
+            action=action,
         )
-
-
-def _battery(flights: Sequence[Mapping[str, Any]]) -> Trend | None:
-    """The battery's resistance over the flights that show it."""
-    value = np.array([f["battery_ohm"] for f in flights], dtype=np.float64)
-    error = np.array([f["battery_ohm_error"] for f in flights], dtype=np.float64)
-    where = np.flatnonzero(np.isfinite(value) & (error > 0.0))
-    if where.size < 6:
-        return None
-    value, error = value[where], error[where]
-    error = np.maximum(error, scatter_of(value))
-    error = error * spread_beyond(value, error)
-    entries, curve = changes(value, error, penalty_of(where.size))
-    whole = np.full(len(flights), np.nan)
-    own: Floats = whole.copy()
-    whole[where], own[where] = value, error
-    return Trend(
-        name=words.BATTERY,
-        value=whole,
-        error=own,
-        curve=np.interp(np.arange(len(flights)), where, curve),
-        changes=tuple(placed(e, where) for e in entries),
-        instead=(),
-        least_seen=float("nan"),
-        usual=float(curve[0]),
-    )
-
-
-def _histories(season: AircraftSeason, parts: Sequence[Part]) -> tuple[PartHistory, ...]:
-    started = [f["started_unix_s"] for f in season.flights]
-    by_rotor = {words.rotor_of(t.name): t for t in season.rotors}
-    out = []
-    for part in parts:
-        flown = part.flights(started)
-        trend = by_rotor.get(part.rotor)
-        at = [k for k, place in enumerate(season.counted) if place in set(flown)][-RECENT:]
-        loss = error = float("nan")
-        if trend is not None and at:
-            weight = trend.error[at] ** -2.0
-            if weight.sum() > 0.0:
-                loss = float(np.nansum(weight * trend.value[at]) / weight.sum())
-                error = float(weight.sum() ** -0.5)
-        hours = sum_of((season.flights[k] for k in flown), "flying_s") / 3600.0
-        out.append(
-            PartHistory(part=part, flights=len(flown), hours=hours, loss=loss, loss_error=error)
-        )
-    return tuple(out)

@@ -21,12 +21,13 @@ from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import (
     LOAD,
     WATCH,
     AircraftSeason,
-    finite,
     sum_of,
 )
 from thrustmargin.gcs_plugin.reports.shared.page_shell import page_text, software_version
 from thrustmargin.gcs_plugin.wording import fleet_words as words
+from thrustmargin.gcs_plugin.wording.numbers import known as finite
 from thrustmargin.gcs_plugin.wording.numbers import number, percent
+from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.season.season_changes import Trend
 
 COLOURS = {FIRST: "critical", LOAD: "over", ACT: "over", WATCH: "unknown", FINE: "under"}
@@ -60,6 +61,12 @@ class FleetSeason:
     @property
     def level(self) -> str:
         return self.aircraft[0].level if self.aircraft else WATCH
+
+    @property
+    def drawn(self) -> list[AircraftSeason]:
+        """Those whose values a page shows: all of a few, else the first with findings."""
+        few = len(self.aircraft) <= MOST_LISTED
+        return [a for a in self.aircraft if few or a.findings][:MOST_LISTED]
 
     @property
     def days(self) -> str:
@@ -115,6 +122,7 @@ def html_text(fleet: FleetSeason, *, alone: bool = False) -> str:
         {
             "fleet": fleet,
             "alone": alone,
+            "drawn": fleet.aircraft if alone else fleet.drawn,
             "heads": HEADS,
             "software": software_version(),
             "colours": COLOURS,
@@ -140,7 +148,7 @@ def listed(one: AircraftSeason) -> list[Trend]:
     """The trends that a page draws: the rotors, then what changed, then the usual ones."""
     trends = one.changes.trends if one.changes else ()
     more = [t for t in trends if t not in one.rotors and (t.changes or t.name in words.TRENDS)]
-    return [*one.rotors, *more, *([one.battery] if one.battery else [])]
+    return [*one.rotors, *more]
 
 
 def now(trend: Trend) -> str:
@@ -158,8 +166,6 @@ def chart(trend: Trend) -> Markup:
     known = np.flatnonzero(np.isfinite(trend.value) & np.isfinite(trend.error))
     if known.size < 2:
         return Markup("")
-    middle, half = trend.value.tolist(), (1.96 * trend.error).tolist()
-    curve: list[float] = trend.curve.tolist()
     value, error = trend.value[known], 1.96 * trend.error[known]
     low = min(0.0, float(np.quantile(value - error, 0.02)))
     high = max(0.0, float(np.quantile(value + error, 0.98)))
@@ -168,23 +174,24 @@ def chart(trend: Trend) -> Markup:
     def x(k: float) -> str:
         return f"{4.0 + (WIDE - 8.0) * k / max(trend.value.size - 1, 1):.1f}"
 
-    def y(value: float) -> str:
-        return f"{4.0 + (HIGH - 8.0) * (1.0 - (np.clip(value, low, high) - low) / span):.1f}"
+    def y(values: Floats) -> list[str]:
+        at = 4.0 + (HIGH - 8.0) * (1.0 - (np.clip(values, low, high) - low) / span)
+        return [f"{v:.1f}" for v in at.tolist()]
 
-    every = known[:: max(1, known.size // 150)].tolist()
-    drawn = [(x(k), *map(y, (middle[k], middle[k] - half[k], middle[k] + half[k]))) for k in every]
+    every = slice(None, None, max(1, known.size // 150))
+    ends = [y(v[every]) for v in (value, value - error, value + error)]
     bars = "".join(
-        f'<path d="M{at} {low_end}V{high_end}"/><circle cx="{at}" cy="{mid}" r="2"/>'
-        for at, mid, low_end, high_end in drawn
+        f'<path d="M{at} {below}V{above}"/><circle cx="{at}" cy="{middle}" r="2"/>'
+        for at, middle, below, above in zip(map(x, known[every].tolist()), *ends, strict=True)
     )
-    line = " ".join(f"{x(k)},{y(curve[k])}" for k in range(len(curve)))
+    line = " ".join(f"{x(k)},{at}" for k, at in enumerate(y(trend.curve)))
     marks = "".join(f'<path class="at" d="M{x(e.flight)} 0V{HIGH}"/>' for e in trend.changes)
     label = words.value_words(trend.name).title
     return Markup(
         '<svg viewBox="0 0 {w} {h}" role="img" aria-label="{label}">'
         '<path class="zero" d="M0 {zero}H{w}"/>{bars}{marks}<polyline points="{line}"/></svg>'
     ).format(
-        w=WIDE, h=HIGH, label=label, zero=y(0.0),
+        w=WIDE, h=HIGH, label=label, zero=y(np.zeros(1))[0],
         bars=Markup(bars), marks=Markup(marks), line=line,
     )  # fmt: skip
 
@@ -228,18 +235,21 @@ def _json(one: AircraftSeason) -> dict[str, Any]:
                 "value": [_plain(v) for v in t.value.tolist()],
                 "error": [_plain(v) for v in t.error.tolist()],
             }
-            for t in (*trends, *([one.battery] if one.battery else []))
+            for t in (*trends, *(p.battery for p in one.parts if p.battery))
         ],
         "parts": [
             {
-                "part": p.part.name,
-                "position": p.part.position,
+                "part": p.name,
+                "position": p.position,
+                "aircraft": list(p.stays),
                 "flights": p.flights,
                 "hours": _plain(p.hours),
                 "loss": _plain(p.loss),
                 "loss_error": _plain(p.loss_error),
+                "battery_ohm": _plain(p.battery.now) if p.battery else None,
             }
             for p in one.parts
+            if p.name
         ],
     }
 

@@ -56,7 +56,23 @@ def read_parts(text: str, name: str) -> list[Part]:
     rows.fieldnames = [(f or "").strip().lower().replace(" ", "_") for f in rows.fieldnames or []]
     if missing := [c for c in COLUMNS if c not in rows.fieldnames]:
         raise DataError(f"{name} has no column {missing[0]!r}; it needs {', '.join(COLUMNS)}")
-    return [_part(row, f"{name} line {rows.line_num}") for row in rows]
+    parts = []
+    for row in rows:
+        part = _part(row, where := f"{name} line {rows.line_num}")
+        for other in parts:
+            both = part.installed_s < other.removed_s and other.installed_s < part.removed_s
+            if both and (part.aircraft, part.position) == (other.aircraft, other.position):
+                raise DataError(
+                    f"{where}: {other.name} is still at {other.position} of {other.aircraft}; "
+                    "say when it was removed"
+                )
+            if both and part.name == other.name:
+                raise DataError(
+                    f"{where}: {part.name} is still at {other.position} of {other.aircraft}; say "
+                    "when it was removed, or give the other part a name of its own"
+                )
+        parts.append(part)
+    return parts
 
 
 def _part(row: dict[str, Any], where: str) -> Part:

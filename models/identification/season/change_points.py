@@ -22,6 +22,7 @@ from thrustmargin.models.flight import Floats
 FALSE_ENTRIES = 0.01  # wanted of one aircraft in one season
 LEAST_FLIGHTS, LEAST_LINE = 3, 5  # in a segment; on a line
 WILD, AROUND = 3.0, 5  # errors beyond which a flight is drawn in to its neighbours' median; flights
+QUARTILE = float(norm.ppf(0.75))  # standard deviations of the median absolute deviation
 DATED = float(chi2.ppf(0.95, 1))  # rise of the sum of squares that bounds a date's interval
 
 
@@ -62,7 +63,7 @@ def spread_beyond(values: Floats, errors: Floats) -> float:
         return 1.0
     second = values[2:] - 2.0 * values[1:-1] + values[:-2]
     variance = errors[2:] ** 2 + 4.0 * errors[1:-1] ** 2 + errors[:-2] ** 2
-    return max(1.0, float(np.median(np.abs(second) / np.sqrt(variance)) / norm.ppf(0.75)))
+    return max(1.0, float(np.median(np.abs(second) / np.sqrt(variance)) / QUARTILE))
 
 
 def scatter_of(values: Floats) -> Floats:
@@ -73,7 +74,7 @@ def scatter_of(values: Floats) -> Floats:
 def spread_of(values: Floats) -> float:
     """Standard deviation from flight to flight, by the median of second differences."""
     second = values[2:] - 2.0 * values[1:-1] + values[:-2]
-    return float(np.median(np.abs(second)) / norm.ppf(0.75) / np.sqrt(6.0)) if second.size else 0.0
+    return float(np.median(np.abs(second)) / QUARTILE / np.sqrt(6.0)) if second.size else 0.0
 
 
 def drawn_in(values: Floats, errors: Floats) -> Floats:

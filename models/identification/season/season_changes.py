@@ -36,6 +36,7 @@ SHAPE = 0.5  # of a loss: what its torque share may be off by
 RECENT = 10  # flights
 NO_SCATTER = 0.05  # of the usual size: scatter of a value that has none of its own
 ABOUT, BENT = 4, 0.001  # times sums are made anew; near enough to a loss
+_Fit = tuple[Floats, float]  # of `_joint`
 NEAR = 9.0  # of log likelihood: less than one in 8,000 as likely
 
 
@@ -103,15 +104,18 @@ def season_changes(sums: SeasonSums, false_entries: float = FALSE_ENTRIES) -> Se
         found = more
         sums = _about(sums, found)
         for place in found.shapes:  # each anew beside the others, as they are with it
-            found = found.with_shape(place, _shape(sums, place, found, penalty))
+            curves = _joint(sums, found)[0]
+            found = found.with_shape(place, _shape(sums, place, found, penalty, curves))
         sums = _about(sums, found)
         for place in found.shared:  # a mean that was only a change
             rest = replace(found, shared=found.shared - {place})
-            if _gain(sums, rest, found, place) / sums.flights <= penalty:
+            gain = _gain(sums, _joint(sums, rest), _joint(sums, found), place)
+            if gain / sums.flights <= penalty:
                 found = rest
+    fit = _joint(sums, found)
     order = [*found.shapes, *(int(k) for k in sums.main if k not in found.shapes)]
     return SeasonChanges(
-        trends=tuple(_trend(sums, k, found, penalty) for k in order),
+        trends=tuple(_trend(sums, k, found, fit, penalty) for k in order),
         shared=tuple(_shared(sums, found, penalty)),
     )
 
@@ -136,18 +140,19 @@ def _about(sums: SeasonSums, found: _Found) -> SeasonSums:
 
 def _next(sums: SeasonSums, found: _Found, penalty: float) -> _Found | None:
     """With the one value more that explains most, if any is worth the penalty."""
-    tried: list[tuple[float, _Found]] = []
+    now, best, most = _joint(sums, found), None, penalty
     for place in (int(k) for k in sums.main):
+        tried = []
         if place not in found.shared:
-            more = replace(found, shared=found.shared | {place})
-            if _possible(sums, more, place, penalty):
-                tried.append((_gain(sums, found, more, place) / sums.flights, more))
-        shape = None if place in found.shapes else _shape(sums, place, found, penalty)
+            tried.append((replace(found, shared=found.shared | {place}), sums.flights))
+        shape = None if place in found.shapes else _shape(sums, place, found, penalty, now[0])
         if shape is not None:
-            more = found.with_shape(place, shape)
-            tried.append((_gain(sums, found, more, place), more))
-    gain, best = max(tried, key=lambda t: t[0], default=(0.0, found))
-    return best if gain > penalty else None
+            tried.append((found.with_shape(place, shape), 1))
+        for more, flights in tried:
+            gain = _gain(sums, now, _joint(sums, more), place, most * flights) / flights
+            if gain > most and (flights == 1 or _possible(sums, more, place, penalty)):
+                best, most = more, gain
+    return best
 
 
 def _possible(sums: SeasonSums, found: _Found, place: int, penalty: float) -> bool:
@@ -163,15 +168,19 @@ def _possible(sums: SeasonSums, found: _Found, place: int, penalty: float) -> bo
     return bool(abs(at[place]) > np.sqrt(penalty) * FORM * leak)
 
 
-def _gain(sums: SeasonSums, less: _Found, more: _Found, place: int) -> float:
-    """What one value more takes of the squares, as its flights scatter."""
-    beyond = _series(sums, place, _joint(sums, more)[0])[2]
-    return (_joint(sums, less)[1] - _joint(sums, more)[1]) / beyond**2
+def _gain(sums: SeasonSums, less: _Fit, more: _Fit, place: int, least: float = -np.inf) -> float:
+    """What one value more takes of the squares, as its flights scatter; at most that where it is
+    no more than the `least` that counts."""
+    gain = less[1] - more[1]
+    return gain / _series(sums, place, more[0])[2] ** 2 if gain > least else gain
 
 
-def _shape(sums: SeasonSums, place: int, found: _Found, penalty: float) -> Floats | None:
-    """(F,) by how much a value departs from its first flights; None where it stays."""
-    entries, curve = _entries(sums, place, found, _joint(sums, found)[0], penalty)
+def _shape(
+    sums: SeasonSums, place: int, found: _Found, penalty: float, curves: Floats
+) -> Floats | None:
+    """(F,) by how much a value departs from its first flights beside the `curves` of all others;
+    None where it stays."""
+    entries, curve = _entries(sums, place, found, curves, penalty)
     return curve - curve[0] if entries else None
 
 
@@ -236,7 +245,7 @@ def _usual(sums: SeasonSums) -> Floats:
     return np.maximum(sums.limit("smallest"), NO_SCATTER * sums.limit("scale"))
 
 
-def _joint(sums: SeasonSums, found: _Found) -> tuple[Floats, float]:
+def _joint(sums: SeasonSums, found: _Found) -> _Fit:
     """(F, q) curves of all values by least squares, and what is left with the cost of priors."""
     places, over, prior = _basis(sums, found)
     means = sums.main.size
@@ -295,8 +304,8 @@ def _as_good(
     return tuple(sums.names[k] for k, other in others.items() if _joint(sums, other)[1] < most)
 
 
-def _trend(sums: SeasonSums, place: int, found: _Found, penalty: float) -> Trend:
-    curves, squares = _joint(sums, found)
+def _trend(sums: SeasonSums, place: int, found: _Found, fit: _Fit, penalty: float) -> Trend:
+    curves, squares = fit
     value, error, _ = _series(sums, place, curves)
     where = np.flatnonzero(np.isfinite(value))
     entries: list[SeasonEntry] = []
@@ -304,7 +313,9 @@ def _trend(sums: SeasonSums, place: int, found: _Found, penalty: float) -> Trend
     if place in found.shapes:
         entries = _entries(sums, place, found, curves, penalty)[0]
         rest = found.with_shape(place, None)
-        shapes = {int(k): _shape(sums, int(k), rest, penalty) for k in sums.main if k != place}
+        beside = _joint(sums, rest)[0]
+        places = (int(k) for k in sums.main if k != place)
+        shapes = {k: _shape(sums, k, rest, penalty, beside) for k in places}
         others = {k: rest.with_shape(k, s) for k, s in shapes.items() if s is not None}
         instead = _as_good(sums, rest, squares, others)
     recent = min(RECENT, where.size // 2)

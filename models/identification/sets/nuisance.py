@@ -17,6 +17,7 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dpotrf, dpotri
 
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.identification.rows.value_columns import ALL_MODES, ValueColumns
@@ -95,6 +96,15 @@ class Solved:
         return shared, own
 
 
+def _inverse(system: Floats) -> tuple[Floats, float]:
+    """Of I + X'X, with ln of its determinant; NaN where it is not finite."""
+    factor, failed = dpotrf(system, lower=True)
+    if failed:
+        return np.full(system.shape, np.nan), float("nan")
+    lower = np.tril(dpotri(factor, lower=True)[0])
+    return lower + np.tril(lower, -1).T, 2.0 * float(np.log(factor.diagonal()).sum())
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Nuisance:
     """Whitened columns of F flights: n means, R modes."""
@@ -127,18 +137,18 @@ class Nuisance:
         parts = [grams[f] for f in chosen]
         known, free = self.doubt.shape[2], self.free.shape[0] * self.free.shape[2]
         systems = [np.eye(p[0].shape[0]) + p[0] for p in parts]
-        scatter = [np.linalg.inv(system) for system in systems]
+        scatter, determinants = zip(*map(_inverse, systems), strict=True)
         left = sum(p[2] - p[1].T @ w @ p[1] for p, w in zip(parts, scatter, strict=True))
-        own = sum(np.linalg.slogdet(system)[1] for system in systems)
+        own = sum(determinants)
         hats = np.arange(free) // max(self.free.shape[2], 1)  # the mode of each
         shared, evidence = [], []
         for level in levels:
             of_modes = np.where(hats == 0, level.collective, level.moments)
             root = np.concatenate([np.ones(known), of_modes])
             system = np.eye(root.size) + root[:, None] * left * root
-            shared.append(root[:, None] * np.linalg.inv(system) * root)
-            determinant = own + np.linalg.slogdet(system)[1]
-            evidence.append(level.log_prior - 0.5 * float(determinant))
+            inverse, determinant = _inverse(system)
+            shared.append(root[:, None] * inverse * root)
+            evidence.append(level.log_prior - 0.5 * (own + determinant))
         return Solved(
             flights=chosen,
             scatter=np.stack(scatter).astype(np.float64),

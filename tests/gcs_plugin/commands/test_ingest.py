@@ -102,6 +102,24 @@ def test_again_nothing_is_read_or_changed(ingested: tuple[Path, dict, dict], tmp
     }
 
 
+def test_again_under_another_name_it_is_as_if_taken_in_so_at_first(
+    ingested: tuple[Path, dict, dict], tmp_path: Path
+):
+    folder, _, _ = ingested
+    shutil.copytree(folder / "store", tmp_path / "store")
+    logs = [str(FLIGHT), str(OTHER)]
+    words = [*logs, "--aircraft", "seven", "--load", "12"]  # with a load the rows differ too
+    for _ in range(2):
+        assert run(["ingest", *words, "--store", str(tmp_path / "store"), "--again"]) == 0
+    assert run(["ingest", *words, "--store", str(tmp_path / "fresh")]) == 0
+    found, fresh = (
+        {k: v for k, v in files(tmp_path / name).items() if "rejected" not in k}
+        for name in ("store", "fresh")
+    )
+    assert found == fresh
+    assert {key.split("/")[1] for key in found} == {"aircraft=seven"}
+
+
 def test_anonymised_nobody_and_no_place_is_named(
     ingested: tuple[Path, dict, dict],
     tmp_path: Path,

@@ -5,17 +5,18 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import pytest
 
-from tests.gcs_plugin.store.season import content, files, log_files, stage_number
+from tests.gcs_plugin.store.season import content, files, log_files, small_flight, stage_number
 from tests.import_graph import ROOT
 from thrustmargin.gcs_plugin.commands.ingest import local_processes
 from thrustmargin.gcs_plugin.store.ingest_run import IngestOutcome, LogSource, ingest_logs
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore
-from thrustmargin.gcs_plugin.store.staging import staged_partitions
+from thrustmargin.gcs_plugin.store.staging import drop_replaced, merge, stage, staged_partitions
 from thrustmargin.gcs_plugin.store.writer_lock import writer_lock
 from thrustmargin.models.errors import DataError
 
@@ -81,6 +82,20 @@ def test_what_goes_wrong_is_listed_and_stops_nothing(tmp_path: Path):
     left = store.table("rejected")["log_name"].to_pylist()
     assert "bug.tlog" in left
     assert len(content(store)["flights"]) == 5
+
+
+def test_sums_that_a_flight_has_no_longer_are_gone(tmp_path: Path):
+    store = SeasonStore.open(str(tmp_path))
+    for number in (1, 3):
+        stage(store, small_flight(number))
+    for again in range(2):
+        waiting = staged_partitions(store)
+        drop_replaced(store, waiting)
+        for where, keys in waiting.items():
+            merge(store, *where, keys)
+        assert len(content(store)["sums"]) == 2 - again
+        stage(store, replace(small_flight(3), sums=None))
+    assert [len(rows) for rows in content(store).values()] == [2, 1, 6]
 
 
 def test_a_second_writer_is_refused_with_who_writes(tmp_path: Path):

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from tests.gcs_plugin.reports.fleet.made_store import DAY, START, rows_of, sums_of
 from tests.models.identification.season.made_seasons import GAIN, LOSS_2, season, wear, with_change
@@ -14,7 +15,10 @@ from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import (
     WATCH,
     aircraft_season,
 )
+from thrustmargin.gcs_plugin.reports.fleet.part_history import with_parts
 from thrustmargin.gcs_plugin.reports.fleet.parts import Part
+from thrustmargin.gcs_plugin.reports.fleet.same_aircraft import by_frame
+from thrustmargin.gcs_plugin.wording import fleet_words as words
 
 RNG = np.random.default_rng
 
@@ -50,7 +54,9 @@ def test_a_swap_is_named_by_its_part_and_is_no_reason_to_look():
     place = Part(name="", aircraft="a", position="propeller 2", installed_s=-np.inf, removed_s=swap)
     old = replace(place, name="P-1")
     new = replace(place, name="P-2", installed_s=swap, removed_s=np.inf)
-    found = aircraft_season("a", rows_of(60), sums_of(flights), [old, new])
+    (found,) = with_parts(
+        [aircraft_season("a", rows_of(60), sums_of(flights), [old, new])], [old, new]
+    )
     (step,) = (f for f in found.findings if f.flight is not None)
     assert step.level == FINE
     assert "propeller 2 P-2, installed" in step.action
@@ -69,12 +75,93 @@ def test_an_ageing_battery_is_dated_and_a_steady_one_is_silent():
     rows = rows_of(60, battery_ohm_error=0.0003)
     for k, row in enumerate(rows):
         row["battery_ohm"] = 0.030 + noise[k] + 0.001 * max(0, k - 29)
-    found = aircraft_season("a", rows, [])
+    (found,) = with_parts([aircraft_season("a", rows, [])])
     assert found.level == FIRST  # doubled
     assert "battery resistance" in found.findings[0].sentence
     for k, row in enumerate(rows):
         row["battery_ohm"] = 0.030 + noise[k]
-    assert aircraft_season("a", rows, []).findings == ()
+    assert with_parts([aircraft_season("a", rows, [])])[0].findings == ()
+
+
+def ohms(seed: int, of: np.ndarray) -> list[dict]:
+    """Rows of flights with a battery of these resistances."""
+    noise = 0.0005 * RNG(seed).standard_normal(of.size)
+    rows = rows_of(of.size, battery_ohm_error=0.0003)
+    for row, ohm in zip(rows, (of + noise).tolist(), strict=True):
+        row["battery_ohm"] = ohm
+    return rows
+
+
+def test_a_battery_keeps_its_history_when_it_moves_to_another_aircraft():
+    # B-old ages over 40 flights: 20 on a, then 20 on b; B-new is sound and goes the other way.
+    ages, sound = 0.030 + 0.001 * np.arange(40), np.full(40, 0.030)
+    on_a = ohms(21, np.concatenate([ages[:20], sound[20:]]))
+    on_b = ohms(22, np.concatenate([sound[:20], ages[20:]]))
+    moved = START + 19.5 * DAY
+    first = Part(
+        name="B-old", aircraft="a", position="battery", installed_s=-np.inf, removed_s=moved
+    )
+    later = replace(first, aircraft="b", installed_s=moved, removed_s=np.inf)
+    sounds = [replace(first, aircraft="b"), replace(later, aircraft="a")]
+    parts = [first, later, *(replace(p, name="B-new") for p in sounds)]
+    a, b = with_parts([aircraft_season(n, r, []) for n, r in (("a", on_a), ("b", on_b))], parts)
+    assert (a.level, b.level) == (FINE, FIRST)  # it is where the battery is
+    (old,) = (p for p in b.parts if p.name == "B-old")
+    assert (old.flights, old.stays, old.aircraft) == (40, ("a", "b"), "b")
+    assert old.hours == 40 * 600.0 / 3600.0
+    assert old.battery is not None
+    assert old.battery.now == pytest.approx(0.069, abs=0.002)
+    assert "B-old (then on a), battery resistance" in b.findings[0].sentence
+    (new,) = (p for p in a.parts if p.name == "B-new")
+    assert new.battery is not None
+    assert new.battery.changes == ()
+    gone = [first, replace(later, removed_s=START + 40 * DAY), *parts[2:]]
+    gone = with_parts([aircraft_season(n, r, []) for n, r in (("a", on_a), ("b", on_b))], gone)
+    assert [one.level for one in gone] == [FINE, FINE]  # the bad one is on none of them
+    assert with_parts([aircraft_season("a", on_a, [])])[0].findings  # as if it were one battery
+
+
+def test_a_new_propeller_begins_its_own_history_and_the_motor_keeps_its():
+    lost = np.where(np.arange(60) < 40, 0.03, 0.0)
+    flights = with_change(season(RNG(3), 60), LOSS_2, lost)
+    swap = START + 39.5 * DAY
+    motor = Part(name="M", aircraft="a", position="motor 2", installed_s=-np.inf, removed_s=np.inf)
+    old = replace(motor, name="P-1", position="propeller 2", removed_s=swap)
+    new = replace(old, name="P-2", installed_s=swap, removed_s=np.inf)
+    (found,) = with_parts([aircraft_season("a", rows_of(60), sums_of(flights))], [motor, old, new])
+    flown = {p.name: p.flights for p in found.parts}
+    assert flown == {"M": 60, "P-1": 40, "P-2": 20}
+    losses = {p.name: p.loss for p in found.parts}
+    assert losses["P-1"] == pytest.approx(0.03, abs=0.004)
+    assert losses["P-2"] == pytest.approx(0.0, abs=0.004)
+    assert losses["M"] == losses["P-2"]
+
+
+def test_flights_of_a_quad_and_of_a_hexacopter_with_one_name_are_two_aircraft():
+    quad = rows_of(4, rotor_count=4, layout="quad-x")
+    hexa = rows_of(3, rotor_count=6, layout="hexa-x")
+    blind = rows_of(1, rotor_count=6)  # says its rotors and no layout: there is one it can be of
+    silent = rows_of(1)
+    assert {w: len(own) for w, own in by_frame([*quad, *hexa, *blind]).items()} == {
+        "4 rotors, quad-x": 4,
+        "6 rotors, hexa-x": 4,
+    }
+    assert [len(own) for own in by_frame([*quad, *hexa, *silent]).values()] == [4, 3, 1]
+    assert [len(own) for own in by_frame([*quad, *silent]).values()] == [5]
+    frames = {"4 rotors, quad-x": 4, "6 rotors, hexa-x": 3}
+    found = aircraft_season("sysid-1 (4 rotors, quad-x)", quad, [], (), frames)
+    assert found.findings[0].level == ACT
+    assert "its name is that of 2 aircraft" in found.findings[0].sentence
+    assert found.findings[0].action == words.NAME_EACH
+
+
+def test_autopilots_that_fly_in_turns_under_one_name_are_said_and_a_new_one_is_not():
+    rows = rows_of(6)
+    for k, row in enumerate(rows):
+        row["board"] = "one" if k < 3 else "two"
+    assert aircraft_season("a", rows, []).several == ""
+    rows[4]["board"] = "one"
+    assert aircraft_season("a", rows, []).several.startswith("2 autopilots flew in turns")
 
 
 def test_a_healthy_season_says_what_it_would_have_seen():
@@ -97,9 +184,25 @@ def test_flights_above_the_limit_and_without_verdict_are_reasons():
     rows[-1]["worst_margin"] = -0.1  # no thrust was left: nothing is more urgent
     found = aircraft_season("a", rows, [])
     assert (found.level, found.findings[0].action.split(";")[0]) == (FIRST, "do not fly it so")
-    rows = rows_of(4, verdict="unknown", verdict_reason="no tank level")
-    silent = aircraft_season("a", rows, [])
-    assert silent.findings[0].action == "no tank level"
+
+
+@pytest.mark.parametrize(
+    ("row", "action"),
+    [
+        ({"airframe_basis": "not known", "airframe": "x"}, words.SET_AIRFRAME),
+        ({"airframe_basis": "given"}, words.OTHER_AIRFRAME),
+        ({"missing_channels": ["rotor_speed_rpm", "tank_kg"]}, words.NO_SPEEDS),
+        ({"missing_channels": ["tank_kg"]}, words.NO_LOAD),
+        ({}, words.LOOK_INTO),
+    ],
+)
+def test_an_aircraft_without_verdicts_has_the_reason_as_reason_and_an_action(
+    row: dict, action: str
+):
+    rows = rows_of(4, verdict="unknown", verdict_reason="why it has none", **row)
+    top = aircraft_season("a", rows, []).findings[0]
+    assert top.sentence == "4 of 4 flights have no verdict: why it has none"
+    assert top.action == action
 
 
 def test_sums_about_an_older_model_are_left_out_and_said():
@@ -107,7 +210,7 @@ def test_sums_about_an_older_model_are_left_out_and_said():
     sums = [*sums_of(flights)[:10], *sums_of(flights, "new")[10:]]
     found = aircraft_season("a", rows_of(30), sums)
     assert found.counted == tuple(range(10, 30))
-    assert found.no_changes == "10 flights are about an older model and are left out"
+    assert found.no_changes.startswith("10 flights are about an older model and are left out")
 
 
 def test_a_drifting_gauge_asks_for_scales():
@@ -138,7 +241,7 @@ def test_two_aircraft_under_one_name_are_never_taken_for_one_flight_and_it_is_sa
     found = aircraft_season("a", [first, second, later], [])
     assert (found.twice, len(found.flights)) == (0, 3)
     assert found.findings[0].sentence.startswith("1 of 3 flights are at the time of another one")
-    assert "ingest --aircraft" in found.findings[0].action
+    assert "--again --aircraft" in found.findings[0].action
     assert not [
         f for f in aircraft_season("a", [first, later], []).findings if "at the time" in f.sentence
     ]

@@ -27,6 +27,8 @@ def test_a_part_flies_between_its_days_in_utc():
         (HEAD + "P,a,wing 2,,\n", "line 2: position 'wing 2'"),
         (HEAD + "P,a,motor 2,soon,\n", "line 2: installed at 'soon' is no time"),
         (HEAD + "P,a,motor 2,2026-05-04,2026-05-02\n", "removed before it is installed"),
+        (HEAD + "P,a,motor 2,,\nQ,a,motor 2,2026-05-04,\n", "line 3: P is still at motor 2 of a"),
+        (HEAD + "B,a,battery,,\nB,b,battery,2026-05-04,\n", "line 3: B is still at battery of a"),
     ],
 )
 def test_a_wrong_line_is_named(text: str, words: str):
