@@ -17,7 +17,7 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dpotrf, dpotri
+from scipy.linalg import get_lapack_funcs
 
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.identification.rows.value_columns import ALL_MODES, ValueColumns
@@ -43,6 +43,7 @@ LEVELS = tuple(
 )
 
 
+_factored, _inverted = get_lapack_funcs(("potrf", "potri"))
 EVERY = slice(None)
 NuisanceGram = tuple[Floats, Floats, Floats]
 
@@ -98,10 +99,12 @@ class Solved:
 
 def _inverse(system: Floats) -> tuple[Floats, float]:
     """Of I + X'X, with ln of its determinant; NaN where it is not finite."""
-    factor, failed = dpotrf(system, lower=True)
+    if not system.size:
+        return system, 0.0
+    factor, failed = _factored(system, lower=True)
     if failed:
         return np.full(system.shape, np.nan), float("nan")
-    lower = np.tril(dpotri(factor, lower=True)[0])
+    lower = np.tril(_inverted(factor, lower=True)[0])
     return lower + np.tril(lower, -1).T, 2.0 * float(np.log(factor.diagonal()).sum())
 
 
