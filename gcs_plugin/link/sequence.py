@@ -19,6 +19,8 @@ RETURNS, RETURNS_WITHIN = 12, 128
 SAME_CLOCK, CLOCKED = 2.0, 3
 #: A clock left for good is a restart, one come back to is another vehicle's: so often within s.
 CLOCK_RETURNS, CLOCK_RETURNS_WITHIN = 2, 60.0
+#: Messages on end that each change the clock: two vehicles of one rate, and not a late message.
+TURNS = 8
 
 
 class BootClocks:
@@ -28,6 +30,7 @@ class BootClocks:
         # (s of the ground's clock at its boot, messages), the one that was heard last at the end.
         self._lines: list[tuple[float, int]] = []
         self._run, self._left = 0, 0  # messages on end of that one, and of the other before
+        self._turns = 0  # messages on end that each changed it
         self._returns: list[float] = []
 
     def add(self, stamp_s: float, clock_s: float) -> None:
@@ -39,11 +42,12 @@ class BootClocks:
             return
         count = self._lines.pop(same[-1])[1] + 1
         if same[-1] == len(self._lines):
-            self._run += 1
+            self._run, self._turns = self._run + 1, 0
         else:
-            self._left, self._run = self._run, 1
+            self._left, self._run, self._turns = self._run, 1, self._turns + 1
         # One message alone from the other clock is only late.
-        if self._run == 2 and self._left > 1 and min(count, self._lines[-1][1]) > CLOCKED:
+        back = (self._run == 2 and self._left > 1) or self._turns >= TURNS
+        if back and min(count, self._lines[-1][1]) > CLOCKED:
             self._returns.append(stamp_s)
         self._lines.append((booted, count))
 

@@ -15,7 +15,9 @@
 | `telemetry` | nothing heard | 3 s | heard | 1 s |
 | `rotor speeds` | in flight other messages come, but not every rotor's speed | 3 s | heard | 1 s |
 A margin that was inferred, not measured, has its 90 % error in the text; where the limit lies
-within it the alarm is a notice. `rotor` and `motor` need measured speeds: how the motors differ in
+within it the alarm is a notice. While an alarm of a margin stands of which nothing more is known,
+its text says so and has no number; without any rotor's speed the prediction clears `margin`, by the
+same limit. `rotor` and `motor` need measured speeds: how the motors differ in
 output is not known. What is not known (NaN) neither raises nor clears; a rotor below the limit
 counts though another is unknown. The texts are in wording/alarm_words.py.
 """
@@ -90,6 +92,14 @@ def margin(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:
     known = np.isfinite(margins)
     worst = float(np.min(margins[known], initial=np.inf))
     rotor = int(np.argmin(np.where(known, margins, np.inf))) + 1
+    if not known.any():
+        # The prediction may say that there is thrust again, and nothing else can.
+        predicted = 1.0 - now.analysis.utilisation_predicted[now.row]
+        reach = INTERVAL * np.nan_to_num(now.analysis.utilisation_error[now.row])
+        enough = float(np.min(predicted - reach)) > 1.0 - s.max_utilisation + s.margin_hysteresis
+        unknown = words.margin_unknown(words.MEASURED_MARGIN, 1.0 - s.max_utilisation)
+        yield AlarmCheck(False, enough, WARNING, unknown)
+        return
     error = INTERVAL * float(now.analysis.utilisation_error[now.row, rotor - 1])
     clears = bool(np.all(known))
     yield _low(s, words.MEASURED_MARGIN, worst, rotor, error=error, clears=clears)
@@ -123,8 +133,9 @@ def _low(
     """A margin against the limit; a notice where that lies within the 90 % `error`."""
     limit = 1.0 - s.max_utilisation
     off = clears and least > limit + s.margin_hysteresis
-    known = math.isfinite(least)
-    text = words.margin_words(what, least, limit, error=error, rotor=rotor) if known else ""
+    text = words.margin_unknown(what, limit)
+    if math.isfinite(least):
+        text = words.margin_words(what, least, limit, error=error, rotor=rotor)
     severity = WARNING if not error > 0.0 or least + error < limit else NOTICE
     return AlarmCheck(least < limit, off, severity, text)
 

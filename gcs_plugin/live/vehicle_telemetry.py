@@ -46,6 +46,7 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
     pitot_present,
 )
 from thrustmargin.gcs_plugin.telemetry.statements import Options
+from thrustmargin.gcs_plugin.telemetry.tank_source import LEFT_OUT
 from thrustmargin.gcs_plugin.wording.live_words import FIELD_WORDS, order_assumed
 from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, Origin
@@ -256,7 +257,7 @@ class VehicleTelemetry:
         if math.isnan(self._start_s):
             self._start_s = float(made.clock_s[0])
         item = best(signals, "mission_item")
-        rows = made.clock_s.size
+        rows, asked = made.clock_s.size, self._options.tank == "none"
         return LiveRows(
             boot=boot,
             track=made.track(
@@ -271,7 +272,7 @@ class VehicleTelemetry:
             pumped_kg=made.pumped_kg,
             mission_item=np.full(rows, np.nan) if item is None else last_before(item, made.clock_s),
             esc_failures=motors.failures(signals, made.clock_s),
-            notes=(*notes, *made.notes),
+            notes=(*notes, *(n for n in made.notes if n != LEFT_OUT or asked)),
         )
 
     def _layout(self, state: VehicleState, signals: Signals) -> MotorMap | None:

@@ -25,6 +25,7 @@ from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.airframe import Airframe
 
+LEFT_OUT = "tank level left out, as asked"
 #: % by which the level from ml used may differ from the level in % and still be the same thing.
 AGREEMENT = 1.5
 WATER = 1.0  # kg/L
@@ -95,7 +96,7 @@ def tank_levels(
             yield from _automatic(signals, context)
             return
         case "NONE":
-            yield TankLevel(None, ("tank level left out, as asked",))
+            yield TankLevel(None, (LEFT_OUT,))
             return
         case "NAMED_VALUE_FLOAT":
             found = _named(signals, context, rest or "TANK")
@@ -110,7 +111,7 @@ def tank_levels(
     if found is None:
         named = context.airframe is not None and source == context.airframe.tank_source
         by = f", which airframe {context.airframe.name} names" if named and context.airframe else ""
-        raise LogError(f"no tank level from {source!r}{by} in this log; name another with --tank")
+        raise LogError(f"no tank level from {source!r}{by} reported; name another with --tank")
     yield found
 
 
@@ -149,7 +150,7 @@ def _automatic(signals: Signals, context: TankContext) -> Iterator[TankLevel]:
     for found in (_fuel(signals, context, None), _battery(signals, context, None)):
         if found is not None:
             yield found
-    unknown = ("no tank gauge and no pump output in the log: tank level unknown",)
+    unknown = ("no tank gauge and no pump output reported: tank level unknown",)
     no_tank = context.airframe is not None and context.airframe.tank_volume_l == 0.0
     yield _pump(signals, context) or TankLevel(None, () if no_tank else unknown)
 

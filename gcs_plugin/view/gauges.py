@@ -99,15 +99,16 @@ def _worst(row: ShownRow, airframe: Airframe) -> Gauge:
         return Gauge(caption, words.share_words(margin), words.FOR_THIS_LOAD, style)
     name = airframe.rotor_names[worst]
     rests = Markup("{} · {}").format(words.rotor_place(worst + 1, name), _source(row, worst))
-    unknown = int(np.sum(~row.measured)) if row.measured.any() else 0
-    if unknown:
-        rests += f" · {words.not_measured(unknown)}"
-    error = float(row.error[worst])
+    if row.unmeasured:
+        rests += f" · {words.not_measured(row.unmeasured)}"
+    error = row.reach
     if error > 0.0:
         rests = (
             f"{words.share_words(margin - error)} to {words.share_words(margin + error)} · " + rests
         )
-    return Gauge(caption, words.share_words(margin), rests, _on(colours.MARGIN, margin))
+    return Gauge(
+        caption, words.share_words(margin), rests, _on(colours.MARGIN, row.coloured_margin)
+    )
 
 
 def _on(scale: colours.ColourScale, value: float) -> str:

@@ -71,11 +71,14 @@ class Heard:
         )
         self.history[number].add(update)
         self.overlays = overlays
+        row = ShownRow(update.analysis, -1)
         self._put(
             replace(
                 self._standing.get(number) or Standing(number=number),
                 update=update,
-                margin=ShownRow(update.analysis, -1).worst[0],
+                margin=row.worst[0],
+                coloured=row.coloured_margin,
+                rests_on=row.rests_on,
                 tank_kg=float(track.tank_kg[-1]),
                 flying=bool(track.flying[-1]),
             )

@@ -36,6 +36,8 @@ class Standing:
     update: Update | None = None  # its last rows
     alarms: tuple[Alarm, ...] = ()  # worst first
     margin: float = math.nan  # of the worst rotor; in the air only
+    coloured: float = math.nan  # the margin by which that is coloured
+    rests_on: str = words.WORST_ROTOR  # what it rests on, or why it is unknown
     tank_kg: float = math.nan
     flying: bool = False
     age: float = 0.0  # s of the newest row
@@ -110,7 +112,8 @@ def fleet_html(fleet: Sequence[Standing]) -> str:
 
 
 def _bar(one: Standing) -> str:
-    paper = colours.MARGIN.screen(math.nan if one.old or one.problem else one.margin)
+    unknown = one.old or one.problem or not one.flying
+    paper = colours.MARGIN.screen(math.nan if unknown else one.coloured)
     if one.problem:
         big, small = words.NO_MARGIN, ""
     elif one.old:

@@ -8,6 +8,7 @@ hear it says. An acknowledgement needs the token that only this server's own pag
 from __future__ import annotations
 
 import json
+import math
 import secrets
 import threading
 import time
@@ -128,20 +129,24 @@ def _key(one: Standing, alarm: Alarm) -> Key:
 
 def _vehicle(one: Standing, *, recorded: bool) -> dict[str, Any]:
     """One aircraft: its margin in words and colours, and the age of it (None of a record)."""
-    margin = one.margin if one.flying and not one.problem else float("nan")
-    paper = colours.MARGIN.screen(margin)
+    shown = one.flying and not one.problem
+    paper = colours.MARGIN.screen(one.coloured if shown else float("nan"))
     if one.problem:
         big, caption = words.BAR_WITHOUT_VERDICT, one.problem
     elif not one.flying:
         big, caption = words.ON_GROUND, words.NO_MARGIN_YET
+    elif math.isnan(one.margin):
+        big, caption = words.BAR_WITHOUT_VERDICT, one.rests_on
     else:
-        big, caption = words.share_words(one.margin), words.WORST_ROTOR
+        big, caption = words.share_words(one.margin), one.rests_on
     return {
         "number": one.number,
         "margin": big,
         "caption": caption,
         "paper": colours.css(paper),
         "ink": colours.ink_on(paper),
+        # Whether the silence of the alarms says anything: on the ground, or a margin of all rotors.
+        "watched": not one.problem and (not one.flying or math.isfinite(one.coloured)),
         "age": None if recorded else round(max(one.age, 0.0), 2),
         "old": one.old,
     }

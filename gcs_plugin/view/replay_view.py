@@ -178,6 +178,8 @@ class ReplayView(ViewPage):
         return Standing(
             number=1,
             margin=row.worst[0],
+            coloured=row.coloured_margin,
+            rests_on=row.rests_on,
             flying=row.flying,
             problem="; ".join(self._analysis.claim.withheld),
             alarms=tuple(

@@ -14,6 +14,7 @@ import numpy as np
 import pymap3d
 from scipy.spatial.transform import Rotation
 
+from thrustmargin.gcs_plugin.wording import view_words as words
 from thrustmargin.models.flight import Bools, FlightTrack, Floats, Origin
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
 from thrustmargin.models.model.utilisation_error import INTERVAL
@@ -21,6 +22,7 @@ from thrustmargin.models.model.utilisation_error import INTERVAL
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.logs import Waypoint
 
+MARGIN_LIMIT = 0.5  # where the colours of a margin change
 #: The rotation from NED to ENU, and the one from forward-left-up to forward-right-down.
 ENU_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 FRD_FLU = np.diag([1.0, -1.0, -1.0])
@@ -86,6 +88,38 @@ class ShownRow:
         known = self.analysis.known_utilisation[[self.row]]
         use, rotor = worst_rotor(known)
         return 1.0 - float(use[0]), int(rotor[0]) if np.isfinite(rotor[0]) else None
+
+    @property
+    def reach(self) -> float:
+        """Half of the 90 % interval of the worst margin; 0 where it was measured or is unknown."""
+        rotor = self.worst[1]
+        return 0.0 if rotor is None else float(self.error[rotor])
+
+    @property
+    def unmeasured(self) -> int:
+        """Rotors of which nothing is known where others are measured: one of them may be worse."""
+        return int(np.sum(~self.measured)) if self.measured.any() else 0
+
+    @property
+    def coloured_margin(self) -> float:
+        """The margin by which the worst one is coloured: the lower end of its interval.
+
+        NaN, no colour, where that is above the limit and rests on no measurement of all rotors:
+        the colour of enough thrust is a promise.
+        """
+        low = self.worst[0] - self.reach
+        sure = bool(self.measured.all())
+        return low if sure or low < MARGIN_LIMIT else float("nan")
+
+    @property
+    def rests_on(self) -> str:
+        """What the worst margin rests on, in words; why there is none where it is unknown."""
+        if self.analysis.withheld:
+            return self.analysis.withheld[0]
+        rotor = self.worst[1]
+        if rotor is None:
+            return words.NOTHING_KNOWN
+        return words.margin_rests(self.basis(rotor), self.reach, self.unmeasured)
 
 
 def ground_height(track: FlightTrack) -> float:

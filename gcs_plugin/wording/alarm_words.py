@@ -47,6 +47,11 @@ def margin_words(what: str, least: float, limit: float, *, error: float, rotor: 
     return f"{what} {math.floor(100 * least + 1e-6)}%{within} {place} {limit:.0%}{of}"
 
 
+def margin_unknown(what: str, limit: float) -> str:
+    """Of a margin that was below the limit when it was last known: an old number is none."""
+    return f"{what} was below {limit:.0%}, now unknown"
+
+
 def at_limit(rotor: int) -> str:
     return f"Rotor {rotor} at its limit: no thrust left"
 

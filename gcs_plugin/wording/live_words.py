@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, SPINS
+from thrustmargin.models.model.load_inference import FROM_THRUST, STATED
 
 #: Why a figure is unknown, and which option helps.
 ASKS = "--request-rates asks for them"
@@ -113,7 +114,7 @@ def no_escs(source: str) -> str:
 
 
 def tank_by(source: str) -> str:
-    return f"tank by {source}"
+    return f"tank {source}" if source.startswith((FROM_THRUST, STATED)) else f"tank by {source}"
 
 
 def order_assumed(words: str) -> str:

@@ -89,6 +89,12 @@ def test_clocks_that_take_turns_are_two_vehicles_and_a_restart_is_one():
     assert not turns.shared(1100.0)
 
 
+def test_two_vehicles_that_send_at_one_rate_change_the_clock_with_every_message():
+    assert clocks(*[(0.0, 1, 0.0), (500.0, 1, 0.0)] * 8).shared(1004.0)
+    # Now and then a late one alone, and one that came twice as late.
+    assert not clocks(*[(0.0, 2, 0.0), (0.0, 1, 5.0)] * 12).shared(1009.0)
+
+
 def test_late_messages_and_a_buffered_link_are_no_other_vehicle():
     late = [(0.0, 8, 0.0), (0.0, 1, 5.0)] * 6
     assert not clocks(*late).shared(1020.0)

@@ -274,6 +274,19 @@ def test_while_an_alarm_stands_its_words_follow_the_numbers():
     ]
 
 
+def test_a_margin_alarm_keeps_no_number_of_speeds_that_are_lost_and_is_cleared_by_the_prediction():
+    alarms = Alarms()
+    low = hover(10.0, tank=18.0, rpm=math.sqrt(0.6) * AIRFRAME.max_rotor_speed_rpm)
+    watched(low, alarms)
+    silent = replace(low, time_s=low.time_s + 10.0, rotor_speed_rpm=low.rotor_speed_rpm * np.nan)
+    watched(silent, alarms)
+    said = {a.name: a.text for a in alarms.standing.values()}
+    assert said["margin"] == "Thrust margin was below 50%, now unknown"
+    assert said["predicted margin"].startswith("Predicted margin")
+    watched(replace(silent, time_s=silent.time_s + 10.0, tank_kg=silent.tank_kg * 0.0), alarms)
+    assert not {a.name for a in alarms.standing.values()} & {"margin", "predicted margin"}
+
+
 def balance(**given: float) -> TankBalance:
     values = {"gauge": 1.5, "pump": 1.5, "thrust": 1.5, "level_kg": 8.0, "apart_kg": 0.0} | given
     return TankBalance(seconds=30.0, **values)

@@ -11,16 +11,25 @@ import pytest
 
 from tests.browser import open_page, screenshot_folder
 from tests.gcs_plugin.live.live_vehicle import Vehicle
+from tests.gcs_plugin.live.monitored import MODEL
+from tests.gcs_plugin.live.test_alarms import hover
 from tests.gcs_plugin.view.live_flight import flying
 from thrustmargin.gcs_plugin.live.alarm import CRITICAL, NOTICE, WARNING, Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.view.guard import guarded_server, stop_server
 from thrustmargin.gcs_plugin.view.live_html import Standing
 from thrustmargin.gcs_plugin.view.pilot_bar import ACKNOWLEDGE, STATE, PilotBar
+from thrustmargin.gcs_plugin.view.shown_row import ShownRow
+from thrustmargin.gcs_plugin.wording.palette import MARGIN, css
+from thrustmargin.gcs_plugin.wording.view_words import WORST_ROTOR
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.rotor_model import RotorModel
 
 LOW = Alarm("margin", None, CRITICAL, "Margin 12 %, limit 50 %", 40.0)
 TANK = Alarm("tank", None, WARNING, "Tank gauge and pump disagree", 41.0)
 NOTE = Alarm("esc", 2, NOTICE, "ESC 2 silent", 42.0)
-ONE = Standing(number=1, margin=0.27, flying=True, age=0.3, alarms=(TANK, NOTE))
+ONE = Standing(number=1, margin=0.27, coloured=0.27, flying=True, age=0.3, alarms=(TANK, NOTE))
 
 
 def bar_of(*standing: Standing) -> PilotBar:
@@ -59,6 +68,42 @@ def test_a_margin_is_shown_in_flight_only_and_with_its_age():
     assert (doubt["margin"], doubt["caption"]) == ("no verdict", "another aircraft")
     assert bar_of(replace(ONE, age=2.0)).state()["vehicles"][0]["old"]
     assert bar_of(replace(ONE, gone=True)).state()["vehicles"] == []
+
+
+def standing_of(track: FlightTrack, model: RotorModel = MODEL, **options) -> Standing:
+    """The aircraft at the last row of a track, as a monitor that gets it has it."""
+    row = ShownRow(analyse(track, model, **options), -1)
+    return replace(
+        ONE, margin=row.worst[0], coloured=row.coloured_margin, rests_on=row.rests_on, alarms=()
+    )
+
+
+def test_a_margin_that_was_not_measured_says_so_and_gets_no_colour_of_enough_thrust():
+    light = hover(2.0, tank=0.0)
+    (sure,) = bar_of(standing_of(light)).state()["vehicles"]
+    assert (sure["caption"], sure["watched"]) == (WORST_ROTOR, True)
+    silent = light.rotor_speed_rpm * [1.0, np.nan, 1.0, 1.0]
+    (part,) = bar_of(standing_of(replace(light, rotor_speed_rpm=silent))).state()["vehicles"]
+    assert part["caption"] == f"{WORST_ROTOR}, 1 rotor not measured"
+    nothing = replace(light, rotor_speed_rpm=silent * np.nan)
+    (predicted,) = bar_of(standing_of(nothing)).state()["vehicles"]
+    assert predicted["caption"].startswith("worst rotor, predicted")
+    assert predicted["margin"] == sure["margin"]
+    grey = css(MARGIN.screen(float("nan")))
+    assert part["paper"] == predicted["paper"] == grey != sure["paper"]
+    assert not part["watched"]
+    assert not predicted["watched"]
+    # Too little is coloured whatever it rests on.
+    heavy = hover(2.0, tank=16.0)
+    low = standing_of(replace(heavy, rotor_speed_rpm=heavy.rotor_speed_rpm * np.nan))
+    assert bar_of(low).state()["vehicles"][0]["paper"] not in (grey, sure["paper"])
+
+
+def test_without_a_verdict_the_bar_says_why():
+    claim = AirframeClaim(withheld=("airframe not known yet: hover 5 s",))
+    (shown,) = bar_of(standing_of(hover(2.0), claim=claim)).state()["vehicles"]
+    assert (shown["margin"], shown["caption"]) == ("no verdict", claim.withheld[0])
+    assert not shown["watched"]
 
 
 def test_an_acknowledgement_is_of_what_stands_and_is_kept():
