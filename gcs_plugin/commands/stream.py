@@ -42,7 +42,7 @@ def stream(
     if not (speed > 0.0 and math.isfinite(speed)):
         raise LinkError(f"--speed {speed:g} is no speed; give a number above 0")
     if not log.is_file():
-        raise LogError(f"no file {log}; check the name")
+        raise LogError(f"{log}: no such file; check the name")
     found = formats(log)[0].name
     if found != "tlog":
         raise LogError(

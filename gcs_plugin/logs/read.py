@@ -82,7 +82,7 @@ def read_log(
     try:
         kind, log = _read_as(path, vehicle, options)
     except FileNotFoundError as error:
-        raise LogError(f"no file {path}; check the name") from error
+        raise LogError(f"{path}: no such file; check the name") from error
     except OSError as error:
         raise LogError(f"{path} cannot be read: {error.strerror or error}") from error
     refusal = log.facts.refusal(path.name)

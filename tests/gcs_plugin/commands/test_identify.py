@@ -291,7 +291,7 @@ def test_every_log_that_cannot_serve_is_named_when_none_is_left(tmp_path, capsys
     names = ",".join(f"rotor_speed_rpm_{k}" for k in range(1, 7))
     six.write_text(f"time_s,{names}\n0,1,2,3,4,5,6\n")
     said = refused(capsys, str(broken), str(six), str(tmp_path / "none.tlog"), *CURVE)
-    for words in ("no flight can be used; ", "broken.csv: ", "six.csv: 6 rotors", "no file"):
+    for words in ("no flight can be used; ", "broken.csv: ", "six.csv: 6 rotors", "no such file"):
         assert words in said
     track = made_flight(1)
     rpm = F16.motor_poles / 2 * track.rotor_speed_rpm

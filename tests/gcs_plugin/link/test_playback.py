@@ -150,7 +150,7 @@ def test_a_file_without_frames_says_so(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["missing.tlog"], "no file missing.tlog"),
+        (["missing.tlog"], "missing.tlog: no such file"),
         (["sitl_logs/onset/reference.tlog", "--speed", "0"], "--speed 0"),
         (["sitl_logs/onset/reference.tlog", "--to", "nowhere"], "not a link"),
     ],

@@ -192,7 +192,7 @@ def test_random_bytes_are_an_error_never_a_traceback(tmp_path_factory, content):
 def test_a_folder_and_a_missing_file_are_clear_errors(tmp_path):
     with pytest.raises(LogError, match="is a folder"):
         read_log(tmp_path)
-    with pytest.raises(LogError, match="no file"):
+    with pytest.raises(LogError, match="no such file"):
         read_log(tmp_path / "nothing.tlog")
 
 
