@@ -90,7 +90,7 @@ def mentioned(one: Mentioned, names: tuple[str, ...]) -> str:
 
 
 def nothing(found: Identification) -> str:
-    """That no effect is missing, with the loss of a rotor that the flights exclude."""
+    """That no effect is named, how sure that is, and the loss of a rotor that is excluded."""
     of_rotors = {
         e.term.rotor: e.above
         for e in found.excluded
@@ -98,15 +98,32 @@ def nothing(found: Identification) -> str:
     }
     if found.problem.of_outputs:
         return "Motor outputs show nothing that is missing, but they cannot clear a rotor"
+    verdict = _nothing_or_what(found)
     if not of_rotors:
-        return "Nothing is missing"
+        return verdict
     most = at_most(max(of_rotors.values()), "1")
     where = "any rotor"
     if len(of_rotors) < found.model.airframe.rotor_count:
         where = (
             f"rotor {', '.join(str(r + 1) for r in sorted(r for r in of_rotors if r is not None))}"
         )
-    return f"Nothing is missing: a loss above {most} on {where} is excluded"
+    return f"{verdict}: a loss above {most} on {where} is excluded"
+
+
+def _nothing_or_what(found: Identification) -> str:
+    """`Nothing is missing`, with its probability where that is not sure; else the likeliest."""
+    none = sum(one.probability for one in found.alternatives if not one.terms)
+    if not found.alternatives or none >= CERTAIN:
+        return "Nothing is missing"
+    if none >= 0.5:
+        return f"Nothing is missing ({chance(none)})"
+    likeliest = max(found.alternatives, key=lambda one: one.probability)
+    things = set_words(likeliest.terms, found.model.airframe.rotor_names)
+    some = 1.0 - none if none else sum(one.probability for one in found.alternatives)
+    return (
+        f"Something is missing ({chance(some)}), and these flights do not show what; "
+        f"likeliest is {things} ({chance(likeliest.probability)})"
+    )
 
 
 def chance(probability: float) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from thrustmargin.models.effects.airspeed_sensor import of_sensor
 from thrustmargin.models.effects.base import Effect, Kind, Parameter
 from thrustmargin.models.effects.channels import Channels, lag_weights, shifts_look
 
@@ -20,7 +21,8 @@ SENSOR_LAG = Effect(
     name="sensor_lag",
     kind=Kind.INPUT,
     parameters=(Parameter(name="lag", unit="s", lower=-0.5, upper=0.5, scale=0.2, smallest=0.05),),
-    needs=("airspeed",),
+    needs=("airspeed", "sensor_lag"),
+    own_channel=of_sensor,
     neutral={"airspeed_shifts": lambda p, x: x.airspeed[:, None]},
     source="the airspeed channel reports late by `lag`",
     distinguished_by="quick changes of speed: accelerate and brake on a straight line",

@@ -30,6 +30,7 @@ from thrustmargin.models.identification.answer.result import (
     Identification,
     Mentioned,
     OneOf,
+    SetWeight,
 )
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.candidates import Term
@@ -102,6 +103,23 @@ def test_nothing_missing_says_what_is_excluded(sound):
     part = replace(sound, excluded=limits[1:3])
     assert nothing(part) == "Nothing is missing: a loss above 1.7 % on rotor 2, 3 is excluded"
     assert len(said(clear)) == 2
+
+
+def test_nothing_is_missing_only_where_that_is_likely(sound):
+    rotor, mass = SetWeight(probability=0.63, terms=(weak(2),)), (MASS,)
+
+    def first(*sets: SetWeight) -> str:
+        return nothing(replace(sound, excluded=(), alternatives=sets))
+
+    none = SetWeight(probability=0.96, terms=())
+    assert first(none) == "Nothing is missing"
+    assert first(replace(none, probability=0.8)) == "Nothing is missing (80 %)"
+    other = SetWeight(probability=0.3, terms=mass)
+    assert first(other, rotor, replace(none, probability=0.06)) == (
+        "Something is missing (94 %), and these flights do not show what; likeliest is "
+        "a weak rotor 3 (front left) (63 %)"
+    )
+    assert first(other, rotor).startswith("Something is missing (93 %)")
 
 
 def test_excluded_sizes_are_one_row_for_all_rotors_and_in_the_units_of_the_field(sound):

@@ -68,3 +68,31 @@ def test_no_voltage_that_stands_still_explains_a_payload():
     assert any(not np.isfinite(x.read(name)).all() for name in BY_KEY["battery_voltage"].needs)
     moving = model_channels(physics_model(F16), track)
     assert all(np.isfinite(moving.read(name)).all() for name in BY_KEY["battery_voltage"].needs)
+
+
+@pytest.mark.parametrize("key", ["airspeed_bias", "airspeed_gain", "sensor_lag"])
+def test_an_airspeed_that_is_velocity_minus_wind_is_of_no_sensor(key):
+    """|v - w| with v = (6, 0, -2), w = (-2, 0, -1) m/s is sqrt(64 + 1); messages round it."""
+    make = BY_KEY[key].own_channel
+    assert make is not None
+
+    def sensor(airspeed: Floats, wind=(-2.0, 0.0, -1.0)) -> Floats:
+        rows = airspeed.size
+        track = FlightTrack.of(
+            name="x",
+            time_s=np.arange(0.0, 0.1 * rows - 0.05, 0.1),
+            rotor_count=4,
+            airspeed=airspeed,
+            velocity_ned=np.tile([6.0, 0.0, -2.0], (rows, 1)),
+            wind_ned=np.tile(wind, (rows, 1)),
+        )
+        return make(track, F16, None)[0]
+
+    repeated = np.full(100, round(np.sqrt(65.0), 2))
+    assert np.isnan(sensor(repeated)).all()
+    late = np.concatenate([repeated[:8] + 0.3, repeated[8:]])  # the wind was learnt meanwhile
+    assert np.isnan(sensor(late)).all()
+    assert np.isnan(sensor(np.full(100, np.sqrt(40.0)), wind=(np.nan,) * 3)).all()  # over ground
+    np.testing.assert_array_equal(sensor(1.03 * repeated), 1.03 * repeated)
+    half = np.where(np.arange(100) < 12, repeated + 0.06, repeated)
+    np.testing.assert_array_equal(sensor(half), half)

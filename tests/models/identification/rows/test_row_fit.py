@@ -170,6 +170,7 @@ def problem(sitl_logs):
     pull = 1.0 + 0.1 * np.sin(x.time_s[:, None] + 0.3 * np.arange(LENGTHS))
     level = 0.05 * np.sin(x.time_s[:, None] + np.arange(2.0))  # forward and right
     own = {"slung_load": pull, "drag_moment": level, "flow_moment": 100.0 * level}
+    own |= dict.fromkeys(("airspeed_bias", "airspeed_gain", "sensor_lag"), x.airspeed)
     return replace(problem, channels=replace(x, own=own))
 
 
