@@ -149,8 +149,25 @@ def test_a_channel_that_few_rows_lack_costs_those_rows_and_one_that_many_lack_is
     sag = BY_KEY["battery_voltage"]
     assert whole.flight.size - few.flight.size == 10
     assert few.lacks(sag) == ()
+    # What comes after the rows that are left out follows nothing.
+    assert np.flatnonzero(~few.follows).tolist() == [0, 400 - BESIDE_AN_END // 2]
     assert many.flight.size == whole.flight.size
     assert "voltage" in " ".join(many.lacks(sag))
+
+
+@pytest.mark.parametrize(("rows", "enough"), [(99, False), (100, True)])
+def test_a_hundred_rows_make_a_flight_and_ten_seconds_a_block(rows, enough):
+    track = made_flight(1)
+    use = np.flatnonzero(training_rows(track, MODEL.inputs))
+    flying = track.flying.copy()
+    flying[use[rows + BESIDE_AN_END // 2] :] = False
+    short = replace(track, flying=flying)
+    if enough:
+        found = assemble_flight(MODEL, short)
+        assert (found.flight.size, found.block_flight.size) == (100, 1)
+    else:
+        with pytest.raises(DataError, match="99 rows in flight"):
+            assemble_flight(MODEL, short)
 
 
 def test_a_flight_that_cannot_be_fitted_says_how_many_rows_it_has():

@@ -220,3 +220,14 @@ def test_a_value_at_its_bound_stays_and_the_others_move_as_is_best_without_it():
     total = sums.sums.sum(axis=0)
     assert inside_bounds(sums, total, held(-9.0)) == pytest.approx([-1.0, 4.0])
     assert inside_bounds(sums, total, held(0.0)) == pytest.approx([0.0, 3.0])
+
+
+def test_a_value_rests_where_nothing_shows_it_by_a_ten_thousandth_of_the_rows():
+    problem = assemble(curve_model(), made_flights(2, hidden_mass=2.0))
+    mass = candidate(Term(effect=BY_KEY["extra_mass"]), 2)
+    fit = fit_rows(problem, [Held(candidate=mass, values=mass.start)])
+    value, size = fit.held[0].values[0, 0], mass.parameters[0].scale
+    assert value == pytest.approx(2.0, abs=0.1)
+    weight = 1e-4 * problem.measured_rpm.shape[0] / size**2
+    np.testing.assert_allclose(fit.sums.prior, [weight])
+    np.testing.assert_allclose(fit.sums.pull, [-weight * value])  # back to no mass at all

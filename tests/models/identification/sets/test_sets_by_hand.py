@@ -1,0 +1,145 @@
+"""Sizes that a search begins with, curves of the free form and the evidence's ends, by hand."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+from scipy.stats import t as student
+
+from tests.models.identification.sets.test_evidence import MAIN, held
+from tests.models.made_flights import curve_model
+from thrustmargin.models.effects import BY_KEY
+from thrustmargin.models.identification.rows.candidates import (
+    EFFECT_PRIOR,
+    ROTOR_PRIOR,
+    Term,
+    candidate,
+)
+from thrustmargin.models.identification.sets.evidence import prior_of, score
+from thrustmargin.models.identification.sets.free_form import (
+    form_columns,
+    hats,
+    slowly,
+    wander_columns,
+)
+from thrustmargin.models.identification.sets.nuisance import LEVELS
+from thrustmargin.models.identification.sets.search_space import (
+    _busy,
+    _free_sizes,
+    _scatter_sizes,
+    _standing,
+)
+from thrustmargin.models.network.records import GoodFlights
+
+MASS = candidate(Term(effect=BY_KEY["extra_mass"]), 2)
+LOSS = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=1), 2)
+
+
+def test_the_free_form_is_as_good_flights_show_it_or_4_or_16_times_in_each_of_two_parts():
+    said = [(lv.collective, lv.moments, round(float(np.exp(lv.log_prior)), 6)) for lv in LEVELS]
+    odds = {1.0: 0.6, 4.0: 0.25, 16.0: 0.15}
+    assert said == [(c, m, round(odds[c] * odds[m], 6)) for c in odds for m in odds]
+
+
+def test_any_effect_is_there_once_in_fifty_and_each_further_rotor_once_in_two_hundred():
+    assert (EFFECT_PRIOR, ROTOR_PRIOR) == (0.02, 0.005)
+    assert np.exp(MASS.log_prior) == pytest.approx(0.02)
+    assert np.exp(LOSS.log_prior) == pytest.approx(0.005)
+
+
+def test_scatter_is_what_good_flights_showed_within_a_half_and_ten_times_of_what_is_usual():
+    usual = MASS.parameters[0].smallest
+    for shown, size in ((0.1, 0.5), (0.6, 0.6), (9.0, 9.0), (20.0, 10.0)):
+        known = GoodFlights(flights=5, scatter={"extra_mass.mass": shown * usual})
+        assert _scatter_sizes([MASS], known) == pytest.approx([size])
+    assert _scatter_sizes([MASS], None) == pytest.approx([1.0])
+    # A sound propeller does not change from flight to flight.
+    learnt = GoodFlights(flights=5, scatter={"rotor_degradation.loss": 1.0})
+    assert not _scatter_sizes([LOSS], learnt).any()
+
+
+def test_a_curve_is_a_thousandth_of_the_speed_or_twice_what_good_flights_showed():
+    reduced: Any = SimpleNamespace(modes=SimpleNamespace(names=("collective", "roll")))
+    known = GoodFlights(flights=5, curve_rpm={"collective.airspeed": 3.0, "roll.airspeed": 0.1})
+    found = _free_sizes(reduced, ("airspeed", "heading"), known, 2000.0)
+    # At its ends a curve is twice its RMS; no less than 0.05 % of 2000 rpm; else 0.1 %.
+    np.testing.assert_allclose(found, [[6.0, 2.0], [1.0, 2.0]])
+
+
+@pytest.mark.parametrize("of_outputs", [False, True])
+def test_how_flights_differ_as_a_whole(of_outputs):
+    model = curve_model()
+    flight = np.repeat(np.arange(4), 2)
+    residual = np.repeat([1.0, 2.0, 3.0, 6.0], 2)[:, None] * np.ones(4)
+    reduced: Any = SimpleNamespace(model=model, of_outputs=of_outputs, flight=flight)
+    each, shared = _standing(reduced, residual)
+    # Of outputs as these flights show: 2.1602 about their mean, by Student's t of three.
+    size = 2.1602469 * student.ppf(0.975, 3) / norm.ppf(0.975) if of_outputs else 0.0
+    np.testing.assert_allclose(each, np.tile(size * np.eye(4), (8, 1, 1)), rtol=1e-6)
+    assert not shared.any()
+    known = replace(model, background_rpm=(4.0,) * 4, good_flights=GoodFlights(flights=3))
+    reduced.model, reduced.of_outputs = known, False
+    each, shared = _standing(reduced, residual)
+    # Of three flights: a new one differs by 4/sqrt(1 + 1/3), their mean is known to 4/sqrt(4).
+    np.testing.assert_allclose(each[0], 4.0 / np.sqrt(4.0 / 3.0) * np.eye(4))
+    np.testing.assert_allclose(shared[0], 2.0 * np.eye(4))
+
+
+def test_a_mean_is_busy_in_a_turn_or_under_a_load_and_beside_one():
+    turn = np.zeros(12)
+    turn[2], turn[4] = np.radians(5.1), np.radians(-4.9)
+    load = np.ones(12)
+    load[6], load[8], load[10] = 1.029, 0.969, 1.031
+    follows = np.ones(12, dtype=bool)
+    follows[[0, 9]] = False  # what comes after a pause is beside nothing
+    x = SimpleNamespace(yaw_rate=turn, load_factor=load)
+    reduced: Any = SimpleNamespace(channels=x, follows=follows)
+    assert np.flatnonzero(_busy(reduced)).tolist() == [1, 2, 3, 7, 8, 9, 10, 11]
+
+
+def test_slow_noise_has_a_knot_in_every_25_seconds():
+    columns = wander_columns(np.array([0.0, 12.5, 30.0, 60.0]), np.zeros(4, dtype=int))
+    np.testing.assert_allclose(
+        columns, [[1, 0, 0, 0], [0.5, 0.5, 0, 0], [0, 0.8, 0.2, 0], [0, 0, 0.6, 0.4]]
+    )
+
+
+def test_hats_stand_at_quantiles_from_2_to_98_percent():
+    values = np.linspace(0.0, 100.0, 101)
+    found = hats(values, 5)  # at 2, 26, 50, 74 and 98
+    assert found[[0, 2]].tolist() == [[1, 0, 0, 0, 0]] * 2
+    np.testing.assert_allclose(found[14], [0.5, 0.5, 0, 0, 0])
+    np.testing.assert_allclose(found[100], [0, 0, 0, 0, 1])
+    np.testing.assert_allclose(found[62], [0, 0, 0.5, 0.5, 0])
+
+
+def test_a_slow_voltage_is_a_mean_over_43_within_its_flight():
+    values = np.zeros(200)
+    values[50] = 43.0
+    flight = np.repeat([0, 1], 100)
+    found = slowly(values, flight)
+    assert np.flatnonzero(found).tolist() == list(range(29, 72))
+    np.testing.assert_allclose(found[29:72], 1.0)
+    # At the ends of a flight it is of fewer; of a short one all of it.
+    values[50], values[100] = 0.0, 22.0
+    assert slowly(values, flight)[100] == pytest.approx(1.0)
+    assert not slowly(values, flight)[:100].any()
+
+
+def test_the_form_of_an_effect_has_a_constant_and_curves_that_have_no_mean():
+    ramp = np.linspace(0.0, 30.0, 91)
+    x: Any = SimpleNamespace(airspeed=ramp / 60.0, tank_kg=np.full(91, 3.0), time_s=ramp)
+    found = form_columns(x)
+    assert found.shape == (91, 1 + 3)  # half a metre a second is no cause, a constant tank neither
+    np.testing.assert_allclose(found[:, 0], 1.0)
+    np.testing.assert_allclose(found[:, 1:], hats(ramp, 3) - hats(ramp, 3).mean(axis=0))
+
+
+def test_a_main_value_without_a_smallest_size_begins_at_a_hundredth_of_the_usual_one():
+    h, g, cost = np.array([[400.0]]), np.array([40.0]), 9.0
+    with_none = score(prior_of([held(replace(MAIN, smallest=0.0))]), h, g, cost)
+    with_own = score(prior_of([held(replace(MAIN, smallest=0.005))]), h, g, cost)
+    assert with_none.log_evidence == with_own.log_evidence
