@@ -77,7 +77,7 @@ def said(rule: Any, analysis: FlightAnalysis, settings=USUAL, **now: Any):
     ("use", "on", "off"),
     [
         ([0.3, 0.51, 0.3, 0.3], True, False),
-        ([0.3, 0.49, 0.3, 0.3], False, False),  # above the limit by less than 0.03
+        ([0.3, 0.475, 0.3, 0.3], False, False),  # above the limit by less than 0.03
         ([0.3, 0.46, 0.3, 0.3], False, True),
         ([0.3, 0.46, NAN, 0.3], False, False),  # an unknown rotor clears nothing
         ([0.3, 0.51, NAN, 0.3], True, False),
