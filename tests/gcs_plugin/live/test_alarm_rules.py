@@ -81,12 +81,20 @@ def said(rule: Any, analysis: FlightAnalysis, settings=USUAL, **now: Any):
         ([0.3, 0.46, 0.3, 0.3], False, True),
         ([0.3, 0.46, NAN, 0.3], False, False),  # an unknown rotor clears nothing
         ([0.3, 0.51, NAN, 0.3], True, False),
-        ([NAN] * 4, False, False),
     ],
 )
 def test_a_margin_is_low_below_the_limit_and_clear_above_it_by_three_hundredths(use, on, off):
     ((raised, cleared, _, _),) = said(rules.margin, using(use))
     assert (raised, cleared) == (on, off)
+
+
+@pytest.mark.parametrize(
+    ("predicted", "error", "off"), [(0.46, 0.0, True), (0.48, 0.0, False), (0.46, 0.01, False)]
+)
+def test_without_any_speed_a_prediction_that_is_sure_clears_a_margin(predicted, error, off):
+    # Its 90 % interval must be above the limit by three hundredths: 0.54 - 1.645 x 0.01 is not.
+    analysis = using([NAN] * 4, error, predicted)
+    assert said(rules.margin, analysis)[0][:2] == (False, off)
 
 
 def test_a_margin_within_its_error_of_the_limit_is_a_notice():
