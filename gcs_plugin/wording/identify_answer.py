@@ -171,7 +171,7 @@ def unexplained(found: Identification) -> str:
     left = found.unexplained()
     if left["mode"] is None:
         return ""
-    share = percent(left["fraction_of_variance"])
+    share, rms = chance(left["fraction_of_variance"]), number(left["rms_rpm"], "rpm", 0)
     along = "lasts for seconds and goes with no channel"
     action = "look at the liquid, the load and that sensor"
     if left["channel"]:
@@ -183,7 +183,8 @@ def unexplained(found: Identification) -> str:
     things = " or ".join(_thing_of(words, names) for words in left.get("closest") or ())
     close = f"; closest in the table: {things}" if things else ""
     return (
-        f"No effect explains {share} of what is left: {left['mode']} that {along}{close}: {action}"
+        f"No effect explains {rms} in {left['mode']}, {share} of what is left, that {along}{close}"
+        f": {action}"
     )
 
 

@@ -187,21 +187,25 @@ class _Left:
         return getattr(self._found, name)
 
     def unexplained(self):
-        return {"fraction_of_variance": 0.34, "mode": "pitch", "channel": "tank_kg", **self._left}
+        usual = {"fraction_of_variance": 0.34, "mode": "pitch", "channel": "tank_kg"}
+        return {**usual, "rms_rpm": 21.4, **self._left}
 
 
 def test_what_is_unexplained_has_mode_channel_closest_names_and_an_action(sound):
     assert unexplained(sound) == ""
     action = "nothing was added for it; compare with a flight of this aircraft when it was sound"
     assert unexplained(_Left(sound)) == (  # type: ignore[arg-type]
-        f"No effect explains 34 % of what is left: pitch that goes with tank level: {action}"
+        "No effect explains 21 rpm in pitch, 34 % of what is left, that goes with tank level: "
+        f"{action}"
     )
+    little = _Left(sound, fraction_of_variance=0.004)
+    assert "in pitch, under 1 % of what is left, that" in unexplained(little)  # type: ignore[arg-type]
     close = _Left(sound, closest=["cg_offset", "rotor_degradation of rotor 2", "new_thing"])
     things = "a shifted centre of gravity or a weak rotor 2 (rear left) or new thing"
     assert f"tank level; closest in the table: {things}: " in unexplained(close)  # type: ignore[arg-type]
     slow = _Left(sound, channel=None)
-    assert "pitch that lasts for seconds and goes with no channel: look at" in unexplained(slow)  # type: ignore[arg-type]
-    assert answer(_Left(sound), change())[0].startswith("No effect explains 34 %")  # type: ignore[arg-type]
+    assert "left, that lasts for seconds and goes with no channel: look at" in unexplained(slow)  # type: ignore[arg-type]
+    assert answer(_Left(sound), change())[0].startswith("No effect explains 21 rpm")  # type: ignore[arg-type]
 
 
 def test_the_next_flight_says_what_it_tells_apart_and_where_its_mission_is(worn):
