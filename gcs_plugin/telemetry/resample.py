@@ -153,7 +153,7 @@ def thinned(time_s: Floats, after_s: float = -np.inf) -> Floats:
     """
     time_s = np.unique(time_s[np.isfinite(time_s)])
     time_s = time_s[np.searchsorted(time_s, after_s + ROW_SPACING) :]
-    if time_s.size == 0 or np.all(np.diff(time_s) >= ROW_SPACING):
+    if np.all(np.diff(time_s) >= ROW_SPACING):
         return time_s
     kept = []
     at = 0

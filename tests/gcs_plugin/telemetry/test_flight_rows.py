@@ -200,6 +200,16 @@ def test_a_live_channel_takes_the_first_source_that_is_fresh():
     assert recorded.reported["airspeed"] == [second]
 
 
+def test_a_recorded_tank_is_that_of_the_most_trusted_gauge_and_of_no_other():
+    times = np.arange(10.0)
+    trusted = reports("named_value", times[:3], [9.0, 8.0, 7.0], "TANK", source="named")
+    other = reports("fuel_remaining", times, 1000.0 * np.arange(10.0), 0, source="fuel")
+    rows = made([trusted, other, rotor(0, times)], replace(LIVE, sampling="linear"))
+    assert rows.sources["tank_kg"] == "named"
+    assert rows.channels["tank_kg"][:3].tolist() == [9.0, 8.0, 7.0]
+    assert np.isnan(rows.channels["tank_kg"][-1])
+
+
 def test_what_is_not_heard_is_not_made_up():
     rows = made([rotor(0, [0.0, 1.0])])
     assert np.isnan(rows.pump_share).all()

@@ -49,6 +49,12 @@ def test_without_a_pump_it_falls_over_the_time_of_spraying_or_of_flight(spraying
     assert f"falling with the time of {by}" in words
 
 
+def test_half_a_kilogram_that_the_pump_delivered_shows_how_it_fell():
+    kilograms, words = load(Options(load=8.0, load_end=2.0), PUMPED / 6.0)  # 0.5 kg in all
+    assert kilograms == [8.0, 8.0, 6.0, 6.0, 2.0]
+    assert "the pump's output" in words
+
+
 def test_without_an_end_and_a_pump_it_stays():
     kilograms, words = load(Options(load=8.0), UNKNOWN)
     assert kilograms == [8.0] * 5
