@@ -43,6 +43,14 @@ def test_the_reason_is_the_first_thing_that_is_not_close():
     assert "(no battery voltage in flight)" in claim(silent, given=False).withheld[0]
 
 
+def test_of_several_contradictions_the_first_is_the_reason_and_a_given_airframe_hears_all():
+    plus = {**LOG.parameters, "FRAME_TYPE": 0.0}
+    unknown = airframe_claim(SMALL, F16, LOG.facts, plus, given=False)
+    assert "(FRAME_CLASS 1 and FRAME_TYPE 0 are quad-plus" in unknown.withheld[0]
+    given = airframe_claim(SMALL, F16, LOG.facts, plus, given=True)
+    assert [words.split()[0] for words in given.withheld] == ["FRAME_CLASS", "16.0"]
+
+
 def test_what_is_guessed_of_the_airframe_and_widens_the_margin_is_said():
     real = load_airframe("topxgun-f16")
     found = airframe_claim(LOG.track, real, LOG.facts, LOG.parameters, given=True)

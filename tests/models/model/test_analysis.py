@@ -200,3 +200,14 @@ def test_a_flight_of_another_aircraft_is_withheld_without_being_asked_for():
     flight = analyse(hovering(voltage=np.full(ROWS, 16.0)), MODEL)
     assert "16.0 V in flight" in flight.withheld[0]
     assert np.isnan(flight.utilisation).all()
+
+
+def test_in_short_the_least_margins_and_the_error_of_the_speeds_are_said():
+    track = hovering()
+    off = np.where(np.arange(ROWS)[:, None] % 2, 10.0, -10.0)
+    flight = analyse(replace(track, rotor_speed_rpm=track.rotor_speed_rpm + off), MODEL)
+    measured, predicted = np.min(flight.margin), np.min(flight.margin_predicted)
+    assert (
+        f"  least thrust margin {measured:.1%} measured, {predicted:.1%} predicted; "
+        "rotor speed error 10.0 rpm RMS" in repr(flight).splitlines()
+    )

@@ -22,6 +22,7 @@ from thrustmargin.models.identification.rows.candidates import (
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.rows.row_fit import (
     RowSums,
+    _merit,
     block_sums,
     fit_rows,
     half_widths,
@@ -231,3 +232,9 @@ def test_a_value_rests_where_nothing_shows_it_by_a_ten_thousandth_of_the_rows():
     weight = 1e-4 * problem.measured_rpm.shape[0] / size**2
     np.testing.assert_allclose(fit.sums.prior, [weight])
     np.testing.assert_allclose(fit.sums.pull, [-weight * value])  # back to no mass at all
+
+
+def test_the_merit_of_values_is_what_they_leave_and_how_far_they_are_from_nothing():
+    mass = candidate(Term(effect=BY_KEY["extra_mass"]), 1)
+    held = [Held(candidate=mass, values=np.array([[-3.0]]))]
+    assert _merit(held, np.array([0.5]), np.array([1.0, 2.0])) == pytest.approx(5.0 + 0.5 * 9.0)
