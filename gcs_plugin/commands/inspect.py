@@ -15,7 +15,13 @@ from rich.table import Table
 from rich.text import Text
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.options import STDOUT, Output, check_outputs, require_logs
+from thrustmargin.gcs_plugin.commands.options import (
+    STDOUT,
+    Output,
+    UsageError,
+    check_outputs,
+    require_logs,
+)
 from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading, ReadingOptions
 from thrustmargin.gcs_plugin.commands.terminal import Terminal
 from thrustmargin.models.errors import LogError, ThrustMarginError
@@ -26,6 +32,10 @@ if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.logs.inspection import Inspection
 
 MARK = {"ok": ("ok", "green"), "warning": ("look", "yellow"), "unknown": ("?", "cyan")}
+NO_COPY = (
+    "{name}: only a telemetry log (.tlog) can be copied without who and where; of this one share "
+    "the rows: thrustmargin report {name} --anonymise --csv rows.csv"
+)
 _WIDE = 110  # columns of the terminal from which the whole table fits
 
 
@@ -35,6 +45,7 @@ def inspect(
     airframe: str | None = None,
     reading: Reading = AS_HEARD,
     json: Path | None = None,
+    anonymise: Path | None = None,
 ) -> int:
     """Show what a log holds: every channel, the message it came from, its rate, gaps and range.
 
@@ -50,12 +61,20 @@ def inspect(
             topxgun-f16-sitl is taken when the flight is recognised as one of it.
         reading: How the logs are read.
         json: Write the same as JSON to this file (.json); - is standard output, and nothing else.
+        anonymise: Write a copy of the telemetry log without names, ids, texts and place to this
+            file (.tlog), to be shared; margins and verdict stay.
     """
     from thrustmargin.gcs_plugin.logs.inspection import as_json
 
     console, errors = Terminal(quiet=json == STDOUT), Terminal(stderr=True)
     require_logs(logs)
-    check_outputs([Output("--json", json, endings=(".json",))], inputs=[*logs, airframe])
+    outputs = (
+        Output("--json", json, endings=(".json",)),
+        Output("--anonymise", anonymise, endings=(".tlog",)),
+    )
+    check_outputs(outputs, inputs=[*logs, airframe])
+    if anonymise is not None and len(logs) > 1:
+        raise UsageError("--anonymise makes a copy of one log; name one")
     done, failed = [], 0
     for path in logs:
         try:
@@ -68,8 +87,17 @@ def inspect(
             errors.print(f"thrustmargin: {error}", soft_wrap=True)
             failed += 1
             continue
+        if anonymise is not None and inspection.log.format != "tlog":
+            raise LogError(NO_COPY.format(name=path.name))
         _print(console, inspection)
         done.append(as_json(inspection))
+    if anonymise is not None:
+        from thrustmargin.gcs_plugin.logs.anonymous_tlog import anonymous_copy
+
+        copy = anonymous_copy(path)
+        with whole_file(anonymise) as draft:
+            draft.write_bytes(copy)
+        console.print(f"wrote {anonymise}", soft_wrap=True)
     text = json_module.dumps(done, indent=2) + "\n"
     if json == STDOUT:
         sys.stdout.write(text)

@@ -60,7 +60,7 @@ def read_tlog(path: Path, *, vehicle: int | None = None, on_arrival: bool = Fals
     stamps_s = frames.stamps_s()
     system, component = frames.systems(), frames.components()
     notes: list[str] = []
-    vehicles = _vehicles(frames, system)
+    vehicles = vehicle_systems(frames)
     chosen = _choose(path, frames, system, vehicles, vehicle, notes)
     mine = system == chosen
     pilot = _main_component(frames, mine, component)
@@ -138,8 +138,9 @@ def _of(frames: Frames, name: str) -> NDArray[np.int64]:
     return np.flatnonzero(frames.id == _IDS[name])
 
 
-def _vehicles(frames: Frames, system: NDArray[np.uint8]) -> list[int]:
+def vehicle_systems(frames: Frames) -> list[int]:
     """System ids that are vehicles: not those whose every heartbeat says ground station."""
+    system = frames.systems()
     rows = _of(frames, "HEARTBEAT")
     kinds = columns(frames, rows, layouts()[_IDS["HEARTBEAT"]])["type"]
     stations = {

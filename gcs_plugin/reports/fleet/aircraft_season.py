@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from thrustmargin.gcs_plugin.reports.fleet.parts import Part
+from thrustmargin.gcs_plugin.reports.fleet.parts import Part, PartHistory
 from thrustmargin.gcs_plugin.reports.fleet.same_aircraft import at_once, boards_in_turns, each_once
 from thrustmargin.gcs_plugin.wording import fleet_words as words
 from thrustmargin.gcs_plugin.wording.numbers import known as finite
@@ -20,9 +20,6 @@ from thrustmargin.models.identification.season.season_changes import (
     season_changes,
 )
 from thrustmargin.models.identification.season.season_sums import season_sums
-
-if TYPE_CHECKING:
-    from thrustmargin.gcs_plugin.reports.fleet.part_history import PartHistory
 
 FIRST, LOAD, ACT, WATCH = "look first", "fill less", "at the next service", "watch"
 FINE = "sound"

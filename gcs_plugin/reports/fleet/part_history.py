@@ -23,7 +23,7 @@ from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import (
     reported_then,
     sum_of,
 )
-from thrustmargin.gcs_plugin.reports.fleet.parts import Part
+from thrustmargin.gcs_plugin.reports.fleet.parts import NAN, Part, PartHistory
 from thrustmargin.gcs_plugin.wording import fleet_words as words
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.season.change_points import (
@@ -36,22 +36,6 @@ from thrustmargin.models.identification.season.change_points import (
 from thrustmargin.models.identification.season.season_changes import Trend
 
 RESISTANCE = (0.3, 1.0)  # rise of a battery's resistance to act on; a doubled one is worn out
-NAN = float("nan")
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PartHistory:
-    """What one part has flown on all aircraft, and how its rotor or it does."""
-
-    name: str  # empty: an aircraft's battery that parts.csv does not name
-    position: str  # where it is, or was last
-    aircraft: str
-    stays: tuple[str, ...]  # aircraft that it flew on
-    flights: int
-    hours: float
-    loss: float = NAN  # mean of its last flights, NaN where unknown
-    loss_error: float = NAN
-    battery: Trend | None = None
 
 
 @dataclass(frozen=True, slots=True)

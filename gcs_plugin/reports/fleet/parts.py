@@ -19,8 +19,10 @@ from typing import Any
 
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.models.errors import DataError
+from thrustmargin.models.identification.season.season_changes import Trend
 
 COLUMNS = ("part", "aircraft", "position", "installed_at", "removed_at")
+NAN = float("nan")
 POSITION = re.compile(r"(propeller|motor) ([1-9][0-9]?)|battery(?: [1-9][0-9]?)?")
 
 
@@ -48,6 +50,21 @@ class Part:
             if at is not None and self.installed_s <= at < self.removed_s
         )
         return list(inside)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartHistory:
+    """What one part has flown on all aircraft, and how its rotor or it does."""
+
+    name: str  # empty: an aircraft's battery that parts.csv does not name
+    position: str  # where it is, or was last
+    aircraft: str
+    stays: tuple[str, ...]  # aircraft that it flew on
+    flights: int
+    hours: float
+    loss: float = NAN  # mean of its last flights, NaN where unknown
+    loss_error: float = NAN
+    battery: Trend | None = None
 
 
 def read_parts(text: str, name: str) -> list[Part]:

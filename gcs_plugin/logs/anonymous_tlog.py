@@ -1,0 +1,110 @@
+"""A copy of a telemetry log (.tlog) without who and where, from which the same margins follow.
+
+Only what a margin is read from is kept, of vehicles alone: signals, and the parameters of frame,
+motors, battery, sprayer and airspeed sensor. Gone are texts, missions, commands, serial numbers,
+raw GPS and what ground stations sent. Vehicles are numbered from 1. Places are moved as a whole,
+the first to 0° N 30° W in the Atlantic; the shape of the route, heights and times stay.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pymap3d
+from numpy.typing import NDArray
+
+from thrustmargin.gcs_plugin.logs.tlog import vehicle_systems
+from thrustmargin.gcs_plugin.mavlink.decode import MAVLINK_RULES
+from thrustmargin.gcs_plugin.mavlink.frame import V2, checksum
+from thrustmargin.gcs_plugin.mavlink.layouts import layouts
+from thrustmargin.gcs_plugin.mavlink.scan import PADDING, STAMP, Frames, columns, read_bytes, scan
+from thrustmargin.gcs_plugin.mavlink.text import piece, printable
+from thrustmargin.models.errors import LogError
+
+#: Messages whose latitude and longitude (1e-7 °) and altitude (mm) are moved.
+PLACES = {
+    "GLOBAL_POSITION_INT": ("lat", "lon", "alt"),
+    "HOME_POSITION": ("latitude", "longitude", "altitude"),
+    "GPS_GLOBAL_ORIGIN": ("latitude", "longitude", "altitude"),
+}
+SCALES = (1e-7, 1e-7, 1e-3)
+NEW_PLACE = (0.0, -30.0)  # °; not 0, 0, which stands for no fix
+_KEPT = {rule.message for rule in MAVLINK_RULES} | {"HEARTBEAT", "SYSTEM_TIME", "SYS_STATUS"}
+_PARAMETER = re.compile(
+    r"(?!.*(SERIAL|DEVID|_SN$))(Q_)?(FRAME_|SERVO|MOT_|M_|ENABLE|BAT|CA_|SYS_AUTOSTART|SPRAY|ARSPD)"
+)
+_TEXT = re.compile(r"Frame: [A-Z0-9_]+(/[A-Z0-9_]+)?")  # says how many rotors there are
+
+
+def anonymous_copy(path: Path) -> bytes:
+    """The bytes of the copy. Raises LogError when no vehicle is in the file."""
+    data, size = read_bytes(path, PADDING)
+    frames = scan(data, size)
+    system, component = frames.systems(), frames.components()
+    numbers = {old: new for new, old in enumerate(vehicle_systems(frames), 1)}
+    if not numbers:
+        raise LogError(f"{path.name}: no vehicle in it")
+    payloads = _payloads(frames, np.isin(system, list(numbers)))
+    kept = np.zeros(frames.start.size, dtype=bool)
+    kept[list(payloads)] = True
+    sequence = frames.sequences().astype(np.int64)
+    for sender in np.unique(256 * system.astype(int) + component):  # frames lost stay lost
+        mine = 256 * system.astype(int) + component == sender
+        sequence[mine] -= np.cumsum(~kept[mine])
+    out = bytearray()
+    for row in sorted(payloads):
+        number, at = int(frames.id[row]), int(frames.start[row])
+        payload = payloads[row].rstrip(b"\0") or b"\0"
+        who = bytes([sequence[row] % 256, numbers[int(system[row])], component[row]])
+        body = bytes([len(payload), 0, 0]) + who + number.to_bytes(3, "little") + payload
+        sealed = checksum(body, layouts()[number].crc_extra)
+        out += data[at - STAMP : at].tobytes() + bytes([V2]) + body + sealed.to_bytes(2, "little")
+    return bytes(out)
+
+
+def _payloads(frames: Frames, of_vehicle: NDArray[np.bool_]) -> dict[int, bytes]:
+    """Row -> payload of every frame that is kept."""
+    found: dict[int, bytes] = {}
+    origin: tuple[float, float] | None = None
+    for number in np.unique(frames.id[of_vehicle]).tolist():
+        layout = layouts()[number]
+        rows = np.flatnonzero(of_vehicle & (frames.id == number))
+        if layout.name not in (*_KEPT, "PARAM_VALUE", "STATUSTEXT"):
+            continue
+        values = columns(frames, rows, layout).copy()
+        if layout.name == "PARAM_VALUE":
+            mine = [bool(_PARAMETER.match(printable(name))) for name in values["param_id"]]
+        elif layout.name == "STATUSTEXT":
+            mine = [bool(_TEXT.fullmatch(piece(text).strip())) for text in values["text"]]
+        else:
+            mine = [True] * rows.size
+        if layout.name in PLACES:
+            origin = _move(values, PLACES[layout.name], origin)
+        elif {"lat", "lon", "latitude", "longitude"} & set(layout.dtype.names or ()):
+            continue  # a place that is not known here must not get out
+        for row, value, own in zip(rows.tolist(), values, mine, strict=True):
+            if own:
+                found[row] = value.tobytes()
+    return found
+
+
+def _move(
+    values: NDArray[np.void], names: tuple[str, str, str], origin: tuple[float, float] | None
+) -> tuple[float, float] | None:
+    """Move the places of some messages in place; returns what becomes NEW_PLACE: the first fix."""
+    latitude, longitude, altitude = (values[n] * s for n, s in zip(names, SCALES, strict=True))
+    fixed = ((latitude != 0.0) | (longitude != 0.0)) & (np.abs(latitude) <= 90.0)
+    for name in names[:2]:
+        values[name][~fixed] = 0
+    if not fixed.any():
+        return origin
+    first = int(np.argmax(fixed))
+    start = (float(latitude[first]), float(longitude[first])) if origin is None else origin
+    at = (latitude[fixed], longitude[fixed], altitude[fixed])
+    east, north, up = pymap3d.geodetic2enu(*at, start[0], start[1], 0.0)
+    moved = pymap3d.enu2geodetic(east, north, up, NEW_PLACE[0], NEW_PLACE[1], 0.0)
+    for name, place in zip(names[:2], moved[:2], strict=True):
+        values[name][fixed] = np.round(np.asarray(place) * 1e7)
+    return start
