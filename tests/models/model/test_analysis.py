@@ -127,8 +127,10 @@ def test_a_limit_is_surely_passed_above_the_90_percent_interval_and_perhaps_with
     error = replace(flight, utilisation_error=np.full(flight.utilisation.shape, 0.02))
     # 1.645 standard errors of 0.02 are 0.0329 of thrust utilisation.
     for below, above, surely, maybe in (
+        (-0.01, True, False, True),
         (-0.03, True, False, True),
         (-0.04, True, True, True),
+        (0.01, False, False, True),
         (0.03, False, False, True),
         (0.04, False, False, False),
     ):

@@ -5,8 +5,9 @@ import pytest
 
 from tests.models.made_flights import curve_model, made_flights
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.models.identification.answer.floor import floor_rpm
+from thrustmargin.models.identification.answer.floor import _columns, floor_rpm
 from thrustmargin.models.identification.rows.problem import assemble
+from thrustmargin.models.identification.sets.free_form import hats
 from thrustmargin.models.model.model_file import shipped_model
 
 
@@ -54,6 +55,19 @@ def test_the_floor_is_never_above_what_is_left(problem):
     left = np.random.default_rng(5).normal(size=problem.measured_rpm.shape)
     for size in ([1.0, 1.0, 1.0, 1.0], [9.0, 0.1, 1.0, 1.0]):
         assert floor_rpm(problem, left * size) <= rms(left * size)
+
+
+def test_its_columns_are_curves_along_the_present_rates_and_waves_of_size_one(problem):
+    columns = _columns(problem.channels)
+    for shifts in problem.channels.rate_shifts:
+        now = shifts[:, shifts.shape[1] // 2]
+        curves = hats((now - now.mean()) / now.std(), 9)
+        off = [np.abs(columns - one[:, None]).max(axis=0).min() for one in curves.T]
+        assert max(off) < 1e-9
+    # 150 waves of each of two lengths, as sqrt(2) cos: between -1.41 and 1.41.
+    waves = columns[:, (np.abs(columns).max(axis=0) <= np.sqrt(2.0)) & (columns.min(axis=0) < -1.3)]
+    assert waves.shape[1] > 100
+    assert np.mean(waves**2) == pytest.approx(1.0, abs=0.15)
 
 
 @pytest.mark.slow
