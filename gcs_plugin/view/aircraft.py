@@ -152,16 +152,20 @@ class VehicleNode:
         """Take it off the scene until it is shown again."""
         self.frame.visible = self._visible = False
 
-    def show(self, row: ShownRow, faulty: frozenset[int] = frozenset()) -> None:
+    def show(
+        self, row: ShownRow, faulty: frozenset[int] = frozenset(), *, old: bool = False
+    ) -> None:
         """Put the aircraft where `row` says, in its colours. Hidden without a position.
 
-        `faulty` are the numbers, from 1, of the rotors that an alarm is of.
+        `faulty` are the numbers, from 1, of the rotors that an alarm is of. Rotors of an `old` row
+        have the colour of no data.
         """
         if faulty != self._faulty:
             self._faulty = faulty
             for i, ring in enumerate(self._rings, start=1):
                 ring.visible = i in faulty
         position, wxyz, margin = row.position_enu, row.wxyz, row.margin
+        margin = np.full_like(margin, np.nan) if old else margin
         placed = bool(np.all(np.isfinite(position)))
         if placed != self._visible:
             self.frame.visible = self._visible = placed

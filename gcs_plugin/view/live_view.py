@@ -179,12 +179,16 @@ class LiveView(ViewPage, Subscriber):
         """Of the aircraft that is followed, and its wind."""
         one = next((s for s in fleet if s.number == self._focus and not s.gone), None)
         if one is None or one.update is None:
+            self._charts.hide()
             return
         track = one.update.analysis.track
         self._scene.show_wind(np.full(3, np.nan) if one.old else track.wind_ned[-1])
         speeds = self._heard.history[one.number].speeds
-        if speeds is not None and not one.update.analysis.withheld:
-            self._charts.show(one.number, one.update.analysis.model.airframe, speeds)
+        if speeds is None or one.update.analysis.withheld:
+            self._charts.hide()
+        else:
+            airframe = one.update.analysis.model.airframe
+            self._charts.show(one.number, airframe, speeds, one.age)
 
     def _add(self, number: int, fleet: list[Standing]) -> Aircraft:
         overlays = self._heard.overlays
@@ -231,7 +235,7 @@ class LiveView(ViewPage, Subscriber):
             one.rotor_count = airframe.rotor_count
             self._scene.add_vehicle(str(one.number), airframe)
         focus, faulty = one.number == self._focus, standing.faulty
-        self._scene.show(str(one.number), row, focus=focus, faulty=faulty)
+        self._scene.show(str(one.number), row, focus=focus, faulty=faulty, old=standing.old)
         position = row.position_enu
         placed = bool(np.all(np.isfinite(position)))
         one.label.visible = placed and len(fleet) > 1

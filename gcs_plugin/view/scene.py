@@ -204,12 +204,14 @@ class Scene:
         *,
         focus: bool = True,
         faulty: frozenset[int] = frozenset(),
+        old: bool = False,
     ) -> None:
         """Move one aircraft to `row`; with `focus` a following camera goes with it.
 
-        `faulty` are the numbers, from 1, of the rotors that an alarm is of.
+        `faulty` are the numbers, from 1, of the rotors that an alarm is of. Rotors of an `old` row
+        have no colour.
         """
-        self._vehicles[key].show(row, faulty)
+        self._vehicles[key].show(row, faulty, old=old)
         if focus and self._camera is not Camera.FIELD:
             self._centre_on(row.position_enu, row.wxyz)
 

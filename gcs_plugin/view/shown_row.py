@@ -64,9 +64,12 @@ class ShownRow:
 
     @property
     def margin(self) -> Floats:
-        """(R,) thrust margin from the measured speed, else from the predicted one."""
+        """(R,) thrust margin from the measured speed, else from the predicted one.
+
+        On the ground the predicted one: a rotor at rest has all its thrust left.
+        """
         use = self.analysis.utilisation[self.row]
-        return np.where(self.measured, 1.0 - use, self.margin_predicted)
+        return np.where(self.measured & self.flying, 1.0 - use, self.margin_predicted)
 
     @property
     def margin_predicted(self) -> Floats:
@@ -80,6 +83,8 @@ class ShownRow:
 
     def basis(self, rotor: int) -> str:
         """What a rotor's margin rests on, in words; empty where it is unknown."""
+        if not self.flying:
+            return words.PREDICTED if np.isfinite(self.margin_predicted[rotor]) else ""
         return self.analysis.basis_of(self.row, rotor)
 
     @property

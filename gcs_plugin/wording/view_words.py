@@ -13,6 +13,7 @@ NO_DATA = "no data"
 WORST_MARGIN = "Thrust margin, worst rotor"
 MARGIN_IN_THE_AIR = "On the ground: margin in the air"
 FOR_THIS_LOAD = "predicted for this load"
+PREDICTED = "predicted"
 NOTHING_KNOWN = "no rotor speed and no prediction"
 ROTOR_LOST = ONE_LOST.capitalize()
 LOAD_UNKNOWN = "load or weight unknown"
@@ -55,6 +56,7 @@ TRUE_SIZE = "true size"
 HOME, BEFORE = "Home", "Before take-off"
 #: The charts of a live page.
 LAST_MINUTES, SECONDS_BACK, LIVE_NOW = "Last minutes", "Seconds back", "live"
+BACK_TO_LIVE = "Back to live"
 SPRAY = {1.0: "spray on", 0.0: "spray off"}
 
 
@@ -70,8 +72,11 @@ def fill_rests_on(density: float, basis: str, voltage: float, airspeed: float) -
     )
 
 
-def seconds_back(seconds: float) -> str:
-    return f"NOT LIVE: {seconds:.0f} s ago"
+def charts_end(back_s: float, age_s: float) -> str:
+    """Where charts end that are `back_s` before the newest row, which is `age_s` old."""
+    if back_s > 0.0:
+        return f"NOT LIVE: {back_s + age_s:.0f} s ago. Numbers and map are of now."
+    return f"NOT LIVE: nothing new for {age_s:.0f} s"
 
 
 TURNS_LEFT, TURNS_RIGHT = "turns left (CCW)", "turns right (CW)"
