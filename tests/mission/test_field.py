@@ -94,3 +94,40 @@ def test_line_spacing_needs_two_lines():
 def test_shapes_that_disagree_are_refused():
     with pytest.raises(TrackError, match="spraying"):
         sprayed_field(np.zeros((4, 3)), np.zeros(5))
+
+
+def lines(*across: float, length: float = 20.0, turned_deg: float = 0.0):
+    """Spray lines of a length at these distances across; the last one turned."""
+    made = []
+    for k, at in enumerate(across):
+        angle = np.radians(turned_deg if k == len(across) - 1 else 0.0)
+        ends = np.array([[0.0, at], [length * np.cos(angle), at + length * np.sin(angle)]])
+        made.append(np.column_stack([ends, np.zeros(2)]))
+    return tuple(made)
+
+
+@pytest.mark.parametrize(("length", "spacing"), [(5.1, 4.0), (4.9, np.nan)])
+def test_a_line_is_five_metres_long(length, spacing):
+    np.testing.assert_allclose(line_spacing(lines(0.0, 4.0, 8.0, length=length)), spacing)
+
+
+@pytest.mark.parametrize(("again", "spacing"), [(0.9, 4.0), (1.1, 2.55)])
+def test_lines_within_a_metre_are_the_same_line_flown_again(again, spacing):
+    # Of gaps of 1.1 and 4 m the median is half way between.
+    assert line_spacing(lines(0.0, again, again + 4.0)) == pytest.approx(spacing)
+
+
+@pytest.mark.parametrize(("turned", "lines_used"), [(9.0, 3), (13.0, 2)])
+def test_lines_within_ten_degrees_are_parallel(turned, lines_used):
+    # Three lines of which the last one is turned: about two thirds of that from their mean.
+    found = line_spacing(lines(0.0, 4.0, 20.0, turned_deg=1.5 * turned))
+    assert (found == pytest.approx(4.0, abs=0.8)) == (lines_used == 2)
+
+
+@pytest.mark.parametrize(("bend", "spacing"), [(0.4, 4.0), (0.6, np.nan)])
+def test_bends_of_less_than_half_a_metre_are_steering(bend, spacing):
+    """Two lines of 8 m that swerve in the middle: in halves they would be too short to be lines."""
+    swerving = [
+        np.array([[0.0, at, 0.0], [4.0, at + bend, 0.0], [8.0, at, 0.0]]) for at in (0.0, 4.0)
+    ]
+    np.testing.assert_allclose(line_spacing(tuple(swerving)), spacing)

@@ -88,3 +88,20 @@ def test_an_aircraft_that_stands_still_makes_a_segment_every_two_seconds():
     trail = Trail(["max"])
     fly(trail, 0.1 * np.arange(600), np.zeros((600, 1)), speed=0.0)
     assert 25 <= trail.route.count <= 31
+
+
+def segments(time_s, north_m) -> list[tuple[int, int]]:
+    position = np.column_stack([north_m, np.zeros((len(north_m), 2))])
+    trail = Trail(["max"])
+    trail.add(np.asarray(time_s, float), position, np.zeros((len(north_m), 1)))
+    return list(zip(trail.route.first_row.tolist(), trail.route.last_row.tolist(), strict=True))
+
+
+def test_a_segment_is_half_a_metre_or_two_seconds_long():
+    assert segments(np.arange(9) / 10, 0.125 * np.arange(9)) == [(0, 4), (4, 8)]
+    assert segments(np.arange(9) / 2, np.zeros(9)) == [(0, 4), (4, 8)]
+
+
+def test_a_pause_of_more_than_two_seconds_breaks_the_line():
+    assert segments([0.0, 1.0, 3.0, 4.0], np.zeros(4)) == [(0, 2), (2, 3)]
+    assert segments([0.0, 1.0, 3.1, 4.1], np.zeros(4)) == [(0, 1), (2, 3)]
