@@ -118,3 +118,12 @@ def test_a_refill_takes_margin():
     share = (21.1 + 16.0) * 9.80665 / 4 / (2.011e-5 * 3000**2)
     assert full == pytest.approx(1 - share, abs=1e-6)
     assert full < margin_at_fill(MODEL, NOW, 4.0, 0.0)
+
+
+def test_a_tank_that_runs_dry_on_the_way_stays_empty():
+    legs = route_ahead(PLAN, 4, HERE, HOME, speed=2.0)
+    found = forecast(legs, MODEL, Conditions(tank_kg=2.0, flow=1.0, density=1.225, voltage=58.8))
+    assert found is not None
+    # 1 kg/s for 20 s of spraying, in rows of 5 s: all gone with the first.
+    np.testing.assert_allclose(found.analysis.track.tank_kg[:3], [2.0, 0.0, 0.0])
+    assert not found.analysis.track.tank_kg[1:].any()

@@ -176,3 +176,14 @@ def test_swapped_and_reversed_is_said_of_both():
         "motors 1 and 2 look swapped, with every spin reversed against airframe topxgun-f16-sitl"
     )
     assert order.places == (1, 0, 2, 3)
+
+
+def test_however_alike_neighbouring_rows_are_they_count_for_something():
+    """A product of correlations of 0.99999 counts as 0.999: 0.5 n (1 - 0.999)/(1 + 0.999)."""
+    rows = 20_000
+    slow = np.sin(2.0 * np.pi * np.arange(rows) / 40_000.0 * 3.0)
+    squares = np.outer(slow, [1.0, -1.0, 0.0, 0.0])
+    step = np.full(rows, 0.2)
+    rate = np.random.default_rng(1).normal(size=rows)
+    _, effective = _correlations(slow, rate, squares, np.array([[1.0, -1.0, 0.0, 0.0]]), step)
+    assert effective[0] == pytest.approx(0.5 * rows * 0.001 / 1.999)

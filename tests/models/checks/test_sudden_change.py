@@ -241,3 +241,15 @@ def test_a_change_that_is_known_is_taken_out():
     back = test.change(-step, np.full((1, 2), 0.003), 1.0)
     assert back is not None
     assert back.log_ratio > 3.0
+
+
+def test_after_a_change_was_taken_out_the_filter_is_as_if_there_had_been_none():
+    values = np.random.default_rng(3).normal(0.0, 0.01, (28, 2))
+    step = np.array([0.2, -0.1])
+    sound, changed = frozen(trim=0.1), frozen(trim=0.1)
+    run(sound, values)
+    run(changed, values + (np.arange(28) >= 20)[:, None] * step)
+    (which,) = np.flatnonzero(changed._age == 8)  # that began with the change
+    assert not np.allclose(changed._state[0, which], sound._state[0, which])
+    changed.settle(int(which), step)
+    np.testing.assert_allclose(changed._state[0, 0], sound._state[0, which], atol=1e-9)

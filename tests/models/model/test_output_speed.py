@@ -114,6 +114,9 @@ def test_a_measured_rotor_stays_and_sets_the_others():
 def test_what_is_measured_is_left_alone():
     flown = hover()
     assert with_outputs(flown, F16, ARDUPILOT) is flown
+    # Some ESCs count a rotor that turns the other way below zero.
+    other_way = replace(flown, rotor_speed_rpm=flown.rotor_speed_rpm * [1.0, -1.0, 1.0, -1.0])
+    assert with_outputs(other_way, F16, ARDUPILOT) is other_way
 
 
 def test_on_the_ground_and_before_an_esc_could_be_heard_nothing_is_filled():

@@ -136,6 +136,8 @@ def test_the_form_of_an_effect_has_a_constant_and_curves_that_have_no_mean():
     assert found.shape == (91, 1 + 3)  # half a metre a second is no cause, a constant tank neither
     np.testing.assert_allclose(found[:, 0], 1.0)
     np.testing.assert_allclose(found[:, 1:], hats(ramp, 3) - hats(ramp, 3).mean(axis=0))
+    x.tank_kg = 3.0 + ramp / 100.0  # 0.3 kg may be a cause
+    assert form_columns(x).shape == (91, 1 + 3 + 3)
 
 
 def test_a_main_value_without_a_smallest_size_begins_at_a_hundredth_of_the_usual_one():
