@@ -197,7 +197,7 @@ def _without_overlap(start: Index, end: Index) -> NDArray[np.bool_] | None:
     if not clash.any():
         return None
     keep = np.ones(start.size, dtype=np.bool_)
-    last = -1
+    last = 0
     for row in range(start.size):
         if start[row] < last:
             keep[row] = False

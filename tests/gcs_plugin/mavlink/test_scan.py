@@ -22,7 +22,7 @@ from tests.gcs_plugin.logs.tlog_files import (
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.mavlink import scan as frames
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
-from thrustmargin.gcs_plugin.mavlink.scan import read_bytes
+from thrustmargin.gcs_plugin.mavlink.scan import _without_overlap, read_bytes
 from thrustmargin.models.errors import LogError
 
 
@@ -284,3 +284,10 @@ def test_a_raw_link_recording_without_stamps_is_refused(tmp_path):
     raw = b"".join(piece[8:] for piece in STAMPED)
     with pytest.raises(LogError, match="have no time stamps between them"):
         read_log(written(tmp_path, raw))
+
+
+def test_of_frames_that_overlap_the_earlier_counts():
+    kept = _without_overlap(np.array([0, 5, 6, 11, 12]), np.array([6, 9, 12, 20, 14]))
+    assert kept is not None
+    assert kept.tolist() == [True, False, True, False, True]
+    assert _without_overlap(np.array([0, 6]), np.array([6, 9])) is None

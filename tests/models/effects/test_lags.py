@@ -11,6 +11,8 @@ from thrustmargin.models.effects.base import Placed, look_of
 from thrustmargin.models.effects.channels import (
     LAG_STEP,
     LAGS,
+    NEAR_LAG,
+    _shift_tables,
     derivative_look,
     lag_weights,
     shifts_look,
@@ -95,3 +97,13 @@ def test_a_delay_over_a_gap_is_unknown_near_the_row_and_held_far_from_it():
     assert table[45, column[-1.5]] == pytest.approx(3.0)  # half way over the gap
     assert np.isnan(table[2, column[-0.3]])  # before the first row
     assert table[2, column[-1.5]] == pytest.approx(0.0)  # held
+
+
+def test_a_shifted_channel_is_known_from_the_first_row_to_the_last():
+    time_s, lags = np.arange(30) / 10.0, np.array(LAGS)
+    found = _shift_tables(time_s)(10.0 * time_s)
+    at = time_s[:, None] + lags
+    inside = (at >= 0.0) & (at <= 2.9)
+    near = np.abs(lags) <= NEAR_LAG
+    np.testing.assert_allclose(found[inside], (10.0 * at)[inside], atol=1e-9)
+    assert np.isnan(found[:, near][~inside[:, near]]).all()
