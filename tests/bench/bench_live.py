@@ -153,7 +153,7 @@ def test_twenty_vehicles_beside_a_bare_pymavlink_loop(benchmark, sitl_logs, tmp_
     print(
         f"\n20 vehicles x 48 messages/s for {seconds:.0f} s: monitor {told['monitor']:.0%} of a "
         f"core, {told['memory']:.0f} MB, {told['lost']} lost; a bare pymavlink loop beside it "
-        f"{told['bare']:.1%}, {told['bare_lost']} lost"
+        f"{told['bare']:.1%}, {told['bare_lost']} lost: {told['monitor'] / told['bare']:.1f} times"
     )
     benchmark.extra_info.update(told)
 
@@ -215,8 +215,12 @@ def test_from_the_byte_on_the_socket_to_the_analysed_row(benchmark):
     benchmark.pedantic(measure, rounds=1)
     time.sleep(0.5)
     monitor.close()
-    arrived = kept.arrived
-    delays = [1e3 * (arrived[clock] - at) for clock, at in sent.items() if clock in arrived]
+    # A busy computer stamps late, and the vehicle's clock is then a little off its own.
+    clocks = np.array(list(kept.arrived))
+    near = {clock: float(clocks[np.argmin(np.abs(clocks - clock))]) for clock in sent}
+    delays = [
+        1e3 * (kept.arrived[near[c]] - at) for c, at in sent.items() if abs(near[c] - c) < 0.05
+    ]
     print(
         f"\nfrom the byte on the socket to the analysed row: {np.median(delays):.0f} ms (median), "
         f"{np.quantile(delays, 0.95):.0f} ms (95 %), {len(delays)} of {len(sent)} rows"

@@ -86,6 +86,9 @@ def test_who_looks_back_sees_it_and_comes_back_and_a_silent_aircraft_is_live_now
             box = back.bounding_box()
             assert box
             assert box["height"] >= 44.0
+            thumb = page.locator('[role=slider][aria-label="Seconds back"]').bounding_box()
+            assert thumb
+            assert min(thumb["width"], thumb["height"]) >= 27.0
             back.click()
             said("live")
             assert not back.is_visible()

@@ -230,3 +230,15 @@ def test_at_every_width_margin_age_and_alarm_stay_in_sight(tmp_path):
                 "document.getElementById('tm-alarm').innerText.includes('NO CONNECTION')",
                 timeout=15_000,
             )
+
+
+@pytest.mark.browser
+def test_on_a_phone_the_map_is_in_sight_until_the_controls_are_asked_for():
+    with flying() as live:
+        live.fly(1.0, Vehicle())
+        with open_page(live.view.url, width=390, height=844) as page:
+            camera = page.get_by_text("Camera", exact=True)
+            camera.wait_for(state="attached")
+            camera.wait_for(state="hidden")
+            page.get_by_text("thrustmargin", exact=True).click()
+            camera.wait_for(state="visible")
