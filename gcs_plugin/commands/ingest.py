@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 SCHEMA = "thrustmargin.ingest/1"
 #: A file of a live recording that changed so many seconds ago may still grow.
 STILL_RECORDED_S = 60.0
+NO_FILE = "it is no file: a link to nothing, a pipe or a device"
 LIVE_LOG = "telemetry.tlog"
 
 
@@ -210,9 +211,11 @@ def find_logs(words: tuple[str, ...]) -> tuple[list[LogSource], list[tuple[str, 
             for name in names:
                 inside = [name] if not name.is_dir() else sorted(name.rglob("*"))
                 for file in inside:
-                    if file == name or (file.suffix.lower() in endings and file.is_file()):
+                    if file.is_file() and (file == name or file.suffix.lower() in endings):
                         sizes[str(file.absolute())] = file.stat().st_size
-        if not sizes:
+                    elif file.suffix.lower() in endings and not file.is_dir():
+                        refused.append((file.name, NO_FILE))
+        if not sizes and not refused:
             raise DataError(f"no log at {word}; give a log, a folder with logs or a pattern")
         for path, size in sizes.items():
             whole = Path(path)
