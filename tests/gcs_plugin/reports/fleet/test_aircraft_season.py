@@ -183,7 +183,10 @@ def test_flights_above_the_limit_and_without_verdict_are_reasons():
     assert found.no_changes.startswith("no flight has sums")
     rows[-1]["worst_margin"] = -0.1  # no thrust was left: nothing is more urgent
     found = aircraft_season("a", rows, [])
-    assert (found.level, found.findings[0].action.split(";")[0]) == (FIRST, "do not fly it so")
+    assert (found.level, found.findings[0].action.split(";")[0]) == (
+        FIRST,
+        "do not fly it before its battery and propellers were looked at",
+    )
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.gcs_plugin.reports.fleet.made_store import made_store, rows_of, sums_of
+from tests.gcs_plugin.reports.fleet.made_store import flight_row, made_store, rows_of, sums_of
 from tests.models.identification.season.made_seasons import LOSS_2, season, wear, with_change
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import aircraft_season
@@ -19,6 +19,8 @@ from thrustmargin.gcs_plugin.reports.fleet.fleet_page import (
     html_text,
     ranked,
 )
+from thrustmargin.gcs_plugin.store.season_store import SeasonStore
+from thrustmargin.gcs_plugin.store.staging import SeasonFlight, merge, stage, staged_partitions
 
 RNG = np.random.default_rng
 HOSTILE = "<script>alert(1)</script>=cmd()"
@@ -120,3 +122,24 @@ def test_a_folder_without_flights_asks_for_ingest(
 ):
     assert run(["fleet", str(tmp_path)]) == 1
     assert "thrustmargin ingest" in capsys.readouterr().err
+
+
+def test_a_hexacopter_under_the_name_of_a_quad_has_a_season_of_its_own(tmp_path: Path):
+    flights = season(RNG(8), 6)
+    where = made_store(tmp_path / "s", {"sysid-1": flights}, rotor_count=4, layout="quad-x")
+    store = SeasonStore.open(where)
+    for k in range(5):
+        row = flight_row(k, flight=f"hexa{k:012x}", rotor_count=6, layout="hexa-x")
+        rows = {"time_s": np.arange(2.0)}
+        stage(store, SeasonFlight(aircraft="sysid-1", summary=row, rows=rows, sums=None))
+    for at, keys in staged_partitions(store).items():
+        merge(store, *at, keys)
+    said = tmp_path / "fleet.json"
+    assert run(["fleet", where, "--aircraft", "sysid-1", "--json", str(said)]) == 0
+    found = {a["aircraft"]: a for a in json.loads(said.read_text())["aircraft"]}
+    assert {name: a["flights"] for name, a in found.items()} == {
+        "sysid-1 (4 rotors, quad-x)": 6,
+        "sysid-1 (6 rotors, hexa-x)": 5,
+    }
+    for one in found.values():
+        assert "its name is that of 2 aircraft" in one["findings"][0]["sentence"]
