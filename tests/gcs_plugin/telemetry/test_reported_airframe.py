@@ -106,3 +106,9 @@ def test_damaged_parameters_are_an_airframe_error_or_an_answer(parameters, volts
     except AirframeError:
         return
     assert all(0 < q.value < math.inf for q in found.quantities.values())
+
+
+@pytest.mark.parametrize(("volts", "guessed"), [(1.9, True), (2.1, False), (math.nan, True)])
+def test_a_voltage_in_flight_is_a_hint_from_two_volts_on(volts, guessed):
+    """Beside a setting of half a cell, which is one hint and stays one."""
+    assert cells(QUAD | {"BATT_LOW_VOLT": 1.8}, volts)[1] == guessed

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from thrustmargin.models.model.fill_limits import REASONS, largest_fills
+from thrustmargin.models.model.fill_limits import REASONS, _crossing, largest_fills
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import Quantity, load_airframe
@@ -93,3 +93,11 @@ def test_flight_into_the_wind_takes_from_the_fill_of_a_model_that_knows_drag():
         for v in (3.0, 9.0)
     )
     assert slow != pytest.approx(fast, abs=0.05)
+
+
+def test_a_use_that_does_not_grow_with_the_fill_has_no_largest_one():
+    fills = np.array([0.0, 5.0, 10.0])
+    assert _crossing(fills, np.array([0.3, 0.4, 0.6]), 0.5) == pytest.approx(7.5)
+    assert _crossing(fills, np.array([0.3, 0.4, 0.5]), 0.6) == pytest.approx(15.0)
+    for use in ([0.4, 0.4, 0.4], [0.5, 0.45, 0.4], [0.4, np.nan, np.nan]):
+        assert np.isnan(_crossing(fills, np.array(use), 0.6))

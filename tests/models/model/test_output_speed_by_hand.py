@@ -12,6 +12,7 @@ from thrustmargin.models.model.output_speed import (
     OutputCalibration,
     filled_speeds,
     full_output_speed,
+    speed_words,
 )
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 from thrustmargin.models.physics.motor_output import output_curve
@@ -226,3 +227,10 @@ def test_full_output_has_the_interval_of_the_curves_form(share):
     by_hand = [np.exp(0.5 * (full @ value + d)) for d in (-reach, 0.0, reach)]
     assert [top.low, top.value, top.high] == pytest.approx(by_hand, rel=1e-6)
     assert volts == 45.0
+
+
+def test_speeds_are_measured_where_no_error_is_known_of_them():
+    speeds = {"rotor_speed_rpm": np.full((100, 4), 2000.0)}
+    for error, words in ((np.nan, "measured"), (0.0, "measured"), (5.0, "from motor outputs")):
+        errors = {"rotor_speed_rpm": np.full((100, 4), error)}
+        assert speed_words(outputs(standard_errors=errors, **speeds)) == words

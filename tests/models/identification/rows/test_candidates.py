@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.models.made_flights import F16, curve_model, made_flights, table
-from thrustmargin.models.effects import BY_KEY, effects_for
+from thrustmargin.models.effects import BY_KEY, CATALOGUE, effects_for
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.identification.rows.candidates import (
     EFFECT_PRIOR,
@@ -161,3 +161,13 @@ def test_a_slope_at_a_bound_is_that_to_the_inner_side(reduced):
     inner = Held(candidate=one, values=np.full((3, 1), p.upper - 1e-3 * p.scale))
     expected = (predicted(reduced, [held]) - predicted(reduced, [inner])) / (1e-3 * p.scale)
     np.testing.assert_allclose(slopes(reduced, [held], 0)[:, :, 0], expected, rtol=1e-6)
+
+
+def test_what_only_differs_from_flight_to_flight_is_not_sought_in_one():
+    one, two = (reduce_flights(curve_model(), made_flights(n)) for n in (1, 2))
+    by_flights = [replace(e, weight=None) for e in CATALOGUE if e.by_flights]
+    assert by_flights
+    assert candidates_of(one, by_flights) == []
+    assert [c.term.effect.key for c in candidates_of(two, by_flights)] == [
+        e.key for e in by_flights if not two.lacks(e)
+    ]
