@@ -68,6 +68,8 @@ class GoodFlights:
     scatter: Mapping[str, float] = field(default_factory=dict)
     mode_scatter_rpm: tuple[float, ...] = ()  # of each mode's mean residual; R, or none
     slow_rpm: tuple[float, ...] = ()  # by which each mode wanders within a flight; R, or none
+    #: what a free form takes of them when let loose, by mode; R, or none
+    free_form_rpm: tuple[float, ...] = ()
     #: "mode.channel" -> RMS in rpm of the smooth curve of the residual over that channel, as far as
     #: flights left out confirm it; 0 where they do not
     curve_rpm: Mapping[str, float] = field(default_factory=dict)
@@ -80,6 +82,7 @@ class GoodFlights:
         named = {**self.scatter, **self.curve_rpm}
         named |= {f"mode {k + 1}": v for k, v in enumerate(self.mode_scatter_rpm)}
         named |= {f"slow mode {k + 1}": v for k, v in enumerate(self.slow_rpm)}
+        named |= {f"free form of mode {k + 1}": v for k, v in enumerate(self.free_form_rpm)}
         for name, value in named.items():
             if not 0.0 <= value < float("inf"):
                 raise ModelError(f"has the scatter {value} of {name}")

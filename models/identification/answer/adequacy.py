@@ -1,25 +1,28 @@
 """Do the names take what a free form could explain? What they leave, in which mode, along what.
 
 In each mode the free form is let loose (the widest level) beside the best set. What it then takes
-is what no effect of the table explains. A sound aircraft leaves some too: the sizes that its good
-flights showed. Where a mode's free part is beyond that and more than LEFT of all that is explained
-in the mode, the mode is unexplained, and effects that act mostly in such modes are only the closest
-that the table has.
+is what no effect of the table explains. A sound aircraft leaves some too: as much as it takes of
+good flights that their model has not seen, where flights differ from day to day and the model is
+off along its own inputs. Where a mode's free part is beyond that and more than LEFT of all that is
+explained in the mode, the mode is unexplained, and effects that act mostly in such modes are only
+the closest that the table has.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from thrustmargin.models.flight import Floats
+from thrustmargin.models.effects.base import Effect
+from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.rows.candidates import Held, predicted
 from thrustmargin.models.identification.sets.linear_sets import FittedSet
 from thrustmargin.models.identification.sets.nuisance import LEVELS
-from thrustmargin.models.identification.sets.search_space import SearchSpace
+from thrustmargin.models.identification.sets.search_space import SearchSpace, search_space
 from thrustmargin.models.identification.sets.set_search import Search
+from thrustmargin.models.model.rotor_model import RotorModel
 
 LEFT = 0.15  # of what can be explained in a mode, that names may leave
 BEYOND = 3.0  # times the size on a sound aircraft, of the free part's RMS
@@ -43,7 +46,7 @@ def unexplained(space: SearchSpace, search: Search, best: FittedSet) -> Unexplai
     curves = _free_part(space, search, best)
     if not curves:
         return None
-    left = np.mean(np.sum(list(curves.values()), axis=0) ** 2, axis=0)  # (R,)
+    left = _mean_square(curves)
     sound = _sound_part(space)
     named = np.mean((predicted(search.reduced, best.held) - predicted(search.reduced, ())) ** 2, 0)
     wrong = (left > BEYOND**2 * sound) & (left > LEFT * (left + named))
@@ -62,6 +65,21 @@ def unexplained(space: SearchSpace, search: Search, best: FittedSet) -> Unexplai
         rms_rpm=float(np.sqrt(left[mode])),
         curve_rpm=curves[channel][:, mode],
     )
+
+
+def free_form_rms(
+    model: RotorModel, tracks: Sequence[FlightTrack], catalogue: Sequence[Effect]
+) -> Floats:
+    """(R,) rpm that the free form takes in each mode of flights in which nothing is missing."""
+    space = search_space(model, tracks, catalogue)
+    search = Search(space.reduced, space.nuisance, space.candidates)
+    curves = _free_part(space, search, search.fit(frozenset(), ()))
+    return np.sqrt(_mean_square(curves)) if curves else np.zeros(model.airframe.rotor_count)
+
+
+def _mean_square(curves: Mapping[str, Floats]) -> Floats:
+    """(R,) rpm² of all curves together."""
+    return np.mean(np.sum(list(curves.values()), axis=0) ** 2, axis=0)
 
 
 def acts_in(search: Search, held: Held, modes: Sequence[int]) -> bool:
@@ -94,5 +112,9 @@ def _free_part(space: SearchSpace, search: Search, best: FittedSet) -> dict[str,
 
 
 def _sound_part(space: SearchSpace) -> Floats:
-    """(R,) rpm²: mean square of the free form on a sound aircraft."""
-    return np.mean(space.hats**2, axis=0) @ (space.sizes**2).T
+    """(R,) rpm²: mean square of the free form on a sound aircraft, as its size is taken to be or
+    as good flights showed."""
+    usual = np.mean(space.hats**2, axis=0) @ (space.sizes**2).T
+    known = space.reduced.model.good_flights
+    shown = np.array(known.free_form_rpm if known and known.free_form_rpm else np.zeros(usual.size))
+    return np.maximum(usual, shown**2)

@@ -98,7 +98,7 @@ class Posterior:
                 for k, (parameter, flight) in enumerate(held.candidate.free):
                     rows = slice(None) if flight is None else flight
                     values[rows, parameter] += scored.step[before + k]
-                    errors[rows, parameter] = scored.covariance[before + k, before + k]
+                    errors[rows, parameter] = scored.variance[before + k]
                 total += weight
                 mean = mean + weight * values
                 square = square + weight * (errors + values**2)
@@ -202,7 +202,7 @@ class Posterior:
             at = sum(len(self.search.candidates[k].free) for k in sorted(key) if k < c) + main[0]
             p = candidate.parameters[main[0]]
             value = linear.held[c].free_values[main[0]] + scored.step[at] - (p.absent or 0.0)
-            error = float(np.sqrt(scored.covariance[at, at]))
+            error = float(np.sqrt(scored.variance[at]))
             found.append(
                 Excluded(
                     term=candidate.term,

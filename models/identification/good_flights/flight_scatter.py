@@ -18,6 +18,7 @@ from thrustmargin.models.effects import effects_for
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.effects.channels import froude_time_scale
 from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.identification.answer.adequacy import free_form_rms
 from thrustmargin.models.identification.good_flights.standard_effects import gain_and_error
 from thrustmargin.models.identification.rows.candidates import (
     Held,
@@ -56,11 +57,14 @@ def good_flights(left_out: Sequence[LeftOutFlights]) -> GoodFlights:
     amplitudes: list[Floats] = []
     channels: dict[str, list[Floats]] = {name: [] for name in SLOW_CHANNELS}
     flight: list[NDArray[np.intp]] = []
+    catalogues: list[Sequence[Effect]] = []
     for fold in left_out:
         problem = assemble(fold.model, fold.tracks)
+        effects = effects_for(fold.model.airframe)
+        catalogues.append(effects_on_shares(effects) if problem.of_outputs else effects)
         modes = problem.in_modes(problem.measured_rpm - problem.speeds())
         filter_ = plain(modes, problem.flight, problem.of_outputs)
-        for key, found in _own_estimates(problem, filter_).items():
+        for key, found in _own_estimates(problem, filter_, catalogues[-1]).items():
             estimates.setdefault(key, []).append(found)
         means += [
             mean_and_error(modes, problem.block, problem.flight == f)
@@ -75,7 +79,7 @@ def good_flights(left_out: Sequence[LeftOutFlights]) -> GoodFlights:
     over = {name: np.concatenate(values) for name, values in channels.items()}
     apart = WANDER * froude_time_scale(left_out[0].model.airframe)
     by_mode = np.array(means)  # (F, 2, R)
-    return GoodFlights(
+    shown = GoodFlights(
         flights=len(means),
         scatter=_pooled(estimates),
         mode_scatter_rpm=tuple(
@@ -91,6 +95,12 @@ def good_flights(left_out: Sequence[LeftOutFlights]) -> GoodFlights:
             for k, mode in enumerate(names)
         },
     )
+    free_form = [
+        free_form_rms(replace(fold.model, good_flights=shown), fold.tracks, catalogue)
+        for fold, catalogue in zip(left_out, catalogues, strict=True)
+    ]
+    together = np.sqrt(np.mean(np.square(free_form), axis=0))
+    return replace(shown, free_form_rpm=tuple(together.tolist()))
 
 
 def slow_wander(values: Floats, time_s: Floats, flight: NDArray[np.intp], apart: float) -> Floats:
@@ -118,12 +128,11 @@ def mean_and_error(values: Floats, block: NDArray[np.intp], mine: NDArray[np.boo
     return np.stack([blocks.mean(axis=0), blocks.std(axis=0, ddof=1) / np.sqrt(len(blocks))])
 
 
-def _own_estimates(problem: Problem, filter_: Whitening) -> dict[tuple[str, int | None], Floats]:
+def _own_estimates(
+    problem: Problem, filter_: Whitening, catalogue: Sequence[Effect]
+) -> dict[tuple[str, int | None], Floats]:
     """(F, 2) value and error of each flight, by parameter ("effect_key.parameter") and rotor."""
     model, found = problem.model, {}
-    catalogue = effects_for(model.airframe)
-    if problem.of_outputs:
-        catalogue = effects_on_shares(catalogue)
     for effect in catalogue:
         if effect.begins or problem.lacks(effect):
             continue

@@ -31,7 +31,7 @@ from thrustmargin.models.model.rotor_model import RotorModel
 #: a manoeuvre does; times go with the root of the size (Froude)
 BIN = 0.7
 #: of all flights: of a season each flight keeps stretches, one flight's here, the next one's there
-MOST_MEANS, STRETCH = 9_000, 30
+MOST_MEANS, STRETCH = 5_000, 30
 LEAST_FILL = 0.5  # of the usual rows of a bin, for it to count
 
 

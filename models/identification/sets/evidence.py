@@ -17,12 +17,14 @@ from dataclasses import dataclass
 from math import lgamma, log, pi
 
 import numpy as np
+from scipy.linalg import get_lapack_funcs
 from scipy.special import ndtr
 
 from thrustmargin.models.effects.base import Parameter
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.candidates import EFFECT_PRIOR, ROTOR_PRIOR, Held
 
+(INVERTED,) = get_lapack_funcs(("trtri",), dtype=np.float64)  # of a triangular matrix
 IMPOSSIBLE = -1e9  # log evidence of a set that cannot be
 
 
@@ -46,7 +48,7 @@ class Scored:
 
     log_evidence: float  # with the prior of the set
     step: Floats  # (P,) from the values to the likeliest
-    covariance: Floats  # (P, P)
+    variance: Floats  # (P,) of each value, the others unknown
 
 
 def prior_of(held: Sequence[Held]) -> ValuePrior:
@@ -90,18 +92,18 @@ def score(prior: ValuePrior, hessian: Floats, gradient: Floats, cost: float) -> 
     """A set by its normal equations: `hessian` (P, P) J'J, `gradient` (P,) J'r and `cost` r'r."""
     count = prior.values.size
     if not count:
-        return Scored(log_evidence=-0.5 * cost, step=np.zeros(0), covariance=np.zeros((0, 0)))
+        return Scored(log_evidence=-0.5 * cost, step=np.zeros(0), variance=np.zeros(0))
     system = hessian + np.diag(prior.weight + 1e-9 * (np.diag(hessian) + 1e-30))
     pulled = gradient + prior.pull
     try:
         factor = np.linalg.cholesky(system)
     except np.linalg.LinAlgError:
-        return Scored(log_evidence=IMPOSSIBLE, step=np.zeros(count), covariance=np.eye(count) * 1e9)
-    inverse = np.linalg.inv(factor)
-    covariance = inverse.T @ inverse
-    step = covariance @ pulled
+        return Scored(log_evidence=IMPOSSIBLE, step=np.zeros(count), variance=np.full(count, 1e9))
+    inverse, _ = INVERTED(factor, lower=1)
+    variance = np.sum(inverse**2, axis=0)
+    step = inverse.T @ (inverse @ pulled)
     at = prior.values + step
-    error = np.sqrt(np.diag(covariance))
+    error = np.sqrt(variance)
     out = -0.5 * cost + 0.5 * float(pulled @ step)
     out += 0.5 * count * log(2 * pi) - float(np.log(np.diag(factor)).sum())
     for k in np.flatnonzero(prior.normal):
@@ -113,7 +115,7 @@ def score(prior: ValuePrior, hessian: Floats, gradient: Floats, cost: float) -> 
         )
     for group in prior.groups:
         out += _log_size(prior, group, at, error)
-    return Scored(log_evidence=out + prior.log_sets, step=step, covariance=covariance)
+    return Scored(log_evidence=out + prior.log_sets, step=step, variance=variance)
 
 
 def _log_size(prior: ValuePrior, group: slice, at: Floats, error: Floats) -> float:

@@ -92,8 +92,10 @@ class Solved:
         for f, one in sums.items():
             k = self.flights.index(f)
             left = self.scatter[k] @ one.scatter
-            shared[:, one.used] += one.shared - self.crossed[k].T @ left
-            own[np.ix_(one.used, one.used)] += one.own - one.scatter.T @ left
+            every = one.used.size == count  # in place of copies
+            used = slice(None) if every else one.used
+            shared[:, used] += one.shared - self.crossed[k].T @ left
+            own[used if every else np.ix_(one.used, one.used)] += one.own - one.scatter.T @ left
         return shared, own
 
 
@@ -215,10 +217,11 @@ class Nuisance:
         for mode in range(modes):  # most columns act in one mode alone
             there = np.flatnonzero((of_mode == ALL_MODES) | (of_mode == mode))
             part = z.values[rows, mode][:, source[there]]
-            acts = part.any(axis=0)
-            there, part = there[acts], part[:, acts]
-            scatter[:, there] += self.scatter[rows, mode].T @ part
-            doubt[:, there] += self.doubt[rows, mode].T @ part
+            acts, part = _acting(part)
+            there = there[acts]
+            for of, sums in ((self.scatter, scatter), (self.doubt, doubt)):
+                acts, columns = _acting(of[rows, mode])
+                sums[np.ix_(acts, there)] += columns.T @ part
             free[mode][:, there] = self.free[mode, rows].T @ part
             own[np.ix_(there, there)] += part.T @ part
         return FlightSums(
@@ -228,3 +231,9 @@ class Nuisance:
             used=used,
             count=z.count,
         )
+
+
+def _acting(columns: Floats) -> tuple[NDArray[np.intp], Floats]:
+    """Which columns (n, q) are not zero throughout, and these."""
+    acts = np.flatnonzero(columns.any(axis=0))
+    return acts, columns[:, acts]

@@ -84,12 +84,12 @@ class Prepared:
         draws = np.zeros((len(n.flights), n.scatter.shape[2]))
         products = np.zeros((len(n.flights) + 1, r.shape[1] + 1, z.values.shape[2]))
         for f, rows in enumerate(n.flights):
-            draws[f] = np.einsum("nrk,nr->k", n.scatter[rows], r[rows], optimize=True)
+            draws[f] = n.scatter[rows].reshape(r[rows].size, -1).T @ r[rows].ravel()
             for mode in modes:
                 products[f, mode] = z.values[rows, mode].T @ r[rows, mode]
         products[:, -1] = products.sum(axis=1)  # where -1 stands for all modes, and all flights
         products[-1] = products.sum(axis=0)
-        taken = np.einsum("fkj,fj->fk", self.solved.scatter, draws)
+        taken = (self.solved.scatter @ draws[:, :, None])[:, :, 0]
         free = [n.free[mode].T @ r[:, mode] for mode in modes]
         shared = np.concatenate([n.doubt.reshape(r.size, -1).T @ r.ravel(), *free])
         shared -= np.tensordot(taken, self.solved.crossed, axes=2)

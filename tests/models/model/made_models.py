@@ -71,6 +71,7 @@ def learnt_model(airframe: Airframe = F16, **given) -> RotorModel:
             flights=2,
             scatter={"cg_offset.x": 0.1 + 0.2, "manoeuvre_moment.inertia_yaw": 0.0},
             mode_scatter_rpm=(1.5,) * rotors,
+            free_form_rpm=(2.5,) * rotors,
             curve_rpm={"collective.airspeed": 2.5},
         ),
         "reference_density": 1.2240448906210113,

@@ -7,18 +7,19 @@ import pytest
 
 from tests.models.made_flights import F16, curve_model, made_flights, table
 from thrustmargin.models.effects import effects_for
-from thrustmargin.models.identification.answer.adequacy import acts_in, unexplained
+from thrustmargin.models.identification.answer.adequacy import acts_in, free_form_rms, unexplained
 from thrustmargin.models.identification.rows.candidates import Held
 from thrustmargin.models.identification.rows.modes import modes
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.identification.sets.set_search import Search
+from thrustmargin.models.network.records import GoodFlights
 
 MODEL = curve_model()
 DIRECTIONS = modes(F16).directions
 SIZE = 60.0  # rpm, amplitude of the wave in its mode
 
 
-def searched(mode: int | None, keys=("rotor_degradation", "cg_offset", "extra_mass")):
+def waving(mode: int | None):
     """Flights with a wave of the airspeed in one mode, which no effect of the table has."""
     flights = []
     for track in made_flights(3, duration=120.0):
@@ -26,7 +27,11 @@ def searched(mode: int | None, keys=("rotor_degradation", "cg_offset", "extra_ma
         if mode is not None:
             wave = SIZE * np.sin(2.0 * track.airspeed)[:, None] * DIRECTIONS[:, mode]
         flights.append(replace(track, rotor_speed_rpm=track.rotor_speed_rpm + wave))
-    space = search_space(MODEL, flights, effects_for(F16, table(keys)))
+    return flights
+
+
+def searched(mode: int | None, keys=("rotor_degradation", "cg_offset", "extra_mass"), model=MODEL):
+    space = search_space(model, waving(mode), effects_for(F16, table(keys)))
     return space, Search(space.reduced, space.nuisance, space.candidates)
 
 
@@ -47,6 +52,19 @@ def test_a_wave_that_no_effect_has_is_left_in_its_mode_with_its_size_along_its_c
 def test_sound_flights_leave_nothing():
     space, search = searched(None)
     assert unexplained(space, search, search.fit(frozenset(), ())) is None
+
+
+def test_what_good_flights_show_too_is_no_finding():
+    """A model that is off along its own inputs is off by as much on a sound aircraft."""
+    catalogue = effects_for(F16, table(["extra_mass"]))
+    shown = free_form_rms(MODEL, waving(1), catalogue)
+    assert shown[1] == pytest.approx(SIZE * np.sqrt(0.5), rel=0.3)
+    assert np.all(shown[[0, 2, 3]] < 0.1 * shown[1])
+    for factor, found in ((1.0, False), (0.2, True)):
+        known = GoodFlights(flights=9, free_form_rpm=tuple((factor * shown).tolist()))
+        space, search = searched(1, model=replace(MODEL, good_flights=known))
+        left = unexplained(space, search, search.fit(frozenset(), ()))
+        assert (left is not None) == found
 
 
 def test_what_motor_outputs_have_in_common_is_not_left_unexplained():

@@ -40,7 +40,9 @@ def test_an_effect_that_the_model_has_is_estimated_anew_about_its_value():
     assert _at_the_model(model, BY_KEY["cg_offset"]) == (model, [0.0, 0.0])
     problem = assemble(model, [made_flight(1, hidden_mass=2.0), made_flight(2, hidden_mass=3.0)])
     modes = problem.in_modes(problem.measured_rpm - problem.speeds())
-    own = _own_estimates(problem, plain(modes, problem.flight))["extra_mass.mass", None]
+    own = _own_estimates(problem, plain(modes, problem.flight), [BY_KEY["extra_mass"]])[
+        "extra_mass.mass", None
+    ]
     assert own[:, 0] == pytest.approx([2.0, 3.0], abs=0.06)
     assert np.all((own[:, 1] > 0.0) & (own[:, 1] < 0.1))
 

@@ -45,7 +45,7 @@ def test_a_shape_has_the_evidence_of_a_normal_prior_exactly():
     assert found.log_evidence == pytest.approx(np.log(whole), abs=1e-5)
     mean = quad(lambda d: d * density(d), -3.0, 3.0, points=[0.3], epsabs=1e-14)[0] / whole
     assert found.step[0] == pytest.approx(mean, rel=1e-5)
-    assert found.covariance[0, 0] == pytest.approx(1 / (h + 1 / SHAPE.scale**2))
+    assert found.variance[0] == pytest.approx(1 / (h + 1 / SHAPE.scale**2))
 
 
 @pytest.mark.parametrize("size", [0.1, 0.4, 1.5])
