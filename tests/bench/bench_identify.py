@@ -103,16 +103,19 @@ from tests.bench.bench_identify import season
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.model.model_file import shipped_model
 tracks = season(int(sys.argv[1]))
-begun = time.process_time()
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+wall, begun = time.perf_counter(), time.process_time()
 found = identify(tracks, shipped_model())
 peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-print(time.process_time() - begun, peak, [f.term.key for f in found.found])
+spent = time.process_time() - begun
+print(time.perf_counter() - wall, spent, before, peak, [f.term.key for f in found.found])
 """
 
 
 def season(count: int) -> list[FlightTrack]:
-    """The recorded campaign flown again and again, each time with a little noise of its own."""
-    rng, every = np.random.default_rng(1), hosts()
+    """The recorded campaign flown again and again, each time with a little noise of its own, and
+    with one propeller worn: a season in which there is something to find."""
+    rng, every = np.random.default_rng(1), [implanted(track, (WORN,)) for track in hosts()]
     tracks = []
     for number in range(count):
         track = every[number % len(every)]
@@ -123,13 +126,15 @@ def season(count: int) -> list[FlightTrack]:
     return tracks
 
 
-@pytest.mark.parametrize("count", [6, 24, 96, 200])
+@pytest.mark.parametrize("count", [6, 60, 200])
 def test_a_season_of_one_aircraft(count):
-    """Seconds of processor and peak memory; aims: 15 s for six, 120 s for 200."""
+    """Seconds and peak memory; aims: 15 s for six, 120 s for 200."""
     command = [sys.executable, "-c", SEASON, str(count)]
     told = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-    seconds, megabytes, names = told.split(maxsplit=2)
-    print(f"\n{count} flights: {float(seconds):.0f} s, peak {float(megabytes):.0f} MiB, {names}")
+    *figures, names = told.split(maxsplit=4)
+    wall, seconds, before, peak = map(float, figures)
+    words = f"{wall:.0f} s, {seconds:.0f} s of processor, peak {peak:.0f} MiB"
+    print(f"\n{count} flights: {words} ({before:.0f} before), {names}")
 
 
 def test_making_a_data_set(benchmark):

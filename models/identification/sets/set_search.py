@@ -22,6 +22,7 @@ from thrustmargin.models.identification.rows.candidates import (
 )
 from thrustmargin.models.identification.rows.reduced import Reduced
 from thrustmargin.models.identification.rows.value_columns import ValueColumns, side_by_side
+from thrustmargin.models.identification.sets.column_sums import Prepared
 from thrustmargin.models.identification.sets.evidence import (
     IMPOSSIBLE,
     prior_of,
@@ -36,7 +37,6 @@ from thrustmargin.models.identification.sets.linear_sets import (
     forms_taken_out,
 )
 from thrustmargin.models.identification.sets.nuisance import LEVELS, Nuisance, Solved
-from thrustmargin.models.identification.sets.prepared import Prepared
 
 BEAM = 12  # sets that are grown at each size
 FITTED = 6  # sets that are fitted in full in each round

@@ -33,9 +33,7 @@ def a_set(weight: float, **values: tuple[float, float]) -> FittedSet:
         start[0, 0] = values[n][0]
         held.append(Held(candidate=one, values=start))
         errors += [values[n][1]] + [0.1] * (len(one.free) - 1)
-    scored = Scored(
-        log_evidence=0.0, step=np.zeros(len(errors)), covariance=np.diag(np.square(errors))
-    )
+    scored = Scored(log_evidence=0.0, step=np.zeros(len(errors)), variance=np.square(errors))
     return FittedSet(
         key=key,
         held=tuple(held),
@@ -168,7 +166,7 @@ def excluded(value: float, error: float, *sets: FittedSet, named=()):
         free = sum(len(ALL[c].free) for c in key)
         first = np.zeros(free)
         first[0] = value
-        return Scored(log_evidence=0.0, step=first, covariance=np.eye(free) * error**2)
+        return Scored(log_evidence=0.0, step=first, variance=np.full(free, error**2))
 
     held = []
     for one in ALL:

@@ -9,9 +9,9 @@ from thrustmargin.models.identification.rows.value_columns import (
     side_by_side,
 )
 from thrustmargin.models.identification.rows.whitening import Whitening
+from thrustmargin.models.identification.sets.column_sums import Prepared
 from thrustmargin.models.identification.sets.learning import LEAST, learn
 from thrustmargin.models.identification.sets.nuisance import LEVELS, Nuisance
-from thrustmargin.models.identification.sets.prepared import Prepared
 
 MODES, ROWS, FLIGHTS = 2, 60, 2
 
