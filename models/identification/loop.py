@@ -84,8 +84,8 @@ def identify(
         search.add(steps, without_rotors(search, search.best.key))
         search.run(progress)
     answer = posterior_of(search, steepness_of(fit) if problem.of_outputs else 0.0)
-    left = unexplained(space, search, answer.best)
     named = answer.named()
+    left = unexplained(space, search, answer.best, named=bool(named))
     closest = _closest(search, answer, named, left)
     if progress:
         progress("errors on flights not used", 1.0)

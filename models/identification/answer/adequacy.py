@@ -41,15 +41,21 @@ class Unexplained:
     curve_rpm: Floats  # (N,) the free form along the channel
 
 
-def unexplained(space: SearchSpace, search: Search, best: FittedSet) -> Unexplained | None:
-    """The mode of which names leave most; None when they take what can be explained."""
+def unexplained(
+    space: SearchSpace, search: Search, best: FittedSet, *, named: bool = False
+) -> Unexplained | None:
+    """The mode of which names leave most; None when they take what can be explained.
+
+    Where something is `named`, what good flights leave is no excuse: a name that leaves as much may
+    be a wrong one.
+    """
     curves = _free_part(space, search, best)
     if not curves:
         return None
     left = _mean_square(curves)
-    sound = _sound_part(space)
-    named = np.mean((predicted(search.reduced, best.held) - predicted(search.reduced, ())) ** 2, 0)
-    wrong = (left > BEYOND**2 * sound) & (left > LEFT * (left + named))
+    sound = _sound_part(space, named)
+    taken = np.mean((predicted(search.reduced, best.held) - predicted(search.reduced, ())) ** 2, 0)
+    wrong = (left > BEYOND**2 * sound) & (left > LEFT * (left + taken))
     wrong &= search.reduced.scored_modes
     if not wrong.any():
         return None
@@ -111,10 +117,10 @@ def _free_part(space: SearchSpace, search: Search, best: FittedSet) -> dict[str,
     }
 
 
-def _sound_part(space: SearchSpace) -> Floats:
+def _sound_part(space: SearchSpace, named: bool) -> Floats:
     """(R,) rpm²: mean square of the free form on a sound aircraft, as its size is taken to be or
-    as good flights showed."""
+    as good flights showed, which clears no name."""
     usual = np.mean(space.hats**2, axis=0) @ (space.sizes**2).T
-    known = space.reduced.model.good_flights
+    known = None if named else space.reduced.model.good_flights
     shown = np.array(known.free_form_rpm if known and known.free_form_rpm else np.zeros(usual.size))
     return np.maximum(usual, shown**2)

@@ -65,6 +65,7 @@ def test_what_good_flights_show_too_is_no_finding():
         space, search = searched(1, model=replace(MODEL, good_flights=known))
         left = unexplained(space, search, search.fit(frozenset(), ()))
         assert (left is not None) == found
+        assert unexplained(space, search, search.fit(frozenset(), ()), named=True) is not None
 
 
 def test_what_motor_outputs_have_in_common_is_not_left_unexplained():
