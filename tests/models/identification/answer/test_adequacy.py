@@ -19,7 +19,7 @@ DIRECTIONS = modes(F16).directions
 SIZE = 60.0  # rpm, amplitude of the wave in its mode
 
 
-def waving(mode: int | None):
+def flights_with_wave(mode: int | None):
     """Flights with a wave of the airspeed in one mode, which no effect of the table has."""
     flights = []
     for track in made_flights(3, duration=120.0):
@@ -31,7 +31,7 @@ def waving(mode: int | None):
 
 
 def searched(mode: int | None, keys=("rotor_degradation", "cg_offset", "extra_mass"), model=MODEL):
-    space = search_space(model, waving(mode), effects_for(F16, table(keys)))
+    space = search_space(model, flights_with_wave(mode), effects_for(F16, table(keys)))
     return space, Search(space.reduced, space.nuisance, space.candidates)
 
 
@@ -57,7 +57,7 @@ def test_sound_flights_leave_nothing():
 def test_what_good_flights_show_too_is_no_finding():
     """A model that is off along its own inputs is off by as much on a sound aircraft."""
     catalogue = effects_for(F16, table(["extra_mass"]))
-    shown = free_form_rms(MODEL, waving(1), catalogue)
+    shown = free_form_rms(MODEL, flights_with_wave(1), catalogue)
     assert shown[1] == pytest.approx(SIZE * np.sqrt(0.5), rel=0.3)
     assert np.all(shown[[0, 2, 3]] < 0.1 * shown[1])
     for factor, found in ((1.0, False), (0.2, True)):
