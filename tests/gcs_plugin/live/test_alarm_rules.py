@@ -54,7 +54,7 @@ def test_a_condition_counts_from_the_end_of_its_time_on():
     assert not broken.after(3.5, True, False).active
 
 
-def using(utilisation, error=0.0, predicted=0.4) -> FlightAnalysis:
+def using(utilisation: Any, error: Any = 0.0, predicted: float = 0.4) -> FlightAnalysis:
     """One row in flight with so much of each rotor's thrust in use."""
     analysis = analyse(hover(0.1), MODEL)
     use = np.array([utilisation], dtype=float)

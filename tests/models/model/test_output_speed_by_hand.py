@@ -38,7 +38,7 @@ def guessing(name: str) -> Airframe:
     return replace(F16, quantities=MappingProxyType(quantities))
 
 
-def outputs(rows: int = 100, thrust=0.35, **channels: Any) -> FlightTrack:
+def outputs(rows: int = 100, thrust: Any = 0.35, **channels: Any) -> FlightTrack:
     """Rows of 0.1 s at sea level with outputs that make `thrust` of full thrust, and 10 kg."""
     given = {
         "throttle": np.sqrt(np.broadcast_to(np.asarray(thrust, float), (rows, 4))),
@@ -115,7 +115,8 @@ def test_moving_air_makes_the_weight_less_sure(motion):
     ],
 )
 def test_only_level_rows_of_known_weight_count(channel, row, counts):
-    found = said(outputs(**{channel: np.tile(row, (100, 1) if np.ndim(row) else 100)})).bins
+    only: dict[str, Any] = {channel: np.tile(row, (100, 1) if np.ndim(row) else 100)}
+    found = said(outputs(**only)).bins
     assert found.get(0, np.zeros((3, 5)))[WEIGHT, 0] == pytest.approx(9.9 * counts)
 
 
@@ -230,7 +231,7 @@ def test_full_output_has_the_interval_of_the_curves_form(share):
 
 
 def test_speeds_are_measured_where_no_error_is_known_of_them():
-    speeds = {"rotor_speed_rpm": np.full((100, 4), 2000.0)}
+    speeds = np.full((100, 4), 2000.0)
     for error, words in ((np.nan, "measured"), (0.0, "measured"), (5.0, "from motor outputs")):
         errors = {"rotor_speed_rpm": np.full((100, 4), error)}
-        assert speed_words(outputs(standard_errors=errors, **speeds)) == words
+        assert speed_words(outputs(standard_errors=errors, rotor_speed_rpm=speeds)) == words

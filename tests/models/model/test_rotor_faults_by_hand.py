@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -198,7 +199,8 @@ def test_a_block_is_the_mean_of_its_rows_and_its_slopes_from_first_to_last():
     """Excess, motors, outputs, load factor and rates that rise by their own amounts in 0.6 s."""
     faults = RotorFaults(MODEL)
     propeller, motor = Heard(), Heard()
-    faults._tests[:] = propeller, motor
+    tests: Any = (propeller, motor)
+    faults._tests[:] = tests
     rows = np.array([row_of(5.0 + k / 10) for k in range(7)])
     at = np.array([0, 1, 1, 1, 1, 1, 4])[:, None]  # mean 9/7, 4 from the first to the last
     rises = np.arange(1.0, 17.0)

@@ -1,6 +1,7 @@
 """Airframe files: what ships is complete and sourced, what is wrong is refused with a remedy."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -386,7 +387,8 @@ def test_limits_of_what_an_airframe_can_be(change, fits):
 
 @pytest.mark.parametrize(("metres", "fits"), [(50.0, True), (50.1, False)])
 def test_a_rotor_stands_within_fifty_metres(metres, fits):
-    table = airframe_table(load_airframe("topxgun-f16")) | {"layout": "custom"}
+    table: dict[str, Any] = airframe_table(load_airframe("topxgun-f16"))
+    table["layout"] = "custom"
     for rotor in table["rotors"]:
         rotor["position_frd"] = [metres * np.sign(v) for v in rotor["position_frd"]]
     table["quantities"].pop("arm", None)

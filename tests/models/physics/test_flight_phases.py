@@ -1,6 +1,7 @@
 """Rows that teach and rows in a turn: small made flights counted by hand."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -65,13 +66,14 @@ def test_the_usual_low_height_is_the_tenth_percentile():
     ],
 )
 def test_what_is_a_hover(channel, value, hovers):
-    still = {
+    still: dict[str, Any] = {
         "airspeed": np.zeros(100),
         "velocity_ned": np.zeros((100, 3)),
         "attitude": np.zeros((100, 3)),
         "angular_rate_frd": np.zeros((100, 3)),
     }
-    track = level_flight(**still | {channel: np.array([value] * 100)})
+    still[channel] = np.array([value] * 100)
+    track = level_flight(**still)
     assert hover_rows(track).tolist() == [hovers] * 100
 
 

@@ -248,7 +248,11 @@ def test_a_manoeuvre_is_flown_until_95_percent_are_sure_or_as_often_as_flights_l
 
 def test_two_fills_are_two_flights_each_as_long_as_any():
     """With values that are wide open, one fill alone tells a mass from a gauge by nothing."""
-    wide = tuple(replace(r, covariance=100.0 * np.eye(1)) for r in rivals((MASS,), (GAUGE,)))
+    mass, gauge = rivals((MASS,), (GAUGE,))
+    wide = (
+        replace(mass, covariance=100.0 * np.eye(1)),
+        replace(gauge, covariance=100.0 * np.eye(1)),
+    )
     limits = replace(LIMITS, minutes=12.0)
     chosen = next_flight(MODEL, wide, limits=limits, noise_rpm=100.0 * NOISE)
     assert len(chosen.manoeuvre.fills_kg) == 2
