@@ -9,6 +9,7 @@ from tests.import_graph import ROOT, modules
 
 #: A word that is unmistakable -> what is written instead.
 INSTEAD = {
+    r"\b(doubts?|rivals?)\b": "model uncertainty; explanations, confounded alternatives",
     r"\b(told|tells)\b": "reported, described, distinguished",
     r"\bjudg(e|es|ed|ing|ment)\b": "checked, cross-validated, scored",
     r"\bwitness(es)?\b": "independent estimates",

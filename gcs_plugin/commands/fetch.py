@@ -85,11 +85,11 @@ def _fetch_mission(order: FetchMission) -> None:
     from thrustmargin.gcs_plugin.vehicle.downloads import download_mission
     from thrustmargin.mission.plan import write_plan
 
-    with _link(order) as link, transfer_bar() as (say, progress):
-        say(f"waiting for a heartbeat at {order.url}")
+    with _link(order) as link, transfer_bar() as (announce, progress):
+        announce(f"waiting for a heartbeat at {order.url}")
         vehicle = link.vehicle(order.vehicle, timeout=order.timeout)
         number = vehicle.get_system_id()
-        say(f"mission of vehicle {number}")
+        announce(f"mission of vehicle {number}")
         plan = download_mission(link, vehicle, progress)
     write_plan(plan, order.output)
     places = sum(item.place is not None for item in plan.items)
@@ -103,17 +103,17 @@ def _fetch_log(order: FetchLog) -> None:
 
     if (order.id is not None) + order.latest + order.list > 1:
         raise LinkError("--id, --latest and --list exclude each other; give one of them")
-    with _link(order) as link, transfer_bar() as (say, progress):
-        say(f"waiting for a heartbeat at {order.url}")
+    with _link(order) as link, transfer_bar() as (announce, progress):
+        announce(f"waiting for a heartbeat at {order.url}")
         vehicle = link.vehicle(order.vehicle, timeout=order.timeout)
-        say(f"list of logs of vehicle {vehicle.get_system_id()}")
+        announce(f"list of logs of vehicle {vehicle.get_system_id()}")
         logs = VehicleLogs(link, vehicle)
         if not order.list:
             entry = logs.choose(order.id)
             suffix = "ulg" if vehicle.autopilot_type().name == "PX4" else "BIN"
             path = order.output or Path(f"log_{entry.number}.{suffix}")
             _check_output(order, path)
-            say(f"log {entry.number} of {entry.date or 'an unknown date'}")
+            announce(f"log {entry.number} of {entry.date or 'an unknown date'}")
             logs.download(entry, path, progress)
     if order.list:
         _print_logs(logs.entries)

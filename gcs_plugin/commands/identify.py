@@ -67,7 +67,7 @@ def identify(
         out: New model file to write, with the effects added; the old one stays.
         json: Write the result as JSON to this file (.json); - is standard output, and nothing else.
         html: Write a page with the residual before and after to this file.
-        next_flight: Write the flight that would tell apart what these flights cannot as a mission,
+        next_flight: Write the flight that would distinguish what these flights cannot as a mission,
             a QGroundControl .plan file about the place where they were flown.
         surrogates: Not needed any more: chance is worked out, not drawn.
         seed: Not needed any more: the same flights give the same answer.

@@ -121,10 +121,10 @@ def ingest(
             make, at_once = partial(client.get_executor, pure=False, retries=3), 4 * _cores(client)
         still_held = stack.enter_context(writer_lock(target))
         _check_kind(target, None if settings.key is None else pseudonym(settings.key, "store"))
-        say, show = stack.enter_context(transfer_bar())
+        announce, show = stack.enter_context(transfer_bar())
 
         def progress(what: str, done: int, total: int) -> None:
-            say(what)
+            announce(what)
             show(done, total)
 
         outcome = ingest_logs(

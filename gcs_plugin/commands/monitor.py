@@ -143,14 +143,14 @@ def monitor(
 
         events = Terminal(soft_wrap=True)
 
-        def say(words: str) -> None:
+        def announce(words: str) -> None:
             # A full disk behind a redirected answer must not end the watch.
             try:
                 events.print(words)
             except OSError as error:
                 unprinted.append(error)
 
-        printer = EventPrinter(live, say)
+        printer = EventPrinter(live, announce)
         live.subscribers.append(printer)
     elif not view and not silent:
         from thrustmargin.gcs_plugin.live.console import Bell

@@ -66,10 +66,10 @@ def transfer_bar() -> Iterator[tuple[Callable[[str], None], Callable[[int, int],
     ) as bars:
         task = bars.add_task("", total=None)
 
-        def say(text: str) -> None:
+        def announce(text: str) -> None:
             bars.update(task, description=text)
 
         def show(done: int, total: int) -> None:
             bars.update(task, completed=done, total=total)
 
-        yield say, show
+        yield announce, show

@@ -159,10 +159,10 @@ def esc(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:  # noqa: ARG001
 
 def airframe(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:  # noqa: ARG001
     claim = now.analysis.claim
-    doubted = claim.basis == "given"
-    text = words.NOT_THE_AIRFRAME if doubted else words.AIRFRAME_UNKNOWN
+    unsure = claim.basis == "given"
+    text = words.NOT_THE_AIRFRAME if unsure else words.AIRFRAME_UNKNOWN
     withheld = bool(claim.withheld)
-    yield AlarmCheck(withheld, not withheld, WARNING if doubted else NOTICE, text)
+    yield AlarmCheck(withheld, not withheld, WARNING if unsure else NOTICE, text)
 
 
 def rotor_thrust(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:  # noqa: ARG001

@@ -253,9 +253,9 @@ class EventPrinter(Subscriber):
     Lines begin with the local time; an alarm's is when the report came that raised or cleared it.
     """
 
-    def __init__(self, monitor: LiveMonitor, say: Callable[[str], None]) -> None:
+    def __init__(self, monitor: LiveMonitor, announce: Callable[[str], None]) -> None:
         self._monitor = monitor
-        self._print = say
+        self._print = announce
         self._heard: set[int] = set()
         self._problems: dict[int, str] = {}
         self._claims: dict[int, AirframeClaim] = {}

@@ -64,10 +64,10 @@ def _fetched(url: str, vehicle: int | None, timeout: float) -> VehicleParameters
     from thrustmargin.gcs_plugin.vehicle.connection import VehicleLink
     from thrustmargin.gcs_plugin.vehicle.downloads import download_parameters
 
-    with VehicleLink.open(url) as link, transfer_bar() as (say, progress):
-        say(f"waiting for a heartbeat at {url}")
+    with VehicleLink.open(url) as link, transfer_bar() as (announce, progress):
+        announce(f"waiting for a heartbeat at {url}")
         system = link.vehicle(vehicle, timeout=timeout)
         number = system.get_system_id()
-        say(f"parameters of vehicle {number}")
+        announce(f"parameters of vehicle {number}")
         found = download_parameters(link, system, progress)
     return VehicleParameters(parameters=found, words=f"vehicle {number} at {url}")

@@ -101,7 +101,7 @@ def _free_part(space: SearchSpace, search: Search, best: FittedSet) -> dict[str,
     level = len(LEVELS) - 1
     sums = nuisance.sums(np.nan_to_num(best.residual)[:, :, None])
     shared, _ = solved.without_scatter(sums)
-    known = nuisance.doubt.shape[2]
+    known = nuisance.uncertainty.shape[2]
     modes, _, hats = nuisance.free.shape
     mean = (solved.shared[level] @ shared[:, 0])[known:].reshape(modes, hats)
     names = np.array(space.groups)

@@ -50,13 +50,13 @@ class LeftOutPart:
     def _posterior(self, search: Search, keys: Iterable[frozenset[int]]) -> Posterior:
         linear, sets = self.linear, []
         for key in keys:
-            levels = tuple(linear.score(key, k) for k in range(linear.doubt.size))
+            levels = tuple(linear.score(key, k) for k in range(linear.taken_out.size))
             sets.append(
                 FittedSet(
                     key=key,
                     held=tuple(linear.held[c] for c in sorted(key)),
                     levels=levels,
-                    log_evidence=np.array([s.log_evidence for s in levels]) + linear.doubt,
+                    log_evidence=np.array([s.log_evidence for s in levels]) + linear.taken_out,
                     residual=linear.about.residual,
                 )
             )

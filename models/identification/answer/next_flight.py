@@ -1,11 +1,11 @@
-"""The next flight: the manoeuvre that best distinguishes two rival explanations.
+"""The next flight: the manoeuvre that best distinguishes two explanations.
 
-Each rival is fitted to the flown rows. Over the rows of a manoeuvre the two then predict mode
+Each explanation is fitted to the flown rows. Over the rows of a manoeuvre the two then predict mode
 amplitudes m_A and m_B (in units of the noise), with
 
     d = m_A - m_B,  S = I + J_A C_A J_A' + J_B C_B J_B' + N N'
 
-C what the flown rows leave open of each rival's values, N how effects scatter from flight to flight
+C what the flown rows leave open of the values of each, N how effects scatter from flight to flight
 and by how much the base model is off. Kullback-Leibler divergence: d' S^-1 d / 2 nats; a choice
 between the two by these rows is right with probability Phi(sqrt(d' S^-1 d) / 2).
 S^-1 by Woodbury, so that only the Gram matrix of the columns is needed.
@@ -26,6 +26,12 @@ from thrustmargin.models.effects import BY_KEY, effects_for
 from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.identification.answer.explanations import (
+    Explanation,
+    ModePrediction,
+    fitted_explanation,
+    second_noise_rpm,
+)
 from thrustmargin.models.identification.answer.manoeuvres import (
     FlownLimits,
     Manoeuvre,
@@ -33,26 +39,20 @@ from thrustmargin.models.identification.answer.manoeuvres import (
     manoeuvres,
 )
 from thrustmargin.models.identification.answer.result import Identification
-from thrustmargin.models.identification.answer.rivals import (
-    ModePrediction,
-    Rival,
-    fitted_rival,
-    second_noise_rpm,
-)
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.model.predict import model_channels, table_of
 from thrustmargin.models.model.rotor_model import RotorModel
 
 Terms = tuple[Term, ...]
 
-CERTAIN = 0.95  # probability of a right choice at which the rivals count as distinguished
+CERTAIN = 0.95  # probability of a right choice at which explanations count as distinguished
 CHANCE = 0.6  # at or below which no manoeuvre is worth flying for it
 ROW_S = 0.2  # between rows of a manoeuvre
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NextFlight:
-    """What to fly next, and how well it would tell the rivals apart."""
+    """What to fly next, and how well it would distinguish the explanations."""
 
     separates: tuple[Terms, Terms]
     manoeuvre: Manoeuvre
@@ -71,7 +71,7 @@ def following_flight(found: Identification, tracks: Sequence[FlightTrack]) -> Ne
 
     None when it left nothing open, or when no manoeuvre of the library would tell.
     """
-    pair = rivals_of(found)
+    pair = explanations_of(found)
     if pair is None:
         return None
     noise = second_noise_rpm(found.problem, found.residual_after_rpm)
@@ -81,7 +81,10 @@ def following_flight(found: Identification, tracks: Sequence[FlightTrack]) -> Ne
         return None
     best = next_flight(
         found.model,
-        (fitted_rival(found.problem, pair[0], noise), fitted_rival(found.problem, pair[1], noise)),
+        (
+            fitted_explanation(found.problem, pair[0], noise),
+            fitted_explanation(found.problem, pair[1], noise),
+        ),
         limits=limits,
         noise_rpm=noise,
         background_rpm=found.problem.background_rpm,
@@ -89,8 +92,8 @@ def following_flight(found: Identification, tracks: Sequence[FlightTrack]) -> Ne
     return best if best.certainty > CHANCE else None
 
 
-def rivals_of(found: Identification) -> tuple[Terms, Terms] | None:
-    """The two likeliest explanations that an identification could not tell apart.
+def explanations_of(found: Identification) -> tuple[Terms, Terms] | None:
+    """The two likeliest explanations that an identification could not distinguish.
 
     In this order: one of several effects, two sets of effects, a rotor that is not cleared, an
     effect and another that would do as well. None when it left nothing open.
@@ -115,13 +118,13 @@ def rivals_of(found: Identification) -> tuple[Terms, Terms] | None:
 
 def next_flight(
     model: RotorModel,
-    rivals: tuple[Rival, Rival],
+    explanations: tuple[Explanation, Explanation],
     *,
     limits: FlownLimits,
     noise_rpm: Floats,
     background_rpm: Floats | float = 0.0,
 ) -> NextFlight:
-    """The shortest flight that distinguishes two rivals, else the one that does most.
+    """The shortest flight that distinguishes two explanations, else the one that does most.
 
     `noise_rpm` (R,) is that of a mean over one second, of each mode; `background_rpm` (R,) that of
     a flight's mean.
@@ -130,7 +133,7 @@ def next_flight(
     @cache
     def flown_at(name: str, fill_kg: float) -> _Flown:
         track = flown_track(library[name], model, limits, fill_kg)
-        return _flown_once(model, rivals, track, noise_rpm, background_rpm)
+        return _flown_once(model, explanations, track, noise_rpm, background_rpm)
 
     every = manoeuvres(limits)
     library = {manoeuvre.name: manoeuvre for manoeuvre in every}
@@ -144,7 +147,7 @@ def next_flight(
                 break
         made.append(
             NextFlight(
-                separates=(rivals[0].terms, rivals[1].terms),
+                separates=(explanations[0].terms, explanations[1].terms),
                 manoeuvre=manoeuvre,
                 repeats=repeats,
                 nats=square / 2.0,
@@ -163,26 +166,28 @@ def _preference(made: NextFlight) -> tuple[bool, float]:
 class _Flown:
     """A manoeuvre at one fill, N rows of all modes: columns of S, and d."""
 
-    shared: Floats  # (N, P) what is open of the rivals' values, which all fills share
+    shared: Floats  # (N, P) what is open of their values, which all fills share
     apart: Floats  # (N, K) scatter of one flight
     difference: Floats  # (N,)
 
 
 def _flown_once(
     model: RotorModel,
-    rivals: tuple[Rival, Rival],
+    explanations: tuple[Explanation, Explanation],
     track: FlightTrack,
     noise_rpm: Floats,
     background_rpm: Floats | float,
 ) -> _Flown:
     used = [p.effect for p in model.placed]
-    used += [*effects_for(model.airframe), *(t.effect for r in rivals for t in r.terms)]
+    used += [*effects_for(model.airframe), *(t.effect for r in explanations for t in r.terms)]
     x = model_channels(model, track, effects=used)
     every = round(ROW_S / (track.time_s[1] - track.time_s[0]))
     x = x.rows(np.arange(0, track.time_s.size, every))
     predict = ModePrediction.of(model, table_of(model), x, noise_rpm / np.sqrt(ROW_S))
-    ours, theirs = (predict.modes(rival.terms, rival.values) for rival in rivals)
-    columns = [predict.columns(r.terms, r.values) @ _root(r.covariance) for r in rivals]
+    ours, theirs = (
+        predict.modes(explanation.terms, explanation.values) for explanation in explanations
+    )
+    columns = [predict.columns(r.terms, r.values) @ _root(r.covariance) for r in explanations]
     return _Flown(
         shared=np.concatenate(columns, axis=1),
         apart=predict.scatter(background_rpm),

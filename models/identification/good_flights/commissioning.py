@@ -76,7 +76,7 @@ def commission(
     `trained` is what `training.train` made of the same tracks; None where they allow no network.
     Raises DataError when there are fewer than 3 flights or one has too few rows.
     """
-    say = progress or (lambda _: None)
+    announce = progress or (lambda _: None)
     curve = physics_model(airframe)
     inputs = curve.inputs if trained is None else trained.model.inputs
     used = [i for i, track in enumerate(tracks) if training_rows(track, inputs).any()]
@@ -86,9 +86,11 @@ def commission(
     if trained is not None:
         bases.insert(0, (trained.model, trained.folds))
     samples = gather(tracks, inputs)
-    chains = [chain_of(base, folds, tracks, used, samples, inputs, say) for base, folds in bases]
+    chains = [
+        chain_of(base, folds, tracks, used, samples, inputs, announce) for base, folds in bases
+    ]
     best = chains[-1] if trained is not None and worse(*chains) else chains[0]
-    say("effects of all flights")
+    announce("effects of all flights")
     model = with_standard_effects(best.base, [tracks[i] for i in used], date=date)
     spread = np.zeros_like(best.predicted_rpm)
     if model.network is not None:
@@ -97,7 +99,7 @@ def commission(
     interval = replace(
         calibrate(*rows, coverage=coverage), measured=measure_coverage(*rows, coverage=coverage)
     )
-    say("how flights differ")
+    announce("how flights differ")
     left_out = [
         LeftOutFlights(model=fold.model, tracks=tuple(tracks[i] for i in fold.flights))
         for fold in best.folds
@@ -134,7 +136,7 @@ def chain_of(
     used: Sequence[int],
     samples: Samples,
     inputs: Sequence[str],
-    say: Progress,
+    announce: Progress,
 ) -> Chain:
     """The base with the standard effects chosen and fitted anew without each fold's flights."""
     what = "weight and thrust curve" if base.network is None else "network"
@@ -142,7 +144,7 @@ def chain_of(
     shares = of_outputs([tracks[i] for i in used])
     closed = []
     for k, fold in enumerate(folds, 1):
-        say(f"{what}, flights left out: {k} of {len(folds)}")
+        announce(f"{what}, flights left out: {k} of {len(folds)}")
         model = with_standard_effects(
             fold.model, [tracks[i] for i in used if i not in fold.flights]
         )

@@ -62,8 +62,8 @@ def with_standard_effects(
     At least 2 flights. Raises DataError when one has too few rows to fit.
     """
     problem = assemble(model, tracks)
-    doubt = problem.in_modes(base_uncertainty_rpm(model, problem.base, problem.channels))
-    known = np.sqrt(np.sum(doubt**2, axis=0).mean(axis=0))
+    uncertainty = problem.in_modes(base_uncertainty_rpm(model, problem.base, problem.channels))
+    known = np.sqrt(np.sum(uncertainty**2, axis=0).mean(axis=0))
     terms = standard_effects(model, problem)
     fit = fit_rows(problem, [_at_start(t, problem) for t in terms], known_rpm=known)
     if model.network is not None:
@@ -72,7 +72,7 @@ def with_standard_effects(
     while kept != fit.held:  # a value may shrink when those that opposed it are gone
         fit = fit_rows(problem, kept, known_rpm=known)
         kept = tuple(h for h in fit.held if _of_note(h))
-    half = iter(_half_widths(fit, doubt))
+    half = iter(_half_widths(fit, uncertainty))
     records = []
     for held in fit.held:
         parameters = {}
@@ -99,12 +99,12 @@ def _at_start(term: Term, problem: Problem) -> Held:
     return Held(candidate=one, values=one.start)
 
 
-def _half_widths(fit: RowFit, doubt: Floats) -> Floats:
+def _half_widths(fit: RowFit, uncertainty: Floats) -> Floats:
     """(P,) of the values of a fit, with what the base model does not know in them, (D, T, R).
 
     How these flights differ shows in the fit itself: before it, wind and balance are in there.
     """
-    z = fit.filter.apply(np.concatenate([fit.columns, np.moveaxis(doubt, 0, 2)], axis=2))
+    z = fit.filter.apply(np.concatenate([fit.columns, np.moveaxis(uncertainty, 0, 2)], axis=2))
     count = fit.columns.shape[2]
     shared = np.einsum("trp,trk->pk", z[:, :, :count], z[:, :, count:])
     return half_widths(fit.sums, shared)[0]

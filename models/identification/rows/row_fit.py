@@ -194,14 +194,16 @@ def _moved(held: Sequence[Held], by: Floats) -> tuple[Held, ...]:
     return tuple(h.moved(by[a:b]) for h, (a, b) in zip(held, pairwise(ends), strict=True))
 
 
-def half_widths(sums: RowSums, doubt: Floats, confidence: float = 0.95) -> tuple[Floats, Floats]:
+def half_widths(
+    sums: RowSums, uncertainty: Floats, confidence: float = 0.95
+) -> tuple[Floats, Floats]:
     """(P,) half widths of intervals and (P, P) their covariance, from blocks and flights.
 
     Never from the number of rows: the variance is that of block sums, and where flights disagree by
     more than their blocks explain, that of flight sums (Liang and Zeger 1986), with Student's t at
     half as many degrees of freedom as blocks, because neighbouring blocks are not quite
     independent, or with one less than flights. What the base model is off by is beside that, for no
-    row teaches it: `doubt` (P, D) are the derivatives' sums with the directions of it.
+    row teaches it: `uncertainty` (P, D) are the derivatives' sums with the directions of it.
     """
     gradient, blocks, flights = sums.sums[:, :-1, -1], sums.owner.size, sums.flights
     total = sums.sums.sum(axis=0)[:-1, :-1]
@@ -217,6 +219,6 @@ def half_widths(sums: RowSums, doubt: Floats, confidence: float = 0.95) -> tuple
         quantile[wide > narrow] = student.ppf(level, flights - 1)
         covariance = covariance * scale[:, None] * scale
     square = quantile**2 * np.diag(covariance)
-    base = bread @ doubt @ doubt.T @ bread
+    base = bread @ uncertainty @ uncertainty.T @ bread
     square = square + student.ppf(level, np.inf) ** 2 * np.diag(base)
     return np.sqrt(square), covariance + base

@@ -109,7 +109,7 @@ def whitening_of(
         e = e / np.maximum(size, least)
         past = np.stack([e[rows - 1], e[rows - 2]], axis=1)
         kept = np.abs(np.column_stack([e[rows], past])).max(axis=1) < HUBER
-        gram = past[kept].T @ past[kept] + np.eye(ORDER)  # as much doubt as one mean
+        gram = past[kept].T @ past[kept] + np.eye(ORDER)  # as uncertain as one mean
         found = np.linalg.solve(gram, past[kept].T @ e[rows][kept])
         coefficients[mode] = found * min(1.0, MOST_MEMORY / max(float(found.sum()), 1e-9))
         e = residual[:, mode]

@@ -1,7 +1,7 @@
 """What one flight says of every effect, as sums small enough to keep for each flight of a season.
 
 About the model as it is, with nothing missing, the residual r of a flight is linear in the values d
-of all effects: r = J d + what is not asked (scatter from flight to flight, doubt of the base model,
+of all effects: r = J d + what is not asked (scatter of flights, errors of the base model,
 the free form, noise). With that taken out, all that the flight says is the matrix [J r]'[J r]. Sums
 of flights add up, so a season is identified without its rows (`season_sums`).
 
@@ -52,7 +52,7 @@ class FlightEvidence:
     #: (q + c + 1, q + c + 1) of [derivatives, bends, residual], what is not asked taken out, with
     #: the free form as on a sound aircraft
     gram: Floats
-    known: Floats  # (q,) the diagonal that the derivatives would have without doubt of the model
+    known: Floats  # (q,) the diagonal that the derivatives would have without model uncertainty
     seconds: float  # in flight that were used
     means: int  # how many means over short times
     rotor_count: int

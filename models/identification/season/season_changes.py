@@ -284,7 +284,7 @@ def _shared(sums: SeasonSums, found: _Found, penalty: float) -> list[SharedEffec
             for o in sums.main
             if o not in found.shared
         }
-        error = float(np.hypot(np.sqrt(variance[at]), np.nanmedian(sums.doubt(k))))
+        error = float(np.hypot(np.sqrt(variance[at]), np.nanmedian(sums.uncertainty(k))))
         if abs(size[at]) < np.sqrt(penalty) * error:
             continue
         instead = _as_good(sums, rest, squares, others)

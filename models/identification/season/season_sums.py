@@ -28,7 +28,7 @@ class SeasonSums:
     information: Floats  # (F, q, q)
     pull: Floats  # (F, q)
     squares: Floats  # (F,) residual's own
-    known: Floats  # (F, q) information without doubt of the model
+    known: Floats  # (F, q) information without model uncertainty
     total: Floats  # (q, q) information of all flights
     rotor_count: int
     evidence: tuple[FlightEvidence, ...]
@@ -61,8 +61,8 @@ class SeasonSums:
         with np.errstate(divide="ignore", invalid="ignore"):
             return curves[:, place] + left / own, own**-0.5
 
-    def doubt(self, place: int) -> Floats:
-        """(F,) the part of that standard error that is doubt of the model, which flights share."""
+    def uncertainty(self, place: int) -> Floats:
+        """(F,) the part of that standard error that is model uncertainty, which flights share."""
         with np.errstate(divide="ignore", invalid="ignore"):
             own = 1.0 / self.information[:, place, place] - 1.0 / self.known[:, place]
         return np.sqrt(np.maximum(own, 0.0))

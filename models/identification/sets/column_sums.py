@@ -17,7 +17,7 @@ from thrustmargin.models.identification.sets.nuisance import Nuisance, Solved
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Prepared:
-    """q columns that are filtered: the P that are asked for, then Q of the forms' doubt."""
+    """q filtered columns: the P that are asked for, then Q of how their forms may differ."""
 
     nuisance: Nuisance
     solved: Solved
@@ -42,8 +42,8 @@ class Prepared:
         shared, own = solved.without_scatter(sums)
         along = solved.shared[level] @ shared
         gram = own - shared.T @ along
-        doubt = gram[asked:, asked:]
-        forms = np.linalg.inv(np.eye(doubt.shape[0]) + doubt)
+        of_forms = gram[asked:, asked:]
+        forms = np.linalg.inv(np.eye(of_forms.shape[0]) + of_forms)
         crossed = forms @ gram[asked:, :asked]
         return cls(
             nuisance=nuisance,
@@ -71,9 +71,9 @@ class Prepared:
         with all that is not asked taken out."""
         shared, cross, own = self._of_residual(residual)
         cross = cross - self.along.T @ shared
-        asked, doubt = np.split(cross, [self.asked])
-        along = asked - self.crossed.T @ doubt
-        cost = own - shared @ self.within @ shared - doubt @ self.forms @ doubt
+        asked, of_forms = np.split(cross, [self.asked])
+        along = asked - self.crossed.T @ of_forms
+        cost = own - shared @ self.within @ shared - of_forms @ self.forms @ of_forms
         return np.block([[self.left, along[:, None]], [along[None], np.array([[cost]])]])
 
     def _of_residual(self, residual: Floats) -> tuple[Floats, Floats, float]:
@@ -91,7 +91,7 @@ class Prepared:
         products[-1] = products.sum(axis=0)
         taken = (self.solved.scatter @ draws[:, :, None])[:, :, 0]
         free = [n.free[mode].T @ r[:, mode] for mode in modes]
-        shared = np.concatenate([n.doubt.reshape(r.size, -1).T @ r.ravel(), *free])
+        shared = np.concatenate([n.uncertainty.reshape(r.size, -1).T @ r.ravel(), *free])
         shared -= np.tensordot(taken, self.solved.crossed, axes=2)
         cross = products[z.flight, z.mode, z.source]
         for f, left in enumerate(self.taken):

@@ -46,7 +46,7 @@ def learn(
     scatter = np.ones(nuisance.scatter.shape[2])
     free = np.ones((modes, len(names)))
     sums, grams = nuisance.sums(residual[:, :, None]), nuisance.grams()
-    known = nuisance.doubt.shape[2]
+    known = nuisance.uncertainty.shape[2]
     for _ in range(STEPS):
         size = np.concatenate([np.ones(known), free[:, of].ravel()])
         own_size = scatter[:, None]

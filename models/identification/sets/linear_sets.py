@@ -55,7 +55,7 @@ class Linear:
     held: tuple[Held, ...]  # every candidate: at its values in the set, at its start out of it
     columns: tuple[slice, ...]
     gram: Floats
-    doubt: Floats  # (levels,) log evidence of what was taken out
+    taken_out: Floats  # (levels,) log evidence of what was taken out
 
     def score(self, key: Iterable[int], level: int) -> Scored:
         """A set about this one."""
@@ -126,16 +126,16 @@ class ColumnsAbout:
 
     def linear(self, solved: Solved, sums: Sequence[FlightSums]) -> Linear:
         """By the sums of the flights that are `solved`."""
-        gram, doubt = forms_taken_out(solved, solved.without_scatter(sums), range(self.asked))
+        gram, taken_out = forms_taken_out(solved, solved.without_scatter(sums), range(self.asked))
         return Linear(
-            about=self.about, held=self.held, columns=self.columns, gram=gram, doubt=doubt
+            about=self.about, held=self.held, columns=self.columns, gram=gram, taken_out=taken_out
         )
 
 
 def forms_taken_out(
     solved: Solved, sums: tuple[Floats, Floats], asked: Sequence[int], levels: slice = EVERY
 ) -> tuple[Floats, Floats]:
-    """(levels, q, q) of the `asked` columns with the doubt of the others taken out, which have
+    """(levels, q, q) of the `asked` columns without the uncertainty of the others, which have
     size one, and (levels,) the log evidence of all that was taken out."""
     grams = solved.without_shared(*sums, levels)
     evidence = solved.log_evidence[levels]

@@ -117,7 +117,7 @@ class Nuisance:
     whitening: Whitening
     flights: tuple[slice, ...]  # of the n means
     scatter: Floats  # (n, R, K) one standard deviation of a sound aircraft's scatter
-    doubt: Floats  # (n, R, D) one of the base model
+    uncertainty: Floats  # (n, R, D) one of the base model
     free: Floats  # (R, n, H) one of the free form on a sound aircraft
 
     def sums(self, columns: ValueColumns | Floats) -> list[FlightSums]:
@@ -126,7 +126,7 @@ class Nuisance:
 
     def grams(self) -> list[NuisanceGram]:
         """S'S, S'X and X'X of each flight."""
-        columns = ValueColumns.of_all(np.concatenate([self.scatter, self.doubt], axis=2))
+        columns = ValueColumns.of_all(np.concatenate([self.scatter, self.uncertainty], axis=2))
         sums = self.sums_of_filtered(columns)
         return [self._gram(one, rows) for one, rows in zip(sums, self.flights, strict=True)]
 
@@ -140,7 +140,7 @@ class Nuisance:
         chosen = tuple(range(len(self.flights)) if flights is None else flights)
         grams = self.grams() if grams is None else grams
         parts = [grams[f] for f in chosen]
-        known, free = self.doubt.shape[2], self.free.shape[0] * self.free.shape[2]
+        known, free = self.uncertainty.shape[2], self.free.shape[0] * self.free.shape[2]
         systems = [np.eye(p[0].shape[0]) + p[0] for p in parts]
         scatter, determinants = zip(*map(_inverse, systems), strict=True)
         left = sum(p[2] - p[1].T @ w @ p[1] for p, w in zip(parts, scatter, strict=True))
@@ -180,7 +180,7 @@ class Nuisance:
             whitening=filter_,
             flights=flights,
             scatter=self.scatter[kept],
-            doubt=self.doubt[kept],
+            uncertainty=self.uncertainty[kept],
             free=self.free[:, kept],
         )
 
@@ -188,7 +188,7 @@ class Nuisance:
         """S'S, S'X and X'X of one flight, by the sums of [S B] over its rows."""
         many = self.scatter.shape[2]
         modes, _, hats = self.free.shape
-        known = self.doubt.shape[2]
+        known = self.uncertainty.shape[2]
         whole = np.zeros((known + modes * hats,) * 2)
         whole[:known, :known] = sums.own[many:, many:]
         whole[known:, :known] = sums.shared[known:, many:]
@@ -212,21 +212,24 @@ class Nuisance:
         source, of_mode, count = z.source[used], z.mode[used], used.size
         modes, _, hats = self.free.shape
         scatter = np.zeros((self.scatter.shape[2], count))
-        doubt, free = np.zeros((self.doubt.shape[2], count)), np.zeros((modes, hats, count))
+        uncertainty, free = (
+            np.zeros((self.uncertainty.shape[2], count)),
+            np.zeros((modes, hats, count)),
+        )
         own = np.zeros((count, count))
         for mode in range(modes):  # most columns act in one mode alone
             there = np.flatnonzero((of_mode == ALL_MODES) | (of_mode == mode))
             part = z.values[rows, mode][:, source[there]]
             acts, part = _acting(part)
             there = there[acts]
-            for of, sums in ((self.scatter, scatter), (self.doubt, doubt)):
+            for of, sums in ((self.scatter, scatter), (self.uncertainty, uncertainty)):
                 acts, columns = _acting(of[rows, mode])
                 sums[np.ix_(acts, there)] += columns.T @ part
             free[mode][:, there] = self.free[mode, rows].T @ part
             own[np.ix_(there, there)] += part.T @ part
         return FlightSums(
             scatter=scatter,
-            shared=np.concatenate([doubt, free.reshape(modes * hats, count)]),
+            shared=np.concatenate([uncertainty, free.reshape(modes * hats, count)]),
             own=own,
             used=used,
             count=z.count,

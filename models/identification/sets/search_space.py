@@ -96,11 +96,11 @@ def search_space(
             slice(*np.searchsorted(filter_.flight, [f, f + 1])) for f in range(reduced.flights)
         ),
         scatter=filter_.apply(np.concatenate([scatter, wander], axis=2)),
-        doubt=filter_.apply(np.concatenate([_doubt(reduced), shared], axis=2)),
+        uncertainty=filter_.apply(np.concatenate([_uncertainty(reduced), shared], axis=2)),
         free=np.moveaxis(filter_.apply(whole), 1, 0) * sizes[:, None, :],
     )
     anywhere = filter_.apply(FREE_EFFECTS * anything)
-    open_ = replace(nuisance, doubt=np.concatenate([nuisance.doubt, anywhere], axis=2))
+    open_ = replace(nuisance, uncertainty=np.concatenate([nuisance.uncertainty, anywhere], axis=2))
     size = learn(open_, residual, groups, own, level=len(LEVELS) - 1).scatter
     usual = USUAL_SHARE * speed
     if model.good_flights is not None and model.good_flights.slow_rpm:
@@ -114,7 +114,7 @@ def search_space(
             nuisance,
             whitening=replace(filter_, scale=filter_.scale * noise),
             scatter=nuisance.scatter * size / noise[:, :, None],
-            doubt=nuisance.doubt / noise[:, :, None],
+            uncertainty=nuisance.uncertainty / noise[:, :, None],
             free=nuisance.free / noise.T[:, :, None],
         ),
         groups=groups,
@@ -147,9 +147,9 @@ def _left_noise(open_: Nuisance, residual: Floats) -> Floats:
     solved = open_.solved(levels=LEVELS[-1:])
     shared, _ = solved.without_scatter(sums)
     mean = solved.shared[0] @ shared[:, 0]
-    known = open_.doubt.shape[2]
+    known = open_.uncertainty.shape[2]
     free = mean[known:].reshape(open_.free.shape[0], -1)
-    left = z - open_.doubt @ mean[:known] - np.einsum("rnh,rh->nr", open_.free, free)
+    left = z - open_.uncertainty @ mean[:known] - np.einsum("rnh,rh->nr", open_.free, free)
     out = np.ones_like(z)
     for f, rows in enumerate(open_.flights):
         draws = solved.scatter[f] @ (sums[f].scatter[:, 0] - solved.crossed[f] @ mean)
@@ -199,7 +199,7 @@ def _scatter_sizes(candidates: Sequence[Candidate], known: GoodFlights | None) -
     return np.array(sizes)
 
 
-def _doubt(reduced: Reduced) -> Floats:
+def _uncertainty(reduced: Reduced) -> Floats:
     """(N, R, D) rpm in modes: what the base model may be off by, and the forms of its effects."""
     columns = [np.moveaxis(reduced.in_modes(reduced.uncertainty_rpm), 0, 2)]
     base, slow = predicted(reduced, ()), form_columns(reduced.channels)

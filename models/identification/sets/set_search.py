@@ -59,7 +59,7 @@ class Search:
     """Sets fitted so far, about which the search goes on.
 
     A large effect is not known to the last part: what it does is good to FORM of itself, in each
-    mode and along the slow channels. Every set is scored with that doubt of its own effects.
+    mode and along the slow channels. Every set is scored with that uncertainty of its own effects.
     """
 
     def __init__(
@@ -152,7 +152,7 @@ class Search:
         levels = sorted({best.best_level, 0, len(LEVELS) // 2})
 
         def look(key: Key, level: int) -> float:
-            value = linear.score(key, level).log_evidence + linear.doubt[level]
+            value = linear.score(key, level).log_evidence + linear.taken_out[level]
             found[key] = max(found.get(key, IMPOSSIBLE), value)
             return value
 
@@ -206,7 +206,7 @@ class Search:
     def fit(self, key: Key, near: Sequence[Held], steps: int = 8) -> FittedSet:
         """Fit a set in full from the values in `near` (of all candidates) or from the starts.
 
-        The doubt of an effect's form goes with its values, which steps do not see: a bad rotor is
+        How uncertain a form is goes with its values, which steps do not see: a bad rotor is
         also tried in its usual shape. A set that is far from the best is left where it stands.
         """
         if key in self.fitted:
@@ -268,10 +268,10 @@ class Search:
     ) -> FittedSet:
         """A set as it stands, with all that the derivatives promise, at every level."""
         asked = [*range(columns.asked), columns.z.count]
-        grams, doubt = forms_taken_out(self.solved, columns.sums(residual), asked)
+        grams, taken_out = forms_taken_out(self.solved, columns.sums(residual), asked)
         prior = prior_of(held)
         levels = tuple(score(prior, g[:-1, :-1], g[:-1, -1], float(g[-1, -1])) for g in grams)
-        evidence = np.array([s.log_evidence for s in levels]) + doubt
+        evidence = np.array([s.log_evidence for s in levels]) + taken_out
         return FittedSet(
             key=key, held=tuple(held), levels=levels, log_evidence=evidence, residual=residual
         )

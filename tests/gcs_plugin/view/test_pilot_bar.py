@@ -64,8 +64,8 @@ def test_a_margin_is_shown_in_flight_only_and_with_its_age():
     assert (shown["margin"], shown["age"], shown["old"]) == ("27 %", 0.3, False)
     (ground,) = bar_of(replace(ONE, flying=False)).state()["vehicles"]
     assert ground["margin"] == "on the ground"
-    (doubt,) = bar_of(replace(ONE, problem="another aircraft")).state()["vehicles"]
-    assert (doubt["margin"], doubt["caption"]) == ("no verdict", "another aircraft")
+    (unsure,) = bar_of(replace(ONE, problem="another aircraft")).state()["vehicles"]
+    assert (unsure["margin"], unsure["caption"]) == ("no verdict", "another aircraft")
     assert bar_of(replace(ONE, age=2.0)).state()["vehicles"][0]["old"]
     assert bar_of(replace(ONE, gone=True)).state()["vehicles"] == []
 

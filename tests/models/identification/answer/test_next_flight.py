@@ -1,4 +1,4 @@
-"""The next flight is the one whose rows tell two rivals apart, by formulas checked the long way."""
+"""The next flight: its rows distinguish two explanations, by formulas checked the long way."""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -11,6 +11,12 @@ from tests.models.made_flights import curve_model, made_flight
 from thrustmargin.models.effects import BY_KEY, effects_for
 from thrustmargin.models.effects.compose import rotor_speed_rpm
 from thrustmargin.models.identification.answer import next_flight as module
+from thrustmargin.models.identification.answer.explanations import (
+    Explanation,
+    ModePrediction,
+    fitted_explanation,
+    second_noise_rpm,
+)
 from thrustmargin.models.identification.answer.manoeuvres import (
     FlownLimits,
     flown_track,
@@ -18,17 +24,11 @@ from thrustmargin.models.identification.answer.manoeuvres import (
 )
 from thrustmargin.models.identification.answer.next_flight import (
     CHANCE,
+    explanations_of,
     following_flight,
     next_flight,
-    rivals_of,
 )
 from thrustmargin.models.identification.answer.result import Mentioned, OneOf, SetWeight
-from thrustmargin.models.identification.answer.rivals import (
-    ModePrediction,
-    Rival,
-    fitted_rival,
-    second_noise_rpm,
-)
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.model.predict import model_channels, table_of
@@ -42,27 +42,27 @@ NOISE = np.array([4.0, 3.0, 2.5, 2.5])
 MASS, GAUGE, LOSS = (Term(effect=BY_KEY[key]) for key in ("extra_mass", "tank_scale", "yaw_trim"))
 
 
-def rivals(first, second) -> tuple[Rival, Rival]:
-    return fitted_rival(PROBLEM, first, NOISE), fitted_rival(PROBLEM, second, NOISE)
+def explanations(first, second) -> tuple[Explanation, Explanation]:
+    return fitted_explanation(PROBLEM, first, NOISE), fitted_explanation(PROBLEM, second, NOISE)
 
 
 def test_a_rival_is_fitted_to_the_flown_rows():
-    mass, gauge = rivals((MASS,), (GAUGE,))
+    mass, gauge = explanations((MASS,), (GAUGE,))
     assert mass.values == pytest.approx([1.0], abs=0.06)
     # The tank was 8.0 to 5.3 kg: 1 kg more is a gain of about 1.15.
     assert gauge.values == pytest.approx([1.15], abs=0.04)
 
 
 def test_hidden_mass_and_gauge_are_told_apart_by_another_fill():
-    chosen = next_flight(MODEL, rivals((MASS,), (GAUGE,)), limits=LIMITS, noise_rpm=NOISE)
+    chosen = next_flight(MODEL, explanations((MASS,), (GAUGE,)), limits=LIMITS, noise_rpm=NOISE)
     assert chosen.separates == ((MASS,), (GAUGE,))
     assert min(chosen.manoeuvre.fills_kg) == pytest.approx(0.8)
     assert chosen.nats > 1.0
     assert chosen.minutes <= LIMITS.minutes * len(chosen.manoeuvre.fills_kg)
 
 
-def test_rivals_that_predict_the_same_everywhere_are_not_told_apart():
-    mass = rivals((MASS,), ())[0]
+def test_explanations_that_predict_the_same_everywhere_are_not_distinguished():
+    mass = explanations((MASS,), ())[0]
     chosen = next_flight(MODEL, (mass, mass), limits=LIMITS, noise_rpm=NOISE)
     assert (chosen.nats, chosen.certainty) == (0.0, 0.5)
 
@@ -72,8 +72,8 @@ def test_the_divergence_is_that_of_two_gaussians(monkeypatch):
     hover = manoeuvres(LIMITS)[1]
     monkeypatch.setattr(module, "ROW_S", 2.0)
     first, second = (
-        Rival(terms=r.terms, values=r.values, covariance=0.04 * np.eye(r.values.size))
-        for r in rivals((MASS,), (GAUGE, LOSS))
+        Explanation(terms=r.terms, values=r.values, covariance=0.04 * np.eye(r.values.size))
+        for r in explanations((MASS,), (GAUGE, LOSS))
     )
     pair = (first, second)
     track = flown_track(hover, MODEL, LIMITS, hover.fills_kg[0])
@@ -85,9 +85,9 @@ def test_the_divergence_is_that_of_two_gaussians(monkeypatch):
         predict.modes(pair[0].terms, pair[0].values) - predict.modes(pair[1].terms, pair[1].values)
     ).ravel()
     whole = np.eye(d.size)
-    for rival in pair:
-        j = predict.columns(rival.terms, rival.values)
-        whole += j @ rival.covariance @ j.T
+    for explanation in pair:
+        j = predict.columns(explanation.terms, explanation.values)
+        whole += j @ explanation.covariance @ j.T
     n = predict.scatter(3.0)
     whole += n @ n.T
     assert module._distance_square(gram, 1) == pytest.approx(
@@ -108,9 +108,9 @@ def test_values_are_shared_by_fills_and_scatter_is_each_flight_s_own():
 
 
 def test_nothing_is_an_explanation_too():
-    nothing, loss = rivals((), (LOSS,))
+    nothing, loss = explanations((), (LOSS,))
     assert nothing.values.size == 0
-    far = Rival(terms=loss.terms, values=np.array([1.0]), covariance=0.01 * np.eye(1))
+    far = Explanation(terms=loss.terms, values=np.array([1.0]), covariance=0.01 * np.eye(1))
     chosen = next_flight(MODEL, (nothing, far), limits=LIMITS, noise_rpm=NOISE)
     assert chosen.certainty > 0.9
 
@@ -157,17 +157,17 @@ def test_noise_of_a_second_is_that_of_blocks_about_their_flight():
 
 def test_a_step_in_flight_counts_as_it_is_afterwards():
     onset = Term(effect=BY_KEY["rotor_degradation:onset"], rotor=1)
-    assert fitted_rival(PROBLEM, (onset,), NOISE).terms[0].key == "rotor_degradation@2"
+    assert fitted_explanation(PROBLEM, (onset,), NOISE).terms[0].key == "rotor_degradation@2"
 
 
 def test_values_stay_within_their_bounds():
     heavy = assemble(MODEL, [made_flight(1, tank_kg=4.0, hidden_mass=9.0)])
-    assert fitted_rival(heavy, (GAUGE,), NOISE).values == pytest.approx([2.0])
+    assert fitted_explanation(heavy, (GAUGE,), NOISE).values == pytest.approx([2.0])
 
 
 def test_what_is_open_of_a_value_is_in_its_unit_and_no_less_than_sound_flights_scatter_by():
     usual = MASS.effect.parameters[0].smallest
-    open_kg = np.sqrt(fitted_rival(PROBLEM, (MASS,), NOISE).covariance[0, 0])
+    open_kg = np.sqrt(fitted_explanation(PROBLEM, (MASS,), NOISE).covariance[0, 0])
     assert 0.95 * usual < open_kg < 5.0 * usual
 
 
@@ -182,11 +182,11 @@ def named(term, alike=()):
 
 
 def keys(found):
-    pair = rivals_of(found)  # type: ignore[arg-type]
+    pair = explanations_of(found)  # type: ignore[arg-type]
     return pair and tuple([t.key for t in side] for side in pair)
 
 
-def test_rivals_are_what_the_identification_left_open():
+def test_explanations_are_what_the_identification_left_open():
     weak = Term(effect=BY_KEY["rotor_degradation"], rotor=2)
     assert keys(left_open()) is None
     assert keys(left_open(found=(named(MASS),))) is None
@@ -240,7 +240,7 @@ def test_a_manoeuvre_is_flown_until_95_percent_are_sure_or_as_often_as_flights_l
 ):
     """d' S^-1 d is twice the nats; half of its root, in standard errors, is how far apart."""
     limits = replace(LIMITS, minutes=minutes)
-    pair = rivals((MASS,), (GAUGE,))
+    pair = explanations((MASS,), (GAUGE,))
     chosen = next_flight(MODEL, pair, limits=limits, noise_rpm=louder * NOISE)
     assert chosen.certainty == pytest.approx(norm.cdf(np.sqrt(2.0 * chosen.nats) / 2.0))
     assert chosen.certainty >= 0.95 or chosen.repeats == most(chosen, minutes)
@@ -248,7 +248,7 @@ def test_a_manoeuvre_is_flown_until_95_percent_are_sure_or_as_often_as_flights_l
 
 def test_two_fills_are_two_flights_each_as_long_as_any():
     """With values that are wide open, one fill alone tells a mass from a gauge by nothing."""
-    mass, gauge = rivals((MASS,), (GAUGE,))
+    mass, gauge = explanations((MASS,), (GAUGE,))
     wide = (
         replace(mass, covariance=100.0 * np.eye(1)),
         replace(gauge, covariance=100.0 * np.eye(1)),
@@ -262,7 +262,7 @@ def test_two_fills_are_two_flights_each_as_long_as_any():
 def test_a_manoeuvre_is_predicted_every_fifth_of_a_second():
     hover = manoeuvres(LIMITS)[0]  # 30 s
     track = flown_track(hover, MODEL, LIMITS, hover.fills_kg[0])
-    flown = module._flown_once(MODEL, rivals((MASS,), (GAUGE,)), track, NOISE, 0.0)
+    flown = module._flown_once(MODEL, explanations((MASS,), (GAUGE,)), track, NOISE, 0.0)
     assert flown.difference.size == 150 * 4
 
 
@@ -270,7 +270,7 @@ def test_a_rival_that_is_far_from_nothing_is_fitted_all_the_way():
     """A quarter of a rotor's thrust: N² goes with 1/(1 - loss), which one step overshoots."""
     problem = assemble(MODEL, [made_flight(k, loss=0.25) for k in range(2)])
     worn = Term(effect=BY_KEY["rotor_degradation"], rotor=0)
-    assert fitted_rival(problem, (worn,), NOISE).values[0] == pytest.approx(0.25, abs=0.003)
+    assert fitted_explanation(problem, (worn,), NOISE).values[0] == pytest.approx(0.25, abs=0.003)
 
 
 @pytest.mark.parametrize(("louder", "asked_for"), [(3.0, True), (6.0, False)])
@@ -293,7 +293,7 @@ def test_a_value_is_half_of_what_rows_say_where_they_weigh_as_much_as_what_is_us
     predict = ModePrediction.of(MODEL, PROBLEM.base, PROBLEM.channels, NOISE / np.sqrt(seconds))
     column = predict.columns((MASS,), np.array([0.5]))
     noise = NOISE * float(np.linalg.norm(column)) * size
-    assert fitted_rival(PROBLEM, (MASS,), noise).values[0] == pytest.approx(0.5, abs=0.03)
+    assert fitted_explanation(PROBLEM, (MASS,), noise).values[0] == pytest.approx(0.5, abs=0.03)
 
 
 def test_noise_of_a_second_is_the_sum_of_squares_of_blocks_over_those_that_are_free():

@@ -48,8 +48,8 @@ def sums(owner, gradient, hessian, cost, *, prior=0.0) -> RowSums:
     )
 
 
-def width(s: RowSums, doubt=()) -> float:
-    return float(half_widths(s, np.array(doubt, dtype=float).reshape(1, -1))[0][0])
+def width(s: RowSums, uncertainty=()) -> float:
+    return float(half_widths(s, np.array(uncertainty, dtype=float).reshape(1, -1))[0][0])
 
 
 def cost_under(value: float, gradient: float, hessian: float, cost: float) -> float:

@@ -124,7 +124,7 @@ def test_what_all_flights_have_in_common_is_named_with_an_interval_from_flights(
     (shared,) = of(flights).shared
     assert shared.name == name
     assert shared.value == pytest.approx(truth, rel=0.06)
-    many = of(flights * 20).shared[0]  # the model's own doubt does not go away with flights
+    many = of(flights * 20).shared[0]  # the model's own uncertainty does not go away with flights
     assert many.error > 0.2 * shared.error
 
 

@@ -16,7 +16,7 @@ from thrustmargin.models.identification.sets.nuisance import LEVELS, Nuisance
 MODES, ROWS, FLIGHTS = 2, 60, 2
 
 
-def made(seed=0, rows=ROWS, doubt=2):
+def made(seed=0, rows=ROWS, uncertainty=2):
     """Two flights with 3 scatters, doubts, and 4 hats; the filter leaves everything as it is."""
     rng = np.random.default_rng(seed)
     n = rows * FLIGHTS
@@ -31,7 +31,7 @@ def made(seed=0, rows=ROWS, doubt=2):
         whitening=whitening,
         flights=tuple(slice(f * rows, (f + 1) * rows) for f in range(FLIGHTS)),
         scatter=rng.standard_normal((n, MODES, 3)),
-        doubt=rng.standard_normal((n, MODES, doubt)),
+        uncertainty=rng.standard_normal((n, MODES, uncertainty)),
         free=rng.standard_normal((MODES, n, 4)),
     )
     return nuisance, rng
@@ -46,7 +46,7 @@ def dense(nuisance: Nuisance, level) -> np.ndarray:
         own[part] = nuisance.scatter[part]
         flat = own.reshape(n * MODES, -1)
         covariance += flat @ flat.T
-    flat = nuisance.doubt.reshape(n * MODES, -1)
+    flat = nuisance.uncertainty.reshape(n * MODES, -1)
     covariance += flat @ flat.T
     for mode in range(MODES):
         factor = level.collective if mode == 0 else level.moments
@@ -86,7 +86,7 @@ def test_a_flight_left_out_is_not_in_the_answer():
 
 
 def test_without_doubt_or_hats_nothing_breaks():
-    nuisance, rng = made(doubt=0)
+    nuisance, rng = made(uncertainty=0)
     assert nuisance.solved().reduce(nuisance.sums(columns_of(rng))).shape == (len(LEVELS), 3, 3)
 
 
@@ -160,8 +160,8 @@ def test_a_residual_beside_columns_that_were_prepared_is_one_more_column():
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
     flight = np.repeat([0, 0, 1], [2, ROWS, ROWS])
     flat = both.wide(flight)[2:].reshape(-1, columns.count + 1)
-    doubt = flat[:, asked:-1]
-    covariance = dense(nuisance, LEVELS[level]) + doubt @ doubt.T
+    uncertainty = flat[:, asked:-1]
+    covariance = dense(nuisance, LEVELS[level]) + uncertainty @ uncertainty.T
     kept = flat[:, [*range(asked), -1]]
     expected = kept.T @ np.linalg.solve(covariance, kept)
     np.testing.assert_allclose(prepared.gram(residual[:, :, 0]), expected, rtol=1e-8, atol=1e-9)

@@ -165,7 +165,10 @@ def test_what_gusts_make_a_controller_do_is_no_sign_of_how_rotors_share_the_thru
     base[:, 0] -= gusts
     assert np.abs(_answers_to_load(space.reduced, base)[inside]).max() < 3.0
     answer = space.nuisance.whitening.apply(columns)
-    made = replace(space.nuisance, doubt=np.concatenate([space.nuisance.doubt, answer], axis=2))
+    made = replace(
+        space.nuisance,
+        uncertainty=np.concatenate([space.nuisance.uncertainty, answer], axis=2),
+    )
     residual = columns.sum(axis=2)[:, :, None]
     left, before = (n.solved().reduce(n.sums(residual))[0, 0, 0] for n in (made, space.nuisance))
     assert left < 0.05 * before

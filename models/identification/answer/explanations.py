@@ -1,4 +1,4 @@
-"""Rival explanations of the same flights: sets of effects, each fitted to the flown rows.
+"""Explanations of the same flights: sets of effects, each fitted to the flown rows.
 
 Works in mode amplitudes over the noise of a row, with derivatives by central differences.
 """
@@ -20,13 +20,13 @@ from thrustmargin.models.identification.rows.modes import modes
 from thrustmargin.models.identification.rows.problem import BLOCK_SECONDS, Problem
 from thrustmargin.models.model.rotor_model import RotorModel
 
-MOST_FITTED = 2000  # rows of the flown ones that a rival is fitted to
+MOST_FITTED = 2000  # rows of the flown ones that an explanation is fitted to
 FIT_STEPS = 6  # of Gauss and Newton: effects are nearly linear in thrust
 STEP = 0.05  # of a parameter's usual size, on both sides, for its derivative
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Rival:
+class Explanation:
     """An explanation: effects with values, and the covariance of all values in their order."""
 
     terms: tuple[Term, ...]
@@ -101,7 +101,7 @@ class ModePrediction:
         return np.nan_to_num(np.concatenate(made, axis=1))
 
 
-def fitted_rival(problem: Problem, terms: Sequence[Term], noise_rpm: Floats) -> Rival:
+def fitted_explanation(problem: Problem, terms: Sequence[Term], noise_rpm: Floats) -> Explanation:
     """The terms with the values at which they explain the flown rows best (Gauss-Newton).
 
     Values are alike in all flights, with the parameters' usual sizes as prior; the covariance has
@@ -129,7 +129,7 @@ def fitted_rival(problem: Problem, terms: Sequence[Term], noise_rpm: Floats) -> 
     columns = np.concatenate([columns, predict.scatter(problem.background_rpm)], axis=1)
     gram = columns.T @ columns + np.eye(columns.shape[1])
     inverse: Floats = np.asarray(np.linalg.inv(gram)[: size.size, : size.size], dtype=np.float64)
-    return Rival(terms=terms, values=values, covariance=inverse * np.outer(size, size))
+    return Explanation(terms=terms, values=values, covariance=inverse * np.outer(size, size))
 
 
 def second_noise_rpm(problem: Problem, residual_rpm: Floats) -> Floats:
