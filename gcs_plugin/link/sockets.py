@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ipaddress
 import socket
 import sys
 import time
@@ -19,7 +20,7 @@ AGAIN = 1.0  # s between attempts to connect
 
 
 class Udp(Transport):
-    """A UDP socket, listening or sending first."""
+    """A UDP socket, listening or sending first; one that sends first hears its target alone."""
 
     datagrams = True
 
@@ -42,8 +43,11 @@ class Udp(Transport):
                 self._socket.bind(address)
             else:
                 self._target = socket.getaddrinfo(*address, family, socket.SOCK_DGRAM)[0][4][:2]  # type: ignore[assignment]
-                # Bound now, so that answers can be waited for before anything is sent.
-                self._socket.bind(("" if family == socket.AF_INET else "::", 0))
+                # Bound now, so that answers can be waited for before anything is sent. Not
+                # connected: that fails as long as there is no way to the target.
+                here = ipaddress.ip_address(self._target[0].partition("%")[0]).is_loopback
+                anywhere = "" if family == socket.AF_INET else "::"
+                self._socket.bind((self._target[0] if here else anywhere, 0))
         except OSError:
             self._socket.close()
             raise
@@ -68,11 +72,13 @@ class Udp(Transport):
         except (TimeoutError, BlockingIOError, ConnectionError):
             # ConnectionError: an earlier send met a closed port. UDP goes on regardless.
             pass
+        self.emptied = len(chunks) < AT_ONCE
+        if self._target is not None:
+            return [chunk for chunk in chunks if chunk.peer == self._target]
         now = time.monotonic()
         for chunk in chunks:
             if chunk.peer is not None:
                 self._heard[chunk.peer] = now
-        self.emptied = len(chunks) < AT_ONCE
         return chunks
 
     def _one(self) -> Chunk:

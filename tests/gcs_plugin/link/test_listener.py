@@ -117,6 +117,20 @@ def test_a_ground_station_behind_a_forward_reaches_the_vehicle():
                 station.recv(65535)
 
 
+def test_nobody_but_the_target_of_a_forward_reaches_the_vehicle():
+    with udp() as station, udp() as vehicle, udp() as stranger:
+        forward = f"udpout:{LOOPBACK}:{station.getsockname()[1]}"
+        with listening(f"udpin:{LOOPBACK}:0", forward) as (listener, heard):
+            vehicle.sendto(messages(5)[0], (LOOPBACK, port_of(listener)))
+            us = station.recvfrom(65535)[1]
+            assert us[0] == LOOPBACK
+            stranger.sendto(Vehicle(254).heartbeat(), us)
+            answer = Vehicle(255).heartbeat()
+            station.sendto(answer, us)
+            assert vehicle.recv(65535) == answer
+            assert sorted(heard.wait(2)) == sorted([messages(5)[0], answer])
+
+
 def test_a_byte_stream_is_forwarded_in_whole_frames_without_losing_a_byte():
     stream = b"".join(messages()) + b"odd bytes" + b"".join(messages())
     with udp() as station:
