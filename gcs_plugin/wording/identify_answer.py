@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+import numpy as np
+
 from thrustmargin.gcs_plugin.wording.effect_amounts import rotor_words
 from thrustmargin.gcs_plugin.wording.effect_sentences import (
     INSPECT,
@@ -98,8 +100,9 @@ def nothing(found: Identification) -> str:
     }
     if found.problem.of_outputs:
         return "Motor outputs show nothing that is missing, but they cannot clear a rotor"
-    verdict = _nothing_or_what(found)
-    if not of_rotors:
+    unusual = more_than_sound(found)
+    verdict = unusual or _nothing_or_what(found)
+    if unusual or not of_rotors:
         return verdict
     most = at_most(max(of_rotors.values()), "1")
     where = "any rotor"
@@ -107,22 +110,37 @@ def nothing(found: Identification) -> str:
         where = (
             f"rotor {', '.join(str(r + 1) for r in sorted(r for r in of_rotors if r is not None))}"
         )
-    return f"{verdict}: a loss above {most} on {where} is excluded"
+    return f"{verdict}: a loss above {most} on {where} is excluded, a smaller one is not"
 
 
 def _nothing_or_what(found: Identification) -> str:
-    """`Nothing is missing`, with its probability where that is not sure; else the likeliest."""
+    """`Nothing is found missing`, with its probability where not sure; else the likeliest."""
     none = sum(one.probability for one in found.alternatives if not one.terms)
     if not found.alternatives or none >= CERTAIN:
-        return "Nothing is missing"
+        return "Nothing is found missing"
     if none >= 0.5:
-        return f"Nothing is missing ({chance(none)})"
+        return f"Nothing is found missing ({chance(none)})"
     likeliest = max(found.alternatives, key=lambda one: one.probability)
     things = set_words(likeliest.terms, found.model.airframe.rotor_names)
     some = 1.0 - none if none else sum(one.probability for one in found.alternatives)
     return (
         f"Something is missing ({chance(some)}), and these flights do not show what; "
         f"likeliest is {things} ({chance(likeliest.probability)})"
+    )
+
+
+def more_than_sound(found: Identification) -> str:
+    """What the channels could explain of the error, where sound flights have less; else empty."""
+    known, error = found.model.good_flights, found.after
+    most = known.most_rmse_rpm() if known else math.nan
+    systematic = math.sqrt(max(error.rmse_rpm**2 - found.floor_rpm**2, 0.0))
+    if not systematic > most:
+        return ""
+    rotor = int(np.argmax(error.per_rotor_rmse_rpm))
+    return (
+        f"These flights are not like sound ones, and no effect explains it: off by "
+        f"{number(error.rmse_rpm, 'rpm', 0)}, sound flights by up to {number(most, 'rpm', 0)} "
+        f"(95 %), most on {rotor_words(rotor, found.model.airframe.rotor_names)}: look there first"
     )
 
 

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.stats import t as student
 
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.flight import Floats
@@ -86,6 +87,15 @@ class GoodFlights:
         for name, value in named.items():
             if not 0.0 <= value < float("inf"):
                 raise ModelError(f"has the scatter {value} of {name}")
+
+    def most_rmse_rpm(self, confidence: float = 0.95) -> float:
+        """rpm that the RMSE of a new sound flight stays below: Student's prediction limit of the
+        logarithm. NaN from fewer than 3 flights."""
+        logs = np.log(list(self.flight_rmse_rpm.values()))
+        if logs.size < 3:
+            return float("nan")
+        spread = np.std(logs, ddof=1) * np.sqrt(1.0 + 1.0 / logs.size)
+        return float(np.exp(logs.mean() + student.ppf(confidence, logs.size - 1) * spread))
 
 
 def scatter_between(estimates: Floats, errors: Floats) -> float:

@@ -34,6 +34,7 @@ from thrustmargin.models.identification.answer.result import (
 )
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.candidates import Term
+from thrustmargin.models.network.records import GoodFlights
 
 NAMES = ("front right", "rear left", "front left", "rear right")
 MASS, GAUGE, BALANCE = (Term(effect=BY_KEY[k]) for k in ("extra_mass", "tank_scale", "cg_offset"))
@@ -93,15 +94,17 @@ def test_rotors_come_before_all_else(worn):
 
 
 def test_nothing_missing_says_what_is_excluded(sound):
-    assert said(replace(sound, excluded=()))[0] == "Nothing is missing."
+    assert said(replace(sound, excluded=()))[0] == "Nothing is found missing."
     limits = tuple(
         Excluded(term=weak(k), parameter="loss", unit="1", above=0.015 + 0.001 * k)
         for k in range(4)
     )
     clear = replace(sound, excluded=limits)
-    assert said(clear)[0] == "Nothing is missing: a loss above 1.8 % on any rotor is excluded."
+    rest = "on any rotor is excluded, a smaller one is not"
+    assert said(clear)[0] == f"Nothing is found missing: a loss above 1.8 % {rest}."
     part = replace(sound, excluded=limits[1:3])
-    assert nothing(part) == "Nothing is missing: a loss above 1.7 % on rotor 2, 3 is excluded"
+    some = rest.replace("any rotor", "rotor 2, 3")
+    assert nothing(part) == f"Nothing is found missing: a loss above 1.7 % {some}"
     assert len(said(clear)) == 2
 
 
@@ -112,14 +115,30 @@ def test_nothing_is_missing_only_where_that_is_likely(sound):
         return nothing(replace(sound, excluded=(), alternatives=sets))
 
     none = SetWeight(probability=0.96, terms=())
-    assert first(none) == "Nothing is missing"
-    assert first(replace(none, probability=0.8)) == "Nothing is missing (80 %)"
+    assert first(none) == "Nothing is found missing"
+    assert first(replace(none, probability=0.8)) == "Nothing is found missing (80 %)"
     other = SetWeight(probability=0.3, terms=mass)
     assert first(other, rotor, replace(none, probability=0.06)) == (
         "Something is missing (94 %), and these flights do not show what; likeliest is "
         "a weak rotor 3 (front left) (63 %)"
     )
     assert first(other, rotor).startswith("Something is missing (93 %)")
+
+
+def test_an_error_beyond_that_of_sound_flights_is_no_nothing(sound):
+    """Of RMSE 10, 20 and 40 rpm: ln 20 + 2.919986 x ln 2 x sqrt(4/3) is ln 206.94."""
+    flights = {"a": 10.0, "b": 20.0, "c": 40.0}
+    model = replace(sound.model, good_flights=GoodFlights(flights=3, flight_rmse_rpm=flights))
+    error = replace(sound.after, rmse_rpm=230.0, per_rotor_rmse_rpm=(50.0, 60.0, 400.0, 70.0))
+    found = replace(sound, model=model, after=error, floor_rpm=100.0)  # 207.1 rpm of channels
+    assert nothing(found) == (
+        "These flights are not like sound ones, and no effect explains it: off by 230 rpm, sound "
+        "flights by up to 207 rpm (95 %), most on rotor 3 (front left): look there first"
+    )
+    noisy = replace(found, floor_rpm=101.0)  # 206.6 rpm
+    assert nothing(noisy).startswith("Nothing is found missing")
+    few = replace(model, good_flights=GoodFlights(flights=2, flight_rmse_rpm={"a": 1.0, "b": 2.0}))
+    assert nothing(replace(found, model=few)).startswith("Nothing is found missing")
 
 
 def test_excluded_sizes_are_one_row_for_all_rotors_and_in_the_units_of_the_field(sound):
