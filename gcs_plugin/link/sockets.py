@@ -42,7 +42,8 @@ class Udp(Transport):
                     self._socket.setsockopt(socket.SOL_SOCKET, exclusive, 1)
                 self._socket.bind(address)
             else:
-                self._target = socket.getaddrinfo(*address, family, socket.SOCK_DGRAM)[0][4][:2]  # type: ignore[assignment]
+                target = socket.getaddrinfo(*address, family, socket.SOCK_DGRAM)[0][4]
+                self._target = str(target[0]), int(target[1])
                 # Bound now, so that answers can be waited for before anything is sent. Not
                 # connected: that fails as long as there is no way to the target.
                 here = ipaddress.ip_address(self._target[0].partition("%")[0]).is_loopback

@@ -124,7 +124,7 @@ def _nothing_or_what(found: Identification) -> str:
     things = set_words(likeliest.terms, found.model.airframe.rotor_names)
     some = 1.0 - none if none else sum(one.probability for one in found.alternatives)
     return (
-        f"Something is missing ({chance(some)}), and these flights do not show what; "
+        f"Something may be missing ({chance(some)}), and these flights do not show what; "
         f"likeliest is {things} ({chance(likeliest.probability)})"
     )
 

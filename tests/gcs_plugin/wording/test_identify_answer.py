@@ -119,10 +119,10 @@ def test_nothing_is_missing_only_where_that_is_likely(sound):
     assert first(replace(none, probability=0.8)) == "Nothing is found missing (80 %)"
     other = SetWeight(probability=0.3, terms=mass)
     assert first(other, rotor, replace(none, probability=0.06)) == (
-        "Something is missing (94 %), and these flights do not show what; likeliest is "
+        "Something may be missing (94 %), and these flights do not show what; likeliest is "
         "a weak rotor 3 (front left) (63 %)"
     )
-    assert first(other, rotor).startswith("Something is missing (93 %)")
+    assert first(other, rotor).startswith("Something may be missing (93 %)")
 
 
 def test_an_error_beyond_that_of_sound_flights_is_no_nothing(sound):
