@@ -72,6 +72,7 @@ def test_an_hour_of_flight_first_picture_and_another_colour(benchmark):
 
     hour = tiled(flight(), 93)
     took: dict[str, float] = {}
+    colour: dict[str, list[float]] = {name: [] for name in LEGENDS}
 
     def measure() -> None:
         with open_page("about:blank") as page:
@@ -91,7 +92,7 @@ def test_an_hour_of_flight_first_picture_and_another_colour(benchmark):
                     page.wait_for_function(
                         "words => document.body.innerText.includes(words)", arg=legend, polling=20
                     )
-                    took[name] = time.monotonic() - asked
+                    colour[name].append(time.monotonic() - asked)
                     took.setdefault("first heap", page.evaluate(HEAP))
                 took["still"] = page.evaluate(FRAMES)
                 long.clock.play()
@@ -104,7 +105,8 @@ def test_an_hour_of_flight_first_picture_and_another_colour(benchmark):
     print(
         f"\n62 minutes: page built in {took['built']:.1f} s, first picture after "
         f"{took['picture']:.1f} s in a browser that is open; another colour in "
-        f"{took['Redundancy']:.2f} and {took['Load']:.2f} s; {took['still']:.0f} frames a second "
+        f"{np.median(colour['Redundancy']):.2f} and {np.median(colour['Load']):.2f} s (medians; "
+        f"at most {max(max(v) for v in colour.values()):.2f}); {took['still']:.0f} frames a second "
         f"at rest, {took['playing']:.0f} playing; page memory {took['first heap']:.0f} MB after "
         f"one change of colour, {took['heap']:.0f} MB after 20"
     )
