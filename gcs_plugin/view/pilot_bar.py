@@ -145,8 +145,9 @@ def _vehicle(one: Standing, *, recorded: bool) -> dict[str, Any]:
         "caption": caption,
         "paper": colours.css(paper),
         "ink": colours.ink_on(paper),
-        # Whether the silence of the alarms says anything: on the ground, or a margin of all rotors.
-        "watched": not one.problem and (not one.flying or math.isfinite(one.coloured)),
+        # Whether the silence of the alarms says anything good: on the ground, or enough margin of
+        # all rotors. An alarm of the margin comes a few seconds after its colour.
+        "watched": not one.problem and (not one.flying or one.coloured >= colours.ENOUGH),
         "age": None if recorded else round(max(one.age, 0.0), 2),
         "old": one.old,
     }

@@ -91,10 +91,11 @@ LOAD = ColourScale(
     stops=_two_sided(0.0, 0.5, 1.0, GOOD, BAD),
     marks=((0.0, "0"), (0.25, "25"), (0.5, "50 % limit"), (0.75, "75"), (1.0, "100 %")),
 )
+ENOUGH = 0.5  # of the thrust left, where the colours of a margin turn
 MARGIN = replace(
     LOAD,
     title="Thrust margin, worst rotor",
-    stops=_two_sided(0.0, 0.5, 1.0, BAD[::-1], GOOD[::-1]),
+    stops=_two_sided(0.0, ENOUGH, 1.0, BAD[::-1], GOOD[::-1]),
 )
 REDUNDANCY = ColourScale(
     title="One rotor lost: thrust that can still be held, over weight",

@@ -2,6 +2,7 @@
 
 import http.client
 import io
+import math
 import re
 import time
 from dataclasses import replace
@@ -68,6 +69,13 @@ def test_a_margin_is_shown_in_flight_only_and_with_its_age():
     assert (unsure["margin"], unsure["caption"]) == ("no verdict", "another aircraft")
     assert bar_of(replace(ONE, age=2.0)).state()["vehicles"][0]["old"]
     assert bar_of(replace(ONE, gone=True)).state()["vehicles"] == []
+
+
+@pytest.mark.parametrize(("margin", "calm"), [(0.5, True), (0.49, False), (math.nan, False)])
+def test_no_alarm_is_green_only_over_a_margin_that_is_enough(margin: float, calm: bool):
+    quiet = replace(ONE, margin=margin, coloured=margin, alarms=())
+    assert bar_of(quiet).state()["vehicles"][0]["watched"] is calm
+    assert bar_of(replace(quiet, flying=False)).state()["vehicles"][0]["watched"]
 
 
 def standing_of(track: FlightTrack, model: RotorModel = MODEL, **options) -> Standing:
