@@ -103,7 +103,7 @@ def unknown_aircraft(rotor_count: int) -> RotorModel:
     Its rotors stand on arms of 1 m, numbered as autopilots usually do, only to be drawn.
     """
     layout = motor_layouts().get(USUAL_LAYOUTS.get(rotor_count, ""))
-    angles = [2.0 * pi * (k + 0.5) / max(rotor_count, 1) for k in range(rotor_count)]
+    angles = [2.0 * pi * (k + 0.5) / rotor_count for k in range(rotor_count)]
     places = np.array([(cos(a), sin(a)) for a in angles]) if layout is None else layout.place
     airframe = Airframe(
         name="not known",

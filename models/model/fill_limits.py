@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.airframe_claim import RESTS_ON, AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.model.utilisation_error import INTERVAL
+from thrustmargin.models.model.utilisation_error import INTERVAL, guessed_variance
 from thrustmargin.models.physics.margin import ceiling, largest_fill
 
 Reason = Literal["utilisation", "one rotor lost", "take-off mass", "tank"]
@@ -90,7 +90,7 @@ def largest_fills(
         fill = largest_fill(
             airframe, ceiling(airframe, density, voltage), criterion="yaw uncontrolled"
         )
-        error = steady_flight(model, 1.0, 1.0, airspeed, np.zeros(1)).redundancy_error
+        error = np.sqrt(guessed_variance(airframe, *RESTS_ON))
         mass = airframe.empty_mass + fill
         rows[1] = [mass * np.exp(k * INTERVAL * error) - airframe.empty_mass for k in (0, -1, 1)]
     rows[2] = airframe.max_takeoff_mass - airframe.empty_mass
@@ -132,6 +132,6 @@ def _crossing(fills: Floats, use: Floats, limit: float) -> float:
     if fills.size < 2:
         return float("nan")
     above = np.flatnonzero(use >= limit)
-    k = int(np.clip(above[0] if above.size else fills.size - 1, 1, fills.size - 1))
+    k = max(int(above[0]) if above.size else fills.size - 1, 1)
     slope = (use[k] - use[k - 1]) / (fills[k] - fills[k - 1])
     return float(fills[k] + (limit - use[k]) / slope) if slope > 0.0 else float("nan")

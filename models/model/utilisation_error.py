@@ -41,14 +41,13 @@ def load_error(track: FlightTrack, airframe: Airframe) -> Floats:
     """(T,) standard error of ln(weight over largest thrust), for redundancy and prediction."""
     tank = np.nan_to_num(track.standard_errors.get("tank_kg", np.zeros(track.time_s.size)))
     load = np.nan_to_num(track.tank_kg)
-    inferred = (tank > 0.0) & (FROM_THRUST in track.sources.get("tank_kg", ""))
-    shared = shared_error(track, airframe, load) if np.any(inferred) else 0.0
-    own = tank**2 - np.where(inferred, shared, 0.0) ** 2
-    share = np.sqrt(np.maximum(own, 0.0)) / (airframe.empty_mass + load)
-    # A load that hover thrust shows is off as the curve is, and so is the largest thrust.
-    guesses = np.where(
-        inferred, 0.0, guessed_variance(airframe, "empty_mass", "thrust_coefficient")
-    )
+    guesses = guessed_variance(airframe, "empty_mass", "thrust_coefficient")
+    variance = tank**2
+    if FROM_THRUST in track.sources.get("tank_kg", ""):
+        # A load that hover thrust shows is off as the curve is, and so is the largest thrust.
+        variance = np.maximum(variance - shared_error(track, airframe, load) ** 2, 0.0)
+        guesses = 0.0
+    share = np.sqrt(variance) / (airframe.empty_mass + load)
     return np.sqrt(share**2 + guesses + ceiling_variance(airframe))
 
 
@@ -75,7 +74,7 @@ def utilisation_error(
     speed = track.rotor_speed_rpm
     error = track.standard_errors.get("rotor_speed_rpm", np.zeros_like(speed))
     with np.errstate(invalid="ignore", divide="ignore"):
-        of_speed = np.where(error > 0.0, 2.0 * error / speed, 0.0)
+        of_speed = np.nan_to_num(2.0 * error / speed)
         half = (prediction.upper_rpm - prediction.lower_rpm) / 2.0
         of_network = np.nan_to_num(2.0 * half / INTERVAL / prediction.rotor_speed_rpm)
         by_speed = utilisation * np.sqrt(of_speed**2 + ceiling_variance(airframe))

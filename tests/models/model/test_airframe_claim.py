@@ -11,6 +11,7 @@ from thrustmargin.models.model.airframe_claim import airframe_claim, unknown_air
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.physics.motor_layouts import motor_layouts
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -28,6 +29,8 @@ def test_an_airframe_that_nobody_gave_is_taken_when_it_is_recognised_and_this_is
     assert (found.basis, found.withheld) == ("recognised", ())
     assert found.words.startswith("airframe topxgun-f16-sitl, recognised (4 rotors by FRAME_CLASS")
     assert found.words.endswith("; none was given")
+    assert found.described == found.words
+    assert "name one with" in found.remedy
 
 
 def test_without_grounds_there_is_no_airframe_and_the_reason_and_the_command_are_said():
@@ -64,6 +67,8 @@ def test_a_given_airframe_stays_unless_something_speaks_against_it():
     doubted = claim(SMALL, given=True)
     assert doubted.basis == "given"
     assert "16.0 V" in doubted.withheld[0]
+    assert doubted.described == f"NO VERDICT: {doubted.withheld[0]}"
+    assert "name another with --airframe" in doubted.remedy
 
 
 @pytest.mark.filterwarnings("error")
@@ -84,7 +89,19 @@ def test_no_number_of_a_withheld_analysis_needs_an_airframe(rotors):
         elif field.name not in plain:
             assert np.isnan(getattr(flight, field.name)).all(), field.name
     assert flight.model is unknown_aircraft(rotors)
+    assert flight.voltage_basis == "no airframe"
     assert flight.model.airframe.rotor_count == rotors
+
+
+@pytest.mark.parametrize(("rotors", "layout"), [(4, "quad-x"), (6, "hexa-x"), (8, "octo-x")])
+def test_an_unknown_aircraft_is_drawn_as_the_usual_one_with_so_many_rotors(rotors, layout):
+    airframe, usual = unknown_aircraft(rotors).airframe, motor_layouts()[layout]
+    np.testing.assert_array_equal(airframe.rotor_position_frd[:, :2], usual.place)
+    np.testing.assert_array_equal(airframe.rotor_position_frd[:, 2], np.zeros(rotors))
+    np.testing.assert_array_equal(airframe.rotor_spin, usual.spin)
+    assert airframe.rotor_names == tuple(f"motor {k}" for k in range(1, rotors + 1))
+    # Discs on arms of 1 m that are seen, and do not reach over the body's centre.
+    assert 0.5 < airframe.propeller_diameter < 1.0
 
 
 def test_rotors_of_a_layout_without_a_name_are_drawn_evenly_round_the_nose():

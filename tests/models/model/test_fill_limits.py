@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from thrustmargin.models.model.fill_limits import REASONS, _crossing, largest_fills
+from tests.models.model.made_models import worn_rotor
+from thrustmargin.models.model.fill_limits import (
+    REASONS,
+    Fills,
+    _crossing,
+    largest_fills,
+    steady_flight,
+)
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import Quantity, load_airframe
@@ -83,7 +90,36 @@ def test_the_interval_is_that_of_what_the_airframe_guesses():
     assert found.high[1, 0] == pytest.approx(mass * np.exp(0.1645) - 21.1)
     assert found.low[0, 0] == pytest.approx(mass / 1.1645 - 21.1)
     assert found.high[0, 0] == pytest.approx(mass / (1 - 0.1645) - 21.1)
+    assert found.interval[0] == pytest.approx(found.low[1])
     assert found.interval[1] == pytest.approx([16.0])
+
+
+def test_the_fill_to_plan_by_is_the_low_end_of_the_least_in_each_air():
+    least = np.array([[3.0, np.nan], [4.0, np.nan]])
+    found = Fills(by_reason=np.array([[9.0, 5.0], [8.0, 6.0]]), low=least, high=least + 1.0)
+    assert found.largest.tolist() == [8.0, 5.0]
+    assert found.interval[0].tolist()[0] == 3.0
+    assert found.interval[1].tolist()[0] == 4.0
+    assert found.sure.tolist() == [3.0, 5.0]  # of no interval the fill itself
+
+
+def test_half_of_full_thrust_and_a_lost_rotor_are_the_limits_unless_others_are_given():
+    found = largest_fills(physics_model(F16), F16.reference_density, 51.8, airspeed=0.0)
+    np.testing.assert_array_equal(found.by_reason, fills().by_reason)
+
+
+def test_the_worst_rotor_is_the_one_that_counts():
+    model = replace(physics_model(F16), effects=(worn_rotor(),))
+    fill = largest_fills(model, 1.2, 51.8, airspeed=0.0).by_reason[0]
+    use = steady_flight(model, 1.2, 51.8, 0.0, fill).utilisation_predicted
+    assert np.max(use) == pytest.approx(0.5, abs=1e-3)
+    assert np.min(use) < 0.49
+
+
+def test_an_aircraft_without_a_tank_has_a_limit_of_use_too():
+    found = fills(replace(F16, tank_volume_l=0.0), rotor_lost=False)
+    assert found.by_reason[0] == pytest.approx(2 * FULL / G - 21.1)
+    assert found.largest == pytest.approx([0.0])
 
 
 def test_flight_into_the_wind_takes_from_the_fill_of_a_model_that_knows_drag():
@@ -99,5 +135,9 @@ def test_a_use_that_does_not_grow_with_the_fill_has_no_largest_one():
     fills = np.array([0.0, 5.0, 10.0])
     assert _crossing(fills, np.array([0.3, 0.4, 0.6]), 0.5) == pytest.approx(7.5)
     assert _crossing(fills, np.array([0.3, 0.4, 0.5]), 0.6) == pytest.approx(15.0)
-    for use in ([0.4, 0.4, 0.4], [0.5, 0.45, 0.4], [0.4, np.nan, np.nan]):
+    assert _crossing(fills, np.array([0.3, 0.4, 0.6]), 0.8) == pytest.approx(15.0)
+    assert _crossing(fills, np.array([0.6, 0.7, 0.9]), 0.5) == pytest.approx(-5.0)
+    assert _crossing(fills, np.array([0.3, 0.5, 0.45]), 0.5) == pytest.approx(5.0)
+    assert _crossing(fills, np.array([0.3, 0.4, np.nan]), 0.5) == pytest.approx(10.0)
+    for use in ([0.4, 0.4, 0.4], [0.5, 0.45, 0.4], [0.4, np.nan, np.nan], [np.nan] * 3):
         assert np.isnan(_crossing(fills, np.array(use), 0.6))

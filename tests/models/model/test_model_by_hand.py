@@ -138,6 +138,24 @@ def test_no_interval_goes_below_standing_still():
     assert np.all(predicted.upper_rpm > 5000.0)
 
 
+def test_without_a_network_the_interval_holds_where_flights_have_been():
+    # Where the tank was flown; of an unknown airspeed, which no network asks for, as at 0 m/s.
+    domain = learnt().training_domain
+    assert domain is not None
+    model = learnt(network=None, training_domain=replace(domain, airspeed=(NAN, NAN)))
+    rows = flight([3.0, NAN, 3.0, 3.0], [4.0, 4.0, 9.0, 4.0])
+    found = predict(model, rows, np.array([1.2, 1.2, 1.2, NAN]))
+    wide = np.array([[40.0, 40.0, 40.0, 20.0]])  # twice 20 rpm at 3 m/s, once for rotor 4
+    by_hand = np.concatenate([wide, wide / 2.0, np.full((2, 4), NAN)])
+    np.testing.assert_allclose(found.upper_rpm - found.rotor_speed_rpm, by_hand)
+    assert found.coverage == 0.9
+    assert found.basis.tolist() == [Basis.PHYSICS] * 3 + [Basis.NONE]
+    nowhere = predict(model, flight([3.0], [9.0]), np.array([1.2]))
+    assert np.isnan(nowhere.coverage)
+    for without in (learnt(network=None, interval=None), physics_model(AIRFRAME)):
+        assert np.isnan(predict(without, rows, np.full(4, 1.2)).upper_rpm).all()
+
+
 def test_outside_its_training_it_is_the_weight_in_the_air_of_the_row():
     # 9 kg, 6 m/s and air of 1.1 and 0.9 kg/m³ are each outside
     track = flight([3.0, 6.0, 3.0, 3.0], [9.0, 4.0, 4.0, 4.0])
@@ -288,15 +306,28 @@ def test_air_that_is_known_to_be_warm_is_thin_on_every_line():
         assert one.basis.tolist() == [basis]
 
 
+def test_in_unknown_air_there_is_no_number_even_if_the_model_follows_the_air():
+    air = recorded("air_density", temperature_offset=20.0, torque_share=1.0)
+    for model in (learnt(effects=(air,)), replace(physics_model(AIRFRAME), effects=(air,))):
+        for airspeed in (3.0, 9.0):  # inside its training and outside
+            found = predict(model, flight([airspeed], [4.0]), np.array([NAN]))
+            assert found.basis.tolist() == [Basis.NONE]
+            assert np.isnan(found.rotor_speed_rpm).all()
+
+
 @pytest.mark.parametrize(
     ("badness", "value", "rotor"),
     [(None, [3.0, 5.0, NAN], [2.0, 0.0, NAN]), ("smallest", [1.0, 5.0, NAN], [0.0, 0.0, NAN])],
 )
 def test_the_worst_rotor_of_each_row(badness, value, rotor):
     values = np.array([[1.0, 2.0, 3.0], [5.0, NAN, NAN], [NAN, NAN, NAN]])
+    values = np.concatenate([values, values])
     worst, which = worst_rotor(values, None if badness is None else -values)
-    np.testing.assert_array_equal(worst, value)
-    np.testing.assert_array_equal(which, rotor)
+    np.testing.assert_array_equal(worst, value * 2)
+    np.testing.assert_array_equal(which, rotor * 2)
+    # Of what is not known to be bad no rotor is the worst, and of no rotor none.
+    for unknown in (worst_rotor(values, np.full(values.shape, NAN)), worst_rotor(values[:, :0])):
+        np.testing.assert_array_equal(unknown, np.full((2, 6), NAN))
 
 
 def test_a_model_in_words():
@@ -313,7 +344,13 @@ def test_a_network_without_its_training_domain_is_no_model():
 
 def test_a_model_without_network_says_what_it_has_from_flights():
     words = f"weight and thrust curve of {AIRFRAME.title}, no network, with what 1 flights show"
-    assert learnt(network=None).description == words
+    model = learnt(network=None)
+    assert model.description == words
+    # Where it was flown it is the weight too, whatever the airspeed.
+    airspeed, tank = np.array([3.0, 9.0, NAN]), np.array([4.0, 4.0, 9.0])
+    by_hand = np.repeat([[hover_rpm(24.0)], [hover_rpm(24.0)], [hover_rpm(29.0)]], 4, axis=1)
+    np.testing.assert_allclose(model.base_speed(airspeed, tank), by_hand)
+    np.testing.assert_allclose(model.held_speed(airspeed, tank), by_hand)
 
 
 def test_an_interval_is_of_as_many_rotors_as_the_aircraft_has():
@@ -328,3 +365,4 @@ def test_an_interval_is_of_as_many_rotors_as_the_aircraft_has():
     for density in (0.0, -1.0, NAN):
         with pytest.raises(ModelError, match="must be above 0"):
             learnt(reference_density=density)
+    assert learnt(reference_density=0.05).reference_density == 0.05

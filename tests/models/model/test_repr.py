@@ -1,11 +1,15 @@
 """A result in a notebook is a few lines that a person can read."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.models.model.test_windows import lively
+from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import shipped_model
+from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
 
@@ -35,6 +39,14 @@ def test_they_say_what_matters(analysis):
     assert "not reported: position_ned, throttle" in repr(analysis.track)
     assert "effects: manoeuvre_moment, load_factor" in repr(analysis.model)
     assert "50 by network" in repr(analysis.prediction)
+    assert repr(analysis.prediction).endswith("), interval of 90%")
+    physics = analyse(analysis.track, physics_model(load_airframe("topxgun-f16-sitl")))
+    assert repr(physics.prediction).endswith("50 by physics)")
+    plain = analyse(analysis.track, analysis.model, claim=AirframeClaim())
+    assert repr(plain).splitlines()[-1].startswith("  ceiling: ")
+    assert "effects: none" in repr(physics.model)
+    silent = replace(analysis.track, rotor_speed_rpm=np.full((50, 4), np.nan))
+    assert "rotor speed error unknown RMS" in repr(analyse(silent, analysis.model))
     worst = [f"{np.nanmin(m):.1%}" for m in (analysis.margin, analysis.margin_predicted)]
     words = f"{worst[0]} {analysis.words_of_speed}, {worst[1]} predicted"
     assert f"least thrust margin {words}" in repr(analysis)

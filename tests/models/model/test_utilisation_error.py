@@ -18,7 +18,7 @@ CEILING_AND_LOAD = ("max_rotor_speed_rpm", "ceiling_voltage", "empty_mass", "thr
 
 
 def flight(speed_rpm=2100.0, **given) -> FlightTrack:
-    rows = np.full((2, 4), speed_rpm)
+    rows = np.broadcast_to(np.asarray(speed_rpm, dtype=float), (2, 4))
     return FlightTrack.of(
         name="x",
         time_s=np.array([0.0, 1.0]),
@@ -62,7 +62,23 @@ def test_an_inferred_speed_counts_twice_its_share():
     assert not analysis.above_limit(0.5).any()
     assert analysis.maybe_above(0.5).all()
     assert not analysis.maybe_above(0.51).any()
-    assert analysis.above_limit(0.48).all()
+    assert analysis.above_limit(0.4899).all()
+    assert not analysis.above_limit(float(analysis.utilisation[0, 0])).any()  # just as much
+    assert not analysis.above_limit(0.4901).any()
+    assert analysis.from_outputs[0].tolist() == [False, True, False, False]
+
+
+def test_rotors_that_stand_or_are_silent_have_no_error_and_hide_none():
+    error = np.full((2, 4), 21.0) * [1.0, 0.0, 1.0, np.nan]
+    rows = np.array([[2100.0, 0.0, np.nan, 2100.0]] * 2)
+    found = analyse(flight(rows, standard_errors={"rotor_speed_rpm": error}), physics_model(F16))
+    np.testing.assert_allclose(found.utilisation_error[0], [0.02 * 0.49, 0.0, np.nan, 0.0])
+
+
+def test_a_load_of_which_no_error_is_known_has_none():
+    unknown = flight(standard_errors={"tank_kg": np.array([np.nan, 2.91])})
+    found = analyse(unknown, physics_model(F16), np.full(2, 1.2))
+    np.testing.assert_allclose(found.redundancy_error, [0.0, 0.1])
 
 
 def test_the_whole_interval_of_one_rotor_must_be_above():
@@ -79,6 +95,8 @@ def test_a_guessed_ceiling_widens_what_was_measured():
     analysis = analyse(flight(), guessed, np.full(2, 1.2))
     assert analysis.utilisation_error[0, 0] == pytest.approx(0.1 * 0.49)
     assert analysis.redundancy_error == pytest.approx([0.1, 0.1])
+    both = analyse(flight(), guessed)  # of the air nothing is known: 0.1 of 1.225 kg/m³
+    np.testing.assert_allclose(both.redundancy_error, np.hypot(0.1, 0.1 / 1.225))
     mass = analyse(flight(), physics_model(guessing("empty_mass")))
     assert np.all(mass.utilisation_error == 0.0)  # a measured speed needs no mass
 
@@ -92,6 +110,8 @@ def test_a_prediction_has_the_error_of_its_load_and_of_the_guesses_behind_it():
     share = both.utilisation_error / both.utilisation_predicted
     assert share == pytest.approx(np.full((2, 4), np.hypot(0.1, 0.1)))
     assert analysis.basis_of(0, 0) == "predicted"
+    nothing = analyse(replace(silent, tank_kg=np.full(2, np.nan)), physics_model(F16))
+    assert nothing.basis_of(0, 0) == ""
 
 
 def test_a_prediction_with_a_network_has_half_of_its_interval_over_1_645():
