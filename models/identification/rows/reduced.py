@@ -32,6 +32,7 @@ from thrustmargin.models.model.rotor_model import RotorModel
 BIN = 0.7
 #: of all flights: of a season each flight keeps stretches, one flight's here, the next one's there
 MOST_MEANS, STRETCH = 5_000, 30
+LEAST_STRETCH = 17  # however many flights: of fewer, a flight's noise could not be measured
 LEAST_FILL = 0.5  # of the usual rows of a bin, for it to count
 
 
@@ -59,11 +60,12 @@ def rows_and_means(model: RotorModel, tracks: Sequence[FlightTrack]) -> tuple[Pr
     stride = stride_of(model, tracks)
     seconds = sum(flown_s(model, track) for track in tracks)
     every = -(-int(seconds / (BIN * froude_time_scale(model.airframe))) // MOST_MEANS)
+    length = min(STRETCH, max(LEAST_STRETCH, MOST_MEANS // len(tracks)))
     rows, parts = [], []
     for index, track in enumerate(tracks):
         whole = assemble_flight(model, track)
         rows.append(thinned(whole, stride))
-        parts.append(_stretches(_means(whole, index), index, every))
+        parts.append(_stretches(_means(whole, index), index, every, length))
     first = parts[0]
     channels = concatenate([p.channels for p in parts])
     means = replace(
@@ -78,12 +80,12 @@ def rows_and_means(model: RotorModel, tracks: Sequence[FlightTrack]) -> tuple[Pr
     return joined(rows), means
 
 
-def _stretches(means: Reduced, flight: int, every: int) -> Reduced:
-    """Every so many stretches of STRETCH means that follow each other."""
-    count = means.flight.size
-    kept = np.flatnonzero((np.arange(count) // STRETCH + flight) % every == 0)
-    if every < 2 or kept.size < STRETCH:
-        return means
+def _stretches(means: Reduced, flight: int, every: int, length: int) -> Reduced:
+    """Every so many stretches of `length` means that follow each other, one at the least."""
+    place = np.arange(means.flight.size) // length
+    kept = np.flatnonzero((place + flight) % every == 0)
+    if kept.size < length:
+        kept = np.flatnonzero(place == flight % max(1, place.size // length))
     return replace(
         means,
         channels=means.channels.rows(kept),

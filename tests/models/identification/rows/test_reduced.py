@@ -99,14 +99,24 @@ def test_of_a_season_each_flight_keeps_stretches_of_its_own(monkeypatch):
     assert np.flatnonzero(~first).tolist() == list(range(0, first.size, STRETCH))
 
 
-def test_a_short_flight_of_a_season_stays_whole(monkeypatch):
+def test_a_short_flight_of_a_season_keeps_a_stretch(monkeypatch):
     flights = [made_flight(0, duration=25.0), made_flight(1, duration=130.0)]
     short = reduce_flights(MODEL, flights[:1]).flight.size
-    assert short < 2 * STRETCH
-    monkeypatch.setattr(module, "MOST_MEANS", 50)
+    assert STRETCH < short < 2 * STRETCH
+    monkeypatch.setattr(module, "MOST_MEANS", 60)
     kept = np.bincount(reduce_flights(MODEL, flights).flight)
-    assert kept[0] in (short, STRETCH)
-    assert kept[1] < 130.0 / BIN / 2
+    assert kept.tolist() == [STRETCH, STRETCH]
+
+
+def test_a_season_of_more_flights_than_a_flight_has_stretches_keeps_one_of_each(monkeypatch):
+    flights = made_flights(8, duration=60.0)  # two stretches each, of which every eighth would do
+    monkeypatch.setattr(module, "MOST_MEANS", 8 * 20)
+    kept = reduce_flights(MODEL, flights)
+    assert np.bincount(kept.flight).tolist() == [20] * 8
+    assert (~kept.follows).sum() == 8
+    monkeypatch.setattr(module, "MOST_MEANS", 8)
+    kept = reduce_flights(MODEL, flights)
+    assert np.bincount(kept.flight).tolist() == [module.LEAST_STRETCH] * 8
 
 
 def test_of_motor_outputs_the_collective_says_nothing():
