@@ -72,7 +72,8 @@ TRACK_CHANNELS: Mapping[str, TrackChannel] = MappingProxyType(
         ),
         "airspeed": TrackChannel("m/s", 1.0, 0.0, 200.0, direct=True),
         "wind_ned": TrackChannel("m/s", 5.0, -100.0, 100.0, _NED, direct=True),
-        "tank_kg": TrackChannel("kg", 3.0, -5.0, 1000.0),
+        # A gauge's zero drifts by some tenths of a kilogram; -1 is "not known" to many senders.
+        "tank_kg": TrackChannel("kg", 3.0, -0.5, 1000.0),
         "rotor_speed_rpm": TrackChannel("rpm", 0.5, -100_000.0, 100_000.0, per_rotor=True),
         "throttle": TrackChannel("0..1", 0.5, 0.0, 1.0, per_rotor=True),
         "voltage": TrackChannel("V", 3.0, 0.0, 1000.0),

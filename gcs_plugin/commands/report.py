@@ -61,7 +61,7 @@ def report(
     from thrustmargin.gcs_plugin.commands.inputs import chosen_model, listed, read_logs
     from thrustmargin.gcs_plugin.reports.margin import build_report
     from thrustmargin.gcs_plugin.reports.margin.render import json_text, pdf_bytes, write_report
-    from thrustmargin.models.model.analysis import analyse
+    from thrustmargin.models.model.analysis import analyse, judged
     from thrustmargin.models.whole_file import whole_file
 
     console = Terminal(stderr=True, soft_wrap=True)
@@ -91,7 +91,7 @@ def report(
         reading=reading,
         skipped=ThrustMarginError,
     )
-    flights = [(analyse(log.track, rotor_model, claim=claim), log) for log, claim in read]
+    flights = [(judged(analyse(log.track, rotor_model, claim=claim)), log) for log, claim in read]
     if not flights:
         raise DataError(listed(unread))
     shown = unread

@@ -32,7 +32,7 @@ from thrustmargin.models.errors import DataError, ThrustMarginError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.season.flight_sums import flight_sums, to_arrays
 from thrustmargin.models.model.airframe_claim import AirframeClaim
-from thrustmargin.models.model.analysis import FlightAnalysis, analyse, worst_rotor
+from thrustmargin.models.model.analysis import FlightAnalysis, analyse, judged, worst_rotor
 from thrustmargin.models.model.model_file import model_digest
 from thrustmargin.models.model.rotor_model import RotorModel
 
@@ -110,12 +110,13 @@ def flight_of_log(
     sums, reason = _sums(analysis)
     identity, program = aircraft_identity(log, settings.aircraft), firmware(log)
     hardware, motors = board(log), layout(log)
-    aircraft = identity.name
+    aircraft, of_verdict = identity.name, judged(analysis)
     if settings.key is not None:
         aircraft = f"aircraft-{pseudonym(settings.key, aircraft)[:8]}"
         hardware = pseudonym(settings.key, hardware) if hardware else None
+        of_verdict = anonymous(of_verdict, log, name)[0]
         analysis, log = anonymous(analysis, log, name)
-    report = report_flight(analysis, log, max_utilisation=settings.max_utilisation)
+    report = report_flight(of_verdict, log, max_utilisation=settings.max_utilisation)
     known = None if analysis.withheld else digest
     if reason is not None and settings.key is not None:
         reason = without_name(reason, file)

@@ -179,8 +179,11 @@ MAVLINK_RULES: tuple[Rule, ...] = (
     Rule("SYS_STATUS", ("current_battery",), "current", "cA", unknown=(-1,)),
     Rule("SCALED_PRESSURE", ("press_abs",), "pressure", "hPa"),
     Rule("HIGHRES_IMU", ("abs_pressure",), "pressure", "hPa"),
-    Rule("SCALED_PRESSURE", ("temperature",), "temperature", "cdegC", note=WARM_BOARD),
-    Rule("HIGHRES_IMU", ("temperature",), "temperature", "degC", note=WARM_BOARD),
+    # 0.00 °C is what a board without a sensor sends; no real one stays at it.
+    Rule(
+        "SCALED_PRESSURE", ("temperature",), "temperature", "cdegC", note=WARM_BOARD, unknown=(0,)
+    ),
+    Rule("HIGHRES_IMU", ("temperature",), "temperature", "degC", note=WARM_BOARD, unknown=(0,)),
     Rule("EXTENDED_SYS_STATE", ("landed_state",), "landed", unknown=(0,)),
     Rule("HEARTBEAT", ("base_mode",), "armed", convert=_armed),
     Rule("MISSION_CURRENT", ("seq",), "mission_item"),

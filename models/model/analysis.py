@@ -5,7 +5,7 @@ Replay, report and monitor all show these arrays; none of them computes its own.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from thrustmargin.models.model.airframe_claim import (
     airframe_claim,
     unknown_aircraft,
 )
+from thrustmargin.models.model.load_inference import with_load_to_judge
 from thrustmargin.models.model.output_speed import FROM_OUTPUTS as FROM_OUTPUTS
 from thrustmargin.models.model.output_speed import MEASURED as MEASURED
 from thrustmargin.models.model.output_speed import speed_words
@@ -41,6 +42,8 @@ from thrustmargin.models.physics.margin import (
     weight,
 )
 from thrustmargin.models.vehicle_facts import VehicleFacts
+
+GIVEN_AIR = "given with the flight"  # basis of a density that whoever analyses knew
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -68,6 +71,8 @@ class FlightAnalysis:
     trimmable_loss: Floats  # (T,) largest share of one rotor's thrust that can be lost in trim
     claim: AirframeClaim  # on what ground it is a flight of the model's airframe
     start: FlightState | None = None  # that the first row was analysed from
+    #: kg that hover thrust shows beyond gauge or statement, where they surely differ (`judged`).
+    beyond_gauge_kg: float = 0.0
 
     def __repr__(self) -> str:
         def worst(use: Floats) -> str:
@@ -210,7 +215,7 @@ def analyse(
         air = track_air(track, temperature_offset(model))
         rho, density_error, density_basis = air.density, air.density_error, air.basis
     else:
-        rho, density_basis = np.asarray(density, dtype=np.float64), "given with the flight"
+        rho, density_basis = np.asarray(density, dtype=np.float64), GIVEN_AIR
         density_error = np.zeros_like(rho)
     limits = ceiling(airframe, rho, track.voltage)
     prediction = predict(model, track, rho, start=start)
@@ -242,6 +247,18 @@ def analyse(
         start=start,
         claim=claim,
     )
+
+
+def judged(analysis: FlightAnalysis) -> FlightAnalysis:
+    """The analysis of a whole flight that its verdict rests on: with the larger load where gauge or
+    statement and hover thrust surely differ; else the same one."""
+    track = with_load_to_judge(analysis.track, flown_airframe(analysis.model))
+    if analysis.withheld or track is analysis.track:
+        return analysis
+    given = analysis.density if analysis.density_basis == GIVEN_AIR else None
+    made = analyse(track, analysis.model, given, start=analysis.start, claim=analysis.claim)
+    beyond = (track.tank_kg - analysis.track.tank_kg)[track.flying]
+    return replace(made, beyond_gauge_kg=float(np.nanmedian(beyond)))
 
 
 def worst_rotor(values: Floats, badness: Floats | None = None) -> tuple[Floats, Floats]:

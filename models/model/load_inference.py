@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0, track_air
 from thrustmargin.models.physics.forward_flight import hover_induced_velocity, induced_ratio
@@ -29,6 +29,8 @@ from thrustmargin.models.physics.margin import rotor_thrust
 FROM_THRUST = "inferred from hover thrust"
 #: The same of a load that the user states.
 STATED = "stated"
+#: What may be wrong where thrust shows more load than a gauge.
+THEN_CHECK = "check gauge, empty mass and propellers"
 #: Why such a load is no evidence for or against a model.
 LOAD_FROM_SPEEDS = (
     "the load was inferred from these rotor speeds; state it with --load to compare them"
@@ -109,45 +111,102 @@ class LoadFit(NamedTuple):
         return bool(self.values[-1] > SLOWEST)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ShownLoad:
+    """The load that the thrust of a whole flight shows, whatever a gauge says."""
+
+    load: Floats  # (T,) kg, below 0 where the aircraft is lighter than its airframe says
+    error: Floats  # (T,) kg, standard error
+    fit: LoadFit
+    flying: Bools  # (T,) rows of which it is known
+
+    @property
+    def usual(self) -> float:
+        """kg, median in flight."""
+        return float(np.median(self.load[self.flying]))
+
+    @property
+    def usual_error(self) -> float:
+        """kg, median standard error in flight."""
+        return float(np.median(self.error[self.flying]))
+
+    @property
+    def words(self) -> str:
+        """What it is, for people."""
+        return f"hover thrust shows {self.usual:.1f} ± {NINETY * self.usual_error:.1f} kg (90 %)"
+
+    def beyond(self, tank_kg: Floats) -> float:
+        """kg by which it is more than a level (T,) kg, in standard errors; NaN for none."""
+        apart = (self.load - tank_kg)[self.flying]
+        known = np.isfinite(apart)
+        return float(np.median(apart[known])) / self.usual_error if known.any() else np.nan
+
+
 def with_load(track: FlightTrack, airframe: Airframe) -> FlightTrack:
     """The flight with the load that its thrust shows, where the whole flight reports none.
 
-    A stated load stays, and its source says where thrust contradicts it.
+    A reported or stated load stays; the source of a stated one says where thrust contradicts it.
     Used where its standard error is at most GOOD_ENOUGH of the aircraft's mass and it is not below
     nothing by more than its interval; else a note says why not.
     """
     stated = track.sources.get("tank_kg", "").startswith(STATED)
     if (track.reports("tank_kg") and not stated) or not _may_carry(track, airframe):
         return track
+    shown = _shown(track, airframe)
+    if stated:
+        if shown is None or not abs(shown.beyond(track.tank_kg)) > SURELY:
+            return track
+        words = f"{track.sources['tank_kg']}, but {shown.words}"
+        return replace(track, sources={**track.sources, "tank_kg": words})
+    if shown is None:
+        return _noted(track, "no level flight with every rotor's speed to show the load")
+    off, usual = shown.usual_error, shown.usual
+    if off > GOOD_ENOUGH * (airframe.empty_mass + max(usual, 0.0)):
+        return _noted(track, f"{shown.words}, too unsure to be used")
+    if usual < -NINETY * off:
+        lacks = "less than nothing: check mass and thrust of the airframe"
+        return _noted(track, f"{shown.words}, {lacks}")
+    most = airframe.tank_capacity_kg + OVERLOAD * (airframe.empty_mass + airframe.tank_capacity_kg)
+    if usual > most + NINETY * off:
+        lacks = "more than the aircraft can carry: check the airframe"
+        return _noted(track, f"{shown.words}, {lacks}")
+    return _filled(track, shown.load, shown.error, f"{_words(off)}, {_fall(shown.fit)}")
+
+
+def with_load_to_judge(track: FlightTrack, airframe: Airframe) -> FlightTrack:
+    """The flight as its margin is judged: where thrust shows surely more load than a gauge or a
+    statement, with the load that thrust shows.
+
+    A gauge that stands still, a mass that nobody told of and weak rotors look alike in hover; each
+    leaves less margin than the gauge would, and a redundancy by thrust is right for all three.
+    What a model lacks is found with the load as it was reported.
+    """
+    source = track.sources.get("tank_kg", "")
+    known = track.reports("tank_kg") and not source.startswith(FROM_THRUST)
+    if not known or not _may_carry(track, airframe):
+        return track
+    shown = _shown(track, airframe)
+    if shown is None or not shown.beyond(track.tank_kg) > SURELY:
+        return track
+    level = float(np.nanmedian(track.tank_kg[shown.flying]))
+    told = "as stated" if source.startswith(STATED) else f"by {source}"
+    words = (
+        f"{_words(shown.usual_error)}, {_fall(shown.fit)}; {level:.1f} kg {told} are too little "
+    )
+    words += "for these rotor speeds: check gauge, empty mass and propellers"
+    return _filled(track, shown.load, shown.error, words)
+
+
+def _shown(track: FlightTrack, airframe: Airframe) -> ShownLoad | None:
+    """The load by thrust; None without level flight with every rotor's speed."""
     shown, legs, seconds = _evidence(track, airframe, LoadEvidence())
     fit = load_fit(shown, airframe)
     if fit is None:
-        return (
-            track
-            if stated
-            else _noted(track, "no level flight with every rotor's speed to show the load")
-        )
+        return None
     load, error = _at(fit, np.maximum(legs, 1), seconds[:, 0 if fit.by_spraying else 1], airframe)
     error = np.hypot(error, shared_error(track, airframe, load))
     flying = track.flying & np.isfinite(load)
-    if not np.any(flying):
-        return track
-    usual, off = float(np.median(load[flying])), float(np.median(error[flying]))
-    shows = f"hover thrust shows {usual:.1f} ± {NINETY * off:.1f} kg (90 %)"
-    if stated:
-        apart = float(np.median((load - track.tank_kg)[flying]))
-        if abs(apart) <= SURELY * off:
-            return track
-        words = f"{track.sources['tank_kg']}, but {shows}"
-        return replace(track, sources={**track.sources, "tank_kg": words})
-    if off > GOOD_ENOUGH * (airframe.empty_mass + max(usual, 0.0)):
-        return _noted(track, f"{shows}, too unsure to be used")
-    if usual < -NINETY * off:
-        return _noted(track, f"{shows}, less than nothing: check mass and thrust of the airframe")
-    most = airframe.tank_capacity_kg + OVERLOAD * (airframe.empty_mass + airframe.tank_capacity_kg)
-    if usual > most + NINETY * off:
-        return _noted(track, f"{shows}, more than the aircraft can carry: check the airframe")
-    return _filled(track, load, error, f"{_words(off)}, {_fall(fit)}")
+    return ShownLoad(load=load, error=error, fit=fit, flying=flying) if np.any(flying) else None
 
 
 def with_load_so_far(

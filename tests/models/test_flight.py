@@ -61,3 +61,7 @@ def test_standard_errors_go_with_the_rows_and_have_the_shape_of_their_channel():
     np.testing.assert_array_equal(both, [*error, 0, 0, 0, 0, 0])
     with pytest.raises(TrackError, match=r"standard error of throttle has shape \(5,\)"):
         FlightTrack.of(name="x", time_s=TIME_S, rotor_count=4, standard_errors={"throttle": error})
+
+
+def test_a_tank_level_of_minus_one_is_not_known():
+    assert -1.0 < TRACK_CHANNELS["tank_kg"].low < 0.0

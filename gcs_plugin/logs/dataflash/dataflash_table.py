@@ -50,7 +50,9 @@ RULES: tuple[Rule, ...] = (
     Rule("CURR", ("Volt",), "voltage", "V"),
     Rule("CURR", ("Curr",), "current", "A"),
     Rule("BARO", ("Press",), "pressure", "Pa", index="I", only=0),
-    Rule("BARO", ("Temp",), "temperature", "degC", index="I", only=0, note=WARM_BOARD),
+    Rule(
+        "BARO", ("Temp",), "temperature", "degC", index="I", only=0, note=WARM_BOARD, unknown=(0,)
+    ),
     Rule("ESC", ("Volt",), "esc_voltage", "V", index="Instance"),
     Rule("ESC", ("Curr",), "esc_current", "A", index="Instance"),
     Rule("ESC", ("RawRPM",), "esc_rpm", "rpm", index="Instance"),

@@ -47,7 +47,7 @@ from thrustmargin.gcs_plugin.wording.report_words import WITHOUT
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, Floats
-from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.model.analysis import FlightAnalysis, judged
 from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.model.rotor_faults import (
     fault_episodes,
@@ -65,7 +65,7 @@ def report_flight(
 
     `max_utilisation` is the largest share of a rotor's maximum thrust that may be in use.
     """
-    limit = max_utilisation
+    limit, analysis = max_utilisation, judged(analysis)
     track, airframe = analysis.track, analysis.model.airframe
     as_flown = flown_airframe(analysis.model)
     limits = ceiling(as_flown, analysis.density, track.voltage)
@@ -238,6 +238,8 @@ def _fills(
     mass = as_flown.empty_mass + fill[row]
     reach = np.nan_to_num(INTERVAL * analysis.redundancy_error[row])
     ends = [min(float(mass * np.exp(k * reach)) - as_flown.empty_mass, most_kg) for k in (0, -1, 1)]
+    # What the gauge does not know of may be in the tank or not: a hidden mass, a weak rotor.
+    ends[1] -= analysis.beyond_gauge_kg
     return {
         **dict(zip(("fill_kg", "fill_low_kg", "fill_high_kg"), ends, strict=True)),
         "fill_start_kg": min(median(fill[first]), most_kg),

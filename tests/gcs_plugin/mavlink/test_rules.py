@@ -165,6 +165,8 @@ UNKNOWN = {
     ("BATTERY_STATUS", "battery_consumed"): (-1,),
     ("SYS_STATUS", "voltage"): (65535, 0),
     ("SYS_STATUS", "current"): (-1,),
+    ("SCALED_PRESSURE", "temperature"): (0,),
+    ("HIGHRES_IMU", "temperature"): (0,),
     ("EXTENDED_SYS_STATE", "landed"): (0,),
     ("SERVO_OUTPUT_RAW", "servo_us"): (65535,),
     ("FUEL_STATUS", "fuel_percent"): (255,),

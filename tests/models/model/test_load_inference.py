@@ -21,6 +21,7 @@ from thrustmargin.models.model.load_inference import (
     load_fit,
     with_load,
     with_load_so_far,
+    with_load_to_judge,
 )
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.network.training_rows import gather
@@ -72,6 +73,30 @@ def test_a_hover_shows_its_load_with_an_interval_that_holds_it():
     width = f"± {NINETY * np.median(error):.1f} kg, 90 %"
     assert found.sources["tank_kg"] == f"inferred from hover thrust ({width}), constant"
     assert not np.isfinite(found.measured("tank_kg")).any()
+
+
+@pytest.mark.parametrize("told", [None, "stated: 3 kg"])
+def test_a_margin_is_judged_with_the_load_of_thrust_where_a_gauge_surely_has_less(told):
+    # 3 % of the curve and 8 % of the air of 30.1 kg: 2.6 kg, of which 2.6 make 6.9 kg.
+    sources = {"tank_kg": told or "GAUGE"}
+
+    def judged(tank_kg):
+        gauge = np.full(600, tank_kg)
+        flight = hover(np.full(600, 9.0), spraying=np.zeros(600), tank_kg=gauge, sources=sources)
+        return flight, with_load_to_judge(flight, F16)
+
+    for near in (2.7, 9.0, 30.0):  # a gauge that has more leaves less margin: it is believed
+        before, after = judged(near)
+        assert after is before
+    before, after = judged(1.7)
+    np.testing.assert_allclose(after.tank_kg, 9.0, atol=0.2)
+    assert not np.isfinite(after.measured("tank_kg")).any()
+    by = "as stated" if told else "by GAUGE"
+    words = f"1.7 kg {by} are too little for these rotor speeds: check gauge, empty mass and"
+    assert words in after.sources["tank_kg"]
+    assert with_load_to_judge(after, F16) is after
+    # What is looked for in the flight still sees the load as it was told.
+    np.testing.assert_array_equal(with_load(before, F16).tank_kg, 1.7)
 
 
 def test_it_falls_while_the_pump_runs_until_the_tank_is_empty():

@@ -343,6 +343,19 @@ def test_the_fill_advised_is_the_least_of_the_flight_and_that_of_its_start(analy
     assert verdict.tank_start_kg == pytest.approx(10.0, abs=0.3)
 
 
+def test_a_gauge_that_stands_at_nothing_reassures_nobody(report):
+    rows = log().track.time_s.size
+    stuck = report_flight(*flight(tank_kg=np.zeros(rows)), max_utilisation=0.5)
+    held, sound = stuck.verdict, report.verdict
+    assert held.redundancy_yaw_free_min == pytest.approx(sound.redundancy_yaw_free_min, rel=0.05)
+    said = {fact.label: fact.text for fact in held.facts}
+    assert "0.0 kg by NAMED_VALUE_FLOAT TANK are too little for these rotor speeds" in said["load"]
+    # Whether the tank was full or the aircraft is heavier than its file, nothing tells.
+    beyond = np.nanmedian(log().track.tank_kg[log().track.flying])
+    assert beyond > 5.0
+    assert sound.fill_low_kg - held.fill_low_kg == pytest.approx(beyond, rel=0.25)
+
+
 def test_report_and_inspection_count_the_same_pauses():
     """One before the first row (parameters being sent) is none of the flight."""
     analysis, recorded = flight()
