@@ -38,6 +38,7 @@ SETTLE = 2  # blocks after a start in which rotors and controls are still on the
 #: Changes of a signal's own, each as likely: from a hundredth of the signal's unit to all of it
 SIZES = np.array([0.01, 0.03, 0.1, 0.3, 1.0])
 SELDOM = 60.0  # s, before the flight says it, from one such change to the next: a field's line
+LN_2 = float(np.log(2.0))
 OUTLIER = 3.0  # standard errors beyond which an innovation teaches no more
 
 
@@ -69,83 +70,119 @@ def log_likelihood(a: Floats, b: Floats, step: Floats, width: Floats) -> Floats:
 
 def log_own(a: Floats, b: Floats) -> Floats:
     """ln J, likelihood of a change of any of SIZES by the sums A and B, all of one shape."""
-    each = log_likelihood(a[..., None], b[..., None], np.zeros(1), SIZES)
-    return np.logaddexp.reduce(each, axis=-1) - np.log(SIZES.size)
+    wide = 1.0 + np.multiply.outer(SIZES**2, a)
+    each = 0.5 * (np.multiply.outer(SIZES**2, b**2) / wide - np.log(wide))
+    return np.logaddexp.reduce(each, axis=0) - np.log(SIZES.size)
 
 
 class SuddenChange:
-    """Filters of M signals with the two sums of each start. `add` a block, then ask `change`.
+    """K filters of M signals with the two sums of each start. `add` a block, then ask `change`.
 
     Filter 0 sees all and knows nothing of the trim before; 1 begins with the flight and with what
-    is known of the trim; the others begin a block apart, the latest first.
+    is known of the trim; the others begin a block apart, the latest first. Arrays end in K and M,
+    so that numpy goes through a state of all filters at once: that is most of the time.
     """
 
     def __init__(self, prior: Prior, block: float) -> None:
         signals, inputs = prior.inputs.shape
         self.noise, self.lag = prior.noise**2, np.full(signals, 0.5)  # s², f
         self._keep, self._ages = float(np.exp(-block / MEMORY)), round(WINDOW / block)
-        self._of_inputs = prior.inputs**2
         before = self.noise / (1.0 - self.lag**2)
-        variance = np.zeros((2, signals, 2 + inputs))
-        variance[0, :, 0], variance[1, :, 0] = 1.0, prior.trim**2
-        variance[:, :, 1], variance[:, :, 2:] = before, self._of_inputs
-        self._variance = variance[..., None] * np.eye(2 + inputs)
-        #: of each filter the mean of c, n and b, and by how much a unit step moves it
-        self._state = np.zeros((2, *variance.shape))
+        variance = np.zeros((2 + inputs, 2, signals))
+        variance[0], variance[1] = np.stack([np.ones(signals), prior.trim**2]), before
+        variance[2:] = (prior.inputs.T**2)[:, None]
+        states = len(variance)
+        #: of each filter the covariance of c, n and b, their mean and what a unit step makes of it
+        self._filters = np.zeros((states, states + 2, 2, signals))
+        self._filters[range(states), range(states)] = variance
+        #: (.., 1, M) what is kept of c, n, b and of both columns; new variance; what c, n, b act by
+        self._kept = np.ones((states + 2, 1, signals))
+        self._kept[2:states] = self._keep
+        self._fresh, self._x = np.ones((2, states, 1, signals))
+        self._fresh[2:] = (1.0 - self._keep**2) * variance[2:, :1]
+        self._given = np.ones((2, 1, signals))
         self._age = np.array([SETTLE, 0])
-        #: A, B and sum e²/v of each filter
-        self.information, self.pull, self.square = np.zeros((3, 2, signals))
-        #: q and q_all by age; the last is that of a flight's start, half before good flights
-        seldom = np.full(self._ages + 1, block / SELDOM)
-        seldom[-1] = 0.5 / (1.0 + prior.flights)
-        self.own = np.outer(seldom, np.full(signals, float(prior.alone)))
-        self.together, self._seen = seldom, np.full(self._ages, SELDOM / block / SETTLE)
+        self._sums = np.zeros((3, 2, signals))
+        #: (.., M + 1) q and q_all by age; the last is that of a flight's start, half before good
+        #: flights
+        self._q = np.full((self._ages + 1, signals + 1), block / SELDOM)
+        self._q[-1] = 0.5 / (1.0 + prior.flights)
+        self._q[:, :-1] *= prior.alone
+        self._seen = np.full(self._ages, SELDOM / block / SETTLE)
         self._square, self._product, self._left = before, 0.5 * before, np.zeros(signals)
         self._blocks = 0
         self._alone, self._held = prior.alone, -1
 
+    @property
+    def own(self) -> Floats:
+        """q by age and signal."""
+        return self._q[:, :-1]
+
+    @property
+    def together(self) -> Floats:
+        """q_all by age."""
+        return self._q[:, -1]
+
+    @property
+    def means(self) -> Floats:
+        """(S, K, M) of c, n and b in each filter."""
+        return self._filters[:, -2]
+
+    @property
+    def information(self) -> Floats:
+        """(K, M) A of each filter."""
+        return self._sums[0]
+
+    @property
+    def pull(self) -> Floats:
+        """(K, M) B of each filter."""
+        return self._sums[1]
+
+    @property
+    def square(self) -> Floats:
+        """(K, M) sum e²/v of each filter."""
+        return self._sums[2]
+
     def add(self, values: Floats, inputs: Floats, sound: float = 1.0) -> None:
-        """One block: values (M,) and inputs (M, P), and the probability that no part changed."""
+        """One block: values (M,), inputs (M, P), or (1, P) where all have the same, and the
+        probability that no part changed."""
         self._begin()
         self._blocks += 1
         rate = max(1.0 / (1.0 + self._blocks), 1.0 - self._keep)
-        signals, states = self._variance.shape[1:3]
-        keep, fresh = np.ones((2, signals, states))
-        keep[:, 1], keep[:, 2:] = self.lag, self._keep
-        fresh[:, 0], fresh[:, 1] = (1.0 - self._keep) ** 2 * self.noise, self.noise
-        fresh[:, 2:] = (1.0 - self._keep**2) * self._of_inputs
-        state = keep * self._state
-        spread = keep[:, :, None] * self._variance * keep[:, None, :]
-        spread[:, :, range(states), range(states)] += fresh
-        x = np.column_stack([np.ones((signals, 2)), inputs])
-        carried = (spread @ x[:, :, None])[..., 0]
-        variance = np.sum(carried * x, axis=2)
-        innovation, step = np.array([values, np.ones(signals)])[:, None] - np.sum(state * x, axis=3)
+        filters, fresh, x, states = self._filters, self._fresh, self._x, len(self._x)
+        self._kept[1], x[2:, 0], self._given[0, 0] = self.lag, inputs.T, values
+        fresh[0], fresh[1] = (1.0 - self._keep) ** 2 * self.noise, self.noise
+        filters *= self._kept[:states, None] * self._kept
+        filters.reshape(-1, *filters.shape[2:])[:: states + 3] += fresh
+        # What reaches the signal: of the covariance, then of both means, less what is given.
+        seen = np.add.reduce(filters * x[:, None], axis=0)
+        carried, missed = seen[:states], seen[states:]
+        missed -= self._given
+        variance = np.add.reduce(carried * x, axis=0)
         trust = (self._age >= SETTLE)[:, None] / variance
-        gain = trust[..., None] * carried
-        self._state = state + gain * np.array([innovation, step])[..., None]
-        self._variance = spread - gain[..., None] * carried[:, :, None, :]
-        self.information = self.information + trust * step**2
-        self.pull = self.pull + trust * step * innovation
-        self.square = self.square + trust * innovation**2
-        self._age = self._age + 1
-        size = np.minimum(innovation[0] ** 2 / variance[0], OUTLIER**2)
+        filters -= (trust * carried)[:, None] * seen
+        weighted = trust * missed
+        self._sums[:2] += weighted[1] * missed[::-1]
+        self._sums[2] += weighted[0] * missed[0]
+        self._age += 1
+        size = np.minimum(missed[0, 0] ** 2 / variance[0], OUTLIER**2)
         self.noise = self.noise * (1.0 + rate * (size - 1.0))
         self._correlate(rate)
-        self._logs = self._weigh()
+        self._weigh()
         self._count(sound)
 
     def _correlate(self, rate: float) -> None:
         """The noise's f, by what trim and inputs leave of a block and of the one before."""
         most = OUTLIER * np.sqrt(self._square)
-        left = np.clip(self._state[0, 0, :, 1], -most, most)
+        left = np.minimum(np.maximum(self.means[1, 0], -most), most)
         self._square = self._square + rate * (left**2 - self._square)
         self._product = self._product + rate * (left * self._left - self._product)
-        self.lag, self._left = np.clip(self._product / self._square, 0.0, 0.99), left
+        self.lag = np.minimum(np.maximum(self._product / self._square, 0.0), 0.99)
+        self._left = left
 
     def _begin(self) -> None:
         """A start begins as filter 0 is, the oldest ends."""
-        self.information[0] = self.pull[0] = self.square[0] = self._state[1, 0] = 0.0
+        self._sums[:, 0] = self._filters[:, -1, 0] = 0.0
         if self._held >= 0:
             self._held += 1
         if self._held <= 2 * SETTLE and self._blocks % SETTLE == 0:
@@ -155,37 +192,36 @@ class SuddenChange:
 
     def _take(self, order: list[int]) -> None:
         """Keep these filters, in this order."""
-        self._state, self._variance = self._state[:, order], self._variance[order]
-        self.information, self.pull = self.information[order], self.pull[order]
-        self.square, self._age = self.square[order], self._age[order]
+        self._filters = self._filters.take(order, axis=2)
+        self._sums, self._age = self._sums.take(order, axis=1), self._age[order]
 
-    def _weigh(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """ln of (1 - q), q J (K, M) and of (1 - q_all), q_all prod (1 + J)/2 (K,) of all starts."""
-        age = np.minimum(self._age[1:], self._ages) - 1
-        age[0] = -1
-        own, q, every = (
-            log_own(self.information[1:], self.pull[1:]),
-            self.own[age],
-            self.together[age],
-        )
+    def _weigh(self) -> None:
+        """Of all starts ln of 1 - q and of q J (K, M), of what no part makes of them (K,), and the
+        shares (K, M + 1) that a change of the signal's own and a turn have of it."""
+        self._of = np.minimum(self._age[1:], self._ages) - 1
+        self._of[0] = -1
+        own, q = log_own(*self._sums[:2, 1:]), self._q[self._of]
         with np.errstate(divide="ignore"):
-            moved = np.log(q) + own
-        turn = np.logaddexp(0.0, own) - np.log(2.0) if self._alone else own
-        return np.log1p(-q), moved, np.log1p(-every), np.log(every) + np.sum(turn, axis=1)
+            moved = np.log(q)
+        still = np.log1p(-q)
+        moved[:, :-1] += own
+        moved[:, -1] += np.add.reduce(np.logaddexp(0.0, own) - LN_2 if self._alone else own, axis=1)
+        either = np.logaddexp(still[:, :-1], moved[:, :-1])
+        still[:, -1] += np.add.reduce(either, axis=1)
+        none = np.logaddexp(still[:, -1:], moved[:, -1:])
+        self._shares = np.exp(moved - np.concatenate([either, none], axis=1))
+        self._still, self._moved, self._none = still[:, :-1], moved[:, :-1], none[:, 0]
 
     def _count(self, sound: float) -> None:
         """q and q_all of each age by one more block."""
         if self._held >= 0:
             return
-        still, moved, apart, every = (a[1:] for a in self._logs)
-        either = np.logaddexp(still, moved)
-        turn = np.exp(every - np.logaddexp(apart + np.sum(either, axis=1), every))
-        age = np.minimum(self._age[2:], self._ages) - 1
-        rate = sound / np.minimum(self._seen[age], 1.0 / (1.0 - self._keep) / SETTLE)
+        age, shares = self._of[1:], self._shares[1:]
+        rate = sound / np.minimum(self._seen[age], 1.0 / (1.0 - self._keep) / SETTLE)[:, None]
         self._seen[age] += sound
-        self.together[age] += rate * (turn - self.together[age])
-        alone = np.exp(moved - either) - self.own[age]
-        self.own[age] += (rate * (1.0 - turn))[:, None] * alone
+        weight = np.repeat(rate * (1.0 - shares[:, -1:]), shares.shape[1], axis=1)
+        weight[:, -1:] = rate
+        self._q[age] += weight * (shares - self._q[age])
 
     def change(self, steps: Floats, widths: Floats, least: float) -> Change | None:
         """The likeliest start of a change by `steps` (H, M) +- `widths`, one of H hypotheses.
@@ -193,11 +229,9 @@ class SuddenChange:
         None where no hypothesis whatever can have a ratio of `least`; what is held always has one.
         """
         a, b = self.information[1:], self.pull[1:]
-        still, moved, apart, every = self._logs
-        none = np.logaddexp(apart + np.sum(np.logaddexp(still, moved), axis=1), every)
-        most = (
-            np.sum(np.logaddexp(still + 0.5 * b**2 / np.maximum(a, 1e-300), moved), axis=1) - none
-        )
+        still, moved, none = self._still, self._moved, self._none
+        best = still + 0.5 * b**2 / np.maximum(a, 1e-300)
+        most = np.add.reduce(np.logaddexp(best, moved), axis=1) - none
         if self._held < 0 and most.max() < least:
             return None
         each = still[:, None] + log_likelihood(a[:, None], b[:, None], steps, widths)
@@ -209,11 +243,11 @@ class SuddenChange:
         seen = self._age[1:] - SETTLE
         left = self.square[1:] - 2.0 * b * likely + a * likely**2 - seen[:, None]
         score = total - 0.5 * np.sum(left, axis=1)
-        best = int(np.argmax(np.where((ratio > least) & (seen > 0), score, -np.inf)))
+        start = int(np.argmax(np.where((ratio > least) & (seen > 0), score, -np.inf)))
         return Change(
             log_ratio=float(np.max(ratio, where=seen > SETTLE, initial=-np.inf)),
-            share=np.exp(log[best] - total[best]),
-            filter=best + 1,
+            share=np.exp(log[start] - total[start]),
+            filter=start + 1,
         )
 
     def hold(self) -> None:
@@ -222,7 +256,7 @@ class SuddenChange:
 
     def settle(self, which: int, step: Floats) -> None:
         """There was a change `step` (M,) at a start: what follows is given without it."""
-        self._state[0, which] -= self._state[1, which] * step[:, None]
+        self.means[:, which] -= self._filters[:, -1, which] * step
         self._again(which)
 
     def release(self) -> None:
@@ -233,6 +267,6 @@ class SuddenChange:
         """Go on from one filter, with no start."""
         self._take([which, which])
         self._age[:] = SETTLE, 0
-        self._state[1] = self.information[:] = self.pull[:] = self.square[:] = 0.0
-        self.own[-1], self.together[-1] = self.own[-2], self.together[-2]
+        self._filters[:, -1] = self._sums[:] = 0.0
+        self._q[-1] = self._q[-2]
         self._held = -1

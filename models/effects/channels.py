@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, replace
+from functools import lru_cache
 from typing import Any, Self
 
 import numpy as np
@@ -127,7 +128,8 @@ def derivative_look(span: float) -> float:
 LOAD_LOOK = derivative_look(VELOCITY_SPAN) + SLOW_SPAN / 2 + LAG_STEP
 
 
-def lag_weights(lag: Any, derivative_correction: Any = None) -> Any:
+@lru_cache(maxsize=1024)  # a derivative moves one value, and the weights hang on few
+def lag_weights(lag: float, derivative_correction: float | None = None) -> Floats:
     """(len(LAGS),) weights with which a shift table gives the channel `lag` seconds later.
 
     Cubic convolution (Keys 1981): smooth in the lag, and exact on the grid. A

@@ -93,6 +93,7 @@ class FaultTest:
         #: (R, M) step that each rotor is at, and its standard deviation
         self._now: Floats = np.zeros(steps[:, 0].shape)
         self._error: Floats = np.zeros(steps[:, 0].shape)
+        self._from_now()
         self.restart()
 
     def restart(self) -> None:
@@ -104,14 +105,21 @@ class FaultTest:
         """All parts may be new."""
         self.faults = {}
         self._now[:] = self._error[:] = 0.0
+        self._from_now()
+
+    def _from_now(self) -> None:
+        """(R, 1 + J, M) steps and their widths from where each rotor is."""
+        self._left = self._steps - self._now[:, None]
+        self._left_widths = np.hypot(self._widths, self._error[:, None])
 
     def add(self, time_s: float, values: Floats, inputs: Floats) -> None:
         """A block: its values (M,) and inputs (M, P)."""
         self._test.add(values - self._now.sum(axis=0), inputs, self._sound)
-        steps = self._steps - self._now[:, None]
-        widths = np.hypot(self._widths, self._error[:, None])
+        steps = self._left
         change = self._test.change(
-            steps.reshape(-1, values.size), widths.reshape(-1, values.size), LIKE_A_TURN
+            steps.reshape(-1, values.size),
+            self._left_widths.reshape(-1, values.size),
+            LIKE_A_TURN,
         )
         if change is None:
             self._sound = 1.0
@@ -136,6 +144,7 @@ class FaultTest:
                 spread = posterior @ ((steps[rotor] - step) ** 2 + self._widths[rotor] ** 2)
                 self._now[rotor] += step
                 self._error[rotor] = np.sqrt(spread) if bad else 0.0
+                self._from_now()
                 self._test.settle(change.filter, step)
                 self._held_s = math.nan
 
@@ -201,15 +210,14 @@ class RotorFaults:
         rotors = len(self._modes)
         if len(rows) < 3 or not self._tests:
             return
-        excess, motors, output, (load, *rates) = np.split(
-            rows[:, 1:].mean(axis=0), [rotors, 2 * rotors, 3 * rotors]
-        )
+        mean = np.add.reduce(rows[:, 1:], axis=0) / len(rows)
         slope = (rows[-1] - rows[0])[1:] / (rows[-1, 0] - rows[0, 0])
+        excess, motors = mean[:rotors], mean[rotors : 2 * rotors]
         if np.isfinite(excess).all() and excess.mean() > UNLOADED:
-            turns = np.array([load, *rates, *slope[3 * rotors + 1 :]])
-            self._tests[0].add(self._begun_s, excess @ self._modes, np.tile(turns, (rotors, 1)))
+            turns = np.concatenate([mean[3 * rotors :], slope[3 * rotors + 1 :]])
+            self._tests[0].add(self._begun_s, excess @ self._modes, turns[None])
         if np.isfinite(motors).all():
-            moves = np.column_stack([output, slope[2 * rotors : 3 * rotors]])
+            moves = np.stack([mean, slope], axis=1)[2 * rotors : 3 * rotors]
             self._tests[1].add(self._begun_s, motors - _median(motors), moves - _median(moves))
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from thrustmargin.gcs_plugin.reports.margin.data import JsonObject, end_rows, median
@@ -10,7 +12,7 @@ from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.margin import Ceiling, hover_use
-from thrustmargin.models.physics.matching import match_airframe
+from thrustmargin.models.physics.matching import Matching, match_airframe
 from thrustmargin.models.physics.thrust import load_matching
 
 PAPER_AIRFRAME = "topxgun-f16"  # Han et al., Drones 2024, 8, 246
@@ -21,6 +23,11 @@ COLUMNS = (
     *("flight_start", "flight_end"),
 )
 NAN = float("nan")
+
+
+@lru_cache(maxsize=1)
+def _paper() -> Matching:
+    return match_airframe(load_airframe(PAPER_AIRFRAME))
 
 
 def load_rows(analysis: FlightAnalysis, limits: Ceiling) -> tuple[JsonObject, ...]:
@@ -35,7 +42,7 @@ def load_rows(analysis: FlightAnalysis, limits: Ceiling) -> tuple[JsonObject, ..
     rotors = max(airframe.rotor_count, 1)  # of an aircraft that is not known none may be
     effectiveness = float(airframe.rotor_effectiveness.sum() / rotors)
     first, last = end_rows(track)
-    paper = match_airframe(load_airframe(PAPER_AIRFRAME))
+    paper = _paper()
     own = load_matching(airframe)
     start, end = (median(analysis.weight[rows]) / rotors for rows in (first, last))  # N a rotor
     nameplate = airframe.nameplate_max_thrust * effectiveness

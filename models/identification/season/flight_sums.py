@@ -29,6 +29,7 @@ from thrustmargin.models.identification.rows.candidates import (
     Held,
     derivatives,
     predicted,
+    slopes,
 )
 from thrustmargin.models.identification.rows.output_shares import effects_on_shares
 from thrustmargin.models.identification.rows.reduced import Reduced, reduce_flights
@@ -84,8 +85,8 @@ def flight_sums(model: RotorModel, track: FlightTrack) -> FlightEvidence:
         catalogue = effects_on_shares(catalogue)
     space = search_space(model, [track], catalogue, reduced)
     names, limits, columns, bent, bends = [], [], [], [], []
-    for one in space.candidates:
-        columns.append(_derivatives(reduced, one))
+    for c, one in enumerate(space.candidates):
+        columns.append(_derivatives(reduced, one, space.at_start.get(c)))
         first = len(names)
         suffix = "" if one.term.rotor is None else f"@{one.term.rotor + 1}"
         for (_, flight), p, start in zip(one.free, one.parameters, one.start_values, strict=True):
@@ -120,15 +121,16 @@ def flight_sums(model: RotorModel, track: FlightTrack) -> FlightEvidence:
     )
 
 
-def _derivatives(reduced: Reduced, one: Candidate) -> Floats:
-    """(N, R, P) rpm in modes by the values of a candidate at its start."""
-    at = Held(candidate=one, values=one.start)
-    found = derivatives(reduced, [at], 0)
+def _derivatives(reduced: Reduced, one: Candidate, found: Floats | None) -> Floats:
+    """(N, R, P) rpm in modes by the values of a candidate at its start, perhaps `found` before."""
+    if found is None:
+        found = derivatives(reduced, [Held(candidate=one, values=one.start)], 0)
     shares = [k for k, p in enumerate(one.parameters) if p.name == TORQUE_SHARE.name]
     if one.term.effect.of_one_rotor and shares:
         moved = one.start.copy()
         moved[:, shares[0]] += TORQUE_SHARE.scale
-        other = derivatives(reduced, [Held(candidate=one, values=moved)], 0)
+        other = slopes(reduced, [Held(candidate=one, values=moved)], 0, [0])
+        found = found.copy()
         found[:, :, shares[0]] = (other[:, :, 0] - found[:, :, 0]) / TORQUE_SHARE.scale
     return found
 

@@ -13,7 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.sets.nuisance import LEVELS, Nuisance
+from thrustmargin.models.identification.sets.nuisance import (
+    LEVELS,
+    FlightSums,
+    Nuisance,
+    NuisanceGram,
+)
 
 STEPS = 20
 LEAST = 0.05  # of the size that a component began with, below which it is not let fall: few flights
@@ -42,11 +47,14 @@ def learn(
     """
     names = list(dict.fromkeys(groups))
     of = np.array([names.index(g) for g in groups])
-    modes, _, hats = nuisance.free.shape
+    modes = nuisance.free.shape[0]
     scatter = np.ones(nuisance.scatter.shape[2])
     free = np.ones((modes, len(names)))
     sums, grams = nuisance.sums(residual[:, :, None]), nuisance.grams()
-    known = nuisance.uncertainty.shape[2]
+    if level and len(grams) == 1:
+        nuisance, sums, grams = _of_draws_alone(nuisance, sums[0], grams[0], level)
+    known, hats = nuisance.uncertainty.shape[2], nuisance.free.shape[2]
+    of = of[:hats]
     for _ in range(STEPS):
         size = np.concatenate([np.ones(known), free[:, of].ravel()])
         own_size = scatter[:, None]
@@ -78,3 +86,19 @@ def learn(
             scatter[own == g] *= np.sqrt(drawn[own == g].mean())
         scatter, free = np.maximum(scatter, LEAST), np.maximum(free, LEAST)
     return Learnt(scatter=scatter, free=free)
+
+
+def _of_draws_alone(
+    nuisance: Nuisance, sums: FlightSums, grams: NuisanceGram, level: int
+) -> tuple[Nuisance, list[FlightSums], list[NuisanceGram]]:
+    """A single flight with what flights share taken out once, for it keeps its size: the steps then
+    solve for the draws alone, a fifth of all."""
+    own, crossed, shared = grams
+    held = (own[:0, :0], crossed[:0], shared)
+    spread = nuisance.solved(grams=[held], levels=LEVELS[level : level + 1]).shared[0]
+    moved = crossed @ spread
+    return (
+        replace(nuisance, uncertainty=nuisance.uncertainty[:, :, :0], free=nuisance.free[:, :, :0]),
+        [replace(sums, scatter=sums.scatter - moved @ sums.shared, shared=sums.shared[:0])],
+        [(own - moved @ crossed.T, crossed[:, :0], shared[:0, :0])],
+    )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -64,6 +64,8 @@ class SearchSpace:
     hats: Floats  # (N, H)
     sizes: Floats  # (R, H) rpm of each hat on a sound aircraft
     wander_rpm: Floats  # (R,) size of the flights' slow noise in each mode
+    #: of a single flight: (N, R, P) rpm in modes by the values of each candidate, at its start
+    at_start: Mapping[int, Floats]
 
 
 def search_space(
@@ -76,7 +78,7 @@ def search_space(
     reduced = reduce_flights(model, tracks) if means is None else means
     candidates = tuple(candidates_of(reduced, catalogue))
     residual = np.nan_to_num(reduced.in_modes(reduced.measured_rpm) - predicted(reduced, ()))
-    anything = _moved(reduced, candidates)
+    anything, at_start = _moved(reduced, candidates)
     sizes_of = _scatter_sizes(candidates, model.good_flights)
     standing, shared = _standing(reduced, residual)
     form = (anything * sizes_of)[:, :, sizes_of > 0.0]
@@ -121,6 +123,7 @@ def search_space(
         hats=hats,
         sizes=sizes,
         wander_rpm=usual * np.array([size[own == mode][0] for mode in range(residual.shape[1])]),
+        at_start=at_start if reduced.flights == 1 else {},
     )
 
 
@@ -169,8 +172,9 @@ def main_values(candidates: Sequence[Candidate]) -> list[tuple[int, int, str]]:
     return names
 
 
-def _moved(reduced: Reduced, candidates: Sequence[Candidate]) -> Floats:
-    """(N, R, K) rpm in modes: what `smallest` of every value that makes an effect changes."""
+def _moved(reduced: Reduced, candidates: Sequence[Candidate]) -> tuple[Floats, dict[int, Floats]]:
+    """(N, R, K) rpm in modes: what `smallest` of every value that makes an effect changes, and the
+    derivatives (N, R, P) of each candidate that has such a value."""
     columns = []
     at: dict[int, Floats] = {}
     for c, k, _ in main_values(candidates):
@@ -179,8 +183,8 @@ def _moved(reduced: Reduced, candidates: Sequence[Candidate]) -> Floats:
             at[c] = np.nan_to_num(derivatives(reduced, [Held(candidate=one, values=one.start)], 0))
         columns.append(at[c][:, :, k] * one.parameters[k].smallest)
     if not columns:
-        return np.zeros((*reduced.measured_rpm.shape, 0))
-    return np.stack(columns, axis=2)
+        return np.zeros((*reduced.measured_rpm.shape, 0)), at
+    return np.stack(columns, axis=2), at
 
 
 def _scatter_sizes(candidates: Sequence[Candidate], known: GoodFlights | None) -> Floats:

@@ -128,12 +128,10 @@ def test_what_a_turn_needs_is_learnt_and_forgotten_again():
     rng = np.random.default_rng(4)
     turns = rng.normal(0.0, 1.0, 80)
     run(test, np.outer(0.1 * turns, [1, 1]), [np.full((2, 1), u) for u in turns])
-    learnt = test._state[0, 0, :, 2].copy()
+    learnt = test.means[2, 0].copy()
     assert learnt == pytest.approx([0.1, 0.1], abs=0.01)
     run(test, np.zeros((100, 2)), [np.zeros((2, 1))] * 100)
-    assert test._state[0, 0, :, 2] == pytest.approx(
-        learnt * math.exp(-100 * BLOCK / MEMORY), rel=1e-4
-    )
+    assert test.means[2, 0] == pytest.approx(learnt * math.exp(-100 * BLOCK / MEMORY), rel=1e-4)
 
 
 def test_changes_are_counted_by_the_age_at_which_they_show():
@@ -189,7 +187,7 @@ def test_the_ratio_is_the_formula_by_plain_numbers():
     test.information[:], test.pull[:], test.square[:] = 0.0, 0.0, 0.0
     test.information[2], test.pull[2], test._age[2] = a, b, 9
     test.own[8], test.together[8] = [0.2, 0.1], 0.05
-    test._logs = test._weigh()
+    test._weigh()
     steps = np.array([[0.1, 0.0], [0.1, 0.1]])
     own = np.exp(log_own(a, b))
     q = np.array([0.2, 0.1])
@@ -250,6 +248,6 @@ def test_after_a_change_was_taken_out_the_filter_is_as_if_there_had_been_none():
     run(sound, values)
     run(changed, values + (np.arange(28) >= 20)[:, None] * step)
     (which,) = np.flatnonzero(changed._age == 8)  # that began with the change
-    assert not np.allclose(changed._state[0, which], sound._state[0, which])
+    assert not np.allclose(changed.means[:, which], sound.means[:, which])
     changed.settle(int(which), step)
-    np.testing.assert_allclose(changed._state[0, 0], sound._state[0, which], atol=1e-9)
+    np.testing.assert_allclose(changed.means[:, 0], sound.means[:, which], atol=1e-9)

@@ -10,9 +10,12 @@ import numpy as np
 import pytest
 
 from tests.undeclared.crafts import CRAFTS
+from tests.undeclared.recorded import CAMPAIGN
+from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_faults import (
     FAULT_SIZES,
     LEAST,
@@ -235,3 +238,19 @@ def test_an_episode_begins_when_it_is_found_ends_when_it_is_cleared_and_keeps_it
     found = [(e.begin_s, e.end_s, e.fault) for e in fault_episodes(history)]
     assert found == [(5.0, 20.0, grown), (8.0, None, motor), (30.0, None, again)]
     assert fault_episodes([]) == ()
+
+
+def test_a_chipped_propeller_is_found_when_and_as_large_as_it_was():
+    """Values of the filters one by one, before all of them stood in one array."""
+    model = shipped_model()
+    log = read_log(CAMPAIGN.parent / "onset" / "worn_prop_onset.tlog", airframe=model.airframe)
+    history = fault_history(analyse(log.track, model))
+    assert len(history) == 16
+    for (time_s, (fault,)), expected in (
+        (history[0], (144.802, 0.06845888332626691, 0.06098352112624365, MOST)),
+        (history[4], (147.6, 0.12263437790406302, 0.11483470874174362, 0.1343484649337548)),
+        (history[-1], (155.302, 0.12197323789814565, 0.11480167944189196, 0.1322099243232735)),
+    ):
+        found = (time_s, fault.size, fault.lower, fault.upper)
+        assert (fault.kind, fault.rotor) == ("propeller", 2)
+        assert found == pytest.approx(expected, rel=1e-6)

@@ -211,7 +211,7 @@ def test_a_block_is_the_mean_of_its_rows_and_its_slopes_from_first_to_last():
     slopes = 4.0 / 0.6 * rises
     assert (propeller.time_s, motor.time_s) == (5.0, 5.0)
     np.testing.assert_allclose(propeller.values, means[:4] @ MODES, atol=1e-12)
-    np.testing.assert_allclose(propeller.inputs, [[*means[12:], *slopes[13:]]] * 4)
+    np.testing.assert_allclose(propeller.inputs, [[*means[12:], *slopes[13:]]])
     np.testing.assert_allclose(motor.values, means[4:8] - np.median(means[4:8]))
     moves = np.column_stack([means[8:12], slopes[8:12]])
     np.testing.assert_allclose(motor.inputs, moves - np.median(moves, axis=0))

@@ -17,6 +17,7 @@ from thrustmargin.models.identification.season.flight_sums import (
     from_arrays,
     to_arrays,
 )
+from thrustmargin.models.identification.sets import learning
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.identification.sets.set_search import Search
 from thrustmargin.models.model.model_file import shipped_model
@@ -97,3 +98,20 @@ def test_a_five_minute_flight_takes_less_than_a_second():
     began = time.process_time()
     flight_sums(model, track)
     assert time.process_time() - began < 1.0 * max(1.0, track.time_s[-1] / 300.0)
+
+
+def test_slow_noise_of_a_flight_is_learnt_as_with_all_nuisances_kept(monkeypatch):
+    """What one flight shares with others leaves before the steps; the sums are the same."""
+    model, track = shipped_model(), read_log(CAMPAIGN / "v4_m10_q2.5.tlog").track
+    quick = flight_sums(model, track)
+    kept = []
+
+    def keep(nuisance, sums, grams, level):
+        kept.append(level)
+        return nuisance, [sums], [grams]
+
+    monkeypatch.setattr(learning, "_of_draws_alone", keep)
+    whole = flight_sums(model, track)
+    assert kept
+    size = np.sqrt(np.outer(np.diag(whole.gram), np.diag(whole.gram)))
+    np.testing.assert_allclose(quick.gram / size, whole.gram / size, atol=2e-6)
