@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import contextlib
 import difflib
+import inspect
 import io
 import os
+import re
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -54,8 +56,13 @@ options:
 
 
 def command_function(name: str) -> Callable[..., Any]:
-    """The function behind a subcommand; raises ImportError when the name is none."""
-    return getattr(import_module(f"thrustmargin.gcs_plugin.commands.{name}"), name)
+    """The function behind a subcommand; raises ImportError when the name is none.
+
+    Its options' descriptions are each one line, which the help wraps to the terminal.
+    """
+    function = getattr(import_module(f"thrustmargin.gcs_plugin.commands.{name}"), name)
+    function.__doc__ = re.sub(r"\n {8,}(?=\S)", " ", inspect.getdoc(function) or "")
+    return function
 
 
 def main(argv: Sequence[str] | None = None) -> None:

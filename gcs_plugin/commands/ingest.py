@@ -42,7 +42,9 @@ LIVE_LOG = "telemetry.tlog"
 
 
 def ingest(
-    logs: Positional[Annotated[tuple[str, ...], tyro.conf.arg(metavar="LOGS...")]],
+    logs: Positional[
+        Annotated[tuple[str, ...], tyro.conf.arg(metavar="LOGS...", help_behavior_hint="")]
+    ],
     *,
     store: str,
     aircraft: str | None = None,

@@ -40,7 +40,9 @@ _WIDE = 110  # columns of the terminal from which the whole table fits
 
 
 def inspect(
-    logs: Positional[Annotated[tuple[Path, ...], tyro.conf.arg(metavar="LOG...")]],
+    logs: Positional[
+        Annotated[tuple[Path, ...], tyro.conf.arg(metavar="LOG...", help_behavior_hint="")]
+    ],
     *,
     airframe: str | None = None,
     reading: Reading = AS_HEARD,

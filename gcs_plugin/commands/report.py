@@ -25,7 +25,9 @@ if TYPE_CHECKING:
 
 
 def report(
-    logs: Positional[Annotated[tuple[Path, ...], tyro.conf.arg(metavar="LOG...")]],
+    logs: Positional[
+        Annotated[tuple[Path, ...], tyro.conf.arg(metavar="LOG...", help_behavior_hint="")]
+    ],
     *,
     model: Path | None = None,
     airframe: str | None = None,

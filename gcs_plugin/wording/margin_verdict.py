@@ -135,6 +135,8 @@ def facts(verdict: MarginVerdict, claim: AirframeClaim) -> tuple[Fact, ...]:
         return (*why, Fact("what helps", claim.remedy), airframe)
     if verdict.worst is None:
         why = "neither rotor speeds nor what a prediction needs is in this log"
+        if not math.isfinite(verdict.measured_share):
+            why = "by this log it never left the ground"
         return (Fact("why", why), airframe)
     above = "never"
     if verdict.over_limit_s > 0.0:

@@ -153,3 +153,8 @@ def test_an_error_names_its_file_once(words, kind, tmp_path, monkeypatch, capsys
     told = capsys.readouterr().err
     assert told.count("oddfile") == 1, told
     assert "Traceback" not in told
+
+
+def test_descriptions_of_options_are_wrapped_by_the_terminal_alone():
+    described = command_function("report").__doc__ or ""
+    assert "without an airframe, the one that ships is used for a flight" in described

@@ -39,7 +39,9 @@ class AirframeCheck:
 
     file: Annotated[Positional[str], tyro.conf.arg(metavar="FILE|NAME")]
     """Airframe file (.toml), or the name of a shipped airframe."""
-    logs: Annotated[Positional[tuple[Path, ...]], tyro.conf.arg(metavar="LOG...")]
+    logs: Annotated[
+        Positional[tuple[Path, ...]], tyro.conf.arg(metavar="LOG...", help_behavior_hint="")
+    ]
     """Flights of the aircraft, best with ten seconds or more of steady hover."""
     reading: Reading = AS_HEARD
 
