@@ -114,8 +114,16 @@ class SeasonStore:
     def table(
         self, name: str, aircraft: str | None = None, *, columns: list[str] | None = None
     ) -> pa.Table:
-        """`flights`, `rows`, `sums` or `rejected`, with the aircraft and month of each row."""
-        return self.dataset(name, aircraft).to_table(columns=columns)
+        """`flights`, `rows`, `sums` or `rejected`, with the aircraft and month of each row.
+
+        Raises DataError for a store of another version whose columns cannot be read as these.
+        """
+        import pyarrow as pa
+
+        try:
+            return self.dataset(name, aircraft).to_table(columns=columns)
+        except (pa.ArrowException, TypeError) as error:
+            raise DataError(other_layout(f"{self.url}/{name}", error)) from error
 
     def dataset(self, name: str, aircraft: str | None = None) -> pa_dataset.Dataset:
         """The same, not read yet."""
@@ -137,6 +145,14 @@ class SeasonStore:
             format="parquet",
             partitioning=ds.HivePartitioning(folders),
         )
+
+
+def other_layout(where: str, error: Exception) -> str:
+    """What to do about a table that another version wrote."""
+    return (
+        f"{where} is not in the layout of this version ({str(error).splitlines()[0]}); take its "
+        "logs in with thrustmargin ingest --again, into it or another --store"
+    )
 
 
 def read_flights(store: SeasonStore, aircraft: str | None = None) -> pa.Table:

@@ -21,7 +21,13 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.store.row_table import Columns
 from thrustmargin.gcs_plugin.store.schema import table_schema
-from thrustmargin.gcs_plugin.store.season_store import NO_MONTH, STAGED, SeasonStore
+from thrustmargin.gcs_plugin.store.season_store import (
+    NO_MONTH,
+    STAGED,
+    SeasonStore,
+    other_layout,
+)
+from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -212,11 +218,23 @@ def _table_merged(
     kept = old.filter(
         pa.array([name not in newer for name in old["flight"].to_pylist()], pa.bool_())
     )
-    # A column that an older version did not write is null.
-    whole = pa.concat_tables([kept, new], promote_options="default").select(new.column_names)
+    whole = pa.concat_tables([_as_now(kept, new, store.path(target)), new])
     whole = whole.sort_by([("started_unix_s", "ascending"), ("flight", "ascending")])
     with draft.open("wb") as out, _writer(out, whole) as writer:
         writer.write_table(whole.combine_chunks(), row_group_size=max(whole.num_rows, 1))
+
+
+def _as_now(old: pa.Table, new: pa.Table, where: str) -> pa.Table:
+    """In the columns of `new`: one that an older version did not write is null."""
+    import pyarrow as pa
+
+    if not old.num_rows or old.schema.equals(new.schema):
+        return old if old.num_rows else new.slice(0, 0)
+    try:
+        both = pa.concat_tables([old, new.slice(0, 0)], promote_options="default")
+        return both.select(new.column_names).cast(new.schema)
+    except pa.ArrowException as error:
+        raise DataError(other_layout(where, error)) from error
 
 
 def _rows_merged(
@@ -238,7 +256,7 @@ def _rows_merged(
                         rows = _staged_table(store, new[name], member)
                     else:
                         assert file is not None
-                        rows = file.read_row_group(old[name]).cast(first.schema)
+                        rows = _as_now(file.read_row_group(old[name]), first, store.path(target))
                     writer.write_table(rows, row_group_size=max(rows.num_rows, 1))
 
 

@@ -166,9 +166,10 @@ def several_boards(boards: int) -> str:
 
 
 def older_model(flights: int) -> str:
-    """Sums that cannot be compared with the newest."""
+    """Sums that cannot be read or compared with the newest."""
     return (
-        f"{flights} flights are about an older model and are left out; ingest --again takes them in"
+        f"{flights} flights are about an older model, or of an older version, and are left out; "
+        "ingest --again takes them in"
     )
 
 

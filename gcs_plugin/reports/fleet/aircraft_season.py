@@ -13,7 +13,7 @@ from thrustmargin.gcs_plugin.wording import fleet_words as words
 from thrustmargin.gcs_plugin.wording.numbers import known as finite
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.identification.season.change_points import SeasonEntry
-from thrustmargin.models.identification.season.flight_sums import from_arrays
+from thrustmargin.models.identification.season.flight_sums import FlightEvidence, from_arrays
 from thrustmargin.models.identification.season.season_changes import (
     SeasonChanges,
     Trend,
@@ -114,13 +114,13 @@ def aircraft_season(
     flights, given = each_once(flights), len(flights)
     order = {f["flight"]: k for k, f in enumerate(flights)}
     sums = [s for s in sums if s["flight"] in order]
-    digest = sums[-1]["model_digest"] if sums else None
-    kept = [s for s in sums if s["model_digest"] == digest]
+    readable = [(s, evidence) for s in sums if (evidence := _evidence(s)) is not None]
+    digest = readable[-1][0]["model_digest"] if readable else None
+    kept = [one for one in readable if one[0]["model_digest"] == digest]
     found, missing = None, words.NO_SUMS
     if kept:
         try:
-            evidence = [from_arrays(s["arrays"]) for s in kept]
-            found, missing = season_changes(season_sums(evidence)), ""
+            found, missing = season_changes(season_sums([evidence for _, evidence in kept])), ""
         except DataError as error:
             missing = str(error)
     if len(kept) < len(sums):
@@ -137,7 +137,7 @@ def aircraft_season(
         else words.several_aircraft(together, len(flights))
         if together
         else "",
-        counted=tuple(order[s["flight"]] for s in kept),
+        counted=tuple(order[s["flight"]] for s, _ in kept),
         changes=found,
         no_changes=missing,
         findings=(),
@@ -145,6 +145,14 @@ def aircraft_season(
     mine = [p for p in parts if p.aircraft == name]
     findings = [*_several(season), *_changed(season, mine), *_shared(season), *_margins(season)]
     return replace(season, findings=in_order(findings))
+
+
+def _evidence(sums: Mapping[str, Any]) -> FlightEvidence | None:
+    """None of sums that another version laid out."""
+    try:
+        return from_arrays(sums["arrays"])
+    except DataError:
+        return None
 
 
 def in_order(findings: Iterable[SeasonFinding]) -> tuple[SeasonFinding, ...]:

@@ -1,16 +1,20 @@
 """Flights come into the tables whole and once, in whatever order and however often it is tried."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import duckdb
 import numpy as np
 import pandas as pd
 import polars as pl
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from tests.gcs_plugin.store.season import content, files, small_flight
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore, read_flights, read_sums
 from thrustmargin.gcs_plugin.store.staging import merge, stage, staged_partitions
+from thrustmargin.models.errors import DataError
 
 #: Changes of the store while three flights come into it: each staged, merged and unstaged.
 CHANGES = 3 + 3 * 3 + 3
@@ -136,3 +140,42 @@ def test_flights_and_sums_come_back(tmp_path: Path):
     (sums,) = read_sums(store, "A")
     assert (sums["flight"], sums["aircraft"]) == (f"{2:016x}", "A")
     np.testing.assert_array_equal(sums["arrays"]["gram"], 2.0 * np.eye(2))
+
+
+def rewritten(path: Path, change: Callable[[pa.Table], pa.Table]) -> None:
+    """A file as another version would have written it, a row group a flight."""
+    table = change(pq.ParquetFile(path).read())
+    pq.write_table(table, path, row_group_size=3 if path.name.startswith("rows") else 100)
+
+
+@pytest.mark.parametrize(("table", "column"), [("flights", "verdict"), ("rows", "voltage")])
+def test_a_column_that_an_older_version_did_not_write_is_null(tmp_path: Path, table, column):
+    store = SeasonStore.open(str(tmp_path))
+    fill(store, [2])
+    merge_all(store)
+    (path,) = (tmp_path / table).rglob("*.parquet")
+    rewritten(path, lambda old: old.drop_columns([column]))
+    fill(store, [8])
+    merge_all(store)
+    rows = content(store)[table]
+    assert {row[column] for row in rows if row["flight"] == f"{2:016x}"} == {None}
+    assert {row["flight"] for row in rows} == {f"{2:016x}", f"{8:016x}"}
+
+
+@pytest.mark.parametrize(("table", "column"), [("flights", "verdict"), ("rows", "voltage")])
+def test_a_store_in_another_layout_names_what_takes_it_in_again(tmp_path: Path, table, column):
+    store = SeasonStore.open(str(tmp_path))
+    fill(store, [2])
+    merge_all(store)
+    (path,) = (tmp_path / table).rglob("*.parquet")
+    words = pa.array([["in", "words"]] * pq.ParquetFile(path).metadata.num_rows)
+    place = pq.ParquetFile(path).read().column_names.index(column)
+    rewritten(path, lambda old: old.set_column(place, column, words))
+    with pytest.raises(DataError, match="thrustmargin ingest --again"):
+        store.table(table)
+    fill(store, [8])
+    with pytest.raises(DataError, match="thrustmargin ingest --again"):
+        merge_all(store)
+    fill(store, [2])
+    merge_all(store)
+    assert len(content(store)["rows"]) == 6

@@ -213,7 +213,18 @@ def test_sums_about_an_older_model_are_left_out_and_said():
     sums = [*sums_of(flights)[:10], *sums_of(flights, "new")[10:]]
     found = aircraft_season("a", rows_of(30), sums)
     assert found.counted == tuple(range(10, 30))
-    assert found.no_changes.startswith("10 flights are about an older model and are left out")
+    assert found.no_changes.startswith("10 flights are about an older model, or of an older")
+
+
+def test_sums_of_another_version_are_left_out_and_said():
+    flights = season(RNG(6), 30)
+    sums = sums_of(flights)
+    for one in sums[20:]:
+        del one["arrays"]["bent"]
+    found = aircraft_season("a", rows_of(30), sums)
+    assert found.counted == tuple(range(20))
+    assert found.no_changes.startswith("10 flights are about an older model, or of an older")
+    assert "ingest --again" in found.no_changes
 
 
 def test_a_drifting_gauge_asks_for_scales():
