@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, Self
 
 import numpy as np
@@ -36,9 +36,12 @@ RATE_SPAN = 0.3  # s over which angular rate is differentiated
 FULL_SPAN_ARM = 0.9  # m; the spans hold from here up, and shrink with the root of a shorter arm
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Channels:
-    """Arrays of T rows, NaN where unreported; `_shifts` have (T, len(LAGS)). SI units."""
+    """Arrays of T rows, NaN where unreported; `_shifts` have (T, len(LAGS)). SI units.
+
+    One that a track makes is worked out when it is first read: a model reads few of them.
+    """
 
     time_s: Any  # since the start of the flight
     clock_s: Any  # Unix time, NaN where the log does not have it
@@ -75,6 +78,15 @@ class Channels:
     empty_weight: float  # N
     propeller_diameter: float
     arm: float  # m, longest of the aircraft
+
+    def __getattr__(self, name: str) -> Any:  # of what was not given
+        return getattr(self.__dict__.get("_of_track"), name)
+
+    def with_changed(self, **changed: Any) -> Self:
+        """As `dataclasses.replace`, which would work out every channel."""
+        made = object.__new__(type(self))
+        made.__dict__.update(self.__dict__, **changed)
+        return made
 
     def read(self, name: str) -> Any:
         """A channel by its name, or what the effect of that name made for itself; None if not."""
@@ -168,55 +180,21 @@ def channels_of(
     included; without it that of the motion alone. Channels of their own are made for `effects`,
     from the state `start` of the first row.
     """
-    time_s, velocity = track.time_s, track.velocity_ned
     air = track_air(track)
-    density = air.density
-    known = track.reports("pressure") or track.reports("altitude")
-    mass = airframe.empty_mass + track.tank_kg
-    quick = froude_time_scale(airframe)
-    span = VELOCITY_SPAN * quick
-    if forward_flight is None:
-        kinematic = _load_factor(time_s, velocity, span)
-    else:
-        kinematic = manoeuvre_load(forward_flight, track, airframe, span)
-    felt = np.linalg.norm(track.specific_force_frd, axis=1) / G0
-    kinematic = kinematic if np.isfinite(kinematic).any() else felt
-    felt = felt if np.isfinite(felt).any() else kinematic
-    manoeuvre = felt + moving_mean(time_s, kinematic - felt, SLOW_SPAN * quick)
-    turn = derivative(time_s, track.angular_rate_frd, RATE_SPAN * quick)
-    hover_rpm = np.sqrt(mass * G0 / airframe.rotor_count / airframe.thrust_coefficient)
-    height = np.maximum(track.height_agl, 0.1)
-    axial = _along_axis(track)
-
-    table = _shift_tables(time_s)
-
-    return Channels(
-        time_s=time_s,
-        clock_s=time_s + (np.nan if track.start_unix_s is None else track.start_unix_s),
+    made = object.__new__(Channels)
+    made.__dict__.update(
+        _of_track=_OfTrack(track, airframe, forward_flight),
+        time_s=track.time_s,
+        clock_s=track.time_s + (np.nan if track.start_unix_s is None else track.start_unix_s),
         airspeed=track.airspeed,
-        airspeed_shifts=table(track.airspeed),
         tank_kg=track.tank_kg,
-        total_mass=mass,
-        along_acceleration=_along(time_s, velocity, ALONG_SPAN * quick),
-        velocity_north=velocity[:, 0],
-        velocity_east=velocity[:, 1],
-        density=density,
-        reported_density=density if known else np.full_like(density, np.nan),
+        total_mass=airframe.empty_mass + track.tank_kg,
+        velocity_north=track.velocity_ned[:, 0],
+        velocity_east=track.velocity_ned[:, 1],
+        density=air.density,
         air_temperature=air.temperature,
-        hover_induced_velocity=hover_induced_velocity(mass, density, airframe),
-        advance_ratio=axial.sum(axis=1) * 60 / (hover_rpm * airframe.propeller_diameter),
-        climb_ratio=axial[:, 2] * 60 / (hover_rpm * airframe.propeller_diameter),
-        radius_over_height=airframe.propeller_diameter / 2 / height,
         voltage=track.voltage,
-        moving_voltage=_moving(time_s, track.voltage),
-        load_factor=kinematic,
-        load_factor_shifts=table(kinematic),
-        manoeuvre_load_shifts=table(manoeuvre),
-        rate_shifts=_three(table, track.angular_rate_frd),
-        acceleration_shifts=_three(table, turn),
-        heading=np.mod(track.attitude[:, 2], 2 * np.pi),
         yaw_rate=track.angular_rate_frd[:, 2],
-        yaw_acceleration=turn[:, 2],
         own=own_channels(track, airframe, effects, start)[0],
         delay=0.0,
         density_effects=1.0,
@@ -227,6 +205,113 @@ def channels_of(
         propeller_diameter=float(airframe.propeller_diameter),
         arm=airframe.arm,
     )
+    return made
+
+
+class _OfTrack:
+    """The channels that take work, by their names in `Channels`: each is made once, when read."""
+
+    def __init__(
+        self, track: FlightTrack, airframe: Airframe, forward_flight: ForwardFlight | None
+    ) -> None:
+        self._track, self._airframe, self._forward_flight = track, airframe, forward_flight
+        self._quick = froude_time_scale(airframe)
+        self._density = track_air(track).density
+        self._mass = airframe.empty_mass + track.tank_kg
+
+    @cached_property
+    def _table(self) -> Callable[[Floats], Floats]:
+        return _shift_tables(self._track.time_s)
+
+    @cached_property
+    def airspeed_shifts(self) -> Floats:
+        return self._table(self._track.airspeed)
+
+    @cached_property
+    def along_acceleration(self) -> Floats:
+        return _along(self._track.time_s, self._track.velocity_ned, ALONG_SPAN * self._quick)
+
+    @cached_property
+    def reported_density(self) -> Floats:
+        known = self._track.reports("pressure") or self._track.reports("altitude")
+        return self._density if known else np.full_like(self._density, np.nan)
+
+    @cached_property
+    def hover_induced_velocity(self) -> Floats:
+        return hover_induced_velocity(self._mass, self._density, self._airframe)
+
+    @cached_property
+    def _axial(self) -> Floats:
+        return _along_axis(self._track)
+
+    @cached_property
+    def advance_ratio(self) -> Floats:
+        return self._axial.sum(axis=1) * 60 / self._hover_advance
+
+    @cached_property
+    def climb_ratio(self) -> Floats:
+        return self._axial[:, 2] * 60 / self._hover_advance
+
+    @property
+    def _hover_advance(self) -> Floats:
+        """(T,) m that the propellers' tips would screw forward in a minute of hover."""
+        craft = self._airframe
+        hover_rpm = np.sqrt(self._mass * G0 / craft.rotor_count / craft.thrust_coefficient)
+        return hover_rpm * craft.propeller_diameter
+
+    @cached_property
+    def radius_over_height(self) -> Floats:
+        return self._airframe.propeller_diameter / 2 / np.maximum(self._track.height_agl, 0.1)
+
+    @cached_property
+    def moving_voltage(self) -> Floats:
+        return _moving(self._track.time_s, self._track.voltage)
+
+    @cached_property
+    def _felt(self) -> Floats:
+        """(T,) load factor by the IMU."""
+        return np.linalg.norm(self._track.specific_force_frd, axis=1) / G0
+
+    @cached_property
+    def load_factor(self) -> Floats:
+        track, span = self._track, VELOCITY_SPAN * self._quick
+        if self._forward_flight is None:
+            load = _load_factor(track.time_s, track.velocity_ned, span)
+        else:
+            load = manoeuvre_load(self._forward_flight, track, self._airframe, span)
+        return load if np.isfinite(load).any() else self._felt
+
+    @cached_property
+    def load_factor_shifts(self) -> Floats:
+        return self._table(self.load_factor)
+
+    @cached_property
+    def manoeuvre_load_shifts(self) -> Floats:
+        felt = self._felt if np.isfinite(self._felt).any() else self.load_factor
+        slow = moving_mean(self._track.time_s, self.load_factor - felt, SLOW_SPAN * self._quick)
+        return self._table(felt + slow)
+
+    @cached_property
+    def rate_shifts(self) -> tuple[Floats, Floats, Floats]:
+        return _three(self._table, self._track.angular_rate_frd)
+
+    @cached_property
+    def _turn(self) -> Floats:
+        return derivative(
+            self._track.time_s, self._track.angular_rate_frd, RATE_SPAN * self._quick
+        )
+
+    @cached_property
+    def acceleration_shifts(self) -> tuple[Floats, Floats, Floats]:
+        return _three(self._table, self._turn)
+
+    @cached_property
+    def heading(self) -> Floats:
+        return np.mod(self._track.attitude[:, 2], 2 * np.pi)
+
+    @cached_property
+    def yaw_acceleration(self) -> Floats:
+        return self._turn[:, 2]
 
 
 def own_channels(

@@ -142,14 +142,14 @@ def corrected(placed: Sequence[Placed], x: Channels) -> Channels:
     airspeed, tank_kg = x.airspeed, x.tank_kg
     follow = sum(item.effect.temperature_offset is not None for item in placed)
     late = sum(item.values["lag"] for item in placed if item.effect.delays)
-    x = replace(x, delay=late, density_effects=float(max(follow, 1)))
+    x = x.with_changed(delay=late, density_effects=float(max(follow, 1)))
     for item in placed:
         if item.effect.kind is Kind.INPUT:
             airspeed, tank_kg = item.effect.apply(item.values, x, airspeed, tank_kg)
     if airspeed is x.airspeed and tank_kg is x.tank_kg:
         return x
     mass = x.total_mass + (tank_kg - x.tank_kg)
-    return replace(x, airspeed=airspeed, tank_kg=tank_kg, total_mass=mass)
+    return x.with_changed(airspeed=airspeed, tank_kg=tank_kg, total_mass=mass)
 
 
 def _rebalanced(base: BaseTable, apart: Sequence[Placed], x: Channels, thrust: Array) -> Array:
@@ -227,7 +227,7 @@ def filled(effect: Effect, p: Values, x: Channels) -> Channels:
             bad = gap if value.ndim == 1 else ~np.isfinite(value)
             changed[name] = np.where(bad, nothing, value)
     own = {name: changed.pop(name, value) for name, value in x.own.items()}
-    return replace(x, own=own, **changed)
+    return x.with_changed(own=own, **changed)
 
 
 def lacking(placed: Sequence[Placed], x: Channels) -> Bools:

@@ -6,7 +6,7 @@ effects that were identified on top. `model_file` keeps it in one file.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -38,6 +38,7 @@ class RotorModel:
     forward_flight: ForwardFlight | None = None  # carries the network on beyond known airspeeds
     background_rpm: tuple[float, ...] = ()  # spread of good flights' mean residual, by mode
     good_flights: GoodFlights | None = None
+    placed: tuple[Placed, ...] = field(init=False, repr=False)  # the effects, ready to compose
 
     def __post_init__(self) -> None:
         if self.network is not None and self.training_domain is None:
@@ -52,7 +53,7 @@ class RotorModel:
             len(row) for row in self.interval.scatter_rpm
         } != {rotors}:
             raise ModelError(f"the interval is not of {rotors} rotors")
-        placed_from(self.effects, rotors)
+        object.__setattr__(self, "placed", placed_from(self.effects, rotors))
         shown = self.good_flights.mode_scatter_rpm if self.good_flights else ()
         if shown and len(shown) != rotors:
             raise ModelError(f"its good flights show {len(shown)} modes of {rotors} rotors")
@@ -62,11 +63,6 @@ class RotorModel:
     def __repr__(self) -> str:
         effects = ", ".join(item.effect.key for item in self.placed) or "none"
         return f"RotorModel: {self.description}\n  effects: {effects}"
-
-    @property
-    def placed(self) -> tuple[Placed, ...]:
-        """The identified effects, ready to compose."""
-        return placed_from(self.effects, self.airframe.rotor_count)
 
     @property
     def inputs(self) -> tuple[str, ...]:
