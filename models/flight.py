@@ -11,7 +11,8 @@ in the channel's own shape and unit.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from types import MappingProxyType
 from typing import Literal, Self
 
@@ -87,6 +88,15 @@ TRACK_CHANNELS: Mapping[str, TrackChannel] = MappingProxyType(
 )
 
 
+_ROWS = ("time_s", *TRACK_CHANNELS, "flying")  # fields of a FlightTrack with one row a time
+
+
+@lru_cache(maxsize=64)
+def _shapes(rows: int, rotor_count: int) -> Mapping[str, tuple[int, ...]]:
+    """Shape of every channel."""
+    return {name: column.shape(rows, rotor_count) for name, column in TRACK_CHANNELS.items()}
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Origin:
     """Where NED zero is: geodetic WGS84 latitude and longitude in degrees, altitude in m AMSL."""
@@ -138,8 +148,7 @@ class FlightTrack:
         speeds = self.rotor_speed_rpm.shape
         if len(speeds) != 2:
             raise TrackError(f"{self.name}: rotor_speed_rpm has shape {speeds}; it must be (T, R)")
-        for channel, column in TRACK_CHANNELS.items():
-            want = column.shape(time_s.size, speeds[1])
+        for channel, want in _shapes(time_s.size, speeds[1]).items():
             got = getattr(self, channel).shape
             if got != want:
                 raise TrackError(f"{self.name}: {channel} has shape {got}; it must be {want}")
@@ -161,9 +170,9 @@ class FlightTrack:
         `rotor_count` 0 is for a flight that reports nothing of its rotors. Raises as FlightTrack.
         """
         rows = np.asarray(time_s).size
-        for channel, column in TRACK_CHANNELS.items():
-            shape = column.shape(rows, rotor_count)
-            given.setdefault(channel, np.full(shape, np.nan, dtype=np.float64))
+        for channel, shape in _shapes(rows, rotor_count).items():
+            if channel not in given:
+                given[channel] = np.full(shape, np.nan, dtype=np.float64)
         given.setdefault("flying", np.ones(rows, dtype=np.bool_))
         return cls(name=name, time_s=np.asarray(time_s, dtype=np.float64), **given)  # type: ignore[arg-type]
 
@@ -199,15 +208,12 @@ class FlightTrack:
 
     def measured(self, channel: str) -> Floats:
         """The channel in its shape; NaN where it was inferred, which confirms nothing."""
-        return np.where(self._error_of(channel) > 0.0, np.nan, getattr(self, channel))
+        values, error = getattr(self, channel), self.standard_errors.get(channel)
+        return values if error is None else np.where(error > 0.0, np.nan, values)
 
     def followed_by(self, later: Self) -> Self:
         """Both tracks as one, described as the later; Raises TrackError unless time goes on."""
-        arrays = {
-            f.name: np.concatenate([getattr(self, f.name), getattr(later, f.name)])
-            for f in fields(self)
-            if f.name in TRACK_CHANNELS or f.name in ("time_s", "flying")
-        }
+        arrays = {name: np.concatenate([getattr(t, name) for t in (self, later)]) for name in _ROWS}
         errors = {
             channel: np.concatenate([track._error_of(channel) for track in (self, later)])
             for channel in {**self.standard_errors, **later.standard_errors}
@@ -220,11 +226,7 @@ class FlightTrack:
 
     def rows(self, which: slice | Bools | NDArray[np.intp]) -> Self:
         """The same track with only the rows chosen by a slice, mask or index array."""
-        arrays = {
-            f.name: getattr(self, f.name)[which]
-            for f in fields(self)
-            if f.name in TRACK_CHANNELS or f.name in ("time_s", "flying")
-        }
+        arrays = {name: getattr(self, name)[which] for name in _ROWS}
         errors = {channel: error[which] for channel, error in self.standard_errors.items()}
         return replace(self, standard_errors=errors, **arrays)
 

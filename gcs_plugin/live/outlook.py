@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -30,13 +31,18 @@ from thrustmargin.models.model.rotor_model import RotorModel
 FORECAST_EVERY, FLOW_WINDOW = 2.0, 20.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Outlook:
     """What the rest of the flight will be like, as far as it is known now."""
 
     seconds_to_empty: float = math.nan  # at the present flow, spraying on; inf without flow
-    margin_full: float = math.nan  # predicted worst-rotor margin with a full tank
+    full: Callable[[], float] = lambda: math.nan  # makes `margin_full`
     route: Forecast | None = None  # the rest of the mission, where one is known
+
+    @cached_property
+    def margin_full(self) -> float:
+        """Predicted worst-rotor margin with a full tank, worked out when a screen asks for it."""
+        return self.full()
 
     @property
     def margin_ahead(self) -> float:
@@ -115,10 +121,9 @@ class LookAhead:
             wind_ned=tuple(float(w) for w in np.nan_to_num(track.wind_ned[row])),  # type: ignore[arg-type]
         )
         airspeed, fill = float(track.airspeed[row]), airframe.tank_capacity_kg
-        full = margin_at_fill(self._model, conditions, fill, airspeed)
         self.now = Outlook(
             seconds_to_empty=tank / flow if flow > 0.0 else (math.inf if flow == 0.0 else math.nan),
-            margin_full=full,
+            full=lambda: margin_at_fill(self._model, conditions, fill, airspeed),
             route=self._route(track, row, conditions, state, mission_item),
         )
 

@@ -38,15 +38,15 @@ def sample_batch(update: Update, new: slice) -> pa.RecordBatch:
         "margin_ahead": np.full(rows, update.outlook.margin_ahead),
         "seconds_to_empty": np.full(rows, update.outlook.seconds_to_empty),
     }
-    return pa.RecordBatch.from_arrays([_column(v) for v in table.values()], names=list(table))
-
-
-def _column(values: np.ndarray) -> pa.Array:
-    """Numbers as an Arrow column; pyarrow's own way of an array first imports pandas, if it can."""
-    import pyarrow as pa
-
     kinds = {"f8": pa.float64(), "i2": pa.int16(), "i1": pa.int8(), "b1": pa.bool_()}
-    kind = kinds[values.dtype.str[1:]]
-    packed = np.packbits(values, bitorder="little") if kind == pa.bool_() else values
-    data = pa.py_buffer(np.ascontiguousarray(packed))
-    return pa.Array.from_buffers(kind, values.size, [None, data])
+    # pyarrow's own way of an array first imports pandas, if it can.
+    columns = [
+        pa.Array.from_buffers(kinds[values.dtype.str[1:]], rows, [None, pa.py_buffer(_packed(values))])
+        for values in table.values()
+    ]
+    return pa.RecordBatch.from_arrays(columns, names=list(table))
+
+
+def _packed(values: np.ndarray) -> bytes:
+    """A column's bytes as Arrow has them."""
+    return (np.packbits(values, bitorder="little") if values.dtype == bool else values).tobytes()

@@ -245,6 +245,8 @@ def row_times(signals: Signals, motors: MotorMap, carried: Carried, sampling: Sa
     speeds = [_known_times([s]) for s in motors.rotor_speed(signals) if s is not None]
     if sampling == "linear":
         speeds.sort(key=lambda times: -times.size)
+    elif speeds and _covers(speeds[0], carried.heard_s, signals):
+        return thinned(speeds[0][speeds[0] > carried.heard_s], carried.row_s)
     direct = [name for name, column in TRACK_CHANNELS.items() if column.direct]
     others = (*direct, "geodetic", "named_value", "battery_percent", "fuel_remaining")
     triggers = [
@@ -264,6 +266,13 @@ def _known_times(signals: Iterable[Signal]) -> Floats:
     """Times of all known reports of the signals, sorted."""
     times = [s.time_s[known_rows(s.values) & np.isfinite(s.time_s)] for s in signals]
     return np.unique(np.concatenate(times)) if times else np.empty(0)
+
+
+def _covers(triggers: Floats, since_s: float, signals: Signals) -> bool:
+    """Whether at no report after `since_s` a trigger has been silent."""
+    first = int(np.searchsorted(triggers, since_s, side="right")) - 1
+    newest = max(float(s.time_s[-1]) for found in signals.values() for s in found if s.time_s.size)
+    return first >= 0 and bool(np.all(np.diff(triggers[first:], append=newest) <= SILENT))
 
 
 def _silent(triggers: Floats, time_s: Floats) -> Bools:

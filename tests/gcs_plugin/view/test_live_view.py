@@ -237,7 +237,7 @@ def test_a_recording_that_fails_is_shouted():
 def test_unknown_outlooks_are_left_out_and_not_made_up():
     assert "empty" not in outlook_html(Outlook())
     assert "margin" not in outlook_html(Outlook())
-    known = outlook_html(Outlook(seconds_to_empty=125.0, margin_full=0.43))
+    known = outlook_html(Outlook(seconds_to_empty=125.0, full=lambda: 0.43))
     assert "empty in 2:05" in known
     assert "&lt;i>" in outlook_html(Outlook(), "", ["tank by <i>"]).replace("&gt;", ">")
     assert "43 %" in known
