@@ -211,11 +211,17 @@ class FlightTrack:
         values, error = getattr(self, channel), self.standard_errors.get(channel)
         return values if error is None else np.where(error > 0.0, np.nan, values)
 
-    def followed_by(self, later: Self) -> Self:
-        """Both tracks as one, described as the later; Raises TrackError unless time goes on."""
-        arrays = {name: np.concatenate([getattr(t, name) for t in (self, later)]) for name in _ROWS}
+    def followed_by(self, later: Self, first: int = 0) -> Self:
+        """Rows from `first` on and those of `later` as one track, described as the later.
+
+        Raises TrackError unless time goes on.
+        """
+        arrays = {
+            name: np.concatenate([getattr(self, name)[first:], getattr(later, name)])
+            for name in _ROWS
+        }
         errors = {
-            channel: np.concatenate([track._error_of(channel) for track in (self, later)])
+            channel: np.concatenate([self._error_of(channel)[first:], later._error_of(channel)])
             for channel in {**self.standard_errors, **later.standard_errors}
         }
         return replace(later, standard_errors=errors, **arrays)

@@ -43,7 +43,7 @@ from thrustmargin.models.model.rotor_model import RotorModel
 #: s between two rounds of the compute thread: at least, and at most when rounds take long.
 SHORTEST, LONGEST = 0.02, 1.0
 #: Share of the time that rounds may take before they are made rarer (and larger).
-DUTY = 0.2
+DUTY = 0.125
 QUEUE = 200_000  # frames that may wait for the compute thread
 LATE = 0.25  # s of a round after which frames that have come meanwhile are taken into it
 BEHIND = 2.0  # s by which the newest figures may be late before that is said

@@ -41,7 +41,9 @@ def sample_batch(update: Update, new: slice) -> pa.RecordBatch:
     kinds = {"f8": pa.float64(), "i2": pa.int16(), "i1": pa.int8(), "b1": pa.bool_()}
     # pyarrow's own way of an array first imports pandas, if it can.
     columns = [
-        pa.Array.from_buffers(kinds[values.dtype.str[1:]], rows, [None, pa.py_buffer(_packed(values))])
+        pa.Array.from_buffers(
+            kinds[values.dtype.str[1:]], rows, [None, pa.py_buffer(_packed(values))]
+        )
         for values in table.values()
     ]
     return pa.RecordBatch.from_arrays(columns, names=list(table))

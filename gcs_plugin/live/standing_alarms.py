@@ -150,7 +150,11 @@ class Alarms:
         self, events: list[AlarmEvent], rule: AlarmRule, time_s: float, found: AlarmCheck
     ) -> None:
         key = rule.name, found.rotor
-        before = self._states.get(key) or Debounce(rule.hold, rule.release)
+        before = self._states.get(key)
+        if before is None:
+            if not found.on:
+                return
+            before = Debounce(rule.hold, rule.release)
         after = self._states[key] = before.after(time_s, found.on, found.off)
         if after.active and not before.active:
             alarm = Alarm(*key, found.severity, found.text[:50], time_s)
@@ -159,7 +163,7 @@ class Alarms:
         elif before.active and not after.active:
             events.append(AlarmEvent(False, self.standing.pop(key), time_s))
         elif after.active and found.text and not found.off:
-            # Replaced, never changed: other threads read what stands.
-            self.standing[key] = replace(
-                self.standing[key], text=found.text[:50], severity=found.severity
-            )
+            now = self.standing[key]
+            if (now.text, now.severity) != (found.text[:50], found.severity):
+                # Replaced, never changed: other threads read what stands.
+                self.standing[key] = replace(now, text=found.text[:50], severity=found.severity)

@@ -340,8 +340,8 @@ def _joined(last: Update | None, window: slice, new: LiveRows | None) -> FlightT
     if last is None:
         assert new is not None
         return new.track
-    kept = last.analysis.track.rows(window)
-    return kept if new is None else kept.followed_by(new.track)
+    track = last.analysis.track
+    return track.rows(window) if new is None else track.followed_by(new.track, window.start)
 
 
 def _below(rows: int, values: Floats) -> Floats:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
 
 import numpy as np
 
@@ -19,19 +20,19 @@ _SPRAY_WINDOW = 4.0  # s
 _ESC_OFFSET = 0.3
 
 
-def power(signals: Signals, sampling: Sampling, notes: list[str]) -> dict[str, tuple[Signal, ...]]:
+def power(signals: Signals, sampling: Sampling, notes: list[str]) -> dict[str, Iterable[Signal]]:
     """Sources of the flight battery's voltage and current: its message, SYS_STATUS, the ESCs.
 
     Adds to `notes` when there are more batteries of a flight than the one that is used.
     """
-    sources: dict[str, tuple[Signal, ...]] = {}
+    sources: dict[str, Iterable[Signal]] = {}
     flown = flight_battery(signals)
     for channel in ("voltage", "current"):
         battery = by_index(signals, f"battery_{channel}")
         candidates = [*signals.get(channel, ())]
         if flown is not None and flown in battery:
             candidates.insert(0, battery[flown])
-        sources[channel] = (*candidates, *_of_escs(channel, signals, sampling))
+        sources[channel] = chain(candidates, _of_escs(channel, signals, sampling))
     others = [
         str(number)
         for number, signal in by_index(signals, "battery_voltage").items()
@@ -43,11 +44,11 @@ def power(signals: Signals, sampling: Sampling, notes: list[str]) -> dict[str, t
     return sources
 
 
-def _of_escs(channel: str, signals: Signals, sampling: Sampling) -> tuple[Signal, ...]:
-    """Mean voltage or summed current of the ESCs at each report of the first."""
+def _of_escs(channel: str, signals: Signals, sampling: Sampling) -> Iterator[Signal]:
+    """Mean voltage or summed current of the ESCs at each report of the first, once asked for."""
     escs = [s for s in by_index(signals, f"esc_{channel}").values() if np.any(s.values > 0)]
     if not escs:
-        return ()
+        return
     time_s = escs[0].time_s
 
     def at_first(signal: Signal) -> Floats:
@@ -61,11 +62,12 @@ def _of_escs(channel: str, signals: Signals, sampling: Sampling) -> tuple[Signal
         if sampling == "hold":
             # Whether an ESC measures current at all shows only when some flows.
             total = np.where(total > 0, total, np.nan)
-        return (Signal(channel, f"{escs[0].source} (sum of ESCs)", time_s, total),)
+        yield Signal(channel, f"{escs[0].source} (sum of ESCs)", time_s, total)
+        return
     known = np.count_nonzero(stack > 0, axis=-1)
     total = np.sum(stack, axis=-1, where=stack > 0)
     mean = np.where(known > 0, total / np.maximum(known, 1), np.nan)
-    return (Signal(channel, f"{escs[0].source} (mean of ESCs)", time_s, mean),)
+    yield Signal(channel, f"{escs[0].source} (mean of ESCs)", time_s, mean)
 
 
 def esc_voltage_offsets(signals: Signals, outputs: Sequence[int]) -> tuple[float, ...]:

@@ -151,7 +151,7 @@ def thinned(time_s: Floats, after_s: float = -np.inf) -> Floats:
 
     `after_s` is the row before them, from which the first is as far.
     """
-    time_s = np.unique(time_s[np.isfinite(time_s)])
+    time_s = increasing(time_s[np.isfinite(time_s)])
     time_s = time_s[np.searchsorted(time_s, after_s + ROW_SPACING) :]
     if np.all(np.diff(time_s) >= ROW_SPACING):
         return time_s
@@ -163,10 +163,17 @@ def thinned(time_s: Floats, after_s: float = -np.inf) -> Floats:
     return time_s[np.array(kept)]
 
 
+def increasing(values: Floats) -> Floats:
+    """As `np.unique`, in a fraction of its time where the values rise already."""
+    step = np.diff(values)
+    if not (step >= 0.0).all():
+        return np.unique(values)
+    return values if (step > 0.0).all() else values[np.append(True, step > 0.0)]
+
+
 def coverage(signal: Signal) -> int:
     """Number of whole seconds in which the signal has a number."""
-    known = known_rows(signal.values)
-    return int(np.unique(np.floor(signal.time_s[known])).size)
+    return increasing(np.floor(signal.time_s[known_rows(signal.values)])).size
 
 
 def in_time_order(time_s: Floats, values: Floats) -> tuple[Floats, Floats]:

@@ -9,7 +9,6 @@ from types import MappingProxyType
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.resample import last_before
 from thrustmargin.models.checks.speed_readings import (
     LONE,
     MEASURED,
@@ -63,6 +62,7 @@ def measured_speeds(
     if len(memory) != len(speeds):
         memory = [RotorMemory()] * len(speeds)
     known = [None if s is None else _known(s) for s in speeds]
+    at_s, last_rpm = np.empty(0), np.empty((0, 0))
     signals: list[Signal | None] = []
     rejected: dict[tuple[int, int], Floats] = {}
     after: list[RotorMemory] = []
@@ -74,7 +74,9 @@ def measured_speeds(
         first = int(signal.time_s.searchsorted(heard_s, side="right"))
         time_s, rpm = signal.time_s[first:], signal.values[first:]
         output, asked = _demand(outputs[rotor], time_s)
-        others = _median_of([s for k, s in enumerate(known) if k != rotor], time_s)
+        if not last_rpm.size or not np.array_equal(time_s, at_s):  # most report all rotors at once
+            at_s, last_rpm = time_s, _last_speeds(known, time_s)
+        others = _median(last_rpm[[k for k in range(len(known)) if k != rotor]])
         verdict, last = checked_readings(
             time_s,
             rpm,
@@ -166,11 +168,20 @@ def _demand(output: Signal | None, time_s: Floats) -> tuple[Floats, Bools]:
         return share, (share > IDLE) & ~(time_s - idle_s < SPIN_UP)
 
 
-def _median_of(others: Sequence[Signal | None], time_s: Floats) -> Floats:
-    """(n,) median of the last speeds of the other rotors at each time; NaN where none is known."""
-    last = [np.abs(last_before(s, time_s)) for s in others if s is not None and s.time_s.size]
-    if not last:
-        return np.full(time_s.size, np.nan)
-    stack = np.sort(last, axis=0)  # NaN at the end; np.nanmedian takes ten times as long
-    count, at = np.isfinite(stack).sum(axis=0), np.arange(time_s.size)
+def _last_speeds(known: Sequence[Signal | None], time_s: Floats) -> Floats:
+    """(R, n) last speed of each rotor at each time; NaN where none is known."""
+    last = np.full((len(known), time_s.size), np.nan)
+    for values, signal in zip(last, known, strict=True):
+        if signal is not None and signal.time_s.size:
+            at = signal.time_s.searchsorted(time_s, side="right")
+            values[:] = np.where(at > 0, np.abs(signal.values)[at - 1], np.nan)
+    return last
+
+
+def _median(values: Floats) -> Floats:
+    """(n,) median over the first axis of what is known; NaN where nothing is."""
+    if not values.size:
+        return np.full(values.shape[1], np.nan)
+    stack = np.sort(values, axis=0)  # NaN at the end; np.nanmedian takes ten times as long
+    count, at = np.isfinite(stack).sum(axis=0), np.arange(stack.shape[1])
     return (stack[np.maximum(count - 1, 0) // 2, at] + stack[count // 2, at]) / 2.0

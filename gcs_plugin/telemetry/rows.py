@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from thrustmargin.gcs_plugin.telemetry.power import power, spraying_sources
 from thrustmargin.gcs_plugin.telemetry.resample import (
     Sampling,
     first_known,
+    increasing,
     known_rows,
     last_before,
     sample,
@@ -39,10 +41,9 @@ from thrustmargin.gcs_plugin.telemetry.statements import Options, stated_channel
 from thrustmargin.gcs_plugin.telemetry.tank_source import (
     PumpedSoFar,
     TankContext,
-    TankLevel,
+    first_level,
     pump_share,
     pumped,
-    tank_level,
     tank_levels,
 )
 from thrustmargin.models.flight import TRACK_CHANNELS, Bools, FlightTrack, Floats, Origin
@@ -145,13 +146,12 @@ def flight_rows(
         pumped=before.pumped,
     )
     stated = options.load is not None
-    tank = TankLevel(None) if stated else tank_level(signals, context, options.tank)
+    levels = iter(()) if stated else tank_levels(signals, context, options.tank)
+    tank = first_level(levels)
     notes += tank.notes
-    if live and not stated:
-        levels = tank_levels(signals, context, options.tank)
-        put("tank_kg", (level.signal for level in levels if level.signal is not None))
-    elif tank.signal is not None:
-        put("tank_kg", (tank.signal,))
+    if tank.signal is not None:
+        others = (level.signal for level in levels if level.signal is not None)
+        put("tank_kg", chain((tank.signal,), others if live else ()))
     spraying = spraying_sources(signals, context, tank.signal, options.sampling, notes)
     put("spraying", spraying if live else spraying[:1])
 
@@ -265,7 +265,7 @@ def row_times(signals: Signals, motors: MotorMap, carried: Carried, sampling: Sa
 def _known_times(signals: Iterable[Signal]) -> Floats:
     """Times of all known reports of the signals, sorted."""
     times = [s.time_s[known_rows(s.values) & np.isfinite(s.time_s)] for s in signals]
-    return np.unique(np.concatenate(times)) if times else np.empty(0)
+    return increasing(np.concatenate(times)) if times else np.empty(0)
 
 
 def _covers(triggers: Floats, since_s: float, signals: Signals) -> bool:

@@ -35,6 +35,8 @@ def best(signals: Signals, channel: str) -> Signal | None:
     there = signals.get(channel, ())
     if not there:
         return None
+    if len(there) == 1:
+        return there[0] if known_rows(there[0].values).any() else None
     covered = [coverage(signal) for signal in there]
     most = max(covered)
     if most == 0:
@@ -64,6 +66,7 @@ def decoded(streams: dict[str, Stream], airspeed_words: str) -> Iterator[tuple[i
     """Each signal of the messages in `streams`, which is emptied, with its source's rank."""
     while streams:
         message, stream = streams.popitem()
+        put = Signal if np.all(stream.time_s[1:] >= stream.time_s[:-1]) else ordered_signal
         for rank, rule in _ranked(message):
             source = rule.source
             if message == "VFR_HUD" and rule.channel == "airspeed":
@@ -77,13 +80,10 @@ def decoded(streams: dict[str, Stream], airspeed_words: str) -> Iterator[tuple[i
                         values = np.where(esc_silent(stream.columns), np.nan, values)
                     first = ESC_TELEMETRY_FIRST.get(message, index or 0)
                     for k in range(values.shape[1]):
-                        yield (
-                            rank,
-                            ordered_signal(rule.channel, source, time_s, values[:, k], first + k),
-                        )
+                        yield rank, put(rule.channel, source, time_s, values[:, k], first + k)
                 else:
                     words = source if index is None else f"{source} of id {index}"
-                    yield rank, ordered_signal(rule.channel, words, time_s, values, index)
+                    yield rank, put(rule.channel, words, time_s, values, index)
 
 
 @cache
@@ -127,7 +127,8 @@ class SignalBuffer:
         rows = np.arange(first, signal.time_s.size)
         known = np.flatnonzero(known_rows(signal.values[:first]))
         rows = np.concatenate([known[-1:], rows])
-        return replace(signal, time_s=signal.time_s[rows], values=signal.values[rows])
+        time_s, values = signal.time_s[rows], signal.values[rows]
+        return Signal(signal.channel, signal.source, time_s, values, signal.index)
 
     @property
     def signals(self) -> Signals:

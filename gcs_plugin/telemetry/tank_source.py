@@ -69,12 +69,14 @@ def flight_battery(signals: Signals) -> int | None:
 
 
 def tank_level(signals: Signals, context: TankContext, source: str = "auto") -> TankLevel:
-    """The tank level by `source`, with the notes of all sources that were tried before it.
+    """The tank level by `source`. Raises LogError when a forced source is not in the log."""
+    return first_level(tank_levels(signals, context, source))
 
-    Raises LogError when a forced source is not in the log.
-    """
+
+def first_level(levels: Iterator[TankLevel]) -> TankLevel:
+    """The first that has a signal, with the notes of all that were tried before it."""
     notes: tuple[str, ...] = ()
-    for found in tank_levels(signals, context, source):
+    for found in levels:
         notes += found.notes
         if found.signal is not None:
             return replace(found, notes=notes)

@@ -72,7 +72,8 @@ def comparisons(
     found: list[Comparison | None] = [_vehicle(track, facts)]
     found.append(motors := _motors(track, airframe, facts))
     if motors.verdict != "contradicts":
-        track = replace(track, **{c: track.measured(c) for c in track.standard_errors})
+        if track.standard_errors:
+            track = replace(track, **{c: track.measured(c) for c in track.standard_errors})
         found.append(_frame(airframe, parameters))
         found.append(_rotor_speed(track, airframe, parameters))
         found.append(voltage := _voltage(track, airframe))

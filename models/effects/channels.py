@@ -180,10 +180,11 @@ def channels_of(
     included; without it that of the motion alone. Channels of their own are made for `effects`,
     from the state `start` of the first row.
     """
-    air = track_air(track)
+    air, effects = track_air(track), list(effects)
+    late = any(effect.delays for effect in effects)
     made = object.__new__(Channels)
     made.__dict__.update(
-        _of_track=_OfTrack(track, airframe, forward_flight),
+        _of_track=_OfTrack(track, airframe, forward_flight, late=late),
         time_s=track.time_s,
         clock_s=track.time_s + (np.nan if track.start_unix_s is None else track.start_unix_s),
         airspeed=track.airspeed,
@@ -212,16 +213,22 @@ class _OfTrack:
     """The channels that take work, by their names in `Channels`: each is made once, when read."""
 
     def __init__(
-        self, track: FlightTrack, airframe: Airframe, forward_flight: ForwardFlight | None
+        self,
+        track: FlightTrack,
+        airframe: Airframe,
+        forward_flight: ForwardFlight | None,
+        *,
+        late: bool,
     ) -> None:
         self._track, self._airframe, self._forward_flight = track, airframe, forward_flight
+        self._late = late
         self._quick = froude_time_scale(airframe)
         self._density = track_air(track).density
         self._mass = airframe.empty_mass + track.tank_kg
 
     @cached_property
     def _table(self) -> Callable[[Floats], Floats]:
-        return _shift_tables(self._track.time_s)
+        return _shift_tables(self._track.time_s, late=self._late)
 
     @cached_property
     def airspeed_shifts(self) -> Floats:
@@ -297,9 +304,7 @@ class _OfTrack:
 
     @cached_property
     def _turn(self) -> Floats:
-        return derivative(
-            self._track.time_s, self._track.angular_rate_frd, RATE_SPAN * self._quick
-        )
+        return derivative(self._track.time_s, self._track.angular_rate_frd, RATE_SPAN * self._quick)
 
     @cached_property
     def acceleration_shifts(self) -> tuple[Floats, Floats, Floats]:
@@ -360,7 +365,7 @@ def froude_time_scale(airframe: Airframe) -> float:
 
 
 def _three(table: Any, columns: Floats) -> tuple[Floats, Floats, Floats]:
-    return table(columns[:, 0]), table(columns[:, 1]), table(columns[:, 2])
+    return tuple(table(np.ascontiguousarray(columns.T)))
 
 
 def _along_axis(track: FlightTrack) -> Floats:
@@ -370,27 +375,34 @@ def _along_axis(track: FlightTrack) -> Floats:
     return -(track.velocity_ned - wind) * down_axis(track.attitude)
 
 
-def _shift_tables(time_s: Floats) -> Callable[[Floats], Floats]:
-    """Makes of a channel (T,) its values (T, len(LAGS)) so much later, NaN where not known.
+def _shift_tables(time_s: Floats, *, late: bool) -> Callable[[Floats], Floats]:
+    """Makes of channels (..., T) their values (..., T, len(LAGS)) so much later, NaN if not known.
 
     That is where either neighbour is missing or far, and over the ends of the rows. Further off
-    than NEAR_LAG, where only late reports look, the channel is held over gaps and ends.
+    than NEAR_LAG, where only late reports look, a channel is held over gaps and ends; unless an
+    effect asks for those (`late`) they are those of the row.
     """
     if time_s.size < 2:
-        return lambda values: np.repeat(values[:, None], len(LAGS), axis=1)
-    lags = np.array(LAGS)
-    near, at = np.abs(lags) <= NEAR_LAG, time_s[:, None] + lags
-    right = np.clip(np.searchsorted(time_s, at[:, near]), 1, time_s.size - 1)
-    far = np.diff(time_s)[right - 1] > 5 * row_step(time_s)
-    unknown = far | (at[:, near] < time_s[0]) | (at[:, near] > time_s[-1])
+        return lambda values: np.repeat(values[..., None], len(LAGS), axis=-1)
+    lags, rows = np.array(LAGS), time_s.size
+    near, past = (np.abs(lags) <= NEAR_LAG) & (lags != 0.0), np.abs(lags) > NEAR_LAG
+    at = time_s[:, None] + lags[near]
+    left = np.maximum(np.searchsorted(time_s, at, side="right") - 1, 0)
+    right = np.minimum(left + (at > time_s[left]), rows - 1)
+    step = time_s[right] - time_s[left]
+    unknown = (at < time_s[0]) | (at > time_s[-1]) | (step > 5 * row_step(time_s))
+    share = np.where(unknown, np.nan, (at - time_s[left]) / np.where(step > 0.0, step, 1.0))
 
     def table(values: Floats) -> Floats:
-        known = np.isfinite(values)
-        shifted = np.repeat(values[:, None], lags.size, axis=1)
-        if known.any():
-            shifted[:, ~near] = np.interp(at[:, ~near], time_s[known], values[known])
-        shifted[:, near] = np.where(unknown, np.nan, np.interp(at[:, near], time_s, values))
-        shifted[:, lags == 0.0] = values[:, None]
+        shifted = np.repeat(values[..., None], lags.size, axis=-1)
+        before = values[..., left]
+        shifted[..., near] = before + share * (values[..., right] - before)
+        columns = shifted.reshape(-1, rows, lags.size) if late else ()
+        for made, channel in zip(columns, values.reshape(-1, rows), strict=False):
+            known = np.isfinite(channel)
+            if known.any():
+                later = time_s[:, None] + lags[past]
+                made[:, past] = np.interp(later, time_s[known], channel[known])
         return shifted
 
     return table

@@ -96,7 +96,9 @@ class FlightAnalysis:
         Raises IndexError for a row that the track does not have.
         """
         rows = range(self.track.time_s.size)[row] + 1
-        effects = [item.effect for item in self.model.placed]
+        effects = [p.effect for p in self.model.placed if p.effect.own_channel is not None]
+        if not effects:
+            return FlightState()
         before = self.track.rows(slice(0, rows))
         return own_channels(before, self.model.airframe, effects, self.start)[1]
 

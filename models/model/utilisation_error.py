@@ -39,9 +39,12 @@ def ceiling_variance(airframe: Airframe) -> float:
 
 def load_error(track: FlightTrack, airframe: Airframe) -> Floats:
     """(T,) standard error of ln(weight over largest thrust), for redundancy and prediction."""
-    tank = np.nan_to_num(track.standard_errors.get("tank_kg", np.zeros(track.time_s.size)))
-    load = np.nan_to_num(track.tank_kg)
     guesses = guessed_variance(airframe, "empty_mass", "thrust_coefficient")
+    if "tank_kg" not in track.standard_errors:
+        guesses += 0.0 * airframe.empty_mass  # NaN of an aircraft that is not known
+        return np.full(track.time_s.size, np.sqrt(guesses + ceiling_variance(airframe)))
+    tank = np.nan_to_num(track.standard_errors["tank_kg"])
+    load = np.nan_to_num(track.tank_kg)
     variance = tank**2
     if FROM_THRUST in track.sources.get("tank_kg", ""):
         # A load that hover thrust shows is off as the curve is, and so is the largest thrust.

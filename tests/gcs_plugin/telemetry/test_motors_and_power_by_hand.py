@@ -158,7 +158,7 @@ def test_words_say_where_rotor_speed_and_throttle_come_from():
 
 def first_of(channel: str, *signals: Signal, sampling: Any = "linear"):
     notes: list[str] = []
-    sources = power(collected(signals), sampling, notes)[channel]
+    sources = tuple(power(collected(signals), sampling, notes)[channel])
     return sources, notes
 
 

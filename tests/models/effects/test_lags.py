@@ -89,7 +89,8 @@ def test_a_delay_over_a_gap_is_unknown_near_the_row_and_held_far_from_it():
     rising = np.arange(60) / 10.0
     rising[30] = np.nan
     track = replace(made_flight(1, duration=6.0), airspeed=rising)
-    table = model_channels(physics_model(F16), track).airspeed_shifts
+    late = [BY_KEY["sensor_lag:rotor speed"]]
+    table = model_channels(physics_model(F16), track, effects=late).airspeed_shifts
     column = {lag: k for k, lag in enumerate(LAGS)}
     assert np.isnan(table[28, column[0.2]])
     assert np.isnan(table[33, column[-0.3]])
@@ -101,7 +102,7 @@ def test_a_delay_over_a_gap_is_unknown_near_the_row_and_held_far_from_it():
 
 def test_a_shifted_channel_is_known_from_the_first_row_to_the_last():
     time_s, lags = np.arange(30) / 10.0, np.array(LAGS)
-    found = _shift_tables(time_s)(10.0 * time_s)
+    found = _shift_tables(time_s, late=True)(10.0 * time_s)
     at = time_s[:, None] + lags
     inside = (at >= 0.0) & (at <= 2.9)
     near = np.abs(lags) <= NEAR_LAG
