@@ -12,7 +12,8 @@ from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
-    _median_of,
+    _last_speeds,
+    _median,
     lifting,
     measured_speeds,
 )
@@ -100,8 +101,9 @@ def test_the_median_of_the_other_rotors_is_numpys(others):
         signals.append(Signal("rotor_speed_rpm", "ESC", rows[k + 1 :], last[k, k + 1 :], k))
     with warnings.catch_warnings(action="ignore"):
         expected = np.nanmedian(np.abs(last), axis=0)
-    np.testing.assert_allclose(_median_of([None, *signals], rows), expected)
-    assert np.isnan(_median_of([None], rows)).all()
+    found = _median(_last_speeds([None, *signals], rows))
+    np.testing.assert_allclose(found, expected)
+    assert np.isnan(_median(_last_speeds([None], rows))).all()
 
 
 def test_a_table_is_judged_as_a_log_is(sitl_logs, tmp_path):
