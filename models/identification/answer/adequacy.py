@@ -99,8 +99,7 @@ def _free_part(space: SearchSpace, search: Search, best: FittedSet) -> dict[str,
     """Channel -> (N, R) rpm that the free form takes beside a set, at the widest level."""
     nuisance, solved = search.nuisance, search.solved
     level = len(LEVELS) - 1
-    sums = nuisance.sums(np.nan_to_num(best.residual)[:, :, None])
-    shared, _ = solved.without_scatter(sums)
+    shared, _ = nuisance.sums(np.nan_to_num(best.residual)[:, :, None])
     known = nuisance.uncertainty.shape[2]
     modes, _, hats = nuisance.free.shape
     mean = (solved.shared[level] @ shared[:, 0])[known:].reshape(modes, hats)

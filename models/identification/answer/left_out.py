@@ -79,12 +79,14 @@ class LeftOut:
             return cls(problem=problem, search=search, folds=_fifths(search, columns, problem))
         count = min(problem.flights, MOST_FOLDS)
         members = frozenset().union(*search.fitted)
-        sums, grams = nuisance.sums(columns.whole), nuisance.grams()
+        shared, own = nuisance.sums(columns.whole)
         folds = []
         for k in range(count):
             out = tuple(range(k, problem.flights, count))
-            rest = [f for f in range(problem.flights) if f not in out]
-            linear = columns.linear(nuisance.solved(rest, grams), sums).only(members, out)
+            less = nuisance.of_means(np.isin(nuisance.whitening.flight, out))
+            less_shared, less_own = less.sums(columns.whole)
+            rest = shared - less_shared, own - less_own
+            linear = columns.linear(nuisance.solved(less=less), rest).only(members, out)
             folds.append(LeftOutPart(flights=out, rows=np.isin(problem.flight, out), linear=linear))
         return cls(problem=problem, search=search, folds=tuple(folds))
 

@@ -60,6 +60,17 @@ class ValueColumns:
         """With 0 where something is not known."""
         return replace(self, values=np.nan_to_num(self.values))
 
+    def products(self, other: Floats, flights: Sequence[slice]) -> Floats:
+        """(q,) of each column with a column (N, R) in all modes, each over the rows of its own
+        flight; `flights` are the rows of each."""
+        found = np.zeros(self.count)
+        for f in np.unique(self.flight):
+            mine, rows = self.flight == f, slice(None) if f == ALL_FLIGHTS else flights[f]
+            sums = other[rows].T[:, None] @ self.values[rows].swapaxes(0, 1)
+            sums = np.concatenate([sums, sums.sum(axis=0)[None]])[:, 0]
+            found[mine] = sums[self.mode[mine], self.source[mine]]
+        return found
+
     def wide(self, flight: NDArray[np.intp]) -> Floats:
         """(N, R, q) written out, for rows of the flights (N,)."""
         there = (self.flight == ALL_FLIGHTS) | (self.flight == flight[:, None])

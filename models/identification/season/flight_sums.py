@@ -103,8 +103,8 @@ def flight_sums(model: RotorModel, track: FlightTrack) -> FlightEvidence:
     last = [np.stack([*bends, residual], axis=2)]
     whole = np.nan_to_num(np.concatenate([*columns, *last], axis=2))
     solved = space.nuisance.solved(levels=LEVELS[:1])
-    shared, own = solved.without_scatter(space.nuisance.sums(whole))
-    gram = solved.without_shared(shared, own)[0]
+    sums = space.nuisance.sums(whole)
+    gram = solved.reduce(sums)[0]
     gram = (gram + gram.T) / 2.0
     if not np.isfinite(gram).all():
         raise DataError(f"{track.name}: its residuals are not finite; see thrustmargin inspect")
@@ -113,7 +113,7 @@ def flight_sums(model: RotorModel, track: FlightTrack) -> FlightEvidence:
         limits=np.array(limits).reshape(-1, len(LIMITS)),
         bent=tuple(bent),
         gram=gram,
-        known=np.diag(own)[: len(names)].copy(),
+        known=np.diag(sums[1])[: len(names)].copy(),
         seconds=float(reduced.channels.time_s[-1] - reduced.channels.time_s[0]),
         means=reduced.flight.size,
         rotor_count=reduced.measured_rpm.shape[1],

@@ -12,7 +12,7 @@ import numpy as np
 
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.value_columns import ValueColumns
-from thrustmargin.models.identification.sets.nuisance import Nuisance, Solved
+from thrustmargin.models.identification.sets.nuisance import Nuisance, Solved, Sums
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -20,9 +20,8 @@ class Prepared:
     """q filtered columns: the P that are asked for, then Q of how their forms may differ."""
 
     nuisance: Nuisance
-    solved: Solved
     z: ValueColumns  # n means
-    taken: list[Floats]  # (K, u) of each flight: what the scatter takes of them
+    drawn: Floats  # (draws of all flights, q) what the scatter takes of them
     shared: Floats  # (X, q) with the scatter taken out
     own: Floats  # (q, q)
     along: Floats  # (X, q) what the shared nuisances take of them at one level
@@ -38,8 +37,8 @@ class Prepared:
     ) -> Prepared:
         """Columns (N, R, q) rpm in modes, of which the first are `asked`."""
         z = nuisance.filtered(columns)
-        sums = nuisance.sums_of_filtered(z)
-        shared, own = solved.without_scatter(sums)
+        drawn, (shared, own) = nuisance.drawn(z), nuisance.products(z)
+        shared, own = shared - nuisance.crossed.T @ drawn, own - drawn.T @ drawn
         along = solved.shared[level] @ shared
         gram = own - shared.T @ along
         of_forms = gram[asked:, asked:]
@@ -47,9 +46,8 @@ class Prepared:
         crossed = forms @ gram[asked:, :asked]
         return cls(
             nuisance=nuisance,
-            solved=solved,
             z=z,
-            taken=[w @ one.scatter for w, one in zip(solved.scatter, sums, strict=True)],
+            drawn=drawn,
             shared=shared,
             own=own,
             along=along,
@@ -60,8 +58,8 @@ class Prepared:
             forms=forms,
         )
 
-    def sums(self, residual: Floats) -> tuple[Floats, Floats]:
-        """`Solved.without_scatter` of the columns and of a residual (N, R) rpm in modes, last."""
+    def sums(self, residual: Floats) -> Sums:
+        """`Nuisance.sums` of the columns and of a residual (N, R) rpm in modes, last."""
         shared, cross, own = self._of_residual(residual)
         whole = np.block([[self.own, cross[:, None]], [cross[None], np.array([[own]])]])
         return np.concatenate([self.shared, shared[:, None]], axis=1), whole
@@ -79,21 +77,7 @@ class Prepared:
     def _of_residual(self, residual: Floats) -> tuple[Floats, Floats, float]:
         """X'r (X,), z'r (q,) and r'r with the scatter taken out."""
         n, z = self.nuisance, self.z
-        r = n.whitening.apply(residual)
-        modes = range(r.shape[1])
-        draws = np.zeros((len(n.flights), n.scatter.shape[2]))
-        products = np.zeros((len(n.flights) + 1, r.shape[1] + 1, z.values.shape[2]))
-        for f, rows in enumerate(n.flights):
-            draws[f] = n.scatter[rows].reshape(r[rows].size, -1).T @ r[rows].ravel()
-            for mode in modes:
-                products[f, mode] = z.values[rows, mode].T @ r[rows, mode]
-        products[:, -1] = products.sum(axis=1)  # where -1 stands for all modes, and all flights
-        products[-1] = products.sum(axis=0)
-        taken = (self.solved.scatter @ draws[:, :, None])[:, :, 0]
-        free = [n.free[mode].T @ r[:, mode] for mode in modes]
-        shared = np.concatenate([n.uncertainty.reshape(r.size, -1).T @ r.ravel(), *free])
-        shared -= np.tensordot(taken, self.solved.crossed, axes=2)
-        cross = products[z.flight, z.mode, z.source]
-        for f, left in enumerate(self.taken):
-            cross[z.in_flight(f)] -= left.T @ draws[f]
-        return shared, cross, float(np.sum(r**2) - np.sum(draws * taken))
+        r = n.filtered(residual[:, :, None])
+        drawn, (shared, own) = n.drawn(r)[:, 0], n.products(r)
+        cross = z.products(r.values[:, :, 0], n.flights) - self.drawn.T @ drawn
+        return shared[:, 0] - n.crossed.T @ drawn, cross, float(own[0, 0] - drawn @ drawn)

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.sets.nuisance import (
     LEVELS,
-    FlightSums,
+    FlightScatter,
+    Level,
     Nuisance,
-    NuisanceGram,
+    root_of,
 )
 
 STEPS = 20
@@ -37,12 +38,12 @@ def learn(
     nuisance: Nuisance,
     residual: Floats,
     groups: tuple[str, ...],
-    own: NDArray[np.intp],
+    numbers: NDArray[np.intp],
     level: int = 0,
 ) -> Learnt:
     """Variance components of a residual (N, R) rpm in modes.
 
-    `groups` (H,) is each hat's channel; `own` (K,) numbers the components of the columns that each
+    `groups` (H,) is each hat's channel; `numbers` (K,) has the component of each column that a
     flight draws for itself, -1 for those that keep their size.
     """
     names = list(dict.fromkeys(groups))
@@ -50,55 +51,78 @@ def learn(
     modes = nuisance.free.shape[0]
     scatter = np.ones(nuisance.scatter.shape[2])
     free = np.ones((modes, len(names)))
-    sums, grams = nuisance.sums(residual[:, :, None]), nuisance.grams()
-    if level and len(grams) == 1:
-        nuisance, sums, grams = _of_draws_alone(nuisance, sums[0], grams[0], level)
-    known, hats = nuisance.uncertainty.shape[2], nuisance.free.shape[2]
+    sums = _Sums.of(nuisance, residual)
+    if level and len(sums.flights) == 1:
+        sums = _of_draws_alone(sums, LEVELS[level])
+    known, hats = sums.known, sums.hats
     of = of[:hats]
+    acts = np.concatenate([one.acts for one in sums.flights])
     for _ in range(STEPS):
         size = np.concatenate([np.ones(known), free[:, of].ravel()])
-        own_size = scatter[:, None]
-        solved = nuisance.solved(
-            grams=[
-                (s * own_size * scatter, sx * own_size * size, x * size[:, None] * size)
-                for s, sx, x in grams
-            ],
-            levels=LEVELS[level : level + 1],
-        )
-        now = [
-            replace(one, scatter=one.scatter * own_size, shared=one.shared * size[:, None])
-            for one in sums
-        ]
-        shared, _ = solved.without_scatter(now)
-        covariance = solved.shared[0]
-        mean = covariance @ shared[:, 0]
-        square = (mean**2 + np.diag(covariance))[known:].reshape(modes, hats)
+        taken, moved, spread = [], [], []
+        for one, seen in zip(sums.flights, sums.seen, strict=True):
+            own = scatter[one.acts, None]
+            root, _ = root_of(np.eye(one.acts.size) + own * one.gram * own.T)
+            taken.append(root @ (own * np.concatenate([one.crossed * size, seen], axis=1)))
+            moved.append(root.T @ taken[-1])
+            spread.append(np.sum(root**2, axis=0))
+        crossed, drawn = np.split(np.concatenate(taken), [size.size], axis=1)
+        left = size[:, None] * sums.shared * size - crossed.T @ crossed
+        root, _ = LEVELS[level].root(left, known, hats)
+        mean = root.T @ (root @ (size[:, None] * sums.along - crossed.T @ drawn))
+        square = (mean[:, 0] ** 2 + np.sum(root**2, axis=0))[known:].reshape(modes, hats)
         for g in range(len(names)):
             free[:, g] *= np.sqrt(square[:, of == g].mean(axis=1)) if level == 0 else 1.0
-        draws = []
-        for f, spread, crossed in zip(solved.flights, solved.scatter, solved.crossed, strict=True):
-            moved = spread @ crossed
-            at = spread @ now[f].scatter[:, 0] - moved @ mean
-            more = np.einsum("kx,xy,ky->k", moved, covariance, moved, optimize=True)
-            draws.append(at**2 + np.diag(spread) + more)
-        drawn = np.mean(draws, axis=0)
-        for g in range(own.max() + 1):
-            scatter[own == g] *= np.sqrt(drawn[own == g].mean())
+        shift, at = np.split(np.concatenate(moved), [size.size], axis=1)
+        draws = (at - shift @ mean)[:, 0] ** 2 + np.concatenate(spread)
+        draws += np.sum((shift @ root.T) ** 2, axis=1)
+        # Where a draw shows nowhere, it is as large as it was taken to be.
+        drawn = 1.0 + np.bincount(acts, draws - 1.0, scatter.size) / len(sums.flights)
+        for g in range(numbers.max() + 1):
+            scatter[numbers == g] *= np.sqrt(drawn[numbers == g].mean())
         scatter, free = np.maximum(scatter, LEAST), np.maximum(free, LEAST)
     return Learnt(scatter=scatter, free=free)
 
 
-def _of_draws_alone(
-    nuisance: Nuisance, sums: FlightSums, grams: NuisanceGram, level: int
-) -> tuple[Nuisance, list[FlightSums], list[NuisanceGram]]:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Sums:
+    """All that the steps need of a nuisance and a residual."""
+
+    flights: tuple[FlightScatter, ...]
+    seen: tuple[Floats, ...]  # of each (K, 1): S'r
+    shared: Floats  # (X, X) X'X
+    along: Floats  # (X, 1) X'r
+    known: int  # of X, those before the hats
+    hats: int  # of each mode
+
+    @classmethod
+    def of(cls, nuisance: Nuisance, residual: Floats) -> _Sums:
+        z = nuisance.filtered(residual[:, :, None])
+        pairs = zip(nuisance.by_flight, nuisance.flights, strict=True)
+        return cls(
+            flights=nuisance.by_flight,
+            seen=tuple(
+                (one.columns @ z.values[rows].swapaxes(0, 1)).sum(axis=0) for one, rows in pairs
+            ),
+            shared=nuisance.shared_gram,
+            along=nuisance.products(z)[0],
+            known=nuisance.uncertainty.shape[2],
+            hats=nuisance.free.shape[2],
+        )
+
+
+def _of_draws_alone(sums: _Sums, level: Level) -> _Sums:
     """A single flight with what flights share taken out once, for it keeps its size: the steps then
     solve for the draws alone, a fifth of all."""
-    own, crossed, shared = grams
-    held = (own[:0, :0], crossed[:0], shared)
-    spread = nuisance.solved(grams=[held], levels=LEVELS[level : level + 1]).shared[0]
-    moved = crossed @ spread
-    return (
-        replace(nuisance, uncertainty=nuisance.uncertainty[:, :, :0], free=nuisance.free[:, :, :0]),
-        [replace(sums, scatter=sums.scatter - moved @ sums.shared, shared=sums.shared[:0])],
-        [(own - moved @ crossed.T, crossed[:, :0], shared[:0, :0])],
+    (one,), (seen,) = sums.flights, sums.seen
+    root, _ = level.root(sums.shared, sums.known, sums.hats)
+    moved = one.crossed @ root.T
+    alone = replace(one, gram=one.gram - moved @ moved.T, crossed=one.crossed[:, :0])
+    return _Sums(
+        flights=(alone,),
+        seen=(seen - moved @ (root @ sums.along),),
+        shared=sums.shared[:0, :0],
+        along=sums.along[:0],
+        known=0,
+        hats=0,
     )

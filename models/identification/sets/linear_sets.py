@@ -16,7 +16,7 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.candidates import Held
 from thrustmargin.models.identification.rows.value_columns import ValueColumns
 from thrustmargin.models.identification.sets.evidence import Scored, prior_of, score
-from thrustmargin.models.identification.sets.nuisance import EVERY, FlightSums, Solved
+from thrustmargin.models.identification.sets.nuisance import EVERY, Solved, Sums
 
 TINY = 1e-9  # keeps the matrix of a value that moves nothing solvable
 
@@ -124,20 +124,20 @@ class ColumnsAbout:
     asked: int  # q
     whole: ValueColumns
 
-    def linear(self, solved: Solved, sums: Sequence[FlightSums]) -> Linear:
+    def linear(self, solved: Solved, sums: Sums) -> Linear:
         """By the sums of the flights that are `solved`."""
-        gram, taken_out = forms_taken_out(solved, solved.without_scatter(sums), range(self.asked))
+        gram, taken_out = forms_taken_out(solved, sums, range(self.asked))
         return Linear(
             about=self.about, held=self.held, columns=self.columns, gram=gram, taken_out=taken_out
         )
 
 
 def forms_taken_out(
-    solved: Solved, sums: tuple[Floats, Floats], asked: Sequence[int], levels: slice = EVERY
+    solved: Solved, sums: Sums, asked: Sequence[int], levels: slice = EVERY
 ) -> tuple[Floats, Floats]:
     """(levels, q, q) of the `asked` columns without the uncertainty of the others, which have
     size one, and (levels,) the log evidence of all that was taken out."""
-    grams = solved.without_shared(*sums, levels)
+    grams = solved.reduce(sums, levels)
     evidence = solved.log_evidence[levels]
     forms = np.setdiff1d(np.arange(grams.shape[1]), asked)
     own = grams[:, asked][:, :, asked]

@@ -11,8 +11,9 @@ as if they had been measured with their priors. The size of the free form is a h
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -20,12 +21,30 @@ from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
 from thrustmargin.models.flight import Bools, Floats
-from thrustmargin.models.identification.rows.value_columns import ALL_MODES, ValueColumns
+from thrustmargin.models.identification.rows.value_columns import (
+    ALL_FLIGHTS,
+    ALL_MODES,
+    ValueColumns,
+)
 from thrustmargin.models.identification.rows.whitening import Whitening
 
 #: times the size that the free form has on a sound aircraft, and how likely each is beforehand: an
 #: aircraft is usually what its good flights say
 FREEDOMS, FREEDOM_PRIORS = (1.0, 4.0, 16.0), (0.6, 0.25, 0.15)
+
+
+_factored, _inverted = get_lapack_funcs(("potrf", "trtri"))
+
+
+def root_of(system: Floats) -> tuple[Floats, float]:
+    """Of I + X'X = L L' the inverse of L, and ln of its determinant; NaN where not finite."""
+    if not system.size:
+        return system, 0.0
+    factor, failed = _factored(system, lower=True)
+    if failed:
+        return np.full(system.shape, np.nan), float("nan")
+    root = np.tril(_inverted(factor, lower=True)[0])
+    return root.astype(np.float64), 2.0 * float(np.log(factor.diagonal()).sum())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,6 +55,15 @@ class Level:
     moments: float
     log_prior: float
 
+    def root(self, gram: Floats, known: int, hats: int) -> tuple[Floats, float]:
+        """(X, X) the root G of the covariance G'G of the shared columns with the `gram` (X, X), and
+        ln of the determinant; of X the first are `known`, then come so many `hats` a mode."""
+        mode = np.arange(gram.shape[0] - known) // max(hats, 1)
+        of_modes = np.where(mode == 0, self.collective, self.moments)
+        size = np.concatenate([np.ones(known), of_modes])
+        root, determinant = root_of(np.eye(size.size) + size[:, None] * gram * size)
+        return root * size, determinant
+
 
 LEVELS = tuple(
     Level(collective=c, moments=m, log_prior=float(np.log(p * q)))
@@ -43,74 +71,35 @@ LEVELS = tuple(
 )
 
 
-_factored, _inverted = get_lapack_funcs(("potrf", "potri"))
 EVERY = slice(None)
-NuisanceGram = tuple[Floats, Floats, Floats]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FlightSums:
-    """Sums over the means of one flight of columns z with the scatter's S and the shared X; of q
-    columns the u that are not zero throughout the flight, as values of other flights are."""
-
-    scatter: Floats  # (K, u) S'z
-    shared: Floats  # (X, u) X'z
-    own: Floats  # (u, u) z'z
-    used: NDArray[np.intp]  # (u,) which columns
-    count: int  # q
+#: of q columns z: X'z (X, q) with the shared X and z'z (q, q), the scatter of flights taken out
+Sums = tuple[Floats, Floats]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Solved:
-    """The nuisances of some flights eliminated, at every level."""
+    """The nuisances of flights eliminated, at every level."""
 
-    flights: tuple[int, ...]
-    scatter: Floats  # (F, K, K): (I + S'S)^-1, the covariance of s
-    crossed: Floats  # (F, K, X) S'X
     shared: Floats  # (levels, X, X): P^½ (I + P^½ X'X P^½)^-1 P^½, the covariance of b and c
     log_evidence: Floats  # (levels,) of the determinants, with the levels' priors
 
-    def reduce(self, sums: Sequence[FlightSums], levels: slice = EVERY) -> Floats:
-        """(levels, q, q): z'z with the nuisances taken out, of the flights of this."""
-        return self.without_shared(*self.without_scatter(sums), levels)
-
-    def without_shared(self, shared: Floats, own: Floats, levels: slice = EVERY) -> Floats:
-        """(levels, q, q) of X'z and z'z of which the scatter is taken out."""
+    def reduce(self, sums: Sums, levels: slice = EVERY) -> Floats:
+        """(levels, q, q): z'z with the nuisances taken out."""
+        shared, own = sums
         return own - shared.T @ self.shared[levels] @ shared
-
-    def without_scatter(self, sums: Sequence[FlightSums]) -> tuple[Floats, Floats]:
-        """(X, q) X'z and (q, q) z'z with the scatter alone taken out."""
-        return self._summed({f: sums[f] for f in self.flights})
-
-    def of_flight(self, flight: int, sums: FlightSums) -> tuple[Floats, Floats]:
-        """The same of one flight."""
-        return self._summed({flight: sums})
-
-    def _summed(self, sums: Mapping[int, FlightSums]) -> tuple[Floats, Floats]:
-        count = next(iter(sums.values())).count
-        shared, own = np.zeros((self.crossed.shape[2], count)), np.zeros((count, count))
-        for f, one in sums.items():
-            k = self.flights.index(f)
-            left = self.scatter[k] @ one.scatter
-            every = one.used.size == count  # in place of copies
-            used = slice(None) if every else one.used
-            shared[:, used] += one.shared - self.crossed[k].T @ left
-            own[used if every else np.ix_(one.used, one.used)] += one.own - one.scatter.T @ left
-        return shared, own
-
-
-def _inverse(system: Floats) -> tuple[Floats, float]:
-    """Of I + X'X, with ln of its determinant; NaN where it is not finite."""
-    if not system.size:
-        return system, 0.0
-    factor, failed = _factored(system, lower=True)
-    if failed:
-        return np.full(system.shape, np.nan), float("nan")
-    lower = np.tril(_inverted(factor, lower=True)[0])
-    return lower + np.tril(lower, -1).T, 2.0 * float(np.log(factor.diagonal()).sum())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FlightScatter:
+    """The scatter S of one flight, of which only K columns act in its n means."""
+
+    acts: NDArray[np.intp]  # (K,) which columns
+    columns: Floats  # (R, K, n)
+    gram: Floats  # (K, K) S'S
+    crossed: Floats  # (K, X) S'X
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Nuisance:
     """Whitened columns of F flights: n means, R modes."""
 
@@ -120,55 +109,60 @@ class Nuisance:
     uncertainty: Floats  # (n, R, D) one of the base model
     free: Floats  # (R, n, H) one of the free form on a sound aircraft
 
-    def sums(self, columns: ValueColumns | Floats) -> list[FlightSums]:
-        """Of columns (N, R, q) rpm in modes, flight by flight."""
-        return self.sums_of_filtered(self.filtered(columns))
+    @cached_property
+    def by_flight(self) -> tuple[FlightScatter, ...]:
+        """(F,) the scatter of each flight."""
+        found = []
+        for rows in self.flights:
+            acts = np.flatnonzero(self.scatter[rows].any(axis=(0, 1)))
+            columns = self.scatter[rows][:, :, acts].transpose(1, 2, 0).copy()
+            known = (columns @ self.uncertainty[rows].swapaxes(0, 1)).sum(axis=0)
+            free = np.concatenate(columns @ self.free[:, rows], axis=1)
+            gram = (columns @ columns.swapaxes(1, 2)).sum(axis=0)
+            crossed = np.concatenate([known, free], axis=1)
+            found.append(FlightScatter(acts=acts, columns=columns, gram=gram, crossed=crossed))
+        return tuple(found)
 
-    def grams(self) -> list[NuisanceGram]:
-        """S'S, S'X and X'X of each flight."""
-        columns = ValueColumns.of_all(np.concatenate([self.scatter, self.uncertainty], axis=2))
-        sums = self.sums_of_filtered(columns)
-        return [self._gram(one, rows) for one, rows in zip(sums, self.flights, strict=True)]
+    @cached_property
+    def _roots(self) -> tuple[tuple[Floats, float], ...]:
+        """(F,) the root of I + S'S of each flight, and ln of the determinant."""
+        return tuple(root_of(np.eye(of.acts.size) + of.gram) for of in self.by_flight)
 
-    def solved(
-        self,
-        flights: Sequence[int] | None = None,
-        grams: Sequence[NuisanceGram] | None = None,
-        levels: Sequence[Level] = LEVELS,
-    ) -> Solved:
-        """The nuisances eliminated from all flights, or from those chosen; `grams` of all."""
-        chosen = tuple(range(len(self.flights)) if flights is None else flights)
-        grams = self.grams() if grams is None else grams
-        parts = [grams[f] for f in chosen]
-        known, free = self.uncertainty.shape[2], self.free.shape[0] * self.free.shape[2]
-        systems = [np.eye(p[0].shape[0]) + p[0] for p in parts]
-        scatter, determinants = zip(*map(_inverse, systems), strict=True)
-        left = sum(p[2] - p[1].T @ w @ p[1] for p, w in zip(parts, scatter, strict=True))
-        own = sum(determinants)
-        hats = np.arange(free) // max(self.free.shape[2], 1)  # the mode of each
-        shared, evidence = [], []
-        for level in levels:
-            of_modes = np.where(hats == 0, level.collective, level.moments)
-            root = np.concatenate([np.ones(known), of_modes])
-            system = np.eye(root.size) + root[:, None] * left * root
-            inverse, determinant = _inverse(system)
-            shared.append(root[:, None] * inverse * root)
-            evidence.append(level.log_prior - 0.5 * (own + determinant))
+    @cached_property
+    def crossed(self) -> Floats:
+        """(draws of all flights, X): L^-1 S'X, as `drawn` is of columns."""
+        pairs = zip(self._roots, self.by_flight, strict=True)
+        return np.concatenate([root @ of.crossed for (root, _), of in pairs])
+
+    @cached_property
+    def shared_gram(self) -> Floats:
+        """(X, X) X'X of the shared columns."""
+        known = self.uncertainty.shape[2]
+        modes, _, hats = self.free.shape
+        whole = np.zeros((known + modes * hats,) * 2)
+        for mode in range(modes):
+            of_mode, free = self.uncertainty[:, mode], self.free[mode]
+            part = slice(known + mode * hats, known + (mode + 1) * hats)
+            whole[:known, :known] += of_mode.T @ of_mode
+            whole[part, :known] = free.T @ of_mode
+            whole[:known, part] = whole[part, :known].T
+            whole[part, part] = free.T @ free
+        return whole
+
+    def solved(self, levels: Sequence[Level] = LEVELS, less: Nuisance | None = None) -> Solved:
+        """The nuisances eliminated from all flights but those of `less`."""
+        left = self.shared_gram - self.crossed.T @ self.crossed
+        own = sum(determinant for _, determinant in self._roots)
+        if less is not None:
+            left = left - (less.shared_gram - less.crossed.T @ less.crossed)
+            own -= sum(determinant for _, determinant in less._roots)
+        known, hats = self.uncertainty.shape[2], self.free.shape[2]
+        roots = [level.root(left, known, hats) for level in levels]
+        priors = np.array([level.log_prior for level in levels])
         return Solved(
-            flights=chosen,
-            scatter=np.stack(scatter).astype(np.float64),
-            crossed=np.stack([p[1] for p in parts]),
-            shared=np.stack(shared),
-            log_evidence=np.array(evidence),
+            shared=np.stack([root.T @ root for root, _ in roots]),
+            log_evidence=priors - 0.5 * (own + np.array([determinant for _, determinant in roots])),
         )
-
-    def of_flight(self, flight: int, first: int) -> Nuisance:
-        """With one flight only, whose means begin at `first`."""
-        rows = np.arange(self.whitening.rows.size)
-        mine = self.flights[flight]
-        part = self.of_means((rows >= mine.start) & (rows < mine.stop))
-        filter_ = replace(part.whitening, rows=part.whitening.rows - first)
-        return replace(part, whitening=filter_, flights=(slice(0, filter_.rows.size),))
 
     def of_means(self, kept: Bools) -> Nuisance:
         """With some of the n means only."""
@@ -184,59 +178,62 @@ class Nuisance:
             free=self.free[:, kept],
         )
 
-    def _gram(self, sums: FlightSums, rows: slice) -> NuisanceGram:
-        """S'S, S'X and X'X of one flight, by the sums of [S B] over its rows."""
-        many = self.scatter.shape[2]
-        modes, _, hats = self.free.shape
-        known = self.uncertainty.shape[2]
-        whole = np.zeros((known + modes * hats,) * 2)
-        whole[:known, :known] = sums.own[many:, many:]
-        whole[known:, :known] = sums.shared[known:, many:]
-        whole[:known, known:] = sums.shared[known:, many:].T
-        for mode in range(modes):
-            part = slice(known + mode * hats, known + (mode + 1) * hats)
-            whole[part, part] = self.free[mode, rows].T @ self.free[mode, rows]
-        return sums.own[:many, :many], sums.shared[:, :many].T, whole
+    def of_flight(self, flight: int, first: int) -> Nuisance:
+        """With one flight only, whose means begin at `first`."""
+        part = self.of_means(self.whitening.flight == flight)
+        filter_ = replace(part.whitening, rows=part.whitening.rows - first)
+        return replace(part, whitening=filter_, flights=(slice(0, filter_.rows.size),))
+
+    def sums(self, columns: ValueColumns | Floats) -> Sums:
+        """Of columns (N, R, q) rpm in modes."""
+        z = self.filtered(columns)
+        drawn, (shared, own) = self.drawn(z), self.products(z)
+        return shared - self.crossed.T @ drawn, own - drawn.T @ drawn
 
     def filtered(self, columns: ValueColumns | Floats) -> ValueColumns:
         """Columns of N means as columns of n, in units of the noise."""
         asked = columns if isinstance(columns, ValueColumns) else ValueColumns.of_all(columns)
         return replace(asked, values=self.whitening.apply(asked.values))
 
-    def sums_of_filtered(self, z: ValueColumns) -> list[FlightSums]:
-        """Flight by flight."""
-        return [self._sums(z, rows, z.in_flight(f)) for f, rows in enumerate(self.flights)]
+    def drawn(self, z: ValueColumns) -> Floats:
+        """(draws of all flights, q) of filtered columns: L^-1 S'z, the square of which is what the
+        scatter takes."""
+        found = []
+        for f, rows in enumerate(self.flights):
+            sums = self.by_flight[f].columns @ z.values[rows].swapaxes(0, 1)
+            along = _by_mode(sums)[z.mode, :, z.source].T
+            along[:, (z.flight != ALL_FLIGHTS) & (z.flight != f)] = 0.0
+            found.append(self._roots[f][0] @ along)
+        return np.concatenate(found)
 
-    def _sums(self, z: ValueColumns, rows: slice, used: NDArray[np.intp]) -> FlightSums:
-        """Of filtered columns over the `rows` of one flight, of which some are `used` there."""
-        source, of_mode, count = z.source[used], z.mode[used], used.size
+    def products(self, z: ValueColumns) -> Sums:
+        """X'z and z'z of filtered columns, with the scatter."""
         modes, _, hats = self.free.shape
-        scatter = np.zeros((self.scatter.shape[2], count))
-        uncertainty, free = (
-            np.zeros((self.uncertainty.shape[2], count)),
-            np.zeros((modes, hats, count)),
-        )
-        own = np.zeros((count, count))
-        for mode in range(modes):  # most columns act in one mode alone
-            there = np.flatnonzero((of_mode == ALL_MODES) | (of_mode == mode))
-            part = z.values[rows, mode][:, source[there]]
-            acts, part = _acting(part)
-            there = there[acts]
-            for of, sums in ((self.scatter, scatter), (self.uncertainty, uncertainty)):
-                acts, columns = _acting(of[rows, mode])
-                sums[np.ix_(acts, there)] += columns.T @ part
-            free[mode][:, there] = self.free[mode, rows].T @ part
-            own[np.ix_(there, there)] += part.T @ part
-        return FlightSums(
-            scatter=scatter,
-            shared=np.concatenate([uncertainty, free.reshape(modes * hats, count)]),
-            own=own,
-            used=used,
-            count=z.count,
-        )
+        known = self.uncertainty.shape[2]
+        shared, own = np.zeros((known + modes * hats, z.count)), np.zeros((z.count, z.count))
+        owners = [(EVERY, ALL_FLIGHTS), *((rows, f) for f, rows in enumerate(self.flights))]
+        for rows, f in owners:
+            left, right = np.flatnonzero(z.flight == f), z.in_flight(f)
+            if not left.size:
+                continue
+            values = z.values[rows].swapaxes(0, 1)
+            sources, place = np.unique(z.source[left], return_inverse=True)
+            part = values if sources.size == values.shape[2] else values[:, :, sources]
+            sums = _by_mode(self.uncertainty[rows].transpose(1, 2, 0) @ part)
+            shared[:known, left] = sums[z.mode[left], :, place].T
+            free = (self.free[:, rows].swapaxes(1, 2) @ part)[:, :, place]
+            one, other = z.mode[left], z.mode[right]
+            acts = (one == ALL_MODES) | (one == np.arange(modes)[:, None])
+            shared[known:, left] = (free * acts[:, None]).reshape(modes * hats, -1)
+            both = np.where(one[:, None] == ALL_MODES, other, one[:, None])
+            both[(one[:, None] != other) & (one[:, None] != ALL_MODES) & (other != ALL_MODES)] = -2
+            block = _by_mode(part.swapaxes(1, 2) @ values)[both, place[:, None], z.source[right]]
+            own[np.ix_(left, right)] = block
+            own[np.ix_(right, left)] = block.T
+        return shared, own
 
 
-def _acting(columns: Floats) -> tuple[NDArray[np.intp], Floats]:
-    """Which columns (n, q) are not zero throughout, and these."""
-    acts = np.flatnonzero(columns.any(axis=0))
-    return acts, columns[:, acts]
+def _by_mode(sums: Floats) -> Floats:
+    """(R + 2, ...) of sums (R, ...) by mode: after them nothing (-2), and all modes together (-1,
+    ALL_MODES)."""
+    return np.concatenate([sums, np.zeros_like(sums[:1]), sums.sum(axis=0, keepdims=True)])

@@ -134,8 +134,9 @@ class _LossSums:
     @classmethod
     def of(cls, search: Search, fitted: FittedSet, column: Floats) -> _LossSums:
         columns = np.stack([column, np.nan_to_num(fitted.residual)], axis=2)
-        sums, flights = search.nuisance.sums(columns), range(search.reduced.flights)
-        parts = [search.solved.of_flight(f, sums[f]) for f in flights]
+        flight = search.nuisance.whitening.flight
+        alone = [search.nuisance.of_means(flight == f) for f in range(search.reduced.flights)]
+        parts = [of.sums(columns) for of in alone]
         return cls(
             search=search,
             columns=columns,
@@ -149,12 +150,10 @@ class _LossSums:
         reduced, nuisance, solved = self.search.reduced, self.search.nuisance, self.search.solved
         level = slice(self.level, self.level + 1)
         if step.flight is None:
-            sums = nuisance.sums(self._from(times, slice(None)))
-            return solved.reduce(sums, level)[0]
+            return solved.reduce(nuisance.sums(self._from(times, slice(None))), level)[0]
         f, count = step.flight, times.size
         means = slice(*np.searchsorted(reduced.flight, [f, f + 1]))
-        own_sums = nuisance.of_flight(f, means.start).sums(self._from(times, means))[0]
-        shared, own = solved.of_flight(f, own_sums)
+        shared, own = nuisance.of_flight(f, means.start).sums(self._from(times, means))
         for g in range(reduced.flights):
             if g != f and step.after[g]:
                 both = [0] * count + [1]

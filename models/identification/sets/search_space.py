@@ -146,17 +146,17 @@ def _left_noise(open_: Nuisance, residual: Floats) -> Floats:
     Wild seconds hide behind the median that noise is taken from; more than they is no noise.
     """
     z = open_.whitening.apply(residual)
-    sums = open_.sums(residual[:, :, None])
-    solved = open_.solved(levels=LEVELS[-1:])
-    shared, _ = solved.without_scatter(sums)
-    mean = solved.shared[0] @ shared[:, 0]
+    shared, _ = open_.sums(residual[:, :, None])
+    mean = open_.solved(LEVELS[-1:]).shared[0] @ shared[:, 0]
     known = open_.uncertainty.shape[2]
     free = mean[known:].reshape(open_.free.shape[0], -1)
     left = z - open_.uncertainty @ mean[:known] - np.einsum("rnh,rh->nr", open_.free, free)
     out = np.ones_like(z)
-    for f, rows in enumerate(open_.flights):
-        draws = solved.scatter[f] @ (sums[f].scatter[:, 0] - solved.crossed[f] @ mean)
-        left[rows] -= open_.scatter[rows] @ draws
+    for of, rows in zip(open_.by_flight, open_.flights, strict=True):
+        # Of what the shared ones leave, the scatter takes S (I + S'S)^-1 S'.
+        seen = (of.columns @ left[rows].T[:, :, None]).sum(axis=0)[:, 0]
+        draws = np.linalg.solve(np.eye(of.acts.size) + of.gram, seen)
+        left[rows] -= (draws @ of.columns).T
         out[rows] = np.clip(np.sqrt(np.mean(left[rows] ** 2, axis=0)), 1.0, TAILS)
     return out
 
