@@ -90,7 +90,7 @@ voltage_start | number | V | median of the first tenth of the flight
 voltage_end | number | V | median of the last tenth
 voltage_min | number | V | least in flight
 current_median | number | A | in flight
-battery_ohm | number | ohm | fall of voltage with current, drain taken out
+battery_ohm | number | ohm | fall of voltage with current, from rest into flight, drain taken out
 battery_ohm_error | number | ohm | its standard error
 airspeed_median | number | m/s | in flight
 ground_speed_median | number | m/s | in flight

@@ -53,6 +53,10 @@ SWAP_UNKNOWN = "as after a new propeller or motor; enter it into parts.csv"
 SILENT = "nothing was reported then"
 HEALTHY = "nothing changed"
 GROUND_IT = "do not fly it before its battery and propellers were looked at; then fill less"
+GROUND_BATTERY = (
+    "do not fly it before its battery was tested or retired, for its resistance grew; then fill "
+    "less"
+)
 LOOK = "run thrustmargin identify on the flights since then"
 NAME_EACH = "take its logs in with ingest --again --aircraft, a name for each aircraft"
 NO_SUMS = "no flight has sums: they need measured rotor speeds and a model"

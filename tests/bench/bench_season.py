@@ -1,11 +1,12 @@
 """How late wear is seen, and how often something is that is not there.
 
-    python -m tests.bench.bench_season [--seasons 20] [--healthy 300]
+    python -m tests.bench.bench_season [--seasons 20] [--healthy 300] [--seed 1]
 
 Seasons are drawn from the sums of recorded good flights, which scatter as real ones do; one rotor
 of one of them wears from flight 60 of 100. CUSUM and EWMA watch the same flights' raw speed ratio
 of that rotor (median of measured over predicted speed), with the mean and the spread of the first
-30 flights. Their limits are set so that 1 in 100 healthy seasons of four rotors has an alarm.
+30 flights. Their limits are set so that 1 in 100 healthy seasons of four rotors has an alarm. A
+battery ages from the same flight on, by its resistances in these flights.
 """
 
 from __future__ import annotations
@@ -23,13 +24,16 @@ from tests.models.identification.season.made_seasons import (
     wear,
     with_change,
 )
+from thrustmargin.gcs_plugin.commands.season_flight import battery_resistance
+from thrustmargin.gcs_plugin.reports.fleet.part_history import resistance
 from thrustmargin.models.identification.rows.problem import assemble
+from thrustmargin.models.identification.season.change_points import SeasonEntry
 from thrustmargin.models.identification.season.season_changes import season_changes
 from thrustmargin.models.identification.season.season_sums import season_sums
 from thrustmargin.models.model.model_file import shipped_model
 
 FLIGHTS, FIRST, LEARNT = 100, 60, 30
-RATES = (0.0005, 0.001, 0.002, 0.005)
+RATES, AGEING = (0.0005, 0.001, 0.002, 0.005), (0.005, 0.01, 0.02)
 SLACK, SMOOTHING = 0.5, 0.2  # of CUSUM in standard deviations; of EWMA
 
 
@@ -38,6 +42,31 @@ def ratios() -> np.ndarray:
     """(30, 4) median of measured over predicted speed of each good flight."""
     parts = [assemble(shipped_model(), [track]) for track in good_tracks()]
     return np.array([np.median(p.measured_rpm / p.speeds(), axis=0) for p in parts])
+
+
+@cache
+def resistances() -> np.ndarray:
+    """(30, 2) ohm of the battery in each good flight, and its standard error."""
+    tracks = good_tracks()
+    return np.array([battery_resistance(t.time_s, t.voltage, t.current, t.flying) for t in tracks])
+
+
+def battery(drawn: np.ndarray, per_flight: float = 0.0) -> tuple[SeasonEntry, ...]:
+    """What is said of a battery whose resistance grows by such a share from FIRST on."""
+    ohm, error = resistances()[drawn].T
+    grown = ohm * (1.0 + per_flight * np.maximum(np.arange(drawn.size) - FIRST + 1, 0))
+    flights = [
+        {"battery_ohm": a, "battery_ohm_error": b} for a, b in zip(grown, error, strict=True)
+    ]
+    trend = resistance(flights)
+    return trend.changes if trend else ()
+
+
+def battery_seen_after(drawn: np.ndarray, per_flight: float) -> float:
+    """Flights after the first aged one until it is found."""
+    ends = range(FIRST + 1, FLIGHTS + 1)
+    found = (end - FIRST for end in ends if battery(drawn[:end], per_flight))
+    return float(next(found, np.inf))
 
 
 def charts(ratio: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -88,8 +117,9 @@ def main(words: list[str]) -> None:
     given = argparse.ArgumentParser()
     given.add_argument("--seasons", type=int, default=20)
     given.add_argument("--healthy", type=int, default=300)
+    given.add_argument("--seed", type=int, default=1)
     asked = given.parse_args(words)
-    rng = np.random.default_rng(1)
+    rng = np.random.default_rng(asked.seed)
     of_cusum, of_ewma = limits(rng)
     good = good_sums()
     print(f"wear from flight {FIRST + 1} of {FLIGHTS}; {asked.seasons} seasons each; flights until")
@@ -109,11 +139,18 @@ def main(words: list[str]) -> None:
         print(
             f"{100 * rate:11.2f} % {late[0]:13g} {late[1]:6g} {late[2]:5g} {dates:12g}", flush=True
         )
-    false = 0
+    print("battery's resistance grows a flight, seen after flights (median)")
+    for rate in AGEING:
+        drawn = [rng.integers(0, len(good), FLIGHTS) for _ in range(asked.seasons)]
+        late = [battery_seen_after(one, rate) for one in drawn]
+        print(f"{100 * rate:11.1f} % {float(np.median(late)):13g}", flush=True)
+    false = of_battery = 0
     for _ in range(asked.healthy):
-        found = season_changes(season_sums([good[k] for k in rng.integers(0, len(good), FLIGHTS)]))
-        false += any(t.changes for t in found.trends) or bool(found.shared)
-    print(f"healthy seasons with an entry: {false} of {asked.healthy}")
+        drawn = rng.integers(0, len(good), FLIGHTS)
+        found = season_changes(season_sums([good[k] for k in drawn]))
+        of_battery += (aged := bool(battery(drawn)))
+        false += aged or any(t.changes for t in found.trends) or bool(found.shared)
+    print(f"healthy seasons with an entry: {false} of {asked.healthy}, {of_battery} of a battery")
 
 
 if __name__ == "__main__":

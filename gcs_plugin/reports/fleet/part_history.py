@@ -15,6 +15,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import (
     FINE,
+    FIRST,
     RECENT,
     AircraftSeason,
     SeasonFinding,
@@ -36,6 +37,7 @@ from thrustmargin.models.identification.season.change_points import (
 from thrustmargin.models.identification.season.season_changes import Trend
 
 RESISTANCE = (0.3, 1.0)  # rise of a battery's resistance to act on; a doubled one is worn out
+OTHERS = 10  # values that an aircraft's false entries are of, beside a battery's resistance
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +69,7 @@ def with_parts(
             continue
         last = flown[-1]
         battery = last.position.startswith("battery")
-        trend = _resistance([f.row for f in flown]) if battery else None
+        trend = resistance([f.row for f in flown]) if battery else None
         if not name and trend is None:
             continue
         loss, error = (NAN, NAN) if battery else _loss(flown)
@@ -89,10 +91,20 @@ def with_parts(
         replace(
             s,
             parts=tuple(histories[s.name]),
-            findings=in_order([*s.findings, *findings[s.name]]),
+            findings=in_order([*_with_cause(s, findings[s.name]), *findings[s.name]]),
         )
         for s in seasons
     ]
+
+
+def _with_cause(
+    season: AircraftSeason, of_batteries: Sequence[SeasonFinding]
+) -> Iterable[SeasonFinding]:
+    """What was found before; that there was no thrust left names a battery that is worn out."""
+    worn = any(f.level == FIRST for f in of_batteries)
+    for one in season.findings:
+        named = worn and one.action == words.GROUND_IT
+        yield replace(one, action=words.GROUND_BATTERY) if named else one
 
 
 def _flights_of_parts(
@@ -113,7 +125,7 @@ def _flights_of_parts(
         yield name, sorted(flown, key=lambda f: f.row["started_unix_s"])
 
 
-def _resistance(flights: Sequence[Mapping[str, Any]]) -> Trend | None:
+def resistance(flights: Sequence[Mapping[str, Any]]) -> Trend | None:
     """A battery's resistance over its flights, of those that show it."""
     value = np.array([f["battery_ohm"] for f in flights], dtype=np.float64)
     error = np.array([f["battery_ohm_error"] for f in flights], dtype=np.float64)
@@ -123,7 +135,7 @@ def _resistance(flights: Sequence[Mapping[str, Any]]) -> Trend | None:
     value, error = value[where], error[where]
     error = np.maximum(error, scatter_of(value))
     error = error * spread_beyond(value, error)
-    entries, curve = changes(value, error, penalty_of(where.size))
+    entries, curve = changes(value, error, penalty_of(where.size, OTHERS))
     whole = np.full(len(flights), np.nan)
     own: Floats = whole.copy()
     whole[where], own[where] = value, error
@@ -147,7 +159,8 @@ def _battery_findings(history: PartHistory, flown: Sequence[_Flown]) -> Iterable
         ended = entry.until < len(flown)
         ahead = RECENT * entry.per_flight if entry.ramp and not ended else 0.0
         last = entry is trend.changes[-1] and not removed
-        ratio = abs(trend.now + ahead - trend.changes[0].before) / trend.usual if last else 0.0
+        risen = trend.now + ahead - trend.changes[0].before  # less: a new one, or a warmer day
+        ratio = max(risen, 0.0) / trend.usual if last else 0.0
         at = flown[min(entry.flight, len(flown) - 1)]
         here = at.season.name == history.aircraft
         when = words.flight_words(

@@ -13,6 +13,7 @@ from tests.import_graph import ROOT
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.ingest import find_logs
 from thrustmargin.gcs_plugin.commands.season_flight import battery_resistance
+from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.store.ingest_run import content_of
 from thrustmargin.gcs_plugin.store.schema import FLIGHTS
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore, read_flights, read_sums
@@ -199,15 +200,26 @@ def test_a_name_that_no_folder_may_have_is_refused(
     assert not (tmp_path / "s").exists()
 
 
-def test_resistance_is_found_beside_the_drain_and_not_without_current():
+def test_resistance_is_found_beside_the_drain_and_not_without_current_or_rest():
     rng = np.random.default_rng(3)
     time_s = np.arange(0.0, 400.0, 0.1)
-    current = 60.0 + 15.0 * np.sin(time_s / 7.0) - 0.02 * time_s
+    flying = time_s >= 20.0
+    # The current falls as the tank empties, and the battery drains as it does.
+    current = np.where(flying, 60.0 + 2.0 * np.sin(time_s / 7.0) - 0.05 * time_s, 1.0)
     drawn = np.cumsum(current) / current.sum()
     voltage = 52.0 - 4.0 * drawn - 0.03 * current + rng.normal(0.0, 0.05, time_s.size)
-    flying = np.ones(time_s.size, dtype=bool)
     ohm, error = battery_resistance(time_s, voltage, current, flying)
     assert abs(ohm - 0.03) < 4.0 * error
+    assert error < 0.001
+    for rest in (flying, flying | (time_s < 20.0)):
+        amperes = np.nan * current if rest is flying else current
+        assert np.isnan(battery_resistance(time_s, voltage, amperes, rest)).all()
+
+
+@pytest.mark.parametrize("name", ["v2_m10_q1.5", "v2_m4_q3.5", "v4_m16_q3.5", "v6_m4_q1.5"])
+def test_the_simulators_battery_has_one_resistance_in_all_flights(sitl_logs, name):
+    """In flight alone these gave 0.01 to 0.25 ohm."""
+    track = read_log(sitl_logs / "campaign" / f"{name}.tlog").track
+    ohm, error = battery_resistance(track.time_s, track.voltage, track.current, track.flying)
+    assert abs(ohm - 0.03) < 0.002
     assert error < 0.002
-    assert np.isnan(battery_resistance(time_s, voltage, np.full(time_s.size, 60.0), flying)).all()
-    assert np.isnan(battery_resistance(time_s, voltage, np.nan * current, flying)).all()

@@ -83,6 +83,24 @@ def test_an_ageing_battery_is_dated_and_a_steady_one_is_silent():
     assert with_parts([aircraft_season("a", rows, [])])[0].findings == ()
 
 
+def test_a_worn_out_battery_is_named_where_no_thrust_was_left_and_a_better_one_is_no_reason():
+    noise = 0.0005 * RNG(4).standard_normal(60)
+    slope = np.maximum(0, np.arange(60) - 29)
+    for per_flight, level, named in ((0.001, FIRST, True), (0.0, FIRST, False)):
+        rows = rows_of(60, battery_ohm_error=0.0003)
+        for k, row in enumerate(rows):
+            row["battery_ohm"] = 0.030 + noise[k] + per_flight * slope[k]
+        rows[-1] |= {"verdict": "critical", "worst_margin": -0.1, "worst_rotor": 1}
+        (found,) = with_parts([aircraft_season("a", rows, [])])
+        assert found.level == level
+        assert ("its resistance grew" in found.findings[0].action) == named
+    for k, row in enumerate(rows := rows_of(60, battery_ohm_error=0.0003)):
+        row["battery_ohm"] = 0.060 + noise[k] - 0.001 * slope[k]
+    (found,) = with_parts([aircraft_season("a", rows, [])])
+    assert found.level == WATCH
+    assert "from 60" in found.findings[0].sentence
+
+
 def ohms(seed: int, of: np.ndarray) -> list[dict]:
     """Rows of flights with a battery of these resistances."""
     noise = 0.0005 * RNG(seed).standard_normal(of.size)
