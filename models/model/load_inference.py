@@ -261,7 +261,7 @@ def load_fit(shown: LoadEvidence, airframe: Airframe) -> LoadFit | None:
         fit = _fit(means, np.clip(seconds, begin, end) - begin, usual, fastest, airframe)
         found = (begin > 0.0) + np.isfinite(end)
         count = means.mass.size
-        criterion = 2.0 * count * np.log(fit.scatter) + (found + 1) * np.log(count)
+        criterion = 2.0 * count * np.log(fit.scatter) + found * np.log(count)
         if criterion < least:
             best, least = fit._replace(span=(begin, end), by_spraying=by_spraying), criterion
     return best

@@ -238,9 +238,9 @@ def _words(
 ) -> str:
     message = track.sources.get("throttle", "motor outputs").split()[0]
     by_weight, by_rotors = calibration.seconds(_WEIGHT), calibration.seconds(_ROTORS)
-    if by_rotors > 0.0:
+    if by_rotors:
         how = "set by the rotors whose speed is measured"
-    elif by_weight > 0.0:
+    elif by_weight:
         how = f"set by the weight over {by_weight:.0f} s of level flight"
     else:
         how = "by the airframe's full thrust, for the weight is not known"

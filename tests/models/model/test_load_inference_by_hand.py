@@ -108,8 +108,10 @@ def test_before_a_fall_is_seen(spraying, flow, usual, spread):
     np.testing.assert_allclose(np.diag(fit.covariance), of, rtol=1e-4, atol=1e-12)
 
 
-def test_no_tank_fills_in_flight():
-    fit = fitted(*((10.0, 1, 26.0 + k, 0.0, 0.0, 10.0 * k) for k in range(5)), spraying=())
+@pytest.mark.parametrize("spraying", [(), (1.0,)])
+def test_no_tank_fills_in_flight(spraying):
+    means = ((10.0, 1, 26.0 + k, 0.0, 10.0 * k, 10.0 * k) for k in range(5))
+    fit = fitted(*means, spraying=spraying)
     np.testing.assert_allclose(fit.values, [8.0, 0.0], atol=1e-4)
     assert not fit.falls
 
@@ -175,6 +177,49 @@ def test_translational_lift_is_by_airspeed_else_by_the_speed_over_ground():
     assert only(hover(10.0, 100, velocity_ned=moving))[2] == pytest.approx(1 - 0.786151, abs=1e-6)
     still = only(hover(10.0, 100, velocity_ned=moving, airspeed=np.zeros(100)))
     assert still[2] == 0.0
+
+
+def test_of_an_unknown_speed_there_is_no_lift_and_a_span_begins_at_its_tens():
+    unknown = np.full((100, 3), np.nan)
+    assert only(hover(10.0, 100, velocity_ned=unknown))[2] == 0.0
+    spans = {key: s[0] for key, s in seen(hover(10.0, 200)).sums.items()}
+    assert spans == pytest.approx({(1, 0): 9.9, (1, 1): 10.0})
+
+
+def test_before_the_first_take_off_the_tank_holds_what_it_held_then():
+    on_ground = np.arange(101) < 30
+    found = with_load(hover(10.0, flying=~on_ground), CRAFT)
+    np.testing.assert_allclose(found.tank_kg, 10.0, atol=1e-6)
+
+
+def test_what_is_said_of_a_flight_is_its_middle_load():
+    # 20 s with 10 kg, 16 s on the ground, 10 s with 6 kg.
+    speed = np.sqrt((20.0 + np.repeat([10.0, 10.0, 6.0], [200, 160, 100])) * G0 / (4.0 * 2e-5))
+    rows = np.repeat([True, False, True], [200, 160, 100])
+    flown = hover(
+        0.0,
+        460,
+        rotor_speed_rpm=np.repeat(speed[:, None], 4, axis=1),
+        flying=rows,
+        tank_kg=np.full(460, 20.0),
+        sources={"tank_kg": "stated"},
+    )
+    assert "but hover thrust shows 10.0 ±" in with_load(flown, CRAFT).sources["tank_kg"]
+
+
+def test_a_load_falls_while_the_pump_is_heard_to_run_from_what_was_shown_before():
+    # Heard on from 5 s to 10 s and again from 25 s; of the fall nothing is seen but the pump's.
+    time_s = np.arange(300) / 10.0
+    track = hover(10.0, 300, spraying=((time_s >= 5.0) & ~((time_s >= 10) & (time_s < 25))) * 1.0)
+    _, before = with_load_so_far(track.rows(slice(0, 200)), CRAFT, LoadEvidence())
+    found, _ = with_load_so_far(track.rows(slice(200, 300)), CRAFT, before)
+    fit = load_fit(before, CRAFT)
+    assert fit is not None
+    assert fit.by_spraying
+    assert fit.falls
+    np.testing.assert_allclose(np.diff(found.tank_kg[:50]), 0.0, atol=1e-9)
+    fallen = found.tank_kg[50:] - found.tank_kg[0]
+    np.testing.assert_allclose(fallen, -fit.values[-1] * np.arange(1, 51) / 10.0, atol=1e-9)
 
 
 @pytest.mark.parametrize(

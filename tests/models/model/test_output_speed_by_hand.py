@@ -88,18 +88,21 @@ def test_power_to_two_thirds_says_how_thrust_changes():
 @pytest.mark.parametrize(
     "motion",
     [
-        {"airspeed": np.full(100, 5.0)},
+        {"airspeed": np.full(100, 5.0), "velocity_ned": np.tile([9.0, 9.0, 0.4], (100, 1))},
         {
-            "velocity_ned": np.tile([8.0, 4.0, 0.0], (100, 1)),
+            "velocity_ned": np.tile([8.0, 4.0, 0.4], (100, 1)),
             "wind_ned": np.tile([5.0, 0, 0], (100, 1)),
         },
-        {"velocity_ned": np.tile([3.0, 4.0, 0.0], (100, 1))},
+        {"velocity_ned": np.tile([3.0, 4.0, 0.4], (100, 1))},
     ],
 )
 def test_moving_air_makes_the_weight_less_sure(motion):
     # Translational lift at 5 m/s is worth 5 %, with the square of speed; a still mean is 2 %.
     found = means(WEIGHT, outputs(**motion))
     np.testing.assert_allclose(found[[0, 4]], [9.9 / (1.0 + 2.5**2), 0.05**2])
+    errors = {"tank_kg": np.full(100, 1.2)}  # 4 % of 30 kg
+    both = means(WEIGHT, outputs(**motion, standard_errors=errors))
+    np.testing.assert_allclose(both[4], 0.05**2 + 0.04**2)
     slower = means(WEIGHT, outputs(airspeed=np.full(100, 2.5)))
     np.testing.assert_allclose(slower[[0, 4]], [9.9 / (1.0 + 0.625**2), 0.0125**2])
 
@@ -235,3 +238,50 @@ def test_speeds_are_measured_where_no_error_is_known_of_them():
     for error, words in ((np.nan, "measured"), (0.0, "measured"), (5.0, "from motor outputs")):
         errors = {"rotor_speed_rpm": np.full((100, 4), error)}
         assert speed_words(outputs(standard_errors=errors, rotor_speed_rpm=speeds)) == words
+
+
+def test_the_error_of_a_speed_has_rotor_weight_and_calibration():
+    filled, now = filled_speeds(outputs(), F16, SQUARE)
+    value, covariance = now.fit(F16, output_curve(SQUARE))
+    variance = 0.03**2 + now.common_variance(F16) + covariance[0, 0]  # at 0.35 and 50 V
+    speed = np.exp(0.5 * value[0])
+    np.testing.assert_allclose(filled.rotor_speed_rpm[50], speed)
+    error = filled.standard_errors["rotor_speed_rpm"]
+    np.testing.assert_allclose(error[50], 0.5 * np.sqrt(variance) * speed)
+
+
+@pytest.mark.parametrize("rotors", [(0,), (1, 2)])
+def test_only_rotors_that_were_ever_measured_count_as_heard(rotors):
+    speeds = np.full((100, 4), np.nan)
+    speeds[40, rotors] = 2000.0
+    track = outputs(rotor_speed_rpm=speeds, sources={"throttle": "SERVO_OUTPUT_RAW 1 to 4"})
+    for so_far in (NOTHING, None):
+        filled, then = filled_speeds(track, F16, SQUARE, so_far)
+        assert then.measured == set(rotors)
+        silent = [r for r in range(4) if r not in rotors]
+        assert np.isfinite(filled.rotor_speed_rpm[30:, silent]).all()
+    # Of a whole flight what is heard later counts too.
+    assert np.isnan(filled.rotor_speed_rpm[:40, rotors]).all()
+    names = ", ".join(str(r + 1) for r in silent)
+    words = f"measured; rotors {names} from motor outputs (SERVO_OUTPUT_RAW, "
+    assert filled.sources["rotor_speed_rpm"].startswith(words)
+
+
+def test_the_one_silent_rotor_is_named():
+    speeds = np.tile([2000.0, np.nan, 2000.0, 2000.0], (100, 1))
+    filled, _ = filled_speeds(outputs(rotor_speed_rpm=speeds), F16, SQUARE)
+    words = filled.sources["rotor_speed_rpm"]
+    assert words.startswith("measured; rotor 2 from motor outputs (motor, ")
+    assert words.endswith("; set by the rotors whose speed is measured)")
+
+
+def test_full_output_is_of_the_flights_of_this_aircraft_at_their_middle_voltage():
+    flights = [(outputs(voltage=np.full(100, volts)), SQUARE) for volts in (40.0, 50.0, 54.0)]
+    six = FlightTrack.of(name="six", rotor_count=6, time_s=np.arange(100) / 10.0)
+    still = replace(outputs(), throttle=np.full((100, 4), np.nan), voltage=np.full(100, 10.0))
+    top, volts = full_output_speed([(six, SQUARE), *flights, (still, SQUARE)], F16)
+    assert volts == 50.0
+    assert top == full_output_speed(flights, F16)[0]
+    for unknown in (0.0, np.nan):
+        one = outputs(200, voltage=np.full(200, unknown))
+        assert full_output_speed([(one, SQUARE)], F16)[1] == F16.nominal_voltage

@@ -19,9 +19,10 @@ from thrustmargin.models.model.training import (
     train,
     training_domain,
 )
-from thrustmargin.models.network.ensemble import RotorNetwork
+from thrustmargin.models.network.ensemble import RotorNetwork, ensemble_speed
 from thrustmargin.models.network.network import NetConfig, NetworkFit, fit_network
 from thrustmargin.models.network.training_rows import Samples, Split, gather, turning_rows
+from thrustmargin.models.network.validity import calibrate, measure_coverage
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.forward_flight import fit_forward_flight
 
@@ -83,6 +84,9 @@ def test_scores_of_a_split_are_of_its_own_rows():
         error = np.arange(*rows) * 2.0
         both = np.stack([error, error - 1.0])
         assert scored.rmse_per_rotor_rpm == pytest.approx(np.sqrt(np.mean(both**2, axis=1)))
+        about_its_mean = np.arange(*rows) * 2.0 - np.mean(np.arange(*rows) * 2.0)
+        r2 = 1.0 - np.sum(both**2, axis=1) / np.sum(about_its_mean**2)
+        assert scored.r2_per_rotor == pytest.approx(r2)
         assert scored.rows == rows[1] - rows[0]
     assert (found.epochs, found.best_epoch, found.lowest_loss) == (3, 2, 0.3)
 
@@ -127,6 +131,14 @@ def test_the_training_domain_is_from_the_lowest_to_the_highest_known():
     assert np.isnan(_median(TABLE.height_agl))
 
 
+def test_what_the_paper_prints_and_the_usual_settings():
+    # Drones 2024, 8, 246.
+    assert training.PAPER_R2 == (0.728, 0.719, 0.726)
+    assert (training.PAPER_LOWEST_LOSS, training.PAPER_BEST_EPOCH) == (0.27, 147)
+    usual = TrainSettings()
+    assert (usual.members, usual.seed, usual.coverage) == (5, 0, 0.9)
+
+
 def test_networks_are_named_and_counted_from_one():
     settings = TrainSettings(members=3)
     assert settings.names() == [
@@ -148,7 +160,8 @@ def test_settings_reach_the_training():
         coverage=0.8,
         net=NetConfig(hidden=(3,), max_epochs=1),
     )
-    model = train(tracks, airframe, settings, date="2025-06-01", version="").model
+    trained = train(tracks, airframe, settings, date="2025-06-01", version="")
+    model = trained.model
     assert model.description.endswith("from 10 flights, trained 2025-06-01")
     assert model.interval is not None
     assert model.training is not None
@@ -158,6 +171,20 @@ def test_settings_reach_the_training():
     assert model.interval.measured is not None
     assert (model.training.seed, model.training.members) == (4, 3)
     assert model.network.hidden == (3,)
+    # The interval is that of flights left out, about the spread of all members.
+    samples = gather(tracks)
+    left_out = np.full(samples.rotor_speed_rpm.shape, NAN)
+    for fold in trained.folds:
+        rows = np.isin(samples.flight, fold.flights)
+        assert fold.model.network is not None
+        asked = samples.airspeed[rows], samples.tank_kg[rows]
+        left_out[rows] = ensemble_speed(fold.model.network, *asked)[0]
+    spread = ensemble_speed(model.network, samples.airspeed, samples.tank_kg)[1]
+    shown = (samples.rotor_speed_rpm - left_out, spread, samples.airspeed, samples.flight)
+    assert model.interval.factor == pytest.approx(calibrate(*shown, coverage=0.8).factor)
+    by_hand = measure_coverage(*shown, coverage=0.8)
+    assert by_hand is not None
+    assert model.interval.measured.width_rpm == pytest.approx(by_hand.width_rpm)
     assert model.training.rows - model.training.learnt_rows == sum(
         int(turning_rows(t)[(t.time_s > 7.5) & (t.time_s < 50.5)].sum()) for t in tracks
     )
@@ -170,10 +197,18 @@ def test_settings_reach_the_training():
     assert not np.array_equal(second, third)
 
 
-def test_flights_of_nothing_but_turns_cannot_be_learnt():
+@pytest.mark.parametrize(
+    "turning",
+    [
+        {0, 1, 2, 3},
+        {0},  # all that two of three members would be stopped by
+        {1},  # all that one member would learn from
+    ],
+)
+def test_members_that_have_nothing_but_turns_cannot_be_made(turning):
     spinning = [
-        replace(t, angular_rate_frd=np.tile([0.0, 0.0, 1.0], (t.time_s.size, 1)))
-        for t in sorties(4)
+        replace(t, angular_rate_frd=np.tile([0.0, 0.0, 1.0 * (k in turning)], (t.time_s.size, 1)))
+        for k, t in enumerate(sorties(4))
     ]
     settings = TrainSettings(members=3, net=NetConfig(max_epochs=1))
     with pytest.raises(
