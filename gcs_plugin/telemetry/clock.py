@@ -285,8 +285,6 @@ def _repaired(stamps_s: Floats) -> Floats:
     """Stamps with lone leaps (damaged stamp bytes) replaced by the stamp before."""
     known = without_leaps(stamps_s)
     bad = np.flatnonzero(~np.isfinite(known))
-    if bad.size == 0:
-        return stamps_s
     good = np.flatnonzero(np.isfinite(known))
     known[bad] = known[good[np.maximum(np.searchsorted(good, bad) - 1, 0)]]
     return known

@@ -132,6 +132,18 @@ def test_of_four_clocked_messages_none_tells_a_step():
     np.testing.assert_allclose(clock_of(four).estimate_s, [7.0, 7.1, 13.2, 13.3])
 
 
+def test_of_five_clocked_messages_a_step_is_told():
+    five = [*late_by(2, lambda _: 0), *late_by(3, lambda _: 6000, first=10.2)]
+    np.testing.assert_allclose(clock_of(five).estimate_s, [10.0, 10.1, 10.2, 10.3, 10.4])
+
+
+def test_the_last_message_before_a_restart_is_of_the_boot_before_however_close():
+    # Counted by the new clock it would be at 9.9 s, a tenth before the first of the new boot.
+    first = [(109.0 + k / 10, 90.0 + k / 10) for k in range(10)]
+    found = clock_of([*first, *late_by(20, lambda _: 0)])
+    assert (found.first_row, found.last_row) == (10, 29)
+
+
 def test_a_damaged_stamp_counts_as_the_one_before():
     heard = late_by(12, lambda _: 0)
     heard.insert(6, (9e9, None))
@@ -146,6 +158,7 @@ def test_frames_listened_to_have_the_time_of_a_listener():
     mine = np.array([True, True, True, False])
     found = clock_of(heard, listened=mine)
     assert found.on_arrival
+    assert found.stamp_minus_clock == 100.0
     np.testing.assert_allclose(found.estimate_s, [10.0, 10.1, 10.2, 10.2])
 
 

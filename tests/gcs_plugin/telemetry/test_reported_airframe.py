@@ -84,6 +84,79 @@ def test_the_lower_rotors_of_a_px4_coaxial_work_in_the_wash_of_the_upper():
     assert found.quantities["arm"].value == pytest.approx(0.6 * np.sqrt(2.0))
 
 
+def px4(**given: float) -> dict[str, float]:
+    """Four rotors at the corners of a square with sides of 2 m, the first two counter-clockwise."""
+    corners = ((1, 1), (-1, -1), (1, -1), (-1, 1))
+    found = {"CA_AIRFRAME": 0.0, "CA_ROTOR_COUNT": 4.0, "MPC_THR_HOVER": 0.4}
+    for n, (x, y) in enumerate(corners):
+        found |= {f"CA_ROTOR{n}_PX": x, f"CA_ROTOR{n}_PY": y, f"CA_ROTOR{n}_PZ": 0.0}
+        found[f"CA_ROTOR{n}_KM"] = 0.05 if n < 2 else -0.05
+    return found | given
+
+
+def test_rotors_of_a_px4_by_hand():
+    found = reported_airframe(px4())
+    assert found.rotors is not None
+    assert [r["position_frd"] for r in found.rotors][1] == [-1.0, -1.0, 0.0]
+    assert [r["spin"] for r in found.rotors] == ["ccw", "ccw", "cw", "cw"]
+    assert (found.layout, found.rotor_count, found.hover_throttle) == ("quad-x", 4, 0.4)
+    # A coefficient that is PX4's own default is no measured one; none is a rotor below another.
+    assert set(found.quantities) == {"arm"}
+    # A fifth that pushes backward lifts nothing; of 13 the first twelve are listed.
+    pusher = px4(CA_ROTOR_COUNT=5.0, CA_ROTOR4_AX=-1.0, CA_ROTOR4_PX=-3.0)
+    assert reported_airframe(pusher).rotor_count == 4
+    many = {f"CA_ROTOR{n}_PX": 1.0 + n for n in range(13)}
+    with_many = reported_airframe(px4(**many, CA_ROTOR_COUNT=13.0), layout=None)
+    assert with_many.rotor_count == 12
+
+
+def test_three_rotors_are_enough_for_a_px4_and_a_stated_layout_takes_their_place():
+    three = px4(CA_ROTOR_COUNT=3.0)
+    found = reported_airframe(three)
+    assert found.rotors is not None
+    assert len(found.rotors) == 3
+    assert reported_airframe(three, layout="y6").rotors is None
+    assert reported_airframe(px4(CA_ROTOR_COUNT=2.0)).rotors is None
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"CA_ROTOR1_KM": math.nan}, "a CA_ROTORn_KM is no number"),
+        ({"CA_ROTOR1_PX": math.nan}, "put all rotors at the centre"),
+        ({f"CA_ROTOR{n}_P{a}": 0.0 for n in range(4) for a in "XY"}, "all rotors at the centre"),
+    ],
+)
+def test_a_px4_whose_rotors_are_not_set_is_refused(given, message):
+    with pytest.raises(AirframeError, match=message):
+        reported_airframe(px4(**given))
+    # One at the centre is a place like any other.
+    assert reported_airframe(px4(CA_ROTOR0_PX=0.0, CA_ROTOR0_PY=0.0)).rotor_count == 4
+
+
+def test_poles_and_hover_throttle_of_an_ardupilot():
+    esc = {"SERVO_BLH_POLES": 28.0, "SERVO_BLH_MASK": 15.0, "MOT_THST_HOVER": 0.35}
+    found = reported_airframe(QUAD | esc)
+    assert found.quantities["motor_poles"].value == 28.0
+    assert found.hover_throttle == 0.35
+    unused = reported_airframe(QUAD | esc | {"SERVO_BLH_MASK": 0.0})
+    assert "motor_poles" not in unused.quantities
+    assert math.isnan(reported_airframe(QUAD).hover_throttle)
+    # Without a type it is the usual X.
+    assert reported_airframe({"FRAME_CLASS": 1.0}).layout == "quad-x"
+    plus = reported_airframe({"FRAME_CLASS": 1.0, "FRAME_TYPE": 0.0})
+    assert plus.layout == "quad-plus"
+
+
+@pytest.mark.parametrize(("setting", "counts"), [(11.9 * 3.6, True), (12.1 * 3.6, False)])
+def test_a_setting_a_fifth_off_the_flight_is_of_another_battery(setting, counts):
+    # 41 V are 10 full cells; a setting of 12 cells is 20 % above.
+    found = reported_airframe(QUAD | {"BATT_LOW_VOLT": setting}, 41.0)
+    voltage = found.quantities["nominal_voltage"]
+    assert ("BATT_LOW_VOLT" in voltage.source) == counts
+    assert voltage.guessed == (not counts)
+
+
 def test_a_px4_whose_rotors_push_forward_has_none_to_lift_it():
     pushing = {"CA_ROTOR_COUNT": 4.0} | {f"CA_ROTOR{n}_AX": 1.0 for n in range(4)}
     with pytest.raises(AirframeError, match="0 of 4 rotors point upward"):

@@ -195,6 +195,8 @@ def test_landed_states_by_hand():
     # 1 on ground, 2 in air, 3 taking off, 4 landing; unknown reports do not count.
     state = reports("landed", [1.0, 3.0, 2.0, NAN, 4.0, 1.0], times=[1, 3, 4, 5, 7, 9])
     assert flying(state)[0] == [3, 4, 5, 6, 7, 8]
+    # From its first report on, whatever the second says.
+    assert flying(reports("landed", [2.0, 1.0], times=[1, 4]))[0] == [1, 2, 3]
 
 
 def test_the_legs_are_clear_of_the_ground_at_two_tenths_of_a_metre():
@@ -234,6 +236,7 @@ def test_a_metre_above_home_or_nothing_at_all():
     rows, words = flying(height_agl=[0.0, 1.0, 1.1, NAN, 2.0] + [0.5] * 7)
     assert rows == [2, 4]
     assert words.startswith("more than 1 m above home")
+    assert flying(height_agl=[0.0, 1.0, 1.1] + [0.5] * 9)[0] == [2]
     rows, words = flying()
     assert rows == list(range(12))
     assert words == "unknown: every row counts as flying"

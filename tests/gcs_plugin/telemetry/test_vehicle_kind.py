@@ -36,16 +36,22 @@ def test_a_program_introduces_itself(text, kind, evidence):
 @pytest.mark.parametrize(
     ("mav_type", "kind", "rotors"),
     [
-        (1, "plane", 0),
+        # The types of MAV_TYPE in common.xml.
+        *((k, "plane", 0) for k in (1, 16, 17, 28)),
         (2, "multirotor", 4),
-        (4, "helicopter", 0),
+        *((k, "helicopter", 0) for k in (3, 4)),
+        (5, "antenna tracker", 0),
+        *((k, "airship", 0) for k in (7, 8)),
+        *((k, "other vehicle", 0) for k in (9, 18, 26)),
         (10, "rover", 0),
         (11, "boat", 0),
         (12, "submarine", 0),
         (13, "multirotor", 6),
         (14, "multirotor", 8),
         (15, "multirotor", 3),
-        (20, "quadplane", 0),
+        *((k, "quadplane", 0) for k in range(19, 26)),
+        *((k, "unknown", 0) for k in (6, 27)),
+        (43, "multirotor", 0),
         (29, "multirotor", 12),
         (35, "multirotor", 10),
         (0, "unknown", 0),
@@ -63,7 +69,17 @@ def test_a_heartbeat_names_the_type(mav_type, kind, rotors):
     [
         # PX4
         ({"CA_AIRFRAME": 0, "CA_ROTOR_COUNT": 6}, "multirotor", 6),
+        ({"CA_AIRFRAME": 8, "CA_ROTOR_COUNT": 12}, "multirotor", 12),
+        ({"CA_AIRFRAME": 0, "CA_ROTOR_COUNT": 13}, "multirotor", 0),
+        ({"CA_AIRFRAME": 0, "CA_ROTOR_COUNT": 4, "CA_ROTOR0_AX": -0.51}, "multirotor", 3),
+        ({"CA_AIRFRAME": 0, "CA_ROTOR_COUNT": 4, "CA_ROTOR0_AX": -0.49}, "multirotor", 4),
         ({"CA_AIRFRAME": 1, "CA_ROTOR_COUNT": 1}, "plane", 0),
+        *(({"CA_AIRFRAME": k, "CA_ROTOR_COUNT": 4}, "quadplane", 4) for k in (2, 3, 4)),
+        *(({"CA_AIRFRAME": k, "CA_ROTOR_COUNT": 4}, "rover", 0) for k in (5, 6, 13)),
+        ({"CA_AIRFRAME": 7, "CA_ROTOR_COUNT": 8}, "submarine", 0),
+        ({"CA_AIRFRAME": 9, "CA_ROTOR_COUNT": 4}, "unknown", 4),
+        *(({"CA_AIRFRAME": k, "CA_ROTOR_COUNT": 1}, "helicopter", 0) for k in (10, 11, 12)),
+        *(({"CA_AIRFRAME": k, "CA_ROTOR_COUNT": 1}, "other vehicle", 0) for k in (14, 15)),
         ({"CA_AIRFRAME": 2, "CA_ROTOR_COUNT": 5, "CA_ROTOR4_AX": 1.0}, "quadplane", 4),
         ({"SYS_AUTOSTART": 4001}, "multirotor", 0),
         *(({"SYS_AUTOSTART": 1000 * k}, "multirotor", 0) for k in (4, 5, 6, 7, 8, 9, 11, 12, 14)),
@@ -85,6 +101,12 @@ def test_a_heartbeat_names_the_type(mav_type, kind, rotors):
         # Quadplanes: the hover motors must be found among the outputs
         ({"TECS_CLMB_MAX": 5.0, "Q_ENABLE": 1.0, "Q_FRAME_CLASS": 1.0, **REAR}, "quadplane", 4),
         ({"TECS_CLMB_MAX": 5.0, "Q_ENABLE": 1.0, "Q_FRAME_CLASS": 1.0}, "quadplane", 0),
+        ({"TECS_CLMB_MAX": 5.0} | {f"SERVO{n}_FUNCTION": 32.0 + n for n in (1, 2)}, "plane", 0),
+        (
+            {"TECS_CLMB_MAX": 5.0} | {f"SERVO{n}_FUNCTION": 32.0 + n for n in (1, 2, 3)},
+            "quadplane",
+            3,
+        ),
         ({"TECS_CLMB_MAX": 5.0, "Q_ENABLE": 0.0, "Q_FRAME_CLASS": 1.0}, "plane", 0),
         ({}, "unknown", 0),
     ],
@@ -102,6 +124,14 @@ def test_a_parameter_that_is_no_whole_number_is_none(value):
     assert motor_outputs(damaged) == {}
     facts = vehicle_facts({**damaged, "CA_ROTOR_COUNT": value, "SYS_AUTOSTART": value})
     assert (facts.kind, facts.rotor_count) == ("unknown", 0)
+
+
+def test_a_copter_program_flies_helicopters_too():
+    facts = vehicle_facts({}, mav_type=4, texts=("ArduCopter V4.5.7",))
+    assert (facts.kind, facts.evidence) == ("helicopter", "MAV_TYPE 4")
+    for count, words in ((4, "CA_ROTOR_COUNT"), (5, "CA_ROTORn_AX")):
+        given = {"CA_AIRFRAME": 2, "CA_ROTOR_COUNT": count, "CA_ROTOR4_AX": 1.0}
+        assert vehicle_facts(given).rotor_evidence == words
 
 
 def test_the_frame_text_tells_the_rotors():
