@@ -116,7 +116,7 @@ def log_of_track(
     channels = []
     for name in TRACK_CHANNELS:
         signal = Signal(name, track.sources.get(name, ""), track.time_s, getattr(track, name))
-        channels.append(channel_report(track, name, [signal] if track.reports(name) else []))
+        channels.append(channel_report(track, name, [signal]))
     return FlightLog(
         track=_with_absences(track),
         quality=LogQuality(bytes=size, frames=track.time_s.size, gaps=pauses(track.time_s)),

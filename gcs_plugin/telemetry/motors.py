@@ -172,7 +172,7 @@ def _by_reports(facts: VehicleFacts, signals: Signals) -> VehicleFacts:
         turning = [
             int(number)
             for number, signal in by_index(signals, channel).items()
-            if np.any(np.abs(np.nan_to_num(signal.values)) > 0)
+            if np.any(np.abs(signal.values) > 0)
         ]
         if len(turning) >= 3:
             return replace(facts, rotor_count=max(turning) + 1, rotor_evidence=words)

@@ -133,13 +133,7 @@ class SignalBuffer:
     @property
     def signals(self) -> Signals:
         """All that is kept, preferred sources first."""
-        return collected(self._kept[key] for key in sorted(self._kept, key=_order))
-
-
-def _order(key: tuple[int, int | str]) -> tuple[int, int, str]:
-    """Order of signals: by rank, then number or name."""
-    rank, index = key
-    return (rank, index, "") if isinstance(index, int) else (rank, -1, index)
+        return collected(self._kept[key] for key in sorted(self._kept))
 
 
 def _used_outputs(servos: Signal) -> Signal:

@@ -31,6 +31,20 @@ def test_an_instrument_off_loaded_or_not_is_named_with_its_size(off: float):
     assert all(map(math.isnan, found[1:]))
 
 
+def test_a_spike_now_and_then_is_no_offset_and_hides_none():
+    spikes = np.where(np.arange(TIME.size) % 20 == 0, 8.0, 0.0)  # one in twenty rows, 8 V up
+    found = offsets(BATTERY - 0.5 + spikes, BATTERY + spikes[::-1], BATTERY, BATTERY)
+    assert found[0] == pytest.approx(-0.5, abs=0.05)
+    assert math.isnan(found[1])
+
+
+@pytest.mark.parametrize(("share", "named"), [(45, False), (55, True)])
+def test_a_voltmeter_must_be_heard_in_half_of_its_reports(share, named):
+    heard = np.arange(TIME.size) % 100 < share
+    found = offsets(np.where(heard, BATTERY - 0.5, 0.0), BATTERY, BATTERY, BATTERY)
+    assert math.isnan(found[0]) != named
+
+
 def test_three_steps_of_what_escs_report_are_an_offset():
     assert offsets(BATTERY - 0.4, BATTERY, BATTERY, BATTERY)[0] == pytest.approx(-0.4, abs=0.01)
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.flight_log import assemble, log_of_track
+from thrustmargin.gcs_plugin.telemetry.flight_log import assemble, log_of_track, with_track
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap
 from thrustmargin.gcs_plugin.telemetry.recording import LogQuality, Recording
 from thrustmargin.gcs_plugin.telemetry.rows import (
@@ -200,6 +200,41 @@ def test_a_live_channel_takes_the_first_source_that_is_fresh():
     assert recorded.reported["airspeed"] == [second]
 
 
+def test_a_listener_reads_spraying_from_the_tank_until_its_pump_has_a_pulse():
+    times, _ = tenths(100)
+    pulses = np.zeros((100, 5))
+    pulses[60:, 4] = 1100.0  # 6 s on: off
+    tank = reports("named_value", times, 9.0 - 0.05 * (times - 100.0), "TANK")
+    servo = MotorMap(4, (0, 1, 2, 3), 4, "as numbered", ())
+    signals = collected([rotor(0, times), reports("servo_us", times, pulses), tank])
+    live = flight_rows(signals, servo, {}, LIVE)
+    assert live is not None
+    assert live.channels["spraying"][[0, 55, 60, 99]].tolist() == [0.0, 1.0, 0.0, 0.0]
+
+
+def test_a_rotor_at_zero_in_flight_whose_output_is_unknown_is_not_measured():
+    times = 100.0 + np.arange(40) / 10
+    others = [rotor(k, times, 1000.0) for k in (0, 1, 2)]
+    landed = reports("landed", [100.0, 102.0], [1.0, 2.0])
+    stopped = reports("esc_rpm", times, np.where(times < 101.0, 1000.0, 0.0), 3)
+    rows = made([*others, stopped, landed], Options(sampling="linear"))
+    speeds = rows.channels["rotor_speed_rpm"]
+    assert speeds[10:20, 3].tolist() == [0.0] * 10  # on the ground a rotor may stand
+    assert np.isnan(speeds[20:, 3]).all()
+    assert (speeds[:, :3] == 1000.0).all()
+    assert [words.split(",")[0] for words in rows.unmeasured] == ["rotor 4: 20 readings in flight"]
+
+
+def test_what_was_pumped_goes_on_from_the_last_report():
+    signals = flight()
+    servo = next(s for s in signals if s.channel == "servo_us")
+    servo.values[-1, 4] = 1900.0  # full, in its last report at 11.8 s
+    carried = made(signals).carried.pumped
+    assert carried is not None
+    assert (carried.time_s, carried.share) == (pytest.approx(111.8), 1.0)
+    assert carried.kg == pytest.approx(0.468)
+
+
 def test_a_recorded_tank_is_that_of_the_most_trusted_gauge_and_of_no_other():
     times = np.arange(10.0)
     trusted = reports("named_value", times[:3], [9.0, 8.0, 7.0], "TANK", source="named")
@@ -267,7 +302,8 @@ def test_a_flight_counts_from_its_first_row():
 
 
 def test_absent_rotor_speeds_are_told():
-    signals = collected([rotor(k, [0.0, 1.0]) for k in (0, 2)])
+    # Motor 3 was heard at first only.
+    signals = collected([rotor(0, np.arange(20.0)), rotor(2, [0.0, 1.0])])
     log = assemble(recording(), signals, Options())
     assert log.track.notes[-1] == "no rotor speed of motor 2, 4"
     log = assemble(recording(), collected([reports("airspeed", [0.0], [1.0])]), Options())
@@ -278,7 +314,7 @@ def test_absent_rotor_speeds_are_told():
 
 @pytest.mark.parametrize(("days", "fine"), [(7.0, True), (7.6, False)])
 def test_a_flight_of_more_than_a_week_has_damaged_times(days, fine):
-    signals = collected([rotor(0, [50.0, 60.0, 50.0 + days * 86_400.0])])
+    signals = collected([rotor(0, [5e5, 5e5 + 10.0, 5e5 + days * 86_400.0])])
     if fine:
         assert assemble(recording(), signals, Options()).track.duration == days * 86_400
     else:
@@ -302,7 +338,14 @@ def test_a_table_is_a_log_of_its_own_rows():
     assert (voltage.samples, voltage.gaps) == (4, 0)  # 3 s are still young enough
     assert (voltage.minimum, voltage.median, voltage.maximum) == pytest.approx((20.0, 21.5, 52.0))
     assert voltage.rate_hz == pytest.approx(10.0)
-    assert found["airspeed"].samples == 0
+    assert (found["airspeed"].samples, found["airspeed"].gaps) == (0, 0)
+    # What is filled in later is reported as it then is, and the rest stays.
+    full = replace(log.track, tank_kg=np.full(4, 5.0), sources={"tank_kg": "inferred"})
+    later = {report.name: report for report in with_track(log, full).channels}
+    assert (later["tank_kg"].samples, later["tank_kg"].source) == (4, "inferred")
+    assert (later["tank_kg"].median, later["tank_kg"].unit) == (5.0, "kg")
+    assert later["voltage"] == voltage
+    assert later["airspeed"].samples == 0
 
 
 def test_reports_of_a_channel_are_counted_with_their_pauses():

@@ -57,6 +57,7 @@ def test_motors_that_nothing_names_are_taken_in_order():
     assert motors(functions(5, 6, 7), airframe=None).rotor_count == 3
     broken = {k: v for k, v in functions(5, 6, 7, 8).items() if k != "SERVO6_FUNCTION"}
     assert motors(broken, airframe=F16).assumed
+    assert not motors().assumed  # of no motors
     ordered = motors(motor_order="numbered by motor", mav_type=13)
     assert (ordered.order_words, ordered.assumed) == ("numbered by motor", False)
 
@@ -72,6 +73,9 @@ def test_motors_that_nothing_names_are_taken_in_order():
         ({"signals": [reports("esc_rpm", [0.0, 900.0, NAN], k) for k in (0, 1, 4)]}, 5),
         ({"signals": [reports("esc_rpm", [0.0, 900.0, NAN], k) for k in (0, 1)]}, 0),
         ({"signals": [reports("esc_rpm", [0.0, 0.0, NAN], k) for k in range(6)]}, 0),
+        # Some ESCs count the other way round below zero.
+        ({"signals": [reports("esc_rpm", [0.0, -900.0, NAN], k) for k in range(4)]}, 4),
+        ({"signals": [reports("throttle", [0.0, 0.5, NAN], k) for k in range(4)]}, 4),
     ],
 )
 def test_what_tells_the_number_of_rotors(given, count):
@@ -79,6 +83,16 @@ def test_what_tells_the_number_of_rotors(given, count):
     assert found.rotor_count == count
     assert found.facts.rotor_count == count
     assert any("reports the number of rotors" in note for note in found.notes) == (count == 0)
+
+
+def test_a_plane_has_no_motors_that_lift_and_a_quadplane_its_hover_motors():
+    plane = motors({**functions(1, 2, 3), "SERVO9_FUNCTION": 22.0}, mav_type=10)
+    assert (plane.rotor_count, plane.outputs, plane.pump_output) == (0, (), 8)
+    assert plane.order_words == "no motors that lift"
+    winged = motors(functions(5, 6, 7, 8), mav_type=20)
+    assert (winged.rotor_count, winged.outputs) == (4, (4, 5, 6, 7))
+    assert winged.notes[0].startswith("a quadplane by MAV_TYPE 20: only its hover motors")
+    assert motors(functions(1, 2, 3)).notes == ()
 
 
 def test_another_number_of_rotors_than_the_airframes_is_refused_with_its_evidence():
@@ -111,6 +125,8 @@ def test_throttle_is_the_share_of_the_pulse_range():
     narrow = np.array(throttles(pulses, {"MOT_PWM_MIN": 1100.0, "MOT_PWM_MAX": 1900.0})).T
     np.testing.assert_allclose(narrow[0], [0.0, 0.5, 1.0, 1.0])
     np.testing.assert_allclose(narrow[1, 0], 0.1875)
+    hover = {"Q_M_PWM_MIN": 1100.0, "Q_M_PWM_MAX": 1900.0, "MOT_PWM_MIN": 1300.0}
+    np.testing.assert_allclose(np.array(throttles(pulses, hover)).T, narrow)
     # A range that cannot be is not believed.
     for low, high in ((1900.0, 1100.0), (0.0, 0.0), (0.0, 2000.0)):
         wrong = np.array(throttles(pulses, {"MOT_PWM_MIN": low, "MOT_PWM_MAX": high})).T

@@ -131,7 +131,10 @@ def test_a_lone_leap_is_no_restart_but_a_lasting_fall_is():
     assert np.flatnonzero(np.isnan(mended)).tolist() == [500]
     late = time_s.copy()
     late[500] = 30.0
-    assert longest_stretch(late, "x").jumps == ()
+    found = longest_stretch(late, "x")
+    assert (found.first, found.last, found.jumps) == (0, 999, ())
+    one = longest_stretch(time_s[:1], "x")
+    assert (one.first, one.last) == (0, 0)
     restart = np.concatenate([time_s, time_s[:300]])
     stretch = longest_stretch(restart, "x")
     assert (stretch.first, stretch.last) == (0, 999)

@@ -238,6 +238,9 @@ def test_two_clocks_in_turns_are_two_vehicles():
     turns = np.concatenate([np.arange(6.0) + 100.0 * (k % 2 == 0) for k in range(24)])
     with pytest.raises(LogError, match="jumps back 12 times, as when two vehicles share one"):
         longest_stretch(turns, "x")
+    # The longest of them at the end, and still less than half of the log.
+    with pytest.raises(LogError, match="jumps back 12 times"):
+        longest_stretch(np.concatenate([turns, np.arange(40.0) - 200.0])[6:], "x")
     # Ten falls are still restarts.
     assert len(longest_stretch(turns[: 6 * 21], "x").jumps) == 10
     # So are eleven when one of the stretches is half of the log.
@@ -256,6 +259,13 @@ def test_a_step_of_five_seconds_is_time_and_a_lone_longer_one_is_damage():
         hurt = clock.copy()
         hurt[10] += leap
         assert np.isnan(without_leaps(hurt)).any() == damaged
+    # Wherever it is, to the first and the last; of fewer than five none is the odd one.
+    for row in (0, 1, 2, 17, 18, 19):
+        one = clock + 100.0 * (np.arange(20) == row)
+        assert np.flatnonzero(np.isnan(without_leaps(one))).tolist() == [row]
+    five = np.array([0.0, 0.1, 99.0, 0.3, 0.4])
+    assert np.flatnonzero(np.isnan(without_leaps(five))).tolist() == [2]
+    assert not np.isnan(without_leaps(five[:4])).any()
     # A clock that is set forward and stays is no damage.
     forward = np.where(np.arange(20) < 10, clock, clock + 100.0)
     np.testing.assert_array_equal(without_leaps(forward), forward)

@@ -12,11 +12,16 @@ from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
+    MeasuredSpeeds,
     _last_speeds,
     _median,
     lifting,
     measured_speeds,
+    rejected_words,
+    standing_in_flight,
 )
+from thrustmargin.models.checks.speed_readings import HELD, LONE, REASONS
+from thrustmargin.models.checks.speed_readings import ZERO as SPEED_ZERO
 from thrustmargin.models.physics.airframe import load_airframe
 
 FLIGHT = "campaign/v4_m10_q2.5.tlog"
@@ -203,3 +208,40 @@ def test_hover_motors_that_idle_do_not_lift():
     speeds = np.array([[900.0, 950.0], [0.0, 0.0], [0.0, 0.0], [900.0, nan], [nan, nan]])
     outputs = np.array([[0.5, 0.5], [0.05, 0.0], [nan, nan], [nan, nan], [nan, nan]])
     assert lifting(speeds, outputs).tolist() == [True, False, False, True, True]
+    # An output goes before a speed, one known output before none; 0.12 is still idle.
+    speeds = np.array([[900.0, 900.0], [0.0, 0.0], [900.0, 900.0], [0.0, nan], [0.0, 900.0]])
+    outputs = np.array([[0.12, 0.12], [0.13, 0.0], [nan, 0.05], [nan, nan], [nan, nan]])
+    assert lifting(speeds, outputs).tolist() == [False, True, False, False, True]
+
+
+def test_a_rotor_at_zero_in_flight_is_hidden_where_no_output_asks_for_it():
+    nan = float("nan")
+    speeds = np.array([[29.9, -29.9, 30.0, -900.0, 0.0, nan]] * 2)
+    outputs = np.array([[nan, nan, nan, nan, 0.5, nan]] * 2)
+    hidden = standing_in_flight(speeds, outputs, np.array([True, False]))
+    assert hidden.tolist() == [[True, True, False, False, False, False], [False] * 6]
+
+
+def test_what_was_no_measurement_is_counted_by_rotor_and_reason():
+    clock, flying = np.arange(4.0), np.array([False, True, True, True])
+    # Readings at 0 s (on the ground), 1.5, 2.5; before the first row the first row counts.
+    rejected = {(0, HELD): np.array([-1.0, 0.0, 1.5, 2.5]), (1, LONE): np.array([0.5])}
+    measured = MeasuredSpeeds(signals=[], rejected=rejected, memory=())
+    hidden = np.zeros((4, 3), dtype=bool)
+    hidden[2:, 2] = True
+    held, zero = REASONS[HELD], REASONS[SPEED_ZERO]
+    assert sorted(rejected_words(measured, hidden, clock, flying, counted=True)) == [
+        f"rotor 1: 2 readings in flight, no measurement: {held}",
+        f"rotor 3: 2 readings in flight, no measurement: {zero}",
+    ]
+    # Those that were left out and those hidden add up; of all rotors it is said once.
+    every = {(k, SPEED_ZERO): np.array([2.0]) for k in range(3)}
+    measured = MeasuredSpeeds(signals=[], rejected=every, memory=())
+    assert rejected_words(measured, hidden, clock, flying, counted=True) == (
+        f"every rotor: 5 readings in flight, no measurement: {zero}",
+    )
+    assert rejected_words(measured, hidden, clock, flying, counted=False) == (
+        f"every rotor: no measurement: {zero}",
+    )
+    (alone,) = rejected_words(measured, hidden[:, :1], clock, flying, counted=False)[:1]
+    assert alone.startswith("rotor 1: ")

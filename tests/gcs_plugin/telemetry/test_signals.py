@@ -84,6 +84,9 @@ def test_escs_are_numbered_from_the_first_of_their_message():
     np.testing.assert_array_equal(speeds[4], [1000, 1001])
     np.testing.assert_array_equal(speeds[5], [1100, NAN])
     assert speeds[7].tolist() == [1300, 1301]
+    # A silent ESC still measures its voltage.
+    volts = {s.index: s.values.tolist() for s in found["esc_voltage"]}
+    assert volts[5] == volts[4] == [1.0, 1.0]
 
 
 def test_the_preferred_source_comes_first_whatever_came_first():

@@ -33,6 +33,14 @@ def test_a_stated_load_falls_by_what_the_pump_delivers_and_not_below_nothing(sam
     )
 
 
+def test_the_pumps_output_counts_if_it_ran_in_the_last_row_only():
+    pumped = np.array([np.nan, 0.0, 0.0, 0.0, 3.0])
+    for sampling in ("linear", "hold"):
+        kilograms, words = load(Options(load=8.0, load_end=5.0, sampling=sampling), pumped)
+        assert kilograms == [8.0, 8.0, 8.0, 8.0, 5.0]
+        assert "the pump's output" in words
+
+
 def test_a_stated_end_scales_the_fall():
     kilograms, words = load(Options(load=8.0, load_end=2.0))
     assert kilograms == [8.0, 8.0, 6.0, 6.0, 2.0]
