@@ -44,8 +44,6 @@ def sample(channel: str, signal: Signal, time_s: Floats, sampling: Sampling) -> 
         return np.full((time_s.size, *values.shape[1:]), np.nan)
     if sampling == "linear" and TRACK_CHANNELS[channel].averaged and _is_fast(when):
         when, values = _averaged(when, values)
-    if time_s.size <= _BLOCK:
-        return _at(TRACK_CHANNELS[channel], when, values, time_s, sampling)
     # In blocks: the steps between take several times the memory of the result.
     result = np.empty((time_s.size, *values.shape[1:]))
     for low in range(0, time_s.size, _BLOCK):

@@ -15,7 +15,6 @@ know, since they look like a speed that lags or a rotor that jumps.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -118,8 +117,8 @@ def _held(
         return LastReading(
             value=float(rpm[-1]),
             since_s=float(time_s[-1]),
-            low=math.inf if math.isnan(driven) else driven,
-            high=-math.inf if math.isnan(driven) else driven,
+            low=driven,
+            high=driven,
             step=min(before.step, float(np.fmin.reduce(change))),
         )
     starts = np.flatnonzero(changes)

@@ -331,6 +331,8 @@ def test_a_table_is_a_log_of_its_own_rows():
     log = log_of_track(track, Path("t.csv"), 77)
     assert (log.quality.bytes, log.quality.frames) == (77, 4)
     assert log.quality.gaps == ((2.2, pytest.approx(3.0)),)
+    assert (log.quality.frames_missing, log.quality.bad_checksum, log.quality.damage) == (0, 0, ())
+    assert (log.quality.bytes_skipped, log.quality.damaged_places) == (0, 0)
     assert (log.clock_start_s, log.format, log.vehicles) == (2.0, "CSV", (1,))
     assert log.track.notes == ("no rotor speed of motor 2",)
     found = {report.name: report for report in log.channels}

@@ -292,3 +292,11 @@ def test_speed_through_air_is_velocity_less_the_wind_of_that_moment():
     # Half way between 1 s and 3 s the wind is (-1.5, 3.5); of two at one instant the first counts.
     found = speed_through_air(np.array([0.0, 2.0]), velocity, np.array([1.0, 1.0, 3.0]), wind)
     np.testing.assert_allclose(found, [5.0, np.hypot(4.5, 0.5)])
+
+
+def test_a_long_flight_is_put_together_from_its_blocks_of_rows():
+    times = np.arange(2000.0)
+    values = np.stack([times, 2.0 * times, -times], axis=1)
+    rows = np.linspace(0.0, 1999.0, 2 * (1 << 14) + 5)  # two whole blocks and five rows
+    found = sample("position_ned", signal(times, values, "position_ned"), rows, "linear")
+    np.testing.assert_allclose(found, np.stack([rows, 2.0 * rows, -rows], axis=1))

@@ -9,7 +9,13 @@ import pytest
 from scipy.ndimage import uniform_filter1d
 
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.models.checks.motor_order import DECISIVE, check_motor_order
+from thrustmargin.models.checks.motor_order import (
+    DECISIVE,
+    _correlations,
+    _likelihood,
+    _samples,
+    check_motor_order,
+)
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.airframe import Airframe, airframe_names, load_airframe
 from thrustmargin.models.physics.allocation import mixer
@@ -177,3 +183,31 @@ def test_a_hexacopter_x_read_as_hexacopter_plus_is_another_layout():
     found = check_motor_order(track, hexa(0.0, 180.0, -120.0, 60.0, -60.0, 120.0))
     assert found.verdict == "other layout"
     assert "its layout is another one" in found.words
+
+
+def test_the_likelihood_of_an_order_is_that_of_three_correlations():
+    """-n/2 ln(1 - r²) of each axis; with the spins reversed yaw has the other sign."""
+    rng = np.random.default_rng(0)
+    rows = 400
+    track = FlightTrack.of(
+        name="x",
+        time_s=np.arange(rows) / 10.0,
+        rotor_count=4,
+        rotor_speed_rpm=2000.0 + rng.normal(0.0, 50.0, (rows, 4)),
+        angular_rate_frd=np.cumsum(rng.normal(0.0, 0.1, (rows, 3)), axis=0),
+    )
+    airframe = load_airframe("topxgun-f16-sitl")
+    arms = mixer(airframe)[1:] * airframe.rotor_effectiveness
+    places = np.array([[0, 1, 2, 3], [1, 0, 2, 3], [3, 2, 1, 0]])
+    found, correlation, _ = _likelihood(track, places, arms)
+    acceleration, rate, squares, step = _samples(track)
+    of_axis, r = [], []
+    for axis in range(3):
+        weights = arms[axis][places]
+        each, samples = _correlations(acceleration[:, axis], rate[:, axis], squares, weights, step)
+        r.append(each)
+        of_axis.append([-0.5 * samples * np.log(1 - np.maximum(s * each, 0) ** 2) for s in (1, -1)])
+    by_hand = [sum(of_axis[axis][spin * (axis == 2)] for axis in range(3)) for spin in (0, 1)]
+    np.testing.assert_allclose(found, by_hand)
+    np.testing.assert_allclose(correlation, [each[0] for each in r])
+    assert np.ptp(by_hand) > 0.0

@@ -149,3 +149,56 @@ def test_twenty_rows_are_compared(rows, known):
     assert (found["voltage"] != "unknown") == known
     assert (found["rotor speed"] != "unknown") == known
     assert ("motor output" in found) == known
+
+
+@pytest.mark.parametrize("turned", [-21.0, 21.0])
+def test_an_arm_to_the_rear_is_in_its_place_on_either_side_of_half_a_turn(turned):
+    bearing = np.radians(np.array([90.0, -90.0, 0.0, 180.0]) + turned)  # right, left, nose, tail
+    places = np.stack([np.cos(bearing), np.sin(bearing), 0.0 * bearing], axis=1)
+    craft = replace(CRAFT, rotor_position_frd=places)
+    assert verdicts(hover(), craft, FRAME_CLASS=1.0, FRAME_TYPE=0.0)["frame"] == "fits"
+
+
+def test_voltage_counts_in_flight_and_by_its_middle():
+    rows = np.arange(200)
+    ground = hover(voltage=np.where(rows < 150, 90.0, 50.0), flying=rows >= 150)
+    assert verdicts(ground)["voltage"] == "close"
+    # A gauge that reads nothing or twice as much now and then is no other battery, and no ceiling.
+    failing = np.select([rows < 30, rows < 50], [0.0, 100.0], 50.0)
+    assert verdicts(hover(voltage=failing))["voltage"] == "close"
+    speeds = np.full((200, 4), SPEED)
+    speeds[60:, 1] = np.sqrt(1.21 * 200.0 / 2e-5)
+    assert "rotor speed limit" in verdicts(hover(voltage=failing, rotor_speed_rpm=speeds))
+
+
+def test_an_empty_tank_is_a_known_load():
+    empty = np.sqrt(20.0 * G0 / (4.0 * 2e-5))
+    track = hover(
+        rotor_speed_rpm=np.full((200, 4), empty),
+        tank_kg=np.zeros(200),
+        throttle=np.full((200, 4), np.nan),
+    )
+    assert verdicts(track)["rotor speed"] == "close"
+    assert words_of(track, "rotor speed").brief.endswith("for 20 kg within 1%")
+
+
+def words_of(track: FlightTrack, check: str, **more: float):
+    return next(c for c in comparisons(track, CRAFT, FACTS, SQUARE | more) if c.check == check)
+
+
+def test_what_is_said_has_the_numbers_of_the_flight():
+    speeds = np.full((200, 4), SPEED)
+    speeds[:50, 2] = np.sqrt(1.21 * 200.0 / 2e-5)
+    limit = words_of(hover(rotor_speed_rpm=speeds), "rotor speed limit").words
+    assert "turns at up to 3,479 rpm" in limit  # sqrt(1.21 x 1e7)
+    assert "at most 3,162 rpm at this voltage: 121% of its thrust" in limit
+    output = words_of(hover(throttle=np.full((200, 4), 1.05 * OUTPUT)), "motor output")
+    assert output.brief == "motor outputs of 58% for 25 kg within 5%"  # 1.05 x 0.5536
+    lifts = 25.0 * 1.05**2
+    assert f"would lift {lifts:.3g} kg with" in output.words
+    assert output.words.endswith("which weighs 25 kg")
+    blind = words_of(hover(tank_kg=UNKNOWN), "motor output")
+    assert blind.words.endswith("which weighs 20 kg without a load")
+    assert blind.brief.endswith("for 20 to 30 kg")
+    frame = words_of(hover(), "frame", FRAME_CLASS=1.0, FRAME_TYPE=1.0)
+    assert frame.words.startswith("FRAME_CLASS 1 and FRAME_TYPE 1 are quad-x, as in airframe")

@@ -157,3 +157,40 @@ def test_a_flight_in_pieces_is_judged_as_in_one(cuts):
         found, before = part(slice(low, high), before)
         pieces.append(found)
     assert np.concatenate(pieces).tolist() == whole.tolist()
+
+
+def test_each_limit_of_a_lone_reading_is_of_its_size_whatever_its_sign():
+    # Some ESCs count the other way round below zero.
+    assert judged(-moving(20, 3000.0)) == [LONE] + [MEASURED] * 19
+    # The first has no neighbour: twice 1000 rpm, or twice what the other rotors turn at.
+    assert judged([2001.0]) == [LONE]
+    assert judged([1999.0]) == [MEASURED]
+    assert judged([4001.0], others=2000.0) == [LONE]
+    assert judged([3999.0], others=2000.0) == [MEASURED]
+    # No reading is beyond what a channel can hold, next to others like it or not.
+    assert judged([99_999.0, 100_001.0], others=99_999.0) == [MEASURED, LONE]
+
+
+def test_one_reading_is_judged_and_thirty_turns_a_minute_are_some():
+    assert judged([0.0], asked=True, output=0.5) == [ZERO]
+    assert judged([29.9], asked=True, output=0.5) == [ZERO]
+    assert judged([30.0], asked=True, output=0.5) == [MEASURED]
+
+
+def test_tips_at_the_speed_of_sound_by_hand():
+    # 343 m/s x 60 s/min over a circle of pi x 0.5 m: 13,102 rpm, and half of that 6,551.
+    rpm = np.array([13_101.0, 13_103.0, -13_103.0, 13_103.0, 13_103.0])
+    others = np.array([1000.0, 1000.0, 1000.0, 6550.0, 6552.0])
+    assert too_fast(rpm, others, 0.5).tolist() == [False, True, True, True, False]
+
+
+def test_what_goes_on_is_the_last_run_of_readings():
+    rpm = np.array([1000.0, 1000.0, 1500.0, 1500.0])
+    none = np.full(4, NAN)
+    plain = {"asked": np.zeros(4, dtype=bool), "others": none, "look_ahead": False}
+    for size, value, since in ((4, 1500.0, 2.0), (2, 1000.0, 0.0)):
+        given = {k: v[:size] if isinstance(v, np.ndarray) else v for k, v in plain.items()}
+        _, last = checked_readings(
+            np.arange(float(size)), rpm[:size], output=none[:size], before=LastReading(), **given
+        )
+        assert (last.value, last.since_s) == (value, since)
