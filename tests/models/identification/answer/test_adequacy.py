@@ -7,7 +7,12 @@ import pytest
 
 from tests.models.made_flights import F16, curve_model, made_flights, table
 from thrustmargin.models.effects import effects_for
-from thrustmargin.models.identification.answer.adequacy import acts_in, free_form_rms, unexplained
+from thrustmargin.models.identification.answer.adequacy import (
+    _sound_part,
+    acts_in,
+    free_form_rms,
+    unexplained,
+)
 from thrustmargin.models.identification.rows.candidates import Held
 from thrustmargin.models.identification.rows.modes import modes
 from thrustmargin.models.identification.sets.search_space import search_space
@@ -136,3 +141,16 @@ def test_what_is_left_is_three_times_what_a_sound_aircraft_leaves(times, found):
     space, _ = waving(60.0)
     sound = np.sqrt(np.mean(space.hats**2, axis=0) @ space.sizes[1] ** 2)
     assert (waving(times * sound * np.sqrt(2.0))[1] is not None) == found
+
+
+def test_a_sound_aircraft_leaves_what_its_sizes_give_or_what_good_flights_showed():
+    """A hat of the height h is of the size s: the mean square of all is the sum of (s h)²."""
+    space, _ = searched(None)
+    usual = [sum(np.mean((space.hats * size) ** 2, axis=0)) for size in space.sizes]
+    np.testing.assert_allclose(_sound_part(space, named=False), usual)
+    shown = (2.0 * np.sqrt(usual[0]), 0.0, 0.0, 0.0)
+    for rms, most in ((shown, 4.0 * usual[0]), ((), usual[0])):
+        good = GoodFlights(flights=9, free_form_rpm=rms)
+        space, _ = searched(None, model=replace(MODEL, good_flights=good))
+        np.testing.assert_allclose(_sound_part(space, named=False), [most, *usual[1:]])
+        np.testing.assert_allclose(_sound_part(space, named=True), usual)

@@ -57,8 +57,34 @@ def test_the_floor_is_never_above_what_is_left(problem):
         assert floor_rpm(problem, left * size) <= rms(left * size)
 
 
+@pytest.mark.parametrize("flights", [2, 3, 1])
+def test_it_is_ridge_regression_with_each_flight_or_fifth_left_out(flights):
+    of = assemble(curve_model(), made_flights(flights, duration=60.0))
+    residual = np.random.default_rng(6).normal(size=of.measured_rpm.shape)
+    residual += 100.0 * (of.channels.load_factor - 1.0)[:, None]
+    blocks = of.block_flight.size
+    fold = of.flight if flights > 1 else of.block * 5 // blocks
+    columns, wanted = _columns(of.channels), of.in_modes(residual)
+    rows = columns.shape[0]
+    left = np.zeros((5, 4))
+    for k in range(fold.max() + 1):
+        rest, out = fold != k, fold == k
+        for i, ridge in enumerate((0.001, 0.01, 0.1, 1.0, 10.0)):
+            seen = columns[rest]
+            system = seen.T @ seen + ridge * rows * np.eye(columns.shape[1])
+            weights = np.linalg.solve(system, seen.T @ wanted[rest])
+            left[i] += np.sum((wanted[out] - columns[out] @ weights) ** 2, axis=0)
+    least = np.minimum(left.min(axis=0), np.sum(wanted**2, axis=0))
+    by_hand = np.sqrt(least.sum() / wanted.size)
+    assert by_hand < 0.95 * rms(residual)
+    assert floor_rpm(of, residual) == pytest.approx(by_hand, rel=1e-4)
+
+
 def test_its_columns_are_curves_along_the_present_rates_and_waves_of_size_one(problem):
     columns = _columns(problem.channels)
+    ahead = np.cos(problem.channels.heading)
+    even = (ahead - ahead.mean()) / ahead.std()
+    assert np.abs(columns - even[:, None]).max(axis=0).min() < 1e-9
     for shifts in problem.channels.rate_shifts:
         now = shifts[:, shifts.shape[1] // 2]
         curves = hats((now - now.mean()) / now.std(), 9)

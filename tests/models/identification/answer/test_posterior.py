@@ -73,6 +73,21 @@ def test_values_are_averaged_over_the_sets_with_what_lies_between_them():
     assert estimate.error[0, 0] ** 2 == pytest.approx(0.07 + 0.1875)
 
 
+def test_each_level_counts_by_its_evidence_with_its_own_step_from_the_values():
+    one = a_set(1.0, mass=(1.0, 0.2))
+    levels = tuple(replace(one.levels[0], step=np.array([s])) for s in (0.5, -0.3))
+    one = replace(one, levels=levels, log_evidence=np.log([0.75, 0.25]))
+    search: Any = SimpleNamespace(fitted={one.key: one}, candidates=ALL)
+    estimate = posterior_of(search, 0.15).estimate(0)
+    assert estimate.value[0, 0] == pytest.approx(1.0 + 0.75 * 0.5 - 0.25 * 0.3)
+    assert estimate.error[0, 0] ** 2 == pytest.approx(0.04 + 0.75 * 0.25 * 0.8**2)
+    assert (estimate.steepness, posterior_of(search).estimate(0).steepness) == (0.15, 0.0)
+    plain = replace(posterior_of(search).estimate(0), steepness=0.0)
+    finest = BY_KEY["extra_mass"].parameters[0]
+    half = norm.ppf(0.975) * plain.error + finest.resolution + plain.value * finest.accuracy
+    np.testing.assert_allclose(plain.half_width, half)
+
+
 def test_one_of_two_where_only_together_they_hold_the_weight():
     found = answer_of(a_set(0.55, mass=(1.0, 0.2)), a_set(0.42, gauge=(1.1, 0.02)), a_set(0.03))
     assert found.named() == []
