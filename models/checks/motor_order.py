@@ -76,18 +76,22 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
         )
     places = np.array(list(_assignments(airframe.rotor_count)))
     arms = mixer(airframe)[1:] * airframe.rotor_effectiveness
-    likelihood, correlation, any_layout = _likelihood(track, places, arms)
+    likelihood, correlation = _likelihood(track, places, arms)
     order = _decided(airframe, places, arms, likelihood, correlation, rows)
     if order.verdict != "agrees":
         # Speeds that are reported late answer before they ask, in the order of other motors.
         for late in LATE_S:
-            other, at_delay, _ = _likelihood(_earlier(track, late), places, arms)
+            other, at_delay = _likelihood(_earlier(track, late), places, arms)
             if other[0, 0] > likelihood[0, 0]:
                 correlation = at_delay
             likelihood = np.maximum(likelihood, other)
         order = _decided(airframe, places, arms, likelihood, correlation, rows)
-    tilt = [(of, found) for of, found in zip(any_layout, order.correlation, strict=True)][:2]
-    if order.verdict == "unclear" and all(of > ANSWERS and found < 0.5 * of for of, found in tilt):
+    acceleration, rate, squares, _ = _samples(track)
+    if order.verdict == "unclear" and all(
+        (of := _any_layout(acceleration[:, k], rate[:, k], squares)) > ANSWERS
+        and order.correlation[k] < 0.5 * of
+        for k in range(2)
+    ):
         words = (
             "roll and pitch answer to the rotors, but not from the places that airframe "
             f"{airframe.name} gives them ({airframe.layout}): its layout is another one"
@@ -98,23 +102,22 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
 
 def _likelihood(
     track: FlightTrack, places: np.ndarray, arms: Floats
-) -> tuple[Floats, tuple[float, float, float], list[float]]:
+) -> tuple[Floats, tuple[float, float, float]]:
     """(2, P) log-likelihood of the assignments, with the airframe's spins and with all reversed;
-    the correlation of each axis with the airframe's own order, and with the best of any layout."""
+    the correlation of each axis with the airframe's own order."""
     acceleration, rate, squares, step = _samples(track)
     likelihood = np.zeros((2, len(places)))
-    correlation, any_layout = [], []
+    correlation = []
     for axis in range(3):
         weights = arms[axis][places]  # (P, R): arm of each reported speed under each assignment
         correlated, effective = _correlations(
             acceleration[:, axis], rate[:, axis], squares, weights, step
         )
         correlation.append(float(correlated[0]))
-        any_layout.append(_any_layout(acceleration[:, axis], rate[:, axis], squares))
         for spins, sign in enumerate((1.0, -1.0 if axis == 2 else 1.0)):
             explained = np.clip(sign * correlated, 0.0, 0.999999) ** 2
             likelihood[spins] -= 0.5 * effective * np.log1p(-explained)
-    return likelihood, (correlation[0], correlation[1], correlation[2]), any_layout
+    return likelihood, (correlation[0], correlation[1], correlation[2])
 
 
 def _earlier(track: FlightTrack, late: float) -> FlightTrack:

@@ -14,6 +14,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
 from math import lgamma, log, pi
 
 import numpy as np
@@ -21,8 +23,13 @@ from scipy.linalg import get_lapack_funcs
 from scipy.special import ndtr
 
 from thrustmargin.models.effects.base import Parameter
-from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.rows.candidates import EFFECT_PRIOR, ROTOR_PRIOR, Held
+from thrustmargin.models.flight import Bools, Floats
+from thrustmargin.models.identification.rows.candidates import (
+    EFFECT_PRIOR,
+    ROTOR_PRIOR,
+    Candidate,
+    Held,
+)
 
 (INVERTED,) = get_lapack_funcs(("trtri",), dtype=np.float64)  # of a triangular matrix
 IMPOSSIBLE = -1e9  # log evidence of a set that cannot be
@@ -34,8 +41,8 @@ class ValuePrior:
 
     weight: Floats  # (P,) 1 / scale² of those that are normal, else 0
     pull: Floats  # (P,) gradient of the normal ones at the values
-    normal: Floats  # (P,) bool
-    parameters: tuple[Parameter, ...]
+    normal: Bools  # (P,)
+    limits: Floats  # (5, P) bounds, usual size, what a sound aircraft scatters, value of no effect
     values: Floats  # (P,)
     centre: Floats  # (P,) of the normal ones
     groups: tuple[slice, ...]  # the values of each candidate
@@ -51,28 +58,34 @@ class Scored:
     variance: Floats  # (P,) of each value, the others unknown
 
 
+@lru_cache(maxsize=1024)
+def _of_candidate(candidate: Candidate) -> tuple[Floats, Bools, Floats]:
+    """Limits (5, P), which values are normal, and where they start."""
+    rows = [
+        (p.lower, p.upper, p.scale, p.smallest or 0.01 * p.scale, p.absent or 0.0)
+        for p in candidate.parameters
+    ]
+    normal = np.array([is_shape(p) for p in candidate.parameters], dtype=bool)
+    return np.array(rows).reshape(-1, 5).T, normal, np.array(candidate.start_values)
+
+
 def prior_of(held: Sequence[Held]) -> ValuePrior:
     """The prior of the values of a set."""
-    parameters: list[Parameter] = []
-    values: list[float] = []
-    groups: list[slice] = []
-    for one in held:
-        groups.append(slice(len(values), len(values) + len(one.candidate.free)))
-        parameters += one.candidate.parameters
-        values += one.free_values.tolist()
-    at = np.array(values)
-    normal = np.array([is_shape(p) for p in parameters], dtype=bool)
-    scale = np.array([p.scale for p in parameters])
-    start = np.array([v for one in held for v in one.candidate.start_values])
-    weight = np.where(normal, 1.0 / scale**2, 0.0) if parameters else np.zeros(0)
+    of_each = [_of_candidate(one.candidate) for one in held]
+    limits = np.concatenate([np.zeros((5, 0)), *(limits for limits, _, _ in of_each)], axis=1)
+    normal = np.concatenate([np.zeros(0, dtype=bool), *(normal for _, normal, _ in of_each)])
+    start = np.concatenate([np.zeros(0), *(start for _, _, start in of_each)])
+    at = np.concatenate([np.zeros(0), *(one.free_values for one in held)])
+    ends = np.cumsum([0, *(normal.size for _, normal, _ in of_each)]).tolist()
+    weight = np.where(normal, 1.0 / limits[2] ** 2, 0.0)
     return ValuePrior(
         weight=weight,
-        pull=-weight * (at - start) if parameters else np.zeros(0),
+        pull=-weight * (at - start),
         normal=normal,
-        parameters=tuple(parameters),
+        limits=limits,
         values=at,
         centre=start,
-        groups=tuple(groups),
+        groups=tuple(slice(*pair) for pair in pairwise(ends)),
         log_sets=sum(one.candidate.log_prior for one in held) + _first_rotor(held),
     )
 
@@ -106,13 +119,9 @@ def score(prior: ValuePrior, hessian: Floats, gradient: Floats, cost: float) -> 
     error = np.sqrt(variance)
     out = -0.5 * cost + 0.5 * float(pulled @ step)
     out += 0.5 * count * log(2 * pi) - float(np.log(np.diag(factor)).sum())
-    for k in np.flatnonzero(prior.normal):
-        p = prior.parameters[k]
-        out -= (
-            log(p.scale)
-            + 0.5 * log(2 * pi)
-            + 0.5 * ((prior.values[k] - prior.centre[k]) / p.scale) ** 2
-        )
+    scale = prior.limits[2, prior.normal]
+    away = (prior.values - prior.centre)[prior.normal] / scale
+    out -= float(np.sum(np.log(scale) + 0.5 * log(2 * pi) + 0.5 * away**2))
     for group in prior.groups:
         out += _log_size(prior, group, at, error)
     return Scored(log_evidence=out + prior.log_sets, step=step, variance=variance)
@@ -120,25 +129,22 @@ def score(prior: ValuePrior, hessian: Floats, gradient: Floats, cost: float) -> 
 
 def _log_size(prior: ValuePrior, group: slice, at: Floats, error: Floats) -> float:
     """Log prior density of the main values of one effect, and of their being possible."""
-    main = [k for k in range(group.start, group.stop) if not prior.normal[k]]
-    if not main:
+    main = np.flatnonzero(~prior.normal[group]) + group.start
+    if not main.size:
         return 0.0
-    d, out, square, least, most = len(main), 0.0, 0.0, 0.0, 0.0
-    for k in main:
-        p = prior.parameters[k]
-        absent = p.absent or 0.0
-        size = p.smallest if p.smallest > 0.0 else 0.01 * p.scale
-        square += (abs(at[k] - absent) + error[k]) ** 2 / p.scale**2
-        least = max(least, size / p.scale)
-        most = max(most, max(p.upper - absent, absent - p.lower) / p.scale)
-        if not p.lower < prior.values[k] < p.upper:
-            return IMPOSSIBLE  # held at the bound of what is possible
-        inside = ndtr((p.upper - at[k]) / error[k]) - ndtr((p.lower - at[k]) / error[k])
-        out += log(inside) if inside > 1e-12 else IMPOSSIBLE
-        out -= log(p.scale)
+    lower, upper, scale, least, absent = prior.limits[:, main]
+    if not np.all((lower < prior.values[main]) & (prior.values[main] < upper)):
+        return IMPOSSIBLE  # held at the bound of what is possible
+    d, at, error = main.size, at[main], error[main]
+    inside = ndtr((upper - at) / error) - ndtr((lower - at) / error)
+    possible = np.where(inside > 1e-12, np.log(np.maximum(inside, 1e-12)), IMPOSSIBLE)
+    square = float(np.sum((np.abs(at - absent) + error) ** 2 / scale**2))
+    smallest = float(np.max(least / scale))
+    most = float(np.max(np.maximum(upper - absent, absent - lower) / scale))
     surface = log(2.0) + 0.5 * d * log(pi) - lgamma(0.5 * d)  # of the unit sphere in d dimensions
-    span = log(log1p_ratio(most, least))
-    return out - surface - span - d * log(np.sqrt(square) + least)
+    span = log(log1p_ratio(most, smallest))
+    out = float(np.sum(possible - np.log(scale)))
+    return out - surface - span - d * log(np.sqrt(square) + smallest)
 
 
 def log1p_ratio(most: float, least: float) -> float:

@@ -9,7 +9,7 @@ is in its prior.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -128,21 +128,21 @@ class _LossSums:
     search: Search
     columns: Floats  # (N, R, 2) rpm in modes: the loss throughout, and the residual
     level: int
-    shared: Floats  # (F, X, 2)
-    own: Floats  # (F, 2, 2)
+    shared: Sequence[Floats]  # (X, 2) of each flight; of none where they are too many
+    own: Sequence[Floats]  # (2, 2)
 
     @classmethod
     def of(cls, search: Search, fitted: FittedSet, column: Floats) -> _LossSums:
         columns = np.stack([column, np.nan_to_num(fitted.residual)], axis=2)
-        flight = search.nuisance.whitening.flight
-        alone = [search.nuisance.of_means(flight == f) for f in range(search.reduced.flights)]
-        parts = [of.sums(columns) for of in alone]
+        flight, flights = search.nuisance.whitening.flight, search.reduced.flights
+        alone = range(flights) if flights <= MOST_FLIGHTS else ()
+        parts = [search.nuisance.of_means(flight == f).sums(columns) for f in alone]
         return cls(
             search=search,
             columns=columns,
             level=fitted.best_level,
-            shared=np.stack([p[0] for p in parts]),
-            own=np.stack([p[1] for p in parts]),
+            shared=[p[0] for p in parts],
+            own=[p[1] for p in parts],
         )
 
     def gram(self, step: _Step, times: Floats) -> Floats:
