@@ -245,6 +245,13 @@ def test_a_pause_counts_as_one_second():
     assert found.spraying == {1.0}
 
 
+def test_on_the_ground_nothing_is_flown_or_sprayed_whatever_the_pump_does():
+    flying = np.array([True, True, False, False, False, True, True])
+    track = hover(10.0, 7, time_s=0.5 * np.arange(7), flying=flying, spraying=np.ones(7))
+    found = seen(track)
+    assert (found.flown, found.sprayed) == (1.5, 1.5)  # three steps of half a second end in flight
+
+
 @pytest.mark.parametrize(("seconds", "legs"), [(14.9, 1), (15.1, 2)])
 def test_a_tank_may_be_filled_in_fifteen_seconds_on_the_ground(seconds, legs):
     times = np.array([0.0, 1.0, 1.5, 1.0 + seconds, 2.0 + seconds])

@@ -132,3 +132,28 @@ def test_the_first_bad_rotor_is_as_likely_as_any_effect_and_one_beside_it_less()
     assert prior_of([rotor(0), rotor(2)]).log_sets == pytest.approx(np.log(0.02 * 0.005))
     assert prior_of([other]).log_sets == pytest.approx(np.log(0.02))
     assert prior_of([other, rotor(1)]).log_sets == pytest.approx(np.log(0.02**2))
+
+
+@pytest.mark.parametrize("at", [0.3, 1.35, 1.0])
+@pytest.mark.parametrize(("lower", "upper"), [(0.2, 1.5), (-3.0, 1.5)])
+def test_the_evidence_of_one_main_value_by_its_formula(at, lower, upper):
+    """A gauge that is right shows 1: its size is how far from it, over the usual 0.25."""
+    gauge = replace(MAIN, absent=1.0, start=1.1, lower=lower, upper=upper, scale=0.25)
+    error, cost = 0.1, 30.0
+    h = 1.0 / error**2
+    step = at - 1.1
+    found = score(prior_of([held(gauge)]), np.array([[h]]), np.array([h * step]), cost)
+    assert found.step[0] == pytest.approx(step)
+    least, most = 0.01 / 0.25, max(upper - 1.0, 1.0 - lower) / 0.25
+    size = (abs(at - 1.0) + error) / 0.25
+    density = 1.0 / (2.0 * np.log1p(most / least) * (size + least)) / 0.25
+    inside = norm.cdf((upper - at) / error) - norm.cdf((lower - at) / error)
+    by_hand = -0.5 * (cost - h * step**2) + 0.5 * np.log(2.0 * np.pi / h)
+    by_hand += np.log(density) + np.log(inside)
+    assert found.log_evidence == pytest.approx(by_hand, abs=1e-6)
+    # A shape beside it, of which nothing shows, changes nothing.
+    both = prior_of([held(gauge, SHAPE)])
+    free = score(both, np.diag([h, 0.0]), np.array([h * step, 0.0]), cost)
+    assert free.log_evidence == pytest.approx(by_hand, abs=1e-6)
+    nothing = score(prior_of([]), np.zeros((0, 0)), np.zeros(0), 1.0)
+    assert (nothing.step.size, nothing.variance.size) == (0, 0)

@@ -1,0 +1,120 @@
+"""Sets about a fitted set, against least squares on the columns that their Gram matrix is of."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.models.identification.sets.test_evidence import MAIN, SHAPE, held
+from thrustmargin.models.identification.sets.evidence import Scored, prior_of, score
+from thrustmargin.models.identification.sets.linear_sets import FittedSet, Linear, forms_taken_out
+
+RNG = np.random.default_rng(8)
+#: Of a main value; of a main value and a shape that is off its start; of a shape.
+HELD = (
+    held(MAIN, at=[0.4]),
+    held(replace(MAIN, name="c"), SHAPE, at=[0.3, 0.5]),
+    held(SHAPE, at=[0.1]),
+)
+PLACES = (slice(0, 1), slice(1, 3), slice(3, 4))
+COLUMNS = RNG.normal(size=(2, 50, 8))  # of each level: four values, three changes, the residual
+COLUMNS[..., -1] += 3.0
+
+
+def linear(about: set[int]) -> Linear:
+    gram = COLUMNS.transpose(0, 2, 1) @ COLUMNS
+    fitted: Any = SimpleNamespace(key=frozenset(about))
+    return Linear(about=fitted, held=HELD, columns=PLACES, gram=gram, taken_out=np.zeros(2))
+
+
+def parts(about: set[int], key: set[int], level: int) -> tuple[np.ndarray, np.ndarray]:
+    """Columns of the values of a set, and its residual: what comes in or goes out is taken off."""
+    columns = COLUMNS[level]
+    residual = columns[:, -1] - columns[:, [4 + c for c in about ^ key]].sum(axis=1)
+    return columns[:, [k for c in sorted(key) for k in range(4)[PLACES[c]]]], residual
+
+
+@pytest.mark.parametrize("level", [0, 1])
+@pytest.mark.parametrize("key", [set(), {0}, {0, 1}, {2}, {0, 1, 2}])
+def test_a_set_has_the_evidence_of_its_own_columns_and_residual(key, level):
+    about = {0, 2}
+    values, residual = parts(about, key, level)
+    prior = prior_of([HELD[c] for c in sorted(key)])
+    by_hand = score(prior, values.T @ values, values.T @ residual, float(residual @ residual))
+    found = linear(about).score(key, level)
+    assert found.log_evidence == pytest.approx(by_hand.log_evidence)
+    np.testing.assert_allclose(found.step, by_hand.step)
+    np.testing.assert_allclose(found.variance, by_hand.variance)
+
+
+def cost(about: set[int], key: set[int], level: int, pulled: set[int]) -> float:
+    """The least of squares and normal priors of all values of a set; of those in `pulled` the
+    prior is about where it stands, of the others about the values themselves."""
+    values, residual = parts(about, key, level)
+    prior = prior_of([HELD[c] for c in sorted(key)])
+    pull = np.concatenate([prior_of([HELD[c]]).pull * (c in pulled) for c in sorted(key)] or [[]])
+    root = np.sqrt(prior.weight)
+    centre = np.divide(pull, root, out=np.zeros_like(pull), where=root > 0.0)
+    rows = np.concatenate([values, np.diag(root)])
+    wanted = np.concatenate([residual, centre])
+    left = wanted - rows @ np.linalg.lstsq(rows, wanted)[0] if values.size else wanted
+    return float(left @ left - centre @ centre)
+
+
+@pytest.mark.parametrize("level", [0, 1])
+def test_what_a_candidate_gains_is_half_of_what_squares_and_prior_fall_by(level):
+    about, key = {0, 2}, frozenset({2})
+    found = linear(about).gains(key, level, [0, 1])
+    before = cost(about, {2}, level, set())
+    by_hand = [0.5 * (before - cost(about, {2, c}, level, {c})) for c in (0, 1)]
+    np.testing.assert_allclose(found, by_hand, rtol=1e-6)
+
+
+def test_values_of_some_candidates_alone_keep_their_places():
+    shorter = linear({0}).only({1, 2}, ())
+    assert shorter.columns == (slice(0, 0), slice(0, 2), slice(2, 3))
+    kept = [1, 2, 3, 4, 5, 6, 7]
+    np.testing.assert_array_equal(shorter.gram, linear({0}).gram[:, kept][:, :, kept])
+    assert [len(one.candidate.free) for one in shorter.held] == [0, 2, 1]
+    # Values of flights that are left out go too.
+    one = HELD[1].candidate
+    of_flights = replace(HELD[1], candidate=replace(one, free=((0, 3), (1, None))))
+    both = replace(linear({0}), held=(HELD[0], of_flights, HELD[2]))
+    without = both.only({0, 1}, {3})
+    assert without.columns == (slice(0, 1), slice(1, 2), slice(2, 2))
+    kept = [0, 2, 4, 5, 6, 7]
+    np.testing.assert_array_equal(without.gram, both.gram[:, kept][:, :, kept])
+    assert without.held[1].candidate.free == ((1, None),)
+    assert both.only({0, 1}, {2}).held[1].candidate.free == of_flights.candidate.free
+
+
+@pytest.mark.parametrize("forms", [0, 2])
+def test_what_forms_may_do_is_taken_out_as_noise_of_size_one(forms):
+    columns = RNG.normal(size=(2, 30, 5))
+    asked = [4, 0, 2] if forms else [0, 1, 2, 3, 4]
+    noise = np.delete(columns, asked, axis=2)
+    grams = columns.transpose(0, 2, 1) @ columns
+    solved: Any = SimpleNamespace(reduce=lambda *_: grams, log_evidence=np.array([1.0, -2.0]))
+    nothing: Any = None
+    gram, evidence = forms_taken_out(solved, nothing, asked)
+    for k in range(2):
+        covariance = np.eye(30) + noise[k] @ noise[k].T
+        wanted = columns[k][:, asked]
+        np.testing.assert_allclose(gram[k], wanted.T @ np.linalg.solve(covariance, wanted))
+        by_hand = [1.0, -2.0][k] - 0.5 * np.linalg.slogdet(covariance)[1]
+        assert evidence[k] == pytest.approx(by_hand)
+
+
+def test_a_sets_evidence_is_that_of_all_its_levels():
+    scored = Scored(log_evidence=0.0, step=np.zeros(0), variance=np.zeros(0))
+    found = FittedSet(
+        key=frozenset(),
+        held=(),
+        levels=(scored,) * 3,
+        log_evidence=np.log([0.2, 0.5, 0.1]),
+        residual=np.zeros((1, 4)),
+    )
+    assert found.total == pytest.approx(np.log(0.8))
+    assert found.best_level == 1
