@@ -12,6 +12,7 @@ from scipy.stats import t as student
 from tests.models.identification.sets.test_evidence import MAIN, held
 from tests.models.made_flights import curve_model
 from thrustmargin.models.effects import BY_KEY
+from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION, ROTOR_DEGRADATION_ONSET
 from thrustmargin.models.identification.rows.candidates import (
     EFFECT_PRIOR,
     ROTOR_PRIOR,
@@ -21,6 +22,7 @@ from thrustmargin.models.identification.rows.candidates import (
 from thrustmargin.models.identification.sets.evidence import prior_of, score
 from thrustmargin.models.identification.sets.free_form import (
     form_columns,
+    free_columns,
     hats,
     slowly,
     wander_columns,
@@ -32,6 +34,7 @@ from thrustmargin.models.identification.sets.search_space import (
     _scatter_sizes,
     _standing,
 )
+from thrustmargin.models.identification.sets.set_search import Search
 from thrustmargin.models.network.records import GoodFlights
 
 MASS = candidate(Term(effect=BY_KEY["extra_mass"]), 2)
@@ -145,3 +148,78 @@ def test_a_main_value_without_a_smallest_size_begins_at_a_hundredth_of_the_usual
     with_none = score(prior_of([held(replace(MAIN, smallest=0.0))]), h, g, cost)
     with_own = score(prior_of([held(replace(MAIN, smallest=0.005))]), h, g, cost)
     assert with_none.log_evidence == with_own.log_evidence
+
+
+#: Hats of each channel, and the span from which it can be a cause.
+CAUSES = {
+    "airspeed": (5, 1.0),
+    "tank_kg": (5, 1e-6),
+    "time_s": (5, 20.0),
+    "voltage": (4, 1e-6),
+    "advance_ratio": (4, 0.01),
+    "radius_over_height": (3, 0.05),
+    "load_factor": (3, 0.02),
+    "yaw_rate": (3, 0.1),
+    "heading": (4, 0.5),
+}
+
+
+def ramps(**spans: float) -> Any:
+    """A flight of 100 rows in which each channel rises by its span, 0 unless given."""
+    rise = np.linspace(0.0, 1.0, 100)
+    return SimpleNamespace(**{name: 2.0 + spans.get(name, 0.0) * rise for name in CAUSES})
+
+
+@pytest.mark.parametrize("name", CAUSES)
+def test_a_channel_is_a_cause_from_its_least_span_on(name):
+    count, least = CAUSES[name]
+    flight = np.zeros(100, dtype=int)
+    columns, names = free_columns(ramps(**{name: 1.01 * least}), flight)
+    assert names == ("constant", *[name] * count)
+    np.testing.assert_array_equal(columns[:, 0], 1.0)
+    np.testing.assert_allclose(columns[:, 1:].mean(axis=0), 0.0, atol=1e-9)
+    assert free_columns(ramps(**{name: 0.99 * least}), flight)[1] == ("constant",)
+    gone = ramps(**{name: 9.0 * least})
+    getattr(gone, name)[50] = np.nan
+    assert free_columns(gone, flight)[1] == ("constant",)
+
+
+def test_curves_of_the_free_form_go_along_heading_twice_and_along_speed_and_tank_together():
+    flight = np.repeat([0, 1], 50)
+    x = ramps(airspeed=5.0, tank_kg=8.0, heading=6.0, voltage=4.0)
+    columns, names = free_columns(x, flight)
+    at = {name: [k for k, n in enumerate(names) if n == name] for name in names}
+
+    def about_mean(part: np.ndarray) -> np.ndarray:
+        return part - part.mean(axis=0)
+
+    both = [
+        hats(x.airspeed, 3)[:, i] * hats(x.tank_kg, 3)[:, j] for i in range(3) for j in range(3)
+    ]
+    turns = [np.sin(x.heading), np.cos(x.heading), np.sin(2 * x.heading), np.cos(2 * x.heading)]
+    for name, part in (
+        ("airspeed", hats(x.airspeed, 5)),
+        ("voltage", hats(slowly(x.voltage, flight), 4)),
+        ("heading", np.stack(turns, axis=1)),
+        ("airspeed x tank_kg", np.stack(both, axis=1)),
+    ):
+        np.testing.assert_allclose(columns[:, at[name]], about_mean(part), atol=1e-12)
+    assert "airspeed x tank_kg" not in free_columns(ramps(airspeed=5.0), flight)[1]
+
+
+def test_a_rotor_is_bad_in_one_form_at_a_time():
+    terms = [
+        Term(effect=ROTOR_DEGRADATION, rotor=0),
+        Term(effect=ROTOR_DEGRADATION_ONSET, rotor=0),
+        Term(effect=ROTOR_DEGRADATION_ONSET, rotor=1),
+        Term(effect=BY_KEY["extra_mass"]),
+    ]
+    search: Any = SimpleNamespace(candidates=[SimpleNamespace(term=term) for term in terms])
+    twice = [
+        (k, c)
+        for k in range(4)
+        for c in range(4)
+        if k != c and Search._twice(search, frozenset({k}), c)
+    ]
+    assert twice == [(0, 1), (1, 0)]
+    assert Search._twice(search, frozenset({2, 3, 0}), 1)
