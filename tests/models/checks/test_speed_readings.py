@@ -187,10 +187,14 @@ def test_tips_at_the_speed_of_sound_by_hand():
 def test_what_goes_on_is_the_last_run_of_readings():
     rpm = np.array([1000.0, 1000.0, 1500.0, 1500.0])
     none = np.full(4, NAN)
-    plain = {"asked": np.zeros(4, dtype=bool), "others": none, "look_ahead": False}
     for size, value, since in ((4, 1500.0, 2.0), (2, 1000.0, 0.0)):
-        given = {k: v[:size] if isinstance(v, np.ndarray) else v for k, v in plain.items()}
         _, last = checked_readings(
-            np.arange(float(size)), rpm[:size], output=none[:size], before=LastReading(), **given
+            np.arange(float(size)),
+            rpm[:size],
+            output=none[:size],
+            asked=np.zeros(size, dtype=bool),
+            others=none[:size],
+            before=LastReading(),
+            look_ahead=False,
         )
         assert (last.value, last.since_s) == (value, since)
