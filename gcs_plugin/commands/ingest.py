@@ -159,16 +159,13 @@ def _check_kind(store: SeasonStore, names: str | None) -> None:
 
     A log would else be another flight in each way. `names` is None, or known by its key.
     """
-    key = "_store.json"
-    if store.files.exists(store.path(key)):
-        held = json_module.loads(store.files.cat_file(store.path(key)))["names"]
-    elif store.keys("flights"):
-        held = None
-    else:
+    from thrustmargin.gcs_plugin.store.season_store import NAMES
+
+    held = store.names()
+    if held is None and not store.keys("flights") and not store.files.exists(store.path(NAMES)):
         said = json_module.dumps({"names": names})
-        store.put(key, lambda draft: draft.write_text(said, "utf-8"))
-        return
-    if held != names:
+        store.put(NAMES, lambda draft: draft.write_text(said, "utf-8"))
+    elif held != names:
         kind = "as they are" if held is None else "under the pseudonyms of a key"
         other = "of another key" if held and names else "the other way"
         raise DataError(

@@ -5,6 +5,7 @@
     rows/aircraft=A/month=2026-05/rows-1.parquet       10 Hz rows of the days 1 to 10, and so on
     rejected/rejected.parquet                          logs of which no flight was made
     _staged/A/2026-05/FLIGHT.zip                       flights read but not merged yet
+    _store.json                                        how flights are named
     _writer.lock                                       held while somebody writes
 
 A flight counts as stored when it is in `flights`; its rows and sums are there before it.
@@ -14,6 +15,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import json
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -34,6 +36,8 @@ if TYPE_CHECKING:
 STAGED = "_staged"
 #: Files that are being written to a disk; what a killed writer leaves there means nothing.
 DRAFTS = "_drafts"
+#: How flights are named.
+NAMES = "_store.json"
 #: Month of a flight whose log has no time.
 NO_MONTH = "unknown"
 Arrays = Mapping[str, np.ndarray]
@@ -82,6 +86,11 @@ class SeasonStore:
         except FileNotFoundError:
             return []
         return sorted(str(p).rstrip("/").rpartition("/aircraft=")[2] for p in found)
+
+    def names(self) -> str | None:
+        """What the key of this store's pseudonyms is known by; None where flights have names."""
+        key = self.path(NAMES)
+        return json.loads(self.files.cat_file(key))["names"] if self.files.exists(key) else None
 
     def put(self, key: str, write: Callable[[Path], Any]) -> None:
         """Let `write` fill a file and put it in place in one step: nobody sees a part of it."""

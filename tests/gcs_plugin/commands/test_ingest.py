@@ -162,6 +162,12 @@ def test_anonymised_nobody_and_no_place_is_named(
     assert run(["ingest", str(log), "--store", str(tmp_path / "store")]) == 1
     assert "would be counted twice" in capsys.readouterr().err
 
+    fleet = [tmp_path / f"fleet.{ending}" for ending in ("html", "json", "csv")]
+    asked = zip(("--out", "--json", "--csv"), map(str, fleet), strict=True)
+    assert run(["fleet", str(tmp_path / "store"), *(w for pair in asked for w in pair)]) == 0
+    for made in fleet:
+        for word in ("smith", "36.65", "sysid", str(tmp_path)):
+            assert word not in made.read_text()
     page = tmp_path / "page.html"
     assert run(["report", str(log), "--anonymise", "--out", str(page)]) == 0
     for made in (page, page.with_suffix(".json"), page.with_suffix(".csv")):
