@@ -233,8 +233,6 @@ def longest_stretch(time_s: Floats, name: str) -> Stretch:
     vehicles of one system id do.
     """
     last = time_s.size - 1
-    if not np.any(np.diff(time_s) < -BACKWARD):
-        return Stretch(0, last, time_s.size)
     smooth = median_filter(time_s, 5, mode="nearest") if time_s.size >= 5 else time_s
     falls = np.flatnonzero(np.diff(smooth) < -BACKWARD) + 1
     if falls.size == 0:

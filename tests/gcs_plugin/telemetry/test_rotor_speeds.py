@@ -243,5 +243,9 @@ def test_what_was_no_measurement_is_counted_by_rotor_and_reason():
     assert rejected_words(measured, hidden, clock, flying, counted=False) == (
         f"every rotor: no measurement: {zero}",
     )
+    pair = MeasuredSpeeds(signals=[], rejected=dict(list(every.items())[:2]), memory=())
+    assert rejected_words(pair, hidden[:2, :2], clock, flying, counted=False) == (
+        f"every rotor: no measurement: {zero}",
+    )
     (alone,) = rejected_words(measured, hidden[:, :1], clock, flying, counted=False)[:1]
     assert alone.startswith("rotor 1: ")
