@@ -199,7 +199,7 @@ def test_the_likelihood_of_an_order_is_that_of_three_correlations():
     airframe = load_airframe("topxgun-f16-sitl")
     arms = mixer(airframe)[1:] * airframe.rotor_effectiveness
     places = np.array([[0, 1, 2, 3], [1, 0, 2, 3], [3, 2, 1, 0]])
-    found, correlation, _ = _likelihood(track, places, arms)
+    found, correlation = _likelihood(track, places, arms)
     acceleration, rate, squares, step = _samples(track)
     of_axis, r = [], []
     for axis in range(3):
