@@ -34,7 +34,7 @@ from thrustmargin.gcs_plugin.telemetry.clock import (
     own_clock,
     unix_minus_clock,
 )
-from thrustmargin.gcs_plugin.telemetry.motors import MotorMap, motor_map
+from thrustmargin.gcs_plugin.telemetry.motors import MotorMap, counted_by_reports, motor_map
 from thrustmargin.gcs_plugin.telemetry.recording import Stream
 from thrustmargin.gcs_plugin.telemetry.resample import known_rows, last_before
 from thrustmargin.gcs_plugin.telemetry.rows import KEPT, Carried, flight_rows
@@ -113,6 +113,7 @@ class VehicleTelemetry:
         self._motors: MotorMap | None = None
         self._by_ground = False  # its clock has not been heard, and the ground's counts
         self._known: object = None  # what the motors were found from
+        self._said = ({}, -2, VehicleFacts())  # parameters and kind, and the facts that they give
         self._restart()
 
     def _restart(self) -> None:
@@ -123,6 +124,9 @@ class VehicleTelemetry:
         self._gps_time = False  # by SYSTEM_TIME, and no longer by the ground's clock
         self._last_escs: dict[str, Stream] = {}
         self._tank_s = math.nan  # vehicle's clock at the last report of the tank level
+        self._counted = (
+            VehicleFacts()
+        )  # the most rotors that have turned, where nothing says how many
 
     @property
     def waiting(self) -> bool:
@@ -276,11 +280,23 @@ class VehicleTelemetry:
         )
 
     def _layout(self, state: VehicleState, signals: Signals) -> MotorMap | None:
-        known = (state.parameters, state.kind, len(signals.get("esc_rpm", ())))
+        name, said = f"vehicle {state.system}", (state.parameters, state.kind)
+        if self._said[:2] != said:
+            self._said = (*said, state.facts)
+        facts = self._said[2]
+        if not facts.rotor_count and not facts.refusal(name):
+            turned = counted_by_reports(facts, signals)
+            if turned.rotor_count > self._counted.rotor_count:
+                self._counted = turned
+            facts = replace(
+                facts,
+                rotor_count=self._counted.rotor_count,
+                rotor_evidence=self._counted.rotor_evidence,
+            )
+        known = (state.parameters, facts, len(signals.get("esc_rpm", ())))
         if known == self._known:
             return self._motors
         self._known = known
-        name, facts = f"vehicle {state.system}", state.facts
         self.problem, self._motors = facts.refusal(name), None
         for craft in () if self.problem else (self._airframe, None):
             with suppress(AirframeError):  # another aircraft is shown without this airframe

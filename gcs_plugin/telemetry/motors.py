@@ -131,7 +131,7 @@ def motor_map(
     if facts.refusal(name):
         return MotorMap(0, (), pump, "no motors that lift", (), facts)
     if not facts.rotor_count:
-        facts = _by_reports(facts, signals)
+        facts = counted_by_reports(facts, signals)
     count = facts.rotor_count
     notes = []
     if facts.kind == "quadplane":
@@ -166,7 +166,7 @@ def _listed(outputs: tuple[int, ...]) -> str:
     return ", ".join(str(output + 1) for output in outputs)
 
 
-def _by_reports(facts: VehicleFacts, signals: Signals) -> VehicleFacts:
+def counted_by_reports(facts: VehicleFacts, signals: Signals) -> VehicleFacts:
     """The facts with as many rotors as ESCs have turned or motors were driven, from 3 on."""
     for channel, words in (("esc_rpm", "the ESCs that report"), ("throttle", "its motor outputs")):
         turning = [

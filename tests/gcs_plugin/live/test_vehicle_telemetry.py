@@ -10,6 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from tests.gcs_plugin.live.live_vehicle import SECOND, Vehicle, as_frame, live_rows
 from thrustmargin.gcs_plugin.live.vehicle_telemetry import LiveRows, VehicleTelemetry
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
+from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.models.physics.airframe import load_airframe
 
 AIRFRAME = load_airframe("topxgun-f16-sitl")
@@ -152,6 +153,32 @@ def test_an_aircraft_with_another_number_of_rotors_gives_rows_without_the_airfra
     rows, telemetry = live_rows(frames, AIRFRAME)
     assert rows is not None
     assert rows.track.rotor_count == telemetry.facts.rotor_count == 6
+
+
+def test_rotors_that_turn_only_later_are_counted_where_nothing_else_says_how_many():
+    """A hexacopter of no reported kind, with a quad's airframe: no quad once all six turn."""
+    vehicle = Vehicle()
+    unnamed = vehicle.frame(dialect.MAVLink_heartbeat_message(0, 3, 0x80, 0, 4, 3))
+    frames = [unnamed]
+    for rpm in (0, 2000, 0):
+        for _ in range(30):
+            frames += [f for f in vehicle.tick(rpm=(rpm,) * 4) if f.id != unnamed.id]
+            five_on = dialect.MAVLink_esc_telemetry_5_to_8_message(
+                *([0] * 4, [5000] * 4, [0] * 4, [0] * 4),
+                [rpm, rpm, 0, 0],
+                [len(frames) % 65536] * 4,
+            )
+            frames.append(vehicle.frame(five_on))
+    _, telemetry = live_rows(frames[:100], AIRFRAME)
+    assert telemetry.facts.rotor_count == 0
+    telemetry = VehicleTelemetry(1, Options(airframe=AIRFRAME, sampling="hold"))
+    counts = []
+    for frame in frames:
+        telemetry.take(frame)
+        counts += [part.track.rotor_count for part in telemetry.rows()]
+    assert counts[0] == 4
+    assert counts[-1] == 6  # on the ground again, too
+    assert telemetry.facts.rotor_evidence == "the ESCs that report"
 
 
 def test_flying_is_off_the_ground_and_not_only_said_so():
