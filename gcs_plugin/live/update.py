@@ -51,8 +51,13 @@ class Update:
         """What the numbers rest on, for people."""
         claim = self.analysis.claim
         helps = (claim.remedy,) if claim.withheld else ()
+        return (claim.described, *helps, *self.beside_the_airframe)
+
+    @property
+    def beside_the_airframe(self) -> tuple[str, ...]:
+        """The remarks without those on the airframe, which the gauges have themselves."""
         speeds = self.analysis.track.sources.get("rotor_speed_rpm", "")
         inferred = (no_escs(speeds),) if FROM_OUTPUTS in speeds else ()
         tank = (tank_by(self.tank_source),) if self.tank_source else ()
         unknown = unknown_lines(unknown_figures(self.analysis, self.outlook))
-        return (claim.described, *helps, *unknown, *tank, *inferred, *self.notes)
+        return (*unknown, *tank, *inferred, *self.notes)

@@ -44,6 +44,9 @@ SHARED_HOLD = 10.0
 BOOT_CLOCKS = (30, 31, 32, 33)
 #: s after which a vehicle without any row says so.
 ROWLESS = 5.0
+#: s after which a field that is used for nothing any more is said to be no longer reported: a link
+#: that loses half loses three reports a second for so long once in hours.
+LASTING = 5.0
 #: s of silence after which a vehicle has left.
 GONE = 60.0
 
@@ -314,7 +317,8 @@ class VehicleMonitor:
         if self.shared or self.silent(now_us) > self.alarms.settings.silence:
             return ""
         waits = self._last_us > self.telemetry.stamp_us
-        return stale_words(self.telemetry.stale(self.telemetry.stamp_us if waits else now_us))
+        ages = self.telemetry.stale(self.telemetry.stamp_us if waits else now_us)
+        return stale_words({field: age for field, age in ages.items() if age > LASTING})
 
     @property
     def flying(self) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from html import escape
 from typing import TYPE_CHECKING
 
@@ -60,6 +60,19 @@ class Standing:
     def age_words(self) -> str:
         """Whether the vehicle is silent, or only its figures are late."""
         return words.age_words(self.age, silent=self.silent > OLD)
+
+    @property
+    def stamp_us(self) -> int:
+        """Ground's clock of its last row; 0 without one."""
+        return 0 if self.update is None else int(self.update.stamp_us[-1])
+
+    def as_drawn(self, drawn: Standing | None) -> Standing:
+        """With the figures that its gauges show, so that no two places on the page differ."""
+        if drawn is None:
+            return self
+        names = ("update", "margin", "coloured", "rests_on", "tank_kg", "flying")
+        age = self.age + (self.stamp_us - drawn.stamp_us) * 1e-6
+        return replace(self, age=age, **{name: getattr(drawn, name) for name in names})
 
     @property
     def shown(self) -> tuple[tuple[Alarm, ...], str, bool]:

@@ -35,7 +35,7 @@ from thrustmargin.gcs_plugin.view.live_html import (
     outlook_html,
     status_html,
 )
-from thrustmargin.gcs_plugin.view.pilot_bar import PilotBar
+from thrustmargin.gcs_plugin.view.pilot_bar import PilotBar, snapshot_html
 from thrustmargin.gcs_plugin.view.scene import Scene
 from thrustmargin.gcs_plugin.view.shown_row import ENU_NED, ShownRow, enu, ground_height, plan_enu
 from thrustmargin.gcs_plugin.view.surroundings import SprayedGround
@@ -95,7 +95,7 @@ class LiveView(ViewPage, Subscriber):
         acknowledged: Callable[[int, Alarm], None] | None = None,
     ) -> None:
         self._bar = PilotBar(
-            lambda: self._heard.standing,
+            lambda: [s.as_drawn(self._drawn.get(s.number)) for s in self._heard.standing],
             style=STYLE + live_html.STYLE,
             silent=silent,
             acknowledged=acknowledged,
@@ -108,6 +108,7 @@ class LiveView(ViewPage, Subscriber):
         self._shown = 0  # number of the overlay
         self._focus: int | None = None
         self._aircraft: dict[int, Aircraft] = {}
+        self._drawn: dict[int, Standing] = {}  # whose figures the gauges show
         self._status_s = self._trails_s = self._bars_s = self._charts_s = 0.0
 
     def on_update(self, update: Update) -> None:
@@ -221,6 +222,7 @@ class LiveView(ViewPage, Subscriber):
         if one.gauges is None:
             return
         one.tab.remove()
+        self._drawn.pop(one.number, None)
         one.gauges = None
         one.label.visible = False
         self._scene.hide(str(one.number))
@@ -244,8 +246,11 @@ class LiveView(ViewPage, Subscriber):
         html = gauges_html(row, words.titled(airframe.title, one.number), faulty=faulty)
         one.fill = one.fill or FillAdvice(self._limit)
         html += one.fill.html(update.analysis)
-        html += outlook_html(update.outlook, standing.stale, update.remarks)
-        one.gauges.content = alarms_html(one.number, fleet) + aged(html, standing.old)
+        html += outlook_html(update.outlook, standing.stale, update.beside_the_airframe)
+        self._drawn[one.number] = standing
+        one.gauges.content = (
+            alarms_html(one.number, fleet) + aged(html, standing.old) + snapshot_html(standing)
+        )
 
     def _offset_ned(self, one: Aircraft, update: Update) -> Floats:
         """(3,) m from the scene's origin, which is that of the first aircraft, to its own."""

@@ -14,6 +14,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from html import escape
 from importlib import resources
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
@@ -25,6 +26,7 @@ from thrustmargin.gcs_plugin.wording import view_words as words
 
 STATE, ACKNOWLEDGE = "/pilot-bar.json", "/pilot-bar/acknowledge"
 KEPT = 200  # lines of the history
+MOST_NAMED = 3  # grave alarms: more would push the numbers off the page
 Key = tuple[int, tuple[str, int | None], float]  # vehicle, alarm and when it was raised
 
 
@@ -100,19 +102,24 @@ class PilotBar:
         many = len(fleet) > 1
         with self._lock:
             known, history = set(self._known), list(self._history)
+        alarms = [
+            {
+                "id": repr(_key(one, alarm)),
+                "text": words.of_vehicle(one.number, alarm.text) if many else alarm.text,
+                "paper": paper_of(alarm.severity),
+                "loud": alarm.severity <= WARNING,
+                "critical": alarm.severity <= CRITICAL,
+                "acknowledged": _key(one, alarm) in known,
+            }
+            for one, alarm in standing
+        ]
+        # Every grave one is named: one that is known must not hide another behind a number.
+        named = [a for a in alarms if a["critical"]][:MOST_NAMED] or alarms[:1]
         return {
             "vehicles": [_vehicle(one, recorded=self._recorded) for one in fleet],
-            "alarms": [
-                {
-                    "id": repr(_key(one, alarm)),
-                    "text": words.of_vehicle(one.number, alarm.text) if many else alarm.text,
-                    "paper": paper_of(alarm.severity),
-                    "loud": alarm.severity <= WARNING,
-                    "critical": alarm.severity <= CRITICAL,
-                    "acknowledged": _key(one, alarm) in known,
-                }
-                for one, alarm in standing
-            ],
+            "named": " · ".join(a["text"] for a in named),
+            "unnamed": len(alarms) - len(named),
+            "alarms": alarms,
             "history": history,
             "verdict": self._verdict[0],
             "verdict_paper": VERDICT_PAPER.get(self._verdict[1], GREY),
@@ -121,6 +128,12 @@ class PilotBar:
     def _note(self, line: str) -> None:
         with self._lock:
             self._history.appendleft(f"{time.strftime('%H:%M:%S')} {line}")
+
+
+def snapshot_html(one: Standing) -> str:
+    """What the bar says of an aircraft, beside the gauges that say the same."""
+    said = json.dumps(_vehicle(one, recorded=False), allow_nan=False)
+    return f'<div hidden data-snapshot="{escape(said)}"></div>'
 
 
 def _key(one: Standing, alarm: Alarm) -> Key:
@@ -141,6 +154,7 @@ def _vehicle(one: Standing, *, recorded: bool) -> dict[str, Any]:
         big, caption = words.share_words(one.margin), one.rests_on
     return {
         "number": one.number,
+        "stamp_us": one.stamp_us,
         "margin": big,
         "caption": caption,
         "paper": colours.css(paper),

@@ -5,7 +5,9 @@ import math
 import time
 from dataclasses import replace
 
+import numpy as np
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 from rich.console import Console
 
 from tests.gcs_plugin.live.live_vehicle import SECOND, Vehicle, as_frame
@@ -55,6 +57,23 @@ def test_an_old_row_is_marked_old_in_every_number_and_has_no_colour_left():
     assert all(cell.startswith("[dim]~") for cell in known)
     assert not any("green" in cell or "red" in cell for cell in known)
     assert "OLD 10.0 s" in cells[-1]
+
+
+def test_a_link_that_loses_half_does_not_flicker():
+    """Motor outputs that come four times a second, every other one lost at random."""
+    fleet, vehicle = flown()
+    rng = np.random.default_rng(5)
+    said = set()
+    for tick in range(600):
+        fleet.take([f for f in vehicle.tick() if rng.random() < 0.5])
+        if tick % 3 == 0 and rng.random() < 0.5:
+            outputs = dialect.MAVLink_servo_output_raw_message(
+                vehicle.boot_ms * 1000 % 2**32, 0, *([1500] * 8), *([0] * 8)
+            )
+            fleet.take([vehicle.frame(outputs)])
+        fleet.updates()
+        said.add(fleet.vehicles[3].stale(vehicle.stamp_us))
+    assert said == {""}
 
 
 def test_a_field_that_is_no_longer_reported_is_named_with_its_age():

@@ -165,6 +165,70 @@ def test_what_is_heard_is_drawn_and_greyed_out_when_it_is_old():
         view.stop()
 
 
+def test_the_bar_says_what_the_gauges_say_and_the_airframe_is_named_once(monkeypatch):
+    fleet, vehicle = Fleet(physics_model(AIRFRAME)), Vehicle(1)
+    view = LiveView(AIRFRAME, port=0)
+
+    def fly(rpm: int) -> None:
+        for _ in range(30):
+            fleet.take(list(vehicle.tick(rpm=(rpm,) * 4)))
+            for update in fleet.updates():
+                view.on_update(update)
+        view.on_round(fleet, vehicle.stamp_us)
+
+    def margins() -> tuple[str, str]:
+        gauge = re.search(r'data-gauge="worst".*?class="big">([^<]*)<', gauges(), re.DOTALL)
+        assert gauge
+        return gauge[1], view._bar.state()["vehicles"][0]["margin"]
+
+    def gauges() -> str:
+        return getattr(getattr(view._aircraft.get(1), "gauges", None), "content", "")
+
+    view.start()
+    try:
+        fly(1700)
+        end = time.monotonic() + 5.0
+        while "data-gauge" not in gauges():
+            assert time.monotonic() < end
+            time.sleep(0.02)
+        time.sleep(0.3)
+        assert gauges().count(f"airframe {AIRFRAME.name}, given") == 1
+        monkeypatch.setattr(view, "_show", lambda *_: None)  # drawing is late
+        before = margins()
+        assert before[0] == before[1]
+        fly(2400)
+        assert margins() == before
+        assert view._bar.state()["vehicles"][0]["age"] == pytest.approx(3.0, abs=0.2)
+    finally:
+        view.stop()
+
+
+COMPARE = """() => {
+  window.seen = [];
+  const look = () => {
+    const bar = document.querySelector('.tm-one b');
+    const gauge = document.querySelector('[data-gauge="worst"] .big');
+    if (bar && gauge) window.seen.push([bar.textContent, gauge.textContent]);
+    requestAnimationFrame(look);
+  };
+  requestAnimationFrame(look);
+}"""
+
+
+@pytest.mark.browser
+def test_bar_and_gauge_have_one_margin_in_every_frame_of_the_page():
+    with flying() as live, open_page(live.view.url) as page:
+        vehicle = Vehicle(7)
+        until(page, '[data-gauge="worst"]', "%", live, vehicle, rpm=1700)
+        until(page, ".tm-one", "%", live, vehicle, rpm=1700)
+        page.evaluate(COMPARE)
+        for turn in range(30):
+            live.fly(0.2, vehicle, rpm=1700 + 20 * turn)
+        seen = page.evaluate("window.seen")
+    assert len({gauge for _, gauge in seen}) > 3
+    assert [bar.removeprefix("OLD: ") for bar, _ in seen] == [gauge for _, gauge in seen]
+
+
 def test_a_taken_port_is_an_error():
     with socket.create_server(("127.0.0.1", 0)) as taken, pytest.raises(LinkError, match="port"):
         LiveView(AIRFRAME, port=taken.getsockname()[1]).start()

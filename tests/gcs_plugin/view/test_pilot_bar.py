@@ -60,6 +60,16 @@ def test_the_gravest_alarm_comes_first_whose_ever_it_is():
     assert [a["loud"] for a in state["alarms"]] == [True, True, False]
 
 
+def test_every_grave_alarm_is_named_and_the_rest_are_counted():
+    lost = Alarm("telemetry", None, CRITICAL, "Telemetry lost in flight", 39.0)
+    state = bar_of(replace(ONE, alarms=(lost, LOW, TANK, NOTE))).state()
+    assert state["named"] == "Telemetry lost in flight · Margin 12 %, limit 50 %"
+    assert state["unnamed"] == 2
+    calm = bar_of(ONE).state()
+    assert (calm["named"], calm["unnamed"]) == ("Tank gauge and pump disagree", 1)
+    assert bar_of(replace(ONE, alarms=())).state()["named"] == ""
+
+
 def test_a_margin_is_shown_in_flight_only_and_with_its_age():
     (shown,) = bar_of(ONE).state()["vehicles"]
     assert (shown["margin"], shown["age"], shown["old"]) == ("27 %", 0.3, False)
