@@ -14,24 +14,23 @@ However the frames are cut into pieces, the rows are the same. They differ from 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from thrustmargin.gcs_plugin.live.frame_columns import clocks_of, grouped, places_of
 from thrustmargin.gcs_plugin.live.vehicle_state import OF_ITSELF, SAYS, VehicleState, fold
 from thrustmargin.gcs_plugin.logs.tlog import AUTOPILOTS
-from thrustmargin.gcs_plugin.mavlink.decode import ESC_TELEMETRY_FIRST, MAVLINK_RULES
+from thrustmargin.gcs_plugin.mavlink.decode import ESC_TELEMETRY_FIRST
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.clock import (
-    REFERENCES,
     ArrivalClock,
     arrival_times,
-    own_clock,
     unix_minus_clock,
 )
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap, counted_by_reports, motor_map
@@ -53,7 +52,6 @@ from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, Orig
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 CLOCK_WAIT = 20.0  # s without the vehicle's clock after which the ground's counts
-_NEEDED = frozenset((*(rule.message for rule in MAVLINK_RULES), *REFERENCES, "SYSTEM_TIME"))
 _TIME = next(n for n, m in layouts().items() if m.name == "SYSTEM_TIME")
 #: field, by the name of its limit -> its channels in the signals, any of which will do
 FIELDS: Mapping[str, tuple[str, ...]] = {
@@ -174,8 +172,8 @@ class VehicleTelemetry:
         frames = [frame for piece in self._pieces for frame in piece.frames]
         pilots = [piece.state.component for piece in self._pieces for _ in piece.frames]
         stamps = np.array([frame.stamp_us for frame in frames], dtype=np.int64)
-        places = _places(frames)
-        own = _own_clocks(places, frames, pilots)
+        places = places_of(frames)
+        own = clocks_of(places, frames, pilots)
         if not self.clock.known and not np.isfinite(own).any():
             if stamps.size == 0 or stamps[-1] - stamps[0] < CLOCK_WAIT * 1e6:
                 return []
@@ -186,7 +184,7 @@ class VehicleTelemetry:
                 # A simulation slower than the ground's clock, which has run ahead of it.
                 self.clock = ArrivalClock(boot=self.clock.boot + 1)
         pieces, self._pieces = self._pieces, []
-        groups = _grouped(places, frames, pilots, self._by_pilot)
+        groups = grouped(places, frames, pilots, self._by_pilot)
         clock_s, boots, clock, notes = arrival_times(self.clock, stamps, own)
         before, self.clock = self.clock.boot, clock
         self.events += notes
@@ -325,59 +323,6 @@ class VehicleTelemetry:
 def _said(state: VehicleState) -> tuple[object, ...]:
     """What of a state rows depend on."""
     return id(state.parameters), state.kind, state.autopilot, state.component
-
-
-def _fields(frames: Sequence[Frame], places: Sequence[int]) -> NDArray[np.void]:
-    """Fields of the frames at `places`, which are of one message."""
-    layout = layouts()[frames[places[0]].id].dtype
-    payloads = [frames[place].payload.ljust(layout.itemsize, b"\0") for place in places]
-    return np.frombuffer(b"".join(payloads), dtype=layout)
-
-
-def _places(frames: Sequence[Frame]) -> dict[str, list[int]]:
-    """Message -> places of its frames, of messages that rows need."""
-    places: dict[str, list[int]] = {}
-    for place, frame in enumerate(frames):
-        if frame.verified and (name := layouts()[frame.id].name) in _NEEDED:
-            places.setdefault(name, []).append(place)
-    return places
-
-
-def _own_clocks(
-    places: Mapping[str, list[int]], frames: Sequence[Frame], pilots: Sequence[int | None]
-) -> Floats:
-    """(n,) s since boot by frames of the autopilot, component `pilots` (n,); NaN where none."""
-    own = np.full(len(frames), np.nan)
-    for name in REFERENCES:
-        main = [p for p in places.get(name, ()) if pilots[p] in (None, frames[p].component)]
-        if main and (clock := own_clock(_fields(frames, main))) is not None:
-            own[main] = clock
-    return own
-
-
-def _grouped(
-    places: Mapping[str, list[int]],
-    frames: Sequence[Frame],
-    pilots: Sequence[int | None],
-    by_pilot: set[str],
-) -> dict[str, tuple[NDArray[np.intp], NDArray[np.void]]]:
-    """Message -> (places of its frames, their fields), of messages that rows need.
-
-    Once the autopilot, component `pilots` (n,), has sent a message, which `by_pilot` remembers,
-    what its companions say is left out.
-    """
-    groups = {}
-    for name, found in places.items():
-        chosen = []
-        for place in found:
-            if pilots[place] == frames[place].component:
-                by_pilot.add(name)
-            elif name in by_pilot:
-                continue
-            chosen.append(place)
-        if chosen:
-            groups[name] = (np.array(chosen), _fields(frames, chosen))
-    return groups
 
 
 def _last_known(signal: Signal) -> float:

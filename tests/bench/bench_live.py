@@ -197,8 +197,9 @@ def test_memory_over_hours_of_flight_at_many_times_speed(benchmark, sitl_logs, t
     third = len(memory) // 3
     early = np.mean([mb for _, mb in memory[third : 2 * third]])
     late = np.mean([mb for _, mb in memory[-third:]])
+    hours = seconds * float(SPEED) / 3600
     print(
-        f"\n{seconds * float(SPEED) / 3600:.1f} h of flight at {SPEED} times its speed: {memory[0][1]:.0f} MB at the "
+        f"\n{hours:.1f} h of flight at {SPEED} times its speed: {memory[0][1]:.0f} MB at the "
         f"start, {early:.0f} MB in the middle third, {late:.0f} MB in the last third"
     )
 

@@ -12,11 +12,11 @@ from thrustmargin.models.effects.channels import (
     LAG_STEP,
     LAGS,
     NEAR_LAG,
-    _shift_tables,
     derivative_look,
     lag_weights,
     shifts_look,
 )
+from thrustmargin.models.effects.track_channels import _shift_tables
 from thrustmargin.models.model.predict import model_channels
 from thrustmargin.models.model.rotor_model import physics_model
 
