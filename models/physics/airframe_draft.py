@@ -23,7 +23,6 @@ from typing import Any
 from thrustmargin.models.physics.airframe import Airframe, Quantity, airframe_table
 from thrustmargin.models.physics.airframe_checks import OPTIONAL_QUANTITIES, QUANTITIES
 
-GRAVITY = 9.80665  # m/s^2
 INCH = 0.0254  # m
 #: C_T of two-blade propellers: median of the makers' tables of 19 of them, 18 to 40 in, whose
 #: standard deviation is 0.007 (T-Motor and KDE Direct; pitch 0.30 to 0.35 of the diameter).
@@ -69,8 +68,8 @@ def lower_effectiveness() -> Quantity:
     return guess("lower_rotor_effectiveness", 0.8, "it works in the wash of the upper rotor")
 
 
-def completed(given: Mapping[str, Quantity], rotors: int) -> dict[str, Quantity]:
-    """All quantities of an airframe of so many `rotors`, in the order of its file.
+def completed(given: Mapping[str, Quantity]) -> dict[str, Quantity]:
+    """All quantities of an airframe, in the order of its file.
 
     `given` must hold empty_mass, tank_volume_l, propeller_diameter, propeller_pitch,
     nominal_voltage, and nameplate_max_thrust or thrust_coefficient with max_rotor_speed_rpm.
@@ -82,8 +81,7 @@ def completed(given: Mapping[str, Quantity], rotors: int) -> dict[str, Quantity]
         if name not in q:
             q[name] = guess(name, value, source)
 
-    mass, diameter = q["empty_mass"].value, q["propeller_diameter"].value
-    litres = q["tank_volume_l"].value
+    diameter, litres = q["propeller_diameter"].value, q["tank_volume_l"].value
     if "liquid_density" not in q:
         q["liquid_density"] = Quantity(1.0, "kg/L", "water; change it for another liquid")
     if litres == 0.0 and "pump_max_flow_l_min" not in q:
@@ -119,16 +117,16 @@ def completed(given: Mapping[str, Quantity], rotors: int) -> dict[str, Quantity]
     )
     fill("ceiling_voltage", q["nominal_voltage"].value, "nominal_voltage")
     fill("ceiling_voltage_exponent", 1.0, "at full duty the speed of a motor goes with its voltage")
-    full = (mass + litres * q["liquid_density"].value) * GRAVITY / rotors
-    induced = sqrt(full / (2.0 * density * pi * diameter**2 / 4.0))
-    turning = sqrt(full / slope.value) * 2.0 * pi / 60.0
+    # v_i/omega in hover, whatever the thrust: sqrt(T/(2 rho A)) over sqrt(T/slope).
+    turn = sqrt(slope.value / (2.0 * density * pi * diameter**2 / 4.0)) * 60.0 / (2.0 * pi)
     fill(
         "torque_ratio",
-        float(f"{induced / (_FIGURE_OF_MERIT * turning):.3g}"),
-        f"momentum theory in hover with a full tank, figure of merit {_FIGURE_OF_MERIT}",
+        float(f"{turn / _FIGURE_OF_MERIT:.3g}"),
+        f"momentum theory in hover, figure of merit {_FIGURE_OF_MERIT}",
     )
     fill("motor_poles", 28.0, "usual for motors of this class")
-    return {name: q[name] for name in (*QUANTITIES, *OPTIONAL_QUANTITIES) if name in q}
+    optional = [name for name in OPTIONAL_QUANTITIES if name in q]
+    return {name: q[name] for name in (*QUANTITIES, *optional)}
 
 
 def airframe_toml(airframe: Airframe, heading: str = "") -> str:

@@ -153,9 +153,7 @@ def new_airframe(
         "name": name,
         "title": owner.title or f"{name} ({reported.layout}, {len(rotors)} rotors)",
         "layout": reported.layout,
-        "quantities": {
-            key: quantity_table(q) for key, q in completed(quantities, len(rotors)).items()
-        },
+        "quantities": {key: quantity_table(q) for key, q in completed(quantities).items()},
         "rotors": rotors,
     }
     return airframe_from_table(table, where=name)

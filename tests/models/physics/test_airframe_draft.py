@@ -3,6 +3,7 @@
 import csv
 import os
 from collections import defaultdict
+from dataclasses import replace
 from math import pi, sqrt
 from pathlib import Path
 from statistics import median, stdev
@@ -34,7 +35,7 @@ STATED = {
 
 @pytest.mark.parametrize("name", power_sets())
 def test_a_power_set_with_mass_tank_and_battery_is_a_whole_airframe(name):
-    made = completed({**power_sets()[name].quantities, **STATED}, 6)
+    made = completed({**power_sets()[name].quantities, **STATED})
     assert set(made) == set(QUANTITIES)
     assert all(quantity.unit == QUANTITIES[key] for key, quantity in made.items())
     slope, top = made["thrust_coefficient"].value, made["max_rotor_speed_rpm"].value
@@ -54,7 +55,7 @@ def test_the_formulas_by_hand():
         "propeller_pitch": Quantity(0.2, "m", "print on it"),
         "nameplate_max_thrust": Quantity(120.0, "N", "data sheet"),
     }
-    made = completed(given, 4)
+    made = completed(given)
     slope = 0.070 * 1.225 * 0.6**4 / 3600.0
     assert made["thrust_coefficient"].value == pytest.approx(slope, rel=1e-3)
     assert made["max_rotor_speed_rpm"].value == pytest.approx(sqrt(120.0 / slope), rel=1e-3)
@@ -63,7 +64,19 @@ def test_the_formulas_by_hand():
     turning = sqrt(each / slope) * 2.0 * pi / 60.0
     assert made["torque_ratio"].value == pytest.approx(induced / (0.7 * turning), rel=0.01)
     assert made["pump_max_flow_l_min"].value == pytest.approx(2.9)
-    dry = completed({**given, "tank_volume_l": Quantity(0.0, "L", "none")}, 4)
+    usual = {"propeller_blades": 2.0, "reference_density": 1.225, "ceiling_voltage": 51.8}
+    usual |= {"ceiling_voltage_exponent": 1.0, "motor_poles": 28.0}
+    assert {key: made[key].value for key in usual} == usual
+    assert all(made[key].guessed for key in usual)
+    # A thrust and its speed are the curve, as well known as they are.
+    top = {**given, "max_rotor_speed_rpm": Quantity(4000.0, "rpm", "data sheet")}
+    curve = completed(top)["thrust_coefficient"]
+    assert (curve.value, curve.guessed) == (7.5e-6, False)
+    guessed = replace(top["max_rotor_speed_rpm"], guessed=True)
+    assert completed({**top, "max_rotor_speed_rpm": guessed})["thrust_coefficient"].guessed
+    with pytest.raises(KeyError, match="empty_mass"):
+        completed({key: q for key, q in given.items() if key != "empty_mass"})
+    dry = completed({**given, "tank_volume_l": Quantity(0.0, "L", "none")})
     assert (dry["pump_max_flow_l_min"].value, dry["pump_max_flow_l_min"].guessed) == (0.0, False)
 
 
