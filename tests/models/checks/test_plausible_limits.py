@@ -163,6 +163,8 @@ def test_voltage_counts_in_flight_and_by_its_middle():
     rows = np.arange(200)
     ground = hover(voltage=np.where(rows < 150, 90.0, 50.0), flying=rows >= 150)
     assert verdicts(ground)["voltage"] == "close"
+    fast = np.full((200, 4), np.sqrt(1.21 * 200.0 / 2e-5))
+    assert "rotor speed limit" in verdicts(replace(ground, rotor_speed_rpm=fast))
     # A gauge that reads nothing or twice as much now and then is no other battery, and no ceiling.
     failing = np.select([rows < 30, rows < 50], [0.0, 100.0], 50.0)
     assert verdicts(hover(voltage=failing))["voltage"] == "close"

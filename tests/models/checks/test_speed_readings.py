@@ -198,3 +198,18 @@ def test_what_goes_on_is_the_last_run_of_readings():
             look_ahead=False,
         )
         assert (last.value, last.since_s) == (value, since)
+
+
+def test_what_drives_a_new_reading_is_what_drove_it_then():
+    outputs = np.array([0.3, 0.5, 0.7])
+    _, last = checked_readings(
+        np.arange(3.0),
+        np.array([1000.0, 1500.0, 1900.0]),
+        output=outputs,
+        asked=np.ones(3, dtype=bool),
+        others=np.full(3, NAN),
+        before=LastReading(step=900.0),
+        look_ahead=False,
+    )
+    assert (last.low, last.high) == (0.7, 0.7)
+    assert (last.value, last.since_s, last.step) == (1900.0, 2.0, 400.0)

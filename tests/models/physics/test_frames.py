@@ -135,3 +135,16 @@ def test_the_layout_is_read_from_what_ardupilot_prints_at_boot(text, name):
 )
 def test_other_boot_texts_name_no_layout(text):
     assert layout_of_text([text]) is None
+
+
+def test_layouts_that_turn_the_other_way_are_others():
+    x, pair = motor_layouts()["quad-x"], motor_layouts()["octo-coaxial-x8"]
+    places = np.pad(x.place, ((0, 0), (0, 1)))
+    assert layout_of_rotors(places, x.spin) is x
+    assert layout_of_rotors(places, -x.spin) is not x
+    # A tenth of the arm above its middle, and below it the lower one; down counts.
+    heights = {r["position_frd"][2] * (1 if "lower" in r["name"] else -1) for r in pair.rotors(2.0)}
+    assert heights == {0.2}
+    # Names of arms in one sector have their bearing from the nose, to either side.
+    names = [r["name"] for r in motor_layouts()["octo-x"].rotors(1.0)]
+    assert {"front right 22.5", "front left 22.5", "rear left 157.5"} <= set(names)

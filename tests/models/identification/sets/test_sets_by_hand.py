@@ -10,8 +10,11 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from tests.models.identification.sets.test_evidence import MAIN, held
+from tests.models.identification.sets.test_evidence import SHAPE as DETAIL
 from tests.models.made_flights import curve_model
 from thrustmargin.models.effects import BY_KEY
+from thrustmargin.models.effects.base import Placed
+from thrustmargin.models.effects.channels import froude_time_scale
 from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION, ROTOR_DEGRADATION_ONSET
 from thrustmargin.models.identification.rows.candidates import (
     EFFECT_PRIOR,
@@ -28,11 +31,14 @@ from thrustmargin.models.identification.sets.free_form import (
     wander_columns,
 )
 from thrustmargin.models.identification.sets.nuisance import LEVELS
+from thrustmargin.models.identification.sets.onsets import without_rotors
 from thrustmargin.models.identification.sets.search_space import (
     _busy,
     _free_sizes,
     _scatter_sizes,
+    _shapes,
     _standing,
+    _wander,
 )
 from thrustmargin.models.identification.sets.set_search import Search
 from thrustmargin.models.network.records import GoodFlights
@@ -223,3 +229,52 @@ def test_a_rotor_is_bad_in_one_form_at_a_time():
     ]
     assert twice == [(0, 1), (1, 0)]
     assert Search._twice(search, frozenset({2, 3, 0}), 1)
+
+
+def test_bad_rotors_alone_are_taken_out_of_a_set():
+    names = ["airspeed_sensor", "wind", "rotor_degradation", "extra_mass"]
+    search: Any = SimpleNamespace(
+        candidates=[
+            SimpleNamespace(term=SimpleNamespace(effect=SimpleNamespace(name=n))) for n in names
+        ]
+    )
+    assert without_rotors(search, frozenset(range(4))) == {0, 1, 3}
+
+
+def test_the_slow_noise_of_each_mode_is_counted_after_what_is_drawn_before_it():
+    time_s = np.arange(0.0, 60.0)
+    reduced: Any = SimpleNamespace(
+        channels=SimpleNamespace(time_s=time_s),
+        flight=np.zeros(60, dtype=int),
+        measured_rpm=np.full((60, 2), 2000.0),
+        model=curve_model(),
+    )
+    columns, own = _wander(reduced, 3)
+    hats_of_time = wander_columns(
+        time_s, reduced.flight, 25.0 * froude_time_scale(reduced.model.airframe)
+    )
+    count = hats_of_time.shape[1]
+    assert own.tolist() == [-1] * 3 + [0] * count + [1] * count
+    np.testing.assert_allclose(columns[:, 0, :count], 2.0 * hats_of_time)
+    np.testing.assert_allclose(columns[:, 1, count:], 2.0 * hats_of_time)
+    assert not columns[:, 0, count:].any()
+    assert not columns[:, 1, :count].any()
+
+
+def test_a_shape_may_be_off_toward_the_middle_of_its_bounds():
+    """Speeds are 100 a + 10 b in the place of an effect; its shape b is moved, and a is not."""
+    made = held(MAIN, DETAIL).candidate.term.effect
+    placed = [Placed(effect=made, values={"a": 1.0, "b": b}, rotor=None) for b in (0.5, -0.5)]
+    reduced: Any = SimpleNamespace(
+        model=SimpleNamespace(placed=placed),
+        speeds=lambda items, without: np.full(
+            (3, 2), 1000.0 * without + 100.0 * items[0].values["a"] + 10.0 * items[0].values["b"]
+        ),
+        in_modes=lambda speeds: 2.0 * speeds,
+    )
+    base = np.full((3, 2), 5.0)
+    step = 0.5 * DETAIL.scale
+    ends = (0.5 - step, -0.5 + step)
+    for k, (column, b) in enumerate(zip(_shapes(reduced, base), ends, strict=True)):
+        assert column.shape == (3, 2, 1)
+        np.testing.assert_allclose(column, 2.0 * (1000.0 * k + 100.0 + 10.0 * b) - 5.0)
