@@ -46,6 +46,7 @@ MOST_EFFECTS = 10
 HOPELESS = 500.0  # the same, from which a set takes no more steps: a lag alone may bring 200
 STEPPED = 0  # the level at which values are found: a free form of the usual size
 NEAR = 9.0  # of log evidence below the best: less than one in 8,000 as likely
+FAR = 3 * NEAR  # the same, from which a set is left as it is once its steps promise no more
 
 SIDE, SIDE_FORM = 0.2, 0.5  # share of the main change that is by the way, and how good it is
 LEAST_CHANGE = 0.5  # rpm RMS, below which the form of an effect does not matter
@@ -211,28 +212,32 @@ class Search:
         """
         if key in self.fitted:
             return self.fitted[key]
-        least = self.best.total - HOPELESS if self.fitted else -np.inf
+        best = self.best.total if self.fitted else -np.inf
         found = self._fit(
-            key, [near[c] if near else self.start[c] for c in sorted(key)], steps, least
+            key, [near[c] if near else self.start[c] for c in sorted(key)], steps, best
         )
         usual = [h.usually_shaped() for h in found.held]
         changed = any(a is not b for a, b in zip(usual, found.held, strict=True))
-        if changed and found.total > least:
+        if changed and found.total > best - FAR:
             other = self._fit(key, usual, 0)
             found = other if other.total > found.total + STALE else found
         self.fitted[key] = found
         return found
 
-    def _fit(self, key: Key, held: Sequence[Held], steps: int, least: float = -np.inf) -> FittedSet:
+    def _fit(self, key: Key, held: Sequence[Held], steps: int, best: float = -np.inf) -> FittedSet:
         """Gauss-Newton with halved steps; derivatives are worked out anew where they bring more,
-        and where even these promise less than the `least` log evidence, that is the end."""
+        and where even these promise far less than the `best` log evidence, that is the end."""
         measured = self.reduced.in_modes(self.reduced.measured_rpm)
         columns, fresh = self._prepared(held), True
         residual = np.nan_to_num(measured - predicted(self.reduced, held))
         gram, merit = self._normal(columns, held, residual)
+        promised = np.inf
         for number in range(steps if held else 0):
-            if fresh and number and self._scored(key, columns, held, residual).total < least:
-                break
+            if fresh:
+                found = self._scored(key, columns, held, residual)
+                change, promised = abs(found.total - promised), found.total
+                if (number and promised < best - HOPELESS) or promised + 2 * change < best - FAR:
+                    return found
             prior = prior_of(held)
             taken = score(prior, gram[:-1, :-1], gram[:-1, -1], float(gram[-1, -1])).step
             gained = 0.0
