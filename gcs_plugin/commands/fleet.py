@@ -101,12 +101,18 @@ def fleet(
         (json, lambda: fleet_page.as_json(season)),
     )
     for path, text in texts:
-        if path == STDOUT:
-            sys.stdout.write(text())
-        elif path is not None:
-            with whole_file(path) as draft:
-                draft.write_text(text(), encoding="utf-8")
-            console.print(f"wrote {path}")
+        if path is not None:
+            _write(path, text())
+            if path != STDOUT:
+                console.print(f"wrote {path}")
+
+
+def _write(path: Path, text: str) -> None:
+    if path == STDOUT:
+        sys.stdout.write(text)
+        return
+    with whole_file(path) as draft:
+        draft.write_text(text, encoding="utf-8")
 
 
 def _parts(store: SeasonStore, file: Path | None) -> list[Part]:
@@ -139,20 +145,10 @@ def _side_by_side(store: SeasonStore, names: tuple[str, str]) -> list[list[Any]]
 
 
 def _print_rows(heads: Sequence[str], rows: Sequence[Sequence[Any]], file: Path | None) -> None:
-    import csv as csv_module
-    import io
+    from thrustmargin.gcs_plugin.reports.fleet.fleet_page import csv_text
 
     if file is not None:
-        out = io.StringIO()
-        writer = csv_module.writer(out)
-        writer.writerow(heads)
-        writer.writerows(["'" + c if str(c)[:1] in "=+-@" and isinstance(c, str) and c else c
-                          for c in row] for row in rows)  # fmt: skip
-        if file == STDOUT:
-            sys.stdout.write(out.getvalue())
-        else:
-            with whole_file(file) as draft:
-                draft.write_text(out.getvalue(), encoding="utf-8")
+        _write(file, csv_text(heads, rows))
         return
     grid = Table(box=box.SIMPLE_HEAD)
     for head in heads:

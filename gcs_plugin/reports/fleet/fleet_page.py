@@ -261,10 +261,16 @@ def _plain(value: Any) -> Any:
 
 
 def as_csv(fleet: FleetSeason) -> str:
-    """One row an aircraft; no cell begins as a formula of a spreadsheet."""
+    """One row an aircraft."""
+    return csv_text(HEADS, [cells(one) for one in fleet.aircraft])
+
+
+def csv_text(heads: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    """Rows under their heads; no text begins as a formula of a spreadsheet."""
     out = io.StringIO()
     writer = csv.writer(out)
-    writer.writerow(HEADS)
-    for one in fleet.aircraft:
-        writer.writerow("'" + c if c[:1] in ("=", "+", "-", "@") else c for c in cells(one))
+    writer.writerow(heads)
+    for row in rows:
+        formulas = (isinstance(c, str) and c.startswith(("=", "+", "-", "@")) for c in row)
+        writer.writerow("'" + c if f else c for c, f in zip(row, formulas, strict=True))
     return out.getvalue()
