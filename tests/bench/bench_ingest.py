@@ -39,9 +39,10 @@ def make_logs(folder: Path, flights: int) -> list[Path]:
     recorded = sorted((ROOT / "sitl_logs/campaign").glob("*.tlog"))
     made = []
     for number in range(flights):
-        turn, source = divmod(number, len(recorded))
-        later = (number * DAYS // flights) * DAY_US + turn * 1_000_000
-        data = other_flight(recorded[source], later_us=later, system=1 + number % AIRCRAFT)
+        later = number * (DAYS * DAY_US // flights)  # no aircraft flies twice at one time
+        data = other_flight(
+            recorded[number % len(recorded)], later_us=later, system=1 + number % AIRCRAFT
+        )
         made.append(folder / f"{number:06d}.tlog")
         made[-1].write_bytes(data)
     return made
