@@ -12,6 +12,7 @@ from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.checks.motor_order import (
     DECISIVE,
     _correlations,
+    _decided,
     _likelihood,
     _samples,
     check_motor_order,
@@ -211,3 +212,16 @@ def test_the_likelihood_of_an_order_is_that_of_three_correlations():
     np.testing.assert_allclose(found, by_hand)
     np.testing.assert_allclose(correlation, [each[0] for each in r])
     assert np.ptp(by_hand) > 0.0
+
+
+def test_reversed_spins_of_rotors_without_torque_are_the_same_aircraft():
+    arms = mixer(F16)[1:] * np.array([[1.0], [1.0], [0.0]])
+    places = np.array([[0, 1, 2, 3], [1, 0, 2, 3]])
+    likelihood = np.array([[30.0, 19.0], [30.0, 19.0]])
+    found = _decided(F16, places, arms, likelihood, (0.9, 0.9, 0.0), 500)
+    assert (found.verdict, found.lead, found.places) == ("agrees", 11.0, (0, 1, 2, 3))
+    # With torque the reversed ones are as likely, and another aircraft.
+    arms = mixer(F16)[1:]
+    assert _decided(F16, places, arms, likelihood, (0.9, 0.9, 0.0), 500).verdict == "unclear"
+    likelihood[1] = 0.0
+    assert _decided(F16, places, arms, likelihood, (0.9, 0.9, 0.9), 500).lead == 11.0

@@ -73,3 +73,24 @@ def test_too_few_rows_say_nothing_and_a_sensor_that_never_changes_is_not_divided
     assert resolution_words(track.rows(slice(0, 90))) == ""
     assert "new every inf s" in resolution_words(track)
     assert resolution_words(replace(track, rotor_speed_rpm=np.full((900, 4), np.nan))) == ""
+
+
+def test_a_hundred_rows_in_flight_say_something_from_steps_of_four_in_a_thousand_on():
+    rows = np.arange(100)
+
+    def flown(step: float, count: int = 100, repeat: int = 1) -> str:
+        rpm = 2000.0 + step * ((rows // repeat) % 3)
+        track = FlightTrack.of(
+            name="x",
+            time_s=rows / 10.0,
+            rotor_count=4,
+            rotor_speed_rpm=np.repeat(rpm[:, None], 4, axis=1),
+            flying=rows < count,
+        )
+        return resolution_words(track)
+
+    assert "steps of 9 rpm (0.4 %)" in flown(9.0)
+    assert flown(9.0, count=99) == ""
+    assert flown(8.0) == ""  # 0.0040 of 2008 rpm
+    assert flown(1.0, repeat=4) == ""  # 24 changes in 99 steps of 0.1 s: 0.41 s
+    assert "new every 0.6 s only" in flown(1.0, repeat=6)  # 16 changes

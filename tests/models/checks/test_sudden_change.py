@@ -251,3 +251,8 @@ def test_after_a_change_was_taken_out_the_filter_is_as_if_there_had_been_none():
     assert not np.allclose(changed.means[:, which], sound.means[:, which])
     changed.settle(int(which), step)
     np.testing.assert_allclose(changed.means[:, 0], sound.means[:, which], atol=1e-9)
+
+
+def test_what_good_flights_showed_makes_a_start_that_is_off_less_likely():
+    for given, share in (({}, 0.5), ({"flights": 3}, 0.125)):
+        np.testing.assert_allclose(watch(**given)._q[-1], share)
