@@ -199,6 +199,9 @@ def test_what_is_said_has_the_numbers_of_the_flight():
     lifts = 25.0 * 1.05**2
     assert f"would lift {lifts:.3g} kg with" in output.words
     assert output.words.endswith("which weighs 25 kg")
+    little = words_of(hover(tank_kg=np.full(200, 0.5)), "motor output")
+    assert little.words.endswith("which weighs 20.5 kg")
+    assert "for 20 kg within" in little.brief
     blind = words_of(hover(tank_kg=UNKNOWN), "motor output")
     assert blind.words.endswith("which weighs 20 kg without a load")
     assert blind.brief.endswith("for 20 to 30 kg")
