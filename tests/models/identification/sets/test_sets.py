@@ -18,7 +18,7 @@ from thrustmargin.models.identification.sets.search_space import (
     _within_flights,
     search_space,
 )
-from thrustmargin.models.identification.sets.set_search import Search
+from thrustmargin.models.identification.sets.set_search import FAR, Search
 from thrustmargin.models.network.records import GoodFlights
 
 SOME = ["extra_mass", "rotor_degradation", "cg_offset", "tank_scale", "yaw_trim"]
@@ -194,6 +194,31 @@ def test_a_set_is_also_tried_with_another_rotor_in_the_place_of_a_bad_one():
     (rotor,) = (c for c in bad if keys[c].startswith("rotor_degradation"))
     others = [keys.index(f"rotor_degradation@{k}") for k in (1, 2, 3, 4)]
     assert all((bad - {rotor}) | {c} in search.fitted for c in others)
+
+
+def test_a_set_that_is_far_below_the_best_is_left_soon_and_ranks_as_if_fitted_to_the_end():
+    flights = made_flights(2, loss=0.08, hidden_mass=2.0)
+    space = search_space(curve_model(), flights, effects_for(F16, table(SOME)))
+    keys = [c.key for c in space.candidates]
+    true = frozenset({keys.index("extra_mass"), keys.index("rotor_degradation@1")})
+    other = frozenset({keys.index("tank_scale"), keys.index("rotor_degradation@3")})
+
+    def fitted(first: bool) -> tuple[float, int]:
+        search, count = Search(space.reduced, space.nuisance, space.candidates), []
+        if first:
+            search.fit(true, ())
+        prepared, search._prepared = (
+            search._prepared,
+            lambda held: (count.append(1), prepared(held))[1],
+        )
+        return search.fit(other, ()).total, len(count)
+
+    best = Search(space.reduced, space.nuisance, space.candidates).fit(true, ()).total
+    (whole, many), (soon, few) = fitted(False), fitted(True)
+    assert whole < best - FAR
+    assert few < many
+    assert soon == pytest.approx(whole, abs=FAR)
+    assert soon < best - FAR
 
 
 def test_the_slow_noise_of_each_flight_begins_with_it():
