@@ -201,7 +201,7 @@ def test_a_set_that_is_far_below_the_best_is_left_soon_and_ranks_as_if_fitted_to
     space = search_space(curve_model(), flights, effects_for(F16, table(SOME)))
     keys = [c.key for c in space.candidates]
     true = frozenset({keys.index("extra_mass"), keys.index("rotor_degradation@1")})
-    other = frozenset({keys.index("tank_scale"), keys.index("rotor_degradation@3")})
+    other = frozenset({keys.index("yaw_trim"), keys.index("rotor_degradation@1")})
 
     def fitted(first: bool) -> tuple[float, int]:
         search, count = Search(space.reduced, space.nuisance, space.candidates), []
