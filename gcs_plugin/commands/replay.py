@@ -85,11 +85,11 @@ def replay_view(
     from thrustmargin.gcs_plugin.reports.margin import report_flight
     from thrustmargin.gcs_plugin.view.overlays import before_and_after
     from thrustmargin.gcs_plugin.view.replay_view import ReplayView
-    from thrustmargin.models.model.analysis import analyse, judged
+    from thrustmargin.models.model.analysis import analyse, for_verdict
 
     with Terminal(stderr=True).status(escape(f"reading {log.name}")):
         flight, claim = read_flight(log, model, given=given, reading=reading)
-        analysis = judged(analyse(flight.track, model, claim=claim))
+        analysis = for_verdict(analyse(flight.track, model, claim=claim))
         older = None if before is None else analyse(analysis.track, before, claim=claim)
         verdict = report_flight(analysis, flight, max_utilisation=0.5).verdict
     return ReplayView(

@@ -63,7 +63,7 @@ def report(
     from thrustmargin.gcs_plugin.commands.inputs import chosen_model, listed, read_logs
     from thrustmargin.gcs_plugin.reports.margin import build_report
     from thrustmargin.gcs_plugin.reports.margin.render import json_text, pdf_bytes, write_report
-    from thrustmargin.models.model.analysis import analyse, judged
+    from thrustmargin.models.model.analysis import analyse, for_verdict
     from thrustmargin.models.whole_file import whole_file
 
     console = Terminal(stderr=True, soft_wrap=True)
@@ -93,7 +93,9 @@ def report(
         reading=reading,
         skipped=ThrustMarginError,
     )
-    flights = [(judged(analyse(log.track, rotor_model, claim=claim)), log) for log, claim in read]
+    flights = [
+        (for_verdict(analyse(log.track, rotor_model, claim=claim)), log) for log, claim in read
+    ]
     if not flights:
         raise DataError(listed(unread))
     shown = unread

@@ -32,7 +32,7 @@ from thrustmargin.models.errors import DataError, ThrustMarginError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.season.flight_sums import flight_sums, to_arrays
 from thrustmargin.models.model.airframe_claim import AirframeClaim
-from thrustmargin.models.model.analysis import FlightAnalysis, analyse, judged, worst_rotor
+from thrustmargin.models.model.analysis import FlightAnalysis, analyse, for_verdict, worst_rotor
 from thrustmargin.models.model.model_file import model_digest
 from thrustmargin.models.model.rotor_model import RotorModel
 
@@ -110,7 +110,7 @@ def flight_of_log(
     sums, reason = _sums(analysis)
     identity, program = aircraft_identity(log, settings.aircraft), firmware(log)
     hardware, motors = board(log), layout(log)
-    aircraft, of_verdict = identity.name, judged(analysis)
+    aircraft, of_verdict = identity.name, for_verdict(analysis)
     if settings.key is not None:
         aircraft = f"aircraft-{pseudonym(settings.key, aircraft)[:8]}"
         hardware = pseudonym(settings.key, hardware) if hardware else None

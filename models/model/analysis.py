@@ -18,7 +18,7 @@ from thrustmargin.models.model.airframe_claim import (
     airframe_claim,
     unknown_aircraft,
 )
-from thrustmargin.models.model.load_inference import with_load_to_judge
+from thrustmargin.models.model.load_inference import with_load_for_verdict
 from thrustmargin.models.model.output_speed import FROM_OUTPUTS as FROM_OUTPUTS
 from thrustmargin.models.model.output_speed import MEASURED as MEASURED
 from thrustmargin.models.model.output_speed import speed_words
@@ -71,7 +71,7 @@ class FlightAnalysis:
     trimmable_loss: Floats  # (T,) largest share of one rotor's thrust that can be lost in trim
     claim: AirframeClaim  # on what ground it is a flight of the model's airframe
     start: FlightState | None = None  # that the first row was analysed from
-    #: kg that hover thrust shows beyond gauge or statement, where they surely differ (`judged`).
+    #: kg that hover thrust shows beyond gauge or statement, where they surely differ.
     beyond_gauge_kg: float = 0.0
 
     def __repr__(self) -> str:
@@ -251,10 +251,10 @@ def analyse(
     )
 
 
-def judged(analysis: FlightAnalysis) -> FlightAnalysis:
+def for_verdict(analysis: FlightAnalysis) -> FlightAnalysis:
     """The analysis of a whole flight that its verdict rests on: with the larger load where gauge or
     statement and hover thrust surely differ; else the same one."""
-    track = with_load_to_judge(analysis.track, flown_airframe(analysis.model))
+    track = with_load_for_verdict(analysis.track, flown_airframe(analysis.model))
     if analysis.withheld or track is analysis.track:
         return analysis
     given = analysis.density if analysis.density_basis == GIVEN_AIR else None

@@ -10,7 +10,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.model.load_inference import LoadEvidence, with_load, with_load_so_far
+from thrustmargin.models.model.load_evidence import LoadEvidence
+from thrustmargin.models.model.load_inference import with_load, with_load_so_far
 from thrustmargin.models.model.output_speed import OutputCalibration, filled_speeds
 from thrustmargin.models.physics.airframe import Airframe
 

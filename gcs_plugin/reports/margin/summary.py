@@ -47,7 +47,7 @@ from thrustmargin.gcs_plugin.wording.report_words import WITHOUT
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, Floats
-from thrustmargin.models.model.analysis import FlightAnalysis, judged
+from thrustmargin.models.model.analysis import FlightAnalysis, for_verdict
 from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.model.rotor_faults import (
     fault_episodes,
@@ -65,7 +65,7 @@ def report_flight(
 
     `max_utilisation` is the largest share of a rotor's maximum thrust that may be in use.
     """
-    limit, analysis = max_utilisation, judged(analysis)
+    limit, analysis = max_utilisation, for_verdict(analysis)
     track, airframe = analysis.track, analysis.model.airframe
     as_flown = flown_airframe(analysis.model)
     limits = ceiling(as_flown, analysis.density, track.voltage)

@@ -13,15 +13,13 @@ from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.rows.usable_flights import too_little
 from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.load_evidence import SPAN, LoadEvidence, load_fit
 from thrustmargin.models.model.load_inference import (
     LOAD_FROM_SPEEDS,
     NINETY,
-    SPAN,
-    LoadEvidence,
-    load_fit,
     with_load,
+    with_load_for_verdict,
     with_load_so_far,
-    with_load_to_judge,
 )
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.network.training_rows import gather
@@ -83,7 +81,7 @@ def test_a_margin_is_judged_with_the_load_of_thrust_where_a_gauge_surely_has_les
     def judged(tank_kg):
         gauge = np.full(600, tank_kg)
         flight = hover(np.full(600, 9.0), spraying=np.zeros(600), tank_kg=gauge, sources=sources)
-        return flight, with_load_to_judge(flight, F16)
+        return flight, with_load_for_verdict(flight, F16)
 
     for near in (2.7, 9.0, 30.0):  # a gauge that has more leaves less margin: it is believed
         before, after = judged(near)
@@ -94,7 +92,7 @@ def test_a_margin_is_judged_with_the_load_of_thrust_where_a_gauge_surely_has_les
     by = "as stated" if told else "by GAUGE"
     words = f"1.7 kg {by} are too little for these rotor speeds: check gauge, empty mass and"
     assert words in after.sources["tank_kg"]
-    assert with_load_to_judge(after, F16) is after
+    assert with_load_for_verdict(after, F16) is after
     # What is looked for in the flight still sees the load as it was told.
     np.testing.assert_array_equal(with_load(before, F16).tank_kg, 1.7)
 

@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.load_evidence import LoadEvidence, load_fit
 from thrustmargin.models.model.load_inference import (
-    LoadEvidence,
-    load_fit,
     shared_error,
     with_load,
     with_load_so_far,

@@ -1,0 +1,223 @@
+"""What level flight has shown of the load, and least squares over it.
+
+    M = sum(T_i)/f                     apparent mass of a row [kg]
+    M (1 + k (1 - v_i/v_h)) = m_empty + load,      load = L - r S,  r >= 0
+
+T_i thrust by the airframe's curve [N], f specific force along the body's up axis [m/s²], so that
+tilt and acceleration are in it; k gain of translational lift, v_i/v_h by Glauert; L load at the
+take-off [kg]; S seconds of spraying where the pump is heard, else of flight. One L for each time in
+the air, one r and k for the flight, by least squares over means of 10 s, which are nearly
+independent of each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.atmosphere import G0, track_air
+from thrustmargin.models.physics.forward_flight import hover_induced_velocity, induced_ratio
+from thrustmargin.models.physics.margin import rotor_thrust
+
+SPAN = 10.0  # s of one mean
+LEAST_SPAN = 3.0  # s of level rows that make a mean
+LEVEL_CLIMB = 0.5  # m/s, beyond which climb changes the thrust of a rotor speed
+LONGEST_STEP = 1.0  # s of one row
+ON_GROUND = 15.0  # s on the ground in which a tank may be filled
+#: Translational lift: blade theory for pitch over diameter of 0.3 to 0.4 gives 0.5 to 0.7, flights
+#: have shown 0.1 to 0.6.
+LIFT_GAIN, LIFT_GAIN_ERROR = 0.4, 0.3
+#: Standard errors as shares: the scatter of a mean before the flight shows it, as if by so many
+#: means; one motor and propeller against the next.
+MEAN_ERROR, WORTH, ROTOR_ERROR = 0.01, 3.0, 0.03
+EMPTYING = 300.0  # s in which a pump of unknown flow may empty the tank
+SLOWEST = 1e-3  # kg/s below which it counts as constant
+KNOTS = 13  # times at which the fall may begin or end
+
+
+class Means(NamedTuple):
+    """Means of n stretches of level flight; arrays (n,)."""
+
+    seconds: Floats
+    leg: Floats
+    mass: Floats  # kg, apparent
+    lift: Floats  # 1 - v_i/v_h
+    sprayed: Floats  # s since the start
+    flown: Floats  # s since the start
+    error: Floats  # variance of ln M by speeds that were themselves inferred
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoadEvidence:
+    """What a flight has shown so far, and where it stands."""
+
+    sums: Mapping[tuple[int, int], Floats] = field(default_factory=dict)  # (leg, span) -> (6,)
+    gauged: bool = False  # something reported the load
+    spraying: frozenset[float] = frozenset()  # states of the pump that were heard
+    leg: int = 0  # times in the air
+    flew_s: float = -np.inf  # when it last flew
+    last_s: float = np.nan
+    sprayed: float = 0.0
+    flown: float = 0.0
+
+    def before(self, span: int) -> LoadEvidence:
+        """Only what was shown before a span of time."""
+        return replace(self, sums={key: s for key, s in self.sums.items() if key[1] < span})
+
+    def means(self) -> Means:
+        """The means of all spans with enough of level flight."""
+        kept = [
+            (s[0], leg, *(s[1:] / s[0])) for (leg, _), s in self.sums.items() if s[0] >= LEAST_SPAN
+        ]
+        return Means(*np.array(kept).reshape(-1, 7).T)
+
+
+class LoadFit(NamedTuple):
+    """Load at the take-off of each leg, its fall a second of S, and their covariance."""
+
+    legs: tuple[int, ...]
+    values: Floats  # (legs + 1,) kg, and kg/s
+    covariance: Floats
+    speeds: float  # variance of ln M by speeds that were themselves inferred
+    scatter: float  # kg, of a mean about the fit
+    span: tuple[float, float] = (0.0, np.inf)  # s of S between which it falls
+    by_spraying: bool = False
+
+    @property
+    def falls(self) -> bool:
+        return bool(self.values[-1] > SLOWEST)
+
+
+def load_fit(shown: LoadEvidence, airframe: Airframe) -> LoadFit | None:
+    """Least squares over the means; None where there are none.
+
+    The load falls between two times of S, found by the Bayesian information criterion: a pump may
+    run on an empty tank, and without a pump nothing says when spraying began.
+    """
+    means = shown.means()
+    if means.mass.size == 0:
+        return None
+    by_spraying = 1.0 in shown.spraying
+    seconds = means.sprayed if by_spraying else means.flown
+    flow = airframe.pump_max_flow_l_min / 60.0 * airframe.liquid_density
+    fastest = flow if by_spraying and flow > 0.0 else airframe.tank_capacity_kg / EMPTYING
+    usual = 0.5 * fastest if by_spraying else 0.0
+    if not by_spraying and shown.spraying:  # a pump that is heard to be off
+        fastest = usual = 0.0
+    knots = np.unique(np.quantile(seconds, np.linspace(0.0, 1.0, KNOTS)))[1:-1]
+    if fastest == 0.0:
+        knots = knots[:0]
+    begins, ends = (0.0,) if by_spraying else (0.0, *knots), (np.inf, *knots)
+    best, least = None, np.inf
+    for begin, end in ((b, e) for b in begins for e in ends if b < e):
+        fit = _fit(means, np.clip(seconds, begin, end) - begin, usual, fastest, airframe)
+        found = (begin > 0.0) + np.isfinite(end)
+        count = means.mass.size
+        criterion = 2.0 * count * np.log(fit.scatter) + found * np.log(count)
+        if criterion < least:
+            best, least = fit._replace(span=(begin, end), by_spraying=by_spraying), criterion
+    return best
+
+
+def _fit(
+    means: Means, seconds: Floats, usual: float, fastest: float, airframe: Airframe
+) -> LoadFit:
+    """Least squares for a load that falls with `seconds` (n,), at `usual` kg/s before any row."""
+    legs = tuple(int(leg) for leg in np.unique(means.leg))
+    rows = np.column_stack(
+        [*(means.leg == leg for leg in legs), -seconds, -means.mass * means.lift]
+    ).astype(np.float64)
+    wanted = means.mass - airframe.empty_mass
+    prior = np.array([*np.zeros(len(legs)), usual, LIFT_GAIN])
+    spread = np.array([*np.full(len(legs), 1e3), max(0.5 * fastest, 1e-9), LIFT_GAIN_ERROR])
+    usual_scatter = MEAN_ERROR * float(np.mean(means.mass))
+    scatter = usual_scatter
+    values, covariance = prior, np.diag(spread**2)
+    for _ in range(3):
+        weight = means.seconds / SPAN / scatter**2
+        covariance = np.linalg.inv(np.diag(spread**-2.0) + rows.T @ (weight[:, None] * rows))
+        values = covariance @ (prior / spread**2 + rows.T @ (weight * wanted))
+        if values[-2] < 0.0:  # a tank does not fill in flight
+            spread[-2], prior[-2] = 1e-9, 0.0
+            continue
+        square = np.sum(means.seconds / SPAN * (wanted - rows @ values) ** 2)
+        free = max(means.mass.size - len(legs) - 1, 0)
+        square += WORTH * usual_scatter**2
+        scatter = float(np.sqrt(square / (WORTH + free)))
+    return LoadFit(
+        legs=legs,
+        values=values[:-1],
+        covariance=covariance[:-1, :-1].astype(np.float64),
+        speeds=float(np.mean(means.error)),
+        scatter=scatter,
+    )
+
+
+def load_at(
+    fit: LoadFit, leg: Floats, seconds: Floats, airframe: Airframe
+) -> tuple[Floats, Floats]:
+    """Load (T,) kg of rows and its own standard error; NaN in legs that have shown nothing."""
+    fallen = np.clip(seconds, *fit.span) - fit.span[0]
+    rows = np.column_stack([*(leg == one for one in fit.legs), -fallen]).astype(np.float64)
+    load = rows @ fit.values
+    variance = np.einsum("ti,ij,tj->t", rows, fit.covariance, rows) + fit.scatter**2
+    rotors = ROTOR_ERROR**2 / airframe.rotor_count
+    variance += (fit.speeds + rotors) * (airframe.empty_mass + load) ** 2
+    known = np.isin(leg, fit.legs)
+    return np.where(known, load, np.nan), np.where(known, np.sqrt(variance), np.nan)
+
+
+def gathered(
+    track: FlightTrack, airframe: Airframe, so_far: LoadEvidence
+) -> tuple[LoadEvidence, Floats, Floats]:
+    """The evidence with that of these rows; leg (T,), and seconds (T, 2) sprayed and flown."""
+    time_s, flying = track.time_s, track.flying
+    before = time_s[0] if np.isnan(so_far.last_s) else so_far.last_s
+    step = np.minimum(np.diff(time_s, prepend=before), LONGEST_STEP)
+    flew = np.maximum.accumulate(np.append(so_far.flew_s, np.where(flying, time_s, -np.inf)))
+    leg = so_far.leg + np.cumsum(flying & (time_s - flew[:-1] > ON_GROUND))
+    sprayed = so_far.sprayed + np.cumsum(step * (flying & (track.spraying == 1.0)))
+    flown = so_far.flown + np.cumsum(step * flying)
+    air = track_air(track)
+    thrust = rotor_thrust(airframe, track.rotor_speed_rpm, air.density).sum(axis=1)
+    cosine = np.prod(np.cos(track.attitude[:, :2]), axis=1)
+    felt = -track.specific_force_frd[:, 2]
+    mass = thrust / np.where(np.isfinite(felt), felt, G0 / cosine)
+    speed = np.hypot(*track.velocity_ned[:, :2].T)
+    speed = np.nan_to_num(np.where(np.isfinite(track.airspeed), track.airspeed, speed))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        lift = 1.0 - induced_ratio(speed / hover_induced_velocity(mass, air.density, airframe))
+        inferred = track.standard_errors.get("rotor_speed_rpm")
+        error = np.zeros(mass.size)
+        if inferred is not None:
+            error = np.mean((2.0 * inferred / track.rotor_speed_rpm) ** 2, axis=1)
+    climb = np.nan_to_num(track.velocity_ned[:, 2])
+    low = track.height_agl < airframe.propeller_diameter  # ground effect
+    rows = np.stack([np.ones_like(mass), mass, lift, sprayed, flown, error], axis=1)
+    used = flying & (np.abs(climb) < LEVEL_CLIMB) & ~low & np.all(np.isfinite(rows), axis=1)
+    used &= (mass > 0.0) & (step > 0.0)
+    sums = dict(so_far.sums)
+    spans = spans_of(track)
+    for key in {(int(a), int(b)) for a, b in zip(leg[used], spans[used], strict=True)}:
+        here = used & (leg == key[0]) & (spans == key[1])
+        sums[key] = sums.get(key, np.zeros(6)) + step[here] @ rows[here]
+    heard = frozenset(track.spraying[flying & np.isfinite(track.spraying)].tolist())
+    shown = LoadEvidence(
+        sums=sums,
+        spraying=so_far.spraying | heard,
+        leg=int(leg[-1]),
+        flew_s=float(flew[-1]),
+        last_s=float(time_s[-1]),
+        sprayed=float(sprayed[-1]),
+        flown=float(flown[-1]),
+    )
+    return shown, leg.astype(np.float64), np.stack([sprayed, flown], axis=1)
+
+
+def spans_of(track: FlightTrack) -> Floats:
+    return np.floor(track.time_s / SPAN)
