@@ -17,7 +17,7 @@ F16 = load_airframe("topxgun-f16-sitl")
 CEILING_AND_LOAD = ("max_rotor_speed_rpm", "ceiling_voltage", "empty_mass", "thrust_coefficient")
 
 
-def flight(speed_rpm=2100.0, **given) -> FlightTrack:
+def flight(speed_rpm: float | np.ndarray = 2100.0, **given) -> FlightTrack:
     rows = np.broadcast_to(np.asarray(speed_rpm, dtype=float), (2, 4))
     return FlightTrack.of(
         name="x",
