@@ -256,3 +256,19 @@ def test_after_a_change_was_taken_out_the_filter_is_as_if_there_had_been_none():
 def test_what_good_flights_showed_makes_a_start_that_is_off_less_likely():
     for given, share in (({}, 0.5), ({"flights": 3}, 0.125)):
         np.testing.assert_allclose(watch(**given)._q[-1], share)
+
+
+def test_no_hypothesis_passes_what_the_bound_of_all_hypotheses_leaves_out():
+    test, draw = watch(), np.random.default_rng(11)
+    run(test, draw.normal(0.0, 0.1, (80, 2)) + (np.arange(80)[:, None] >= 40) * [0.3, -0.2])
+    a, b = test.information[1:], test.pull[1:]
+    # Of each start the likeliest steps, exactly: nothing can be likelier.
+    steps, none = b / np.maximum(a, 1e-300), np.zeros((1, 2))
+    found = [test.change(row[None], none, -np.inf) for row in steps]
+    best = max(change.log_ratio for change in found if change is not None)
+    likeliest = steps[[int(np.argmax([c.log_ratio for c in found if c is not None]))]]
+    assert best > 5.0
+    assert test.change(likeliest, none, best + 1e-6) is None
+    change = test.change(likeliest, none, best - 1e-6)
+    assert change is not None
+    assert change.log_ratio == pytest.approx(best)
