@@ -30,7 +30,7 @@ from thrustmargin.gcs_plugin.wording.numbers import (
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis
-from thrustmargin.models.model.load_inference import FROM_THRUST, STATED
+from thrustmargin.models.model.load_inference import FROM_THRUST, STATED, THEN_CHECK
 from thrustmargin.models.scores import Estimate
 
 #: under: below the limit all flight. over: above it at times, and one lost rotor could be survived
@@ -97,6 +97,7 @@ class MarginVerdict:
     fill_high_kg: float = float("nan")
     fill_start_kg: float = float("nan")  # the same with the battery as it was at the start
     tank_start_kg: float = float("nan")
+    beyond_gauge_kg: float = 0.0  # that hover thrust shows beyond gauge or statement; 0: they agree
 
 
 #: The verdict by its level, the worst first; {limit} is like "50 %".
@@ -156,6 +157,14 @@ def facts(verdict: MarginVerdict, claim: AirframeClaim) -> tuple[Fact, ...]:
 
 def action(verdict: MarginVerdict) -> str:
     """What the pilot does next time, for this air and this battery."""
+    if verdict.beyond_gauge_kg <= 0.0:
+        return _next_fill(verdict)
+    more = number(verdict.beyond_gauge_kg, "kg", 0)
+    why = f"thrust shows {more} more than was reported"
+    return f"{THEN_CHECK}: {why}; until then {_next_fill(verdict)}"
+
+
+def _next_fill(verdict: MarginVerdict) -> str:
     fill = amount(verdict.fill_kg, verdict.fill_low_kg, verdict.fill_high_kg)
     limit = percent(verdict.limit)
     if not math.isfinite(verdict.fill_kg):

@@ -244,6 +244,7 @@ def _fills(
         **dict(zip(("fill_kg", "fill_low_kg", "fill_high_kg"), ends, strict=True)),
         "fill_start_kg": min(median(fill[first]), most_kg),
         "tank_start_kg": median(track.tank_kg[first]),
+        "beyond_gauge_kg": analysis.beyond_gauge_kg,
     }
 
 
