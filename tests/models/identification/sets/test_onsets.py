@@ -1,0 +1,176 @@
+"""When a rotor went bad: residuals that are a loss from a moment on, dated and weighed by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.models.made_flights import F16, curve_model, made_flight, table
+from thrustmargin.models.effects import effects_for
+from thrustmargin.models.effects.rotor_degradation import ONSETS
+from thrustmargin.models.flight import Bools, Floats
+from thrustmargin.models.identification.rows.candidates import Candidate, derivatives
+from thrustmargin.models.identification.sets.nuisance import LEVELS
+from thrustmargin.models.identification.sets.onsets import onset_candidates
+from thrustmargin.models.identification.sets.search_space import search_space
+from thrustmargin.models.identification.sets.set_search import Search
+
+IN_ONE, FOR_A_WHILE, IN_EACH, SINCE = (effect.variant for effect in ONSETS)
+
+
+def searched(durations: list[float], dated: bool = True) -> Search:
+    """Flights ten minutes apart, the second the first in time, for a rotor that went bad."""
+    flights = [made_flight(k, duration=d) for k, d in enumerate(durations)]
+    if dated:
+        order = [1, 0, *range(2, len(flights))][: len(flights)]
+        flights = [
+            replace(track, start_unix_s=1e9 + 600.0 * k)
+            for k, track in zip(order, flights, strict=True)
+        ]
+    space = search_space(curve_model(), flights, effects_for(F16, table(["rotor_degradation"])))
+    return Search(space.reduced, space.nuisance, space.candidates)
+
+
+def loss_of(search: Search, rotor: int, size: float, when: Bools) -> Floats:
+    """(N, R) rpm in modes that a rotor's loss takes in some means."""
+    return size * derivatives(search.reduced, [search.start[rotor]], 0)[:, :, 0] * when[:, None]
+
+
+def steps(search: Search, residual: Floats, level: int = 0) -> list[Candidate]:
+    """What is found about a set without effects that leaves a residual, at a level."""
+    nothing = search.fit(frozenset(), ())
+    likeliest = np.where(np.arange(len(LEVELS)) == level, 0.0, -50.0)
+    about = replace(nothing, residual=residual, log_evidence=likeliest)
+    search.fitted[frozenset()] = about
+    return onset_candidates(search, about)
+
+
+def value(one: Candidate, name: str, flight: int = 0) -> float:
+    return float(one.start[flight, [p.name for p in one.term.effect.parameters].index(name)])
+
+
+def acts(search: Search, one: Candidate) -> Bools:
+    """The means in which a candidate has its loss."""
+    x, flight = search.reduced.channels, search.reduced.flight
+    variant = one.term.effect.variant
+    if variant == SINCE:
+        return x.clock_s >= value(one, "onset_clock")
+    later = x.time_s >= value(one, "onset_time")
+    if variant == IN_EACH:
+        return later
+    mine = one.free[0][1]
+    assert {f for _, f in one.free} == {mine}
+    if variant == FOR_A_WHILE:
+        later &= x.time_s < value(one, "end_time", mine or 0)
+    return later & (flight == mine)
+
+
+def gain_of(search: Search, one: Candidate, residual: Floats, level: int = 0) -> float:
+    """What a loss of any size in these means takes of half the squares: g²/2h."""
+    both = np.stack(
+        [loss_of(search, one.term.rotor or 0, 1.0, acts(search, one)), residual], axis=2
+    )
+    gram = search.solved.reduce(search.nuisance.sums(both))[level]
+    return float(gram[0, 1] ** 2 / gram[0, 0] / 2.0)
+
+
+THREE = searched([59.5, 61.6, 60.0])
+
+
+@pytest.mark.parametrize("row", [14, 37, 60])
+@pytest.mark.parametrize("variant", [IN_ONE, IN_EACH, SINCE])
+def test_a_loss_begins_between_the_last_mean_without_it_and_the_first_with_it(variant, row):
+    """The first flight's mean `row` is the first that has it; the flight is not the first flown."""
+    x, flight = THREE.reduced.channels, THREE.reduced.flight
+    when = {
+        IN_ONE: (flight == 0) & (x.time_s >= x.time_s[row]),
+        IN_EACH: x.time_s >= x.time_s[row],
+        SINCE: x.clock_s >= x.clock_s[row],
+    }[variant]
+    best = steps(THREE, loss_of(THREE, 2, 0.1, when))[0]
+    assert (best.term.rotor, best.term.effect.variant) == (2, variant)
+    np.testing.assert_array_equal(acts(THREE, best), when)
+
+
+@pytest.mark.parametrize("rows", [(15, 40), (30, 69), (12, 60)])
+def test_a_loss_for_a_while_has_both_its_ends(rows):
+    flight = THREE.reduced.flight
+    when = np.zeros(flight.size, dtype=bool)
+    when[np.flatnonzero(flight == 1)[slice(*rows)]] = True
+    best = steps(THREE, loss_of(THREE, 0, 0.1, when))[0]
+    assert (best.term.rotor, best.term.effect.variant) == (0, FOR_A_WHILE)
+    np.testing.assert_array_equal(acts(THREE, best), when)
+
+
+def test_a_loss_since_a_flight_is_in_all_that_were_flown_later():
+    """The second flight was the first; a loss in its middle is in the two others throughout."""
+    x, flight = THREE.reduced.channels, THREE.reduced.flight
+    when = (flight != 1) | (x.time_s >= 30.0)
+    best = steps(THREE, loss_of(THREE, 3, 0.1, when))[0]
+    assert best.term.effect.variant == SINCE
+    np.testing.assert_array_equal(acts(THREE, best), when)
+
+
+def times(search: Search, flight: int | None) -> int:
+    """How many times 5 s apart are tried, 8 s and more from both ends."""
+    time_s = search.reduced.channels.time_s
+    mine = time_s if flight is None else time_s[search.reduced.flight == flight]
+    return sum(mine.min() + 8.0 + 5.0 * k < mine.max() - 8.0 for k in range(100))
+
+
+def test_the_prior_of_a_step_is_a_bad_rotors_shared_by_kinds_and_all_that_was_tried():
+    search = searched([59.5, 61.6])
+    when = search.reduced.channels.time_s >= 30.0
+    count = [times(search, f) for f in (0, 1, None)]
+    assert count == [9, 9, 9]
+    # A step in each flight and since each, any two in a flight, and a time of all flights.
+    tried = 2 * (9 + 9 + 36) + 9
+    for one in steps(search, loss_of(search, 1, 0.1, when)):
+        assert one.log_prior == pytest.approx(np.log(0.005 / 4 / tried))
+    undated = searched([59.5, 61.6], dated=False)
+    for one in steps(undated, loss_of(undated, 1, 0.1, when)):
+        assert one.log_prior == pytest.approx(np.log(0.005 / 4 / (2 * (9 + 36) + 9)))
+        assert one.term.effect.variant != SINCE
+    alone = searched([61.6])
+    found = steps(alone, loss_of(alone, 1, 0.1, alone.reduced.channels.time_s >= 30.0))
+    assert {one.term.effect.variant for one in found} == {IN_ONE, FOR_A_WHILE}
+    assert all(one.log_prior == pytest.approx(np.log(0.005 / 4 / (9 + 36))) for one in found)
+
+
+@pytest.mark.parametrize("level", [0, 5])
+def test_a_step_counts_when_it_gains_3_more_than_the_choice_among_all_times(level):
+    search = searched([61.6])
+    residual = loss_of(search, 1, 0.1, search.reduced.channels.time_s >= 30.0)
+    best = steps(search, residual, level)[0]
+    least = 3.0 + np.log(9 + 36)
+    just = np.sqrt(least / gain_of(search, best, residual, level))
+    assert steps(search, 1.01 * just * residual, level)
+    assert not steps(search, 0.99 * just * residual, level)
+    assert not steps(search, -1.01 * just * residual, level)  # what gains thrust is no damage
+
+
+def test_the_eight_steps_that_gain_most_are_kept_the_largest_first():
+    search = searched([59.5, 61.6])
+    x, flight = search.reduced.channels, search.reduced.flight
+    residual = loss_of(search, 0, 0.03, (x.time_s >= 20.0) & (flight == 1))
+    for rotor, size in ((1, 0.05), (2, 0.08), (3, 0.02)):
+        residual += loss_of(search, rotor, size, x.time_s >= 30.0)
+    found = steps(search, residual)
+    gains = [gain_of(search, one, residual) for one in found]
+    assert len(found) == 8
+    assert gains == sorted(gains, reverse=True)
+    assert gains[-1] > 3.0
+
+
+def test_of_more_than_24_flights_only_what_begins_in_each_is_looked_for():
+    for count, of_one in ((24, True), (25, False)):
+        search = searched([25.0] * count)
+        when = (search.reduced.channels.time_s >= 12.0) & (search.reduced.flight == 3)
+        found = steps(search, loss_of(search, 1, 0.1, when))
+        assert any(one.term.effect.variant == IN_ONE for one in found) == of_one
+        assert of_one or {one.term.effect.variant for one in found} <= {IN_EACH}
+
+
+def test_no_step_is_found_in_flights_that_are_too_short_for_one():
+    search = searched([16.0, 16.0])
+    assert not steps(search, loss_of(search, 1, 0.1, search.reduced.channels.time_s >= 8.0))

@@ -1,0 +1,204 @@
+"""What a search fits and tries, against scipy's least squares and against every subset tried."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from tests.models.made_flights import F16, curve_model, made_flights, table
+from thrustmargin.models.effects import effects_for
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.rows.candidates import Held, predicted
+from thrustmargin.models.identification.sets.evidence import prior_of
+from thrustmargin.models.identification.sets.nuisance import LEVELS
+from thrustmargin.models.identification.sets.search_space import search_space
+from thrustmargin.models.identification.sets.set_search import Search
+
+FEW = ["extra_mass", "cg_offset", "yaw_trim"]
+MORE = [*FEW, "rotor_degradation", "tank_scale"]
+
+
+def searched(names: Sequence[str], **change) -> Search:
+    space = search_space(
+        curve_model(), made_flights(2, duration=60.0, **change), effects_for(F16, table(names))
+    )
+    return Search(space.reduced, space.nuisance, space.candidates)
+
+
+def place(search: Search, *keys: str) -> frozenset[int]:
+    every = [c.key for c in search.candidates]
+    return frozenset(every.index(key) for key in keys)
+
+
+def at(search: Search, key: str, *values: float) -> Held:
+    (c,) = place(search, key)
+    one = search.candidates[c]
+    return Held(candidate=one, values=np.full(one.start.shape, values))
+
+
+def all_sets(search: Search, most: int = 9) -> list[frozenset[int]]:
+    every = range(len(search.candidates))
+    return [frozenset(k) for n in range(most) for k in combinations(every, n)]
+
+
+@pytest.mark.parametrize("names", [("extra_mass", "yaw_trim"), ("rotor_degradation@1",)])
+def test_a_set_is_fitted_to_where_scipy_has_the_least_squares(names):
+    """Of all that measurements leave, with the nuisances and forms of effects taken out, and of
+    shapes about their start."""
+    search = searched(MORE, hidden_mass=2.0, loss=0.06)
+    found = search.fit(place(search, *names), ())
+    x, about = search.reduced, search.columns_about(found)
+    measured = x.in_modes(x.measured_rpm)
+    forms = about.whole.wide(x.flight)[:, :, about.asked :]
+    count = forms.shape[2]
+    values = np.concatenate([h.free_values for h in found.held])
+    prior = prior_of(found.held)
+    ends = np.cumsum([len(h.candidate.free) for h in found.held])[:-1]
+    error = np.sqrt(found.levels[0].variance)
+
+    def squares(off: Floats) -> float:
+        parts = zip(found.held, np.split(off * error, ends), strict=True)
+        residual = np.nan_to_num(measured - predicted(x, [h.moved(part) for h, part in parts]))
+        columns = np.concatenate([forms, residual[:, :, None]], axis=2)
+        gram = search.solved.reduce(search.nuisance.sums(columns))[0]
+        system = np.eye(count) + gram[:count, :count]
+        left = gram[-1, -1] - gram[-1, :count] @ np.linalg.solve(system, gram[:count, -1])
+        return left + float(np.sum(prior.weight * (values + off * error - prior.centre) ** 2))
+
+    best = minimize(squares, np.full(values.size, 0.5), method="Powell", options={"xtol": 1e-3})
+    np.testing.assert_allclose(best.x, 0.0, atol=0.15)
+    np.testing.assert_allclose(found.levels[0].step / error, 0.0, atol=0.15)
+    for k in range(values.size):  # one standard error off, the others at their best: one more
+        others = np.arange(values.size) != k
+
+        def beside(rest: Floats, others=others) -> float:
+            return squares(best.x + np.where(others, rest, 1.0))
+
+        off = minimize(beside, np.zeros(values.size), method="Powell", options={"xtol": 1e-3})
+        assert off.fun - best.fun == pytest.approx(1.0, abs=0.2)
+
+
+def test_a_fitted_set_has_the_evidence_that_all_columns_about_it_give():
+    search = searched(MORE, hidden_mass=2.0, loss=0.06)
+    found = search.fit(place(search, "extra_mass", "rotor_degradation@1"), ())
+    linear = search.linearise(found)
+    for level in range(len(LEVELS)):
+        scored = linear.score(found.key, level)
+        whole = scored.log_evidence + linear.taken_out[level]
+        assert found.log_evidence[level] == pytest.approx(whole, abs=0.05)
+        np.testing.assert_allclose(found.levels[level].variance, scored.variance, rtol=0.05)
+
+
+@pytest.mark.parametrize("about", [(), ("rotor_degradation@1",), ("extra_mass", "cg_offset")])
+def test_what_is_promising_is_what_every_subset_tried_has_on_top(about):
+    """Six sets that are at most 9 less likely than the best, then four one effect away, then
+    another rotor in the place of a bad one; none that is fitted already."""
+    search = searched(MORE, hidden_mass=2.0, loss=0.06)
+    nothing = search.fit(frozenset(), ())
+    found = search.fit(place(search, *about), ()) if about else nothing
+    search.fit(place(search, "tank_scale", "rotor_degradation@1"), ())
+    linear = search.linearise(found)
+    levels = {found.best_level, 0, 4}
+    value = {
+        key: max(linear.score(key, k).log_evidence + linear.taken_out[k] for k in levels)
+        for key in all_sets(search)
+        if len(found.key - key) <= 1  # a set grows from what it is, or from that less one
+    }
+    ranked = sorted(value, key=lambda key: -value[key])
+    top = max(value[ranked[0]], found.total)
+    new = [key for key in ranked if key not in search.fitted]
+    likely = [key for key in new if value[key] > top - 9.0][:6]
+    beside = [key for key in new if len(key ^ found.key) == 1][:4]
+    rotors = place(search, *(f"rotor_degradation@{k}" for k in (1, 2, 3, 4)))
+    others = {
+        (found.key - {bad}) | {other} for bad in found.key & rotors for other in rotors - found.key
+    }
+    asked = search.promising(linear)
+    assert asked[: len(likely)] == likely
+    assert set(asked) == {*likely, *beside, *(others - set(search.fitted))}
+    assert len(asked) == len(set(asked))
+
+
+def test_a_search_ends_at_the_set_that_is_best_of_all_fitted_in_full():
+    search = searched(FEW, hidden_mass=2.0)
+    search.run()
+    whole = searched(FEW, hidden_mass=2.0)
+    for key in all_sets(whole):
+        whole.fit(key, ())
+    assert search.best.key == whole.best.key == place(search, "extra_mass")
+    assert search.best.total == pytest.approx(whole.best.total, abs=0.05)
+
+
+def test_candidates_found_on_the_way_are_tried_alone_and_beside_a_set():
+    search = searched([*FEW, "rotor_degradation"], loss=0.06, hidden_mass=2.0)
+    (loss,) = place(search, "rotor_degradation@1")
+    late = search.candidates.pop(loss)
+    search.start.pop(loss)
+    mass = place(search, "extra_mass")
+    search.fit(frozenset(), ())
+    search.fit(mass, ())
+    search.add([late], beside=mass)
+    new = len(search.candidates) - 1
+    assert search.candidates[new] is late
+    assert set(search.fitted) == {frozenset(), mass, frozenset({new}), mass | {new}}
+    both = search.best
+    assert both.key == mass | {new}
+    values = {h.candidate.key: h.free_values[0] for h in both.held}
+    assert values["extra_mass"] == pytest.approx(2.0, abs=0.5)
+    assert values["rotor_degradation@1"] == pytest.approx(0.06, abs=0.02)
+
+
+def test_a_neighbour_is_fitted_from_values_nearby_and_takes_no_place_among_the_sets():
+    search = searched(FEW, hidden_mass=2.0)
+    key = place(search, "extra_mass")
+    (c,) = key
+    found = search.fit_near(key, {c: at(search, "extra_mass", 1.9)})
+    assert search.fitted == {}
+    assert found.total == pytest.approx(search.fit(key, ()).total, abs=0.05)
+    assert search.fit(key, ()) is search.fitted[key]
+
+
+def forms_of(search: Search, *held: Held) -> Floats:
+    """(N, R, Q) by which the effects of a set may be others than their forms say, rpm in modes."""
+    key = place(search, *(h.candidate.key for h in held))
+    nothing = search.fit(frozenset(), ())
+    about = search.columns_about(replace(nothing, key=key, held=tuple(held)))
+    return about.whole.wide(search.reduced.flight)[:, :, about.asked :]
+
+
+def test_an_effect_may_differ_in_each_mode_by_a_twentieth_of_its_change_along_slow_curves():
+    search = searched(["cg_offset"])
+    shifted = at(search, "cg_offset", 0.05, 0.02)
+    change = predicted(search.reduced, [shifted]) - predicted(search.reduced, [])
+    forms = forms_of(search, shifted)
+    modes, curves = change.shape[1], search.slow.shape[1]
+    side = [m for m in range(modes) if 0.5 < rms(change[:, m]) < 0.2 * max(map(rms, change.T))]
+    assert side  # a shift of 5 cm also takes some rpm in all rotors together
+    assert forms.shape[2] == len(side) + modes * curves
+    for k, mode in enumerate(side):  # half of what it does by the way, whatever that is
+        np.testing.assert_allclose(forms[:, mode, k], 0.5 * change[:, mode])
+        assert not np.delete(forms[:, :, k], mode, axis=1).any()
+    # The change along the direction in which it is largest, by a singular value decomposition.
+    main = change @ np.linalg.svd(change, full_matrices=False)[2][0]
+    for mode in range(modes):
+        own = forms[:, :, len(side) + mode * curves + np.arange(curves)]
+        expected = 0.05 * main[:, None] * search.slow
+        np.testing.assert_allclose(
+            own[:, mode] * np.sign(own[0, mode, 0] * expected[0, 0]), expected, atol=1e-6
+        )
+        assert not np.delete(own, mode, axis=1).any()
+
+
+def rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def test_the_form_of_an_effect_that_moves_less_than_half_an_rpm_does_not_matter():
+    search = searched(["extra_mass"])
+    one = predicted(search.reduced, [at(search, "extra_mass", 0.01)])
+    per_kg = rms(one - predicted(search.reduced, [])) / 0.01
+    assert forms_of(search, at(search, "extra_mass", 0.49 / per_kg)).shape[2] == 0
+    assert forms_of(search, at(search, "extra_mass", 1.02 / per_kg)).shape[2] > 0
