@@ -147,14 +147,14 @@ class _LossSums:
 
     def gram(self, step: _Step, times: Floats) -> Floats:
         """(S + 1, S + 1) of a loss from each of some times on and of the residual."""
-        reduced, nuisance, solved = self.search.reduced, self.search.nuisance, self.search.solved
-        level = slice(self.level, self.level + 1)
-        if step.flight is None:
-            return solved.reduce(nuisance.sums(self._from(times, slice(None))), level)[0]
+        reduced, nuisance = self.search.reduced, self.search.nuisance
         f, count = step.flight, times.size
-        means = slice(*np.searchsorted(reduced.flight, [f, f + 1]))
-        shared, own = nuisance.of_flight(f, means.start).sums(self._from(times, means))
-        for g in range(reduced.flights):
+        if f is None:
+            shared, own = nuisance.sums(self._from(times, slice(None)))
+        else:
+            means = slice(*np.searchsorted(reduced.flight, [f, f + 1]))
+            shared, own = nuisance.of_flight(f, means.start).sums(self._from(times, means))
+        for g in range(reduced.flights) if f is not None else ():
             if g != f and step.after[g]:
                 both = [0] * count + [1]
                 shared += self.shared[g][:, both]
@@ -162,7 +162,7 @@ class _LossSums:
             elif g != f:
                 shared[:, -1] += self.shared[g][:, 1]
                 own[-1, -1] += self.own[g][1, 1]
-        return own - shared.T @ solved.shared[self.level] @ shared
+        return own - shared.T @ self.search.solved.shared[self.level] @ shared
 
     def _from(self, times: Floats, means: slice) -> Floats:
         """(n, R, S + 1) the loss from each time on, and the residual."""
@@ -184,20 +184,21 @@ def _middle(gains: Floats) -> tuple[int, ...]:
 
 
 def _while(sums: _LossSums, step: _Step) -> tuple[float, tuple[float, ...]]:
-    """The largest gain of a loss between two times, and the two: a step less a later step."""
-    best: tuple[float, tuple[float, ...]] = (0.0, (0.0, 0.0))
-    times = step.times
-    for _ in range(2):  # on the grid, then about the best of it
-        gram = sums.gram(step, times)
-        inner, power = gram[:-1, -1], np.diag(gram)[:-1]
-        between = power[:, None] + power - 2.0 * gram[:-1, :-1]
-        score = np.maximum(inner[:, None] - inner, 0.0) ** 2 / np.maximum(between, 1e-12) / 2
-        score[times[None, :] - times[:, None] < LEAST_AFTER] = 0.0
-        i, j = _middle(score)
-        best = (float(score[i, j]), (float(times[i]), float(times[j])))
-        near = np.arange(-GRID, GRID + FINE, FINE)
-        times = np.unique(np.concatenate([near + best[1][0], near + best[1][1]]))
-    return best
+    """The largest gain of a loss between two times, and the two; found about those of the grid."""
+    near = np.arange(-GRID, GRID + FINE, FINE)
+    began, ended = _between(sums, step, step.times)[1]
+    return _between(sums, step, np.unique(np.concatenate([near + began, near + ended])))
+
+
+def _between(sums: _LossSums, step: _Step, times: Floats) -> tuple[float, tuple[float, ...]]:
+    """The same between two of some times: a step less a later step."""
+    gram = sums.gram(step, times)
+    inner, power = gram[:-1, -1], np.diag(gram)[:-1]
+    between = power[:, None] + power - 2.0 * gram[:-1, :-1]
+    score = np.maximum(inner[:, None] - inner, 0.0) ** 2 / np.maximum(between, 1e-12) / 2
+    score[times[None, :] - times[:, None] < LEAST_AFTER] = 0.0
+    i, j = _middle(score)
+    return float(score[i, j]), (float(times[i]), float(times[j]))
 
 
 def _candidate(

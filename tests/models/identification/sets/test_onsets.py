@@ -92,7 +92,16 @@ def test_a_loss_begins_between_the_last_mean_without_it_and_the_first_with_it(va
     np.testing.assert_array_equal(acts(THREE, best), when)
 
 
-@pytest.mark.parametrize("rows", [(15, 40), (30, 69), (12, 60)])
+def test_a_loss_is_dated_wherever_it_begins_between_the_times_that_are_tried_first():
+    search = searched([60.0])
+    time_s = search.reduced.channels.time_s
+    for row in range(30, 38):  # 0.7 s apart, as those times are 5 s
+        when = time_s >= time_s[row]
+        best = steps(search, loss_of(search, 1, 0.1, when))[0]
+        np.testing.assert_array_equal(acts(search, best), when)
+
+
+@pytest.mark.parametrize("rows", [(15, 40), (30, 42), (12, 60)])
 def test_a_loss_for_a_while_has_both_its_ends(rows):
     flight = THREE.reduced.flight
     when = np.zeros(flight.size, dtype=bool)
@@ -174,3 +183,29 @@ def test_of_more_than_24_flights_only_what_begins_in_each_is_looked_for():
 def test_no_step_is_found_in_flights_that_are_too_short_for_one():
     search = searched([16.0, 16.0])
     assert not steps(search, loss_of(search, 1, 0.1, search.reduced.channels.time_s >= 8.0))
+    search = searched([16.0, 60.0])
+    when = (search.reduced.channels.time_s >= 30.0) & (search.reduced.flight == 1)
+    best = steps(search, loss_of(search, 1, 0.1, when))[0]
+    np.testing.assert_array_equal(acts(search, best), when)
+
+
+def test_steps_are_looked_for_beside_the_other_effects_of_a_set_and_not_beside_its_bad_rotors():
+    flights = [made_flight(k, duration=60.0, hidden_mass=3.0) for k in (1, 2)]
+    catalogue = effects_for(F16, table(["extra_mass", "rotor_degradation"]))
+    space = search_space(curve_model(), flights, catalogue)
+    search = Search(space.reduced, space.nuisance, space.candidates)
+    keys = [c.key for c in search.candidates]
+    mass, bad = keys.index("extra_mass"), keys.index("rotor_degradation@4")
+    heavy = search.fit(frozenset({mass}), ())
+    whole = search.fit(frozenset({mass, bad}), ())
+    when = search.reduced.channels.time_s >= 30.0
+    about = [*heavy.held, search.start[keys.index("rotor_degradation@2")]]
+    step = 0.1 * derivatives(search.reduced, about, 1)[:, :, 0] * when[:, None]
+    search.fitted[heavy.key] = replace(heavy, residual=step)
+    best = onset_candidates(search, whole)[0]
+    assert (best.term.rotor, best.term.effect.variant) == (1, IN_EACH)
+    np.testing.assert_array_equal(acts(search, best), when)
+    # Where it is not fitted yet it is, and sound flights have no step.
+    del search.fitted[heavy.key]
+    assert onset_candidates(search, whole) == []
+    assert heavy.key not in search.fitted
