@@ -58,6 +58,7 @@ def train(
         max_epochs: Most epochs for a network; early stopping usually ends it before.
         force: Replace the model file if it is there.
     """
+    from dataclasses import replace
     from datetime import UTC, datetime
     from importlib.metadata import version
 
@@ -74,6 +75,7 @@ def train(
     from thrustmargin.models.identification.good_flights.commissioning import commission
     from thrustmargin.models.model.model_file import save_model
     from thrustmargin.models.model.rotor_model import physics_model
+    from thrustmargin.models.model.thermometer import by_thermometer, learnt_thermometer
     from thrustmargin.models.model.training import TrainSettings
     from thrustmargin.models.model.training import train as fit
     from thrustmargin.models.network.network import NetConfig
@@ -103,6 +105,8 @@ def train(
     tracks = [log.track for log in claimed(read, unread)]
     if not tracks:
         raise LogError(f"no flight can be used; {listed(unread)}")
+    thermometer = learnt_thermometer(tracks, aircraft)
+    tracks = [by_thermometer(track, thermometer) for track in tracks]
     names, date = settings.names(), datetime.now(UTC).date().isoformat()
     trained, written = None, [out]
     learnable = any(training_rows(track).any() for track in tracks)
@@ -129,6 +133,7 @@ def train(
             coverage=settings.coverage,
             progress=lambda what: step(what, len(names)),
         )
+    made = replace(made, thermometer=thermometer)
     save_model(made, out)
     if trained is not None:
         written += write_loss_curves(trained.curves, out)

@@ -26,6 +26,7 @@ from thrustmargin.models.model.predict import Basis as Basis
 from thrustmargin.models.model.predict import Prediction as Prediction
 from thrustmargin.models.model.predict import flown_airframe, predict, temperature_offset
 from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.model.thermometer import by_thermometer
 from thrustmargin.models.model.utilisation_error import (
     INTERVAL,
     redundancy_error,
@@ -213,6 +214,7 @@ def analyse(
         model = unknown_aircraft(track.rotor_count)
     airframe = flown_airframe(model)
     require_rotors(track, airframe)
+    track = by_thermometer(track, model.thermometer)
     if density is None:
         air = track_air(track, temperature_offset(model))
         rho, density_error, density_basis = air.density, air.density_error, air.basis

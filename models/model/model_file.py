@@ -18,6 +18,7 @@ from thrustmargin.models.effects.stored import EffectRecord
 from thrustmargin.models.errors import AirframeError, ModelError
 from thrustmargin.models.model.json_values import from_json_values, to_json_values
 from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.model.thermometer import Thermometer
 from thrustmargin.models.network.ensemble import RotorNetwork
 from thrustmargin.models.network.records import GoodFlights, TrainingRecord
 from thrustmargin.models.network.validity import Interval, TrainingDomain
@@ -43,6 +44,7 @@ JSON_FIELDS: tuple[tuple[str, str, Any], ...] = (
     ("forward_flight", "forward_flight", ForwardFlight | None),
     ("background_rpm", "background_rpm", tuple[float, ...]),
     ("good_flights", "good_flights", GoodFlights | None),
+    ("thermometer", "thermometer", Thermometer | None),
 )
 
 
@@ -155,7 +157,7 @@ def _model(data: Any, tensors: dict[str, np.ndarray]) -> RotorModel:
     schema = data.get("schema") if isinstance(data, dict) else None
     if schema != SCHEMA:
         raise ModelError(f"its schema is {schema!r}, this version reads {SCHEMA!r}")
-    data = {"forward_flight": None, "good_flights": None, **data}
+    data = {"forward_flight": None, "good_flights": None, "thermometer": None, **data}
     missing = sorted({"airframe", *(key for key, _, _ in JSON_FIELDS)} - data.keys())
     if missing or not isinstance(data["airframe"], dict):
         raise ModelError(f"its metadata lacks {(missing or ['airframe'])[0]!r}")

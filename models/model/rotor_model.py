@@ -14,6 +14,7 @@ from thrustmargin.models.effects.base import Placed, look_of
 from thrustmargin.models.effects.stored import EffectRecord, placed_from
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.model.thermometer import Thermometer
 from thrustmargin.models.network.ensemble import RotorNetwork, ensemble_speed
 from thrustmargin.models.network.records import GoodFlights, TrainingRecord
 from thrustmargin.models.network.validity import Interval, TrainingDomain
@@ -38,6 +39,7 @@ class RotorModel:
     forward_flight: ForwardFlight | None = None  # carries the network on beyond known airspeeds
     background_rpm: tuple[float, ...] = ()  # spread of good flights' mean residual, by mode
     good_flights: GoodFlights | None = None
+    thermometer: Thermometer | None = None  # of logs that do not say where theirs sits
     placed: tuple[Placed, ...] = field(init=False, repr=False)  # the effects, ready to compose
 
     def __post_init__(self) -> None:

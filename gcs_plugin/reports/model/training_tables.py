@@ -41,6 +41,7 @@ def training_tables(model: RotorModel) -> list[RenderableType]:
         f"airspeed {domain.airspeed[0]:.1f} to {domain.airspeed[1]:.1f} m/s, "
         f"tank {domain.tank_kg[0]:.1f} to {domain.tank_kg[1]:.1f} kg",
         *effect_lines(model),
+        *thermometer_lines(model),
         interval_sentence(interval),
     ]
     if shown is not None:
@@ -66,6 +67,17 @@ def effect_lines(model: RotorModel) -> list[str]:
                 values.append(f"{p.name} {found.value:.3g}{unit} ({low:.3g} to {high:.3g})")
         lines.append(f"with {placed.effect.key}: {', '.join(values)}")
     return lines
+
+
+def thermometer_lines(model: RotorModel) -> list[str]:
+    """One line on a thermometer that good flights agree with; none without one."""
+    one = model.thermometer
+    if one is None:
+        return []
+    return [
+        f"air by the logs' thermometer less {one.warmer_k:.1f} K: so these flights agree better "
+        f"than in standard air ({one.error_k:.1f} K from flight to flight)"
+    ]
 
 
 def _split_table(record: TrainingRecord) -> Table:

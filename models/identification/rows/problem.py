@@ -28,6 +28,7 @@ from thrustmargin.models.identification.rows.output_shares import (
 )
 from thrustmargin.models.model.predict import model_channels, table_of
 from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.model.thermometer import by_thermometer
 from thrustmargin.models.physics.flight_phases import training_rows
 
 BLOCK_SECONDS = 10.0
@@ -159,6 +160,7 @@ def assemble_flight(model: RotorModel, track: FlightTrack) -> Problem:
         )
     if model.network is None and airspeed_is_ground_speed(track):
         track = replace(track, airspeed=np.full_like(track.airspeed, np.nan))
+    track = by_thermometer(track, model.thermometer)
     channels = model_channels(model, track, effects=effects_for(airframe))
     keep = training_rows(track, model.inputs)
     if "airspeed" in model.inputs:

@@ -1,0 +1,118 @@
+"""What good flights say of a log's thermometer: by how much it reads above the air.
+
+A log from a table has a temperature of which nobody says whether it is of the air or of a warm
+circuit board. Rotors say it: at one weight N² goes with the air's temperature, T, at one pressure
+(Eq. 1 with T_i ~ rho N²). Where sound flights agree better when the air is as much warmer or colder
+as the thermometer says, it is used from then on, less what it reads above the standard atmosphere
+on average; by how much the flights' mean air differs from that, the model's `air_density` holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.stats import t as student
+
+from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.atmosphere import (
+    BOARD_READING,
+    FARTHEST_FROM_STANDARD,
+    G0,
+    isa_temperature,
+    pressure_altitude,
+    track_air,
+)
+from thrustmargin.models.physics.flight_phases import training_rows
+
+SURE = 0.95  # that it follows the air: standard air is off by the weather, a wrong reading by more
+FEWEST_FLIGHTS = 3  # of which each can be left out and the others still differ
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Thermometer:
+    """How one aircraft's thermometer, of which no log says where it sits, follows the air."""
+
+    warmer_k: float  # that it reads above the air
+    error_k: float  # standard error of the air's temperature by it, from flight to flight
+
+
+def by_thermometer(track: FlightTrack, thermometer: Thermometer | None) -> FlightTrack:
+    """The track with the air's temperature where it had a reading that needs this thermometer."""
+    if thermometer is None or not _unexplained(track):
+        return track
+    words = f"the thermometer less {thermometer.warmer_k:.1f} K, as good flights show"
+    return replace(
+        track,
+        temperature=track.temperature - thermometer.warmer_k,
+        sources={**track.sources, "temperature": words},
+        standard_errors={
+            **track.standard_errors,
+            "temperature": np.full(track.time_s.size, thermometer.error_k),
+        },
+    )
+
+
+def learnt_thermometer(tracks: Sequence[FlightTrack], airframe: Airframe) -> Thermometer | None:
+    """The thermometer of good flights, None where rotor speeds do not follow it.
+
+    It is used where flights, each compared with the mean of the others, scatter less in ln N² with
+    it than with the standard atmosphere, by more than Student's limit of that gain's mean.
+    """
+    used = [track for track in tracks if training_rows(track, ("tank_kg",)).any()]
+    if len(used) < FEWEST_FLIGHTS or not all(map(_unexplained, used)):
+        return None
+    above, standard, speed = _readings_and_speeds(used, airframe)
+    warmer = float(above.mean())
+    if np.any(np.abs(above - warmer) > FARTHEST_FROM_STANDARD):
+        return None
+    by_it = speed - np.log1p((above - warmer) / standard)
+    gain = (speed - _others(speed)) ** 2 - (by_it - _others(by_it)) ** 2
+    limit = student.ppf(SURE, gain.size - 1)
+    if not gain.mean() > limit * np.std(gain, ddof=1) / np.sqrt(gain.size):
+        return None
+    error = float(np.std(by_it, ddof=1) * standard.mean())
+    return Thermometer(warmer_k=warmer, error_k=error)
+
+
+def _unexplained(track: FlightTrack) -> bool:
+    """True for a temperature of which nothing says whether it is the air's or a board's."""
+    stated = "temperature" in track.standard_errors
+    board = BOARD_READING in track.sources.get("temperature", "")
+    return track.reports("temperature") and not (stated or board)
+
+
+def _readings_and_speeds(
+    tracks: Sequence[FlightTrack], airframe: Airframe
+) -> tuple[Floats, Floats, Floats]:
+    """(F,) each: median K of a flight's reading above standard air, K of that air, and the mean of
+    ln sum N² rho / mass, rho by standard air, less what airspeed, climb and load do within flights.
+    """
+    above, standard, speed, motion = [], [], [], []
+    for track in tracks:
+        rows = training_rows(track, ("tank_kg",))
+        air = track_air(track)
+        altitude = (
+            track.altitude if track.reports("altitude") else pressure_altitude(track.pressure)
+        )
+        isa = isa_temperature(np.nan_to_num(altitude))[rows]
+        above.append(float(np.nanmedian(track.temperature[rows] - isa)))
+        standard.append(float(np.median(isa)))
+        n2 = np.sum(track.rotor_speed_rpm[rows] ** 2, axis=1)
+        mass = airframe.empty_mass + track.tank_kg[rows]
+        speed.append(np.log(n2 * air.density[rows] / mass))
+        v, down = track.airspeed[rows], track.velocity_ned[rows, 2]
+        load = np.linalg.norm(track.specific_force_frd[rows], axis=1) / G0
+        motion.append(np.nan_to_num(np.stack([v, v**2, v**3, down, load], axis=1)))
+    within = [m - m.mean(axis=0) for m in motion]
+    wanted = np.concatenate([s - s.mean() for s in speed])
+    slope = np.linalg.lstsq(np.concatenate(within), wanted, rcond=None)[0]
+    means = [float(np.mean(s - m @ slope)) for s, m in zip(speed, motion, strict=True)]
+    return np.array(above), np.array(standard), np.array(means)
+
+
+def _others(values: Floats) -> Floats:
+    """(F,) of each the mean of the others."""
+    return (values.sum() - values) / (values.size - 1)
