@@ -5,9 +5,10 @@ One row a time. Columns, in SI but for rpm, all but `time_s` optional, empty whe
 (rad); `roll_rate`, `pitch_rate`, `yaw_rate` (rad/s); `specific_force_forward/_right/_down`
 (m/s², (0, 0, -9.81) at rest); `airspeed`; `wind_north/_east/_down` (the way the air moves);
 `tank_kg`; `rotor_speed_rpm_1` to `_R` and `throttle_1` to `_R` in motor order; `voltage`,
-`current`, `pressure` (Pa), `temperature` (K), `altitude` (m AMSL), `height_agl` (m),
-`spraying` (1 or 0), `flying` (1 or 0). A first line `# {...}` holds what has no column: the place
-of zero, the start in Unix time, where each channel came from.
+`current`, `pressure` (Pa), `temperature` (K, of the air or of a warm board: `train` learns which),
+`altitude` (m AMSL), `height_agl` (m), `spraying` (1 or 0), `flying` (1 or 0). A first line
+`# {...}` holds what has no column: the place of zero, the start in Unix time, where each channel
+came from.
 
 Tables of other programs are read too: separated by commas, semicolons or tabs, with a decimal
 point or comma, in quotes, in UTF-8 or UTF-16; and the CSV of a margin report, by its own headings.
