@@ -163,7 +163,7 @@ class Search:
             beam = {about: look(about, level)}
             for member in about:  # neighbours: one less
                 beam[about - {member}] = look(about - {member}, level)
-            for _ in range(MOST_EFFECTS):
+            while True:
                 grown: dict[Key, float] = {}
                 for key in sorted(beam, key=lambda k: -beam[k])[:BEAM]:
                     pool = [c for c in everything if c not in key and not self._twice(key, c)]

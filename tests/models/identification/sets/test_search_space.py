@@ -1,6 +1,8 @@
 """What a search works on: sizes of noise, scatter and curves, by definition and put in by hand."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,12 +10,13 @@ import pytest
 from tests.models.identification.sets.test_nuisance import FLIGHTS, MODES, ROWS, dense, made
 from tests.models.made_flights import F16, NOISE_RPM, curve_model, made_flights, table
 from tests.models.model.test_model_by_hand import recorded
-from thrustmargin.models.effects import effects_for
+from thrustmargin.models.effects import BY_KEY, effects_for
 from thrustmargin.models.identification.rows.candidates import Held, derivatives, predicted
 from thrustmargin.models.identification.rows.modes import modes
 from thrustmargin.models.identification.sets.free_form import form_columns, slowly
 from thrustmargin.models.identification.sets.nuisance import LEVELS
 from thrustmargin.models.identification.sets.search_space import (
+    _answers,
     _left_noise,
     main_values,
     search_space,
@@ -145,3 +148,22 @@ def test_what_a_model_has_may_differ_from_its_form_and_its_shapes_and_a_controll
     assert before == x.uncertainty_rpm.shape[0]
     own = space.nuisance.whitening.apply(np.moveaxis(x.in_modes(x.uncertainty_rpm), 0, 2))
     np.testing.assert_allclose(found[:, :, :before], own)
+
+
+def test_an_output_may_answer_a_turn_by_a_third_more_or_less_than_the_others():
+    """Rows of four rotors, of which turning takes what `turning` says of each."""
+    turning = np.array([[10.0, -20.0, 30.0, 5.0], [0.0, 40.0, -10.0, 20.0]])
+    turn = np.linalg.qr(np.random.default_rng(2).normal(size=(4, 4)))[0]
+    effects = (BY_KEY["extra_mass"], BY_KEY["manoeuvre_moment"])
+    reduced: Any = SimpleNamespace(
+        model=SimpleNamespace(placed=[SimpleNamespace(effect=effect) for effect in effects]),
+        modes=SimpleNamespace(directions=turn),
+        speeds=lambda _items, without: 2000.0 - turning * (without == 1),
+        in_modes=lambda speeds: speeds @ turn,
+    )
+    columns = _answers(reduced, np.full((2, 4), 2000.0) @ turn)
+    assert len(columns) == 4
+    for rotor, column in enumerate(columns):
+        expected = np.zeros((2, 4))
+        expected[:, rotor] = 0.3 * turning[:, rotor]
+        np.testing.assert_allclose(column[:, :, 0] @ turn.T, expected, atol=1e-9)

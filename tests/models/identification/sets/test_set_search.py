@@ -12,6 +12,7 @@ from tests.models.made_flights import F16, curve_model, made_flights, table
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.candidates import Held, predicted
+from thrustmargin.models.identification.sets import set_search
 from thrustmargin.models.identification.sets.evidence import prior_of
 from thrustmargin.models.identification.sets.nuisance import LEVELS
 from thrustmargin.models.identification.sets.search_space import search_space
@@ -120,6 +121,30 @@ def test_what_is_promising_is_what_every_subset_tried_has_on_top(about):
     assert asked[: len(likely)] == likely
     assert set(asked) == {*likely, *beside, *(others - set(search.fitted))}
     assert len(asked) == len(set(asked))
+
+
+def test_sets_at_most_9_less_likely_than_the_best_are_near(monkeypatch):
+    monkeypatch.setattr(set_search, "FITTED", 50)
+    search = searched([*FEW, "air_density"], hidden_mass=2.0)
+    nothing = search.fit(frozenset(), ())
+    linear = search.linearise(nothing)
+    levels = {nothing.best_level, 0, 4}
+    value = {
+        key: max(linear.score(key, k).log_evidence + linear.taken_out[k] for k in levels)
+        for key in all_sets(search)
+    }
+    below = {key: max(value.values()) - one for key, one in value.items()}
+    near = sorted((key for key in below if below[key] < 9.0), key=lambda key: below[key])
+    assert below[near[-1]] > 8.0  # so that a limit of 8 would not do
+    assert search.promising(linear)[: len(near)] == near
+    assert all(len(key) == 1 for key in search.promising(linear)[len(near) :])
+
+
+def test_no_set_has_more_effects_than_the_most(monkeypatch):
+    monkeypatch.setattr(set_search, "MOST_EFFECTS", 2)
+    search = searched([*FEW, "tank_scale", "rotor_degradation"], hidden_mass=2.0, loss=0.06)
+    asked = search.promising(search.linearise(search.fit(frozenset(), ())))
+    assert max(len(key) for key in asked) == 2
 
 
 def test_a_search_ends_at_the_set_that_is_best_of_all_fitted_in_full():
