@@ -46,15 +46,17 @@ class BaseTable:
     moment_shares: Any  # (R, 3) N per N m of roll, pitch, yaw: the inverse of the mixer
     shares: Any  # (R, C) the mixer: apparent thrust of each rotor, N, by control
     thrust_control: Any  # (C, R) control that each rotor's thrust makes up, by apparent thrust
-    torque_control: Any  # (C, R) the same of its torque
+    yaw_control: Any  # (C,) the same of a yaw moment
+    yaw_rows: Any  # (R,) yaw moment of each rotor's torque, by apparent thrust
 
     def look_up(self, airspeed: Array, tank_kg: Array) -> Array:
         """Apparent thrust, (T, R) N; held at the edge of the grid, where NaN counts as 0."""
         i, u = _cell(airspeed / self.airspeed_step, self.thrust.shape[0])
         j, v = _cell(tank_kg / self.tank_step_kg, self.thrust.shape[1])
-        u, v, grid = u[:, None], v[:, None], self.thrust
-        low = grid[i, j] * (1 - v) + grid[i, j + 1] * v
-        high = grid[i + 1, j] * (1 - v) + grid[i + 1, j + 1] * v
+        u, v, wide = u[:, None], v[:, None], self.thrust.shape[1]
+        grid, at = self.thrust.reshape(-1, self.thrust.shape[2]), i * wide + j
+        low = grid.take(at, 0) * (1 - v) + grid.take(at + 1, 0) * v
+        high = grid.take(at + wide, 0) * (1 - v) + grid.take(at + wide + 1, 0) * v
         return low * (1 - u) + high * u
 
 
@@ -91,7 +93,8 @@ def base_table(
         moment_shares=(shares @ control)[:, 1:],
         shares=shares,
         thrust_control=control[:, :3] @ rows[:3],
-        torque_control=control[:, 3:] @ rows[3:],
+        yaw_control=control[:, 3],
+        yaw_rows=rows[3],
     )
 
 
@@ -154,23 +157,24 @@ def corrected(placed: Sequence[Placed], x: Channels) -> Channels:
 
 def _rebalanced(base: BaseTable, apart: Sequence[Placed], x: Channels, thrust: Array) -> Array:
     """Apparent thrust (T, R) that gives the force and moments of `thrust` where single rotors make
-    less of it, or torque does not follow it. What all rotors lose alike is for the caller."""
+    less of it, or torque does not follow it. What all rotors lose alike is for the caller.
+
+    Controls c must make up for what each of K causes takes: I + U V_t of them arrives, U (C, K) the
+    controls that a cause takes from, V_t (K, C) its answer to c, and U g_t is lacking. So
+    c = -U (I + V_t U)^-1 g_t (Woodbury), K being the bad rotors and torque.
+    """
     rotors = thrust.shape[1]
+    bad = sorted({item.rotor for item in apart if item.rotor is not None})
     alone = coefficient([item for item in apart if item.rotor is not None], x, rotors)
     shared = coefficient([item for item in apart if item.rotor is None], x, rotors)
     torque = _product(apart, x, rotors, lambda item: item.effect.torque)
-    torque = np.clip(torque, KAPPA_FLOOR, None) / shared
-    alone, torque = (np.broadcast_to(of, thrust.shape) for of in (alone, torque))
-    # What control c makes of what all rotors are asked for by d: (T, C, C), one product a rotor.
-    by_thrust, by_torque = (
-        (of[:, None, :] * base.shares.T).reshape(-1, rotors).T
-        for of in (base.thrust_control, base.torque_control)
-    )
-    controls = base.shares.shape[1]
-    made = (alone @ by_thrust + torque @ by_torque).reshape(-1, controls, controls)
-    lacking = ((1.0 - alone) * thrust) @ base.thrust_control.T
-    lacking = lacking + ((1.0 - torque) * thrust) @ base.torque_control.T
-    return thrust + _solved(made, lacking) @ base.shares.T
+    twist = (np.clip(torque, KAPPA_FLOOR, None) / shared - 1.0) * base.yaw_rows
+    causes = np.concatenate([base.thrust_control[:, bad], base.yaw_control[:, None]], axis=1)
+    answer = base.shares @ causes  # (R, K)
+    lost = alone[:, bad] - 1.0 if bad else np.empty((thrust.shape[0], 0))
+    both = np.concatenate([lost[:, :, None] * answer[bad], (twist @ answer)[:, None]], axis=1)
+    taken = np.concatenate([lost * thrust[:, bad], np.sum(twist * thrust, 1)[:, None]], axis=1)
+    return thrust - _solved(np.eye(len(bad) + 1) + both, taken) @ answer.T
 
 
 def _solved(systems: Array, right: Array) -> Array:

@@ -50,7 +50,7 @@ class LeftOutPart:
     def _posterior(self, search: Search, keys: Iterable[frozenset[int]]) -> Posterior:
         linear, sets = self.linear, []
         for key in keys:
-            levels = tuple(linear.score(key, k) for k in range(linear.taken_out.size))
+            levels = linear.scores(key)
             sets.append(
                 FittedSet(
                     key=key,

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thrustmargin.models.effects.base import TORQUE_SHARE, Effect, Parameter, Placed
 from thrustmargin.models.effects.load_factor import LOAD_FACTOR
@@ -46,7 +48,7 @@ class Term:
         return self.effect.name + ("" if self.rotor is None else f" of rotor {self.rotor + 1}")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Candidate:
     """A term with K parameters, the values it starts from and which of them are free."""
 
@@ -65,10 +67,16 @@ class Candidate:
         every = self.term.effect.parameters
         return tuple(every[k] for k, _ in self.free)
 
+    @cached_property
+    def places(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """(P,) flight, the first where all share it, and parameter of each free value."""
+        flights, which = [f or 0 for _, f in self.free], [k for k, _ in self.free]
+        return np.array(flights, dtype=np.intp), np.array(which, dtype=np.intp)
+
     @property
     def start_values(self) -> list[float]:
         """(P,) where the free values start."""
-        return [float(self.start[flight or 0, k]) for k, flight in self.free]
+        return self.start[self.places].tolist()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -81,7 +89,7 @@ class Held:
     @property
     def free_values(self) -> Floats:
         """(P,) the values that are free."""
-        return np.array([self.values[flight or 0, k] for k, flight in self.candidate.free])
+        return self.values[self.candidate.places]
 
     def usually_shaped(self) -> Held:
         """A bad rotor with its usual share of the torque; itself where that is so."""

@@ -1,4 +1,4 @@
-"""Columns whose sums with the nuisances are kept, so that each residual costs one product more.
+"""Columns with all that is not asked for taken out, of which the sums are kept.
 
 About one set many residuals are asked for, one for each step that is tried. What columns have in
 common with themselves and with the nuisances stays; only the residual's own products are anew.
@@ -6,13 +6,58 @@ common with themselves and with the nuisances stays; only the residual's own pro
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.value_columns import ValueColumns
-from thrustmargin.models.identification.sets.nuisance import Nuisance, Solved, Sums
+from thrustmargin.models.identification.sets.nuisance import Nuisance, Solved, Sums, root_of
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Remainder:
+    """P asked columns without what is known and without their forms, which have size one: all that
+    does not go with the level. The free form has X columns."""
+
+    solved: Solved
+    own: Floats  # (P, P)
+    free: Floats  # (X, P)
+    gram: Floats  # (X, X) of the free form itself
+    root: Floats  # (Q, Q) of the covariance of the forms
+    crossed: Floats  # (Q, P + X) what the forms take, of both
+    evidence: Floats  # (levels,) log evidence of what was taken out
+
+    @classmethod
+    def of(cls, solved: Solved, sums: Sums, asked: Sequence[int]) -> Remainder:
+        """All columns of the `sums` that are not `asked` are forms."""
+        known, free = solved.less_known(sums[0])
+        own = sums[1] - known.T @ known
+        wanted = np.array(asked, dtype=np.intp)
+        forms = np.setdiff1d(np.arange(own.shape[0]), wanted)
+        root, determinant = root_of(np.eye(forms.size) + own[np.ix_(forms, forms)])
+        crossed = root @ np.concatenate([own[np.ix_(forms, wanted)], free[:, forms].T], axis=1)
+        of_asked, of_free = crossed[:, : wanted.size], crossed[:, wanted.size :]
+        return cls(
+            solved=solved,
+            own=own[np.ix_(wanted, wanted)] - of_asked.T @ of_asked,
+            free=free[:, wanted] - of_free.T @ of_asked,
+            gram=solved.free_gram - of_free.T @ of_free,
+            root=root,
+            crossed=crossed,
+            evidence=solved.of_known - 0.5 * determinant,
+        )
+
+    def at_levels(self) -> tuple[Floats, Floats]:
+        """(levels, P, P) with the free form taken out too, and (levels,) the log evidence."""
+        grams, determinants = [], []
+        for level in self.solved.levels:
+            root, determinant = level.root(self.gram, 0, self.solved.hats)
+            moved = root @ self.free
+            grams.append(self.own - moved.T @ moved)
+            determinants.append(determinant)
+        return np.stack(grams), self.evidence - 0.5 * np.array(determinants)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -22,14 +67,11 @@ class Prepared:
     nuisance: Nuisance
     z: ValueColumns  # n means
     drawn: Floats  # (draws of all flights, q) what the scatter takes of them
-    shared: Floats  # (X, q) with the scatter taken out
-    own: Floats  # (q, q)
-    along: Floats  # (X, q) what the shared nuisances take of them at one level
-    within: Floats  # (X, X) covariance of these at the level
-    asked: int  # P
+    known: Floats  # (D, q) what is known takes
+    rest: Remainder
+    level: Floats  # (X, X) root of the free form's covariance at one level
+    moved: Floats  # (X, P) what it takes there
     left: Floats  # (P, P) of the asked, with all that is not asked taken out
-    crossed: Floats  # (Q, P) what the forms take of the asked
-    forms: Floats  # (Q, Q) covariance of the forms
 
     @classmethod
     def of(
@@ -38,46 +80,60 @@ class Prepared:
         """Columns (N, R, q) rpm in modes, of which the first are `asked`."""
         z = nuisance.filtered(columns)
         drawn, (shared, own) = nuisance.drawn(z), nuisance.products(z)
-        shared, own = shared - nuisance.crossed.T @ drawn, own - drawn.T @ drawn
-        along = solved.shared[level] @ shared
-        gram = own - shared.T @ along
-        of_forms = gram[asked:, asked:]
-        forms = np.linalg.inv(np.eye(of_forms.shape[0]) + of_forms)
-        crossed = forms @ gram[asked:, :asked]
+        sums = shared - nuisance.crossed.T @ drawn, own - drawn.T @ drawn
+        rest = Remainder.of(solved, sums, range(asked))
+        root, _ = solved.levels[level].root(rest.gram, 0, solved.hats)
+        moved = root @ rest.free
         return cls(
             nuisance=nuisance,
             z=z,
             drawn=drawn,
-            shared=shared,
-            own=own,
-            along=along,
-            within=solved.shared[level],
-            asked=asked,
-            left=gram[:asked, :asked] - gram[:asked, asked:] @ crossed,
-            crossed=crossed,
-            forms=forms,
+            known=solved.less_known(sums[0])[0],
+            rest=rest,
+            level=root,
+            moved=moved,
+            left=rest.own - moved.T @ moved,
         )
 
-    def sums(self, residual: Floats) -> Sums:
-        """`Nuisance.sums` of the columns and of a residual (N, R) rpm in modes, last."""
-        shared, cross, own = self._of_residual(residual)
-        whole = np.block([[self.own, cross[:, None]], [cross[None], np.array([[own]])]])
-        return np.concatenate([self.shared, shared[:, None]], axis=1), whole
+    @property
+    def asked(self) -> int:
+        """P."""
+        return self.left.shape[0]
 
     def gram(self, residual: Floats) -> Floats:
         """(P + 1, P + 1) of the asked columns and a residual (N, R) rpm in modes, at the level,
         with all that is not asked taken out."""
-        shared, cross, own = self._of_residual(residual)
-        cross = cross - self.along.T @ shared
-        asked, of_forms = np.split(cross, [self.asked])
-        along = asked - self.crossed.T @ of_forms
-        cost = own - shared @ self.within @ shared - of_forms @ self.forms @ of_forms
-        return np.block([[self.left, along[:, None]], [along[None], np.array([[cost]])]])
+        along, free, own = self._of_residual(residual)
+        moved = self.level @ free
+        along = along - self.moved.T @ moved
+        return _bordered(self.left, along, own - float(moved @ moved))
+
+    def at_levels(self, residual: Floats) -> tuple[Floats, Floats]:
+        """(levels, P + 1, P + 1) the same at every level, and (levels,) the log evidence of what
+        was taken out."""
+        along, free, own = self._of_residual(residual)
+        rest = self.rest
+        both = replace(
+            rest,
+            own=_bordered(rest.own, along, own),
+            free=np.concatenate([rest.free, free[:, None]], axis=1),
+        )
+        return both.at_levels()
 
     def _of_residual(self, residual: Floats) -> tuple[Floats, Floats, float]:
-        """X'r (X,), z'r (q,) and r'r with the scatter taken out."""
-        n, z = self.nuisance, self.z
+        """z'r (P,), F'r (X,) and r'r with the scatter, what is known and the forms taken out."""
+        n, z, rest = self.nuisance, self.z, self.rest
         r = n.filtered(residual[:, :, None])
         drawn, (shared, own) = n.drawn(r)[:, 0], n.products(r)
+        known, free = rest.solved.less_known(shared[:, 0] - n.crossed.T @ drawn)
         cross = z.products(r.values[:, :, 0], n.flights) - self.drawn.T @ drawn
-        return shared[:, 0] - n.crossed.T @ drawn, cross, float(own[0, 0] - drawn @ drawn)
+        asked, of_forms = np.split(cross - self.known.T @ known, [self.asked])
+        forms = rest.root @ of_forms
+        taken = rest.crossed.T @ forms
+        left = float(own[0, 0] - drawn @ drawn - known @ known - forms @ forms)
+        return asked - taken[: self.asked], free - taken[self.asked :], left
+
+
+def _bordered(inner: Floats, along: Floats, corner: float) -> Floats:
+    """A symmetric matrix with one more row and column."""
+    return np.block([[inner, along[:, None]], [along[None], np.array([[corner]])]])

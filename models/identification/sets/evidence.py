@@ -19,6 +19,7 @@ from itertools import pairwise
 from math import lgamma, log, pi
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 from scipy.special import ndtr
 
@@ -32,21 +33,50 @@ from thrustmargin.models.identification.rows.candidates import (
 )
 
 (INVERTED,) = get_lapack_funcs(("trtri",), dtype=np.float64)  # of a triangular matrix
+LOG_2_PI = log(2.0 * pi)
 IMPOSSIBLE = -1e9  # log evidence of a set that cannot be
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ValuePrior:
-    """The prior of the P free values of a set about the values where it is linearised."""
+class SetPrior:
+    """The prior of the P free values of a set, wherever it is linearised."""
 
     weight: Floats  # (P,) 1 / scale² of those that are normal, else 0
-    pull: Floats  # (P,) gradient of the normal ones at the values
     normal: Bools  # (P,)
     limits: Floats  # (5, P) bounds, usual size, what a sound aircraft scatters, value of no effect
-    values: Floats  # (P,)
     centre: Floats  # (P,) of the normal ones
     groups: tuple[slice, ...]  # the values of each candidate
+    main: NDArray[np.intp]  # (M,) the values that are not normal
+    first: NDArray[np.intp]  # (G,) where among these those of an effect begin, which has some
+    dimensions: NDArray[np.intp]  # (G,) how many it has
+    least: Floats  # (G,) the largest share of its usual sizes that a sound aircraft scatters
+    constant: Floats  # (G,) log prior density but for how large the values are
     log_sets: float  # log prior of the set
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ValuePrior:
+    """The same about the values where the set is linearised."""
+
+    of_set: SetPrior
+    values: Floats  # (P,)
+    pull: Floats  # (P,) gradient of the normal ones at the values
+
+    @property
+    def weight(self) -> Floats:
+        return self.of_set.weight
+
+    @property
+    def centre(self) -> Floats:
+        return self.of_set.centre
+
+    @property
+    def groups(self) -> tuple[slice, ...]:
+        return self.of_set.groups
+
+    @property
+    def log_sets(self) -> float:
+        return self.of_set.log_sets
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -58,41 +88,52 @@ class Scored:
     variance: Floats  # (P,) of each value, the others unknown
 
 
-@lru_cache(maxsize=1024)
-def _of_candidate(candidate: Candidate) -> tuple[Floats, Bools, Floats]:
-    """Limits (5, P), which values are normal, and where they start."""
+@lru_cache(maxsize=4096)
+def _of_candidates(candidates: tuple[Candidate, ...]) -> SetPrior:
+    parameters = [one.parameters for one in candidates]
     rows = [
         (p.lower, p.upper, p.scale, p.smallest or 0.01 * p.scale, p.absent or 0.0)
-        for p in candidate.parameters
+        for of in parameters
+        for p in of
     ]
-    normal = np.array([is_shape(p) for p in candidate.parameters], dtype=bool)
-    return np.array(rows).reshape(-1, 5).T, normal, np.array(candidate.start_values)
+    limits = np.array(rows).reshape(-1, 5).T
+    normal = np.array([is_shape(p) for of in parameters for p in of], dtype=bool)
+    ends = np.cumsum([0, *map(len, parameters)])
+    main = np.flatnonzero(~normal)
+    owner = np.searchsorted(ends, main, side="right")
+    _, first, dimensions = np.unique(owner, return_index=True, return_counts=True)
+    least, constant = np.zeros(first.size), np.zeros(first.size)
+    for g, (k, d) in enumerate(zip(first, dimensions.tolist(), strict=True)):
+        lower, upper, scale, smallest, absent = limits[:, main[k : k + d]]
+        least[g] = np.max(smallest / scale)
+        most = float(np.max(np.maximum(upper - absent, absent - lower) / scale))
+        surface = log(2.0) + 0.5 * d * log(pi) - lgamma(0.5 * d)  # of the unit sphere in d
+        constant[g] = -surface - log(log1p_ratio(most, least[g])) - np.sum(np.log(scale))
+    return SetPrior(
+        weight=np.where(normal, 1.0 / limits[2] ** 2, 0.0),
+        normal=normal,
+        limits=limits,
+        centre=np.array([v for one in candidates for v in one.start_values]),
+        groups=tuple(slice(*pair) for pair in pairwise(ends.tolist())),
+        main=main,
+        first=first,
+        dimensions=dimensions,
+        least=least,
+        constant=constant,
+        log_sets=sum(one.log_prior for one in candidates) + _first_rotor(candidates),
+    )
 
 
 def prior_of(held: Sequence[Held]) -> ValuePrior:
     """The prior of the values of a set."""
-    of_each = [_of_candidate(one.candidate) for one in held]
-    limits = np.concatenate([np.zeros((5, 0)), *(limits for limits, _, _ in of_each)], axis=1)
-    normal = np.concatenate([np.zeros(0, dtype=bool), *(normal for _, normal, _ in of_each)])
-    start = np.concatenate([np.zeros(0), *(start for _, _, start in of_each)])
+    of_set = _of_candidates(tuple(one.candidate for one in held))
     at = np.concatenate([np.zeros(0), *(one.free_values for one in held)])
-    ends = np.cumsum([0, *(normal.size for _, normal, _ in of_each)]).tolist()
-    weight = np.where(normal, 1.0 / limits[2] ** 2, 0.0)
-    return ValuePrior(
-        weight=weight,
-        pull=-weight * (at - start),
-        normal=normal,
-        limits=limits,
-        values=at,
-        centre=start,
-        groups=tuple(slice(*pair) for pair in pairwise(ends)),
-        log_sets=sum(one.candidate.log_prior for one in held) + _first_rotor(held),
-    )
+    return ValuePrior(of_set=of_set, values=at, pull=-of_set.weight * (at - of_set.centre))
 
 
-def _first_rotor(held: Sequence[Held]) -> float:
+def _first_rotor(candidates: Sequence[Candidate]) -> float:
     """By how much likelier the first bad rotor of a set is than those beside it."""
-    some = any(one.candidate.term.rotor is not None for one in held)
+    some = any(one.term.rotor is not None for one in candidates)
     return log(EFFECT_PRIOR / ROTOR_PRIOR) if some else 0.0
 
 
@@ -103,48 +144,55 @@ def is_shape(p: Parameter) -> bool:
 
 def score(prior: ValuePrior, hessian: Floats, gradient: Floats, cost: float) -> Scored:
     """A set by its normal equations: `hessian` (P, P) J'J, `gradient` (P,) J'r and `cost` r'r."""
-    count = prior.values.size
+    last = np.append(gradient, cost)
+    return scores(prior, np.block([[hessian, gradient[:, None]], [last[None]]])[None])[0]
+
+
+def scores(prior: ValuePrior, grams: Floats) -> tuple[Scored, ...]:
+    """A set at each of L levels by (L, P + 1, P + 1) [J r]'[J r]."""
+    count, cost = prior.values.size, grams[:, -1, -1]
     if not count:
-        return Scored(log_evidence=-0.5 * cost, step=np.zeros(0), variance=np.zeros(0))
-    system = hessian + np.diag(prior.weight + 1e-9 * (np.diag(hessian) + 1e-30))
-    pulled = gradient + prior.pull
+        none = np.zeros(0)
+        return tuple(Scored(log_evidence=-0.5 * c, step=none, variance=none) for c in cost.tolist())
+    system = grams[:, :-1, :-1].copy()
+    place = np.arange(count)
+    system[:, place, place] += prior.weight + 1e-9 * (system[:, place, place] + 1e-30)
+    pulled = grams[:, :-1, -1] + prior.pull
     try:
         factor = np.linalg.cholesky(system)
     except np.linalg.LinAlgError:
-        return Scored(log_evidence=IMPOSSIBLE, step=np.zeros(count), variance=np.full(count, 1e9))
-    inverse, _ = INVERTED(factor, lower=1)
-    variance = np.sum(inverse**2, axis=0)
-    step = inverse.T @ (inverse @ pulled)
-    at = prior.values + step
-    error = np.sqrt(variance)
-    out = -0.5 * cost + 0.5 * float(pulled @ step)
-    out += 0.5 * count * log(2 * pi) - float(np.log(np.diag(factor)).sum())
-    scale = prior.limits[2, prior.normal]
-    away = (prior.values - prior.centre)[prior.normal] / scale
-    out -= float(np.sum(np.log(scale) + 0.5 * log(2 * pi) + 0.5 * away**2))
-    for group in prior.groups:
-        out += _log_size(prior, group, at, error)
-    return Scored(log_evidence=out + prior.log_sets, step=step, variance=variance)
+        if len(grams) > 1:
+            return tuple(scores(prior, one[None])[0] for one in grams)
+        nothing, wide = np.zeros(count), np.full(count, 1e9)
+        return (Scored(log_evidence=IMPOSSIBLE, step=nothing, variance=wide),)
+    inverse = np.stack([INVERTED(one, lower=1)[0] for one in factor])
+    variance = np.sum(inverse**2, axis=1)
+    step = ((inverse @ pulled[:, :, None]).swapaxes(1, 2) @ inverse)[:, 0]
+    out = -0.5 * cost + 0.5 * np.sum(pulled * step, axis=1) + 0.5 * count * LOG_2_PI
+    out -= np.log(factor[:, place, place]).sum(axis=1)
+    normal = prior.of_set.normal
+    scale = prior.of_set.limits[2, normal]
+    away = (prior.values - prior.centre)[normal] / scale
+    out -= np.sum(np.log(scale) + 0.5 * LOG_2_PI + 0.5 * away**2)
+    out += _log_sizes(prior, prior.values + step, np.sqrt(variance)) + prior.of_set.log_sets
+    each = zip(out.tolist(), step, variance, strict=True)
+    return tuple(Scored(log_evidence=o, step=s, variance=v) for o, s, v in each)
 
 
-def _log_size(prior: ValuePrior, group: slice, at: Floats, error: Floats) -> float:
-    """Log prior density of the main values of one effect, and of their being possible."""
-    main = np.flatnonzero(~prior.normal[group]) + group.start
-    if not main.size:
-        return 0.0
-    lower, upper, scale, least, absent = prior.limits[:, main]
-    if not np.all((lower < prior.values[main]) & (prior.values[main] < upper)):
-        return IMPOSSIBLE  # held at the bound of what is possible
-    d, at, error = main.size, at[main], error[main]
+def _log_sizes(prior: ValuePrior, at: Floats, error: Floats) -> Floats:
+    """(L,) log prior density of the main values of all effects, and of their being possible."""
+    of = prior.of_set
+    if not of.main.size:
+        return np.zeros(len(at))
+    lower, upper, scale, _, absent = of.limits[:, of.main]
+    at, error, now = at[:, of.main], error[:, of.main], prior.values[of.main]
     inside = ndtr((upper - at) / error) - ndtr((lower - at) / error)
     possible = np.where(inside > 1e-12, np.log(np.maximum(inside, 1e-12)), IMPOSSIBLE)
-    square = float(np.sum((np.abs(at - absent) + error) ** 2 / scale**2))
-    smallest = float(np.max(least / scale))
-    most = float(np.max(np.maximum(upper - absent, absent - lower) / scale))
-    surface = log(2.0) + 0.5 * d * log(pi) - lgamma(0.5 * d)  # of the unit sphere in d dimensions
-    span = log(log1p_ratio(most, smallest))
-    out = float(np.sum(possible - np.log(scale)))
-    return out - surface - span - d * log(np.sqrt(square) + smallest)
+    square = np.add.reduceat(((np.abs(at - absent) + error) / scale) ** 2, of.first, axis=1)
+    out = np.add.reduceat(possible, of.first, axis=1) + of.constant
+    out -= of.dimensions * np.log(np.sqrt(square) + of.least)
+    free = np.logical_and.reduceat((lower < now) & (now < upper), of.first)
+    return np.where(free, out, IMPOSSIBLE).sum(axis=1)  # else held at the bound of the possible
 
 
 def log1p_ratio(most: float, least: float) -> float:

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.candidates import Held
 from thrustmargin.models.identification.rows.value_columns import ValueColumns
-from thrustmargin.models.identification.sets.evidence import Scored, prior_of, score
+from thrustmargin.models.identification.sets.column_sums import Remainder
+from thrustmargin.models.identification.sets.evidence import Scored, prior_of, scores
 from thrustmargin.models.identification.sets.nuisance import EVERY, Solved, Sums
 
 TINY = 1e-9  # keeps the matrix of a value that moves nothing solvable
@@ -59,12 +60,19 @@ class Linear:
 
     def score(self, key: Iterable[int], level: int) -> Scored:
         """A set about this one."""
+        return self.scores(key, slice(level, level + 1))[0]
+
+    def scores(self, key: Iterable[int], levels: slice = EVERY) -> tuple[Scored, ...]:
+        """The same at several levels."""
         members = sorted(key)
-        gram, where = self.gram[level], self._where(members)
+        grams, where = self.gram[levels], self._where(members)
         residual = self._residual(frozenset(members))
-        along = gram @ residual
-        prior = prior_of([self.held[c] for c in members])
-        return score(prior, gram[np.ix_(where, where)], along[where], float(residual @ along))
+        along = grams @ residual
+        whole = np.empty((len(grams), where.size + 1, where.size + 1))
+        whole[:, :-1, :-1] = grams[:, where[:, None], where]
+        whole[:, :-1, -1] = whole[:, -1, :-1] = along[:, where]
+        whole[:, -1, -1] = along @ residual
+        return scores(prior_of([self.held[c] for c in members]), whole)
 
     def gains(self, key: Key, level: int, pool: Sequence[int]) -> Floats:
         """Roughly how much each candidate of a pool would add to the log likelihood of a set."""
@@ -126,24 +134,7 @@ class ColumnsAbout:
 
     def linear(self, solved: Solved, sums: Sums) -> Linear:
         """By the sums of the flights that are `solved`."""
-        gram, taken_out = forms_taken_out(solved, sums, range(self.asked))
+        gram, taken_out = Remainder.of(solved, sums, range(self.asked)).at_levels()
         return Linear(
             about=self.about, held=self.held, columns=self.columns, gram=gram, taken_out=taken_out
         )
-
-
-def forms_taken_out(
-    solved: Solved, sums: Sums, asked: Sequence[int], levels: slice = EVERY
-) -> tuple[Floats, Floats]:
-    """(levels, q, q) of the `asked` columns without the uncertainty of the others, which have
-    size one, and (levels,) the log evidence of all that was taken out."""
-    grams = solved.reduce(sums, levels)
-    evidence = solved.log_evidence[levels]
-    forms = np.setdiff1d(np.arange(grams.shape[1]), asked)
-    own = grams[:, asked][:, :, asked]
-    if not forms.size:
-        return own, evidence
-    crossed = grams[:, forms][:, :, asked]
-    system = np.eye(forms.size) + grams[:, forms][:, :, forms]
-    left = own - np.swapaxes(crossed, 1, 2) @ np.linalg.solve(system, crossed)
-    return left, evidence - 0.5 * np.linalg.slogdet(system)[1]

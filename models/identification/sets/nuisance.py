@@ -72,21 +72,72 @@ LEVELS = tuple(
 
 
 EVERY = slice(None)
+#: of each mode, which of the columns act in it, and these (k, n): most act in one mode alone
+OfModes = tuple[tuple[NDArray[np.intp], Floats], ...]
 #: of q columns z: X'z (X, q) with the shared X and z'z (q, q), the scatter of flights taken out
 Sums = tuple[Floats, Floats]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Solved:
-    """The nuisances of flights eliminated, at every level."""
+    """The nuisances of flights eliminated, at every level.
 
-    shared: Floats  # (levels, X, X): P^½ (I + P^½ X'X P^½)^-1 P^½, the covariance of b and c
-    log_evidence: Floats  # (levels,) of the determinants, with the levels' priors
+    Only the free form goes with the level, so what is `known` is taken out once for all of them.
+    """
+
+    gram: Floats  # (X, X) X'X of the shared columns, the scatter of flights taken out
+    known: int  # of X, those before the hats of the free form
+    hats: int  # of each mode
+    levels: tuple[Level, ...]
+    of_draws: float  # ln of the scatter's determinant
+
+    @cached_property
+    def _of_known(self) -> tuple[Floats, float]:
+        """The root of I + B'B, and ln of the determinant."""
+        return root_of(np.eye(self.known) + self.gram[: self.known, : self.known])
+
+    @cached_property
+    def crossed(self) -> Floats:
+        """(D, X - D): L^-1 B'F, as `less_known` has of columns."""
+        return self._of_known[0] @ self.gram[: self.known, self.known :]
+
+    @cached_property
+    def free_gram(self) -> Floats:
+        """(X - D, X - D) F'F of the free form, what is known taken out."""
+        return self.gram[self.known :, self.known :] - self.crossed.T @ self.crossed
+
+    @cached_property
+    def _roots(self) -> tuple[tuple[Floats, float], ...]:
+        return tuple(level.root(self.free_gram, 0, self.hats) for level in self.levels)
+
+    @cached_property
+    def of_known(self) -> Floats:
+        """(levels,) log evidence of what is known and of the scatter, with the levels' priors."""
+        priors = np.array([level.log_prior for level in self.levels])
+        return priors - 0.5 * (self.of_draws + self._of_known[1])
+
+    @cached_property
+    def log_evidence(self) -> Floats:
+        """(levels,) of the determinants, with the levels' priors."""
+        return self.of_known - 0.5 * np.array([determinant for _, determinant in self._roots])
+
+    @cached_property
+    def shared(self) -> Floats:
+        """(levels, X, X): P^½ (I + P^½ X'X P^½)^-1 P^½, the covariance of b and c."""
+        roots = [level.root(self.gram, self.known, self.hats)[0] for level in self.levels]
+        return np.stack([root.T @ root for root in roots])
+
+    def less_known(self, shared: Floats) -> tuple[Floats, Floats]:
+        """Of X'z (X, q): the root (D, q) of what is known of z, and F'z (X - D, q) without it."""
+        known = self._of_known[0] @ shared[: self.known]
+        return known, shared[self.known :] - self.crossed.T @ known
 
     def reduce(self, sums: Sums, levels: slice = EVERY) -> Floats:
         """(levels, q, q): z'z with the nuisances taken out."""
-        shared, own = sums
-        return own - shared.T @ self.shared[levels] @ shared
+        known, free = self.less_known(sums[0])
+        own = sums[1] - known.T @ known
+        moved = [root @ free for root, _ in self._roots[levels]]
+        return np.stack([own - one.T @ one for one in moved])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -95,6 +146,7 @@ class FlightScatter:
 
     acts: NDArray[np.intp]  # (K,) which columns
     columns: Floats  # (R, K, n)
+    of_modes: OfModes  # the same
     gram: Floats  # (K, K) S'S
     crossed: Floats  # (K, X) S'X
 
@@ -112,16 +164,26 @@ class Nuisance:
     @cached_property
     def by_flight(self) -> tuple[FlightScatter, ...]:
         """(F,) the scatter of each flight."""
-        found = []
+        found, known = [], self.uncertainty.shape[2]
         for rows in self.flights:
             acts = np.flatnonzero(self.scatter[rows].any(axis=(0, 1)))
             columns = self.scatter[rows][:, :, acts].transpose(1, 2, 0).copy()
-            known = (columns @ self.uncertainty[rows].swapaxes(0, 1)).sum(axis=0)
+            of_modes = _acting(columns)
+            by_known = _times(self._of_modes, known, columns.swapaxes(1, 2), rows).sum(axis=0).T
             free = np.concatenate(columns @ self.free[:, rows], axis=1)
             gram = (columns @ columns.swapaxes(1, 2)).sum(axis=0)
-            crossed = np.concatenate([known, free], axis=1)
-            found.append(FlightScatter(acts=acts, columns=columns, gram=gram, crossed=crossed))
+            crossed = np.concatenate([by_known, free], axis=1)
+            found.append(
+                FlightScatter(
+                    acts=acts, columns=columns, of_modes=of_modes, gram=gram, crossed=crossed
+                )
+            )
         return tuple(found)
+
+    @cached_property
+    def _of_modes(self) -> OfModes:
+        """What the base model is unsure of, by modes."""
+        return _acting(self.uncertainty.transpose(1, 2, 0))
 
     @cached_property
     def _roots(self) -> tuple[tuple[Floats, float], ...]:
@@ -156,12 +218,12 @@ class Nuisance:
         if less is not None:
             left = left - (less.shared_gram - less.crossed.T @ less.crossed)
             own -= sum(determinant for _, determinant in less._roots)
-        known, hats = self.uncertainty.shape[2], self.free.shape[2]
-        roots = [level.root(left, known, hats) for level in levels]
-        priors = np.array([level.log_prior for level in levels])
         return Solved(
-            shared=np.stack([root.T @ root for root, _ in roots]),
-            log_evidence=priors - 0.5 * (own + np.array([determinant for _, determinant in roots])),
+            gram=left,
+            known=self.uncertainty.shape[2],
+            hats=self.free.shape[2],
+            levels=tuple(levels),
+            of_draws=own,
         )
 
     def of_means(self, kept: Bools) -> Nuisance:
@@ -200,7 +262,8 @@ class Nuisance:
         scatter takes."""
         found = []
         for f, rows in enumerate(self.flights):
-            sums = self.by_flight[f].columns @ z.values[rows].swapaxes(0, 1)
+            of = self.by_flight[f]
+            sums = _times(of.of_modes, of.acts.size, z.values[rows].swapaxes(0, 1))
             along = _by_mode(sums)[z.mode, :, z.source].T
             along[:, (z.flight != ALL_FLIGHTS) & (z.flight != f)] = 0.0
             found.append(self._roots[f][0] @ along)
@@ -219,7 +282,7 @@ class Nuisance:
             values = z.values[rows].swapaxes(0, 1)
             sources, place = np.unique(z.source[left], return_inverse=True)
             part = values if sources.size == values.shape[2] else values[:, :, sources]
-            sums = _by_mode(self.uncertainty[rows].transpose(1, 2, 0) @ part)
+            sums = _by_mode(_times(self._of_modes, known, part, rows))
             shared[:known, left] = sums[z.mode[left], :, place].T
             free = (self.free[:, rows].swapaxes(1, 2) @ part)[:, :, place]
             one, other = z.mode[left], z.mode[right]
@@ -231,6 +294,20 @@ class Nuisance:
             own[np.ix_(left, right)] = block
             own[np.ix_(right, left)] = block.T
         return shared, own
+
+
+def _acting(columns: Floats) -> OfModes:
+    """Columns (R, K, n) by modes."""
+    acts = [np.flatnonzero(of.any(axis=1)) for of in columns]
+    return tuple((some, of[some]) for some, of in zip(acts, columns, strict=True))
+
+
+def _times(columns: OfModes, count: int, values: Floats, rows: slice = EVERY) -> Floats:
+    """(R, K, q) sums of `count` columns, over some of their means, with values (R, n, q)."""
+    sums = np.zeros((len(columns), count, values.shape[2]))
+    for (acts, of), out, along in zip(columns, sums, values, strict=True):
+        out[acts] = of[:, rows] @ along
+    return sums
 
 
 def _by_mode(sums: Floats) -> Floats:

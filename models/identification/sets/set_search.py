@@ -26,7 +26,7 @@ from thrustmargin.models.identification.sets.column_sums import Prepared
 from thrustmargin.models.identification.sets.evidence import (
     IMPOSSIBLE,
     prior_of,
-    score,
+    scores,
 )
 from thrustmargin.models.identification.sets.free_form import FORM, form_columns
 from thrustmargin.models.identification.sets.linear_sets import (
@@ -34,7 +34,6 @@ from thrustmargin.models.identification.sets.linear_sets import (
     FittedSet,
     Key,
     Linear,
-    forms_taken_out,
 )
 from thrustmargin.models.identification.sets.nuisance import LEVELS, Nuisance, Solved
 
@@ -239,7 +238,7 @@ class Search:
                 if (number and promised < best - HOPELESS) or promised + 2 * change < best - FAR:
                     return found
             prior = prior_of(held)
-            taken = score(prior, gram[:-1, :-1], gram[:-1, -1], float(gram[-1, -1])).step
+            taken = scores(prior, gram[None])[0].step
             gained = 0.0
             for shrink in (1.0, 0.3, 0.1):
                 parts = zip(held, prior.groups, strict=True)
@@ -272,10 +271,8 @@ class Search:
         self, key: Key, columns: Prepared, held: Sequence[Held], residual: Floats
     ) -> FittedSet:
         """A set as it stands, with all that the derivatives promise, at every level."""
-        asked = [*range(columns.asked), columns.z.count]
-        grams, taken_out = forms_taken_out(self.solved, columns.sums(residual), asked)
-        prior = prior_of(held)
-        levels = tuple(score(prior, g[:-1, :-1], g[:-1, -1], float(g[-1, -1])) for g in grams)
+        grams, taken_out = columns.at_levels(residual)
+        levels = scores(prior_of(held), grams)
         evidence = np.array([s.log_evidence for s in levels]) + taken_out
         return FittedSet(
             key=key, held=tuple(held), levels=levels, log_evidence=evidence, residual=residual

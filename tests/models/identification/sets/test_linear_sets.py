@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from tests.models.identification.sets.test_evidence import MAIN, SHAPE, held
+from thrustmargin.models.identification.sets.column_sums import Remainder
 from thrustmargin.models.identification.sets.evidence import Scored, prior_of, score
-from thrustmargin.models.identification.sets.linear_sets import FittedSet, Linear, forms_taken_out
+from thrustmargin.models.identification.sets.linear_sets import FittedSet, Linear
+from thrustmargin.models.identification.sets.nuisance import LEVELS, Solved
 
 RNG = np.random.default_rng(8)
 #: Of a main value; of a main value and a shape that is off its start; of a shape.
@@ -92,19 +94,27 @@ def test_values_of_some_candidates_alone_keep_their_places():
 
 @pytest.mark.parametrize("forms", [0, 2])
 def test_what_forms_may_do_is_taken_out_as_noise_of_size_one(forms):
-    columns = RNG.normal(size=(2, 30, 5))
+    columns = RNG.normal(size=(30, 5))
     asked = [4, 0, 2] if forms else [0, 1, 2, 3, 4]
-    noise = np.delete(columns, asked, axis=2)
-    grams = columns.transpose(0, 2, 1) @ columns
-    solved: Any = SimpleNamespace(reduce=lambda *_: grams, log_evidence=np.array([1.0, -2.0]))
-    nothing: Any = None
-    gram, evidence = forms_taken_out(solved, nothing, asked)
-    for k in range(2):
-        covariance = np.eye(30) + noise[k] @ noise[k].T
-        wanted = columns[k][:, asked]
-        np.testing.assert_allclose(gram[k], wanted.T @ np.linalg.solve(covariance, wanted))
-        by_hand = [1.0, -2.0][k] - 0.5 * np.linalg.slogdet(covariance)[1]
-        assert evidence[k] == pytest.approx(by_hand)
+    noise = np.delete(columns, asked, axis=1)
+    nothing = Solved(gram=np.zeros((0, 0)), known=0, hats=0, levels=LEVELS, of_draws=3.0)
+    sums = np.zeros((0, 5)), columns.T @ columns
+    grams, evidence = Remainder.of(nothing, sums, asked).at_levels()
+    covariance, wanted = np.eye(30) + noise @ noise.T, columns[:, asked]
+    for level, gram, found in zip(LEVELS, grams, evidence, strict=True):
+        np.testing.assert_allclose(gram, wanted.T @ np.linalg.solve(covariance, wanted))
+        by_hand = level.log_prior - 0.5 * (3.0 + np.linalg.slogdet(covariance)[1])
+        assert found == pytest.approx(by_hand)
+
+
+def test_a_set_at_all_levels_is_that_at_each():
+    about = linear({0, 2})
+    for key in (frozenset(), frozenset({1}), frozenset({0, 1, 2})):
+        for level, one in enumerate(about.scores(key)):
+            other = about.score(key, level)
+            assert one.log_evidence == pytest.approx(other.log_evidence, rel=1e-12)
+            np.testing.assert_allclose(one.step, other.step, rtol=1e-12)
+            np.testing.assert_allclose(one.variance, other.variance, rtol=1e-12)
 
 
 def test_a_sets_evidence_is_that_of_all_its_levels():

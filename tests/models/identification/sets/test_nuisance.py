@@ -160,19 +160,20 @@ def test_a_residual_beside_columns_that_were_prepared_is_one_more_column():
         columns_of(rng, 2), np.array([0, 1, 1]), mode=np.array([0, 0, 1])
     )
     columns = side_by_side([columns, of_modes])
-    solved, level, asked = nuisance.solved(), 3, 5
+    solved, asked = nuisance.solved(), 5
     both = side_by_side([columns, ValueColumns.of_all(residual)])
-    whole = nuisance.sums(both)
-    prepared = Prepared.of(nuisance, solved, columns, asked, level)
-    for one, other in zip(prepared.sums(residual[:, :, 0]), whole, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9)
     flight = np.repeat([0, 0, 1], [2, ROWS, ROWS])
     flat = both.wide(flight)[2:].reshape(-1, columns.count + 1)
-    uncertainty = flat[:, asked:-1]
-    covariance = dense(nuisance, LEVELS[level]) + uncertainty @ uncertainty.T
-    kept = flat[:, [*range(asked), -1]]
-    expected = kept.T @ np.linalg.solve(covariance, kept)
-    np.testing.assert_allclose(prepared.gram(residual[:, :, 0]), expected, rtol=1e-8, atol=1e-9)
+    kept, uncertainty = flat[:, [*range(asked), -1]], flat[:, asked:-1]
+    grams, evidence = Prepared.of(nuisance, solved, columns, asked, 0).at_levels(residual[:, :, 0])
+    for k, level in enumerate(LEVELS):
+        covariance = dense(nuisance, level) + uncertainty @ uncertainty.T
+        expected = kept.T @ np.linalg.solve(covariance, kept)
+        np.testing.assert_allclose(grams[k], expected, rtol=1e-8, atol=1e-9)
+        by_hand = level.log_prior - 0.5 * np.linalg.slogdet(covariance)[1]
+        assert evidence[k] == pytest.approx(by_hand, rel=1e-9)
+        prepared = Prepared.of(nuisance, solved, columns, asked, k)
+        np.testing.assert_allclose(prepared.gram(residual[:, :, 0]), expected, rtol=1e-8, atol=1e-9)
 
 
 def test_a_column_of_one_mode_is_nothing_in_the_others():
