@@ -173,8 +173,6 @@ def segments(values: Floats, errors: Floats, penalty: float) -> list[tuple[int, 
         def error(self, start: int, end: int) -> float:
             return sums.cost(start, end)
 
-    if values.size < 2 * LEAST_FLIGHTS:
-        return [(0, values.size)]
     search = Binseg(custom_cost=Cost(), min_size=LEAST_FLIGHTS, jump=1)
     cuts = [0, *(int(end) for end in search.fit_predict(values[:, None], pen=penalty))]
 

@@ -48,8 +48,8 @@ def test_the_error_of_a_slope_is_that_of_a_regression():
 
 def test_one_cost_is_asked_for_in_three_ways_with_one_answer():
     rng = np.random.default_rng(3)
-    sums = _ConstantOrLine(rng.normal(0, 1, 40) + 0.2 * np.arange(40), rng.uniform(1, 2, 40), 5.0)
-    for start, end in ((0, 40), (3, 6), (10, 30), (35, 40)):
+    sums = _ConstantOrLine(rng.normal(0, 1, 40) + 2.0 * np.arange(40), rng.uniform(1, 2, 40), 1.0)
+    for start, end in ((0, 40), (3, 6), (3, 7), (10, 30), (35, 40), (34, 40)):
         one = sums.costs(np.array([start]), np.array([end]))[0]
         assert sums.cost(start, end) == pytest.approx(one)
         assert sums.fitted(start, end).cost == pytest.approx(one)

@@ -64,6 +64,7 @@ def made(shape: Callable[[Floats], Floats], size: int, seed: int = 0) -> tuple[F
 
 SHAPES: dict[str, Callable[[Floats], Floats]] = {
     "step": lambda t: np.where(t < 9, 0.0, 2.0),
+    "small step": lambda t: np.where(t < 9, 0.0, 0.7),
     "there and back": lambda t: np.where((t < 7) | (t >= 15), 0.0, 2.0),
     "wear": lambda t: 0.4 * np.maximum(t - 8.0, 0.0),
     "wear from the start": lambda t: 0.4 * t,
@@ -106,11 +107,13 @@ def line_of(values: Floats, errors: Floats, start: int, end: int) -> tuple[Float
     )
 
 
+@pytest.mark.parametrize("name", ["step", "small step"])
 @pytest.mark.parametrize("seed", range(3))
-def test_a_step_is_between_two_means_and_dated_by_the_cuts_that_are_nearly_as_good(seed):
-    (step,), values, errors, parts = entries("step", seed)
-    assert parts == [(0, 9), (9, 22)]
-    assert (step.ramp, step.flight, step.until) == (False, 9, 22)
+def test_a_step_is_between_two_means_and_dated_by_the_cuts_that_are_nearly_as_good(name, seed):
+    (step,), values, errors, parts = entries(name, seed)
+    at = parts[1][0]
+    assert parts == [(0, at), (at, 22)]
+    assert (step.ramp, step.flight, step.until) == (False, at, 22)
     w = errors**-2.0
     before, after = (np.average(values[a:b], weights=w[a:b]) for a, b in parts)
     assert (step.before, step.after) == (pytest.approx(before), pytest.approx(after))
@@ -124,7 +127,7 @@ def test_a_step_is_between_two_means_and_dated_by_the_cuts_that_are_nearly_as_go
         for cut in range(3, 20)
     }
     good = [cut for cut in costs if costs[cut] <= min(costs.values()) + DATED]
-    assert (step.earliest, step.latest) == (min(9, good[0]), max(9, good[-1]))
+    assert (step.earliest, step.latest) == (min(at, good[0]), max(at, good[-1]))
 
 
 @pytest.mark.parametrize(("name", "seed"), [("wear", 0), ("wear", 4), ("wear that gets worse", 2)])

@@ -217,6 +217,21 @@ def test_an_effect_may_differ_in_each_mode_by_a_twentieth_of_its_change_along_sl
         assert not np.delete(own, mode, axis=1).any()
 
 
+def test_of_several_effects_each_may_differ_in_what_it_does_beside_the_others():
+    search = searched(["extra_mass", "tank_scale", "thrust_drift"])
+    held = [at(search, "tank_scale", 0.8), at(search, "extra_mass", 4.0)]
+    held.append(at(search, "thrust_drift", 5e-4))
+    forms, curves = forms_of(search, *held), 4 * search.slow.shape[1]
+    whole = predicted(search.reduced, held)
+    of_each = np.split(forms, 3, axis=2)  # each acts in the collective alone
+    for k, own in enumerate(of_each):
+        assert own.shape[2] == curves
+        rest = [h for j, h in enumerate(held) if j != k]
+        change = whole - predicted(search.reduced, rest)
+        size = 0.05 * np.linalg.norm(change, axis=1)
+        np.testing.assert_allclose(np.abs(own[:, 0, 0]), size, atol=1e-3)
+
+
 def rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
@@ -226,4 +241,5 @@ def test_the_form_of_an_effect_that_moves_less_than_half_an_rpm_does_not_matter(
     one = predicted(search.reduced, [at(search, "extra_mass", 0.01)])
     per_kg = rms(one - predicted(search.reduced, [])) / 0.01
     assert forms_of(search, at(search, "extra_mass", 0.49 / per_kg)).shape[2] == 0
+    assert forms_of(search, at(search, "extra_mass", -0.49 / per_kg)).shape[2] == 0
     assert forms_of(search, at(search, "extra_mass", 1.02 / per_kg)).shape[2] > 0
