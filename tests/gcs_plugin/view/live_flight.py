@@ -1,6 +1,7 @@
 """A monitor with its view, fed over loopback by vehicles that fly in real time."""
 
 import socket
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -39,6 +40,32 @@ class Live:
                 for frame in vehicle.tick(rpm=(rpm, rpm, rpm, rpm)):
                     self.socket.sendto(frame.data, self.address)
             time.sleep(0.1)
+
+    @contextmanager
+    def flown(self, *vehicles: Vehicle) -> Iterator["Throttle"]:
+        """The vehicles fly on, however long the caller looks at the page, as the throttle says."""
+        throttle, ended = Throttle(), threading.Event()
+
+        def fly() -> None:
+            while not ended.is_set():
+                if throttle.rpm is None:
+                    time.sleep(0.1)
+                else:
+                    self.fly(0.1, *vehicles, rpm=throttle.rpm)
+
+        thread = threading.Thread(target=fly, daemon=True)
+        thread.start()
+        try:
+            yield throttle
+        finally:
+            ended.set()
+            thread.join()
+
+
+class Throttle:
+    """Rotor speed at which vehicles fly; None: they are silent."""
+
+    rpm: int | None = 1700
 
 
 @contextmanager
