@@ -1,6 +1,6 @@
 """On what ground a vehicle that flies now is one of the airframe: decided while it flies.
 
-The same comparison as of a file, of the last minute in flight, at most once a second. A decision
+The same comparison as of a file, of the last minute in flight, at most every 2.5 s. A decision
 stands until the opposite has been seen for some seconds on end, so that it does not flicker; what
 was recognised by being close is given up only when something speaks against it.
 """
@@ -21,9 +21,9 @@ from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 #: s between two rows of the evidence, between two looks, and that the evidence reaches back
-STEP, EVERY, REACH = 0.25, 1.0, 60.0
+STEP, EVERY, REACH = 0.25, 2.5, 60.0
 #: Looks on end that must speak for it: to withhold a margin, and to claim one again.
-TO_WITHHOLD, TO_CLAIM = 5, 10
+TO_WITHHOLD, TO_CLAIM = 2, 4
 
 
 class AirframeWatch:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from thrustmargin.gcs_plugin.live.alarm import CRITICAL, NOTICE, WARNING, Alarm, AlarmEvent
-from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.link_vehicles import OLD, Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorStatus
 from thrustmargin.gcs_plugin.live.update import Update
 from thrustmargin.gcs_plugin.live.vehicle_monitor import VehicleMonitor
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 
 STYLES = {CRITICAL: "bold white on red", WARNING: "bold yellow", NOTICE: "dim"}
 
-#: s after which the last row of a vehicle is shown as old.
-OLD = 1.5
 #: Heading -> whether it is left out where the terminal is narrower than WIDE.
 COLUMNS = {
     "id": False,
@@ -75,10 +73,11 @@ def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> Re
         table.add_column(headings[n], no_wrap=n not in WRAPPED)
     alarms: list[tuple[int, Alarm]] = []
     remarks: list[Text] = []
-    for number, watch in list(monitor.fleet.vehicles.items()):
+    fleet = monitor.fleet
+    for number, watch in list(fleet.vehicles.items()):
         if watch.left(now_us):
             continue
-        cells = vehicle_cells(watch, now_us, 1.0 - monitor.fleet.max_utilisation)
+        cells = vehicle_cells(watch, now_us, 1.0 - fleet.max_utilisation, fleet.old_s)
         table.add_row(*(cells[n] for n in shown))
         alarms += [(number, alarm) for alarm in list(watch.alarms.standing.values())]
         stale = watch.stale(now_us)
@@ -106,7 +105,9 @@ def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> Re
     return Group(*parts)
 
 
-def vehicle_cells(watch: VehicleMonitor, now_us: int, limit: float) -> list[str]:
+def vehicle_cells(
+    watch: VehicleMonitor, now_us: int, limit: float, old_s: float = OLD
+) -> list[str]:
     """One row of the table, each dash with its reason in `problem` or the update's `remarks`.
 
     Rich markup only from here, never from what a vehicle sent.
@@ -116,7 +117,7 @@ def vehicle_cells(watch: VehicleMonitor, now_us: int, limit: float) -> list[str]
     if update is None:
         return [str(watch.system), *["-"] * (len(COLUMNS) - 2), seconds(silent)]
     age = max((now_us - int(update.stamp_us[-1])) * 1e-6, 0.0)
-    old = age > OLD
+    old = age > old_s
     cells = numbers(update, limit, old=old)
     if old:
         cells = [f"[dim]~{cell}[/dim]" if cell != "-" else cell for cell in cells]

@@ -18,6 +18,7 @@ from thrustmargin.models.model.rotor_model import RotorModel
 
 HEARTBEAT = 0  # message id
 STATIONS = (0, 255)  # system ids that are never vehicles
+OLD, OVERDUE = 1.5, 0.5  # s: see `Fleet.old_s`
 
 
 class Fleet:
@@ -36,6 +37,7 @@ class Fleet:
     ) -> None:
         self._model, self._heard_us = model, heard_us
         self._settings = WatchSettings() if settings is None else settings
+        self.every_s = 0.0  # from one analysis of a vehicle to the next, as planned
         self._stations: set[int] = set(STATIONS)
         self._watches: dict[int, VehicleMonitor] = {}
 
@@ -43,6 +45,12 @@ class Fleet:
     def max_utilisation(self) -> float:
         """Largest share of a rotor's maximum thrust that may be in use, above it an alarm."""
         return self._settings.alarms.max_utilisation
+
+    @property
+    def old_s(self) -> float:
+        """s after which a newest row is old. Where many vehicles make analysis rare, it is not as
+        long as the next is not overdue."""
+        return max(OLD, self.every_s + OVERDUE)
 
     @property
     def vehicles(self) -> dict[int, VehicleMonitor]:

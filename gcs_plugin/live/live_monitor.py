@@ -40,10 +40,11 @@ from thrustmargin.gcs_plugin.wording.live_words import (
 )
 from thrustmargin.models.model.rotor_model import RotorModel
 
-#: s between two rounds of the compute thread: at least, and at most when rounds take long.
-SHORTEST, LONGEST = 0.02, 1.0
-#: Share of the time that rounds may take before they are made rarer (and larger).
-DUTY = 0.125
+#: s between two rounds: at least; at most; with many vehicles at most so much each, up to RAREST.
+SHORTEST, LONGEST, EACH, RAREST = 0.02, 1.0, 0.1, 2.0
+#: Share of the time that rounds may take before they are made rarer (and larger): what a vehicle
+#: costs in a round hardly depends on how many of its rows are new.
+DUTY = 0.1
 QUEUE = 200_000  # frames that may wait for the compute thread
 LATE = 0.25  # s of a round after which frames that have come meanwhile are taken into it
 BEHIND = 2.0  # s by which the newest figures may be late before that is said
@@ -229,9 +230,10 @@ class LiveMonitor:
                     for update in self.fleet.finish():
                         self._publish(update)
                     return
-                pause = min(max(self._round_s / DUTY, SHORTEST), LONGEST) - self._round_s
-                if pause > 0.0 and not self._stop.is_set() and not self.listener.finished:
-                    time.sleep(pause)
+                self.fleet.every_s = spacing(self._round_s, len(self.fleet.vehicles))
+                pause = self.fleet.every_s - self._round_s
+                if pause > 0.0 and not self.listener.finished:
+                    self._stop.wait(pause)
         except BaseException as error:
             self.failure = error
 
@@ -349,6 +351,12 @@ class LiveMonitor:
                     **more,
                 }
             )
+
+
+def spacing(round_s: float, vehicles: int) -> float:
+    """s from the begin of a round that took `round_s` to the next, of so many vehicles."""
+    longest = min(max(EACH * vehicles, LONGEST), RAREST)
+    return min(max(round_s / DUTY, SHORTEST), longest)
 
 
 def _pieces(frames: list[Frame]) -> list[list[Frame]]:

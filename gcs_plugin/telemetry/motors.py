@@ -73,7 +73,7 @@ class MotorMap:
         for rotor, output in enumerate(self.outputs):
             signal = reported.get(output)
             if signal is not None:
-                said_s = last_before(replace(signal, values=signal.time_s), clock_s)
+                said_s = last_before(signal._replace(values=signal.time_s), clock_s)
                 fresh = clock_s - said_s <= FAILURES_AGE
                 result[fresh, rotor] = last_before(signal, clock_s)[fresh]
         return result

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -28,8 +28,7 @@ class NotThisFormat(LogError):
     """Nothing in the file is a message of the format that it was read as."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Stream:
+class Stream(NamedTuple):
     """One message type: `time_s` (n,) s of the vehicle's clock, and its fields as columns (n, ...).
 
     Rows are in the order of the file; time may repeat or step back a little (reordering).

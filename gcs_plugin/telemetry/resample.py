@@ -44,6 +44,8 @@ def sample(channel: str, signal: Signal, time_s: Floats, sampling: Sampling) -> 
         return np.full((time_s.size, *values.shape[1:]), np.nan)
     if sampling == "linear" and TRACK_CHANNELS[channel].averaged and _is_fast(when):
         when, values = _averaged(when, values)
+    if time_s.size <= _BLOCK:
+        return _at(TRACK_CHANNELS[channel], when, values, time_s, sampling)
     # In blocks: the steps between take several times the memory of the result.
     result = np.empty((time_s.size, *values.shape[1:]))
     for low in range(0, time_s.size, _BLOCK):
@@ -54,9 +56,9 @@ def sample(channel: str, signal: Signal, time_s: Floats, sampling: Sampling) -> 
 
 def _reports(channel: str, signal: Signal) -> tuple[Floats, Floats]:
     """Times and values of the reports that can be true; of those at one instant, the last."""
-    values = plausible(channel, signal.values)
-    keep = known_rows(values)
-    time_s = signal.time_s
+    limit, values, time_s = TRACK_CHANNELS[channel], signal.values, signal.time_s
+    keep = (values >= limit.low) & (values <= limit.high)
+    keep = keep if keep.ndim == 1 else np.logical_and.reduce(keep, axis=1)
     if time_s.size:
         keep[:-1] &= (time_s[1:] > time_s[:-1]) | ~keep[1:]
     return (time_s, values) if keep.all() else (time_s[keep], values[keep])

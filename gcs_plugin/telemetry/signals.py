@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -66,7 +65,7 @@ def decoded(streams: dict[str, Stream], airspeed_words: str) -> Iterator[tuple[i
     """Each signal of the messages in `streams`, which is emptied, with its source's rank."""
     while streams:
         message, stream = streams.popitem()
-        put = Signal if np.all(stream.time_s[1:] >= stream.time_s[:-1]) else ordered_signal
+        put = Signal if (stream.time_s[1:] >= stream.time_s[:-1]).all() else ordered_signal
         for rank, rule in _ranked(message):
             source = rule.source
             if message == "VFR_HUD" and rule.channel == "airspeed":
@@ -139,7 +138,8 @@ class SignalBuffer:
 def _used_outputs(servos: Signal) -> Signal:
     """Servo outputs up to the last one that ever has a pulse: most of the 16 never do."""
     used = np.flatnonzero(np.any(servos.values > 0, axis=0))
-    return replace(servos, values=servos.values[:, : int(used[-1]) + 1 if used.size else 1].copy())
+    last = int(used[-1]) + 1 if used.size else 1
+    return servos._replace(values=servos.values[:, :last].copy())
 
 
 def _by_name(stream: Stream, values: Floats) -> list[Signal]:

@@ -11,9 +11,9 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from thrustmargin.gcs_plugin.live.link_vehicles import OLD
 from thrustmargin.gcs_plugin.view.charts import RotorCharts, Speeds
 from thrustmargin.gcs_plugin.view.live_history import KEPT_S
-from thrustmargin.gcs_plugin.view.live_html import OLD
 from thrustmargin.gcs_plugin.wording import palette as colours
 from thrustmargin.gcs_plugin.wording import view_words as words
 from thrustmargin.models.physics.airframe import Airframe
@@ -60,7 +60,10 @@ class LiveCharts:
         self._folder.visible = False
 
     def show(self, number: int, airframe: Airframe, speeds: Speeds, age_s: float) -> None:
-        """The window that ends at the newest row, `age_s` old, or before it as the slider says."""
+        """The window that ends at the newest row, or before it as the slider says.
+
+        `age_s` is that row's, 0 while it is not old.
+        """
         last_s = float(speeds.time_s[-1])
         of = number, speeds.measured.shape[1]
         if of != self._of:

@@ -98,6 +98,7 @@ class Heard:
             now = replace(
                 self._aged(before, now_us),
                 alarms=tuple(worst_first(list(watch.alarms.standing.values()))),
+                old_s=fleet.old_s,
                 problem=watch.problem,
                 gone=watch.left(now_us),
                 mission=watch.state.mission,

@@ -9,6 +9,7 @@ from html import escape
 from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.live.alarm import CRITICAL, WARNING, Alarm
+from thrustmargin.gcs_plugin.live.link_vehicles import OLD
 from thrustmargin.gcs_plugin.live.outlook import Outlook
 from thrustmargin.gcs_plugin.wording import live_words
 from thrustmargin.gcs_plugin.wording import palette as colours
@@ -25,7 +26,6 @@ VERDICT_PAPER = {"critical": RED, "over": ORANGE, "near": ORANGE, "under": "#005
 #: Tabs that a gloved finger hits.
 STYLE = "<style>[role=tablist]{font:700 20px system-ui!important}</style>"
 MOST_ALARMS = 4  # on one page: more would push the numbers off it
-OLD = 1.5  # s after which what is shown is called old
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +41,7 @@ class Standing:
     tank_kg: float = math.nan
     flying: bool = False
     age: float = 0.0  # s of the newest row
+    old_s: float = OLD  # from which it is old
     silent: float = 0.0  # s since anything was heard of it, analysed or not
     problem: str = ""  # why there is no margin
     gone: bool = False  # left for good: nothing of it is shown
@@ -54,7 +55,7 @@ class Standing:
 
     @property
     def old(self) -> bool:
-        return self.age > OLD
+        return self.age > self.old_s
 
     @property
     def age_words(self) -> str:

@@ -189,7 +189,7 @@ class LiveView(ViewPage, Subscriber):
             self._charts.hide()
         else:
             airframe = one.update.analysis.model.airframe
-            self._charts.show(one.number, airframe, speeds, one.age)
+            self._charts.show(one.number, airframe, speeds, one.age if one.old else 0.0)
 
     def _add(self, number: int, fleet: list[Standing]) -> Aircraft:
         overlays = self._heard.overlays

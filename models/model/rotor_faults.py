@@ -287,6 +287,7 @@ def mode_directions(model: RotorModel) -> Floats:
     return np.linalg.qr(np.concatenate([rows.T, np.eye(rotors)], axis=1))[0][:, :rotors]
 
 
+@lru_cache(maxsize=8)  # for each of many vehicles
 def loss_steps(model: RotorModel) -> tuple[Floats, Floats]:
     """(R, J, R) by how much a lost share of each rotor moves the excess of all, and its error.
 

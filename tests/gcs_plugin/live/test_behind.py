@@ -18,11 +18,12 @@ from tests.gcs_plugin.live.live_vehicle import Vehicle, command
 from tests.gcs_plugin.live.monitored import MODEL, recording_in
 from tests.gcs_plugin.peers.processes import free_udp_port
 from thrustmargin.gcs_plugin.live.alarm import AlarmEvent, AlarmSettings
-from thrustmargin.gcs_plugin.live.console import status_lines
-from thrustmargin.gcs_plugin.live.link_vehicles import Subscriber
-from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
+from thrustmargin.gcs_plugin.live.console import status_lines, vehicle_cells
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
+from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings, spacing
 from thrustmargin.gcs_plugin.live.update import Update
 from thrustmargin.gcs_plugin.live.vehicle_monitor import WatchSettings
+from thrustmargin.gcs_plugin.view.live_heard import Heard
 
 SILENCE = 1.6  # s here, to be quick; rotor speeds are missed a second earlier
 
@@ -177,3 +178,44 @@ def test_a_computer_that_slept_has_lost_nothing_that_came_meanwhile(tmp_path):
     sending.silence()
     assert "vehicle 1: heard" in told
     assert "Telemetry" not in told
+
+
+@pytest.mark.parametrize(
+    ("round_s", "vehicles", "wanted"),
+    [
+        (0.001, 1, 0.02),
+        (0.009, 1, 0.09),
+        (0.5, 1, 1.0),  # a hiccup of one aircraft's analysis is no reason to wait for long
+        (0.15, 12, 1.2),
+        (0.18, 20, 1.8),
+        (0.5, 20, 2.0),
+        (0.5, 50, 2.0),
+    ],
+)
+def test_rounds_are_rarer_where_they_take_long_and_rarest_with_many_aircraft(
+    round_s, vehicles, wanted
+):
+    assert spacing(round_s, vehicles) == pytest.approx(wanted)
+
+
+def test_a_row_is_not_old_while_the_next_one_is_not_overdue(tmp_path):
+    fleet, vehicle = Fleet(MODEL), Vehicle(3)
+    view = Heard(threading.Event())
+    for _ in range(80):
+        fleet.take(vehicle.tick(rpm=(1700,) * 4))
+        for update in fleet.updates():
+            view.update(update)
+
+    def old(after_s: float) -> tuple[bool, bool]:
+        now_us = vehicle.stamp_us + round(after_s * 1e6)
+        view.round(fleet, now_us)
+        cells = vehicle_cells(fleet.vehicles[3], now_us, 0.5, fleet.old_s)
+        return view.standing[0].old, "OLD" in cells[-1]
+
+    assert old(1.4) == (False, False)
+    assert old(1.7) == (True, True)
+    fleet.every_s = 2.0
+    assert old(2.3) == (False, False)
+    assert old(2.7) == (True, True)
+    with flown(tmp_path) as (monitor, _, _):
+        assert 0.02 <= monitor.fleet.every_s <= 1.0

@@ -66,7 +66,7 @@ def test_rows_are_the_reports_of_rotor_one_and_of_the_next_where_that_is_silent(
     assert rows_of(*TURNING, heard_s=3.0) == live[6:]
     assert rows_of(*TURNING, heard_s=2.9, row_s=2.92) == live[6:]
     assert rows_of(*TURNING, heard_s=2.9, row_s=2.9) == live[5:]
-    unknown = replace(TURNING[0], values=np.array([900.0, NAN, 900.0, 900.0]))
+    unknown = TURNING[0]._replace(values=np.array([900.0, NAN, 900.0, 900.0]))
     assert rows_of(unknown, *TURNING[1:]) == [-1.0, 0.0, 0.5, *live[4:]]
 
 
@@ -156,7 +156,7 @@ def test_live_rows_hold_the_last_report_of_every_channel():
 def test_rows_in_pieces_are_those_in_one_piece(cut):
     whole, until = made(flight()), 100.0 + cut
     early = [
-        replace(s, time_s=s.time_s[s.time_s <= until], values=s.values[s.time_s <= until])
+        s._replace(time_s=s.time_s[s.time_s <= until], values=s.values[s.time_s <= until])
         for s in flight()
     ]
     first = made(early)

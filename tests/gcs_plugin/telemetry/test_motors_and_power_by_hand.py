@@ -1,6 +1,5 @@
 """Which output is which motor, throttle by pulses, the pack's voltage and current; by hand."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -166,9 +165,9 @@ def test_words_say_where_rotor_speed_and_throttle_come_from():
         f"SERVO_OUTPUT_RAW from 1000 to 2000 µs (assumed; {by})"
     )
     given = {"MOT_PWM_MIN": 1100.0, "MOT_PWM_MAX": 1940.0}
-    words = found.throttle_words([replace(pulses, source="RCOU C1")], given)
+    words = found.throttle_words([pulses._replace(source="RCOU C1")], given)
     assert words == f"RCOU from 1100 to 1940 µs (MOT_PWM_MIN/MAX; {by})"
-    own = found.throttle_words([replace(pulses, source="actuator_motors control")], given)
+    own = found.throttle_words([pulses._replace(source="actuator_motors control")], given)
     assert own == f"actuator_motors control ({by})"
 
 
