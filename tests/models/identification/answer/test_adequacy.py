@@ -13,8 +13,9 @@ from thrustmargin.models.identification.answer.adequacy import (
     free_form_rms,
     unexplained,
 )
-from thrustmargin.models.identification.rows.candidates import Held
+from thrustmargin.models.identification.rows.candidates import Held, predicted
 from thrustmargin.models.identification.rows.modes import modes
+from thrustmargin.models.identification.sets.nuisance import LEVELS
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.identification.sets.set_search import Search
 from thrustmargin.models.network.records import GoodFlights
@@ -52,6 +53,35 @@ def test_a_wave_that_no_effect_has_is_left_in_its_mode_with_its_size_along_its_c
     assert left.rms_rpm == pytest.approx(np.sqrt(np.mean(wave**2)), rel=0.2)
     assert np.corrcoef(left.curve_rpm, wave)[0, 1] > 0.8
     assert 0.8 < left.share <= 1.0
+
+
+def test_the_free_form_takes_what_a_dense_model_expects_of_it():
+    """Of r with the covariance V of noise and all nuisances at the widest level, curves F of
+    size D have D² F' V^-1 r."""
+    flights = [track.rows(slice(0, 500)) for track in flights_with_wave(1)[:2]]
+    catalogue = effects_for(F16, table(["extra_mass"]))
+    space = search_space(MODEL, flights, catalogue)
+    nuisance, rows = space.nuisance, space.nuisance.scatter.shape[0]
+    widest, parts = LEVELS[-1], []
+    for of in nuisance.flights:
+        own = np.zeros_like(nuisance.scatter)
+        own[of] = nuisance.scatter[of]
+        parts.append(own.reshape(rows * 4, -1))
+    parts.append(nuisance.uncertainty.reshape(rows * 4, -1))
+    curves = np.zeros((rows, 4, 4, nuisance.free.shape[2]))
+    for mode in range(4):
+        size = widest.collective if mode == 0 else widest.moments
+        curves[:, mode, mode] = size * nuisance.free[mode]
+    parts.append(curves.reshape(rows * 4, -1))
+    whole = np.concatenate(parts, axis=1)
+    x = space.reduced
+    residual = x.in_modes(x.measured_rpm) - predicted(x, ())
+    white = nuisance.whitening.apply(residual).ravel()
+    drawn = parts[-1].T @ np.linalg.solve(np.eye(rows * 4) + whole @ whole.T, white)
+    taken = drawn.reshape(4, -1) * space.sizes
+    taken *= np.array([widest.collective, *[widest.moments] * 3])[:, None]
+    expected = np.sqrt(np.mean((space.hats @ taken.T) ** 2, axis=0))
+    np.testing.assert_allclose(free_form_rms(MODEL, flights, catalogue), expected, rtol=1e-6)
 
 
 def test_sound_flights_leave_nothing():

@@ -62,6 +62,33 @@ def test_what_is_in_a_flight_never_reaches_its_own_prediction():
     assert abs(values[0] - values[1]) < 0.05 * abs(whole[0] - whole[1])
 
 
+@pytest.mark.parametrize("flights", [3, 1])
+def test_a_part_that_is_left_out_is_in_none_of_the_sums_of_the_rest(flights):
+    """Its sums are those of the means of the others alone, made from nothing else."""
+    found = left_out(made_flights(flights, loss=0.08, duration=100.0), (WORN, "tank_zero"))
+    search = found.search
+    columns, n = search.columns_about(search.best), search.nuisance
+    everything = frozenset().union(*search.fitted)
+    begins = [found.problem.channels.time_s[fold.rows][0] for fold in found.folds]
+    begins = np.array([-np.inf, *begins[1:], np.inf])
+    time_s = search.reduced.channels.time_s[n.whitening.rows]
+    for k, fold in enumerate(found.folds):
+        if flights > 1:
+            assert fold.flights == (k,)
+            rest = n.of_means(n.whitening.flight != k)
+            expected = columns.linear(rest.solved(), rest.sums(columns.whole))
+            expected = expected.only(everything, (k,))
+        else:
+            inside = (time_s >= begins[k]) & (time_s < begins[k + 1])
+            rest = n.of_means(~inside)
+            expected = columns.linear(rest.solved(), rest.sums(columns.whole))
+        assert fold.linear.gram.shape == expected.gram.shape
+        size = np.sqrt(np.einsum("lii->li", expected.gram))
+        off = (fold.linear.gram - expected.gram) / (size[:, :, None] * size[:, None] + 1e-9)
+        assert np.abs(off).max() < 1e-7
+        np.testing.assert_allclose(fold.linear.taken_out, expected.taken_out)
+
+
 def test_names_are_chosen_anew_in_each_fold():
     found = left_out(made_flights(3, loss=0.08))
     rotor = of(found, "rotor_degradation of rotor 1")

@@ -215,3 +215,77 @@ def test_what_is_named_or_has_weight_is_not_excluded():
 def test_a_rotor_without_weight_does_not_end_the_list():
     sets = (a_set(0.87), a_set(0.03, loss=(0.03, 0.01)), a_set(0.1, last=(0.04, 0.01)))
     assert [m.rotor for m in answer_of(*sets).mentioned([])] == [3]
+
+
+def test_values_of_single_flights_are_averaged_flight_by_flight():
+    """A gauge's zero is of each flight: steps of 0.1 and 0.3 kg from 1 and 2 kg, and no step of
+    0.5 and 1 kg in the set beside it, which weighs a quarter."""
+    zero = candidate(Term(effect=BY_KEY["tank_zero"]), 2)
+    assert [flight for _, flight in zero.free] == [0, 1]
+
+    def at(weight: float, values, steps, key) -> FittedSet:
+        scored = Scored(
+            log_evidence=0.0,
+            step=np.array(steps),
+            variance=np.array([0.01, 0.04, 9.0][: len(steps)]),
+        )
+        held = [Held(candidate=zero, values=np.array(values)[:, None])]
+        if len(key) > 1:
+            held.append(Held(candidate=MASS, values=np.zeros((2, 1))))
+        return FittedSet(
+            key=frozenset(key),
+            held=tuple(held),
+            levels=(scored,),
+            log_evidence=np.array([np.log(weight)]),
+            residual=np.zeros((1, 4)),
+        )
+
+    sets = [at(0.75, [1.0, 2.0], [0.1, 0.3], {0}), at(0.25, [0.5, 1.0], [0.0, 0.0, 5.0], {0, 1})]
+    search: Any = SimpleNamespace(fitted={s.key: s for s in sets}, candidates=[zero, MASS])
+    found = posterior_of(search).estimate(0)
+    np.testing.assert_allclose(found.value[:, 0], [0.75 * 1.1 + 0.125, 0.75 * 2.3 + 0.25])
+    between = 0.75 * 0.25 * np.array([1.1 - 0.5, 2.3 - 1.0]) ** 2
+    np.testing.assert_allclose(found.error[:, 0] ** 2, np.array([0.01, 0.04]) + between)
+
+
+def test_a_loss_that_is_mentioned_is_that_of_the_flight_that_shows_most():
+    onset = candidate(Term(effect=BY_KEY["rotor_degradation:onset"], rotor=1), 3)
+    values = onset.start.copy()
+    values[:, 0] = [0.02, 0.09, 0.05]
+    errors = np.array([0.01 if k == 0 else 0.0 for k, _ in onset.free]) * 1.0
+    scored = Scored(log_evidence=0.0, step=0.0 * errors, variance=errors**2)
+    rare = FittedSet(
+        key=frozenset({0}),
+        held=(Held(candidate=onset, values=values),),
+        levels=(scored,),
+        log_evidence=np.log([0.2]),
+        residual=np.zeros((1, 4)),
+    )
+    sets = [rare, a_set(0.8)]
+    search: Any = SimpleNamespace(fitted={s.key: s for s in sets}, candidates=[onset])
+    (rotor,) = posterior_of(search).mentioned([])
+    assert (rotor.rotor, rotor.loss) == (1, pytest.approx(0.09))
+    assert rotor.probability == pytest.approx(0.2)
+    p = onset.term.effect.parameters[0]
+    half = norm.ppf(0.975) * 0.01 + p.resolution + 0.09 * p.accuracy
+    assert rotor.ci95 == pytest.approx((0.09 - half, 0.09 + half))
+
+
+def test_what_is_excluded_beside_a_set_is_read_at_its_own_place():
+    """Beside mass (one value) and a shifted load (two) a loss is the fourth value."""
+
+    def score(key: frozenset[int], _level: int) -> Scored:
+        count = sum(len(ALL[c].free) for c in key)
+        places = 1.0 + np.arange(count)
+        return Scored(log_evidence=0.0, step=0.01 * places, variance=(0.001 * places) ** 2)
+
+    held = [Held(candidate=one, values=one.start) for one in ALL]
+    linear: Any = SimpleNamespace(score=score, held=held)
+    best = a_set(1.0, mass=(1.0, 0.1), cg=(0.02, 0.001))
+    found = answer_of(best).excluded(linear, [0, 2])
+    loss = next(e for e in found if e.term.rotor == 2)
+    start = LOSS.start[0, 0]
+    assert loss.above == pytest.approx(start + 0.04 + norm.ppf(0.95) * 0.004)
+    gauge = next(e for e in found if e.term.effect.name == "tank_scale")
+    off = abs(GAUGE.start[0, 0] + 0.02 - 1.0)  # second, after the mass; right is 1
+    assert gauge.above == pytest.approx(off + norm.ppf(0.95) * 0.002)
