@@ -252,7 +252,7 @@ def test_a_loss_that_is_mentioned_is_that_of_the_flight_that_shows_most():
     onset = candidate(Term(effect=BY_KEY["rotor_degradation:onset"], rotor=1), 3)
     values = onset.start.copy()
     values[:, 0] = [0.02, 0.09, 0.05]
-    errors = np.array([0.01 if k == 0 else 0.0 for k, _ in onset.free]) * 1.0
+    errors = np.array([0.01 if k == 0 else 0.0 for k, _ in onset.free], dtype=np.float64)
     scored = Scored(log_evidence=0.0, step=0.0 * errors, variance=errors**2)
     rare = FittedSet(
         key=frozenset({0}),
@@ -276,7 +276,7 @@ def test_what_is_excluded_beside_a_set_is_read_at_its_own_place():
 
     def score(key: frozenset[int], _level: int) -> Scored:
         count = sum(len(ALL[c].free) for c in key)
-        places = 1.0 + np.arange(count)
+        places = np.arange(1.0, count + 1.0, dtype=np.float64)
         return Scored(log_evidence=0.0, step=0.01 * places, variance=(0.001 * places) ** 2)
 
     held = [Held(candidate=one, values=one.start) for one in ALL]

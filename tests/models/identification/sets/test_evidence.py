@@ -5,11 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import dblquad, quad
+from scipy.linalg import block_diag
 from scipy.stats import norm
 
 from thrustmargin.models.effects.base import Effect, Kind, Parameter, shaping
 from thrustmargin.models.identification.rows.candidates import Candidate, Held, Term
-from thrustmargin.models.identification.sets.evidence import IMPOSSIBLE, prior_of, score
+from thrustmargin.models.identification.sets.evidence import (
+    IMPOSSIBLE,
+    is_shape,
+    prior_of,
+    score,
+    scores,
+)
 
 MAIN = Parameter(name="a", unit="1", lower=-2.0, upper=2.0, scale=0.5, smallest=0.01)
 SHAPE = shaping("b", "1", start=0.3, lower=-5.0, upper=5.0, scale=0.4)
@@ -87,6 +94,17 @@ def test_two_main_values_of_one_effect_are_flat_in_the_logarithm_of_their_size()
     assert found.log_evidence == pytest.approx(np.log(whole), abs=0.25)
 
 
+def test_of_two_main_values_the_coarser_says_how_small_an_effect_can_be():
+    other = replace(MAIN, name="c", scale=0.2, smallest=0.02, upper=0.9)  # a tenth of its size
+    hessian, gradient = np.diag([400.0, 900.0]), np.array([80.0, -90.0])
+    found = score(prior_of([held(MAIN, other)]), hessian, gradient, 50.0)
+    size = np.hypot((0.2 + 1.0 / 20.0) / 0.5, (0.1 + 1.0 / 30.0) / 0.2)
+    least, most = 0.1, 2.0 / 0.2
+    flat = 1.0 / (2.0 * np.pi * np.log1p(most / least) * (size + least) ** 2) / (0.5 * 0.2)
+    by_hand = -0.5 * (50.0 - 80.0 * 0.2 - 90.0 * 0.1) + np.log(2.0 * np.pi / (20.0 * 30.0))
+    assert found.log_evidence == pytest.approx(by_hand + np.log(flat), abs=1e-5)
+
+
 def test_a_small_effect_pays_no_more_than_a_large_one():
     """The same number of standard errors, at a tenth of the size and of the error."""
     evidence = []
@@ -157,3 +175,75 @@ def test_the_evidence_of_one_main_value_by_its_formula(at, lower, upper):
     assert free.log_evidence == pytest.approx(by_hand, abs=1e-6)
     nothing = score(prior_of([]), np.zeros((0, 0)), np.zeros(0), 1.0)
     assert (nothing.step.size, nothing.variance.size) == (0, 0)
+
+
+@pytest.mark.parametrize("at", [0.3, 0.55, -0.7])
+def test_a_shape_that_stands_off_its_start_pays_for_it(at):
+    """The likelihood is about where it stands, the prior about where it starts."""
+    h, g, cost = 40.0, 6.0, 9.0
+    found = score(prior_of([held(SHAPE, at=[at])]), np.array([[h]]), np.array([g]), cost)
+
+    def density(d):
+        likelihood = np.exp(-0.5 * (cost - 2 * g * d + h * d * d))
+        return likelihood * norm.pdf(at + d, SHAPE.start, SHAPE.scale)
+
+    whole = quad(density, -3.0, 3.0, points=[g / h], epsabs=1e-14)[0]
+    assert found.log_evidence == pytest.approx(np.log(whole), abs=1e-5)
+    mean = quad(lambda d: d * density(d), -3.0, 3.0, points=[g / h], epsabs=1e-14)[0] / whole
+    assert found.step[0] == pytest.approx(mean, rel=1e-5)
+
+
+def test_effects_that_do_nothing_alike_have_the_product_of_their_evidence():
+    narrow = replace(MAIN, upper=0.8, scale=0.1)
+    sets = [held(narrow, at=[0.3]), held(SHAPE, MAIN, at=[0.5, 0.4]), held(MAIN, SHAPE)]
+    each = [
+        (np.array([[500.0]]), np.array([20.0])),
+        (np.diag([40.0, 300.0]), np.array([3.0, 5.0])),
+        (np.array([[90.0, 10.0], [10.0, 30.0]]), np.array([40.0, 6.0])),
+    ]
+    alone = [score(prior_of([one]), h, g, 7.0) for one, (h, g) in zip(sets, each, strict=True)]
+    hessian = np.asarray(block_diag(*(h for h, _ in each)), dtype=np.float64)
+    found = score(prior_of(sets), hessian, np.concatenate([g for _, g in each]), 21.0)
+    assert found.log_evidence == pytest.approx(sum(one.log_evidence for one in alone))
+    np.testing.assert_allclose(found.step, np.concatenate([one.step for one in alone]))
+    np.testing.assert_allclose(found.variance, np.concatenate([one.variance for one in alone]))
+
+
+def test_either_bound_is_impossible_and_far_beyond_it_too():
+    h = np.array([[400.0]])
+    for bound in (-2.0, 2.0):
+        at = prior_of([held(MAIN, at=[bound])])
+        assert score(at, h, np.array([0.0]), 0.0).log_evidence <= IMPOSSIBLE / 2
+    # Steps of 0.1 from a twentieth below the bound: within, by 4 and by 8 standard errors beyond.
+    near = prior_of([held(MAIN, at=[1.95])])
+    four, eight = (score(near, h, h[0] * step, 0.0).log_evidence for step in (0.25, 0.45))
+    assert four > IMPOSSIBLE / 2 > eight
+
+
+def test_a_value_shapes_its_effect_if_it_is_a_detail_or_has_no_absent():
+    assert is_shape(SHAPE)
+    assert is_shape(replace(MAIN, absent=None))
+    assert is_shape(replace(MAIN, detail=True))
+    assert not is_shape(MAIN)
+
+
+def test_values_that_no_rows_tell_apart_have_no_evidence():
+    same = np.ones((2, 2)) * 1e20
+    found = score(prior_of([held(MAIN, MAIN)]), -same, np.zeros(2), 0.0)
+    assert found.log_evidence == IMPOSSIBLE
+    np.testing.assert_array_equal(found.step, 0.0)
+
+
+def test_levels_are_scored_together_as_each_alone_though_one_cannot_be_solved():
+    prior = prior_of([held(MAIN, SHAPE, at=[0.4, 0.5]), held(MAIN)])
+    size = np.array([5.0, 9.0, 20.0])[:, None, None]
+    rows = size * np.random.default_rng(4).normal(size=(3, 30, 4))
+    grams = rows.transpose(0, 2, 1) @ rows
+    grams[1, :-1, :-1] -= 1e5 * np.eye(3)  # by rounding a matrix may lose its sign
+    for some in (grams, grams[[0, 2]]):
+        for together, gram in zip(scores(prior, some), some, strict=True):
+            alone = score(prior, gram[:-1, :-1], gram[:-1, -1], float(gram[-1, -1]))
+            assert together.log_evidence == pytest.approx(alone.log_evidence)
+            np.testing.assert_allclose(together.step, alone.step)
+            np.testing.assert_allclose(together.variance, alone.variance)
+    assert scores(prior, grams)[1].log_evidence == IMPOSSIBLE
