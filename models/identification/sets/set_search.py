@@ -47,6 +47,7 @@ STEPPED = 0  # the level at which values are found: a free form of the usual siz
 NEAR = 9.0  # of log evidence below the best: less than one in 8,000 as likely
 FAR = 3 * NEAR  # the same, from which a set is left as it is once its steps promise no more
 
+SIDE, SIDE_FORM = 0.2, 0.5  # share of the main change that is by the way, and how good it is
 LEAST_CHANGE = 0.5  # rpm RMS, below which the form of an effect does not matter
 STALE = 2.0  # fall of -2 log likelihood below which derivatives are worked out anew
 CONVERGED = 0.02  # the same, below which no more steps are taken
@@ -287,7 +288,8 @@ class Search:
     def _forms(self, held: Sequence[Held]) -> ValueColumns:
         """By how much what each effect of a set does may be another than its form says, in rpm.
 
-        FORM of its change along the direction that it changes most, anew in each mode.
+        FORM of its change along the direction that it changes most, anew in each mode, and
+        SIDE_FORM of what it changes by the way in modes that it hardly acts in.
         """
         modes, count = self.reduced.measured_rpm.shape[1], self.slow.shape[1]
         parts = [ValueColumns.of_all(np.zeros((self.slow.shape[0], modes, 0)))]
@@ -299,6 +301,10 @@ class Search:
             if np.sqrt(np.mean(change**2)) < LEAST_CHANGE:
                 continue
             main = change @ np.linalg.eigh(change.T @ change)[1][:, -1]
+            size = np.sqrt(np.mean(change**2, axis=0))
+            side = np.flatnonzero((size < SIDE * size.max()) & (size > LEAST_CHANGE))
+            one = np.zeros(side.size, dtype=np.intp)
+            parts.append(ValueColumns.with_source(SIDE_FORM * change[:, :, None], one, mode=side))
             own = np.repeat((FORM * main[:, None] * self.slow)[:, None, :], modes, axis=1)
             parts.append(ValueColumns.with_source(own, curve, mode=each))
         return side_by_side(parts)
