@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from thrustmargin.models.effects.base import Kind
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.candidates import (
     Candidate,
@@ -289,7 +290,8 @@ class Search:
         """By how much what each effect of a set does may be another than its form says, in rpm.
 
         FORM of its change along the direction that it changes most, anew in each mode, and
-        SIDE_FORM of what it changes by the way in modes that it hardly acts in.
+        SIDE_FORM of what it changes by the way in modes that it hardly acts in. What an instrument
+        does by the way follows from the law whose input it is, and has no form of its own.
         """
         modes, count = self.reduced.measured_rpm.shape[1], self.slow.shape[1]
         parts = [ValueColumns.of_all(np.zeros((self.slow.shape[0], modes, 0)))]
@@ -301,10 +303,22 @@ class Search:
             if np.sqrt(np.mean(change**2)) < LEAST_CHANGE:
                 continue
             main = change @ np.linalg.eigh(change.T @ change)[1][:, -1]
-            size = np.sqrt(np.mean(change**2, axis=0))
-            side = np.flatnonzero((size < SIDE * size.max()) & (size > LEAST_CHANGE))
-            one = np.zeros(side.size, dtype=np.intp)
-            parts.append(ValueColumns.with_source(SIDE_FORM * change[:, :, None], one, mode=side))
+            parts += (
+                _by_the_way(change) if held[k].candidate.term.effect.kind is not Kind.INPUT else []
+            )
             own = np.repeat((FORM * main[:, None] * self.slow)[:, None, :], modes, axis=1)
             parts.append(ValueColumns.with_source(own, curve, mode=each))
         return side_by_side(parts)
+
+
+def _by_the_way(change: Floats) -> list[ValueColumns]:
+    """What a change (N, R) rpm in modes may be wrong by where it is small beside the main one.
+
+    It comes in from nothing at LEAST_CHANGE, so that no set wins by what is a little larger.
+    """
+    square = np.mean(change**2, axis=0)
+    side = np.flatnonzero((square < SIDE**2 * square.max()) & (square > LEAST_CHANGE**2))
+    share = np.zeros(square.size)
+    share[side] = np.sqrt(1.0 - LEAST_CHANGE**2 / square[side])
+    one = np.zeros(side.size, dtype=np.intp)
+    return [ValueColumns.with_source((SIDE_FORM * share * change)[:, :, None], one, mode=side)]

@@ -203,8 +203,9 @@ def test_an_effect_may_differ_in_each_mode_by_a_twentieth_of_its_change_along_sl
     side = [m for m in range(modes) if 0.5 < rms(change[:, m]) < 0.2 * max(map(rms, change.T))]
     assert side  # a shift of 5 cm also takes some rpm in all rotors together
     assert forms.shape[2] == len(side) + modes * curves
-    for k, mode in enumerate(side):  # half of what it does by the way, whatever that is
-        np.testing.assert_allclose(forms[:, mode, k], 0.5 * change[:, mode])
+    for k, mode in enumerate(side):  # half of what it does by the way, from 0.5 rpm on
+        share = np.sqrt(1.0 - (0.5 / rms(change[:, mode])) ** 2)
+        np.testing.assert_allclose(forms[:, mode, k], 0.5 * share * change[:, mode])
         assert not np.delete(forms[:, :, k], mode, axis=1).any()
     # The change along the direction in which it is largest, by a singular value decomposition.
     main = change @ np.linalg.svd(change, full_matrices=False)[2][0]
