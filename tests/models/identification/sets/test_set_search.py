@@ -218,6 +218,39 @@ def test_an_effect_may_differ_in_each_mode_by_a_twentieth_of_its_change_along_sl
         assert not np.delete(own, mode, axis=1).any()
 
 
+def sizes(search: Search, held: Held) -> list[float]:
+    """rpm RMS of what an effect does in each mode."""
+    change = predicted(search.reduced, [held]) - predicted(search.reduced, [])
+    return [rms(mode) for mode in change.T]
+
+
+def test_what_an_instrument_does_by_the_way_follows_from_the_law_whose_input_it_is():
+    search = searched(["tank_scale", "cg_offset"])
+    gauge, shifted = at(search, "tank_scale", 0.7), at(search, "cg_offset", 0.02, 0.0)
+    both = predicted(search.reduced, [gauge, shifted])
+    change = both - predicted(search.reduced, [shifted])
+    by_mode = [rms(mode) for mode in change.T]  # less load on a lever is less of a moment
+    assert any(0.5 < size < 0.2 * max(by_mode) for size in by_mode)
+    own = both - predicted(search.reduced, [gauge])
+    side = [m for m in own.T if 0.5 < rms(m) < 0.2 * max(map(rms, own.T))]
+    forms = forms_of(search, gauge, shifted)
+    assert forms.shape[2] == 2 * len(by_mode) * search.slow.shape[1] + len(side)
+
+
+def test_what_an_effect_does_by_the_way_comes_in_from_nothing():
+    search = searched(["cg_offset"])
+    many = len(sizes(search, at(search, "cg_offset", 0.05, 0.02))) * search.slow.shape[1]
+    for x in np.linspace(0.02, 0.06, 41):
+        forms = forms_of(search, at(search, "cg_offset", x, 0.0))
+        for k in range(forms.shape[2] - many):
+            size = rms(forms[:, :, k].sum(axis=1))
+            # half of s sqrt(1 - 0.25/s²): 0.02 rpm where s is 0.5016
+            assert size <= 0.5 * max(sizes(search, at(search, "cg_offset", x, 0.0)))
+            if size < 0.1:
+                return
+    raise AssertionError("no size at which it only just comes in was tried")
+
+
 def test_of_several_effects_each_may_differ_in_what_it_does_beside_the_others():
     search = searched(["extra_mass", "tank_scale", "thrust_drift"])
     held = [at(search, "tank_scale", 0.8), at(search, "extra_mass", 4.0)]
