@@ -11,6 +11,7 @@ from thrustmargin.models.identification.answer.manoeuvres import (
     FlownLimits,
     Manoeuvre,
     Piece,
+    corners_ned,
     flown_track,
     manoeuvres,
 )
@@ -77,6 +78,28 @@ def test_every_piece_of_the_library():
     np.testing.assert_allclose(as_numbers(made["climb and descent"]), climbs)
 
 
+@pytest.mark.parametrize("heading", [0.0, np.pi / 2])
+def test_what_is_flown_lies_about_the_middle_of_where_was_flown(heading):
+    """40 m ahead, a turn to the right and 10 m more: from -20 to 20 m and -5 to 5 m about it."""
+    made = Manoeuvre(
+        name="a corner",
+        words="fly a corner",
+        pieces=(
+            Piece(seconds=10.0, speed=4.0),
+            Piece(seconds=2.0, turn=np.pi / 4),
+            Piece(seconds=5.0, speed=2.0, climb=1.0),
+        ),
+        height=7.0,
+        heading=heading,
+        fills_kg=(0.0,),
+    )
+    ahead = np.array([[-20.0, -5.0], [20.0, -5.0], [20.0, -5.0], [20.0, 5.0]])
+    north_east = ahead if heading == 0.0 else np.column_stack([-ahead[:, 1], ahead[:, 0]])
+    expected = np.column_stack([north_east + np.array([100.0, -30.0]), [-7.0, -7.0, -7.0, -12.0]])
+    found = corners_ned(made, limits(place_ne=(100.0, -30.0)))
+    np.testing.assert_allclose(found, expected, atol=1e-9)
+
+
 def test_in_a_small_field_legs_are_shorter_and_slower():
     # 30 m in at least 6 s: 5 m/s. At half of it 12 s.
     made = pieces(reach=15.0)
@@ -101,6 +124,8 @@ def test_turns_are_as_quick_as_was_flown_within_bounds(flown, rate):
         ({"climb": 0.29}, {"climb and descent"}),
         ({"height": (3.0, 9.1)}, set()),  # 6 s at half of 2 m/s
         ({"height": (3.0, 8.9)}, {"climb and descent"}),
+        ({"climb": 0.5, "height": (3.0, 4.51)}, set()),  # 3 s at 0.5 m/s
+        ({"climb": 0.5, "height": (3.0, 4.49)}, {"climb and descent"}),
     ],
 )
 def test_what_was_hardly_flown_is_left_out(given, left_out):

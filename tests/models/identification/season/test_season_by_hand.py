@@ -5,16 +5,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from tests.models.made_flights import F16, curve_model, made_flight
+from thrustmargin.models.effects import effects_for
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.rows.candidates import Held, predicted
 from thrustmargin.models.identification.season.change_points import penalty_of, spread_beyond
 from thrustmargin.models.identification.season.flight_sums import (
     FlightEvidence,
+    flight_sums,
     from_arrays,
     to_arrays,
 )
 from thrustmargin.models.identification.season.season_changes import SeasonChanges, season_changes
 from thrustmargin.models.identification.season.season_sums import SeasonSums, season_sums
+from thrustmargin.models.identification.sets.nuisance import LEVELS
+from thrustmargin.models.identification.sets.search_space import search_space
 
 LOSS, SHARE = "rotor_degradation.loss@1", "rotor_degradation.torque_share@1"
 #: absent, lower, upper, scale, smallest, 1 of a flight's own, 1 of a shape
@@ -176,6 +182,42 @@ def test_about_a_loss_rows_are_as_an_aircraft_has_them_that_lost_it():
     # r + 0.1² Q = (J + 0.2 Q) 0.1, exactly.
     assert gram[k, -1] / gram[k, k] == pytest.approx(0.1)
     assert gram.shape == (6, 6)
+
+
+def test_columns_of_a_rotor_are_its_loss_how_that_bends_and_how_torque_goes_with_it():
+    """By differences of the prediction: slope at no loss, what 10 % of loss do beyond it over
+    0.1², and by how much another share of the torque changes the slope."""
+    model, track = curve_model(), made_flight(3)
+    evidence = flight_sums(model, track)
+    space = search_space(model, [track], effects_for(F16))
+    (worn,) = (c for c in space.candidates if c.key == "rotor_degradation@3")
+
+    def done(loss: float, share: float) -> Floats:
+        return predicted(space.reduced, [Held(candidate=worn, values=np.array([[loss, share]]))])
+
+    def slope(share: float) -> Floats:
+        return (done(1e-5, share) - done(-1e-5, share)) / 2e-5
+
+    bend = (done(0.1, 0.5) - done(0.0, 0.5) - 0.1 * slope(0.5)) / 0.1**2
+    residual = space.reduced.in_modes(space.reduced.measured_rpm) - done(0.0, 0.5)
+    columns = [slope(0.5), (slope(1.0) - slope(0.5)) / 0.5, bend, residual]
+    sums = space.nuisance.sums(np.stack(columns, axis=2))
+    expected = space.nuisance.solved(levels=LEVELS[:1]).reduce(sums)[0]
+    loss, share = (
+        evidence.names.index(f"rotor_degradation.{of}@3") for of in ("loss", "torque_share")
+    )
+    at = [loss, share, len(evidence.names) + evidence.bent.index(loss), -1]
+    size = np.sqrt(np.diag(expected))
+    off = (evidence.gram[np.ix_(at, at)] - expected) / np.outer(size, size)
+    np.testing.assert_allclose(off, 0.0, atol=1e-4)
+    assert evidence.limits[share].tolist() == [0.0, -1.0, 1.0, 0.5, 0.0, 0.0, 1.0]
+    kept = worn.parameters[0]
+    by_hand = [0.0, kept.lower, kept.upper, 0.05, 0.004, 0.0, 0.0]
+    assert evidence.limits[loss].tolist() == by_hand
+    np.testing.assert_allclose(evidence.known[[loss, share]], np.diag(sums[1])[:2], rtol=1e-4)
+    time_s = space.reduced.channels.time_s
+    assert (evidence.seconds, evidence.means) == (time_s[-1] - time_s[0], time_s.size)
+    assert (evidence.rotor_count, evidence.of_outputs) == (4, False)
 
 
 def least_squares(sums: SeasonSums, free: set[str]) -> Floats:
