@@ -21,7 +21,6 @@ from numpy.typing import NDArray
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.season.change_points import (
     FALSE_ENTRIES,
-    LEAST_FLIGHTS,
     SeasonEntry,
     changes,
     penalty_of,
@@ -191,9 +190,9 @@ def _entries(
     over the whole season; and (F,) its curve."""
     value, error, _ = _series(sums, place, curves)
     where = np.flatnonzero(np.isfinite(value))
-    if where.size < 2 * LEAST_FLIGHTS:
-        return [], np.zeros(sums.flights)
     entries, curve = changes(value[where], error[where], penalty)
+    if not entries:
+        return [], np.zeros(sums.flights)
     leak = np.zeros(where.size)
     for other in (k for k in found.shapes if k != place):
         moved = curves[where, other] - curves[where, other].mean()
