@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.logs import Waypoint
 
 TICK_HZ = 15.0
-SEGMENTS = 6000  # of the route, which is drawn once for each colour
 #: Gauges and charts are drawn on every third and every fifth tick: people read no faster.
 GAUGE_TICKS, CHART_TICKS = 3, 5
 #: How long a message of the vehicle stays on the screen, s of the flight.
@@ -92,7 +91,7 @@ class ReplayView(ViewPage):
         self._fault_times = np.array([time_s for time_s, _ in self._faults])
         self._start_s = float(track.time_s[0])
         self._flown = track.flying if track.flying.any() else np.ones_like(track.flying)
-        self._trail = Trail([o.worst for o in self._overlays], limit=SEGMENTS)
+        self._trail = Trail([o.worst for o in self._overlays])
         self._trail.add(
             track.time_s[self._flown],
             track.position_ned[self._flown],
