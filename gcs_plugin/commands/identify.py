@@ -6,6 +6,7 @@ import sys
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
@@ -26,9 +27,9 @@ from thrustmargin.models.errors import (
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from thrustmargin.gcs_plugin.commands.tracks_on_disk import TracksOnDisk
     from thrustmargin.gcs_plugin.reports.identify.identify_result import Result
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-    from thrustmargin.models.flight import FlightTrack
     from thrustmargin.models.model.rotor_model import RotorModel
 
 
@@ -80,7 +81,7 @@ def identify(
     from thrustmargin.gcs_plugin.commands.inputs import starting_model
     from thrustmargin.gcs_plugin.commands.terminal import Terminal, steps
     from thrustmargin.gcs_plugin.reports.identify.identify_result import result_of
-    from thrustmargin.models.identification.loop import identify as search
+    from thrustmargin.models.identification.loop import identify_checked
     from thrustmargin.models.identification.rows.usable_flights import require_distinct
 
     errors = Terminal(stderr=True, soft_wrap=True)
@@ -100,25 +101,26 @@ def identify(
     start, model_name = starting_model(model, airframe)
     not_used: list[UnusedLog] = []
     given = model is not None or airframe is not None
-    fit, new = (
-        logs_to_fit(paths, start, given, reading, not_used, errors, option=option)
-        for paths, option in ((logs, ""), (held_out, "--held-out "))
-    )
-    require_distinct((*fit, *new))
-    with steps(errors, total=1.0) as progress:
-        found = search(fit, start, held_out=new, progress=progress)
-        progress("what it means for the margin", 0.0)
-        result = result_of(
-            found,
-            tracks=(*fit, *new),
-            not_used=not_used,
-            model_in=model_name,
-            model_out="" if out is None else str(out),
-            mission="" if next_flight is None else str(next_flight),
-            date=datetime.now(UTC).date().isoformat(),
+    with TemporaryDirectory(prefix="thrustmargin-") as folder:
+        fit, new = (
+            logs_to_fit(paths, start, given, reading, not_used, errors, Path(folder), option=option)
+            for paths, option in ((logs, ""), (held_out, "--held-out "))
         )
-        progress("writing", 0.0)
-        written = write_result(result, out=out, json=json, html=html, mission=next_flight)
+        require_distinct(fit + new)
+        with steps(errors, total=1.0) as progress:
+            found = identify_checked(fit, start, held_out=new, progress=progress)
+            progress("what it means for the margin", 0.0)
+            result = result_of(
+                found,
+                tracks=fit + new,
+                not_used=not_used,
+                model_in=model_name,
+                model_out="" if out is None else str(out),
+                mission="" if next_flight is None else str(next_flight),
+                date=datetime.now(UTC).date().isoformat(),
+            )
+            progress("writing", 0.0)
+            written = write_result(result, out=out, json=json, html=html, mission=next_flight)
     if json != STDOUT:
         show(result, written)
     if next_flight is not None and next_flight not in written:
@@ -133,21 +135,24 @@ def logs_to_fit(
     reading: ReadingOptions,
     not_used: list[UnusedLog],
     console: Console,
+    folder: Path,
     *,
     option: str,
-) -> tuple[FlightTrack, ...]:
-    """Read and check logs in their order; those that cannot serve are added to `not_used`.
+) -> TracksOnDisk:
+    """Read and check logs in their order, into files of a folder; those that cannot serve are added
+    to `not_used`.
 
     That is also one that is not a flight of the model's airframe, `given` by the user or not.
     Raises DataError that names them all when the rotor speeds of some are those of other rotors, or
     when none of the logs given by `option` can serve.
     """
     from thrustmargin.gcs_plugin.commands.inputs import claimed, listed, read_logs
+    from thrustmargin.gcs_plugin.commands.tracks_on_disk import TracksOnDisk
     from thrustmargin.gcs_plugin.logs.inspection import instrument_offsets
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.models.identification.rows.usable_flights import too_little, wrong_order
 
-    tracks: list[FlightTrack] = []
+    tracks = TracksOnDisk(folder)
     left_out: list[UnusedLog] = []
     disordered: list[UnusedLog] = []
     read = read_logs(logs, left_out, console, model=model, given=given, reading=reading)
@@ -169,7 +174,7 @@ def logs_to_fit(
     if left_out and not tracks:
         raise DataError(f"no {option}flight can be used; {listed(left_out)}")
     not_used += left_out
-    return tuple(tracks)
+    return tracks
 
 
 def write_result(

@@ -72,6 +72,23 @@ def identify(
     given = model is not None
     model = model or shipped_model()
     require_airframe((*flights, *held_out), model, given=given)
+    return identify_checked(
+        fit, model, held_out=unused_tracks, catalogue=catalogue, progress=progress
+    )
+
+
+def identify_checked(
+    fit: Sequence[FlightTrack],
+    model: RotorModel,
+    *,
+    held_out: Sequence[FlightTrack] = (),
+    catalogue: Sequence[Effect] = CATALOGUE,
+    progress: Progress | None = None,
+) -> Identification:
+    """As `identify`, of flights that `require_airframe` holds for, or what a command does of it.
+
+    Tracks are looked at one at a time, so that they may lie on disk.
+    """
     catalogue = effects_for(model.airframe, catalogue)
     problem, means = rows_and_means(model, fit)
     if problem.of_outputs:
@@ -98,8 +115,8 @@ def identify(
     before, after = left_out.residual({}), left_out.residual(values)
     chosen = left_out.with_choice(matter, [c for c in named if c not in matter])
     unseen = [Unseen(problem=problem, before_rpm=before, after_rpm=chosen, role="fit")]
-    if unused_tracks:
-        unused = assemble(model, unused_tracks)
+    if held_out:
+        unused = assemble(model, held_out)
         unseen.append(
             Unseen(
                 problem=unused,

@@ -42,7 +42,7 @@ class Result:
 
     found: Identification
     update: ModelUpdate
-    tracks: tuple[FlightTrack, ...]  # the fitted flights, then the held-out ones
+    tracks: Sequence[FlightTrack]  # the fitted flights, then the held-out ones
     not_used: tuple[UnusedLog, ...]
     unseen: tuple[Unseen, ...]  # the last one is that of the errors
     errors: tuple[RotorErrors, ...]  # all rotors, then each
@@ -74,7 +74,7 @@ def result_of(
     return Result(
         found=found,
         update=update_model(found.model, found, date=date),
-        tracks=tuple(tracks),
+        tracks=tracks,
         not_used=tuple(not_used),
         unseen=unseen,
         errors=rotor_errors(unseen[-1]),

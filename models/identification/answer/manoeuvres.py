@@ -28,6 +28,12 @@ LEAST_LEG_S, LEAST_SPEED = 6.0, 0.3  # below these a leg or a climb says nothing
 SIDE_S = 4.0  # of a square, between its corners
 TURN_RATE = np.radians(45.0)  # rad/s at most
 LOW_FILL = 0.1  # of the largest fill flown: "nearly empty"
+OF_THE_AIR = ("pressure", "temperature", "altitude")
+#: channels that say what was flown
+FLOWN = (
+    *("velocity_ned", "position_ned", "wind_ned", "angular_rate_frd"),
+    *("tank_kg", "height_agl", "voltage", *OF_THE_AIR),
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,12 +56,20 @@ class FlownLimits:
     @classmethod
     def of(cls, tracks: Sequence[FlightTrack]) -> Self:
         """From the rows in flight. Raises DataError when none are."""
-        flown = [track.rows(track.flying) for track in tracks if track.flying.any()]
-        if not flown:
+        origins, durations = [], []
+        flown: dict[str, list[Floats]] = {name: [] for name in FLOWN}
+        for track in tracks:  # one at a time: a season need not be held
+            if track.flying.any():
+                track = track.rows(track.flying)
+                origins.append(track.origin)
+                durations.append(track.duration)
+                for name, parts in flown.items():
+                    parts.append(getattr(track, name))
+        if not durations:
             raise DataError("no row of the flights is in flight, so no manoeuvre can be bounded")
 
         def every(channel: str) -> Floats:
-            return np.concatenate([getattr(track, channel) for track in flown])
+            return np.concatenate(flown[channel])
 
         def ends(values: Floats, low: float, high: float) -> tuple[float, float]:
             known = values[np.isfinite(values)]
@@ -67,7 +81,7 @@ class FlownLimits:
         sides = [ends(position[:, k], 0.01, 0.99) for k in (0, 1)]
         fills = ends(every("tank_kg"), 0.0, 1.0)
         return cls(
-            origin=next((t.origin for t in flown if t.origin is not None), None),
+            origin=next((origin for origin in origins if origin is not None), None),
             place_ne=tuple(np.nan_to_num(np.mean(sides, axis=1)).tolist()),
             reach=float(np.nan_to_num(np.max(np.ptp(sides, axis=1)) / 2)),
             height=ends(every("height_agl"), 0.05, 0.95),
@@ -75,13 +89,10 @@ class FlownLimits:
             climb=ends(np.abs(velocity[:, 2]), 0.0, 0.98)[1],
             turn_rate=ends(np.abs(every("angular_rate_frd")[:, 2]), 0.0, 0.99)[1],
             fill_kg=(min(fills[0], LOW_FILL * fills[1]), fills[1]),
-            minutes=max(track.duration for track in flown) / 60.0,
+            minutes=max(durations) / 60.0,
             wind_ne=tuple(np.nan_to_num([ends(wind[:, k], 0.5, 0.5)[0] for k in (0, 1)]).tolist()),
             voltage=ends(every("voltage"), 0.95, 0.05),
-            typical={
-                name: ends(every(name), 0.5, 0.5)[0]
-                for name in ("pressure", "temperature", "altitude")
-            },
+            typical={name: ends(every(name), 0.5, 0.5)[0] for name in OF_THE_AIR},
         )
 
 

@@ -7,7 +7,8 @@ measurement were left out when the log was read.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from hashlib import sha256
 from typing import Protocol
 
 from thrustmargin.models.checks.motor_order import check_motor_order
@@ -90,11 +91,11 @@ def too_little(track: FlightTrack, model: RotorModel) -> str | None:
     return f"{rows} rows in steady flight with {', '.join(needed.values())}; needs {LEAST_ROWS}"
 
 
-def require_distinct(tracks: Sequence[FlightTrack]) -> None:
+def require_distinct(tracks: Iterable[FlightTrack]) -> None:
     """Raise DataError when a flight is given twice: it would confirm itself."""
     seen: dict[bytes, str] = {}
     for track in tracks:
-        content = track.rotor_speed_rpm.tobytes()
+        content = sha256(track.rotor_speed_rpm.tobytes()).digest()
         if content in seen:
             raise DataError(
                 f"{track.name} and {seen[content]} are the same flight; give each flight once, "
