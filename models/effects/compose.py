@@ -127,6 +127,7 @@ def apparent_thrust(base: BaseTable, placed: Sequence[Placed], x: Channels) -> A
         if item.effect.kind is Kind.DEMAND:
             demand = item.effect.apply(item.values, x, demand)
     if demand is not total:
+        demand = np.maximum(demand, THRUST_FLOOR)  # as a report of a fall at more than g has it
         thrust = thrust * (demand / total)[:, None]
     for item in placed:
         if item.effect.kind is Kind.MOMENTS:

@@ -174,3 +174,26 @@ def test_the_base_table_is_read_between_its_grid_and_held_beyond_it():
     full = table.look_up(np.zeros(1), np.array([1.5 * F16.tank_capacity_kg]))
     assert full[0, 0] == pytest.approx(1e-5 * (2.0 + 1.5 * F16.tank_capacity_kg), rel=1e-9)
     assert table.look_up(np.array([np.nan]), np.zeros(1))[0, 0] == pytest.approx(2e-5)
+
+
+def test_a_report_of_a_fall_at_more_than_g_asks_for_no_thrust_and_is_known(model):
+    """Thrust below none to a power would be no number, and a warning."""
+    x = model_channels(model, made_flight(1, speed=6.0))
+    down, still = np.full(x.load_factor_shifts.shape, -0.5), np.zeros(x.load_factor_shifts.shape)
+    falling = x.with_changed(
+        load_factor_shifts=down,
+        manoeuvre_load_shifts=down,
+        rate_shifts=(still,) * 3,
+        acceleration_shifts=(still,) * 3,
+    )
+    felt = {"gain": 1.0, "imu_share": 1.0, "sharpening": 0.0, "lag": 0.0}
+    names = [p.name for p in EFFECTS["manoeuvre_moment"].parameters]
+    turning = dict.fromkeys(names, 0.0) | {"inertia_roll": 1.0, "load_exponent": 0.5}
+    placed = [
+        Placed(effect=EFFECTS["load_factor"], values=felt),
+        Placed(effect=EFFECTS["manoeuvre_moment"], values=turning),
+    ]
+    with np.errstate(invalid="raise"):
+        found = speeds(model, falling, *placed)
+    assert np.isfinite(found).all()
+    assert found.max() < 0.05 * speeds(model, x).min()
