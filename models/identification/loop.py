@@ -97,8 +97,7 @@ def identify_checked(
     search = Search(space.reduced, space.nuisance, space.candidates)
     search.run(progress)
     steps = onset_candidates(search, search.best) if not problem.of_outputs else []
-    if steps:
-        search.add(steps, without_rotors(search, search.best.key))
+    if steps and search.add(steps, without_rotors(search, search.best.key)):
         search.run(progress)
     answer = posterior_of(search, steepness_of(fit) if problem.of_outputs else 0.0)
     named = answer.named()

@@ -31,7 +31,7 @@ from thrustmargin.models.identification.rows.candidates import (
     derivatives,
 )
 from thrustmargin.models.identification.sets.linear_sets import FittedSet, Key
-from thrustmargin.models.identification.sets.set_search import Search
+from thrustmargin.models.identification.sets.set_search import FAR, Search
 
 LEAST_AFTER = 8.0  # s of flight before and after a step, for it to be one
 GRID, FINE = 5.0, 0.35  # s between the times that are tried, and about the best of them
@@ -84,8 +84,10 @@ def onset_candidates(search: Search, about: FittedSet) -> list[Candidate]:
                 gain, ends = _while(sums, step)
                 if gain > best.get("while", (0.0,))[0]:
                     best["while"] = (gain, step.flight or 0, ends)
+        # What the same rotor's loss from the beginning says far better is no step.
+        least = _gains(sums.throughout())[0] - FAR
         for kind, (gain, flight, when) in best.items():
-            if gain > LEAST_GAIN + np.log(tries):
+            if gain > max(least, LEAST_GAIN + np.log(tries)):
                 found.append((gain, _candidate(search, kind, rotor, flight, when, tries)))
     found.sort(key=lambda pair: -pair[0])
     return [one for _, one in found[: 2 * len(KINDS)]]
@@ -144,6 +146,11 @@ class _LossSums:
             shared=[p[0] for p in parts],
             own=[p[1] for p in parts],
         )
+
+    def throughout(self) -> Floats:
+        """(2, 2) of the loss in all flights from their beginning, and of the residual."""
+        level = slice(self.level, self.level + 1)
+        return self.search.solved.reduce(self.search.nuisance.sums(self.columns), level)[0]
 
     def gram(self, step: _Step, times: Floats) -> Floats:
         """(S + 1, S + 1) of a loss from each of some times on and of the residual."""

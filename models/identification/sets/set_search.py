@@ -78,7 +78,8 @@ class Search:
         self.start = [Held(candidate=c, values=c.start) for c in self.candidates]
 
     def run(self, progress: Progress | None = None) -> None:
-        """Search until the best set stays."""
+        """Search until the best set stays. What is likely about a set that is far from the best
+        found meanwhile is looked for anew about that one."""
         best = self.fit(frozenset(), ()) if not self.fitted else self.best
         for number in range(ROUNDS):
             if progress:
@@ -86,21 +87,26 @@ class Search:
             linear = self.linearise(best)
             for key in self.promising(linear):
                 self.fit(key, linear.held)
+                if self.best.total > best.total + FAR:
+                    break
             if self.best.key == best.key:
                 break
             best = self.best
 
-    def add(self, more: Sequence[Candidate], beside: Key) -> None:
-        """Candidates that were found on the way, each tried alone and beside a set."""
+    def add(self, more: Sequence[Candidate], beside: Key) -> bool:
+        """Candidates that were found on the way, each tried alone and beside a set; True where one
+        comes near the best, so that the search is to go on."""
         near = {
             c: h for f in self.fitted.values() for c, h in zip(sorted(f.key), f.held, strict=True)
         }
+        found = []
         for one in more:
             self.candidates.append(one)
             self.start.append(Held(candidate=one, values=one.start))
             new = len(self.candidates) - 1
-            for key in (frozenset({new}), beside | {new}):
-                self.fit(key, [near.get(c, self.start[c]) for c in range(new + 1)])
+            values = [near.get(c, self.start[c]) for c in range(new + 1)]
+            found += [self.fit(key, values) for key in (frozenset({new}), beside | {new})]
+        return any(one.total > self.best.total - FAR for one in found)
 
     def fit_near(self, key: Key, near: Mapping[int, Held]) -> FittedSet:
         """A set fitted from the values of a neighbour, without a place among the sets."""
@@ -208,7 +214,8 @@ class Search:
         """Fit a set in full from the values in `near` (of all candidates) or from the starts.
 
         How uncertain a form is goes with its values, which steps do not see: a bad rotor is
-        also tried in its usual shape. A set that is far from the best is left where it stands.
+        also tried in its usual shape where the set has weight. One far from the best is left where
+        it stands.
         """
         if key in self.fitted:
             return self.fitted[key]
@@ -218,7 +225,7 @@ class Search:
         )
         usual = [h.usually_shaped() for h in found.held]
         changed = any(a is not b for a, b in zip(usual, found.held, strict=True))
-        if changed and found.total > best - FAR:
+        if changed and found.total > best - NEAR:
             other = self._fit(key, usual, 0)
             found = other if other.total > found.total + STALE else found
         self.fitted[key] = found
@@ -278,6 +285,17 @@ class Search:
         return FittedSet(
             key=key, held=tuple(held), levels=levels, log_evidence=evidence, residual=residual
         )
+
+    def stepped(self, best: FittedSet) -> Floats:
+        """(N, R) rpm in modes by which a set's prediction moves to its likeliest values."""
+        moved, first = np.zeros_like(best.residual), 0
+        step = best.levels[best.best_level].step
+        for k in range(len(best.held)):
+            columns = value_columns(self.reduced, best.held, k).without_nan()
+            last = first + columns.count
+            moved += columns.wide(self.reduced.flight) @ step[first:last]
+            first = last
+        return moved
 
     def _prepared(self, held: Sequence[Held]) -> Prepared:
         """Derivatives by the free values of a set, and its forms."""

@@ -2,6 +2,7 @@
 
 import gc
 import weakref
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,7 +32,7 @@ class Counted(TracksOnDisk):
         return track
 
 
-def on_disk(folder, tracks, kind=TracksOnDisk):
+def on_disk(folder, tracks, kind=TracksOnDisk) -> Any:
     found = kind(folder)
     for track in tracks:
         found.append(track)

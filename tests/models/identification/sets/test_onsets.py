@@ -10,10 +10,11 @@ from thrustmargin.models.effects import effects_for
 from thrustmargin.models.effects.rotor_degradation import ONSETS
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.identification.rows.candidates import Candidate, derivatives
+from thrustmargin.models.identification.sets import onsets
 from thrustmargin.models.identification.sets.nuisance import LEVELS
 from thrustmargin.models.identification.sets.onsets import onset_candidates
 from thrustmargin.models.identification.sets.search_space import search_space
-from thrustmargin.models.identification.sets.set_search import Search
+from thrustmargin.models.identification.sets.set_search import FAR, Search
 
 IN_ONE, FOR_A_WHILE, IN_EACH, SINCE = (effect.variant for effect in ONSETS)
 
@@ -169,6 +170,27 @@ def test_the_eight_steps_that_gain_most_are_kept_the_largest_first():
     assert len(found) == 8
     assert gains == sorted(gains, reverse=True)
     assert gains[-1] > 3.0
+
+
+def test_what_a_rotors_loss_from_the_beginning_says_far_better_is_no_step(monkeypatch):
+    search = searched([59.5, 61.6])
+    always = np.ones(search.reduced.flight.size, dtype=np.bool_)
+    residual = loss_of(search, 1, 0.1, always)
+    whole = []
+    for rotor in range(4):
+        both = np.stack([loss_of(search, rotor, 1.0, always), residual], axis=2)
+        gram = search.solved.reduce(search.nuisance.sums(both))[0]
+        whole.append(max(gram[0, 1], 0.0) ** 2 / gram[0, 0] / 2.0)
+    kept = [one.key for one in steps(search, residual)]
+    monkeypatch.setattr(onsets, "FAR", np.inf)
+    every = steps(search, residual)
+    near = [
+        one.key
+        for one in every
+        if gain_of(search, one, residual) > whole[one.term.rotor or 0] - FAR
+    ]
+    assert kept == near
+    assert "rotor_degradation:in each flight@2" in {one.key for one in every} - set(kept)
 
 
 def test_of_more_than_24_flights_only_what_begins_in_each_is_looked_for():

@@ -165,7 +165,7 @@ def test_candidates_found_on_the_way_are_tried_alone_and_beside_a_set():
     mass = place(search, "extra_mass")
     search.fit(frozenset(), ())
     search.fit(mass, ())
-    search.add([late], beside=mass)
+    assert search.add([late], beside=mass)
     new = len(search.candidates) - 1
     assert search.candidates[new] is late
     assert set(search.fitted) == {frozenset(), mass, frozenset({new}), mass | {new}}
@@ -174,6 +174,43 @@ def test_candidates_found_on_the_way_are_tried_alone_and_beside_a_set():
     values = {h.candidate.key: h.free_values[0] for h in both.held}
     assert values["extra_mass"] == pytest.approx(2.0, abs=0.5)
     assert values["rotor_degradation@1"] == pytest.approx(0.06, abs=0.02)
+
+
+def test_a_search_goes_on_for_candidates_that_come_near_the_best_alone():
+    search = searched(["rotor_degradation"], loss=0.06)
+    (other,) = place(search, "rotor_degradation@3")
+    late = search.candidates.pop(other)
+    search.start.pop(other)
+    best = search.fit(place(search, "rotor_degradation@1"), ())
+    assert not search.add([late], beside=frozenset())
+    assert (
+        max(f.total for f in search.fitted.values() if f is not best) < best.total - set_search.FAR
+    )
+
+
+def test_a_search_goes_on_from_a_set_that_is_far_better_at_once(monkeypatch):
+    """What else is likely about the old one is not fitted from there."""
+    search, done = searched(MORE, hidden_mass=2.0, loss=0.06), []
+    linearise, fit = search.linearise, search.fit
+
+    def fitted(key, near, steps=8):
+        found = fit(key, near, steps)
+        done.append(("fit", found))
+        return found
+
+    monkeypatch.setattr(search, "fit", fitted)
+    monkeypatch.setattr(
+        search, "linearise", lambda about: done.append(("about", about)) or linearise(about)
+    )
+    search.run()
+    rounds = [k for k, (what, _) in enumerate(done) if what == "about"]
+    moved = 0
+    for start, end in zip(rounds, [*rounds[1:], len(done)], strict=True):
+        about, rest = done[start][1], [one for _, one in done[start + 1 : end]]
+        assert all(one.total <= about.total + set_search.FAR for one in rest[:-1])
+        moved += bool(rest) and rest[-1].total > about.total + set_search.FAR
+    assert moved
+    assert search.best.key == place(search, "extra_mass", "rotor_degradation@1")
 
 
 def test_a_neighbour_is_fitted_from_values_nearby_and_takes_no_place_among_the_sets():
