@@ -96,13 +96,18 @@ def acts_in(search: Search, held: Held, modes: Sequence[int]) -> bool:
 
 
 def _free_part(space: SearchSpace, search: Search, best: FittedSet) -> dict[str, Floats]:
-    """Channel -> (N, R) rpm that the free form takes beside a set, at the widest level."""
+    """Channel -> (N, R) rpm that the free form takes beside a set, at the widest level.
+
+    What a set leaves is what it leaves at its likeliest values, which may be a step away from those
+    that it is linearised at.
+    """
     nuisance, solved = search.nuisance, search.solved
     level = len(LEVELS) - 1
-    shared, _ = nuisance.sums(np.nan_to_num(best.residual)[:, :, None])
+    residual = np.nan_to_num(best.residual) - search.stepped(best)
+    shared = nuisance.sums(residual[:, :, None])[0][:, 0]
     known = nuisance.uncertainty.shape[2]
     modes, _, hats = nuisance.free.shape
-    mean = (solved.shared[level] @ shared[:, 0])[known:].reshape(modes, hats)
+    mean = (solved.shared[level] @ shared)[known:].reshape(modes, hats)
     names = np.array(space.groups)
     return {
         name: np.stack(

@@ -8,6 +8,7 @@ import pytest
 from tests.models.made_flights import F16, curve_model, made_flights, table
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.identification.answer.adequacy import (
+    _free_part,
     _sound_part,
     acts_in,
     free_form_rms,
@@ -87,6 +88,22 @@ def test_the_free_form_takes_what_a_dense_model_expects_of_it():
 def test_sound_flights_leave_nothing():
     space, search = searched(None)
     assert unexplained(space, search, search.fit(frozenset(), ())) is None
+
+
+@pytest.mark.parametrize("wave_mode", [None, 1])
+def test_what_the_values_of_a_set_take_is_not_left_wherever_it_is_linearised(wave_mode):
+    """A set may stand away from its likeliest values, which are then a step further on."""
+    space, search = searched(wave_mode)
+    key = frozenset(k for k, c in enumerate(search.candidates) if c.key == "cg_offset")
+    best = search.fit(key, ())
+    (held,) = best.held
+    away = search._fit(key, [held.moved(np.array([0.01, -0.01]))], 0)
+    apart = np.sqrt(np.mean((away.residual - best.residual) ** 2))
+    assert apart > 10.0  # rpm
+    here, there = (_free_part(space, search, one) for one in (best, away))
+    assert here.keys() == there.keys()
+    for name, curve in here.items():
+        np.testing.assert_allclose(there[name], curve, atol=0.5)
 
 
 def test_what_good_flights_show_too_is_no_finding():
