@@ -90,8 +90,21 @@ class Search:
                 if self.best.total > best.total + FAR:
                     break
             if self.best.key == best.key:
+                self._again(linear)
+            if self.best.key == best.key:
                 break
             best = self.best
+
+    def _again(self, linear: Linear) -> None:
+        """Fit sets anew from the values of the best, where about it they promise to be likelier
+        than they were found from elsewhere: a delay has more than one likely value."""
+        best = self.fitted[linear.about.key]
+        level = best.best_level
+        for key, found in list(self.fitted.items()):
+            promised = linear.score(key, level).log_evidence + linear.taken_out[level]
+            if promised > max(found.log_evidence[level] + STALE, best.total - NEAR):
+                other = self._fit(key, [linear.held[c] for c in sorted(key)], 8, best.total)
+                self.fitted[key] = max(found, other, key=lambda one: one.total)
 
     def add(self, more: Sequence[Candidate], beside: Key) -> bool:
         """Candidates that were found on the way, each tried alone and beside a set; True where one

@@ -255,6 +255,20 @@ def test_an_effect_may_differ_in_each_mode_by_a_twentieth_of_its_change_along_sl
         assert not np.delete(own, mode, axis=1).any()
 
 
+def test_a_set_that_was_found_from_elsewhere_is_fitted_again_from_the_values_of_the_best():
+    search = searched(FEW, hidden_mass=2.0)
+    mass, both = place(search, "extra_mass"), place(search, "extra_mass", "yaw_trim")
+    right = search.fit(both, ()).total
+    far = [at(search, "extra_mass", 9.0), at(search, "yaw_trim", 0.0)]
+    search.fitted[both] = search._fit(both, far, 0)
+    assert search.fitted[both].total < right - 5.0
+    search.fit(frozenset(), ())
+    search.fit(mass, ())
+    search.run()
+    assert search.best.key == mass
+    assert search.fitted[both].total == pytest.approx(right, abs=0.05)
+
+
 def sizes(search: Search, held: Held) -> list[float]:
     """rpm RMS of what an effect does in each mode."""
     change = predicted(search.reduced, [held]) - predicted(search.reduced, [])
