@@ -167,6 +167,7 @@ class Effect:
     torque: Callable[..., Any] | None = None  # of a coefficient: torque at a speed, as a factor
     of_one_rotor: bool = False
     variant: str = ""  # names forms of one effect
+    one_variant: bool = False  # of these forms an aircraft has one at a time
     delays: bool = False  # its "lag" is how late all rotor speeds are reported
     #: (p, x) -> size of what it changes, 1 being the least worth a name
     weight: Callable[..., Any] | None = None

@@ -163,6 +163,7 @@ def _bracket(number: int) -> Effect:
     return Effect(
         name="slung_load",
         variant=f"cable of {low:.0f} to {low * width:.0f} arms",
+        one_variant=True,
         kind=Kind.DEMAND,
         parameters=(
             Parameter(name="mass", unit="kg", lower=-2.0, upper=20.0, scale=2.0, smallest=0.1),

@@ -13,7 +13,6 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from thrustmargin.models.effects.base import Kind
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.candidates import (
     Candidate,
@@ -215,9 +214,10 @@ class Search:
         return found
 
     def _twice(self, key: Key, c: int) -> bool:
-        """True where the same effect of the same rotor is in a set in another form."""
+        """True where the same effect of the same rotor, or the only load on a cable, is in a set in
+        another form."""
         term = self.candidates[c].term
-        return term.effect.of_one_rotor and any(
+        return (term.effect.of_one_rotor or term.effect.one_variant) and any(
             self.candidates[k].term.rotor == term.rotor
             and self.candidates[k].term.effect.name == term.effect.name
             for k in key
@@ -318,25 +318,21 @@ class Search:
         return Prepared.of(self.nuisance, self.solved, whole, asked, STEPPED)
 
     def _forms(self, held: Sequence[Held]) -> ValueColumns:
-        """By how much what each effect of a set does may be another than its form says, in rpm.
+        """By how much what the effects of a set do may be another than their forms say, in rpm.
 
-        FORM of its change along the direction that it changes most, anew in each mode, and
-        SIDE_FORM of what it changes by the way in modes that it hardly acts in. What an instrument
-        does by the way follows from the law whose input it is, and has no form of its own.
+        FORM of their change along the direction that they change most, anew in each mode, and
+        SIDE_FORM of what they change by the way in modes that they hardly act in. Of all together:
+        two that oppose each other are no licence to be wrong by as much as each is large. Speeds
+        that are reported late have no form: they are the model's, some time ago.
         """
         modes, count = self.reduced.measured_rpm.shape[1], self.slow.shape[1]
         parts = [ValueColumns.of_all(np.zeros((self.slow.shape[0], modes, 0)))]
         each, curve = np.divmod(np.arange(modes * count), count)
-        base = predicted(self.reduced, held)
-        for k in range(len(held)):
-            without = predicted(self.reduced, [*held[:k], *held[k + 1 :]])
-            change = np.nan_to_num(base - without)
-            if np.sqrt(np.mean(change**2)) < LEAST_CHANGE:
-                continue
+        late = [h for h in held if h.candidate.term.effect.delays]
+        change = np.nan_to_num(predicted(self.reduced, held) - predicted(self.reduced, late))
+        if np.sqrt(np.mean(change**2)) >= LEAST_CHANGE:
             main = change @ np.linalg.eigh(change.T @ change)[1][:, -1]
-            parts += (
-                _by_the_way(change) if held[k].candidate.term.effect.kind is not Kind.INPUT else []
-            )
+            parts += _by_the_way(change)
             own = np.repeat((FORM * main[:, None] * self.slow)[:, None, :], modes, axis=1)
             parts.append(ValueColumns.with_source(own, curve, mode=each))
         return side_by_side(parts)

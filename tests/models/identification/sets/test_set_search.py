@@ -275,17 +275,21 @@ def sizes(search: Search, held: Held) -> list[float]:
     return [rms(mode) for mode in change.T]
 
 
-def test_what_an_instrument_does_by_the_way_follows_from_the_law_whose_input_it_is():
-    search = searched(["tank_scale", "cg_offset"])
-    gauge, shifted = at(search, "tank_scale", 0.7), at(search, "cg_offset", 0.02, 0.0)
-    both = predicted(search.reduced, [gauge, shifted])
-    change = both - predicted(search.reduced, [shifted])
-    by_mode = [rms(mode) for mode in change.T]  # less load on a lever is less of a moment
-    assert any(0.5 < size < 0.2 * max(by_mode) for size in by_mode)
-    own = both - predicted(search.reduced, [gauge])
-    side = [m for m in own.T if 0.5 < rms(m) < 0.2 * max(map(rms, own.T))]
-    forms = forms_of(search, gauge, shifted)
-    assert forms.shape[2] == 2 * len(by_mode) * search.slow.shape[1] + len(side)
+def test_speeds_that_come_late_have_no_form_of_their_own():
+    """What is late is what the model says, some time ago; here a mass in its place shows it."""
+    search = searched(["extra_mass"])
+    mass = at(search, "extra_mass", 4.0)
+    effect = mass.candidate.term.effect
+    late = replace(
+        effect,
+        delays=True,
+        parameters=(replace(effect.parameters[0], name="lag"),),
+        apply=lambda p, x, *rest: effect.apply({"mass": p["lag"]}, x, *rest),
+    )
+    term = replace(mass.candidate.term, effect=late)
+    held = replace(mass, candidate=replace(mass.candidate, term=term))
+    assert forms_of(search, mass).shape[2] > 0
+    assert forms_of(search, held).shape[2] == 0
 
 
 def test_what_an_effect_does_by_the_way_comes_in_from_nothing():
@@ -302,19 +306,19 @@ def test_what_an_effect_does_by_the_way_comes_in_from_nothing():
     raise AssertionError("no size at which it only just comes in was tried")
 
 
-def test_of_several_effects_each_may_differ_in_what_it_does_beside_the_others():
+def test_of_several_effects_all_together_may_differ_and_not_each_by_its_own_size():
     search = searched(["extra_mass", "tank_scale", "thrust_drift"])
     held = [at(search, "tank_scale", 0.8), at(search, "extra_mass", 4.0)]
     held.append(at(search, "thrust_drift", 5e-4))
-    forms, curves = forms_of(search, *held), 4 * search.slow.shape[1]
-    whole = predicted(search.reduced, held)
-    of_each = np.split(forms, 3, axis=2)  # each acts in the collective alone
-    for k, own in enumerate(of_each):
-        assert own.shape[2] == curves
-        rest = [h for j, h in enumerate(held) if j != k]
-        change = whole - predicted(search.reduced, rest)
-        size = 0.05 * np.linalg.norm(change, axis=1)
-        np.testing.assert_allclose(np.abs(own[:, 0, 0]), size, atol=1e-3)
+    forms, curves = forms_of(search, *held), search.slow.shape[1]
+    assert forms.shape[2] == 4 * curves  # all act in the collective alone
+    change = predicted(search.reduced, held) - predicted(search.reduced, [])
+    size = 0.05 * np.linalg.norm(change, axis=1)
+    np.testing.assert_allclose(np.abs(forms[:, 0, 0]), size, atol=1e-3)
+    # less in the tank than the gauge says, and as much more unseen: little is left to be wrong
+    opposed = forms_of(search, at(search, "tank_scale", 0.8), at(search, "extra_mass", 1.0))
+    alone = forms_of(search, at(search, "tank_scale", 0.8))
+    assert rms(opposed[:, 0, 0]) < 0.8 * rms(alone[:, 0, 0])
 
 
 def rms(values: Floats) -> float:

@@ -231,6 +231,18 @@ def test_a_rotor_is_bad_in_one_form_at_a_time():
     assert Search._twice(search, frozenset({2, 3, 0}), 1)
 
 
+def test_an_aircraft_has_one_load_on_a_cable_whatever_its_length_and_may_be_late_twice():
+    keys = [k for k in BY_KEY if k.startswith(("slung_load", "sensor_lag"))]
+    terms = [Term(effect=BY_KEY[key]) for key in keys]
+    search: Any = SimpleNamespace(candidates=[SimpleNamespace(term=term) for term in terms])
+    cables = {k for k, key in enumerate(keys) if key.startswith("slung_load")}
+    assert len(cables) > 2
+    assert len(cables) < len(keys) - 1
+    for k in range(len(keys)):
+        for c in set(range(len(keys))) - {k}:
+            assert Search._twice(search, frozenset({k}), c) == (k in cables and c in cables)
+
+
 def test_bad_rotors_alone_are_taken_out_of_a_set():
     names = ["airspeed_sensor", "wind", "rotor_degradation", "extra_mass"]
     search: Any = SimpleNamespace(
