@@ -306,19 +306,33 @@ def test_what_an_effect_does_by_the_way_comes_in_from_nothing():
     raise AssertionError("no size at which it only just comes in was tried")
 
 
-def test_of_several_effects_all_together_may_differ_and_not_each_by_its_own_size():
+def test_of_several_effects_each_may_differ_in_what_it_does_beside_the_others():
     search = searched(["extra_mass", "tank_scale", "thrust_drift"])
-    held = [at(search, "tank_scale", 0.8), at(search, "extra_mass", 4.0)]
+    held = [at(search, "tank_scale", 1.2), at(search, "extra_mass", 4.0)]
     held.append(at(search, "thrust_drift", 5e-4))
-    forms, curves = forms_of(search, *held), search.slow.shape[1]
-    assert forms.shape[2] == 4 * curves  # all act in the collective alone
-    change = predicted(search.reduced, held) - predicted(search.reduced, [])
-    size = 0.05 * np.linalg.norm(change, axis=1)
-    np.testing.assert_allclose(np.abs(forms[:, 0, 0]), size, atol=1e-3)
-    # less in the tank than the gauge says, and as much more unseen: little is left to be wrong
-    opposed = forms_of(search, at(search, "tank_scale", 0.8), at(search, "extra_mass", 1.0))
-    alone = forms_of(search, at(search, "tank_scale", 0.8))
-    assert rms(opposed[:, 0, 0]) < 0.8 * rms(alone[:, 0, 0])
+    forms, curves = forms_of(search, *held), 4 * search.slow.shape[1]
+    whole = predicted(search.reduced, held)
+    of_each = np.split(forms, 3, axis=2)  # each acts in the collective alone
+    for k, own in enumerate(of_each):
+        assert own.shape[2] == curves
+        rest = [h for j, h in enumerate(held) if j != k]
+        change = whole - predicted(search.reduced, rest)
+        size = 0.05 * np.linalg.norm(change, axis=1)
+        np.testing.assert_allclose(np.abs(own[:, 0, 0]), size, atol=1e-3)
+
+
+def test_effects_that_oppose_each_other_may_be_wrong_by_less_than_each_is_large():
+    search = searched(["extra_mass", "tank_scale"])
+    held = [at(search, "tank_scale", 0.8), at(search, "extra_mass", 1.0)]
+    whole = predicted(search.reduced, held)
+    changes = [whole - predicted(search.reduced, [other]) for other in reversed(held)]
+    together = whole - predicted(search.reduced, [])
+    share = np.sqrt(np.sum(together**2) / sum(np.sum(c**2) for c in changes))
+    assert share < 0.7
+    own = np.split(forms_of(search, *held), 2, axis=2)
+    for change, forms in zip(changes, own, strict=True):
+        size = 0.05 * share * np.linalg.norm(change, axis=1)
+        np.testing.assert_allclose(np.abs(forms[:, 0, 0]), size, atol=1e-3)
 
 
 def rms(values: Floats) -> float:
