@@ -345,7 +345,7 @@ def test_a_wind_of_zero_throughout_is_no_wind_and_the_airspeed_then_is_ground_sp
     streams = dict(read_dataflash(FLIGHT).streams)
     still = columns_of(streams["XKF2"])
     table = {n: still.table[n] * (n not in ("VWN", "VWE")) for n in still.scale}
-    streams["XKF2"] = replace(streams["XKF2"], columns=replace(still, table=table))
+    streams["XKF2"] = streams["XKF2"]._replace(columns=replace(still, table=table))
     signals = dataflash_signals(streams)
     assert "wind_ned" not in signals
     assert OVER_GROUND in signals["airspeed"][0].source
