@@ -151,6 +151,7 @@ def main(
     seeds: tuple[int, int] = (1, 60),
     only: tuple[str, ...] = (),
     craft: str | None = None,
+    size: float | None = None,
     source: Literal["plant", "recorded"] = "plant",
     models: Path | None = None,
     jobs: int = 1,
@@ -167,6 +168,7 @@ def main(
         only: Only sets of these kinds (see the plan), or groups: none, single, pair, triple,
             outside, instrument.
         craft: Only sets of this aircraft, for example quad-x-21kg.
+        size: Every set has the change of --only (one kind) at this size, on the aircraft of --craft.
         source: Flights of the plant, or recorded ones with changes put in and the shipped model.
         models: Folder where trained models are kept and taken from; else a new one each time.
         jobs: Processes.
@@ -174,6 +176,9 @@ def main(
         sealed: Allow sealed seeds. Whoever has looked at them cannot tune on anything any more.
         json_file: Where to write every score and the summary.
     """
+    if size is not None and (len(only) != 1 or craft is None or source == "recorded"):
+        print("--size needs --craft and one kind: --only rotor --craft quad-x-21kg --size 0.01")
+        return 2
     if not sealed and (seeds[1] >= SEALED_FROM or seeds[0] < 1 or seeds[1] > OPEN_UP_TO):
         print(
             f"seeds 1 to {OPEN_UP_TO} are open; those from {SEALED_FROM} are sealed: give --sealed"
@@ -189,6 +194,13 @@ def main(
             for kind, flown in [recorded_case_of(seed) if recorded else case_of(seed)]
             if craft in (None, flown.name) and (not only or {kind, group_of(kind)} & set(only))
         ]
+        if size is not None:
+            cases = [
+                Case(seed=seed, kind=only[0], craft=of, models=kept, compare=compare, size=size)
+                for seed in range(seeds[0], seeds[1] + 1)
+                for of in CRAFTS
+                if craft == of.name
+            ]
         if not cases:
             print(f"no such set; aircraft are {', '.join(c.name for c in CRAFTS)}")
             return 2
