@@ -168,7 +168,7 @@ def main(
         only: Only sets of these kinds (see the plan), or groups: none, single, pair, triple,
             outside, instrument.
         craft: Only sets of this aircraft, for example quad-x-21kg.
-        size: Every set has the change of --only (one kind) at this size, on the aircraft of --craft.
+        size: Every set has the one kind of --only at this size, on the aircraft of --craft.
         source: Flights of the plant, or recorded ones with changes put in and the shipped model.
         models: Folder where trained models are kept and taken from; else a new one each time.
         jobs: Processes.
