@@ -321,30 +321,23 @@ class Search:
         """By how much what each effect of a set does may be another than its form says, in rpm.
 
         FORM of its change along the direction that it changes most, anew in each mode, and
-        SIDE_FORM of what it changes by the way in modes that it hardly acts in; less where effects
-        oppose each other, by the share of their squares that is left of all together: a balance of
-        large ones is no licence to be wrong by as much as each is large. Speeds that are reported
-        late have no form of their own: they are the model's, some time ago.
+        SIDE_FORM of what it changes by the way in modes that it hardly acts in. Speeds that are
+        reported late have no form of their own: they are the model's, some time ago.
         """
         modes, count = self.reduced.measured_rpm.shape[1], self.slow.shape[1]
         parts = [ValueColumns.of_all(np.zeros((self.slow.shape[0], modes, 0)))]
         each, curve = np.divmod(np.arange(modes * count), count)
-        late = [h for h in held if h.candidate.term.effect.delays]
         base = predicted(self.reduced, held)
-        changes = [
-            np.nan_to_num(base - predicted(self.reduced, [*held[:k], *held[k + 1 :]]))
-            for k in range(len(held))
-            if not held[k].candidate.term.effect.delays
-        ]
-        together = np.nan_to_num(base - predicted(self.reduced, late))
-        squares = sum(float(np.sum(change**2)) for change in changes)
-        share = min(1.0, float(np.sqrt(np.sum(together**2) / max(squares, 1e-12))))
-        for change in changes:
+        for k in range(len(held)):
+            if held[k].candidate.term.effect.delays:
+                continue
+            without = predicted(self.reduced, [*held[:k], *held[k + 1 :]])
+            change = np.nan_to_num(base - without)
             if np.sqrt(np.mean(change**2)) < LEAST_CHANGE:
                 continue
             main = change @ np.linalg.eigh(change.T @ change)[1][:, -1]
-            parts += _by_the_way(share * change)
-            own = np.repeat((share * FORM * main[:, None] * self.slow)[:, None, :], modes, axis=1)
+            parts += _by_the_way(change)
+            own = np.repeat((FORM * main[:, None] * self.slow)[:, None, :], modes, axis=1)
             parts.append(ValueColumns.with_source(own, curve, mode=each))
         return side_by_side(parts)
 

@@ -321,20 +321,6 @@ def test_of_several_effects_each_may_differ_in_what_it_does_beside_the_others():
         np.testing.assert_allclose(np.abs(own[:, 0, 0]), size, atol=1e-3)
 
 
-def test_effects_that_oppose_each_other_may_be_wrong_by_less_than_each_is_large():
-    search = searched(["extra_mass", "tank_scale"])
-    held = [at(search, "tank_scale", 0.8), at(search, "extra_mass", 1.0)]
-    whole = predicted(search.reduced, held)
-    changes = [whole - predicted(search.reduced, [other]) for other in reversed(held)]
-    together = whole - predicted(search.reduced, [])
-    share = np.sqrt(np.sum(together**2) / sum(np.sum(c**2) for c in changes))
-    assert share < 0.7
-    own = np.split(forms_of(search, *held), 2, axis=2)
-    for change, forms in zip(changes, own, strict=True):
-        size = 0.05 * share * np.linalg.norm(change, axis=1)
-        np.testing.assert_allclose(np.abs(forms[:, 0, 0]), size, atol=1e-3)
-
-
 def rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
