@@ -7,7 +7,8 @@ One folder a session:
 Written by a thread of its own, so that a slow disk never holds up a socket. Everything is on the
 disk (fsync) within a second. The .tlog and events only grow, and a frame cut by a power loss ends
 them at most; the running minute of samples is written anew beside the old one every second and put
-in its place in one step, so that each file is a whole Parquet file at any moment, kill -9 included.
+in its place in one step, so that each file is a whole Parquet file at any moment, kill -9 included
+(who reads along opens a file once and reads it all from there).
 When the disk is full the recorder says so, drops what does not fit, counts it and tries on.
 """
 

@@ -35,9 +35,13 @@ def recording_in(folder: Path) -> Path:
 
 
 def sample_table(folder: Path) -> pa.Table:
-    """All samples of a recording's folder, in order."""
-    parts = sorted((folder / "samples").glob("*.parquet"))
-    return pa.concat_tables([pq.read_table(p) for p in parts], promote_options="default")
+    """All samples of a recording's folder, in order; it may still be written to."""
+    tables = []
+    for part in sorted((folder / "samples").glob("*.parquet")):
+        # `read_table` opens a file twice, and another may stand in its place by the second time.
+        with pq.ParquetFile(part) as opened:
+            tables.append(opened.read())
+    return pa.concat_tables(tables, promote_options="default")
 
 
 def read_samples(folder: Path, vehicle: int, boot: int = 0) -> FlightTrack:

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 from pymavlink import mavutil
 
 from tests.gcs_plugin.live.live_vehicle import ROOT, Vehicle
+from tests.gcs_plugin.live.monitored import sample_table
 from thrustmargin.gcs_plugin.live.recorder import Recorder
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
@@ -37,8 +37,7 @@ def record(recorder: Recorder, batch: pa.RecordBatch) -> None:
 
 
 def numbers(folder: Path) -> list[int]:
-    parts = sorted((folder / "samples").glob("*.parquet"))
-    return [n for part in parts for n in pq.read_table(part)["number"].to_pylist()]
+    return sample_table(folder)["number"].to_pylist()
 
 
 def test_every_frame_is_in_the_tlog_and_pymavlink_reads_it(tmp_path):
