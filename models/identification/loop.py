@@ -11,6 +11,7 @@ from collections.abc import Callable, Collection, Sequence
 from itertools import combinations
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from thrustmargin.models.effects import CATALOGUE, effects_for
 from thrustmargin.models.effects.base import Effect
@@ -77,6 +78,7 @@ def identify(
     )
 
 
+@threadpool_limits.wrap(limits=1)  # small matrices: threads would only wait for each other
 def identify_checked(
     fit: Sequence[FlightTrack],
     model: RotorModel,

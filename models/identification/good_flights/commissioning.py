@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack, Floats
@@ -61,6 +62,7 @@ class Chain:
         return self.samples.rotor_speed_rpm - self.predicted_rpm
 
 
+@threadpool_limits.wrap(limits=1)  # as of `identify`
 def commission(
     trained: Trained | None,
     tracks: Sequence[FlightTrack],
