@@ -22,11 +22,12 @@ def training_rows(track: FlightTrack, inputs: Sequence[str] = ("airspeed", "tank
     """(T,) rows of a flight that can train or check a rotor speed model.
 
     Kept: off the ground, between take-off and landing, with the `inputs` of the model measured and
-    every rotor's speed known, the speeds above 0. Each stretch of flight begins at its first and
-    ends at its last second of level flight (climb rate below 0.3 m/s, and not lower than half its
-    usual low height), so climbs in between stay, as do yaw turns and hover: the aircraft flies
-    them, so the model is checked on them. With neither climb rate nor height reported, the stretch
-    is kept whole.
+    every rotor's speed known, the speeds above 0. Each stretch of flight begins with its first
+    second of level flight (climb rate below 0.3 m/s) or where it first sinks after a climb, and
+    ends with its last such second or where it last climbs before it sinks, none of it lower than
+    half its usual low height. So climbs in between stay, as do yaw turns and hover: the aircraft
+    flies them, so the model is checked on them. With neither climb rate nor height reported, the
+    stretch is kept whole.
     """
     with np.errstate(invalid="ignore"):
         known = np.all(track.rotor_speed_rpm > 0.0, axis=1)
@@ -39,17 +40,20 @@ def training_rows(track: FlightTrack, inputs: Sequence[str] = ("airspeed", "tank
     for first, end in _stretches(track.flying):
         part = slice(first, end)
         with np.errstate(invalid="ignore"):
-            level = np.abs(climb[part]) < LEVEL_CLIMB
             height = track.height_agl[part]
+            high = np.ones(end - first, dtype=np.bool_)
             if np.any(np.isfinite(height)):
-                level &= height >= LOW_SHARE * np.nanpercentile(height, 10.0)
+                high = height >= LOW_SHARE * np.nanpercentile(height, 10.0)
+            level = high & (np.abs(climb[part]) < LEVEL_CLIMB)
+            sinks = np.flatnonzero(high & (climb[part] <= -LEVEL_CLIMB))
+            climbs = np.flatnonzero(high & (climb[part] >= LEVEL_CLIMB))
         time_s = track.time_s[part]
         runs = [r for r in _stretches(level) if time_s[r[1] - 1] - time_s[r[0]] >= LEVEL_SECONDS]
-        if not runs:
-            keep[part] = False
-            continue
-        keep[first : first + runs[0][0]] = False
-        keep[first + runs[-1][1] : end] = False
+        first_climb, last_sink = min(climbs, default=end), max(sinks, default=0)
+        starts = [*(r[0] for r in runs[:1]), *sinks[sinks > first_climb][:1]]
+        ends = [*(r[1] for r in runs[-1:]), *(climbs[climbs < last_sink][-1:] + 1)]
+        keep[first : first + min(starts, default=end - first)] = False
+        keep[first + max(ends, default=0) : end] = False
     return keep
 
 

@@ -42,6 +42,16 @@ def test_a_flight_that_is_never_level_teaches_nothing():
     assert kept(climbing(np.full(100, 1.0))) == []
 
 
+def test_a_flight_that_goes_up_and_down_without_a_level_second_is_between_take_off_and_landing():
+    climb = np.full(100, 1.0)
+    climb[[*range(20, 30), *range(40, 50), *range(60, 100)]] = -1.0
+    assert kept(climbing(climb)) == list(range(20, 60))
+    assert kept(climbing(-climb)) == list(range(30, 50))  # it begins with a sink, ends with a climb
+    low = np.full(100, 3.0)
+    low[15:25] = 0.5
+    assert kept(replace(climbing(climb), height_agl=low)) == list(range(25, 60))
+
+
 def test_flight_below_half_the_usual_low_height_is_take_off_or_landing():
     height = np.full(100, 3.0)
     height[:5], height[97:] = 1.4, 1.6  # eight low rows: the tenth percentile is 3, half of it 1.5
