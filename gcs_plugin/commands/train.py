@@ -15,6 +15,7 @@ from thrustmargin.models.errors import DataError, LogError, require_torch
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
     from thrustmargin.models.flight import FlightTrack
+    from thrustmargin.models.model.rotor_model import RotorModel
 
 SPLITS = {"both": ("samples", "flights"), "samples": ("samples",), "flights": ("flights",)}
 
@@ -105,6 +106,8 @@ def train(
     tracks = [log.track for log in claimed(read, unread)]
     if not tracks:
         raise LogError(f"no flight can be used; {listed(unread)}")
+    tracks, short = _long_enough(tracks, model)
+    unread += short
     thermometer = learnt_thermometer(tracks, aircraft)
     tracks = [by_thermometer(track, thermometer) for track in tracks]
     names, date = settings.names(), datetime.now(UTC).date().isoformat()
@@ -146,6 +149,30 @@ def train(
     for path in written:
         console.print(f"wrote {path}", soft_wrap=True)
     return 0
+
+
+def _long_enough(
+    tracks: Sequence[FlightTrack], model: RotorModel
+) -> tuple[list[FlightTrack], list[UnusedLog]]:
+    """Flights without those that have some rows to learn from but too few, which are to be named.
+
+    Raises LogError when none is left.
+    """
+    from thrustmargin.gcs_plugin.commands.inputs import listed
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+    from thrustmargin.models.identification.rows.usable_flights import too_little
+    from thrustmargin.models.physics.flight_phases import training_rows
+
+    kept, short = [], []
+    for track in tracks:
+        reason = too_little(track, model) if training_rows(track, model.inputs).any() else None
+        if reason is None:
+            kept.append(track)
+        else:
+            short.append(UnusedLog(name=track.name, reason=reason))
+    if not kept:
+        raise LogError(f"no flight can be used; {listed(short)}")
+    return kept, short
 
 
 def _unused(tracks: Sequence[FlightTrack]) -> list[UnusedLog]:

@@ -14,7 +14,7 @@ from typing import Protocol
 from thrustmargin.models.checks.motor_order import check_motor_order
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.identification.rows.problem import LEAST_ROWS
+from thrustmargin.models.identification.rows.problem import LEAST_ROWS, assemble_flight
 from thrustmargin.models.model.airframe_claim import airframe_claim
 from thrustmargin.models.model.analysis import require_rotors
 from thrustmargin.models.model.load_inference import LOAD_FROM_SPEEDS
@@ -24,6 +24,8 @@ from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.flight_phases import training_rows
 from thrustmargin.models.vehicle_facts import VehicleFacts
+
+ENDS = 5  # times LEAST_ROWS: with more rows than that, what the windows at the ends take is little
 
 
 class HasTrack(Protocol):
@@ -80,7 +82,8 @@ def too_little(track: FlightTrack, model: RotorModel) -> str | None:
     """Why a flight has too few rows to fit or to validate on; None when it has enough."""
     rows = int(training_rows(track, model.inputs).sum())
     if rows >= LEAST_ROWS:
-        return None
+        # Of a short flight the rows beside its ends, which no window covers, may be what it lacks.
+        return None if rows > ENDS * LEAST_ROWS else _too_few_to_assemble(track, model)
     if "tank_kg" in model.inputs and "tank_kg" in track.standard_errors:
         return LOAD_FROM_SPEEDS
     words = {"airspeed": "airspeed", "tank_kg": "tank level"}
@@ -89,6 +92,14 @@ def too_little(track: FlightTrack, model: RotorModel) -> str | None:
     if absent:
         return f"it reports no {' and no '.join(absent)}"
     return f"{rows} rows in steady flight with {', '.join(needed.values())}; needs {LEAST_ROWS}"
+
+
+def _too_few_to_assemble(track: FlightTrack, model: RotorModel) -> str | None:
+    try:
+        assemble_flight(model, track)
+    except DataError as error:
+        return str(error).removeprefix(f"{track.name}: ")
+    return None
 
 
 def require_distinct(tracks: Iterable[FlightTrack]) -> None:

@@ -13,6 +13,8 @@ import pytest
 
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.train import train
+from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.gcs_plugin.reports.model.model_figures import loss_figure, write_loss_curves
 from thrustmargin.gcs_plugin.reports.model.training_tables import (
     interval_sentence,
@@ -24,6 +26,7 @@ from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.model.training import LossCurve
 from thrustmargin.models.network.validity import Interval, MeasuredCoverage
 from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.physics.flight_phases import training_rows
 
 
 @pytest.fixture
@@ -45,9 +48,14 @@ def test_four_flights_make_a_model_with_its_table_and_loss_curves(few_logs, tmp_
     out = tmp_path / "own.safetensors"
     broken = tmp_path / "broken.tlog"
     broken.write_bytes(b"\x00" * 5000)
-    assert train((*few_logs, broken), out=out, max_epochs=2, members=3) == 0
+    short = read_log(few_logs[0]).track
+    begins = int(np.flatnonzero(training_rows(short))[0])
+    write_csv(short.rows(slice(0, begins + 60)), tmp_path / "short.csv")
+    logs = (*few_logs, broken, tmp_path / "short.csv")
+    assert train(logs, airframe="topxgun-f16-sitl", out=out, max_epochs=2, members=3) == 0
     text = capsys.readouterr().out
     assert "left out: broken.tlog" in text
+    assert "left out: v2_m16_q3.5.tlog: 60 rows in steady flight" in text
     for said in ("the paper", "0.728", "samples, as the paper", "rotor 4", "mean of rotors"):
         assert said in text
     assert text.startswith("usable: rotor speed to ")
@@ -64,6 +72,7 @@ def test_four_flights_make_a_model_with_its_table_and_loss_curves(few_logs, tmp_
         "own.loss.csv",
         "own.loss.svg",
         "own.safetensors",
+        "short.csv",
     ]
 
 

@@ -8,7 +8,7 @@ import pytest
 from tests.models.checks.test_motor_order import made_flight as turning_flight
 from tests.models.made_flights import F16, curve_model, made_flight
 from thrustmargin.models.errors import AirframeError, DataError
-from thrustmargin.models.identification.rows.problem import LEAST_ROWS
+from thrustmargin.models.identification.rows.problem import LEAST_ROWS, assemble_flight
 from thrustmargin.models.identification.rows.usable_flights import (
     require_airframe,
     require_distinct,
@@ -42,10 +42,24 @@ def test_a_hundred_rows_are_enough(rows, enough):
     track = made_flight(1)
     use = np.flatnonzero(training_rows(track, curve_model().inputs))
     flying = track.flying.copy()
-    flying[use[rows] :] = False
+    flying[: use[20]] = flying[use[20 + rows] :] = False  # away from the ends of the log
     short = replace(track, flying=flying)
     assert int(training_rows(short, curve_model().inputs).sum()) == rows
     assert (too_little(short, curve_model()) is None) == enough
+
+
+def test_a_short_flight_whose_rows_lie_mostly_beside_its_ends_has_too_few():
+    """Fitting needs what lies around a row, which no row near an end of the log has."""
+    track = made_flight(1, duration=30.0)
+    rows = np.flatnonzero(training_rows(track, curve_model().inputs))[: LEAST_ROWS + 2]
+    ends = track.rows(slice(int(rows[0]), int(rows[-1]) + 1))
+    assert training_rows(ends, curve_model().inputs).sum() >= LEAST_ROWS
+    words = too_little(ends, curve_model())
+    assert words is not None
+    assert words.endswith("Look at it with: thrustmargin inspect")
+    assert not words.startswith(track.name)
+    with pytest.raises(DataError):
+        assemble_flight(curve_model(), ends)
 
 
 def test_a_flight_without_a_channel_says_which():
