@@ -114,7 +114,9 @@ def identify_checked(
     estimates = [answer.estimate(c) for c in matter]
     values = {e.candidate: e.value for e in estimates}
     before, after = left_out.residual({}), left_out.residual(values)
-    chosen = left_out.with_choice(matter, [c for c in named if c not in matter])
+    # With nothing added the model stays what it was, and so does its error.
+    aside = [c for c in named if c not in matter]
+    chosen = left_out.with_choice(matter, aside) if matter else before
     unseen = [Unseen(problem=problem, before_rpm=before, after_rpm=chosen, role="fit")]
     if held_out:
         unused = assemble(model, held_out)

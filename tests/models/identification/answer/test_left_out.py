@@ -98,6 +98,14 @@ def test_names_are_chosen_anew_in_each_fold():
     np.testing.assert_allclose(aside, found.residual({}))
 
 
+def test_where_nothing_is_named_the_error_is_that_of_the_model_as_it_stays(monkeypatch):
+    """Whatever single folds would have named."""
+    monkeypatch.setattr(LeftOut, "with_choice", lambda self, *_: self.residual({}) + 100.0)
+    found = identify(made_flights(2), curve_model(), catalogue=table([WORN]))
+    assert found.found == ()
+    assert found.after == found.before
+
+
 def test_of_a_single_flight_every_fifth_is_left_out():
     found = left_out([made_flight(1, loss=0.08, duration=150.0)])
     assert len(found.folds) == 5
