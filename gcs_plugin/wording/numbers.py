@@ -9,6 +9,17 @@ from types import MappingProxyType
 from typing import TypeGuard
 
 UNKNOWN = "unknown"
+#: Below so much of a unit, numbers are shown in a smaller one: how many make one, and its name.
+SMALL = 0.05
+SMALLER: Mapping[str, tuple[float, str]] = MappingProxyType(
+    {
+        "kg": (1e3, "g"),
+        "N m": (1e3, "mN m"),
+        "N m s": (1e3, "mN m s"),
+        "kg m²": (1e7, "g cm²"),
+        "m²": (1e4, "cm²"),
+    }
+)
 
 
 def known(value: float | None) -> TypeGuard[float]:
@@ -61,9 +72,15 @@ def within(
     """`8 %` and `(7.8 to 8.2)`: an amount and its interval, no digit more than that allows.
 
     The last digit shown is the first of the half width, at most `most` decimals, or one more where
-    the ends would look alike or one of them would look like 0. Without an interval the second text
-    is empty.
+    the ends would look alike or one of them would look like 0. Amounts of a small aircraft are in a
+    smaller unit: `2.7 g` of 0.0027 kg. Without an interval the second text is empty.
     """
+    largest = max(abs(value), abs(low), abs(high)) * abs(factor)
+    if unit in SMALLER and largest < SMALL:
+        finer, unit = SMALLER[unit]
+        factor, largest = factor * finer, largest * finer
+        if 0.0 < largest < 1.0:
+            most = max(most, 1 - math.floor(math.log10(largest)))
     value, ends = value * factor, sorted((low * factor, high * factor))
     half = (ends[1] - ends[0]) / 2
     if not math.isfinite(half) or half <= 0.0:

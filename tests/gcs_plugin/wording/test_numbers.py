@@ -9,6 +9,7 @@ from thrustmargin.gcs_plugin.wording.numbers import (
     clock,
     duration,
     from_direction,
+    joined,
     more,
     number,
     percent,
@@ -88,6 +89,23 @@ def test_a_clock_is_cut_to_the_whole_second(seconds, text):
 )
 def test_a_duration_is_rounded(seconds, text):
     assert duration(seconds) == text
+
+
+@pytest.mark.parametrize(
+    ("amount", "unit", "text"),
+    [
+        ((0.0027, 0.0023, 0.0031), "kg", "2.7 g (2.3 to 3.1)"),
+        ((0.06, 0.03, 0.09), "kg", "0.06 kg (0.03 to 0.09)"),
+        ((-0.02, -0.06, 0.02), "kg", f"{MINUS}0.02 kg ({MINUS}0.06 to 0.02)"),
+        ((3.1e-6, 2.2e-6, 4.0e-6), "N m", "0.0031 mN m (0.0022 to 0.0040)"),
+        ((1.62e-6, 2.9e-7, 2.96e-6), "kg m²", "16 g cm² (3 to 30)"),
+        ((0.0027, 0.0023, 0.0031), "s", "0.003 s (0.002 to 0.003)"),
+    ],
+)
+def test_amounts_of_a_small_aircraft_are_in_a_smaller_unit(
+    amount: tuple[float, float, float], unit, text
+):
+    assert joined(within(*amount, unit)) == text
 
 
 def test_areas_are_in_hectares_from_a_tenth_of_one_on():
