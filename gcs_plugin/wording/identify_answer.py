@@ -136,11 +136,16 @@ def more_than_sound(found: Identification) -> str:
     systematic = math.sqrt(max(error.rmse_rpm**2 - found.floor_rpm**2, 0.0))
     if not systematic > most:
         return ""
-    rotor = int(np.argmax(error.per_rotor_rmse_rpm))
+    *others, worst = sorted(error.per_rotor_rmse_rpm)
+    rotor = error.per_rotor_rmse_rpm.index(worst)
+    where = "and no rotor stands out"
+    if worst**2 - float(np.mean(np.square(others))) > most**2:  # that it has beyond the others
+        names = found.model.airframe.rotor_names
+        where = f"most on {rotor_words(rotor, names)}: look there first"
     return (
         f"These flights are not like sound ones, and no effect explains it: off by "
         f"{number(error.rmse_rpm, 'rpm', 0)}, sound flights by up to {number(most, 'rpm', 0)} "
-        f"(95 %), most on {rotor_words(rotor, found.model.airframe.rotor_names)}: look there first"
+        f"(95 %), {where}"
     )
 
 

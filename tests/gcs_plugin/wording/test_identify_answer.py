@@ -135,6 +135,11 @@ def test_an_error_beyond_that_of_sound_flights_is_no_nothing(sound):
         "These flights are not like sound ones, and no effect explains it: off by 230 rpm, sound "
         "flights by up to 207 rpm (95 %), most on rotor 3 (front left): look there first"
     )
+    alike = replace(error, per_rotor_rmse_rpm=(220.0, 225.0, 235.0, 239.0))
+    assert nothing(replace(found, after=alike)).endswith("(95 %), and no rotor stands out")
+    # The square root of 400² - 343² is 205.8.
+    near = replace(error, per_rotor_rmse_rpm=(343.0, 343.0, 400.0, 343.0))
+    assert nothing(replace(found, after=near)).endswith("and no rotor stands out")
     noisy = replace(found, floor_rpm=101.0)  # 206.6 rpm
     assert nothing(noisy).startswith("Nothing is found missing")
     few = replace(model, good_flights=GoodFlights(flights=2, flight_rmse_rpm={"a": 1.0, "b": 2.0}))
