@@ -35,7 +35,7 @@ from thrustmargin.gcs_plugin.live.alarm import CRITICAL, NOTICE, WARNING, AlarmS
 from thrustmargin.gcs_plugin.live.tank_balance import TankBalance
 from thrustmargin.gcs_plugin.wording import alarm_words as words
 from thrustmargin.gcs_plugin.wording.fault_words import fault_words
-from thrustmargin.models.flight import Floats
+from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import Basis, FlightAnalysis
 from thrustmargin.models.model.rotor_faults import Kind, RotorFault
 from thrustmargin.models.model.utilisation_error import INTERVAL
@@ -66,6 +66,16 @@ class RowNow:
     balance: TankBalance | None = None  # the same, about once a second
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RowsNow:
+    """The N rows `rows` of an analysis of T rows and R rotors and what else is known at them."""
+
+    analysis: FlightAnalysis
+    rows: slice
+    margin_ahead: Floats | None = None  # (T,) as of a RowNow
+    esc_failures: Floats | None = None  # (T, R)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkNow:
     """What the link gives; silence is checked by when bytes came, not by when they were used."""
@@ -85,6 +95,9 @@ class AlarmRule:
     release: float
     checks: Callable[[AlarmSettings, Any], Iterator[AlarmCheck]]
     on_ground: str = "cleared"  # or "kept" as it was, or "checked" there too
+    #: (N,) rows at which `checks` may say `on`: at others it is asked only while it watches
+    #: something. None: it is always asked.
+    may: Callable[[AlarmSettings, RowsNow], Bools] | None = None
 
 
 def margin(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:
@@ -241,20 +254,61 @@ def rotor_speeds(s: AlarmSettings, now: LinkNow) -> Iterator[AlarmCheck]:
     yield AlarmCheck(on, bool(np.all(behind <= limit)) or not now.flying, WARNING, text)
 
 
+def may_margin(s: AlarmSettings, now: RowsNow) -> Bools:
+    return _any_below(1.0 - now.analysis.utilisation[now.rows], s)
+
+
+def may_predicted_margin(s: AlarmSettings, now: RowsNow) -> Bools:
+    analysis, rows = now.analysis, now.rows
+    measured = np.isfinite(analysis.utilisation[rows]).any(axis=1)
+    return ~measured & _any_below(1.0 - analysis.utilisation_predicted[rows], s)
+
+
+def _any_below(margins: Floats, s: AlarmSettings) -> Bools:
+    return np.any(margins < 1.0 - s.max_utilisation, axis=1)
+
+
+def may_margin_ahead(s: AlarmSettings, now: RowsNow) -> Bools:
+    if now.margin_ahead is None:
+        return np.zeros(now.analysis.track.time_s[now.rows].size, dtype=np.bool_)
+    return now.margin_ahead[now.rows] < 1.0 - s.max_utilisation
+
+
+def may_saturation(s: AlarmSettings, now: RowsNow) -> Bools:
+    analysis, rows = now.analysis, now.rows
+    used = np.fmax(analysis.track.throttle[rows], np.sqrt(analysis.utilisation[rows]))
+    return np.any(used > s.saturation, axis=1)
+
+
+def may_esc(s: AlarmSettings, now: RowsNow) -> Bools:  # noqa: ARG001
+    if now.esc_failures is None:
+        return np.zeros(now.analysis.track.time_s[now.rows].size, dtype=np.bool_)
+    return np.any(np.nan_to_num(now.esc_failures[now.rows]) != 0.0, axis=1)
+
+
+def may_airframe(s: AlarmSettings, now: RowsNow) -> Bools:  # noqa: ARG001
+    rows = now.analysis.track.time_s[now.rows].size
+    return np.full(rows, bool(now.analysis.withheld))
+
+
+def may_envelope(s: AlarmSettings, now: RowsNow) -> Bools:  # noqa: ARG001
+    return now.analysis.prediction.basis[now.rows] == Basis.PHYSICS
+
+
 #: Checked in each row, in each row whose prediction is final, and by a LinkNow.
 OF_ROWS = (
-    AlarmRule("esc", 0.0, 3.0, esc, on_ground="checked"),
-    AlarmRule("margin", 3.0, 3.0, margin),
-    AlarmRule("margin ahead", 3.0, 3.0, margin_ahead),
-    AlarmRule("saturation", 0.5, 2.0, saturation),
-    AlarmRule("airframe", 8.0, 0.0, airframe, on_ground="kept"),
+    AlarmRule("esc", 0.0, 3.0, esc, on_ground="checked", may=may_esc),
+    AlarmRule("margin", 3.0, 3.0, margin, may=may_margin),
+    AlarmRule("margin ahead", 3.0, 3.0, margin_ahead, may=may_margin_ahead),
+    AlarmRule("saturation", 0.5, 2.0, saturation, may=may_saturation),
+    AlarmRule("airframe", 8.0, 0.0, airframe, on_ground="kept", may=may_airframe),
 )
 OF_SETTLED_ROWS = (
     # On the ground nothing of the flight stands, but for a rotor that was found bad.
     AlarmRule("rotor", 0.0, 0.0, rotor_thrust, on_ground="kept"),
     AlarmRule("motor", 0.0, 0.0, motor_speed, on_ground="kept"),
-    AlarmRule("predicted margin", 3.0, 3.0, predicted_margin),
-    AlarmRule("envelope", 5.0, 5.0, envelope),
+    AlarmRule("predicted margin", 3.0, 3.0, predicted_margin, may=may_predicted_margin),
+    AlarmRule("envelope", 5.0, 5.0, envelope, may=may_envelope),
     AlarmRule("tank", 5.0, 10.0, tank),
 )
 #: Those that rest on the airframe: they are over once no margin is claimed.
@@ -267,8 +321,9 @@ OF_THE_AIRFRAME = (
     "envelope",
     "tank",
 )
+TELEMETRY = AlarmRule("telemetry", 0.0, 1.0, telemetry)
 OF_THE_LINK = (
-    AlarmRule("telemetry", 0.0, 1.0, telemetry),
+    TELEMETRY,
     AlarmRule("rotor speeds", ROTORS_HOLD, 1.0, rotor_speeds),
 )
 RULES = (*OF_ROWS, *OF_SETTLED_ROWS, *OF_THE_LINK)

@@ -6,7 +6,7 @@ alarm stands its text follows the numbers. Measured false alarms: tests/bench/be
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from thrustmargin.gcs_plugin.live.alarm import Alarm, AlarmEvent, AlarmSettings, Debounce
@@ -16,10 +16,12 @@ from thrustmargin.gcs_plugin.live.alarm_rules import (
     OF_THE_AIRFRAME,
     OF_THE_LINK,
     RULES,
+    TELEMETRY,
     AlarmCheck,
     AlarmRule,
     LinkNow,
     RowNow,
+    RowsNow,
 )
 from thrustmargin.gcs_plugin.live.tank_balance import BalanceWatch
 from thrustmargin.models.flight import Floats
@@ -36,6 +38,7 @@ class Alarms:
         self._faults: RotorFaults | None = None
         self._weighed_s = float("-inf")
         self._balance = BalanceWatch()
+        #: Of conditions that stand, or are about to.
         self._states: dict[tuple[str, int | None], Debounce] = {}
 
     def rows(
@@ -63,15 +66,17 @@ class Alarms:
         # What rests on the airframe is over where no margin is claimed.
         ended = [r for r in RULES if analysis.withheld and r.name in OF_THE_AIRFRAME]
         checked = [rule for rule in OF_ROWS if rule not in ended]
+        due = self._due(checked, analysis, slice(first, rows), margin_ahead, esc_failures)
         for row in range(first, rows):
-            now = RowNow(
-                analysis=analysis,
-                row=row,
-                margin_ahead=float("nan") if margin_ahead is None else float(margin_ahead[row]),
-                esc_failures=None if esc_failures is None else esc_failures[row],
-            )
             flying = bool(track.flying[row])
-            self._check(events, checked, float(clock_s[row]), now, flying=flying)
+            if asked := due(row):
+                now = RowNow(
+                    analysis=analysis,
+                    row=row,
+                    margin_ahead=float("nan") if margin_ahead is None else float(margin_ahead[row]),
+                    esc_failures=None if esc_failures is None else esc_failures[row],
+                )
+                self._check(events, asked, float(clock_s[row]), now, flying=flying)
             if not flying:
                 self._landed(events, OF_ROWS, float(clock_s[row]))
             self._over(events, ended, float(clock_s[row]))
@@ -81,6 +86,7 @@ class Alarms:
         if self._faults is None:
             self._faults = RotorFaults(analysis.model)
         signals, gauge = fault_signals(analysis, now_settled), track.measured("tank_kg")
+        due = self._due(OF_SETTLED_ROWS, analysis, now_settled)
         for row, of_faults in zip(range(rows)[now_settled], signals, strict=True):
             time_s = float(clock_s[row])
             if not track.flying[row]:
@@ -96,8 +102,29 @@ class Alarms:
                 self._weighed_s, balance = time_s, self._balance.balance()
             faults = self._faults.standing if whole else None
             now = RowNow(analysis=analysis, row=row, faults=faults, balance=balance)
-            self._check(events, OF_SETTLED_ROWS, time_s, now)
+            self._check(events, due(row), time_s, now)
         return events
+
+    def _due(
+        self,
+        rules: Sequence[AlarmRule],
+        analysis: FlightAnalysis,
+        rows: slice,
+        margin_ahead: Floats | None = None,
+        esc_failures: Floats | None = None,
+    ) -> Callable[[int], list[AlarmRule]]:
+        """Which of the rules are to be asked at a row: all that may say something new."""
+        span = RowsNow(
+            analysis=analysis, rows=rows, margin_ahead=margin_ahead, esc_failures=esc_failures
+        )
+        first = rows.indices(analysis.track.time_s.size)[0]
+        may = [(r, None if r.may is None else r.may(self.settings, span).tolist()) for r in rules]
+
+        def due(row: int) -> list[AlarmRule]:
+            watched = {name for name, _ in self._states}
+            return [r for r, m in may if m is None or m[row - first] or r.name in watched]
+
+        return due
 
     def heard(
         self,
@@ -120,7 +147,10 @@ class Alarms:
         link = LinkNow(
             silent=silent, rotors_behind=rotors_behind, flying=flying, from_outputs=from_outputs
         )
-        self._check(events, OF_THE_LINK, now_s, link)
+        # However late the link was looked at, it was lost when the silence became too long.
+        lost_s = now_s - max(silent - self.settings.silence, 0.0)
+        for rule in OF_THE_LINK:
+            self._check(events, (rule,), lost_s if rule is TELEMETRY else now_s, link)
         return events
 
     def _check(
@@ -155,7 +185,11 @@ class Alarms:
             if not found.on:
                 return
             before = Debounce(rule.hold, rule.release)
-        after = self._states[key] = before.after(time_s, found.on, found.off)
+        after = before.after(time_s, found.on, found.off)
+        if after.active or after.since == after.since:
+            self._states[key] = after
+        else:
+            self._states.pop(key, None)
         if after.active and not before.active:
             alarm = Alarm(*key, found.severity, found.text[:50], time_s)
             self.standing[key] = alarm

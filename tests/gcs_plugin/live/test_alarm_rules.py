@@ -18,7 +18,9 @@ from thrustmargin.gcs_plugin.live.alarm import (
 )
 from thrustmargin.gcs_plugin.live.alarm_rules import RULES, LinkNow, RowNow
 from thrustmargin.gcs_plugin.live.tank_balance import BalanceWatch, DeliveryMeter
+from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
+from thrustmargin.models.model.model_file import shipped_model
 
 NAN = float("nan")
 USUAL = AlarmSettings()
@@ -212,3 +214,53 @@ def test_estimates_are_means_of_ten_seconds_at_both_ends_of_forty():
         for time_s in (0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 38.0, later):
             paused.add(time_s, 1.0, 1.0, math.nan)
         assert (paused.balance() is not None) == kept
+
+
+@pytest.mark.parametrize("rule", [r for r in RULES if r.may is not None], ids=lambda r: r.name)
+def test_a_rule_is_asked_in_every_row_in_which_it_raises_and_not_in_all(rule):
+    rng = np.random.default_rng(3)
+    track = hover(40.0)
+    rows = track.time_s.size
+    throttle = rng.uniform(0.5, 1.0, (rows, 4))
+    analysis = analyse(replace(track, throttle=throttle), MODEL)
+    use = rng.uniform(0.2, 0.52, (rows, 4))
+    use[rng.random((rows, 4)) < 0.2] = NAN
+    use[::7] = NAN
+    predicted = rng.uniform(0.2, 0.52, (rows, 4))
+    basis = rng.integers(0, 3, rows).astype(np.int8)
+    analysis = replace(
+        analysis,
+        model=shipped_model(),
+        prediction=replace(analysis.prediction, basis=basis),
+        utilisation=use,
+        utilisation_predicted=predicted,
+        utilisation_error=np.zeros((rows, 4)),
+    )
+    ahead = rng.uniform(0.3, 0.8, rows)
+    failures = np.where(rng.random((rows, 4)) < 0.8, rng.integers(0, 2, (rows, 4)), NAN)
+    failures[::2] = 0.0
+    now = rules.RowsNow(
+        analysis=analysis, rows=slice(5, rows), margin_ahead=ahead, esc_failures=failures
+    )
+    may = rule.may(USUAL, now)
+    assert may.shape == (rows - 5,)
+    raised = [
+        any(
+            check.on
+            for check in rule.checks(
+                USUAL,
+                RowNow(
+                    analysis=analysis,
+                    row=row,
+                    margin_ahead=float(ahead[row]),
+                    esc_failures=failures[row],
+                ),
+            )
+        )
+        for row in range(5, rows)
+    ]
+    assert may.tolist() == raised
+    assert any(raised) == (rule.name != "airframe")
+    assert not all(raised)
+    withheld = replace(analysis, claim=AirframeClaim(withheld=("another aircraft",)))
+    assert rules.may_airframe(USUAL, replace(now, analysis=withheld)).all()
