@@ -276,7 +276,7 @@ class EventPrinter(Subscriber):
         for number, watch in fleet.vehicles.items():
             if number not in self._heard:
                 self._heard.add(number)
-                self._say(words.of_vehicle(number, words.HEARD), now_s)
+                self._say(words.of_vehicle(number, words.HEARD), watch.first_us * 1e-6)
             if watch.problem != self._problems.get(number, ""):
                 self._problems[number] = watch.problem
                 line = watch.problem or words.WATCHED_AGAIN

@@ -26,21 +26,20 @@ import numpy as np
 from thrustmargin.gcs_plugin.link.bounded_queue import BoundedQueue
 from thrustmargin.gcs_plugin.link.listener import Listener
 from thrustmargin.gcs_plugin.live.alarm import Alarm, AlarmEvent
+from thrustmargin.gcs_plugin.live.event_record import EventRecord
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.recorded_table import sample_batch
 from thrustmargin.gcs_plugin.live.recorder import Recorder, RecorderStatus
 from thrustmargin.gcs_plugin.live.update import Update
-from thrustmargin.gcs_plugin.live.vehicle_monitor import GONE, WatchSettings
+from thrustmargin.gcs_plugin.live.vehicle_monitor import WatchSettings
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.wording.live_words import (
     NOT_BEHIND,
     behind_words,
-    heard_words,
-    silent_words,
 )
 from thrustmargin.models.model.rotor_model import RotorModel
 
-#: s between two rounds: at least; at most; with many vehicles at most so much each, up to RAREST.
+#: s between two rounds: at least; at most; with many vehicles so much for each, up to RAREST.
 SHORTEST, LONGEST, EACH, RAREST = 0.02, 1.0, 0.1, 2.0
 #: Share of the time that rounds may take before they are made rarer (and larger): what a vehicle
 #: costs in a round hardly depends on how many of its rows are new.
@@ -109,8 +108,6 @@ class LiveMonitor:
         self._newest_us = 0
         self._taken_us: int | None = None  # when the oldest frame of the running round came
         self._was_behind = False
-        self._gone: set[int] = set()
-        self._known: set[int] = set()
         self.failure: BaseException | None = None
         self.listener = Listener(
             settings.urls,
@@ -128,6 +125,7 @@ class LiveMonitor:
             except BaseException:
                 self.listener.close()
                 raise
+        self._events = EventRecord(self.recorder)
         self._thread = threading.Thread(target=self._run, name="compute", daemon=True)
 
     def __enter__(self) -> Self:
@@ -245,10 +243,14 @@ class LiveMonitor:
                 if piece:
                     # Silence before these frames is over once they are taken.
                     self._tick(piece[0].stamp_us)
+                    self._events.come_and_go(self.fleet, piece[0].stamp_us)
                     self._newest_us = max(self._newest_us, piece[-1].stamp_us)
                 self._analyse(piece)
                 self._tick(self.now_us())
-                self._come_and_go(self.now_us())
+                self._events.come_and_go(self.fleet, self.now_us())
+                self._round_over()
+
+    def _round_over(self) -> None:
         now_us = self.now_us()
         for subscriber in self.subscribers:
             subscriber.on_round(self.fleet, now_us)
@@ -267,8 +269,9 @@ class LiveMonitor:
                 self.fleet.take(self._queue.take(0.0))
                 self._listen()
         self._listen()
-        self._come_and_go(self.now_us())
+        self._events.come_and_go(self.fleet, self.now_us())
         self._taken_us = None
+        self._round_over()
 
     def _analyse(self, frames: list[Frame]) -> None:
         self.fleet.take(frames)
@@ -283,11 +286,12 @@ class LiveMonitor:
         behind = self._behind_s()
         if (behind > 0.0) != self._was_behind:
             self._was_behind = behind > 0.0
-            self._note(None, "note", behind_words(behind) if behind else NOT_BEHIND)
+            words = behind_words(behind) if behind else NOT_BEHIND
+            self._events.note(self.now_us(), None, "note", words)
 
     def _tick(self, now_us: int) -> None:
         for vehicle, event in self.fleet.tick(now_us):
-            self._event(vehicle, event, now_us)
+            self._event(vehicle, event, round(event.time_s * 1e6))
 
     def _publish(self, update: Update) -> None:
         if self.recorder is not None:
@@ -307,56 +311,24 @@ class LiveMonitor:
 
     def acknowledge(self, vehicle: int, alarm: Alarm) -> None:
         """Record that the pilot knows of an alarm; callable from any thread."""
-        self._note(vehicle, "acknowledged", alarm.text, alarm=alarm.name, rotor=alarm.rotor)
+        more = {"alarm": alarm.name, "rotor": alarm.rotor}
+        self._events.note(self.now_us(), vehicle, "acknowledged", alarm.text, **more)
 
     def _event(self, vehicle: int, event: AlarmEvent, stamp_us: int) -> None:
         event = replace(event, unix_s=stamp_us * 1e-6)
-        self._note(
-            vehicle,
-            "raised" if event.raised else "cleared",
-            event.alarm.text,
-            alarm=event.alarm.name,
-            rotor=event.alarm.rotor,
-            severity=event.alarm.severity,
-            time_s=event.time_s,
-            unix_s=event.unix_s,
-        )
+        self._events.alarm(stamp_us, vehicle, event)
         for subscriber in self.subscribers:
             subscriber.on_event(vehicle, event)
 
-    def _come_and_go(self, now_us: int) -> None:
-        for number, watch in self.fleet.vehicles.items():
-            if number not in self._known:
-                self._known.add(number)
-                self._note(number, "appeared", heard_words(number))
-            for note in watch.notes:
-                self._note(number, "note", note)
-            watch.notes.clear()
-            gone = watch.silent(now_us) > GONE
-            if gone and number not in self._gone:
-                self._gone.add(number)
-                self._note(number, "left", silent_words(number, GONE))
-            elif not gone and number in self._gone:
-                self._gone.discard(number)
-                self._note(number, "returned", heard_words(number, again=True))
-
-    def _note(self, vehicle: int | None, kind: str, text: str, **more: object) -> None:
-        if self.recorder is not None:
-            self.recorder.event(
-                {
-                    "unix_s": self.now_us() * 1e-6,
-                    "vehicle": vehicle,
-                    "event": kind,
-                    "text": text,
-                    **more,
-                }
-            )
-
 
 def spacing(round_s: float, vehicles: int) -> float:
-    """s from the begin of a round that took `round_s` to the next, of so many vehicles."""
+    """s from the begin of a round that took `round_s` to the next, of so many vehicles.
+
+    Of several, 1/EACH a second are analysed at most, however fast this computer is: no alarm
+    needs more, and all that an aircraft costs goes with how often it is.
+    """
     longest = min(max(EACH * vehicles, LONGEST), RAREST)
-    return min(max(round_s / DUTY, SHORTEST), longest)
+    return min(max(round_s / DUTY, EACH * (vehicles - 1), SHORTEST), longest)
 
 
 def _pieces(frames: list[Frame]) -> list[list[Frame]]:

@@ -80,10 +80,12 @@ class VehicleMonitor:
         self.alarms = Alarms(settings.alarms)
         self.senders: dict[int, SenderWatch] = {}
         self.shared_until_us = 0
-        self.notes: list[str] = []  # what happened since they were last taken
+        #: What happened since they were last taken, and when by the ground's clock, µs.
+        self.notes: list[tuple[int, str]] = []
         self.last: Update | None = None
         self.rows = 0
-        self._first_us = 0  # ground's clock when it was first heard
+        self.first_us = 0  # ground's clock when it was first heard
+        self.back_us = 0  # the same after it had left, the last time
         options = replace(settings, airframe=model.airframe, sampling="hold")
         self.telemetry = VehicleTelemetry(system, options)
         self._model = model
@@ -110,7 +112,7 @@ class VehicleMonitor:
         """Why there is no margin; empty when nothing stands in the way."""
         if self.shared:
             return two_vehicles(self.system, helps=True)
-        if self.rows == 0 and self.telemetry.stamp_us - self._first_us > ROWLESS * 1e6:
+        if self.rows == 0 and self.telemetry.stamp_us - self.first_us > ROWLESS * 1e6:
             return self.telemetry.problem or NO_ROWS
         return self.telemetry.problem
 
@@ -147,11 +149,13 @@ class VehicleMonitor:
             sender.clocked(frame.id, frame.stamp_us * 1e-6, clock_s)
         if sender.shared:
             if not self.shared:
-                self.notes.append(two_vehicles(self.system))
+                self.notes.append((frame.stamp_us, two_vehicles(self.system)))
             self.shared_until_us = frame.stamp_us + int(SHARED_HOLD * 1e6)
         if verdict is not Verdict.NEW:
             return
-        self._first_us = self._first_us or frame.stamp_us
+        self.first_us = self.first_us or frame.stamp_us
+        if frame.stamp_us - self.telemetry.stamp_us > GONE * 1e6:
+            self.back_us = frame.stamp_us
         if frame.stamp_us < self.shared_until_us:
             # A mix of two aircraft must not pass for one: heard, but not used.
             self.telemetry.stamp_us = frame.stamp_us
@@ -249,7 +253,7 @@ class VehicleMonitor:
         claim = self._airframe.look(new.track, self.telemetry.facts, self.state.parameters)
         if claim is before:
             return claim, start
-        self.notes.append(claim.described)
+        self.notes.append((int(new.stamp_us[-1]), claim.described))
         return claim, None if bool(before.withheld) != bool(claim.withheld) else start
 
     def _window(self, last: Update) -> tuple[slice, FlightState | None]:
@@ -302,10 +306,11 @@ class VehicleMonitor:
 
     def silent(self, now_us: int) -> float:
         """s since anything was heard of it, at a time of the ground's clock, taken or not."""
-        return max(now_us - self._last_us, 0) * 1e-6
+        return max(now_us - self.last_us, 0) * 1e-6
 
     @property
-    def _last_us(self) -> int:
+    def last_us(self) -> int:
+        """Ground's clock when anything was last heard of it, taken or not."""
         return max(self.telemetry.stamp_us, self._heard_us.get(self.system, 0))
 
     def stale(self, now_us: int) -> str:
@@ -316,7 +321,7 @@ class VehicleMonitor:
         """
         if self.shared or self.silent(now_us) > self.alarms.settings.silence:
             return ""
-        waits = self._last_us > self.telemetry.stamp_us
+        waits = self.last_us > self.telemetry.stamp_us
         ages = self.telemetry.stale(self.telemetry.stamp_us if waits else now_us)
         return stale_words({field: age for field, age in ages.items() if age > LASTING})
 

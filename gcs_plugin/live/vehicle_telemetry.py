@@ -26,11 +26,11 @@ from thrustmargin.gcs_plugin.live.vehicle_state import OF_ITSELF, SAYS, VehicleS
 from thrustmargin.gcs_plugin.logs.tlog import AUTOPILOTS
 from thrustmargin.gcs_plugin.mavlink.decode import ESC_TELEMETRY_FIRST
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
-from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.clock import (
     ArrivalClock,
     arrival_times,
+    gps_times,
     unix_minus_clock,
 )
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap, counted_by_reports, motor_map
@@ -48,11 +48,10 @@ from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.gcs_plugin.telemetry.tank_source import LEFT_OUT
 from thrustmargin.gcs_plugin.wording.live_words import FIELD_WORDS, order_assumed
 from thrustmargin.models.errors import AirframeError, LogError
-from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, Origin
+from thrustmargin.models.flight import TRACK_CHANNELS, Bools, FlightTrack, Floats, Origin
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 CLOCK_WAIT = 20.0  # s without the vehicle's clock after which the ground's counts
-_TIME = next(n for n, m in layouts().items() if m.name == "SYSTEM_TIME")
 #: field, by the name of its limit -> its channels in the signals, any of which will do
 FIELDS: Mapping[str, tuple[str, ...]] = {
     "attitude": ("attitude",),
@@ -102,7 +101,8 @@ class VehicleTelemetry:
         self.stamp_us = 0  # ground's clock when anything last came
         self.clock = ArrivalClock()
         self.problem = ""
-        self.events: list[str] = []  # restarts and leaps of its clock since they were last taken
+        #: Restarts and leaps of its clock since they were last taken, and when by the ground's.
+        self.events: list[tuple[int, str]] = []
         self.heard: set[str] = set()  # names of all messages
         self._options = options
         self._airframe = options.airframe
@@ -145,16 +145,16 @@ class VehicleTelemetry:
     def take(self, frame: Frame) -> None:
         """One frame of this vehicle, in the order in which it came."""
         self.stamp_us = frame.stamp_us
-        changed = frame.id == _TIME and not self._gps_time
+        changed = False
         if frame.id in SAYS:
             before, self.state = self.state, fold(self.state, frame)
-            changed = changed or _said(before) != _said(self.state)
+            changed = _said(before) != _said(self.state)
         if not self._pieces or (changed and not self._pieces[-1].rowless):
             self._pieces.append(_Piece(self.state, []))
         piece = self._pieces[-1]
         piece.state = self.state
         piece.frames.append(frame)
-        piece.rowless &= frame.id in OF_ITSELF or frame.id == _TIME
+        piece.rowless &= frame.id in OF_ITSELF
 
     def forget(self) -> None:
         """Begin anew, as with a vehicle that was never heard."""
@@ -190,9 +190,10 @@ class VehicleTelemetry:
         self.events += notes
         parts = []
         numbers = np.repeat(np.arange(len(pieces)), [len(piece.frames) for piece in pieces])
+        dated = _dated(boots, groups, before if self._gps_time else None)
         sure = boots >= 0
-        for boot, number in dict.fromkeys(
-            zip(boots[sure].tolist(), numbers[sure].tolist(), strict=True)
+        for boot, number, known in dict.fromkeys(
+            zip(boots[sure].tolist(), numbers[sure].tolist(), dated[sure].tolist(), strict=True)
         ):
             if boot != before:
                 self._restart()
@@ -202,7 +203,7 @@ class VehicleTelemetry:
                 if clocked.size:
                     first = clocked[0]
                     self._unix_minus_clock = float(stamps[first] * 1e-6 - own[first])
-            inside = (boots == boot) & (numbers == number)
+            inside = (boots == boot) & (numbers == number) & (dated == known)
             streams = {
                 name: Stream(clock_s[at[chosen]], columns[chosen])
                 for name, (at, columns) in groups.items()
@@ -318,6 +319,25 @@ class VehicleTelemetry:
         if now - self._tank_s > TRACK_CHANNELS["tank_kg"].max_age:
             ages[FIELD_WORDS["tank_kg"]] = now - self._tank_s
         return ages
+
+
+def _dated(
+    boots: NDArray[np.int64],
+    groups: Mapping[str, tuple[NDArray[np.intp], NDArray[np.void]]],
+    already: int | None,
+) -> Bools:
+    """(n,) whether a GPS time was heard in the start `boots` (n,) of a frame, in it or before.
+
+    `already` is the start in which it was known before them, where no further one is looked for.
+    """
+    dated = np.zeros(boots.size, dtype=np.bool_)
+    if "SYSTEM_TIME" in groups:
+        at, columns = groups["SYSTEM_TIME"]
+        at = at[gps_times(columns)]
+        for boot in np.unique(boots[at]).tolist():
+            if boot != already:
+                dated |= (boots == boot) & (np.arange(boots.size) >= at[boots[at] == boot][0])
+    return dated
 
 
 def _said(state: VehicleState) -> tuple[object, ...]:

@@ -8,8 +8,8 @@ of the last nine clocked messages before it, which a live listener can do just t
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,12 +87,16 @@ def unix_minus_clock(system_time: Columns) -> float | None:
 
     The first and not a mean, so that a listener has the same.
     """
-    unix_us: Floats = system_time["time_unix_usec"].astype(np.float64)
-    known = np.flatnonzero(unix_us > 1e15)
+    known = np.flatnonzero(gps_times(system_time))
     if known.size == 0:
         return None
-    boot_ms = float(system_time["time_boot_ms"][known[0]])
-    return float(unix_us[known[0]]) * 1e-6 - boot_ms * 1e-3
+    unix_us, boot_ms = (float(system_time[n][known[0]]) for n in ("time_unix_usec", "time_boot_ms"))
+    return unix_us * 1e-6 - boot_ms * 1e-3
+
+
+def gps_times(system_time: Columns) -> Bools:
+    """(n,) SYSTEM_TIME messages that know Unix time; without GPS it counts from boot or is 0."""
+    return system_time["time_unix_usec"] > 1e15
 
 
 def own_clock_wraps(fields: NDArray[np.void]) -> bool:
@@ -182,10 +186,8 @@ class ArrivalClock:
         """The vehicle's clock at a time of the ground's clock, s; NaN before any is known."""
         if not self.known:
             return float("nan")
-        return (
-            float(_held_back([self], np.zeros(1, dtype=np.intp), np.array([1000 * stamp_us]))[0])
-            * 1e-9
-        )
+        known = np.array([_Known.of(self)]).T
+        return float(_held_back(known, np.array([1000 * stamp_us]))[0]) * 1e-9
 
     def after(self, own: int, stamp: int) -> tuple[ArrivalClock, str]:
         """The clock after one clocked message, and what to report."""
@@ -210,17 +212,26 @@ class ArrivalClock:
         return ArrivalClock(offsets, newest, stamp, self.last, self.boot, None, self.late), note
 
 
-def _held_back(
-    clocks: Sequence[ArrivalClock], which: NDArray[np.intp], stamps: NDArray[np.int64]
-) -> NDArray[np.int64]:
+class _Known(NamedTuple):
+    """What a stamp goes by, ns."""
+
+    newest: int
+    stamp: int
+    offset: int  # the median
+
+    @classmethod
+    def of(cls, clock: ArrivalClock) -> Self:
+        return cls(clock.newest, clock.stamp, sorted(clock.offsets)[len(clock.offsets) // 2])
+
+
+def _held_back(known: NDArray[np.int64], stamps: NDArray[np.int64]) -> NDArray[np.int64]:
     """Stamps (n,) less the median offset, held between the newest clock and shortly after it.
 
     So that a burst after a stalled link, or a recording played fast, keeps the vehicle's times.
-    When clocked messages stay away for COAST the stamps extrapolate the clock. `which` (n,) of the
-    clocks each stamp goes by.
+    When clocked messages stay away for COAST the stamps extrapolate the clock. `known` (3, n) is
+    what each stamp goes by.
     """
-    found = [(c.newest, c.stamp, sorted(c.offsets)[len(c.offsets) // 2]) for c in clocks]
-    newest, stamp, median = np.array(found, dtype=np.int64)[which].T
+    newest, stamp, median = known
     since = np.maximum(stamps - stamp, 0)
     most = np.minimum(since, int(1e9 * AHEAD)) + np.maximum(since - int(1e9 * COAST), 0)
     return newest + np.clip(stamps - median - newest, 0, most)
@@ -228,16 +239,22 @@ def _held_back(
 
 def arrival_times(
     clock: ArrivalClock, stamps_us: NDArray[np.int64], own_s: Floats
-) -> tuple[Floats, NDArray[np.int64], ArrivalClock, tuple[str, ...]]:
+) -> tuple[Floats, NDArray[np.int64], ArrivalClock, tuple[tuple[int, str], ...]]:
     """The vehicle's time of each message as a listener has it, s, rising from message to message.
 
     `stamps_us` (n,) are the ground's, `own_s` (n,) the clock that messages carry, NaN where none.
     Also the boot (n,) in which each came, -1 for one to be left out (a clock went back), the
-    clock after them, and what to report. However the messages are cut into pieces, the times are
-    the same; those before the first clocked one count back from it. Raises ValueError when no
-    clock is known and none comes.
+    clock after them, and what to report, with the stamp at which it was seen. However the messages
+    are cut into pieces, the times are the same; those before the first clocked one count back from
+    it. Raises ValueError when no clock is known and none comes.
     """
     stamps = 1000 * stamps_us.astype(np.int64)
+    steady = _steady(clock, stamps, own_s)
+    if steady is not None:
+        held, after = steady
+        times = _rising(held, clock.last)
+        boots = np.full(stamps.size, clock.boot, dtype=np.int64)
+        return _seconds(times), boots, replace(after, last=int(times[-1])), ()
     clocked = np.flatnonzero(np.isfinite(own_s)).tolist()
     if not clock.known and not clocked:
         raise ValueError("no message carries the vehicle's clock")
@@ -245,25 +262,53 @@ def arrival_times(
     for row in clocked:
         state, note = states[-1].after(round(1e9 * own_s[row]), int(stamps[row]))
         states.append(state)
-        notes += [note] if note else []
+        notes += [(int(stamps_us[row]), note)] if note else []
     which = np.cumsum(np.isfinite(own_s))
     early = 0 if clock.known else int(clocked[0])
     if not clock.known:
         states[0] = replace(states[1], last=_LONG_AGO)
     boots = np.array([state.boot for state in states], dtype=np.int64)[which]
-    held = _held_back(states, which, stamps)
+    known = np.array([_Known.of(state) for state in states], dtype=np.int64)
+    held = _held_back(known[which].T, stamps)
     held[:early] = stamps[:early] - states[0].offsets[0]
     for boot in np.unique(boots).tolist():
         rows = np.flatnonzero(boots == boot)
-        count = np.arange(1, rows.size + 1)
-        # At least a nanosecond after the one before: the order in which they came is kept.
-        floor = states[0].last if boot == clock.boot else _LONG_AGO
-        rising = np.maximum.accumulate(np.concatenate([[floor], held[rows] - count]))
-        held[rows] = rising[1:] + count
+        held[rows] = _rising(held[rows], states[0].last if boot == clock.boot else _LONG_AGO)
     # While a clock that went back may be a restart, nothing is sure of either start.
     boots[np.array([state.earlier is not None for state in states])[which]] = -1
     after = replace(states[-1], last=int(held[-1])) if held.size else states[-1]
-    return held * 1e-9, boots, after, tuple(notes)
+    return _seconds(held), boots, after, tuple(notes)
+
+
+def _seconds(nanoseconds: NDArray[np.int64]) -> Floats:
+    return nanoseconds.astype(np.float64) * 1e-9
+
+
+def _rising(held: NDArray[np.int64], last: int) -> NDArray[np.int64]:
+    """Times (n,) at least a nanosecond after the one before: the order of the messages is kept."""
+    count = np.arange(1, held.size + 1)
+    return np.maximum.accumulate(np.concatenate([[last], held - count]))[1:] + count
+
+
+def _steady(
+    clock: ArrivalClock, stamps: NDArray[np.int64], own_s: Floats
+) -> tuple[NDArray[np.int64], ArrivalClock] | None:
+    """Stamps (n,) held back, and the clock after them, of messages of a clock that runs on as it
+    should; None where any is the first, late, ahead, or of a restart: then each is looked at."""
+    if len(clock.offsets) < WINDOW or clock.earlier is not None or not stamps.size:
+        return None
+    clocked = np.isfinite(own_s)
+    own, came = np.round(1e9 * own_s[clocked]).astype(np.int64), stamps[clocked]
+    newest = np.maximum.accumulate(np.concatenate([[clock.newest], own]))
+    stamp, ahead = np.concatenate([[clock.stamp], came]), own - newest[:-1]
+    if (ahead < -1e9 * BACKWARD).any() or (ahead - np.diff(stamp) > 1e9 * JUMP).any():
+        return None
+    offsets = np.concatenate([clock.offsets, came - own])
+    windows = np.lib.stride_tricks.sliding_window_view(offsets, WINDOW)
+    known = np.stack([newest, stamp, np.sort(windows, axis=1)[:, WINDOW // 2]])
+    last = tuple(offsets[-WINDOW:].tolist())
+    after = replace(clock, offsets=last, newest=int(newest[-1]), stamp=int(stamp[-1]))
+    return _held_back(known[:, np.cumsum(clocked)], stamps), after
 
 
 def _steps(offset: Floats) -> Index:

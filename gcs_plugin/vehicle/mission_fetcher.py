@@ -58,7 +58,7 @@ class MissionFetcher(Subscriber):
             if self._link is not None and data:
                 self._link.feed(data)
 
-    def on_round(self, fleet: Fleet, now_us: int) -> None:  # noqa: ARG002
+    def on_round(self, fleet: Fleet, now_us: int) -> None:
         """Ask for the missions of vehicles that are new, and hand over those that have come."""
         for number in fleet.vehicles.keys() - self._asked:
             self._asked.add(number)
@@ -69,10 +69,10 @@ class MissionFetcher(Subscriber):
             if watch is None:
                 continue
             if isinstance(plan, str):
-                watch.notes.append(f"no mission fetched: {plan}")
+                watch.notes.append((now_us, f"no mission fetched: {plan}"))
             else:
                 watch.use_plan(plan)
-                watch.notes.append(f"mission of {len(plan.items)} items fetched")
+                watch.notes.append((now_us, f"mission of {len(plan.items)} items fetched"))
 
     def close(self) -> None:
         """End a transfer that is under way; may be called again."""

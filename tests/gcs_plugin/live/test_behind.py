@@ -187,7 +187,8 @@ def test_a_computer_that_slept_has_lost_nothing_that_came_meanwhile(tmp_path):
         (0.009, 1, 0.09),
         (0.5, 1, 1.0),  # a hiccup of one aircraft's analysis is no reason to wait for long
         (0.15, 12, 1.2),
-        (0.18, 20, 1.8),
+        (0.01, 3, 0.2),  # however fast the computer is
+        (0.04, 20, 1.9),
         (0.5, 20, 2.0),
         (0.5, 50, 2.0),
     ],

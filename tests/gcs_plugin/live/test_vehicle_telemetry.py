@@ -220,3 +220,37 @@ def test_zero_speeds_in_flight_are_unknown_and_said_so():
     assert np.isnan(speeds[32:, 1]).all()
     assert np.isfinite(speeds[1:, [0, 2, 3]]).all()
     assert any(note.startswith("rotor 2: no measurement: zero speed") for note in rows.notes)
+
+
+def timed(vehicle: Vehicle, seconds: int, unix_s: float) -> list[Frame]:
+    """So many s of flight with a SYSTEM_TIME each, whose Unix time began at `unix_s`; 0: none."""
+    frames = []
+    for second in range(seconds):
+        unix_us = int((unix_s + second) * SECOND) if unix_s else 0
+        frames.append(vehicle.frame(dialect.MAVLink_system_time_message(unix_us, vehicle.boot_ms)))
+        frames += [frame for _ in range(10) for frame in vehicle.tick()]
+    return frames
+
+
+@pytest.mark.parametrize("piece", [7, 10_000])
+def test_a_new_part_begins_with_the_first_gps_time_of_a_start_and_with_no_other(piece):
+    vehicle = Vehicle(clock_s=500.0)
+    frames = [as_frame(vehicle.heartbeat(), vehicle.stamp_us)]
+    frames += timed(vehicle, 30, 0.0) + timed(vehicle, 30, 1.6e9)
+    vehicle.clock_s = 5.0  # it restarts
+    frames += timed(vehicle, 30, 0.0) + timed(vehicle, 30, 1.65e9)
+    telemetry = VehicleTelemetry(1, Options(airframe=AIRFRAME, sampling="hold"))
+    parts: list[LiveRows] = []
+    for first in range(0, len(frames), piece):
+        for frame in frames[first : first + piece]:
+            telemetry.take(frame)
+        parts += telemetry.rows()
+    if piece > len(frames):  # however many messages wait
+        begins = [(p.boot, round(p.clock_s[0])) for p in parts]
+        assert begins == [(0, 500), (0, 530), (1, 5), (1, 35)]
+    ground, gps = [1.7e9 - 500.0, 1.7e9 + 60.0 - 5.0], [1.6e9 - 530.0, 1.65e9 - 35.0]
+    for part in parts:
+        unix_s = part.track.start_unix_s or 0.0
+        booted = unix_s + part.track.time_s[0] - part.clock_s[0]
+        late = part.clock_s[0] > (530.05, 35.05)[part.boot]
+        assert booted == pytest.approx((gps if late else ground)[part.boot], abs=0.2)

@@ -262,7 +262,8 @@ def test_three_clocked_messages_that_agree_are_a_restart():
     times, boots, clock, notes = listen(ArrivalClock(), *RESTART)
     assert boots.tolist() == [0, -1, -1, -1, -1, 1, 1]
     np.testing.assert_allclose(times[-2:], [5.4, 5.5])
-    assert notes == ("the vehicle restarted: its clock went from 100 s to 5 s",)
+    words = "the vehicle restarted: its clock went from 100 s to 5 s"
+    assert notes == ((111_400_000, words),)
     assert (clock.boot, clock.late, clock.earlier) == (1, 2, None)
     # The second start goes on by its own offset alone.
     assert clock.now_s(111_450_000) == pytest.approx(5.45)
@@ -277,6 +278,32 @@ def test_pieces_give_the_times_of_the_whole(cut):
     assert [*a[0], *b[0]] == times.tolist()
     assert [*a[1], *b[1]] == boots.tolist()
     assert (b[2], a[3] + b[3]) == (after, notes)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_clock_that_runs_on_gives_the_same_looked_at_alone_or_many_at_once(seed):
+    rng = np.random.default_rng(seed)
+    heard, stamp = [], 110.0
+    for k in range(200):
+        stamp += rng.exponential(0.05)
+        own = stamp - 100.0 - rng.exponential(0.02) - 0.9 * (rng.random() < 0.05)
+        heard.append((stamp, own if k < 20 or rng.random() < 0.6 else None))
+    heard += [(heard[-1][0] + 40.0, 200.0), (heard[-1][0] + 40.1, 200.1)]  # it leaps
+    heard += [(heard[-1][0] + 0.1 * k, 3.0 + 0.1 * k) for k in range(20)]  # and restarts
+    whole = listen(ArrivalClock(), *heard)
+    clock, times, boots, notes = ArrivalClock(), [], [], ()
+    for one in heard:
+        alone = listen(clock, one)
+        clock, times, boots = alone[2], [*times, *alone[0]], [*boots, *alone[1]]
+        notes += alone[3]
+    pieces = [listen(ArrivalClock(), *heard[:20])]
+    for first in range(20, len(heard), 30):
+        pieces.append(listen(pieces[-1][2], *heard[first : first + 30]))
+    assert [t for piece in pieces for t in piece[0]] == times == whole[0].tolist()
+    assert [b for piece in pieces for b in piece[1]] == boots == whole[1].tolist()
+    assert pieces[-1][2] == clock == whole[2]
+    assert sum((piece[3] for piece in pieces), ()) == notes == whole[3]
+    assert len(notes) == 2
 
 
 @pytest.mark.parametrize(
@@ -308,7 +335,5 @@ def test_a_late_message_leaves_the_newest_clock_where_it_is():
 def test_a_jump_ahead_by_more_than_thirty_seconds_beyond_the_stamps_is_reported(ahead, said):
     _, boots, _, notes = listen(ArrivalClock(), (110.0, 10.0), (111.0, 10.0 + ahead))
     assert boots.tolist() == [0, 0]
-    assert (
-        list(notes)
-        == [f"the vehicle's clock jumped {ahead:.0f} s ahead; older readings are stale"][:said]
-    )
+    words = f"the vehicle's clock jumped {ahead:.0f} s ahead; older readings are stale"
+    assert list(notes) == [(111_000_000, words)][:said]
