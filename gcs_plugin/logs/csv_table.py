@@ -3,7 +3,8 @@
 One row a time. Columns, in SI but for rpm, all but `time_s` optional, empty where unknown:
 `time_s`; `position_north/_east/_down`; `velocity_north/_east/_down`; `roll`, `pitch`, `yaw`
 (rad); `roll_rate`, `pitch_rate`, `yaw_rate` (rad/s); `specific_force_forward/_right/_down`
-(m/s², (0, 0, -9.81) at rest); `airspeed`; `wind_north/_east/_down` (the way the air moves);
+(m/s², (0, 0, -9.81) at rest); `airspeed`, without it from velocity and wind;
+`wind_north/_east/_down` (the way the air moves);
 `tank_kg`; `rotor_speed_rpm_1` to `_R` and `throttle_1` to `_R` in motor order; `voltage`,
 `current`, `pressure` (Pa), `temperature` (K, of the air or of a warm board: `train` learns which),
 `altitude` (m AMSL), `height_agl` (m), `spraying` (1 or 0), `flying` (1 or 0). A first line
@@ -11,7 +12,8 @@ One row a time. Columns, in SI but for rpm, all but `time_s` optional, empty whe
 came from.
 
 Tables of other programs are read too: separated by commas, semicolons or tabs, with a decimal
-point or comma, in quotes, in UTF-8 or UTF-16; and the CSV of a margin report, by its own headings.
+point or comma, in quotes, in UTF-8 or UTF-16; the CSV of a margin report, by its own headings; and
+any headings and units that a file `columns.toml` beside the table states (`csv_columns.py`).
 """
 
 from __future__ import annotations
@@ -27,6 +29,11 @@ from typing import Any
 
 import numpy as np
 
+from thrustmargin.gcs_plugin.logs.csv_columns import (
+    check_headings,
+    in_our_columns,
+    stated_columns,
+)
 from thrustmargin.gcs_plugin.logs.read import Beginning, LogFormat, decoded
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.telemetry.flight_log import log_of_track
@@ -139,29 +146,36 @@ def read_csv(path: Path, *, rotor_count: int = 0) -> FlightTrack:
     from pyarrow import csv as table_of
 
     comments, names, body, separator = _parts(decoded(path.read_bytes()))
-    if "time_s" not in names:
+    stated = stated_columns(path, unit_of_column)
+    if "time_s" not in stated and "time_s" not in names:
         first = clean(body.split("\n", 1)[0][:60])
-        raise LogError(f"{path.name}: its first line names no column time_s; found {first!r}")
-    used = [name for name in names if _known(name)]
+        raise LogError(
+            f"{path.name}: its first line names no column time_s; found {first!r}; say which "
+            "column is which, and in what unit, in a file columns.toml beside it: docs/tables.md"
+        )
+    check_headings(path, stated, names)
+    theirs = {one.column for one in stated.values()}
+    used = [name for name in names if name in theirs or (_known(name) and name not in stated)]
     twice = next((name for name in used if used.count(name) > 1), None)
     if twice is not None:
         raise LogError(f"{path.name}: column {twice!r} is there twice; keep one")
     first_rows = csv.reader(body.split("\n", _SHOWN)[1:_SHOWN], delimiter=separator)
     torn: list[object] = []
+    states = {stated[n].column if n in stated else n for n in ("flying", "spraying")}
     comma = any(_DECIMAL_COMMA.fullmatch(cell.strip()) for row in first_rows for cell in row)
     try:
         table = table_of.read_csv(
             io.BytesIO(body.encode("utf-8", "replace")),
             # Names that no other column has: what is not used may be called alike.
             read_options=table_of.ReadOptions(
-                column_names=[n if _known(n) else f"{k} {n}" for k, n in enumerate(names)],
+                column_names=[n if n in used else f"{k} {n}" for k, n in enumerate(names)],
                 skip_rows=1,
             ),
             parse_options=table_of.ParseOptions(
                 delimiter=separator, invalid_row_handler=lambda row: torn.append(row) or "skip"
             ),
             convert_options=table_of.ConvertOptions(
-                column_types={n: pa.float64() for n in used},
+                column_types={n: pa.string() if n in states else pa.float64() for n in used},
                 include_columns=used,
                 null_values=_NULLS,
                 quoted_strings_can_be_null=True,
@@ -177,8 +191,14 @@ def read_csv(path: Path, *, rotor_count: int = 0) -> FlightTrack:
             f"{path.name}: not a table of numbers: {len(torn)} rows have another number of "
             f"columns than the {len(names)} of its heading"
         )
-    found = {name: table[name].to_numpy(zero_copy_only=False) for name in used}
-    unused = [name for name in names if not _known(name)]
+    try:
+        table = {n: _states(table[n]) if n in states else table[n].to_numpy() for n in used}
+    except ValueError as error:
+        raise LogError(f"{path.name}: not a table of numbers: {error}") from error
+    rows = next((column.size for column in table.values()), 0)
+    found = {n: column for n, column in table.items() if _known(n) and n not in stated}
+    found |= in_our_columns(stated, table, rows)
+    unused = [name for name in names if name not in used]
     about, notes = _about(comments, path), []
     if torn:
         notes.append(f"{len(torn)} torn row(s) are left out")
@@ -190,9 +210,25 @@ def read_csv(path: Path, *, rotor_count: int = 0) -> FlightTrack:
 
 
 def _known(name: str) -> bool:
-    fixed = any(name in columns for columns in COLUMNS.values())
-    others = ("time_s", "flying", "flight_number")
-    return fixed or name in others or _ROTOR.fullmatch(name) is not None
+    return name == "flight_number" or unit_of_column(name) is not None
+
+
+def unit_of_column(name: str) -> str | None:
+    """The unit of a column of ours, empty where it has none; None for any other name."""
+    if rotor := _ROTOR.fullmatch(name):
+        return TRACK_CHANNELS[rotor[1]].unit
+    if name in ("time_s", "flying"):
+        return "s" if name == "time_s" else ""
+    channel = next((c for c, names in COLUMNS.items() if name in names), None)
+    unit = None if channel is None else TRACK_CHANNELS[channel].unit
+    return "" if unit == "0/1" else unit
+
+
+def _states(column: Any) -> Floats:
+    """1, 0 and NaN of true, false, numbers and nothing. Raises ValueError for other words."""
+    words = {"true": "1", "false": "0", "": "nan"}
+    texts = ((text or "").strip().lower().replace(",", ".") for text in column.to_pylist())
+    return np.array([float(words.get(text, text)) for text in texts])
 
 
 def _parts(text: str) -> tuple[list[str], list[str], str, str]:
@@ -262,12 +298,19 @@ def _track(
         if any(name in found for name in names):
             parts = [found.get(name, nothing) for name in names]
             channels[channel] = parts[0] if len(parts) == 1 else np.stack(parts, axis=-1)
+    sources: dict[str, str] = {}
+    # A file that we wrote has every channel that its track has.
+    through_air = {"velocity_ned", "wind_ned"} <= channels.keys() and "airspeed" not in channels
+    if through_air and not about:
+        relative = channels["velocity_ned"] - channels["wind_ned"]
+        channels["airspeed"] = np.linalg.norm(relative, axis=1)
+        sources["airspeed"] = f"{path.name}, velocity less wind"
     for channel in ("rotor_speed_rpm", "throttle"):
         names = [f"{channel}_{k + 1}" for k in range(rotors)]
         if any(name in found for name in names):
             channels[channel] = np.stack([found.get(n, nothing) for n in names], axis=-1)
     if not channels:
-        raise LogError(f"{path.name}: no column but time_s is known; see the README for the names")
+        raise LogError(f"{path.name}: no column but time_s is known; docs/tables.md has the names")
     flying, name = found.get("flying"), about.get("name")
     start = about.get("start_unix_s")
     known_start = isinstance(start, int | float) and abs(start) < _LATEST
@@ -276,7 +319,8 @@ def _track(
     written = about.get("notes")
     written = written if isinstance(written, list) else []
     notes = (*(clean(n) for n in written if isinstance(n, str)), *notes)
-    sources = {name: f"{path.name} column {COLUMNS.get(name, (name,))[0]}" for name in channels}
+    for channel in channels.keys() - sources.keys():
+        sources[channel] = f"{path.name} column {COLUMNS.get(channel, (channel,))[0]}"
     return FlightTrack.of(
         name=clean(name if isinstance(name, str) else path.name),
         time_s=time_s,

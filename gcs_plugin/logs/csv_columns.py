@@ -1,0 +1,149 @@
+"""Tables with headings and units of others: `columns.toml` beside a CSV says what they are.
+
+A line a column of ours (`gcs_plugin/logs/csv_table.py`), in the file `columns.toml` of the CSV's
+folder, or `NAME.columns.toml` for `NAME.csv` alone:
+
+    time_s = "t"                                             # already in our unit
+    rotor_speed_rpm_1 = { column = "m1_rads", unit = "rad/s" }
+    voltage = { column = "Vbat", unit = "mV" }
+    position_down = { column = "z", factor = -1 }            # z is up there
+    throttle_1 = { column = "pwm1", factor = 0.001, offset = -1 }    # 1000 to 2000 us
+    tank_kg = 0                                              # the same in all rows
+    quaternion_w = "qw"                                      # and _x, _y, _z: roll, pitch and yaw
+
+What is ours is column x unit x factor + offset. The quaternion turns vectors of the body (forward,
+right, down) into north, east, down; where both have x forward or north, y left or west, and z up,
+the factor of y and z is -1.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from math import isfinite, pi
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.mavlink.text import clean
+from thrustmargin.models.errors import LogError
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.physics.atmosphere import G0
+
+FILE = "columns.toml"
+QUATERNION = tuple(f"quaternion_{part}" for part in "wxyz")
+#: Our unit -> units that a table may have, and how many of ours one is.
+UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
+    {
+        "s": {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0},
+        "m": {"mm": 1e-3, "cm": 1e-2, "ft": 0.3048},
+        "m/s": {"mm/s": 1e-3, "cm/s": 1e-2, "km/h": 1.0 / 3.6, "kn": 1852.0 / 3600.0},
+        "rad": {"deg": pi / 180.0},
+        "rad/s": {"deg/s": pi / 180.0},
+        "m/s²": {"m/s^2": 1.0, "m/s2": 1.0, "g": G0, "mg": 1e-3 * G0},
+        "kg": {"g": 1e-3},
+        "rpm": {"rad/s": 30.0 / pi, "deg/s": 1.0 / 6.0, "Hz": 60.0, "krpm": 1e3},
+        "0..1": {"1": 1.0, "%": 0.01},
+        "V": {"mV": 1e-3, "cV": 1e-2},
+        "A": {"mA": 1e-3, "cA": 1e-2},
+        "Pa": {"hPa": 100.0, "mbar": 100.0, "kPa": 1e3},
+        "K": {"C": 1.0, "°C": 1.0, "degC": 1.0},
+        "": {},
+    }
+)
+_ZERO_C = 273.15  # K
+
+
+@dataclass(frozen=True, slots=True)
+class TheirColumn:
+    """What a column of ours is made of: `factor` times `column`, and `offset` in our unit."""
+
+    column: str  # heading in the table; empty where the offset alone is the value
+    factor: float = 1.0
+    offset: float = 0.0
+
+
+def stated_columns(path: Path, unit_of: Callable[[str], str | None]) -> dict[str, TheirColumn]:
+    """What the file of columns beside the table `path` states; empty without one.
+
+    `unit_of` gives the unit of a column of ours, None for a name that is none. Raises LogError that
+    names the line that is wrong.
+    """
+    places = (path.with_name(f"{path.stem}.{FILE}"), path.with_name(FILE))
+    file = next((place for place in places if place.is_file()), None)
+    if file is None:
+        return {}
+    try:
+        lines = tomllib.loads(file.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise LogError(f"{file.name}: not a file of columns: {error}") from error
+    units = {name: "" if name in QUATERNION else unit_of(name) for name in lines}
+    return {name: _their(file.name, name, line, units[name]) for name, line in lines.items()}
+
+
+def _their(file: str, name: str, line: Any, own: str | None) -> TheirColumn:
+    if own is None:
+        raise LogError(f"{file}: {name!r} is no column of ours; docs/tables.md lists them")
+    if isinstance(line, int | float) and not isinstance(line, bool) and isfinite(line):
+        return TheirColumn("", offset=float(line))
+    line = {"column": line} if isinstance(line, str) else line
+    if not isinstance(line, dict) or not isinstance(line.get("column"), str) or not line["column"]:
+        raise LogError(f'{file}: {name} needs a number, or a heading such as "t"')
+    known = {"column", "unit", "factor", "offset"}
+    if extra := sorted(line.keys() - known):
+        raise LogError(f"{file}: {name} has {extra[0]!r}; it may have {', '.join(sorted(known))}")
+    numbers: list[Any] = [line.get("factor", 1.0), line.get("offset", 0.0)]
+    if any(isinstance(n, bool) or not isinstance(n, int | float) for n in numbers):
+        raise LogError(f"{file}: factor and offset of {name} must be numbers")
+    factor, offset = (float(n) for n in numbers)
+    unit, units = line.get("unit", own), {own: 1.0, **UNITS[own]}
+    if not isinstance(unit, str) or unit not in units:
+        listed = ", ".join(u for u in units if u)
+        raise LogError(
+            f"{file}: {name} has the unit {unit!r}, which is not one of {listed or 'none'}; state "
+            "it by a factor"
+        )
+    celsius = _ZERO_C if own == "K" and unit != own else 0.0
+    return TheirColumn(line["column"], factor * units[unit], offset + celsius)
+
+
+def in_our_columns(
+    stated: Mapping[str, TheirColumn], table: Mapping[str, Floats], rows: int
+) -> dict[str, Floats]:
+    """Our columns (T,) of a table that has their headings; a quaternion becomes three angles."""
+    found = {
+        name: np.full(rows, one.offset)
+        if not one.column
+        else one.factor * table[one.column] + one.offset
+        for name, one in stated.items()
+    }
+    if all(part in found for part in QUATERNION):
+        angles = _angles(*(found[part] for part in QUATERNION))
+        found |= dict(zip(("roll", "pitch", "yaw"), angles, strict=True))
+    return {name: values for name, values in found.items() if name not in QUATERNION}
+
+
+def check_headings(path: Path, stated: Mapping[str, TheirColumn], names: Sequence[str]) -> None:
+    """Raise LogError when a stated column is not in the table, or a quaternion is there in part."""
+    absent = [one.column for one in stated.values() if one.column and one.column not in names]
+    if absent:
+        found = clean(", ".join(names)[:200])
+        raise LogError(f"{path.name}: no column {absent[0]!r}, which {FILE} names; found {found}")
+    parts = [part for part in QUATERNION if part in stated]
+    if parts and len(parts) < len(QUATERNION):
+        raise LogError(
+            f"{path.name}: {FILE} has {parts[0]}, but not all of {', '.join(QUATERNION)}"
+        )
+
+
+def _angles(w: Floats, x: Floats, y: Floats, z: Floats) -> tuple[Floats, Floats, Floats]:
+    """Roll, pitch, yaw in rad (Z-Y-X) of a quaternion of any length; NaN where it has none."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        size = np.sqrt(w * w + x * x + y * y + z * z)
+        w, x, y, z = (part / size for part in (w, x, y, z))
+    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
+    return roll, pitch, np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
