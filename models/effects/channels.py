@@ -57,6 +57,7 @@ class Channels:
     load_factor: Any
     load_factor_shifts: Any  # from the derivative of velocity
     manoeuvre_load_shifts: Any  # quick part from the IMU, slow part as above; as above without one
+    side_load: Any  # (T, 2) g that the IMU feels forward and right, NaN without one
     rate_shifts: tuple[Any, Any, Any]  # angular rate, roll pitch yaw
     acceleration_shifts: tuple[Any, Any, Any]  # angular acceleration, roll pitch yaw
     heading: Any

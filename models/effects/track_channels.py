@@ -167,6 +167,10 @@ class _OfTrack:
         return self._table(felt + slow)
 
     @cached_property
+    def side_load(self) -> Floats:
+        return self._track.specific_force_frd[:, :2] / G0
+
+    @cached_property
     def rate_shifts(self) -> tuple[Floats, Floats, Floats]:
         return _three(self._table, self._track.angular_rate_frd)
 

@@ -141,7 +141,7 @@ def identify_checked(
         after=errors_of(last.problem, last.after_rpm),
         residual_after_rpm=after,
         residual_carried_rpm=left_out.with_carried(matter),
-        floor_rpm=floor_rpm(last.problem, last.after_rpm),
+        floor_rpm=floor_rpm(last.problem, last.after_rpm, (problem, after) if held_out else None),
         sensor_noise_rpm=sensor_noise_rpm(problem.in_modes(after), problem.follows),
         alternatives=answer.alternatives(),
         one_of=answer.one_of(named),

@@ -2,19 +2,22 @@
 
 It reads every reported channel within a second around a row, in a line, curves along each of them
 and smooth functions of all of them together: random Fourier features, which make the kernel of a
-Gaussian process linear (Rahimi and Recht 2007). It learns from the error that the effects leave,
-flight by flight left out, so that it is never above that error; where it is far below, something
-that the channels know is missing from the effects.
+Gaussian process linear (Rahimi and Recht 2007). It learns from the error that the effects leave on
+all other flights, also those that the effects were found on, and is scored on the flights that the
+error is reported on, at most as much as that error. Where it is far below, something that the
+channels know is missing from the effects.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from thrustmargin.models.effects.channels import Channels
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.left_out import FIFTHS, MOST_FOLDS
-from thrustmargin.models.identification.rows.problem import Problem
+from thrustmargin.models.identification.rows.problem import Problem, thinned
 from thrustmargin.models.identification.sets.free_form import hats
 
 RIDGES = 10.0 ** np.arange(-3.0, 2.0)  # per row; those that leave least, mode by mode
@@ -22,42 +25,59 @@ HATS = 9  # along one channel
 WAVES = 150  # of each length
 LENGTHS = (1.0, 3.0)  # of a wave, in standard deviations of a channel, times their number's root
 AT_ONCE = ("airspeed", "tank_kg", "time_s", "voltage", "advance_ratio", "load_factor", "yaw_rate")
+STRIDE = 2  # every so many rows of flights that are only learnt from: neighbours are alike
 
 
-def floor_rpm(problem: Problem, residual_rpm: Floats) -> float:
-    """RMS in rpm that a learner leaves of a residual (T, R), at most all of it."""
-    modes = problem.in_modes(residual_rpm)
-    columns = _columns(problem.channels)
-    if problem.flights > 1:
+def floor_rpm(
+    problem: Problem, residual_rpm: Floats, beside: tuple[Problem, Floats] | None = None
+) -> float:
+    """RMS in rpm that a learner leaves of a residual (T, R), at most all of it.
+
+    Each flight is predicted from the others and from flights `beside` with their residual, which
+    are not scored; a flight with none beside it in fifths.
+    """
+    parts, wanted = [problem.channels], [problem.in_modes(residual_rpm)]
+    if beside is not None:
+        parts.append(thinned(beside[0], STRIDE).channels)
+        wanted.append(beside[0].in_modes(beside[1][::STRIDE]))
+    if len(parts) > 1 or problem.flights > 1:
         fold = problem.flight % MOST_FOLDS
     else:
         fold = problem.block * FIFTHS // (problem.block[-1] + 1)
-    gram, cross = columns.T @ columns, columns.T @ modes
+    columns, modes = _columns(parts), wanted[0]
+    gram, cross = columns.T @ columns, columns.T @ np.concatenate(wanted)
     left = np.zeros((RIDGES.size, modes.shape[1]))
     for k in np.unique(fold):
-        own, wanted = columns[fold == k], modes[fold == k]
-        values, vectors = np.linalg.eigh(gram - own.T @ own)
-        along = vectors.T @ (cross - own.T @ wanted)
-        seen = own @ vectors
+        rows = np.flatnonzero(fold == k)
+        own, new = columns[rows], modes[rows]
+        rest, along = gram - own.T @ own, cross - own.T @ new
         for i, ridge in enumerate(RIDGES * columns.shape[0]):
-            weights = along / (np.maximum(values, 0.0) + ridge)[:, None]
-            left[i] += np.sum((wanted - seen @ weights) ** 2, axis=0)
+            weights = np.linalg.solve(rest + ridge * np.eye(gram.shape[0]), along)
+            left[i] += np.sum((new - own @ weights) ** 2, axis=0)
     least = np.minimum(left.min(axis=0), np.sum(modes**2, axis=0))
     return float(np.sqrt(least.sum() / modes.size))
 
 
-def _columns(x: Channels) -> Floats:
-    tables = [x.load_factor_shifts, x.manoeuvre_load_shifts, *x.rate_shifts, *x.acceleration_shifts]
-    now = [*(getattr(x, name) for name in AT_ONCE), *(r[:, r.shape[1] // 2] for r in x.rate_shifts)]
-    now += [np.sin(x.heading), np.cos(x.heading)]
-    lines = np.concatenate([np.stack(now, axis=1), *tables, x.airspeed_shifts], axis=1)
-    few = _even(np.stack(now, axis=1))
+def _columns(parts: Sequence[Channels]) -> Floats:
+    """Of all rows of some flights and then of others."""
+    pairs = [_lines(x) for x in parts]
+    now, lines = (np.concatenate(one) for one in zip(*pairs, strict=True))
+    few = _even(now)
     rng = np.random.default_rng(0)
     waves = [np.ones((lines.shape[0], 1)), *(hats(one, HATS) for one in few.T)]
     for length in LENGTHS:
         turns = rng.normal(size=(few.shape[1], WAVES)) / (length * np.sqrt(few.shape[1]))
         waves.append(np.sqrt(2.0) * np.cos(few @ turns + rng.uniform(0.0, 2.0 * np.pi, WAVES)))
     return np.concatenate([*waves, _even(lines)], axis=1)
+
+
+def _lines(x: Channels) -> tuple[Floats, Floats]:
+    """What is reported in each row, and that with all that is around it."""
+    tables = [x.load_factor_shifts, x.manoeuvre_load_shifts, *x.rate_shifts, *x.acceleration_shifts]
+    now = [*(getattr(x, name) for name in AT_ONCE), *(r[:, r.shape[1] // 2] for r in x.rate_shifts)]
+    now += [np.sin(x.heading), np.cos(x.heading), *x.side_load.T]
+    every = np.stack(now, axis=1)
+    return every, np.concatenate([every, *tables, x.airspeed_shifts], axis=1)
 
 
 def _even(columns: Floats) -> Floats:
