@@ -137,6 +137,21 @@ def test_a_season_of_one_aircraft(count):
     print(f"\n{count} flights: {words} ({before:.0f} before), {names}")
 
 
+def test_a_season_from_the_command_line(tmp_path):
+    """The same 200 flights as logs, by `identify` with default settings; the aim is 120 s."""
+    logs = [tmp_path / f"flight_{number + 1}.csv" for number in range(200)]
+    for track, path in zip(season(len(logs)), logs, strict=True):
+        write_csv(track, path)
+    command = [sys.executable, "-m", "thrustmargin.gcs_plugin.cli", "identify", *map(str, logs)]
+    launch = [sys.executable, "-c", LAUNCHER, *command]
+    begun = time.perf_counter()
+    told = subprocess.run(launch, check=True, capture_output=True, text=True).stdout
+    wall = time.perf_counter() - begun
+    seconds, kilobytes = map(float, told.split()[-2:])
+    words = f"{wall:.0f} s, {seconds:.0f} s of processor, peak {kilobytes / 1024.0:.0f} MiB"
+    print(f"\n{len(logs)} flights by the command: {words}; {told.splitlines()[0]}")
+
+
 def test_making_a_data_set(benchmark):
     benchmark(build, 5, "mixed", F16)
 
