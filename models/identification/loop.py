@@ -17,13 +17,12 @@ from thrustmargin.models.effects import CATALOGUE, effects_for
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.identification.answer.adequacy import Unexplained, acts_in, unexplained
+from thrustmargin.models.identification.answer.adequacy import closest_to, unexplained
 from thrustmargin.models.identification.answer.already_followed import followed_wind
 from thrustmargin.models.identification.answer.floor import floor_rpm
 from thrustmargin.models.identification.answer.left_out import LeftOut, on_new_flights
 from thrustmargin.models.identification.answer.posterior import (
     EffectEstimate,
-    Posterior,
     posterior_of,
 )
 from thrustmargin.models.identification.answer.result import Found, Identification
@@ -104,14 +103,15 @@ def identify_checked(
     answer = posterior_of(search, steepness_of(fit) if problem.of_outputs else 0.0)
     named = answer.named()
     left = unexplained(space, search, answer.best, named=bool(named))
-    closest = _closest(search, answer, named, left)
+    closest = closest_to(left, named, search, answer.best)
     if progress:
         progress("errors on flights not used", 1.0)
     left_out = LeftOut.of(problem, search, answer.best)
     matter = _that_matter(
         lambda some: _size(left_out.with_set(some)), [c for c in named if c not in closest]
     )
-    estimates = [answer.estimate(c) for c in matter]
+    aside = [c for c in named if c not in matter and c not in closest]
+    estimates = answer.estimates(matter, aside)
     values = {e.candidate: e.value for e in estimates}
     before, after = left_out.residual({}), left_out.residual(values)
     # With nothing added the model stays what it was, and so does its error.
@@ -159,16 +159,6 @@ def identify_checked(
 
 def _tracks(flights: Sequence[Flown]) -> list[FlightTrack]:
     return [f if isinstance(f, FlightTrack) else f.track for f in flights]
-
-
-def _closest(
-    search: Search, answer: Posterior, named: Sequence[int], left: Unexplained | None
-) -> list[int]:
-    """Named effects that act mostly in modes which names do not explain."""
-    if left is None:
-        return []
-    held = dict(zip(sorted(answer.best.key), answer.best.held, strict=True))
-    return [c for c in named if c in held and acts_in(search, held[c], left.modes)]
 
 
 def _that_matter(error: Callable[[Sequence[int]], float], members: Collection[int]) -> list[int]:

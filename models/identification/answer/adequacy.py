@@ -4,8 +4,8 @@ In each mode the free form is let loose (the widest level) beside the best set. 
 is what no effect of the table explains. A sound aircraft leaves some too: as much as it takes of
 good flights that their model has not seen, where flights differ from day to day and the model is
 off along its own inputs. Where a mode's free part is beyond that and more than LEFT of all that is
-explained in the mode, the mode is unexplained, and effects that act mostly in such modes are only
-the closest that the table has.
+explained in the mode, the mode is unexplained. Effects that act mostly in such modes, or by the
+channel that the unexplained goes with, are then only the closest that the table has.
 """
 
 from __future__ import annotations
@@ -93,6 +93,23 @@ def acts_in(search: Search, held: Held, modes: Sequence[int]) -> bool:
     change = predicted(search.reduced, [held]) - predicted(search.reduced, ())
     square = np.mean(np.nan_to_num(change) ** 2, axis=0)
     return bool(square[list(modes)].sum() > ACTS * square.sum())
+
+
+def closest_to(
+    left: Unexplained | None, named: Sequence[int], search: Search, best: FittedSet
+) -> list[int]:
+    """The names that are only closest to what is left: they act mostly in modes that names do not
+    explain, or go by the channel along which they do not."""
+    if left is None:
+        return []
+    held = dict(zip(sorted(best.key), best.held, strict=True))
+    along = set(left.channel.split(" x "))
+
+    def is_closest(c: int) -> bool:
+        goes_along = along & set(search.candidates[c].term.effect.needs)
+        return bool(goes_along) or (c in held and acts_in(search, held[c], left.modes))
+
+    return [c for c in named if is_closest(c)]
 
 
 def _free_part(space: SearchSpace, search: Search, best: FittedSet) -> dict[str, Floats]:

@@ -7,8 +7,8 @@ so that what cannot be distinguished is in them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import norm
@@ -111,6 +111,23 @@ class Posterior:
             error=np.sqrt(np.maximum(square - mean**2, 0.0)),
             steepness=self.steepness,
         )
+
+    def estimates(self, kept: Sequence[int], aside: Collection[int]) -> list[EffectEstimate]:
+        """Of names that are kept. Values are those without what is put `aside`, since that is what
+        they predict with, and as uncertain as its absence moves them."""
+        whole = [self.estimate(c) for c in kept]
+        if not aside or not kept:
+            return whole
+        rest = frozenset(self.best.key - set(aside)) | set(kept)
+        near = {c: h for s in self.sets[::-1] for c, h in zip(sorted(s.key), s.held, strict=True)}
+        fitted = self.search.fitted.get(rest) or self.search.fit_near(rest, near)
+        alone = Posterior.of(self.search, [fitted], self.steepness)
+        found = []
+        for one in whole:
+            without = alone.estimate(one.candidate)
+            error = np.hypot(without.error, one.value - without.value)
+            found.append(replace(one, value=without.value, error=np.maximum(error, one.error)))
+        return found
 
     def alternatives(self) -> tuple[SetWeight, ...]:
         """Sets that have weight."""

@@ -35,6 +35,7 @@ from thrustmargin.models.identification.rows.candidates import (
 (INVERTED,) = get_lapack_funcs(("trtri",), dtype=np.float64)  # of a triangular matrix
 LOG_2_PI = log(2.0 * pi)
 IMPOSSIBLE = -1e9  # log evidence of a set that cannot be
+STIFF = 1e9  # times what holds a value, of one that stands at its bound
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -61,6 +62,12 @@ class ValuePrior:
     of_set: SetPrior
     values: Floats  # (P,)
     pull: Floats  # (P,) gradient of the normal ones at the values
+
+    def stuck(self, step: Floats) -> Bools:
+        """(L, P) true for a shape that stands at a bound and by its step (L, P) would go on."""
+        lower, upper = self.of_set.limits[:2]
+        outward = ((self.values <= lower) & (step < 0.0)) | ((self.values >= upper) & (step > 0.0))
+        return outward & self.of_set.normal
 
     @property
     def weight(self) -> Floats:
@@ -168,6 +175,10 @@ def scores(prior: ValuePrior, grams: Floats) -> tuple[Scored, ...]:
     inverse = np.stack([INVERTED(one, lower=1)[0] for one in factor])
     variance = np.sum(inverse**2, axis=1)
     step = ((inverse @ pulled[:, :, None]).swapaxes(1, 2) @ inverse)[:, 0]
+    stuck = prior.stuck(step)
+    if stuck.any():  # what would lie beyond a bound is no evidence for the set
+        system[:, place, place] *= np.where(stuck, STIFF, 1.0)
+        step = np.linalg.solve(system, pulled[:, :, None])[:, :, 0]
     out = -0.5 * cost + 0.5 * np.sum(pulled * step, axis=1) + 0.5 * count * LOG_2_PI
     out -= np.log(factor[:, place, place]).sum(axis=1)
     normal = prior.of_set.normal

@@ -47,7 +47,7 @@ SIZES = {
     ("manoeuvre_moment", "lag"): (0, 0.3, 0.1, 0),
     ("yaw_trim", "moment"): (-20, 20, 1, 0.1),
     ("air_density", "temperature_offset"): (-35, 35, 8, 0),
-    ("air_density", "torque_share"): (0, 2, 0.5, 0),
+    ("air_density", "torque_share"): (0, 1, 0.5, 0),
     ("battery_voltage", "exponent"): (0, 6, 0.5, 0.05),
     ("climb_inflow", "slope"): (-2, 6, 1, 0.05),
     ("ground_effect", "strength"): (0, 3, 0.2, 0.02),
@@ -70,7 +70,7 @@ def test_every_parameter_has_its_size():
 def test_a_parameter_may_be_found_between_its_bounds(place, sizes):
     p = FOUND[place]
     assert (p.lower, p.upper, p.scale, p.smallest) == pytest.approx(sizes, rel=1e-5)
-    assert p.lower <= p.start < p.upper
+    assert p.lower <= p.start <= p.upper
 
 
 #: where a fit starts, if not at nothing; least half width of an interval: of all, and of the value

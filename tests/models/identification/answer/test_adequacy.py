@@ -11,6 +11,7 @@ from thrustmargin.models.identification.answer.adequacy import (
     _free_part,
     _sound_part,
     acts_in,
+    closest_to,
     free_form_rms,
     unexplained,
 )
@@ -161,6 +162,31 @@ def test_an_effect_in_a_mode_that_is_left_is_no_name_though_another_mode_has_mor
     assert left.share == pytest.approx(0.8, abs=0.1)
     assert acts_in(search, shifted.held[0], left.modes)
     assert not acts_in(search, shifted.held[0], [left.mode])
+
+
+def test_a_name_by_the_channel_that_the_unexplained_goes_with_is_only_closest():
+    flights = [
+        replace(
+            track,
+            rotor_speed_rpm=track.rotor_speed_rpm
+            + SIZE * np.sin(2.0 * track.airspeed)[:, None] * DIRECTIONS[:, 1],
+        )
+        for track in made_flights(3, duration=120.0)
+    ]
+    names = ["extra_mass", "parasite_drag", "cg_offset"]
+    space = search_space(MODEL, flights, effects_for(F16, table(names)))
+    search = Search(space.reduced, space.nuisance, space.candidates)
+    by_key = {c.key: k for k, c in enumerate(search.candidates)}
+    mass, drag, cg = (by_key[name] for name in names)
+    best = search.fit(frozenset({mass, drag, cg}), ())
+    left = unexplained(space, search, best, named=True)
+    assert left is not None
+    assert (left.mode, "airspeed" in left.channel) == (1, True)
+    # Drag acts in the collective alone, but by airspeed; a mass does neither.
+    assert closest_to(left, [mass, drag, cg], search, best) == [drag, cg]
+    elsewhere = replace(left, channel="time_s", modes=(3,))
+    assert closest_to(elsewhere, [mass, drag, cg], search, best) == []
+    assert closest_to(None, [mass, drag, cg], search, best) == []
 
 
 def waving(size_rpm: float, lasting_rpm: float = 0.0):

@@ -289,3 +289,32 @@ def test_what_is_excluded_beside_a_set_is_read_at_its_own_place():
     gauge = next(e for e in found if e.term.effect.name == "tank_scale")
     off = abs(GAUGE.start[0, 0] + 0.02 - 1.0)  # second, after the mass; right is 1
     assert gauge.above == pytest.approx(off + norm.ppf(0.95) * 0.002)
+
+
+def test_values_are_those_without_the_names_that_are_put_aside():
+    """They predict without them, and are as uncertain as that moves them."""
+    both = a_set(0.97, loss=(0.20, 0.01), cg=(0.02, 0.001))
+    alone = a_set(0.03, loss=(0.07, 0.005))
+    found = answer_of(both, alone)
+    (whole,) = found.estimates([3], [])
+    assert whole.value[0, 0] == pytest.approx(0.97 * 0.20 + 0.03 * 0.07)
+    (without,) = found.estimates([3], [2])
+    assert without.value[0, 0] == pytest.approx(0.07)
+    assert without.error[0, 0] == pytest.approx(np.hypot(0.005, whole.value[0, 0] - 0.07))
+    assert without.probability == pytest.approx(1.0)
+    assert found.estimates([], [2]) == []
+
+
+def test_a_set_without_the_names_put_aside_is_fitted_where_the_search_has_none():
+    both = a_set(1.0, loss=(0.20, 0.01), cg=(0.02, 0.001))
+    alone = a_set(1.0, loss=(0.07, 0.005))
+    asked = []
+
+    def fit_near(key, near):
+        asked.append((key, near[3].values[0, 0]))
+        return alone
+
+    search: Any = SimpleNamespace(fitted={both.key: both}, candidates=ALL, fit_near=fit_near)
+    (without,) = posterior_of(search).estimates([3], [2])
+    assert asked == [(frozenset({3}), 0.20)]
+    assert without.value[0, 0] == pytest.approx(0.07)

@@ -193,6 +193,26 @@ def test_a_shape_that_stands_off_its_start_pays_for_it(at):
     assert found.step[0] == pytest.approx(mean, rel=1e-5)
 
 
+@pytest.mark.parametrize(("at", "outward"), [(5.0, 400.0), (-5.0, -400.0)])
+def test_what_a_shape_would_gain_beyond_its_bound_is_no_evidence(at, outward):
+    hessian, cost = np.array([[900.0, 90.0], [90.0, 40.0]]), 50.0
+    prior = prior_of([held(MAIN, SHAPE, at=[0.4, at])])
+    gradient = np.array([60.0, outward])
+    found = score(prior, hessian, gradient, cost)
+    # The other value moves as it would if the shape were known to stand there.
+    assert found.step == pytest.approx([60.0 / 900.0, 0.0], abs=1e-6)
+    pull = -(at - SHAPE.start) / SHAPE.scale**2
+    level = score(prior, hessian, np.array([60.0, -pull + 90.0 * 60.0 / 900.0]), cost)
+    assert level.step == pytest.approx([60.0 / 900.0, 0.0], abs=1e-6)
+    assert found.log_evidence == pytest.approx(level.log_evidence, abs=1e-5)
+    assert found.variance == pytest.approx(level.variance)
+    # From its bound it comes back as it would from anywhere.
+    inward = score(prior, hessian, -gradient, cost)
+    both = hessian + np.diag([0.0, 1.0 / SHAPE.scale**2])
+    by_hand = np.linalg.solve(both, -gradient + np.array([0.0, pull]))
+    assert inward.step == pytest.approx(by_hand)
+
+
 def test_effects_that_do_nothing_alike_have_the_product_of_their_evidence():
     narrow = replace(MAIN, upper=0.8, scale=0.1)
     sets = [held(narrow, at=[0.3]), held(SHAPE, MAIN, at=[0.5, 0.4]), held(MAIN, SHAPE)]
