@@ -55,9 +55,9 @@ class PilotBar:
         self._lock = threading.Lock()
         self._known: set[Key] = set()  # acknowledged alarms
         self._history: deque[str] = deque(maxlen=KEPT)
-        text = (resources.files("thrustmargin.gcs_plugin.view") / "pilot_bar.html").read_text(
-            encoding="utf-8"
-        )
+        files = resources.files("thrustmargin.gcs_plugin.view")
+        parts = ("software_drawing.html", "pilot_bar.html")
+        text = "".join((files / name).read_text(encoding="utf-8") for name in parts)
         text = text.replace("@TOKEN@", self._token).replace("@RECORDED@", json.dumps(recorded))
         text = text.replace("@SILENT@", json.dumps(silent or recorded))
         text = text.replace("@WORDS@", json.dumps(words.BAR_SCRIPT, ensure_ascii=False))
