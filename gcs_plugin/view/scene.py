@@ -156,7 +156,7 @@ class Scene:
             np.column_stack([enu(s)[:, :2], np.full(len(s), self._ground)])
             for s in field.swaths_ned
         ]
-        self._lines("/world/swaths", flat, FIELD_GREEN, 1.2)
+        self._lines("/world/swaths", flat, FIELD_GREEN, 2.0)
 
     def set_plan(self, key: str, points_enu: Floats, ground: float) -> None:
         """Draw an aircraft's planned path through (W, 3) places in m, flat on the `ground`, m."""
