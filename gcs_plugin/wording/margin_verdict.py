@@ -33,9 +33,9 @@ from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.load_inference import FROM_THRUST, STATED, THEN_CHECK
 from thrustmargin.models.scores import Estimate
 
-#: under: below the limit all flight. over: above it at times, and one lost rotor could be survived
-#: throughout. critical: at times one lost rotor could not. near: the limit, or a lost rotor that
-#: is just survived, lies within the 90 % interval. unknown: no thrust utilisation at all.
+#: under: below the limit all flight. over: above it at times or always, and one lost rotor could be
+#: survived throughout. critical: at times one lost rotor could not. near: the limit, or a rotor
+#: whose loss is just survived, lies within the 90 % interval. unknown: no thrust utilisation.
 Level = Literal["under", "near", "over", "critical", "unknown"]
 
 
@@ -110,9 +110,12 @@ _VERDICTS: Mapping[Level, str] = {
 }
 
 
-def headline(level: Level, limit: float, lost_s: float = 0.0) -> str:
-    """The verdict of a flight in capitals, to be read first; `lost_s` s no rotor could be lost."""
+def headline(level: Level, limit: float, lost_s: float = 0.0, over_share: float = 0.0) -> str:
+    """The verdict of a flight in capitals, to be read first; `lost_s` s no rotor could be lost, and
+    `over_share` of the flight above the limit."""
     words = _VERDICTS[level].format(limit=percent(limit))
+    if percent(over_share) == "100 %":
+        words = words.replace("AT TIMES", "ALL FLIGHT")
     return f"{words} FOR {duration(lost_s).upper()}" if level == "critical" and lost_s else words
 
 

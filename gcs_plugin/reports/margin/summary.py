@@ -124,7 +124,7 @@ def _verdict(
             level = "critical"
     return MarginVerdict(
         level=level,
-        headline=headline(level, limit, lost_s),
+        headline=headline(level, limit, lost_s, share(over_s, known_s)),
         facts=(),
         limit=limit,
         one_rotor_out_use=one_rotor_out_use(analysis.model.airframe),

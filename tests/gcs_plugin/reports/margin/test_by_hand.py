@@ -300,6 +300,8 @@ def test_headlines_name_the_limit_and_count_flights():
     assert headline("over", 0.6) == "ABOVE THE 60 % LIMIT AT TIMES"
     assert headline("under", 0.5) == "BELOW THE 50 % LIMIT"
     assert headline("critical", 0.5, 93.0) == "TOO HEAVY TO LOSE A ROTOR FOR 1 MIN 33 S"
+    assert headline("over", 0.5, over_share=0.994) == "ABOVE THE 50 % LIMIT AT TIMES"
+    assert headline("over", 0.5, over_share=0.996) == "ABOVE THE 50 % LIMIT ALL FLIGHT"
     assert headline("over", 0.5, 93.0) == "ABOVE THE 50 % LIMIT AT TIMES"
     levels: list[Level] = ["under", "critical", "over", "critical"]
     assert several_headline(levels, 0.5) == (
