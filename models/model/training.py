@@ -23,7 +23,7 @@ from functools import partial
 import numpy as np
 
 from thrustmargin.models.errors import AirframeError, DataError
-from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.output_speed import speed_words
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.network.ensemble import (
@@ -47,6 +47,7 @@ from thrustmargin.models.network.validity import Range, TrainingDomain, calibrat
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.flight_phases import training_rows
 from thrustmargin.models.physics.forward_flight import fit_forward_flight
+from thrustmargin.models.physics.smoothing import row_step
 from thrustmargin.models.scores import Score, score
 
 #: R² of training, validation and test that the paper prints for its field flights, which are not
@@ -54,6 +55,8 @@ from thrustmargin.models.scores import Score, score
 PAPER_R2 = (0.728, 0.719, 0.726)
 PAPER_LOWEST_LOSS = 0.27
 PAPER_BEST_EPOCH = 147
+
+FASTEST = 25.0  # Hz of the rows that a network learns from
 
 SPLITS = {"samples": split_by_samples, "flights": split_by_flight}
 
@@ -141,13 +144,15 @@ def train(
     names = iter(settings.names())
     curves: list[LossCurve] = []
 
+    slow = _slow_rows([tracks[i] for i in places], samples)
+
     def fit(split: Split, seed: int) -> NetworkFit:
         name = next(names)
         fitted = fit_network(
             samples.inputs,
             samples.rotor_speed_rpm,
-            training=split.training,
-            validation=split.validation,
+            training=_only(split.training, slow),
+            validation=_only(split.validation, slow),
             config=settings.net,
             seed=seed,
             on_epoch=partial(progress, name) if progress else None,
@@ -222,6 +227,21 @@ def _with_network(
         reference_voltage=_median(samples.voltage),
         forward_flight=fit_forward_flight(tracks, airframe),
     )
+
+
+def _slow_rows(tracks: Sequence[FlightTrack], samples: Samples) -> Bools:
+    """(N,) rows that a network learns from: all, but of a table faster than FASTEST every so many.
+
+    What it learns goes with airspeed and tank; neighbours of a hundredth of a second add nothing.
+    """
+    keep = np.ones(samples.flight.size, dtype=np.bool_)
+    for flight, track in enumerate(tracks):
+        if track.time_s.size < 2:
+            continue
+        if (stride := int(1.0 / FASTEST / row_step(track.time_s) + 0.1)) > 1:
+            mine = np.flatnonzero(samples.flight == flight)
+            keep[mine] = np.arange(mine.size) % stride == 0
+    return keep
 
 
 def _one_kind_of_speed(tracks: Sequence[FlightTrack]) -> str:

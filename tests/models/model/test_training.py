@@ -13,8 +13,8 @@ from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.json_values import to_json_values
 from thrustmargin.models.model.model_file import load_model, save_model, shipped_model
 from thrustmargin.models.model.predict import Basis, predict
-from thrustmargin.models.model.training import TrainSettings, train
-from thrustmargin.models.network.network import NetConfig
+from thrustmargin.models.model.training import TrainSettings, _slow_rows, train
+from thrustmargin.models.network.network import NetConfig, fit_network
 from thrustmargin.models.network.training_rows import (
     gather,
     member_splits,
@@ -65,6 +65,31 @@ def sortie(seed=0, name="sortie", seconds=60.0, rotors=4) -> FlightTrack:
 
 def sorties(count):
     return [sortie(seed, name=f"flight {seed}") for seed in range(count)]
+
+
+@pytest.mark.parametrize(("rate", "every"), [(10.0, 1), (25.0, 1), (50.0, 2), (100.0, 4)])
+def test_a_network_learns_from_twenty_five_rows_a_second_at_most(rate, every):
+    first, slow = sortie(), sortie(1, name="slow")
+    fast = replace(first, time_s=first.time_s * 10.0 / rate)
+    samples = gather([fast, slow])
+    keep = _slow_rows([fast, slow], samples)
+    of_fast = np.flatnonzero(samples.flight == 0)
+    assert np.flatnonzero(keep[of_fast]).tolist() == list(range(0, of_fast.size, every))
+    assert keep[samples.flight == 1].all()
+
+
+def test_every_network_of_a_fast_table_is_fitted_to_its_slow_rows(monkeypatch):
+    tracks = [replace(t, time_s=t.time_s / 10.0) for t in sorties(4)]  # 100 Hz
+    rows, used = gather(tracks).flight.size, []
+
+    def counted(*given, training, validation, **settings):
+        used.append(training.size + validation.size)
+        return fit_network(*given, training=training, validation=validation, **settings)
+
+    monkeypatch.setattr("thrustmargin.models.model.training.fit_network", counted)
+    train(tracks, F16, QUICK, date="2026-01-01", version="0")
+    assert len(used) == 2 + QUICK.members
+    assert max(used) < 0.3 * rows
 
 
 def test_take_off_and_landing_are_not_learnt_from():
