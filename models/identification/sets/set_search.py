@@ -242,6 +242,9 @@ class Search:
             other = self._fit(key, usual, 0)
             found = other if other.total > found.total + STALE else found
         self.fitted[key] = found
+        at_bound = {c for c, h in zip(sorted(key), found.held, strict=True) if h.at_bound}
+        if at_bound and found.total < IMPOSSIBLE / 2:
+            self.fit(key - at_bound, near)  # what cannot be may hide what is beside it
         return found
 
     def _fit(self, key: Key, held: Sequence[Held], steps: int, best: float = -np.inf) -> FittedSet:
