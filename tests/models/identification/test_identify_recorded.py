@@ -87,3 +87,14 @@ def test_a_speed_that_ignores_the_battery_is_told_from_one_that_follows_it(sitl_
     assert found["after"]["rmse_rpm"] < 0.08 * found["before"]["rmse_rpm"]
     good = identify([follows], model).to_json()
     assert "battery_voltage" not in [e["name"] for e in good["effects"]]
+
+
+@pytest.mark.slow
+def test_two_flights_show_the_inflow_of_climbs_as_three_do(sitl_logs):
+    """Beside a drag that would have to be negative the inflow looked impossible too."""
+    model, flown = tracks(sitl_logs / "dev", ["climb_1.tlog", "climb_2.tlog"])
+    result = identify(flown, model).to_json()
+    (effect,) = result["effects"]
+    assert effect["name"] == "climb_inflow"
+    assert effect["parameters"]["slope"]["value"] == pytest.approx(1.3, abs=0.2)
+    assert result["unexplained"]["mode"] is None
