@@ -16,7 +16,7 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.candidates import Held
 from thrustmargin.models.identification.rows.value_columns import ValueColumns
 from thrustmargin.models.identification.sets.column_sums import Remainder
-from thrustmargin.models.identification.sets.evidence import Scored, prior_of, scores
+from thrustmargin.models.identification.sets.evidence import Scored, is_shape, prior_of, scores
 from thrustmargin.models.identification.sets.nuisance import EVERY, Solved, Sums
 
 TINY = 1e-9  # keeps the matrix of a value that moves nothing solvable
@@ -38,6 +38,17 @@ class FittedSet:
     def total(self) -> float:
         """Log evidence over all levels."""
         return float(np.logaddexp.reduce(self.log_evidence))
+
+    @property
+    def possible(self) -> Key:
+        """The effects without those of which a value stands at its bound, so that no set with them
+        can be: what is left when they are not there."""
+        kept = []
+        for c, held in zip(sorted(self.key), self.held, strict=True):
+            values = zip(held.candidate.parameters, held.free_values, strict=True)
+            if all(is_shape(p) or p.lower < value < p.upper for p, value in values):
+                kept.append(c)
+        return frozenset(kept)
 
     @property
     def best_level(self) -> int:

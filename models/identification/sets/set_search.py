@@ -85,7 +85,9 @@ class Search:
                 progress(f"round {number + 1}", number / ROUNDS)
             linear = self.linearise(best)
             for key in self.promising(linear):
-                self.fit(key, linear.held)
+                found = self.fit(key, linear.held)
+                if found.possible != key:
+                    self.fit(found.possible, linear.held)
                 if self.best.total > best.total + FAR:
                     break
             if self.best.key == best.key:

@@ -292,6 +292,22 @@ def test_speeds_that_come_late_have_no_form_of_their_own():
     assert forms_of(search, held).shape[2] == 0
 
 
+def test_a_set_with_a_value_at_its_bound_is_tried_without_that_effect(monkeypatch):
+    """A rotor that would have to gain thrust is none that is bad; beside it the mass is there."""
+    search = searched(["rotor_degradation", "extra_mass"], hidden_mass=2.0, loss=-0.05)
+    mass, both = (
+        place(search, *names) for names in (["extra_mass"], ["rotor_degradation@1", "extra_mass"])
+    )
+    found = search.fit(both, ())
+    assert found.total < IMPOSSIBLE / 2
+    assert found.possible == mass
+    assert search.fit(mass, ()).possible == mass
+    search.fitted.clear()
+    monkeypatch.setattr(search, "promising", lambda _: [both])
+    search.run()
+    assert search.best.key == mass
+
+
 def test_what_an_effect_does_by_the_way_comes_in_from_nothing():
     search = searched(["cg_offset"])
     many = len(sizes(search, at(search, "cg_offset", 0.05, 0.02))) * search.slow.shape[1]
