@@ -110,12 +110,11 @@ def identify_checked(
     matter = _that_matter(
         lambda some: _size(left_out.with_set(some)), [c for c in named if c not in closest]
     )
-    aside = [c for c in named if c not in matter and c not in closest]
+    aside = [c for c in named if c not in matter]
     estimates = answer.estimates(matter, aside)
     values = {e.candidate: e.value for e in estimates}
     before, after = left_out.residual({}), left_out.residual(values)
     # With nothing added the model stays what it was, and so does its error.
-    aside = [c for c in named if c not in matter]
     chosen = left_out.with_choice(matter, aside) if matter else before
     unseen = [Unseen(problem=problem, before_rpm=before, after_rpm=chosen, role="fit")]
     if held_out:

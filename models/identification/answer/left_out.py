@@ -39,7 +39,7 @@ class LeftOutPart:
 
     def named(self, search: Search) -> Values:
         """What the rest names by itself."""
-        answer = self._posterior(search, search.fitted)
+        answer = self._posterior(search, search.possible)
         return {c: answer.estimate(c).value for c in answer.named()}
 
     def values(self, search: Search, members: Collection[int]) -> Values:

@@ -91,12 +91,6 @@ class Held:
         """(P,) the values that are free."""
         return self.values[self.candidate.places]
 
-    @property
-    def at_bound(self) -> bool:
-        """True where a value that makes the effect stands at the bound of what is possible."""
-        each = zip(self.candidate.parameters, self.free_values, strict=True)
-        return any(not p.detail and not p.lower < v < p.upper for p, v in each)
-
     def usually_shaped(self) -> Held:
         """A bad rotor with its usual share of the torque; itself where that is so."""
         values = self.values.copy()

@@ -10,6 +10,7 @@ until it stays.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,12 +24,13 @@ from thrustmargin.models.identification.rows.candidates import (
 from thrustmargin.models.identification.rows.reduced import Reduced
 from thrustmargin.models.identification.rows.value_columns import ValueColumns, side_by_side
 from thrustmargin.models.identification.sets.column_sums import Prepared
+from thrustmargin.models.identification.sets.effect_forms import cancel, forms_of
 from thrustmargin.models.identification.sets.evidence import (
     IMPOSSIBLE,
     prior_of,
     scores,
 )
-from thrustmargin.models.identification.sets.free_form import FORM, form_columns
+from thrustmargin.models.identification.sets.free_form import form_columns
 from thrustmargin.models.identification.sets.linear_sets import (
     ColumnsAbout,
     FittedSet,
@@ -47,8 +49,6 @@ STEPPED = 0  # the level at which values are found: a free form of the usual siz
 NEAR = 9.0  # of log evidence below the best: less than one in 8,000 as likely
 FAR = 3 * NEAR  # the same, from which a set is left as it is once its steps promise no more
 
-SIDE, SIDE_FORM = 0.2, 0.5  # share of the main change that is by the way, and how good it is
-LEAST_CHANGE = 0.5  # rpm RMS, below which the form of an effect does not matter
 STALE = 2.0  # fall of -2 log likelihood below which derivatives are worked out anew
 CONVERGED = 0.02  # the same, below which no more steps are taken
 
@@ -85,9 +85,7 @@ class Search:
                 progress(f"round {number + 1}", number / ROUNDS)
             linear = self.linearise(best)
             for key in self.promising(linear):
-                found = self.fit(key, linear.held)
-                if found.possible != key:
-                    self.fit(found.possible, linear.held)
+                self.fit(key, linear.held)
                 if self.best.total > best.total + FAR:
                     break
             if self.best.key == best.key:
@@ -101,7 +99,8 @@ class Search:
         than they were found from elsewhere: a delay has more than one likely value."""
         best = self.fitted[linear.about.key]
         level = best.best_level
-        for key, found in list(self.fitted.items()):
+        for key in self.possible:
+            found = self.fitted[key]
             promised = linear.score(key, level).log_evidence + linear.taken_out[level]
             if promised > max(found.log_evidence[level] + STALE, best.total - NEAR):
                 other = self._fit(key, [linear.held[c] for c in sorted(key)], 8, best.total)
@@ -125,6 +124,11 @@ class Search:
     def fit_near(self, key: Key, near: Mapping[int, Held]) -> FittedSet:
         """A set fitted from the values of a neighbour, without a place among the sets."""
         return self._fit(key, [near[c] for c in sorted(key)], 3)
+
+    @property
+    def possible(self) -> list[Key]:
+        """Sets that can be."""
+        return [key for key, found in self.fitted.items() if found.total > IMPOSSIBLE / 2]
 
     @property
     def best(self) -> FittedSet:
@@ -156,7 +160,7 @@ class Search:
             first = places[-1].stop
         residual = self.reduced.in_modes(self.reduced.measured_rpm) - base
         both = np.stack([*changes, residual], axis=2)
-        forms = self._forms(about.held)
+        forms = forms_of(self.reduced, self.slow, about.held)
         whole = side_by_side([*columns, ValueColumns.of_all(both), forms])
         return ColumnsAbout(
             about=about,
@@ -243,10 +247,11 @@ class Search:
         if changed and found.total > best - NEAR:
             other = self._fit(key, usual, 0)
             found = other if other.total > found.total + STALE else found
+        if found.total > best - FAR and cancel(self.reduced, found.held):
+            found = replace(found, log_evidence=np.full_like(found.log_evidence, IMPOSSIBLE))
         self.fitted[key] = found
-        at_bound = {c for c, h in zip(sorted(key), found.held, strict=True) if h.at_bound}
-        if at_bound and found.total < IMPOSSIBLE / 2:
-            self.fit(key - at_bound, near)  # what cannot be may hide what is beside it
+        if found.possible != key:
+            self.fit(found.possible, near)  # what cannot be may hide what is beside it
         return found
 
     def _fit(self, key: Key, held: Sequence[Held], steps: int, best: float = -np.inf) -> FittedSet:
@@ -318,43 +323,6 @@ class Search:
     def _prepared(self, held: Sequence[Held]) -> Prepared:
         """Derivatives by the free values of a set, and its forms."""
         parts = [value_columns(self.reduced, held, k) for k in range(len(held))]
-        whole = side_by_side([*parts, self._forms(held)]).without_nan()
+        whole = side_by_side([*parts, forms_of(self.reduced, self.slow, held)]).without_nan()
         asked = sum(p.count for p in parts)
         return Prepared.of(self.nuisance, self.solved, whole, asked, STEPPED)
-
-    def _forms(self, held: Sequence[Held]) -> ValueColumns:
-        """By how much what each effect of a set does may be another than its form says, in rpm.
-
-        FORM of its change along the direction that it changes most, anew in each mode, and
-        SIDE_FORM of what it changes by the way in modes that it hardly acts in. Speeds that are
-        reported late have no form of their own: they are the model's, some time ago.
-        """
-        modes, count = self.reduced.measured_rpm.shape[1], self.slow.shape[1]
-        parts = [ValueColumns.of_all(np.zeros((self.slow.shape[0], modes, 0)))]
-        each, curve = np.divmod(np.arange(modes * count), count)
-        base = predicted(self.reduced, held)
-        for k in range(len(held)):
-            if held[k].candidate.term.effect.delays:
-                continue
-            without = predicted(self.reduced, [*held[:k], *held[k + 1 :]])
-            change = np.nan_to_num(base - without)
-            if np.sqrt(np.mean(change**2)) < LEAST_CHANGE:
-                continue
-            main = change @ np.linalg.eigh(change.T @ change)[1][:, -1]
-            parts += _by_the_way(change)
-            own = np.repeat((FORM * main[:, None] * self.slow)[:, None, :], modes, axis=1)
-            parts.append(ValueColumns.with_source(own, curve, mode=each))
-        return side_by_side(parts)
-
-
-def _by_the_way(change: Floats) -> list[ValueColumns]:
-    """What a change (N, R) rpm in modes may be wrong by where it is small beside the main one.
-
-    It comes in from nothing at LEAST_CHANGE, so that no set wins by what is a little larger.
-    """
-    square = np.mean(change**2, axis=0)
-    side = np.flatnonzero((square < SIDE**2 * square.max()) & (square > LEAST_CHANGE**2))
-    share = np.zeros(square.size)
-    share[side] = np.sqrt(1.0 - LEAST_CHANGE**2 / square[side])
-    one = np.zeros(side.size, dtype=np.intp)
-    return [ValueColumns.with_source((SIDE_FORM * share * change)[:, :, None], one, mode=side)]

@@ -348,27 +348,3 @@ def test_the_form_of_an_effect_that_moves_less_than_half_an_rpm_does_not_matter(
     assert forms_of(search, at(search, "extra_mass", 0.49 / per_kg)).shape[2] == 0
     assert forms_of(search, at(search, "extra_mass", -0.49 / per_kg)).shape[2] == 0
     assert forms_of(search, at(search, "extra_mass", 1.02 / per_kg)).shape[2] > 0
-
-
-def test_a_set_that_cannot_be_does_not_hide_what_is_beside_the_effect_at_its_bound(monkeypatch):
-    """Hidden mass stands at its bound in the set of both, so the yaw trim is fitted alone too."""
-    search = searched(["extra_mass", "yaw_trim"], hidden_mass=2.0)
-    both, trim = place(search, "extra_mass", "yaw_trim"), place(search, "yaw_trim")
-    most = search.candidates[min(place(search, "extra_mass"))].parameters[0].upper
-    fitted = Search._fit
-
-    def bounded(self, key, held, steps, best=-np.inf):
-        if key == both:
-            held = [
-                at(search, h.candidate.key, most) if h.candidate.key == "extra_mass" else h
-                for h in held
-            ]
-            return fitted(self, key, held, 0, best)
-        return fitted(self, key, held, steps, best)
-
-    monkeypatch.setattr(Search, "_fit", bounded)
-    assert search.fit(both, ()).total < IMPOSSIBLE / 2
-    assert trim in search.fitted
-    assert search.fitted[trim].total > IMPOSSIBLE / 2
-    assert not any(h.at_bound for h in search.fitted[trim].held)
-    assert [h.at_bound for h in search.fitted[both].held] == [True, False]

@@ -10,6 +10,7 @@ from thrustmargin.models.effects import CATALOGUE, effects_for
 from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.candidates import Held, derivatives, predicted
 from thrustmargin.models.identification.rows.reduced import BIN, STRETCH, reduce_flights
+from thrustmargin.models.identification.sets.effect_forms import forms_of
 from thrustmargin.models.identification.sets.free_form import free_columns, hats, wander_columns
 from thrustmargin.models.identification.sets.onsets import _LossSums, _steps, onset_candidates
 from thrustmargin.models.identification.sets.search_space import (
@@ -233,11 +234,11 @@ def test_what_an_effect_does_is_good_to_a_few_per_cent_of_itself():
     search = Search(space.reduced, space.nuisance, space.candidates)
     heavy = Held(candidate=space.candidates[0], values=np.full((2, 1), 3.0))
     change = predicted(space.reduced, [heavy]) - predicted(space.reduced, [])
-    forms = search._forms([heavy]).wide(space.reduced.flight)
+    forms = forms_of(search.reduced, search.slow, [heavy]).wide(space.reduced.flight)
     # The first column: the constant curve in the collective, which is where mass acts.
     assert np.abs(forms[:, 0, 0]) == pytest.approx(0.05 * np.abs(change[:, 0]), rel=1e-3)
     assert not forms[:, 1:, 0].any()
-    assert search._forms([]).count == 0
+    assert forms_of(search.reduced, search.slow, []).count == 0
 
 
 @pytest.mark.parametrize("kind", ["one", "since", "each"])

@@ -1,0 +1,71 @@
+"""Large changes that cancel, on made flights of a sound aircraft."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from tests.models.made_flights import F16, curve_model, made_flights, table
+from thrustmargin.models.effects import effects_for
+from thrustmargin.models.identification.rows.candidates import Held
+from thrustmargin.models.identification.sets import set_search
+from thrustmargin.models.identification.sets.effect_forms import cancel
+from thrustmargin.models.identification.sets.evidence import IMPOSSIBLE
+from thrustmargin.models.identification.sets.search_space import search_space
+from thrustmargin.models.identification.sets.set_search import Search
+
+SPACE = search_space(
+    curve_model(),
+    made_flights(2, duration=60.0, hidden_mass=2.0),
+    effects_for(F16, table(["extra_mass", "cg_offset", "rotor_degradation"])),
+)
+
+
+def held(values: Mapping[str, tuple[float, ...]]) -> list[Held]:
+    """Effects by their keys, with their first values."""
+    by_key = {c.key: c for c in SPACE.candidates}
+    found = []
+    for key, first in values.items():
+        start = by_key[key].start.copy()
+        start[:, : len(first)] = first
+        found.append(Held(candidate=by_key[key], values=start))
+    return found
+
+
+def test_rotors_and_a_centre_of_gravity_that_take_back_each_other_cancel():
+    """Rotors 2 and 4 are the rear pair: with a third less thrust they pitch as weight in front."""
+    rear = {"rotor_degradation@2": (0.3, 1.0), "rotor_degradation@4": (0.3, 1.0)}
+    shifts = np.linspace(-0.3, 0.3, 25)
+    both = [cancel(SPACE.reduced, held({**rear, "cg_offset": (x, 0.0)})) for x in shifts]
+    assert 1 <= sum(both) <= 6  # where it takes back what they do, and only there
+    assert not both[12]  # of a centre of gravity that is in the middle nothing is taken back
+    assert not cancel(SPACE.reduced, held(rear))
+
+
+@pytest.mark.parametrize(
+    "alone", [{}, {"rotor_degradation@2": (0.3, 1.0)}, {"cg_offset": (0.2, 0.0)}]
+)
+def test_one_effect_cancels_nothing(alone):
+    assert not cancel(SPACE.reduced, held(alone))
+
+
+def test_small_changes_that_cancel_buy_no_freedom():
+    rear = {"rotor_degradation@2": (0.01, 1.0), "rotor_degradation@4": (0.01, 1.0)}
+    shifts = np.linspace(-0.01, 0.01, 25)
+    assert not any(cancel(SPACE.reduced, held({**rear, "cg_offset": (x, 0.0)})) for x in shifts)
+
+
+def test_masses_change_no_share_however_large():
+    assert not cancel(SPACE.reduced, held({"extra_mass": (15.0,), "cg_offset": (0.001, 0.0)}))
+
+
+def test_a_set_that_cancels_has_no_weight_in_a_search(monkeypatch):
+    search = Search(SPACE.reduced, SPACE.nuisance, SPACE.candidates)
+    empty = search.fit(frozenset(), ())
+    monkeypatch.setattr(set_search, "cancel", lambda _, held: len(held) == 2)
+    pair, one = frozenset({0, 1}), frozenset({0})
+    assert search.fit(pair, ()).total < IMPOSSIBLE / 2
+    assert search.fit(one, ()).total > empty.total
+    assert set(search.possible) == {frozenset(), one}
+    search._again(search.linearise(search.best))
+    assert search.fitted[pair].total < IMPOSSIBLE / 2
