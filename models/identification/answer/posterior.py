@@ -113,12 +113,12 @@ class Posterior:
         )
 
     def estimates(self, kept: Sequence[int], aside: Collection[int]) -> list[EffectEstimate]:
-        """Of names that are kept. Values are those without what is put `aside`, since that is what
-        they predict with, and as uncertain as its absence moves them."""
+        """Of names that are kept. Where something is put `aside`, values are those of them alone,
+        since that is what they predict with, and as uncertain as the rest's absence moves them."""
         whole = [self.estimate(c) for c in kept]
         if not aside or not kept:
             return whole
-        rest = frozenset(self.best.key - set(aside)) | set(kept)
+        rest = frozenset(kept)
         near = {c: h for s in self.sets[::-1] for c, h in zip(sorted(s.key), s.held, strict=True)}
         fitted = self.search.fitted.get(rest) or self.search.fit_near(rest, near)
         alone = Posterior.of(self.search, [fitted], self.steepness)

@@ -63,11 +63,11 @@ class ValuePrior:
     values: Floats  # (P,)
     pull: Floats  # (P,) gradient of the normal ones at the values
 
-    def stuck(self, step: Floats) -> Bools:
-        """(L, P) true for a shape that stands at a bound and by its step (L, P) would go on."""
+    def beyond(self, step: Floats) -> Bools:
+        """(L, P) true for a shape that a step (L, P) takes beyond its bounds."""
         lower, upper = self.of_set.limits[:2]
-        outward = ((self.values <= lower) & (step < 0.0)) | ((self.values >= upper) & (step > 0.0))
-        return outward & self.of_set.normal
+        at = self.values + step
+        return ((at < lower) | (at > upper)) & self.of_set.normal
 
     @property
     def weight(self) -> Floats:
@@ -175,11 +175,12 @@ def scores(prior: ValuePrior, grams: Floats) -> tuple[Scored, ...]:
     inverse = np.stack([INVERTED(one, lower=1)[0] for one in factor])
     variance = np.sum(inverse**2, axis=1)
     step = ((inverse @ pulled[:, :, None]).swapaxes(1, 2) @ inverse)[:, 0]
-    stuck = prior.stuck(step)
-    if stuck.any():  # what would lie beyond a bound is no evidence for the set
-        system[:, place, place] *= np.where(stuck, STIFF, 1.0)
-        step = np.linalg.solve(system, pulled[:, :, None])[:, :, 0]
-    out = -0.5 * cost + 0.5 * np.sum(pulled * step, axis=1) + 0.5 * count * LOG_2_PI
+    gain = 0.5 * np.sum(pulled * step, axis=1)
+    beyond = prior.beyond(step)
+    if beyond.any():  # what lies beyond a bound is no evidence for the set
+        step = _held_at_bounds(prior, system, pulled, step, beyond)
+        gain = np.sum(step * (pulled - 0.5 * np.einsum("lpq,lq->lp", system, step)), axis=1)
+    out = -0.5 * cost + gain + 0.5 * count * LOG_2_PI
     out -= np.log(factor[:, place, place]).sum(axis=1)
     normal = prior.of_set.normal
     scale = prior.of_set.limits[2, normal]
@@ -188,6 +189,19 @@ def scores(prior: ValuePrior, grams: Floats) -> tuple[Scored, ...]:
     out += _log_sizes(prior, prior.values + step, np.sqrt(variance)) + prior.of_set.log_sets
     each = zip(out.tolist(), step, variance, strict=True)
     return tuple(Scored(log_evidence=o, step=s, variance=v) for o, s, v in each)
+
+
+def _held_at_bounds(
+    prior: ValuePrior, system: Floats, pulled: Floats, step: Floats, beyond: Bools
+) -> Floats:
+    """(L, P) the likeliest steps with those shapes at their bounds that would go `beyond`."""
+    lower, upper = prior.of_set.limits[:2]
+    to_bound = np.clip(step, lower - prior.values, upper - prior.values)
+    place = np.arange(prior.values.size)
+    stiff = np.where(beyond, STIFF * system[:, place, place], 0.0)
+    held = system.copy()
+    held[:, place, place] += stiff
+    return np.linalg.solve(held, (pulled + stiff * to_bound)[:, :, None])[:, :, 0]
 
 
 def _log_sizes(prior: ValuePrior, at: Floats, error: Floats) -> Floats:

@@ -207,10 +207,31 @@ def test_what_a_shape_would_gain_beyond_its_bound_is_no_evidence(at, outward):
     assert found.log_evidence == pytest.approx(level.log_evidence, abs=1e-5)
     assert found.variance == pytest.approx(level.variance)
     # From its bound it comes back as it would from anywhere.
-    inward = score(prior, hessian, -gradient, cost)
+    gradient = np.array([60.0, -outward / 10.0])
+    inward = score(prior, hessian, gradient, cost)
     both = hessian + np.diag([0.0, 1.0 / SHAPE.scale**2])
-    by_hand = np.linalg.solve(both, -gradient + np.array([0.0, pull]))
+    by_hand = np.linalg.solve(both, gradient + np.array([0.0, pull]))
     assert inward.step == pytest.approx(by_hand)
+
+
+def test_a_shape_steps_to_its_bound_and_gains_what_it_does_there():
+    near = replace(SHAPE, upper=0.5)
+    hessian, gradient, cost = np.array([[900.0, 90.0], [90.0, 40.0]]), np.array([60.0, 20.0]), 50.0
+    free = score(prior_of([held(MAIN, SHAPE)]), hessian, gradient, cost)
+    assert free.step[1] > 0.2
+    found = score(prior_of([held(MAIN, near)]), hessian, gradient, cost)
+    step = np.array([(60.0 - 90.0 * 0.2) / 900.0, 0.2])
+    assert found.step == pytest.approx(step, abs=1e-6)
+
+    def gain(of):
+        whole = hessian + np.diag([0.0, 1.0 / SHAPE.scale**2])
+        return of @ gradient - 0.5 * of @ whole @ of
+
+    def size(of):  # of the main value, whose prior is by its logarithm
+        return np.log((abs(of[0]) + np.sqrt(found.variance[0])) / MAIN.scale + 0.02)
+
+    lost = gain(free.step) - gain(step) + size(step) - size(free.step)
+    assert free.log_evidence - found.log_evidence == pytest.approx(lost, abs=1e-5)
 
 
 def test_effects_that_do_nothing_alike_have_the_product_of_their_evidence():
