@@ -201,7 +201,8 @@ def _held_at_bounds(
     stiff = np.where(beyond, STIFF * system[:, place, place], 0.0)
     held = system.copy()
     held[:, place, place] += stiff
-    return np.linalg.solve(held, (pulled + stiff * to_bound)[:, :, None])[:, :, 0]
+    found = np.linalg.solve(held, (pulled + stiff * to_bound)[:, :, None])[:, :, 0]
+    return found.astype(np.float64)
 
 
 def _log_sizes(prior: ValuePrior, at: Floats, error: Floats) -> Floats:

@@ -48,7 +48,7 @@ class Ground:
 
     @property
     def told(self) -> list[tuple[int, str]]:
-        return [(n, text) for n, w in self.fleet.vehicles.items() for text in w.notes]
+        return [(n, text) for n, w in self.fleet.vehicles.items() for _, text in w.notes]
 
     def until(self, done: Callable[[], object], timeout: float = 15.0) -> None:
         deadline = time.monotonic() + timeout
