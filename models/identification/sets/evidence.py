@@ -176,9 +176,8 @@ def scores(prior: ValuePrior, grams: Floats) -> tuple[Scored, ...]:
     variance = np.sum(inverse**2, axis=1)
     step = ((inverse @ pulled[:, :, None]).swapaxes(1, 2) @ inverse)[:, 0]
     gain = 0.5 * np.sum(pulled * step, axis=1)
-    beyond = prior.beyond(step)
-    if beyond.any():  # what lies beyond a bound is no evidence for the set
-        step = _held_at_bounds(prior, system, pulled, step, beyond)
+    if prior.beyond(step).any():  # what lies beyond a bound is no evidence for the set
+        step = _held_at_bounds(prior, system, pulled, step)
         gain = np.sum(step * (pulled - 0.5 * np.einsum("lpq,lq->lp", system, step)), axis=1)
     out = -0.5 * cost + gain + 0.5 * count * LOG_2_PI
     out -= np.log(factor[:, place, place]).sum(axis=1)
@@ -191,18 +190,23 @@ def scores(prior: ValuePrior, grams: Floats) -> tuple[Scored, ...]:
     return tuple(Scored(log_evidence=o, step=s, variance=v) for o, s, v in each)
 
 
-def _held_at_bounds(
-    prior: ValuePrior, system: Floats, pulled: Floats, step: Floats, beyond: Bools
-) -> Floats:
-    """(L, P) the likeliest steps with those shapes at their bounds that would go `beyond`."""
+def _held_at_bounds(prior: ValuePrior, system: Floats, pulled: Floats, step: Floats) -> Floats:
+    """(L, P) the likeliest steps with shapes at the bounds that they would else go beyond.
+
+    One that is held moves the others, which may go beyond theirs then.
+    """
     lower, upper = prior.of_set.limits[:2]
-    to_bound = np.clip(step, lower - prior.values, upper - prior.values)
     place = np.arange(prior.values.size)
-    stiff = np.where(beyond, STIFF * system[:, place, place], 0.0)
-    held = system.copy()
-    held[:, place, place] += stiff
-    found = np.linalg.solve(held, (pulled + stiff * to_bound)[:, :, None])[:, :, 0]
-    return found.astype(np.float64)
+    held = np.zeros(step.shape, dtype=np.bool_)
+    while (beyond := prior.beyond(step) & ~held).any():
+        held |= beyond
+        to_bound = np.clip(step, lower - prior.values, upper - prior.values)
+        stiff = np.where(held, STIFF * system[:, place, place], 0.0)
+        stiffer = system.copy()
+        stiffer[:, place, place] += stiff
+        pull = pulled + stiff * to_bound
+        step = np.linalg.solve(stiffer, pull[:, :, None])[:, :, 0].astype(np.float64)
+    return np.where(held, np.clip(step, lower - prior.values, upper - prior.values), step)
 
 
 def _log_sizes(prior: ValuePrior, at: Floats, error: Floats) -> Floats:

@@ -234,6 +234,17 @@ def test_a_shape_steps_to_its_bound_and_gains_what_it_does_there():
     assert free.log_evidence - found.log_evidence == pytest.approx(lost, abs=1e-5)
 
 
+@pytest.mark.parametrize(("second", "stands"), [(-0.3, None), (0.4, 0.5)])
+def test_a_shape_that_another_at_its_bound_moves_beyond_its_own_is_held_too(second, stands):
+    shapes = [replace(SHAPE, name=name, start=0.0, lower=-1.0, upper=0.5) for name in "bc"]
+    hessian = np.array([[400.0, 380.0], [380.0, 400.0]])
+    own = 400.0 + 1.0 / SHAPE.scale**2
+    gradient = np.array([[own, 380.0], [380.0, own]]) @ [0.8, second]
+    moved = (gradient[1] - 380.0 * 0.5) / own  # of the second, once the first stands at 0.5
+    found = score(prior_of([held(*shapes)]), hessian, gradient, 10.0)
+    assert found.step == pytest.approx([0.5, moved if stands is None else stands], abs=1e-6)
+
+
 def test_effects_that_do_nothing_alike_have_the_product_of_their_evidence():
     narrow = replace(MAIN, upper=0.8, scale=0.1)
     sets = [held(narrow, at=[0.3]), held(SHAPE, MAIN, at=[0.5, 0.4]), held(MAIN, SHAPE)]
