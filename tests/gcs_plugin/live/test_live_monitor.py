@@ -264,24 +264,6 @@ def test_noise_bad_checksums_and_cut_frames_cost_only_themselves(tmp_path):
     assert set(kept) <= {f.data for f in frames}
 
 
-def test_a_vehicle_that_is_long_silent_has_left_and_may_return(tmp_path):
-    leaving, staying = Vehicle(1), Vehicle(2)
-    frames = []
-    for second in range(200):
-        if not 20 <= second < 150:
-            frames += leaving.tick(1.0)
-        else:
-            leaving.clock_s += 1.0
-            leaving.stamp_us += SECOND
-        frames += staying.tick(1.0)
-    run(write_log(tmp_path / "leave.tlog", frames), tmp_path / "out")
-    lines = (recording_in(tmp_path / "out") / "events.jsonl").read_text().splitlines()
-    events = [(e["vehicle"], e["event"]) for e in map(json.loads, lines)]
-    ours = [kind for vehicle, kind in events if vehicle == 1 and kind in ("left", "returned")]
-    assert ours == ["left", "returned"]
-    assert (2, "left") not in events
-
-
 def test_ground_stations_and_companions_are_no_vehicles(sitl_logs):
     monitor, _ = run(sitl_logs / "onset" / "reference.tlog")
     assert list(monitor.fleet.vehicles) == [1]

@@ -1,5 +1,7 @@
 """Axial inflow is called climb only where the aircraft climbs, not where it flies tilted."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -32,3 +34,13 @@ def test_the_parts_of_the_inflow_add_up(sitl_logs):
     expected = climb * 60.0 / (hover * model.airframe.propeller_diameter)
     known = np.isfinite(expected)
     assert x.climb_ratio[known] == pytest.approx(expected[known], abs=1e-12)
+
+
+def test_it_is_worth_a_name_from_a_share_of_the_inflow_that_is_climb():
+    """Inflow that scatters by 0.1, of which climb is 0.03: twice the least share of 15 %."""
+    swing = np.array([1.0, -1.0, 1.0, -1.0])
+    x = SimpleNamespace(advance_ratio=0.05 + 0.1 * swing, climb_ratio=0.03 * swing)
+    assert CLIMB_INFLOW.weight is not None
+    assert CLIMB_INFLOW.weight({"slope": 1.0}, x) == pytest.approx(2.0)
+    level = SimpleNamespace(advance_ratio=np.zeros(4), climb_ratio=np.zeros(4))
+    assert CLIMB_INFLOW.weight({"slope": 1.0}, level) == 0.0
