@@ -122,9 +122,9 @@ class ViewPage(ABC):
             self.wake.clear()
             begun = time.perf_counter()
             try:
-                while not self._requests.empty():
-                    self._requests.get()()
-                with server.atomic():
+                with server.atomic():  # a new colour and its legend reach the page together
+                    while not self._requests.empty():
+                        self._requests.get()()
                     self._draw(hurry=hurry)
             except Exception:  # of any kind, a page's own too: a pilot must not lose the view
                 _log.exception("the %s could not be drawn", self._what)

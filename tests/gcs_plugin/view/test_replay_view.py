@@ -113,6 +113,14 @@ def test_the_switch_recolours_the_same_route_and_its_legend(view, analysis):
         view.set_overlay("wind")
 
 
+def test_a_colour_and_its_legend_reach_the_page_together(view):
+    buffer = view._server._websock_server._broadcast_buffer
+    held = []
+    view.ask(lambda: held.append(buffer.atomic_counter))
+    settled(view, lambda: held)
+    assert held == [1]
+
+
 def test_opened_after_its_end_it_rests_on_the_worst_moment_with_the_verdict(analysis):
     view = ReplayView(analysis, port=0, speed=1e6, verdict=("ABOVE THE LIMIT", "over"))
     view.start()

@@ -1,6 +1,10 @@
 """Where no graphics card draws, the scene has fewer pixels, each drawn once; elsewhere all."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import pytest
+from playwright.sync_api import Page
 
 from tests.browser import open_page
 from tests.gcs_plugin.view.view_flight import flight
@@ -23,11 +27,28 @@ A_CARD = """for (const kind of [WebGLRenderingContext, WebGL2RenderingContext]) 
   };
 }"""
 
+PROGRAMS = """{
+  window.programs = [];
+  const plain = WebGL2RenderingContext.prototype.shaderSource;
+  WebGL2RenderingContext.prototype.shaderSource = function (shader, text) {
+    window.programs.push(text);
+    return plain.call(this, shader, text);
+  };
+}"""
+ANY = "word => window.programs.some(text => text.includes(word))"
+#: What has come and not yet been taken up, when a picture is asked for.
+WAITING = """() => {
+  const viser = window.__viserMutable;
+  viser.messageQueue.push({type: "SetSceneNodeVisibilityMessage", owner: "", name: "/world/pin",
+    visible: false});
+  viser.requestRender();
+  return viser.messageQueue.length;
+}"""
 
-@pytest.mark.parametrize(
-    ("script", "antialias", "share"), [("", False, 0.75), (A_CARD, True, 1.0)], ids=["none", "card"]
-)
-def test_the_scene_is_as_fine_as_what_draws_it_can_bear(script, antialias, share):
+
+@contextmanager
+def opened(script: str) -> Iterator[Page]:
+    """The page of a replay at rest, once its scene has been there."""
     view = ReplayView(flight(), port=0, paused=True)
     view.start()
     try:
@@ -36,9 +57,34 @@ def test_the_scene_is_as_fine_as_what_draws_it_can_bear(script, antialias, share
             page.wait_for_function(
                 "() => [...document.querySelectorAll('canvas')].some(c => c.height > 300)"
             )
-            found = page.evaluate(CANVAS)
+            yield page
     finally:
         view.stop()
+
+
+@pytest.mark.parametrize(
+    ("script", "antialias", "share"), [("", False, 0.75), (A_CARD, True, 1.0)], ids=["none", "card"]
+)
+def test_the_scene_is_as_fine_as_what_draws_it_can_bear(script, antialias, share):
+    with opened(script) as page:
+        found = page.evaluate(CANVAS)
     assert found["antialias"] == antialias
     assert found["share"] == pytest.approx(share, abs=0.01)
     assert ("fixedDpr" in found["address"]) == (not antialias)
+
+
+@pytest.mark.parametrize("script", ["", A_CARD], ids=["none", "card"])
+def test_the_processor_draws_no_sky_that_the_view_takes_away(script):
+    """viser's own sky is a second of blocked page; where a card draws it is there at once."""
+    with opened(PROGRAMS + script) as page:
+        page.wait_for_function(ANY, arg="uAtlas")  # the labels are the last that is drawn
+        page.wait_for_timeout(1000)
+        assert page.evaluate(ANY, "gainMap") == bool(script)
+        assert page.evaluate(ANY, "#define USE_SHADOWMAP") == bool(script)
+
+
+@pytest.mark.parametrize("script", ["", A_CARD], ids=["none", "card"])
+def test_the_processor_draws_nothing_once_more_before_it_takes_up_what_came(script):
+    with opened(PROGRAMS + script) as page:
+        page.wait_for_function(ANY, arg="uAtlas")
+        assert page.evaluate(WAITING) == (1 if script else 0)
