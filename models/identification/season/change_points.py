@@ -127,7 +127,7 @@ class _ConstantOrLine:
         """(N,) of segments, as `fitted` has them."""
         w, wt, wtt, wy, wty, wyy = self.sums[:, end] - self.sums[:, start]
         across, along = wty - wy * wt / w, wtt - wt * wt / w
-        gained = across**2 / np.maximum(along, 1e-9) - self.penalty
+        gained = across**2 / along - self.penalty
         worth = (np.asarray(end) - start >= LEAST_LINE) & (gained > 0.0)
         return wyy - wy**2 / w - np.where(worth, gained, 0.0)
 
@@ -183,7 +183,7 @@ def segments(values: Floats, errors: Floats, penalty: float) -> list[tuple[int, 
         costs = sums.costs(np.full_like(tried, left), tried)
         costs += sums.costs(tried, np.full_like(tried, right))
         best = int(tried[np.argmin(costs)])
-        if float(sums.costs(np.array([left]), np.array([right]))[0] - costs.min()) <= penalty:
+        if sums.cost(left, right) - costs.min() <= penalty:
             del cuts[k]
             k = max(1, k - 1)
             continue
@@ -267,12 +267,12 @@ def _step(values: Floats, errors: Floats, began: int, end: int) -> tuple[int, in
 
 
 def _hinge(
-    values: Floats, errors: Floats, began: int, end: int, *, line: bool
+    values: Floats, errors: Floats, began: int, end: int, line: bool
 ) -> tuple[float, tuple[int, int, int]]:
     """The squares left by two lines that meet (the first of them flat unless `line`), and the
     first flight on the second one with its interval."""
     tried = np.arange(began + 1, end - 2)
-    t, w, y = np.arange(began, end) - 1.0 * began, errors[began:end] ** -2.0, values[began:end]
+    t, w, y = np.arange(0.0, end - began), errors[began:end] ** -2.0, values[began:end]
     rows = np.stack([w, w * t, w * t * t, w * y, w * t * y])
     w0, w1, w2, y0, y1 = np.cumsum(rows[:, ::-1], axis=1)[:, ::-1][:, tried - began]  # from it on
     all0, all1, all2, all_y, all_ty = rows.sum(axis=1)[:, None] + np.zeros(tried.size)
@@ -284,8 +284,8 @@ def _hinge(
         y1 - h * y0,
     )
     system = np.array([[all0, bent1, all1], [bent1, bent2, bent_t], [all1, bent_t, all2]])
-    along, used = np.array([all_y, bent_y, all_ty]), 3 if line else 2
+    along, used = np.array([all_y, bent_y, all_ty]), 2 + line
     system, along = np.moveaxis(system[:used, :used], 2, 0), along[:used].T
-    size = np.linalg.solve(system, along[:, :, None])[:, :, 0]
+    size = np.linalg.solve(system, along[:, :, None]).squeeze(2)
     costs = float(w @ y**2) - np.sum(along * size, axis=1)
     return float(np.min(costs)), _profile(costs, int(tried[0]) + 1)

@@ -130,8 +130,9 @@ def _about(sums: SeasonSums, found: _Found) -> SeasonSums:
             for k in {*found.shapes, *found.shared}
             if sums.names[k] in bends
         }
-        names = {*bent, *sums.bent}
-        if all(np.allclose(bent.get(n, 0.0), sums.bent.get(n, 0.0), atol=BENT) for n in names):
+        if bent.keys() == sums.bent.keys() and all(
+            np.allclose(curve, sums.bent[name], atol=BENT) for name, curve in bent.items()
+        ):
             break
         sums = season_sums(sums.evidence, bent)
     return sums
@@ -254,7 +255,7 @@ def _joint(sums: SeasonSums, found: _Found) -> _Fit:
         row = sums.information[:, places[k]][:, places] * over
         system[k] = system[:, k] = over[:, k] @ row
     along = np.einsum("fi,fi->i", over, sums.pull[:, places])
-    system[np.diag_indices_from(system)] += prior**-2.0 + 1e-12 * np.diag(system) + 1e-12
+    system[np.diag_indices_from(system)] += prior**-2.0
     size = np.linalg.solve(system, along)
     curves = np.zeros((sums.flights, len(sums.names)))
     for k, place in enumerate(places):
@@ -269,7 +270,7 @@ def _shared(sums: SeasonSums, found: _Found, penalty: float) -> list[SharedEffec
     rows = sums.information[:, places][:, :, places]
     system = over[:, :, None] * rows * over[:, None, :]
     along = over * sums.pull[:, places]
-    bread = np.linalg.inv(system.sum(axis=0) + np.diag(prior**-2.0 + 1e-12))
+    bread = np.linalg.inv(system.sum(axis=0) + np.diag(prior**-2.0))
     size = bread @ along.sum(axis=0)
     left = along - system @ size
     variance = np.diag(bread @ left.T @ left @ bread)

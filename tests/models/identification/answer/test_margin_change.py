@@ -1,5 +1,6 @@
 """Predicted margin before and with effects, by hand from weight and thrust curve."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -8,6 +9,7 @@ import pytest
 
 from tests.models.made_flights import F16, curve_model, made_flights
 from thrustmargin.models.effects import BY_KEY
+from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.identification.answer.margin_change import (
     WORST_SHARE,
     margin_changes,
@@ -66,6 +68,16 @@ def test_without_flights_held_out_it_is_that_of_the_fitted_ones(problems):
     (step,), _ = margin_changes(found(fit, None, heavier(2.0)))
     assert step.flights == "fit"
     assert step.typical_after == pytest.approx(np.median(margins(fit, 2.0)), rel=1e-6)
+
+
+def test_the_margin_before_is_with_the_effects_that_the_model_had():
+    mass = Identified(value=4.0, unit="kg", ci95=(3.9, 4.1))
+    known = EffectRecord(name="extra_mass", rotor=None, parameters={"mass": mass})
+    fit = assemble(replace(MODEL, effects=(known,)), made_flights(2))
+    _, whole = margin_changes(found(fit, None))
+    assert whole.typical_before == whole.typical_after
+    plain = assemble(MODEL, made_flights(2))
+    assert whole.typical_before == pytest.approx(np.median(margins(plain, 4.0)), rel=1e-6)
 
 
 def test_values_of_single_flights_are_those_of_their_own_rows(problems):

@@ -96,14 +96,14 @@ def test_the_json_of_an_effect_has_its_values_units_and_intervals():
 
 
 def test_a_flight_may_be_given_alone_as_a_track_or_as_a_log_that_was_read():
-    (track,) = made_flights(1, loss=0.08)
-    worn = table(["rotor_degradation"])
+    (track,) = made_flights(1, hidden_mass=2.0)
+    heavier = table(["extra_mass"])
     found = [
-        repr(identify(flights, curve_model(), catalogue=worn))
+        repr(identify(flights, curve_model(), catalogue=heavier))
         for flights in (track, Log(track), [track], (Log(track),))
     ]
     assert set(found) == {found[0]}
-    assert "rotor_degradation of rotor 1" in found[0]
+    assert "extra_mass: mass 2 kg" in found[0]
 
 
 def test_a_flight_that_cannot_be_of_the_model_is_refused_with_the_reason():

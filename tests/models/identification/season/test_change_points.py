@@ -55,6 +55,15 @@ def test_one_cost_is_asked_for_in_three_ways_with_one_answer():
         assert sums.fitted(start, end).cost == pytest.approx(one)
 
 
+@pytest.mark.parametrize(("penalty", "cost"), [(9.5, 9.5), (10.5, 10.0)])
+def test_a_line_is_worth_no_more_than_its_penalty(penalty, cost):
+    """0 to 4 about their mean have 10 squares, of which a line takes all."""
+    sums = _ConstantOrLine(np.arange(9.0), np.ones(9), penalty)
+    assert sums.cost(2, 7) == pytest.approx(cost)
+    assert sums.costs(np.array([2]), np.array([7])) == pytest.approx([cost])
+    assert sums.fitted(2, 7).cost == pytest.approx(cost)
+
+
 def test_a_step_is_cut_where_it_is():
     values = np.where(np.arange(100) < 37, 0.0, 3.0)
     values += np.tile([0.5, -0.5], 50)

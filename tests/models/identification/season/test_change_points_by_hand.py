@@ -11,6 +11,7 @@ from scipy.stats import norm
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.season.change_points import (
     SeasonEntry,
+    _hinge,
     changes,
     drawn_in,
     penalty_of,
@@ -88,6 +89,31 @@ def test_no_other_segments_cost_less(name, seed):
     assert cost(segments(values, errors, 9.0)) == pytest.approx(best)
 
 
+@pytest.mark.parametrize("seed", [230, 235, 1094, 1802, 4778])
+def test_no_cut_is_better_elsewhere_between_its_neighbours_and_each_is_worth_the_penalty(seed):
+    """Of series drawn at random, ones of which binary segmentation alone misses a cut."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(int(rng.integers(10, 31)))
+    values = np.zeros(t.size)
+    for _ in range(int(rng.integers(1, 4))):
+        at = rng.integers(2, t.size - 2)
+        if rng.random() < 0.7:
+            values += rng.normal(0.0, 1.5) * (t >= at)
+        else:
+            values += rng.normal(0.0, 0.3) * np.maximum(t - at, 0)
+    values, errors = values + 0.5 * rng.normal(size=t.size), np.full(t.size, 0.5)
+
+    def cost(start: int, end: int) -> float:
+        return piece_cost(values[start:end], errors[start:end], 9.0)
+
+    parts = segments(values, errors, 9.0)
+    assert all(end - start >= 3 for start, end in parts)
+    for (left, cut), (_, right) in pairwise(parts):
+        costs = {c: cost(left, c) + cost(c, right) for c in range(left + 3, right - 2)}
+        assert costs[cut] == pytest.approx(min(costs.values()))
+        assert cost(left, right) > costs[cut] + 9.0
+
+
 def entries(name: str, seed: int = 0) -> tuple[list[SeasonEntry], Floats, Floats, list]:
     values, errors = made(SHAPES[name], 22, seed)
     drawn = drawn_in(values, errors)
@@ -108,7 +134,7 @@ def line_of(values: Floats, errors: Floats, start: int, end: int) -> tuple[Float
 
 
 @pytest.mark.parametrize("name", ["step", "small step"])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, 1, 2, 10])
 def test_a_step_is_between_two_means_and_dated_by_the_cuts_that_are_nearly_as_good(name, seed):
     (step,), values, errors, parts = entries(name, seed)
     at = parts[1][0]
@@ -162,6 +188,15 @@ def test_wear_begins_where_two_lines_meet_best(name, seed):
         assert ramp.before == pytest.approx(first.after)
 
 
+@pytest.mark.parametrize("line", [True, False])
+def test_a_bend_may_be_from_the_second_flight_to_the_last_but_two(line):
+    """Of what does not bend any date is as good: the first flight after it is the third to the
+    last but one."""
+    straight = 2.0 + 0.3 * line * np.arange(20.0)
+    left, dates = _hinge(straight, np.full(20, 0.5), 4, 16, line=line)
+    assert (left, dates[1:]) == (pytest.approx(0.0, abs=1e-9), (6, 14))
+
+
 def test_wear_from_the_first_flight_on_is_one_line():
     (ramp,), values, errors, parts = entries("wear from the start")
     assert parts == [(0, 22)]
@@ -186,6 +221,16 @@ def test_a_step_from_which_on_it_wears_is_two_entries():
     of_line = covariance[0, 0] + covariance[1, 1] * off**2
     assert step.size_error == pytest.approx(np.sqrt(of_line + 1.0 / np.sum(errors[:9] ** -2.0)))
     assert (ramp.flight, ramp.earliest, ramp.latest) == (9, 9, 9)
+
+
+def test_a_swap_after_wear_is_as_sure_as_the_mean_after_and_the_line_on_the_flight_before():
+    (_, swap), values, errors, parts = entries("wear and swap", 2)
+    (began, cut), (_, end) = parts[-2:]
+    (_, _), covariance = line_of(values, errors, began, cut)
+    w = errors**-2.0
+    off = cut - 1.0 - np.average(np.arange(began, cut), weights=w[began:cut])
+    before = covariance[0, 0] + covariance[1, 1] * off**2
+    assert swap.size_error == pytest.approx(np.sqrt(before + 1.0 / w[cut:end].sum()))
 
 
 def test_a_cut_and_a_slope_must_each_be_worth_the_penalty():
@@ -233,6 +278,12 @@ def test_flights_scatter_by_the_median_of_second_differences():
     assert spread_beyond(values, errors) == pytest.approx(sorted(each)[2] / QUARTILE)
     assert spread_beyond(values[:4], errors[:4]) == 1.0
     assert spread_beyond(values[:5], errors[:5]) == pytest.approx(sorted(each[:3])[1] / QUARTILE)
+    for seed in range(9):
+        values = np.random.default_rng(seed).normal(size=5)
+        errors = np.random.default_rng(seed + 9).uniform(0.02, 0.2, 5)
+        of = [np.sqrt(errors[k : k + 3] ** 2 @ [1.0, 4.0, 1.0]) for k in range(3)]
+        middle = sorted(np.abs(np.diff(values, 2)) / of)[1]
+        assert spread_beyond(values, errors) == pytest.approx(middle / QUARTILE)
 
 
 def test_a_wild_flight_is_drawn_in_to_three_errors_of_its_neighbours_median():
@@ -270,4 +321,4 @@ def test_a_penalty_is_bonferronis_of_steps_and_slopes(flights, series):
     assert penalty_of(flights, series, 0.05) == pytest.approx(
         norm.ppf(1.0 - 5.0 * two_sided / 2.0) ** 2
     )
-    assert penalty_of(0, 0) == penalty_of(1, 1)
+    assert penalty_of(0, 0) == penalty_of(1) == penalty_of(1, 1)
