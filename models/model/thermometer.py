@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
@@ -70,7 +70,7 @@ def learnt_thermometer(tracks: Sequence[FlightTrack], airframe: Airframe) -> The
         return None
     by_it = speed - np.log1p((above - warmer) / standard)
     gain = (speed - _others(speed)) ** 2 - (by_it - _others(by_it)) ** 2
-    limit = student.ppf(SURE, gain.size - 1)
+    limit = stdtrit(gain.size - 1, SURE)
     if not gain.mean() > limit * np.std(gain, ddof=1) / np.sqrt(gain.size):
         return None
     error = float(np.std(by_it, ddof=1) * standard.mean())

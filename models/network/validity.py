@@ -31,7 +31,7 @@ from dataclasses import dataclass, replace
 from statistics import NormalDist
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.network.training_rows import Rows
@@ -149,7 +149,7 @@ def student_quantile(scores: Floats, flight: Rows, level: float) -> float:
     if counts.size < FEWEST_FLIGHTS:
         return math.inf
     squares = np.bincount(which, scores**2) / counts
-    return float(student.ppf(0.5 + level / 2.0, counts.size) * np.sqrt(squares.mean()))
+    return float(stdtrit(counts.size, 0.5 + level / 2.0) * np.sqrt(squares.mean()))
 
 
 def calibrate(

@@ -6,7 +6,6 @@ from functools import lru_cache
 
 import numpy as np
 from scipy.ndimage import convolve1d, uniform_filter1d
-from scipy.signal import savgol_coeffs
 
 from thrustmargin.models.flight import Floats
 
@@ -23,8 +22,13 @@ def row_step(time_s: Floats) -> float:
 
 @lru_cache(maxsize=64)
 def _slope_weights(window: int, step: float) -> Floats:
-    """(window,) that a local quadratic's slope is the sum of, s⁻¹ (Savitzky and Golay 1964)."""
-    return savgol_coeffs(window, 2, deriv=1, delta=step)
+    """(window,) that a local quadratic's slope is the convolution with, s⁻¹, `window` odd.
+
+    Savitzky and Golay (1964): k over the sum of k². `scipy.signal` would take as long to import as
+    all else.
+    """
+    place = np.arange(window // 2, -(window // 2) - 1.0, -1.0)
+    return place / (step * np.sum(place**2))
 
 
 def derivative(time_s: Floats, values: Floats, span: float) -> Floats:

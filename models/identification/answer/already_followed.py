@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtr, stdtrit
 
 from thrustmargin.models.effects.channels import Channels
 from thrustmargin.models.effects.wind import WIND
@@ -87,14 +87,14 @@ def _half_widths(winds: Sequence[Floats], mean: Floats) -> Floats:
     """(F, 2) m/s: 95 % from the scatter of blocks, and from how the two ways differ in all."""
     scatter = np.stack(
         [
-            student.ppf(0.975, max(2, w.shape[0] // 2))
+            stdtrit(max(2, w.shape[0] // 2), 0.975)
             * w.mean(axis=1).std(axis=0, ddof=1)
             / np.sqrt(w.shape[0])
             for w in winds
         ]
     )
     difference = mean[:, 0] - mean[:, 1]
-    between = student.ppf(0.975, difference.size) * np.sqrt(np.mean(difference**2)) / 2
+    between = stdtrit(difference.size, 0.975) * np.sqrt(np.mean(difference**2)) / 2
     return np.hypot(scatter, between)
 
 
@@ -113,4 +113,4 @@ def _worse(
     gained = np.bincount(problem.block, squares[0] - squares[1]) / count
     error = float(np.std(gained, ddof=1)) / np.sqrt(gained.size)
     ratio = float(np.mean(gained)) / max(error, 1e-12)
-    return float(before), float(after), float(student.sf(ratio, max(2, gained.size // 2)))
+    return float(before), float(after), float(stdtr(max(2, gained.size // 2), -ratio))

@@ -20,7 +20,7 @@ from functools import cache
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.stats import norm
+from scipy.special import ndtr, ndtri
 
 from thrustmargin.models.effects import BY_KEY, effects_for
 from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION
@@ -143,7 +143,7 @@ def next_flight(
         most = max(1, int(limits.minutes * len(manoeuvre.fills_kg) / manoeuvre.minutes))
         for repeats in range(1, most + 1):
             square = _distance_square(gram, repeats)
-            if math.sqrt(square) / 2.0 >= norm.ppf(CERTAIN):
+            if math.sqrt(square) / 2.0 >= ndtri(CERTAIN):
                 break
         made.append(
             NextFlight(
@@ -151,7 +151,7 @@ def next_flight(
                 manoeuvre=manoeuvre,
                 repeats=repeats,
                 nats=square / 2.0,
-                certainty=float(norm.cdf(math.sqrt(square) / 2.0)),
+                certainty=float(ndtr(math.sqrt(square) / 2.0)),
             )
         )
     return max(made, key=_preference)

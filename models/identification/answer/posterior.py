@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.result import Excluded, Mentioned, OneOf, SetWeight
@@ -22,7 +22,7 @@ from thrustmargin.models.identification.sets.set_search import Search
 NAMED = 0.95  # of the weight, for a name
 CHOICE = 0.5  # of the weight holds just one of several, for "either ... or"
 MENTION = 0.05  # of the weight, from which a rotor is mentioned and an alternative listed
-CONFIDENCE = norm.ppf(0.975)  # standard errors on either side of an interval of 95 %
+CONFIDENCE = ndtri(0.975)  # standard errors on either side of an interval of 95 %
 EXCLUDED = 0.95  # that an effect which was not seen is smaller than what is stated
 
 
@@ -225,7 +225,7 @@ class Posterior:
                     term=candidate.term,
                     parameter=p.name,
                     unit=p.unit,
-                    above=float(abs(value) + norm.ppf(EXCLUDED) * error),
+                    above=float(abs(value) + ndtri(EXCLUDED) * error),
                 )
             )
         return tuple(found)

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from thrustmargin.models.effects.base import Effect, Kind
 from thrustmargin.models.errors import DataError
@@ -97,4 +97,4 @@ def learnt_spread(residual: Floats, flight: NDArray[np.intp]) -> Floats:
     """
     count = int(flight.max()) + 1
     means = np.stack([residual[flight == f].mean(axis=0) for f in range(count)])
-    return np.sqrt(np.mean(means**2, axis=0)) * student.ppf(0.975, count) / student.ppf(0.975, 1e9)
+    return np.sqrt(np.mean(means**2, axis=0)) * stdtrit(count, 0.975) / stdtrit(1e9, 0.975)

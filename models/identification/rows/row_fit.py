@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
+from scipy.special import ndtri, stdtrit
 
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.identification.rows.candidates import Held, derivatives, predicted
@@ -210,15 +210,15 @@ def half_widths(
     bread = np.linalg.inv(total + np.diag(sums.prior + 1e-12))
     covariance = bread @ gradient.T @ gradient @ bread * blocks / max(1, blocks - 1)
     level = 0.5 + confidence / 2
-    quantile = np.full(len(bread), student.ppf(level, max(2, blocks // 2)))
+    quantile = np.full(len(bread), stdtrit(max(2, blocks // 2), level))
     if flights > 2:
         own = sums.by_flight()[:, :-1, -1]
         wide = np.diag(bread @ own.T @ own @ bread) * flights / (flights - 1)
         narrow = np.diag(covariance)
         scale = np.sqrt(np.maximum(wide / np.maximum(narrow, 1e-300), 1.0))
-        quantile[wide > narrow] = student.ppf(level, flights - 1)
+        quantile[wide > narrow] = stdtrit(flights - 1, level)
         covariance = covariance * scale[:, None] * scale
     square = quantile**2 * np.diag(covariance)
     base = bread @ uncertainty @ uncertainty.T @ bread
-    square = square + student.ppf(level, np.inf) ** 2 * np.diag(base)
+    square = square + ndtri(level) ** 2 * np.diag(base)
     return np.sqrt(square), covariance + base

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
-from scipy.stats import t as student
+from scipy.special import ndtri, stdtrit
 
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.effects.channels import froude_time_scale
@@ -274,7 +273,7 @@ def _standing(reduced: Reduced, residual: Floats) -> tuple[Floats, Floats]:
     good = model.good_flights.flights if model.good_flights else np.inf
     if reduced.of_outputs:
         size, degrees = spread_of_flights(residual, reduced.flight, size)
-        size = size * student.ppf(0.975, degrees) / norm.ppf(0.975)
+        size = size * stdtrit(degrees, 0.975) / ndtri(0.975)
     each = np.repeat(np.diag(size)[None], residual.shape[0], axis=0)
     return each / np.sqrt(1.0 + 1.0 / good), each / np.sqrt(good + 1.0)
 

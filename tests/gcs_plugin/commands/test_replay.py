@@ -24,6 +24,20 @@ def replay(*arguments: str | Path) -> subprocess.Popen:
     )
 
 
+def test_nothing_is_imported_that_takes_half_a_second_and_shows_nothing(sitl_logs):
+    log = sitl_logs / "campaign" / "v2_m4_q1.5.tlog"
+    code = (
+        "import sys\nfrom pathlib import Path\n"
+        "from thrustmargin.gcs_plugin.commands.inputs import chosen_model\n"
+        "from thrustmargin.gcs_plugin.commands.replay import replay_view\n"
+        f"view = replay_view(Path({str(log)!r}), chosen_model(None, None), port=0)\n"
+        "view.start()\nview.stop()\n"
+        "print({'scipy.stats', 'scipy.signal', 'torch', 'plotly'} & set(sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stdout.split() == ["set()"], done.stdout + done.stderr
+
+
 @pytest.mark.slow
 def test_a_log_is_served_until_ctrl_c_which_is_a_clean_end(sitl_logs):
     log = sitl_logs / "campaign" / "v4_m10_q2.5.tlog"
