@@ -82,7 +82,7 @@ def replay_view(
     airframe. `options` are those of ReplayView.
     """
     from thrustmargin.gcs_plugin.commands.inputs import read_flight
-    from thrustmargin.gcs_plugin.reports.margin import report_flight
+    from thrustmargin.gcs_plugin.reports.margin import flight_verdict
     from thrustmargin.gcs_plugin.view.overlays import before_and_after
     from thrustmargin.gcs_plugin.view.replay_view import ReplayView
     from thrustmargin.models.model.analysis import analyse, for_verdict
@@ -91,7 +91,7 @@ def replay_view(
         flight, claim = read_flight(log, model, given=given, reading=reading)
         analysis = for_verdict(analyse(flight.track, model, claim=claim))
         older = None if before is None else analyse(analysis.track, before, claim=claim)
-        verdict = report_flight(analysis, flight, max_utilisation=0.5).verdict
+        verdict = flight_verdict(analysis, max_utilisation=0.5)
     return ReplayView(
         analysis,
         waypoints=flight.waypoints,

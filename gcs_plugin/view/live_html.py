@@ -44,6 +44,7 @@ class Standing:
     old_s: float = OLD  # from which it is old
     silent: float = 0.0  # s since anything was heard of it, analysed or not
     problem: str = ""  # why there is no margin
+    pending: str = ""  # why its alarms are not yet known
     gone: bool = False  # left for good: nothing of it is shown
     stale: str = ""  # fields that are no longer reported, in words
     mission: Mapping[int, Waypoint] | None = None
@@ -104,6 +105,8 @@ def alarms_html(number: int, fleet: Sequence[Standing]) -> str:
             own = one.number == number
             text = one.problem if own else words.of_vehicle(one.number, one.problem)
             lines.append(f'<div data-problem style="background:{RED}">{escape(text)}</div>')
+        if one.pending:
+            lines.append(f'<div data-pending style="background:{GREY}">{escape(one.pending)}</div>')
         if one.number == number and one.old:
             lines.append(f'<div data-age style="background:{GREY}">{one.age_words}</div>')
     style = "color:#fff;font:700 21px/1.15 system-ui;margin:4px 8px"

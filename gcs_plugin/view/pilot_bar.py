@@ -114,15 +114,20 @@ class PilotBar:
             for one, alarm in standing
         ]
         # Every grave one is named: one that is known must not hide another behind a number.
+        pending = next((one.pending for one in fleet if one.pending), "")
+        verdict, level = self._verdict
+        # Not green before it is known whether there were alarms.
+        paper = GREY if pending and level == "under" else VERDICT_PAPER.get(level, GREY)
         named = [a for a in alarms if a["critical"]][:MOST_NAMED] or alarms[:1]
         return {
             "vehicles": [_vehicle(one, recorded=self._recorded) for one in fleet],
             "named": " · ".join(a["text"] for a in named),
             "unnamed": len(alarms) - len(named),
             "alarms": alarms,
+            "pending": pending,
             "history": history,
-            "verdict": self._verdict[0],
-            "verdict_paper": VERDICT_PAPER.get(self._verdict[1], GREY),
+            "verdict": verdict,
+            "verdict_paper": paper,
         }
 
     def _note(self, line: str) -> None:

@@ -6,6 +6,7 @@ analysis was done before, and the browser's events only ask it for something.
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -30,7 +31,7 @@ from thrustmargin.mission.field import sprayed_field
 from thrustmargin.mission.route import Trail
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.analysis import FlightAnalysis
-from thrustmargin.models.model.rotor_faults import fault_history
+from thrustmargin.models.model.rotor_faults import RotorFault, fault_history
 
 if TYPE_CHECKING:
     import viser
@@ -43,6 +44,12 @@ GAUGE_TICKS, CHART_TICKS = 3, 5
 #: How long a message of the vehicle stays on the screen, s of the flight.
 MESSAGE_S = 10.0
 VEHICLE = "1"
+#: Rows of flight that are searched for bad rotors and motors before the page is opened: a quarter
+#: of a second. More of them later: the first picture needs the whole computer for `PICTURE_S`.
+SEARCHED_FIRST, PICTURE_S = 3000, 2.0
+#: s after which the search does not wait for a browser any longer.
+NOBODY_S = 5.0
+_log = logging.getLogger(__name__)
 
 
 class ReplayView(ViewPage):
@@ -87,8 +94,12 @@ class ReplayView(ViewPage):
         self._waypoints = waypoints
         self._messages = sorted(messages)
         self._message_times = np.array([t for t, _ in self._messages])
-        self._faults = fault_history(analysis)
-        self._fault_times = np.array([time_s for time_s, _ in self._faults])
+        self._faults: list[tuple[float, tuple[RotorFault, ...]]] = []
+        self._fault_times = np.empty(0)
+        self._alarms_pending = words.ALARMS_SOUGHT
+        self._opened = threading.Event()
+        if track.time_s.size <= SEARCHED_FIRST:
+            self._search_faults()
         self._start_s = float(track.time_s[0])
         self._flown = track.flying if track.flying.any() else np.ones_like(track.flying)
         self._trail = Trail([o.worst for o in self._overlays])
@@ -145,6 +156,27 @@ class ReplayView(ViewPage):
             self._scene.surroundings.home(VEHICLE, np.array([*begin[:2], ground]))
         self._recolour(self._overlay)
         self._draw(hurry=True)
+        if self._alarms_pending:
+            server.on_client_connect(lambda _: self._opened.set())
+            threading.Thread(target=self._search_later, name="replay-search", daemon=True).start()
+
+    def _search_later(self) -> None:
+        """The alarms of a long flight, once a browser has its first picture."""
+        if self._opened.wait(NOBODY_S):
+            self._stopping.wait(PICTURE_S)
+        if self._stopping.is_set():
+            return
+        try:
+            self._search_faults()
+        except Exception:  # of any kind: the page must not say for ever that it is looking
+            _log.exception(words.ALARMS_UNKNOWN)
+            self._alarms_pending = words.ALARMS_UNKNOWN
+        self.wake.set()
+
+    def _search_faults(self) -> None:
+        self._faults = fault_history(self._analysis)
+        self._fault_times = np.array([time_s for time_s, _ in self._faults])
+        self._alarms_pending = ""
 
     def _draw(self, *, hurry: bool) -> None:
         time_s = self.clock.now()
@@ -181,6 +213,7 @@ class ReplayView(ViewPage):
             rests_on=row.rests_on,
             flying=row.flying,
             problem="; ".join(self._analysis.claim.withheld),
+            pending=self._alarms_pending,
             alarms=tuple(
                 Alarm(names[f.kind], f.rotor + 1, CRITICAL, fault_words(f), time_s) for f in faults
             ),

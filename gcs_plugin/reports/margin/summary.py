@@ -100,6 +100,12 @@ def report_flight(
     )
 
 
+def flight_verdict(analysis: FlightAnalysis, *, max_utilisation: float) -> MarginVerdict:
+    """The report's verdict of one flight, without its worst moment, fills and facts."""
+    analysis = for_verdict(analysis)
+    return _verdict(analysis, analysis.track.row_seconds, max_utilisation, None)
+
+
 def _verdict(
     analysis: FlightAnalysis, seconds: Floats, limit: float, worst: Moment | None
 ) -> MarginVerdict:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.gcs_plugin.reports.margin.report_flight import log, model
-from thrustmargin.gcs_plugin.reports.margin import report_flight
+from thrustmargin.gcs_plugin.reports.margin import flight_verdict, report_flight
 from thrustmargin.gcs_plugin.reports.margin.data import (
     FlightReport,
     end_rows,
@@ -79,6 +79,17 @@ def test_time_above_the_limit_counts_airborne_rows_in_which_one_rotor_is_above()
     assert (verdict.worst.rotor, verdict.worst.time_s) == (1, 8.0)
     assert verdict.worst.capacity_use == pytest.approx(0.9)
     assert verdict.worst.margin == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("limit", [0.05, 0.55, 0.95])
+def test_the_verdict_alone_is_that_of_the_report(limit):
+    analysis = used(rising())
+    whole, alone = (
+        report_of(analysis, limit).verdict,
+        flight_verdict(analysis, max_utilisation=limit),
+    )
+    assert (alone.level, alone.headline) == (whole.level, whole.headline)
+    assert (alone.limit, alone.over_limit_s) == (whole.limit, whole.over_limit_s)
 
 
 def test_each_rotor_has_its_own_most_median_and_share_above():

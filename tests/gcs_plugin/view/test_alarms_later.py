@@ -1,0 +1,117 @@
+"""The alarms of a long flight come after its picture; until then the page says that they do."""
+
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from tests.browser import open_page
+from tests.gcs_plugin.view.view_flight import flight
+from thrustmargin.gcs_plugin.view import replay_view
+from thrustmargin.gcs_plugin.view.live_html import GREY, VERDICT_PAPER
+from thrustmargin.gcs_plugin.view.replay_view import ReplayView
+from thrustmargin.gcs_plugin.wording.view_words import ALARMS_SOUGHT, ALARMS_UNKNOWN
+from thrustmargin.models.model.rotor_faults import RotorFault
+
+FAULT = RotorFault(kind="propeller", rotor=1, size=0.12, lower=0.09, upper=0.15)
+
+
+@pytest.fixture
+def search(monkeypatch) -> threading.Event:
+    """Set: the search of a flight that counts as long, with nobody waited for, ends."""
+    over = threading.Event()
+
+    def history(_analysis):
+        assert over.wait(30.0)
+        return [(20.0, (FAULT,))]
+
+    monkeypatch.setattr(replay_view, "SEARCHED_FIRST", 0)
+    monkeypatch.setattr(replay_view, "NOBODY_S", 0.0)
+    monkeypatch.setattr(replay_view, "PICTURE_S", 0.0)
+    monkeypatch.setattr(replay_view, "fault_history", history)
+    return over
+
+
+@pytest.fixture
+def view(search):
+    view = ReplayView(flight(), port=0, paused=True, verdict=("Enough thrust", "under"))
+    view.start()
+    view.seek(25.0)
+    yield view
+    search.set()
+    view.stop()
+
+
+def until(done, timeout: float = 10.0) -> None:
+    end = time.monotonic() + timeout
+    while not done():
+        assert time.monotonic() < end, "the view did not get there in time"
+        time.sleep(0.02)
+
+
+def test_it_is_open_before_the_search_ends_and_calls_nothing_good_till_then(view, search):
+    until(lambda: view.clock.now() == 25.0)
+    state = view._bar.state()
+    assert state["pending"] == ALARMS_SOUGHT
+    assert state["verdict_paper"] == GREY
+    assert not state["alarms"]
+    until(lambda: ALARMS_SOUGHT in view._gauges.content)
+    search.set()
+    until(lambda: view._bar.state()["alarms"])
+    assert view._bar.state()["pending"] == ""
+    assert view._bar.state()["verdict_paper"] == VERDICT_PAPER["under"]
+    until(lambda: "data-pending" not in view._gauges.content)
+    assert "data-alarm" in view._gauges.content
+
+
+def test_a_bad_verdict_does_not_wait_for_the_search(search):
+    view = ReplayView(flight(), port=0, paused=True, verdict=("Too heavy", "critical"))
+    view.start()
+    try:
+        assert view._bar.state()["verdict_paper"] == VERDICT_PAPER["critical"]
+    finally:
+        search.set()
+        view.stop()
+
+
+@pytest.mark.usefixtures("search")
+def test_a_search_that_breaks_is_said_and_never_shown_as_no_alarm(monkeypatch):
+    monkeypatch.setattr(replay_view, "fault_history", lambda _: 1 / 0)
+    view = ReplayView(flight(), port=0, paused=True)
+    view.start()
+    try:
+        until(lambda: view._bar.state()["pending"] == ALARMS_UNKNOWN)
+        until(lambda: ALARMS_UNKNOWN in view._gauges.content)
+    finally:
+        view.stop()
+
+
+def test_nobody_need_open_the_page_for_the_search_to_begin(search, monkeypatch):
+    monkeypatch.setattr(replay_view, "NOBODY_S", 0.3)
+    search.set()
+    view = ReplayView(flight(), port=0, paused=True)
+    view.start()
+    try:
+        assert view._bar.state()["pending"] == ALARMS_SOUGHT
+        until(lambda: not view._bar.state()["pending"])
+        np.testing.assert_array_equal(view._fault_times, [20.0])
+    finally:
+        view.stop()
+
+
+@pytest.mark.browser
+def test_the_bar_says_it_beside_the_verdict_on_grey(view, search):
+    with open_page(view.url, width=1366, height=768) as page:
+        alarm = page.locator("#tm-alarm")
+        page.wait_for_function(
+            "w => document.querySelector('#tm-alarm').textContent.includes(w)", arg=ALARMS_SOUGHT
+        )
+        assert alarm.inner_text() == f"Enough thrust · {ALARMS_SOUGHT}"
+        paper = alarm.evaluate("node => getComputedStyle(node).backgroundColor")
+        assert paper == f"rgb{tuple(bytes.fromhex(GREY[1:]))}"
+        search.set()
+        page.wait_for_function(
+            "w => !document.querySelector('#tm-alarm').textContent.includes(w)", arg=ALARMS_SOUGHT
+        )
+        assert "otor 2" in alarm.inner_text()
