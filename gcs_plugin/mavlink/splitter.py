@@ -12,6 +12,7 @@ from thrustmargin.gcs_plugin.mavlink.frame import (
     FrameKind,
     Walk,
     examine,
+    frame_of,
     made,
 )
 
@@ -27,6 +28,12 @@ class FrameCounts:
     unknown: int = 0  # among `frames`: of an id that is not known, unchecked
     bad_checksum: int = 0  # whole frames whose checksum is wrong
     bytes_skipped: int = 0  # bytes that belong to no frame kept
+
+    def add(self, frame: Frame) -> None:
+        """Count a frame that came alone."""
+        self.bytes += len(frame.data)
+        self.frames += 1
+        self.unknown += not frame.verified
 
 
 class FrameSplitter:
@@ -54,6 +61,11 @@ class FrameSplitter:
 
         A frame cut short in the datagram before must not hold back a good one in this.
         """
+        if not self._rest and (frame := frame_of(data, stamp_us=stamp_us, link=self.link)):
+            # As almost every datagram: nothing to search, and nothing left over.
+            self.counts.add(frame)
+            self.passed, self._expected = data, 0
+            return [frame]
         if self._rest and data and data[0] in (V1, V2):
             verdict, _ = examine(data + _PADDING, 0, len(data), closed=True)
             if verdict in (FrameKind.GOOD, FrameKind.UNVERIFIED):

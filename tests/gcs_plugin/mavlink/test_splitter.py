@@ -121,6 +121,19 @@ def test_noise_between_frames_is_skipped_and_counted(noise, place):
     assert splitter.counts.bytes_skipped + len(b"".join(found)) + splitter.waiting == len(stream)
 
 
+def test_datagrams_of_one_frame_each_are_counted_as_their_stream_is():
+    damaged = bytes([*FRAMES[5][:-3], FRAMES[5][-3] ^ 1, *FRAMES[5][-2:]])
+    sent = [*FRAMES[:5], damaged, *FRAMES[6:]]
+    alone, stream = FrameSplitter(link=2), FrameSplitter(link=2)
+    found = []
+    for data in sent:
+        found += alone.feed_datagram(data, 7)
+        assert (alone.passed, alone.waiting) == (data, 0)
+    assert found == stream.feed(b"".join(sent), 7, closed=True)
+    assert data_of(found) == [*FRAMES[:5], *FRAMES[6:]]
+    assert alone.counts == stream.counts
+
+
 def test_a_datagram_cut_short_does_not_hold_back_the_next():
     splitter = FrameSplitter()
     assert splitter.feed_datagram(FRAMES[0][:-4], 0) == []
