@@ -10,7 +10,7 @@ in the channel's own shape and unit.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from types import MappingProxyType
@@ -211,20 +211,12 @@ class FlightTrack:
         values, error = getattr(self, channel), self.standard_errors.get(channel)
         return values if error is None else np.where(error > 0.0, np.nan, values)
 
-    def followed_by(self, later: Self, first: int = 0) -> Self:
+    def followed_by(self, later: FlightTrack, first: int = 0) -> FlightTrack:
         """Rows from `first` on and those of `later` as one track, described as the later.
 
         Raises TrackError unless time goes on.
         """
-        arrays = {
-            name: np.concatenate([getattr(self, name)[first:], getattr(later, name)])
-            for name in _ROWS
-        }
-        errors = {
-            channel: np.concatenate([self._error_of(channel)[first:], later._error_of(channel)])
-            for channel in {**self.standard_errors, **later.standard_errors}
-        }
-        return replace(later, standard_errors=errors, **arrays)
+        return joined([(self, slice(first, None)), (later, slice(None))])
 
     def _error_of(self, channel: str) -> Floats:
         """Standard error of a channel in its shape; 0 where it was measured."""
@@ -235,6 +227,22 @@ class FlightTrack:
         arrays = {name: getattr(self, name)[which] for name in _ROWS}
         errors = {channel: error[which] for channel, error in self.standard_errors.items()}
         return replace(self, standard_errors=errors, **arrays)
+
+
+def joined(parts: Sequence[tuple[FlightTrack, slice | NDArray[np.intp]]]) -> FlightTrack:
+    """The chosen rows of each track in order as one track, described as the last.
+
+    Raises TrackError unless time goes on.
+    """
+    arrays = {
+        name: np.concatenate([getattr(track, name)[rows] for track, rows in parts])
+        for name in _ROWS
+    }
+    errors = {
+        channel: np.concatenate([track._error_of(channel)[rows] for track, rows in parts])
+        for channel in dict.fromkeys(c for track, _ in parts for c in track.standard_errors)
+    }
+    return replace(parts[-1][0], standard_errors=errors, **arrays)
 
 
 def body_axes(attitude: Floats) -> tuple[Floats, Floats, Floats]:

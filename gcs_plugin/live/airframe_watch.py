@@ -11,10 +11,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.wording.live_words import AIRFRAME_NOT_YET, AIRFRAME_UNKNOWN
 from thrustmargin.models.checks.speed_scale import FEWEST_ROWS
-from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.flight import FlightTrack, joined
 from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_claim
 from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -33,7 +34,9 @@ class AirframeWatch:
         self._airframe = flown_airframe(model)
         self._given = given
         self._source = source
-        self._parts: list[FlightTrack] = []  # the evidence, in order
+        #: The evidence in order: tracks, and of each the rows.
+        self._parts: list[tuple[FlightTrack, NDArray[np.intp]]] = []
+        self._last_s = -np.inf  # of its last row
         self._looked_s = -np.inf
         self._other_rotors = False  # reported last
         self._against = 0  # looks on end that spoke against what is decided
@@ -57,7 +60,7 @@ class AirframeWatch:
             if not self._other_rotors:
                 now = airframe_claim(track, self._airframe, facts, parameters, given=self._given)
                 self.claim = replace(now, source=self._source)
-                self._other_rotors, self._parts = True, []
+                self._other_rotors, self._parts, self._last_s = True, [], -np.inf
             return self.claim
         if self._other_rotors:
             self._other_rotors, self.claim = False, self._first()
@@ -65,11 +68,9 @@ class AirframeWatch:
         if not self._parts or track.time_s[-1] - self._looked_s < EVERY:
             return self.claim
         self._looked_s = float(track.time_s[-1])
-        evidence = self._parts[0]
-        for part in self._parts[1:]:
-            evidence = evidence.followed_by(part)
-        evidence = evidence.rows(evidence.time_s > evidence.time_s[-1] - REACH)
-        self._parts = [evidence]
+        since = self._last_s - REACH
+        evidence = joined([(t, rows[t.time_s[rows] > since]) for t, rows in self._parts])
+        self._parts = [(evidence, np.arange(evidence.time_s.size))]
         if evidence.time_s.size >= FEWEST_ROWS:
             trusted = self._given or self.claim.basis == "recognised"
             now = airframe_claim(evidence, self._airframe, facts, parameters, given=trusted)
@@ -77,14 +78,14 @@ class AirframeWatch:
         return self.claim
 
     def _gather(self, track: FlightTrack) -> None:
-        last_s = self._parts[-1].time_s[-1] if self._parts else -np.inf
-        if track.time_s[0] <= last_s:  # it was started anew
-            self._parts, self._looked_s, last_s = [], -np.inf, -np.inf
+        if track.time_s[0] <= self._last_s:  # it was started anew
+            self._parts, self._looked_s, self._last_s = [], -np.inf, -np.inf
         steps = np.floor(track.time_s / STEP)
-        new = np.diff(steps, prepend=np.floor(last_s / STEP)) > 0
+        new = np.diff(steps, prepend=np.floor(self._last_s / STEP)) > 0
         rows = np.flatnonzero(new & track.flying)
         if rows.size:
-            self._parts.append(track.rows(rows))
+            self._parts.append((track, rows))
+            self._last_s = float(track.time_s[rows[-1]])
 
     def _decide(self, now: AirframeClaim) -> None:
         if self.claim.withheld == (AIRFRAME_NOT_YET,):

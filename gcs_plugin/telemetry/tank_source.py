@@ -24,6 +24,7 @@ from thrustmargin.gcs_plugin.telemetry.signals import SENDER_VOLTAGE, Signals, b
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.smoothing import known_median
 
 LEFT_OUT = "tank level left out, as asked"
 #: % by which the level from ml used may differ from the level in % and still be the same thing.
@@ -62,8 +63,7 @@ class TankContext:
 def flight_battery(signals: Signals) -> int | None:
     """Battery id of the one that is flown on: the lowest one above a level sender's voltage."""
     for number, signal in sorted(_batteries(signals, "battery_voltage").items()):
-        volts = signal.values[np.isfinite(signal.values)]
-        if volts.size and float(np.median(volts)) > SENDER_VOLTAGE:
+        if known_median(signal.values) > SENDER_VOLTAGE:
             return number
     return None
 
@@ -212,8 +212,8 @@ def _battery(signals: Signals, context: TankContext, wanted: int | None) -> Tank
             continue
         if wanted is None:
             sender = volts.get(number)
-            known = sender.values[np.isfinite(sender.values)] if sender else np.empty(0)
-            if number == flown or (known.size and float(np.median(known)) > SENDER_VOLTAGE):
+            level_v = known_median(sender.values) if sender else np.nan
+            if number == flown or level_v > SENDER_VOLTAGE:
                 continue
         if not np.isfinite(percent[number].values).any():
             continue

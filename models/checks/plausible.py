@@ -36,6 +36,7 @@ from thrustmargin.models.physics.atmosphere import track_air
 from thrustmargin.models.physics.margin import ceiling, rotor_thrust, utilisation
 from thrustmargin.models.physics.motor_layouts import ardupilot_layout, bearings
 from thrustmargin.models.physics.motor_output import output_curve
+from thrustmargin.models.physics.smoothing import known_median
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 Range = tuple[float, float]
@@ -151,7 +152,7 @@ def _voltage(track: FlightTrack, airframe: Airframe) -> Comparison:
     volts = track.voltage[track.flying & (track.voltage > 0.0)]
     if volts.size < FEWEST_ROWS:
         return Comparison(check="voltage", verdict="unknown", words="no battery voltage in flight")
-    found = float(np.median(volts))
+    found = known_median(volts)
     share = found / airframe.nominal_voltage
     verdict = _verdict(share, share, CLOSE_VOLTAGE, POSSIBLE_VOLTAGE)
     words = (
@@ -172,7 +173,7 @@ def _rotor_speed(
         return Comparison(check="rotor speed", verdict="unknown", words=scale.words)
     if scale.verdict != "rotor":
         return Comparison(check="rotor speed", verdict="contradicts", words=scale.words)
-    speed = float(np.nanmedian(track.rotor_speed_rpm[track.flying]))
+    speed = known_median(track.rotor_speed_rpm[track.flying])
     close = _verdict(scale.low, scale.high, CLOSE_SPEED, CLOSE_SPEED) != "contradicts"
     # Between an empty and a full tank fly many aircraft: without the load, outputs must agree too.
     known = bool((track.measured("tank_kg")[track.flying] >= 0.0).any())
@@ -197,18 +198,18 @@ def _driven_alike(track: FlightTrack, airframe: Airframe, parameters: Mapping[st
     ratio = ratio[np.isfinite(ratio)]
     if ratio.size < FEWEST_ROWS:
         return False
-    middle = float(np.median(ratio))
+    middle = known_median(ratio)
     return _verdict(middle, middle, CLOSE_OUTPUT, CLOSE_OUTPUT) == "close"
 
 
 def _speed_limit(track: FlightTrack, airframe: Airframe) -> Comparison | None:
     volts = track.voltage[track.flying & (track.voltage > 0.0)]
-    battery = np.median(volts) if volts.size else np.nan  # a gauge that fails is no fast rotor
+    battery = known_median(volts)  # a gauge that fails is no fast rotor
     limit = ceiling(airframe, airframe.reference_density, battery).max_rotor_speed_rpm
     with np.errstate(invalid="ignore"):
         use = np.nan_to_num(utilisation(track.rotor_speed_rpm, limit)).max(axis=1, initial=0.0)
     above = use[track.flying] > IMPOSSIBLE_USE
-    step = float(np.median(np.diff(track.time_s))) if track.time_s.size > 1 else 0.0
+    step = known_median(np.diff(track.time_s)) if track.time_s.size > 1 else 0.0
     seconds = float(np.count_nonzero(above)) * step
     if not seconds > MOMENT_S or np.mean(above) < MOMENT_SHARE:
         return None
@@ -235,13 +236,13 @@ def _output(
     lifted = lifted[np.isfinite(lifted)]
     if lifted.size < FEWEST_ROWS:
         return None
-    mass = float(np.median(lifted))
+    mass = known_median(lifted)
     gauge = track.measured("tank_kg")
     tank_kg = gauge[track.flying & (gauge >= 0.0)]
     known = tank_kg.size > 0
-    tank = (float(np.median(tank_kg)),) * 2 if known else (0.0, airframe.tank_capacity_kg)
+    tank = (known_median(tank_kg),) * 2 if known else (0.0, airframe.tank_capacity_kg)
     high, low = (float(np.sqrt(mass / (airframe.empty_mass + kg))) for kg in tank)
-    output = float(np.nanmedian(track.throttle[track.flying]))
+    output = known_median(track.throttle[track.flying])
     verdict = _verdict(low, high, CLOSE_OUTPUT, POSSIBLE_OUTPUT)
     # Most aircraft hover near half of their thrust: without the load that is no likeness.
     verdict = "fits" if verdict == "close" and not known else verdict
@@ -259,7 +260,7 @@ def _for_mass(track: FlightTrack, airframe: Airframe, ratio: float) -> str:
     if not tank_kg.size:
         full = airframe.empty_mass + airframe.tank_capacity_kg
         return f"for {airframe.empty_mass:.0f} to {full:.0f} kg"
-    mass = airframe.empty_mass + float(np.median(tank_kg))
+    mass = airframe.empty_mass + known_median(tank_kg)
     return f"for {mass:.0f} kg within {max(abs(ratio - 1.0), 0.01):.0%}"
 
 

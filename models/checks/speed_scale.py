@@ -17,6 +17,7 @@ import numpy as np
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0, track_air
+from thrustmargin.models.physics.smoothing import known_median
 
 #: Pole pairs of motors that carry sprayers and their trainers.
 POLE_PAIRS = (4, 6, 7, 10, 11, 12, 14, 15, 16, 18, 20, 21)
@@ -73,15 +74,16 @@ def check_speed_scale(track: FlightTrack, airframe: Airframe) -> SpeedScale:
         return replace(unknown, rows=rows)
 
     def ratio_with(tank_kg: np.ndarray | float) -> float:
-        return float(np.nanmedian(np.sqrt(lift / (airframe.empty_mass + tank_kg))))
+        return known_median(np.sqrt(lift / (airframe.empty_mass + tank_kg)))
 
     lift = lift[use]
     gauge = track.measured("tank_kg")
     tank_kg = np.where(gauge >= 0, gauge, np.nan)[use]
-    full, empty = ratio_with(airframe.tank_capacity_kg), ratio_with(0.0)
-    ratio = ratio_with(0.5 * airframe.tank_capacity_kg)
     if np.isfinite(tank_kg).any():
         ratio = full = empty = ratio_with(tank_kg)
+    else:
+        full, empty = ratio_with(airframe.tank_capacity_kg), ratio_with(0.0)
+        ratio = ratio_with(0.5 * airframe.tank_capacity_kg)
     verdict, words = _named(ratio, full, empty, airframe)
     return SpeedScale(verdict=verdict, words=words, ratio=ratio, low=full, high=empty, rows=rows)
 

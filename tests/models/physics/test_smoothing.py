@@ -3,7 +3,12 @@
 import numpy as np
 import pytest
 
-from thrustmargin.models.physics.smoothing import derivative, moving_mean, row_step
+from thrustmargin.models.physics.smoothing import (
+    derivative,
+    known_median,
+    moving_mean,
+    row_step,
+)
 
 STEP = 0.1
 
@@ -147,3 +152,12 @@ def test_a_mean_is_that_of_each_window_by_itself(width):
         if np.isfinite(window).any():
             by_hand[row] = np.nanmean(window)
     np.testing.assert_allclose(moving_mean(times(400), values, width / 10), by_hand, atol=1e-9)
+
+
+@pytest.mark.parametrize("shape", [(1,), (2,), (7,), (40, 4)])
+def test_a_median_is_that_of_what_is_known(shape):
+    values = np.random.default_rng(5).normal(size=shape)
+    assert known_median(values) == np.median(values)
+    values.flat[0] = np.nan
+    expected = np.nanmedian(values) if values.size > 1 else np.nan
+    assert known_median(values) == pytest.approx(expected, nan_ok=True)
