@@ -101,11 +101,9 @@ class AlarmRule:
 
 
 def margin(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:
-    margins = 1.0 - now.analysis.utilisation[now.row]
-    known = np.isfinite(margins)
-    worst = float(np.min(margins[known], initial=np.inf))
-    rotor = int(np.argmin(np.where(known, margins, np.inf))) + 1
-    if not known.any():
+    margins = (1.0 - now.analysis.utilisation[now.row]).tolist()
+    known = [(m, rotor) for rotor, m in enumerate(margins, start=1) if math.isfinite(m)]
+    if not known:
         # The prediction may say that there is thrust again, and nothing else can.
         predicted = 1.0 - now.analysis.utilisation_predicted[now.row]
         reach = INTERVAL * np.nan_to_num(now.analysis.utilisation_error[now.row])
@@ -113,8 +111,9 @@ def margin(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:
         unknown = words.margin_unknown(words.MEASURED_MARGIN, 1.0 - s.max_utilisation)
         yield AlarmCheck(False, enough, WARNING, unknown)
         return
+    worst, rotor = min(known)
     error = INTERVAL * float(now.analysis.utilisation_error[now.row, rotor - 1])
-    clears = bool(np.all(known))
+    clears = len(known) == len(margins)
     yield _low(s, words.MEASURED_MARGIN, worst, rotor, error=error, clears=clears)
 
 

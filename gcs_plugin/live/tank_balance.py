@@ -97,35 +97,42 @@ class BalanceWatch:
 
     def __init__(self, seconds: float = 40.0, end: float = 10.0) -> None:
         self.seconds, self.end = seconds, end
-        self._rows: deque[tuple[float, float, float, float]] = deque()
+        #: (4, N) of which columns `_first` to `_last` are the window; moved back when it is full.
+        self._rows = np.empty((4, 1024))
+        self._first = self._last = 0
 
     def add(self, time_s: float, gauge: float, pumped: float, virtual: float) -> None:
         """One sample: s, kg by the gauge, kg pumped so far, kg by the virtual gauge."""
-        if self._rows and not 0.0 <= time_s - self._rows[-1][0] <= 5.0:
-            self._rows.clear()
-        self._rows.append((time_s, gauge, pumped, virtual))
-        while self._rows and time_s - self._rows[0][0] > self.seconds:
-            self._rows.popleft()
+        if self._last > self._first and not 0.0 <= time_s - self._rows[0, self._last - 1] <= 5.0:
+            self._first = self._last
+        if self._last == self._rows.shape[1]:
+            window = self._rows[:, self._first :].copy()
+            self._first, self._last = 0, window.shape[1]
+            self._rows = np.pad(window, ((0, 0), (0, max(self._last, 1024))))
+        self._rows[:, self._last] = time_s, gauge, pumped, virtual
+        self._last += 1
+        while time_s - self._rows[0, self._first] > self.seconds:
+            self._first += 1
 
     def balance(self) -> TankBalance | None:
         """None until the window is full."""
-        if not self._rows or self._rows[-1][0] - self._rows[0][0] < 0.95 * self.seconds:
+        rows = self._rows[:, self._first : self._last]
+        time_s = rows[0]
+        if not time_s.size or time_s[-1] - time_s[0] < 0.95 * self.seconds:
             return None
-        rows = np.array(self._rows)
-        time_s = rows[:, 0]
-        first = rows[time_s <= time_s[0] + self.end]
-        last = rows[time_s >= time_s[-1] - self.end]
-        lost = [_mean(first[:, k]) - _mean(last[:, k]) for k in (1, 2, 3)]
+        first = rows[:, : time_s.searchsorted(time_s[0] + self.end, side="right")]
+        last = rows[:, time_s.searchsorted(time_s[-1] - self.end) :]
+        lost = [_mean(first[k]) - _mean(last[k]) for k in (1, 2, 3)]
         return TankBalance(
-            seconds=float(np.mean(last[:, 0]) - np.mean(first[:, 0])),
+            seconds=_mean(last[0]) - _mean(first[0]),
             gauge=lost[0],
             pump=-lost[1],
             thrust=lost[2],
-            level_kg=float(rows[-1, 1]),
-            apart_kg=_mean(rows[:, 3] - rows[:, 1]),
+            level_kg=float(rows[1, -1]),
+            apart_kg=_mean(rows[3] - rows[1]),
         )
 
 
 def _mean(values: Floats) -> float:
     known = values[np.isfinite(values)]
-    return float(np.mean(known)) if known.size else NAN
+    return float(np.add.reduce(known) / known.size) if known.size else NAN

@@ -172,3 +172,26 @@ def test_a_balance_needs_a_full_window_and_forgets_over_a_pause():
     assert (balance.gauge, balance.pump, balance.thrust) == pytest.approx((0.3,) * 3, abs=0.01)
     watch.add(60.0, 9.0, 1.0, 9.0)
     assert watch.balance() is None
+
+
+def test_a_balance_is_that_of_its_window_however_long_the_flight_is():
+    """Of a tank that empties ever faster; some estimates are unknown for a while."""
+    rng, watch = np.random.default_rng(3), BalanceWatch(seconds=40.0, end=10.0)
+    time_s = np.cumsum(rng.uniform(0.05, 0.12, 4000))
+    kept = np.stack([30.0 - 1e-4 * time_s**2, 1e-4 * time_s**2, 29.0 - 1e-4 * time_s**2])
+    kept[2, rng.random(4000) < 0.2] = np.nan
+    for row, (now_s, *values) in enumerate(zip(time_s, *kept, strict=True)):
+        watch.add(now_s, *values)
+        if row % 37 or now_s < 45.0:
+            continue
+        inside = (time_s <= now_s) & (time_s >= now_s - 40.0)
+        first = inside & (time_s <= time_s[inside][0] + 10.0)
+        last = inside & (time_s >= now_s - 10.0)
+        gauge, pump, thrust = (np.nanmean(k[first]) - np.nanmean(k[last]) for k in kept)
+        balance = watch.balance()
+        assert balance is not None
+        found = (balance.gauge, balance.pump, balance.thrust, balance.seconds, balance.apart_kg)
+        seconds = time_s[last].mean() - time_s[first].mean()
+        apart = np.nanmean((kept[2] - kept[0])[inside])
+        np.testing.assert_allclose(found, (gauge, -pump, thrust, seconds, apart), atol=1e-9)
+        assert balance.level_kg == kept[0, row]
