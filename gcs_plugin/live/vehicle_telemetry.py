@@ -204,11 +204,14 @@ class VehicleTelemetry:
                     first = clocked[0]
                     self._unix_minus_clock = float(stamps[first] * 1e-6 - own[first])
             inside = (boots == boot) & (numbers == number) & (dated == known)
-            streams = {
-                name: Stream(clock_s[at[chosen]], columns[chosen])
-                for name, (at, columns) in groups.items()
-                if (chosen := inside[at]).any()
-            }
+            if inside.all():  # as almost always
+                streams = {n: Stream(clock_s[at], columns) for n, (at, columns) in groups.items()}
+            else:
+                streams = {
+                    name: Stream(clock_s[at[chosen]], columns[chosen])
+                    for name, (at, columns) in groups.items()
+                    if (chosen := inside[at]).any()
+                }
             made = self._part(boot, pieces[number].state, streams, float(clock_s[inside][-1]))
             if made is not None:
                 at = np.searchsorted(clock_s[inside], made.clock_s)

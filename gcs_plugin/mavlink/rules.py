@@ -133,6 +133,8 @@ def quantity(rule: Rule, columns: Columns, si: Callable[[Any, str, str], Floats]
     """
     if rule.convert is not None:
         return rule.convert(columns)
+    if isinstance(rule.unit, str) and si is in_si:
+        return _of_one_unit(rule, rule.unit, columns)
     units = (rule.unit,) * len(rule.fields) if isinstance(rule.unit, str) else rule.unit
     parts = []
     for name, unit in zip(rule.fields, units, strict=True):
@@ -141,6 +143,17 @@ def quantity(rule: Rule, columns: Columns, si: Callable[[Any, str, str], Floats]
             value[columns[name] == code] = np.nan
         parts.append(value)
     return parts[0] if len(parts) == 1 else np.stack(parts, axis=-1)
+
+
+def _of_one_unit(rule: Rule, unit: str, columns: Columns) -> Floats:
+    """As `quantity`, all fields at once: a servo output has sixteen."""
+    value = np.array([columns[name] for name in rule.fields], dtype=np.float64)
+    for code in rule.unknown:
+        value[value == code] = np.nan
+    factor, offset = UNITS[unit]
+    if (factor, offset) != (1.0, 0.0):
+        value = value * factor + offset
+    return value[0] if len(value) == 1 else np.ascontiguousarray(np.moveaxis(value, 0, -1))
 
 
 def decode(

@@ -51,20 +51,20 @@ class MotorMap:
         if not servos:
             return [None] * self.rotor_count
         low, high = _pulse_range(parameters)
-        made: list[Signal | None] = []
-        for output in self.outputs:
-            if output >= servos[0].values.shape[1]:
-                made.append(None)
-                continue
-            pulse = servos[0].values[:, output]
-            # No pulse at all says nothing about a motor.
-            share = np.where(pulse > 0, np.clip((pulse - low) / (high - low), 0.0, 1.0), np.nan)
-            made.append(
-                Signal("throttle", servos[0].source, servos[0].time_s, share)
-                if np.isfinite(share).any()
-                else None
+        there = [output for output in self.outputs if output < servos[0].values.shape[1]]
+        pulses = servos[0].values.T[there]
+        known = pulses > 0
+        # No pulse at all says nothing about a motor.
+        shares = np.minimum(np.maximum((pulses - low) / (high - low), 0.0), 1.0)
+        shares[~known] = np.nan
+        made = {
+            output: Signal("throttle", servos[0].source, servos[0].time_s, share)
+            for output, share, driven in zip(
+                there, shares, np.logical_or.reduce(known, axis=1), strict=True
             )
-        return made
+            if driven
+        }
+        return [made.get(output) for output in self.outputs]
 
     def failures(self, signals: Signals, clock_s: Floats) -> Floats:
         """(T, R) ESC_FAILURE_FLAGS that each ESC reports, NaN where not known or too old."""

@@ -85,7 +85,7 @@ def airborne_so_far(
     motors_on = np.full(clock_s.size, NAN) if armed is None else last_before(armed, clock_s)
     speeds = channels["rotor_speed_rpm"]
     # Zero says nothing: most ESCs report it while they have not measured.
-    carried = (np.nan_to_num(speeds) != 0.0).any(axis=1) & (airframe is not None)
+    carried = (np.abs(speeds) > 0.0).any(axis=1) & (airframe is not None)
     least = IDLE_SHARE * airframe.empty_mass * G0 if airframe is not None else 0.0
     coefficient = airframe.thrust_coefficient if airframe is not None else 0.0
     lifted = coefficient * np.nansum(np.square(speeds), axis=1) > least

@@ -24,11 +24,26 @@ GRID = 0.1  # s between rows when no report triggers them
 _BLOCK = 1 << 14
 
 
+def within(channel: str, values: Floats) -> bool:
+    """Whether all are numbers that can be true, of one at least."""
+    limit = TRACK_CHANNELS[channel]
+    return bool(
+        values.size
+        and np.minimum.reduce(values, axis=None) >= limit.low
+        and np.maximum.reduce(values, axis=None) <= limit.high
+    )
+
+
 def plausible(channel: str, values: Floats) -> Floats:
     """The values with numbers that cannot be true (infinite, out of range) as NaN."""
     limit = TRACK_CHANNELS[channel]
     good = (values >= limit.low) & (values <= limit.high)
     return values if good.all() else np.where(good, values, np.nan)
+
+
+def every(flags: Bools) -> bool:
+    """Whether all are True; of few of them in a fifth of the time that `all` takes."""
+    return int(np.count_nonzero(flags)) == flags.size
 
 
 def known_rows(values: Floats) -> Bools:
@@ -57,6 +72,8 @@ def sample(channel: str, signal: Signal, time_s: Floats, sampling: Sampling) -> 
 def _reports(channel: str, signal: Signal) -> tuple[Floats, Floats]:
     """Times and values of the reports that can be true; of those at one instant, the last."""
     limit, values, time_s = TRACK_CHANNELS[channel], signal.values, signal.time_s
+    if within(channel, values) and every(time_s[1:] > time_s[:-1]):
+        return time_s, values
     keep = (values >= limit.low) & (values <= limit.high)
     keep = keep if keep.ndim == 1 else np.logical_and.reduce(keep, axis=1)
     if time_s.size:
@@ -85,7 +102,7 @@ def _at(
     age = time_s - when[left]
     fresh = (after > 0) & (age <= limit.max_age)
     if sampling == "hold" or limit.kind == "state":
-        return values[left] if fresh.all() else _masked(values[left], fresh)
+        return values[left] if every(fresh) else _masked(values[left], fresh)
     right = np.minimum(after, when.size - 1)
     near = (after < when.size) & (when[right] - time_s <= limit.max_age)
     both = fresh & near
@@ -129,7 +146,7 @@ def first_known(
             if np.any(known_rows(held) & missing):
                 values = np.where(_shaped(missing, values), held, values)
                 used.append(signal)
-        if np.all(known_rows(values)):
+        if every(np.isfinite(values)):
             break
     return values, used
 
@@ -138,7 +155,7 @@ def last_before(signal: Signal, time_s: Floats) -> Floats:
     """(T,) or (T, k) last known report at each time, however old; NaN before the first."""
     values, when = signal.values, signal.time_s
     keep = known_rows(values)
-    if not keep.all():
+    if not every(keep):
         values, when = values[keep], when[keep]
     if when.size == 0:
         return np.full((time_s.size, *values.shape[1:]), np.nan)
@@ -165,10 +182,12 @@ def thinned(time_s: Floats, after_s: float = -np.inf) -> Floats:
 
 def increasing(values: Floats) -> Floats:
     """As `np.unique`, in a fraction of its time where the values rise already."""
+    if every(values[1:] > values[:-1]):
+        return values
     step = np.diff(values)
     if not (step >= 0.0).all():
         return np.unique(values)
-    return values if (step > 0.0).all() else values[np.append(True, step > 0.0)]
+    return values[np.append(True, step > 0.0)]
 
 
 def coverage(signal: Signal) -> int:

@@ -28,6 +28,7 @@ from thrustmargin.gcs_plugin.telemetry.resample import (
     last_before,
     sample,
     thinned,
+    within,
 )
 from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
     RotorMemory,
@@ -242,11 +243,14 @@ def row_times(signals: Signals, motors: MotorMap, carried: Carried, sampling: Sa
     rotor; then attitude; then any report of the flight. A recorded flight (sampling "linear")
     takes the rotor that reports most first, and begins with the first rotor speed if it has any.
     """
-    speeds = [_known_times([s]) for s in motors.rotor_speed(signals) if s is not None]
+    reported = [s for s in motors.rotor_speed(signals) if s is not None]
+    if sampling == "hold" and reported:
+        first = _known_times(reported[:1])
+        if _covers(first, carried.heard_s, signals):
+            return thinned(first[first > carried.heard_s], carried.row_s)
+    speeds = [_known_times([s]) for s in reported]
     if sampling == "linear":
         speeds.sort(key=lambda times: -times.size)
-    elif speeds and _covers(speeds[0], carried.heard_s, signals):
-        return thinned(speeds[0][speeds[0] > carried.heard_s], carried.row_s)
     direct = [name for name, column in TRACK_CHANNELS.items() if column.direct]
     others = (*direct, "geodetic", "named_value", "battery_percent", "fuel_remaining")
     triggers = [
@@ -286,6 +290,11 @@ def _silent(triggers: Floats, time_s: Floats) -> Bools:
 def _columns(
     channel: str, signals: list[Signal | None], clock_s: Floats, sampling: Sampling
 ) -> Floats:
+    first = signals[0] if signals else None
+    if first is not None and all(s is not None and s.time_s is first.time_s for s in signals):
+        values = np.stack([s.values for s in signals if s is not None], axis=-1)
+        if within(channel, values):  # else each rotor goes by the reports that it has
+            return sample(channel, first._replace(values=values), clock_s, sampling)
     empty = np.full(clock_s.size, np.nan)
     parts = [empty if s is None else sample(channel, s, clock_s, sampling) for s in signals]
     return np.stack(parts, axis=-1) if parts else np.empty((clock_s.size, 0))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -65,13 +66,14 @@ def decoded(streams: dict[str, Stream], airspeed_words: str) -> Iterator[tuple[i
     """Each signal of the messages in `streams`, which is emptied, with its source's rank."""
     while streams:
         message, stream = streams.popitem()
-        put = Signal if (stream.time_s[1:] >= stream.time_s[:-1]).all() else ordered_signal
+        times = stream.time_s
+        put = Signal if (times[1:] >= times[:-1]).all() else ordered_signal
         for rank, rule in _ranked(message):
             source = rule.source
             if message == "VFR_HUD" and rule.channel == "airspeed":
                 source = airspeed_words
             for index, rows, values in decode(rule, stream.columns):
-                time_s = stream.time_s[rows]
+                time_s = times if index is None else times[rows]
                 if rule.channel == "named_value":
                     yield from ((rank, signal) for signal in _by_name(stream, values))
                 elif rule.channel.startswith("esc_"):
@@ -91,10 +93,48 @@ def _ranked(message: str) -> tuple[tuple[int, Rule], ...]:
     return tuple((n, rule) for n, rule in enumerate(MAVLINK_RULES) if rule.message == message)
 
 
+class _Times:
+    """The times of the signals of one vehicle: what several of them share is made once.
+
+    Answers go by the arrays that were asked for, which are kept as long as it is.
+    """
+
+    def __init__(self, after_s: float, since: float) -> None:
+        self._after_s, self.since = after_s, since
+        self._made: dict[tuple[int, ...], tuple[Any, ...]] = {}
+
+    def later(self, time_s: Floats) -> tuple[int, Floats]:
+        """First row later than `after_s`, and the times from there on."""
+        key = (id(time_s),)
+        if key not in self._made:
+            row = int(time_s.searchsorted(self._after_s, side="right"))
+            self._made[key] = row, time_s[row:] if row else time_s, time_s
+        return self._made[key][:2]
+
+    def after(self, old: Floats, new: Floats) -> Floats:
+        """Both behind each other."""
+        key = id(old), id(new)
+        if key not in self._made:
+            self._made[key] = np.concatenate([old, new]), old, new
+        return self._made[key][0]
+
+    def shortened(self, time_s: Floats, values: Floats) -> tuple[Floats, Floats]:
+        """Both from `since` on, and the last row before that is known."""
+        first = int(time_s.searchsorted(self.since))
+        known = np.flatnonzero(known_rows(values[:first]))
+        last = int(known[-1]) if known.size else first
+        rows = np.concatenate([known[-1:], np.arange(first, time_s.size)])
+        key = id(time_s), first, last
+        if key not in self._made:
+            self._made[key] = time_s[rows], time_s
+        return self._made[key][0], values[rows]
+
+
 class SignalBuffer:
     """Every signal of one vehicle from `seconds` before its new reports, and the last known before.
 
-    `heard` are the names of the messages that had one.
+    `heard` are the names of the messages that had one. Signals of one message that have all of its
+    reports have one array of their times.
     """
 
     def __init__(self, seconds: float) -> None:
@@ -105,29 +145,20 @@ class SignalBuffer:
     def add(self, streams: dict[str, Stream], airspeed_words: str, after_s: float) -> None:
         """Take the reports in `streams` (emptied) that are later than `after_s`."""
         self.heard |= set(streams)
+        times = _Times(after_s, after_s - self._seconds)
         for rank, new in decoded(streams, airspeed_words):
-            later = int(new.time_s.searchsorted(after_s, side="right"))
-            time_s, values = new.time_s[later:], new.values[later:]
+            later, time_s = times.later(new.time_s)
+            values = new.values[later:] if later else new.values
             key = (rank, -1 if new.index is None else new.index)
             old = self._kept.get(key)
             if old is not None:
-                time_s = np.concatenate([old.time_s, time_s])
+                time_s = times.after(old.time_s, time_s)
                 values = np.concatenate([old.values, values])
+            # In large steps, so that most rounds copy nothing twice.
+            if time_s.size > 2 and time_s[1] <= times.since - self._seconds:
+                time_s, values = times.shortened(time_s, values)
             source = new.source if old is None else old.source
-            self._kept[key] = self._shortened(
-                Signal(new.channel, source, time_s, values, new.index), after_s - self._seconds
-            )
-
-    def _shortened(self, signal: Signal, since: float) -> Signal:
-        # In large steps, so that most rounds copy nothing twice.
-        if signal.time_s.size < 3 or signal.time_s[1] > since - self._seconds:
-            return signal
-        first = int(np.searchsorted(signal.time_s, since))
-        rows = np.arange(first, signal.time_s.size)
-        known = np.flatnonzero(known_rows(signal.values[:first]))
-        rows = np.concatenate([known[-1:], rows])
-        time_s, values = signal.time_s[rows], signal.values[rows]
-        return Signal(signal.channel, signal.source, time_s, values, signal.index)
+            self._kept[key] = Signal(new.channel, source, time_s, values, new.index)
 
     @property
     def signals(self) -> Signals:
