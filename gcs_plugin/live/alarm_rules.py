@@ -282,7 +282,7 @@ def may_saturation(s: AlarmSettings, now: RowsNow) -> Bools:
 def may_esc(s: AlarmSettings, now: RowsNow) -> Bools:  # noqa: ARG001
     if now.esc_failures is None:
         return np.zeros(now.analysis.track.time_s[now.rows].size, dtype=np.bool_)
-    return np.any(np.nan_to_num(now.esc_failures[now.rows]) != 0.0, axis=1)
+    return np.any(np.abs(now.esc_failures[now.rows]) > 0.0, axis=1)
 
 
 def may_airframe(s: AlarmSettings, now: RowsNow) -> Bools:  # noqa: ARG001

@@ -270,16 +270,14 @@ class VehicleMonitor:
     ) -> dict[str, NDArray[Any]]:
         """What is known at each new row of pump, route and rotors; as `CARRIED`."""
         delivered, ahead = self._ahead.rows(analysis, first, new, self.state)
-        for speeds, stamp_us in zip(
-            analysis.track.rotor_speed_rpm[first:], new.stamp_us, strict=True
-        ):
-            heard = np.isfinite(speeds)
-            if heard.size != self._rotor_us.size:
-                self._rotor_us = np.zeros(heard.size, dtype=np.int64)
-            if heard.any():
-                # One that never spoke is missed as soon as another did.
-                heard |= self._rotor_us == 0
-                self._rotor_us[heard] = stamp_us
+        known = np.isfinite(analysis.track.rotor_speed_rpm[first:])
+        if known.shape[1] != self._rotor_us.size:
+            self._rotor_us = np.zeros(known.shape[1], dtype=np.int64)
+        rows = [-1] if known[-1].all() else np.flatnonzero(known.any(axis=1)).tolist()
+        for row in rows:
+            # One that never spoke is missed as soon as another did.
+            heard = known[row] | (self._rotor_us == 0)
+            self._rotor_us[heard] = new.stamp_us[row]
         return {
             "clock_s": new.clock_s,
             "stamp_us": new.stamp_us,

@@ -231,9 +231,14 @@ class SuddenChange:
         a, b = self.information[1:], self.pull[1:]
         still, moved, none = self._still, self._moved, self._none
         best = still + 0.5 * b**2 / np.maximum(a, 1e-300)
-        most = np.add.reduce(np.logaddexp(best, moved), axis=1) - none
-        if self._held < 0 and most.max() < least:
-            return None
+        if self._held < 0:
+            # The larger of two is short of ln of their sum by ln 2 at most, and quick to be had.
+            most = np.add.reduce(np.maximum(best, moved), axis=1) - none
+            if most.max() < least - best.shape[1] * LN_2:
+                return None
+            most = np.add.reduce(np.logaddexp(best, moved), axis=1) - none
+            if most.max() < least:
+                return None
         each = still[:, None] + log_likelihood(a[:, None], b[:, None], steps, widths)
         log = np.sum(np.logaddexp(each, moved[:, None]), axis=2)
         total = np.logaddexp.reduce(log, axis=1)

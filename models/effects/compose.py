@@ -237,14 +237,14 @@ def filled(effect: Effect, p: Values, x: Channels) -> Channels:
 
 def lacking(placed: Sequence[Placed], x: Channels) -> Bools:
     """(T,) rows that lack a channel of an effect, near the row or, of late reports, anywhere."""
+    near = np.flatnonzero(np.abs(LAGS) <= NEAR_LAG)
     late = any(item.effect.delays for item in placed)
-    looked_at = np.ones(len(LAGS), np.bool_) if late else np.abs(LAGS) <= NEAR_LAG
-    rows = np.zeros(x.time_s.shape, dtype=np.bool_)
+    looked_at = slice(None) if late else slice(near[0], near[-1] + 1)
+    total = np.zeros(x.time_s.shape)  # of many numbers: what is not finite in one is not in it
     for name in {name for item in placed for name in item.effect.neutral}:
         value = x.read(name)
         for part in value if isinstance(value, tuple) else (value,):
-            bad = ~np.isfinite(part)
             if name.endswith("_shifts"):
-                bad = bad[:, looked_at]
-            rows |= bad.any(axis=tuple(range(1, bad.ndim)))
-    return rows
+                part = part[:, looked_at]
+            total = total + np.add.reduce(part, axis=tuple(range(1, part.ndim)))
+    return ~np.isfinite(total)

@@ -125,13 +125,13 @@ def filled_speeds(
     """
     then = OutputCalibration() if so_far is None else so_far
     # Standing still on the ground, an ESC that measures reads as one that does not.
-    known = np.nan_to_num(track.rotor_speed_rpm) != 0.0
+    known = np.abs(track.rotor_speed_rpm) > 0.0
     heard = (
         np.logical_or.accumulate(known, axis=0)
         if so_far is not None
         else np.zeros_like(known) | np.any(known, 0)
     )
-    heard = heard | np.isin(np.arange(track.rotor_count), list(then.measured))
+    heard[:, list(then.measured)] = True
     then = replace(then, measured=frozenset(np.flatnonzero(np.any(heard, axis=0)).tolist()))
     silent = ~heard & np.isfinite(track.throttle)
     if track.rotor_count != airframe.rotor_count or not np.any(silent):

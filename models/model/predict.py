@@ -64,9 +64,8 @@ def model_channels(
 
 def speed_with_effects(
     model: RotorModel, track: FlightTrack, start: FlightState | None = None
-) -> tuple[Floats, Floats, Bools]:
-    """Rotor speeds (T, R) rpm with all effects, their ratio (T, R) to those of the base alone, and
-    (T,) rows that lacked a channel of one.
+) -> tuple[Floats, Bools]:
+    """Rotor speeds (T, R) rpm with all effects, and (T,) rows that lacked a channel of one.
 
     NaN where one of the model's `inputs` is missing.
     """
@@ -75,8 +74,7 @@ def speed_with_effects(
         speed = rotor_speed_rpm(table_of(model), _tolerant_effects(model), x)
     for channel in model.inputs:
         speed[~np.isfinite(getattr(track, channel))] = np.nan
-    alone = np.sqrt(table_of(model).look_up(x.airspeed, x.tank_kg) / model.thrust_coefficient)
-    return speed, speed / alone, lacking(model.placed, x)
+    return speed, lacking(model.placed, x)
 
 
 @lru_cache(maxsize=8)
@@ -184,14 +182,17 @@ def predict(
         coverage = interval.coverage
     lacking = None
     if model.effects:
-        with_effects, factor, lacking = speed_with_effects(model, track, start)
+        with_effects, lacking = speed_with_effects(model, track, start)
         replaced = inside if model.network is not None else known
         speed[replaced] = with_effects[replaced]
         outside = known & ~replaced
-        if follows_density(model):  # its effect takes the row's air into account: not twice
-            reference = np.full(tank_kg.shape, model.reference_density)
-            speed[outside] = hover_speed(airframe, tank_kg, reference)[outside]
-        speed[outside] *= factor[outside]
+        if outside.any():
+            if follows_density(model):  # its effect takes the row's air into account: not twice
+                reference = np.full(tank_kg.shape, model.reference_density)
+                speed[outside] = hover_speed(airframe, tank_kg, reference)[outside]
+            alone = table_of(model).look_up(airspeed[outside], tank_kg[outside])
+            base = np.sqrt(alone / model.thrust_coefficient)
+            speed[outside] *= with_effects[outside] / base
     return Prediction(
         rotor_speed_rpm=speed,
         lower_rpm=np.maximum(speed - half, 0.0),

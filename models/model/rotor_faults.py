@@ -276,7 +276,8 @@ def fault_signals(analysis: FlightAnalysis, rows: slice) -> Floats:
         output = np.log(curve.thrust_share(track.throttle[rows]))
         motors = np.log(measured**2) - output
     load = np.linalg.norm(track.specific_force_frd[rows], axis=1) / G0 - 1.0
-    turning = np.nan_to_num(np.column_stack([load, track.angular_rate_frd[rows]]))
+    turning = np.column_stack([load, track.angular_rate_frd[rows]])
+    turning = np.where(np.isfinite(turning), turning, 0.0)
     return np.column_stack([track.time_s[rows], excess, motors, output, turning])
 
 
