@@ -87,7 +87,7 @@ def _half_widths(winds: Sequence[Floats], mean: Floats) -> Floats:
     """(F, 2) m/s: 95 % from the scatter of blocks, and from how the two ways differ in all."""
     scatter = np.stack(
         [
-            stdtrit(max(2, w.shape[0] // 2), 0.975)
+            stdtrit(w.shape[0] // 2, 0.975)
             * w.mean(axis=1).std(axis=0, ddof=1)
             / np.sqrt(w.shape[0])
             for w in winds
@@ -113,4 +113,4 @@ def _worse(
     gained = np.bincount(problem.block, squares[0] - squares[1]) / count
     error = float(np.std(gained, ddof=1)) / np.sqrt(gained.size)
     ratio = float(np.mean(gained)) / max(error, 1e-12)
-    return float(before), float(after), float(stdtr(max(2, gained.size // 2), -ratio))
+    return float(before), float(after), float(stdtr(gained.size // 2, -ratio))

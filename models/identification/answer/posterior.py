@@ -56,7 +56,7 @@ class Posterior:
     search: Search
     sets: tuple[FittedSet, ...]
     weights: Floats  # (sets,)
-    steepness: float = 0.0  # of the thrust curve of motor outputs: a standard error, as a share
+    steepness: float  # of the thrust curve of motor outputs: a standard error, as a share
 
     @classmethod
     def of(cls, search: Search, fitted: Iterable[FittedSet], steepness: float = 0.0) -> Posterior:

@@ -96,6 +96,16 @@ def test_one_of_two_where_only_together_they_hold_the_weight():
     assert group.probabilities == pytest.approx((0.55, 0.42))
 
 
+def test_a_choice_is_one_whatever_else_is_there():
+    found = answer_of(
+        a_set(0.55, mass=(1.0, 0.2), cg=(0.02, 0.001)),
+        a_set(0.42, gauge=(1.1, 0.02), cg=(0.02, 0.001)),
+        a_set(0.03, cg=(0.02, 0.001)),
+    )
+    (group,) = found.one_of([2])
+    assert [t.effect.name for t in group.terms] == ["extra_mass", "tank_scale"]
+
+
 def test_what_mostly_comes_together_is_no_choice_and_what_has_no_weight_is_in_none():
     both = a_set(0.82, mass=(1.0, 0.2), gauge=(1.1, 0.02))
     found = answer_of(both, a_set(0.12, mass=(1.0, 0.2)), a_set(0.06, gauge=(1.1, 0.02)))
@@ -206,6 +216,29 @@ def test_a_size_is_excluded_above_its_value_and_1_645_standard_errors():
     assert "cg_offset" not in excluded(0.1, 0.02, a_set(1.0))
 
 
+def test_a_detail_is_no_size_and_a_value_that_is_never_absent_neither():
+    """Beside the mass a value that says when, and one that is something in any case."""
+    first = MASS.term.effect.parameters[0]
+    more = (
+        replace(first, name="when", detail=True, absent=0.0),
+        replace(first, name="other", absent=None),
+    )
+    effect = replace(MASS.term.effect, parameters=(first, *more))
+    made = candidate(Term(effect=effect), 1)
+    scored = Scored(log_evidence=0.0, step=np.array([0.3, 9.0, 9.0]), variance=np.full(3, 0.04))
+    search: Any = SimpleNamespace(fitted={frozenset(): a_set(1.0)}, candidates=[made])
+    linear: Any = SimpleNamespace(
+        score=lambda *_: scored, held=[Held(candidate=made, values=np.zeros((1, 3)))]
+    )
+    (one,) = posterior_of(search).excluded(linear, [])
+    assert (one.parameter, one.above) == ("mass", pytest.approx(0.3 + norm.ppf(0.95) * 0.2))
+    held = Held(candidate=made, values=np.array([[0.1, 9.0, 9.0]]))
+    still = replace(scored, step=np.zeros(3))
+    sure = replace(a_set(1.0), key=frozenset({0}), held=(held,), levels=(still,))
+    search.fitted = {sure.key: sure}
+    assert posterior_of(search).named() == []
+
+
 def test_what_is_named_or_has_weight_is_not_excluded():
     assert "extra_mass" not in excluded(0.1, 0.02, a_set(1.0), named=[0])
     seen = (a_set(0.94), a_set(0.06, mass=(1.0, 0.3)))
@@ -306,7 +339,8 @@ def test_values_are_those_without_the_names_that_are_put_aside():
 
 
 def test_a_set_without_the_names_put_aside_is_fitted_where_the_search_has_none():
-    both = a_set(1.0, loss=(0.20, 0.01), cg=(0.02, 0.001))
+    both = a_set(0.98, loss=(0.20, 0.01), cg=(0.02, 0.001))
+    rare = a_set(0.02, loss=(0.50, 0.01), mass=(1.0, 0.2))
     alone = a_set(1.0, loss=(0.07, 0.005))
     asked = []
 
@@ -314,7 +348,8 @@ def test_a_set_without_the_names_put_aside_is_fitted_where_the_search_has_none()
         asked.append((key, near[3].values[0, 0]))
         return alone
 
-    search: Any = SimpleNamespace(fitted={both.key: both}, candidates=ALL, fit_near=fit_near)
+    fitted = {both.key: both, rare.key: rare}
+    search: Any = SimpleNamespace(fitted=fitted, candidates=ALL, fit_near=fit_near)
     (without,) = posterior_of(search).estimates([3], [2])
     assert asked == [(frozenset({3}), 0.20)]
     assert without.value[0, 0] == pytest.approx(0.07)
