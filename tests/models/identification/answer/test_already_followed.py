@@ -104,6 +104,25 @@ def test_without_the_airspeed_it_is_worse_by_3_percent_and_not_by_chance(
     assert (answer(problem, windy) is not None) == stated
 
 
+def test_what_it_would_cost_is_with_the_speed_over_ground_at_every_shift(
+    problem, windy, monkeypatch
+):
+    seen = []
+
+    def worse(*given):
+        seen.append(given[3])
+        return 2.0, 2.0, 1.0
+
+    monkeypatch.setattr(already_followed, "_worse", worse)
+    answer(problem, windy)
+    x = problem.channels
+    speed = np.sqrt(x.velocity_north**2 + x.velocity_east**2)
+    np.testing.assert_allclose(seen[0].airspeed, speed)
+    np.testing.assert_allclose(
+        seen[0].airspeed_shifts, np.stack([speed] * x.airspeed_shifts.shape[1], axis=1)
+    )
+
+
 def test_an_interval_has_the_scatter_of_blocks_and_how_the_two_ways_differ():
     """One flight, four blocks: north 1, 3, 1, 3 by report and 2 more by drag."""
     north = np.array([[1.0, 3.0], [3.0, 5.0], [1.0, 3.0], [3.0, 5.0]])
