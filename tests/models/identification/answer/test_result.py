@@ -57,9 +57,9 @@ class Log:
 def test_the_json_of_an_effect_has_its_values_units_and_intervals():
     wind = Found(
         term=Term(effect=BY_KEY["wind"]),
-        value=np.array([[1.0, 2.0], [-6.0, 3.0]]),
-        lower=np.array([[0.5, 1.0], [-7.0, 2.0]]),
-        upper=np.array([[1.5, 3.0], [-5.0, 4.0]]),
+        value=np.array([[1.0, 4.0], [-6.0, 3.0]]),
+        lower=np.array([[0.5, 3.0], [-7.0, 2.0]]),
+        upper=np.array([[1.5, 5.0], [-5.0, 4.0]]),
         rmse_before_rpm=40.0,
         rmse_after_rpm=11.0,
         p_value=0.01,
@@ -73,7 +73,7 @@ def test_the_json_of_an_effect_has_its_values_units_and_intervals():
     assert found["indistinguishable_from"] == ["parasite_drag"]
     assert found["tell_apart_by"] == BY_KEY["wind"].distinguished_by
     north = found["parameters"]["wind_north"]
-    assert north == {  # of the flight that it shows most in
+    assert north == {  # of the flight that it shows most in by its first value
         "value": -6.0,
         "unit": "m/s",
         "ci95": [-7.0, -5.0],
