@@ -53,6 +53,8 @@ class BootClocks:
 
     def shared(self, stamp_s: float) -> bool:
         """Whether two vehicles have taken turns lately."""
+        if not self._returns:
+            return False
         recent = [at for at in self._returns if stamp_s - at < CLOCK_RETURNS_WITHIN]
         self._returns = recent
         return len(recent) >= CLOCK_RETURNS

@@ -21,6 +21,7 @@ import threading
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -243,11 +244,11 @@ class _Parts:
 
         if not self._tables:
             self._begun = time.monotonic()
-        self._tables += [pa.Table.from_batches([batch]) for batch in new]
+        self._tables += _tables(new)
         waiting = sum(table.num_rows for table in self._tables)
         full = waiting >= PART_ROWS or time.monotonic() - self._begun >= PART_SECONDS
         # What is only provisional goes into the next part, when this one is closed.
-        provisional = [] if full else [pa.Table.from_batches([batch]) for batch in later]
+        provisional = [] if full else _tables(later)
         rows = waiting + sum(table.num_rows for table in provisional)
         if rows == 0 or (not new and not self.trouble and rows == self._written):
             return
@@ -282,6 +283,14 @@ class _Parts:
         with whole_file(path) as draft:
             # Measurements hardly repeat: looking for values that do takes twice as long.
             pq.write_table(table, draft, use_dictionary=False)
+
+
+def _tables(batches: list[pa.RecordBatch]) -> list[pa.Table]:
+    """The batches in order, those on end of one schema as one table."""
+    import pyarrow as pa
+
+    alike = [list(found) for _, found in groupby(batches, key=lambda batch: batch.schema)]
+    return [pa.Table.from_batches(found) for found in alike]
 
 
 def _words(error: OSError) -> str:

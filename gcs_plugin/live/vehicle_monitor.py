@@ -142,7 +142,9 @@ class VehicleMonitor:
 
     def take(self, frame: Frame) -> None:
         """One frame of this vehicle, in the order in which it came."""
-        sender = self.senders.setdefault(frame.component, SenderWatch())
+        sender = self.senders.get(frame.component)
+        if sender is None:
+            sender = self.senders[frame.component] = SenderWatch()
         verdict = sender.look(frame.sequence, frame.data)
         if frame.id in BOOT_CLOCKS and verdict is Verdict.NEW and frame.verified:
             clock_s = int.from_bytes(frame.payload[:4], "little") * 1e-3

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
 from typing import Any
@@ -112,7 +112,8 @@ def flight_rows(
     """
     live = options.sampling == "hold"
     before = Carried() if carried is None else carried
-    clock_s = row_times(signals, motors, before, options.sampling)
+    speeds_of_escs = motors.rotor_speed(signals)
+    clock_s = row_times(signals, speeds_of_escs, before, options.sampling)
     if clock_s.size == 0:
         return None
     notes: list[str] = []
@@ -157,7 +158,7 @@ def flight_rows(
     put("spraying", spraying if live else spraying[:1])
 
     by_rotor = {
-        "rotor_speed_rpm": motors.rotor_speed(signals),
+        "rotor_speed_rpm": speeds_of_escs,
         "throttle": motors.throttle(signals, parameters),
     }
     measured = measured_speeds(
@@ -236,14 +237,17 @@ def flight_rows(
     )
 
 
-def row_times(signals: Signals, motors: MotorMap, carried: Carried, sampling: Sampling) -> Floats:
+def row_times(
+    signals: Signals, rotors: Sequence[Signal | None], carried: Carried, sampling: Sampling
+) -> Floats:
     """(T,) vehicle's clock of the rows: each report that triggers one, thinned to at most 10 Hz.
 
-    The trigger is the speed of rotor 1; where none has come for SILENT seconds, that of the next
-    rotor; then attitude; then any report of the flight. A recorded flight (sampling "linear")
-    takes the rotor that reports most first, and begins with the first rotor speed if it has any.
+    `rotors` are the speeds, one signal a rotor. The trigger is the speed of rotor 1; where none has
+    come for SILENT seconds, that of the next rotor; then attitude; then any report of the flight. A
+    recorded flight (sampling "linear") takes the rotor that reports most first, and begins with the
+    first rotor speed if it has any.
     """
-    reported = [s for s in motors.rotor_speed(signals) if s is not None]
+    reported = [s for s in rotors if s is not None]
     if sampling == "hold" and reported:
         first = _known_times(reported[:1])
         if _covers(first, carried.heard_s, signals):

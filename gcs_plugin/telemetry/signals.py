@@ -24,10 +24,10 @@ Signals = Mapping[str, tuple[Signal, ...]]
 
 def collected(signals: Iterable[Signal]) -> Signals:
     """The signals by channel, in the order given."""
-    channels: dict[str, tuple[Signal, ...]] = {}
+    channels: dict[str, list[Signal]] = {}
     for signal in signals:
-        channels[signal.channel] = (*channels.get(signal.channel, ()), signal)
-    return channels
+        channels.setdefault(signal.channel, []).append(signal)
+    return {channel: tuple(found) for channel, found in channels.items()}
 
 
 def best(signals: Signals, channel: str) -> Signal | None:
@@ -68,8 +68,7 @@ def decoded(streams: dict[str, Stream], airspeed_words: str) -> Iterator[tuple[i
         message, stream = streams.popitem()
         times = stream.time_s
         put = Signal if (times[1:] >= times[:-1]).all() else ordered_signal
-        for rank, rule in _ranked(message):
-            source = rule.source
+        for rank, rule, source in _ranked(message):
             if message == "VFR_HUD" and rule.channel == "airspeed":
                 source = airspeed_words
             for index, rows, values in decode(rule, stream.columns):
@@ -88,9 +87,10 @@ def decoded(streams: dict[str, Stream], airspeed_words: str) -> Iterator[tuple[i
 
 
 @cache
-def _ranked(message: str) -> tuple[tuple[int, Rule], ...]:
-    """The rules for a message with their places in the table, preferred first."""
-    return tuple((n, rule) for n, rule in enumerate(MAVLINK_RULES) if rule.message == message)
+def _ranked(message: str) -> tuple[tuple[int, Rule, str], ...]:
+    """Place in the table, rule and source in words of each for a message, preferred first."""
+    found = ((n, rule) for n, rule in enumerate(MAVLINK_RULES) if rule.message == message)
+    return tuple((n, rule, rule.source) for n, rule in found)
 
 
 class _Times:
@@ -140,6 +140,7 @@ class SignalBuffer:
     def __init__(self, seconds: float) -> None:
         self._seconds = seconds
         self._kept: dict[tuple[int, int | str], Signal] = {}
+        self._order: list[tuple[int, int | str]] = []  # of all that are kept, preferred first
         self.heard: set[str] = set()
 
     def add(self, streams: dict[str, Stream], airspeed_words: str, after_s: float) -> None:
@@ -159,11 +160,13 @@ class SignalBuffer:
                 time_s, values = times.shortened(time_s, values)
             source = new.source if old is None else old.source
             self._kept[key] = Signal(new.channel, source, time_s, values, new.index)
+            if old is None:
+                self._order = sorted([*self._order, key])
 
     @property
     def signals(self) -> Signals:
         """All that is kept, preferred sources first."""
-        return collected(self._kept[key] for key in sorted(self._kept))
+        return collected(self._kept[key] for key in self._order)
 
 
 def _used_outputs(servos: Signal) -> Signal:

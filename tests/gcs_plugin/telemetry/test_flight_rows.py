@@ -46,7 +46,8 @@ def rotor(number: int, times, speed: float = 900.0) -> Signal:
 
 
 def rows_of(*signals: Signal, sampling: Any = "hold", **carried) -> list[float]:
-    return row_times(collected(signals), FOUR, Carried(**carried), sampling).tolist()
+    found = collected(signals)
+    return row_times(found, FOUR.rotor_speed(found), Carried(**carried), sampling).tolist()
 
 
 TURNING = (
