@@ -40,7 +40,7 @@ from thrustmargin.gcs_plugin.wording.live_words import (
 from thrustmargin.models.model.rotor_model import RotorModel
 
 #: s between two rounds: at least; at most; with many vehicles so much for each, up to RAREST.
-SHORTEST, LONGEST, EACH, RAREST = 0.02, 1.0, 0.1, 2.0
+SHORTEST, LONGEST, EACH, RAREST = 0.02, 1.0, 0.11, 2.2
 #: Share of the time that rounds may take before they are made rarer (and larger): what a vehicle
 #: costs in a round hardly depends on how many of its rows are new.
 DUTY = 0.1

@@ -186,11 +186,11 @@ def test_a_computer_that_slept_has_lost_nothing_that_came_meanwhile(tmp_path):
         (0.001, 1, 0.02),
         (0.009, 1, 0.09),
         (0.5, 1, 1.0),  # a hiccup of one aircraft's analysis is no reason to wait for long
-        (0.15, 12, 1.2),
-        (0.01, 3, 0.2),  # however fast the computer is
-        (0.04, 20, 1.9),
-        (0.5, 20, 2.0),
-        (0.5, 50, 2.0),
+        (0.15, 12, 1.32),
+        (0.01, 3, 0.22),  # however fast the computer is
+        (0.04, 20, 2.09),
+        (0.5, 20, 2.2),
+        (0.5, 50, 2.2),
     ],
 )
 def test_rounds_are_rarer_where_they_take_long_and_rarest_with_many_aircraft(
