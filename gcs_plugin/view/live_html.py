@@ -105,8 +105,6 @@ def alarms_html(number: int, fleet: Sequence[Standing]) -> str:
             own = one.number == number
             text = one.problem if own else words.of_vehicle(one.number, one.problem)
             lines.append(f'<div data-problem style="background:{RED}">{escape(text)}</div>')
-        if one.pending:
-            lines.append(f'<div data-pending style="background:{GREY}">{escape(one.pending)}</div>')
         if one.number == number and one.old:
             lines.append(f'<div data-age style="background:{GREY}">{one.age_words}</div>')
     style = "color:#fff;font:700 21px/1.15 system-ui;margin:4px 8px"

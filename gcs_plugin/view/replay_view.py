@@ -48,7 +48,7 @@ VEHICLE = "1"
 #: of a second. More of them later: the first picture needs the whole computer for `PICTURE_S`.
 SEARCHED_FIRST, PICTURE_S = 3000, 2.0
 #: s after which the search does not wait for a browser any longer.
-NOBODY_S = 5.0
+NOBODY_S = 20.0
 _log = logging.getLogger(__name__)
 
 

@@ -23,7 +23,7 @@ ON_GROUND, NO_MARGIN, NO_MARGIN_YET = "on the ground", "no margin", "no margin y
 WORST_ROTOR = "thrust margin of the worst rotor"
 BAR_WITHOUT_VERDICT = "no verdict"
 BAR_REFUSES = "only the page of this view may acknowledge"
-ALARMS_SOUGHT = "alarms not yet known: looking for rotors and motors that went bad"
+ALARMS_SOUGHT = "alarms still being looked for"
 ALARMS_UNKNOWN = "alarms are not known: this flight could not be searched for them"
 #: Words of the bar's own script, by their names in it.
 BAR_SCRIPT = {

@@ -167,7 +167,9 @@ def test_an_hour_of_flight_from_the_command_to_its_picture(benchmark, tmp_path):
     )
 
 
-ALARMS_KNOWN = "() => !/not yet known/.test(document.querySelector('#tm-alarm')?.textContent)"
+ALARMS_KNOWN = (
+    "() => !/still being looked for/.test(document.querySelector('#tm-alarm')?.textContent)"
+)
 LEGENDS = {"Redundancy": "thrust that can still be held", "Load": "Load:"}
 WATCH = """() => {
   let last = document.querySelector('.tm-legend').textContent;

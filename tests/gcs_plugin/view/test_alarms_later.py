@@ -56,13 +56,11 @@ def test_it_is_open_before_the_search_ends_and_calls_nothing_good_till_then(view
     assert state["pending"] == ALARMS_SOUGHT
     assert state["verdict_paper"] == GREY
     assert not state["alarms"]
-    until(lambda: ALARMS_SOUGHT in view._gauges.content)
     search.set()
     until(lambda: view._bar.state()["alarms"])
     assert view._bar.state()["pending"] == ""
     assert view._bar.state()["verdict_paper"] == VERDICT_PAPER["under"]
-    until(lambda: "data-pending" not in view._gauges.content)
-    assert "data-alarm" in view._gauges.content
+    until(lambda: "data-alarm" in view._gauges.content)
 
 
 def test_a_bad_verdict_does_not_wait_for_the_search(search):
@@ -82,7 +80,6 @@ def test_a_search_that_breaks_is_said_and_never_shown_as_no_alarm(monkeypatch):
     view.start()
     try:
         until(lambda: view._bar.state()["pending"] == ALARMS_UNKNOWN)
-        until(lambda: ALARMS_UNKNOWN in view._gauges.content)
     finally:
         view.stop()
 
