@@ -112,3 +112,16 @@ def test_the_bar_says_it_beside_the_verdict_on_grey(view, search):
             "w => !document.querySelector('#tm-alarm').textContent.includes(w)", arg=ALARMS_SOUGHT
         )
         assert "otor 2" in alarm.inner_text()
+
+
+@pytest.mark.browser
+def test_a_browser_that_opens_the_page_begins_the_search(search, monkeypatch):
+    monkeypatch.setattr(replay_view, "NOBODY_S", 1000.0)
+    search.set()
+    view = ReplayView(flight(), port=0, paused=True)
+    view.start()
+    try:
+        with open_page(view.url, width=1366, height=768):
+            until(lambda: not view._bar.state()["pending"], timeout=60.0)
+    finally:
+        view.stop()
