@@ -195,13 +195,11 @@ def unexplained(found: Identification) -> str:
     if left["mode"] is None:
         return ""
     share, rms = chance(left["fraction_of_variance"]), number(left["rms_rpm"], "rpm", 0)
-    along = "lasts for seconds and goes with no channel"
-    action = "look at the liquid, the load and that sensor"
-    if left["channel"]:
-        along = f"goes with {channel_name(left['channel'])}"
-        action = (
-            "nothing was added for it; compare with a flight of this aircraft when it was sound"
-        )
+    along = f"goes with {channel_name(left['channel'])}"
+    action = "nothing was added for it; compare with a flight of this aircraft when it was sound"
+    if left["wanders"]:
+        along = "comes and goes within flights more than in good ones, and goes with no channel"
+        action = "look at ice, dirt and a load that moves; compare with a flight in such wind"
     names = found.model.airframe.rotor_names
     things = " or ".join(_thing_of(words, names) for words in left.get("closest") or ())
     close = f"; closest in the table: {things}" if things else ""

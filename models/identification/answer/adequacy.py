@@ -5,7 +5,9 @@ is what no effect of the table explains. A sound aircraft leaves some too: as mu
 good flights that their model has not seen, where flights differ from day to day and the model is
 off along its own inputs. Where a mode's free part is beyond that and more than LEFT of all that is
 explained in the mode, the mode is unexplained. Effects that act mostly in such modes, or by the
-channel that the unexplained goes with, are then only the closest that the table has.
+channel that the unexplained goes with, are then only the closest that the table has. What goes with
+no channel shows by a mode that wanders within a flight far more than in good flights: it is said,
+and takes no name away, for a gusty day does the same.
 """
 
 from __future__ import annotations
@@ -16,11 +18,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from thrustmargin.models.effects.base import Effect
+from thrustmargin.models.effects.channels import froude_time_scale
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.rows.candidates import Held, predicted
+from thrustmargin.models.identification.sets.free_form import MEANS, WANDER, slow_wander, slowly
 from thrustmargin.models.identification.sets.linear_sets import FittedSet
 from thrustmargin.models.identification.sets.nuisance import LEVELS
-from thrustmargin.models.identification.sets.search_space import SearchSpace, search_space
+from thrustmargin.models.identification.sets.search_space import (
+    USUAL_SHARE,
+    SearchSpace,
+    search_space,
+)
 from thrustmargin.models.identification.sets.set_search import Search
 from thrustmargin.models.model.rotor_model import RotorModel
 
@@ -39,6 +47,7 @@ class Unexplained:
     share: float  # of the variance of what is left
     rms_rpm: float
     curve_rpm: Floats  # (N,) the free form along the channel
+    wanders: bool = False  # within flights, along no channel but time
 
 
 def unexplained(
@@ -58,7 +67,7 @@ def unexplained(
     wrong = (left > BEYOND**2 * sound) & (left > LEFT * (left + taken))
     wrong &= search.reduced.scored_modes
     if not wrong.any():
-        return None
+        return _wandering(space, search, best, curves)
     mode = int(np.argmax(np.where(wrong, left, 0.0)))
     sizes = {name: float(np.mean(curve[:, mode] ** 2)) for name, curve in curves.items()}
     channel = max((n for n in sizes if n != "constant"), key=lambda n: sizes[n], default="constant")
@@ -70,6 +79,36 @@ def unexplained(
         share=float(min(1.0, left[mode] / max(rest, 1e-12))),
         rms_rpm=float(np.sqrt(left[mode])),
         curve_rpm=curves[channel][:, mode],
+    )
+
+
+def _wandering(
+    space: SearchSpace, search: Search, best: FittedSet, curves: Mapping[str, Floats]
+) -> Unexplained | None:
+    """The mode that wanders most beyond what it does in good flights, what goes along channels
+    taken off; None where none does, or where no good flights tell."""
+    reduced = space.reduced
+    known = reduced.model.good_flights
+    if known is None or not known.slow_rpm:
+        return None
+    whole = np.nan_to_num(best.residual) - search.stepped(best)
+    rest = whole - np.sum(list(curves.values()), axis=0)
+    apart = WANDER * froude_time_scale(reduced.model.airframe)
+    size = slow_wander(rest, reduced.channels.time_s, reduced.flight, apart)
+    usual = USUAL_SHARE * float(reduced.measured_rpm.mean())
+    beyond = size / np.maximum(known.slow_rpm, usual) * reduced.scored_modes
+    mode = int(np.argmax(beyond))
+    if not beyond[mode] > BEYOND:
+        return None
+    rms = MEANS * float(size[mode])
+    return Unexplained(
+        mode=mode,
+        modes=(mode,),
+        channel="time_s",
+        share=min(1.0, rms**2 / max(float(np.mean(whole**2, axis=0).sum()), 1e-12)),
+        rms_rpm=rms,
+        curve_rpm=slowly(rest[:, mode], reduced.flight),
+        wanders=True,
     )
 
 
@@ -100,7 +139,7 @@ def closest_to(
 ) -> list[int]:
     """The names that are only closest to what is left: they act mostly in modes that names do not
     explain, or go by the channel along which they do not."""
-    if left is None:
+    if left is None or left.wanders:
         return []
     held = dict(zip(sorted(best.key), best.held, strict=True))
     along = set(left.channel.split(" x "))

@@ -173,9 +173,8 @@ class Identification:
         what = self.unexplained()
         if not what["mode"]:
             return []
-        along = f"along {what['channel']}" if what["channel"] else "that lasts for seconds"
         return [
-            f"unexplained: {what['mode']} {along}, "
+            f"unexplained: {what['mode']} along {what['channel']}, "
             f"{100 * what['fraction_of_variance']:.0f} % of the variance left"
         ]
 
@@ -236,6 +235,7 @@ class Identification:
             "fraction_of_variance": left.share if left else 0.0,
             "mode": self.problem.modes.names[left.mode] if left else None,
             "channel": left.channel if left else None,
+            "wanders": bool(left) and left.wanders,
             "rms_rpm": left.rms_rpm if left else 0.0,
             "closest": [term.words for term in self.closest],
         }

@@ -31,14 +31,13 @@ from thrustmargin.models.identification.rows.output_shares import effects_on_sha
 from thrustmargin.models.identification.rows.problem import Problem, assemble
 from thrustmargin.models.identification.rows.row_fit import block_sums
 from thrustmargin.models.identification.rows.whitening import Whitening, plain
-from thrustmargin.models.identification.sets.free_form import WANDER
+from thrustmargin.models.identification.sets.free_form import WANDER, slow_wander
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.network.records import GoodFlights, scatter_between
 
 SLOW_CHANNELS = ("airspeed", "tank_kg", "time_s", "voltage", "heading")
 KNOTS = 8  # pieces of a curve; how smooth it is, flights left out decide
 HARMONICS = 3  # of a curve over heading
-MEANS = 0.75  # of the scatter of knots, that of means between them: root of 1/2 to 5/8
 SMOOTHNESS = 10.0 ** np.arange(-4.0, 5.0)  # weights of the penalty, per row
 
 
@@ -101,23 +100,6 @@ def good_flights(left_out: Sequence[LeftOutFlights]) -> GoodFlights:
     ]
     together = np.sqrt(np.mean(np.square(free_form), axis=0))
     return replace(shown, free_form_rpm=tuple(together.tolist()))
-
-
-def slow_wander(values: Floats, time_s: Floats, flight: NDArray[np.intp], apart: float) -> Floats:
-    """(R,) size of slow noise within flights that values (T, R) show: knots every `apart` seconds.
-
-    Between knots that scatter by s, means over `apart` seconds scatter by MEANS s about their
-    flight's; 0 where no flight is long enough.
-    """
-    total, count = np.zeros(values.shape[1]), 0
-    for f in np.unique(flight):
-        of, at = values[flight == f], time_s[flight == f]
-        long = at[-1] - at[0] + 1e-6
-        pieces = ((at - at[0]) / long * max(1, round(long / apart))).astype(np.intp)
-        parts = np.stack([of[pieces == k].mean(axis=0) for k in np.unique(pieces)])
-        total += np.sum((parts - parts.mean(axis=0)) ** 2, axis=0)
-        count += len(parts) - 1
-    return np.sqrt(total / max(count, 1)) / MEANS
 
 
 def mean_and_error(values: Floats, block: NDArray[np.intp], mine: NDArray[np.bool_]) -> Floats:

@@ -29,6 +29,7 @@ CHANNELS = {
 }
 PRODUCT = ("airspeed", "tank_kg")
 WANDER = 25.0  # s between the knots of a flight's own slow noise
+MEANS = 0.75  # of the scatter of knots, that of means between them: root of 1/2 to 5/8
 FORM = 0.05  # of what an effect does: the laws of `models.effects` are good to a few per cent
 #: along which the form of an effect may be wrong
 FORMED = ("airspeed", "tank_kg", "time_s")
@@ -82,6 +83,23 @@ def wander_columns(time_s: Floats, flight: NDArray[np.intp], apart: float = WAND
     since = time_s - time_s[first][flight]
     count = int(np.ceil(since.max() / apart)) + 1
     return np.maximum(1.0 - np.abs(since[:, None] / apart - np.arange(count)), 0.0)
+
+
+def slow_wander(values: Floats, time_s: Floats, flight: NDArray[np.intp], apart: float) -> Floats:
+    """(R,) size of slow noise within flights that values (T, R) show: knots every `apart` seconds.
+
+    Between knots that scatter by s, means over `apart` seconds scatter by MEANS s about their
+    flight's; 0 where no flight is long enough.
+    """
+    total, count = np.zeros(values.shape[1]), 0
+    for f in np.unique(flight):
+        of, at = values[flight == f], time_s[flight == f]
+        long = at[-1] - at[0] + 1e-6
+        pieces = ((at - at[0]) / long * max(1, round(long / apart))).astype(np.intp)
+        parts = np.stack([of[pieces == k].mean(axis=0) for k in np.unique(pieces)])
+        total += np.sum((parts - parts.mean(axis=0)) ** 2, axis=0)
+        count += len(parts) - 1
+    return np.sqrt(total / max(count, 1)) / MEANS
 
 
 def hats(values: Floats, count: int) -> Floats:

@@ -212,7 +212,7 @@ class _Left:
 
     def unexplained(self):
         usual = {"fraction_of_variance": 0.34, "mode": "pitch", "channel": "tank_kg"}
-        return {**usual, "rms_rpm": 21.4, **self._left}
+        return {**usual, "rms_rpm": 21.4, "wanders": False, **self._left}
 
 
 def test_what_is_unexplained_has_mode_channel_closest_names_and_an_action(sound):
@@ -227,8 +227,8 @@ def test_what_is_unexplained_has_mode_channel_closest_names_and_an_action(sound)
     close = _Left(sound, closest=["cg_offset", "rotor_degradation of rotor 2", "new_thing"])
     things = "a shifted centre of gravity or a weak rotor 2 (rear left) or new thing"
     assert f"tank level; closest in the table: {things}: " in unexplained(close)  # type: ignore[arg-type]
-    slow = _Left(sound, channel=None)
-    assert "left, that lasts for seconds and goes with no channel: look at" in unexplained(slow)  # type: ignore[arg-type]
+    slow = _Left(sound, channel="time_s", wanders=True)
+    assert "and goes with no channel: look at ice" in unexplained(slow)  # type: ignore[arg-type]
     assert answer(_Left(sound), change())[0].startswith("No effect explains 21 rpm")  # type: ignore[arg-type]
 
 

@@ -227,3 +227,35 @@ def test_a_sound_aircraft_leaves_what_its_sizes_give_or_what_good_flights_showed
         space, _ = searched(None, model=replace(MODEL, good_flights=good))
         np.testing.assert_allclose(_sound_part(space, named=False), [most, *usual[1:]])
         np.testing.assert_allclose(_sound_part(space, named=True), usual)
+
+
+def wandering(size_rpm: float, slow_rpm: tuple[float, ...], mode: int = 2):
+    """What is left of flights of which a mode is by turns above and below for 25 s each."""
+    flights = []
+    for track in made_flights(3, duration=200.0):
+        way = np.where(track.time_s % 50.0 < 25.0, size_rpm, -size_rpm)
+        speed = track.rotor_speed_rpm + way[:, None] * DIRECTIONS[:, mode]
+        flights.append(replace(track, rotor_speed_rpm=speed))
+    good = GoodFlights(flights=9, slow_rpm=slow_rpm) if slow_rpm else None
+    model = replace(MODEL, good_flights=good)
+    space = search_space(model, flights, effects_for(F16, table(["extra_mass"])))
+    search = Search(space.reduced, space.nuisance, space.candidates)
+    return space, search, search.fit(frozenset(), ())
+
+
+def test_a_mode_that_comes_and_goes_more_than_in_good_flights_is_unexplained_and_takes_no_name():
+    """Steps of 40 rpm over 25 s are slow noise of 40 / 0.75 rpm: three times 17.8."""
+    left = unexplained(*wandering(40.0, (17.0,) * 4))
+    assert left is not None
+    assert (left.mode, left.modes, left.channel, left.wanders) == (2, (2,), "time_s", True)
+    assert left.rms_rpm == pytest.approx(40.0, rel=0.1)
+    assert 0.8 < left.share <= 1.0
+    _, search, _ = wandering(40.0, (17.0,) * 4)
+    mass = search.fit(frozenset({0}), ())
+    assert closest_to(replace(left, modes=(0, 1, 2, 3)), [0], search, mass) == []
+    assert unexplained(*wandering(40.0, (20.0,) * 4)) is None
+    assert unexplained(*wandering(40.0, ())) is None
+    space, search, best = wandering(40.0, (17.0,) * 4, mode=0)
+    assert unexplained(space, search, best) is not None
+    space = replace(space, reduced=replace(space.reduced, of_outputs=True))
+    assert unexplained(space, search, best) is None  # outputs are not measured thrust

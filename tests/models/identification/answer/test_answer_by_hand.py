@@ -105,6 +105,7 @@ def test_the_json_of_an_answer():
     assert (rotor["probability"], rotor["ci95"]) == (0.1, [0.01, 0.05])
     assert found["unexplained"] == {
         "fraction_of_variance": 0.25,
+        "wanders": False,
         "mode": "roll",
         "channel": "airspeed",
         "rms_rpm": 7.0,
@@ -113,7 +114,13 @@ def test_the_json_of_an_answer():
     assert (found["floor_rpm"], found["sensor_noise_rpm"]) == (9.0, 3.0)
     alone = answer(rows_of(3)).to_json()
     assert (alone["errors_from"], len(alone["flights"])) == ("cross_validation", 1)
-    nothing = {"fraction_of_variance": 0.0, "mode": None, "channel": None, "rms_rpm": 0.0}
+    nothing = {
+        "fraction_of_variance": 0.0,
+        "mode": None,
+        "channel": None,
+        "rms_rpm": 0.0,
+        "wanders": False,
+    }
     assert alone["unexplained"] == {**nothing, "closest": []}
 
 
@@ -136,8 +143,6 @@ def test_what_is_followed_or_unexplained_has_its_own_line():
     lines = repr(answer(rows_of(3), followed=(wind,), left=LEFT)).splitlines()
     assert lines[2].endswith(", which a channel reports already")
     assert lines[3] == "unexplained: roll along airspeed, 25 % of the variance left"
-    lasting = repr(answer(rows_of(3), left=replace(LEFT, channel="")))
-    assert "roll that lasts for seconds, 25 %" in lasting
 
 
 def left_over(flights: int, *, of_outputs: bool = False) -> Any:

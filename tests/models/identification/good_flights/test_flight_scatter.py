@@ -18,7 +18,6 @@ from thrustmargin.models.identification.good_flights.flight_scatter import (
     good_flights,
     mean_and_error,
     own_estimate,
-    slow_wander,
 )
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.rows.whitening import plain
@@ -62,16 +61,6 @@ def test_one_flights_own_estimate_and_its_error_by_blocks():
     assert own_estimate(s[:1])[1, 0] == np.inf  # one block shows no scatter
     blind = sums([0, 0, 0], [1.0, 2.0, 3.0], [0.0] * 3, [9.0] * 3).sums
     assert own_estimate(blind)[1, 0] == np.inf
-
-
-def test_slow_noise_is_what_means_over_its_time_scatter_about_their_flights():
-    time_s = np.tile(np.arange(40.0), 2)
-    flight = np.repeat([0, 1], 40)
-    steps = np.where(time_s < 20.0, 3.0, -3.0) + 100.0 * flight
-    values = np.stack([steps, 100.0 * flight], axis=1)
-    found = slow_wander(values, time_s, flight, 20.0)
-    assert found == pytest.approx([np.sqrt(18.0) / 0.75, 0.0])  # two means, 3 off theirs
-    assert slow_wander(values, time_s, flight, 60.0) == pytest.approx([0.0, 0.0])
 
 
 def drawn(rng, flights: int, rows: int = 300):

@@ -27,6 +27,7 @@ from thrustmargin.models.identification.sets.free_form import (
     form_columns,
     free_columns,
     hats,
+    slow_wander,
     slowly,
     wander_columns,
 )
@@ -290,3 +291,13 @@ def test_a_shape_may_be_off_toward_the_middle_of_its_bounds():
     for k, (column, b) in enumerate(zip(_shapes(reduced, base), ends, strict=True)):
         assert column.shape == (3, 2, 1)
         np.testing.assert_allclose(column, 2.0 * (1000.0 * k + 100.0 + 10.0 * b) - 5.0)
+
+
+def test_slow_noise_is_what_means_over_its_time_scatter_about_their_flights():
+    time_s = np.tile(np.arange(40.0), 2)
+    flight = np.repeat([0, 1], 40)
+    steps = np.where(time_s < 20.0, 3.0, -3.0) + 100.0 * flight
+    values = np.stack([steps, 100.0 * flight], axis=1)
+    found = slow_wander(values, time_s, flight, 20.0)
+    assert found == pytest.approx([np.sqrt(18.0) / 0.75, 0.0])  # two means, 3 off theirs
+    assert slow_wander(values, time_s, flight, 60.0) == pytest.approx([0.0, 0.0])
