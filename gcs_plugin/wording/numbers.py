@@ -184,6 +184,7 @@ CHANNEL_WORDS: Mapping[str, tuple[str, str, float]] = MappingProxyType(
         "voltage": ("battery voltage", "V", 1.0),
         "density": ("air density", "kg/m³", 1.0),
         "heading": ("heading", "°", DEGREES),
+        "spraying": ("spraying", "", 1.0),
         "yaw_rate": ("yaw rate", "°/s", DEGREES),
         "yaw_acceleration": ("yaw acceleration", "°/s²", DEGREES),
         "load_factor": ("load factor", "", 1.0),

@@ -61,6 +61,7 @@ class Channels:
     rate_shifts: tuple[Any, Any, Any]  # angular rate, roll pitch yaw
     acceleration_shifts: tuple[Any, Any, Any]  # angular acceleration, roll pitch yaw
     heading: Any
+    spraying: Any  # 1 pump on, 0 off
     yaw_rate: Any
     yaw_acceleration: Any
     own: Mapping[str, Any]  # (T, ...) what effects made for themselves, by the effect's name

@@ -63,6 +63,7 @@ def channels_of(
         density=air.density,
         air_temperature=air.temperature,
         voltage=track.voltage,
+        spraying=track.spraying,
         yaw_rate=track.angular_rate_frd[:, 2],
         own=own_channels(track, airframe, effects, start)[0],
         delay=0.0,

@@ -17,7 +17,7 @@ from thrustmargin.models.effects import CATALOGUE, effects_for
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.identification.answer.adequacy import closest_to, unexplained
+from thrustmargin.models.identification.answer.adequacy import closest_to, unexplained, with_free
 from thrustmargin.models.identification.answer.already_followed import followed_wind
 from thrustmargin.models.identification.answer.floor import floor_rpm
 from thrustmargin.models.identification.answer.left_out import LeftOut, on_new_flights
@@ -104,6 +104,13 @@ def identify_checked(
     named = answer.named()
     left = unexplained(space, search, answer.best, named=bool(named))
     closest = closest_to(left, named, search, answer.best)
+    if left is not None and named and not left.wanders:
+        # What no effect explains may have lent its weight to a name: who stands beside it?
+        search = Search(space.reduced, with_free(space, left), search.candidates)
+        search.run(progress)
+        answer = posterior_of(search, answer.steepness)
+        stand = answer.named()
+        closest += [c for c in named if c not in closest and c not in stand]
     if progress:
         progress("errors on flights not used", 1.0)
     left_out = LeftOut.of(problem, search, answer.best)

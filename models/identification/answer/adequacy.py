@@ -13,7 +13,7 @@ and takes no name away, for a gusty day does the same.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.rows.candidates import Held, predicted
 from thrustmargin.models.identification.sets.free_form import MEANS, WANDER, slow_wander, slowly
 from thrustmargin.models.identification.sets.linear_sets import FittedSet
-from thrustmargin.models.identification.sets.nuisance import LEVELS
+from thrustmargin.models.identification.sets.nuisance import FREEDOMS, LEVELS, Nuisance
 from thrustmargin.models.identification.sets.search_space import (
     USUAL_SHARE,
     SearchSpace,
@@ -80,6 +80,21 @@ def unexplained(
         rms_rpm=float(np.sqrt(left[mode])),
         curve_rpm=curves[channel][:, mode],
     )
+
+
+def with_free(space: SearchSpace, left: Unexplained) -> Nuisance:
+    """What is not asked for, and beside it what goes with the channel of the unexplained, at the
+    widest size: curves in every mode, and a constant in the modes that are unexplained."""
+    nuisance, modes = space.nuisance, len(space.sizes)
+    hats = space.hats[:, np.array(space.groups) == left.channel]
+    wide = FREEDOMS[-1] * space.sizes[:, np.array(space.groups) == left.channel].max(axis=1)
+    columns = []
+    for mode in range(modes):
+        own = np.concatenate([hats, np.ones((len(hats), int(mode in left.modes)))], axis=1)
+        columns.append(np.zeros((len(hats), modes, own.shape[1])))
+        columns[-1][:, mode] = wide[mode] * own
+    free = nuisance.whitening.apply(np.concatenate(columns, axis=2))
+    return replace(nuisance, uncertainty=np.concatenate([nuisance.uncertainty, free], axis=2))
 
 
 def _wandering(

@@ -24,7 +24,10 @@ RIDGES = 10.0 ** np.arange(-3.0, 2.0)  # per row; those that leave least, mode b
 HATS = 9  # along one channel
 WAVES = 150  # of each length
 LENGTHS = (1.0, 3.0)  # of a wave, in standard deviations of a channel, times their number's root
-AT_ONCE = ("airspeed", "tank_kg", "time_s", "voltage", "advance_ratio", "load_factor", "yaw_rate")
+AT_ONCE = (
+    *("airspeed", "tank_kg", "time_s", "voltage", "advance_ratio", "load_factor", "yaw_rate"),
+    "spraying",
+)
 STRIDE = 2  # every so many rows of flights that are only learnt from: neighbours are alike
 
 

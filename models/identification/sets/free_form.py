@@ -1,10 +1,10 @@
 """The free form: what any smooth law of the channels could do, for names to compete with.
 
 Each mode has a sum of piecewise linear curves over the channels (hats between quantiles), and of
-airspeed times tank mass; a heading has its first two harmonics. Each flight also wanders: slow
-noise that goes with nothing, as weather does, is a curve of its own over time. Coefficients are
-drawn from a normal distribution whose size is a hypothesis of the search. Source: Kennedy and
-O'Hagan 2001, the discrepancy of a model as a smooth function with its own prior.
+airspeed times tank mass; a heading has its first two harmonics, the pump a step. Each flight also
+wanders: slow noise that goes with nothing, as weather does, is a curve of its own over time.
+Coefficients are drawn from a normal distribution whose size is a hypothesis of the search. Source:
+Kennedy and O'Hagan 2001, the discrepancy of a model as a smooth function with its own prior.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ CHANNELS = {
     "load_factor": (3, 0.02),
     "yaw_rate": (3, 0.1),
     "heading": (4, 0.5),
+    "spraying": (1, 0.5),
 }
 PRODUCT = ("airspeed", "tank_kg")
 WANDER = 25.0  # s between the knots of a flight's own slow noise
@@ -53,7 +54,7 @@ def free_columns(x: Channels, flight: NDArray[np.intp]) -> tuple[Floats, tuple[s
         if name == "heading":
             part = np.stack([f(k * values) for k in (1, 2) for f in (np.sin, np.cos)], axis=1)
         else:
-            part = hats(values, count)
+            part = hats(values, count) if count > 1 else values[:, None]
         columns.append(part - part.mean(axis=0))
         names += [name] * part.shape[1]
         if name in PRODUCT:
