@@ -14,7 +14,9 @@ from thrustmargin.models.identification.answer.adequacy import (
     closest_to,
     free_form_rms,
     unexplained,
+    with_free,
 )
+from thrustmargin.models.identification.loop import identify_checked
 from thrustmargin.models.identification.rows.candidates import Held, predicted
 from thrustmargin.models.identification.rows.modes import modes
 from thrustmargin.models.identification.sets.nuisance import LEVELS
@@ -259,3 +261,44 @@ def test_a_mode_that_comes_and_goes_more_than_in_good_flights_is_unexplained_and
     assert unexplained(space, search, best) is not None
     space = replace(space, reduced=replace(space.reduced, of_outputs=True))
     assert unexplained(space, search, best) is None  # outputs are not measured thrust
+
+
+def pumping(rotor: int, size_rpm: float):
+    """Flights of which rotor 3 is always 80 rpm faster, and another one while the pump is on."""
+    flights = []
+    for track in made_flights(3, duration=120.0):
+        on = (track.time_s % 40.0 < 28.0).astype(float)
+        faster = np.zeros((track.time_s.size, 4))
+        faster[:, 2] = 80.0
+        faster[:, rotor] = size_rpm * on
+        speed = track.rotor_speed_rpm + faster
+        flights.append(replace(track, spraying=on, rotor_speed_rpm=speed))
+    return flights
+
+
+def test_a_name_stands_only_if_it_does_beside_what_no_effect_explains():
+    """A rotor that is weak while the pump runs is no weak rotor: it took two names."""
+    found = identify_checked(pumping(1, 80.0), MODEL, catalogue=table(["rotor_degradation"]))
+    assert found.left is not None
+    assert (found.left.channel, found.left.modes) == ("spraying", (2, 3))
+    assert not found.found
+    assert {t.rotor for t in found.closest} == {1, 2}
+    assert [m.rotor for m in found.mentioned if m.probability > 0.8] == [2]
+
+
+def test_beside_the_unexplained_its_channel_is_free_in_all_modes_and_a_constant_in_its_own():
+    space, search = searched(1)
+    left = unexplained(space, search, search.fit(frozenset(), ()))
+    assert left is not None
+    known = space.nuisance.uncertainty.shape[2]
+    free = with_free(space, replace(left, modes=(1, 3))).uncertainty[:, :, known:]
+    along = [k for k, name in enumerate(space.groups) if name == "airspeed"]
+    at, columns = 0, np.zeros((len(space.hats), 4, 4 * len(along) + 2))
+    for mode in range(4):
+        for k in along:
+            columns[:, mode, at] = 16.0 * space.sizes[mode, k] * space.hats[:, k]
+            at += 1
+        if mode in (1, 3):
+            columns[:, mode, at] = 16.0 * space.sizes[mode, along[0]]
+            at += 1
+    np.testing.assert_allclose(free, space.nuisance.whitening.apply(columns))
