@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 #: Airframe of the shipped model: taken where none is given, for a flight recognised as one of it.
 SHIPPED_AIRFRAME = "topxgun-f16-sitl"
+NAMED = 3  # logs that an error names beside the first: a line, whatever their number
 
 
 def chosen_model(model: Path | None, airframe: str | None) -> RotorModel:
@@ -64,8 +66,23 @@ def _model_of(file: Path, airframe: str | None) -> RotorModel:
 
 
 def listed(unused: Sequence[UnusedLog]) -> str:
-    """Every log that cannot be used, with its reason, as one sentence."""
-    return "; ".join(f"{log.name}: {log.reason}" for log in unused)
+    """The logs that cannot be used, with the reasons, as one sentence: reasons that differ in
+    numbers and in the log's own name only are said once, with NAMED of their logs."""
+    alike: dict[str, list[UnusedLog]] = {}
+    for log in unused:
+        reason = log.reason.replace(log.name, "").replace(Path(log.name).stem, "")
+        alike.setdefault(re.sub(r"[\d.]+", "", reason), []).append(log)
+    return "; ".join(_of_one_reason(logs) for logs in alike.values())
+
+
+def _of_one_reason(logs: Sequence[UnusedLog]) -> str:
+    first, *others = logs
+    said = f"{first.name}: {first.reason}"
+    if not others:
+        return said
+    names = ", ".join(log.name for log in others[:NAMED])
+    more = f" and {len(others) - NAMED} more" if len(others) > NAMED else ""
+    return f"{said} (likewise {names}{more})"
 
 
 def read_logs(

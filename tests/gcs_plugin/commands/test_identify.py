@@ -297,7 +297,7 @@ def test_every_log_that_cannot_serve_is_named_when_none_is_left(tmp_path, capsys
     rpm = F16.motor_poles / 2 * track.rotor_speed_rpm
     electrical = written_logs(tmp_path, [replace(track, rotor_speed_rpm=rpm)] * 2)
     said = refused(capsys, *electrical, str(broken), *CURVE)
-    assert said.count("electrical rpm") == 2
+    assert (said.count("electrical rpm"), said.count("likewise")) == (1, 1)
 
 
 def test_no_log_is_a_wrong_command_line(capsys):

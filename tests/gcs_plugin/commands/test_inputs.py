@@ -2,7 +2,8 @@
 
 import pytest
 
-from thrustmargin.gcs_plugin.commands.inputs import chosen_model, starting_model
+from thrustmargin.gcs_plugin.commands.inputs import chosen_model, listed, starting_model
+from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.model_file import save_model, shipped_model
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
@@ -53,3 +54,12 @@ def test_a_file_is_used_with_no_airframe_or_its_own(file):
 def test_a_file_and_an_airframe_that_disagree_are_refused(file, choose):
     with pytest.raises(DataError, match=f"a model of {OTHER}, not of topxgun-f16"):
         choose(file, "topxgun-f16")
+
+
+def test_a_reason_that_many_logs_share_is_said_once():
+    alike = [UnusedLog(name=f"f{k}.csv", reason=f"f{k} has {k}.5 rotors") for k in range(6)]
+    short = UnusedLog(name="short.csv", reason="3 s are too few")
+    assert listed([alike[0], short]) == "f0.csv: f0 has 0.5 rotors; short.csv: 3 s are too few"
+    said = "f0.csv: f0 has 0.5 rotors (likewise f1.csv, f2.csv, f3.csv"
+    assert listed([*alike[:4], short]) == f"{said}); short.csv: 3 s are too few"
+    assert listed(alike) == f"{said} and 2 more)"
