@@ -106,11 +106,12 @@ def identify_checked(
     closest = closest_to(left, named, search, answer.best)
     if left is not None and named and not left.wanders:
         # What no effect explains may have lent its weight to a name: who stands beside it?
-        search = Search(space.reduced, with_free(space, left), search.candidates)
-        search.run(progress)
-        answer = posterior_of(search, answer.steepness)
-        stand = answer.named()
-        closest += [c for c in named if c not in closest and c not in stand]
+        beside = Search(space.reduced, with_free(space, left), search.candidates)
+        beside.run(progress)
+        standing = posterior_of(beside, answer.steepness)
+        if lost := set(named) - {*closest, *standing.named()}:
+            search, answer = beside, standing
+            closest += sorted(lost)
     if progress:
         progress("errors on flights not used", 1.0)
     left_out = LeftOut.of(problem, search, answer.best)
