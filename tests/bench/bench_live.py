@@ -102,7 +102,7 @@ def test_fifty_vehicles_at_fifty_messages_a_second(benchmark, sitl_logs, tmp_pat
     print(
         f"\n50 vehicles x 50 messages/s for {seconds:.0f} s: {told['sent']} sent, "
         f"{told['kept']} in the recording, {told['sent'] - told['kept']} lost; "
-        f"{told['cpu']:.0%} of a core, {told['memory']:.0f} MB; the sender was up to "
+        f"{told['cpu']:.1%} of a core, {told['memory']:.0f} MB; the sender was up to "
         f"{told['late']} s late"
     )
     print(*told["words"], sep="\n")
@@ -151,7 +151,7 @@ def test_twenty_vehicles_beside_a_bare_pymavlink_loop(benchmark, sitl_logs, tmp_
 
     benchmark.pedantic(measure, rounds=1)
     print(
-        f"\n20 vehicles x 48 messages/s for {seconds:.0f} s: monitor {told['monitor']:.0%} of a "
+        f"\n20 vehicles x 48 messages/s for {seconds:.0f} s: monitor {told['monitor']:.1%} of a "
         f"core, {told['memory']:.0f} MB, {told['lost']} lost; a bare pymavlink loop beside it "
         f"{told['bare']:.1%}, {told['bare_lost']} lost: {told['monitor'] / told['bare']:.1f} times"
     )
