@@ -102,7 +102,7 @@ def identify_checked(
         search.run(progress)
     answer = posterior_of(search, steepness_of(fit) if problem.of_outputs else 0.0)
     named = answer.named()
-    left = unexplained(space, search, answer.best, named=bool(named))
+    first, left = search, unexplained(space, search, answer.best, named=bool(named))
     closest = closest_to(left, named, search, answer.best)
     if left is not None and named and not left.wanders:
         # What no effect explains may have lent its weight to a name: who stands beside it?
@@ -115,10 +115,12 @@ def identify_checked(
     if progress:
         progress("errors on flights not used", 1.0)
     left_out = LeftOut.of(problem, search, answer.best)
-    matter = _that_matter(
-        lambda some: _size(left_out.with_set(some)), [c for c in named if c not in closest]
-    )
+    kept = [c for c in named if c not in closest]
+    matter = _that_matter(lambda some: _size(left_out.with_set(some)), kept)
     aside = [c for c in named if c not in matter]
+    if left is not None and named and not matter:
+        left = unexplained(space, first, first.best)  # good flights may leave as much
+        closest = closest if left is not None else []
     estimates = answer.estimates(matter, aside)
     values = {e.candidate: e.value for e in estimates}
     before, after = left_out.residual({}), left_out.residual(values)
@@ -158,7 +160,7 @@ def identify_checked(
             for e in answer.excluded(search.linearise(answer.best), named)
             if e.term.rotor is None or not problem.of_outputs
         ),
-        mentioned=answer.mentioned([c for c in named if c not in closest]),
+        mentioned=answer.mentioned(kept),
         untried={e.name: lacks for e in catalogue if (lacks := problem.lacks(e))},
         followed=() if wind is None else (wind,),
     )

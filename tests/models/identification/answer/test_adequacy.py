@@ -302,3 +302,14 @@ def test_beside_the_unexplained_its_channel_is_free_in_all_modes_and_a_constant_
             columns[:, mode, at] = 16.0 * space.sizes[mode, along[0]]
             at += 1
     np.testing.assert_allclose(free, space.nuisance.whitening.apply(columns))
+
+
+@pytest.mark.parametrize(("rms_rpm", "left"), [(1.0, True), (100.0, False)])
+def test_where_no_name_is_kept_what_good_flights_leave_too_is_no_finding(rms_rpm, left):
+    """The rotors that were named for it stay to be inspected, as far as they are likely."""
+    model = replace(MODEL, good_flights=GoodFlights(flights=9, free_form_rpm=(rms_rpm,) * 4))
+    found = identify_checked(pumping(1, 80.0), model, catalogue=table(["rotor_degradation"]))
+    assert not found.found
+    assert (found.left is not None) == left
+    assert {t.rotor for t in found.closest} == ({1, 2} if left else set())
+    assert [m.rotor for m in found.mentioned if m.probability > 0.8] == [2]
