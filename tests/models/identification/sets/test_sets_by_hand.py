@@ -168,6 +168,7 @@ CAUSES = {
     "load_factor": (3, 0.02),
     "yaw_rate": (3, 0.1),
     "heading": (4, 0.5),
+    "spraying": (1, 0.5),
 }
 
 
@@ -189,6 +190,14 @@ def test_a_channel_is_a_cause_from_its_least_span_on(name):
     gone = ramps(**{name: 9.0 * least})
     getattr(gone, name)[50] = np.nan
     assert free_columns(gone, flight)[1] == ("constant",)
+
+
+def test_the_free_form_has_a_step_of_the_pump():
+    x = ramps()
+    x.spraying = np.repeat([0.0, 1.0], [75, 25])
+    columns, names = free_columns(x, np.zeros(100, dtype=int))
+    assert names == ("constant", "spraying")
+    np.testing.assert_allclose(columns[:, 1], np.repeat([-0.25, 0.75], [75, 25]))
 
 
 def test_curves_of_the_free_form_go_along_heading_twice_and_along_speed_and_tank_together():
