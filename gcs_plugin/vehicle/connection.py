@@ -13,6 +13,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cache
 from logging import getLogger
 from queue import Empty, Queue
 from typing import TYPE_CHECKING, Any, Self, TypeVar
@@ -42,6 +43,7 @@ POLL = 0.05  # s between two looks at what has come
 SCHEMES = {"udpin": "udpin", "udpout": "udpout", "tcp": "tcpout", "tcpin": "tcpin"}
 
 Event = TypeVar("Event")
+Plugin = TypeVar("Plugin")
 
 
 class VehicleLink:
@@ -51,11 +53,12 @@ class VehicleLink:
     """
 
     def __init__(self, name: str) -> None:
-        from mavsdk import ComponentType, Configuration, Mavsdk, log_subscribe
+        from mavsdk import ComponentType, Configuration, Mavsdk
 
-        log_subscribe(_to_logging)
+        _take_log()
         self.name = name
         self._cancelled = threading.Event()
+        self._held: list[Any] = []
         self._mavsdk: Mavsdk = Mavsdk(
             Configuration.create_with_component_type(ComponentType.GROUND_STATION)
         )
@@ -100,9 +103,19 @@ class VehicleLink:
         """
         self._cancelled.set()
 
+    def hold(self, plugin: Plugin) -> Plugin:
+        """`plugin`, kept until `close`: MAVSDK may call back even after the last answer."""
+        self._held.append(plugin)
+        return plugin
+
     def close(self) -> None:
         """End every transfer, thread and socket; on the thread that used it, may be repeated."""
-        self._mavsdk.destroy()
+        # A plugin lets go of its callbacks before MAVSDK's thread has ended, and that thread may
+        # be in one of them, or about to be: it would run freed memory.
+        callbacks = [list(plugin._callbacks) for plugin in self._held]
+        self._mavsdk.destroy()  # joins the thread
+        callbacks.clear()
+        self._held.clear()
 
     def __enter__(self) -> Self:
         return self
@@ -188,6 +201,14 @@ def _reason(result: Any) -> str:
     }
     words = result.name.lower().replace("_", " ")
     return reasons.get(result, f"{words}; check that the device or host is there")
+
+
+@cache
+def _take_log() -> None:
+    """Once a process: a second subscription frees the first while a thread may be in it."""
+    from mavsdk import log_subscribe
+
+    log_subscribe(_to_logging)
 
 
 def _to_logging(level: LogLevel, message: str, _file: str | None, _line: int) -> bool:

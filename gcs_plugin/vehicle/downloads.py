@@ -50,7 +50,7 @@ def download_mission(
     from mavsdk.plugins.mission_raw import MissionRaw, MissionRawResult
 
     events: Queue[tuple[str, Any]] = Queue()
-    direct, missions = MavlinkDirect(vehicle), MissionRaw(vehicle)
+    direct, missions = link.hold(MavlinkDirect(vehicle)), link.hold(MissionRaw(vehicle))
     for message in ("MISSION_COUNT", "MISSION_ITEM_INT", "HOME_POSITION"):
         direct.subscribe_message(message, lambda m, _: events.put((m.message_name, m.fields_json)))
     missions.download_mission_async(lambda result, items, _: events.put(("end", (result, items))))
@@ -152,7 +152,8 @@ class VehicleLogs:
         from mavsdk.plugins.log_files import LogFiles, LogFilesResult
 
         self._link = link
-        self._files = LogFiles(vehicle)  # one object: it downloads only what it has listed
+        # One object: it downloads only what it has listed.
+        self._files = link.hold(LogFiles(vehicle))
         events: Queue[tuple[Any, list[Any]]] = Queue()
         self._files.get_entries_async(lambda result, found, _: events.put((result, found)))
         result, found = link.next_event(events, "its list of logs")
@@ -246,7 +247,7 @@ def download_parameters(
     from mavsdk import Autopilot
     from mavsdk.plugins.mavlink_direct import MavlinkDirect, MavlinkMessage
 
-    direct, number = MavlinkDirect(vehicle), vehicle.get_system_id()
+    direct, number = link.hold(MavlinkDirect(vehicle)), vehicle.get_system_id()
     arrived: Queue[str] = Queue()
     direct.subscribe_message("PARAM_VALUE", lambda m, _: arrived.put(m.fields_json))
 

@@ -1,12 +1,15 @@
 """Logs from vehicles that run as processes of their own, over loopback UDP."""
 
+import gc
 import signal
 import subprocess
 import sys
 import time
+import weakref
 from pathlib import Path
 
 import pytest
+from mavsdk import Mavsdk
 
 from tests.gcs_plugin.peers.processes import free_udp_port, vehicle
 from tests.gcs_plugin.vehicle.fetching import RUN, fetch, onboard_logs
@@ -127,6 +130,30 @@ def test_ctrl_c_in_a_transfer_ends_at_once_and_leaves_no_file(port: int, logs, t
     assert running.returncode == 130
     assert said == "thrustmargin: stopped; files that were finished are whole\n"
     assert list(folder.iterdir()) == []
+
+
+def test_callbacks_live_until_mavsdk_s_thread_has_ended(
+    port: int, logs, monkeypatch: pytest.MonkeyPatch
+):
+    """A callback may be under way, or still to come, when a link closes: it ran freed memory."""
+    alive: list[bool] = []
+    end = Mavsdk.destroy
+
+    def destroy(mavsdk: Mavsdk) -> None:
+        end(mavsdk)
+        alive.extend(callback() is not None for callback in callbacks)
+
+    monkeypatch.setattr(Mavsdk, "destroy", destroy)
+    with (
+        vehicle(port=port, logs=logs),
+        VehicleLink.open(f"udpin:127.0.0.1:{port}") as link,
+    ):
+        shelf = VehicleLogs(link, link.vehicle(1))
+        callbacks = [weakref.ref(c) for c in shelf._files._callbacks]
+        del shelf
+        gc.collect()
+    assert alive == [True]
+    assert callbacks[0]() is None  # and no longer
 
 
 def test_a_folder_that_does_not_exist_is_named(port: int, logs, tmp_path: Path):
