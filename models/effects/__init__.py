@@ -15,7 +15,7 @@ from pkgutil import iter_modules
 from thrustmargin.models.effects.base import Effect, Kind, Parameter, Placed
 from thrustmargin.models.physics.airframe import Airframe
 
-MACHINERY = {"base", "channels", "compose", "stored", "track_channels"}
+MACHINERY = {"base", "channels", "compose", "spin_up", "stored", "track_channels"}
 
 
 def _found() -> Iterator[Effect]:

@@ -18,6 +18,7 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.airframe import Airframe
 
 LAG_STEP = 0.1  # s
+PARTS = 32  # of equal weight, by which a first-order lag is summed
 NEAR_LAG = 0.5  # s, as far as an effect looks around a row by itself
 LAGS = tuple(round(LAG_STEP * k, 1) for k in range(-18, 8))  # s; the past is there for late reports
 VELOCITY_SPAN = 0.3  # s over which velocity is differentiated
@@ -136,14 +137,26 @@ LOAD_LOOK = derivative_look(VELOCITY_SPAN) + SLOW_SPAN / 2 + LAG_STEP
 
 
 @lru_cache(maxsize=1024)  # a derivative moves one value, and the weights hang on few
-def lag_weights(lag: float, derivative_correction: float | None = None) -> Floats:
+def lag_weights(
+    lag: float,
+    derivative_correction: float | None = None,
+    time_constant: float = 0.0,
+    since: float = np.inf,
+) -> Floats:
     """(len(LAGS),) weights with which a shift table gives the channel `lag` seconds later.
 
     Cubic convolution (Keys 1981): smooth in the lag, and exact on the grid. A
     `derivative_correction` of s takes s times the second difference away, twice: 1/12 undoes to
     third order what a derivative over two rows smooths away, -1/3 is the mean of three rows taken
-    twice.
+    twice. With a `time_constant` in s it is what a first-order lag makes of the channel: the mean
+    over what came before, or over the last seconds `since`, the weight of which falls
+    exponentially.
     """
+    if time_constant > 0.0:
+        share = -np.expm1(-since / time_constant)
+        ago = -time_constant * np.log1p(-share * (np.arange(PARTS) + 0.5) / PARTS)
+        at = np.maximum(lag - ago, LAGS[1])
+        return np.mean([lag_weights(t, derivative_correction) for t in at.tolist()], axis=0)
     reach = 0 if derivative_correction is None else 2
     first = round(LAGS[0] / LAG_STEP) - reach
     grid = np.arange(first, first + len(LAGS) + 2 * reach, dtype=np.float64) * LAG_STEP

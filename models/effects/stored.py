@@ -56,6 +56,9 @@ def _placed(record: EffectRecord, rotor_count: int) -> Placed:
     values: dict[str, float] = {}
     for parameter in effect.parameters:
         given = record.parameters.get(parameter.name)
+        if given is None and parameter.detail and parameter.absent is not None:
+            values[parameter.name] = parameter.absent  # of a file from before it was known
+            continue
         if given is None or given.unit != parameter.unit or not np.isfinite(given.value):
             raise ModelError(f"its effect {key} needs {parameter.name} in {parameter.unit!r}")
         values[parameter.name] = given.value

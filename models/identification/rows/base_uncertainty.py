@@ -74,9 +74,11 @@ def _of_effects(model: RotorModel, base: BaseTable, x: Channels) -> list[Floats]
     parts = []
     for k, (record, item) in enumerate(zip(model.effects, placed, strict=True)):
         for parameter in item.effect.parameters:
+            if parameter.detail:
+                continue
             found = record.parameters[parameter.name]
             error = (found.ci95[1] - found.ci95[0]) / 2 / STANDARD
-            if parameter.detail or not error > 0.0:
+            if not error > 0.0:
                 continue
             moved = _moved(item, parameter.name, error)
             other = rotor_speed_rpm(base, (*placed[:k], moved, *placed[k + 1 :]), x)

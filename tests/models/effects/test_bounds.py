@@ -45,6 +45,7 @@ SIZES = {
     ("manoeuvre_moment", "sharpening_tilt"): (-0.33, 0.5, 0.2, 0),
     ("manoeuvre_moment", "sharpening_yaw"): (-0.33, 0.5, 0.2, 0),
     ("manoeuvre_moment", "lag"): (0, 0.3, 0.1, 0),
+    ("manoeuvre_moment", "spin_up"): (0, 1, 0.2, 0),
     ("yaw_trim", "moment"): (-20, 20, 1, 0.1),
     ("air_density", "temperature_offset"): (-35, 35, 8, 0),
     ("air_density", "torque_share"): (0, 1, 0.5, 0),

@@ -178,7 +178,8 @@ def test_the_base_table_is_read_between_its_grid_and_held_beyond_it():
 
 def test_a_report_of_a_fall_at_more_than_g_asks_for_no_thrust_and_is_known(model):
     """Thrust below none to a power would be no number, and a warning."""
-    x = model_channels(model, made_flight(1, speed=6.0))
+    turning_effect = [EFFECTS["manoeuvre_moment"]]
+    x = model_channels(model, made_flight(1, speed=6.0), effects=turning_effect)
     down, still = np.full(x.load_factor_shifts.shape, -0.5), np.zeros(x.load_factor_shifts.shape)
     falling = x.with_changed(
         load_factor_shifts=down,

@@ -12,6 +12,7 @@ from tests.models.made_flights import curve_model, made_flights
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.effects import BY_KEY, CATALOGUE
 from thrustmargin.models.effects.slung_load import LENGTHS
+from thrustmargin.models.effects.spin_up import SPIN_UPS
 from thrustmargin.models.identification.rows.candidates import (
     Held,
     Term,
@@ -172,6 +173,7 @@ def problem(sitl_logs):
     level = 0.05 * np.sin(x.time_s[:, None] + np.arange(2.0))  # forward and right
     own = {"slung_load": pull, "drag_moment": level, "flow_moment": 100.0 * level}
     own |= dict.fromkeys(("airspeed_bias", "airspeed_gain", "sensor_lag"), x.airspeed)
+    own["manoeuvre_moment"] = 0.1 * np.sin(x.time_s[:, None] + 0.3 * np.arange(SPIN_UPS.size))
     return replace(problem, channels=replace(x, own=own))
 
 

@@ -1,0 +1,82 @@
+"""What the rotors' own inertia does to a yaw moment.
+
+A motor that speeds its rotor up is pushed back by it, at once and before the faster rotor has any
+more drag. A yaw moment M(t) that the flight asks for is drag and push together,
+
+    k dN + J d(dN)/dt = M      so that dN follows M as a first-order lag of J / k does,
+
+with dN the difference in speed of the rotors that turn one way and the other, J a rotor's inertia
+about its axis and k how its torque grows with its speed. Of propellers of one shape that lag goes
+with the root of their size. About roll and pitch it is thrust that acts, which has no such push.
+Source: Smeur, Chu and de Croon 2016, Adaptive incremental nonlinear dynamic inversion
+for attitude control of micro air vehicles.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from thrustmargin.models.effects.channels import Channels, lag_weights
+from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.physics.airframe import Airframe
+
+RATIO = float(np.sqrt(2.0))
+#: s, between which a lag is interpolated: 0.1 s on a quad of 40 g, half a second on a sprayer
+SPIN_UPS = 0.025 * RATIO ** np.arange(12)
+
+
+def slowed_yaw_rate(
+    track: FlightTrack, airframe: Airframe, start: Floats | None = None
+) -> tuple[Floats, Floats]:
+    """The yaw rate behind first-order lags of SPIN_UPS, (T, K) rad/s, NaN where it is not known.
+
+    Between rows the rate is a straight line, so that steps are exact. With it comes the state (K,)
+    at the last row, and `start` is that at the first.
+    """
+    time_s, rate = track.time_s, track.angular_rate_frd[:, 2]
+    known = np.isfinite(rate)
+    if not known.any():
+        return np.full((time_s.size, SPIN_UPS.size), np.nan), np.zeros(SPIN_UPS.size)
+    held = np.interp(time_s, time_s[known], rate[known])
+    step = np.maximum(np.diff(time_s), 1e-6)[:, None]
+    keep = np.exp(-step / SPIN_UPS)
+    rise = (1.0 - (1.0 - keep) * SPIN_UPS / step) * np.diff(held)[:, None]
+    added = (1.0 - keep) * held[:-1, None] + rise
+    slowed = np.empty((time_s.size, SPIN_UPS.size))
+    slowed[0] = held[0] if start is None else start
+    for t in range(time_s.size - 1):
+        slowed[t + 1] = keep[t] * slowed[t] + added[t]
+    last = slowed[-1].copy()
+    slowed[~known] = np.nan
+    return slowed, last
+
+
+def spun_up(
+    x: Channels, slowed: Floats, at_once: Floats, *, inertia, damping, lag: float, constant: float
+) -> Floats:
+    """(T,) N m: inertia d(r)/dt + damping r of the yaw rate r, read `lag` s later, as rotors of a
+    time `constant` in s follow it. `at_once` is the same without one, `slowed` r behind SPIN_UPS.
+
+    The derivative of what a lag makes of r is what r is ahead of it, over the lag.
+    """
+    if not constant > 0.0:
+        return at_once
+    rate, now = x.rate_shifts[2], lag_weights(lag)
+
+    def behind(k: int) -> Floats:
+        own = float(SPIN_UPS[k])
+        if lag < 0.0:  # rotor speeds come late, and the table holds the past for it
+            earlier = lag_weights(lag, time_constant=own) - lag_weights(0.0, time_constant=own)
+            slow = slowed[:, k] + rate @ earlier
+        else:
+            left = float(np.exp(-lag / own))
+            since = lag_weights(lag, time_constant=own, since=lag)
+            slow = left * slowed[:, k] + (1.0 - left) * (rate @ since)
+        return inertia * (rate @ now - slow) / own + damping * slow
+
+    above = min(int(np.searchsorted(SPIN_UPS, constant)), SPIN_UPS.size - 1)
+    if above == 0:
+        share = constant / float(SPIN_UPS[0])
+        return (1.0 - share) * at_once + share * behind(0)
+    share = float(np.log(constant / SPIN_UPS[above - 1]) / np.log(RATIO))
+    return (1.0 - share) * behind(above - 1) + share * behind(above)
