@@ -102,26 +102,30 @@ def identify_checked(
         search.run(progress)
     answer = posterior_of(search, steepness_of(fit) if problem.of_outputs else 0.0)
     named = answer.named()
-    first, left = search, unexplained(space, search, answer.best, named=bool(named))
+    first, any_name = search, bool(named)
+    left = unexplained(space, search, answer.best, named=any_name)
     closest = closest_to(left, named, search, answer.best)
-    if left is not None and named and not left.wanders:
+    if left is not None and any_name and not left.wanders:
         # What no effect explains may have lent its weight to a name: who stands beside it?
         beside = Search(space.reduced, with_free(space, left), search.candidates)
         beside.run(progress)
         standing = posterior_of(beside, answer.steepness)
         if lost := set(named) - {*closest, *standing.named()}:
-            search, answer = beside, standing
-            closest += sorted(lost)
+            # What it had lent its weight to may have hidden what is there.
+            search, answer, named = beside, standing, standing.named()
+            closest = [*closest_to(left, named, search, answer.best), *closest, *sorted(lost)]
+            closest = list(dict.fromkeys(closest))
     if progress:
         progress("errors on flights not used", 1.0)
     left_out = LeftOut.of(problem, search, answer.best)
     kept = [c for c in named if c not in closest]
     matter = _that_matter(lambda some: _size(left_out.with_set(some)), kept)
+    estimates = answer.estimates(matter)
+    matter = [e.candidate for e in estimates]
     aside = [c for c in named if c not in matter]
-    if left is not None and named and not matter:
+    if left is not None and any_name and not matter:
         left = unexplained(space, first, first.best)  # good flights may leave as much
         closest = closest if left is not None else []
-    estimates = answer.estimates(matter, aside)
     values = {e.candidate: e.value for e in estimates}
     before, after = left_out.residual({}), left_out.residual(values)
     # With nothing added the model stays what it was, and so does its error.

@@ -7,7 +7,7 @@ so that what cannot be distinguished is in them.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -112,21 +112,27 @@ class Posterior:
             steepness=self.steepness,
         )
 
-    def estimates(self, kept: Sequence[int], aside: Collection[int]) -> list[EffectEstimate]:
-        """Of names that are kept. Where something is put `aside`, values are those of them alone,
-        since that is what they predict with, and as uncertain as the rest's absence moves them."""
-        whole = [self.estimate(c) for c in kept]
-        if not aside or not kept:
-            return whole
-        rest = frozenset(kept)
+    def estimates(self, kept: Sequence[int]) -> list[EffectEstimate]:
+        """Of those names that are kept which stay clear of nothing by themselves. Values are those
+        of them alone, since that is what they predict with, and as uncertain as the absence of
+        whatever else is likely moves them."""
         near = {c: h for s in self.sets[::-1] for c, h in zip(sorted(s.key), s.held, strict=True)}
-        fitted = self.search.fitted.get(rest) or self.search.fit_near(rest, near)
-        alone = Posterior.of(self.search, [fitted], self.steepness)
-        found = []
-        for one in whole:
-            without = alone.estimate(one.candidate)
-            error = np.hypot(without.error, one.value - without.value)
-            found.append(replace(one, value=without.value, error=np.maximum(error, one.error)))
+        kept, found = sorted(kept), []
+        while kept:
+            rest = frozenset(kept)
+            fitted = self.search.fitted.get(rest) or self.search.fit_near(rest, near)
+            alone = Posterior.of(self.search, [fitted], self.steepness)
+            found, standing = [], []
+            for c in kept:
+                among, own = self.estimate(c), alone.estimate(c)
+                error = np.hypot(own.error, among.value - own.value)
+                found.append(replace(among, value=own.value, error=np.maximum(error, among.error)))
+                # Of one value that is by its interval; of several another may stand out each time.
+                if _clear(own) and (_clear(found[-1]) or len(_main(own.term)) > 1):
+                    standing.append(c)
+            if standing == kept:
+                break
+            kept, found = standing, []
         return found
 
     def alternatives(self) -> tuple[SetWeight, ...]:
@@ -231,18 +237,19 @@ class Posterior:
         return tuple(found)
 
 
+def _main(term: Term) -> list[tuple[int, float]]:
+    """The values that make an effect, by their places, and where they are absent."""
+    every = enumerate(term.effect.parameters)
+    return [(k, p.absent) for k, p in every if p.absent is not None and not p.detail]
+
+
 def _clear(estimate: EffectEstimate) -> bool:
     """True where the interval of a main value leaves out "absent"; effects without it are clear."""
-    main = [
-        (k, p.absent)
-        for k, p in enumerate(estimate.term.effect.parameters)
-        if p.absent is not None and not p.detail
-    ]
     away = [
         np.abs(estimate.value[:, k] - absent) > CONFIDENCE * estimate.error[:, k]
-        for k, absent in main
+        for k, absent in _main(estimate.term)
     ]
-    return not main or bool(np.any(away))
+    return not away or bool(np.any(away))
 
 
 def posterior_of(search: Search, steepness: float = 0.0) -> Posterior:

@@ -84,7 +84,7 @@ def search_space(
     hats, groups = free_columns(reduced.channels, reduced.flight)
     if standing.any():  # how flights differ as a whole is known, and is nobody else's
         form = _within_flights(form, reduced.flight)
-        hats, groups = hats[:, 1:], groups[1:]
+        hats[:, 0] = 0.0
     scatter = np.concatenate([form, standing], axis=2)
     filter_ = _noise(reduced, residual, anything, hats)
     speed = float(reduced.measured_rpm.mean())

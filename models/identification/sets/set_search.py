@@ -138,7 +138,7 @@ class Search:
 
     def fit_near(self, key: Key, near: Mapping[int, Held]) -> FittedSet:
         """A set fitted from the values of a neighbour, without a place among the sets."""
-        return self._fit(key, [near[c] for c in sorted(key)], 3)
+        return self._fit(key, [near[c] for c in sorted(key)], 8)
 
     @property
     def possible(self) -> list[Key]:

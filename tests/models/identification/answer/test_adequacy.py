@@ -16,10 +16,11 @@ from thrustmargin.models.identification.answer.adequacy import (
     unexplained,
     with_free,
 )
+from thrustmargin.models.identification.answer.posterior import Posterior
 from thrustmargin.models.identification.loop import identify_checked
 from thrustmargin.models.identification.rows.candidates import Held, predicted
 from thrustmargin.models.identification.rows.modes import modes
-from thrustmargin.models.identification.sets.nuisance import LEVELS
+from thrustmargin.models.identification.sets.nuisance import LEVELS, STANDING
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.identification.sets.set_search import Search
 from thrustmargin.models.network.records import GoodFlights
@@ -73,9 +74,11 @@ def test_the_free_form_takes_what_a_dense_model_expects_of_it():
         parts.append(own.reshape(rows * 4, -1))
     parts.append(nuisance.uncertainty.reshape(rows * 4, -1))
     curves = np.zeros((rows, 4, 4, nuisance.free.shape[2]))
+    sizes = np.full((4, nuisance.free.shape[2]), widest.moments)
+    sizes[0] = widest.collective
+    sizes[:, 0] = STANDING
     for mode in range(4):
-        size = widest.collective if mode == 0 else widest.moments
-        curves[:, mode, mode] = size * nuisance.free[mode]
+        curves[:, mode, mode] = sizes[mode] * nuisance.free[mode]
     parts.append(curves.reshape(rows * 4, -1))
     whole = np.concatenate(parts, axis=1)
     x = space.reduced
@@ -83,7 +86,7 @@ def test_the_free_form_takes_what_a_dense_model_expects_of_it():
     white = nuisance.whitening.apply(residual).ravel()
     drawn = parts[-1].T @ np.linalg.solve(np.eye(rows * 4) + whole @ whole.T, white)
     taken = drawn.reshape(4, -1) * space.sizes
-    taken *= np.array([widest.collective, *[widest.moments] * 3])[:, None]
+    taken *= sizes
     expected = np.sqrt(np.mean((space.hats @ taken.T) ** 2, axis=0))
     np.testing.assert_allclose(free_form_rms(MODEL, flights, catalogue), expected, rtol=1e-6)
 
@@ -284,6 +287,26 @@ def test_a_name_stands_only_if_it_does_beside_what_no_effect_explains():
     assert not found.found
     assert {t.rotor for t in found.closest} == {1, 2}
     assert [m.rotor for m in found.mentioned if m.probability > 0.8] == [2]
+
+
+def test_what_a_name_of_the_unexplained_hid_is_named_beside_it(monkeypatch: pytest.MonkeyPatch):
+    """Two rotors for what the pump does had taken the place of a mass: here it is left out by
+    hand."""
+    looks, named = [], Posterior.named
+
+    def names(answer: Posterior) -> list[int]:
+        every = answer.search.candidates
+        found = [c for c in named(answer) if looks or every[c].term.effect.name != "extra_mass"]
+        looks.append(found)
+        return found
+
+    monkeypatch.setattr(Posterior, "named", names)
+    heavy = [replace(t, rotor_speed_rpm=1.03 * t.rotor_speed_rpm) for t in pumping(1, 80.0)]
+    found = identify_checked(
+        heavy, MODEL, catalogue=table(["extra_mass", "rotor_degradation"]), held_out=heavy[:1]
+    )
+    assert [one.term.effect.name for one in found.found] == ["extra_mass"]
+    assert 2 in {t.rotor for t in found.closest}
 
 
 def test_beside_the_unexplained_its_channel_is_free_in_all_modes_and_a_constant_in_its_own():

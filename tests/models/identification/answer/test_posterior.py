@@ -324,24 +324,44 @@ def test_what_is_excluded_beside_a_set_is_read_at_its_own_place():
     assert gauge.above == pytest.approx(off + norm.ppf(0.95) * 0.002)
 
 
-def test_values_are_those_without_the_names_that_are_put_aside():
-    """They predict without them, and are as uncertain as that moves them."""
+def test_values_are_those_that_the_names_have_by_themselves():
+    """They predict without the rest, and are as uncertain as its absence moves them."""
     both = a_set(0.97, loss=(0.20, 0.01), cg=(0.02, 0.001))
-    alone = a_set(0.03, loss=(0.07, 0.005))
-    found = answer_of(both, alone)
-    (whole,) = found.estimates([3], [])
-    assert whole.value[0, 0] == pytest.approx(0.97 * 0.20 + 0.03 * 0.07)
-    (without,) = found.estimates([3], [2])
-    assert without.value[0, 0] == pytest.approx(0.07)
-    assert without.error[0, 0] == pytest.approx(np.hypot(0.005, whole.value[0, 0] - 0.07))
-    assert without.probability == pytest.approx(1.0)
-    assert found.estimates([], [2]) == []
+    alone = a_set(0.03, loss=(0.15, 0.005))
+    (found,) = answer_of(both, alone).estimates([3])
+    among = 0.97 * 0.20 + 0.03 * 0.15
+    assert found.value[0, 0] == pytest.approx(0.15)
+    assert found.error[0, 0] == pytest.approx(np.hypot(0.005, among - 0.15))
+    assert found.probability == pytest.approx(1.0)
+    assert answer_of(both, alone).estimates([]) == []
+    (whole, shift) = answer_of(both).estimates([3, 2])
+    assert (whole.candidate, shift.candidate) == (2, 3)
+    assert shift.value[0, 0] == pytest.approx(0.20)
+    assert shift.error[0, 0] == pytest.approx(0.01)
 
 
-def test_a_set_without_the_names_put_aside_is_fitted_where_the_search_has_none():
+def test_a_name_that_by_itself_may_be_nothing_is_none():
+    """A loss of 0.20 beside another effect and of 0.07 without it is known to 0.13. Of an effect of
+    two values either may stand out."""
+    loss = (a_set(0.97, loss=(0.20, 0.01), cg=(0.02, 0.001)), a_set(0.03, loss=(0.07, 0.005)))
+    assert answer_of(*loss).estimates([3]) == []
+    shift = (a_set(0.97, loss=(0.20, 0.01), cg=(0.02, 0.001)), a_set(0.03, cg=(0.005, 0.001)))
+    (found,) = answer_of(*shift).estimates([2])
+    assert found.value[0, 0] == pytest.approx(0.005)
+    unclear = (a_set(0.97, loss=(0.20, 0.01), cg=(0.02, 0.001)), a_set(0.03, cg=(0.001, 0.001)))
+    assert answer_of(*unclear).estimates([2]) == []
+    # What is left is found again without what fell.
+    three = a_set(0.96, loss=(0.20, 0.01), last=(0.10, 0.01), cg=(0.02, 0.001))
+    two = a_set(0.02, loss=(0.07, 0.005), last=(0.12, 0.01))
+    one = a_set(0.02, last=(0.11, 0.01))
+    (left,) = answer_of(three, two, one).estimates([3, 4])
+    assert (left.candidate, left.value[0, 0]) == (4, pytest.approx(0.11))
+
+
+def test_a_set_of_the_names_alone_is_fitted_where_the_search_has_none():
     both = a_set(0.98, loss=(0.20, 0.01), cg=(0.02, 0.001))
     rare = a_set(0.02, loss=(0.50, 0.01), mass=(1.0, 0.2))
-    alone = a_set(1.0, loss=(0.07, 0.005))
+    alone = a_set(1.0, loss=(0.15, 0.005))
     asked = []
 
     def fit_near(key, near):
@@ -350,6 +370,6 @@ def test_a_set_without_the_names_put_aside_is_fitted_where_the_search_has_none()
 
     fitted = {both.key: both, rare.key: rare}
     search: Any = SimpleNamespace(fitted=fitted, candidates=ALL, fit_near=fit_near)
-    (without,) = posterior_of(search).estimates([3], [2])
+    (found,) = posterior_of(search).estimates([3])
     assert asked == [(frozenset({3}), 0.20)]
-    assert without.value[0, 0] == pytest.approx(0.07)
+    assert found.value[0, 0] == pytest.approx(0.15)

@@ -51,8 +51,9 @@ def dense(nuisance: Nuisance, level) -> np.ndarray:
     for mode in range(MODES):
         factor = level.collective if mode == 0 else level.moments
         hats = np.zeros((n, MODES, 4))
-        hats[:, mode] = nuisance.free[mode]
-        flat = factor * hats.reshape(n * MODES, -1)
+        sizes = [2.0, factor, factor, factor]  # the first is a constant
+        hats[:, mode] = nuisance.free[mode] * sizes
+        flat = hats.reshape(n * MODES, -1)
         covariance += flat @ flat.T
     return covariance
 
