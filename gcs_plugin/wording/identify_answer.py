@@ -84,10 +84,12 @@ def one_of(one: OneOf, names: Sequence[str]) -> str:
 
 def mentioned(one: Mentioned, names: tuple[str, ...]) -> str:
     """A rotor that is not named and that the flights do not clear."""
-    amount, interval = within(one.loss, *one.ci95, "%", factor=100.0, most=1)
+    sign, more = (1.0, "less") if one.loss >= 0.0 else (-1.0, "more")
+    ends = sorted(sign * end for end in one.ci95)
+    amount, interval = within(sign * one.loss, *ends, "%", factor=100.0, most=1)
     return (
         f"{rotor_words(one.rotor, names).capitalize()} cannot be ruled out "
-        f"({chance(one.probability)}): it may make {amount} less thrust {interval}, so {INSPECT}"
+        f"({chance(one.probability)}): it may make {amount} {more} thrust {interval}, so {INSPECT}"
     )
 
 
