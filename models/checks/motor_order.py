@@ -77,7 +77,7 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
     places = np.array(list(_assignments(airframe.rotor_count)))
     arms = mixer(airframe)[1:] * airframe.rotor_effectiveness
     likelihood, correlation = _likelihood(track, places, arms)
-    order = _decided(airframe, places, arms, likelihood, correlation, rows)
+    order = _decided(airframe, places, likelihood, correlation, rows)
     if order.verdict != "agrees":
         # Speeds that are reported late answer before they ask, in the order of other motors.
         for late in LATE_S:
@@ -85,7 +85,7 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
             if other[0, 0] > likelihood[0, 0]:
                 correlation = at_delay
             likelihood = np.maximum(likelihood, other)
-        order = _decided(airframe, places, arms, likelihood, correlation, rows)
+        order = _decided(airframe, places, likelihood, correlation, rows)
     acceleration, rate, squares, _ = _samples(track)
     if order.verdict == "unclear" and all(
         (of := _any_layout(acceleration[:, k], rate[:, k], squares)) > ANSWERS
@@ -213,12 +213,12 @@ def _any_layout(acceleration: Floats, rate: Floats, squares: Floats) -> float:
 def _decided(
     airframe: Airframe,
     places: np.ndarray,
-    arms: Floats,
     likelihood: Floats,
     correlation: tuple[float, float, float],
     rows: int,
 ) -> MotorOrder:
-    layouts = arms[:, places]  # (3, P, R)
+    # By where rotors are and how they turn: how much less a lower one of a pair makes is a guess.
+    layouts = mixer(airframe)[1:][:, places]  # (3, P, R)
     layouts = np.concatenate([layouts, layouts * np.array([1.0, 1.0, -1.0])[:, None, None]], axis=1)
     flat = likelihood.ravel()
     best = int(np.argmax(flat))

@@ -158,6 +158,15 @@ def test_effectiveness_of_lower_rotors_is_part_of_the_moments():
     assert max(check_motor_order(track, exchanged).correlation) < 0.98
 
 
+def test_upper_and_lower_rotors_are_told_by_their_spin_and_not_by_how_much_they_make():
+    """An aircraft of which the lower rotors make more has all places exchanged and spins reversed
+    by its moments alone: it was refused."""
+    octo = load_airframe("agras-t40")
+    other = replace(octo, rotor_effectiveness=octo.rotor_effectiveness[::-1].copy())
+    order = check_motor_order(made_flight(octo), other)
+    assert (order.verdict, order.places) == ("agrees", tuple(range(8)))
+
+
 def test_more_effort_leads_further_and_decisive_is_a_threshold():
     leads = [check_motor_order(made_flight(F16, effort=e), F16).lead for e in (2.0, 10.0, 100.0)]
     assert leads == sorted(leads)
