@@ -15,16 +15,17 @@ def _kappa(p, x: Channels):
 BATTERY_VOLTAGE = Effect(
     name="battery_voltage",
     kind=Kind.COEFFICIENT,
-    # Smallest: 0.5 % of thrust where the voltage falls by a tenth.
+    # Smallest: 0.5 % of thrust where the voltage falls by a tenth. Lower: speeds worked out in
+    # proportion to the voltage, thrust at one of which goes with 1 / V², and an error of a fifth.
     parameters=(
         Parameter(
-            name="exponent", unit="1", start=1.0, lower=0.0, upper=6.0, scale=0.5, smallest=0.05
+            name="exponent", unit="1", start=1.0, lower=-2.5, upper=6.0, scale=0.5, smallest=0.05
         ),
     ),
     needs=("voltage", "moving_voltage"),
     neutral={"voltage": lambda p, x: x.reference_voltage},
     source="not physics of a measured rotor speed: simulators and estimated speeds that ignore "
-    "the battery show thrust going with voltage^p, never against it",
+    "the battery show thrust going with voltage^p, speeds that follow it too far against it",
     distinguished_by="the same load on a full and on an empty battery",
     apply=_kappa,
 )
