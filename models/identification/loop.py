@@ -164,7 +164,7 @@ def identify_checked(
             for e in answer.excluded(search.linearise(answer.best), named)
             if e.term.rotor is None or not problem.of_outputs
         ),
-        mentioned=answer.mentioned(kept),
+        mentioned=answer.mentioned(matter),
         untried={e.name: lacks for e in catalogue if (lacks := problem.lacks(e))},
         followed=() if wind is None else (wind,),
     )

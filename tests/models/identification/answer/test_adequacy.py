@@ -7,6 +7,7 @@ import pytest
 
 from tests.models.made_flights import F16, curve_model, made_flights, table
 from thrustmargin.models.effects import effects_for
+from thrustmargin.models.identification import loop
 from thrustmargin.models.identification.answer.adequacy import (
     _free_part,
     _sound_part,
@@ -336,3 +337,12 @@ def test_where_no_name_is_kept_what_good_flights_leave_too_is_no_finding(rms_rpm
     assert (found.left is not None) == left
     assert {t.rotor for t in found.closest} == ({1, 2} if left else set())
     assert [m.rotor for m in found.mentioned if m.probability > 0.8] == [2]
+
+
+def test_a_rotor_that_is_likely_and_gets_no_name_is_said(monkeypatch: pytest.MonkeyPatch):
+    """Also where its name fell because it takes too little of the error on flights left out."""
+    monkeypatch.setattr(loop, "_that_matter", lambda *_: [])
+    worn = made_flights(3, loss=0.06)
+    found = identify_checked(worn, MODEL, catalogue=table(["rotor_degradation"]))
+    assert not found.found
+    assert [m.rotor for m in found.mentioned if m.probability > 0.95] == [0]
