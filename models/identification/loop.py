@@ -119,13 +119,24 @@ def identify_checked(
         progress("errors on flights not used", 1.0)
     left_out = LeftOut.of(problem, search, answer.best)
     kept = [c for c in named if c not in closest]
-    matter = _that_matter(lambda some: _size(left_out.with_set(some)), kept)
+
+    def error(some: Sequence[int]) -> float:
+        return _size(left_out.with_set(some))
+
+    matter = _that_matter(error, kept)
     estimates = answer.estimates(matter)
     matter = [e.candidate for e in estimates]
     aside = [c for c in named if c not in matter]
-    if left is not None and any_name and not matter:
+    one_of = answer.one_of(named)
+    if left is not None and any_name and not matter and not _that_matter(error, named):
         left = unexplained(space, first, first.best)  # good flights may leave as much
         closest = closest if left is not None else []
+    either = {one.terms[0].key for one in one_of}
+    said = {*matter, *(c for c, k in enumerate(search.candidates) if k.term.key in either)}
+    if left is None and (silent := sorted(answer.best.key - said)):
+        # What is likely but not said explains nothing.
+        left = unexplained(space, first, posterior_of(first).of_alone(said))
+        closest = closest_to(left, silent, search, answer.best)
     values = {e.candidate: e.value for e in estimates}
     before, after = left_out.residual({}), left_out.residual(values)
     # With nothing added the model stays what it was, and so does its error.
@@ -157,7 +168,7 @@ def identify_checked(
         floor_rpm=floor_rpm(last.problem, last.after_rpm, (problem, after) if held_out else None),
         sensor_noise_rpm=sensor_noise_rpm(problem.in_modes(after), problem.follows),
         alternatives=answer.alternatives(),
-        one_of=answer.one_of(named),
+        one_of=one_of,
         # Motors and ESCs of one make differ by more than outputs scatter: they clear no rotor.
         excluded=tuple(
             e

@@ -23,7 +23,13 @@ from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.rows.candidates import Held, predicted
 from thrustmargin.models.identification.sets.free_form import MEANS, WANDER, slow_wander, slowly
 from thrustmargin.models.identification.sets.linear_sets import FittedSet
-from thrustmargin.models.identification.sets.nuisance import FREEDOMS, LEVELS, Nuisance
+from thrustmargin.models.identification.sets.nuisance import (
+    FREEDOMS,
+    LEVELS,
+    STANDING,
+    Nuisance,
+    root_of,
+)
 from thrustmargin.models.identification.sets.search_space import (
     USUAL_SHARE,
     SearchSpace,
@@ -69,8 +75,7 @@ def unexplained(
     if not wrong.any():
         return _wandering(space, search, best, curves)
     mode = int(np.argmax(np.where(wrong, left, 0.0)))
-    sizes = {name: float(np.mean(curve[:, mode] ** 2)) for name, curve in curves.items()}
-    channel = max((n for n in sizes if n != "constant"), key=lambda n: sizes[n], default="constant")
+    channel = _channel_of(mode, space, search, best)
     rest = np.mean(np.nan_to_num(best.residual) ** 2, axis=0).sum()
     return Unexplained(
         mode=mode,
@@ -80,6 +85,36 @@ def unexplained(
         rms_rpm=float(np.sqrt(left[mode])),
         curve_rpm=curves[channel][:, mode],
     )
+
+
+def _channel_of(mode: int, space: SearchSpace, search: Search, best: FittedSet) -> str:
+    """The channel that what is left in a mode most likely goes with: that of which the free form,
+    let loose beside a constant, has most evidence."""
+    nuisance, solved = search.nuisance, search.solved
+    shared = nuisance.sums(_left_by(search, best)[:, :, None])[0][:, 0]
+    names = np.array(space.groups)
+    first = solved.known + mode * solved.hats
+
+    def evidence(name: str, freedom: float) -> float:
+        size = np.ones(shared.size)
+        size[solved.known :: solved.hats] = STANDING
+        loose = np.isin(names, [name, "constant"])
+        size[first : first + solved.hats][loose] = freedom
+        root, determinant = root_of(np.eye(size.size) + size[:, None] * solved.gram * size)
+        return float(np.sum((root @ (size * shared)) ** 2) - determinant) / 2.0
+
+    some = [n for n in dict.fromkeys(space.groups) if n != "constant"]
+    return max(
+        some,
+        key=lambda n: max(evidence(n, freedom) for freedom in FREEDOMS[1:]),
+        default="constant",
+    )
+
+
+def _left_by(search: Search, best: FittedSet) -> Floats:
+    """(N, R) rpm that a set leaves at its likeliest values, which may be a step away from those
+    that it is linearised at."""
+    return np.nan_to_num(best.residual) - search.stepped(best)
 
 
 def with_free(space: SearchSpace, left: Unexplained) -> Nuisance:
@@ -106,7 +141,7 @@ def _wandering(
     known = reduced.model.good_flights
     if known is None or not known.slow_rpm:
         return None
-    whole = np.nan_to_num(best.residual) - search.stepped(best)
+    whole = _left_by(search, best)
     rest = whole - np.sum(list(curves.values()), axis=0)
     apart = WANDER * froude_time_scale(reduced.model.airframe)
     size = slow_wander(rest, reduced.channels.time_s, reduced.flight, apart)
@@ -167,15 +202,10 @@ def closest_to(
 
 
 def _free_part(space: SearchSpace, search: Search, best: FittedSet) -> dict[str, Floats]:
-    """Channel -> (N, R) rpm that the free form takes beside a set, at the widest level.
-
-    What a set leaves is what it leaves at its likeliest values, which may be a step away from those
-    that it is linearised at.
-    """
+    """Channel -> (N, R) rpm that the free form takes beside a set, at the widest level."""
     nuisance, solved = search.nuisance, search.solved
     level = len(LEVELS) - 1
-    residual = np.nan_to_num(best.residual) - search.stepped(best)
-    shared = nuisance.sums(residual[:, :, None])[0][:, 0]
+    shared = nuisance.sums(_left_by(search, best)[:, :, None])[0][:, 0]
     known = nuisance.uncertainty.shape[2]
     modes, _, hats = nuisance.free.shape
     mean = (solved.shared[level] @ shared)[known:].reshape(modes, hats)

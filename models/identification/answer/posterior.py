@@ -116,12 +116,9 @@ class Posterior:
         """Of those names that are kept which stay clear of nothing by themselves. Values are those
         of them alone, since that is what they predict with, and as uncertain as the absence of
         whatever else is likely moves them."""
-        near = {c: h for s in self.sets[::-1] for c, h in zip(sorted(s.key), s.held, strict=True)}
         kept, found = sorted(kept), []
         while kept:
-            rest = frozenset(kept)
-            fitted = self.search.fitted.get(rest) or self.search.fit_near(rest, near)
-            alone = Posterior.of(self.search, [fitted], self.steepness)
+            alone = Posterior.of(self.search, [self.of_alone(kept)], self.steepness)
             found, standing = [], []
             for c in kept:
                 among, own = self.estimate(c), alone.estimate(c)
@@ -134,6 +131,12 @@ class Posterior:
                 break
             kept, found = standing, []
         return found
+
+    def of_alone(self, kept: Iterable[int]) -> FittedSet:
+        """The set of these effects and no other, fitted from where likely sets have them."""
+        key = frozenset(kept)
+        near = {c: h for s in self.sets[::-1] for c, h in zip(sorted(s.key), s.held, strict=True)}
+        return self.search.fitted.get(key) or self.search.fit_near(key, near)
 
     def alternatives(self) -> tuple[SetWeight, ...]:
         """Sets that have weight."""
@@ -168,13 +171,15 @@ class Posterior:
                 for s, w in zip(self.sets, self.weights, strict=True)
                 if len(s.key & set(group)) == 1
             )
-            if len(group) > 1 and alone >= CHOICE:
-                found.append(
-                    OneOf(
-                        terms=tuple(self.search.candidates[c].term for c in group),
-                        probabilities=tuple(self.probability([c]) for c in group),
-                    )
+            if len(group) == 1 or alone < CHOICE:
+                del by_weight[0]
+                continue
+            found.append(
+                OneOf(
+                    terms=tuple(self.search.candidates[c].term for c in group),
+                    probabilities=tuple(self.probability([c]) for c in group),
                 )
+            )
             by_weight = [c for c in by_weight if c not in group]
         return tuple(found)
 
