@@ -124,15 +124,16 @@ def identify_checked(
         return _size(left_out.with_set(some))
 
     matter = _that_matter(error, kept)
-    estimates = answer.estimates(matter)
+    one_of = answer.one_of(named)
+    firsts = {one.terms[0].key for one in one_of}
+    either = {c for c, k in enumerate(search.candidates) if k.term.key in firsts}
+    estimates = answer.estimates(matter, either)
     matter = [e.candidate for e in estimates]
     aside = [c for c in named if c not in matter]
-    one_of = answer.one_of(named)
     if left is not None and any_name and not matter and not _that_matter(error, named):
         left = unexplained(space, first, first.best)  # good flights may leave as much
         closest = closest if left is not None else []
-    either = {one.terms[0].key for one in one_of}
-    said = {*matter, *(c for c, k in enumerate(search.candidates) if k.term.key in either)}
+    said = {*matter, *either}
     if left is None and (silent := sorted(answer.best.key - said)):
         # What is likely but not said explains nothing.
         left = unexplained(space, first, posterior_of(first).of_alone(said))

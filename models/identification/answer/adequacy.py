@@ -39,6 +39,7 @@ from thrustmargin.models.identification.sets.set_search import Search
 from thrustmargin.models.model.rotor_model import RotorModel
 
 LEFT = 0.15  # of what can be explained in a mode, that names may leave
+TWO = 0.05  # odds beforehand that what is left goes with two channels together and not with one
 BEYOND = 3.0  # times the size on a sound aircraft, of the free part's RMS
 ACTS = 2 / 3  # of the square of an effect's change: two of the modes of a rotor are not most of it
 
@@ -88,27 +89,29 @@ def unexplained(
 
 
 def _channel_of(mode: int, space: SearchSpace, search: Search, best: FittedSet) -> str:
-    """The channel that what is left in a mode most likely goes with: that of which the free form,
-    let loose beside a constant, has most evidence."""
-    nuisance, solved = search.nuisance, search.solved
-    shared = nuisance.sums(_left_by(search, best)[:, :, None])[0][:, 0]
-    names = np.array(space.groups)
-    first = solved.known + mode * solved.hats
+    """The channel that what is left in a mode goes with most likely."""
 
-    def evidence(name: str, freedom: float) -> float:
-        size = np.ones(shared.size)
-        size[solved.known :: solved.hats] = STANDING
-        loose = np.isin(names, [name, "constant"])
-        size[first : first + solved.hats][loose] = freedom
-        root, determinant = root_of(np.eye(size.size) + size[:, None] * solved.gram * size)
-        return float(np.sum((root @ (size * shared)) ** 2) - determinant) / 2.0
+    def odds(name: str) -> float:
+        return _evidence(name, mode, space, search, best) + np.log(TWO) * (" x " in name)
 
     some = [n for n in dict.fromkeys(space.groups) if n != "constant"]
-    return max(
-        some,
-        key=lambda n: max(evidence(n, freedom) for freedom in FREEDOMS[1:]),
-        default="constant",
-    )
+    return max(some, key=odds, default="constant")
+
+
+def _evidence(name: str, mode: int, space: SearchSpace, search: Search, best: FittedSet) -> float:
+    """Log evidence of what a set leaves, but for what no channel changes, with the free form let
+    loose along one channel in a mode, beside a constant of it; of two sizes the likelier."""
+    solved, at_once = search.solved, _left_by(search, best)[:, :, None]
+    shared = search.nuisance.sums(at_once)[0][:, 0]
+    first = solved.known + mode * solved.hats
+    found = []
+    for freedom in FREEDOMS[1:]:
+        size = np.ones(shared.size)
+        size[solved.known :: solved.hats] = STANDING
+        size[first : first + solved.hats][np.isin(space.groups, [name, "constant"])] = freedom
+        root, determinant = root_of(np.eye(size.size) + size[:, None] * solved.gram * size)
+        found.append(float(np.sum((root @ (size * shared)) ** 2) - determinant) / 2.0)
+    return max(found)
 
 
 def _left_by(search: Search, best: FittedSet) -> Floats:

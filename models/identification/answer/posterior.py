@@ -7,7 +7,7 @@ so that what cannot be distinguished is in them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -112,13 +112,13 @@ class Posterior:
             steepness=self.steepness,
         )
 
-    def estimates(self, kept: Sequence[int]) -> list[EffectEstimate]:
+    def estimates(self, kept: Sequence[int], either: Collection[int] = ()) -> list[EffectEstimate]:
         """Of those names that are kept which stay clear of nothing by themselves. Values are those
-        of them alone, since that is what they predict with, and as uncertain as the absence of
-        whatever else is likely moves them."""
+        of them alone, since that is what they predict with, but beside the likeliest of each
+        `either ... or`, and as uncertain as the absence of whatever else is likely moves them."""
         kept, found = sorted(kept), []
         while kept:
-            alone = Posterior.of(self.search, [self.of_alone(kept)], self.steepness)
+            alone = Posterior.of(self.search, [self.of_alone({*kept, *either})], self.steepness)
             found, standing = [], []
             for c in kept:
                 among, own = self.estimate(c), alone.estimate(c)

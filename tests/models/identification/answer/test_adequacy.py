@@ -9,6 +9,8 @@ from tests.models.made_flights import F16, curve_model, made_flights, table
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.identification import loop
 from thrustmargin.models.identification.answer.adequacy import (
+    _channel_of,
+    _evidence,
     _free_part,
     _sound_part,
     acts_in,
@@ -18,6 +20,7 @@ from thrustmargin.models.identification.answer.adequacy import (
     with_free,
 )
 from thrustmargin.models.identification.answer.posterior import Posterior
+from thrustmargin.models.identification.answer.result import OneOf
 from thrustmargin.models.identification.loop import identify_checked
 from thrustmargin.models.identification.rows.candidates import Held, predicted
 from thrustmargin.models.identification.rows.modes import modes
@@ -90,6 +93,50 @@ def test_the_free_form_takes_what_a_dense_model_expects_of_it():
     taken *= sizes
     expected = np.sqrt(np.mean((space.hats @ taken.T) ** 2, axis=0))
     np.testing.assert_allclose(free_form_rms(MODEL, flights, catalogue), expected, rtol=1e-6)
+
+
+def dense_evidence(name: str, mode: int, space, white) -> float:
+    """Log evidence of whitened rows (n, R), all that is normal in one covariance."""
+    nuisance, found = space.nuisance, []
+    rows, modes_ = white.shape
+    for freedom in (4.0, 16.0):
+        parts = [nuisance.uncertainty.reshape(rows * modes_, -1)]
+        for of in nuisance.flights:
+            own = np.zeros_like(nuisance.scatter)
+            own[of] = nuisance.scatter[of]
+            parts.append(own.reshape(rows * modes_, -1))
+        for m in range(modes_):
+            size = np.array([STANDING if g == "constant" else 1.0 for g in space.groups])
+            if m == mode:
+                size[[g in (name, "constant") for g in space.groups]] = freedom
+            curves = np.zeros((rows, modes_, size.size))
+            curves[:, m] = size * nuisance.free[m]
+            parts.append(curves.reshape(rows * modes_, -1))
+        whole = np.concatenate(parts, axis=1)
+        covariance = np.eye(rows * modes_) + whole @ whole.T
+        flat = white.ravel()
+        square = flat @ np.linalg.solve(covariance, flat)
+        found.append(-0.5 * float(square + np.linalg.slogdet(covariance)[1]))
+    return max(found)
+
+
+def test_the_channel_is_that_of_most_evidence_by_a_dense_model():
+    """Time, tank level and their curves go together in a flight: not the widest family wins."""
+    flights = []
+    for track in made_flights(2, duration=60.0):
+        wave = 40.0 * np.sin(track.time_s / 20.0)
+        speed = track.rotor_speed_rpm + wave[:, None] * DIRECTIONS[:, 0]
+        flights.append(replace(track, rotor_speed_rpm=speed))
+    space = search_space(MODEL, flights, effects_for(F16, table(["extra_mass"])))
+    search = Search(space.reduced, space.nuisance, space.candidates)
+    empty = search.fit(frozenset(), ())
+    white = space.nuisance.whitening.apply(np.nan_to_num(empty.residual)[:, :, None])[:, :, 0]
+    names = [n for n in dict.fromkeys(space.groups) if n != "constant"]
+    ours = np.array([_evidence(n, 0, space, search, empty) for n in names])
+    dense = np.array([dense_evidence(n, 0, space, white) for n in names])
+    np.testing.assert_allclose(ours - ours[0], dense - dense[0], atol=1e-6 * np.abs(dense).max())
+
+    assert _channel_of(0, space, search, empty) == "time_s"
 
 
 def test_sound_flights_leave_nothing():
@@ -337,6 +384,35 @@ def test_where_no_name_is_kept_what_good_flights_leave_too_is_no_finding(rms_rpm
     assert (found.left is not None) == left
     assert {t.rotor for t in found.closest} == ({1, 2} if left else set())
     assert [m.rotor for m in found.mentioned if m.probability > 0.8] == [2]
+
+
+@pytest.mark.parametrize(("offset", "left"), [(60.0, True), (0.0, False)])
+def test_names_that_are_only_closest_but_predict_leave_something_unexplained(offset, left):
+    """Also where good flights leave as much: what such a name takes, they did not."""
+    model = replace(MODEL, good_flights=GoodFlights(flights=9, free_form_rpm=(100.0,) * 4))
+    flights = []
+    for track in flights_with_wave(2):
+        faster = offset * DIRECTIONS[:, 2]
+        flights.append(replace(track, rotor_speed_rpm=track.rotor_speed_rpm + faster))
+    found = identify_checked(flights, model, catalogue=table(["cg_offset"]))
+    assert not found.found
+    assert (found.left is not None) == left
+    assert [t.effect.name for t in found.closest] == ["cg_offset"] * left
+
+
+def test_what_is_likely_but_not_said_explains_nothing(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(Posterior, "named", lambda *_: [])
+    flights = []
+    for track in made_flights(3, duration=120.0):
+        faster = 8.0 * track.tank_kg[:, None] * DIRECTIONS[:, 2]
+        flights.append(replace(track, rotor_speed_rpm=track.rotor_speed_rpm + faster))
+    catalogue = table(["cg_offset:tank", "extra_mass"])
+    found = identify_checked(flights, MODEL, catalogue=catalogue)
+    assert found.unexplained()["mode"] == "pitch"
+    assert found.unexplained()["closest"] == ["cg_offset"]
+    either = OneOf(terms=found.closest, probabilities=(0.9,))
+    monkeypatch.setattr(Posterior, "one_of", lambda *_: (either,))
+    assert identify_checked(flights, MODEL, catalogue=catalogue).left is None
 
 
 def test_a_rotor_that_is_likely_and_gets_no_name_is_said(monkeypatch: pytest.MonkeyPatch):

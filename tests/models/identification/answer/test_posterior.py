@@ -114,6 +114,18 @@ def test_what_mostly_comes_together_is_no_choice_and_what_has_no_weight_is_in_no
     assert answer_of(*slight).one_of([]) == ()
 
 
+def test_a_choice_is_one_also_beside_what_is_likelier_but_has_no_name():
+    """The moment beside them holds most of the weight and comes with either."""
+    found = answer_of(
+        a_set(0.5, mass=(1.0, 0.2), cg=(0.02, 0.001)),
+        a_set(0.4, gauge=(1.1, 0.02), cg=(0.02, 0.001)),
+        a_set(0.06, mass=(1.0, 0.2)),
+        a_set(0.04),
+    )
+    (group,) = found.one_of([])
+    assert [t.effect.name for t in group.terms] == ["extra_mass", "tank_scale"]
+
+
 def test_one_alone_whose_size_may_be_nothing_is_not_one_of_several():
     assert answer_of(a_set(1.0, mass=(0.3, 0.2))).one_of([]) == ()
 
@@ -338,6 +350,17 @@ def test_values_are_those_that_the_names_have_by_themselves():
     assert (whole.candidate, shift.candidate) == (2, 3)
     assert shift.value[0, 0] == pytest.approx(0.20)
     assert shift.error[0, 0] == pytest.approx(0.01)
+
+
+def test_values_are_those_beside_what_is_said_to_be_either_one_or_the_other():
+    """Hidden mass that has no name of its own would be taken for a loss."""
+    whole = a_set(0.94, loss=(0.05, 0.01), mass=(1.0, 0.2))
+    found = answer_of(whole, a_set(0.06, loss=(0.08, 0.01)))
+    (alone,) = found.estimates([3])
+    assert alone.value[0, 0] == pytest.approx(0.08)
+    (mass,) = (c for c in whole.key if c != 3)
+    (beside,) = found.estimates([3], {mass})
+    assert beside.value[0, 0] == pytest.approx(0.05)
 
 
 def test_a_name_that_by_itself_may_be_nothing_is_none():
