@@ -249,15 +249,15 @@ yaw_moment = Amount(
 
 def turning(it: DescribedEffect) -> str:
     inertia, damping = it.text("inertia_yaw", "kg m²"), it.text("damping_yaw", "N m s")
-    if it.known:
-        return (
-            "Turning takes other moments than the model has: about yaw the inertia differs by "
-            f"{inertia}, the damping by {damping}"
-        )
     return (
         f"Turning takes moments that the model lacks, about yaw an inertia of {inertia} and a "
         f"damping of {damping}"
     )
+
+
+def inertia(it: DescribedEffect) -> str:
+    more = it.of_sign("share", "larger", "smaller")
+    return _sized("The aircraft turns as if its inertia were", _percent(it, "share"), more)
 
 
 def forward_lift(it: DescribedEffect) -> str:

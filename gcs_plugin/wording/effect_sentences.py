@@ -125,6 +125,11 @@ WORDS: Mapping[str, EffectWords] = MappingProxyType(
             "counter-clockwise pairs",
         ),
         "manoeuvre_moment": EffectWords("the moments of turning", amounts.turning),
+        "manoeuvre_moment:changed": EffectWords(
+            "another inertia",
+            amounts.inertia,
+            "look at what arms and booms carry; keep it in the model with --out",
+        ),
         "translational_lift": EffectWords("lift of forward flight", amounts.forward_lift),
         "climb_inflow": EffectWords("the inflow of climbs", amounts.climb),
         "ground_effect": EffectWords("ground effect", amounts.ground_effect),

@@ -182,6 +182,11 @@ class Effect:
     temperature_offset: Callable[[Values], float] | None = None
     by_flights: bool = False  # seen only in how flights differ: not looked for in one flight
     with_tank: bool = True  # looked for on an aircraft that carries its load in a tank
+    #: (itself, what a model has of it, scatter of good flights by "key.parameter") -> what of it
+    #: may be another than the model has it; None: nothing. Without this, all of it once more
+    change: Callable[[Effect, Sequence[Values], Mapping[str, float]], Effect | None] | None = None
+    #: of such a change: p -> values of the effect without variant, as a model keeps it
+    kept_as: Callable[[Values], Values] | None = None
 
     @property
     def key(self) -> str:

@@ -38,6 +38,7 @@ LOAD_FACTOR = Effect(
     "sharpening gives back what reports a few times a second smooth away, or smooths their noise",
     distinguished_by="sharp stops and pull-ups at one tank level",
     apply=_loaded,
+    change=lambda effect, has, scatter: None,  # Newton's law is the same on every day
     looks=lambda p: shifts_look(p["lag"], LOAD_LOOK),
 )
 

@@ -7,11 +7,13 @@ residual under values found without its flight; else the old one is kept.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from thrustmargin.models.effects.base import Effect
+from thrustmargin.models.effects import BY_KEY
+from thrustmargin.models.effects.base import Effect, Values
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.identification.answer.result import Found, Identification
@@ -77,6 +79,8 @@ def record_of(found: Found, names: tuple[str, ...], date: str = "") -> EffectRec
     effect = found.term.effect.afterwards or found.term.effect
     if of_single_flights(effect):
         return None
+    if effect.kept_as is not None:
+        return _as_kept(found, effect.kept_as, names, date)
     kept = {p.name for p in effect.parameters}
     row = found.flight
     return EffectRecord(
@@ -94,6 +98,25 @@ def record_of(found: Found, names: tuple[str, ...], date: str = "") -> EffectRec
         },
         flights=names,
         date=date,
+    )
+
+
+def _as_kept(
+    found: Found, kept_as: Callable[[Values], Values], names: tuple[str, ...], date: str
+) -> EffectRecord:
+    """A change of what the model has as a second effect of that kind, beside the first."""
+    effect, at = BY_KEY[found.term.effect.name], found.flight
+    value, lower, upper = (
+        kept_as({p.name: v for p, v in zip(found.term.effect.parameters, of[at], strict=True)})
+        for of in (found.value, found.lower, found.upper)
+    )
+    parameters = {}
+    for p in effect.parameters:
+        one, other = float(lower[p.name]), float(upper[p.name])
+        ci95 = (min(one, other), max(one, other))
+        parameters[p.name] = Identified(value=float(value[p.name]), unit=p.unit, ci95=ci95)
+    return EffectRecord(
+        name=effect.name, rotor=None, parameters=parameters, flights=names, date=date
     )
 
 

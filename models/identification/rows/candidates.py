@@ -11,8 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.models.effects.base import TORQUE_SHARE, Effect, Parameter, Placed
-from thrustmargin.models.effects.load_factor import LOAD_FACTOR
-from thrustmargin.models.effects.manoeuvre_moment import MANOEUVRE_MOMENT
 from thrustmargin.models.effects.rotor_degradation import LOSS
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.problem import RowsToFit
@@ -25,8 +23,6 @@ from thrustmargin.models.physics.margin import ceiling, trimmable_loss
 #: that an effect is there, or that a given rotor is bad; that another one is bad beside it: damage
 #: is mostly of one, and two imitate a centre of gravity and a yaw moment
 EFFECT_PRIOR, ROTOR_PRIOR = 0.02, 0.005
-#: what any motion does by Newton's and Euler's laws: a model has it or lacks it, once
-OF_MOTION = (LOAD_FACTOR.key, MANOEUVRE_MOMENT.key)
 STEP = 1e-3  # of a parameter's usual size, of the central difference
 
 
@@ -114,12 +110,9 @@ def candidates_of(reduced: Reduced, catalogue: Sequence[Effect]) -> list[Candida
     that begin in a flight, which `onsets` finds."""
     rotors = reduced.measured_rpm.shape[1]
     most = _flyable_loss(reduced)
-    has = {item.effect.key for item in reduced.model.placed}
     found = []
-    for effect in catalogue:
-        if effect.begins or (effect.key in has and effect.key in OF_MOTION):
-            continue
-        if effect.by_flights and reduced.flights == 1:
+    for effect in (e for known in catalogue if (e := _beside(reduced, known)) is not None):
+        if effect.begins or (effect.by_flights and reduced.flights == 1):
             continue
         if effect.of_one_rotor:
             effect = _bounded(effect, most)
@@ -128,6 +121,19 @@ def candidates_of(reduced: Reduced, catalogue: Sequence[Effect]) -> list[Candida
             if not reduced.lacks(effect) and _would_show(reduced, effect):
                 found.append(candidate(term, reduced.flights))
     return found
+
+
+def _beside(reduced: Reduced, effect: Effect) -> Effect | None:
+    """The effect, or what of it may have changed where the model has it; None where nothing may.
+
+    Outputs answer gusts as they do turns: they show no change of what turning takes.
+    """
+    model = reduced.model
+    has = [item.values for item in model.placed if item.effect.key == effect.key]
+    if effect.change is None or not has:
+        return effect
+    scatter = {} if model.good_flights is None else model.good_flights.scatter
+    return None if reduced.of_outputs else effect.change(effect, has, scatter)
 
 
 def _would_show(reduced: Reduced, effect: Effect) -> bool:

@@ -31,14 +31,16 @@ def forms_of(reduced: Reduced, slow: Floats, held: Sequence[Held]) -> ValueColum
 
     FORM of its change along the direction that it changes most, anew in each mode, and
     SIDE_FORM of what it changes by the way in modes that it hardly acts in. Speeds that are
-    reported late have no form of their own: they are the model's, some time ago.
+    reported late have no form of their own: they are the model's, some time ago. Nor has what
+    changes in the model's own effects: their forms are in what the model may be wrong by.
     """
     modes, count = reduced.measured_rpm.shape[1], slow.shape[1]
     parts = [ValueColumns.of_all(np.zeros((slow.shape[0], modes, 0)))]
     each, curve = np.divmod(np.arange(modes * count), count)
     base = predicted(reduced, held)
     for k in range(len(held)):
-        if held[k].candidate.term.effect.delays:
+        effect = held[k].candidate.term.effect
+        if effect.delays or effect.kept_as:
             continue
         without = predicted(reduced, [*held[:k], *held[k + 1 :]])
         change = np.nan_to_num(base - without)

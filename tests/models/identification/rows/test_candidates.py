@@ -21,6 +21,7 @@ from thrustmargin.models.identification.rows.candidates import (
     slopes,
 )
 from thrustmargin.models.identification.rows.reduced import reduce_flights
+from thrustmargin.models.network.records import GoodFlights
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.margin import ceiling, trimmable_loss
 
@@ -69,6 +70,23 @@ def test_what_a_model_has_of_motion_is_not_looked_for_again(reduced):
     record = EffectRecord(name=effect.name, rotor=None, parameters=found, variant=effect.variant)
     has = replace(reduced, model=replace(MODEL, effects=(record,)))
     assert keys(has, "load_factor", "extra_mass") == ["extra_mass"]
+
+
+def test_of_turning_a_model_that_has_it_may_lack_a_share_and_outputs_show_none(reduced):
+    effect = BY_KEY["manoeuvre_moment"]
+    assert keys(reduced, "manoeuvre_moment") == ["manoeuvre_moment"]
+    found = {p.name: Identified(value=1, unit=p.unit, ci95=(0.9, 1.1)) for p in effect.parameters}
+    record = EffectRecord(name=effect.name, rotor=None, parameters=found)
+    has = replace(reduced, model=replace(MODEL, effects=(record,)))
+    (change,) = candidates_of(has, table(["manoeuvre_moment"]))
+    assert change.key == "manoeuvre_moment:changed"
+    assert change.free == ((0, None),)
+    usual = {p.name: p for p in effect.parameters}["inertia_yaw"].smallest
+    assert change.parameters[0].smallest == usual
+    shown = GoodFlights(flights=5, scatter={"manoeuvre_moment.inertia_yaw": 0.3})
+    good = replace(has, model=replace(has.model, good_flights=shown))
+    assert candidates_of(good, table(["manoeuvre_moment"]))[0].parameters[0].smallest == 0.3
+    assert keys(replace(has, of_outputs=True), "manoeuvre_moment") == []
 
 
 def test_what_begins_in_a_flight_or_differs_between_flights_has_its_own_rule(reduced):

@@ -292,6 +292,16 @@ def test_speeds_that_come_late_have_no_form_of_their_own():
     assert forms_of(search, held).shape[2] == 0
 
 
+def test_a_change_of_what_the_model_has_is_as_uncertain_in_form_as_the_model_and_no_more():
+    search = searched(["extra_mass"])
+    mass = at(search, "extra_mass", 4.0)
+    changed = replace(mass.candidate.term.effect, kept_as=lambda p: p)
+    term = replace(mass.candidate.term, effect=changed)
+    held = replace(mass, candidate=replace(mass.candidate, term=term))
+    assert forms_of(search, mass).shape[2] > 0
+    assert forms_of(search, held).shape[2] == 0
+
+
 def test_a_set_with_a_value_at_its_bound_is_tried_without_that_effect(monkeypatch):
     """A rotor that would have to gain thrust is none that is bad; beside it the mass is there."""
     search = searched(["rotor_degradation", "extra_mass"], hidden_mass=2.0, loss=-0.05)
