@@ -7,8 +7,7 @@ and what is excluded, and states the error on flights that no step has used.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
-from itertools import combinations
+from collections.abc import Sequence
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -16,16 +15,13 @@ from threadpoolctl import threadpool_limits
 from thrustmargin.models.effects import CATALOGUE, effects_for
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.errors import DataError
-from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.identification.answer.adequacy import closest_to, unexplained, with_free
+from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer.already_followed import followed_wind
 from thrustmargin.models.identification.answer.floor import floor_rpm
 from thrustmargin.models.identification.answer.left_out import LeftOut, on_new_flights
-from thrustmargin.models.identification.answer.posterior import (
-    EffectEstimate,
-    posterior_of,
-)
+from thrustmargin.models.identification.answer.posterior import EffectEstimate
 from thrustmargin.models.identification.answer.result import Found, Identification
+from thrustmargin.models.identification.answer.standing_names import size, standing_names
 from thrustmargin.models.identification.answer.unseen_errors import Unseen, errors_of
 from thrustmargin.models.identification.rows.modes import sensor_noise_rpm
 from thrustmargin.models.identification.rows.output_shares import effects_on_shares, steepness_of
@@ -34,14 +30,9 @@ from thrustmargin.models.identification.rows.reduced import rows_and_means
 from thrustmargin.models.identification.rows.usable_flights import Flown, require_airframe
 from thrustmargin.models.identification.sets.onsets import onset_candidates, without_rotors
 from thrustmargin.models.identification.sets.search_space import search_space
-from thrustmargin.models.identification.sets.set_search import Search
+from thrustmargin.models.identification.sets.set_search import Progress, Search
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import RotorModel
-
-Progress = Callable[[str, float], None]
-#: of the error on flights left out, that an effect must take to be worth a name: what the scatter
-#: of a sound propeller (0.4 % of its thrust) does to rotor speeds that are good to 0.6 %
-LEAST_FALL = 0.02
 
 
 def identify(
@@ -100,48 +91,16 @@ def identify_checked(
     steps = onset_candidates(search, search.best) if not problem.of_outputs else []
     if steps and search.add(steps, without_rotors(search, search.best.key)):
         search.run(progress)
-    answer = posterior_of(search, steepness_of(fit) if problem.of_outputs else 0.0)
-    named = answer.named()
-    first, any_name = search, bool(named)
-    left = unexplained(space, search, answer.best, named=any_name)
-    closest = closest_to(left, named, search, answer.best)
-    if left is not None and any_name and not left.wanders:
-        # What no effect explains may have lent its weight to a name: who stands beside it?
-        beside = Search(space.reduced, with_free(space, left), search.candidates)
-        beside.run(progress)
-        standing = posterior_of(beside, answer.steepness)
-        if lost := set(named) - {*closest, *standing.named()}:
-            # What it had lent its weight to may have hidden what is there.
-            search, answer, named = beside, standing, standing.named()
-            closest = [*closest_to(left, named, search, answer.best), *closest, *sorted(lost)]
-            closest = list(dict.fromkeys(closest))
+    steepness = steepness_of(fit) if problem.of_outputs else 0.0
+    standing = standing_names(space, search, problem, steepness=steepness, progress=progress)
+    answer, left_out, estimates = standing.answer, standing.left_out, standing.estimates
     if progress:
         progress("errors on flights not used", 1.0)
-    left_out = LeftOut.of(problem, search, answer.best)
-    kept = [c for c in named if c not in closest]
-
-    def error(some: Sequence[int]) -> float:
-        return _size(left_out.with_set(some))
-
-    matter = _that_matter(error, kept)
-    one_of = answer.one_of(named)
-    firsts = {one.terms[0].key for one in one_of}
-    either = {c for c, k in enumerate(search.candidates) if k.term.key in firsts}
-    estimates = answer.estimates(matter, either)
-    matter = [e.candidate for e in estimates]
-    aside = [c for c in named if c not in matter]
-    if left is not None and any_name and not matter and not _that_matter(error, named):
-        left = unexplained(space, first, first.best)  # good flights may leave as much
-        closest = closest if left is not None else []
-    said = {*matter, *either}
-    if left is None and (silent := sorted(answer.best.key - said)):
-        # What is likely but not said explains nothing.
-        left = unexplained(space, first, posterior_of(first).of_alone(said))
-        closest = closest_to(left, silent, search, answer.best)
     values = {e.candidate: e.value for e in estimates}
     before, after = left_out.residual({}), left_out.residual(values)
     # With nothing added the model stays what it was, and so does its error.
-    chosen = left_out.with_choice(matter, aside) if matter else before
+    aside = [c for c in standing.named if c not in standing.members]
+    chosen = left_out.with_choice(standing.members, aside) if estimates else before
     unseen = [Unseen(problem=problem, before_rpm=before, after_rpm=chosen, role="fit")]
     if held_out:
         unused = assemble(model, held_out)
@@ -159,24 +118,24 @@ def identify_checked(
         model=model,
         problem=problem,
         found=_found(left_out, estimates),
-        left=left,
-        closest=tuple(search.candidates[c].term for c in closest),
+        left=standing.left,
+        closest=tuple(search.candidates[c].term for c in standing.closest),
         unseen=tuple(unseen),
         before=errors_of(last.problem, last.before_rpm),
         after=errors_of(last.problem, last.after_rpm),
         residual_after_rpm=after,
-        residual_carried_rpm=left_out.with_carried(matter),
+        residual_carried_rpm=left_out.with_carried(standing.members),
         floor_rpm=floor_rpm(last.problem, last.after_rpm, (problem, after) if held_out else None),
         sensor_noise_rpm=sensor_noise_rpm(problem.in_modes(after), problem.follows),
         alternatives=answer.alternatives(),
-        one_of=one_of,
+        one_of=standing.one_of,
         # Motors and ESCs of one make differ by more than outputs scatter: they clear no rotor.
         excluded=tuple(
             e
-            for e in answer.excluded(search.linearise(answer.best), named)
+            for e in answer.excluded(answer.search.linearise(answer.best), standing.named)
             if e.term.rotor is None or not problem.of_outputs
         ),
-        mentioned=answer.mentioned(matter),
+        mentioned=answer.mentioned(standing.members),
         untried={e.name: lacks for e in catalogue if (lacks := problem.lacks(e))},
         followed=() if wind is None else (wind,),
     )
@@ -186,33 +145,11 @@ def _tracks(flights: Sequence[Flown]) -> list[FlightTrack]:
     return [f if isinstance(f, FlightTrack) else f.track for f in flights]
 
 
-def _that_matter(error: Callable[[Sequence[int]], float], members: Collection[int]) -> list[int]:
-    """The effects without any of which, or any two, flights left out would be predicted worse.
-
-    `error` is that of flights left out with a set; what counts is LEAST_FALL of it. Two that oppose
-    each other each look needed beside the other.
-    """
-    kept = list(members)
-    while kept:
-        whole = error(kept)
-        groups = [*combinations(kept, 1), *combinations(kept, 2)]
-        without = [error([c for c in kept if c not in g]) for g in groups]
-        least = int(np.argmin(without))
-        if without[least] >= (1.0 + LEAST_FALL) * whole:
-            break
-        kept = [c for c in kept if c not in groups[least]]
-    return kept
-
-
-def _size(residual_rpm: Floats) -> float:
-    return float(np.sqrt(np.mean(residual_rpm**2)))
-
-
 def _found(left_out: LeftOut, estimates: Sequence[EffectEstimate]) -> tuple[Found, ...]:
     """The named effects, that which takes most of the error first."""
 
     def error(some: Sequence[EffectEstimate]) -> float:
-        return _size(left_out.residual({e.candidate: e.value for e in some}))
+        return size(left_out.residual({e.candidate: e.value for e in some}))
 
     order: list[EffectEstimate] = []
     errors = [error(())]

@@ -7,7 +7,7 @@ import pytest
 
 from tests.models.made_flights import F16, curve_model, made_flights, table
 from thrustmargin.models.effects import effects_for
-from thrustmargin.models.identification import loop
+from thrustmargin.models.identification.answer import standing_names
 from thrustmargin.models.identification.answer.adequacy import (
     _channel_of,
     _evidence,
@@ -417,7 +417,7 @@ def test_what_is_likely_but_not_said_explains_nothing(monkeypatch: pytest.Monkey
 
 def test_a_rotor_that_is_likely_and_gets_no_name_is_said(monkeypatch: pytest.MonkeyPatch):
     """Also where its name fell because it takes too little of the error on flights left out."""
-    monkeypatch.setattr(loop, "_that_matter", lambda *_: [])
+    monkeypatch.setattr(standing_names, "that_matter", lambda *_: [])
     worn = made_flights(3, loss=0.06)
     found = identify_checked(worn, MODEL, catalogue=table(["rotor_degradation"]))
     assert not found.found

@@ -13,7 +13,8 @@ from thrustmargin.models.identification.answer.left_out import (
     own_values,
     residual_of_unseen,
 )
-from thrustmargin.models.identification.loop import _that_matter, identify
+from thrustmargin.models.identification.answer.standing_names import that_matter
+from thrustmargin.models.identification.loop import identify
 from thrustmargin.models.identification.rows.candidates import Held, Term, candidate, placed
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.rows.reduced import rows_and_means
@@ -159,7 +160,7 @@ def test_an_effect_that_hardly_moves_the_error_is_not_worth_a_name():
     """20 g of hidden mass are there, and take less than 2 % of what is left."""
     found = left_out(made_flights(3, loss=0.08, hidden_mass=0.02))
     rotor, mass = of(found, "rotor_degradation of rotor 1"), of(found, "extra_mass")
-    assert _that_matter(lambda some: rmse(found.with_set(some)), [mass, rotor]) == [rotor]
+    assert that_matter(lambda some: rmse(found.with_set(some)), [mass, rotor]) == [rotor]
 
 
 def test_a_rotor_that_failed_in_one_flight_is_predicted_in_the_rest_of_that_flight():
@@ -172,4 +173,4 @@ def test_a_rotor_that_failed_in_one_flight_is_predicted_in_the_rest_of_that_flig
 def test_two_effects_that_only_undo_each_other_are_both_put_aside():
     """Each alone would be needed: a gauge that reads 1 kg too little, and 1 kg less of mass."""
     error = {(): 10.0, (0,): 40.0, (1,): 40.0, (0, 1): 9.95}
-    assert _that_matter(lambda some: error[tuple(some)], [0, 1]) == []
+    assert that_matter(lambda some: error[tuple(some)], [0, 1]) == []

@@ -1,0 +1,130 @@
+"""Which names stand, and what no name explains.
+
+A name is what nearly all the weight of a search holds. It falls where it is only the closest that
+the table has to what no effect explains, where flights left out are predicted as well without it,
+or where by itself it may be nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.answer.adequacy import (
+    Unexplained,
+    closest_to,
+    unexplained,
+    with_free,
+)
+from thrustmargin.models.identification.answer.left_out import LeftOut
+from thrustmargin.models.identification.answer.posterior import (
+    EffectEstimate,
+    Posterior,
+    posterior_of,
+)
+from thrustmargin.models.identification.answer.result import OneOf
+from thrustmargin.models.identification.rows.problem import Problem
+from thrustmargin.models.identification.sets.search_space import SearchSpace
+from thrustmargin.models.identification.sets.set_search import Progress, Search
+
+#: of the error on flights left out, that an effect must take to be worth a name: what the scatter
+#: of a sound propeller (0.4 % of its thrust) does to rotor speeds that are good to 0.6 %
+LEAST_FALL = 0.02
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StandingNames:
+    """The names that stand, with what else is said; candidates are those of `answer.search`."""
+
+    answer: Posterior
+    left_out: LeftOut
+    named: tuple[int, ...]  # before any fell
+    estimates: tuple[EffectEstimate, ...]  # of those that stand
+    one_of: tuple[OneOf, ...]
+    left: Unexplained | None
+    closest: tuple[int, ...]  # to what is left
+
+    @property
+    def members(self) -> list[int]:
+        """The candidates that stand."""
+        return [e.candidate for e in self.estimates]
+
+
+def standing_names(
+    space: SearchSpace,
+    search: Search,
+    problem: Problem,
+    *,
+    steepness: float = 0.0,
+    progress: Progress | None = None,
+) -> StandingNames:
+    """The names of a search that has run; `steepness` is that of `posterior_of`."""
+    answer = posterior_of(search, steepness)
+    named = answer.named()
+    first, any_name = answer, bool(named)
+    left = unexplained(space, search, answer.best, named=any_name)
+    closest = closest_to(left, named, search, answer.best)
+    if left is not None and any_name and not left.wanders:
+        # What no effect explains may have lent its weight to a name: who stands beside it?
+        beside = Search(space.reduced, with_free(space, left), search.candidates)
+        beside.run(progress)
+        second = posterior_of(beside, steepness)
+        if lost := set(named) - {*closest, *second.named()}:
+            # What it had lent its weight to may have hidden what is there.
+            answer, named = second, second.named()
+            closest = [*closest_to(left, named, beside, answer.best), *closest, *sorted(lost)]
+            closest = list(dict.fromkeys(closest))
+    left_out = LeftOut.of(problem, answer.search, answer.best)
+
+    def error(some: Sequence[int]) -> float:
+        return size(left_out.with_set(some))
+
+    matter = that_matter(error, [c for c in named if c not in closest])
+    one_of = answer.one_of(named)
+    firsts = {one.terms[0].key for one in one_of}
+    either = {c for c, k in enumerate(search.candidates) if k.term.key in firsts}
+    estimates = answer.estimates(matter, either)
+    said = {*either, *(e.candidate for e in estimates)}
+    if left is not None and any_name and not estimates and not that_matter(error, named):
+        left = unexplained(space, search, first.best)  # good flights may leave as much
+        closest = closest if left is not None else []
+    if left is None and (silent := sorted(answer.best.key - said)):
+        # What is likely but not said explains nothing.
+        left = unexplained(space, search, first.of_alone(said))
+        closest = closest_to(left, silent, search, answer.best)
+    return StandingNames(
+        answer=answer,
+        left_out=left_out,
+        named=tuple(named),
+        estimates=tuple(estimates),
+        one_of=one_of,
+        left=left,
+        closest=tuple(closest),
+    )
+
+
+def that_matter(error: Callable[[Sequence[int]], float], members: Collection[int]) -> list[int]:
+    """The effects without any of which, or any two, flights left out would be predicted worse.
+
+    `error` is that of flights left out with a set; what counts is LEAST_FALL of it. Two that oppose
+    each other each look needed beside the other.
+    """
+    kept = list(members)
+    while kept:
+        whole = error(kept)
+        groups = [*combinations(kept, 1), *combinations(kept, 2)]
+        without = [error([c for c in kept if c not in g]) for g in groups]
+        least = int(np.argmin(without))
+        if without[least] >= (1.0 + LEAST_FALL) * whole:
+            break
+        kept = [c for c in kept if c not in groups[least]]
+    return kept
+
+
+def size(residual_rpm: Floats) -> float:
+    """RMS over rows and rotors."""
+    return float(np.sqrt(np.mean(residual_rpm**2)))
