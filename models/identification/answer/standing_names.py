@@ -93,9 +93,10 @@ def standing_names(
         left = unexplained(space, search, first.best)  # good flights may leave as much
         closest = closest if left is not None else []
     if left is None and (silent := sorted(answer.best.key - said)):
-        # What is likely but not said explains nothing.
+        # What is likely but not said explains nothing of what it does.
         left = unexplained(space, search, first.of_alone(said))
         closest = closest_to(left, silent, search, answer.best)
+        left = left if closest else None
     return StandingNames(
         answer=answer,
         left_out=left_out,
