@@ -19,7 +19,7 @@ import numpy as np
 
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.effects.channels import froude_time_scale
-from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.identification.rows.candidates import Held, predicted
 from thrustmargin.models.identification.sets.free_form import MEANS, WANDER, slow_wander, slowly
 from thrustmargin.models.identification.sets.linear_sets import FittedSet
@@ -28,6 +28,7 @@ from thrustmargin.models.identification.sets.nuisance import (
     LEVELS,
     STANDING,
     Nuisance,
+    Solved,
     root_of,
 )
 from thrustmargin.models.identification.sets.search_space import (
@@ -90,25 +91,25 @@ def unexplained(
 
 def _channel_of(mode: int, space: SearchSpace, search: Search, best: FittedSet) -> str:
     """The channel that what is left in a mode goes with most likely."""
+    shared = search.nuisance.sums(_left_by(search, best)[:, :, None])[0][:, 0]
 
     def odds(name: str) -> float:
-        return _evidence(name, mode, space, search, best) + np.log(TWO) * (" x " in name)
+        loose = np.isin(space.groups, [name, "constant"])
+        return _evidence(search.solved, shared, mode, loose) + np.log(TWO) * (" x " in name)
 
     some = [n for n in dict.fromkeys(space.groups) if n != "constant"]
     return max(some, key=odds, default="constant")
 
 
-def _evidence(name: str, mode: int, space: SearchSpace, search: Search, best: FittedSet) -> float:
-    """Log evidence of what a set leaves, but for what no channel changes, with the free form let
-    loose along one channel in a mode, beside a constant of it; of two sizes the likelier."""
-    solved, at_once = search.solved, _left_by(search, best)[:, :, None]
-    shared = search.nuisance.sums(at_once)[0][:, 0]
+def _evidence(solved: Solved, shared: Floats, mode: int, loose: Bools) -> float:
+    """Log evidence of what the `shared` columns (X,) are of, but for what is the same for all
+    channels, with the hats `loose` (H,) of one mode let loose; of two sizes the likelier."""
     first = solved.known + mode * solved.hats
     found = []
     for freedom in FREEDOMS[1:]:
         size = np.ones(shared.size)
         size[solved.known :: solved.hats] = STANDING
-        size[first : first + solved.hats][np.isin(space.groups, [name, "constant"])] = freedom
+        size[first : first + solved.hats][loose] = freedom
         root, determinant = root_of(np.eye(size.size) + size[:, None] * solved.gram * size)
         found.append(float(np.sum((root @ (size * shared)) ** 2) - determinant) / 2.0)
     return max(found)

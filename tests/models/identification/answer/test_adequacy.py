@@ -7,7 +7,7 @@ import pytest
 
 from tests.models.made_flights import F16, curve_model, made_flights, table
 from thrustmargin.models.effects import effects_for
-from thrustmargin.models.identification.answer import standing_names
+from thrustmargin.models.identification.answer import adequacy, standing_names
 from thrustmargin.models.identification.answer.adequacy import (
     _channel_of,
     _evidence,
@@ -22,7 +22,7 @@ from thrustmargin.models.identification.answer.adequacy import (
 from thrustmargin.models.identification.answer.posterior import Posterior
 from thrustmargin.models.identification.answer.result import OneOf
 from thrustmargin.models.identification.loop import identify_checked
-from thrustmargin.models.identification.rows.candidates import Held, predicted
+from thrustmargin.models.identification.rows.candidates import Held, Term, predicted
 from thrustmargin.models.identification.rows.modes import modes
 from thrustmargin.models.identification.sets.nuisance import LEVELS, STANDING
 from thrustmargin.models.identification.sets.search_space import search_space
@@ -132,11 +132,26 @@ def test_the_channel_is_that_of_most_evidence_by_a_dense_model():
     empty = search.fit(frozenset(), ())
     white = space.nuisance.whitening.apply(np.nan_to_num(empty.residual)[:, :, None])[:, :, 0]
     names = [n for n in dict.fromkeys(space.groups) if n != "constant"]
-    ours = np.array([_evidence(n, 0, space, search, empty) for n in names])
+    shared = space.nuisance.sums(np.nan_to_num(empty.residual)[:, :, None])[0][:, 0]
+    loose = [np.isin(space.groups, [n, "constant"]) for n in names]
+    ours = np.array([_evidence(search.solved, shared, 0, one) for one in loose])
     dense = np.array([dense_evidence(n, 0, space, white) for n in names])
     np.testing.assert_allclose(ours - ours[0], dense - dense[0], atol=1e-6 * np.abs(dense).max())
 
     assert _channel_of(0, space, search, empty) == "time_s"
+
+
+@pytest.mark.parametrize(("gain", "channel"), [(2.9, "airspeed"), (3.1, "airspeed x tank_kg")])
+def test_two_channels_together_need_twenty_times_the_odds_of_one(monkeypatch, gain, channel):
+    space, search = searched(1)
+    of = {"airspeed": 10.0, "airspeed x tank_kg": 10.0 + gain}
+
+    def evidence(*given):
+        (name,) = set(np.array(space.groups)[given[-1]]) - {"constant"}
+        return of.get(name, 0.0)
+
+    monkeypatch.setattr(adequacy, "_evidence", evidence)
+    assert _channel_of(1, space, search, search.fit(frozenset(), ())) == channel
 
 
 def test_sound_flights_leave_nothing():
@@ -410,9 +425,32 @@ def test_what_is_likely_but_not_said_explains_nothing(monkeypatch: pytest.Monkey
     found = identify_checked(flights, MODEL, catalogue=catalogue)
     assert found.unexplained()["mode"] == "pitch"
     assert found.unexplained()["closest"] == ["cg_offset"]
+    with monkeypatch.context() as without:
+        without.setattr(standing_names, "closest_to", lambda *_: [])
+        assert identify_checked(flights, MODEL, catalogue=catalogue).left is None
     either = OneOf(terms=found.closest, probabilities=(0.9,))
     monkeypatch.setattr(Posterior, "one_of", lambda *_: (either,))
     assert identify_checked(flights, MODEL, catalogue=catalogue).left is None
+
+
+def test_a_loss_is_that_beside_a_mass_that_may_be_thin_air(monkeypatch: pytest.MonkeyPatch):
+    worn = made_flights(3, loss=0.06, hidden_mass=1.5)
+    named = Posterior.named
+
+    def rotors(answer: Posterior) -> list[int]:
+        every = answer.search.candidates
+        return [c for c in named(answer) if every[c].term.rotor is not None]
+
+    either: list[OneOf] = []
+    monkeypatch.setattr(Posterior, "named", rotors)
+    monkeypatch.setattr(Posterior, "one_of", lambda *_: tuple(either))
+    catalogue = effects_for(F16, table(["rotor_degradation", "extra_mass"]))
+    (alone,) = identify_checked(worn, MODEL, catalogue=catalogue).found
+    mass = next(e for e in catalogue if e.name == "extra_mass")
+    either.append(OneOf(terms=(Term(effect=mass, rotor=None),), probabilities=(0.9,)))
+    (beside,) = identify_checked(worn, MODEL, catalogue=catalogue).found
+    assert alone.value[0, 0] > 0.075
+    assert beside.value[0, 0] == pytest.approx(0.06, abs=0.006)
 
 
 def test_a_rotor_that_is_likely_and_gets_no_name_is_said(monkeypatch: pytest.MonkeyPatch):
