@@ -26,7 +26,6 @@ from thrustmargin.models.identification.sets.linear_sets import FittedSet
 from thrustmargin.models.identification.sets.nuisance import (
     FREEDOMS,
     LEVELS,
-    STANDING,
     Nuisance,
     Solved,
     root_of,
@@ -108,7 +107,6 @@ def _evidence(solved: Solved, shared: Floats, mode: int, loose: Bools) -> float:
     found = []
     for freedom in FREEDOMS[1:]:
         size = np.ones(shared.size)
-        size[solved.known :: solved.hats] = STANDING
         size[first : first + solved.hats][loose] = freedom
         root, determinant = root_of(np.eye(size.size) + size[:, None] * solved.gram * size)
         found.append(float(np.sum((root @ (size * shared)) ** 2) - determinant) / 2.0)
