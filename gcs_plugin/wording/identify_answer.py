@@ -87,9 +87,13 @@ def mentioned(one: Mentioned, names: tuple[str, ...]) -> str:
     sign, more = (1.0, "less") if one.loss >= 0.0 else (-1.0, "more")
     ends = sorted(sign * end for end in one.ci95)
     amount, interval = within(sign * one.loss, *ends, "%", factor=100.0, most=1)
+    thrust = f"it may make {amount} {more} thrust {interval}"
+    if ends[0] < 0.0 < ends[1]:
+        most, least = (at_most(end, "1") for end in (one.ci95[1], -one.ci95[0]))
+        thrust = f"it may make up to {most} less or {least} more thrust"
     return (
         f"{rotor_words(one.rotor, names).capitalize()} cannot be ruled out "
-        f"({chance(one.probability)}): it may make {amount} {more} thrust {interval}, so {INSPECT}"
+        f"({chance(one.probability)}): {thrust}, so {INSPECT}"
     )
 
 

@@ -199,8 +199,16 @@ def test_a_rotor_that_is_not_cleared_is_always_said(worn, sound):
     )
     assert said(replace(sound, mentioned=(rotor,)))[0] == f"{line}."
     assert said(replace(worn, mentioned=(rotor,)))[1] == f"{line}."
-    strong = Mentioned(rotor=2, probability=0.08, loss=-0.031, ci95=(-0.05, 0.012))
-    assert "it may make 3 % more thrust (−1 to 5), so inspect" in mentioned(strong, NAMES)
+    strong = Mentioned(rotor=2, probability=0.08, loss=-0.031, ci95=(-0.05, -0.012))
+    assert "it may make 3 % more thrust (1 to 5), so inspect" in mentioned(strong, NAMES)
+
+
+@pytest.mark.parametrize("loss", [0.009, -0.009])
+def test_a_rotor_of_which_the_sign_is_not_known_has_an_amount_for_either(loss):
+    unsure = Mentioned(rotor=2, probability=0.97, loss=loss, ci95=(-0.041, 0.058))
+    assert "it may make up to 5.8 % less or 4.1 % more thrust, so inspect" in mentioned(
+        unsure, NAMES
+    )
 
 
 class _Left:
