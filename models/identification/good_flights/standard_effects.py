@@ -22,8 +22,14 @@ from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.rows.base_uncertainty import base_uncertainty_rpm
 from thrustmargin.models.identification.rows.candidates import Candidate, Held, Term, candidate
 from thrustmargin.models.identification.rows.output_shares import effects_on_shares
-from thrustmargin.models.identification.rows.problem import Problem, assemble
-from thrustmargin.models.identification.rows.row_fit import RowFit, RowSums, fit_rows, half_widths
+from thrustmargin.models.identification.rows.problem import Problem, assemble, thinned
+from thrustmargin.models.identification.rows.row_fit import (
+    RowFit,
+    RowSums,
+    costs_by,
+    fit_rows,
+    half_widths,
+)
 from thrustmargin.models.model.rotor_model import RotorModel
 
 STANDARD = (
@@ -41,6 +47,12 @@ STANDARD = (
     "translational_lift",
     "climb_inflow",
 )
+#: Late telemetry is no part of an aircraft: it is kept where it takes more than WORTH of the square
+#: error, and by a fit without it, for a straight line from a delay to none says too little.
+DELAYS = ("sensor_lag", "sensor_lag:rotor speed")
+WORTH = 0.01
+ROWS_TO_BEGIN = 2_000  # of all flights: enough to see where a fit begins and what is late
+LATE = (0.0, 0.4)  # s that rotor speeds are late to begin with: telemetry that queues
 #: Without a network the base follows the air of each row (Eq. 6), so its density is no choice.
 BY_NATURE = "air_density"
 
@@ -65,9 +77,13 @@ def with_standard_effects(
     uncertainty = problem.in_modes(base_uncertainty_rpm(model, problem.base, problem.channels))
     known = np.sqrt(np.sum(uncertainty**2, axis=0).mean(axis=0))
     terms = standard_effects(model, problem)
-    fit = fit_rows(problem, [_at_start(t, problem) for t in terms], known_rpm=known)
+    some = thinned(problem, max(1, problem.measured_rpm.shape[0] // ROWS_TO_BEGIN))
+    fit = _fit_from_start(some, terms, known)
+    for key in DELAYS:
+        fit = _without_if_unneeded(some, fit, key, known, worth=WORTH)
     if model.network is not None:
-        fit = _without_density_if_unneeded(problem, fit, known)
+        fit = _without_if_unneeded(some, fit, BY_NATURE, known)
+    fit = fit_rows(problem, fit.held, known_rpm=known)
     kept = _needed(fit)
     while kept != fit.held:  # a value may shrink when those that opposed it are gone
         fit = fit_rows(problem, kept, known_rpm=known)
@@ -94,9 +110,30 @@ def with_standard_effects(
     return replace(model, effects=(*model.effects, *records))
 
 
-def _at_start(term: Term, problem: Problem) -> Held:
-    one: Candidate = candidate(term, problem.flights)
-    return Held(candidate=one, values=one.start)
+def _fit_from_start(problem: Problem, terms: Sequence[Term], known: Floats) -> RowFit:
+    """All terms together: first what makes them, then their shapes too.
+
+    A lag, a sharpening and the rotors' own inertia can stand for each other in sharp turns, and all
+    moved at once from nothing they end where none is what it is. Of the delays that rotor speeds
+    may begin with, it is the one that leaves flights left out least.
+    """
+    whole = [candidate(t, problem.flights) for t in terms]
+    found = []
+    for late in LATE if any(t.effect.delays for t in terms) else LATE[:1]:
+        made = [
+            Held(candidate=_without_shapes(one), values=one.start + late * one.term.effect.delays)
+            for one in whole
+        ]
+        first = fit_rows(problem, made, known_rpm=known).held
+        from_there = [replace(h, candidate=one) for h, one in zip(first, whole, strict=True)]
+        found.append(fit_rows(problem, from_there, known_rpm=known))
+    costs = [np.log(costs_by(problem, fit, found[0].filter)).sum() for fit in found]
+    return found[int(np.argmin(costs))]
+
+
+def _without_shapes(one: Candidate) -> Candidate:
+    parameters = one.term.effect.parameters
+    return replace(one, free=tuple(of for of in one.free if parameters[of[0]].absent is not None))
 
 
 def _half_widths(fit: RowFit, uncertainty: Floats) -> Floats:
@@ -110,12 +147,18 @@ def _half_widths(fit: RowFit, uncertainty: Floats) -> Floats:
     return half_widths(fit.sums, shared)[0]
 
 
-def _without_density_if_unneeded(problem: Problem, fit: RowFit, known: Floats) -> RowFit:
-    """The fit, without the density of the air if flights left out do not ask for it."""
-    rest = [h for h in fit.held if h.candidate.key != BY_NATURE]
+def _without_if_unneeded(
+    problem: Problem, fit: RowFit, key: str, known: Floats, *, worth: float = 0.0
+) -> RowFit:
+    """The fit, without one of its effects if flights left out do not ask for it by more than the
+    standard error and what it has to be worth."""
+    rest = [h for h in fit.held if h.candidate.key != key]
+    if len(rest) == len(fit.held):
+        return fit
     without = fit_rows(problem, rest, known_rpm=known)
-    gain, error = gain_and_error(without.sums.left_out_costs(), fit.sums.left_out_costs())
-    return fit if gain > error else without
+    costs = costs_by(problem, without, fit.filter)
+    gain, error = gain_and_error(costs, fit.sums.left_out_costs())
+    return fit if gain > max(error, worth) else without
 
 
 def _needed(fit: RowFit) -> tuple[Held, ...]:
@@ -129,7 +172,7 @@ def _needed(fit: RowFit) -> tuple[Held, ...]:
         whole = held_at_absent(fit, kept).left_out_costs()
         gains = []
         for one in kept:
-            if one.candidate.key != BY_NATURE:
+            if one.candidate.key not in (BY_NATURE, *DELAYS):
                 rest = tuple(h for h in kept if h is not one)
                 gain, error = gain_and_error(held_at_absent(fit, rest).left_out_costs(), whole)
                 gains.append((gain - error, rest))

@@ -134,6 +134,13 @@ def fit_rows(
     return RowFit(held=held, filter=filter_, columns=columns, sums=sums)
 
 
+def costs_by(problem: Problem, fit: RowFit, filter_: Whitening) -> Floats:
+    """(F,) what a fit leaves of each flight left out, by the filter of another fit: a fit's own is
+    as wide as what it leaves, and so its costs compare with nobody's."""
+    left = np.nan_to_num(problem.in_modes(problem.measured_rpm) - predicted(problem, fit.held))
+    return _sums(problem, fit.held, filter_, fit.columns, left).left_out_costs()
+
+
 def inside_bounds(sums: RowSums, total: Floats, held: Sequence[Held]) -> Floats:
     """(P,) the move of the values; one at a bound that would leave it stays, and the others move as
     is best without it."""

@@ -203,7 +203,11 @@ def _scatter_sizes(candidates: Sequence[Candidate], known: GoodFlights | None) -
 
 
 def _uncertainty(reduced: Reduced) -> Floats:
-    """(N, R, D) rpm in modes: what the base model may be off by, and the forms of its effects."""
+    """(N, R, D) rpm in modes: what the base model may be off by, and the forms of its effects.
+
+    A law may be off along slow channels and with how large the change is: where large turns bend
+    otherwise than small ones, another inertia against the law's own freedom would take that.
+    """
     columns = [np.moveaxis(reduced.in_modes(reduced.uncertainty_rpm), 0, 2)]
     base, slow = predicted(reduced, ()), form_columns(reduced.channels)
     for k in range(len(reduced.model.placed)):
@@ -211,8 +215,10 @@ def _uncertainty(reduced: Reduced) -> Floats:
         for mode in range(base.shape[1]):
             if np.sqrt(np.mean(change[:, mode] ** 2)) < LEAST_CHANGE:
                 continue
-            own = np.zeros((*base.shape, slow.shape[1]))
-            own[:, mode] = FORM * change[:, mode, None] * slow
+            size = change[:, mode, None]
+            along = np.concatenate([slow, (size / np.abs(size).max()) ** 2], axis=1)
+            own = np.zeros((*base.shape, along.shape[1]))
+            own[:, mode] = FORM * size * along
             columns.append(own)
     columns += _shapes(reduced, base)
     columns += [_answers_to_load(reduced, base)]

@@ -6,15 +6,18 @@ import numpy as np
 import pytest
 
 from tests.models.made_flights import F16, curve_model, made_flights
+from tests.undeclared.crafts import CRAFTS
+from tests.undeclared.flight_laws import yaw_time
+from tests.undeclared.plan import good_flights
+from tests.undeclared.subject import airframe_of
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.good_flights.standard_effects import (
-    _at_start,
     gain_and_error,
     held_at_absent,
     with_standard_effects,
 )
-from thrustmargin.models.identification.rows.candidates import Term
+from thrustmargin.models.identification.rows.candidates import Held, Term, candidate
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.rows.row_fit import fit_rows
 from thrustmargin.models.model.rotor_model import physics_model
@@ -74,8 +77,8 @@ def test_what_flights_contradict_each_other_about_is_not_kept():
 def fitted(tracks, keys, known_rpm: Floats | float = 0.0):
     """The rows, and some effects fitted to them together."""
     problem = assemble(curve_model(), tracks)
-    terms = [Term(effect=BY_KEY[key]) for key in keys]
-    held = [_at_start(t, problem) for t in terms]
+    each = [candidate(Term(effect=BY_KEY[key]), problem.flights) for key in keys]
+    held = [Held(candidate=one, values=one.start) for one in each]
     return problem, fit_rows(problem, held, known_rpm=known_rpm)
 
 
@@ -109,3 +112,23 @@ def test_leaving_an_effect_out_by_the_sums_is_leaving_it_out_of_the_fit():
         assert held_at_absent(whole, rest).left_out_costs().sum() == pytest.approx(again, rel=0.05)
     worse = held_at_absent(whole, whole.held[1:]).left_out_costs().sum()
     assert worse > 1.2 * whole.sums.left_out_costs().sum()
+
+
+@pytest.mark.parametrize("late_rows", [0, 3])
+def test_the_rotors_own_inertia_is_found_and_late_speeds_are_no_other_thing(tmp_path, late_rows):
+    """Moved all at once from nothing, lags and smoothing would stand for each other."""
+    craft = next(one for one in CRAFTS if one.name == "quad-x-21kg")
+    tracks = [
+        replace(t, rotor_speed_rpm=np.roll(t.rotor_speed_rpm, late_rows, axis=0))
+        for t in (flight.track for flight in good_flights(craft, 3))
+    ]
+    model = with_standard_effects(physics_model(airframe_of(craft, tmp_path)), tracks)
+    kept = {e.effect.key: e.values for e in model.placed}
+    turning = kept["manoeuvre_moment"]
+    assert yaw_time(craft) / 2.0 < turning["spin_up"] < 2.0 * yaw_time(craft)
+    empty = 0.85 * craft.inertia[2]  # by the plant's law of the tank
+    assert turning["inertia_yaw"] == pytest.approx(empty, rel=0.05)
+    assert abs(turning["damping_yaw"]) < 0.05
+    assert "sensor_lag" not in kept  # the airspeed comes in time
+    late = kept.get("sensor_lag:rotor speed", {"lag": 0.0})["lag"]
+    assert late - turning["lag"] == pytest.approx(0.1 * late_rows, abs=0.05)

@@ -25,6 +25,7 @@ from thrustmargin.models.identification.rows.row_fit import (
     RowSums,
     _merit,
     block_sums,
+    costs_by,
     fit_rows,
     half_widths,
     inside_bounds,
@@ -240,3 +241,17 @@ def test_the_merit_of_values_is_what_they_leave_and_how_far_they_are_from_nothin
     mass = candidate(Term(effect=BY_KEY["extra_mass"]), 1)
     held = [Held(candidate=mass, values=np.array([[-3.0]]))]
     assert _merit(held, np.array([0.5]), np.array([1.0, 2.0])) == pytest.approx(5.0 + 0.5 * 9.0)
+
+
+def test_fits_compare_by_the_filter_of_one_of_them():
+    """By their own, a fit that leaves more is seen through a wider one, and costs the same."""
+    flown = assemble(curve_model(), made_flights(3, hidden_mass=3.0))
+    one = candidate(Term(effect=BY_KEY["extra_mass"]), flown.flights)
+    having = fit_rows(flown, [Held(candidate=one, values=one.start)])
+    without = fit_rows(flown, [])
+    own = having.sums.left_out_costs()
+    np.testing.assert_allclose(costs_by(flown, having, having.filter), own)
+    wide = replace(having.filter, scale=2.0 * having.filter.scale)
+    np.testing.assert_allclose(costs_by(flown, having, wide), own / 4.0, rtol=1e-4)
+    assert np.all(costs_by(flown, without, having.filter) > 2.0 * own)
+    assert np.all(without.sums.left_out_costs() < 0.5 * costs_by(flown, without, having.filter))

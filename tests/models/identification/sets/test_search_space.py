@@ -133,8 +133,10 @@ def test_what_a_model_has_may_differ_from_its_form_and_its_shapes_and_a_controll
     slow = form_columns(x.channels)
     parts = []
     for mode in range(4):  # a twentieth of what the effect does, along slow curves
-        own = np.zeros((*base.shape, slow.shape[1]))
-        own[:, mode] = 0.05 * (base - without)[:, mode, None] * slow
+        change = (base - without)[:, mode, None]
+        size = (change / np.abs(change).max()) ** 2  # and with how large it is
+        own = np.zeros((*base.shape, slow.shape[1] + 1))
+        own[:, mode] = 0.05 * change * np.concatenate([slow, size], axis=1)
         parts.append(own)
     moved = recorded("rotor_degradation", rotor=2, loss=0.08, torque_share=0.25)
     other = replace(x, model=replace(model, effects=(moved, model.effects[1])))
