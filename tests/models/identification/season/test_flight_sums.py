@@ -66,7 +66,7 @@ def test_about_a_loss_the_sums_are_those_of_an_aircraft_that_has_it():
     linear = evidence.gram[k, -1] / evidence.gram[k, k]
     sound = flight_sums(model, track)
     own = sound.gram[k, -1] / sound.gram[k, k]  # what the flight had before
-    assert about[k, -1] / about[k, k] == pytest.approx(0.1 + own, rel=0.04)  # torque differs
+    assert about[k, -1] / about[k, k] == pytest.approx(0.1 + own, rel=0.06)  # torque differs
     assert linear > 1.06 * (0.1 + own)
 
 
