@@ -33,6 +33,7 @@ from thrustmargin.models.identification.sets.free_form import (
 )
 from thrustmargin.models.identification.sets.learning import learn
 from thrustmargin.models.identification.sets.nuisance import LEVELS, Nuisance
+from thrustmargin.models.identification.sets.unreported_wind import unreported_wind
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.network.records import GoodFlights
 from thrustmargin.models.physics.flight_phases import TURN_RATE
@@ -85,7 +86,7 @@ def search_space(
     if standing.any():  # how flights differ as a whole is known, and is nobody else's
         form = _within_flights(form, reduced.flight)
         hats[:, 0] = 0.0
-    scatter = np.concatenate([form, standing], axis=2)
+    scatter = np.concatenate([form, standing, unreported_wind(reduced, tracks)], axis=2)
     filter_ = _noise(reduced, residual, anything, hats)
     speed = float(reduced.measured_rpm.mean())
     wander, own = _wander(reduced, scatter.shape[2])
