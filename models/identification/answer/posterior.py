@@ -70,17 +70,39 @@ class Posterior:
     def best(self) -> FittedSet:
         return self.sets[0]
 
-    def probability(self, members: Sequence[int]) -> float:
+    def probability(self, members: Collection[int]) -> float:
         """That at least one of some candidates is there."""
         wanted = set(members)
         held = [w for s, w in zip(self.sets, self.weights, strict=True) if s.key & wanted]
         return min(1.0, float(sum(held)))
 
     def named(self) -> list[int]:
-        """Candidates that nearly all the weight holds, at a size that is clear of nothing."""
-        seen = {c for s in self.sets for c in s.key}
-        likely = sorted(c for c in seen if self.probability([c]) >= NAMED)
-        return [c for c in likely if _clear(self.estimate(c))]
+        """Candidates that nearly all the weight holds, at a size that is clear of nothing.
+
+        A rotor that is surely weak is named though it may be so from the start or from a moment on:
+        by the likeliest of these.
+        """
+        seen = sorted({c for s in self.sets for c in s.key})
+        likely = [c for c in seen if self.probability([c]) >= NAMED]
+        for c in seen:
+            alike = self._alike(c)
+            first = max(alike, key=lambda c: self.probability([c]))
+            if c == first and not {*likely} & alike and self.probability(alike) >= NAMED:
+                likely.append(c)
+        return [c for c in sorted(likely) if _clear(self.estimate(c))]
+
+    def _alike(self, candidate: int) -> set[int]:
+        """The candidate, of an effect on one rotor all that have it on that rotor."""
+        term = self.search.candidates[candidate].term
+        if term.rotor is None:
+            return {candidate}
+        return {
+            c
+            for s in self.sets
+            for c in s.key
+            if self.search.candidates[c].term.rotor == term.rotor
+            and self.search.candidates[c].term.effect.name == term.effect.name
+        }
 
     def estimate(self, candidate: int) -> EffectEstimate:
         """Mean and standard error over sets and levels of the values of one candidate."""
@@ -106,7 +128,7 @@ class Posterior:
         return EffectEstimate(
             candidate=candidate,
             term=term,
-            probability=self.probability([candidate]),
+            probability=self.probability(self._alike(candidate)),
             value=mean,
             error=np.sqrt(np.maximum(square - mean**2, 0.0)),
             steepness=self.steepness,

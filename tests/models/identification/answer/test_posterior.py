@@ -19,12 +19,13 @@ MASS, GAUGE, CG = (
 )
 LOSS = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=2), 1)
 LAST = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=3), 1)
-ALL = [MASS, GAUGE, CG, LOSS, LAST]
+SINCE = candidate(Term(effect=BY_KEY["rotor_degradation:since"], rotor=2), 1)
+ALL = [MASS, GAUGE, CG, LOSS, LAST, SINCE]
 
 
 def a_set(weight: float, **values: tuple[float, float]) -> FittedSet:
     """A set at one level: the first value of each effect and its standard error by name."""
-    names = {"mass": 0, "gauge": 1, "cg": 2, "loss": 3, "last": 4}
+    names = {"mass": 0, "gauge": 1, "cg": 2, "loss": 3, "last": 4, "since": 5}
     key = frozenset(names[n] for n in values)
     held, errors = [], []
     for n in sorted(values, key=lambda name: names[name]):
@@ -56,6 +57,32 @@ def test_what_nearly_all_weight_holds_is_named():
     assert found.named() == [3]
     assert found.probability([3]) == pytest.approx(0.96)
     assert found.probability([0]) == pytest.approx(0.36)
+
+
+def test_a_rotor_is_named_though_it_may_be_weak_from_the_start_or_since_a_moment():
+    """By the likeliest of the two, with what both hold of the weight, and not said once more."""
+    found = answer_of(
+        a_set(0.40, loss=(0.15, 0.01)),
+        a_set(0.54, since=(0.15, 0.01)),
+        a_set(0.03, since=(0.15, 0.01), mass=(1.0, 0.2)),
+        a_set(0.03),
+    )
+    assert found.named() == [5]
+    assert found.estimate(5).probability == pytest.approx(0.97)
+    assert found.one_of([5]) == ()
+    assert found.mentioned([5]) == ()
+
+
+def test_two_rotors_or_two_effects_of_which_one_is_there_are_no_name():
+    rotors = answer_of(a_set(0.5, loss=(0.15, 0.01)), a_set(0.5, last=(0.15, 0.01)))
+    assert rotors.named() == []
+    assert rotors.estimate(3).probability == pytest.approx(0.5)
+    assert answer_of(a_set(0.5, mass=(1.0, 0.2)), a_set(0.5, cg=(0.1, 0.01))).named() == []
+
+
+def test_both_that_nearly_all_weight_holds_are_named():
+    both = answer_of(a_set(0.97, loss=(0.15, 0.01), since=(0.05, 0.01)), a_set(0.03))
+    assert both.named() == [3, 5]
 
 
 def test_a_size_that_may_be_nothing_is_no_name():
