@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.special import ndtr, ndtri
+from scipy.special import ndtri
 
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.result import Excluded, Mentioned, OneOf, SetWeight
@@ -23,8 +23,6 @@ NAMED = 0.95  # of the weight, for a name
 CHOICE = 0.5  # of the weight holds just one of several, for "either ... or"
 MENTION = 0.05  # of the weight, from which a rotor is mentioned and an alternative listed
 CONFIDENCE = ndtri(0.975)  # standard errors on either side of an interval of 95 %
-LEAST_WEIGHT = 1e-4  # of the sets with a value, below which one does not move its interval
-TINY, HALVINGS = 1e-30, 50  # variance of a value that is held; steps to the ends of an interval
 EXCLUDED = 0.95  # that an effect which was not seen is smaller than what is stated
 
 
@@ -108,22 +106,8 @@ class Posterior:
 
     def estimate(self, candidate: int) -> EffectEstimate:
         """Mean and standard error over sets and levels of the values of one candidate."""
-        weights, values, variances = self._values_of(candidate)
-        mean = np.einsum("s,sfk->fk", weights, values)
-        square = np.einsum("s,sfk->fk", weights, variances + values**2)
-        return EffectEstimate(
-            candidate=candidate,
-            term=self.search.candidates[candidate].term,
-            probability=self.probability(self._alike(candidate)),
-            value=mean,
-            error=np.sqrt(np.maximum(square - mean**2, 0.0)),
-            steepness=self.steepness,
-        )
-
-    def _values_of(self, candidate: int) -> tuple[Floats, Floats, Floats]:
-        """(S,) weights that sum to one, (S, F, K) values and (S, F, K) variances of one candidate
-        in each set that holds it and at each level."""
-        weights, every, variances = [], [], []
+        term = self.search.candidates[candidate].term
+        total, mean, square = 0.0, 0.0, 0.0
         for one in self.sets:
             if candidate not in one.key:
                 continue
@@ -131,44 +115,37 @@ class Posterior:
             before = sum(len(h.candidate.free) for h in one.held[:of])
             held = one.held[of]
             for scored, evidence in zip(one.levels, one.log_evidence, strict=True):
-                values, variance = held.values.copy(), np.zeros_like(held.values)
+                weight = float(np.exp(evidence - self.sets[0].total))
+                values, errors = held.values.copy(), np.zeros_like(held.values)
                 for k, (parameter, flight) in enumerate(held.candidate.free):
                     rows = slice(None) if flight is None else flight
                     values[rows, parameter] += scored.step[before + k]
-                    variance[rows, parameter] = scored.variance[before + k]
-                weights.append(float(np.exp(evidence - self.sets[0].total)))
-                every.append(values)
-                variances.append(variance)
-        share = np.array(weights) / np.sum(weights)
-        return share, np.stack(every), np.stack(variances)
-
-    def _error_about(self, candidate: int, value: Floats) -> Floats:
-        """(F, K) standard errors: CONFIDENCE of them on either side of the values hold 95 % of what
-        all sets say of one candidate, most of it too where only a tenth of the weight says it."""
-        weights, values, variances = self._values_of(candidate)
-        counts = weights > LEAST_WEIGHT
-        weights, away = weights[counts] / weights[counts].sum(), values[counts] - value
-        width = np.sqrt(np.maximum(variances[counts], TINY))
-        low, high = np.zeros_like(value), np.abs(away).max(axis=0) + 10.0 * width.max(axis=0)
-        for _ in range(HALVINGS):
-            half = (low + high) / 2.0
-            inside = ndtr((half - away) / width) - ndtr((-half - away) / width)
-            enough = np.einsum("s,sfk->fk", weights, inside) >= 2.0 * ndtr(CONFIDENCE) - 1.0
-            low, high = np.where(enough, low, half), np.where(enough, half, high)
-        return high / CONFIDENCE
+                    errors[rows, parameter] = scored.variance[before + k]
+                total += weight
+                mean = mean + weight * values
+                square = square + weight * (errors + values**2)
+        mean, square = np.asarray(mean) / total, np.asarray(square) / total
+        return EffectEstimate(
+            candidate=candidate,
+            term=term,
+            probability=self.probability(self._alike(candidate)),
+            value=mean,
+            error=np.sqrt(np.maximum(square - mean**2, 0.0)),
+            steepness=self.steepness,
+        )
 
     def estimates(self, kept: Sequence[int], either: Collection[int] = ()) -> list[EffectEstimate]:
         """Of those names that are kept which stay clear of nothing by themselves. Values are those
         of them alone, since that is what they predict with, but beside the likeliest of each
-        `either ... or`, and as uncertain as the sets with whatever else is likely have them."""
+        `either ... or`, and as uncertain as the absence of whatever else is likely moves them."""
         kept, found = sorted(kept), []
         while kept:
             alone = Posterior.of(self.search, [self.of_alone({*kept, *either})], self.steepness)
             found, standing = [], []
             for c in kept:
                 among, own = self.estimate(c), alone.estimate(c)
-                error = np.maximum(own.error, self._error_about(c, own.value))
-                found.append(replace(among, value=own.value, error=error))
+                error = np.hypot(own.error, among.value - own.value)
+                found.append(replace(among, value=own.value, error=np.maximum(error, among.error)))
                 # Of one value that is by its interval; of several another may stand out each time.
                 if _clear(own) and (_clear(found[-1]) or len(_main(own.term)) > 1):
                     standing.append(c)
