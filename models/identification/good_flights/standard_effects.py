@@ -52,7 +52,6 @@ STANDARD = (
 DELAYS = ("sensor_lag", "sensor_lag:rotor speed")
 WORTH = 0.01
 ROWS_TO_BEGIN = 2_000  # of all flights: enough to see where a fit begins and what is late
-LATE = (0.0, 0.4)  # s that rotor speeds are late to begin with: telemetry that queues
 #: Without a network the base follows the air of each row (Eq. 6), so its density is no choice.
 BY_NATURE = "air_density"
 
@@ -114,21 +113,13 @@ def _fit_from_start(problem: Problem, terms: Sequence[Term], known: Floats) -> R
     """All terms together: first what makes them, then their shapes too.
 
     A lag, a sharpening and the rotors' own inertia can stand for each other in sharp turns, and all
-    moved at once from nothing they end where none is what it is. Of the delays that rotor speeds
-    may begin with, it is the one that leaves flights left out least.
+    moved at once from nothing they end where none is what it is.
     """
     whole = [candidate(t, problem.flights) for t in terms]
-    found = []
-    for late in LATE if any(t.effect.delays for t in terms) else LATE[:1]:
-        made = [
-            Held(candidate=_without_shapes(one), values=one.start + late * one.term.effect.delays)
-            for one in whole
-        ]
-        first = fit_rows(problem, made, known_rpm=known).held
-        from_there = [replace(h, candidate=one) for h, one in zip(first, whole, strict=True)]
-        found.append(fit_rows(problem, from_there, known_rpm=known))
-    costs = [np.log(costs_by(problem, fit, found[0].filter)).sum() for fit in found]
-    return found[int(np.argmin(costs))]
+    made = [Held(candidate=_without_shapes(one), values=one.start) for one in whole]
+    first = fit_rows(problem, made, known_rpm=known).held
+    from_there = [replace(h, candidate=one) for h, one in zip(first, whole, strict=True)]
+    return fit_rows(problem, from_there, known_rpm=known)
 
 
 def _without_shapes(one: Candidate) -> Candidate:
