@@ -196,31 +196,38 @@ class Search:
             found[key] = max(found.get(key, IMPOSSIBLE), value)
             return value
 
-        everything = range(len(self.candidates))
+        about = linear.about.key
         for level in levels:
-            about = linear.about.key
-            beam = {about: look(about, level)}
-            for member in about:  # neighbours: one less
-                beam[about - {member}] = look(about - {member}, level)
-            while True:
-                grown: dict[Key, float] = {}
-                for key in sorted(beam, key=lambda k: -beam[k])[:BEAM]:
-                    pool = [c for c in everything if c not in key and not self._twice(key, c)]
-                    if len(key) >= MOST_EFFECTS or not pool:
-                        continue
-                    gains = linear.gains(key, level, pool)
-                    for i in np.argsort(-gains)[:BEAM]:
-                        new = key | {pool[i]}
-                        if new not in grown:
-                            grown[new] = look(new, level)
-                if not grown or max(grown.values()) < max(beam.values()) - NEAR:
-                    break
-                beam = grown
+            self._grow(linear, level, [about, *(about - {member} for member in about)], look)
+            if about:  # others may stand in the place of all
+                self._grow(linear, level, [frozenset()], look)
         ranked = sorted(found, key=lambda k: -found[k])
         top = max(found[ranked[0]], best.total)
         near = [k for k in ranked if found[k] > top - NEAR and k not in self.fitted]
         more = [k for k in ranked if len(k ^ best.key) == 1 and k not in self.fitted]
         return list(dict.fromkeys([*near[:FITTED], *more[:NEXT], *self._other_rotors(best.key)]))
+
+    def _grow(
+        self, linear: Linear, level: int, starts: Sequence[Key], look: Callable[[Key, int], float]
+    ) -> None:
+        """Look at sets that grow from some, the likeliest of each size, until they get no
+        likelier."""
+        everything = range(len(self.candidates))
+        beam = {key: look(key, level) for key in starts}
+        while True:
+            grown: dict[Key, float] = {}
+            for key in sorted(beam, key=lambda k: -beam[k])[:BEAM]:
+                pool = [c for c in everything if c not in key and not self._twice(key, c)]
+                if len(key) >= MOST_EFFECTS or not pool:
+                    continue
+                gains = linear.gains(key, level, pool)
+                for i in np.argsort(-gains)[:BEAM]:
+                    new = key | {pool[i]}
+                    if new not in grown:
+                        grown[new] = look(new, level)
+            if not grown or max(grown.values()) < max(beam.values()) - NEAR:
+                break
+            beam = grown
 
     def _other_rotors(self, key: Key) -> list[Key]:
         """A set with another rotor in the place of each bad one, as far as not fitted yet."""
