@@ -202,6 +202,15 @@ def load_facts(track: FlightTrack) -> tuple[Fact, ...]:
     return (Fact("load", f"{start} to {end}, {source}"),)
 
 
+def ending_facts(track: FlightTrack) -> tuple[Fact, ...]:
+    """That a log ends before the flight did: the file is cut short, or recording stopped."""
+    if not track.flying.size or not track.flying[-1]:
+        return ()
+    return (
+        Fact("log", f"ends in flight, at {clock(float(track.time_s[-1]))}: the rest is unseen"),
+    )
+
+
 def _one_rotor_out(verdict: MarginVerdict) -> str:
     least = verdict.redundancy_yaw_free_min
     if not math.isfinite(least):

@@ -38,6 +38,7 @@ from thrustmargin.gcs_plugin.wording.margin_verdict import (
     MarginVerdict,
     Moment,
     basis_words,
+    ending_facts,
     facts,
     headline,
     load_facts,
@@ -81,7 +82,10 @@ def report_flight(
         **_fills(analysis, as_flown, rows),
     )
     alarms = fault_episodes(fault_history(analysis))
-    said = (*alarm_facts(alarms), *facts(verdict, analysis.claim), *load_facts(track))
+    said = (
+        *(*alarm_facts(alarms), *facts(verdict, analysis.claim)),
+        *(*load_facts(track), *ending_facts(track)),
+    )
     return FlightReport(
         name=track.name,
         verdict=replace(verdict, facts=said),

@@ -10,6 +10,7 @@ from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.reports.margin import build_report, report_flight
 from thrustmargin.gcs_plugin.reports.margin.data import end_rows
 from thrustmargin.gcs_plugin.reports.margin.moments import APART_S, doing
+from thrustmargin.gcs_plugin.wording.numbers import clock
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.airframe import load_airframe
@@ -49,6 +50,16 @@ def test_time_above_the_limit_is_the_share_of_airborne_rows(analysis, report):
     assert report.verdict.over_limit_s == pytest.approx(0.1 * np.sum(worst > 0.5), rel=0.02)
     assert report.verdict.level == "over"
     assert report.verdict.headline == "ABOVE THE 50 % LIMIT AT TIMES"
+
+
+def test_a_log_that_ends_in_flight_says_so_and_one_that_ends_on_the_ground_does_not(report):
+    analysis, _ = flight()
+    assert "log" not in {fact.label for fact in report.verdict.facts}
+    rows = int(np.flatnonzero(analysis.track.flying)[-1]) - 200
+    short = flight(log().track.rows(slice(rows)))
+    said = report_flight(*short, max_utilisation=0.5).verdict.facts
+    (ending,) = (fact.text for fact in said if fact.label == "log")
+    assert ending.startswith(f"ends in flight, at {clock(float(short[1].track.time_s[-1]))}")
 
 
 def test_the_level_follows_the_limit_and_the_redundancy():
