@@ -199,8 +199,8 @@ class Search:
         about = linear.about.key
         for level in levels:
             self._grow(linear, level, [about, *(about - {member} for member in about)], look)
-            if about:  # others may stand in the place of all
-                self._grow(linear, level, [frozenset()], look)
+        if about:  # others may stand in the place of all
+            self._grow(linear, best.best_level, [frozenset()], look)
         ranked = sorted(found, key=lambda k: -found[k])
         top = max(found[ranked[0]], best.total)
         near = [k for k in ranked if found[k] > top - NEAR and k not in self.fitted]
