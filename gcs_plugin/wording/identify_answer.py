@@ -229,7 +229,7 @@ def next_flight_words(following: NextFlight, names: Sequence[str], mission: str)
     both = {t.key for t in ours} & {t.key for t in theirs}
     sides = [[t for t in side if t.key not in both] for side in (ours, theirs)]
     asked = " from ".join(set_words(side, names) for side in sides if side)
-    question = asked if all(sides) else f"whether there is {asked}"
+    question = asked if all(sides) else f"whether the cause is {asked}"
     times = f", {following.repeats} times" if following.repeats > 1 else ""
     sure = ""
     if following.certainty < CERTAIN:

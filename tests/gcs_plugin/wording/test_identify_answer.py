@@ -263,7 +263,7 @@ def test_the_next_flight_says_what_it_tells_apart_and_where_its_mission_is(worn)
     assert f"{line}." in said(worn, following=following, mission="next.plan")
     cleared = replace(following, separates=((MASS,), (MASS, weak(2))))
     assert next_flight_words(cleared, NAMES, "").startswith(
-        "To tell whether there is a weak rotor 3 (front left), hover 30 s"
+        "To tell whether the cause is a weak rotor 3 (front left), hover 30 s"
     )
     unsure = replace(following, certainty=0.8)
     assert "; even that is right in only 80 % of cases; " in next_flight_words(unsure, NAMES, "")
