@@ -177,11 +177,16 @@ def _rotor_speed(
     close = _verdict(scale.low, scale.high, CLOSE_SPEED, CLOSE_SPEED) != "contradicts"
     # Between an empty and a full tank fly many aircraft: without the load, outputs must agree too.
     known = bool((track.measured("tank_kg")[track.flying] >= 0.0).any())
-    close = close and (known or _driven_alike(track, airframe, parameters))
+    alike = known or _driven_alike(track, airframe, parameters)
+    words = scale.words
+    if not close:
+        words += ", but not closely"
+    elif not alike:
+        words += " of some load, but no tank level says which, and no motor outputs confirm them"
     return Comparison(
         check="rotor speed",
-        verdict="close" if close else "fits",
-        words=scale.words,
+        verdict="close" if close and alike else "fits",
+        words=words,
         brief=f"rotors at {speed:,.0f} rpm {_for_mass(track, airframe, scale.ratio)}",
     )
 

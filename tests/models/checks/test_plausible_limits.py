@@ -93,6 +93,16 @@ def test_without_a_load_the_outputs_must_give_the_speeds_within_eight_percent(ra
     assert verdicts(track)["rotor speed"] == verdict
 
 
+def test_why_rotor_speeds_that_fit_are_not_close_is_said():
+    fast = words_of(hover(rotor_speed_rpm=np.full((200, 4), 1.2 * SPEED)), "rotor speed").words
+    assert fast == "rotor speeds fit the weight (ratio 1.20), but not closely"
+    unloaded = hover(tank_kg=UNKNOWN, throttle=np.full((200, 4), 0.8 * OUTPUT))
+    assert words_of(unloaded, "rotor speed").words.endswith(
+        " of some load, but no tank level says which, and no motor outputs confirm them"
+    )
+    assert words_of(hover(), "rotor speed").words == "rotor speeds fit the weight (ratio 1.00)"
+
+
 @pytest.mark.parametrize(
     ("ratio", "verdict"),
     [
