@@ -21,6 +21,7 @@ from thrustmargin.models.identification.rows.candidates import Held, Term, candi
 from thrustmargin.models.identification.rows.problem import Problem
 from thrustmargin.models.identification.rows.row_fit import fit_rows
 from thrustmargin.models.identification.sets.linear_sets import ColumnsAbout, FittedSet, Linear
+from thrustmargin.models.identification.sets.nuisance import Nuisance, Solved
 from thrustmargin.models.identification.sets.set_search import Search
 
 MOST_FOLDS = 20  # of many flights: what is left out then is a twentieth
@@ -64,6 +65,25 @@ class LeftOutPart:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OutOfSums:
+    """What is left out of all sums in turn, whatever set they are about."""
+
+    flights: tuple[tuple[int, ...], ...]
+    less: tuple[Nuisance, ...]  # of these flights alone
+    solved: tuple[Solved, ...]  # without them
+
+    @classmethod
+    def of(cls, nuisance: Nuisance) -> OutOfSums:
+        """Each flight, of many some at a time; of one flight none."""
+        every = len(nuisance.flights)
+        count = min(every, MOST_FOLDS) if every > 1 else 0
+        flights = [tuple(range(k, every, count)) for k in range(count)]
+        less = [nuisance.of_means(np.isin(nuisance.whitening.flight, out)) for out in flights]
+        solved = [nuisance.solved(less=one) for one in less]
+        return cls(flights=tuple(flights), less=tuple(less), solved=tuple(solved))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LeftOut:
     """The rows that errors are reported on, and the search without each part of them."""
 
@@ -72,22 +92,29 @@ class LeftOut:
     folds: tuple[LeftOutPart, ...]
 
     @classmethod
-    def of(cls, problem: Problem, search: Search, about: FittedSet) -> LeftOut:
-        """Linear about a set fitted to all flights."""
-        columns, nuisance = search.columns_about(about), search.nuisance
+    def of(
+        cls,
+        problem: Problem,
+        search: Search,
+        about: FittedSet,
+        *,
+        alone: bool = False,
+        out: OutOfSums | None = None,
+    ) -> LeftOut:
+        """Linear about a set fitted to all flights; `alone` for what is asked of this set only."""
+        columns, nuisance = search.columns_about(about, alone=alone), search.nuisance
         if problem.flights == 1:
             return cls(problem=problem, search=search, folds=_fifths(search, columns, problem))
-        count = min(problem.flights, MOST_FOLDS)
+        out = out or OutOfSums.of(nuisance)
         members = frozenset().union(*search.fitted)
         shared, own = nuisance.sums(columns.whole)
         folds = []
-        for k in range(count):
-            out = tuple(range(k, problem.flights, count))
-            less = nuisance.of_means(np.isin(nuisance.whitening.flight, out))
+        for flights, less, solved in zip(out.flights, out.less, out.solved, strict=True):
             less_shared, less_own = less.sums(columns.whole)
             rest = shared - less_shared, own - less_own
-            linear = columns.linear(nuisance.solved(less=less), rest).only(members, out)
-            folds.append(LeftOutPart(flights=out, rows=np.isin(problem.flight, out), linear=linear))
+            linear = columns.linear(solved, rest).only(members, flights)
+            rows = np.isin(problem.flight, flights)
+            folds.append(LeftOutPart(flights=flights, rows=rows, linear=linear))
         return cls(problem=problem, search=search, folds=tuple(folds))
 
     def residual(self, values: Values) -> Floats:
@@ -98,6 +125,11 @@ class LeftOut:
     def with_set(self, members: Collection[int]) -> Floats:
         """(T, R) rpm with given effects, each row with values found without its flight."""
         return self._without([fold.values(self.search, members) for fold in self.folds])
+
+    def squares(self, residual_rpm: Floats) -> Floats:
+        """(folds,) mean square of a residual (T, R) over the rows of each part left out."""
+        square = np.mean(residual_rpm**2, axis=1)
+        return np.array([square[fold.rows].mean() for fold in self.folds])
 
     def with_carried(self, members: Collection[int]) -> Floats:
         """The same with those of the effects alone that flights to come will have."""

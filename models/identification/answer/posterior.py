@@ -66,6 +66,11 @@ class Posterior:
         weights = np.exp(totals - np.logaddexp.reduce(totals))
         return cls(search=search, sets=tuple(sets), weights=weights, steepness=steepness)
 
+    def without(self, aside: Collection[frozenset[int]]) -> Posterior:
+        """The answer without some sets."""
+        kept = [s for s in self.sets if s.key not in aside]
+        return Posterior.of(self.search, kept, self.steepness)
+
     @property
     def best(self) -> FittedSet:
         return self.sets[0]
@@ -253,12 +258,16 @@ class Posterior:
             p = candidate.parameters[main[0]]
             value = linear.held[c].free_values[main[0]] + scored.step[at] - (p.absent or 0.0)
             error = float(np.sqrt(scored.variance[at]))
+            above = float(abs(value) + ndtri(EXCLUDED) * error)
+            absent = p.absent or 0.0
+            if above >= max(p.upper - absent, absent - p.lower):
+                continue  # what cannot be is no size to exclude
             found.append(
                 Excluded(
                     term=candidate.term,
                     parameter=p.name,
                     unit=p.unit,
-                    above=float(abs(value) + ndtri(EXCLUDED) * error),
+                    above=above,
                 )
             )
         return tuple(found)

@@ -20,6 +20,7 @@ from thrustmargin.models.identification.answer.adequacy import (
     unexplained,
     with_free,
 )
+from thrustmargin.models.identification.answer.borne_out import LEAST_FALL, borne_out
 from thrustmargin.models.identification.answer.left_out import LeftOut
 from thrustmargin.models.identification.answer.posterior import (
     EffectEstimate,
@@ -30,10 +31,6 @@ from thrustmargin.models.identification.answer.result import OneOf
 from thrustmargin.models.identification.rows.problem import Problem
 from thrustmargin.models.identification.sets.search_space import SearchSpace
 from thrustmargin.models.identification.sets.set_search import Progress, Search
-
-#: of the error on flights left out, that an effect must take to be worth a name: what the scatter
-#: of a sound propeller (0.4 % of its thrust) does to rotor speeds that are good to 0.6 %
-LEAST_FALL = 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,7 +60,8 @@ def standing_names(
     progress: Progress | None = None,
 ) -> StandingNames:
     """The names of a search that has run; `steepness` is that of `posterior_of`."""
-    answer = posterior_of(search, steepness)
+    first_named = posterior_of(search, steepness).named()
+    answer, left_out = borne_out(problem, posterior_of(search, steepness))
     named = answer.named()
     first, any_name = answer, bool(named)
     left = unexplained(space, search, answer.best, named=any_name)
@@ -76,9 +74,9 @@ def standing_names(
         if lost := set(named) - {*closest, *second.named()}:
             # What it had lent its weight to may have hidden what is there.
             answer, named = second, second.named()
+            left_out = LeftOut.of(problem, beside, answer.best)
             closest = [*closest_to(left, named, beside, answer.best), *closest, *sorted(lost)]
             closest = list(dict.fromkeys(closest))
-    left_out = LeftOut.of(problem, answer.search, answer.best)
 
     def error(some: Sequence[int]) -> float:
         return size(left_out.with_set(some))
@@ -100,7 +98,7 @@ def standing_names(
     return StandingNames(
         answer=answer,
         left_out=left_out,
-        named=tuple(named),
+        named=tuple(sorted({*first_named, *named})),
         estimates=tuple(estimates),
         one_of=one_of,
         left=left,

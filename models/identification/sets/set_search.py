@@ -154,8 +154,9 @@ class Search:
         columns = self.columns_about(about)
         return columns.linear(self.solved, self.nuisance.sums(columns.whole))
 
-    def columns_about(self, about: FittedSet) -> ColumnsAbout:
-        """What all candidates do about a fitted set, by the means."""
+    def columns_about(self, about: FittedSet, *, alone: bool = False) -> ColumnsAbout:
+        """What all candidates do about a fitted set, by the means; `alone` what its own do, and the
+        others nothing."""
         inside = dict(zip(sorted(about.key), about.held, strict=True))
         base = predicted(self.reduced, about.held)
         held, columns, changes, places = [], [], [], []
@@ -166,6 +167,11 @@ class Search:
                 of = sorted(about.key).index(c)
                 rest = [h for k, h in enumerate(members) if k != of]
                 changes.append(predicted(self.reduced, rest) - base)
+            elif alone:
+                held.append(replace(at_start, candidate=replace(at_start.candidate, free=())))
+                changes.append(np.zeros_like(base))
+                places.append(slice(first, first))
+                continue
             else:
                 members, of = [*about.held, at_start], len(about.held)
                 changes.append(predicted(self.reduced, members) - base)

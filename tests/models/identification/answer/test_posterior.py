@@ -278,6 +278,15 @@ def test_a_detail_is_no_size_and_a_value_that_is_never_absent_neither():
     assert posterior_of(search).named() == []
 
 
+@pytest.mark.parametrize(("of_bound", "said"), [(0.999, True), (1.001, False)])
+def test_a_size_that_cannot_be_is_not_excluded(of_bound, said):
+    """Flights that show nothing of a delay exclude one "above 40,000,000,000 s"."""
+    (gain,) = BY_KEY["tank_scale"].parameters
+    most = max(gain.upper - 1.0, 1.0 - gain.lower)
+    error = of_bound * most / norm.ppf(0.95)
+    assert ("tank_scale" in excluded(0.0, error, a_set(1.0))) is said
+
+
 def test_what_is_named_or_has_weight_is_not_excluded():
     assert "extra_mass" not in excluded(0.1, 0.02, a_set(1.0), named=[0])
     seen = (a_set(0.94), a_set(0.06, mass=(1.0, 0.3)))
