@@ -39,7 +39,7 @@ AIR_DENSITY = Effect(
             name="temperature_offset", unit="K", absent=None, lower=-35.0, upper=35.0, scale=8.0
         ),
         replace(
-            TORQUE_SHARE, start=1.0, lower=0.0, upper=1.0
+            TORQUE_SHARE, lower=0.0, upper=1.0, scale=0.5
         ),  # simulators may have no torque of air
     ),
     needs=("reported_density", "air_temperature"),

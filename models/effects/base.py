@@ -137,8 +137,10 @@ def instrument_gain(smallest: float) -> Parameter:
     )
 
 
-#: How much of the thrust loss the torque shares: 0 when drag stays, 1 when it falls as much.
-TORQUE_SHARE = shaping("torque_share", "1", start=0.5, lower=-1.0, upper=2.0, scale=0.5)
+#: How much of the thrust loss the torque shares: 0 when drag stays, as with dirt or ice, about 1
+#: for blades that are soft or of less pitch, 1.25 to 1.5 for a tip that is cut or chipped: torque
+#: goes with R^5 where thrust goes with R^4, and drag sits at the tip.
+TORQUE_SHARE = shaping("torque_share", "1", start=1.0, lower=-1.0, upper=2.0, scale=0.75)
 
 
 def _at_the_row(p: Values) -> Look:

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from thrustmargin.models.effects.base import TORQUE_SHARE
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.season.change_points import (
     FALSE_ENTRIES,
@@ -31,7 +32,7 @@ from thrustmargin.models.identification.season.season_sums import SeasonSums, se
 from thrustmargin.models.identification.sets.free_form import FORM
 
 MOST_FINDS = 8  # of one season
-SHAPE = 0.5  # of a loss: what its torque share may be off by
+SHAPE = TORQUE_SHARE.scale  # of a loss: what its torque share may be off by
 RECENT = 10  # flights
 NO_SCATTER = 0.05  # of the usual size: scatter of a value that has none of its own
 ABOUT, BENT = 4, 0.001  # times sums are made anew; near enough to a loss

@@ -53,7 +53,7 @@ SIZES = {
     ("climb_inflow", "slope"): (-2, 6, 1, 0.05),
     ("ground_effect", "strength"): (0, 3, 0.2, 0.02),
     ("rotor_degradation", "loss"): (-0.3, 0.7, 0.05, 0.004),
-    ("rotor_degradation", "torque_share"): (-1, 2, 0.5, 0),
+    ("rotor_degradation", "torque_share"): (-1, 2, 0.75, 0),
     ("rotor_degradation", "onset_time"): (0, 100000, 60, 0),
     ("rotor_degradation", "end_time"): (0, 100000, 60, 0),
     ("rotor_degradation", "onset_clock"): (0, 1e11, 60, 0),
@@ -88,7 +88,7 @@ STARTS = {
     "air_density.torque_share": 1.0,
     "battery_voltage.exponent": 1.0,
     "ground_effect.strength": 1 / 16,
-    "rotor_degradation.torque_share": 0.5,
+    "rotor_degradation.torque_share": 1.0,
 }
 RESOLUTION = {
     "sensor_lag:rotor speed.lag": 0.01,
@@ -118,7 +118,7 @@ def test_fits_start_where_nothing_is_or_where_an_effect_is_usual():
     cables = {k: v for k, v in found.items() if k.endswith(".cable")}
     onsets = {k for k in found if k.startswith("rotor_degradation:")}
     assert {k: found[k] for k in found if k not in onsets | set(cables)} == pytest.approx(STARTS)
-    assert {found[k] for k in onsets} == {0.5}
+    assert {found[k] for k in onsets} == {1.0}
     width = 16.0 ** (1 / 7)  # lengths of 4 to 64 arms in seven pieces, each from its middle
     middles = [4.0 * USUAL_ARM * width ** (k + 0.5) for k in range(7)]
     assert list(cables.values()) == pytest.approx(middles, rel=0.015)

@@ -186,18 +186,22 @@ def test_a_lost_share_moves_its_own_rotor_on_a_quad():
     assert abs(three) == pytest.approx(0.5 * loss / (1.0 - loss), rel=0.02)
     assert np.argmax(steps[2, at]) == 2
     # What its torque does is nearly all yaw.
-    assert np.max(abs(torque[2, at] @ modes)[:3]) < 0.02 * abs(three).max()
+    assert np.max(abs(torque[2, at] @ modes)[:3]) < 0.04 * abs(three).max()
 
 
 @pytest.mark.parametrize("craft", [c for c in CRAFTS if c.rotors > 4], ids=lambda c: c.name)
-def test_with_more_rotors_the_opposite_one_falls(craft):
+def test_with_more_rotors_all_make_up_for_one_through_the_mixer(craft):
+    """Commands x = M'y of thrust, roll, pitch and yaw, with which the weak rotor and all others
+    make what sound ones did."""
     airframe = airframe_from_table(tomllib.loads(craft.airframe_toml()), craft.name)
     steps, _ = loss_steps(physics_model(airframe))
-    places = airframe.rotor_position_frd[:, :2]
-    for rotor in range(craft.rotors):
-        moved = steps[rotor, 20]
-        assert np.argmax(moved) == rotor
-        assert np.argmin(places @ places[rotor]) in np.flatnonzero(moved < 0.0)
+    at, count = 20, craft.rotors
+    mixer = np.stack([np.ones(count), *airframe.rotor_position_frd[:, :2].T, airframe.rotor_spin])
+    for rotor in range(count):
+        sound = airframe.rotor_effectiveness
+        left = np.where(np.arange(count) == rotor, 1.0 - FAULT_SIZES[at], 1.0) * sound  # torque too
+        asked = np.linalg.solve(mixer * left @ mixer.T, mixer @ (sound - left))
+        np.testing.assert_allclose(steps[rotor, at], mixer.T @ asked, atol=2e-3)
 
 
 def test_the_ground_long_enough_forgets_a_fault_and_a_bounce_does_not():
@@ -247,9 +251,9 @@ def test_a_chipped_propeller_is_found_when_and_as_large_as_it_was():
     history = fault_history(analyse(log.track, model))
     assert len(history) == 16
     for (time_s, (fault,)), expected in (
-        (history[0], (144.802, 0.06845888332626691, 0.06098352112624365, MOST)),
-        (history[4], (147.6, 0.12263437790406302, 0.11483470874174362, 0.1343484649337548)),
-        (history[-1], (155.302, 0.12197323789814565, 0.11480167944189196, 0.1322099243232735)),
+        (history[0], (144.802, 0.06780284535851516, 0.06066719160463032, MOST)),
+        (history[4], (147.6, 0.12113922149104209, 0.11062498244376018, 0.13141586312876846)),
+        (history[-1], (155.302, 0.12062796509052434, 0.1100916347675493, 0.12865694086906912)),
     ):
         found = (time_s, fault.size, fault.lower, fault.upper)
         assert (fault.kind, fault.rotor) == ("propeller", 2)

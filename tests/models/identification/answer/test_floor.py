@@ -135,7 +135,7 @@ def test_it_is_ridge_regression_from_every_other_row_of_flights_beside():
 
 
 def test_identify_learns_the_floor_of_held_out_flights_from_the_flights_of_the_fit():
-    flights = made_flights(3, duration=60.0, loss=0.08)
+    flights = made_flights(3, duration=60.0, loss=0.08, hidden_mass=1.0)
     few = table(["rotor_degradation"])
     found = identify(flights[:2], curve_model(), held_out=flights[2:], catalogue=few)
     unused = found.unseen[-1]

@@ -198,9 +198,9 @@ def test_columns_of_a_rotor_are_its_loss_how_that_bends_and_how_torque_goes_with
     def slope(share: float) -> Floats:
         return (done(1e-5, share) - done(-1e-5, share)) / 2e-5
 
-    bend = (done(0.1, 0.5) - done(0.0, 0.5) - 0.1 * slope(0.5)) / 0.1**2
-    residual = space.reduced.in_modes(space.reduced.measured_rpm) - done(0.0, 0.5)
-    columns = [slope(0.5), (slope(1.0) - slope(0.5)) / 0.5, bend, residual]
+    bend = (done(0.1, 1.0) - done(0.0, 1.0) - 0.1 * slope(1.0)) / 0.1**2
+    residual = space.reduced.in_modes(space.reduced.measured_rpm) - done(0.0, 1.0)
+    columns = [slope(1.0), (slope(1.75) - slope(1.0)) / 0.75, bend, residual]
     sums = space.nuisance.sums(np.stack(columns, axis=2))
     expected = space.nuisance.solved(levels=LEVELS[:1]).reduce(sums)[0]
     loss, share = (
@@ -210,7 +210,7 @@ def test_columns_of_a_rotor_are_its_loss_how_that_bends_and_how_torque_goes_with
     size = np.sqrt(np.diag(expected))
     off = (evidence.gram[np.ix_(at, at)] - expected) / np.outer(size, size)
     np.testing.assert_allclose(off, 0.0, atol=1e-4)
-    assert evidence.limits[share].tolist() == [0.0, -1.0, 1.0, 0.5, 0.0, 0.0, 1.0]
+    assert evidence.limits[share].tolist() == [0.0, -1.0, 1.0, 0.75, 0.0, 0.0, 1.0]
     kept = worn.parameters[0]
     by_hand = [0.0, kept.lower, kept.upper, 0.05, 0.004, 0.0, 0.0]
     assert evidence.limits[loss].tolist() == by_hand

@@ -197,7 +197,7 @@ def test_a_torque_share_goes_with_its_loss_and_is_known_to_a_half(changes):
     usual |= {name: VALUES[name][3] for name in free}
     over = [(name, np.ones(6), size / np.sqrt(6.0)) for name, size in usual.items()]
     over += [(LOSS, loss, np.inf)] if changes else []
-    over += [(SHARE, loss if changes else np.full(6, 0.09), 0.5)]
+    over += [(SHARE, loss if changes else np.full(6, 0.09), 0.75)]
     rows, wanted = [], []
     for f, one in enumerate(flights):
         columns, residual = without_own(one, loss[f])

@@ -138,9 +138,9 @@ def test_what_a_model_has_may_differ_from_its_form_and_its_shapes_and_a_controll
         own = np.zeros((*base.shape, slow.shape[1] + 1))
         own[:, mode] = 0.05 * change * np.concatenate([slow, size], axis=1)
         parts.append(own)
-    moved = recorded("rotor_degradation", rotor=2, loss=0.08, torque_share=0.25)
+    moved = recorded("rotor_degradation", rotor=2, loss=0.08, torque_share=0.125)
     other = replace(x, model=replace(model, effects=(moved, model.effects[1])))
-    parts.append((predicted(other, ()) - base)[:, :, None])  # half of a shape's usual 0.5
+    parts.append((predicted(other, ()) - base)[:, :, None])  # half of a shape's usual 0.75
     load = base[:, 0] - slowly(base[:, 0], x.flight)
     parts.append(load[:, None, None] * np.eye(4)[:, 1:])
     parts.append(np.zeros((*base.shape, 4)))  # how good flights differ, of which none are known

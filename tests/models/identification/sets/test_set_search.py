@@ -45,7 +45,9 @@ def all_sets(search: Search, most: int = 9) -> list[frozenset[int]]:
     return [frozenset(k) for n in range(most) for k in combinations(every, n)]
 
 
-@pytest.mark.parametrize("names", [("extra_mass", "yaw_trim"), ("rotor_degradation@1",)])
+@pytest.mark.parametrize(
+    "names", [("extra_mass", "yaw_trim"), ("extra_mass", "rotor_degradation@1")]
+)
 def test_a_set_is_fitted_to_where_scipy_has_the_least_squares(names):
     """Of all that measurements leave, with the nuisances and forms of effects taken out, and of
     shapes about their start."""
@@ -89,7 +91,7 @@ def test_a_fitted_set_has_the_evidence_that_all_columns_about_it_give():
     for level in range(len(LEVELS)):
         scored = linear.score(found.key, level)
         whole = scored.log_evidence + linear.taken_out[level]
-        assert found.log_evidence[level] == pytest.approx(whole, abs=0.05)
+        assert found.log_evidence[level] == pytest.approx(whole, abs=0.1)
         np.testing.assert_allclose(found.levels[level].variance, scored.variance, rtol=0.05)
 
 
