@@ -195,6 +195,16 @@ def flow_moment(it: DescribedEffect) -> str:
     return f"Flying level makes moments that the model lacks, with the gain {', '.join(parts)}"
 
 
+weathervane = Amount(
+    "lever",
+    "mm",
+    "Air from the side turns the nose {sign} it, at the speed of the wash as thrust on a lever of "
+    "{} does",
+    ("into", "away from"),
+    factor=1e3,
+)
+
+
 def drag_moment(it: DescribedEffect) -> str:
     parts = [f"{axis} {it.text(axis, 'm', most=3)}" for axis in ("roll", "pitch")]
     return (

@@ -139,6 +139,7 @@ WORDS: Mapping[str, EffectWords] = MappingProxyType(
             "check gauge and ESC readings first, then clean the blades",
         ),
         "flow_moment": EffectWords("the moment of forward flight", amounts.flow_moment),
+        "weathervane": EffectWords("the yaw moment of air from the side", amounts.weathervane),
         "drag_moment": EffectWords("the moment of leaning into wind", amounts.drag_moment),
         "battery_voltage": EffectWords(
             "rotor speeds that follow the voltage",

@@ -184,6 +184,7 @@ class Effect:
     temperature_offset: Callable[[Values], float] | None = None
     by_flights: bool = False  # seen only in how flights differ: not looked for in one flight
     with_tank: bool = True  # looked for on an aircraft that carries its load in a tank
+    of_every_aircraft: bool = False  # physics that a sound one has too: no sign of anything
     #: (itself, what a model has of it, scatter of good flights by "key.parameter") -> what of it
     #: may be another than the model has it; None: nothing. Without this, all of it once more
     change: Callable[[Effect, Sequence[Values], Mapping[str, float]], Effect | None] | None = None

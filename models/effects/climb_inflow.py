@@ -24,6 +24,7 @@ CLIMB_INFLOW = Effect(
     ),
     needs=("advance_ratio",),
     neutral={"advance_ratio": 0.0},
+    of_every_aircraft=True,
     source="blade element: thrust falls with the advance ratio of the axial inflow, J = w 60/(N D)",
     distinguished_by="climb and descend at a steady rate at one tank level",
     apply=lambda p, x: 1.0 - p["slope"] * x.advance_ratio,

@@ -66,6 +66,7 @@ DRAG_MOMENT = Effect(
     parameters=(_height("roll"), _height("pitch")),
     needs=("drag_moment",),
     neutral={"drag_moment": 0.0},
+    of_every_aircraft=True,
     source="balance of forces in wind: the force in the rotors' plane is drag, which acts at a "
     "height above the centre of gravity that holds the rotors' own moment in flow",
     distinguished_by="hover in wind with the nose to it, then with each side to it",

@@ -38,6 +38,7 @@ FLOW_MOMENT = Effect(
     parameters=(_gain("roll"), _gain("pitch")),
     needs=("flow_moment", "hover_induced_velocity"),
     neutral={"flow_moment": 0.0},
+    of_every_aircraft=True,
     source="flapping of advancing and retreating blades, and front rotors in cleaner air than rear "
     "ones: moment = gain x thrust x propeller diameter x speed / induced velocity of hover",
     distinguished_by="a straight line flown forwards, backwards and sideways at one speed",

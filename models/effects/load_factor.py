@@ -34,6 +34,7 @@ LOAD_FACTOR = Effect(
     ),
     needs=("load_factor_shifts",),
     neutral={"load_factor_shifts": 1.0, "manoeuvre_load_shifts": 1.0},
+    of_every_aircraft=True,
     source="Newton: thrust over weight is |specific force| / g in turns, climbs and gusts; "
     "sharpening gives back what reports a few times a second smooth away, or smooths their noise",
     distinguished_by="sharp stops and pull-ups at one tank level",

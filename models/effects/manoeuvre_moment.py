@@ -122,6 +122,7 @@ MANOEUVRE_MOMENT = Effect(
     needs=("rate_shifts",),
     neutral={"rate_shifts": 0.0, "acceleration_shifts": 0.0, "manoeuvre_moment": 0.0},
     own_channel=slowed_yaw_rate,
+    of_every_aircraft=True,
     source="Euler: moment = I d(omega)/dt + damping x omega; I goes with the load, as liquid and "
     "hidden mass change it; sharpening gives back what differences of a sampled rate smooth away; "
     "about yaw the rotors' own inertia acts too, by `spin_up`",

@@ -34,6 +34,7 @@ PARASITE_DRAG = Effect(
     ),
     needs=("airspeed", "density"),
     neutral={"airspeed": 0.0},
+    of_every_aircraft=True,
     source="thrust carries weight, drag and acceleration: |m (a - g) - D|, D = rho CdA V^2 / 2, so "
     "its square has D^2 and, while speeding up along the way, 2 D m a",
     distinguished_by="a straight line flown fast and slow at the same tank level",

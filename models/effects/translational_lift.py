@@ -18,6 +18,7 @@ TRANSLATIONAL_LIFT = Effect(
     parameters=(Parameter(name="gain", unit="1", lower=-0.5, upper=1.0, scale=0.1, smallest=0.01),),
     needs=("airspeed", "hover_induced_velocity"),
     neutral={"airspeed": 0.0},
+    of_every_aircraft=True,
     source="Glauert: induced velocity in forward flight, v_i/v_h = sqrt(sqrt(1 + m^4/4) - m^2/2), "
     "m = V/v_h",
     distinguished_by="a straight line flown fast and slow at the same tank level",

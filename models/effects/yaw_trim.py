@@ -19,6 +19,7 @@ YAW_TRIM = Effect(
             of_torque=True,
         ),
     ),
+    of_every_aircraft=True,
     source="a tilted motor turns part of its thrust into a constant yaw moment",
     distinguished_by="level the motors, then swap two propellers between the pairs: if the moment "
     "goes with the propellers, they differ; or hover 60 s at two tank levels",

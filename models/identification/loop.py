@@ -21,6 +21,7 @@ from thrustmargin.models.identification.answer.floor import floor_rpm
 from thrustmargin.models.identification.answer.left_out import LeftOut, on_new_flights
 from thrustmargin.models.identification.answer.posterior import EffectEstimate
 from thrustmargin.models.identification.answer.result import Found, Identification
+from thrustmargin.models.identification.answer.row_values import by_rows
 from thrustmargin.models.identification.answer.standing_names import size, standing_names
 from thrustmargin.models.identification.answer.unseen_errors import Unseen, errors_of
 from thrustmargin.models.identification.rows.modes import sensor_noise_rpm
@@ -93,7 +94,8 @@ def identify_checked(
         search.run(progress)
     steepness = steepness_of(fit) if problem.of_outputs else 0.0
     standing = standing_names(space, search, problem, steepness=steepness, progress=progress)
-    answer, left_out, estimates = standing.answer, standing.left_out, standing.estimates
+    answer = standing.answer
+    left_out, estimates = by_rows(standing.left_out, standing.estimates)
     if progress:
         progress("errors on flights not used", 1.0)
     values = {e.candidate: e.value for e in estimates}

@@ -28,25 +28,11 @@ from thrustmargin.models.identification.rows.row_fit import (
     RowSums,
     costs_by,
     fit_rows,
+    gain_and_error,
     half_widths,
 )
 from thrustmargin.models.model.rotor_model import RotorModel
 
-STANDARD = (
-    "sensor_lag",
-    "sensor_lag:rotor speed",
-    "parasite_drag",
-    "load_factor",
-    "cg_offset",
-    "cg_offset:tank",
-    "flow_moment",
-    "drag_moment",
-    "yaw_trim",
-    "manoeuvre_moment",
-    "air_density",
-    "translational_lift",
-    "climb_inflow",
-)
 #: Late telemetry is no part of an aircraft: it is kept where it takes more than WORTH of the square
 #: error, and by a fit without it, for a straight line from a delay to none says too little.
 DELAYS = ("sensor_lag", "sensor_lag:rotor speed")
@@ -54,6 +40,11 @@ WORTH = 0.01
 ROWS_TO_BEGIN = 2_000  # of all flights: enough to see where a fit begins and what is late
 #: Without a network the base follows the air of each row (Eq. 6), so its density is no choice.
 BY_NATURE = "air_density"
+STANDARD = (
+    *DELAYS,
+    BY_NATURE,
+    *(key for key, effect in BY_KEY.items() if effect.of_every_aircraft),
+)
 
 
 def standard_effects(model: RotorModel, problem: Problem) -> list[Term]:
@@ -194,12 +185,3 @@ def _of_note(held: Held) -> bool:
     return all(p.lower < value < p.upper for p, value in main) and any(
         abs(value - (p.absent or 0.0)) >= p.smallest for p, value in main
     )
-
-
-def gain_and_error(without: Floats, having: Floats) -> tuple[float, float]:
-    """Mean over flights of log(cost without / cost with), and its standard error.
-
-    Costs (F,) above 0 of at least 2 flights, the same in both.
-    """
-    gains = np.log(without / having)
-    return float(gains.mean()), float(np.std(gains, ddof=1) / np.sqrt(gains.size))

@@ -120,7 +120,7 @@ def fit_rows(
             merit = _merit(held, sums.prior, filter_.apply(left)[rows])
             gained = 0.0
             for shrink in SHRINK:
-                moved = _moved(held, shrink * taken)
+                moved = moved_by(held, shrink * taken)
                 new = residual(moved)
                 value = _merit(moved, sums.prior, filter_.apply(new)[rows])
                 if value < merit:
@@ -139,6 +139,15 @@ def costs_by(problem: Problem, fit: RowFit, filter_: Whitening) -> Floats:
     as wide as what it leaves, and so its costs compare with nobody's."""
     left = np.nan_to_num(problem.in_modes(problem.measured_rpm) - predicted(problem, fit.held))
     return _sums(problem, fit.held, filter_, fit.columns, left).left_out_costs()
+
+
+def gain_and_error(without: Floats, having: Floats) -> tuple[float, float]:
+    """Mean over flights of log(cost without / cost with), and its standard error.
+
+    Costs (F,) above 0 of at least 2 flights, the same in both.
+    """
+    gains = np.log(without / having)
+    return float(gains.mean()), float(np.std(gains, ddof=1) / np.sqrt(gains.size))
 
 
 def inside_bounds(sums: RowSums, total: Floats, held: Sequence[Held]) -> Floats:
@@ -196,7 +205,8 @@ def _from_absent(held: Sequence[Held]) -> Floats:
     return np.array([0.0 if p.absent is None else v - p.absent for p, v in pairs])
 
 
-def _moved(held: Sequence[Held], by: Floats) -> tuple[Held, ...]:
+def moved_by(held: Sequence[Held], by: Floats) -> tuple[Held, ...]:
+    """With all free values (P,) moved, each kept within its bounds."""
     ends = np.cumsum([0, *(len(h.candidate.free) for h in held)])
     return tuple(h.moved(by[a:b]) for h, (a, b) in zip(held, pairwise(ends), strict=True))
 

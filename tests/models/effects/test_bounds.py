@@ -46,6 +46,7 @@ SIZES = {
     ("manoeuvre_moment", "sharpening_yaw"): (-0.33, 0.5, 0.2, 0),
     ("manoeuvre_moment", "lag"): (0, 0.3, 0.1, 0),
     ("manoeuvre_moment", "spin_up"): (0, 1, 0.2, 0),
+    ("weathervane", "lever"): (-0.2, 0.2, 0.02, 0.002),
     ("yaw_trim", "moment"): (-20, 20, 1, 0.1),
     ("air_density", "temperature_offset"): (-35, 35, 8, 0),
     ("air_density", "torque_share"): (0, 1, 0.5, 0),
@@ -98,7 +99,7 @@ RESOLUTION = {
     "rotor_degradation:in each flight.onset_time": 0.3,
     "rotor_degradation:since.onset_clock": 0.3,
 }
-ACCURACY = {"load_factor.gain": 0.05, "yaw_trim.moment": 0.15}
+ACCURACY = {"load_factor.gain": 0.05, "yaw_trim.moment": 0.15, "weathervane.lever": 0.15}
 ACCURACY |= {f"cg_offset.{axis}": 0.01 for axis in "xy"}
 ACCURACY |= {f"cg_offset:tank.{axis}_full": 0.01 for axis in "xy"}
 ACCURACY |= {
@@ -147,9 +148,14 @@ def test_what_kind_of_thing_each_effect_is():
     assert having("afterwards") == {"rotor_degradation:onset", "rotor_degradation:since"}
     assert having("delays") == {"sensor_lag:rotor speed"}
     assert having("by_flights") == {"tank_zero"}
+    assert having("of_every_aircraft") == {
+        *("load_factor", "parasite_drag", "cg_offset", "cg_offset:tank", "drag_moment"),
+        *("flow_moment", "manoeuvre_moment", "weathervane", "yaw_trim"),
+        *("climb_inflow", "translational_lift"),
+    }
     assert having("temperature_offset") == {"air_density"}
     without = {e.name for e in CATALOGUE if not e.with_tank}
-    assert without == {"slung_load", "flow_moment", "drag_moment"}
+    assert without == {"slung_load", "flow_moment", "drag_moment", "weathervane"}
     own = {f"{e.key}.{p.name}" for e in CATALOGUE for p in e.parameters if p.per_flight}
     in_one_flight = {"rotor_degradation:onset", "rotor_degradation:for a while"}
     assert {key.split(".")[0] for key in own} == {"wind", "tank_zero"} | in_one_flight

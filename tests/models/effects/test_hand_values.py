@@ -248,6 +248,15 @@ def test_the_moment_of_forward_flight():
     np.testing.assert_allclose(share(track, gains), by_hand, rtol=1e-6)
 
 
+def test_air_from_the_side_turns_the_nose():
+    # As above, 3 m/s to the right: 0.01 m x 3 / 6.182466 x 294.1995 N = 1.427583 N m into the air,
+    # which the rotors hold against: those that push the nose to the left make more.
+    wind = np.tile([0.0, 1.0, 0.0], (60, 1))
+    track = moving(-3.0, 5.0, attitude=np.tile([0.0, 0.0, np.pi / 2], (60, 1)), wind_ned=wind)
+    by_hand = 1.0 - 1.427583 * SPIN / (4 * K) / 73.549875
+    np.testing.assert_allclose(share(track, effect("weathervane", lever=0.01)), by_hand, rtol=1e-6)
+
+
 def leaning(roll: float, pitch: float, **given) -> FlightTrack:
     """Still against the ground, heading east, leaning into a wind that nothing reports."""
     rows = 60

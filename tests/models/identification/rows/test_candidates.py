@@ -10,6 +10,7 @@ from thrustmargin.models.effects import BY_KEY, CATALOGUE, effects_for
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.identification.rows.candidates import (
     EFFECT_PRIOR,
+    EVEN,
     ROTOR_PRIOR,
     Held,
     Term,
@@ -48,6 +49,17 @@ def test_an_effect_of_one_rotor_is_tried_on_each_with_a_prior_of_its_own(reduced
     (mass,) = [c for c in found if c.term.rotor is None]
     assert mass.term.words == "extra_mass"
     assert mass.log_prior == pytest.approx(np.log(EFFECT_PRIOR))
+
+
+def test_what_every_aircraft_has_is_as_likely_as_not_where_no_flight_has_taught_the_model(reduced):
+    some = table(["load_factor", "yaw_trim", "extra_mass", "rotor_degradation"])
+    odds = {c.key: np.exp(c.log_prior) for c in candidates_of(reduced, some)}
+    assert (odds["load_factor"], odds["yaw_trim"]) == (EVEN, EVEN)
+    assert odds["extra_mass"] == pytest.approx(EFFECT_PRIOR)
+    assert odds["rotor_degradation@1"] == pytest.approx(ROTOR_PRIOR)
+    model = replace(MODEL, good_flights=GoodFlights(flights=3))
+    taught = candidates_of(replace(reduced, model=model), some)
+    assert {c.log_prior for c in taught if c.term.rotor is None} == {np.log(EFFECT_PRIOR)}
 
 
 def test_a_loss_is_bounded_by_what_could_be_flown(reduced):
