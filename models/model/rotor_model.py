@@ -67,6 +67,12 @@ class RotorModel:
         return f"RotorModel: {self.description}\n  effects: {effects}"
 
     @property
+    def taught(self) -> bool:
+        """True where flights of its aircraft are in it; False for an airframe file alone."""
+        shown = self.network is not None or self.good_flights is not None
+        return bool(shown or self.effects or self.background_rpm)
+
+    @property
     def inputs(self) -> tuple[str, ...]:
         """Channels without which a row has no prediction; without a network airspeed is none."""
         return ("tank_kg",) if self.network is None else ("airspeed", "tank_kg")

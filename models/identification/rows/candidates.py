@@ -17,7 +17,6 @@ from thrustmargin.models.identification.rows.problem import RowsToFit
 from thrustmargin.models.identification.rows.reduced import Reduced
 from thrustmargin.models.identification.rows.value_columns import ALL_FLIGHTS, ValueColumns
 from thrustmargin.models.model.predict import flown_airframe
-from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.margin import ceiling, trimmable_loss
 
@@ -111,7 +110,7 @@ def candidates_of(reduced: Reduced, catalogue: Sequence[Effect]) -> list[Candida
     """Every effect whose channels the flights report, on each rotor where it is of one; not those
     that begin in a flight, which `onsets` finds."""
     rotors = reduced.measured_rpm.shape[1]
-    most, known = _flyable_loss(reduced), _knows_flights(reduced.model)
+    most, taught = _flyable_loss(reduced), reduced.model.taught
     found = []
     for effect in (e for known in catalogue if (e := _beside(reduced, known)) is not None):
         if effect.begins or (effect.by_flights and reduced.flights == 1):
@@ -121,7 +120,7 @@ def candidates_of(reduced: Reduced, catalogue: Sequence[Effect]) -> list[Candida
         for rotor in range(rotors) if effect.of_one_rotor else (None,):
             term = Term(effect=effect, rotor=rotor)
             if not reduced.lacks(effect) and _would_show(reduced, effect):
-                found.append(candidate(term, reduced.flights, untaught=not known))
+                found.append(candidate(term, reduced.flights, taught=taught))
     return found
 
 
@@ -167,12 +166,7 @@ def _bounded(effect: Effect, most: float) -> Effect:
     return replace(effect, parameters=kept)
 
 
-def _knows_flights(model: RotorModel) -> bool:
-    """False for a model of weight and thrust curve alone."""
-    return bool(model.network is not None or model.good_flights is not None or model.effects)
-
-
-def candidate(term: Term, flights: int, *, untaught: bool = False) -> Candidate:
+def candidate(term: Term, flights: int, *, taught: bool = True) -> Candidate:
     """A term at its own start, with every value free; of a model that no flight has taught, what
     every aircraft has is as likely there as not."""
     start = np.array([[p.start for p in term.effect.parameters]] * flights)
@@ -180,7 +174,7 @@ def candidate(term: Term, flights: int, *, untaught: bool = False) -> Candidate:
     for k, p in enumerate(term.effect.parameters):
         free += [(k, f) for f in range(flights)] if p.per_flight else [(k, None)]
     prior = EFFECT_PRIOR if term.rotor is None else ROTOR_PRIOR
-    prior = EVEN if untaught and term.effect.of_every_aircraft else prior
+    prior = EVEN if not taught and term.effect.of_every_aircraft else prior
     return Candidate(term=term, start=start, free=tuple(free), log_prior=float(np.log(prior)))
 
 

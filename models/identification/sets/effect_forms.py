@@ -38,7 +38,6 @@ def forms_of(reduced: Reduced, slow: Floats, held: Sequence[Held]) -> ValueColum
     parts = [ValueColumns.of_all(np.zeros((slow.shape[0], modes, 0)))]
     each, curve = np.divmod(np.arange(modes * count), count)
     base = predicted(reduced, held)
-    parts.append(_of_rotors(reduced, base))
     for k in range(len(held)):
         effect = held[k].candidate.term.effect
         if effect.delays or effect.kept_as:
@@ -51,12 +50,17 @@ def forms_of(reduced: Reduced, slow: Floats, held: Sequence[Held]) -> ValueColum
         parts += _by_the_way(change)
         own = np.repeat((FORM * main[:, None] * slow)[:, None, :], modes, axis=1)
         parts.append(ValueColumns.with_source(own, curve, mode=each))
+    if not reduced.model.taught:
+        parts.append(_of_rotors(reduced, base))
     return side_by_side(parts)
 
 
 def _of_rotors(reduced: Reduced, base: Floats) -> ValueColumns:
-    """FORM of what each rotor's predicted speed does within its flight: its answer to load is no
-    better known than the laws that load it, and by that alone it is not a weak one."""
+    """FORM of what each rotor's predicted speed does within its flight.
+
+    Where no flight has shown how the rotors of this aircraft answer to load, that is known no
+    better than the laws that load them, and by that alone none is a weak one.
+    """
     directions = reduced.modes.directions
     speed = np.nan_to_num(base) @ directions.T
     for f in np.unique(reduced.flight):

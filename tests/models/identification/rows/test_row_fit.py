@@ -172,7 +172,12 @@ def problem(sitl_logs):
     x = problem.channels
     pull = 1.0 + 0.1 * np.sin(x.time_s[:, None] + 0.3 * np.arange(LENGTHS))
     level = 0.05 * np.sin(x.time_s[:, None] + np.arange(2.0))  # forward and right
-    own = {"slung_load": pull, "drag_moment": level, "flow_moment": 100.0 * level}
+    own = {
+        "slung_load": pull,
+        "drag_moment": level,
+        "flow_moment": 100.0 * level,
+        "weathervane": level,
+    }
     own |= dict.fromkeys(("airspeed_bias", "airspeed_gain", "sensor_lag"), x.airspeed)
     own["manoeuvre_moment"] = 0.1 * np.sin(x.time_s[:, None] + 0.3 * np.arange(SPIN_UPS.size))
     return replace(problem, channels=replace(x, own=own))

@@ -1,18 +1,21 @@
 """Large changes that cancel, on made flights of a sound aircraft."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from tests.models.made_flights import F16, curve_model, made_flights, table
 from thrustmargin.models.effects import effects_for
-from thrustmargin.models.identification.rows.candidates import Held
+from thrustmargin.models.identification.rows.candidates import Held, predicted
 from thrustmargin.models.identification.sets import set_search
-from thrustmargin.models.identification.sets.effect_forms import cancel
+from thrustmargin.models.identification.sets.effect_forms import cancel, forms_of
 from thrustmargin.models.identification.sets.evidence import IMPOSSIBLE
+from thrustmargin.models.identification.sets.free_form import form_columns
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.identification.sets.set_search import Search
+from thrustmargin.models.network.records import GoodFlights
 
 SPACE = search_space(
     curve_model(),
@@ -69,3 +72,24 @@ def test_a_set_that_cancels_has_no_weight_in_a_search(monkeypatch):
     assert set(search.possible) == {frozenset(), one}
     search._again(search.linearise(search.best))
     assert search.fitted[pair].total < IMPOSSIBLE / 2
+
+
+def test_how_a_rotor_answers_to_load_is_uncertain_where_no_flight_has_taught_the_model():
+    """A column a rotor: a twentieth of what it is predicted to do about the mean of its flight."""
+    speed = predicted(SPACE.reduced, []) @ SPACE.reduced.modes.directions.T
+    about = np.concatenate([speed[f] - speed[f].mean(axis=0) for f in flights_of(SPACE.reduced)])
+    forms = forms_of(SPACE.reduced, form_columns(SPACE.reduced.channels), [])
+    assert forms.count == 4
+    for rotor in range(4):
+        own = np.zeros_like(about)
+        own[:, rotor] = 0.05 * about[:, rotor]
+        by_hand = own @ SPACE.reduced.modes.directions
+        np.testing.assert_allclose(forms.values[:, :, rotor], by_hand, atol=1e-9)
+    assert forms.values.std() > 0.05
+    model = replace(SPACE.reduced.model, good_flights=GoodFlights(flights=3))
+    taught = replace(SPACE.reduced, model=model)
+    assert forms_of(taught, form_columns(SPACE.reduced.channels), []).count == 0
+
+
+def flights_of(reduced):
+    return [reduced.flight == f for f in range(reduced.flights)]

@@ -17,15 +17,17 @@ from thrustmargin.models.identification.sets.evidence import IMPOSSIBLE, prior_o
 from thrustmargin.models.identification.sets.nuisance import LEVELS
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.identification.sets.set_search import Search
+from thrustmargin.models.network.records import GoodFlights
 
 FEW = ["extra_mass", "cg_offset", "yaw_trim"]
 MORE = [*FEW, "rotor_degradation", "tank_scale"]
 
 
 def searched(names: Sequence[str], **change) -> Search:
-    space = search_space(
-        curve_model(), made_flights(2, duration=60.0, **change), effects_for(F16, table(names))
-    )
+    """On a model that flights have taught, so that all effects have the same odds."""
+    model = replace(curve_model(), good_flights=GoodFlights(flights=3))
+    flights = made_flights(2, duration=60.0, **change)
+    space = search_space(model, flights, effects_for(F16, table(names)))
     return Search(space.reduced, space.nuisance, space.candidates)
 
 
