@@ -13,11 +13,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from thrustmargin.models.identification.answer.borne_out import is_worse
 from thrustmargin.models.identification.answer.left_out import LeftOut, LeftOutPart
 from thrustmargin.models.identification.answer.posterior import EffectEstimate
 from thrustmargin.models.identification.rows.candidates import Held
 from thrustmargin.models.identification.rows.problem import thinned
-from thrustmargin.models.identification.rows.row_fit import fit_rows, gain_and_error, moved_by
+from thrustmargin.models.identification.rows.row_fit import fit_rows, moved_by
 
 ROWS = 3_000  # of all flights: as many as the search has means of most
 
@@ -25,8 +26,8 @@ ROWS = 3_000  # of all flights: as many as the search has means of most
 def by_rows(
     left_out: LeftOut, estimates: Sequence[EffectEstimate]
 ) -> tuple[LeftOut, tuple[EffectEstimate, ...]]:
-    """Flights left out and estimates with values from rows; as they are where flights left out do
-    not ask for these by more than the standard error of what they gain.
+    """Flights left out and estimates with values from rows; as they are where flights left out are
+    not predicted clearly worse by these.
 
     What belongs to single flights stays as it is. Intervals are wider by how far the values move.
     """
@@ -46,8 +47,7 @@ def by_rows(
 
     having = replace(left_out, folds=tuple(without(fold) for fold in left_out.folds))
     members = [e.candidate for e in estimates]
-    gain, error = gain_and_error(*(o.squares(o.with_set(members)) for o in (left_out, having)))
-    if not gain > error:
+    if not is_worse(*(o.squares(o.with_set(members)) for o in (left_out, having))):
         return left_out, tuple(estimates)
     found = []
     for one, h in zip(estimates, fit.held, strict=True):

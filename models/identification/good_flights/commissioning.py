@@ -21,14 +21,16 @@ from thrustmargin.models.identification.good_flights.flight_scatter import (
     LeftOutFlights,
     good_flights,
 )
-from thrustmargin.models.identification.good_flights.standard_effects import with_standard_effects
+from thrustmargin.models.identification.good_flights.standard_effects import (
+    gain_and_error,
+    with_standard_effects,
+)
 from thrustmargin.models.identification.rows.modes import modes
 from thrustmargin.models.identification.rows.output_shares import (
     learnt_spread,
     of_outputs,
     scaled_to,
 )
-from thrustmargin.models.identification.rows.row_fit import gain_and_error
 from thrustmargin.models.model.predict import predict, temperature_offset
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
 from thrustmargin.models.model.training import Fold, Trained, condition_scores, training_domain

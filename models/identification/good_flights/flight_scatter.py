@@ -19,6 +19,7 @@ from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.effects.channels import froude_time_scale
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.answer.adequacy import free_form_rms
+from thrustmargin.models.identification.good_flights.standard_effects import gain_and_error
 from thrustmargin.models.identification.rows.candidates import (
     Held,
     Term,
@@ -28,7 +29,7 @@ from thrustmargin.models.identification.rows.candidates import (
 )
 from thrustmargin.models.identification.rows.output_shares import effects_on_shares
 from thrustmargin.models.identification.rows.problem import Problem, assemble
-from thrustmargin.models.identification.rows.row_fit import block_sums, gain_and_error
+from thrustmargin.models.identification.rows.row_fit import block_sums
 from thrustmargin.models.identification.rows.whitening import Whitening, plain
 from thrustmargin.models.identification.sets.free_form import WANDER, slow_wander
 from thrustmargin.models.model.rotor_model import RotorModel

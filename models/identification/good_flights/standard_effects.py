@@ -28,7 +28,6 @@ from thrustmargin.models.identification.rows.row_fit import (
     RowSums,
     costs_by,
     fit_rows,
-    gain_and_error,
     half_widths,
 )
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -185,3 +184,12 @@ def _of_note(held: Held) -> bool:
     return all(p.lower < value < p.upper for p, value in main) and any(
         abs(value - (p.absent or 0.0)) >= p.smallest for p, value in main
     )
+
+
+def gain_and_error(without: Floats, having: Floats) -> tuple[float, float]:
+    """Mean over flights of log(cost without / cost with), and its standard error.
+
+    Costs (F,) above 0 of at least 2 flights, the same in both.
+    """
+    gains = np.log(without / having)
+    return float(gains.mean()), float(np.std(gains, ddof=1) / np.sqrt(gains.size))

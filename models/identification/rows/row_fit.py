@@ -141,15 +141,6 @@ def costs_by(problem: Problem, fit: RowFit, filter_: Whitening) -> Floats:
     return _sums(problem, fit.held, filter_, fit.columns, left).left_out_costs()
 
 
-def gain_and_error(without: Floats, having: Floats) -> tuple[float, float]:
-    """Mean over flights of log(cost without / cost with), and its standard error.
-
-    Costs (F,) above 0 of at least 2 flights, the same in both.
-    """
-    gains = np.log(without / having)
-    return float(gains.mean()), float(np.std(gains, ddof=1) / np.sqrt(gains.size))
-
-
 def inside_bounds(sums: RowSums, total: Floats, held: Sequence[Held]) -> Floats:
     """(P,) the move of the values; one at a bound that would leave it stays, and the others move as
     is best without it."""
