@@ -1,0 +1,50 @@
+"""docs/constants.md has every number of the residual loop, with the value that the code has."""
+
+import ast
+import re
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+LOOP = ROOT / "models" / "identification"
+TEXT = (ROOT / "docs/constants.md").read_text(encoding="utf-8")
+ROW = re.compile(r"^\| `([\w.]+)\.(\w+)` \| ([^|]+) \| ([^|]+) \|", re.M)
+LISTED = {(module, name): value for module, name, value, _ in ROW.findall(TEXT)}
+#: not numbers that decide anything: places, names, and grids that flights left out choose from
+OTHERS = {"ALL_FLIGHTS", "ALL_MODES", "RIDGES", "SMOOTHNESS"}
+
+
+def numbers() -> set[tuple[str, str]]:
+    """(module, name) of each constant that is a number or numbers."""
+    found = set()
+    for path in LOOP.rglob("*.py"):
+        module = ".".join(path.relative_to(LOOP).with_suffix("").parts)
+        for node in ast.parse(path.read_text("utf-8")).body:
+            if not isinstance(node, ast.Assign):
+                continue
+            of = [n.id for t in node.targets for n in ast.walk(t) if isinstance(n, ast.Name)]
+            names = [n for n in of if n.isupper() and n not in OTHERS]
+            found |= {(module, n) for n in names if is_number(value_of(module, n))}
+    return found
+
+
+def value_of(module: str, name: str) -> object:
+    return getattr(import_module(f"thrustmargin.models.identification.{module}"), name)
+
+
+def is_number(value: object) -> bool:
+    every = value if isinstance(value, tuple) and value else (value,)
+    return all(isinstance(v, (int, float, np.number)) for v in every)
+
+
+def test_every_number_of_the_loop_is_listed_with_what_it_is_for():
+    assert set(LISTED) == numbers()
+
+
+@pytest.mark.parametrize("module, name", sorted(LISTED))
+def test_a_listed_value_is_that_of_the_code(module: str, name: str):
+    written = [float(v) for v in LISTED[module, name].split(", ")]
+    assert np.atleast_1d(value_of(module, name)) == pytest.approx(written, rel=0.005)
