@@ -4,6 +4,7 @@ import ast
 import re
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,11 +32,11 @@ def numbers() -> set[tuple[str, str]]:
     return found
 
 
-def value_of(module: str, name: str) -> object:
+def value_of(module: str, name: str) -> Any:
     return getattr(import_module(f"thrustmargin.models.identification.{module}"), name)
 
 
-def is_number(value: object) -> bool:
+def is_number(value: Any) -> bool:
     every = value if isinstance(value, tuple) and value else (value,)
     return all(isinstance(v, (int, float, np.number)) for v in every)
 
@@ -44,7 +45,7 @@ def test_every_number_of_the_loop_is_listed_with_what_it_is_for():
     assert set(LISTED) == numbers()
 
 
-@pytest.mark.parametrize("module, name", sorted(LISTED))
+@pytest.mark.parametrize(("module", "name"), sorted(LISTED))
 def test_a_listed_value_is_that_of_the_code(module: str, name: str):
     written = [float(v) for v in LISTED[module, name].split(", ")]
     assert np.atleast_1d(value_of(module, name)) == pytest.approx(written, rel=0.005)
