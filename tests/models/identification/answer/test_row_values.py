@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from tests.models.made_flights import curve_model, made_flights, table
+from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.identification.answer import row_values
 from thrustmargin.models.identification.answer.left_out import LeftOut
 from thrustmargin.models.identification.answer.posterior import EffectEstimate
 from thrustmargin.models.identification.answer.row_values import by_rows
+from thrustmargin.models.identification.rows.candidates import Held, Term, candidate
 from thrustmargin.models.identification.rows.reduced import rows_and_means
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.identification.sets.set_search import Search
@@ -91,3 +93,9 @@ def test_what_is_of_single_flights_stays_and_nothing_to_fit_changes_nothing():
     np.testing.assert_allclose(both[0].value, wind.value)
     np.testing.assert_allclose(both[0].error, wind.error)
     assert abs(both[1].value[0, 0] - LOSS) < 0.01
+
+
+def test_only_values_that_all_flights_share_are_found_again():
+    own, shared = (candidate(Term(effect=BY_KEY[k]), 2) for k in ("wind", "extra_mass"))
+    held = [Held(candidate=one, values=one.start) for one in (own, shared)]
+    assert [row_values._lasting(one).candidate.free for one in held] == [(), ((0, None),)]
