@@ -19,7 +19,7 @@ LIMIT_BYTES = 400_000
 def main() -> None:
     """Replay the bundled flight and photograph the page; then its report, where there is one."""
     from tests.browser import open_page
-    from thrustmargin.gcs_plugin.commands.report import report
+    from thrustmargin.gcs_plugin.commands.flight.report import report
     from thrustmargin.gcs_plugin.logs import read_log
     from thrustmargin.gcs_plugin.view.replay_view import ReplayView
     from thrustmargin.models.model.analysis import analyse

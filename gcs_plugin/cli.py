@@ -18,12 +18,11 @@ from collections.abc import Callable, Sequence
 from importlib import import_module
 from typing import Any
 
-from thrustmargin.gcs_plugin.commands.options import QUIET, UsageError, refuse_renamed
+from thrustmargin.gcs_plugin.commands.shared.options import QUIET, UsageError, refuse_renamed
 from thrustmargin.gcs_plugin.mavlink.text import clean_lines
 from thrustmargin.models.errors import ThrustMarginError
 
-#: Subcommand, a module of thrustmargin.gcs_plugin.commands that holds a function of the same name
-#: -> the first words of its docstring, here so that the help loads none of them.
+#: Subcommand -> the first words of the docstring of its function, here so that the help loads none.
 COMMANDS = {
     "airframe": "Make, show and check the file of an aircraft",
     "demo": "Show what thrustmargin does",
@@ -39,6 +38,15 @@ COMMANDS = {
     "report": "Write a margin report of one or more flights",
     "stream": "Play a telemetry log onto the network as if the vehicle were there",
     "train": "Train the rotor speed model of one aircraft on its own good flights",
+}
+
+#: Room of thrustmargin.gcs_plugin.commands -> its subcommands: modules that hold a function of
+#: the same name. `airframe` has a room of its own.
+ROOMS = {
+    "flight": ("demo", "fetch", "inspect", "monitor", "replay", "report", "stream"),
+    "load": ("fill", "match"),
+    "loop": ("identify", "train"),
+    "season": ("fleet", "ingest"),
 }
 
 USAGE = """usage: thrustmargin COMMAND [OPTIONS]
@@ -60,7 +68,8 @@ def command_function(name: str) -> Callable[..., Any]:
 
     Its options' descriptions are each one line, which the help wraps to the terminal.
     """
-    function = getattr(import_module(f"thrustmargin.gcs_plugin.commands.{name}"), name)
+    place = next((f"{room}.{name}" for room, held in ROOMS.items() if name in held), name)
+    function = getattr(import_module(f"thrustmargin.gcs_plugin.commands.{place}"), name)
     function.__doc__ = re.sub(r"\n {8,}(?=\S)", " ", inspect.getdoc(function) or "")
     return function
 

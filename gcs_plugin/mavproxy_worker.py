@@ -15,11 +15,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from thrustmargin.gcs_plugin.commands.reading import ReadingOptions, reading_keywords
+from thrustmargin.gcs_plugin.commands.shared.reading import ReadingOptions, reading_keywords
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
-    from thrustmargin.gcs_plugin.live.update import Update
+    from thrustmargin.gcs_plugin.live.watch.update import Update
 
 #: Frames that wait for the thread; some ten seconds of a busy link with ten vehicles.
 WAITING = 20_000
@@ -135,9 +135,9 @@ class MarginWorker:
     def _work(self) -> None:
         from pathlib import Path
 
-        from thrustmargin.gcs_plugin.commands.inputs import chosen_model
+        from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
         from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
-        from thrustmargin.gcs_plugin.live.vehicle_monitor import WatchSettings
+        from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import WatchSettings
 
         options = self.options
         path = None if options.model is None else Path(options.model)
@@ -211,9 +211,9 @@ def _heard_s(update: Update) -> float:
 
 def reading(update: Update, stamp: float) -> Reading:
     """The newest row of an update, which was reported at `stamp` (time.monotonic())."""
-    from thrustmargin.gcs_plugin.live.unknown_figures import unknown_figures, unknown_lines
+    from thrustmargin.gcs_plugin.live.watch.unknown_figures import unknown_figures, unknown_lines
     from thrustmargin.models.model.analysis import MEASURED, worst_rotor
-    from thrustmargin.models.model.utilisation_error import INTERVAL
+    from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 
     analysis, outlook = update.analysis, update.outlook
     claim = analysis.claim

@@ -63,7 +63,7 @@ def test_every_import_points_down():
         ("models.errors", "models.flight"),
         ("models.physics.thrust", "models.network.network"),
         ("models.network.network", "models.checks.motor_order"),
-        ("gcs_plugin.reports.shared.page_shell", "gcs_plugin.view.view_page"),
+        ("gcs_plugin.reports.shared.page_shell", "gcs_plugin.view.page.view_page"),
         ("gcs_plugin.link.transport", "gcs_plugin.telemetry.rows"),
         ("mission.plan", "gcs_plugin.cli"),
     ],

@@ -22,9 +22,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from thrustmargin.gcs_plugin.link.sender import Sender
-from thrustmargin.gcs_plugin.live.alarm import NOTICE, WARNING, AlarmEvent
+from thrustmargin.gcs_plugin.live.alarms.alarm import NOTICE, WARNING, AlarmEvent
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
-from thrustmargin.gcs_plugin.live.update import Update
+from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.wording.alarm_words import over_words
 
 TEXT_EVERY, FIGURES_EVERY, REMIND_EVERY = 1.0, 1.0, 30.0  # s

@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.live.alarm import CRITICAL, NOTICE, WARNING, Alarm, AlarmEvent
+from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, NOTICE, WARNING, Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.live.link_vehicles import OLD, Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorStatus
-from thrustmargin.gcs_plugin.live.update import Update
-from thrustmargin.gcs_plugin.live.vehicle_monitor import VehicleMonitor
+from thrustmargin.gcs_plugin.live.watch.update import Update
+from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 from thrustmargin.gcs_plugin.wording import live_words as words
 from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST
 from thrustmargin.models.model.airframe_claim import AirframeClaim
-from thrustmargin.models.model.utilisation_error import INTERVAL
+from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType, RenderResult

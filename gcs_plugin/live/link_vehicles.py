@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 
-from thrustmargin.gcs_plugin.live.alarm import AlarmEvent
-from thrustmargin.gcs_plugin.live.update import Update
-from thrustmargin.gcs_plugin.live.vehicle_monitor import VehicleMonitor, WatchSettings
-from thrustmargin.gcs_plugin.live.vehicle_state import (
+from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
+from thrustmargin.gcs_plugin.live.rows.vehicle_state import (
     GROUND_STATION,
     NO_AUTOPILOT,
     OF_MISSION,
 )
+from thrustmargin.gcs_plugin.live.watch.update import Update
+from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor, WatchSettings
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
 from thrustmargin.models.model.rotor_model import RotorModel
 

@@ -25,13 +25,13 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.link.bounded_queue import BoundedQueue
 from thrustmargin.gcs_plugin.link.listener import Listener
-from thrustmargin.gcs_plugin.live.alarm import Alarm, AlarmEvent
-from thrustmargin.gcs_plugin.live.event_record import EventRecord
+from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
-from thrustmargin.gcs_plugin.live.recorded_table import sample_batch
-from thrustmargin.gcs_plugin.live.recorder import Recorder, RecorderStatus
-from thrustmargin.gcs_plugin.live.update import Update
-from thrustmargin.gcs_plugin.live.vehicle_monitor import WatchSettings
+from thrustmargin.gcs_plugin.live.recording.event_record import EventRecord
+from thrustmargin.gcs_plugin.live.recording.recorded_table import sample_batch
+from thrustmargin.gcs_plugin.live.recording.recorder import Recorder, RecorderStatus
+from thrustmargin.gcs_plugin.live.watch.update import Update
+from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import WatchSettings
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.wording.live_words import (
     NOT_BEHIND,

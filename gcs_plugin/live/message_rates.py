@@ -12,8 +12,8 @@ from typing import Any
 
 from thrustmargin.gcs_plugin.link.sender import Sender
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
-from thrustmargin.gcs_plugin.live.vehicle_monitor import VehicleMonitor
-from thrustmargin.gcs_plugin.live.vehicle_state import ARDUPILOT
+from thrustmargin.gcs_plugin.live.rows.vehicle_state import ARDUPILOT
+from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
 
 SET_MESSAGE_INTERVAL = 511
 SPACING, AGAIN, TIMES = 0.05, 5.0, 3

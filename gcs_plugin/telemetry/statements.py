@@ -15,7 +15,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.telemetry.resample import Sampling
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
-from thrustmargin.models.model.load_inference import STATED
+from thrustmargin.models.model.inferred.load_inference import STATED
 from thrustmargin.models.physics.airframe import Airframe
 
 #: K: how well a thermometer in the shade or a weather report has the air at the rotors.

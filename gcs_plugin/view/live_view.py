@@ -16,18 +16,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pymap3d
 
-from thrustmargin.gcs_plugin.live.alarm import Alarm, AlarmEvent
+from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
-from thrustmargin.gcs_plugin.live.update import Update
-from thrustmargin.gcs_plugin.view import live_html
-from thrustmargin.gcs_plugin.view.before_take_off import FillAdvice
-from thrustmargin.gcs_plugin.view.camera import Camera
-from thrustmargin.gcs_plugin.view.controls import choice
-from thrustmargin.gcs_plugin.view.gauges import STYLE, gauges_html
-from thrustmargin.gcs_plugin.view.guard import LOOPBACK
-from thrustmargin.gcs_plugin.view.live_charts import LiveCharts
-from thrustmargin.gcs_plugin.view.live_heard import Heard
-from thrustmargin.gcs_plugin.view.live_html import (
+from thrustmargin.gcs_plugin.live.watch.update import Update
+from thrustmargin.gcs_plugin.view.figures import live_html
+from thrustmargin.gcs_plugin.view.figures.before_take_off import FillAdvice
+from thrustmargin.gcs_plugin.view.figures.controls import choice
+from thrustmargin.gcs_plugin.view.figures.gauges import STYLE, gauges_html
+from thrustmargin.gcs_plugin.view.figures.live_html import (
     Standing,
     aged,
     alarms_html,
@@ -35,11 +31,21 @@ from thrustmargin.gcs_plugin.view.live_html import (
     outlook_html,
     status_html,
 )
-from thrustmargin.gcs_plugin.view.pilot_bar import PilotBar, snapshot_html
-from thrustmargin.gcs_plugin.view.scene import Scene
-from thrustmargin.gcs_plugin.view.shown_row import ENU_NED, ShownRow, enu, ground_height, plan_enu
-from thrustmargin.gcs_plugin.view.surroundings import SprayedGround
-from thrustmargin.gcs_plugin.view.view_page import ViewPage, arrange, left_panel
+from thrustmargin.gcs_plugin.view.figures.pilot_bar import PilotBar, snapshot_html
+from thrustmargin.gcs_plugin.view.live.live_charts import LiveCharts
+from thrustmargin.gcs_plugin.view.live.live_heard import Heard
+from thrustmargin.gcs_plugin.view.page.guard import LOOPBACK
+from thrustmargin.gcs_plugin.view.page.view_page import ViewPage, arrange, left_panel
+from thrustmargin.gcs_plugin.view.scene.camera import Camera
+from thrustmargin.gcs_plugin.view.scene.scene import Scene
+from thrustmargin.gcs_plugin.view.scene.shown_row import (
+    ENU_NED,
+    ShownRow,
+    enu,
+    ground_height,
+    plan_enu,
+)
+from thrustmargin.gcs_plugin.view.scene.surroundings import SprayedGround
 from thrustmargin.gcs_plugin.wording import view_words as words
 from thrustmargin.gcs_plugin.wording.live_words import NO_VEHICLE
 from thrustmargin.gcs_plugin.wording.palette import legend_html

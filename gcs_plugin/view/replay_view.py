@@ -13,18 +13,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.live.alarm import CRITICAL, Alarm
-from thrustmargin.gcs_plugin.view.camera import Camera
-from thrustmargin.gcs_plugin.view.charts import RotorCharts, Speeds
-from thrustmargin.gcs_plugin.view.controls import ReplayClock, ReplayControls
-from thrustmargin.gcs_plugin.view.gauges import STYLE, gauges_html
-from thrustmargin.gcs_plugin.view.guard import LOOPBACK
-from thrustmargin.gcs_plugin.view.live_html import Standing, alarms_html
-from thrustmargin.gcs_plugin.view.overlays import Overlay, overlays_of, speed_overlay
-from thrustmargin.gcs_plugin.view.pilot_bar import PilotBar
-from thrustmargin.gcs_plugin.view.scene import Scene
-from thrustmargin.gcs_plugin.view.shown_row import ShownRow, enu, ground_height, plan_enu, row_at
-from thrustmargin.gcs_plugin.view.view_page import ViewPage, arrange, left_panel
+from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, Alarm
+from thrustmargin.gcs_plugin.view.figures.charts import RotorCharts, Speeds
+from thrustmargin.gcs_plugin.view.figures.controls import ReplayClock, ReplayControls
+from thrustmargin.gcs_plugin.view.figures.gauges import STYLE, gauges_html
+from thrustmargin.gcs_plugin.view.figures.live_html import Standing, alarms_html
+from thrustmargin.gcs_plugin.view.figures.pilot_bar import PilotBar
+from thrustmargin.gcs_plugin.view.page.guard import LOOPBACK
+from thrustmargin.gcs_plugin.view.page.view_page import ViewPage, arrange, left_panel
+from thrustmargin.gcs_plugin.view.scene.camera import Camera
+from thrustmargin.gcs_plugin.view.scene.overlays import Overlay, overlays_of, speed_overlay
+from thrustmargin.gcs_plugin.view.scene.scene import Scene
+from thrustmargin.gcs_plugin.view.scene.shown_row import (
+    ShownRow,
+    enu,
+    ground_height,
+    plan_enu,
+    row_at,
+)
 from thrustmargin.gcs_plugin.wording import view_words as words
 from thrustmargin.gcs_plugin.wording.fault_words import fault_words
 from thrustmargin.mission.field import sprayed_field

@@ -26,7 +26,7 @@ from thrustmargin.gcs_plugin.wording.numbers import (
     within,
 )
 from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION
+from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.identification.answer.margin_change import WORST_SHARE, MarginChange
 from thrustmargin.models.identification.answer.next_flight import CERTAIN, NextFlight
 from thrustmargin.models.identification.answer.result import (

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, SPINS
-from thrustmargin.models.model.load_inference import FROM_THRUST, STATED
+from thrustmargin.models.model.inferred.load_inference import FROM_THRUST, STATED
 
 #: Why a figure is unknown, and which option helps.
 ASKS = "--request-rates asks for them"

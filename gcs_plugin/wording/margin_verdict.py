@@ -30,7 +30,7 @@ from thrustmargin.gcs_plugin.wording.numbers import (
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis
-from thrustmargin.models.model.load_inference import FROM_THRUST, STATED, THEN_CHECK
+from thrustmargin.models.model.inferred.load_inference import FROM_THRUST, STATED, THEN_CHECK
 from thrustmargin.models.scores import Estimate
 
 #: under: below the limit all flight. over: above it at times or always, and one lost rotor could be

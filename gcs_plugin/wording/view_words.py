@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, outcome
 from thrustmargin.gcs_plugin.wording.numbers import percent
-from thrustmargin.models.model.output_speed import MEASURED
+from thrustmargin.models.model.inferred.output_speed import MEASURED
 
 NO_DATA = "no data"
 WORST_MARGIN = "Thrust margin, worst rotor"

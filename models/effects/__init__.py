@@ -1,7 +1,7 @@
-"""The catalogue of physical effects. Adding one is adding one file to this folder.
+"""The catalogue of physical effects. Adding one is adding one file to the room of its kind.
 
-Each module of the folder but the MACHINERY has its effects in `EFFECTS`. The catalogue has them in
-the order of the kinds (input, demand, moments, coefficient), then of the files' names.
+Each module of a room (inputs, demand, moments, coefficient) has its effects in `EFFECTS`. The
+catalogue has them in the order of the kinds, then of their names.
 `models.effects.compose` puts effects together into rotor speeds; `identification.loop` searches
 this catalogue and nothing else.
 """
@@ -15,17 +15,15 @@ from pkgutil import iter_modules
 from thrustmargin.models.effects.base import Effect, Kind, Parameter, Placed
 from thrustmargin.models.physics.airframe import Airframe
 
-MACHINERY = {"base", "channels", "compose", "spin_up", "stored", "track_channels"}
-
 
 def _found() -> Iterator[Effect]:
-    for name in sorted(module.name for module in iter_modules(__path__)):
-        if name not in MACHINERY:
-            yield from import_module(f"{__name__}.{name}").EFFECTS
+    for room in (module.name for module in iter_modules(__path__) if module.ispkg):
+        for module in iter_modules(import_module(f"{__name__}.{room}").__path__):
+            yield from import_module(f"{__name__}.{room}.{module.name}").EFFECTS
 
 
 CATALOGUE: tuple[Effect, ...] = tuple(
-    sorted(_found(), key=lambda effect: list(Kind).index(effect.kind))
+    sorted(_found(), key=lambda effect: (list(Kind).index(effect.kind), effect.name))
 )
 BY_KEY: dict[str, Effect] = {effect.key: effect for effect in CATALOGUE}  # as in model files
 

@@ -14,6 +14,9 @@ from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.errors import ModelError
 
+#: A name of parameters in older model files, and what it is now.
+FORMER_NAME = ("sharpening", "derivative_correction")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Identified:
@@ -34,6 +37,10 @@ class EffectRecord:
     variant: str = ""  # which form of the effect, where there are several
     flights: tuple[str, ...] = ()  # that it was found on
     date: str = ""  # ISO 8601, of the identification
+
+    def __post_init__(self) -> None:
+        named = {name.replace(*FORMER_NAME): found for name, found in self.parameters.items()}
+        object.__setattr__(self, "parameters", named)
 
 
 def placed_from(records: Sequence[EffectRecord], rotor_count: int) -> tuple[Placed, ...]:

@@ -18,20 +18,20 @@ from thrustmargin.models.model.airframe_claim import (
     airframe_claim,
     unknown_aircraft,
 )
-from thrustmargin.models.model.load_inference import with_load_for_verdict
-from thrustmargin.models.model.output_speed import FROM_OUTPUTS as FROM_OUTPUTS
-from thrustmargin.models.model.output_speed import MEASURED as MEASURED
-from thrustmargin.models.model.output_speed import speed_words
+from thrustmargin.models.model.inferred.load_inference import with_load_for_verdict
+from thrustmargin.models.model.inferred.output_speed import FROM_OUTPUTS as FROM_OUTPUTS
+from thrustmargin.models.model.inferred.output_speed import MEASURED as MEASURED
+from thrustmargin.models.model.inferred.output_speed import speed_words
+from thrustmargin.models.model.inferred.utilisation_error import (
+    INTERVAL,
+    redundancy_error,
+    utilisation_error,
+)
 from thrustmargin.models.model.predict import Basis as Basis
 from thrustmargin.models.model.predict import Prediction as Prediction
 from thrustmargin.models.model.predict import flown_airframe, predict, temperature_offset
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.model.thermometer import by_thermometer
-from thrustmargin.models.model.utilisation_error import (
-    INTERVAL,
-    redundancy_error,
-    utilisation_error,
-)
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import track_air
 from thrustmargin.models.physics.margin import (

@@ -19,9 +19,9 @@ from numpy.typing import ArrayLike
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.airframe_claim import RESTS_ON, AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
+from thrustmargin.models.model.inferred.utilisation_error import INTERVAL, guessed_variance
 from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.model.rotor_model import RotorModel
-from thrustmargin.models.model.utilisation_error import INTERVAL, guessed_variance
 from thrustmargin.models.physics.margin import ceiling, largest_fill
 
 Reason = Literal["utilisation", "one rotor lost", "take-off mass", "tank"]

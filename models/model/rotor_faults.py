@@ -25,8 +25,8 @@ import numpy as np
 
 from thrustmargin.models.checks.sudden_change import SELDOM, SETTLE, WINDOW, Prior, SuddenChange
 from thrustmargin.models.effects.base import TORQUE_SHARE, Placed
+from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.effects.compose import rotor_speed_rpm
-from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.predict import model_channels, table_of

@@ -24,7 +24,7 @@ import numpy as np
 
 from thrustmargin.models.errors import AirframeError, DataError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
-from thrustmargin.models.model.output_speed import speed_words
+from thrustmargin.models.model.inferred.output_speed import speed_words
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.network.ensemble import (
     RotorNetwork,

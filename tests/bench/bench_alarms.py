@@ -34,11 +34,11 @@ from rich.console import Console
 from rich.table import Table
 from scipy.stats import chi2
 
-from thrustmargin.gcs_plugin.live.alarm_rules import RULES
+from thrustmargin.gcs_plugin.live.alarms.alarm_rules import RULES
+from thrustmargin.gcs_plugin.live.alarms.standing_alarms import Alarms
 from thrustmargin.gcs_plugin.live.link_vehicles import Subscriber
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
-from thrustmargin.gcs_plugin.live.standing_alarms import Alarms
-from thrustmargin.gcs_plugin.live.tank_balance import virtual_gauge
+from thrustmargin.gcs_plugin.live.rows.tank_balance import virtual_gauge
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import shipped_model

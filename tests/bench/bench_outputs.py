@@ -6,8 +6,8 @@ Each flight is read as it is, again without its ESC messages, and without those 
 (without those of the tank alone, thrust in use is the same: it rests on the speeds). Printed is,
 for each group: rows of rotors in the air, half of the median 90 % interval of thrust in use, the
 share of rows in which the full answer lies within it, and how many flights have the same verdict,
-cannot tell, or another. The constants of `models.model.output_speed` were set on the campaign
-flights and on Quiver 77 and 80; all others are scored only.
+cannot tell, or another. The constants of `models.model.inferred.output_speed` were set on the
+campaign flights and on Quiver 77 and 80; all others are scored only.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from tests.stripped_logs import is_tank, without
 from thrustmargin.gcs_plugin.logs import FlightLog, read_log
 from thrustmargin.gcs_plugin.reports.margin.summary import report_flight
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
-from thrustmargin.models.model.prepared import prepared
+from thrustmargin.models.model.inferred.prepared import prepared
+from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.model.rotor_model import physics_model
-from thrustmargin.models.model.utilisation_error import INTERVAL
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 
 LOGS = Path(__file__).resolve().parents[2] / "sitl_logs"

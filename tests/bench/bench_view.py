@@ -13,7 +13,7 @@ import pytest
 from tests.gcs_plugin.view.view_flight import flight
 from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
-from thrustmargin.gcs_plugin.view.shown_row import row_at
+from thrustmargin.gcs_plugin.view.scene.shown_row import row_at
 from thrustmargin.mission.route import Trail
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse

@@ -18,9 +18,9 @@ import numpy as np
 from thrustmargin.gcs_plugin.logs import FlightLog, read_log
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.prepared import Inferred, prepared, prepared_part
+from thrustmargin.models.model.inferred.prepared import Inferred, prepared, prepared_part
+from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
-from thrustmargin.models.model.utilisation_error import INTERVAL
 from thrustmargin.models.physics.airframe import load_airframe
 
 PIECE = 25  # rows a listener gets at once

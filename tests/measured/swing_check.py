@@ -1,7 +1,7 @@
 """The load's swing, worked out from the aircraft's motion alone, against where the load really was.
 
-`models.effects.slung_load` knows the aircraft's accelerometer and attitude and a cable length, and
-nothing of the load. The data set has the load by motion capture, which no fit has used.
+`models.effects.demand.slung_load` knows the aircraft's accelerometer and attitude and a cable
+length, and nothing of the load. The data set has the load by motion capture, which no fit has used.
 
 The load's mass m_l also follows from a plain regression of the rotors' thrust, as a yardstick:
 
@@ -20,7 +20,7 @@ import numpy as np
 
 from tests.measured.crazyflie import MeasuredFlight
 from tests.measured.thrust_check import DIAMETER, flow
-from thrustmargin.models.effects.slung_load import force_ned, swing
+from thrustmargin.models.effects.demand.slung_load import force_ned, swing
 from thrustmargin.models.flight import Floats, down_axis
 from thrustmargin.models.physics.atmosphere import G0
 

@@ -12,9 +12,9 @@ from rich.table import Table
 from rich.text import Text
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.options import require_logs
-from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading, reading_keywords
-from thrustmargin.gcs_plugin.commands.terminal import Terminal
+from thrustmargin.gcs_plugin.commands.shared.options import require_logs
+from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, reading_keywords
+from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ class AirframeCheck:
     reading: Reading = AS_HEARD
 
     def run(self) -> int:
-        from thrustmargin.gcs_plugin.commands.inspect import MARK
+        from thrustmargin.gcs_plugin.commands.flight.inspect import MARK
         from thrustmargin.gcs_plugin.logs import read_log
         from thrustmargin.models.physics.airframe import load_airframe
 
@@ -123,7 +123,7 @@ def _ceiling(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
 
     from thrustmargin.gcs_plugin.commands.airframe.fitted import interval
     from thrustmargin.gcs_plugin.logs.inspection import Finding
-    from thrustmargin.models.model.output_speed import full_output_speed
+    from thrustmargin.models.model.inferred.output_speed import full_output_speed
     from thrustmargin.models.physics.margin import ceiling
 
     check = "largest rotor speed"

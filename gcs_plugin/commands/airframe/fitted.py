@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from thrustmargin.gcs_plugin.commands.reading import ReadingOptions, reading_keywords
+from thrustmargin.gcs_plugin.commands.shared.reading import ReadingOptions, reading_keywords
 from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ def hover_quantities(logs: Sequence[Path], craft: Airframe, reading: ReadingOpti
     without rotor speeds give that alone. Raises DataError or LogError when there is neither.
     """
     from thrustmargin.gcs_plugin.logs import read_log
-    from thrustmargin.models.model.output_speed import full_output_speed
+    from thrustmargin.models.model.inferred.output_speed import full_output_speed
     from thrustmargin.models.physics.airframe import Quantity
     from thrustmargin.models.physics.atmosphere import SEA_LEVEL_DENSITY
     from thrustmargin.models.physics.thrust_fits import fit_hover

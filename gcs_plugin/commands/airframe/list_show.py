@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 from tyro.conf import Positional
 
-from thrustmargin.gcs_plugin.commands.terminal import Terminal
+from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 
 if TYPE_CHECKING:
     from thrustmargin.models.physics.airframe import Airframe

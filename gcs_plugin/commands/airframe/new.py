@@ -13,9 +13,9 @@ import tyro
 
 from thrustmargin.gcs_plugin.commands.airframe.questions import asked, require_all
 from thrustmargin.gcs_plugin.commands.airframe.stated import OwnerStatement, stated
-from thrustmargin.gcs_plugin.commands.options import Output, check_outputs
-from thrustmargin.gcs_plugin.commands.reading import AS_HEARD, Reading
-from thrustmargin.gcs_plugin.commands.terminal import Terminal
+from thrustmargin.gcs_plugin.commands.shared.options import Output, check_outputs
+from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading
+from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import DataError, LogError
 from thrustmargin.models.whole_file import whole_file
 

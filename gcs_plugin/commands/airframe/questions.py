@@ -11,8 +11,8 @@ from math import isfinite, pi, sin
 from typing import TYPE_CHECKING, Any
 
 from thrustmargin.gcs_plugin.commands.airframe.stated import OTHER, OwnerStatement, stated
-from thrustmargin.gcs_plugin.commands.options import UsageError
-from thrustmargin.gcs_plugin.commands.terminal import Terminal
+from thrustmargin.gcs_plugin.commands.shared.options import UsageError
+from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:

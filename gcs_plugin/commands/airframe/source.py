@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.commands.terminal import transfer_bar
+from thrustmargin.gcs_plugin.commands.shared.terminal import transfer_bar
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.vehicle_facts import VehicleFacts
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from thrustmargin.gcs_plugin.commands.options import UsageError
+from thrustmargin.gcs_plugin.commands.shared.options import UsageError
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.telemetry.reported_airframe import ReportedAirframe

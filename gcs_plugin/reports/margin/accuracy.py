@@ -19,7 +19,7 @@ from thrustmargin.gcs_plugin.wording.effect_sentences import effect_things
 from thrustmargin.models.effects.stored import EffectRecord
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FROM_OUTPUTS, Basis, FlightAnalysis
-from thrustmargin.models.model.load_inference import LOAD_FROM_SPEEDS
+from thrustmargin.models.model.inferred.load_inference import LOAD_FROM_SPEEDS
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.scores import (
     CONFIDENCE,

@@ -32,7 +32,7 @@ from thrustmargin.gcs_plugin.wording.palette import GROUND_SPEED, LOAD, REDUNDAN
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FROM_OUTPUTS, worst_rotor
-from thrustmargin.models.model.utilisation_error import INTERVAL
+from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 
 Rows = Mapping[str, Floats]
 

@@ -14,8 +14,8 @@ from thrustmargin.gcs_plugin.wording.margin_verdict import Fact, Moment
 from thrustmargin.gcs_plugin.wording.report_words import NOT_SPRAYING
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
+from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.model.rotor_faults import FaultEpisode
-from thrustmargin.models.model.utilisation_error import INTERVAL
 
 #: Moments closer than this are one moment, s: about the length of a turn at a line end.
 APART_S = 6.0

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import stdtr, stdtrit
 
 from thrustmargin.models.effects.channels import Channels
-from thrustmargin.models.effects.wind import WIND
+from thrustmargin.models.effects.inputs.wind import WIND
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.answer.result import Found
 from thrustmargin.models.identification.rows.candidates import Held, Term, placed

@@ -23,7 +23,7 @@ from scipy.linalg import block_diag
 from scipy.special import ndtr, ndtri
 
 from thrustmargin.models.effects import BY_KEY, effects_for
-from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION
+from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.answer.explanations import (

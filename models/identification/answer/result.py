@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION
+from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.adequacy import Unexplained
 from thrustmargin.models.identification.answer.unseen_errors import Errors, Unseen

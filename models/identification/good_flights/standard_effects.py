@@ -102,8 +102,8 @@ def with_standard_effects(
 def _fit_from_start(problem: Problem, terms: Sequence[Term], known: Floats) -> RowFit:
     """All terms together: first what makes them, then their shapes too.
 
-    A lag, a sharpening and the rotors' own inertia can stand for each other in sharp turns, and all
-    moved at once from nothing they end where none is what it is.
+    A lag, a derivative correction and the rotors' own inertia can stand for each other in sharp
+    turns, and all moved at once from nothing they end where none is what it is.
     """
     whole = [candidate(t, problem.flights) for t in terms]
     made = [Held(candidate=_without_shapes(one), values=one.start) for one in whole]

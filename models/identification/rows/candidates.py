@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.models.effects.base import TORQUE_SHARE, Effect, Parameter, Placed
-from thrustmargin.models.effects.rotor_degradation import LOSS
+from thrustmargin.models.effects.coefficient.rotor_degradation import LOSS
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.problem import RowsToFit
 from thrustmargin.models.identification.rows.reduced import Reduced

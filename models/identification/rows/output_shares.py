@@ -24,7 +24,7 @@ from scipy.special import stdtrit
 from thrustmargin.models.effects.base import Effect, Kind
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.model.output_speed import FROM_OUTPUTS
+from thrustmargin.models.model.inferred.output_speed import FROM_OUTPUTS
 from thrustmargin.models.physics.motor_output import STEEPNESS_ASSUMED, STEEPNESS_SET
 
 FEWEST_FLIGHTS = 3  # that show by how much flights differ

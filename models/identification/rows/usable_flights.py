@@ -17,8 +17,8 @@ from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.rows.problem import LEAST_ROWS, assemble_flight
 from thrustmargin.models.model.airframe_claim import airframe_claim
 from thrustmargin.models.model.analysis import require_rotors
-from thrustmargin.models.model.load_inference import LOAD_FROM_SPEEDS
-from thrustmargin.models.model.output_speed import FROM_OUTPUTS
+from thrustmargin.models.model.inferred.load_inference import LOAD_FROM_SPEEDS
+from thrustmargin.models.model.inferred.output_speed import FROM_OUTPUTS
 from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.airframe import Airframe

@@ -21,7 +21,7 @@ import numpy as np
 
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.effects.base import TORQUE_SHARE
-from thrustmargin.models.effects.rotor_degradation import LOSS
+from thrustmargin.models.effects.coefficient.rotor_degradation import LOSS
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.identification.rows.candidates import (

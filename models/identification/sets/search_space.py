@@ -11,7 +11,7 @@ from scipy.special import ndtri, stdtrit
 
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.effects.channels import froude_time_scale
-from thrustmargin.models.effects.manoeuvre_moment import MANOEUVRE_MOMENT
+from thrustmargin.models.effects.moments.manoeuvre_moment import MANOEUVRE_MOMENT
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.identification.rows.candidates import (
     Candidate,
@@ -228,7 +228,7 @@ def _uncertainty(reduced: Reduced) -> Floats:
 
 
 def _shapes(reduced: Reduced, base: Floats) -> list[Floats]:
-    """What the shapes of the model's own effects (lags, sharpenings) may be off by."""
+    """What the shapes of the model's own effects (lags, derivative corrections) may be off by."""
     columns = []
     for k, item in enumerate(reduced.model.placed):
         for p in item.effect.parameters:

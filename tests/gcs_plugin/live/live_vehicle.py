@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from thrustmargin.gcs_plugin.live.vehicle_telemetry import LiveRows, VehicleTelemetry
+from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows, VehicleTelemetry
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, frame_of
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.gcs_plugin.telemetry.statements import Options

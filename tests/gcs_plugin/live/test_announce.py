@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from tests.gcs_plugin.live.live_vehicle import Vehicle
 from thrustmargin.gcs_plugin.link.sender import COMPONENT, Sender
 from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter
-from thrustmargin.gcs_plugin.live.alarm import CRITICAL, WARNING, Alarm, AlarmEvent
+from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, WARNING, Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.live.announce import Announcer
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings

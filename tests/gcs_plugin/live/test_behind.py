@@ -17,13 +17,13 @@ import pytest
 from tests.gcs_plugin.live.live_vehicle import Vehicle, command
 from tests.gcs_plugin.live.monitored import MODEL, recording_in
 from tests.gcs_plugin.peers.processes import free_udp_port
-from thrustmargin.gcs_plugin.live.alarm import AlarmEvent, AlarmSettings
+from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent, AlarmSettings
 from thrustmargin.gcs_plugin.live.console import status_lines, vehicle_cells
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings, spacing
-from thrustmargin.gcs_plugin.live.update import Update
-from thrustmargin.gcs_plugin.live.vehicle_monitor import WatchSettings
-from thrustmargin.gcs_plugin.view.live_heard import Heard
+from thrustmargin.gcs_plugin.live.watch.update import Update
+from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import WatchSettings
+from thrustmargin.gcs_plugin.view.live.live_heard import Heard
 
 SILENCE = 1.6  # s here, to be quick; rotor speeds are missed a second earlier
 

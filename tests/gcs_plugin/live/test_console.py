@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from rich.console import Console
 
 from tests.gcs_plugin.live.live_vehicle import SECOND, Vehicle, as_frame
-from thrustmargin.gcs_plugin.live.alarm import CRITICAL, NOTICE, WARNING, Alarm, AlarmEvent
+from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, NOTICE, WARNING, Alarm, AlarmEvent
 from thrustmargin.gcs_plugin.live.console import (
     Bell,
     EventPrinter,
@@ -168,7 +168,7 @@ def test_the_screen_names_alarms_problems_and_the_tanks_source(monitor):
 
 
 def test_a_recording_that_does_not_go_on_is_told_first(monitor, tmp_path):
-    from thrustmargin.gcs_plugin.live.recorder import RecorderStatus
+    from thrustmargin.gcs_plugin.live.recording.recorder import RecorderStatus
 
     fine = RecorderStatus(
         folder=tmp_path,

@@ -22,12 +22,12 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from tests.gcs_plugin.live.live_vehicle import ROOT, as_frame, log_frames, write_log
 from tests.gcs_plugin.live.monitored import AIRFRAME
 from tests.gcs_plugin.logs.log_files import with_rotor_speeds
-from thrustmargin.gcs_plugin.live.outlook import LookAhead
-from thrustmargin.gcs_plugin.live.standing_alarms import Alarms
-from thrustmargin.gcs_plugin.live.tank_balance import virtual_gauge
-from thrustmargin.gcs_plugin.live.vehicle_monitor import VehicleMonitor, WatchSettings
-from thrustmargin.gcs_plugin.live.vehicle_state import MISSION_MESSAGES, VehicleState, fold
-from thrustmargin.gcs_plugin.live.vehicle_telemetry import LiveRows
+from thrustmargin.gcs_plugin.live.alarms.standing_alarms import Alarms
+from thrustmargin.gcs_plugin.live.rows.tank_balance import virtual_gauge
+from thrustmargin.gcs_plugin.live.rows.vehicle_state import MISSION_MESSAGES, VehicleState, fold
+from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows
+from thrustmargin.gcs_plugin.live.watch.outlook import LookAhead
+from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor, WatchSettings
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.tlog import read_tlog
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields

@@ -29,7 +29,7 @@ class Probe(mp_module.MPModule):
         self.add_command("spy", self.cmd_spy, "note which threads analyse")
 
     def cmd_spy(self, _):
-        from thrustmargin.gcs_plugin.live import vehicle_monitor as watch
+        from thrustmargin.gcs_plugin.live.watch import vehicle_monitor as watch
 
         analyse = watch.analyse
 

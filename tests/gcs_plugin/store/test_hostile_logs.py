@@ -10,7 +10,7 @@ import pytest
 from tests.gcs_plugin.logs.log_files import UlogWriter
 from tests.import_graph import ROOT
 from thrustmargin.gcs_plugin.cli import run
-from thrustmargin.gcs_plugin.commands.ingest import NO_FILE, find_logs
+from thrustmargin.gcs_plugin.commands.season.ingest import NO_FILE, find_logs
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore
 
 TLOG = ROOT / "sitl_logs/campaign/v4_m16_q2.5.tlog"

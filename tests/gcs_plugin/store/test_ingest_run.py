@@ -13,7 +13,7 @@ import pytest
 
 from tests.gcs_plugin.store.season import content, files, log_files, small_flight, stage_number
 from tests.import_graph import ROOT
-from thrustmargin.gcs_plugin.commands.ingest import local_processes
+from thrustmargin.gcs_plugin.commands.season.ingest import local_processes
 from thrustmargin.gcs_plugin.store.ingest_run import IngestOutcome, LogSource, ingest_logs
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore
 from thrustmargin.gcs_plugin.store.staging import drop_replaced, merge, stage, staged_partitions

@@ -9,7 +9,7 @@ import pytest
 from tests.browser import open_page
 from tests.gcs_plugin.view.view_flight import flight
 from thrustmargin.gcs_plugin.view import replay_view
-from thrustmargin.gcs_plugin.view.live_html import GREY, VERDICT_PAPER
+from thrustmargin.gcs_plugin.view.figures.live_html import GREY, VERDICT_PAPER
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
 from thrustmargin.gcs_plugin.wording.view_words import ALARMS_SOUGHT, ALARMS_UNKNOWN
 from thrustmargin.models.model.rotor_faults import RotorFault

@@ -13,8 +13,8 @@ import pytest
 
 from tests.models.made_flights import curve_model, made_flight, made_flights, table
 from thrustmargin.gcs_plugin.logs.csv_table import write_csv
-from thrustmargin.gcs_plugin.view.overlays import before_and_after, overlays_of
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
+from thrustmargin.gcs_plugin.view.scene.overlays import before_and_after, overlays_of
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.identification.answer.model_update import with_effects
 from thrustmargin.models.identification.loop import identify

@@ -12,10 +12,10 @@ import pytest
 from tests.browser import open_page
 from tests.gcs_plugin.live.live_vehicle import Vehicle
 from tests.gcs_plugin.view.live_flight import AIRFRAME, Live, flying
-from thrustmargin.gcs_plugin.live.alarm import CRITICAL, WARNING, Alarm
+from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, WARNING, Alarm
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
-from thrustmargin.gcs_plugin.live.outlook import Outlook
-from thrustmargin.gcs_plugin.view.live_html import (
+from thrustmargin.gcs_plugin.live.watch.outlook import Outlook
+from thrustmargin.gcs_plugin.view.figures.live_html import (
     Standing,
     alarms_html,
     fleet_html,
@@ -107,7 +107,7 @@ def test_two_vehicles_have_a_tab_each_and_stand_where_they_are():
 @pytest.mark.slow
 @pytest.mark.browser
 def test_an_aircraft_that_was_switched_off_leaves_the_page_and_may_return(monkeypatch):
-    monkeypatch.setattr("thrustmargin.gcs_plugin.live.vehicle_monitor.GONE", 2.0)
+    monkeypatch.setattr("thrustmargin.gcs_plugin.live.watch.vehicle_monitor.GONE", 2.0)
     with flying() as live, open_page(live.view.url) as page:
         one, two = Vehicle(1), Vehicle(2)
         live.fly(2.0, one, two)

@@ -13,14 +13,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.gcs_plugin.view.view_flight import ROWS, flight
-from thrustmargin.gcs_plugin.commands.replay import replay_view
+from thrustmargin.gcs_plugin.commands.flight.replay import replay_view
 from thrustmargin.gcs_plugin.logs.csv_table import write_csv
-from thrustmargin.gcs_plugin.view.aircraft import spin_segments
-from thrustmargin.gcs_plugin.view.camera import Camera
-from thrustmargin.gcs_plugin.view.overlays import Overlay, overlays_of
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView, run_replay
-from thrustmargin.gcs_plugin.view.scene import grid_cell
-from thrustmargin.gcs_plugin.view.shown_row import FRD_FLU, ShownRow, enu
+from thrustmargin.gcs_plugin.view.scene.aircraft import spin_segments
+from thrustmargin.gcs_plugin.view.scene.camera import Camera
+from thrustmargin.gcs_plugin.view.scene.overlays import Overlay, overlays_of
+from thrustmargin.gcs_plugin.view.scene.scene import grid_cell
+from thrustmargin.gcs_plugin.view.scene.shown_row import FRD_FLU, ShownRow, enu
 from thrustmargin.gcs_plugin.wording.palette import NO_DATA, seen_for
 from thrustmargin.mission.route import Trail
 from thrustmargin.models.errors import DataError, LinkError

@@ -6,12 +6,12 @@ import pytest
 
 from tests.gcs_plugin.live.live_vehicle import log_frames
 from thrustmargin.gcs_plugin.cli import run
-from thrustmargin.gcs_plugin.commands.inputs import read_flight
+from thrustmargin.gcs_plugin.commands.shared.inputs import read_flight
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
-from thrustmargin.gcs_plugin.live.vehicle_monitor import WatchSettings
-from thrustmargin.gcs_plugin.view.live_html import alarms_html
+from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import WatchSettings
+from thrustmargin.gcs_plugin.view.figures.live_html import alarms_html
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
-from thrustmargin.gcs_plugin.view.shown_row import ShownRow
+from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
 from thrustmargin.gcs_plugin.wording.fault_words import episode_words, fault_words
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import shipped_model

@@ -21,9 +21,9 @@ SENTENCE = re.compile(r"[A-Za-z'°]+,? [a-z']+,? [A-Za-z']+")
 ALLOWED = {
     "gcs_plugin/reports/margin/csv_rows.py": "names of columns, which are the file's format",
     "gcs_plugin/mavproxy_worker.py": "lines of MAVProxy's console, in its own syntax",
-    "gcs_plugin/view/view_page.py": "where the page is, for who started it",
-    "gcs_plugin/view/guard.py": "refusals of strangers and of a port",
-    "gcs_plugin/view/token_door.py": "the door before the page",
+    "gcs_plugin/view/page/view_page.py": "where the page is, for who started it",
+    "gcs_plugin/view/page/guard.py": "refusals of strangers and of a port",
+    "gcs_plugin/view/page/token_door.py": "the door before the page",
 }
 
 #: The terminal's style; the text of an object, for programmers.

@@ -187,7 +187,7 @@ def test_a_report_of_a_fall_at_more_than_g_asks_for_no_thrust_and_is_known(model
         rate_shifts=(still,) * 3,
         acceleration_shifts=(still,) * 3,
     )
-    felt = {"gain": 1.0, "imu_share": 1.0, "sharpening": 0.0, "lag": 0.0}
+    felt = {"gain": 1.0, "imu_share": 1.0, "derivative_correction": 0.0, "lag": 0.0}
     names = [p.name for p in EFFECTS["manoeuvre_moment"].parameters]
     turning = dict.fromkeys(names, 0.0) | {"inertia_roll": 1.0, "load_exponent": 0.5}
     placed = [

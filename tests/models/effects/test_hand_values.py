@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from thrustmargin.models.effects import CATALOGUE
 from thrustmargin.models.effects.base import USUAL_ARM, USUAL_MASS
-from thrustmargin.models.effects.slung_load import force_ned
+from thrustmargin.models.effects.demand.slung_load import force_ned
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse

@@ -11,7 +11,10 @@ from scipy.stats import t as student
 from tests.models.identification.answer.test_model_update import found_by_hand, learnt_model
 from tests.models.made_flights import curve_model
 from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION, ROTOR_DEGRADATION_ONSET
+from thrustmargin.models.effects.coefficient.rotor_degradation import (
+    ROTOR_DEGRADATION,
+    ROTOR_DEGRADATION_ONSET,
+)
 from thrustmargin.models.identification.answer.adequacy import Unexplained
 from thrustmargin.models.identification.answer.model_update import _background, _interval
 from thrustmargin.models.identification.answer.result import (

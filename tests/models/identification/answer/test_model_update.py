@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 from tests.models.made_flights import F16, NOISE_RPM, curve_model, made_flights, table
-from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION, ROTOR_DEGRADATION_ONSET
+from thrustmargin.models.effects.coefficient.rotor_degradation import (
+    ROTOR_DEGRADATION,
+    ROTOR_DEGRADATION_ONSET,
+)
+from thrustmargin.models.effects.inputs.wind import WIND
 from thrustmargin.models.effects.stored import EffectRecord, Identified
-from thrustmargin.models.effects.wind import WIND
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.identification.answer.margin_change import margin_changes
 from thrustmargin.models.identification.answer.model_update import (

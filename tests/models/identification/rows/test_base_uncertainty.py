@@ -9,7 +9,7 @@ from tests.models.made_flights import F16, made_flight
 from tests.models.model.test_model_by_hand import AIRFRAME, DRAG, learnt, network_rpm
 from tests.models.model.test_model_by_hand import flight as hand_flight
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.models.effects.extra_mass import EXTRA_MASS
+from thrustmargin.models.effects.demand.weight import EXTRA_MASS
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.identification.good_flights.standard_effects import _half_widths
 from thrustmargin.models.identification.rows.base_uncertainty import base_uncertainty_rpm

@@ -8,7 +8,7 @@ import pytest
 from tests.models.made_flights import curve_model, made_flight
 from thrustmargin.gcs_plugin.wording.identify_answer import nothing, open_questions
 from thrustmargin.models.effects.base import Kind
-from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION
+from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer.model_update import with_effects
@@ -22,7 +22,7 @@ from thrustmargin.models.identification.rows.output_shares import (
     spread_of_flights,
     steepness_of,
 )
-from thrustmargin.models.model.output_speed import FROM_OUTPUTS
+from thrustmargin.models.model.inferred.output_speed import FROM_OUTPUTS
 from thrustmargin.models.physics.motor_output import STEEPNESS_ASSUMED, STEEPNESS_SET
 
 TRIM = 0.006  # of rotor speed, by which each rotor of sound flights differs

@@ -11,7 +11,7 @@ from scipy import stats
 from tests.models.made_flights import curve_model, made_flights
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.effects import BY_KEY, CATALOGUE
-from thrustmargin.models.effects.slung_load import LENGTHS
+from thrustmargin.models.effects.demand.slung_load import LENGTHS
 from thrustmargin.models.effects.spin_up import SPIN_UPS
 from thrustmargin.models.identification.rows.candidates import (
     Held,

@@ -15,8 +15,8 @@ from thrustmargin.models.identification.rows.usable_flights import (
     too_little,
     wrong_order,
 )
-from thrustmargin.models.model.load_inference import LOAD_FROM_SPEEDS
-from thrustmargin.models.model.output_speed import FROM_OUTPUTS
+from thrustmargin.models.model.inferred.load_inference import LOAD_FROM_SPEEDS
+from thrustmargin.models.model.inferred.output_speed import FROM_OUTPUTS
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.flight_phases import training_rows
 

@@ -15,7 +15,10 @@ from tests.models.made_flights import curve_model
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.base import Placed
 from thrustmargin.models.effects.channels import froude_time_scale
-from thrustmargin.models.effects.rotor_degradation import ROTOR_DEGRADATION, ROTOR_DEGRADATION_ONSET
+from thrustmargin.models.effects.coefficient.rotor_degradation import (
+    ROTOR_DEGRADATION,
+    ROTOR_DEGRADATION_ONSET,
+)
 from thrustmargin.models.identification.rows.candidates import (
     EFFECT_PRIOR,
     ROTOR_PRIOR,

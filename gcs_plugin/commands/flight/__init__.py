@@ -1,0 +1,1 @@
+"""Commands on one flight, as it is flown or from its log."""

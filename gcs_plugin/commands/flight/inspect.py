@@ -1,0 +1,184 @@
+"""`thrustmargin inspect`: what is in a log, and can it be believed."""
+
+from __future__ import annotations
+
+import json as json_module
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+from tyro.conf import Positional
+
+from thrustmargin.gcs_plugin.commands.shared.options import (
+    STDOUT,
+    Output,
+    UsageError,
+    check_outputs,
+    require_logs,
+)
+from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, ReadingOptions
+from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.models.errors import LogError, ThrustMarginError
+from thrustmargin.models.whole_file import whole_file
+
+if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.logs import FlightLog
+    from thrustmargin.gcs_plugin.logs.inspection import Inspection
+
+MARK = {"ok": ("ok", "green"), "warning": ("look", "yellow"), "unknown": ("?", "cyan")}
+NO_COPY = (
+    "{name}: only a telemetry log (.tlog) can be copied without who and where; of this one share "
+    "the rows: thrustmargin report {name} --anonymise --csv rows.csv"
+)
+_WIDE = 110  # columns of the terminal from which the whole table fits
+
+
+def inspect(
+    logs: Positional[
+        Annotated[tuple[Path, ...], tyro.conf.arg(metavar="LOG...", help_behavior_hint="")]
+    ],
+    *,
+    airframe: str | None = None,
+    reading: Reading = AS_HEARD,
+    json: Path | None = None,
+    anonymise: Path | None = None,
+) -> int:
+    """Show what a log holds: every channel, the message it came from, its rate, gaps and range.
+
+    Says whether the file is damaged, whether motor 1 is really motor 1 (the body must answer to
+    the rotors as the airframe file says), and whether the rotor speeds are of the rotor or
+    electrical. Look at this first when a flight looks odd.
+
+    Example: thrustmargin inspect sitl_logs/campaign/v4_m16_q2.5.tlog --airframe topxgun-f16-sitl
+
+    Args:
+        logs: Recorded flights: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv.
+        airframe: Name of a shipped airframe, or your airframe file (.toml); without it
+            topxgun-f16-sitl is taken when the flight is recognised as one of it.
+        reading: How the logs are read.
+        json: Write the same as JSON to this file (.json); - is standard output, and nothing else.
+        anonymise: Write a copy of the telemetry log without names, ids, texts and place to this
+            file (.tlog), to be shared; margins and verdict stay.
+    """
+    from thrustmargin.gcs_plugin.logs.inspection import as_json
+
+    console, errors = Terminal(quiet=json == STDOUT), Terminal(stderr=True)
+    require_logs(logs)
+    outputs = (
+        Output("--json", json, endings=(".json",)),
+        Output("--anonymise", anonymise, endings=(".tlog",)),
+    )
+    check_outputs(outputs, inputs=[*logs, airframe])
+    if anonymise is not None and len(logs) > 1:
+        raise UsageError("--anonymise makes a copy of one log; name one")
+    done, failed = [], 0
+    for path in logs:
+        try:
+            with errors.status(escape(f"reading {path.name}")):
+                inspection = _inspect(path, airframe, reading)
+        except ThrustMarginError as error:
+            # One bad log must not hide the others.
+            if len(logs) == 1:
+                raise
+            errors.print(f"thrustmargin: {error}", soft_wrap=True)
+            failed += 1
+            continue
+        if anonymise is not None and inspection.log.format != "tlog":
+            raise LogError(NO_COPY.format(name=path.name))
+        _print(console, inspection)
+        done.append(as_json(inspection))
+    if anonymise is not None:
+        from thrustmargin.gcs_plugin.logs.anonymous_tlog import anonymous_copy
+
+        copy = anonymous_copy(path)
+        with whole_file(anonymise) as draft:
+            draft.write_bytes(copy)
+        console.print(f"wrote {anonymise}", soft_wrap=True)
+    text = json_module.dumps(done, indent=2) + "\n"
+    if json == STDOUT:
+        sys.stdout.write(text)
+    elif json is not None:
+        try:
+            with whole_file(json) as draft:
+                draft.write_text(text, encoding="utf-8")
+        except OSError as error:
+            raise LogError(f"cannot write {json}: {error.strerror or error}") from error
+        console.print(f"wrote {json}", soft_wrap=True)
+    return 1 if failed else 0
+
+
+def _inspect(path: Path, airframe: str | None, reading: ReadingOptions) -> Inspection:
+    from thrustmargin.gcs_plugin.commands.shared.inputs import SHIPPED_AIRFRAME, read_flight
+    from thrustmargin.gcs_plugin.logs.inspection import inspect_log
+    from thrustmargin.models.model.rotor_model import physics_model
+    from thrustmargin.models.physics.airframe import load_airframe
+
+    given = airframe is not None
+    craft = load_airframe(airframe if given else SHIPPED_AIRFRAME)
+    model = physics_model(craft)
+    log, claim = read_flight(path, model, given=given, reading=reading, any_vehicle=True)
+    return inspect_log(log, craft, claim)
+
+
+def _print(console: Console, inspection: Inspection) -> None:
+    from thrustmargin.gcs_plugin.logs.inspection import flying_seconds
+
+    log, track = inspection.log, inspection.log.track
+    others = [str(v) for v in log.vehicles if v != log.vehicle]
+    console.print(
+        f"{log.path.name}: {log.format}, {log.autopilot}, vehicle {log.vehicle}"
+        + (f" (also in the log: {', '.join(others)})" if others else "")
+        + f", {track.duration:.1f} s of which {flying_seconds(track):.1f} s in flight, "
+        f"{track.time_s.size} rows; " + inspection.claim.words,
+        soft_wrap=True,
+    )
+    console.print(f"vehicle: {log.facts.words}", soft_wrap=True)
+    console.print(f"in flight by: {track.sources.get('flying', 'unknown')}", soft_wrap=True)
+    wide = console.width >= _WIDE
+    console.print(_channels(log, wide=wide))
+    if not wide:
+        console.print(_sources(log))
+    findings = Table(show_header=False, box=None, pad_edge=False)
+    for finding in inspection.findings:
+        mark, colour = MARK[finding.level]
+        findings.add_row(Text(mark, style=colour), Text(finding.check), Text(finding.words))
+    console.print(findings)
+    for note in track.notes:
+        console.print(Text(f"note: {note}"), soft_wrap=True)
+    unknown = log.quality.unknown_ids
+    if unknown:
+        listed = ", ".join(f"{number} ({count})" for number, count in sorted(unknown.items()))
+        console.print(f"message ids not known, skipped: {listed}", soft_wrap=True)
+
+
+def _channels(log: FlightLog, *, wide: bool) -> Table:
+    """The channels in numbers; with their sources where the terminal is wide enough."""
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("channel", no_wrap=True)
+    if wide:
+        table.add_column("from", overflow="fold")
+    headings = ("Hz", "gaps", "pause s", "min", "median", "max")
+    for heading in headings:
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("unit", no_wrap=True)
+    for c in log.channels:
+        cells = [""] * len(headings)
+        if c.samples:
+            cells = [f"{c.rate_hz:.3g}", str(c.gaps), f"{c.longest_gap_s:.2f}"]
+            cells += [f"{value:.4g}" for value in (c.minimum, c.median, c.maximum)]
+        source = [Text(c.source)] if wide else []
+        table.add_row(c.name, *source, *cells, c.unit, style="" if c.samples else "dim")
+    return table
+
+
+def _sources(log: FlightLog) -> Table:
+    table = Table(show_header=False, box=None, pad_edge=False)
+    for c in log.channels:
+        table.add_row(c.name, Text(c.source), style="" if c.samples else "dim")
+    return table

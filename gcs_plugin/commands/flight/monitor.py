@@ -1,0 +1,227 @@
+"""thrustmargin monitor: watch vehicles that fly now."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rich.live import Live
+from tyro.conf import Positional, UseAppendAction
+
+from thrustmargin.gcs_plugin.commands.shared.options import check_utilisation
+from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, reading_keywords
+from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+
+if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.live.console import EventPrinter
+    from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor
+    from thrustmargin.gcs_plugin.view.live_view import LiveView
+    from thrustmargin.models.physics.airframe import Airframe
+
+
+def monitor(
+    url: Positional[str] = "udpin:127.0.0.1:14550",
+    /,
+    *,
+    forward: UseAppendAction[tuple[str, ...]] = (),
+    record: Path = Path("recordings"),
+    model: Path | None = None,
+    airframe: str | None = None,
+    reading: Reading = AS_HEARD,
+    max_utilisation: float = 0.5,
+    announce: bool = False,
+    request_rates: bool = False,
+    fetch_mission: bool = False,
+    signing_key_file: Path | None = None,
+    view: bool = True,
+    host: str = "127.0.0.1",
+    port: int = 8080,
+    token_file: Path | None = None,
+    browser: bool = True,
+    silent: bool = False,
+    seconds: float | None = None,
+) -> None:
+    """Watch every aircraft on a link: thrust margin, redundancy, tank and alarms as they happen.
+
+    Listens only; nothing is sent unless --announce, --request-rates, --fetch-mission or --forward
+    asks for it.
+    Everything heard is recorded. Shows a table here and the aircraft in the browser, on a page that
+    this computer alone can open. Ctrl-C ends it.
+
+    Example: thrustmargin monitor udpin:127.0.0.1:14550 --forward udpout:127.0.0.1:14551
+
+    Args:
+        url: Where to listen: udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT, a
+            serial port such as /dev/ttyUSB0,57600, or a recording (.tlog).
+        forward: Pass every byte on, unchanged, to a ground station at udpout:HOST:PORT (or
+            tcpin:HOST:PORT), and its answers back to the vehicle. May be given several times.
+        record: Folder in which the recording's own folder is made.
+        model: Rotor speed model file of this aircraft; without it, and without an airframe, the one
+            that ships is used for a flight that is recognised as one of topxgun-f16-sitl.
+        airframe: Name of a shipped airframe, or an airframe file (.toml); without it the
+            model's, else that of topxgun-f16-sitl for a flight that is recognised as one of it.
+        reading: How the link is read.
+        max_utilisation: Largest share of a rotor's maximum thrust that may be in use; above it an
+            alarm is raised.
+        announce: Send alarms and figures to vehicles and ground stations as STATUSTEXT and
+            NAMED_VALUE_FLOAT.
+        request_rates: Ask the vehicle for the messages that are needed, at the rates needed.
+        fetch_mission: Ask each vehicle for its mission when it appears, to forecast the margin
+            along it.
+        signing_key_file: Key of signed links; with it every frame that is not signed with it is
+            dropped and counted.
+        view: Show the aircraft in 3D on a page of this computer; --no-view for the table alone.
+        host: Address to serve the page on; only this computer can reach 127.0.0.1. On any other a
+            token is asked for, which is printed.
+        port: Port of the page.
+        token_file: File with the token that a browser must know, instead of a new one each time.
+        browser: Open the page in the browser.
+        silent: Make no sound: without it the page has a button that switches tone and voice on, and
+            the terminal without a page rings its bell.
+        seconds: End by itself after so long.
+    """
+    from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
+    from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmSettings
+    from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
+    from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import WatchSettings
+    from thrustmargin.gcs_plugin.telemetry.tank_source import check_source
+    from thrustmargin.gcs_plugin.view.page.token_door import page_token
+
+    check_utilisation(max_utilisation)
+    where = {"host": host, "port": port, "token": page_token(host, token_file)}
+    keywords = reading_keywords(reading)
+    accept = sign = None
+    if signing_key_file is not None:
+        from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter, read_signing_key
+
+        found = read_signing_key(signing_key_file)
+        for note in found.notes:
+            Terminal(stderr=True, soft_wrap=True).print(f"note: {note}")
+        key = found.key
+        recorded = url.lower().endswith(".tlog")
+        guard = SigningFilter(key, clock=None) if recorded else SigningFilter(key)
+        accept = guard.accept
+        sign = Signer(key, after=lambda: guard.latest).sign
+    settings = MonitorSettings(
+        urls=(url,),
+        forwards=tuple(forward),
+        record=record,
+        watch=WatchSettings(
+            alarms=AlarmSettings(max_utilisation=max_utilisation),
+            airframe_given=model is not None or airframe is not None,
+            link=url,
+            **keywords,
+        ),
+    )
+    chosen = chosen_model(model, airframe)
+    check_source(chosen.airframe.tank_source)
+    live = LiveMonitor(chosen, settings, accept=accept)
+    if announce or request_rates:
+        from thrustmargin.gcs_plugin.link.sender import Sender
+        from thrustmargin.gcs_plugin.live.announce import Announcer
+        from thrustmargin.gcs_plugin.live.message_rates import RateRequester
+
+        sender = Sender(live.listener, sign)
+        if announce:
+            live.subscribers.append(Announcer(sender))
+        if request_rates:
+            live.subscribers.append(RateRequester(sender, chosen.airframe.rotor_count))
+    fetcher = None
+    if fetch_mission:
+        from thrustmargin.gcs_plugin.vehicle.mission_fetcher import MissionFetcher
+
+        fetcher = MissionFetcher(live.listener, sign=sign)
+        live.subscribers.append(fetcher)
+        live.taps.append(fetcher.feed)
+    unprinted: list[OSError] = []
+    printer: EventPrinter | None = None
+    if not sys.stdout.isatty():
+        from thrustmargin.gcs_plugin.live.console import EventPrinter
+
+        events = Terminal(soft_wrap=True)
+
+        def announce(words: str) -> None:
+            # A full disk behind a redirected answer must not end the watch.
+            try:
+                events.print(words)
+            except OSError as error:
+                unprinted.append(error)
+
+        printer = EventPrinter(live, announce)
+        live.subscribers.append(printer)
+    elif not view and not silent:
+        from thrustmargin.gcs_plugin.live.console import Bell
+
+        live.subscribers.append(Bell(Terminal().bell))
+    page = _page(live, chosen.airframe, silent, max_utilisation, **where) if view else None
+    until = math.inf if seconds is None else time.monotonic() + seconds
+    try:
+        live.start()
+        if page is not None:
+            page.announce(browser=browser)
+        _show(live, until, printer, page=page is not None)
+    finally:
+        if fetcher is not None:
+            fetcher.close()
+        live.close()
+        if page is not None:
+            page.stop()
+        _summary(live)
+    live.check()
+    if unprinted:
+        raise unprinted[0]
+
+
+def _page(
+    live: LiveMonitor, airframe: Airframe, silent: bool, max_utilisation: float, **where: Any
+) -> LiveView:
+    from thrustmargin.gcs_plugin.live.console import rowless_lines, status_lines
+    from thrustmargin.gcs_plugin.view.live_view import LiveView
+
+    page = LiveView(
+        airframe,
+        **where,
+        status=lambda: [*status_lines(live.status(), page=True), *rowless_lines(live.fleet)],
+        clock=live.now_us,
+        silent=silent,
+        max_utilisation=max_utilisation,
+        acknowledged=live.acknowledge,
+    )
+    try:
+        page.start()
+    except BaseException:
+        live.close()
+        raise
+    live.subscribers.append(page)
+    return page
+
+
+def _show(live: LiveMonitor, until: float, printer: EventPrinter | None, *, page: bool) -> None:
+    from thrustmargin.gcs_plugin.live.console import Screen
+
+    console = Terminal()
+    if printer is not None:
+        while time.monotonic() < until and not live.finished:
+            time.sleep(0.1)
+            printer.look(page=page)
+        return
+    shown = Screen(live, page=page)
+    with Live(shown, console=console, auto_refresh=False, transient=True) as display:
+        while time.monotonic() < until and not live.finished:
+            display.refresh()
+            time.sleep(0.25)
+
+
+def _summary(live: LiveMonitor) -> None:
+    """What has been heard, on one line a vehicle; also when nobody watches the table."""
+    from thrustmargin.gcs_plugin.live.console import status_lines
+
+    out = Terminal(stderr=True)
+    for number, watch in live.fleet.vehicles.items():
+        words = f"vehicle {number}: {watch.rows} samples, {watch.problem or watch.claim.described}"
+        out.print(words, soft_wrap=True)
+    for line in status_lines(live.status()):
+        out.print(line, soft_wrap=True)

@@ -1,0 +1,139 @@
+"""`thrustmargin report`: a margin report of recorded flights as one HTML page, JSON and CSV."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from tyro.conf import Positional
+
+from thrustmargin.gcs_plugin.commands.shared.options import (
+    STDOUT,
+    Output,
+    check_outputs,
+    check_utilisation,
+    require_logs,
+)
+from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading
+from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.models.errors import DataError, ThrustMarginError
+
+if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+
+
+def report(
+    logs: Positional[
+        Annotated[tuple[Path, ...], tyro.conf.arg(metavar="LOG...", help_behavior_hint="")]
+    ],
+    *,
+    model: Path | None = None,
+    airframe: str | None = None,
+    reading: Reading = AS_HEARD,
+    out: Path | None = None,
+    json: Path | None = None,
+    pdf: Path | None = None,
+    max_utilisation: float = 0.5,
+    anonymise: bool = False,
+) -> int:
+    """Write a margin report of one or more flights: how close it was, where, and with which rotor.
+
+    The page opens in any browser without a network. Beside it, with the same name, come a .json
+    with its numbers and a .csv with a line for each moment of the flight.
+
+    Example: thrustmargin report sitl_logs/campaign/v4_m16_q2.5.tlog --out north-field.html
+
+    Args:
+        logs: Recorded flights: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv.
+        model: Rotor speed model file of this aircraft; without it, and without an airframe, the one
+            that ships is used for a flight that is recognised as one of topxgun-f16-sitl.
+        airframe: Name of a shipped airframe, or an airframe file (.toml); without it the
+            model's, else that of topxgun-f16-sitl for a flight that is recognised as one of it.
+        reading: How the logs are read.
+        out: Page to write (.html); without it report.html, unless --json or --pdf
+            is given.
+        json: Write the numbers as JSON to this file (.json); - is standard output, and nothing
+            else.
+        pdf: Write the page to this file (.pdf) too, on A4 to print; needs no browser.
+        max_utilisation: Largest share of a rotor's maximum thrust that may be in use.
+        anonymise: Strip who and where: names, serial numbers, ids, texts, the place on the globe.
+    """
+    from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, listed, read_logs
+    from thrustmargin.gcs_plugin.reports.margin import build_report
+    from thrustmargin.gcs_plugin.reports.margin.render import json_text, pdf_bytes, write_report
+    from thrustmargin.models.model.analysis import analyse, for_verdict
+    from thrustmargin.models.whole_file import whole_file
+
+    console = Terminal(stderr=True, soft_wrap=True)
+    require_logs(logs)
+    check_utilisation(max_utilisation)
+    if out is None and json is None and pdf is None:
+        out = Path("report.html")
+    outputs = [
+        Output("--json", json, endings=(".json",)),
+        Output("--pdf", pdf, endings=(".pdf",)),
+    ]
+    if out is not None:
+        outputs += [
+            Output("--out", out, endings=(".html", ".htm")),
+            Output("--out", out.with_suffix(".json")),
+            Output("--out", out.with_suffix(".csv")),
+        ]
+    check_outputs(outputs, inputs=[*logs, model, airframe])
+    rotor_model = chosen_model(model, airframe)
+    unread: list[UnusedLog] = []
+    read = read_logs(
+        logs,
+        unread,
+        console,
+        model=rotor_model,
+        given=model is not None or airframe is not None,
+        reading=reading,
+        skipped=ThrustMarginError,
+    )
+    flights = [
+        (for_verdict(analyse(log.track, rotor_model, claim=claim)), log) for log, claim in read
+    ]
+    if not flights:
+        raise DataError(listed(unread))
+    shown = unread
+    if anonymise:
+        from thrustmargin.gcs_plugin.commands.season.anonymous import anonymous
+        from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+
+        flights = [anonymous(*flight, f"flight {n}") for n, flight in enumerate(flights, 1)]
+        shown = [UnusedLog(name="a log", reason="not read") for _ in unread]
+    with console.status("writing the report"):
+        made = build_report(flights, max_utilisation=max_utilisation, unread=shown)
+        written = None
+        try:
+            if out is not None:
+                written = write_report(made, out)
+            text = json_text(made, "" if written is None else written.csv.name)
+            if pdf is not None:
+                with whole_file(pdf) as draft:
+                    draft.write_bytes(pdf_bytes(made, written))
+            if json == STDOUT:
+                sys.stdout.write(text)
+            elif json is not None:
+                with whole_file(json) as draft:
+                    draft.write_bytes(text.encode("utf-8", "replace"))
+        except OSError as error:
+            where = error.filename or out or "standard output"
+            raise DataError(f"cannot write {where}: {error.strerror or error}") from error
+    summary = Terminal(soft_wrap=True, quiet=json == STDOUT)
+    for flight in made.flights:
+        verdict = flight.verdict
+        summary.print(f"{flight.name}: {verdict.headline}", style="bold")
+        for fact in verdict.facts:
+            summary.print(f"  {fact.label}: {fact.text}")
+    for log in unread:
+        console.print(f"not read: {log.name}: {log.reason}")
+    if written is not None:
+        summary.print(f"wrote {written.html}, {written.json.name} and {written.csv.name}")
+    for also in (json, pdf):
+        if also is not None:
+            summary.print(f"wrote {also}")
+    return 1 if unread else 0

@@ -1,0 +1,74 @@
+"""thrustmargin stream: play a telemetry log onto the network."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from rich.progress import Progress, TextColumn, TimeElapsedColumn
+from tyro.conf import Positional
+
+from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.models.errors import LinkError, LogError
+
+
+def stream(
+    log: Positional[Path],
+    /,
+    *,
+    to: str = "udpout:127.0.0.1:14550",
+    speed: float = 1.0,
+    loop: bool = False,
+) -> None:
+    """Play a telemetry log onto the network as if the vehicle were there.
+
+    Every message goes out unchanged, in order and at its time. To try out `thrustmargin monitor`,
+    or any ground station, without an aircraft.
+
+    Example: thrustmargin stream flight.tlog --to udpout:127.0.0.1:14550 --speed 10
+
+    Args:
+        log: Telemetry log (.tlog) to play.
+        to: Where to: udpout:HOST:PORT, tcpin:HOST:PORT (waits for a listener), tcp:HOST:PORT or a
+            serial port such as /dev/ttyUSB0,57600.
+        speed: How many times as fast as it was recorded.
+        loop: Start again at the end, until stopped with Ctrl-C.
+    """
+    from thrustmargin.gcs_plugin.link.open_transport import open_transport
+    from thrustmargin.gcs_plugin.link.playback import Played, play
+    from thrustmargin.gcs_plugin.link.transport import parse_url
+    from thrustmargin.gcs_plugin.logs.read import formats
+
+    if not (speed > 0.0 and math.isfinite(speed)):
+        raise LinkError(f"--speed {speed:g} is no speed; give a number above 0")
+    if not log.is_file():
+        raise LogError(f"{log}: no such file; check the name")
+    found = formats(log)[0].name
+    if found != "tlog":
+        raise LogError(
+            f"{log.name} is a {found} log, which has no frames to send; stream plays telemetry "
+            f"logs (.tlog); to look at this one: thrustmargin replay {log}"
+        )
+    if parse_url(to).kind == "tlog":
+        raise LinkError(f"--to {to} is a recording; give a link such as udpout:127.0.0.1:14550")
+    transport = open_transport(to)
+    try:
+        columns = (TextColumn("{task.description}", markup=False), TimeElapsedColumn())
+        with Progress(*columns, console=Terminal(stderr=True), transient=True) as progress:
+            task = progress.add_task(f"{log.name} to {to}", total=None)
+
+            def show(played: Played) -> None:
+                progress.update(task, description=_words(played, log, to))
+
+            played = play(log, transport, speed=speed, loop=loop, progress=show)
+    finally:
+        transport.close()
+    Terminal(stderr=True).print(_words(played, log, to))
+
+
+def _words(played: object, log: Path, to: str) -> str:
+    from thrustmargin.gcs_plugin.link.playback import Played
+
+    assert isinstance(played, Played)
+    late = f", up to {played.late_s:.2f} s late" if played.late_s > 0.05 else ""
+    return f"{log.name} to {to}: {played.frames} messages, {played.log_s:.0f} s of the log{late}"

@@ -1,0 +1,1 @@
+"""Commands on the load that an aircraft may carry."""

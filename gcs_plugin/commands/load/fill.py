@@ -1,0 +1,125 @@
+"""`thrustmargin fill`: how much to fill for a day's air, battery and wind."""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich import box
+from rich.table import Table
+
+from thrustmargin.gcs_plugin.commands.shared.options import (
+    STDOUT,
+    Output,
+    UsageError,
+    check_outputs,
+    check_utilisation,
+)
+from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.models.whole_file import whole_file
+
+if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.reports.fill.fill_table import FillTable
+
+TEMPERATURES_C = (0.0, 10.0, 20.0, 30.0, 40.0)
+ALTITUDES = (0.0, 500.0, 1000.0, 1500.0, 2000.0, 3000.0)  # m AMSL
+
+
+def fill(
+    *,
+    model: Path | None = None,
+    airframe: str | None = None,
+    air_temperature: float = 30.0,
+    altitude: float = 0.0,
+    voltage: float | None = None,
+    speed: float = 5.0,
+    wind: float = 0.0,
+    max_utilisation: float = 0.5,
+    rotor_lost: bool = True,
+    out: Path | None = None,
+    json: Path | None = None,
+) -> None:
+    """Say how much liquid to fill for a day, and how that changes with air and battery.
+
+    The largest fill that keeps thrust utilisation in steady flight below its limit, lets the
+    aircraft hold its weight after losing any one rotor, and stays within tank and take-off mass.
+
+    Example: thrustmargin fill --airframe topxgun-f16 --air-temperature 35 --altitude 400 --wind 4
+
+    Args:
+        model: Rotor speed model file of this aircraft.
+        airframe: Name of a shipped airframe, or an airframe file (.toml); without it the model's.
+        air_temperature: °C of the air at the field.
+        altitude: m of the field above the sea.
+        voltage: V of the battery under load; without it the battery's nominal voltage.
+        speed: m/s over the ground while spraying.
+        wind: m/s of wind, which is flown against.
+        max_utilisation: Largest share of a rotor's maximum thrust that may be in use.
+        rotor_lost: Whether one rotor lost must be survived; without yaw control, it will spin.
+        out: Page to write (.html), for print or screen.
+        json: Write the numbers as JSON to this file (.json); - is standard output, and nothing
+            else.
+    """
+    from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model
+    from thrustmargin.gcs_plugin.reports.fill import fill_table as made
+
+    if model is None and airframe is None:
+        raise UsageError("no aircraft given; name one with --airframe or --model")
+    check_utilisation(max_utilisation)
+    _check("--air-temperature", air_temperature, -60.0, 60.0, "°C")
+    _check("--altitude", altitude, -430.0, 9000.0, "m")
+    _check("--speed", speed, 0.0, 60.0, "m/s")
+    _check("--wind", wind, 0.0, 60.0, "m/s")
+    check_outputs(
+        (
+            Output("--out", out, endings=(".html", ".htm")),
+            Output("--json", json, endings=(".json",)),
+        ),
+        inputs=[model, airframe],
+    )
+    rotor_model = chosen_model(model, airframe)
+    nominal = rotor_model.airframe.nominal_voltage
+    _check("--voltage", nominal if voltage is None else voltage, 0.5 * nominal, 1.3 * nominal, "V")
+    day = made.Day(
+        temperature_c=air_temperature,
+        altitude=altitude,
+        voltage=nominal if voltage is None else voltage,
+        airspeed=speed + wind,
+    )
+    table = made.fill_table(
+        rotor_model,
+        day,
+        limit=max_utilisation,
+        rotor_lost=rotor_lost,
+        temperatures_c=TEMPERATURES_C,
+        altitudes=ALTITUDES,
+    )
+    console = Terminal(soft_wrap=True, quiet=json == STDOUT)
+    console.print(table.advice, style="bold")
+    for sentence in made.conditions(table):
+        console.print(f"  {sentence}")
+    for state, volts in table.voltages.items():
+        console.print(_grid(table, state, volts, made.temperatures(table)))
+    for path, text in ((out, made.html_text), (json, made.json_text)):
+        if path == STDOUT:
+            sys.stdout.write(text(table))
+        elif path is not None:
+            with whole_file(path) as draft:
+                draft.write_text(text(table), encoding="utf-8")
+            console.print(f"wrote {path}")
+
+
+def _check(option: str, value: float, low: float, high: float, unit: str) -> None:
+    if not (math.isfinite(value) and low <= value <= high):
+        raise UsageError(f"{option} {value:g} {unit} is not between {low:g} and {high:g} {unit}")
+
+
+def _grid(table: FillTable, state: str, volts: float, heads: list[str]) -> Table:
+    grid = Table(title=f"battery {state}, {volts:.1f} V", box=box.SIMPLE_HEAD, title_justify="left")
+    for head in ("above the sea", *heads):
+        grid.add_column(head, justify="right")
+    for name, cells in table.rows(state):
+        grid.add_row(name, *cells)
+    return grid

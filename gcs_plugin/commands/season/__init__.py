@@ -1,0 +1,1 @@
+"""Commands on the flights of many aircraft over a season."""

@@ -1,0 +1,280 @@
+"""One log to what the season's store keeps of it: in a process of `ingest`, here or elsewhere."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.commands.season.anonymous import anonymous, pseudonym, without_name
+from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, read_flight, unnamed
+from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, ReadingOptions
+from thrustmargin.gcs_plugin.logs import FlightLog
+from thrustmargin.gcs_plugin.mavlink.text import clean
+from thrustmargin.gcs_plugin.reports.margin import FlightReport, report_flight
+from thrustmargin.gcs_plugin.reports.margin.data import mean, median, most
+from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
+from thrustmargin.gcs_plugin.store.aircraft_identity import (
+    aircraft_identity,
+    board,
+    firmware,
+    layout,
+)
+from thrustmargin.gcs_plugin.store.ingest_run import LogSource, local_file
+from thrustmargin.gcs_plugin.store.row_table import analysis_columns
+from thrustmargin.gcs_plugin.store.schema import ROTORS
+from thrustmargin.gcs_plugin.store.season_store import SeasonStore, array_cells
+from thrustmargin.gcs_plugin.store.staging import SeasonFlight, stage
+from thrustmargin.models.errors import DataError, ThrustMarginError
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.identification.season.flight_sums import flight_sums, to_arrays
+from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.analysis import FlightAnalysis, analyse, for_verdict, worst_rotor
+from thrustmargin.models.model.model_file import model_digest
+from thrustmargin.models.model.rotor_model import RotorModel
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IngestSettings:
+    """How every log of a run is read, in words that another machine understands too."""
+
+    store: str
+    model: str | None = None
+    airframe: str | None = None
+    aircraft: str | None = None
+    reading: ReadingOptions = AS_HEARD
+    max_utilisation: float = 0.5
+    key: str | None = None  # of pseudonyms, to strip who and where
+
+
+@lru_cache(maxsize=4)
+def season_model(model: str | None, airframe: str | None) -> tuple[RotorModel, str]:
+    """The model of a run and its digest."""
+    chosen = chosen_model(None if model is None else Path(model), airframe)
+    return chosen, model_digest(chosen)
+
+
+def stage_log(log: LogSource, content: str, *, settings: IngestSettings) -> list[str]:
+    """Read a log whose digest is `content` and stage its flights; returns their names.
+
+    A log of several vehicles holds a flight of each. Raises ThrustMarginError when there is none.
+    """
+    from threadpoolctl import threadpool_limits
+
+    store = SeasonStore.open(settings.store)
+    # One thread: the cores have a log each, and sums come out the same on any machine of a kind.
+    with threadpool_limits(1), local_file(log.path) as path:
+        flights = season_flights(path, content, settings)
+    for flight in flights:
+        flight.summary["log_name"] = clean(log.name) if settings.key is None else None
+        stage(store, flight)
+    return [flight.summary["flight"] for flight in flights]
+
+
+def season_flights(path: Path, content: str, settings: IngestSettings) -> list[SeasonFlight]:
+    """Every vehicle's flight in a log. Raises ThrustMarginError when there is none."""
+    first, log = _season_flight(path, content, settings, settings.reading)
+    found = [first]
+    alone = settings.reading.vehicle is not None
+    for other in () if alone else (v for v in log.vehicles if v != log.vehicle):
+        reading = replace(settings.reading, vehicle=other)
+        try:
+            found.append(_season_flight(path, f"{content}-{other}", settings, reading)[0])
+        except ThrustMarginError as error:  # often a camera or an antenna tracker
+            first.summary["notes"].append(f"no flight of vehicle {other}: {unnamed(error, path)}")
+    return found
+
+
+def _season_flight(
+    path: Path, name: str, settings: IngestSettings, reading: ReadingOptions
+) -> tuple[SeasonFlight, FlightLog]:
+    model, _ = season_model(settings.model, settings.airframe)
+    given = settings.model is not None or settings.airframe is not None
+    log, claim = read_flight(path, model, given=given, reading=reading)
+    return flight_of_log(log, claim, name, settings, file=path.name), log
+
+
+def flight_of_log(
+    log: FlightLog, claim: AirframeClaim, name: str, settings: IngestSettings, *, file: str = ""
+) -> SeasonFlight:
+    """What the store keeps of a log that was read from a file. Raises DataError when it is none."""
+    model, digest = season_model(settings.model, settings.airframe)
+    if log.track.rotor_count > ROTORS:
+        raise DataError(f"{log.track.rotor_count} rotors; the store has columns for {ROTORS}")
+    if not np.any(log.track.flying):
+        raise DataError("it never left the ground")
+    analysis = analyse(log.track, model, claim=claim)
+    sums, reason = _sums(analysis)
+    identity, program = aircraft_identity(log, settings.aircraft), firmware(log)
+    hardware, motors = board(log), layout(log)
+    aircraft, of_verdict = identity.name, for_verdict(analysis)
+    if settings.key is not None:
+        aircraft = f"aircraft-{pseudonym(settings.key, aircraft)[:8]}"
+        hardware = pseudonym(settings.key, hardware) if hardware else None
+        of_verdict = anonymous(of_verdict, log, name)[0]
+        analysis, log = anonymous(analysis, log, name)
+    report = report_flight(of_verdict, log, max_utilisation=settings.max_utilisation)
+    known = None if analysis.withheld else digest
+    if reason is not None and settings.key is not None:
+        reason = without_name(reason, file)
+    started = log.track.start_unix_s
+    summary = _summary(analysis, log, report) | {
+        "flight": name,
+        "aircraft_by": identity.by,
+        "board": hardware,
+        "layout": motors,
+        "firmware": program,
+        "model_digest": known,
+        "sums_reason": reason,
+    }
+    rows = {
+        "time_s": log.track.time_s,
+        "clock_s": log.track.time_s + log.clock_start_s,
+        **({} if started is None else {"unix_s": log.track.time_s + started}),
+        **analysis_columns(analysis, slice(None)),
+    }
+    head = {"flight": name, "started_unix_s": started, "model_digest": known}
+    kept = None if sums is None else head | {"arrays": array_cells(sums)}
+    return SeasonFlight(aircraft=aircraft, summary=summary, rows=rows, sums=kept)
+
+
+def _sums(analysis: FlightAnalysis) -> tuple[dict[str, np.ndarray] | None, str | None]:
+    """What identification over many flights needs of this one, or why there is nothing."""
+    if analysis.withheld:
+        return None, "; ".join(analysis.withheld)
+    try:
+        return to_arrays(flight_sums(analysis.model, analysis.track)), None
+    except ThrustMarginError as error:
+        return None, str(error)
+
+
+def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> dict[str, Any]:
+    """The columns of `schema.FLIGHTS` that the report or the log knows."""
+    track, verdict, flight = log.track, report.verdict, report.flight
+    worst, quality = verdict.worst, report.quality
+    withheld, airframe = bool(report.withheld), analysis.model.airframe
+    use = np.where(track.flying[:, None], analysis.known_utilisation, np.nan)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratio = track.rotor_speed_rpm / analysis.prediction.rotor_speed_rpm
+    ratio[~track.flying] = np.nan
+    overall = report.accuracy.overall
+    started_kg, used_kg = flight["tank_start_kg"], flight["liquid_used_kg"]
+    ohm, ohm_error = battery_resistance(track.time_s, track.voltage, track.current, track.flying)
+    nan = float("nan")
+    return {
+        "started_unix_s": track.start_unix_s,
+        "log_format": log.format,
+        "log_bytes": log.quality.bytes,
+        "software": software_version(),
+        "system_id": log.vehicle if log.vehicle and log.format != "CSV" else None,
+        "autopilot": log.autopilot,
+        "airframe": None if withheld else airframe.name,
+        "airframe_basis": report.airframe_basis,
+        "rotor_count": track.rotor_count or None,
+        "duration_s": track.duration,
+        "flying_s": flight["airborne_s"],
+        "distance_m": flight["distance"],
+        "spraying_s": flight["spraying_s"],
+        "sprayed_distance_m": flight["sprayed_distance"],
+        "hectares": flight["sprayed_area"] / 1e4,
+        "litres": used_kg / airframe.liquid_density,
+        "tank_start_kg": started_kg,
+        "tank_end_kg": flight["tank_end_kg"],
+        "tank_error_kg": flight["tank_error_kg"],
+        "tank_source": track.sources.get("tank_kg"),
+        "takeoff_mass_kg": airframe.empty_mass + started_kg,
+        "speed_source": track.sources.get("rotor_speed_rpm"),
+        "airspeed_source": track.sources.get("airspeed"),
+        "verdict": verdict.level,
+        "verdict_reason": "; ".join(report.withheld)
+        or _without(verdict.level, track)
+        or verdict.headline,
+        "limit": verdict.limit,
+        "worst_margin": worst.margin if worst else nan,
+        "worst_margin_low": 1.0 - worst.capacity_use_high if worst else nan,
+        "worst_rotor": worst.rotor if worst else None,
+        "worst_time_s": worst.time_s if worst else nan,
+        "worst_doing": ", ".join(worst.doing) if worst else None,
+        "mean_margin": 1.0 - mean(worst_rotor(use)[0]),
+        "rows_above_limit_s": verdict.over_limit_s if worst else nan,
+        "measured_share": verdict.measured_share,
+        "redundancy_min": verdict.redundancy_yaw_free_min,
+        "not_survivable_s": verdict.not_survivable_s
+        if np.isfinite(verdict.redundancy_yaw_free_min)
+        else nan,
+        "fill_kg": verdict.fill_kg,
+        "fill_low_kg": verdict.fill_low_kg,
+        "margin_by_rotor": [1.0 - most(u) for u in use.T],
+        "speed_ratio": [median(r) for r in ratio.T],
+        "prediction_bias_rpm": overall.bias_rpm.value if overall else nan,
+        "prediction_rmse_rpm": overall.rmse_rpm.value if overall else nan,
+        "battery_ohm": ohm,
+        "battery_ohm_error": ohm_error,
+        **{name: flight[name] for name in _OF_REPORT},
+        "latitude_deg": track.origin.latitude_deg if track.origin else nan,
+        "longitude_deg": track.origin.longitude_deg if track.origin else nan,
+        "alarms": [str(alarm["words"]) for alarm in report.alarms],
+        "notes": list(track.notes),
+        "missing_channels": [c.name for c in log.channels if not c.samples],
+        "unmeasured": list(log.unmeasured),
+        **{name: quality[name] for name in _OF_QUALITY},
+    }
+
+
+def _without(level: str, track: FlightTrack) -> str:
+    """Why a flight has no verdict by what its log lacks; empty where it has one."""
+    lacks = (("rotor_speed_rpm", "rotor speed"), ("tank_kg", "tank level"))
+    missing = [words for name, words in lacks if not np.isfinite(getattr(track, name)).any()]
+    return f"no {' and no '.join(missing)}" if level == "unknown" and missing else ""
+
+
+#: Keys of the report that are columns of the store under the same name.
+_OF_REPORT = (
+    *("voltage_start", "voltage_end", "voltage_min", "current_median"),
+    *("airspeed_median", "ground_speed_median", "wind_speed_median"),
+    *("height_agl_max", "density_median"),
+)
+_OF_QUALITY = (
+    *("bytes_skipped", "damaged_places", "frames_missing"),
+    *("silences", "longest_silence_s", "clock_jumps"),
+)
+#: Seconds over which voltage and current are means: a flight has that many independent ones.
+_MEAN_S, _LEAST_MEANS = 5.0, 12
+
+
+def battery_resistance(
+    time_s: np.ndarray, voltage: np.ndarray, current: np.ndarray, flying: np.ndarray
+) -> tuple[float, float]:
+    """Ohm, and its standard error, by which the voltage (T,) falls with the current (T,).
+
+    Least squares of 5 s means from the rest before take-off on, with the drain (charge drawn, to
+    the second power) taken out. In flight alone current falls as the tank empties and the battery
+    drains: from such means it would come out several times too large. NaN where the log has no
+    current, no rest before it flies, or too little flight.
+    """
+    nothing = float("nan"), float("nan")
+    known = np.isfinite(voltage) & np.isfinite(current)
+    known &= flying | (np.cumsum(flying) == 0)
+    if not (known & flying).any():
+        return nothing
+    time_s, aloft = time_s[known], flying[known].astype(np.float64)
+    bins = np.unique((time_s - time_s[0]) // _MEAN_S, return_inverse=True)[1]
+    count = np.bincount(bins)
+    volts, amperes, aloft = (
+        np.bincount(bins, weights=x) / count for x in (voltage[known], current[known], aloft)
+    )
+    if np.count_nonzero(aloft) < _LEAST_MEANS or aloft.all():
+        return nothing
+    charge = amperes * count
+    drawn = (np.cumsum(charge) - charge / 2.0) / max(float(np.abs(charge).sum()), 1e-9)
+    design = np.column_stack([np.ones_like(volts), drawn, drawn**2, -amperes])
+    solved, _, rank, _ = np.linalg.lstsq(design, volts, rcond=1e-9)
+    if rank < 4:
+        return nothing
+    left = volts - design @ solved
+    spread = float(left @ left) / (volts.size - 4)
+    error = float(np.sqrt(spread * np.linalg.inv(design.T @ design)[3, 3]))
+    return float(solved[3]), error

@@ -1,0 +1,1 @@
+"""What several commands ask, read and print in the same way."""

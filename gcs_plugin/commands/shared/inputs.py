@@ -1,0 +1,169 @@
+"""What a command works on: the rotor speed model asked for, and the logs given."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import track
+
+from thrustmargin.gcs_plugin.commands.shared.reading import (
+    AS_HEARD,
+    ReadingOptions,
+    reading_keywords,
+)
+from thrustmargin.models.errors import AirframeError, DataError, LogError, ThrustMarginError
+from thrustmargin.models.model.model_file import load_model, shipped_model
+from thrustmargin.models.model.rotor_model import RotorModel, physics_model
+from thrustmargin.models.physics.airframe import load_airframe
+
+if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.logs import FlightLog
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+    from thrustmargin.models.model.airframe_claim import AirframeClaim
+
+
+#: Airframe of the shipped model: taken where none is given, for a flight recognised as one of it.
+SHIPPED_AIRFRAME = "topxgun-f16-sitl"
+NAMED = 3  # logs that an error names beside the first: a line, whatever their number
+
+
+def chosen_model(model: Path | None, airframe: str | None) -> RotorModel:
+    """The model file, else the shipped model, else weight and thrust curve of another airframe.
+
+    Raises ModelError or AirframeError when a file is unfit, DataError when the two disagree.
+    """
+    if model is not None:
+        return _model_of(model, airframe)
+    shipped = shipped_model()
+    if airframe is None:
+        return shipped
+    wanted = load_airframe(airframe)
+    return shipped if wanted.name == shipped.airframe.name else physics_model(wanted)
+
+
+def starting_model(model: Path | None, airframe: str | None) -> tuple[RotorModel, str]:
+    """The model that a search starts from, and its name for the result.
+
+    Unlike `chosen_model`, an airframe alone always means its weight and thrust curve, so that the
+    search can begin without what a network has learnt. Raises as `chosen_model`.
+    """
+    if model is not None:
+        return _model_of(model, airframe), str(model)
+    if airframe is None:
+        return shipped_model(), "shipped"
+    return physics_model(load_airframe(airframe)), f"airframe {airframe}"
+
+
+def _model_of(file: Path, airframe: str | None) -> RotorModel:
+    chosen = load_model(file)
+    wanted = chosen.airframe.name if airframe is None else load_airframe(airframe).name
+    if wanted != chosen.airframe.name:
+        raise DataError(
+            f"{file.name} is a model of {chosen.airframe.name}, not of {wanted}; give one"
+        )
+    return chosen
+
+
+def listed(unused: Sequence[UnusedLog]) -> str:
+    """The logs that cannot be used, with the reasons, as one sentence: reasons that differ in
+    numbers and in the log's own name only are said once, with NAMED of their logs."""
+    alike: dict[str, list[UnusedLog]] = {}
+    for log in unused:
+        reason = log.reason.replace(log.name, "").replace(Path(log.name).stem, "")
+        alike.setdefault(re.sub(r"[\d.]+", "", reason), []).append(log)
+    return "; ".join(_of_one_reason(logs) for logs in alike.values())
+
+
+def _of_one_reason(logs: Sequence[UnusedLog]) -> str:
+    first, *others = logs
+    said = f"{first.name}: {first.reason}"
+    if not others:
+        return said
+    names = ", ".join(log.name for log in others[:NAMED])
+    more = f" and {len(others) - NAMED} more" if len(others) > NAMED else ""
+    return f"{said} (likewise {names}{more})"
+
+
+def read_logs(
+    logs: Sequence[Path],
+    unused: list[UnusedLog],
+    console: Console,
+    *,
+    model: RotorModel,
+    given: bool,
+    reading: ReadingOptions = AS_HEARD,
+    skipped: type[ThrustMarginError] = LogError,
+) -> Iterator[tuple[FlightLog, AirframeClaim]]:
+    """Each log that can be read, in order, with a bar on the `console` meanwhile; as `read_flight`.
+
+    A log that cannot for an error of the kind `skipped` is added to `unused`.
+    """
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+
+    described = "reading" if len(logs) != 1 else f"reading {escape(logs[0].name)}"
+    quiet = not console.is_terminal
+    for path in track(logs, described, console=console, transient=True, disable=quiet):
+        try:
+            yield read_flight(path, model, given=given, reading=reading)
+        except skipped as error:
+            unused.append(UnusedLog(name=path.name, reason=unnamed(error, path)))
+
+
+def unnamed(error: Exception, path: Path) -> str:
+    """What went wrong, without the name that stands before it already."""
+    words = str(error)
+    for named in (f"{path}: ", f"{path.name}: ", f"{path} ", f"{path.name} "):
+        words = words.removeprefix(named)
+    return words.replace(str(path), "it")
+
+
+def claimed(
+    read: Iterable[tuple[FlightLog, AirframeClaim]], unused: list[UnusedLog]
+) -> Iterator[FlightLog]:
+    """The logs of flights of the airframe; the others are added to `unused` with the reason."""
+    from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+
+    for log, claim in read:
+        if claim.withheld:
+            name = log.path.name
+            reason = f"{'; '.join(claim.withheld)}; {claim.remedy}"
+            unused.append(UnusedLog(name=name, reason=reason))
+        else:
+            yield log
+
+
+def read_flight(
+    path: Path,
+    model: RotorModel,
+    *,
+    given: bool,
+    reading: ReadingOptions = AS_HEARD,
+    any_vehicle: bool = False,
+) -> tuple[FlightLog, AirframeClaim]:
+    """A log with what can be inferred of it, and the ground on which it is one of the model's
+    airframe, which the user gave or not.
+
+    Where there is none, the log is read without an airframe. Raises as `read_log`.
+    """
+    from thrustmargin.gcs_plugin.logs import read_log
+    from thrustmargin.gcs_plugin.telemetry.flight_log import with_track
+    from thrustmargin.models.model.airframe_claim import airframe_claim
+    from thrustmargin.models.model.inferred.prepared import prepared
+    from thrustmargin.models.model.predict import flown_airframe
+
+    keywords = {**reading_keywords(reading), "any_vehicle": any_vehicle}
+    try:
+        log, fits = read_log(path, airframe=model.airframe, **keywords), True
+    except AirframeError:  # another number of rotors, which the claim will say
+        log, fits = read_log(path, **keywords), False
+    claim = airframe_claim(log.track, flown_airframe(model), log.facts, log.parameters, given=given)
+    if claim.basis == "not known":
+        log = read_log(path, **keywords) if fits else log
+    elif not claim.withheld:
+        log = with_track(log, prepared(log.track, flown_airframe(model), log.parameters))
+    return log, claim

@@ -1,0 +1,75 @@
+"""What commands print: text of a log or a file name is shown, never obeyed; and progress."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.segment import Segment
+
+from thrustmargin.gcs_plugin.commands.shared.options import QUIET
+from thrustmargin.gcs_plugin.mavlink.text import clean_lines
+
+
+class Terminal(Console):
+    """A rich console for text from anywhere: markup, emoji codes and control bytes stay text.
+
+    With --quiet standard output is silent, and standard error has words and no progress.
+    """
+
+    def __init__(self, *, stderr: bool = False, soft_wrap: bool = False, **options: Any) -> None:
+        if os.environ.get(QUIET):
+            options |= {"force_terminal": False} if stderr else {"quiet": True}
+        super().__init__(
+            stderr=stderr,
+            soft_wrap=soft_wrap,
+            highlight=False,
+            markup=False,
+            emoji=False,
+            **options,
+        )
+
+    def render(
+        self, renderable: RenderableType, options: ConsoleOptions | None = None
+    ) -> Iterable[Segment]:
+        """The segments of what is printed; only rich's own may steer the terminal."""
+        for segment in super().render(renderable, options):
+            yield segment if segment.control else segment._replace(text=clean_lines(segment.text))
+
+
+@contextmanager
+def steps(console: Console, *, total: float) -> Iterator[Callable[[str, float], None]]:
+    """A bar up to `total`, moved by calls with what is being done and how much has been done."""
+    columns = (BarColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn())
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as bars:
+        task = bars.add_task("loading torch", total=total)
+
+        def step(what: str, done: float) -> None:
+            bars.update(task, description=what, completed=done)
+
+        yield step
+
+
+@contextmanager
+def transfer_bar() -> Iterator[tuple[Callable[[str], None], Callable[[int, int], None]]]:
+    """A bar on standard error: what to call with its text, and with done and total."""
+    columns = (TextColumn("{task.description}", markup=False), BarColumn(), TimeRemainingColumn())
+    console = Terminal(stderr=True)
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as bars:
+        task = bars.add_task("", total=None)
+
+        def announce(text: str) -> None:
+            bars.update(task, description=text)
+
+        def show(done: int, total: int) -> None:
+            bars.update(task, completed=done, total=total)
+
+        yield announce, show

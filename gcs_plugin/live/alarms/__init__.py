@@ -1,0 +1,1 @@
+"""What an alarm is, the rules, and those that stand."""

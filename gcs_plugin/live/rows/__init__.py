@@ -1,0 +1,1 @@
+"""From the frames of one vehicle to rows of channels."""

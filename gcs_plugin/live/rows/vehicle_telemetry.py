@@ -1,0 +1,353 @@
+"""From the frames of one vehicle to the rows of its flight, as they come.
+
+The rows are those that `read_log(..., sampling="hold")` makes of a recording of the same frames:
+`telemetry` makes both, here with the last seconds of every signal and what is carried from before.
+However the frames are cut into pieces, the rows are the same. They differ from the file's only
+- before a message from which the file knows something from its start on: the parameters that say
+  which output is which motor and how large the tank is; which component is the autopilot; the first
+  SYSTEM_TIME with a GPS time, before which Unix time is by the ground's clock;
+- in `position_ned`, before take-off or the first home: where zero is may change until then;
+- after a restart, by the clocked messages that it takes to believe it; each start is a flight;
+- where frames came twice or late, which are left out here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thrustmargin.gcs_plugin.live.rows.frame_columns import clocks_of, grouped, places_of
+from thrustmargin.gcs_plugin.live.rows.vehicle_state import OF_ITSELF, SAYS, VehicleState, fold
+from thrustmargin.gcs_plugin.logs.tlog import AUTOPILOTS
+from thrustmargin.gcs_plugin.mavlink.decode import ESC_TELEMETRY_FIRST
+from thrustmargin.gcs_plugin.mavlink.frame import Frame
+from thrustmargin.gcs_plugin.mavlink.rules import Signal
+from thrustmargin.gcs_plugin.telemetry.clock import (
+    ArrivalClock,
+    arrival_times,
+    gps_times,
+    unix_minus_clock,
+)
+from thrustmargin.gcs_plugin.telemetry.motors import MotorMap, counted_by_reports, motor_map
+from thrustmargin.gcs_plugin.telemetry.recording import Stream
+from thrustmargin.gcs_plugin.telemetry.resample import known_rows, last_before
+from thrustmargin.gcs_plugin.telemetry.rows import KEPT, Carried, flight_rows
+from thrustmargin.gcs_plugin.telemetry.signals import (
+    SignalBuffer,
+    Signals,
+    airspeed_words,
+    best,
+    pitot_present,
+)
+from thrustmargin.gcs_plugin.telemetry.statements import Options
+from thrustmargin.gcs_plugin.telemetry.tank_source import LEFT_OUT
+from thrustmargin.gcs_plugin.wording.live_words import FIELD_WORDS, order_assumed
+from thrustmargin.models.errors import AirframeError, LogError
+from thrustmargin.models.flight import TRACK_CHANNELS, Bools, FlightTrack, Floats, Origin
+from thrustmargin.models.vehicle_facts import VehicleFacts
+
+CLOCK_WAIT = 20.0  # s without the vehicle's clock after which the ground's counts
+#: field, by the name of its limit -> its channels in the signals, any of which will do
+FIELDS: Mapping[str, tuple[str, ...]] = {
+    "attitude": ("attitude",),
+    "position_ned": ("geodetic", "position_ned"),
+    "velocity_ned": ("velocity_ned",),
+    "height_agl": ("height_agl",),
+    "airspeed": ("airspeed",),
+    "wind_ned": ("wind_ned",),
+    "voltage": ("battery_voltage", "voltage", "esc_voltage"),
+    "pressure": ("pressure",),
+    "throttle": ("servo_us",),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LiveRows:
+    """T new rows of one start of a vehicle, and what only a listener needs besides."""
+
+    boot: int  # restarts heard before
+    track: FlightTrack  # time counts from the first row of this start
+    clock_s: Floats  # (T,) vehicle's clock
+    stamp_us: NDArray[np.int64]  # (T,) ground's clock when the row's report came
+    pump_share: Floats  # (T,) 0 off to 1 full
+    pumped_kg: Floats  # (T,) by the pump since it was first heard
+    mission_item: Floats  # (T,) that is flown; NaN unknown
+    esc_failures: Floats  # (T, R) ESC_FAILURE_FLAGS; NaN where none are reported
+    notes: tuple[str, ...]
+
+
+@dataclass(slots=True)
+class _Piece:
+    """Frames in the order in which they came, over which the vehicle says the same of itself."""
+
+    state: VehicleState
+    frames: list[Frame]
+    rowless: bool = True  # as yet
+
+
+class VehicleTelemetry:
+    """Makes the rows of one vehicle. `problem` says why there can be none; empty when all is well.
+
+    `options` as for a log, with sampling "hold".
+    """
+
+    def __init__(self, system: int, options: Options) -> None:
+        self.state = VehicleState(system=system)
+        self.stamp_us = 0  # ground's clock when anything last came
+        self.clock = ArrivalClock()
+        self.problem = ""
+        #: Restarts and leaps of its clock since they were last taken, and when by the ground's.
+        self.events: list[tuple[int, str]] = []
+        self.heard: set[str] = set()  # names of all messages
+        self._options = options
+        self._airframe = options.airframe
+        self._pieces: list[_Piece] = []
+        self._by_pilot: set[str] = set()  # messages that the autopilot has sent
+        self._motors: MotorMap | None = None
+        self._by_ground = False  # its clock has not been heard, and the ground's counts
+        self._known: object = None  # what the motors were found from
+        self._said = ({}, -2, VehicleFacts())  # parameters and kind, and the facts that they give
+        self._restart()
+
+    def _restart(self) -> None:
+        self._buffer = SignalBuffer(KEPT)
+        self._carried = Carried()
+        self._start_s = math.nan  # vehicle's clock at the first row
+        self._unix_minus_clock = math.nan  # s from the vehicle's clock to Unix time
+        self._gps_time = False  # by SYSTEM_TIME, and no longer by the ground's clock
+        self._last_escs: dict[str, Stream] = {}
+        self._tank_s = math.nan  # vehicle's clock at the last report of the tank level
+        self._counted = (
+            VehicleFacts()
+        )  # the most rotors that have turned, where nothing says how many
+
+    @property
+    def waiting(self) -> bool:
+        """Whether frames have come that `rows` has not taken."""
+        return bool(self._pieces)
+
+    @property
+    def origin(self) -> Origin | None:
+        """Where positions count from now."""
+        zero = self._carried.zero
+        return None if zero is None else zero.origin
+
+    @property
+    def facts(self) -> VehicleFacts:
+        """What kind of vehicle it is, by all that was heard."""
+        return self.state.facts if self._motors is None else self._motors.facts
+
+    def take(self, frame: Frame) -> None:
+        """One frame of this vehicle, in the order in which it came."""
+        self.stamp_us = frame.stamp_us
+        changed = False
+        if frame.id in SAYS:
+            before, self.state = self.state, fold(self.state, frame)
+            changed = _said(before) != _said(self.state)
+        if not self._pieces or (changed and not self._pieces[-1].rowless):
+            self._pieces.append(_Piece(self.state, []))
+        piece = self._pieces[-1]
+        piece.state = self.state
+        piece.frames.append(frame)
+        piece.rowless &= frame.id in OF_ITSELF
+
+    def forget(self) -> None:
+        """Begin anew, as with a vehicle that was never heard."""
+        self.state = VehicleState(system=self.state.system)
+        self._pieces.clear()
+        self._by_pilot.clear()
+        self._restart()
+
+    def rows(self) -> list[LiveRows]:
+        """The new rows of the frames that were taken, in order.
+
+        A new part begins where the vehicle restarted, and where it said something new of itself:
+        its parameters, what it is, its first GPS time. That holds from the next row on.
+        """
+        frames = [frame for piece in self._pieces for frame in piece.frames]
+        pilots = [piece.state.component for piece in self._pieces for _ in piece.frames]
+        stamps = np.array([frame.stamp_us for frame in frames], dtype=np.int64)
+        places = places_of(frames)
+        own = clocks_of(places, frames, pilots)
+        if not self.clock.known and not np.isfinite(own).any():
+            if stamps.size == 0 or stamps[-1] - stamps[0] < CLOCK_WAIT * 1e6:
+                return []
+            own[0], self._by_ground = 0.0, True
+        elif self._by_ground and np.isfinite(own).any():
+            self._by_ground = False
+            if own[np.isfinite(own)][0] < self.clock.last * 1e-9:
+                # A simulation slower than the ground's clock, which has run ahead of it.
+                self.clock = ArrivalClock(boot=self.clock.boot + 1)
+        pieces, self._pieces = self._pieces, []
+        groups = grouped(places, frames, pilots, self._by_pilot)
+        clock_s, boots, clock, notes = arrival_times(self.clock, stamps, own)
+        before, self.clock = self.clock.boot, clock
+        self.events += notes
+        parts = []
+        numbers = np.repeat(np.arange(len(pieces)), [len(piece.frames) for piece in pieces])
+        dated = _dated(boots, groups, before if self._gps_time else None)
+        sure = boots >= 0
+        for boot, number, known in dict.fromkeys(
+            zip(boots[sure].tolist(), numbers[sure].tolist(), dated[sure].tolist(), strict=True)
+        ):
+            if boot != before:
+                self._restart()
+                before = boot
+            if math.isnan(self._unix_minus_clock):
+                clocked = np.flatnonzero((boots == boot) & np.isfinite(own))
+                if clocked.size:
+                    first = clocked[0]
+                    self._unix_minus_clock = float(stamps[first] * 1e-6 - own[first])
+            inside = (boots == boot) & (numbers == number) & (dated == known)
+            if inside.all():  # as almost always
+                streams = {n: Stream(clock_s[at], columns) for n, (at, columns) in groups.items()}
+            else:
+                streams = {
+                    name: Stream(clock_s[at[chosen]], columns[chosen])
+                    for name, (at, columns) in groups.items()
+                    if (chosen := inside[at]).any()
+                }
+            made = self._part(boot, pieces[number].state, streams, float(clock_s[inside][-1]))
+            if made is not None:
+                at = np.searchsorted(clock_s[inside], made.clock_s)
+                parts.append(replace(made, stamp_us=stamps[inside][at]))
+        return parts
+
+    def _part(
+        self, boot: int, state: VehicleState, streams: dict[str, Stream], until_s: float
+    ) -> LiveRows | None:
+        """Rows of one start from messages up to `until_s`; their stamps are still to be set."""
+        carried = self._carried
+        self.heard |= set(streams)
+        if not self._gps_time and "SYSTEM_TIME" in streams:
+            found = unix_minus_clock(streams["SYSTEM_TIME"].columns)
+            if found is not None:
+                self._unix_minus_clock, self._gps_time = found, True
+        for name in [n for n in streams if n in ESC_TELEMETRY_FIRST]:
+            # An ESC is silent when its counter stands still from message to message.
+            last, now = self._last_escs.get(name), streams[name]
+            self._last_escs[name] = Stream(now.time_s[-1:], now.columns[-1:])  # type: ignore[index]
+            if last is not None:
+                streams[name] = Stream(
+                    np.concatenate([last.time_s, now.time_s]),
+                    np.concatenate([last.columns, now.columns]),  # type: ignore[list-item]
+                )
+        pitot = pitot_present({}, state.parameters)
+        words = airspeed_words(AUTOPILOTS.get(state.autopilot, "unknown"), pitot)
+        self._buffer.add(streams, words, carried.heard_s)
+        self._carried = replace(carried, heard_s=until_s)
+        signals = self._buffer.signals
+        motors = self._layout(state, signals)
+        if motors is None:
+            return None
+        notes = list(motors.notes)
+        if motors.assumed:
+            notes.append(order_assumed(motors.order_words))
+        try:
+            made = flight_rows(signals, motors, state.parameters, self._options, carried)
+        except LogError as error:
+            # Named by the user and not heard (yet): no other source steps in unasked.
+            notes.append(str(error))
+            options = replace(self._options, tank="none")
+            made = flight_rows(signals, motors, state.parameters, options, carried)
+        if made is None:
+            return None
+        self._carried = replace(made.carried, heard_s=until_s)
+        for signal in made.reported.get("tank_kg", ()):
+            self._tank_s = np.fmax(self._tank_s, signal.time_s[known_rows(signal.values)][-1])
+        if math.isnan(self._start_s):
+            self._start_s = float(made.clock_s[0])
+        item = best(signals, "mission_item")
+        rows, asked = made.clock_s.size, self._options.tank == "none"
+        return LiveRows(
+            boot=boot,
+            track=made.track(
+                f"vehicle {state.system}",
+                self._start_s,
+                motors.rotor_count,
+                start_unix_s=self._unix_minus_clock + self._start_s,
+            ),
+            clock_s=made.clock_s,
+            stamp_us=np.zeros(rows, dtype=np.int64),
+            pump_share=made.pump_share,
+            pumped_kg=made.pumped_kg,
+            mission_item=np.full(rows, np.nan) if item is None else last_before(item, made.clock_s),
+            esc_failures=motors.failures(signals, made.clock_s),
+            notes=(*notes, *(n for n in made.notes if n != LEFT_OUT or asked)),
+        )
+
+    def _layout(self, state: VehicleState, signals: Signals) -> MotorMap | None:
+        name, said = f"vehicle {state.system}", (state.parameters, state.kind)
+        if self._said[:2] != said:
+            self._said = (*said, state.facts)
+        facts = self._said[2]
+        if not facts.rotor_count and not facts.refusal(name):
+            turned = counted_by_reports(facts, signals)
+            if turned.rotor_count > self._counted.rotor_count:
+                self._counted = turned
+            facts = replace(
+                facts,
+                rotor_count=self._counted.rotor_count,
+                rotor_evidence=self._counted.rotor_evidence,
+            )
+        known = (state.parameters, facts, len(signals.get("esc_rpm", ())))
+        if known == self._known:
+            return self._motors
+        self._known = known
+        self.problem, self._motors = facts.refusal(name), None
+        for craft in () if self.problem else (self._airframe, None):
+            with suppress(AirframeError):  # another aircraft is shown without this airframe
+                self._motors = motor_map(name, state.parameters, signals, craft, facts=facts)
+                self._options = replace(self._options, airframe=craft)
+                break
+        return self._motors
+
+    def stale(self, now_us: int) -> dict[str, float]:
+        """Field -> s since it was last known, of those once known and now too old to be used.
+
+        `now_us` is the ground's clock.
+        """
+        now, signals = self.clock.now_s(now_us), self._buffer.signals
+        ages: dict[str, float] = {}
+        for limit, channels in FIELDS.items():
+            known = [_last_known(s) for name in channels for s in signals.get(name, ())]
+            age = now - max(known, default=math.nan)
+            if age > TRACK_CHANNELS[limit].max_age and math.isfinite(age):
+                ages[FIELD_WORDS[limit]] = age
+        if now - self._tank_s > TRACK_CHANNELS["tank_kg"].max_age:
+            ages[FIELD_WORDS["tank_kg"]] = now - self._tank_s
+        return ages
+
+
+def _dated(
+    boots: NDArray[np.int64],
+    groups: Mapping[str, tuple[NDArray[np.intp], NDArray[np.void]]],
+    already: int | None,
+) -> Bools:
+    """(n,) whether a GPS time was heard in the start `boots` (n,) of a frame, in it or before.
+
+    `already` is the start in which it was known before them, where no further one is looked for.
+    """
+    dated = np.zeros(boots.size, dtype=np.bool_)
+    if "SYSTEM_TIME" in groups:
+        at, columns = groups["SYSTEM_TIME"]
+        at = at[gps_times(columns)]
+        for boot in np.unique(boots[at]).tolist():
+            if boot != already:
+                dated |= (boots == boot) & (np.arange(boots.size) >= at[boots[at] == boot][0])
+    return dated
+
+
+def _said(state: VehicleState) -> tuple[object, ...]:
+    """What of a state rows depend on."""
+    return id(state.parameters), state.kind, state.autopilot, state.component
+
+
+def _last_known(signal: Signal) -> float:
+    known = signal.time_s[known_rows(signal.values)]
+    return float(known[-1]) if known.size else -math.inf

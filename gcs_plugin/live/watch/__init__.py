@@ -1,0 +1,1 @@
+"""One vehicle watched: its rows analysed, its outlook and its alarms."""

@@ -1,0 +1,189 @@
+"""What the rest of a flight will be like: how long the liquid lasts, and the margin to come."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.live.rows.tank_balance import DeliveryMeter
+from thrustmargin.gcs_plugin.live.rows.vehicle_state import ARDUPILOT, VehicleState
+from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows
+from thrustmargin.gcs_plugin.telemetry.recording import Waypoint
+from thrustmargin.mission.forecast import (
+    Conditions,
+    Forecast,
+    forecast,
+    margin_at_fill,
+    route_ahead,
+)
+from thrustmargin.mission.plan import MissionPlan, PlanItem, plan_from_items
+from thrustmargin.models.errors import PlanError
+from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.model.rotor_model import RotorModel
+
+#: Vehicle's s between two forecasts, and over which the flow is measured.
+FORECAST_EVERY, FLOW_WINDOW = 2.0, 20.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Outlook:
+    """What the rest of the flight will be like, as far as it is known now."""
+
+    seconds_to_empty: float = math.nan  # at the present flow, spraying on; inf without flow
+    full: Callable[[], float] = lambda: math.nan  # makes `margin_full`
+    route: Forecast | None = None  # the rest of the mission, where one is known
+
+    @cached_property
+    def margin_full(self) -> float:
+        """Predicted worst-rotor margin with a full tank, worked out when a screen asks for it."""
+        return self.full()
+
+    @property
+    def margin_ahead(self) -> float:
+        """Least predicted margin on the rest of the route; NaN without a mission."""
+        return math.nan if self.route is None else self.route.least_margin
+
+
+class LookAhead:
+    """Follows one vehicle's pump and route row by row.
+
+    `now` is the last forecast, made every two seconds of its clock.
+    """
+
+    def __init__(self, model: RotorModel) -> None:
+        self.now = Outlook()
+        self.plan: MissionPlan | None = None
+        self._given_plan = False
+        self._delivery = DeliveryMeter()
+        self._model = model
+        self._done_s = -math.inf
+        self._levels: deque[tuple[float, float]] = deque()  # (clock s, kg) at each forecast
+        self._items: object = None  # the mission overheard that `plan` is made of
+        self._last_flow = 0.0  # kg/s when the pump was last on
+
+    def use_plan(self, plan: MissionPlan) -> None:
+        """Forecast along this mission rather than along one overheard."""
+        self.plan, self._given_plan = plan, True
+
+    def restart(self) -> None:
+        """The vehicle's clock begins anew."""
+        self._done_s = -math.inf
+        self._levels.clear()
+
+    def rows(
+        self, analysis: FlightAnalysis, first: int, new: LiveRows, state: VehicleState
+    ) -> tuple[Floats, Floats]:
+        """Take the rows `new`, in order, which are those of the analysis from `first` on.
+
+        Returns at each (T,) kg delivered since the pump was first heard, by the delivery factor
+        that was known then, and the least predicted margin on the rest of the route, NaN without a
+        mission.
+        """
+        gauge = analysis.track.measured("tank_kg")
+        delivered, ahead = np.full((2, new.clock_s.size), np.nan)
+        for k, row in enumerate(range(first, analysis.track.time_s.size)):
+            self._delivery.add(float(gauge[row]), float(new.pumped_kg[k]))
+            delivered[k] = new.pumped_kg[k] * self._delivery.first
+            clock_s = float(new.clock_s[k])
+            if analysis.withheld:
+                self.now, self._done_s = Outlook(), -math.inf
+            elif clock_s - self._done_s >= FORECAST_EVERY:
+                self._done_s = clock_s
+                item = int(np.nan_to_num(new.mission_item[k], nan=-1.0))
+                self._look(analysis, row, clock_s, float(new.pump_share[k]), item, state)
+            ahead[k] = self.now.margin_ahead
+        return delivered, ahead
+
+    def _look(
+        self,
+        analysis: FlightAnalysis,
+        row: int,
+        clock_s: float,
+        pump_share: float,
+        mission_item: int,
+        state: VehicleState,
+    ) -> None:
+        """Forecast from one row; `mission_item` is flown to, -1 unknown."""
+        track, airframe = analysis.track, self._model.airframe
+        tank = float(track.tank_kg[row])
+        flow = self._flow(clock_s, tank, pump_share, self._delivery.now)
+        conditions = Conditions(
+            tank_kg=tank,
+            flow=flow,
+            density=float(analysis.density[row]),
+            voltage=float(track.voltage[row]),
+            wind_ned=tuple(float(w) for w in np.nan_to_num(track.wind_ned[row])),  # type: ignore[arg-type]
+        )
+        airspeed, fill = float(track.airspeed[row]), airframe.tank_capacity_kg
+        self.now = Outlook(
+            seconds_to_empty=tank / flow if flow > 0.0 else (math.inf if flow == 0.0 else math.nan),
+            full=lambda: margin_at_fill(self._model, conditions, fill, airspeed),
+            route=self._route(track, row, conditions, state, mission_item),
+        )
+
+    def _flow(self, clock_s: float, level: float, pump_share: float, delivery: float) -> float:
+        """kg/s out of the tank while spraying: by the pump, else by the gauge; NaN unknown."""
+        airframe = self._model.airframe
+        if math.isfinite(pump_share):
+            full = airframe.pump_max_flow_l_min / 60.0 * airframe.liquid_density
+            if pump_share > 0.0:
+                self._last_flow = full * pump_share
+            return self._last_flow * max(delivery, 0.0)
+        self._levels.append((clock_s, level))
+        while self._levels[-1][0] - self._levels[0][0] > FLOW_WINDOW:
+            self._levels.popleft()
+        began, before = self._levels[0]
+        seconds = clock_s - began
+        # Without a full window a slope would be mostly the gauge's noise.
+        return max(before - level, 0.0) / seconds if seconds > 0.8 * FLOW_WINDOW else math.nan
+
+    def _route(
+        self,
+        track: FlightTrack,
+        row: int,
+        conditions: Conditions,
+        state: VehicleState,
+        mission_item: int,
+    ) -> Forecast | None:
+        if not self._given_plan and state.mission is not self._items:
+            self._items = state.mission
+            self.plan = _plan(state.mission.values(), home_first=state.autopilot == ARDUPILOT)
+        position = track.position_ned[row]
+        if self.plan is None or track.origin is None or not np.all(np.isfinite(position)):
+            return None
+        speed = state.parameters.get("WPNAV_SPEED", 100.0 * self.plan.cruise_speed) / 100.0
+        legs = route_ahead(
+            self.plan,
+            max(mission_item, 0),
+            position,
+            track.origin,
+            speed=speed,
+            spraying=float(track.spraying[row]) > 0.5,
+        )
+        return forecast(legs, self._model, conditions)
+
+
+def _plan(waypoints: Iterable[Waypoint], *, home_first: bool) -> MissionPlan | None:
+    """The mission overheard, if it is whole."""
+    ordered = sorted(waypoints, key=lambda w: w.number)
+    if not ordered or [w.number for w in ordered] != list(range(len(ordered))):
+        return None
+    items = [
+        PlanItem(
+            number=w.number,
+            command=w.command,
+            frame=w.frame,
+            parameters=(*w.parameters, w.latitude_deg, w.longitude_deg, w.altitude),
+        )
+        for w in ordered
+    ]
+    try:
+        return plan_from_items(items, home_first=home_first)
+    except PlanError:
+        return None

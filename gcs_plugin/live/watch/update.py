@@ -1,0 +1,63 @@
+"""What the monitor finds out of one vehicle at a time: its new rows, analysed, and what stands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm, AlarmEvent
+from thrustmargin.gcs_plugin.live.watch.outlook import Outlook
+from thrustmargin.gcs_plugin.live.watch.unknown_figures import unknown_figures, unknown_lines
+from thrustmargin.gcs_plugin.wording.live_words import NO_ALARM, no_escs, tank_by
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.model.analysis import FROM_OUTPUTS, FlightAnalysis
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Update:
+    """New rows of one vehicle. Arrays are (T,) as the analysis; rows before `first` were known.
+
+    What is measured is final in every row. What a model with effects predicts is final in the rows
+    before `settled`, of which those from `unsettled` on are so for the first time.
+    """
+
+    vehicle: int
+    boot: int
+    analysis: FlightAnalysis
+    first: int
+    unsettled: int
+    settled: int
+    clock_s: Floats  # vehicle's clock
+    stamp_us: NDArray[np.int64]  # ground's clock when the row's report came
+    virtual_kg: Floats  # tank by thrust
+    pumped_kg: Floats  # by the pump since it was first heard
+    delivered_kg: Floats  # of that, by the delivery factor that was known at the row
+    margin_ahead: Floats  # least predicted on the rest of the route, NaN without a mission
+    outlook: Outlook
+    alarms: tuple[Alarm, ...]  # that stand after the last row
+    events: tuple[AlarmEvent, ...]
+    tank_source: str = ""
+    notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        margins = ", ".join(f"{100.0 * m:.1f}" for m in self.analysis.margin[-1])
+        alarms = "; ".join(alarm.text for alarm in self.alarms) or NO_ALARM
+        return f"Update(vehicle {self.vehicle}, margin by rotor {margins} %, {alarms})"
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What the numbers rest on, for people."""
+        claim = self.analysis.claim
+        helps = (claim.remedy,) if claim.withheld else ()
+        return (claim.described, *helps, *self.beside_the_airframe)
+
+    @property
+    def beside_the_airframe(self) -> tuple[str, ...]:
+        """The remarks without those on the airframe, which the gauges have themselves."""
+        speeds = self.analysis.track.sources.get("rotor_speed_rpm", "")
+        inferred = (no_escs(speeds),) if FROM_OUTPUTS in speeds else ()
+        tank = (tank_by(self.tank_source),) if self.tank_source else ()
+        unknown = unknown_lines(unknown_figures(self.analysis, self.outlook))
+        return (*unknown, *tank, *inferred, *self.notes)

@@ -1,0 +1,358 @@
+"""One vehicle, from its frames to analysed rows and alarms.
+
+No threads, sockets or clocks of its own: what happens depends only on the frames and on the times
+given, so that a recording gives live what it gives from its file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thrustmargin.gcs_plugin.link.sequence import SenderWatch, Verdict
+from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent, AlarmSettings
+from thrustmargin.gcs_plugin.live.alarms.standing_alarms import Alarms
+from thrustmargin.gcs_plugin.live.rows.tank_balance import virtual_gauge
+from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState, fold_mission
+from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows, VehicleTelemetry
+from thrustmargin.gcs_plugin.live.watch.airframe_watch import AirframeWatch
+from thrustmargin.gcs_plugin.live.watch.outlook import LookAhead
+from thrustmargin.gcs_plugin.live.watch.update import Update
+from thrustmargin.gcs_plugin.mavlink.frame import Frame
+from thrustmargin.gcs_plugin.telemetry.statements import Options
+from thrustmargin.gcs_plugin.wording.live_words import NO_ROWS, stale_words, two_vehicles
+from thrustmargin.mission.plan import MissionPlan
+from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.analysis import FlightAnalysis, FlightState, analyse
+from thrustmargin.models.model.inferred.prepared import Inferred, prepared_part
+from thrustmargin.models.model.predict import flown_airframe
+from thrustmargin.models.model.rotor_model import RotorModel
+
+#: Rows of which screens show a mean: at least so many stay in every update.
+SHOWN = 10
+#: Arrays of an Update that the next one goes on with.
+CARRIED = ("clock_s", "stamp_us", "pumped_kg", "delivered_kg", "margin_ahead")
+#: s for which two vehicles with one id stay suspended after they were last seen to take turns.
+SHARED_HOLD = 10.0
+#: ATTITUDE, ATTITUDE_QUATERNION, LOCAL_POSITION_NED, GLOBAL_POSITION_INT: begin with time_boot_ms.
+BOOT_CLOCKS = (30, 31, 32, 33)
+#: s after which a vehicle without any row says so.
+ROWLESS = 5.0
+#: s after which a field that is used for nothing any more is said to be no longer reported: a link
+#: that loses half loses three reports a second for so long once in hours.
+LASTING = 5.0
+#: s of silence after which a vehicle has left.
+GONE = 60.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WatchSettings(Options):
+    """How vehicles are watched: how they are read, and when an alarm is raised."""
+
+    vehicle: int | None = None  # system id of the only one; None: all that are heard
+    alarms: AlarmSettings = field(default_factory=AlarmSettings)
+    airframe_given: bool = True  # by the user; else a vehicle must be recognised as one of it
+    link: str = "LOG"  # where vehicles are heard, for the command that makes an airframe
+
+
+class VehicleMonitor:
+    """One system id. Call `take` with its frames, `updates` for its rows, `tick` often.
+
+    `heard_us` says by system id when it was heard last, taken or not.
+    """
+
+    def __init__(
+        self,
+        system: int,
+        model: RotorModel,
+        settings: WatchSettings,
+        *,
+        heard_us: Mapping[int, int] = MappingProxyType({}),
+    ) -> None:
+        self.system = system
+        self._heard_us = heard_us
+        self.alarms = Alarms(settings.alarms)
+        self.senders: dict[int, SenderWatch] = {}
+        self.shared_until_us = 0
+        #: What happened since they were last taken, and when by the ground's clock, µs.
+        self.notes: list[tuple[int, str]] = []
+        self.last: Update | None = None
+        self.rows = 0
+        self.first_us = 0  # ground's clock when it was first heard
+        self.back_us = 0  # the same after it had left, the last time
+        options = replace(settings, airframe=model.airframe, sampling="hold")
+        self.telemetry = VehicleTelemetry(system, options)
+        self._model = model
+        self._inferred = Inferred()
+        self._unsettled = 0  # of the known rows, the last so many
+        self._ahead = LookAhead(model)
+        self._airframe = AirframeWatch(model, given=settings.airframe_given, source=settings.link)
+        #: (R,) ground's clock when each rotor's speed was last known; 0 before any was.
+        self._rotor_us = np.zeros(model.airframe.rotor_count, dtype=np.int64)
+        self._look_back_s, self._look_ahead_s = model.look_back_s, model.look_ahead_s
+
+    @property
+    def state(self) -> VehicleState:
+        """What the vehicle says of itself."""
+        return self.telemetry.state
+
+    @property
+    def seen(self) -> bool:
+        """True when this is a vehicle and not only a companion or a stray id."""
+        return self.state.autopilot >= 0 or self.rows > 0 or self.shared
+
+    @property
+    def problem(self) -> str:
+        """Why there is no margin; empty when nothing stands in the way."""
+        if self.shared:
+            return two_vehicles(self.system, helps=True)
+        if self.rows == 0 and self.telemetry.stamp_us - self.first_us > ROWLESS * 1e6:
+            return self.telemetry.problem or NO_ROWS
+        return self.telemetry.problem
+
+    @property
+    def claim(self) -> AirframeClaim:
+        """On what ground it is one of the airframe, as decided last."""
+        return self._airframe.claim
+
+    @property
+    def shared(self) -> bool:
+        """True while two vehicles send under this id."""
+        return self.telemetry.stamp_us < self.shared_until_us
+
+    @property
+    def waiting(self) -> bool:
+        """True when `updates` may have rows."""
+        return self.telemetry.waiting
+
+    @property
+    def plan(self) -> MissionPlan | None:
+        """The mission that is forecast; None while none is known."""
+        return self._ahead.plan
+
+    def use_plan(self, plan: MissionPlan) -> None:
+        """Forecast along this mission rather than along one overheard."""
+        self._ahead.use_plan(plan)
+
+    def take(self, frame: Frame) -> None:
+        """One frame of this vehicle, in the order in which it came."""
+        sender = self.senders.get(frame.component)
+        if sender is None:
+            sender = self.senders[frame.component] = SenderWatch()
+        verdict = sender.look(frame.sequence, frame.data)
+        if frame.id in BOOT_CLOCKS and verdict is Verdict.NEW and frame.verified:
+            clock_s = int.from_bytes(frame.payload[:4], "little") * 1e-3
+            sender.clocked(frame.id, frame.stamp_us * 1e-6, clock_s)
+        if sender.shared:
+            if not self.shared:
+                self.notes.append((frame.stamp_us, two_vehicles(self.system)))
+            self.shared_until_us = frame.stamp_us + int(SHARED_HOLD * 1e6)
+        if verdict is not Verdict.NEW:
+            return
+        self.first_us = self.first_us or frame.stamp_us
+        if frame.stamp_us - self.telemetry.stamp_us > GONE * 1e6:
+            self.back_us = frame.stamp_us
+        if frame.stamp_us < self.shared_until_us:
+            # A mix of two aircraft must not pass for one: heard, but not used.
+            self.telemetry.stamp_us = frame.stamp_us
+            self.telemetry.forget()
+            return
+        self.telemetry.take(frame)
+
+    def overhear(self, frame: Frame) -> None:
+        """A mission item that somebody sends to this vehicle."""
+        self.telemetry.state = fold_mission(self.state, frame)
+
+    def updates(self, *, final: bool = False) -> list[Update]:
+        """The rows that came since the last call, analysed.
+
+        One part for each start of the vehicle, and for each change of what it says of itself.
+        `final`: no more will come, and the last predictions count as settled.
+        """
+        made = [self._update(rows) for rows in self.telemetry.rows()]
+        self.notes += self.telemetry.events
+        self.telemetry.events.clear()
+        if final and self._unsettled and self.last is not None:
+            made.append(self._update(None))
+        return made
+
+    def _update(self, new: LiveRows | None) -> Update:
+        """The next update: with new rows, or (None) with the last predictions settled."""
+        last = self.last
+        if last is None or (new is not None and not _goes_on(last, new)):
+            last, self._unsettled, self._inferred = None, 0, Inferred()
+            self._ahead.restart()
+        window, start = slice(0, 0), None
+        if last is not None:
+            window, start = self._window(last)
+        if new is not None:
+            claim, start = self._claimed(new, start)
+            airframe = None if claim.withheld else flown_airframe(self._model)
+            parameters = self.state.parameters
+            track, self._inferred = prepared_part(new.track, airframe, parameters, self._inferred)
+            new = replace(new, track=track)
+        track = _joined(last, window, new)
+        analysis = analyse(track, self._model, start=start, claim=self.claim)
+        total = track.time_s.size
+        first = total - (0 if new is None else new.clock_s.size)
+        unsettled, settled = first - self._unsettled, total
+        if self._model.effects and new is not None:
+            sure_s = track.time_s[-1] - self._look_ahead_s
+            until = int(np.searchsorted(track.time_s, sure_s, side="right"))
+            settled = max(until, unsettled)
+        self._unsettled = total - settled
+        arrays = {
+            name: np.zeros(0) if last is None else getattr(last, name)[window] for name in CARRIED
+        }
+        if new is not None:
+            added = self._beyond_the_rows(analysis, first, new)
+            arrays = {name: np.concatenate([arrays[name], added[name]]) for name in CARRIED}
+            self.rows += new.clock_s.size
+        virtual = virtual_gauge(analysis)
+        events = self.alarms.rows(
+            analysis,
+            first,
+            settled=slice(unsettled, settled),
+            clock_s=arrays["clock_s"],
+            pumped_kg=arrays["delivered_kg"],
+            virtual_kg=virtual,
+            margin_ahead=arrays["margin_ahead"],
+            esc_failures=None if new is None else _below(first, new.esc_failures),
+        )
+        kept = self.last
+        self.last = Update(
+            vehicle=self.system,
+            boot=new.boot if new is not None else kept.boot if kept is not None else 0,
+            analysis=analysis,
+            first=first,
+            unsettled=unsettled,
+            settled=settled,
+            clock_s=arrays["clock_s"],
+            stamp_us=arrays["stamp_us"].astype(np.int64),
+            virtual_kg=virtual,
+            pumped_kg=arrays["pumped_kg"],
+            delivered_kg=arrays["delivered_kg"],
+            margin_ahead=arrays["margin_ahead"],
+            outlook=self._ahead.now,
+            alarms=tuple(self.alarms.standing.values()),
+            events=tuple(events),
+            tank_source=track.sources.get("tank_kg", ""),
+            notes=new.notes if new is not None else kept.notes if kept is not None else (),
+        )
+        return self.last
+
+    def _claimed(
+        self, new: LiveRows, start: FlightState | None
+    ) -> tuple[AirframeClaim, FlightState | None]:
+        """The claim with the new rows, and what the model goes on from: nothing after a change."""
+        before = self.claim
+        claim = self._airframe.look(new.track, self.telemetry.facts, self.state.parameters)
+        if claim is before:
+            return claim, start
+        self.notes.append((int(new.stamp_us[-1]), claim.described))
+        return claim, None if bool(before.withheld) != bool(claim.withheld) else start
+
+    def _window(self, last: Update) -> tuple[slice, FlightState | None]:
+        """Rows of the last update that the next one needs, and what the model carries to them."""
+        time_s = last.analysis.track.time_s
+        needed = min(last.settled, time_s.size - 1)
+        back = np.searchsorted(time_s, time_s[needed] - self._look_back_s, side="right") - 1
+        begin = max(min(int(back), time_s.size - SHOWN), 0)
+        start = last.analysis.start if begin == 0 else last.analysis.state_at(begin)
+        return slice(begin, None), start
+
+    def _beyond_the_rows(
+        self, analysis: FlightAnalysis, first: int, new: LiveRows
+    ) -> dict[str, NDArray[Any]]:
+        """What is known at each new row of pump, route and rotors; as `CARRIED`."""
+        delivered, ahead = self._ahead.rows(analysis, first, new, self.state)
+        known = np.isfinite(analysis.track.rotor_speed_rpm[first:])
+        if known.shape[1] != self._rotor_us.size:
+            self._rotor_us = np.zeros(known.shape[1], dtype=np.int64)
+        rows = [-1] if known[-1].all() else np.flatnonzero(known.any(axis=1)).tolist()
+        for row in rows:
+            # One that never spoke is missed as soon as another did.
+            heard = known[row] | (self._rotor_us == 0)
+            self._rotor_us[heard] = new.stamp_us[row]
+        return {
+            "clock_s": new.clock_s,
+            "stamp_us": new.stamp_us,
+            "pumped_kg": new.pumped_kg,
+            "delivered_kg": delivered,
+            "margin_ahead": ahead,
+        }
+
+    def tick(self, now_us: int) -> list[AlarmEvent]:
+        """Check the link at a time of the ground's clock up to which all that came is known."""
+        if not self.seen:
+            return []
+        # Frames that came and were not taken yet may hold the rotor speeds.
+        behind = (self.telemetry.stamp_us - self._rotor_us) * 1e-6
+        if self.shared:  # what comes is not used: that is no fault of the ESCs
+            behind = np.zeros_like(behind)
+        return self.alarms.heard(
+            now_us * 1e-6,
+            self.silent(now_us),
+            np.where(self._rotor_us > 0, behind, np.nan),
+            flying=self.flying,
+            from_outputs=self._inferred.outputs.in_use,
+        )
+
+    def silent(self, now_us: int) -> float:
+        """s since anything was heard of it, at a time of the ground's clock, taken or not."""
+        return max(now_us - self.last_us, 0) * 1e-6
+
+    @property
+    def last_us(self) -> int:
+        """Ground's clock when anything was last heard of it, taken or not."""
+        return max(self.telemetry.stamp_us, self._heard_us.get(self.system, 0))
+
+    def stale(self, now_us: int) -> str:
+        """Which fields are no longer reported and since when, in words; empty when none is.
+
+        Nothing is said of the single fields while the vehicle as a whole is silent. While frames
+        wait to be taken, they may hold what is missed: checked as of the last that was taken.
+        """
+        if self.shared or self.silent(now_us) > self.alarms.settings.silence:
+            return ""
+        waits = self.last_us > self.telemetry.stamp_us
+        ages = self.telemetry.stale(self.telemetry.stamp_us if waits else now_us)
+        return stale_words({field: age for field, age in ages.items() if age > LASTING})
+
+    @property
+    def flying(self) -> bool:
+        """Off the ground when last heard; armed counts before the first row."""
+        return self.state.armed if self.last is None else bool(self.last.analysis.track.flying[-1])
+
+    def left(self, now_us: int) -> bool:
+        """Whether it is gone for good: long silent, and on the ground when last heard.
+
+        One that fell silent in flight is missed and never forgotten.
+        """
+        return self.silent(now_us) > GONE and not self.flying
+
+
+def _goes_on(last: Update, new: LiveRows) -> bool:
+    """Whether the new rows follow the last: no restart, and no other number of rotors."""
+    before = last.analysis.track.rotor_count
+    return last.boot == new.boot and before == new.track.rotor_count
+
+
+def _joined(last: Update | None, window: slice, new: LiveRows | None) -> FlightTrack:
+    """The rows that stay of the last update, and the new ones."""
+    if last is None:
+        assert new is not None
+        return new.track
+    track = last.analysis.track
+    return track.rows(window) if new is None else track.followed_by(new.track, window.start)
+
+
+def _below(rows: int, values: Floats) -> Floats:
+    """Values (n, R) below so many rows of NaN."""
+    return np.concatenate([np.full((rows, values.shape[1]), np.nan), values])

@@ -1,0 +1,1 @@
+"""What only the view of aircraft that fly now has."""

@@ -1,0 +1,112 @@
+"""What the compute thread leaves for the thread that draws: every aircraft as it was last heard.
+
+Each `Standing` is replaced as a whole and never changed, so that no lock is needed; rows for the
+trails wait in a queue an aircraft.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import defaultdict, deque
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.live.alarms.alarm import worst_first
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
+from thrustmargin.gcs_plugin.live.watch.update import Update
+from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
+from thrustmargin.gcs_plugin.view.figures.live_html import Standing
+from thrustmargin.gcs_plugin.view.live.live_history import LiveHistory
+from thrustmargin.gcs_plugin.view.scene.overlays import Overlay, overlays_of
+from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
+from thrustmargin.models.flight import Floats
+
+STALE_EVERY = 0.5  # s between two looks at which fields are no longer reported
+
+
+class Heard:
+    """Aircraft by number. `update` and `round` are for the compute thread, the rest for drawing.
+
+    `wake` is set when there is something new to draw; `overlays` are those of the last rows.
+    `clock` is the ground's, µs: figures age by it while the compute thread is busy; without it they
+    are as old as at the last `round`.
+    """
+
+    def __init__(self, wake: threading.Event, clock: Callable[[], int] | None = None) -> None:
+        self.wake = wake
+        self._clock = clock
+        self._watches: dict[int, VehicleMonitor] = {}
+        self.overlays: tuple[Overlay, ...] = ()
+        #: For the trails, rows in flight: (N,) time s, (N, 3) position NED m, (N, K) of overlays,
+        #: (N,) pump on.
+        self.rows: dict[int, deque[tuple[Floats, Floats, Floats, Floats]]] = defaultdict(deque)
+        self.history: dict[int, LiveHistory] = defaultdict(LiveHistory)
+        self._standing: dict[int, Standing] = {}  # in the order in which they were first heard
+        self._stale_s = 0.0
+
+    @property
+    def standing(self) -> list[Standing]:
+        """All that have rows, in the order in which they were first heard."""
+        standing = list(self._standing.values())
+        return standing if self._clock is None else [self._aged(s, self._clock()) for s in standing]
+
+    def _aged(self, one: Standing, now_us: int) -> Standing:
+        watch = self._watches.get(one.number)
+        if watch is None or one.update is None:
+            return one
+        age = max(now_us - int(one.update.stamp_us[-1]), 0) * 1e-6
+        return replace(one, age=age, silent=watch.silent(now_us))
+
+    def update(self, update: Update) -> None:
+        """New rows of one aircraft."""
+        number, track = update.vehicle, update.analysis.track
+        overlays = overlays_of(update.analysis)
+        values = np.column_stack([overlay.values for overlay in overlays])
+        fresh = update.first + np.flatnonzero(track.flying[update.first :])
+        self.rows[number].append(
+            (update.clock_s[fresh], track.position_ned[fresh], values[fresh], track.spraying[fresh])
+        )
+        self.history[number].add(update)
+        self.overlays = overlays
+        row = ShownRow(update.analysis, -1)
+        self._put(
+            replace(
+                self._standing.get(number) or Standing(number=number),
+                update=update,
+                margin=row.worst[0],
+                coloured=row.coloured_margin,
+                rests_on=row.rests_on,
+                tank_kg=float(track.tank_kg[-1]),
+                flying=bool(track.flying[-1]),
+            )
+        )
+        self.wake.set()
+
+    def round(self, fleet: Fleet, now_us: int) -> None:
+        """Ages, alarms and missions."""
+        look = time.monotonic() - self._stale_s >= STALE_EVERY
+        if look:
+            self._stale_s = time.monotonic()
+        for number, watch in fleet.vehicles.items():
+            before = self._standing.get(number)
+            if before is None or before.update is None:
+                continue
+            self._watches[number] = watch
+            now = replace(
+                self._aged(before, now_us),
+                alarms=tuple(worst_first(list(watch.alarms.standing.values()))),
+                old_s=fleet.old_s,
+                problem=watch.problem,
+                gone=watch.left(now_us),
+                mission=watch.state.mission,
+                stale=watch.stale(now_us) if look else before.stale,
+            )
+            self._put(now)
+            if now.shown != before.shown:
+                self.wake.set()
+
+    def _put(self, one: Standing) -> None:
+        self._standing = {**self._standing, one.number: one}

@@ -1,0 +1,1 @@
+"""The page itself: its server, its door, its token."""

@@ -1,0 +1,161 @@
+"""The page of a view: a guarded server, the one thread that draws on it, and where to find it."""
+
+from __future__ import annotations
+
+import logging
+import os
+import queue
+import sys
+import threading
+import time
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING
+
+from thrustmargin.gcs_plugin.view.page.guard import (
+    PageAddition,
+    address_of,
+    guarded_server,
+    is_loopback,
+    stop_server,
+)
+from thrustmargin.gcs_plugin.view.page.token_door import asked_for
+from thrustmargin.models.errors import DataError
+
+if TYPE_CHECKING:
+    import viser
+
+WIDTH = 370  # of the panel on the left, with the gauges
+FASTEST = 0.04  # s between two drawings
+_log = logging.getLogger(__name__)
+
+
+class ViewPage(ABC):
+    """A page that one thread of its own draws, all `every` s and whenever it is woken.
+
+    `start` opens it, `stop` ends it. What is on it is built by `_build` and drawn by `_draw`.
+    `what` names it for people; `port` 0 is any free one; `addition` is put on it besides viser's;
+    `token` is what a browser must know, empty for nothing.
+    """
+
+    def __init__(
+        self,
+        what: str,
+        *,
+        host: str,
+        port: int,
+        token: str,
+        every: float,
+        addition: PageAddition | None = None,
+    ) -> None:
+        self._addition, self._token = addition, token
+        self.wake = threading.Event()  # set: draw at once
+        self.draw_seconds: deque[float] = deque(maxlen=1000)  # how long the last drawings took
+        self._what, self._host, self._port, self._every = what, host, port, every
+        self._requests: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
+        self._stopping = threading.Event()
+        self._server: viser.ViserServer | None = None
+        self._thread: threading.Thread | None = None
+
+    @abstractmethod
+    def _build(self, server: viser.ViserServer) -> None:
+        """Put everything on the page, before the first drawing."""
+
+    @abstractmethod
+    def _draw(self, *, hurry: bool) -> None:
+        """Assign to what is on the page; `hurry`: somebody asked for something, show it all."""
+
+    @property
+    def url(self) -> str:
+        """Where the page is, with its token. Raises DataError before `start` and after `stop`."""
+        if self._server is None:
+            raise DataError("the view is not open; call start() first")
+        ends = f"/?token={self._token}" if self._token else ""
+        return f"http://{address_of(self._host)}:{self._server.get_port()}{ends}"
+
+    def start(self) -> None:
+        """Open the port, build the page and begin to draw. Raises LinkError for a taken port."""
+        door = partial(asked_for, token=self._token) if self._token else None
+        self._server = guarded_server(
+            host=self._host, port=self._port, addition=self._addition, door=door
+        )
+        self._build(self._server)
+        self._thread = threading.Thread(
+            target=self._run, args=(self._server,), name=f"{self._what}-page", daemon=True
+        )
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Stop drawing and close the page; harmless when called twice."""
+        self._stopping.set()
+        self.wake.set()
+        if self._thread is not None:
+            self._thread.join(timeout=5.0)
+            self._thread = None
+        if self._server is not None:
+            server, self._server = self._server, None
+            stop_server(server)
+
+    def announce(self, *, browser: bool) -> None:
+        """Print where the page is, warn when others can reach it, and open the `browser`."""
+        print(f"{self._what} at {self.url} - Ctrl-C ends it", flush=True)
+        if not is_loopback(self._host):
+            print(
+                "others open it at this computer's address in their network, with this token, "
+                "which travels unencrypted: docs/live.md says how to put TLS before it",
+                flush=True,
+            )
+        if browser:
+            _open_browser(self.url)
+
+    def ask(self, act: Callable[[], None]) -> None:
+        """Let the drawing thread `act`, then draw all; callable from any thread."""
+        self._requests.put(act)
+        self.wake.set()
+
+    def _run(self, server: viser.ViserServer) -> None:
+        """The thread. What goes wrong in one drawing is logged and does not end it."""
+        while not self._stopping.is_set():
+            hurry = self.wake.wait(max(self._every - FASTEST, 0.0))
+            self.wake.clear()
+            begun = time.perf_counter()
+            try:
+                with server.atomic():  # a new colour and its legend reach the page together
+                    while not self._requests.empty():
+                        self._requests.get()()
+                    self._draw(hurry=hurry)
+            except Exception:  # of any kind, a page's own too: a pilot must not lose the view
+                _log.exception("the %s could not be drawn", self._what)
+            took = time.perf_counter() - begun
+            self.draw_seconds.append(took)
+            self._stopping.wait(max(FASTEST - took, 0.0))
+
+
+def arrange(gui: viser.GuiApi, *, width: int) -> None:
+    """The project's colours, and the controls on the right, `width` pixels wide."""
+    gui.configure_theme(
+        dark_mode=False, show_logo=False, show_share_button=False, brand_color=(14, 66, 150)
+    )
+    gui.main_panel.dock_right()
+    gui.main_panel.set_width(width)
+
+
+def left_panel(gui: viser.GuiApi) -> viser.PanelHandle:
+    """The panel on the left, for the gauges."""
+    panel = gui.add_panel()
+    panel.dock_left()
+    panel.set_width(WIDTH)
+    return panel
+
+
+def _open_browser(url: str) -> None:
+    # Without a screen a text browser would take over the terminal.
+    if sys.platform.startswith("linux") and not (
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    ):
+        return
+    import webbrowser
+
+    webbrowser.open(url)

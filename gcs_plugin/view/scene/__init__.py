@@ -1,0 +1,1 @@
+"""The 3D scene: aircraft, route, surroundings, camera."""

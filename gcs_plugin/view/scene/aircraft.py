@@ -1,0 +1,246 @@
+"""The aircraft in the scene: arms, one disc a rotor in the colour of its margin, tank level.
+
+Discs are instances of one mesh under ambient light alone: their colours reach the screen exactly as
+those of the route's lines do, and one palette holds for both. All is built once; a tick assigns
+poses, colours and texts to the same nodes.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.view.scene.shown_row import FRD_FLU, ShownRow
+from thrustmargin.gcs_plugin.wording import palette as colours
+from thrustmargin.gcs_plugin.wording.palette import line_colours, sent_for
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.physics.airframe import Airframe
+
+if TYPE_CHECKING:
+    from viser import BatchedMeshHandle, SceneApi
+
+DARK = (38, 38, 42)
+NOSE = (200, 20, 110)
+LIQUID = (0, 110, 130)
+SIDES = 28
+ARM_PIXELS, SPIN_PIXELS, FAULT_PIXELS = 5.0, 3.0, 9.0
+NO_ARM = 1.0  # m, size of an aircraft of which no rotor is known
+#: Tank box in the vehicle frame as shares of the arm length: half width, height, top.
+TANK_HALF, TANK_HEIGHT, TANK_TOP = 0.24, 0.5, -0.06
+
+
+class VehicleNode:
+    """One aircraft under `parent` in the scene. `key` names its nodes."""
+
+    def __init__(self, scene: SceneApi, parent: str, key: str, airframe: Airframe) -> None:
+        self._airframe = airframe
+        self._root = f"{parent}/vehicle_{key}"
+        rotors = airframe.rotor_position_frd @ FRD_FLU
+        self._arm = airframe.arm or NO_ARM
+        self._rotors = rotors
+        self._scale = 1.0
+        self._visible = True
+        self._parts: list[Any] = []  # arms, discs and arrows of the rotors
+        self.frame = scene.add_frame(self._root, show_axes=False)
+        nose = self._arm * np.array([[0.15, 0, 0.05], [0.8, 0, 0.05]])
+        self._nose = scene.add_arrows(
+            f"{self._root}/nose",
+            nose[None],
+            NOSE,
+            shaft_radius=0.05 * self._arm,
+            head_radius=0.15 * self._arm,
+            head_length=0.28 * self._arm,
+        )
+        self._faulty: frozenset[int] = frozenset()
+        self._rings = self._add_rings(scene)
+        self._discs = self._add_rotors(scene) if airframe.rotor_count else None
+        self._tank = scene.add_box(
+            f"{self._root}/tank",
+            color=(235, 235, 235),
+            dimensions=self._arm * np.array([2 * TANK_HALF, 2 * TANK_HALF, TANK_HEIGHT]),
+            opacity=0.35,
+            cast_shadow=False,
+        )
+        self._liquid = scene.add_box(
+            f"{self._root}/liquid",
+            color=LIQUID,
+            dimensions=self._arm * np.array([1.9 * TANK_HALF, 1.9 * TANK_HALF, TANK_HEIGHT]),
+            cast_shadow=False,
+            visible=False,
+        )
+        self._labels = [
+            scene.add_label(f"{self._root}/label_{i + 1}", str(i + 1), font_screen_scale=1.3)
+            for i in range(airframe.rotor_count)
+        ]
+        self.set_scale(1.0)
+
+    def _add_rotors(self, scene: SceneApi) -> BatchedMeshHandle:
+        """Arms, discs and arrows of the rotors; the discs."""
+        airframe, rotors = self._airframe, self._rotors
+        radius = disc_radius(airframe)
+        body = scene.add_line_segments(
+            f"{self._root}/arms",
+            # Under the discs, which would hide half of each line's thickness.
+            np.stack([np.zeros_like(rotors), rotors], axis=1) - [0, 0, 0.05 * self._arm],
+            line_colours(len(rotors), DARK),
+            thickness=ARM_PIXELS,
+            thickness_units="screen",
+        )
+        vertices, faces = unit_disc()
+        discs = scene.add_batched_meshes_simple(
+            f"{self._root}/discs",
+            radius * vertices,
+            faces,
+            batched_wxyzs=np.tile([1.0, 0.0, 0.0, 0.0], (airframe.rotor_count, 1)),
+            batched_positions=rotors,
+            batched_colors=disc_colours(np.full(airframe.rotor_count, np.nan)),
+            side="double",
+            lod="off",
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+        arrows = spin_segments(rotors, radius, airframe.rotor_spin)
+        spin = scene.add_line_segments(
+            f"{self._root}/spin",
+            arrows,
+            line_colours(len(arrows), DARK),
+            thickness=SPIN_PIXELS,
+            thickness_units="screen",
+        )
+        self._parts += [body, discs, spin]
+        return discs
+
+    def _add_rings(self, scene: SceneApi) -> list[Any]:
+        """A red ring about each rotor, which is shown while an alarm is of it."""
+        ring = 1.05 * disc_radius(self._airframe) * unit_disc()[0][1:] + [0.0, 0.0, 0.03]
+        sides = np.stack([ring, np.roll(ring, -1, axis=0)], axis=1)
+        return [
+            scene.add_line_segments(
+                f"{self._root}/fault_{i + 1}",
+                rotor + sides,
+                line_colours(len(sides), colours.ALARM),
+                thickness=FAULT_PIXELS,
+                thickness_units="screen",
+                visible=False,
+            )
+            for i, rotor in enumerate(self._rotors)
+        ]
+
+    @property
+    def arm(self) -> float:
+        """Distance of the outermost rotor from the centre, m."""
+        return self._arm
+
+    @property
+    def drawn_arm(self) -> float:
+        """The same as it is drawn, m of the scene."""
+        return self._arm * self._scale
+
+    def set_scale(self, scale: float, *, detailed: bool = True) -> None:
+        """Draw the aircraft `scale` times its size; `detailed` puts the margins on the rotors."""
+        self._scale = scale
+        self._detailed = detailed
+        for node in (self._nose, self._tank, *self._parts, *self._rings):
+            node.scale = scale
+        self._tank.position = scale * self._arm * np.array([0, 0, TANK_TOP - TANK_HEIGHT / 2])
+        for label, rotor in zip(self._labels, self._rotors, strict=True):
+            label.position = scale * (rotor + np.array([0, 0, 0.12 * self._arm]))
+
+    def hide(self) -> None:
+        """Take it off the scene until it is shown again."""
+        self.frame.visible = self._visible = False
+
+    def show(
+        self, row: ShownRow, faulty: frozenset[int] = frozenset(), *, old: bool = False
+    ) -> None:
+        """Put the aircraft where `row` says, in its colours. Hidden without a position.
+
+        `faulty` are the numbers, from 1, of the rotors that an alarm is of. Rotors of an `old` row
+        have the colour of no data.
+        """
+        if faulty != self._faulty:
+            self._faulty = faulty
+            for i, ring in enumerate(self._rings, start=1):
+                ring.visible = i in faulty
+        position, wxyz, margin = row.position_enu, row.wxyz, row.margin
+        margin = np.full_like(margin, np.nan) if old else margin
+        placed = bool(np.all(np.isfinite(position)))
+        if placed != self._visible:
+            self.frame.visible = self._visible = placed
+        if not placed:
+            return
+        self.frame.position = position
+        if np.all(np.isfinite(wxyz)):
+            self.frame.wxyz = wxyz
+        if self._discs is not None:
+            self._discs.batched_colors = disc_colours(margin)
+        for i, label in enumerate(self._labels):
+            text = rotor_label(i, margin[i]) if self._detailed else str(i + 1)
+            label.text = f"! {text}" if i + 1 in faulty else text
+        self._show_tank(row.track.tank_kg[row.row])
+
+    def _show_tank(self, tank_kg: float) -> None:
+        level = tank_level(tank_kg, self._airframe.tank_capacity_kg)
+        known = np.isfinite(level)
+        self._liquid.visible = bool(known and level > 0)
+        if known and level > 0:
+            floor = TANK_TOP - TANK_HEIGHT
+            self._liquid.scale = (self._scale, self._scale, self._scale * level)
+            self._liquid.position = (
+                0.0,
+                0.0,
+                self._scale * self._arm * (floor + level * TANK_HEIGHT / 2),
+            )
+
+
+def disc_colours(margin: Floats) -> colours.Colours:
+    """(R, 3) colours to send for discs of (R,) margins."""
+    return sent_for(colours.MARGIN.screen(margin))
+
+
+def rotor_label(index: int, margin: float) -> str:
+    """The text over a rotor: its number and its margin in per cent, or "?" without one."""
+    return f"{index + 1}: {100 * margin:.0f}%" if np.isfinite(margin) else f"{index + 1}: ?"
+
+
+def tank_level(tank_kg: float, capacity_kg: float) -> float:
+    """Share of the tank that is full, 0..1; NaN when unknown."""
+    return float(np.clip(tank_kg / capacity_kg, 0.0, 1.0)) if np.isfinite(tank_kg) else np.nan
+
+
+def disc_radius(airframe: Airframe) -> float:
+    """The propeller's radius in m, less where discs side by side would overlap on the screen."""
+    apart = airframe.rotor_position_frd[:, None, :2] - airframe.rotor_position_frd[None, :, :2]
+    distance = np.linalg.norm(apart, axis=-1)
+    neighbours = distance[distance > 0.05]
+    closest = float(neighbours.min()) if neighbours.size else airframe.propeller_diameter
+    return min(airframe.propeller_diameter / 2, 0.48 * closest)
+
+
+def unit_disc() -> tuple[Floats, np.ndarray]:
+    """(V, 3) vertices and (F, 3) faces of a flat disc of radius 1 around the origin."""
+    angle = 2 * np.pi * np.arange(SIDES) / SIDES
+    rim = np.stack([np.cos(angle), np.sin(angle), np.zeros(SIDES)], axis=1)
+    edge = 1 + np.arange(SIDES)
+    return np.concatenate([np.zeros((1, 3)), rim]), np.stack(
+        [np.zeros(SIDES, dtype=int), edge, np.roll(edge, -1)], axis=1
+    )
+
+
+def spin_segments(rotors_flu: Floats, radius: float, spin: Floats) -> Floats:
+    """(N, 2, 3) an arc with an arrow head over each disc, turning as the rotor does (+1 CCW)."""
+    lines = []
+    for centre, turn in zip(rotors_flu, spin, strict=True):
+        angle = turn * np.linspace(np.radians(20), np.radians(160), 8)
+        arc = 0.65 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        end, along = arc[-1], arc[-1] - arc[-2]
+        along = along / np.linalg.norm(along)
+        side = np.array([-along[1], along[0]])
+        barbs = [end - 0.35 * along + 0.28 * s * side for s in (1, -1)]
+        flat = np.array([*pairwise(arc), *((end, barb) for barb in barbs)])
+        # Above the disc, or the two would flicker.
+        raised = np.concatenate([flat, np.full((*flat.shape[:2], 1), 0.08)], axis=2)
+        lines.append(centre + radius * raised)
+    return np.concatenate(lines)

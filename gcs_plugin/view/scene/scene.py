@@ -1,0 +1,322 @@
+"""The 3D scene: ground, field, route and aircraft, fed with arrays from any source.
+
+Everything hangs under one frame, `/world`. To follow an aircraft the world is moved under a camera
+that stays where its user put it, so that following never fights with the mouse.
+The scene knows no clock and no log: `set_route` and `set_field` give it what lies still, `show`
+gives it one row of one aircraft. Every call only assigns to nodes that exist.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+import shapely
+
+from thrustmargin.gcs_plugin.view.scene.aircraft import VehicleNode
+from thrustmargin.gcs_plugin.view.scene.camera import (
+    FIRST_ASPECT,
+    NO_TURN,
+    Camera,
+    behind,
+    nose_north,
+    overview,
+)
+from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow, enu
+from thrustmargin.gcs_plugin.view.scene.surroundings import Surroundings
+from thrustmargin.gcs_plugin.wording import view_words as words
+from thrustmargin.gcs_plugin.wording.palette import ColourScale, Rgb, line_colours, sent_for
+from thrustmargin.mission.field import Field
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.physics.airframe import Airframe
+
+PinAnchor = Literal["bottom-left", "bottom-center", "bottom-right"]
+
+if TYPE_CHECKING:
+    from viser import CameraHandle, ClientHandle, LineSegmentsHandle, ViserServer
+
+ROUTE_PIXELS = 8.0
+#: An arm's length over the extent when the whole field is shown: true to size it were a dot.
+OVERVIEW_SHARE = 0.13
+GROUND_GREEN = (150, 200, 120)
+FIELD_GREEN = (60, 120, 50)
+PLAN_GREY = (110, 110, 110)
+PIN = (200, 20, 110)
+
+
+class Scene:
+    """One 3D scene for one or more aircraft of a viser server. Call it from one thread."""
+
+    def __init__(self, server: ViserServer) -> None:
+        self._server = server
+        self._api = server.scene
+        self._world = self._api.add_frame("/world", show_axes=False)
+        self._api.set_up_direction("+z")
+        # Ambient light alone, of the strength at which a mesh keeps the colour it is given.
+        self._api.configure_default_lights(enabled=False)
+        self._api.configure_environment_map(hdri=None)
+        self._api.add_light_ambient("/light", intensity=float(np.pi))
+        self._vehicles: dict[str, VehicleNode] = {}
+        self._routes: dict[str, LineSegmentsHandle] = {}
+        self._pin = self._api.add_label(
+            "/world/pin", "", anchor="bottom-center", font_screen_scale=1.25, visible=False
+        )
+        self._pin_point = self._api.add_point_cloud(
+            "/world/pin_point",
+            np.zeros((1, 3)),
+            PIN,
+            point_shape="circle",
+            point_shading="flat",
+            visible=False,
+        )
+        self.surroundings = Surroundings(self._api)
+        self._camera = Camera.FIELD
+        self._low, self._high = np.full(3, -20.0), np.full(3, 20.0)  # m, corners of all shown
+        self._ground = 0.0  # m, up
+        self._held: Floats | None = None  # (2, 3) m, what `hold` fitted the ground to
+        server.on_client_connect(self._keep_fitted)
+
+    def set_ground(self, positions_enu: Floats, ground: float) -> None:
+        """Fit grid, camera and the aircraft's drawn size to (T, 3) positions and `ground`, m."""
+        known = positions_enu[np.all(np.isfinite(positions_enu), axis=1)]
+        if known.size:
+            self._low, self._high = known.min(axis=0), known.max(axis=0)
+            self._low[2] = min(ground, self._low[2])
+        self._ground = ground
+        extent = self._extent
+        self._cell = cell = grid_cell(extent)
+        side = cell * (np.ceil(2.6 * extent / cell) + 1)
+        middle = np.round((self._low + self._high)[:2] / 2 / cell) * cell
+        self._api.add_grid(
+            "/world/ground",
+            width=side,
+            height=side,
+            cell_size=cell,
+            section_size=5 * cell,
+            cell_color=(205, 205, 205),
+            section_color=(150, 150, 150),
+            cell_thickness=1.0,
+            section_thickness=1.4,
+            fade_distance=12 * side,
+            shadow_opacity=0.0,
+            position=(*middle, ground - 0.06),
+        )
+        edge = middle + np.array([-side / 4, side / 2])
+        self._api.add_label(
+            "/world/north", "North", position=(*edge, ground), anchor="bottom-center"
+        )
+        corner = middle - np.array([side / 4, side / 2])
+        self._note = self._api.add_label("/world/scale", "", position=(*corner, ground))
+        self._look()
+
+    def hold(self, points_enu: Floats) -> None:
+        """Fit ground and overview again where (N, 3) points, m, lie outside of what is shown.
+
+        With room to spare, or the picture would move all the time.
+        """
+        low, high = points_enu.min(axis=0), points_enu.max(axis=0)
+        if self._held is None:
+            self._held = np.stack([low, high])
+        elif np.all(low >= self._held[0] - 1.0) and np.all(high <= self._held[1] + 1.0):
+            return
+        else:
+            self._held = np.stack(
+                [np.minimum(low - 5.0, self._held[0]), np.maximum(high + 5.0, self._held[1])]
+            )
+        self.set_ground(self._held, float(min(self._held[0][2], 0.0)))
+
+    @property
+    def _extent(self) -> float:
+        """Half of the longer side of all that is shown, m."""
+        return max(float(np.max(self._high - self._low)) / 2, 5.0)
+
+    def set_field(self, field: Field | None) -> None:
+        """Draw the sprayed ground, its outline and the swath lines; None draws nothing."""
+        if field is None:
+            return
+        if not field.ground.is_empty:
+            vertices, faces = fill(field.ground)
+            self._api.add_mesh_simple(
+                "/world/field",
+                np.column_stack([vertices, np.full(len(vertices), self._ground - 0.03)]),
+                faces,
+                color=GROUND_GREEN,
+                side="double",
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+            rings = [
+                np.column_stack([ring[:, ::-1], np.full(len(ring), self._ground)])
+                for part in field.ground.geoms
+                for ring in map(shapely.get_coordinates, (part.exterior, *part.interiors))
+            ]
+            self._lines("/world/outline", rings, FIELD_GREEN, 2.5)
+        flat = [
+            np.column_stack([enu(s)[:, :2], np.full(len(s), self._ground)])
+            for s in field.swaths_ned
+        ]
+        self._lines("/world/swaths", flat, FIELD_GREEN, 2.0)
+
+    def set_plan(self, key: str, points_enu: Floats, ground: float) -> None:
+        """Draw an aircraft's planned path through (W, 3) places in m, flat on the `ground`, m."""
+        if len(points_enu) > 1:
+            on_ground = np.column_stack([points_enu[:, :2], np.full(len(points_enu), ground)])
+            self._lines(f"/world/plan_{key}", [on_ground], PLAN_GREY, 2.0)
+
+    def set_route(self, key: str, points_enu: Floats, values: Floats, scale: ColourScale) -> None:
+        """Draw where an aircraft flew, (S, 2, 3) m, in the colours of (S,) values on `scale`."""
+        ends = np.repeat(sent_for(scale.screen(values))[:, None], 2, axis=1)
+        line = self._routes.get(key)
+        if line is not None and len(line.points) == len(points_enu):
+            if not np.array_equal(line.points, points_enu.astype(np.float32)):
+                line.points = points_enu.astype(np.float32)
+            line.colors = ends
+            return
+        self._routes[key] = self._api.add_line_segments(
+            f"/world/route_{key}",
+            points_enu,
+            ends,
+            thickness=ROUTE_PIXELS,
+            thickness_units="screen",
+        )
+
+    def set_pin(self, position_enu: Floats, text: str) -> None:
+        """Put `text` at a place, m; without a place (NaN) there is no pin."""
+        placed = bool(np.all(np.isfinite(position_enu)))
+        self._pin.visible = self._pin_point.visible = placed
+        if placed:
+            self._pin.text = text
+            self._pin.anchor = pin_anchor(position_enu[0], self._low[0], self._high[0])
+            self._pin.position = position_enu + np.array([0.0, 0.0, 0.04 * self._extent])
+            self._pin_point.position = position_enu
+            self._pin_point.point_size = 0.03 * self._extent
+
+    def add_vehicle(self, key: str, airframe: Airframe) -> None:
+        """Add an aircraft; `key` is the name that `show` takes."""
+        self._vehicles[key] = VehicleNode(self._api, "/world", key, airframe)
+        self._rescale()
+
+    def show(
+        self,
+        key: str,
+        row: ShownRow,
+        *,
+        focus: bool = True,
+        faulty: frozenset[int] = frozenset(),
+        old: bool = False,
+    ) -> None:
+        """Move one aircraft to `row`; with `focus` a following camera goes with it.
+
+        `faulty` are the numbers, from 1, of the rotors that an alarm is of. Rotors of an `old` row
+        have no colour.
+        """
+        self._vehicles[key].show(row, faulty, old=old)
+        if focus and self._camera is not Camera.FIELD:
+            self._centre_on(row.position_enu, row.wxyz)
+
+    def show_wind(self, wind_ned: Floats) -> None:
+        """Draw the (3,) m/s wind beside the field; NaN takes it away."""
+        place = np.array([self._low[0], self._high[1], self._ground]) + 0.12 * self._extent
+        self.surroundings.wind(wind_ned, np.round([*place[:2], self._ground], 1), self._extent / 4)
+
+    def hide(self, key: str) -> None:
+        """Take an aircraft off the scene until it is shown again."""
+        self._vehicles[key].hide()
+
+    def above(self, key: str) -> Floats:
+        """(3,) from an aircraft to where its name is clear of its rotors, as it is drawn, m."""
+        return np.array([0.0, 0.0, 1.2 * self._vehicles[key].drawn_arm])
+
+    def set_camera(self, camera: Camera) -> None:
+        """Look at the whole field, or follow the aircraft. Every open page is turned to it."""
+        self._camera = camera
+        self._rescale()
+        if camera is Camera.FIELD:
+            self._world.position = np.zeros(3)
+            self._world.wxyz = NO_TURN
+        self._look()
+
+    def _centre_on(self, position_enu: Floats, wxyz: Floats) -> None:
+        """Move the world so that the aircraft is in the origin (nose ahead: pointing north)."""
+        if not np.all(np.isfinite(position_enu)):
+            return
+        ahead = self._camera is Camera.CHASE and bool(np.all(np.isfinite(wxyz)))
+        turn, self._world.wxyz = nose_north(wxyz) if ahead else (np.eye(3), NO_TURN)
+        self._world.position = -turn @ position_enu
+
+    def _rescale(self) -> None:
+        note = [words.grid_words(self._cell)]
+        for vehicle in self._vehicles.values():
+            scale = 1.0
+            if self._camera is Camera.FIELD:
+                scale = max(OVERVIEW_SHARE * self._extent / vehicle.arm, 1.0)
+            vehicle.set_scale(scale, detailed=self._camera is not Camera.FIELD)
+            note.append(words.drawn_larger(scale))
+        self._note.text = ", ".join(dict.fromkeys(note))
+
+    def _look(self) -> None:
+        """Turn every open page, and those to come, to what the camera is set to."""
+        position, look_at = self._view(FIRST_ASPECT)
+        self._server.initial_camera.position = tuple(position)
+        self._server.initial_camera.look_at = tuple(look_at)
+        for client in self._server.get_clients().values():
+            self._aim(client)
+
+    def _keep_fitted(self, client: ClientHandle) -> None:
+        """Aim now, and again when the picture's shape changes: panels dock, windows are resized."""
+        fitted = [client.camera.aspect]
+
+        def refit(camera: CameraHandle) -> None:
+            if abs(camera.aspect / fitted[0] - 1) > 0.05:
+                fitted[0] = camera.aspect
+                if self._camera is Camera.FIELD:
+                    self._aim(client)
+
+        client.camera.on_update(refit)
+        self._aim(client)
+
+    def _aim(self, client: ClientHandle) -> None:
+        position, look_at = self._view(client.camera.aspect)
+        with client.atomic():
+            client.camera.position = position
+            client.camera.look_at = look_at
+
+    def _view(self, aspect: float) -> tuple[Floats, Floats]:
+        """Camera position and look-at point; `aspect` is the picture's width over its height."""
+        if self._camera is Camera.FIELD:
+            return overview(self._low, self._high, aspect)
+        arm = max((v.arm for v in self._vehicles.values()), default=1.0)
+        return behind(arm)
+
+    def _lines(self, name: str, polylines: Sequence[Floats], colour: Rgb, pixels: float):
+        points = np.concatenate([np.stack([p[:-1], p[1:]], axis=1) for p in polylines])
+        self._api.add_line_segments(
+            name,
+            points,
+            line_colours(len(points), colour),
+            thickness=pixels,
+            thickness_units="screen",
+        )
+
+
+def grid_cell(extent: float) -> float:
+    """Side of a grid cell in m, 1, 2 or 5 times a power of ten: about 20 across 2 x `extent`."""
+    raw = extent / 10
+    power = 10.0 ** np.floor(np.log10(raw))
+    return float(power * min((1, 2, 5, 10), key=lambda m: abs(m * power - raw)))
+
+
+def pin_anchor(east: float, low: float, high: float) -> PinAnchor:
+    """Where a text hangs on its place so that it grows towards the middle of the picture."""
+    share = (east - low) / (high - low) if high > low else 0.5
+    if share < 0.3:
+        return "bottom-left"
+    return "bottom-right" if share > 0.7 else "bottom-center"
+
+
+def fill(ground: shapely.MultiPolygon) -> tuple[Floats, np.ndarray]:
+    """(V, 2) east, north vertices and (F, 3) faces that fill the ground (north, east)."""
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(ground))
+    corners = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3, ::-1].reshape(-1, 2)
+    return corners, np.arange(len(corners)).reshape(-1, 3)

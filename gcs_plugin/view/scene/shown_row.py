@@ -1,0 +1,193 @@
+"""One row of an analysis on the screen, the screen's frames, and the planned path in them.
+
+Scene frame: ENU in metres from the track's origin (x east, y north, z up). Vehicle frame: forward,
+left, up. Replay and live show a row by the same class, which holds no numbers of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pymap3d
+from scipy.spatial.transform import Rotation
+
+from thrustmargin.gcs_plugin.wording import view_words as words
+from thrustmargin.models.flight import Bools, FlightTrack, Floats, Origin
+from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
+from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
+
+if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.logs import Waypoint
+
+MARGIN_LIMIT = 0.5  # where the colours of a margin change
+#: The rotation from NED to ENU, and the one from forward-left-up to forward-right-down.
+ENU_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+FRD_FLU = np.diag([1.0, -1.0, -1.0])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ShownRow:
+    """Row number `row` (negative: from the end) of an analysis of R rotors; NaN where unknown.
+
+    `offset_ned` (3,) m is the track's origin from that of the scene.
+    """
+
+    analysis: FlightAnalysis
+    row: int
+    offset_ned: Floats | float = 0.0
+
+    @property
+    def track(self) -> FlightTrack:
+        return self.analysis.track
+
+    @property
+    def position_enu(self) -> Floats:
+        """(3,) m."""
+        return enu(self.track.position_ned[self.row] + self.offset_ned)
+
+    @property
+    def wxyz(self) -> Floats:
+        """(4,) rotation from the vehicle frame to the scene frame."""
+        return wxyz_from_attitude(self.track.attitude[self.row])
+
+    @property
+    def flying(self) -> bool:
+        return bool(self.track.flying[self.row])
+
+    @property
+    def measured(self) -> Bools:
+        """(R,) rotors whose margin rests on a measured speed, or on one from motor outputs."""
+        return np.isfinite(self.analysis.utilisation[self.row])
+
+    @property
+    def margin(self) -> Floats:
+        """(R,) thrust margin from the measured speed, else from the predicted one.
+
+        On the ground the predicted one: a rotor at rest has all its thrust left.
+        """
+        use = self.analysis.utilisation[self.row]
+        return np.where(self.measured & self.flying, 1.0 - use, self.margin_predicted)
+
+    @property
+    def margin_predicted(self) -> Floats:
+        """(R,) thrust margin from the predicted speed."""
+        return 1.0 - self.analysis.utilisation_predicted[self.row]
+
+    @property
+    def error(self) -> Floats:
+        """(R,) half of the 90 % interval of the known margin; 0 where it was measured."""
+        return INTERVAL * self.analysis.utilisation_error[self.row]
+
+    def basis(self, rotor: int) -> str:
+        """What a rotor's margin rests on, in words; empty where it is unknown."""
+        if not self.flying:
+            return words.PREDICTED if np.isfinite(self.margin_predicted[rotor]) else ""
+        return self.analysis.basis_of(self.row, rotor)
+
+    @property
+    def worst(self) -> tuple[float, int | None]:
+        """Least margin of the rotors whose utilisation is known, and that rotor from 0."""
+        known = self.analysis.known_utilisation[[self.row]]
+        use, rotor = worst_rotor(known)
+        return 1.0 - float(use[0]), int(rotor[0]) if np.isfinite(rotor[0]) else None
+
+    @property
+    def reach(self) -> float:
+        """Half of the 90 % interval of the worst margin; 0 where it was measured or is unknown."""
+        rotor = self.worst[1]
+        return 0.0 if rotor is None else float(self.error[rotor])
+
+    @property
+    def unmeasured(self) -> int:
+        """Rotors of which nothing is known where others are measured: one of them may be worse."""
+        return int(np.sum(~self.measured)) if self.measured.any() else 0
+
+    @property
+    def coloured_margin(self) -> float:
+        """The margin by which the worst one is coloured: the lower end of its interval.
+
+        NaN, no colour, where that is above the limit and rests on no measurement of all rotors:
+        the colour of enough thrust is a promise.
+        """
+        low = self.worst[0] - self.reach
+        sure = bool(self.measured.all())
+        return low if sure or low < MARGIN_LIMIT else float("nan")
+
+    @property
+    def rests_on(self) -> str:
+        """What the worst margin rests on, in words; why there is none where it is unknown."""
+        if self.analysis.withheld:
+            return self.analysis.withheld[0]
+        rotor = self.worst[1]
+        if rotor is None:
+            return words.NOTHING_KNOWN
+        return words.margin_rests(self.basis(rotor), self.reach, self.unmeasured)
+
+
+def ground_height(track: FlightTrack) -> float:
+    """Height of the ground in the scene, m: median of up minus height above ground, else lowest."""
+    up = -track.position_ned[:, 2]
+    under = (up - track.height_agl)[np.isfinite(up - track.height_agl)]
+    if under.size:
+        return float(np.median(under))
+    known = up[np.isfinite(up)]
+    return float(known.min()) if known.size else 0.0
+
+
+def row_at(time_s: Floats, moment_s: float) -> int:
+    """The last row at or before a moment; the first row for an earlier one."""
+    return max(int(np.searchsorted(time_s, moment_s, side="right")) - 1, 0)
+
+
+def enu(ned: Floats) -> Floats:
+    """(..., 3) east, north, up of (..., 3) north, east, down."""
+    return np.asarray(ned) @ ENU_NED.T
+
+
+def wxyz_from_attitude(attitude: Floats) -> Floats:
+    """(4,) quaternion, scene from vehicle frame, of roll, pitch, yaw in rad; NaN when unknown."""
+    if not np.all(np.isfinite(attitude)):
+        return np.full(4, np.nan)
+    ned_frd = Rotation.from_euler("ZYX", attitude[::-1]).as_matrix()
+    turned = Rotation.from_matrix(ENU_NED @ ned_frd @ FRD_FLU)
+    return turned.as_quat(canonical=True, scalar_first=True)
+
+
+#: MAV_CMD_NAV items that are places to fly to: waypoint, loiter, land, take-off, spline.
+PLACES = frozenset({16, 17, 18, 19, 21, 22, 82})
+#: MAV_FRAME in which altitude is above mean sea level; in the others it is above home or ground.
+SEA_LEVEL_FRAMES = frozenset({0, 5})
+
+
+def plan_enu(waypoints: Sequence[Waypoint], origin: Origin | None, ground: float) -> Floats:
+    """(W, 3) east, north, up in m of the mission's places; `ground` is the scene's ground height.
+
+    Item 0 (ArduPilot keeps home there) and items without a place are left out; without an origin
+    nothing can be placed and the result is empty.
+    """
+    places = [
+        w
+        for w in waypoints
+        if w.command in PLACES
+        and w.number > 0
+        and np.isfinite([w.latitude_deg, w.longitude_deg, w.altitude]).all()
+        and (w.latitude_deg, w.longitude_deg) != (0.0, 0.0)
+    ]
+    if origin is None or not places:
+        return np.empty((0, 3))
+    east, north, _ = pymap3d.geodetic2enu(
+        np.array([w.latitude_deg for w in places]),
+        np.array([w.longitude_deg for w in places]),
+        origin.altitude,
+        origin.latitude_deg,
+        origin.longitude_deg,
+        origin.altitude,
+    )
+    up = [
+        w.altitude - origin.altitude if w.frame in SEA_LEVEL_FRAMES else ground + w.altitude
+        for w in places
+    ]
+    return np.column_stack([east, north, up])

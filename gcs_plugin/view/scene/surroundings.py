@@ -1,0 +1,121 @@
+"""Home, wind and sprayed ground in the 3D scene; what is not reported is not drawn."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.view.scene.shown_row import enu
+from thrustmargin.gcs_plugin.wording import view_words as words
+from thrustmargin.gcs_plugin.wording.palette import Rgb, line_colours
+from thrustmargin.models.flight import Floats
+
+if TYPE_CHECKING:
+    from viser import SceneApi
+
+LEAST_WIND = 0.5  # m/s, below which its direction says nothing
+STEP = 1.0  # m between two points of the sprayed ground
+MOST = 6000  # stretches of sprayed ground that are kept
+INK, SPRAYED = (17, 17, 17), (0, 119, 187)
+
+
+class SprayedGround:
+    """Where one aircraft sprayed, as (2, 3) stretches on the ground, m; the oldest are dropped."""
+
+    def __init__(self) -> None:
+        self._stretches: list[Floats] = []
+        self._last: Floats | None = None  # where the running stretch began
+        self.changed = False
+
+    def add(self, positions_enu: Floats, spraying: Floats, ground: float) -> None:
+        """Rows in order: (T, 3) m and (T,) 1 pump on, 0 off, NaN unknown."""
+        for position, on in zip(positions_enu, spraying, strict=True):
+            if on != 1.0 or not np.all(np.isfinite(position[:2])):
+                self._last = None
+                continue
+            here = np.array([position[0], position[1], ground + 0.02])
+            if self._last is None:
+                self._last = here
+            elif np.hypot(*(here - self._last)[:2]) >= STEP:
+                self._stretches.append(np.stack([self._last, here]))
+                self._last, self.changed = here, True
+        del self._stretches[:-MOST]
+
+    @property
+    def points(self) -> Floats:
+        """(S, 2, 3) m."""
+        return np.array(self._stretches).reshape(-1, 2, 3)
+
+
+class Surroundings:
+    """Nodes of one scene. Call it from the drawing thread."""
+
+    def __init__(self, api: SceneApi) -> None:
+        self._api = api
+        self._wind: tuple[float, ...] | None = None  # as drawn
+        self._label = api.add_label(
+            "/world/wind", "", anchor="bottom-left", font_screen_scale=1.25, visible=False
+        )
+        self._arrow = None
+        self._homes: dict[str, Floats] = {}
+
+    def home(self, key: str, position_enu: Floats) -> None:
+        """Mark where an aircraft counts its positions from, (3,) m."""
+        if key in self._homes and np.allclose(self._homes[key], position_enu):
+            return
+        self._homes[key] = position_enu
+        side = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]])
+        ring = np.column_stack([side, np.zeros(5)]) + position_enu
+        self._lines(f"/world/home_{key}", np.stack([ring[:-1], ring[1:]], axis=1), INK, 4.0)
+        self._api.add_label(
+            f"/world/home_name_{key}", words.HOME, position=position_enu, anchor="top-center"
+        )
+
+    def sprayed(self, key: str, points_enu: Floats) -> None:
+        """Draw (S, 2, 3) m of ground that an aircraft sprayed."""
+        if len(points_enu):
+            self._lines(f"/world/sprayed_{key}", points_enu, SPRAYED, 14.0)
+
+    def wind(self, wind_ned: Floats, place_enu: Floats, length: float) -> None:
+        """An arrow `length` m long the way that the air moves, (3,) m/s; none for NaN."""
+        if not np.all(np.isfinite(wind_ned[:2])):
+            self._show(False)
+            self._wind = None
+            return
+        speed = float(np.hypot(*wind_ned[:2]))
+        way = enu(wind_ned)[:2] / max(speed, 1e-9)
+        drawn = (round(speed, 1), round(np.degrees(np.arctan2(*way)) / 5.0), *place_enu, length)
+        if drawn == self._wind:
+            return
+        self._wind = drawn
+        self._label.text = words.wind_words(speed)
+        self._label.position = place_enu
+        self._label.visible = True
+        if self._arrow is not None:
+            self._arrow.remove()
+            self._arrow = None
+        if speed >= LEAST_WIND:
+            self._arrow = self._lines("/world/wind_arrow", arrow(way, place_enu, length), INK, 6.0)
+
+    def _show(self, visible: bool) -> None:
+        self._label.visible = visible
+        if self._arrow is not None:
+            self._arrow.visible = visible
+
+    def _lines(self, name: str, points: Floats, colour: Rgb, pixels: float):
+        return self._api.add_line_segments(
+            name,
+            points.astype(np.float32),
+            line_colours(len(points), colour),
+            thickness=pixels,
+            thickness_units="screen",
+        )
+
+
+def arrow(way: Floats, place_enu: Floats, length: float) -> Floats:
+    """(3, 2, 3) m: shaft and head of an arrow about a place, along (2,) `way` of length one."""
+    side = np.array([-way[1], way[0]])
+    tip = 0.5 * length * way
+    ends = [(-tip, tip)] + [(tip, tip - 0.3 * length * (way + k * 0.6 * side)) for k in (-1.0, 1.0)]
+    return np.array([[(*(place_enu[:2] + e), place_enu[2]) for e in pair] for pair in ends])

@@ -1,0 +1,1 @@
+"""Effects on the thrust that a rotor makes at a speed."""

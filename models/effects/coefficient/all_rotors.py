@@ -1,0 +1,45 @@
+"""Thrust of all rotors that goes with time, and speeds that go with the battery's voltage."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from thrustmargin.models.effects.base import Effect, Kind, Parameter
+from thrustmargin.models.effects.channels import Channels
+
+THRUST_DRIFT = Effect(
+    name="thrust_drift",
+    kind=Kind.COEFFICIENT,
+    parameters=(
+        # Smallest: air that warms by 3 K in 10 minutes.
+        Parameter(name="rate", unit="1/s", lower=-1e-3, upper=2e-3, scale=1e-4, smallest=1.7e-5),
+    ),
+    source="icing, fouling or dust: all rotors lose thrust as time goes on",
+    distinguished_by="hover 60 s full and 60 s empty, then again with the tank held level",
+    apply=lambda p, x: 1.0 - p["rate"] * x.time_s,
+)
+
+
+def _kappa(p, x: Channels):
+    return np.exp(p["exponent"] * np.log(x.voltage / x.reference_voltage))
+
+
+BATTERY_VOLTAGE = Effect(
+    name="battery_voltage",
+    kind=Kind.COEFFICIENT,
+    # Smallest: 0.5 % of thrust where the voltage falls by a tenth. Lower: speeds worked out in
+    # proportion to the voltage, thrust at one of which goes with 1 / V², and an error of a fifth.
+    parameters=(
+        Parameter(
+            name="exponent", unit="1", start=1.0, lower=-2.5, upper=6.0, scale=0.5, smallest=0.05
+        ),
+    ),
+    needs=("voltage", "moving_voltage"),
+    neutral={"voltage": lambda p, x: x.reference_voltage},
+    source="not physics of a measured rotor speed: simulators and estimated speeds that ignore "
+    "the battery show thrust going with voltage^p, speeds that follow it too far against it",
+    distinguished_by="the same load on a full and on an empty battery",
+    apply=_kappa,
+)
+
+EFFECTS = (THRUST_DRIFT, BATTERY_VOLTAGE)

@@ -1,0 +1,1 @@
+"""Effects on the thrust that all rotors together must make."""

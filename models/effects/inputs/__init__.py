@@ -1,0 +1,1 @@
+"""Effects on what was reported: what airspeed, tank and delays really were."""

@@ -1,0 +1,1 @@
+"""Effects on the moments by which the rotors share the thrust out."""

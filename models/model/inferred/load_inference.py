@@ -1,0 +1,213 @@
+"""The load that hover thrust shows, where nothing reports it or a gauge says too little.
+
+Fitted over a flight by `load_evidence`. The standard error has the scatter of the means, and what
+no amount of flight lessens: thrust coefficient, air density, empty mass, rotor speeds that were
+themselves inferred.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from thrustmargin.models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.model.inferred.load_evidence import (
+    LoadEvidence,
+    LoadFit,
+    gathered,
+    load_at,
+    load_fit,
+    spans_of,
+)
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.atmosphere import track_air
+
+#: How an inferred load is named wherever it is shown.
+FROM_THRUST = "inferred from hover thrust"
+#: The same of a load that the user states.
+STATED = "stated"
+#: What may be wrong where thrust shows more load than a gauge.
+THEN_CHECK = "check gauge, empty mass and propellers"
+#: Why such a load is no evidence for or against a model.
+LOAD_FROM_SPEEDS = (
+    "the load was inferred from these rotor speeds; state it with --load to compare them"
+)
+#: Standard errors as shares: a measured thrust curve on the aircraft, a guessed one; a weighed
+#: empty mass, a guessed one.
+CURVE_ERROR, MASS_ERROR, GUESSED_ERROR = 0.03, 0.005, 0.1
+#: Share of the aircraft's mass that the standard error may be for the load to be used.
+GOOD_ENOUGH = 0.15
+OVERLOAD = 0.25  # share of the full aircraft that may be on board beyond its tank
+NINETY = 1.645  # standard errors to either side that hold 90 %
+SURELY = 2.6  # the same for 99 %: a reported or stated load further off is contradicted
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ShownLoad:
+    """The load that the thrust of a whole flight shows, whatever a gauge says."""
+
+    load: Floats  # (T,) kg, below 0 where the aircraft is lighter than its airframe says
+    error: Floats  # (T,) kg, standard error
+    fit: LoadFit
+    flying: Bools  # (T,) rows of which it is known
+
+    @property
+    def usual(self) -> float:
+        """kg, median in flight."""
+        return float(np.median(self.load[self.flying]))
+
+    @property
+    def usual_error(self) -> float:
+        """kg, median standard error in flight."""
+        return float(np.median(self.error[self.flying]))
+
+    @property
+    def words(self) -> str:
+        """What it is, for people."""
+        return f"hover thrust shows {self.usual:.1f} ± {NINETY * self.usual_error:.1f} kg (90 %)"
+
+    def beyond(self, tank_kg: Floats) -> float:
+        """kg by which it is more than a level (T,) kg, in standard errors; NaN for none."""
+        apart = (self.load - tank_kg)[self.flying]
+        known = np.isfinite(apart)
+        return float(np.median(apart[known])) / self.usual_error if known.any() else np.nan
+
+
+def with_load(track: FlightTrack, airframe: Airframe) -> FlightTrack:
+    """The flight with the load that its thrust shows, where the whole flight reports none.
+
+    A reported or stated load stays; the source of a stated one says where thrust contradicts it.
+    Used where its standard error is at most GOOD_ENOUGH of the aircraft's mass and it is not below
+    nothing by more than its interval; else a note says why not.
+    """
+    stated = track.sources.get("tank_kg", "").startswith(STATED)
+    if (track.reports("tank_kg") and not stated) or not _may_carry(track, airframe):
+        return track
+    shown = _shown(track, airframe)
+    if stated:
+        if shown is None or not abs(shown.beyond(track.tank_kg)) > SURELY:
+            return track
+        words = f"{track.sources['tank_kg']}, but {shown.words}"
+        return replace(track, sources={**track.sources, "tank_kg": words})
+    if shown is None:
+        return _noted(track, "no level flight with every rotor's speed to show the load")
+    off, usual = shown.usual_error, shown.usual
+    if off > GOOD_ENOUGH * (airframe.empty_mass + max(usual, 0.0)):
+        return _noted(track, f"{shown.words}, too unsure to be used")
+    if usual < -NINETY * off:
+        lacks = "less than nothing: check mass and thrust of the airframe"
+        return _noted(track, f"{shown.words}, {lacks}")
+    most = airframe.tank_capacity_kg + OVERLOAD * (airframe.empty_mass + airframe.tank_capacity_kg)
+    if usual > most + NINETY * off:
+        lacks = "more than the aircraft can carry: check the airframe"
+        return _noted(track, f"{shown.words}, {lacks}")
+    return _filled(track, shown.load, shown.error, f"{_words(off)}, {_fall(shown.fit)}")
+
+
+def with_load_for_verdict(track: FlightTrack, airframe: Airframe) -> FlightTrack:
+    """The flight of which a verdict is given: where thrust shows surely more load than a gauge or a
+    statement, with the load that thrust shows.
+
+    A gauge that stands still, a mass that nobody knows of and weak rotors look alike in hover; each
+    leaves less margin than the gauge would, and a redundancy by thrust is right for all three.
+    What a model lacks is found with the load as it was reported.
+    """
+    source = track.sources.get("tank_kg", "")
+    known = track.reports("tank_kg") and not source.startswith(FROM_THRUST)
+    if not known or not _may_carry(track, airframe):
+        return track
+    shown = _shown(track, airframe)
+    if shown is None or not shown.beyond(track.tank_kg) > SURELY:
+        return track
+    level = float(np.nanmedian(track.tank_kg[shown.flying]))
+    origin = "as stated" if source.startswith(STATED) else f"by {source}"
+    why = f"{level:.1f} kg {origin} are too little for these rotor speeds: {THEN_CHECK}"
+    words = f"{_words(shown.usual_error)}, {_fall(shown.fit)}; {why}"
+    return _filled(track, shown.load, shown.error, words)
+
+
+def _shown(track: FlightTrack, airframe: Airframe) -> ShownLoad | None:
+    """The load by thrust; None without level flight with every rotor's speed."""
+    shown, legs, seconds = gathered(track, airframe, LoadEvidence())
+    fit = load_fit(shown, airframe)
+    if fit is None:
+        return None
+    load, error = load_at(
+        fit, np.maximum(legs, 1), seconds[:, 0 if fit.by_spraying else 1], airframe
+    )
+    error = np.hypot(error, shared_error(track, airframe, load))
+    flying = track.flying & np.isfinite(load)
+    return ShownLoad(load=load, error=error, fit=fit, flying=flying) if np.any(flying) else None
+
+
+def with_load_so_far(
+    track: FlightTrack, airframe: Airframe, so_far: LoadEvidence
+) -> tuple[FlightTrack, LoadEvidence]:
+    """The same for the next rows of a flight: each has what the spans before its own have shown."""
+    so_far = replace(so_far, gauged=so_far.gauged or track.reports("tank_kg"))
+    if so_far.gauged or not _may_carry(track, airframe):
+        return track, so_far
+    shown, legs, seconds = gathered(track, airframe, so_far)
+    load, error = np.full((2, track.time_s.size), np.nan)
+    spans = spans_of(track)
+    fit = None
+    for span in np.unique(spans).tolist():
+        now, fit = spans == span, load_fit(shown.before(span), airframe)
+        if fit is not None:
+            row_seconds = seconds[now, 0 if fit.by_spraying else 1]
+            load[now], error[now] = load_at(fit, legs[now], row_seconds, airframe)
+    error = np.hypot(error, shared_error(track, airframe, load))
+    with np.errstate(invalid="ignore"):
+        sure = error <= GOOD_ENOUGH * (airframe.empty_mass + np.maximum(load, 0.0))
+        sure &= load >= -NINETY * error
+    load[~sure] = np.nan
+    if not np.any(sure) or fit is None:
+        return track, shown
+    words = f"{_words(float(error[sure][-1]))} so far, {_fall(fit)}"
+    return _filled(track, load, error, words), shown
+
+
+def shared_error(track: FlightTrack, airframe: Airframe, load: Floats) -> Floats:
+    """(T,) kg of an inferred load's standard error that its redundancy is free of.
+
+    A wrong curve, air density or empty mass shifts the weight that the rotors show and the largest
+    thrust that they have alike.
+    """
+    curve = GUESSED_ERROR if "thrust_coefficient" in airframe.guessed else CURVE_ERROR
+    mass = GUESSED_ERROR if "empty_mass" in airframe.guessed else MASS_ERROR
+    air = track_air(track)
+    of_thrust = np.hypot(curve, air.density_error / air.density) * (airframe.empty_mass + load)
+    return np.hypot(of_thrust, mass * airframe.empty_mass)
+
+
+def _may_carry(track: FlightTrack, airframe: Airframe) -> bool:
+    """True when there is a tank, and rotors whose thrust shows what it holds."""
+    rotors = track.rotor_count == airframe.rotor_count and track.time_s.size > 0
+    return rotors and airframe.tank_volume_l > 0.0
+
+
+def _filled(track: FlightTrack, load: Floats, error: Floats, words: str) -> FlightTrack:
+    load, error = np.maximum(load, 0.0), np.where(np.isfinite(load), error, np.nan)
+    return replace(
+        track,
+        tank_kg=load,
+        standard_errors={**track.standard_errors, "tank_kg": error},
+        sources={**track.sources, "tank_kg": words},
+    )
+
+
+def _noted(track: FlightTrack, why: str) -> FlightTrack:
+    note = f"load not known: {why}; state it with --load"
+    return replace(track, notes=(*track.notes, note))
+
+
+def _words(error: float) -> str:
+    return f"{FROM_THRUST} (± {NINETY * error:.1f} kg, 90 %)"
+
+
+def _fall(fit: LoadFit) -> str:
+    """What makes it fall, for people."""
+    if not fit.falls:
+        return "constant"
+    return "falling with the pump's output" if fit.by_spraying else "falling by its own trend"

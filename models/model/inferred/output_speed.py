@@ -1,0 +1,293 @@
+"""Rotor speeds of a flight that reports motor outputs only, calibrated where thrust is known.
+
+    ln N_i² = a + s ln(f(x_i)/f_hover) + n ln(V/V_c)
+
+N_i equivalent rotor speed [rpm], x_i motor output, f the autopilot's thrust curve
+(`physics.motor_output`), V battery voltage, V_c that of the airframe's ceiling. Before the flight
+says anything: a from the airframe's ceiling at full output, s = 1 by the curve, and n = 1, between
+an ESC that holds its speed (0; the Quiver's) and one that passes the voltage on (2). The flight
+corrects all three by least squares over means of 10 s, by whatever it knows:
+
+    weight   N² = W/(cos(tilt) k rho/rho_ref sum e_i)   where the liquid is known
+    power    N² ~ (V I/rho)^(2/3) up to a factor        battery's sag from load, as in hover
+    rotors   N_r² of the rotors whose speed is measured
+
+Each is one row of the same regression, so the standard error of each speed follows from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Self
+
+import numpy as np
+
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.model.inferred.utilisation_error import guessed_variance
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.atmosphere import G0, track_air
+from thrustmargin.models.physics.margin import weight
+from thrustmargin.models.physics.motor_output import OutputCurve, output_curve
+from thrustmargin.models.scores import Estimate
+
+#: What a rotor speed is, in the words of every screen.
+MEASURED, FROM_OUTPUTS = "measured", "from motor outputs"
+SPAN = 10.0  # s of one mean
+HOVER_SHARE = 0.35  # of full thrust, about which the curve is turned
+#: Standard errors before the flight, of ln N²: maker's full thrust, voltage exponent
+CEILING_ERROR, VOLTAGE_ERROR = 0.25, 1.0
+#: Standard errors of one 10 s mean of ln N²: thrust against weight, against power, rotor's speed
+MEAN_ERRORS = (0.02, 0.04, 0.02)
+#: of ln N²: one motor and propeller against the next, and translational lift at 5 m/s (as square)
+ROTOR_ERROR, LIFT_ERROR = 0.03, 0.05
+STATED_ERROR = 0.03  # of ln N²: scale and bench, a stated weight over a fitted thrust curve
+WAIT = 3.0  # s of a flight after which an ESC that reports has been heard
+LAG = 0.2  # s by which a rotor and the report of its speed follow its output (Quiver 77 and 80)
+_WEIGHT, _POWER, _ROTORS = range(3)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OutputCalibration:
+    """What a flight has said so far: for each 10 s the sums of three kinds of evidence.
+
+    The five sums are weight w [s], w ln N², w ln f, w ln V and w (lift error)².
+    """
+
+    bins: Mapping[int, Floats] = field(default_factory=dict)  # time_s // SPAN -> (3, 5)
+    measured: frozenset[int] = frozenset()  # rotors, from 0, whose speed was ever measured
+    last_s: float = np.nan  # of the last row, and its ln f (R,)
+    last_share: Floats | None = None
+
+    def before(self, index: int) -> Self:
+        """Without what was said in that 10 s and after it."""
+        return replace(self, bins={k: sums for k, sums in self.bins.items() if k < index})
+
+    @property
+    def in_use(self) -> bool:
+        """True when all rotor speeds so far were made from outputs."""
+        return bool(self.bins) and not self.measured
+
+    def seconds(self, kind: int) -> float:
+        """s of evidence of one kind."""
+        return float(sum(sums[kind, 0] for sums in self.bins.values()))
+
+    def fit(self, airframe: Airframe, curve: OutputCurve) -> tuple[Floats, Floats]:
+        """(4,) a, s, n and the factor of power, and their covariance (4, 4)."""
+        full = np.log(airframe.max_rotor_speed_rpm**2)
+        before = np.array([full + np.log(HOVER_SHARE), 1.0, 1.0, 0.0])
+        spread = np.array([CEILING_ERROR, curve.steepness_error, VOLTAGE_ERROR, 100.0])
+        information = np.diag(spread**-2.0)
+        pull = information @ before
+        for sums in self.bins.values():
+            for kind, (seconds, *moments, _) in enumerate(sums):
+                if seconds < 0.1 * SPAN:
+                    continue
+                square, share, volts = np.array(moments) / seconds
+                row = np.array([1.0, share, volts, -1.0 if kind == _POWER else 0.0])
+                certainty = seconds / SPAN / MEAN_ERRORS[kind] ** 2
+                information = information + certainty * np.outer(row, row)
+                pull = pull + certainty * row * square
+        covariance = np.linalg.inv(information)
+        return covariance @ pull, covariance
+
+    def common_variance(self, airframe: Airframe) -> float:
+        """Variance of ln N² that no amount of flight lessens: lift, and a guessed mass or curve."""
+        sums = np.sum([bin_[_WEIGHT] for bin_ in self.bins.values()], axis=0)
+        if not self.bins or sums[0] <= 0.0 or self.seconds(_ROTORS) > 0.0:
+            return 0.0
+        guesses = guessed_variance(airframe, "empty_mass", "thrust_coefficient")
+        return float(sums[4] / sums[0]) + STATED_ERROR**2 + guesses
+
+
+def speed_words(track: FlightTrack) -> str:
+    """What the rotor speeds of a flight are: "measured", "from motor outputs", or some of each."""
+    known = np.isfinite(track.rotor_speed_rpm)
+    error = track.standard_errors.get("rotor_speed_rpm", np.zeros_like(known))
+    inferred = known & (error > 0.0)
+    if not np.any(inferred):
+        return MEASURED
+    return FROM_OUTPUTS if np.array_equal(inferred, known) else f"{MEASURED}, or {FROM_OUTPUTS}"
+
+
+def filled_speeds(
+    track: FlightTrack,
+    airframe: Airframe,
+    parameters: Mapping[str, float],
+    so_far: OutputCalibration | None = None,
+) -> tuple[FlightTrack, OutputCalibration]:
+    """A flight with equivalent rotor speeds where a rotor reports an output and no speed.
+
+    `parameters` are the vehicle's. Rotors with a measured speed keep it; the speeds' standard
+    errors and the words of their source come with the track. With `so_far` it is a part that goes
+    on from the parts before, and each row rests on the 10 s means that were whole before it.
+    """
+    then = OutputCalibration() if so_far is None else so_far
+    # Standing still on the ground, an ESC that measures reads as one that does not.
+    known = np.abs(track.rotor_speed_rpm) > 0.0
+    heard = (
+        np.logical_or.accumulate(known, axis=0)
+        if so_far is not None
+        else np.zeros_like(known) | np.any(known, 0)
+    )
+    heard[:, list(then.measured)] = True
+    then = replace(then, measured=frozenset(np.flatnonzero(np.any(heard, axis=0)).tolist()))
+    silent = ~heard & np.isfinite(track.throttle)
+    if track.rotor_count != airframe.rotor_count or not np.any(silent):
+        return track, then
+    curve = output_curve(parameters, track.sources.get("throttle", ""))
+    first = then.last_share is None
+    seconds = np.diff(track.time_s, prepend=track.time_s[0] if first else then.last_s)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        share = np.log(curve.thrust_share(track.throttle) / HOVER_SHARE)
+        volts = np.where(track.voltage > 0.0, track.voltage, airframe.nominal_voltage)
+        volts = np.log(volts / airframe.ceiling_voltage)
+        before = share[:1] if then.last_share is None else then.last_share[None]
+        change = np.diff(share, axis=0, prepend=before) * (LAG / seconds)[:, None]
+        bins = _with_evidence(then.bins, track, airframe, share, volts, np.minimum(seconds, 1.0))
+    now = replace(then, bins=bins, last_s=float(track.time_s[-1]), last_share=share[-1])
+    terms = np.stack([np.ones_like(share), share, np.broadcast_to(volts[:, None], share.shape)], -1)
+    square, variance = np.empty_like(share), ROTOR_ERROR**2 + np.nan_to_num(change) ** 2
+    place = (
+        (track.time_s // SPAN).astype(int)
+        if so_far is not None
+        else np.zeros(track.time_s.size, int)
+    )
+    for index in np.unique(place).tolist():
+        rows = place == index
+        used = now.before(index) if so_far is not None else now
+        found, covariance = used.fit(airframe, curve)
+        square[rows] = terms[rows] @ found[:3]
+        variance[rows] += used.common_variance(airframe)
+        variance[rows] += np.einsum(
+            "trj,jk,trk->tr", *(terms[rows], covariance[:3, :3], terms[rows])
+        )
+    speed = np.exp(0.5 * square)
+    put = silent & (track.flying & (track.time_s >= WAIT))[:, None] & np.isfinite(speed)
+    filled = replace(
+        track,
+        rotor_speed_rpm=np.where(put, speed, track.rotor_speed_rpm),
+        standard_errors={
+            **track.standard_errors,
+            "rotor_speed_rpm": np.where(put, 0.5 * np.sqrt(variance) * speed, 0.0),
+        },
+        sources={**track.sources, "rotor_speed_rpm": _words(track, silent[-1], curve, now)},
+    )
+    return filled, now
+
+
+def _with_evidence(
+    bins: Mapping[int, Floats],
+    track: FlightTrack,
+    airframe: Airframe,
+    share: Floats,
+    volts: Floats,
+    seconds: Floats,
+) -> dict[int, Floats]:
+    """The sums of `OutputCalibration` with those of the level rows of this track."""
+    density = track_air(track).density
+    density = density / airframe.reference_density
+    cosine = np.prod(np.cos(np.nan_to_num(track.attitude[:, :2])), axis=1)
+    effectiveness = airframe.rotor_effectiveness
+    share_of = np.exp(share) @ effectiveness / effectiveness.sum()
+    load = weight(
+        airframe, track.tank_kg if airframe.tank_volume_l else np.nan_to_num(track.tank_kg)
+    )
+    carried = airframe.thrust_coefficient * density * effectiveness.sum() * cosine
+    lift = LIFT_ERROR * (_speed_through_air(track) / 5.0) ** 2
+    of_load = G0 * track.standard_errors.get("tank_kg", np.zeros_like(load)) / load
+    power = (track.voltage * track.current / density) ** (2.0 / 3.0)
+    level = _level(track, cosine)
+    evidence = [
+        (_WEIGHT, np.log(load / carried), np.log(share_of), np.hypot(lift, of_load)),
+        (_POWER, np.log(power), np.log(share_of), lift),
+    ]
+    evidence += [
+        (_ROTORS, np.log(track.rotor_speed_rpm[:, r] ** 2), share[:, r], np.zeros_like(lift))
+        for r in range(track.rotor_count)
+    ]
+    found = {index: sums.copy() for index, sums in bins.items()}
+    place = (track.time_s // SPAN).astype(int)
+    for kind, square, f, error in evidence:
+        trust = seconds / (1.0 + (error / MEAN_ERRORS[_WEIGHT]) ** 2)
+        rows = np.stack([np.ones_like(f), square, f, volts, error**2], 1) * trust[:, None]
+        good = level & np.all(np.isfinite(rows), axis=1)
+        for index in np.unique(place[good]).tolist():
+            added = rows[good & (place == index)].sum(axis=0)
+            found.setdefault(index, np.zeros((3, 5)))[kind] += added
+    return found
+
+
+def _speed_through_air(track: FlightTrack) -> Floats:
+    """(T,) m/s: airspeed, else ground speed against the wind, else over ground; 0 if unknown."""
+    ground = np.hypot(*track.velocity_ned[:, :2].T)
+    wind = np.hypot(*(track.velocity_ned - track.wind_ned)[:, :2].T)
+    speed = np.where(np.isfinite(track.airspeed), track.airspeed, wind)
+    return np.nan_to_num(np.where(np.isfinite(speed), speed, ground))
+
+
+def _level(track: FlightTrack, cosine: Floats) -> Bools:
+    """(T,) rows in flight that neither climb, sink nor bank much."""
+    climb = np.nan_to_num(track.velocity_ned[:, 2])
+    return track.flying & (np.abs(climb) < 0.5) & (cosine > 0.9)
+
+
+def _words(
+    track: FlightTrack, silent: Bools, curve: OutputCurve, calibration: OutputCalibration
+) -> str:
+    message = track.sources.get("throttle", "motor outputs").split()[0]
+    by_weight, by_rotors = calibration.seconds(_WEIGHT), calibration.seconds(_ROTORS)
+    if by_rotors:
+        how = "set by the rotors whose speed is measured"
+    elif by_weight:
+        how = f"set by the weight over {by_weight:.0f} s of level flight"
+    else:
+        how = "by the airframe's full thrust, for the weight is not known"
+    words = f"{FROM_OUTPUTS} ({message}, {curve.described}; {how})"
+    if np.all(silent):
+        return words
+    rotors = ", ".join(str(k + 1) for k in np.flatnonzero(silent))
+    several = "s" if np.count_nonzero(silent) > 1 else ""
+    return f"{track.sources.get('rotor_speed_rpm', 'measured')}; rotor{several} {rotors} {words}"
+
+
+def full_output_speed(
+    flights: Sequence[tuple[FlightTrack, Mapping[str, float]]], airframe: Airframe
+) -> tuple[Estimate, float]:
+    """Rotor speed, rpm, that flights show for full output, and the battery's voltage there, V.
+
+    Each flight comes with its vehicle's parameters. By the measured speeds where there are any,
+    else by the weight; the curve extrapolates from the outputs flown, as its interval says. The
+    airframe's own ceiling is where it starts from. Raises DataError when no flight shows anything.
+    """
+    curve, bins, volts = None, {}, []
+    for number, (track, parameters) in enumerate(flights):
+        if track.rotor_count != airframe.rotor_count or not track.reports("throttle"):
+            continue
+        curve = output_curve(parameters, track.sources.get("throttle", ""))
+        voltage = np.where(track.voltage > 0.0, track.voltage, airframe.nominal_voltage)
+        volts.append(float(np.median(voltage[track.flying])) if track.flying.any() else np.nan)
+        seconds = np.minimum(np.diff(track.time_s, prepend=track.time_s[0]), 1.0)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            share = np.log(curve.thrust_share(track.throttle) / HOVER_SHARE)
+            there = np.log(voltage / airframe.ceiling_voltage)
+            found = _with_evidence({}, track, airframe, share, there, seconds)
+        bins |= {int(1e6 * number) + index: sums for index, sums in found.items()}
+    said = OutputCalibration(bins=bins)
+    if curve is None or said.seconds(_ROTORS) + said.seconds(_WEIGHT) < SPAN:
+        raise DataError("no level flight with motor outputs and either rotor speeds or the weight")
+    # Of two independent estimates the nearer one: the weight is by a curve that may be a guess.
+    useless = slice(0, _ROTORS) if said.seconds(_ROTORS) >= SPAN else slice(_ROTORS, None)
+    for sums in bins.values():
+        sums[useless] = 0.0
+    solution, covariance = said.fit(airframe, curve)
+    seconds, _, share, *_ = np.sum([sums.sum(axis=0) for sums in bins.values()], axis=0)
+    # From the outputs flown to full output the curve's form is only assumed.
+    form = 0.5 * curve.steepness_error * (share / seconds + np.log(HOVER_SHARE))
+    voltage = float(np.nanmedian(volts))
+    row = np.array([1.0, -np.log(HOVER_SHARE), np.log(voltage / airframe.ceiling_voltage), 0.0])
+    reach = 1.96 * np.sqrt(row @ covariance @ row + ROTOR_ERROR**2 + form**2)
+    middle = float(row @ solution)
+    low, value, high = (float(np.exp(0.5 * (middle + d))) for d in (-reach, 0.0, reach))
+    return Estimate(value=value, low=low, high=high), voltage

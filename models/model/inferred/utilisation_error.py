@@ -1,0 +1,87 @@
+"""How well thrust utilisation is known: from rotor speeds, load, and what the airframe guesses.
+
+    by speed      s(ln u)² = (2 s_N/N)² + s_c²           u = (N/N_max)²
+    by prediction s(ln u)² = (s_m/m)² + s_g² + s_c² (+ the network's own interval)
+    redundancy    s(ln r)² = (s_m/m)² + s_g² + s_c² + (s_rho/rho)²
+
+s_N, s_m standard errors of rotor speed and mass, 0 where they were measured (of one that hover
+thrust shows, only what the largest thrust does not share); s_c of the ceiling where its rotor speed
+or voltage is guessed, s_g of a guessed mass or thrust curve. The density of the air is in
+redundancy only: by speed it cancels, and the network predicts in the air that it learnt in.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.model.inferred.load_inference import FROM_THRUST, shared_error
+from thrustmargin.models.model.predict import Prediction
+from thrustmargin.models.physics.airframe import Airframe
+
+#: Standard errors of one 90 % interval, which is what every screen shows.
+INTERVAL = 1.645
+#: Share of thrust by which a guessed quantity may be off: makers' thrusts of one power class, and
+#: hover masses of one frame size, differ by about so much (one standard deviation).
+GUESS = 0.1
+
+
+def guessed_variance(airframe: Airframe, *names: str) -> float:
+    """Variance of ln thrust from those of the airframe's quantities that are guessed."""
+    quantities = airframe.quantities
+    return GUESS**2 * sum(quantities[name].guessed for name in names)
+
+
+def ceiling_variance(airframe: Airframe) -> float:
+    """Variance of ln of the largest thrust."""
+    return guessed_variance(airframe, "max_rotor_speed_rpm", "ceiling_voltage")
+
+
+def load_error(track: FlightTrack, airframe: Airframe) -> Floats:
+    """(T,) standard error of ln(weight over largest thrust), for redundancy and prediction."""
+    guesses = guessed_variance(airframe, "empty_mass", "thrust_coefficient")
+    if "tank_kg" not in track.standard_errors:
+        guesses += 0.0 * airframe.empty_mass  # NaN of an aircraft that is not known
+        return np.full(track.time_s.size, np.sqrt(guesses + ceiling_variance(airframe)))
+    tank = np.nan_to_num(track.standard_errors["tank_kg"])
+    load = np.nan_to_num(track.tank_kg)
+    variance = tank**2
+    if FROM_THRUST in track.sources.get("tank_kg", ""):
+        # A load that hover thrust shows is off as the curve is, and so is the largest thrust.
+        variance = np.maximum(variance - shared_error(track, airframe, load) ** 2, 0.0)
+        guesses = 0.0
+    share = np.sqrt(variance) / (airframe.empty_mass + load)
+    return np.sqrt(share**2 + guesses + ceiling_variance(airframe))
+
+
+def redundancy_error(track: FlightTrack, airframe: Airframe, density_share: Floats) -> Floats:
+    """(T,) standard error of ln redundancy; `density_share` (T,) is that of ln density.
+
+    Where hover thrust shows the load, density shifts it and the largest thrust alike.
+    """
+    shared = FROM_THRUST in track.sources.get("tank_kg", "")
+    return np.hypot(load_error(track, airframe), 0.0 if shared else density_share)
+
+
+def utilisation_error(
+    track: FlightTrack,
+    airframe: Airframe,
+    prediction: Prediction,
+    utilisation: Floats,
+    utilisation_predicted: Floats,
+) -> Floats:
+    """(T, R) standard error of the known utilisation; NaN where it is unknown.
+
+    That is the one by speed in rows with any, and else the predicted one.
+    """
+    speed = track.rotor_speed_rpm
+    error = track.standard_errors.get("rotor_speed_rpm", np.zeros_like(speed))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        of_speed = np.nan_to_num(2.0 * error / speed)
+        half = (prediction.upper_rpm - prediction.lower_rpm) / 2.0
+        of_network = np.nan_to_num(2.0 * half / INTERVAL / prediction.rotor_speed_rpm)
+        by_speed = utilisation * np.sqrt(of_speed**2 + ceiling_variance(airframe))
+        load = load_error(track, airframe)[:, None]
+        predicted = utilisation_predicted * np.sqrt(load**2 + of_network**2)
+    any_speed = np.any(np.isfinite(utilisation), axis=1)[:, None]
+    return np.where(any_speed, by_speed, predicted)

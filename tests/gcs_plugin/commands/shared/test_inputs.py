@@ -1,0 +1,65 @@
+"""Which model comes of a model file and an airframe, and when the two disagree."""
+
+import pytest
+
+from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, listed, starting_model
+from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.model.model_file import save_model, shipped_model
+from thrustmargin.models.model.rotor_model import RotorModel, physics_model
+from thrustmargin.models.physics.airframe import load_airframe
+
+OTHER = "agras-t20"
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("models") / "t20.safetensors"
+    save_model(physics_model(load_airframe(OTHER)), path)
+    return path
+
+
+def kind(model: RotorModel) -> tuple[str, bool]:
+    """Name of its airframe, and whether it has learnt anything."""
+    return model.airframe.name, model.network is not None
+
+
+SHIPPED = shipped_model().airframe.name
+
+
+def test_without_a_wish_the_shipped_model_is_used_and_judged():
+    judged, words = starting_model(None, None)
+    assert kind(chosen_model(None, None)) == kind(judged) == (SHIPPED, True)
+    assert words == "shipped"
+
+
+def test_the_shipped_models_own_airframe_keeps_its_network_but_is_judged_without_it():
+    judged, words = starting_model(None, SHIPPED)
+    assert kind(chosen_model(None, SHIPPED)) == (SHIPPED, True)
+    assert kind(judged) == (SHIPPED, False)
+    assert words == f"airframe {SHIPPED}"
+
+
+def test_another_airframe_alone_means_its_weight_and_thrust_curve():
+    assert kind(chosen_model(None, OTHER)) == kind(starting_model(None, OTHER)[0]) == (OTHER, False)
+
+
+def test_a_file_is_used_with_no_airframe_or_its_own(file):
+    for airframe in (None, OTHER):
+        assert chosen_model(file, airframe).airframe.name == OTHER
+        assert starting_model(file, airframe)[1] == str(file)
+
+
+@pytest.mark.parametrize("choose", [chosen_model, starting_model])
+def test_a_file_and_an_airframe_that_disagree_are_refused(file, choose):
+    with pytest.raises(DataError, match=f"a model of {OTHER}, not of topxgun-f16"):
+        choose(file, "topxgun-f16")
+
+
+def test_a_reason_that_many_logs_share_is_said_once():
+    alike = [UnusedLog(name=f"f{k}.csv", reason=f"f{k} has {k}.5 rotors") for k in range(6)]
+    short = UnusedLog(name="short.csv", reason="3 s are too few")
+    assert listed([alike[0], short]) == "f0.csv: f0 has 0.5 rotors; short.csv: 3 s are too few"
+    said = "f0.csv: f0 has 0.5 rotors (likewise f1.csv, f2.csv, f3.csv"
+    assert listed([*alike[:4], short]) == f"{said}); short.csv: 3 s are too few"
+    assert listed(alike) == f"{said} and 2 more)"

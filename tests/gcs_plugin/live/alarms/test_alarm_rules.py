@@ -1,0 +1,266 @@
+"""Every rule of the alarms at its thresholds, and every time that it must hold."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.gcs_plugin.live.alarms.test_alarms import MODEL, balance, hover
+from thrustmargin.gcs_plugin.live.alarms import alarm_rules as rules
+from thrustmargin.gcs_plugin.live.alarms.alarm import (
+    CRITICAL,
+    NOTICE,
+    WARNING,
+    AlarmSettings,
+    Debounce,
+)
+from thrustmargin.gcs_plugin.live.alarms.alarm_rules import RULES, LinkNow, RowNow
+from thrustmargin.gcs_plugin.live.rows.tank_balance import BalanceWatch, DeliveryMeter
+from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.model.analysis import FlightAnalysis, analyse
+from thrustmargin.models.model.model_file import shipped_model
+
+NAN = float("nan")
+USUAL = AlarmSettings()
+
+
+def test_the_times_are_those_of_the_table_that_users_read():
+    assert {r.name: (r.hold, r.release, r.on_ground) for r in RULES} == {
+        "margin": (3.0, 3.0, "cleared"),
+        "predicted margin": (3.0, 3.0, "cleared"),
+        "margin ahead": (3.0, 3.0, "cleared"),
+        "esc": (0.0, 3.0, "checked"),
+        "rotor": (0.0, 0.0, "kept"),
+        "motor": (0.0, 0.0, "kept"),
+        "tank": (5.0, 10.0, "cleared"),
+        "envelope": (5.0, 5.0, "cleared"),
+        "saturation": (0.5, 2.0, "cleared"),
+        "airframe": (8.0, 0.0, "kept"),
+        "telemetry": (0.0, 1.0, "cleared"),
+        "rotor speeds": (1.0, 1.0, "cleared"),
+    }
+
+
+def test_a_condition_counts_from_the_end_of_its_time_on():
+    state = Debounce(hold=3.0, release=2.0)
+    on, off = (True, False), (False, True)
+    seen = []
+    for time_s, asked in ((0, on), (2.9, on), (3.0, on), (4, off), (5.9, off), (6.0, off)):
+        state = state.after(time_s, *asked)
+        seen.append(state.active)
+    assert seen == [False, False, True, True, True, False]
+    # What neither asks for nor against begins the time anew.
+    broken = Debounce(3.0, 2.0).after(0.0, True, False).after(1.0, False, False)
+    assert not broken.after(3.5, True, False).active
+
+
+def using(utilisation: Any, error: Any = 0.0, predicted: float = 0.4) -> FlightAnalysis:
+    """One row in flight with so much of each rotor's thrust in use."""
+    analysis = analyse(hover(0.1), MODEL)
+    use = np.array([utilisation], dtype=float)
+    return replace(
+        analysis,
+        utilisation=use,
+        utilisation_error=np.broadcast_to(np.array(error, float), use.shape),
+        utilisation_predicted=np.full(use.shape, predicted),
+    )
+
+
+def said(rule: Any, analysis: FlightAnalysis, settings=USUAL, **now: Any):
+    return [
+        (c.on, c.off, c.severity, c.rotor)
+        for c in rule(settings, RowNow(analysis=analysis, row=0, **now))
+    ]
+
+
+@pytest.mark.parametrize(
+    ("use", "on", "off"),
+    [
+        ([0.3, 0.51, 0.3, 0.3], True, False),
+        ([0.3, 0.475, 0.3, 0.3], False, False),  # above the limit by less than 0.03
+        ([0.3, 0.46, 0.3, 0.3], False, True),
+        ([0.3, 0.46, NAN, 0.3], False, False),  # an unknown rotor clears nothing
+        ([0.3, 0.51, NAN, 0.3], True, False),
+    ],
+)
+def test_a_margin_is_low_below_the_limit_and_clear_above_it_by_three_hundredths(use, on, off):
+    ((raised, cleared, _, _),) = said(rules.margin, using(use))
+    assert (raised, cleared) == (on, off)
+
+
+@pytest.mark.parametrize(
+    ("predicted", "error", "off"), [(0.46, 0.0, True), (0.48, 0.0, False), (0.46, 0.01, False)]
+)
+def test_without_any_speed_a_prediction_that_is_sure_clears_a_margin(predicted, error, off):
+    # Its 90 % interval must be above the limit by three hundredths: 0.54 - 1.645 x 0.01 is not.
+    analysis = using([NAN] * 4, error, predicted)
+    assert said(rules.margin, analysis)[0][:2] == (False, off)
+
+
+def test_a_margin_within_its_error_of_the_limit_is_a_notice():
+    # 45 % used of 50: 1.645 x 0.03 = 4.9 % is within, 1.645 x 0.031 = 5.1 % is beyond. The error is
+    # that of the worst rotor.
+    for error, severity in ((0.03, WARNING), (0.031, NOTICE)):
+        analysis = using([0.3, 0.55, 0.3, 0.3], [0.5, error, 0.5, 0.5])
+        assert said(rules.margin, analysis)[0][2] == severity
+        unknown = using([NAN] * 4, [0.5, error, 0.5, 0.5])
+        worst = replace(unknown, utilisation_predicted=np.array([[0.3, 0.55, 0.3, 0.3]]))
+        assert said(rules.predicted_margin, worst)[0][:3] == (True, False, severity)
+    # Where a rotor's speed is known the prediction says nothing.
+    assert said(rules.predicted_margin, using([0.3] * 4, predicted=0.9))[0][:2] == (False, True)
+
+
+def test_the_route_ahead_is_low_below_the_limit():
+    for least, on, off in ((0.49, True, False), (0.52, False, False), (0.54, False, True)):
+        assert said(rules.margin_ahead, using([0.3] * 4), margin_ahead=least)[0][:2] == (on, off)
+
+
+@pytest.mark.parametrize(
+    ("share", "on", "off"),
+    [(0.971, True, False), (0.969, False, False), (0.921, False, False), (0.919, False, True)],
+)
+def test_a_rotor_is_at_its_end_by_its_output_or_by_its_speed(share, on, off):
+    idle = using([share**2, 0.1, 0.1, 0.1])  # u is the square of the speed's share
+    by_speed = said(rules.saturation, idle)
+    assert by_speed[0] == (on, off, CRITICAL, 1)
+    track = replace(idle.track, throttle=np.array([[0.5, share, 0.5, 0.5]]))
+    by_output = said(rules.saturation, replace(using([0.1] * 4), track=track))
+    assert by_output[1] == (on, off, CRITICAL, 2)
+    # A speed that was made from the output says no more than it.
+    errors = {"rotor_speed_rpm": np.full((1, 4), 20.0)}
+    made = replace(idle, track=replace(idle.track, standard_errors=errors))
+    assert said(rules.saturation, made)[0][:2] == (False, True)
+
+
+@pytest.mark.parametrize(
+    ("given", "parts"),
+    [
+        # Losses part by more than half of the larger, and by more than half a kilogram.
+        ({"gauge": 2.9, "pump": 1.5}, False),
+        ({"gauge": 3.1, "pump": 1.5}, True),
+        ({"gauge": 0.1, "pump": 0.55, "thrust": 0.5}, False),
+        ({"gauge": 0.1, "pump": 0.65, "thrust": 0.5}, True),
+        ({"apart_kg": 2.9}, False),
+        ({"apart_kg": -3.1}, True),
+    ],
+)
+def test_when_two_estimates_of_the_tank_part(given, parts):
+    assert bool(rules.tank_verdict(balance(**given), USUAL)) == parts
+
+
+def test_a_tank_is_empty_below_three_hundred_grams():
+    for level, words in ((0.29, rules.words.TANK_EMPTY), (0.31, rules.words.TANK_CLOGGED)):
+        given = balance(gauge=0.1, pump=1.5, thrust=0.1, level_kg=level)
+        assert rules.tank_verdict(given, USUAL) == words
+
+
+def link(rule: Any, silent: float, behind=(0.0,) * 4, *, flying: bool = True):
+    now = LinkNow(silent=silent, rotors_behind=np.array(behind), flying=flying)
+    (check,) = rule(USUAL, now)
+    return check.on, check.off
+
+
+def test_silence_and_missing_speeds_at_their_limits():
+    assert link(rules.telemetry, 3.0) == (False, True)
+    assert link(rules.telemetry, 3.1) == (True, False)
+    # Of three seconds one is the time that it must hold.
+    assert link(rules.rotor_speeds, 0.1, [0.1, 2.0, 0.1, 0.1]) == (False, True)
+    assert link(rules.rotor_speeds, 0.1, [0.1, 2.1, 0.1, 0.1]) == (True, False)
+    assert link(rules.rotor_speeds, 3.1, [0.1, 2.1, 0.1, 0.1]) == (False, False)
+    assert link(rules.rotor_speeds, 0.1, [0.1, 2.1, 0.1, 0.1], flying=False) == (False, True)
+
+
+def meter(*points: tuple[float, float]) -> DeliveryMeter:
+    made = DeliveryMeter()
+    for gauge, pumped in points:
+        made.add(gauge, pumped)
+    return made
+
+
+def test_delivery_is_learnt_from_the_first_kilogram_and_followed_over_one_and_a_half():
+    assert meter((10.0, 0.0), (9.3, 0.99)).now == 1.0
+    learnt = meter((10.0, 0.0), (9.3, 1.0))
+    assert (learnt.first, learnt.now) == pytest.approx((0.7, 0.7))
+    # 0.7 a kilogram for two, then 0.5: the last 1.5 kg pumped lie between 2 and 3.5.
+    points = [(10.0 - 0.7 * k, float(k)) for k in np.arange(0.0, 2.01, 0.1)]
+    points += [(8.6 - 0.5 * k, 2.0 + float(k)) for k in np.arange(0.1, 1.51, 0.1)]
+    later = meter(*points)
+    assert later.first == pytest.approx(0.7, abs=0.01)
+    assert later.now == pytest.approx(0.5, abs=0.01)
+    # A gauge at its end tells nothing, and what cannot be is bounded.
+    assert meter((1.2, 0.0), (0.3, 1.0)).now == 1.0
+    assert meter((1.2, 0.0), (0.31, 1.0)).now == pytest.approx(0.89)
+    assert meter((10.0, 0.0), (7.5, 1.0)).first == 1.6
+    assert meter((10.0, 0.0), (9.9, 1.0)).first == 0.4
+
+
+def test_estimates_are_means_of_ten_seconds_at_both_ends_of_forty():
+    watch = BalanceWatch()
+    for time_s in range(38):
+        watch.add(float(time_s), 10.0 - 0.1 * time_s, 0.2 * time_s, 12.0 - 0.1 * time_s)
+    assert watch.balance() is None  # 37 s of 40
+    watch.add(38.0, 6.2, 7.6, 8.2)
+    found = watch.balance()
+    assert found is not None
+    # From the mean of 0 to 10 s to that of 28 to 38 s are 28 s.
+    assert (found.seconds, found.gauge, found.pump, found.thrust) == pytest.approx(
+        (28.0, 2.8, 5.6, 2.8)
+    )
+    assert (found.level_kg, found.apart_kg) == pytest.approx((6.2, 2.0))
+    for later, kept in ((43.0, True), (43.1, False)):  # a pause of more than 5 s begins anew
+        paused = BalanceWatch()
+        for time_s in (0.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 38.0, later):
+            paused.add(time_s, 1.0, 1.0, math.nan)
+        assert (paused.balance() is not None) == kept
+
+
+@pytest.mark.parametrize("rule", [r for r in RULES if r.may is not None], ids=lambda r: r.name)
+def test_a_rule_is_asked_in_every_row_in_which_it_raises_and_not_in_all(rule):
+    rng = np.random.default_rng(3)
+    track = hover(40.0)
+    rows = track.time_s.size
+    throttle = rng.uniform(0.5, 1.0, (rows, 4))
+    analysis = analyse(replace(track, throttle=throttle), MODEL)
+    use = rng.uniform(0.2, 0.52, (rows, 4))
+    use[rng.random((rows, 4)) < 0.2] = NAN
+    use[::7] = NAN
+    predicted = rng.uniform(0.2, 0.52, (rows, 4))
+    basis = rng.integers(0, 3, rows).astype(np.int8)
+    analysis = replace(
+        analysis,
+        model=shipped_model(),
+        prediction=replace(analysis.prediction, basis=basis),
+        utilisation=use,
+        utilisation_predicted=predicted,
+        utilisation_error=np.zeros((rows, 4)),
+    )
+    ahead = rng.uniform(0.3, 0.8, rows)
+    failures = np.where(rng.random((rows, 4)) < 0.8, rng.integers(0, 2, (rows, 4)), NAN)
+    failures[::2] = 0.0
+    now = rules.RowsNow(
+        analysis=analysis, rows=slice(5, rows), margin_ahead=ahead, esc_failures=failures
+    )
+    may = rule.may(USUAL, now)
+    assert may.shape == (rows - 5,)
+    raised = [
+        any(
+            check.on
+            for check in rule.checks(
+                USUAL,
+                RowNow(
+                    analysis=analysis,
+                    row=row,
+                    margin_ahead=float(ahead[row]),
+                    esc_failures=failures[row],
+                ),
+            )
+        )
+        for row in range(5, rows)
+    ]
+    assert may.tolist() == raised
+    assert any(raised) == (rule.name != "airframe")
+    assert not all(raised)
+    withheld = replace(analysis, claim=AirframeClaim(withheld=("another aircraft",)))
+    assert rules.may_airframe(USUAL, replace(now, analysis=withheld)).all()

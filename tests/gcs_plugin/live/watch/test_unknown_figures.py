@@ -1,0 +1,121 @@
+"""A figure that is unknown has its reason and what helps, live, on flights that lack messages."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from tests.gcs_plugin.live.live_vehicle import log_frames
+from tests.gcs_plugin.live.monitored import MODEL
+from thrustmargin.gcs_plugin.live.console import COLUMNS, vehicle_cells
+from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
+from thrustmargin.gcs_plugin.live.watch.unknown_figures import unknown_figures
+from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import WatchSettings
+from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
+from thrustmargin.gcs_plugin.mavlink.layouts import layouts
+
+#: Heading of the table -> the figure by its name in sentences.
+FIGURE = {
+    "margin": "measured margin",
+    "predicted": "predicted margin",
+    "one rotor lost": "one rotor lost",
+    "tank": "tank",
+    "by thrust": "tank by thrust",
+    "empty in": "time to empty",
+    "route ahead": "route ahead",
+    "if full": "margin with a full tank",
+}
+
+
+def message(frame: Frame) -> str:
+    return layouts()[frame.id].name if frame.verified else ""
+
+
+def of_tank(frame: Frame) -> bool:
+    if message(frame) == "NAMED_VALUE_FLOAT":
+        return fields(frame)["name"][0].startswith(b"TANK")  # type: ignore[index]
+    return message(frame) == "BATTERY_STATUS" and int(fields(frame)["id"][0]) == 1  # type: ignore[index]
+
+
+def of_speed(frame: Frame) -> bool:
+    return message(frame).startswith("ESC") or message(frame) == "SERVO_OUTPUT_RAW"
+
+
+@pytest.fixture(scope="module")
+def flight(sitl_logs) -> list[Frame]:
+    frames = log_frames(sitl_logs / "campaign" / "v4_m16_q2.5.tlog")
+    return [f for f in frames if f.stamp_us < frames[0].stamp_us + 68_000_000]
+
+
+def heard(flight: list[Frame], keep: Callable[[Frame], bool]):
+    fleet = Fleet(MODEL, WatchSettings())
+    kept = [frame for frame in flight if keep(frame)]
+    for first in range(0, len(kept), 200):
+        fleet.take(kept[first : first + 200])
+        fleet.updates()
+        fleet.tick(kept[: first + 200][-1].stamp_us)
+    return fleet.vehicles[1], flight[-1].stamp_us
+
+
+@pytest.mark.parametrize(
+    ("keep", "dashes", "helps"),
+    [
+        (bool, set(), ()),
+        (lambda f: not message(f).startswith("ESC"), {"by thrust"}, ("--request-rates",)),
+        (lambda f: not of_speed(f), {"by thrust"}, ("no motor outputs heard", "--request-rates")),
+        (lambda f: not of_tank(f), set(), ("inferred from hover thrust",)),
+        (
+            lambda f: not of_speed(f) and not of_tank(f),
+            {"margin", "predicted", "one rotor lost", "tank", "by thrust", "empty in"},
+            ("--load", "--tank"),
+        ),
+        (
+            lambda f: (
+                message(f) in ("HEARTBEAT", "SYS_STATUS")
+                or (message(f) == "BATTERY_STATUS" and not of_tank(f))
+            ),
+            {*FIGURE} - {"if full"},
+            ("--load", "--request-rates", "no position heard"),
+        ),
+        (lambda f: not message(f).startswith("MISSION"), {"route ahead"}, ("--fetch-mission",)),
+    ],
+    ids=["all", "no ESC", "no ESC, no outputs", "no gauge", "neither", "battery", "no mission"],
+)
+def test_each_dash_has_its_reason_and_what_helps(flight, keep, dashes, helps):
+    watch, now_us = heard(flight, keep)
+    assert watch.last is not None
+    cells = dict(zip(COLUMNS, vehicle_cells(watch, now_us, 0.5), strict=True))
+    blank = {heading for heading, cell in cells.items() if cell.strip("[]/dim~") == "-"}
+    assert dashes <= blank
+    known = unknown_figures(watch.last.analysis, watch.last.outlook)
+    assert {FIGURE[heading] for heading in blank} <= {*known}
+    remarks = "\n".join(watch.last.remarks)
+    assert all(words in remarks for words in helps)
+
+
+def test_without_any_speed_the_predicted_margin_is_shown_as_such_and_raises_its_alarm(flight):
+    watch, now_us = heard(flight, lambda f: not of_speed(f))
+    assert watch.last is not None
+    cell = vehicle_cells(watch, now_us, 0.5)[1]
+    assert "≈" in cell
+    assert "green" not in cell
+    raised = {alarm.name: alarm.text for alarm in watch.alarms.standing.values()}
+    assert raised["predicted margin"].startswith("Predicted margin 4")
+    assert "margin" not in raised
+    assert np.isnan(watch.last.analysis.utilisation[-1]).all()
+
+
+def test_a_predicted_alarm_is_over_once_speeds_are_heard_and_never_clears_a_measured_one(flight):
+    half = flight[0].stamp_us + 60_000_000
+    watch, _ = heard(flight, lambda f: f.stamp_us > half or not of_speed(f))
+    assert "predicted margin" not in {name for name, _ in watch.alarms.standing}
+    assert ("margin", None) in watch.alarms.standing
+    watch, _ = heard(flight, lambda f: f.stamp_us < half or not of_speed(f))
+    assert ("margin", None) in watch.alarms.standing
+
+
+def test_a_vehicle_of_which_only_heartbeats_come_says_what_is_missing(flight):
+    watch, _ = heard(flight, lambda f: message(f) == "HEARTBEAT")
+    assert watch.last is None
+    assert "neither rotor speeds" in watch.problem
+    assert "--request-rates" in watch.problem

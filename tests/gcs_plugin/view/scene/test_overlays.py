@@ -1,0 +1,109 @@
+"""What colours the route is the worst rotor of each row, and it says what it rests on."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.gcs_plugin.view.view_flight import ROWS, flight
+from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.reports.margin.summary import report_flight
+from thrustmargin.gcs_plugin.view.scene.overlays import overlays_of
+from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.physics.airframe import load_airframe
+
+
+def by_name(analysis):
+    return {o.name: o for o in overlays_of(analysis)}
+
+
+def test_load_is_the_highest_rotor_and_margin_its_complement():
+    analysis = flight()
+    overlays = by_name(analysis)
+    np.testing.assert_allclose(overlays["Load"].values, analysis.utilisation.max(axis=1))
+    np.testing.assert_allclose(overlays["Thrust margin"].values, analysis.margin.min(axis=1))
+    np.testing.assert_array_equal(overlays["Load"].rotor, np.argmax(analysis.utilisation, axis=1))
+    np.testing.assert_array_equal(
+        overlays["Redundancy"].values, analysis.redundancy_yaw_uncontrolled
+    )
+
+
+def test_residual_is_the_rotor_furthest_off_with_its_sign():
+    analysis = flight()
+    overlay = by_name(analysis)["Residual"]
+    residual = analysis.residual_rpm
+    row = int(np.argmin(residual.min(axis=1)))
+    furthest = int(np.argmax(np.abs(residual[row])))
+    assert overlay.values[row] == residual[row, furthest] < 0
+    assert overlay.rotor[row] == furthest
+    assert overlay.worst == "abs"
+
+
+def test_the_residuals_colours_end_where_the_residual_does():
+    analysis = flight()
+    overlay = by_name(analysis)["Residual"]
+    size = np.abs(overlay.values[analysis.track.flying])
+    assert 0.01 <= np.mean(size > overlay.scale.high) <= 0.03
+    assert overlay.scale.low == -overlay.scale.high
+
+
+def test_the_note_tells_measured_from_predicted():
+    rpm = flight().track.rotor_speed_rpm.copy()
+    assert by_name(flight())["Load"].note == "measured"
+    rpm[: ROWS // 2] = np.nan
+    assert (
+        by_name(flight(rotor_speed_rpm=rpm))["Load"].note
+        == "measured for 50 %, predicted for the rest"
+    )
+    rpm[:] = np.nan
+    nothing = by_name(flight(rotor_speed_rpm=rpm))
+    assert nothing["Load"].note == "predicted: no rotor speed was measured"
+    assert np.all(np.isfinite(nothing["Load"].values))
+    assert np.all(np.isnan(nothing["Residual"].values))
+
+
+def test_a_row_without_any_number_is_unknown_and_not_zero():
+    nothing = np.full(ROWS, np.nan)
+    overlays = by_name(flight(rotor_speed_rpm=np.full((ROWS, 4), np.nan), tank_kg=nothing))
+    for overlay in overlays.values():
+        assert np.all(np.isnan(overlay.values)), overlay.name
+    assert overlays["Load"].note == ""
+
+
+def test_the_worst_moment_reads_with_value_rotor_and_time():
+    overlay = by_name(flight())["Load"]
+    names = ("a", "b", "c", "front left <b>")
+    row = int(np.argmax(overlay.values))
+    text = overlay.text_at(row, 151.7, names)
+    assert text == f"{100 * overlay.values[row]:.0f} %, rotor 4 front left <b>, at 2:31"
+
+
+def test_with_one_esc_silent_view_and_report_count_the_same_rows_above_the_limit(sitl_logs: Path):
+    """By a prediction of the silent rotor there would be 159 rows more."""
+    airframe = load_airframe("topxgun-f16-sitl")
+    log = read_log(sitl_logs / "campaign" / "v4_m16_q2.5.tlog", airframe=airframe)
+    model = physics_model(airframe)
+    speeds = log.track.rotor_speed_rpm.copy()
+    speeds[:, 1] = np.nan
+    analysis = analyse(replace(log.track, rotor_speed_rpm=speeds), model)
+    load = by_name(analysis)["Load"]
+    shown = analysis.track.flying & (load.values > 0.5)
+    assert shown.sum() == 1760
+    np.testing.assert_array_equal(shown, analysis.above_limit(0.5))
+    seconds = report_flight(analysis, log, max_utilisation=0.5).verdict.over_limit_s
+    assert seconds == pytest.approx(0.1 * shown.sum(), rel=0.01)
+    assert 1 not in load.rotor[analysis.any_measured]
+
+
+def test_the_worst_row_is_of_the_rows_asked_for_and_absent_when_nothing_is_known():
+    values = np.full(100, np.nan)
+    values[17], values[80] = -9.0, 4.0
+    every, some = np.ones(100, dtype=bool), np.arange(100) > 50
+    load = by_name(flight())["Load"]
+    wanted = {"max": (80, 80), "min": (17, 80), "abs": (17, 80)}
+    for worst, rows in wanted.items():
+        overlay = replace(load, values=values, worst=worst)
+        assert (overlay.worst_row(every), overlay.worst_row(some)) == rows
+        assert overlay.worst_row(np.arange(100) > 80) is None

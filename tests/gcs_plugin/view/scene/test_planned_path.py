@@ -1,0 +1,49 @@
+"""The planned path lies where the mission's items are."""
+
+import numpy as np
+import pytest
+
+from thrustmargin.gcs_plugin.logs import Waypoint
+from thrustmargin.gcs_plugin.view.scene.shown_row import plan_enu
+from thrustmargin.models.flight import Origin
+
+ORIGIN = Origin(latitude_deg=36.65, longitude_deg=116.9, altitude=20.0)
+
+
+def item(number, *, north=0.0, east=0.0, altitude=3.0, command=16, frame=6, **place) -> Waypoint:
+    metres = 111_000.0
+    return Waypoint(
+        number=number,
+        command=command,
+        frame=frame,
+        latitude_deg=place.get("latitude_deg", 36.65 + north / metres),
+        longitude_deg=place.get("longitude_deg", 116.9 + east / metres / np.cos(np.radians(36.65))),
+        altitude=altitude,
+        parameters=(0.0, 0.0, 0.0, 0.0),
+    )
+
+
+def test_places_are_east_north_and_up_of_the_origin():
+    path = plan_enu([item(1, north=100), item(2, east=50)], ORIGIN, ground=-0.5)
+    np.testing.assert_allclose(path, [[0, 100, 2.5], [50, 0, 2.5]], rtol=5e-3, atol=0.02)
+
+
+def test_an_altitude_above_the_sea_is_taken_as_one():
+    assert plan_enu([item(1, altitude=32.0, frame=0)], ORIGIN, ground=0.0)[0, 2] == pytest.approx(
+        12
+    )
+
+
+def test_home_items_without_a_place_and_commands_are_left_out():
+    items = [
+        item(0),
+        item(1, latitude_deg=np.nan),
+        item(2, latitude_deg=0.0, longitude_deg=0.0),
+        item(3, command=178),
+        item(4, north=10),
+    ]
+    assert len(plan_enu(items, ORIGIN, 0.0)) == 1
+
+
+def test_without_an_origin_nothing_is_placed():
+    assert plan_enu([item(1), item(2)], None, 0.0).shape == (0, 3)

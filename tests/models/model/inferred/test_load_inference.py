@@ -1,0 +1,292 @@
+"""The load that hover thrust shows: by hand, and against the gauge of recorded flights."""
+
+from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+import pytest
+
+from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.models.checks.speed_scale import check_speed_scale
+from thrustmargin.models.errors import DataError
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.identification.rows.usable_flights import too_little
+from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.inferred.load_evidence import SPAN, LoadEvidence, load_fit
+from thrustmargin.models.model.inferred.load_inference import (
+    LOAD_FROM_SPEEDS,
+    NINETY,
+    with_load,
+    with_load_for_verdict,
+    with_load_so_far,
+)
+from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.network.training_rows import gather
+from thrustmargin.models.physics.airframe import Airframe, load_airframe
+from thrustmargin.models.physics.atmosphere import G0
+from thrustmargin.models.physics.flight_phases import training_rows
+
+F16 = load_airframe("topxgun-f16-sitl")
+SITL = Path("sitl_logs")
+START = LoadEvidence()
+RNG = np.random.default_rng(7)
+
+
+def hover(kilograms, *, craft: Airframe = F16, noise: float = 0.01, **channels) -> FlightTrack:
+    """A hover at 10 Hz of the reference air with `kilograms` (T,) on board and noisy speeds."""
+    load = np.asarray(kilograms, dtype=float)
+    rows = load.size
+    thrust = (craft.empty_mass + load) * G0 / craft.rotor_effectiveness.sum()
+    speed = np.sqrt(thrust / craft.thrust_coefficient)[:, None] * np.ones(craft.rotor_count)
+    level = np.zeros((rows, 3))
+    given = {
+        "rotor_speed_rpm": speed * (1.0 + noise * RNG.standard_normal(speed.shape)),
+        "specific_force_frd": level - [0.0, 0.0, G0],
+        "attitude": level,
+        "velocity_ned": level,
+        "airspeed": np.zeros(rows),
+        "height_agl": np.full(rows, 5.0),
+    }
+    return FlightTrack.of(
+        name="hover",
+        time_s=np.arange(rows, dtype=np.float64) / 10.0,
+        rotor_count=craft.rotor_count,
+        **given | channels,
+    )
+
+
+def guessed(craft: Airframe, name: str) -> Airframe:
+    quantities = {**craft.quantities, name: replace(craft.quantities[name], guessed=True)}
+    return replace(craft, quantities=MappingProxyType(quantities))
+
+
+def test_a_hover_shows_its_load_with_an_interval_that_holds_it():
+    found = with_load(hover(np.full(600, 9.0), spraying=np.zeros(600)), F16)
+    error = found.standard_errors["tank_kg"]
+    # 3 % of the curve and 8 % of air that nothing tells, of 30.1 kg, and little scatter
+    common = np.hypot(0.03, 0.1 / 1.225) * (F16.empty_mass + 9.0)
+    np.testing.assert_allclose(error, common, rtol=0.03)
+    np.testing.assert_allclose(found.tank_kg, 9.0, atol=0.2)
+    width = f"± {NINETY * np.median(error):.1f} kg, 90 %"
+    assert found.sources["tank_kg"] == f"inferred from hover thrust ({width}), constant"
+    assert not np.isfinite(found.measured("tank_kg")).any()
+
+
+@pytest.mark.parametrize("told", [None, "stated: 3 kg"])
+def test_a_margin_is_judged_with_the_load_of_thrust_where_a_gauge_surely_has_less(told):
+    # 3 % of the curve and 8 % of the air of 30.1 kg: 2.6 kg, of which 2.6 make 6.9 kg.
+    sources = {"tank_kg": told or "GAUGE"}
+
+    def judged(tank_kg):
+        gauge = np.full(600, tank_kg)
+        flight = hover(np.full(600, 9.0), spraying=np.zeros(600), tank_kg=gauge, sources=sources)
+        return flight, with_load_for_verdict(flight, F16)
+
+    for near in (2.7, 9.0, 30.0):  # a gauge that has more leaves less margin: it is believed
+        before, after = judged(near)
+        assert after is before
+    before, after = judged(1.7)
+    np.testing.assert_allclose(after.tank_kg, 9.0, atol=0.2)
+    assert not np.isfinite(after.measured("tank_kg")).any()
+    by = "as stated" if told else "by GAUGE"
+    words = f"1.7 kg {by} are too little for these rotor speeds: check gauge, empty mass and"
+    assert words in after.sources["tank_kg"]
+    assert with_load_for_verdict(after, F16) is after
+    # What is looked for in the flight still sees the load as it was told.
+    np.testing.assert_array_equal(with_load(before, F16).tank_kg, 1.7)
+
+
+def test_it_falls_while_the_pump_runs_until_the_tank_is_empty():
+    spraying = (np.arange(2400) % 300 > 100).astype(float)
+    load = np.maximum(6.0 - 0.05 * 0.1 * np.cumsum(spraying), 0.0)
+    assert np.mean(load == 0.0) > 0.1
+    found = with_load(hover(load, spraying=spraying), F16)
+    np.testing.assert_allclose(found.tank_kg, load, atol=0.35)
+    assert found.sources["tank_kg"].endswith("falling with the pump's output")
+
+
+def test_before_a_fall_is_seen_the_pump_is_taken_to_run_at_half_its_flow():
+    rows = int(10 * SPAN)  # one mean: a level, and nothing of a slope
+    found = with_load(hover(np.full(rows, 9.0), spraying=np.ones(rows)), F16)
+    half = 0.5 * F16.pump_max_flow_l_min / 60.0 * F16.liquid_density  # kg/s
+    np.testing.assert_allclose(np.diff(found.tank_kg), -0.1 * half, rtol=1e-3)
+
+
+def test_a_load_that_falls_from_the_first_row_to_the_last_is_one_line():
+    _, shown = with_load_so_far(hover(8.0 - 0.004 * np.arange(1800), noise=1e-4), F16, START)
+    fit = load_fit(shown, F16)
+    assert fit is not None
+    assert fit.span == (0.0, np.inf)
+    np.testing.assert_allclose(fit.values, [8.0, 0.04], rtol=0.02)  # kg, kg/s
+
+
+def test_without_a_pump_it_falls_by_its_own_trend_and_never_fills_in_flight():
+    load = np.interp(np.arange(1800), [400, 1500], [8.0, 2.0])
+    found = with_load(hover(load), F16)
+    np.testing.assert_allclose(found.tank_kg, load, atol=0.5)
+    assert found.sources["tank_kg"].endswith("falling by its own trend")
+    fuller = with_load(hover(load[::-1]), F16)
+    np.testing.assert_allclose(fuller.tank_kg, fuller.tank_kg[0])
+    assert fuller.sources["tank_kg"].endswith("constant")
+
+
+def test_a_tank_that_is_filled_between_two_flights_has_two_loads():
+    flying = np.ones(1800, dtype=bool)
+    flying[800:1000] = False
+    load = np.where(np.arange(1800) < 900, 2.0, 12.0)
+    found = with_load(hover(load, flying=flying, spraying=np.zeros(1800)), F16)
+    np.testing.assert_allclose(found.tank_kg[flying], load[flying], atol=0.3)
+
+
+def test_a_guessed_curve_widens_the_interval():
+    track = hover(np.full(600, 9.0), pressure=np.full(600, 101_325.0))
+    sure = with_load(track, F16).standard_errors["tank_kg"]
+    unsure = with_load(track, guessed(F16, "thrust_coefficient")).standard_errors["tank_kg"]
+    assert np.all(unsure > 1.8 * sure)
+
+
+@pytest.mark.parametrize(
+    ("kilograms", "says"),
+    [(-9.0, "less than nothing"), (60.0, "more than the aircraft can carry")],
+)
+def test_what_cannot_be_is_not_used_but_said(kilograms: float, says: str):
+    found = with_load(hover(np.full(600, kilograms)), F16)
+    assert not found.reports("tank_kg")
+    assert found.notes[-1].startswith("load not known: hover thrust shows")
+    assert says in found.notes[-1]
+    assert "--load" in found.notes[-1]
+
+
+def test_too_unsure_a_load_is_not_used():
+    rough = hover(np.full(600, 9.0), standard_errors={"rotor_speed_rpm": np.full((600, 4), 250.0)})
+    assert "too unsure" in with_load(rough, F16).notes[-1]
+
+
+def test_speeds_that_were_inferred_count_with_twice_their_share_of_error():
+    """Thrust goes with the square of speed: 3 % of speed are 6 % of the mass."""
+    track = hover(np.full(600, 9.0), noise=0.0)
+    inferred = {"rotor_speed_rpm": 0.03 * track.rotor_speed_rpm}
+    _, shown = with_load_so_far(replace(track, standard_errors=inferred), F16, START)
+    fit = load_fit(shown, F16)
+    assert fit is not None
+    assert fit.speeds == pytest.approx(0.06**2)
+
+
+def test_nothing_below_zero_is_shown_within_the_interval():
+    found = with_load(hover(np.full(600, -0.5)), F16)
+    np.testing.assert_array_equal(found.tank_kg, 0.0)
+
+
+def test_a_reported_load_and_an_aircraft_without_a_tank_stay_as_they_are():
+    gauged = hover(np.full(600, 9.0), tank_kg=np.full(600, 8.0))
+    assert with_load(gauged, F16) is gauged
+    tankless = hover(np.full(600, 9.0))
+    assert with_load(tankless, replace(F16, tank_volume_l=0.0)) is tankless
+
+
+def test_a_stated_load_stays_and_is_contradicted_only_by_thrust_that_surely_differs():
+    spraying = np.zeros(600)
+    right = hover(
+        np.full(600, 9.0),
+        spraying=spraying,
+        tank_kg=np.full(600, 8.0),
+        sources={"tank_kg": "stated: 8 kg"},
+        pressure=np.full(600, 101_325.0),
+    )
+    assert with_load(right, F16) is right
+    wrong = with_load(replace(right, tank_kg=np.zeros(600)), F16)
+    assert np.all(wrong.tank_kg == 0.0)
+    assert not wrong.standard_errors
+    alone = with_load(replace(right, tank_kg=np.full(600, np.nan), sources={}), F16)
+    load, error = np.median(alone.tank_kg), np.median(alone.standard_errors["tank_kg"])
+    shows = f"hover thrust shows {load:.1f} ± {NINETY * error:.1f} kg (90 %)"
+    assert wrong.sources["tank_kg"] == f"stated: 8 kg, but {shows}"
+
+
+@pytest.mark.parametrize(("errors", "said"), [(2.4, False), (2.8, True), (-2.8, True)])
+def test_a_stated_load_is_contradicted_beyond_its_99_percent_interval(errors, said):
+    track = hover(np.full(600, 9.0), spraying=np.zeros(600), pressure=np.full(600, 101_325.0))
+    shown = with_load(track, F16)
+    off = errors * shown.standard_errors["tank_kg"]
+    stated = replace(track, tank_kg=shown.tank_kg + off, sources={"tank_kg": "stated: so much"})
+    assert ("but hover thrust" in with_load(stated, F16).sources["tank_kg"]) == said
+
+
+@pytest.mark.parametrize(("seconds", "enough"), [(2.5, False), (3.5, True)])
+def test_three_seconds_of_level_flight_show_a_load(seconds, enough):
+    found = with_load(hover(np.full(1 + int(10 * seconds), 9.0)), F16)
+    assert found.reports("tank_kg") == enough
+
+
+def live(track: FlightTrack, cuts) -> FlightTrack:
+    """The track as a listener has it, in pieces."""
+    so_far, parts = LoadEvidence(), []
+    for rows in np.split(np.arange(track.time_s.size), cuts):
+        part, so_far = with_load_so_far(track.rows(rows), F16, so_far)
+        parts.append(part)
+    whole = parts[0]
+    for part in parts[1:]:
+        whole = whole.followed_by(part)
+    return whole
+
+
+def test_a_listener_has_the_same_in_any_pieces_and_does_not_look_ahead():
+    load = np.linspace(10.0, 4.0, 900)
+    track = hover(load, spraying=np.ones(900))
+    whole, cut = live(track, []), live(track, [1, 7, 250, 251, 600])
+    np.testing.assert_allclose(cut.tank_kg, whole.tank_kg, atol=1e-9)
+    later = replace(
+        track,
+        rotor_speed_rpm=np.where(np.arange(900)[:, None] < 500, 1.0, 1.2) * track.rotor_speed_rpm,
+    )
+    np.testing.assert_allclose(live(later, []).tank_kg[:500], whole.tank_kg[:500], atol=1e-9)
+    assert not np.isfinite(whole.tank_kg[:100]).any()  # nothing was shown yet
+    error = whole.standard_errors["tank_kg"][100:]
+    assert np.mean(np.abs(whole.tank_kg - load)[100:] < NINETY * error) > 0.9
+    assert "so far" in whole.sources["tank_kg"]
+
+
+def test_a_listener_that_hears_a_gauge_infers_no_more():
+    track = hover(np.full(600, 9.0), tank_kg=np.where(np.arange(600) < 300, 9.0, np.nan))
+    assert not np.isfinite(live(track, [300]).tank_kg[300:]).any()
+
+
+@pytest.mark.parametrize("name", ["v4_m16_q2.5", "v2_m4_q3.5", "v6_m10_q1.5"])
+def test_recorded_flights_without_their_gauge_show_its_level(name: str):
+    track = read_log(SITL / "campaign" / f"{name}.tlog", airframe=F16).track
+    without = replace(track, tank_kg=np.full_like(track.tank_kg, np.nan))
+    found = with_load(without, F16)
+    off = np.abs(found.tank_kg - track.tank_kg)[track.flying]
+    assert np.nanmean(off) < 0.25
+    assert np.all(off < NINETY * found.standard_errors["tank_kg"][track.flying])
+
+
+def test_its_redundancy_is_free_of_the_curves_error():
+    exact = hover(np.full(900, 9.0), spraying=np.zeros(900), pressure=np.full(900, 101_325.0))
+    wrong = replace(F16, thrust_coefficient=1.05 * F16.thrust_coefficient)
+    found, other = (
+        analyse(with_load(exact, craft), physics_model(craft)) for craft in (F16, wrong)
+    )
+    assert np.median(other.track.tank_kg) > 10.3
+    np.testing.assert_allclose(
+        found.redundancy_yaw_uncontrolled, other.redundancy_yaw_uncontrolled, rtol=2e-3
+    )
+    # 3 % from one rotor to the next is 1.5 % of four
+    assert np.all((found.redundancy_error > 0.015) & (found.redundancy_error < 0.02))
+
+
+def test_an_inferred_load_confirms_nothing():
+    track = with_load(hover(np.full(900, 9.0)), F16)
+    model = physics_model(F16)
+    analysis = analyse(track, model)
+    assert np.isfinite(analysis.weight).all()
+    assert np.isfinite(analysis.redundancy_yaw_uncontrolled).all()
+    assert not np.isfinite(analysis.residual_rpm).any()
+    assert not training_rows(track).any()
+    assert too_little(track, model) == LOAD_FROM_SPEEDS
+    with pytest.raises(DataError, match="none reports a tank level"):
+        gather([track])
+    # Electrical rpm of 7 pole pairs would show a load that explains them.
+    fast = replace(track, rotor_speed_rpm=7.0 * track.rotor_speed_rpm)
+    assert check_speed_scale(fast, F16).verdict == "electrical"
