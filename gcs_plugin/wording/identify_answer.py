@@ -36,6 +36,7 @@ from thrustmargin.models.identification.answer.result import (
     Mentioned,
     OneOf,
 )
+from thrustmargin.models.identification.answer.uneven_loss import OWN_THRUST
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.identification.rows.output_shares import FEWEST_FLIGHTS
 
@@ -207,6 +208,13 @@ def unexplained(found: Identification) -> str:
         along = "comes and goes within flights more than in good ones, and goes with no channel"
         action = "look at ice, dirt and a load that moves; compare with a flight in such wind"
     names = found.model.airframe.rotor_names
+    if left.get("rotor"):
+        goes = "goes with its own thrust" if left["channel"] == OWN_THRUST else along
+        return (
+            f"{rotor_words(left['rotor'] - 1, names).capitalize()} does not lose the same share of "
+            f"its thrust all along: the loss {goes} ({rms}), and no effect of the table does "
+            f"that, so none was added; {INSPECT}, and look for what bends, slips or gets warm"
+        )
     things = " or ".join(_thing_of(words, names) for words in left.get("closest") or ())
     close = f"; closest in the table: {things}" if things else ""
     return (

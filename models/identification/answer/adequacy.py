@@ -55,6 +55,7 @@ class Unexplained:
     rms_rpm: float
     curve_rpm: Floats  # (N,) the free form along the channel
     wanders: bool = False  # within flights, along no channel but time
+    rotor: int | None = None  # of which the loss is not steady: all modes are its own
 
 
 def unexplained(
@@ -122,7 +123,7 @@ def _left_by(search: Search, best: FittedSet) -> Floats:
 def with_free(space: SearchSpace, left: Unexplained) -> Nuisance:
     """What is not asked for, and beside it what goes with the channel of the unexplained, at the
     widest size: curves in every mode, and a constant in the modes that are unexplained."""
-    nuisance, modes = space.nuisance, len(space.sizes)
+    modes = len(space.sizes)
     hats = space.hats[:, np.array(space.groups) == left.channel]
     wide = FREEDOMS[-1] * space.sizes[:, np.array(space.groups) == left.channel].max(axis=1)
     columns = []
@@ -130,7 +131,13 @@ def with_free(space: SearchSpace, left: Unexplained) -> Nuisance:
         own = np.concatenate([hats, np.ones((len(hats), int(mode in left.modes)))], axis=1)
         columns.append(np.zeros((len(hats), modes, own.shape[1])))
         columns[-1][:, mode] = wide[mode] * own
-    free = nuisance.whitening.apply(np.concatenate(columns, axis=2))
+    return beside(space, np.concatenate(columns, axis=2))
+
+
+def beside(space: SearchSpace, columns: Floats) -> Nuisance:
+    """What is not asked for, and beside it columns (N, R, K) rpm in modes, each of its size."""
+    nuisance = space.nuisance
+    free = nuisance.whitening.apply(columns)
     return replace(nuisance, uncertainty=np.concatenate([nuisance.uncertainty, free], axis=2))
 
 
@@ -190,9 +197,12 @@ def closest_to(
     left: Unexplained | None, named: Sequence[int], search: Search, best: FittedSet
 ) -> list[int]:
     """The names that are only closest to what is left: they act mostly in modes that names do not
-    explain, or go by the channel along which they do not."""
+    explain, or go by the channel along which they do not; or are of the rotor of which the loss is
+    not steady."""
     if left is None or left.wanders:
         return []
+    if left.rotor is not None:
+        return [c for c in named if search.candidates[c].term.rotor == left.rotor]
     held = dict(zip(sorted(best.key), best.held, strict=True))
     along = set(left.channel.split(" x "))
 

@@ -173,8 +173,11 @@ class Identification:
         what = self.unexplained()
         if not what["mode"]:
             return []
+        where = what["mode"]
+        if what["rotor"]:
+            where = f"rotor {what['rotor']}"
         return [
-            f"unexplained: {what['mode']} along {what['channel']}, "
+            f"unexplained: {where} along {what['channel']}, "
             f"{100 * what['fraction_of_variance']:.0f} % of the variance left"
         ]
 
@@ -237,6 +240,7 @@ class Identification:
             "channel": left.channel if left else None,
             "wanders": bool(left) and left.wanders,
             "rms_rpm": left.rms_rpm if left else 0.0,
+            "rotor": None if left is None or left.rotor is None else left.rotor + 1,
             "closest": [term.words for term in self.closest],
         }
 

@@ -16,6 +16,7 @@ import numpy as np
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.answer.adequacy import (
     Unexplained,
+    beside,
     closest_to,
     unexplained,
     with_free,
@@ -28,6 +29,10 @@ from thrustmargin.models.identification.answer.posterior import (
     posterior_of,
 )
 from thrustmargin.models.identification.answer.result import OneOf
+from thrustmargin.models.identification.answer.uneven_loss import (
+    uneven_loss,
+    unexplained_loss,
+)
 from thrustmargin.models.identification.rows.problem import Problem
 from thrustmargin.models.identification.sets.search_space import SearchSpace
 from thrustmargin.models.identification.sets.set_search import Progress, Search
@@ -64,18 +69,26 @@ def standing_names(
     answer, left_out = borne_out(problem, posterior_of(search, steepness))
     named = answer.named()
     first, any_name = answer, bool(named)
-    left = unexplained(space, search, answer.best, named=any_name)
+    uneven = uneven_loss(search, answer.best, named)
+    if uneven is None:
+        left = unexplained(space, search, answer.best, named=any_name)
+    else:
+        left = unexplained_loss(uneven, answer.best)
     closest = closest_to(left, named, search, answer.best)
     if left is not None and any_name and not left.wanders:
         # What no effect explains may have lent its weight to a name: who stands beside it?
-        beside = Search(space.reduced, with_free(space, left), search.candidates)
-        beside.run(progress)
-        second = posterior_of(beside, steepness)
+        free = with_free(space, left) if uneven is None else beside(space, uneven.columns)
+        again = Search(space.reduced, free, search.candidates)
+        again.run(progress)
+        second = posterior_of(again, steepness)
         if lost := set(named) - {*closest, *second.named()}:
             # What it had lent its weight to may have hidden what is there.
             answer, named = second, second.named()
-            left_out = LeftOut.of(problem, beside, answer.best)
-            closest = [*closest_to(left, named, beside, answer.best), *closest, *sorted(lost)]
+            left_out = LeftOut.of(problem, again, answer.best)
+            closest = [*closest_to(left, named, again, answer.best), *closest, *sorted(lost)]
+            if (late := uneven_loss(again, answer.best, named)) is not None:
+                uneven, left = late, unexplained_loss(late, answer.best)
+                closest = [*closest_to(left, named, again, answer.best), *closest]
             closest = list(dict.fromkeys(closest))
 
     def error(some: Sequence[int]) -> float:
@@ -87,7 +100,8 @@ def standing_names(
     either = {c for c, k in enumerate(search.candidates) if k.term.key in firsts}
     estimates = answer.estimates(matter, either)
     said = {*either, *(e.candidate for e in estimates)}
-    if left is not None and any_name and not estimates and not that_matter(error, named):
+    quiet = any_name and not estimates and uneven is None
+    if left is not None and quiet and not that_matter(error, named):
         left = unexplained(space, search, first.best)  # good flights may leave as much
         closest = closest if left is not None else []
     if left is None and (silent := sorted(answer.best.key - said)):

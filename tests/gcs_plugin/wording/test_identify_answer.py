@@ -239,6 +239,14 @@ def test_what_is_unexplained_has_mode_channel_closest_names_and_an_action(sound)
     assert f"tank level; closest in the table: {things}: " in unexplained(close)  # type: ignore[arg-type]
     slow = _Left(sound, channel="time_s", wanders=True)
     assert "and goes with no channel: look at ice" in unexplained(slow)  # type: ignore[arg-type]
+    warm = _Left(sound, channel="time_s", rotor=1)
+    assert "all along: the loss goes with time in the log (" in unexplained(warm)  # type: ignore[arg-type]
+    bends = _Left(sound, channel="rotor_thrust", rotor=2)
+    assert unexplained(bends) == (  # type: ignore[arg-type]
+        "Rotor 2 (rear left) does not lose the same share of its thrust all along: the loss goes "
+        "with its own thrust (21 rpm), and no effect of the table does that, so none was added; "
+        "inspect or swap its propeller, and look for what bends, slips or gets warm"
+    )
     assert answer(_Left(sound), change())[0].startswith("No effect explains 21 rpm")  # type: ignore[arg-type]
 
 

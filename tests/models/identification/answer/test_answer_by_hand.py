@@ -112,6 +112,7 @@ def test_the_json_of_an_answer():
         "mode": "roll",
         "channel": "airspeed",
         "rms_rpm": 7.0,
+        "rotor": None,
         "closest": ["rotor_degradation of rotor 3"],
     }
     assert (found["floor_rpm"], found["sensor_noise_rpm"]) == (9.0, 3.0)
@@ -123,6 +124,7 @@ def test_the_json_of_an_answer():
         "channel": None,
         "rms_rpm": 0.0,
         "wanders": False,
+        "rotor": None,
     }
     assert alone["unexplained"] == {**nothing, "closest": []}
 

@@ -1,0 +1,169 @@
+"""A weak rotor of which the loss is not the same share of its thrust all along."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.models.made_flights import F16, curve_model, made_flights, table
+from thrustmargin.models.effects import effects_for
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.identification.answer import uneven_loss as uneven
+from thrustmargin.models.identification.answer.uneven_loss import loss_curves, uneven_loss
+from thrustmargin.models.identification.loop import identify_checked
+from thrustmargin.models.identification.sets.nuisance import LEVELS, STANDING
+from thrustmargin.models.identification.sets.search_space import search_space
+from thrustmargin.models.identification.sets.set_search import Search
+
+MODEL = curve_model()
+CATALOGUE = effects_for(F16, table(["rotor_degradation", "extra_mass"]))
+SIZE, ROTOR = 0.06, 2
+
+
+def lost_thrust(track: FlightTrack, law: str) -> np.ndarray:
+    """(T,) share of its thrust that a rotor lacks, by a law of its own."""
+    share = (track.tank_kg + F16.empty_mass) / (12.0 + F16.empty_mass)
+    shape = {
+        "steady": np.ones_like(share),
+        "bends": np.maximum(share - 0.5, 0.0) / 0.5,
+        "in fast flight": 0.6 + track.airspeed / 7.0,
+        "warm": track.time_s / 60.0,
+        "swings": 2.0 * np.exp(-(((share - 1.0) / 0.06) ** 2)),
+    }
+    return SIZE * shape[law]
+
+
+def flights(law: str) -> list[FlightTrack]:
+    found = []
+    for track in made_flights(4, duration=120.0):
+        speed = track.rotor_speed_rpm.copy()
+        speed[:, ROTOR] /= np.sqrt(1.0 - lost_thrust(track, law))
+        found.append(replace(track, rotor_speed_rpm=speed))
+    return found
+
+
+def searched(law: str) -> Search:
+    space = search_space(MODEL, flights(law), CATALOGUE)
+    search = Search(space.reduced, space.nuisance, space.candidates)
+    search.run()
+    return search
+
+
+def test_a_steady_loss_keeps_its_name():
+    found = identify_checked(flights("steady"), MODEL, catalogue=CATALOGUE)
+    assert [f.term.key for f in found.found] == [f"rotor_degradation@{ROTOR + 1}"]
+    assert found.left is None
+
+
+@pytest.mark.parametrize(
+    ("law", "channel"),
+    [
+        ("bends", "rotor_thrust"),
+        ("swings", "rotor_thrust"),
+        ("in fast flight", "airspeed"),
+        ("warm", "time_s"),
+    ],
+)
+def test_a_loss_that_goes_along_a_channel_is_no_name_and_says_the_rotor_and_the_channel(
+    law, channel
+):
+    found = identify_checked(flights(law), MODEL, catalogue=CATALOGUE)
+    assert found.found == ()
+    assert found.left is not None
+    assert (found.left.rotor, found.left.channel) == (ROTOR, channel)
+    assert [t.key for t in found.closest] == [f"rotor_degradation@{ROTOR + 1}"]
+    assert [m.rotor for m in found.mentioned] == [ROTOR]  # nobody may fly on with it unasked
+    assert found.unexplained()["rotor"] == ROTOR + 1
+    assert f"rotor {ROTOR + 1} along {channel}" in repr(found)
+
+
+def test_what_it_does_is_how_the_loss_differs_from_a_steady_one():
+    law = "bends"
+    search = searched(law)
+    best = search.best
+    one = uneven_loss(search, best, sorted(best.key))
+    assert one is not None
+    x = search.reduced
+    share = (x.channels.tank_kg + F16.empty_mass) / (12.0 + F16.empty_mass)
+    loss = SIZE * np.maximum(share - 0.5, 0.0) / 0.5
+    speed = np.sqrt(share / (1.0 - loss)) / np.sqrt(share / (1.0 - loss.mean()))
+    hover = x.measured_rpm[:, ROTOR] * (1.0 - 1.0 / speed)
+    changed = one.change @ x.modes.directions.T
+    assert np.corrcoef(changed[:, ROTOR], hover)[0, 1] > 0.95
+    assert np.std(changed[:, ROTOR]) == pytest.approx(np.std(hover), rel=0.35)
+
+
+def test_the_odds_are_those_of_a_dense_model():
+    """Of r with the covariance V of noise, nuisances, forms and free values, against V + A A' with
+    the columns A: half the difference of r' V^-1 r, less half that of ln det V."""
+    search = searched("bends")
+    best = search.best
+    space = search.nuisance
+    (c,) = sorted(best.key)
+    lost = uneven._of_loss(search, best.held, 0)
+    columns = lost[:, :, None] * loss_curves(search, best.held, ROTOR)["airspeed"][:, None, :]
+    odds, taken = uneven._against_steady(search, best, columns)
+    about = search.columns_about(best)
+    wide = about.whole.wide(search.reduced.flight)
+    first, last = about.columns[c].start, about.columns[c].stop
+    rows, modes = space.scatter.shape[:2]
+
+    def white(some):
+        return space.whitening.apply(some).reshape(rows * modes, -1)
+
+    parts = [space.uncertainty.reshape(rows * modes, -1)]
+    for of in space.flights:
+        own = np.zeros_like(space.scatter)
+        own[of] = space.scatter[of]
+        parts.append(own.reshape(rows * modes, -1))
+    level = LEVELS[best.best_level]
+    for mode in range(modes):
+        size = np.full(space.free.shape[2], level.collective if mode == 0 else level.moments)
+        size[0] = STANDING
+        own = np.zeros((rows, modes, space.free.shape[2]))
+        own[:, mode] = size * space.free[mode]
+        parts.append(own.reshape(rows * modes, -1))
+    parts.append(white(wide[:, :, about.asked :]))
+    values = white(wide[:, :, first:last])
+    parts.append(values / np.linalg.norm(values, axis=0) * 1e4)  # free
+    whole = np.concatenate(parts, axis=1)
+    steady = np.eye(rows * modes) + whole @ whole.T
+    more = white(columns)
+    left = white(wide[:, :, [about.asked - 1]])[:, 0]
+
+    def log_likelihood(v):
+        return -0.5 * (left @ np.linalg.solve(v, left) + np.linalg.slogdet(v)[1])
+
+    assert odds == pytest.approx(
+        log_likelihood(steady + more @ more.T) - log_likelihood(steady), abs=0.02
+    )
+    along = more.T @ np.linalg.solve(steady + more @ more.T, left)
+    np.testing.assert_allclose(taken, along, rtol=0.01, atol=1e-3)
+
+
+def test_one_channel_of_many_is_not_taken_for_likelier_than_it_is(monkeypatch):
+    search = searched("steady")
+    best = search.best
+    found = iter([np.log(75.0), -50.0, -50.0, -50.0])
+    monkeypatch.setattr(
+        uneven, "_against_steady", lambda _s, _b, columns: (next(found), columns[0, 0] * 0)
+    )
+    assert (
+        uneven_loss(search, best, sorted(best.key)) is None
+    )  # 75 to 1, of four laws, is less than 19 to 1
+    found = iter([np.log(77.0), -50.0, -50.0, -50.0])
+    one = uneven_loss(search, best, sorted(best.key))
+    assert one is not None
+    assert one.odds == pytest.approx(np.log(77.0 / 4.0), abs=1e-3)
+    assert one.channel == "rotor_thrust"
+
+
+def test_motor_outputs_do_not_show_it():
+    search = searched("bends")
+    search.reduced = replace(search.reduced, of_outputs=True)
+    assert uneven_loss(search, search.best, sorted(search.best.key)) is None
+
+
+def test_only_a_named_rotor_is_asked():
+    search = searched("bends")
+    assert uneven_loss(search, search.best, []) is None
