@@ -41,7 +41,7 @@ class Thermometer:
 
 def by_thermometer(track: FlightTrack, thermometer: Thermometer | None) -> FlightTrack:
     """The track with the air's temperature where it had a reading that needs this thermometer."""
-    if thermometer is None or not _unexplained(track):
+    if thermometer is None or not needs_thermometer(track):
         return track
     words = f"the thermometer less {thermometer.warmer_k:.1f} K, as good flights show"
     return replace(
@@ -62,7 +62,7 @@ def learnt_thermometer(tracks: Sequence[FlightTrack], airframe: Airframe) -> The
     it than with the standard atmosphere, by more than Student's limit of that gain's mean.
     """
     used = [track for track in tracks if training_rows(track, ("tank_kg",)).any()]
-    if len(used) < FEWEST_FLIGHTS or not all(map(_unexplained, used)):
+    if len(used) < FEWEST_FLIGHTS or not all(map(needs_thermometer, used)):
         return None
     above, standard, speed = _readings_and_speeds(used, airframe)
     warmer = float(above.mean())
@@ -77,7 +77,7 @@ def learnt_thermometer(tracks: Sequence[FlightTrack], airframe: Airframe) -> The
     return Thermometer(warmer_k=warmer, error_k=error)
 
 
-def _unexplained(track: FlightTrack) -> bool:
+def needs_thermometer(track: FlightTrack) -> bool:
     """True for a temperature of which nothing says whether it is the air's or a board's."""
     stated = "temperature" in track.standard_errors
     board = BOARD_READING in track.sources.get("temperature", "")

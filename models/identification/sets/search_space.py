@@ -35,7 +35,9 @@ from thrustmargin.models.identification.sets.learning import learn
 from thrustmargin.models.identification.sets.nuisance import LEVELS, Nuisance
 from thrustmargin.models.identification.sets.unreported_wind import unreported_wind
 from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.model.thermometer import needs_thermometer
 from thrustmargin.models.network.records import GoodFlights
+from thrustmargin.models.physics.atmosphere import SEA_LEVEL_TEMPERATURE
 from thrustmargin.models.physics.flight_phases import TURN_RATE
 
 #: of the mean rotor speed: what a curve of the free form, and the slow noise, begin with where no
@@ -50,6 +52,7 @@ TAILS = 1.4  # root mean square over what the median gives, of noise with the ta
 LOADED = 0.03  # of the load factor: a gust or two
 LEAST_SHARE = 0.0005  # of the same: few good flights cannot show that there is nothing
 AT_ENDS = 2.0  # times the RMS of a curve, that it has at the ends of its channel
+SEASONS = 2.0  # that of the good flights and this one, of which each has its own thermometer
 RIDGE = 1e-2  # of columns of size about one, in the regression that leaves the noise
 
 
@@ -86,6 +89,7 @@ def search_space(
     if standing.any():  # how flights differ as a whole is known, and is nobody else's
         form = _within_flights(form, reduced.flight)
         hats[:, 0] = 0.0
+    shared = np.concatenate([shared, _of_thermometer(reduced, tracks)], axis=2)
     scatter = np.concatenate([form, standing, unreported_wind(reduced, tracks)], axis=2)
     filter_ = _noise(reduced, residual, anything, hats)
     speed = float(reduced.measured_rpm.mean())
@@ -283,6 +287,20 @@ def _standing(reduced: Reduced, residual: Floats) -> tuple[Floats, Floats]:
         size = size * stdtrit(degrees, 0.975) / ndtri(0.975)
     each = np.repeat(np.diag(size)[None], residual.shape[0], axis=0)
     return each / np.sqrt(1.0 + 1.0 / good), each / np.sqrt(good + 1.0)
+
+
+def _of_thermometer(reduced: Reduced, tracks: Sequence[FlightTrack]) -> Floats:
+    """(N, R, 1 or 0) rpm: what a thermometer that good flights taught is off by in all flights.
+
+    Its board is aired, shaded and loaded otherwise in one season than in another: in that of the
+    good flights and in this one by as much, it is taken, as from one flight to the next. N goes
+    with the root of the air's temperature (Eq. 1, and the gas law).
+    """
+    known, base = reduced.model.thermometer, np.nan_to_num(predicted(reduced, ()))
+    if known is None or not any(needs_thermometer(track) for track in tracks):
+        return np.zeros((*base.shape, 0))
+    error = SEASONS**0.5 * known.error_k / SEA_LEVEL_TEMPERATURE
+    return (0.5 * error * base)[:, :, None]
 
 
 def _within_flights(columns: Floats, flight: NDArray[np.intp]) -> Floats:

@@ -21,6 +21,7 @@ from thrustmargin.models.identification.sets.search_space import (
     main_values,
     search_space,
 )
+from thrustmargin.models.model.thermometer import Thermometer
 from thrustmargin.models.network.records import GoodFlights
 
 SOME = ["extra_mass", "cg_offset", "rotor_degradation"]
@@ -73,6 +74,16 @@ def test_all_that_is_not_asked_is_in_units_of_the_noise_that_was_found():
     shared = np.diag([4.0, 3.0, 2.0, 1.0]) / np.sqrt(5.0)
     expected = n.apply(np.repeat(shared[None], x.flight.size, axis=0))
     np.testing.assert_allclose(nuisance.uncertainty[:, :, -count:], expected)
+    # A thermometer reads otherwise in each of two seasons, by what it does from flight to flight.
+    warm = [replace(t, sources={**t.sources, "temperature": "a table"}) for t in made_flights(3)]
+    taught = replace(known, thermometer=Thermometer(warmer_k=0.0, error_k=2.0))
+    with_it = space_of(warm, taught).nuisance
+    season = with_it.uncertainty[:, :, -1]
+    by_heat = with_it.whitening.apply(np.sqrt(2.0) * 0.5 * 2.0 / 288.15 * predicted(x, ()))
+    np.testing.assert_allclose(season, by_heat, rtol=1e-3)
+    assert with_it.uncertainty.shape[2] == nuisance.uncertainty.shape[2] + 1
+    stated = [replace(t, standard_errors={"temperature": t.temperature * 0 + 1.0}) for t in warm]
+    assert space_of(stated, taught).nuisance.uncertainty.shape == nuisance.uncertainty.shape
     # A mass scatters from flight to flight as good flights showed; a rotor does not.
     (mass,) = (c for c in space.candidates if c.key == "extra_mass")
     moved = 0.3 * derivatives(x, [Held(candidate=mass, values=mass.start)], 0)[:, :, 0]
