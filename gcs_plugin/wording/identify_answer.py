@@ -27,6 +27,7 @@ from thrustmargin.gcs_plugin.wording.numbers import (
 )
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
+from thrustmargin.models.identification.answer.adequacy import OWN_THRUST
 from thrustmargin.models.identification.answer.margin_change import WORST_SHARE, MarginChange
 from thrustmargin.models.identification.answer.next_flight import CERTAIN, NextFlight
 from thrustmargin.models.identification.answer.result import (
@@ -36,7 +37,6 @@ from thrustmargin.models.identification.answer.result import (
     Mentioned,
     OneOf,
 )
-from thrustmargin.models.identification.answer.uneven_loss import OWN_THRUST
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.identification.rows.output_shares import FEWEST_FLIGHTS
 

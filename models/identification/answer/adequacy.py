@@ -44,6 +44,9 @@ BEYOND = 3.0  # times the size on a sound aircraft, of the free part's RMS
 ACTS = 2 / 3  # of the square of an effect's change: two of the modes of a rotor are not most of it
 
 
+OWN_THRUST = "rotor_thrust"  # the channel of what a rotor itself makes
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Unexplained:
     """What no name explains: the mode that has most of it, and every mode that has some."""
@@ -201,14 +204,17 @@ def closest_to(
     not steady."""
     if left is None or left.wanders:
         return []
-    if left.rotor is not None:
-        return [c for c in named if search.candidates[c].term.rotor == left.rotor]
     held = dict(zip(sorted(best.key), best.held, strict=True))
-    along = set(left.channel.split(" x "))
+    # What a rotor has to carry goes with the tank.
+    along = set(left.channel.replace(OWN_THRUST, "tank_kg").split(" x "))
 
     def is_closest(c: int) -> bool:
-        goes_along = along & set(search.candidates[c].term.effect.needs)
-        return bool(goes_along) or (c in held and acts_in(search, held[c], left.modes))
+        term = search.candidates[c].term
+        if along & set(term.effect.needs):
+            return True
+        if left.rotor is not None:
+            return term.rotor == left.rotor
+        return c in held and acts_in(search, held[c], left.modes)
 
     return [c for c in named if is_closest(c)]
 

@@ -86,9 +86,6 @@ def standing_names(
             answer, named = second, second.named()
             left_out = LeftOut.of(problem, again, answer.best)
             closest = [*closest_to(left, named, again, answer.best), *closest, *sorted(lost)]
-            if (late := uneven_loss(again, answer.best, named)) is not None:
-                uneven, left = late, unexplained_loss(late, answer.best)
-                closest = [*closest_to(left, named, again, answer.best), *closest]
             closest = list(dict.fromkeys(closest))
 
     def error(some: Sequence[int]) -> float:

@@ -18,9 +18,9 @@ import numpy as np
 
 from thrustmargin.models.effects.coefficient.rotor_degradation import LOSS, ROTOR_DEGRADATION
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.answer.adequacy import Unexplained
+from thrustmargin.models.identification.answer.adequacy import OWN_THRUST, Unexplained
 from thrustmargin.models.identification.answer.posterior import NAMED
-from thrustmargin.models.identification.rows.candidates import Held, placed, slopes
+from thrustmargin.models.identification.rows.candidates import Held, Term, placed, slopes
 from thrustmargin.models.identification.rows.value_columns import ValueColumns, side_by_side
 from thrustmargin.models.identification.sets.column_sums import Remainder
 from thrustmargin.models.identification.sets.free_form import CHANNELS, hats
@@ -28,8 +28,7 @@ from thrustmargin.models.identification.sets.linear_sets import TINY, FittedSet
 from thrustmargin.models.identification.sets.nuisance import root_of
 from thrustmargin.models.identification.sets.set_search import Search
 
-OWN_THRUST = "rotor_thrust"  # the channel of what the rotor itself makes
-ALONG = ("airspeed", "time_s")  # besides it
+ALONG = ("airspeed", "time_s")  # besides the rotor's own thrust
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -84,8 +83,6 @@ def _of_rotor(search: Search, best: FittedSet, c: int) -> UnevenLoss | None:
     curves = loss_curves(search, best.held, rotor)
     columns = {name: lost[:, :, None] * shape[:, None, :] for name, shape in curves.items()}
     weighed = {name: _against_steady(search, best, one) for name, one in columns.items()}
-    if not weighed:
-        return None
     odds = float(np.logaddexp.reduce([w[0] for w in weighed.values()]) - np.log(len(weighed)))
     if odds < np.log(NAMED / (1.0 - NAMED)):
         return None
@@ -101,11 +98,20 @@ def _of_rotor(search: Search, best: FittedSet, c: int) -> UnevenLoss | None:
 
 
 def _of_loss(search: Search, held: Sequence[Held], place: int) -> Floats:
-    """(N, R) rpm in modes: what the whole loss of a rotor does, by its slope."""
-    names = [p.name for p in held[place].candidate.term.effect.parameters]
-    k = names.index(LOSS.name)
-    size = np.abs(held[place].values[:, k])[search.reduced.flight]
-    return size[:, None] * np.nan_to_num(slopes(search.reduced, held, place, [k])[:, :, 0])
+    """(N, R) rpm in modes: what the loss of a rotor would do all along, by its slope."""
+    of, members = held[place].candidate.term, list(held)
+    size = float(np.abs(held[place].values[:, _loss_of(of)]).max())
+    if of.effect.key != ROTOR_DEGRADATION.key:  # it begins or ends somewhere
+        same = [h for h in search.start if h.candidate.term.rotor == of.rotor]
+        steady = (h for h in same if h.candidate.term.effect.key == ROTOR_DEGRADATION.key)
+        members.append(next(steady))
+        place, of = len(held), members[-1].candidate.term
+    return size * np.nan_to_num(slopes(search.reduced, members, place, [_loss_of(of)])[:, :, 0])
+
+
+def _loss_of(term: Term) -> int:
+    """The place of the loss among the parameters of an effect."""
+    return [p.name for p in term.effect.parameters].index(LOSS.name)
 
 
 def loss_curves(search: Search, held: Sequence[Held], rotor: int) -> Mapping[str, Floats]:

@@ -7,10 +7,17 @@ import pytest
 
 from tests.models.made_flights import F16, curve_model, made_flights, table
 from thrustmargin.models.effects import effects_for
+from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION_ONSET
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer import uneven_loss as uneven
-from thrustmargin.models.identification.answer.uneven_loss import loss_curves, uneven_loss
+from thrustmargin.models.identification.answer.adequacy import closest_to
+from thrustmargin.models.identification.answer.uneven_loss import (
+    loss_curves,
+    uneven_loss,
+    unexplained_loss,
+)
 from thrustmargin.models.identification.loop import identify_checked
+from thrustmargin.models.identification.rows.candidates import Held, Term, candidate, derivatives
 from thrustmargin.models.identification.sets.nuisance import LEVELS, STANDING
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.identification.sets.set_search import Search
@@ -167,3 +174,40 @@ def test_motor_outputs_do_not_show_it():
 def test_only_a_named_rotor_is_asked():
     search = searched("bends")
     assert uneven_loss(search, search.best, []) is None
+
+
+def test_what_goes_by_the_tank_is_no_name_beside_a_loss_that_goes_with_the_rotors_own_thrust():
+    names = ["rotor_degradation", "extra_mass", "tank_scale", "parasite_drag"]
+    space = search_space(MODEL, flights("bends"), effects_for(F16, table(names)))
+    search = Search(space.reduced, space.nuisance, space.candidates)
+    by_key = {c.key: k for k, c in enumerate(search.candidates)}
+    first, third = (by_key[f"rotor_degradation@{n}"] for n in (1, ROTOR + 1))
+    mass, tank, airspeed = (by_key[name] for name in names[1:])
+    best = search.fit(frozenset({third}), ())
+    one = uneven_loss(search, best, [third])
+    assert one is not None
+    left = unexplained_loss(one, best)
+    named = sorted([first, third, mass, tank, airspeed])
+    assert set(closest_to(left, named, search, best)) == {third, tank}
+    in_flight = replace(left, channel="airspeed")
+    assert set(closest_to(in_flight, named, search, best)) == {third, airspeed}
+    assert left.share == pytest.approx(
+        np.mean(one.change**2, axis=0).sum() / np.mean(best.residual**2, axis=0).sum()
+    )
+    assert left.rms_rpm == pytest.approx(np.sqrt(np.mean(np.sum(one.change**2, axis=1))))
+
+
+def test_a_loss_that_begins_in_flight_is_asked_as_one_all_along():
+    search = searched("steady")
+    (c,) = sorted(search.best.key)
+    steady = search.best.held[0]
+    begins = candidate(Term(effect=ROTOR_DEGRADATION_ONSET, rotor=ROTOR), search.reduced.flights)
+    values = begins.start.copy()
+    values[:, 0] = [0.0, 0.05, 0.08, 0.0]  # in each flight
+    values[:, 1] = 60.0  # s
+    along = uneven._of_loss(search, [Held(candidate=begins, values=values)], 0)
+    small = Held(candidate=steady.candidate, values=search.start[c].values)
+    np.testing.assert_allclose(
+        along, 0.08 * np.nan_to_num(derivatives(search.reduced, [small], 0)[:, :, 0]), rtol=0.05
+    )
+    assert (np.abs(along[:, 0]) > 1.0).all()  # before it begins too
