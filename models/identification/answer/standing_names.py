@@ -69,7 +69,7 @@ def standing_names(
     answer, left_out = borne_out(problem, posterior_of(search, steepness))
     named = answer.named()
     first, any_name = answer, bool(named)
-    uneven = uneven_loss(search, answer.best, named)
+    uneven = uneven_loss(search, answer.best)
     if uneven is None:
         left = unexplained(space, search, answer.best, named=any_name)
     else:

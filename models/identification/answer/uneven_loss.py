@@ -3,56 +3,109 @@
 A cut or worn propeller does. One that bends under load or swings at some speed, a motor that gets
 warm, a rotor that meets another's wake in fast flight do not, and the table has no effect for them:
 a steady loss is then the closest there is, right in which rotor it is and wrong in what it will do
-with another load. So the loss of a named rotor competes with one that goes along a channel: hats of
-the size of the loss itself, their coefficients drawn from a normal distribution, beside all that a
-search does not ask for. Where that holds what a name takes of the weight, the loss is not steady.
-Source: Kass and Raftery 1995, Bayes factors.
+with another load; or a gauge and a centre of gravity are, which go with the tank as it does. So the
+likeliest set competes with a loss of each rotor that goes along a channel: hats of the size of the
+loss, their coefficients drawn from a normal distribution, beside all that a search does not ask
+for. Where that holds what a name takes of the weight, the loss is not steady. Source: Kass and
+Raftery 1995, Bayes factors.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from thrustmargin.models.effects.coefficient.rotor_degradation import LOSS, ROTOR_DEGRADATION
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.identification.answer.adequacy import OWN_THRUST, Unexplained
+from thrustmargin.models.identification.answer.adequacy import (
+    BEYOND,
+    OWN_THRUST,
+    Unexplained,
+)
 from thrustmargin.models.identification.answer.posterior import NAMED
-from thrustmargin.models.identification.rows.candidates import Held, Term, placed, slopes
+from thrustmargin.models.identification.rows.candidates import (
+    ROTOR_PRIOR,
+    Held,
+    placed,
+    slopes,
+)
 from thrustmargin.models.identification.rows.value_columns import ValueColumns, side_by_side
 from thrustmargin.models.identification.sets.column_sums import Remainder
-from thrustmargin.models.identification.sets.free_form import CHANNELS, hats
+from thrustmargin.models.identification.sets.free_form import CHANNELS, FORM, hats
 from thrustmargin.models.identification.sets.linear_sets import TINY, FittedSet
 from thrustmargin.models.identification.sets.nuisance import root_of
 from thrustmargin.models.identification.sets.set_search import Search
 
 ALONG = ("airspeed", "time_s")  # besides the rotor's own thrust
+IN_PROPORTION = " in proportion"
+
+
+#: A rotor and the channel along which its loss may go.
+Law = tuple[int, str]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class UnevenLoss:
     """The loss of a rotor that goes along a channel."""
 
-    candidate: int
     rotor: int
     channel: str
-    odds: float  # ln, against a steady loss
-    columns: Floats  # (N, R, K) rpm in modes, of size one, by which the loss may go along it
+    odds: float  # ln, against the likeliest set
+    columns: Floats  # (N, R, K) rpm in modes, of size one, by which it may
     change: Floats  # (N, R) rpm in modes, that it likeliest does
+    steady: Floats  # (N, R) rpm in modes, that a steady loss of the same size does
 
 
-def uneven_loss(search: Search, best: FittedSet, named: Sequence[int]) -> UnevenLoss | None:
-    """The named rotor whose loss is most surely not steady; None where all may be.
+def uneven_loss(search: Search, best: FittedSet) -> UnevenLoss | None:
+    """The rotor of which the loss is most surely not steady; None where all may be.
 
-    Motor outputs do not show it: how an output goes with thrust is known no better.
+    Of a rotor that the set has as a bad one that is as likely as not, and must be beyond what laws
+    of effects are good to (on real propellers of which a tip was cut, by speeds worked out from
+    commands, a loss goes with thrust by 6 to 13 % of itself). Of another one it is as likely as
+    that it is bad. Motor outputs do not show it: how an output goes with thrust is known no better.
     """
     if search.reduced.of_outputs:
         return None
-    of = [c for c in named if c in best.key and _is_loss(search, c)]
-    found = [one for c in of if (one := _of_rotor(search, best, c)) is not None]
-    return max(found, key=lambda one: one.odds, default=None)
+    bad = {h.candidate.term.rotor for h in best.held}
+    every = [c.term for c in search.candidates if c.term.effect.key == ROTOR_DEGRADATION.key]
+    columns = {
+        (t.rotor, name): shape
+        for t in every
+        if t.rotor is not None
+        for name, shape in law_columns(search, best, t.rotor).items()
+    }
+    weighed = _against_steady(search, best, columns)
+    found = []
+    for rotor in sorted({rotor for rotor, _ in columns}):
+        odds = {law: weighed[law][0] for law in columns if law[0] == rotor}
+        law = max(odds, key=odds.__getitem__)
+        prior = 0.0 if rotor in bad else float(np.log(ROTOR_PRIOR))
+        found.append(
+            UnevenLoss(
+                rotor=rotor,
+                channel=law[1].removesuffix(IN_PROPORTION),
+                odds=float(np.logaddexp.reduce([*odds.values()]) - np.log(len(odds))) + prior,
+                columns=columns[law],
+                change=columns[law] @ weighed[law][1],
+                steady=_steady(search, best, rotor),
+            )
+        )
+    likeliest = max(found, key=lambda one: one.odds, default=None)
+    if likeliest is None or likeliest.odds < np.log(NAMED / (1.0 - NAMED)):
+        return None
+    return likeliest if likeliest.rotor not in bad or _is_large(likeliest) else None
+
+
+def _is_large(uneven: UnevenLoss) -> bool:
+    """True for what a loss does beyond a steady one that is more than its law may be off by."""
+    return _rms(uneven.change) > BEYOND * FORM * _rms(uneven.steady)
+
+
+def _rms(change: Floats) -> float:
+    """Of (N, R) rpm in modes, all together."""
+    return float(np.sqrt(np.mean(np.sum(change**2, axis=1))))
 
 
 def unexplained_loss(uneven: UnevenLoss, best: FittedSet) -> Unexplained:
@@ -65,76 +118,71 @@ def unexplained_loss(uneven: UnevenLoss, best: FittedSet) -> Unexplained:
         modes=(mode,),
         channel=uneven.channel,
         share=float(min(1.0, square.sum() / max(rest, 1e-12))),
-        rms_rpm=float(np.sqrt(square.sum())),
+        rms_rpm=_rms(uneven.change),
         curve_rpm=uneven.change[:, mode],
         rotor=uneven.rotor,
     )
 
 
-def _is_loss(search: Search, c: int) -> bool:
-    return search.candidates[c].term.effect.name == ROTOR_DEGRADATION.name
+def law_columns(search: Search, best: FittedSet, rotor: int) -> Mapping[str, Floats]:
+    """Channel -> (N, R, K) rpm in modes, of size one, by which the loss of a rotor may go along it:
+    in proportion to its own thrust too, which is what a blade that bends does.
 
-
-def _of_rotor(search: Search, best: FittedSet, c: int) -> UnevenLoss | None:
-    place = sorted(best.key).index(c)
-    rotor = search.candidates[c].term.rotor
-    assert rotor is not None
-    lost = _of_loss(search, best.held, place)
-    curves = loss_curves(search, best.held, rotor)
-    columns = {name: lost[:, :, None] * shape[:, None, :] for name, shape in curves.items()}
-    weighed = {name: _against_steady(search, best, one) for name, one in columns.items()}
-    odds = float(np.logaddexp.reduce([w[0] for w in weighed.values()]) - np.log(len(weighed)))
-    if odds < np.log(NAMED / (1.0 - NAMED)):
-        return None
-    name = max(weighed, key=lambda n: weighed[n][0])
-    return UnevenLoss(
-        candidate=c,
-        rotor=rotor,
-        channel=name.removesuffix(" in proportion"),
-        odds=odds,
-        columns=columns[name],
-        change=columns[name] @ weighed[name][1],
-    )
-
-
-def _of_loss(search: Search, held: Sequence[Held], place: int) -> Floats:
-    """(N, R) rpm in modes: what the loss of a rotor would do all along, by its slope."""
-    of, members = held[place].candidate.term, list(held)
-    size = float(np.abs(held[place].values[:, _loss_of(of)]).max())
-    if of.effect.key != ROTOR_DEGRADATION.key:  # it begins or ends somewhere
-        same = [h for h in search.start if h.candidate.term.rotor == of.rotor]
-        steady = (h for h in same if h.candidate.term.effect.key == ROTOR_DEGRADATION.key)
-        members.append(next(steady))
-        place, of = len(held), members[-1].candidate.term
-    return size * np.nan_to_num(slopes(search.reduced, members, place, [_loss_of(of)])[:, :, 0])
-
-
-def _loss_of(term: Term) -> int:
-    """The place of the loss among the parameters of an effect."""
-    return [p.name for p in term.effect.parameters].index(LOSS.name)
-
-
-def loss_curves(search: Search, held: Sequence[Held], rotor: int) -> Mapping[str, Floats]:
-    """Channel -> (N, K) curves of mean 0 along it, of which a loss of size one could be: in
-    proportion to the rotor's own thrust too, which is what a blade that bends does."""
-    speed = search.reduced.speeds(placed(search.reduced, held))[:, rotor]
+    They are beside the steady loss of a rotor that the set has. Of another one they have a steady
+    loss too, and go with its thrust alone: along airspeed and time a sound aircraft differs from
+    its model in ways that no rotor makes.
+    """
+    x = search.reduced
+    mine = [h for h in best.held if h.candidate.term.rotor == rotor]
+    speed = x.speeds(placed(x, best.held))[:, rotor]
     thrust = np.nan_to_num(speed**2, nan=float(np.nanmean(speed**2)))
     thrust /= thrust.mean()
     loads = CHANNELS["tank_kg"][0]  # of which its thrust is a share
-    found = {f"{OWN_THRUST} in proportion": thrust[:, None], OWN_THRUST: hats(thrust, loads)}
-    for name in ALONG:
-        values, (count, least) = np.asarray(getattr(search.reduced.channels, name)), CHANNELS[name]
+    found = {OWN_THRUST + IN_PROPORTION: thrust[:, None], OWN_THRUST: hats(thrust, loads)}
+    for name in ALONG if mine else ():
+        values, (count, least) = np.asarray(getattr(x.channels, name)), CHANNELS[name]
         if np.isfinite(values).all() and np.ptp(values) > least:
             found[name] = hats(values, count)
-    return {name: shape - shape.mean(axis=0) for name, shape in found.items()}
+    lost = _steady(search, best, rotor)[:, :, None]
+    steady = np.ones((thrust.size, int(not mine)))
+    columns = {}
+    for name, shape in found.items():
+        curves = np.concatenate([steady, shape - shape.mean(axis=0)], axis=1)
+        columns[name] = lost * curves[:, None, :]
+    return columns
 
 
-def _against_steady(search: Search, best: FittedSet, columns: Floats) -> tuple[float, Floats]:
-    """ln of the odds of `columns` (N, R, K) with coefficients of size one against none of them, the
-    values of the set free, and (K,) the likeliest coefficients."""
+def _steady(search: Search, best: FittedSet, rotor: int) -> Floats:
+    """(N, R) rpm in modes: what the loss of a rotor in a set, the largest of any flight, would do
+    all along, by its slope; of a rotor that is not in it, a loss of the usual size."""
+    mine = [h for h in best.held if h.candidate.term.rotor == rotor]
+    losses = [float(np.abs(h.values[:, _place(h)]).max()) for h in mine]
+    all_along = next(
+        h
+        for h in (*best.held, *search.start)
+        if h.candidate.term.rotor == rotor and h.candidate.term.effect.key == ROTOR_DEGRADATION.key
+    )
+    others = [h for h in best.held if h is not all_along]
+    slope = slopes(search.reduced, [*others, all_along], len(others), [_place(all_along)])
+    return max(losses, default=LOSS.scale) * np.nan_to_num(slope[:, :, 0])
+
+
+def _place(held: Held) -> int:
+    """Of the loss among the parameters."""
+    return [p.name for p in held.candidate.term.effect.parameters].index(LOSS.name)
+
+
+def _against_steady(
+    search: Search, best: FittedSet, columns: Mapping[Law, Floats]
+) -> dict[Law, tuple[float, Floats]]:
+    """Of each law, ln of the odds of its columns (N, R, K) with coefficients of size one against
+    none of them, the values of the set free, and (K,) the likeliest coefficients."""
+    if not columns:
+        return {}
     about = search.columns_about(best, alone=True)
-    count = columns.shape[2]
-    whole = side_by_side([ValueColumns.of_all(columns), about.whole])
+    extra = np.concatenate([*columns.values()], axis=2)
+    count = extra.shape[2]
+    whole = side_by_side([ValueColumns.of_all(extra), about.whole])
     rest = Remainder.of(search.solved, search.nuisance.sums(whole), range(count + about.asked))
     gram = rest.at_levels()[0][best.best_level]
     first = about.columns[-1].stop if about.columns else 0
@@ -143,6 +191,11 @@ def _against_steady(search: Search, best: FittedSet, columns: Floats) -> tuple[f
     own += np.diag(TINY * (np.diag(own) + TINY))
     left = gram[np.ix_(asked, asked)]
     left -= gram[np.ix_(asked, values)] @ np.linalg.solve(own, gram[np.ix_(values, asked)])
-    root, determinant = root_of(np.eye(count) + left[:-1, :-1])
-    pulled = root @ left[:-1, -1]
-    return float(pulled @ pulled - determinant) / 2.0, root.T @ pulled
+    weighed, start = {}, 0
+    for law, some in columns.items():
+        stop = start + some.shape[2]
+        root, determinant = root_of(np.eye(stop - start) + left[start:stop, start:stop])
+        pulled = root @ left[start:stop, -1]
+        weighed[law] = float(pulled @ pulled - determinant) / 2.0, root.T @ pulled
+        start = stop
+    return weighed

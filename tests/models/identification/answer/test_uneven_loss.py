@@ -12,12 +12,17 @@ from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer import uneven_loss as uneven
 from thrustmargin.models.identification.answer.adequacy import closest_to
 from thrustmargin.models.identification.answer.uneven_loss import (
-    loss_curves,
+    law_columns,
     uneven_loss,
     unexplained_loss,
 )
 from thrustmargin.models.identification.loop import identify_checked
-from thrustmargin.models.identification.rows.candidates import Held, Term, candidate, derivatives
+from thrustmargin.models.identification.rows.candidates import (
+    Held,
+    Term,
+    candidate,
+    derivatives,
+)
 from thrustmargin.models.identification.sets.nuisance import LEVELS, STANDING
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.identification.sets.set_search import Search
@@ -32,7 +37,7 @@ def lost_thrust(track: FlightTrack, law: str) -> np.ndarray:
     share = (track.tank_kg + F16.empty_mass) / (12.0 + F16.empty_mass)
     shape = {
         "steady": np.ones_like(share),
-        "bends": np.maximum(share - 0.5, 0.0) / 0.5,
+        "bends": np.maximum(share - 0.75, 0.0) / 0.25,
         "in fast flight": 0.6 + track.airspeed / 7.0,
         "warm": track.time_s / 60.0,
         "swings": 2.0 * np.exp(-(((share - 1.0) / 0.06) ** 2)),
@@ -88,11 +93,11 @@ def test_what_it_does_is_how_the_loss_differs_from_a_steady_one():
     law = "bends"
     search = searched(law)
     best = search.best
-    one = uneven_loss(search, best, sorted(best.key))
+    one = uneven_loss(search, best)
     assert one is not None
     x = search.reduced
     share = (x.channels.tank_kg + F16.empty_mass) / (12.0 + F16.empty_mass)
-    loss = SIZE * np.maximum(share - 0.5, 0.0) / 0.5
+    loss = SIZE * np.maximum(share - 0.75, 0.0) / 0.25
     speed = np.sqrt(share / (1.0 - loss)) / np.sqrt(share / (1.0 - loss.mean()))
     hover = x.measured_rpm[:, ROTOR] * (1.0 - 1.0 / speed)
     changed = one.change @ x.modes.directions.T
@@ -107,9 +112,10 @@ def test_the_odds_are_those_of_a_dense_model():
     best = search.best
     space = search.nuisance
     (c,) = sorted(best.key)
-    lost = uneven._of_loss(search, best.held, 0)
-    columns = lost[:, :, None] * loss_curves(search, best.held, ROTOR)["airspeed"][:, None, :]
-    odds, taken = uneven._against_steady(search, best, columns)
+    columns = law_columns(search, best, ROTOR)["airspeed"]
+    other = {(0, "rotor_thrust"): law_columns(search, best, 0)["rotor_thrust"]}
+    law = (ROTOR, "airspeed")
+    odds, taken = uneven._against_steady(search, best, {**other, law: columns})[law]
     about = search.columns_about(best)
     wide = about.whole.wide(search.reduced.flight)
     first, last = about.columns[c].start, about.columns[c].stop
@@ -148,32 +154,52 @@ def test_the_odds_are_those_of_a_dense_model():
     np.testing.assert_allclose(taken, along, rtol=0.01, atol=1e-3)
 
 
-def test_one_channel_of_many_is_not_taken_for_likelier_than_it_is(monkeypatch):
+@pytest.mark.parametrize(
+    ("rotor", "needed"),
+    [
+        (ROTOR, 19.0 * 4.0),  # the 19 to 1 of a name, of four laws
+        (0, 19.0 * 2.0 / 0.005),  # of two, and of a rotor of which nothing else says that it is bad
+    ],
+)
+def test_one_law_of_many_is_not_taken_for_likelier_than_it_is(monkeypatch, rotor, needed):
     search = searched("steady")
     best = search.best
-    found = iter([np.log(75.0), -50.0, -50.0, -50.0])
-    monkeypatch.setattr(
-        uneven, "_against_steady", lambda _s, _b, columns: (next(found), columns[0, 0] * 0)
-    )
-    assert (
-        uneven_loss(search, best, sorted(best.key)) is None
-    )  # 75 to 1, of four laws, is less than 19 to 1
-    found = iter([np.log(77.0), -50.0, -50.0, -50.0])
-    one = uneven_loss(search, best, sorted(best.key))
+
+    def weighed(odds: float):
+        def against(_search, _best, columns):
+            every = {law: (-90.0, np.ones(c.shape[2])) for law, c in columns.items()}
+            law = (rotor, "rotor_thrust")
+            return {**every, law: (np.log(odds), np.arange(every[law][1].size))}
+
+        return against
+
+    monkeypatch.setattr(uneven, "_against_steady", weighed(0.97 * needed))
+    assert uneven_loss(search, best) is None
+    monkeypatch.setattr(uneven, "_against_steady", weighed(1.03 * needed))
+    one = uneven_loss(search, best)
     assert one is not None
-    assert one.odds == pytest.approx(np.log(77.0 / 4.0), abs=1e-3)
-    assert one.channel == "rotor_thrust"
+    assert (one.rotor, one.channel) == (rotor, "rotor_thrust")
+    assert one.odds == pytest.approx(np.log(1.03 * 19.0), abs=1e-3)
+
+
+def test_a_rotor_that_swings_is_said_where_a_set_has_something_else_in_its_place():
+    search = searched("swings")
+    nothing = search.fit(frozenset(), ())
+    one = uneven_loss(search, nothing)
+    assert one is not None
+    assert (one.rotor, one.channel) == (ROTOR, "rotor_thrust")
+
+
+def test_a_sound_rotor_is_none():
+    space = search_space(MODEL, made_flights(4, duration=120.0), CATALOGUE)
+    search = Search(space.reduced, space.nuisance, space.candidates)
+    assert uneven_loss(search, search.fit(frozenset(), ())) is None
 
 
 def test_motor_outputs_do_not_show_it():
     search = searched("bends")
     search.reduced = replace(search.reduced, of_outputs=True)
-    assert uneven_loss(search, search.best, sorted(search.best.key)) is None
-
-
-def test_only_a_named_rotor_is_asked():
-    search = searched("bends")
-    assert uneven_loss(search, search.best, []) is None
+    assert uneven_loss(search, search.best) is None
 
 
 def test_what_goes_by_the_tank_is_no_name_beside_a_loss_that_goes_with_the_rotors_own_thrust():
@@ -184,7 +210,7 @@ def test_what_goes_by_the_tank_is_no_name_beside_a_loss_that_goes_with_the_rotor
     first, third = (by_key[f"rotor_degradation@{n}"] for n in (1, ROTOR + 1))
     mass, tank, airspeed = (by_key[name] for name in names[1:])
     best = search.fit(frozenset({third}), ())
-    one = uneven_loss(search, best, [third])
+    one = uneven_loss(search, best)
     assert one is not None
     left = unexplained_loss(one, best)
     named = sorted([first, third, mass, tank, airspeed])
@@ -199,15 +225,59 @@ def test_what_goes_by_the_tank_is_no_name_beside_a_loss_that_goes_with_the_rotor
 
 def test_a_loss_that_begins_in_flight_is_asked_as_one_all_along():
     search = searched("steady")
-    (c,) = sorted(search.best.key)
-    steady = search.best.held[0]
     begins = candidate(Term(effect=ROTOR_DEGRADATION_ONSET, rotor=ROTOR), search.reduced.flights)
     values = begins.start.copy()
     values[:, 0] = [0.0, 0.05, 0.08, 0.0]  # in each flight
     values[:, 1] = 60.0  # s
-    along = uneven._of_loss(search, [Held(candidate=begins, values=values)], 0)
-    small = Held(candidate=steady.candidate, values=search.start[c].values)
-    np.testing.assert_allclose(
-        along, 0.08 * np.nan_to_num(derivatives(search.reduced, [small], 0)[:, :, 0]), rtol=0.05
+    best = replace(search.best, held=(Held(candidate=begins, values=values),))
+    along = uneven._steady(search, best, ROTOR)
+    (c,) = sorted(search.best.key)
+    small = Held(candidate=search.candidates[c], values=search.start[c].values)
+    slope = np.nan_to_num(derivatives(search.reduced, [small], 0)[:, :, 0])
+    before = search.reduced.channels.time_s < 55.0
+    np.testing.assert_allclose(along[before], 0.08 * slope[before], rtol=0.02)
+    nothing = replace(search.best, key=frozenset(), held=())
+    usual = uneven._steady(search, nothing, ROTOR)
+    np.testing.assert_allclose(usual, 0.05 * slope, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("share", "steady"), [(0.14, True), (0.16, False)])
+def test_a_loss_is_steady_that_goes_along_by_less_than_three_times_what_its_law_may_be_off_by(
+    monkeypatch, share, steady
+):
+    search = searched("steady")
+    best = search.best
+    real = uneven._steady(search, best, ROTOR)
+    curve = np.zeros((*real.shape, 1))
+    curve[:, :, 0] = share * real * np.sign(np.arange(len(real)) % 2 - 0.5)[:, None]
+
+    def one_law(_search, _best, rotor):
+        return {"airspeed": curve if rotor == ROTOR else 0.0 * curve}
+
+    monkeypatch.setattr(uneven, "law_columns", one_law)
+    monkeypatch.setattr(
+        uneven,
+        "_against_steady",
+        lambda _s, _b, columns: {law: (50.0 * (law[0] == ROTOR), np.ones(1)) for law in columns},
     )
-    assert (np.abs(along[:, 0]) > 1.0).all()  # before it begins too
+    assert (uneven_loss(search, best) is None) == steady
+
+
+def test_of_two_rotors_the_likelier_counts_even_where_it_is_not_uneven_enough(monkeypatch):
+    search = searched("steady")
+    best = search.best
+    real = {r: uneven._steady(search, best, r)[:, :, None] for r in range(4)}
+    monkeypatch.setattr(
+        uneven, "law_columns", lambda _s, _b, r: {"airspeed": (0.1 + 0.9 * (r == 3)) * real[r]}
+    )
+    odds = {ROTOR: 90.0, 3: 80.0}
+    monkeypatch.setattr(
+        uneven,
+        "_against_steady",
+        lambda _s, _b, columns: {law: (odds.get(law[0], -9.0), np.ones(1)) for law in columns},
+    )
+    assert uneven_loss(search, best) is None
+    odds[3] = 99.0
+    one = uneven_loss(search, best)
+    assert one is not None
+    assert one.rotor == 3
