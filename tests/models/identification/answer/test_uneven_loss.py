@@ -9,6 +9,7 @@ from tests.models.made_flights import F16, curve_model, made_flights, table
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION_ONSET
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.identification.answer import standing_names
 from thrustmargin.models.identification.answer import uneven_loss as uneven
 from thrustmargin.models.identification.answer.adequacy import closest_to
 from thrustmargin.models.identification.answer.uneven_loss import (
@@ -105,16 +106,16 @@ def test_what_it_does_is_how_the_loss_differs_from_a_steady_one():
     assert np.std(changed[:, ROTOR]) == pytest.approx(np.std(hover), rel=0.35)
 
 
-def test_the_odds_are_those_of_a_dense_model():
+@pytest.mark.parametrize("law", [(ROTOR, "airspeed"), (0, "rotor_thrust")])
+def test_the_odds_are_those_of_a_dense_model(law):
     """Of r with the covariance V of noise, nuisances, forms and free values, against V + A A' with
     the columns A: half the difference of r' V^-1 r, less half that of ln det V."""
     search = searched("bends")
     best = search.best
     space = search.nuisance
     (c,) = sorted(best.key)
-    columns = law_columns(search, best, ROTOR)["airspeed"]
-    other = {(0, "rotor_thrust"): law_columns(search, best, 0)["rotor_thrust"]}
-    law = (ROTOR, "airspeed")
+    columns = law_columns(search, best, law[0])[law[1]]
+    other = {(1, "rotor_thrust"): law_columns(search, best, 1)["rotor_thrust"]}
     odds, taken = uneven._against_steady(search, best, {**other, law: columns})[law]
     about = search.columns_about(best)
     wide = about.whole.wide(search.reduced.flight)
@@ -188,6 +189,36 @@ def test_a_rotor_that_swings_is_said_where_a_set_has_something_else_in_its_place
     one = uneven_loss(search, nothing)
     assert one is not None
     assert (one.rotor, one.channel) == (ROTOR, "rotor_thrust")
+
+
+def test_a_rotor_that_no_set_has_is_asked_by_its_thrust_alone_and_has_a_steady_loss_too():
+    search = searched("steady")
+    best = search.best
+    named, other = law_columns(search, best, ROTOR), law_columns(search, best, 0)
+    thrust = ["rotor_thrust in proportion", "rotor_thrust"]
+    assert list(named) == [*thrust, "airspeed", "time_s"]
+    assert list(other) == thrust
+    for name in thrust:
+        assert other[name].shape[2] == named[name].shape[2] + 1
+        np.testing.assert_array_equal(other[name][:, :, 0], uneven._steady(search, best, 0))
+
+
+def test_names_are_asked_again_beside_what_the_loss_may_do(monkeypatch):
+    asked = []
+
+    class Asked(Search):
+        def __init__(self, reduced, nuisance, candidates, solved=None):
+            asked.append(nuisance)
+            super().__init__(reduced, nuisance, candidates, solved)
+
+    monkeypatch.setattr(standing_names, "Search", Asked)
+    identify_checked(flights("bends"), MODEL, catalogue=CATALOGUE)
+    (nuisance,) = asked
+    search = searched("bends")
+    one = uneven_loss(search, search.best)
+    assert one is not None
+    free = nuisance.uncertainty[:, :, search.nuisance.uncertainty.shape[2] :]
+    np.testing.assert_allclose(free, search.nuisance.whitening.apply(one.columns), atol=1e-9)
 
 
 def test_a_sound_rotor_is_none():
