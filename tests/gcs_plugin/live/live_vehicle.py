@@ -118,7 +118,8 @@ def joined(parts: Sequence[LiveRows]) -> LiveRows:
 def command(name: str, *arguments: str, **options) -> subprocess.Popen:
     """`thrustmargin NAME ...` in a process of its own."""
     program = (
-        f"import tyro; from thrustmargin.gcs_plugin.commands.{name} import {name}; tyro.cli({name})"
+        "import tyro; from thrustmargin.gcs_plugin.cli import command_function; "
+        f"tyro.cli(command_function({name!r}))"
     )
     return subprocess.Popen([sys.executable, "-c", program, *arguments], cwd=ROOT, **options)
 
