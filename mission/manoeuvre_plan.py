@@ -23,7 +23,11 @@ from thrustmargin.mission.plan import (
     PlanItem,
 )
 from thrustmargin.models.errors import PlanError
-from thrustmargin.models.identification.answer.manoeuvres import FlownLimits, Manoeuvre, corners_ned
+from thrustmargin.models.identification.next_flight.manoeuvres import (
+    FlownLimits,
+    Manoeuvre,
+    corners_ned,
+)
 
 LOWEST = 2.0  # m above home, but where flights were mostly lower: a mission goes there by itself
 

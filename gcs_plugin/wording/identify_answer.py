@@ -29,7 +29,6 @@ from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.identification.answer.adequacy import OWN_THRUST
 from thrustmargin.models.identification.answer.margin_change import WORST_SHARE, MarginChange
-from thrustmargin.models.identification.answer.next_flight import CERTAIN, NextFlight
 from thrustmargin.models.identification.answer.result import (
     Errors,
     Excluded,
@@ -37,6 +36,7 @@ from thrustmargin.models.identification.answer.result import (
     Mentioned,
     OneOf,
 )
+from thrustmargin.models.identification.next_flight.next_flight import CERTAIN, NextFlight
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.identification.rows.output_shares import FEWEST_FLIGHTS
 

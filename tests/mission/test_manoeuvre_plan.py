@@ -18,7 +18,7 @@ from thrustmargin.mission.plan import (
     write_plan,
 )
 from thrustmargin.models.errors import PlanError
-from thrustmargin.models.identification.answer.manoeuvres import FlownLimits, manoeuvres
+from thrustmargin.models.identification.next_flight.manoeuvres import FlownLimits, manoeuvres
 
 LIMITS = replace(FlownLimits.of(made_flights(3)), height=(3.0, 20.0), climb=2.0)
 LIBRARY = {m.name: m for m in manoeuvres(LIMITS)}

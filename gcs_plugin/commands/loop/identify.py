@@ -189,7 +189,7 @@ def write_result(
     from thrustmargin.gcs_plugin.reports.identify.identify_result import json_text
     from thrustmargin.mission.manoeuvre_plan import manoeuvre_plan
     from thrustmargin.mission.plan import plan_text
-    from thrustmargin.models.identification.answer.manoeuvres import FlownLimits
+    from thrustmargin.models.identification.next_flight.manoeuvres import FlownLimits
     from thrustmargin.models.model.model_file import save_model
     from thrustmargin.models.whole_file import whole_file
 

@@ -22,7 +22,6 @@ from thrustmargin.gcs_plugin.wording.numbers import joined, number, shown_unit, 
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer.margin_change import MarginChange, margin_changes
 from thrustmargin.models.identification.answer.model_update import ModelUpdate, update_model
-from thrustmargin.models.identification.answer.next_flight import NextFlight, following_flight
 from thrustmargin.models.identification.answer.result import Found, Identification
 from thrustmargin.models.identification.answer.unseen_errors import (
     Errors,
@@ -30,6 +29,7 @@ from thrustmargin.models.identification.answer.unseen_errors import (
     Unseen,
     rotor_errors,
 )
+from thrustmargin.models.identification.next_flight.next_flight import NextFlight, following_flight
 from thrustmargin.models.model.json_values import to_json_values
 
 if TYPE_CHECKING:

@@ -22,9 +22,7 @@ from thrustmargin.gcs_plugin.wording.identify_answer import (
     unexplained,
 )
 from thrustmargin.models.effects import BY_KEY
-from thrustmargin.models.identification.answer.manoeuvres import FlownLimits, manoeuvres
 from thrustmargin.models.identification.answer.margin_change import MarginChange, margin_changes
-from thrustmargin.models.identification.answer.next_flight import NextFlight
 from thrustmargin.models.identification.answer.result import (
     Excluded,
     Identification,
@@ -33,6 +31,8 @@ from thrustmargin.models.identification.answer.result import (
     SetWeight,
 )
 from thrustmargin.models.identification.loop import identify
+from thrustmargin.models.identification.next_flight.manoeuvres import FlownLimits, manoeuvres
+from thrustmargin.models.identification.next_flight.next_flight import NextFlight
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.network.records import GoodFlights
 

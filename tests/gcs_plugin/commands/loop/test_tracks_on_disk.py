@@ -12,8 +12,8 @@ from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.loop.tracks_on_disk import TracksOnDisk
 from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.identification.answer.manoeuvres import FlownLimits
 from thrustmargin.models.identification.loop import identify, identify_checked
+from thrustmargin.models.identification.next_flight.manoeuvres import FlownLimits
 from thrustmargin.models.identification.rows import usable_flights
 
 

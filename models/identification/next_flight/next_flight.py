@@ -32,13 +32,13 @@ from thrustmargin.models.identification.answer.explanations import (
     fitted_explanation,
     second_noise_rpm,
 )
-from thrustmargin.models.identification.answer.manoeuvres import (
+from thrustmargin.models.identification.answer.result import Identification
+from thrustmargin.models.identification.next_flight.manoeuvres import (
     FlownLimits,
     Manoeuvre,
     flown_track,
     manoeuvres,
 )
-from thrustmargin.models.identification.answer.result import Identification
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.model.predict import model_channels, table_of
 from thrustmargin.models.model.rotor_model import RotorModel

@@ -8,7 +8,7 @@ import pytest
 from tests.models.made_flights import curve_model, made_flight, made_flights
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import down_axis
-from thrustmargin.models.identification.answer.manoeuvres import (
+from thrustmargin.models.identification.next_flight.manoeuvres import (
     ACCELERATION,
     FlownLimits,
     corners_ned,

@@ -7,7 +7,7 @@ import pytest
 
 from tests.models.made_flights import curve_model
 from thrustmargin.models.flight import FlightTrack, Origin
-from thrustmargin.models.identification.answer.manoeuvres import (
+from thrustmargin.models.identification.next_flight.manoeuvres import (
     FlownLimits,
     Manoeuvre,
     Piece,

@@ -10,25 +10,25 @@ from scipy.stats import norm
 from tests.models.made_flights import curve_model, made_flight
 from thrustmargin.models.effects import BY_KEY, effects_for
 from thrustmargin.models.effects.compose import rotor_speed_rpm
-from thrustmargin.models.identification.answer import next_flight as module
 from thrustmargin.models.identification.answer.explanations import (
     Explanation,
     ModePrediction,
     fitted_explanation,
     second_noise_rpm,
 )
-from thrustmargin.models.identification.answer.manoeuvres import (
+from thrustmargin.models.identification.answer.result import Mentioned, OneOf, SetWeight
+from thrustmargin.models.identification.next_flight import next_flight as module
+from thrustmargin.models.identification.next_flight.manoeuvres import (
     FlownLimits,
     flown_track,
     manoeuvres,
 )
-from thrustmargin.models.identification.answer.next_flight import (
+from thrustmargin.models.identification.next_flight.next_flight import (
     CHANCE,
     explanations_of,
     following_flight,
     next_flight,
 )
-from thrustmargin.models.identification.answer.result import Mentioned, OneOf, SetWeight
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.model.predict import model_channels, table_of
