@@ -40,6 +40,7 @@ from thrustmargin.gcs_plugin.telemetry.flight_log import log_of_track
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.gcs_plugin.telemetry.resample import plausible
 from thrustmargin.gcs_plugin.telemetry.statements import Options, stated_track
+from thrustmargin.models.checks.motion_units import motion_units
 from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, Origin
 from thrustmargin.models.model.json_values import from_json_values, to_json_values
@@ -321,7 +322,7 @@ def _track(
     notes = (*(clean(n) for n in written if isinstance(n, str)), *notes)
     for channel in channels.keys() - sources.keys():
         sources[channel] = f"{path.name} column {COLUMNS.get(channel, (channel,))[0]}"
-    return FlightTrack.of(
+    track = FlightTrack.of(
         name=clean(name if isinstance(name, str) else path.name),
         time_s=time_s,
         rotor_count=rotors,
@@ -332,6 +333,12 @@ def _track(
         notes=notes,
         **channels,
     )
+    if wrong := motion_units(track):
+        raise LogError(
+            f"{path.name}: {wrong}; a file columns.toml beside it states other units "
+            "(docs/tables.md)"
+        )
+    return track
 
 
 def _origin(path: Path, given: Any) -> Origin | None:

@@ -177,10 +177,12 @@ def at_most(size: float, unit: str, name: str = "") -> str:
 def excluded_rows(found: Identification) -> list[tuple[str, str]]:
     """What was not seen and the size that is excluded; a row for all rotors, one for all cables."""
     largest: dict[str, Excluded] = {}
+    spoken_of = {m.rotor for m in found.mentioned} | {f.term.rotor for f in found.found}
+    another = "any other weak rotor" if spoken_of - {None} else "any weak rotor"
     for one in found.excluded:
         thing = effect_thing(one.term, found.model.airframe.rotor_names)
         if one.term.rotor is not None:
-            thing = "any weak rotor"
+            thing = another
         if len([p for p in one.term.effect.parameters if not p.detail]) > 1:
             thing += f", {one.parameter.replace('_', ' ')}"
         if thing not in largest or one.above > largest[thing].above:
@@ -215,7 +217,7 @@ def unexplained(found: Identification) -> str:
             f"its thrust all along: the loss {goes} ({rms}), and no effect of the table does "
             f"that, so none was added; {INSPECT}, and look for what bends, slips or gets warm"
         )
-    things = " or ".join(_thing_of(words, names) for words in left.get("closest") or ())
+    things = " or ".join(dict.fromkeys(_thing_of(w, names) for w in left.get("closest") or ()))
     close = f"; closest in the table: {things}" if things else ""
     return (
         f"No effect explains {rms} in {left['mode']}, {share} of what is left, that {along}{close}"

@@ -79,11 +79,15 @@ def form_columns(x: Channels) -> Floats:
 
 
 def wander_columns(time_s: Floats, flight: NDArray[np.intp], apart: float = WANDER) -> Floats:
-    """(N, W) hats over the time of each flight, `apart` seconds; flights share the columns."""
+    """(N, W) hats over the time of each flight, `apart` seconds; flights share the columns.
+
+    A pause has none, however long: a log may go on hours later.
+    """
     first = np.searchsorted(flight, np.unique(flight))
-    since = time_s - time_s[first][flight]
-    count = int(np.ceil(since.max() / apart)) + 1
-    return np.maximum(1.0 - np.abs(since[:, None] / apart - np.arange(count)), 0.0)
+    place = (time_s - time_s[first][flight]) / apart
+    before = np.floor(place)
+    knots = np.union1d(before, before[place > before] + 1.0)
+    return np.maximum(1.0 - np.abs(place[:, None] - knots), 0.0)
 
 
 def slow_wander(values: Floats, time_s: Floats, flight: NDArray[np.intp], apart: float) -> Floats:

@@ -120,7 +120,10 @@ def _steps(search: Search) -> Iterator[_Step]:
 
 
 def _grid(time_s: Floats) -> Floats:
-    return np.arange(time_s.min() + LEAST_AFTER, time_s.max() - LEAST_AFTER, GRID)
+    """Times to try, each with means before the next: a pause has none, however long."""
+    first, last = time_s.min() + LEAST_AFTER, time_s.max() - LEAST_AFTER
+    within = time_s[(time_s >= first) & (time_s < last)]
+    return first + GRID * np.unique(np.floor((within - first) / GRID))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

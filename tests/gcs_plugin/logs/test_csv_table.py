@@ -1,5 +1,7 @@
 """A flight as CSV: it reads back to the last digit, and a wrong table says what is wrong."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -226,3 +228,12 @@ def test_what_a_comment_line_says_amiss_is_passed_over(tmp_path, about):
     (tmp_path / "x.csv").write_text(f"# {about}\ntime_s,airspeed\n0,1\n1,2\n")
     track = read_log(tmp_path / "x.csv").track
     assert (track.name, track.start_unix_s, track.notes[1:]) == ("x.csv", None, ())
+
+
+def test_time_in_milliseconds_is_refused_with_what_showed_it(sitl_logs, tmp_path):
+    track = read_log(sitl_logs / "campaign/v4_m10_q2.5.tlog").track
+    path = tmp_path / "ms.csv"
+    write_csv(replace(track, time_s=track.time_s * 1000.0), path)
+    said = "rows 100 s apart: time_s must be in s; a file columns.toml beside it states other units"
+    with pytest.raises(LogError, match=said):
+        read_csv(path)

@@ -165,6 +165,13 @@ def test_excluded_sizes_are_one_row_for_all_rotors_and_in_the_units_of_the_field
     ]
 
 
+def test_a_limit_of_rotors_is_of_the_others_where_one_is_spoken_of(sound):
+    limits = (Excluded(term=weak(1), parameter="loss", unit="1", above=0.018),)
+    asked = Mentioned(rotor=3, probability=0.4, loss=0.2, ci95=(0.17, 0.22))
+    found = replace(sound, excluded=limits, mentioned=(asked,))
+    assert excluded_rows(found) == [("any other weak rotor", "above 1.8 %")]
+
+
 def test_a_limit_is_rounded_away_from_zero():
     assert at_most(0.0201, "1") == "2.1 %"
     assert at_most(0.02, "1") == "2 %"
@@ -237,6 +244,9 @@ def test_what_is_unexplained_has_mode_channel_closest_names_and_an_action(sound)
     close = _Left(sound, closest=["cg_offset", "rotor_degradation of rotor 2", "new_thing"])
     things = "a shifted centre of gravity or a weak rotor 2 (rear left) or new thing"
     assert f"tank level; closest in the table: {things}: " in unexplained(close)  # type: ignore[arg-type]
+    twice = _Left(sound, closest=["cg_offset", "extra_mass", "cg_offset:tank"])
+    things = "a shifted centre of gravity or hidden mass"
+    assert f"closest in the table: {things}: " in unexplained(twice)  # type: ignore[arg-type]
     slow = _Left(sound, channel="time_s", wanders=True)
     assert "and goes with no channel: look at ice" in unexplained(slow)  # type: ignore[arg-type]
     warm = _Left(sound, channel="time_s", rotor=1)

@@ -231,3 +231,13 @@ def test_steps_are_looked_for_beside_the_other_effects_of_a_set_and_not_beside_i
     del search.fitted[heavy.key]
     assert onset_candidates(search, whole) == []
     assert heavy.key not in search.fitted
+
+
+def test_times_are_tried_every_five_seconds_and_not_within_a_pause():
+    """Of 0 to 30 s and again from a million s on: 8 s are kept clear of both ends."""
+    flown = np.concatenate([np.arange(0.0, 30.0, 0.5), 1e6 + np.arange(0.0, 20.0, 0.5)])
+    tried = onsets._grid(flown)
+    np.testing.assert_allclose(
+        tried, [8.0, 13.0, 18.0, 23.0, 28.0, 1e6 - 2.0, 1e6 + 3.0, 1e6 + 8.0]
+    )
+    assert onsets._grid(np.arange(0.0, 15.0)).size == 0

@@ -229,6 +229,12 @@ def test_the_slow_noise_of_each_flight_begins_with_it():
     assert columns[:, 1] == pytest.approx([0.0, 0.4, 1.0, 0.0, 0.5, 1.0])
 
 
+def test_a_pause_of_days_has_no_knots():
+    """A clock that leaps ahead, or a log that goes on another day, had 40,000 of them."""
+    columns = wander_columns(np.array([0.0, 10.0, 1e6 + 5.0]), np.zeros(3, dtype=int), apart=25.0)
+    np.testing.assert_allclose(columns, [[1, 0, 0, 0], [0.6, 0.4, 0, 0], [0, 0, 0.8, 0.2]])
+
+
 def test_what_an_effect_does_is_good_to_a_few_per_cent_of_itself():
     space = search_space(curve_model(), made_flights(2), table(["extra_mass"]))
     search = Search(space.reduced, space.nuisance, space.candidates)

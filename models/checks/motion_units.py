@@ -1,0 +1,86 @@
+"""Do position and velocity, heading and yaw rate speak of the same seconds?
+
+A table says its units only by its headings: time in milliseconds, angles in degrees or a velocity
+in feet a second would make every delay, smoothing and turn wrong without a word. What moves is
+compared with its rate times the seconds between rows: both regressions, of one on the other, bound
+the true ratio however much noise either has. Source: Frisch 1934, bounds of a slope with errors in
+both variables.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.physics.smoothing import known_median
+
+#: of what the rate says, that is no matter of noise or lag: knots and feet are 1.9 and 3.3 off
+POSSIBLE = (0.6, 1.7)
+FEWEST_STEPS = 20
+LONGEST = 3.0  # times the usual step: beyond it is a pause
+#: squared correlation below which steps show nothing: what rounding and noise do to small ones
+LEAST_SHARED = 0.05
+#: and below which going the other way may be a slow channel's doing
+LEAST_OPPOSITE = 0.5
+
+Bounds = tuple[float, float]
+
+
+def motion_units(track: FlightTrack) -> str | None:
+    """Why the rates of a flight cannot be those of its positions, and what to check; else None."""
+    wrong = {
+        name: bounds
+        for name, bounds in (("position", moved(track)), ("heading", turned(track)))
+        if bounds is not None and not (bounds[0] <= POSSIBLE[1] and bounds[1] >= POSSIBLE[0])
+    }
+    if not wrong:
+        return None
+    rates = {"position": "velocity", "heading": "yaw rate"}
+    units = {"position": "m and m/s", "heading": "rad and rad/s"}
+    factors = {
+        name: float(f"{np.copysign(np.sqrt(low * high), low):.2g}")
+        for name, (low, high) in wrong.items()
+    }
+    found = " and ".join(
+        f"{name} changes {factor:g} times as much as {rates[name]} says"
+        for name, factor in factors.items()
+    )
+    step = known_median(np.diff(track.time_s))
+    own = "" if len(wrong) > 1 else "".join(f", these in {units[name]}" for name in wrong)
+    return f"{found}, with rows {step:.3g} s apart: time_s must be in s{own}"
+
+
+def moved(track: FlightTrack) -> Bounds | None:
+    """Least and largest of horizontal movement over velocity times seconds; None if not shown."""
+    return _ratio(
+        track.time_s, np.diff(track.position_ned[:, :2], axis=0), track.velocity_ned[:, :2]
+    )
+
+
+def turned(track: FlightTrack) -> Bounds | None:
+    """The same of the change of heading over yaw rate times seconds."""
+    change = np.diff(track.attitude[:, 2:], axis=0)
+    return _ratio(
+        track.time_s,
+        (change + np.pi) % (2.0 * np.pi) - np.pi,
+        track.angular_rate_frd[:, 2:],
+    )
+
+
+def _ratio(time_s: Floats, change: Floats, rate: Floats) -> Bounds | None:
+    """Of changes (T - 1, K) over rates (T, K) times the seconds between rows (T,)."""
+    step = np.diff(time_s)
+    if step.size < FEWEST_STEPS:
+        return None
+    by_rate = (rate[1:] + rate[:-1]) / 2.0 * step[:, None]
+    known = np.isfinite(change).all(axis=1) & np.isfinite(by_rate).all(axis=1)
+    known &= step <= LONGEST * np.median(step)
+    change, by_rate = change[known], by_rate[known]
+    if len(change) < FEWEST_STEPS:
+        return None
+    both, squares = float(np.sum(change * by_rate)), float(np.sum(by_rate**2))
+    changes = float(np.sum(change**2))
+    least = LEAST_SHARED if both > 0.0 else LEAST_OPPOSITE
+    if both**2 <= least * squares * changes:
+        return None
+    return both / squares, changes / both

@@ -1,0 +1,141 @@
+"""Positions against velocities, headings against yaw rates, over the seconds of a table."""
+
+import numpy as np
+import pytest
+
+from thrustmargin.models.checks.motion_units import motion_units, moved, turned
+from thrustmargin.models.flight import FlightTrack
+
+TIME = np.arange(0.0, 60.0, 0.1)
+
+
+def flight(*, time=1.0, position=1.0, attitude=1.0, noise=0.0, reported=("position", "heading")):
+    """A circle of 5 m about a point, once in 20 s, nose ahead; each factor is a wrong unit."""
+    angle = 2.0 * np.pi * TIME / 20.0
+    rng = np.random.default_rng(3)
+    north, east = 5.0 * np.cos(angle), 5.0 * np.sin(angle)
+    rate = 2.0 * np.pi / 20.0
+    still = np.zeros_like(TIME)
+    place = np.stack([north, east, still - 3.0], axis=1) * position
+    velocity = np.stack([-rate * east, rate * north, still], axis=1)
+    heading = ((angle + np.pi / 2.0 + np.pi) % (2.0 * np.pi) - np.pi) * attitude
+    channels = {}
+    if "position" in reported:
+        channels["position_ned"] = place + noise * rng.normal(size=place.shape)
+        channels["velocity_ned"] = velocity
+    if "heading" in reported:
+        channels["attitude"] = np.stack([still, still, heading], axis=1)
+        channels["angular_rate_frd"] = np.stack([still, still, still + rate], axis=1)
+    return FlightTrack.of(name="circle.csv", time_s=TIME * time, rotor_count=4, **channels)
+
+
+def test_a_flight_in_si_is_right_by_both():
+    track = flight()
+    assert motion_units(track) is None
+    # A mean of two rates over a step of a circle of 0.0314 rad is 1 - 0.0314²/12 of the chord.
+    for bounds in (moved(track), turned(track)):
+        assert bounds == pytest.approx((1.0, 1.0), rel=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        (
+            {"time": 1000.0},
+            "position changes 0.001 times as much as velocity says and heading changes 0.001 times "
+            "as much as yaw rate says, with rows 100 s apart: time_s must be in s",
+        ),
+        (
+            {"position": 3.281},
+            "position changes 3.3 times as much as velocity says, with rows 0.1 s apart: "
+            "time_s must be in s, these in m and m/s",
+        ),
+        (
+            {"attitude": -1.0},
+            "heading changes -1 times as much as yaw rate says, with rows 0.1 s apart: "
+            "time_s must be in s, these in rad and rad/s",
+        ),
+        (
+            {"time": 1e-3, "reported": ("heading",)},
+            "heading changes 1000 times as much as yaw rate says, with rows 0.0001 s apart: "
+            "time_s must be in s, these in rad and rad/s",
+        ),
+    ],
+)
+def test_another_unit_is_said_with_its_factor(wrong, words):
+    assert motion_units(flight(**wrong)) == words
+
+
+def test_degrees_are_57_times_too_many():
+    found = motion_units(flight(attitude=np.degrees(1.0), reported=("heading",)))
+    assert found is not None
+    assert found.startswith("heading changes ")
+
+
+@pytest.mark.parametrize(("factor", "wrong"), [(1.65, False), (1.75, True), (0.62, False)])
+def test_what_noise_and_lag_may_do_is_let_pass(factor, wrong):
+    assert (motion_units(flight(position=factor, reported=("position",))) is not None) is wrong
+
+
+def test_positions_that_are_noise_say_nothing():
+    """0.5 m of noise on steps of 0.16 m: they share less than a twentieth, whatever the factor."""
+    assert moved(flight(noise=0.5, reported=("position",))) is None
+    loud = flight(noise=0.15, reported=("position",))
+    bounds = moved(loud)
+    assert bounds is not None
+    low, high = bounds
+    assert low < 1.2  # one regression keeps the truth
+    assert high > 2.0  # the other takes all noise for movement
+    assert motion_units(loud) is None
+
+
+def test_noise_that_goes_the_other_way_says_nothing():
+    track = flight(position=-1.0, noise=0.15, reported=("position",))
+    assert moved(track) is None  # a third is shared
+    assert moved(flight(position=-1.0, noise=0.02, reported=("position",))) is not None
+
+
+def test_a_position_that_comes_once_a_second_is_right_all_the_same():
+    track = flight(reported=("position",))
+    held = track.position_ned[(np.arange(TIME.size) // 10) * 10]
+    bounds = moved(
+        FlightTrack.of(
+            name="held",
+            time_s=TIME,
+            rotor_count=4,
+            position_ned=held,
+            velocity_ned=track.velocity_ned,
+        )
+    )
+    assert bounds is not None
+    assert bounds[0] == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_pause_is_no_step():
+    track = flight(reported=("position",))
+    late = np.where(TIME < 30.0, TIME, TIME + 1e6)
+    paused = FlightTrack.of(
+        name="pause",
+        time_s=late,
+        rotor_count=4,
+        position_ned=track.position_ned,
+        velocity_ned=track.velocity_ned,
+    )
+    assert moved(paused) == pytest.approx((1.0, 1.0), rel=2e-4)
+
+
+@pytest.mark.parametrize("rows", [1, 2, 20])
+def test_a_few_rows_say_nothing(rows):
+    track = flight(time=1000.0)
+    few = FlightTrack.of(
+        name="few",
+        time_s=track.time_s[:rows],
+        rotor_count=4,
+        position_ned=track.position_ned[:rows],
+        velocity_ned=track.velocity_ned[:rows],
+    )
+    assert motion_units(few) is None
+
+
+def test_nothing_reported_says_nothing():
+    assert motion_units(flight(reported=())) is None
