@@ -40,6 +40,7 @@ from thrustmargin.models.identification.sets.set_search import Search
 
 ALONG = ("airspeed", "time_s")  # besides the rotor's own thrust
 IN_PROPORTION = " in proportion"
+SOUND = 0.002  # of rotor speed, by which one rotor scatters: half of 0.4 % of a propeller's thrust
 
 
 #: A rotor and the channel along which its loss may go.
@@ -64,7 +65,8 @@ def uneven_loss(search: Search, best: FittedSet) -> UnevenLoss | None:
     Of a rotor that the set has as a bad one that is as likely as not, and must be beyond what laws
     of effects are good to (on real propellers of which a tip was cut, by speeds worked out from
     commands, a loss goes with thrust by 6 to 13 % of itself). Of another one it is as likely as
-    that it is bad. Motor outputs do not show it: how an output goes with thrust is known no better.
+    that it is bad, and must be beyond what a sound propeller scatters by. Motor outputs do not show
+    it: how an output goes with thrust is known no better.
     """
     if search.reduced.of_outputs:
         return None
@@ -95,12 +97,11 @@ def uneven_loss(search: Search, best: FittedSet) -> UnevenLoss | None:
     likeliest = max(found, key=lambda one: one.odds, default=None)
     if likeliest is None or likeliest.odds < np.log(NAMED / (1.0 - NAMED)):
         return None
-    return likeliest if likeliest.rotor not in bad or _is_large(likeliest) else None
-
-
-def _is_large(uneven: UnevenLoss) -> bool:
-    """True for what a loss does beyond a steady one that is more than its law may be off by."""
-    return _rms(uneven.change) > BEYOND * FORM * _rms(uneven.steady)
+    if likeliest.rotor in bad:
+        least = BEYOND * FORM * _rms(likeliest.steady)
+    else:
+        least = SOUND * float(np.nanmean(search.reduced.measured_rpm[:, likeliest.rotor]))
+    return likeliest if _rms(likeliest.change) > least else None
 
 
 def _rms(change: Floats) -> float:

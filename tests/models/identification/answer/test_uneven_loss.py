@@ -294,6 +294,23 @@ def test_a_loss_is_steady_that_goes_along_by_less_than_three_times_what_its_law_
     assert (uneven_loss(search, best) is None) == steady
 
 
+@pytest.mark.parametrize(("share", "sound"), [(0.0019, True), (0.0021, False)])
+def test_a_rotor_that_nothing_says_is_bad_must_change_more_than_sound_propellers_scatter(
+    monkeypatch, share, sound
+):
+    search = searched("steady")
+    speed = search.reduced.measured_rpm[:, 0].mean()
+    curve = np.zeros((*search.reduced.measured_rpm.shape, 1))
+    curve[:, 1, 0] = share * speed * np.sign(np.arange(len(curve)) % 2 - 0.5)
+    monkeypatch.setattr(uneven, "law_columns", lambda _s, _b, r: {"rotor_thrust": curve * (r == 0)})
+    monkeypatch.setattr(
+        uneven,
+        "_against_steady",
+        lambda _s, _b, columns: {law: (50.0 * (law[0] == 0), np.ones(1)) for law in columns},
+    )
+    assert (uneven_loss(search, search.best) is None) == sound
+
+
 def test_of_two_rotors_the_likelier_counts_even_where_it_is_not_uneven_enough(monkeypatch):
     search = searched("steady")
     best = search.best
