@@ -1,6 +1,7 @@
 """A row that lacks a channel is predicted as if the effects that need it were not there."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -65,6 +66,14 @@ def test_without_its_channel_an_effect_does_nothing_and_the_rows_say_so(channel,
     )
     assert left.partial is not None
     assert left.partial.all()
+
+
+def test_a_wind_does_nothing_where_the_velocity_is_unknown():
+    wind, blows = BY_KEY["wind"], {"wind_north": 2.5, "wind_east": -3.0}
+    x = SimpleNamespace(airspeed=np.array([0.5, 3.0, 8.0]), tank_kg=np.zeros(3))
+    neutral = {name: of(blows, x) for name, of in wind.neutral.items() if callable(of)}
+    airspeed, _ = wind.apply(blows, SimpleNamespace(**neutral), x.airspeed, x.tank_kg)
+    np.testing.assert_allclose(airspeed, x.airspeed, atol=1e-5)
 
 
 def test_neutral_air_is_that_of_the_model_whatever_the_temperature():

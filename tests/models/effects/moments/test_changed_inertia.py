@@ -95,7 +95,8 @@ def test_the_inertia_stays_between_none_and_that_of_all_mass_at_the_rotors():
     (large,) = change_of({**HAS, "inertia_yaw": 18.0}).parameters
     assert large.upper == 1.0  # twice what it has is always possible
     assert TURNING.change is not None  # but not of an inertia that is none
-    assert TURNING.change(TURNING, [{**HAS, "inertia_yaw": -0.1}], {}) is None
+    assert TURNING.change(TURNING, [{**HAS, "inertia_yaw": 0.0}], {}) is None
+    assert TURNING.change(TURNING, [{**HAS, "inertia_yaw": 0.01}], {}) is not None
 
 
 @pytest.mark.parametrize(("shown", "scatter"), [(None, 0.2), (0.6, 0.6), (0.0, 0.1)])

@@ -32,7 +32,7 @@ from thrustmargin.models.network.validity import calibrate, measure_coverage
 MASS = Term(effect=BY_KEY["extra_mass"])
 WORN = Term(effect=ROTOR_DEGRADATION, rotor=2)
 LEFT = Unexplained(
-    mode=1, modes=(1,), channel="airspeed", share=0.25, rms_rpm=7.0, curve_rpm=np.zeros(1)
+    mode=1, modes=(1,), channel="airspeed", share=0.6, rms_rpm=7.0, curve_rpm=np.zeros(1)
 )
 
 
@@ -107,7 +107,7 @@ def test_the_json_of_an_answer():
     assert (rotor["name"], rotor["rotor"], rotor["loss"]) == ("rotor_degradation", 1, 0.03)
     assert (rotor["probability"], rotor["ci95"]) == (0.1, [0.01, 0.05])
     assert found["unexplained"] == {
-        "fraction_of_variance": 0.25,
+        "fraction_of_variance": 0.6,
         "wanders": False,
         "mode": "roll",
         "channel": "airspeed",
@@ -147,7 +147,7 @@ def test_what_is_followed_or_unexplained_has_its_own_line():
     wind = found_by_hand(BY_KEY["wind"], [[6.0, 0.0]])
     lines = repr(answer(rows_of(3), followed=(wind,), left=LEFT)).splitlines()
     assert lines[2].endswith(", which a channel reports already")
-    assert lines[3] == "unexplained: roll along airspeed, 25 % of the variance left"
+    assert lines[3] == "unexplained: roll along airspeed, 60 % of the variance left"
 
 
 def left_over(flights: int, *, of_outputs: bool = False) -> Any:

@@ -155,6 +155,23 @@ def test_noise_of_a_second_is_that_of_blocks_about_their_flight():
     assert found == pytest.approx(np.full(4, 5.0 * np.sqrt(0.1)), rel=0.45)
 
 
+def test_the_scatter_of_effects_behind_those_that_begin_in_flight_counts_too():
+    good = GoodFlights(flights=5, scatter={"translational_lift.gain": 0.0})
+    shown = [
+        ModePrediction.of(m, PROBLEM.base, PROBLEM.channels, np.ones(4)).scatter(0.0).shape[1]
+        for m in (MODEL, replace(MODEL, good_flights=good))
+    ]
+    assert shown[1] == shown[0] - 1
+
+
+def test_an_explanation_is_of_all_rows_and_not_of_the_first():
+    odd = PROBLEM.measured_rpm.copy()
+    odd[:4] += 200.0
+    found = fitted_explanation(replace(PROBLEM, measured_rpm=odd), (MASS,), NOISE)
+    # 4 of 840 rows, which 10 % of rotor speed would make 8 kg heavier.
+    assert found.values == pytest.approx([1.0], abs=0.15)
+
+
 def test_a_step_in_flight_counts_as_it_is_afterwards():
     onset = Term(effect=BY_KEY["rotor_degradation:onset"], rotor=1)
     assert fitted_explanation(PROBLEM, (onset,), NOISE).terms[0].key == "rotor_degradation@2"

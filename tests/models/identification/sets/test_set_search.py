@@ -42,6 +42,10 @@ def at(search: Search, key: str, *values: float) -> Held:
     return Held(candidate=one, values=np.full(one.start.shape, values))
 
 
+def scale(held: Held, k: int) -> float:
+    return held.candidate.term.effect.parameters[k].scale
+
+
 def all_sets(search: Search, most: int = 9) -> list[frozenset[int]]:
     every = range(len(search.candidates))
     return [frozenset(k) for n in range(most) for k in combinations(every, n)]
@@ -95,6 +99,21 @@ def test_a_fitted_set_has_the_evidence_that_all_columns_about_it_give():
         whole = scored.log_evidence + linear.taken_out[level]
         assert found.log_evidence[level] == pytest.approx(whole, abs=0.1)
         np.testing.assert_allclose(found.levels[level].variance, scored.variance, rtol=0.05)
+
+
+def test_a_step_leads_from_values_nearby_to_the_likeliest():
+    search = searched(MORE, hidden_mass=2.0, loss=0.06)
+    key = place(search, "extra_mass", "rotor_degradation@1")
+    found = search.fit(key, ())
+    off = [h.moved(np.array([0.1 * scale(h, k) for k, _ in h.candidate.free])) for h in found.held]
+    left = np.nan_to_num(
+        search.reduced.in_modes(search.reduced.measured_rpm) - predicted(search.reduced, off)
+    )
+    nearby = search._scored(key, search._prepared(off), off, left)
+    wanted = predicted(search.reduced, found.held) - predicted(search.reduced, off)
+    moved = search.stepped(nearby)
+    assert np.sqrt(np.mean(wanted**2)) > 5.0
+    assert np.sqrt(np.mean((moved - wanted) ** 2)) < 0.05 * np.sqrt(np.mean(wanted**2))
 
 
 @pytest.mark.parametrize("about", [(), ("rotor_degradation@1",), ("extra_mass", "cg_offset")])
