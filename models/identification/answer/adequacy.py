@@ -94,7 +94,7 @@ def unexplained(
 
 def _channel_of(mode: int, space: SearchSpace, search: Search, best: FittedSet) -> str:
     """The channel that what is left in a mode goes with most likely."""
-    shared = search.nuisance.sums(_left_by(search, best)[:, :, None])[0][:, 0]
+    shared = search.nuisance.sums(left_by(search, best)[:, :, None])[0][:, 0]
 
     def odds(name: str) -> float:
         loose = np.isin(space.groups, [name, "constant"])
@@ -117,7 +117,7 @@ def _evidence(solved: Solved, shared: Floats, mode: int, loose: Bools) -> float:
     return max(found)
 
 
-def _left_by(search: Search, best: FittedSet) -> Floats:
+def left_by(search: Search, best: FittedSet) -> Floats:
     """(N, R) rpm that a set leaves at its likeliest values, which may be a step away from those
     that it is linearised at."""
     return np.nan_to_num(best.residual) - search.stepped(best)
@@ -153,7 +153,7 @@ def _wandering(
     known = reduced.model.good_flights
     if known is None or not known.slow_rpm:
         return None
-    whole = _left_by(search, best)
+    whole = left_by(search, best)
     rest = whole - np.sum(list(curves.values()), axis=0)
     apart = WANDER * froude_time_scale(reduced.model.airframe)
     size = slow_wander(rest, reduced.channels.time_s, reduced.flight, apart)
@@ -223,7 +223,7 @@ def _free_part(space: SearchSpace, search: Search, best: FittedSet) -> dict[str,
     """Channel -> (N, R) rpm that the free form takes beside a set, at the widest level."""
     nuisance, solved = search.nuisance, search.solved
     level = len(LEVELS) - 1
-    shared = nuisance.sums(_left_by(search, best)[:, :, None])[0][:, 0]
+    shared = nuisance.sums(left_by(search, best)[:, :, None])[0][:, 0]
     known = nuisance.uncertainty.shape[2]
     modes, _, hats = nuisance.free.shape
     mean = (solved.shared[level] @ shared)[known:].reshape(modes, hats)

@@ -23,7 +23,10 @@ from thrustmargin.models.identification.answer.adequacy import (
     BEYOND,
     OWN_THRUST,
     Unexplained,
+    left_by,
 )
+from thrustmargin.models.identification.answer.borne_out import is_worse
+from thrustmargin.models.identification.answer.left_out import FIFTHS
 from thrustmargin.models.identification.answer.posterior import NAMED
 from thrustmargin.models.identification.rows.candidates import (
     ROTOR_PRIOR,
@@ -31,6 +34,7 @@ from thrustmargin.models.identification.rows.candidates import (
     placed,
     slopes,
 )
+from thrustmargin.models.identification.rows.problem import BLOCK_SECONDS
 from thrustmargin.models.identification.rows.value_columns import ValueColumns, side_by_side
 from thrustmargin.models.identification.sets.column_sums import Remainder
 from thrustmargin.models.identification.sets.free_form import CHANNELS, FORM, hats
@@ -40,7 +44,6 @@ from thrustmargin.models.identification.sets.set_search import Search
 
 ALONG = ("airspeed", "time_s")  # besides the rotor's own thrust
 IN_PROPORTION = " in proportion"
-SOUND = 0.002  # of rotor speed, by which one rotor scatters: half of 0.4 % of a propeller's thrust
 
 
 #: A rotor and the channel along which its loss may go.
@@ -65,8 +68,9 @@ def uneven_loss(search: Search, best: FittedSet) -> UnevenLoss | None:
     Of a rotor that the set has as a bad one that is as likely as not, and must be beyond what laws
     of effects are good to (on real propellers of which a tip was cut, by speeds worked out from
     commands, a loss goes with thrust by 6 to 13 % of itself). Of another one it is as likely as
-    that it is bad, and must be beyond what a sound propeller scatters by. Motor outputs do not show
-    it: how an output goes with thrust is known no better.
+    that it is bad, and must predict blocks of time that are left out better: a turn or two of a
+    short flight are like anything. Motor outputs do not show it: how an output goes with thrust is
+    known no better.
     """
     if search.reduced.of_outputs:
         return None
@@ -97,11 +101,30 @@ def uneven_loss(search: Search, best: FittedSet) -> UnevenLoss | None:
     likeliest = max(found, key=lambda one: one.odds, default=None)
     if likeliest is None or likeliest.odds < np.log(NAMED / (1.0 - NAMED)):
         return None
-    if likeliest.rotor in bad:
-        least = BEYOND * FORM * _rms(likeliest.steady)
-    else:
-        least = SOUND * float(np.nanmean(search.reduced.measured_rpm[:, likeliest.rotor]))
-    return likeliest if _rms(likeliest.change) > least else None
+    if likeliest.rotor not in bad:
+        return likeliest if is_worse(*_left_out(search, best, likeliest.columns)) else None
+    return likeliest if _rms(likeliest.change) > BEYOND * FORM * _rms(likeliest.steady) else None
+
+
+def _left_out(search: Search, best: FittedSet, columns: Floats) -> tuple[Floats, Floats]:
+    """(folds,) mean square, rpm², of what a set leaves of blocks of time, each fifth of them left
+    out in turn: without the columns (N, R, K), and with what the other blocks say of them."""
+    x, whitening = search.reduced, search.nuisance.whitening
+    left = left_by(search, best)
+    seen = whitening.apply(np.concatenate([columns, left[:, :, None]], axis=2))
+    first = np.searchsorted(x.flight, np.unique(x.flight))
+    since = x.channels.time_s - x.channels.time_s[first][x.flight]
+    block = np.stack([x.flight, since // BLOCK_SECONDS], axis=1)
+    fold = np.unique(block, axis=0, return_inverse=True)[1].ravel() % FIFTHS
+    without, beside = [], []
+    for k in np.unique(fold):
+        known = seen[fold[whitening.rows] != k].reshape(-1, seen.shape[2])
+        gram = known.T @ known
+        taken = np.linalg.solve(np.eye(len(gram) - 1) + gram[:-1, :-1], gram[:-1, -1])
+        out = left[fold == k]
+        without.append(np.mean(out**2))
+        beside.append(np.mean((out - columns[fold == k] @ taken) ** 2))
+    return np.array(without), np.array(beside)
 
 
 def _rms(change: Floats) -> float:
