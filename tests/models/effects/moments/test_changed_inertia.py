@@ -89,6 +89,12 @@ def test_a_model_that_was_changed_before_changes_by_a_share_of_the_whole():
     assert kept(-0.2, HAS, kept(0.5))["inertia_yaw"] == pytest.approx(-0.2 * 4.5)
 
 
+def test_what_is_no_moment_is_kept_as_the_model_first_had_it():
+    other = {**HAS, "lag": 0.3, "inertia_yaw": 1.0}
+    assert kept(0.5, HAS, other)["lag"] == HAS["lag"]
+    assert kept(0.5, other, HAS)["lag"] == 0.3
+
+
 def test_the_inertia_stays_between_none_and_that_of_all_mass_at_the_rotors():
     (share,) = change_of().parameters
     assert (1.0 + share.upper) * HAS["inertia_yaw"] == pytest.approx(USUAL_MASS * USUAL_ARM**2)

@@ -13,6 +13,7 @@ from thrustmargin.models.effects.coefficient.rotor_degradation import (
 from thrustmargin.models.effects.inputs.wind import WIND
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.errors import ModelError
+from thrustmargin.models.identification.answer import model_update
 from thrustmargin.models.identification.answer.margin_change import margin_changes
 from thrustmargin.models.identification.answer.model_update import (
     record_of,
@@ -53,6 +54,14 @@ def found_by_hand(effect, rows: list[list[float]], rotor: int | None = None) -> 
         p_value=0.01,
         indistinguishable_from=(),
     )
+
+
+@pytest.mark.parametrize("rotor", [0, 2])
+def test_a_rotor_that_went_bad_in_flight_is_said_by_its_number_and_flight(rotor):
+    found = found_by_hand(ROTOR_DEGRADATION_ONSET, [[0.0, 60.0, 1.0], [0.1, 60.0, 1.0]], rotor)
+    words = model_update._left_behind(found, ("first.tlog", "second.tlog"))
+    flight = ("first.tlog", "second.tlog")[found.flight]
+    assert words.startswith(f"rotor {rotor + 1} went bad during {flight}: the new model has it bad")
 
 
 def test_the_new_model_predicts_the_worn_rotor_and_comes_back_from_its_file(worn, tmp_path):

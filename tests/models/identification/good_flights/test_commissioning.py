@@ -36,6 +36,13 @@ def test_nothing_of_a_flight_reaches_its_own_prediction():
     assert np.abs(before.predicted_rpm[~own] - after.predicted_rpm[~own]).max() > 5.0
 
 
+def test_it_is_said_which_of_the_flights_left_out_is_worked_on():
+    tracks, said = made_flights(3, duration=60.0), []
+    folds = tuple(Fold(model=curve_model(), flights=(k,)) for k in range(3))
+    chain_of(curve_model(), folds, tracks, [0, 1, 2], gather(tracks), INPUTS, said.append)
+    assert said == [f"weight and thrust curve, flights left out: {k} of 3" for k in (1, 2, 3)]
+
+
 def test_the_network_stays_unless_flights_left_out_are_worse_with_it():
     known = chain(made_flights(3, duration=60.0))
     measured, flight = known.samples.rotor_speed_rpm, known.samples.flight

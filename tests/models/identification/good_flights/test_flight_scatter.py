@@ -10,9 +10,11 @@ from tests.models.identification.rows.test_row_fit import sums
 from tests.models.made_flights import curve_model, made_flight, made_flights
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.stored import EffectRecord, Identified
+from thrustmargin.models.identification.good_flights import flight_scatter
 from thrustmargin.models.identification.good_flights.flight_scatter import (
     LeftOutFlights,
     _at_the_model,
+    _harmonics,
     _own_estimates,
     confirmed_curve_rms,
     good_flights,
@@ -80,6 +82,31 @@ def test_a_curve_that_all_flights_share_is_found_in_its_size(periodic):
         4.0 * np.sin(angle) + noise, angle if periodic else channel, flight, periodic=periodic
     )
     assert found == pytest.approx(4.0 / np.sqrt(2.0), rel=0.1)
+
+
+def test_a_small_curve_has_its_size_too():
+    rng = np.random.default_rng(0)
+    channel, flight, noise = drawn(rng, 8)
+    values = 4.0 * np.sin(2.0 * np.pi * channel) + noise
+    whole = confirmed_curve_rms(values, channel, flight)
+    assert confirmed_curve_rms(0.01 * values, channel, flight) == pytest.approx(0.01 * whole)
+
+
+def test_harmonics_are_held_by_the_fourth_power_of_their_number():
+    columns, penalty = _harmonics(np.array([0.0, np.pi / 2.0, np.pi]))
+    np.testing.assert_allclose(np.diag(penalty), [0, 1, 1, 16, 16, 81, 81], atol=1e-8)
+    assert np.count_nonzero(penalty - np.diag(np.diag(penalty))) == 0
+    np.testing.assert_allclose(columns[:, 1], [1, 0, -1], atol=1e-12)  # cos
+    np.testing.assert_allclose(columns[:, 4], [0, 0, 0], atol=1e-12)  # sin of twice it
+
+
+def test_the_free_form_of_all_parts_is_the_root_mean_square_of_each_mode(monkeypatch):
+    tracks = made_flights(4, duration=60.0)
+    sizes = iter([np.array([3.0, 1.0, 0.0, 2.0]), np.array([4.0, 7.0, 1.0, 2.0])])
+    monkeypatch.setattr(flight_scatter, "free_form_rms", lambda *_: next(sizes))
+    parts = [LeftOutFlights(model=curve_model(), tracks=tuple(tracks[k : k + 2])) for k in (0, 2)]
+    shown = good_flights(parts).free_form_rpm
+    assert shown == pytest.approx([12.5**0.5, 5.0, 0.5**0.5, 2.0])
 
 
 def test_chance_and_a_curve_of_one_flight_are_not_confirmed():

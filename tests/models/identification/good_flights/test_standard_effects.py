@@ -12,12 +12,14 @@ from tests.undeclared.plan import good_flights
 from tests.undeclared.subject import airframe_of
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.identification.good_flights import standard_effects as module
 from thrustmargin.models.identification.good_flights.standard_effects import (
     gain_and_error,
     held_at_absent,
     with_standard_effects,
 )
 from thrustmargin.models.identification.rows.candidates import Held, Term, candidate
+from thrustmargin.models.identification.rows.modes import modes
 from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.identification.rows.row_fit import fit_rows
 from thrustmargin.models.model.rotor_model import physics_model
@@ -97,6 +99,57 @@ def test_a_gain_is_the_mean_over_flights_of_the_logarithm_and_its_standard_error
     gain, error = gain_and_error(np.array([np.e, np.e**3, 1.0]), np.array([1.0, np.e, 1.0]))
     assert gain == pytest.approx(1.0)  # of 1, 2, 0
     assert error == pytest.approx(1.0 / 3**0.5)
+
+
+@pytest.mark.parametrize(
+    ("gain", "error", "worth", "stays"),
+    [
+        (0.5, 0.4, 0.0, True),
+        (0.5, 0.6, 0.0, False),
+        (0.5, 0.4, None, True),  # None: nothing is asked of it beyond the error
+        (0.5, 0.4, 0.6, False),
+        (0.5, 0.4, 0.49, True),
+    ],
+)
+def test_a_delay_stays_where_flights_left_out_gain_more_than_the_error_and_its_worth(
+    monkeypatch, gain, error, worth, stays
+):
+    tracks = [with_weight_forward(t, 0.01) for t in made_flights(3)]
+    problem, whole = fitted(tracks, ("cg_offset", "yaw_trim"))
+    monkeypatch.setattr(module, "gain_and_error", lambda *_: (gain, error))
+    asked = {} if worth is None else {"worth": worth}
+    kept = module._without_if_unneeded(problem, whole, "cg_offset", np.zeros(4), **asked)
+    assert ("cg_offset" in {h.candidate.key for h in kept.held}) == stays
+
+
+@pytest.mark.parametrize(("gain", "stays"), [(0.5, True), (0.3, False), (-0.5, False)])
+def test_an_effect_stays_that_gains_more_than_the_error_of_it(monkeypatch, gain, stays):
+    tracks = [with_weight_forward(t, 0.02) for t in made_flights(3)]
+    _, whole = fitted(tracks, ("cg_offset",))
+    monkeypatch.setattr(module, "gain_and_error", lambda *_: (gain, 0.4))
+    assert bool(module._needed(whole)) == stays
+
+
+def test_what_the_base_may_be_off_by_is_the_root_of_its_summed_squares(monkeypatch):
+    """Deviations of 3 and 4 rpm in the collective, 12 in yaw of every other row."""
+    asked = []
+
+    def seen(problem, held, *, known_rpm, **given):
+        asked.append(known_rpm)
+        return fit_rows(problem, held, known_rpm=known_rpm, **given)
+
+    def off(_model, _base, x):
+        directions, rows = modes(F16).directions, x.time_s.size
+        each = np.zeros((2, rows, 4))
+        each[0], each[1] = 3.0 * directions[:, 0], 4.0 * directions[:, 0]
+        each[0, ::2] += 12.0 * directions[:, 3]
+        return each
+
+    monkeypatch.setattr(module, "fit_rows", seen)
+    monkeypatch.setattr(module, "base_uncertainty_rpm", off)
+    with_standard_effects(curve_model(), made_flights(2, duration=40.0))
+    assert asked[0][0] == pytest.approx(5.0)
+    assert asked[0][3] == pytest.approx(72.0**0.5, rel=0.01)
 
 
 def test_leaving_an_effect_out_by_the_sums_is_leaving_it_out_of_the_fit():

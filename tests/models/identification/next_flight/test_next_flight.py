@@ -98,6 +98,12 @@ def test_the_divergence_is_that_of_two_gaussians(monkeypatch):
     assert module._distance_square(gram, 2) == pytest.approx(d @ np.linalg.solve(half, d), rel=1e-6)
 
 
+def test_a_root_of_a_covariance_gives_it_back():
+    covariance = np.array([[4.0, 1.2], [1.2, 9.0]])
+    root = module._root(covariance)
+    np.testing.assert_allclose(root @ root.T, covariance, atol=1e-12)
+
+
 def test_values_are_shared_by_fills_and_scatter_is_each_flight_s_own():
     one = module._Flown(shared=np.ones((2, 1)), apart=np.ones((2, 1)), difference=np.ones(2))
     gram = module._gram([one, one])
