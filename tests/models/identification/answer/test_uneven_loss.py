@@ -157,6 +157,21 @@ def test_the_odds_are_those_of_a_dense_model(law):
     np.testing.assert_allclose(taken, along, rtol=0.01, atol=1e-3)
 
 
+def test_what_the_values_of_a_set_may_do_is_no_law():
+    """All values of a set are free: a law that does what one of them does has even odds."""
+    names = ["rotor_degradation", "extra_mass"]
+    space = search_space(MODEL, flights("steady"), effects_for(F16, table(names)))
+    search = Search(space.reduced, space.nuisance, space.candidates)
+    by_key = {c.key: k for k, c in enumerate(search.candidates)}
+    key = {by_key["extra_mass"], by_key["rotor_degradation@4"]}  # the last of the candidates
+    best = search.fit(frozenset(key), ())
+    for c, held in zip(sorted(key), best.held, strict=True):
+        column = np.nan_to_num(derivatives(search.reduced, best.held, sorted(key).index(c)))
+        law = (ROTOR, held.candidate.key)
+        odds, _ = uneven._against_steady(search, best, {law: 0.05 * column[:, :, :1]})[law]
+        assert odds == pytest.approx(0.0, abs=0.05), held.candidate.key
+
+
 @pytest.mark.parametrize(
     ("rotor", "needed"),
     [

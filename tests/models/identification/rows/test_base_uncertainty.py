@@ -48,6 +48,17 @@ def test_an_uncertain_mass_before_makes_the_mass_found_on_top_as_uncertain():
     assert wide == pytest.approx(np.hypot(narrow, 0.5), rel=0.1)
 
 
+def test_of_two_values_the_one_that_is_not_sure_is_in_doubt():
+    sure = Identified(value=0.01, unit="m", ci95=(0.01, 0.01))
+    unsure = Identified(value=0.0, unit="m", ci95=(-0.01, 0.01))
+    record = EffectRecord(name="cg_offset", rotor=None, parameters={"x": sure, "y": unsure})
+    model = replace(physics_model(F16), effects=(record,))
+    problem = assemble(model, [made_flight(1)])
+    (doubt,) = doubt_of(problem)
+    roll = np.abs(problem.in_modes(doubt[None])[0]).mean(axis=0)
+    assert roll[1] > 5.0 * roll[2]  # to the side it rolls, ahead it would pitch
+
+
 def test_a_model_that_states_no_doubt_adds_none():
     _, _, problem = mass_found(physics_model(F16))
     assert doubt_of(problem).shape == (0, *problem.measured_rpm.shape)
