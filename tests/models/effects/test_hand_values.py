@@ -401,6 +401,16 @@ def test_thrust_that_follows_the_battery():
     np.testing.assert_allclose(share(track, sags), 1.0 / 0.81, rtol=1e-6)
 
 
+@pytest.mark.parametrize(("level", "kappa"), [(0.08, (45.0 / 54.0) ** 2), (-0.1, 1.0)])
+def test_speeds_are_right_at_a_voltage_of_their_own(level, kappa):
+    # 45 V where a full battery has 50: speeds that are right at 54, or at 45
+    track = steady(voltage=np.full(60, 45.0))
+    sags = effect("battery_voltage", exponent=2.0, level=level)
+    np.testing.assert_allclose(share(track, sags), 1.0 / kappa, rtol=1e-6)
+    unknown = steady(voltage=np.full(60, np.nan))
+    np.testing.assert_allclose(share(unknown, sags), 1.0, rtol=1e-6)
+
+
 def test_effects_on_the_coefficient_multiply_and_moments_add():
     track = steady(voltage=np.full(60, 45.0))
     both = share(track, effect("battery_voltage", exponent=2.0), effect("thrust_drift", rate=0.001))

@@ -36,6 +36,14 @@ def test_rotors_count_from_one_in_files_and_variants_have_their_own_form():
     assert placed_from([replace(WORN, rotor=1)], 4)[0].rotor == 0
 
 
+def test_what_older_files_did_not_know_is_as_it_was():
+    record = EffectRecord(
+        name="battery_voltage", rotor=None, parameters={"exponent": number(2.0, "1")}
+    )
+    (placed,) = placed_from([record], 4)
+    assert dict(placed.values) == {"exponent": 2.0, "level": 0.0}
+
+
 @pytest.mark.parametrize(
     ("record", "words"),
     [
