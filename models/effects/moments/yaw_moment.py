@@ -5,6 +5,13 @@ from __future__ import annotations
 from thrustmargin.models.effects.base import GUESSED_TORQUE, Effect, Kind, Parameter
 from thrustmargin.models.effects.channels import Channels
 from thrustmargin.models.effects.moments.flow_moment import flow
+from thrustmargin.models.physics.atmosphere import G0
+
+
+def _tilted(p, x: Channels, thrust):
+    at_half_a_tank = x.empty_weight + G0 * x.tank_capacity_kg / 2.0
+    return 0.0 * thrust, 0.0 * thrust, p["moment"] * thrust / at_half_a_tank
+
 
 YAW_TRIM = Effect(
     name="yaw_trim",
@@ -22,10 +29,11 @@ YAW_TRIM = Effect(
         ),
     ),
     of_every_aircraft=True,
-    source="a tilted motor turns part of its thrust into a constant yaw moment",
+    source="a tilted motor turns part of its thrust into a yaw moment, in proportion to it; the "
+    "moment is that of a hover with half a tank",
     distinguished_by="level the motors, then swap two propellers between the pairs: if the moment "
     "goes with the propellers, they differ; or hover 60 s at two tank levels",
-    apply=lambda p, x, thrust: (0.0 * thrust, 0.0 * thrust, p["moment"] + 0.0 * thrust),
+    apply=_tilted,
 )
 
 

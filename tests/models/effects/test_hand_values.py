@@ -401,6 +401,15 @@ def test_thrust_that_follows_the_battery():
     np.testing.assert_allclose(share(track, sags), 1.0 / 0.81, rtol=1e-6)
 
 
+@pytest.mark.parametrize("tank_kg", [0.0, 10.0, 20.0])
+def test_a_tilted_motor_turns_by_a_share_of_its_thrust(tank_kg):
+    # 2 N m with half a tank, 10 kg: the same share of every load
+    track = steady(tank_kg=np.full(60, tank_kg))
+    by_hand = (20.0 + tank_kg) / 30.0 * (1.0 + 10.0 * SPIN / 73.549875)
+    nose = effect("yaw_trim", moment=2.0)
+    np.testing.assert_allclose(share(track, nose), by_hand, rtol=1e-6)
+
+
 @pytest.mark.parametrize(("level", "kappa"), [(0.08, (45.0 / 54.0) ** 2), (-0.1, 1.0)])
 def test_speeds_are_right_at_a_voltage_of_their_own(level, kappa):
     # 45 V where a full battery has 50: speeds that are right at 54, or at 45

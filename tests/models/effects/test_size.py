@@ -193,8 +193,8 @@ def test_in_a_hover_the_scatter_of_sound_aircraft_is_about_a_thousandth_of_rotor
     assert found["tank_scale"] == pytest.approx(0.01 * 0.3 / 1.3 / 2, rel=0.01)
     # 0.0026 arms off the middle, rotors at 0.707 arms either way: 0.0026/0.707 of each one's load
     assert found["cg_offset"] == pytest.approx(0.00261 / 0.7071 / 2, rel=0.02)
-    # 0.0005 weight x arm over a torque of 0.05 arms, 1.3 weights in all
-    assert found["yaw_trim"] == pytest.approx(0.000504 / 0.05 / 1.3 / 2, rel=0.02)
+    # 0.0005 weight x arm over a torque of 0.05 arms, 1.25 weights with half a tank
+    assert found["yaw_trim"] == pytest.approx(0.000504 / 0.05 / 1.25 / 2, rel=0.02)
 
 
 def test_a_yaw_moment_is_as_well_known_as_the_torque_of_the_rotors():
