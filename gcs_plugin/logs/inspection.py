@@ -11,6 +11,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.logs import FlightLog, LogQuality
 from thrustmargin.gcs_plugin.mavlink.rules import OVER_GROUND
 from thrustmargin.gcs_plugin.mavlink.text import clean
+from thrustmargin.models.checks.late_speeds import late_speeds
 from thrustmargin.models.checks.motor_order import MotorOrder, check_motor_order
 from thrustmargin.models.checks.plausible import comparisons
 from thrustmargin.models.checks.speed_readings import resolution_words
@@ -85,6 +86,8 @@ def inspect_log(
         ]
         findings += _tank(log.track, airframe)
     findings += [_speed_readings(log), _sensor(log.track)]
+    if late := late_speeds(log.track):
+        findings.append(Finding(check="rotor speed clock", level="warning", words=late))
     findings += [
         Finding(check="ESC voltage", level="warning", words=words)
         for words in instrument_offsets(log)

@@ -143,14 +143,14 @@ def logs_to_fit(
     to `not_used`.
 
     That is also one that is not a flight of the model's airframe, `given` by the user or not.
-    Raises DataError that names them all when the rotor speeds of some are those of other rotors, or
-    when none of the logs given by `option` can serve.
+    Raises DataError that names them all when the rotor speeds of some are those of other rotors
+    or seconds, or when none of the logs given by `option` can serve.
     """
     from thrustmargin.gcs_plugin.commands.loop.tracks_on_disk import TracksOnDisk
     from thrustmargin.gcs_plugin.commands.shared.inputs import claimed, listed, read_logs
     from thrustmargin.gcs_plugin.logs.inspection import instrument_offsets
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-    from thrustmargin.models.identification.rows.usable_flights import too_little, wrong_order
+    from thrustmargin.models.identification.rows.usable_flights import too_little, wrong_speeds
 
     tracks = TracksOnDisk(folder)
     left_out: list[UnusedLog] = []
@@ -160,7 +160,7 @@ def logs_to_fit(
     for log in claimed(read, left_out):
         for words in instrument_offsets(log):
             offsets.setdefault(words, []).append(log.path.name)
-        wrong = wrong_order(log.track, model.airframe)
+        wrong = wrong_speeds(log.track, model.airframe)
         lacking = wrong or too_little(log.track, model)
         if lacking is None:
             tracks.append(log.track)

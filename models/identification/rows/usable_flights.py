@@ -1,8 +1,8 @@
 """Which flights may be fitted: rotor speeds that can be believed, enough rows, each flight once.
 
-Rotor speeds that are swapped, electrical or in another unit are no matter of physics: fitted, they
-would come out as a wrong effect, so they end the work with one sentence. Readings that are no
-measurement were left out when the log was read.
+Rotor speeds that are swapped, electrical, in another unit or of another clock are no matter of
+physics: fitted, they would come out as a wrong effect, so they end the work with one sentence.
+Readings that are no measurement were left out when the log was read.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from hashlib import sha256
 from typing import Protocol
 
+from thrustmargin.models.checks.late_speeds import late_speeds
 from thrustmargin.models.checks.motor_order import check_motor_order
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
@@ -56,19 +57,22 @@ def require_airframe(flights: Sequence[Flown], model: RotorModel, *, given: bool
             track, facts, parameters = flown.track, flown.facts, flown.parameters
         require_rotors(track, model.airframe)
         claim = airframe_claim(track, flown_airframe(model), facts, parameters, given=given)
-        wrong = claim.withheld or [w for w in [wrong_order(track, model.airframe)] if w]
+        wrong = claim.withheld or [w for w in [wrong_speeds(track, model.airframe)] if w]
         reasons += [f"{track.name}: {words}" for words in wrong]
     if reasons:
         raise DataError("; ".join(reasons))
 
 
-def wrong_order(track: FlightTrack, airframe: Airframe) -> str | None:
-    """Why the rotor speeds of a flight are those of other rotors, and what to do; else None.
+def wrong_speeds(track: FlightTrack, airframe: Airframe) -> str | None:
+    """Why the rotor speeds of a flight are those of other rotors or seconds, and what to do.
 
-    Speeds from motor outputs are what the autopilot asked for, not what a sensor says.
+    None where they are not. Speeds from motor outputs are what the autopilot asked for, not what a
+    sensor says.
     """
     if FROM_OUTPUTS in track.sources.get("rotor_speed_rpm", ""):
         return None
+    if late := late_speeds(track):
+        return f"{late}; nothing was fitted"
     order = check_motor_order(track, airframe)
     if order.verdict == "differs":
         return (

@@ -49,6 +49,16 @@ def test_swapped_motors_are_a_warning(log):
     assert found.words.startswith("motors 3 and 4 look swapped")
 
 
+def test_rotor_speeds_of_another_clock_are_a_warning():
+    log = read_log(ROOT / "sitl_logs/dev/worn_prop_1.tlog", airframe=F16)
+    rows = round(3.0 / float(np.median(np.diff(log.track.time_s))))
+    late = np.full_like(log.track.rotor_speed_rpm, np.nan)
+    late[rows:] = log.track.rotor_speed_rpm[:-rows]
+    found = finding(changed(log, rotor_speed_rpm=late), "rotor speed clock")
+    assert found.level == "warning"
+    assert "rotor speeds come 3.0 s after the acceleration that they make" in found.words
+
+
 def test_electrical_rpm_is_a_warning(log):
     found = finding(changed(log, rotor_speed_rpm=log.track.rotor_speed_rpm * 14), "rotor speed")
     assert found.level == "warning"

@@ -20,7 +20,7 @@ from thrustmargin.gcs_plugin.reports.identify.page import html_text
 from thrustmargin.models.errors import ThrustMarginError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 from thrustmargin.models.identification.loop import identify
-from thrustmargin.models.identification.rows.usable_flights import too_little, wrong_order
+from thrustmargin.models.identification.rows.usable_flights import too_little, wrong_speeds
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
 from thrustmargin.models.physics.airframe import load_airframe
@@ -71,7 +71,7 @@ def ends_in_an_answer(
 ) -> None:
     """As the command goes about it, from the flights as read to all that it writes."""
     for track in (*flights, *held_out):
-        reasons = wrong_order(track, model.airframe), too_little(track, model)
+        reasons = wrong_speeds(track, model.airframe), too_little(track, model)
         assert all(reason is None or "\n" not in reason for reason in reasons)
     try:
         found = identify(flights, model, held_out=held_out)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.models.checks.test_late_speeds import flight as gusty_flight
 from tests.models.checks.test_motor_order import made_flight as turning_flight
 from tests.models.made_flights import F16, curve_model, made_flight
 from thrustmargin.models.errors import AirframeError, DataError
@@ -13,7 +14,7 @@ from thrustmargin.models.identification.rows.usable_flights import (
     require_airframe,
     require_distinct,
     too_little,
-    wrong_order,
+    wrong_speeds,
 )
 from thrustmargin.models.model.inferred.load_inference import LOAD_FROM_SPEEDS
 from thrustmargin.models.model.inferred.output_speed import FROM_OUTPUTS
@@ -75,15 +76,24 @@ def test_a_flight_without_a_channel_says_which():
 
 def test_speeds_of_other_rotors_are_refused_and_outputs_are_not_asked():
     track = turning_flight(F16)
-    assert wrong_order(track, F16) is None
+    assert wrong_speeds(track, F16) is None
     other = replace(track, rotor_speed_rpm=track.rotor_speed_rpm[:, [1, 0, 2, 3]])
-    words = wrong_order(other, F16)
+    words = wrong_speeds(other, F16)
     assert words is not None
     assert words.endswith("put the rotor speeds in motor order, or give the right --airframe")
     with pytest.raises(DataError, match=r"made: .*nothing was fitted"):
         require_airframe([track, other], curve_model(), given=True)
     outputs = replace(other, sources={"rotor_speed_rpm": FROM_OUTPUTS})
-    assert wrong_order(outputs, F16) is None
+    assert wrong_speeds(outputs, F16) is None
+
+
+def test_speeds_of_other_seconds_are_refused_and_outputs_are_not_asked():
+    track = gusty_flight(late=3.0)
+    words = wrong_speeds(track, F16) or ""
+    assert words.startswith("rotor speeds come 3.0 s after the acceleration")
+    assert words.endswith("move them by -3.0 s; nothing was fitted")
+    outputs = replace(track, sources={"rotor_speed_rpm": FROM_OUTPUTS})
+    assert wrong_speeds(outputs, F16) is None
 
 
 def test_another_number_of_rotors_is_refused():

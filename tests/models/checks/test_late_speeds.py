@@ -1,0 +1,114 @@
+"""Rotor speeds against the acceleration that they make, with one clock and with two."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.ndimage import uniform_filter1d
+
+from thrustmargin.models.checks.late_speeds import (
+    _alike,
+    _quick,
+    delays,
+    late_speeds,
+)
+from thrustmargin.models.flight import FlightTrack, Floats
+
+STEP = 0.1
+ROWS = 1200
+
+
+def flight(late: float = 0.0, *, noise: float = 0.3, rows: int = ROWS, step: float = STEP):
+    """Rotor speeds of four that make 10 m/s² and gusts of 1 m/s², reported `late` s later."""
+    rng = np.random.default_rng(5)
+    time_s = np.arange(rows) * step
+    gust = uniform_filter1d(rng.normal(size=rows + 800), 7) * np.sqrt(7.0)
+    upward = 10.0 + gust[400:][:rows]
+    # T = a N² is m f: squared speeds are as the force was.
+    at_report = np.interp(time_s - late, (np.arange(rows + 800) - 400) * step, 10.0 + gust)
+    force = np.zeros((rows, 3))
+    force[:, 2] = -upward - noise * rng.normal(size=rows)
+    speed = 3000.0 * np.sqrt(at_report / 10.0)
+    return FlightTrack.of(
+        name="gusts.csv",
+        time_s=time_s,
+        rotor_count=4,
+        rotor_speed_rpm=np.repeat(speed[:, None], 4, axis=1),
+        specific_force_frd=force,
+        flying=np.ones(rows, dtype=bool),
+    )
+
+
+@pytest.mark.parametrize("late", [0.0, 1.0, 1.4, -1.4])
+def test_one_clock_and_a_delay_that_the_fit_finds_are_no_matter(late):
+    delay_s, correlation, likelihood = delays(flight(late))
+    assert delay_s[np.argmax(likelihood)] == pytest.approx(late, abs=0.051)
+    assert correlation.max() > 0.9
+    assert late_speeds(flight(late)) is None
+
+
+@pytest.mark.parametrize(
+    ("late", "words"),
+    [
+        (1.6, "come 1.6 s after the acceleration"),
+        (3.0, "come 3.0 s after the acceleration"),
+        (9.9, "move them by -9.9 s"),
+        (-2.5, "come 2.5 s before the acceleration"),
+        (-2.5, "move them by +2.5 s"),
+    ],
+)
+def test_another_clock_is_said_with_its_seconds(late, words):
+    assert words in (late_speeds(flight(late)) or "")
+
+
+def test_what_does_not_answer_or_hardly_leads_says_nothing():
+    # With noise of 2.5 about gusts of 1 the correlation is below 0.5 at its best.
+    deaf = flight(3.0, noise=6.0)
+    assert 0.2 < delays(deaf)[1].max() < 0.5
+    assert late_speeds(deaf) is None
+    assert late_speeds(flight(3.0, noise=0.3)) is not None
+    # Of 60 rows in flight nothing is asked.
+    assert delays(flight(3.0, rows=60))[0].size == 0
+
+
+def test_without_rows_or_with_rows_too_far_apart_nothing_is_asked():
+    track = flight(3.0)
+    still = replace(track, flying=np.zeros(ROWS, dtype=bool))
+    unknown = replace(track, specific_force_frd=np.full((ROWS, 3), np.nan))
+    for other in (still, unknown, flight(3.0, step=0.8)):
+        assert all(part.size == 0 for part in delays(other))
+        assert late_speeds(other) is None
+    assert "3.0 s after" in (late_speeds(flight(3.0, step=0.5)) or "")
+
+
+def test_rows_in_flight_count_however_many_stand_on_the_ground():
+    track = flight(3.0)
+    flying = np.arange(ROWS) >= 300
+    on_ground = replace(track, flying=flying)
+    assert "3.0 s after" in (late_speeds(on_ground) or "")
+
+
+def test_what_drifts_is_taken_out_and_neighbours_are_smoothed():
+    ramp: Floats = np.arange(300.0)
+    assert _quick(ramp, STEP)[100:200] == pytest.approx(np.zeros(100), abs=1e-9)
+    lone = np.zeros(301)
+    lone[150] = 1.0
+    # of its own third, less its 51st; two rows on only that 51st is left
+    quick = _quick(lone, STEP)
+    assert quick[149:153] == pytest.approx([1 / 3 - 1 / 51] * 3 + [-1 / 51])
+
+
+def test_independent_samples_are_fewer_where_neighbours_are_alike():
+    values = np.array([1.0, 1.0, -1.0, -1.0, 1.0, 1.0])
+    other = np.array([1.0, 1.0, 1.0, 1.0, -1.0, 1.0])
+    # products: 1, 1, -1, -1, -1, 1 = 0: nothing shared
+    assert _alike(values, other) == pytest.approx((0.0, 0.0))
+    ones = np.ones(4)
+    half = np.array([1.0, 1.0, 1.0, -1.0])
+    # 2 of 4; neighbours 3/4 and 1/4 (1 + 1 - 1): both 3/16, 4 (13/16)/(19/16) = 52/19 samples
+    assert _alike(ones, half) == pytest.approx((0.5, -0.5 * 52 / 19 * np.log(0.75)))
+    # longer ones count from their first row, as far as both go
+    assert _alike(np.append(ones, 9.0), half) == _alike(ones, half)
+    # the other way round is no delay
+    assert _alike(ones, -half) == pytest.approx((-0.5, 0.0))
+    assert _alike(ones, np.zeros(4)) == (0.0, 0.0)
