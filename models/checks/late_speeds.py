@@ -66,7 +66,7 @@ def delays(track: FlightTrack) -> tuple[Floats, Floats, Floats]:
         return empty, empty, empty
     rows = np.arange(-furthest, furthest + 1)
     found = np.array([_alike(together[max(k, 0) :], felt[max(-k, 0) :]) for k in rows])
-    return rows * step, found[:, 0], found[:, 1]
+    return (rows * step).astype(np.float64), found[:, 0], found[:, 1]
 
 
 def _quick(values: Floats, step: float) -> Floats:

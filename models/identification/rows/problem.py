@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from thrustmargin.models.effects import effects_for
 from thrustmargin.models.effects.base import Effect, Placed
-from thrustmargin.models.effects.channels import Channels, concatenate
+from thrustmargin.models.effects.channels import STEADY_SPAN, Channels, concatenate
 from thrustmargin.models.effects.compose import BaseTable, filled, rotor_speed_rpm
 from thrustmargin.models.errors import AirframeError, DataError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
@@ -30,6 +30,7 @@ from thrustmargin.models.model.predict import model_channels, table_of
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.model.thermometer import by_thermometer
 from thrustmargin.models.physics.flight_phases import training_rows
+from thrustmargin.models.physics.smoothing import moving_mean
 
 BLOCK_SECONDS = 10.0
 LEAST_ROWS = 100
@@ -161,6 +162,7 @@ def assemble_flight(model: RotorModel, track: FlightTrack) -> Problem:
     if model.network is None and airspeed_is_ground_speed(track):
         track = replace(track, airspeed=np.full_like(track.airspeed, np.nan))
     track = by_thermometer(track, model.thermometer)
+    track = replace(track, voltage=_without_noise(track))
     channels = model_channels(model, track, effects=effects_for(airframe))
     keep = training_rows(track, model.inputs)
     if "airspeed" in model.inputs:
@@ -205,6 +207,16 @@ def assemble_flight(model: RotorModel, track: FlightTrack) -> Problem:
         background_rpm=np.array(model.background_rpm or np.zeros(airframe.rotor_count)),
         of_outputs=of_outputs([track]),
     )
+
+
+def _without_noise(track: FlightTrack) -> Floats:
+    """(T,) V in flight, without the sensor's noise, beside which an exponent comes out too small.
+
+    Source: Fuller 1987, Measurement Error Models, chapter 1 (attenuation).
+    """
+    in_flight = np.where(track.flying, track.voltage, np.nan)
+    mean = moving_mean(track.time_s, in_flight, STEADY_SPAN)
+    return np.where(np.isfinite(track.voltage), mean, np.nan)
 
 
 def thinned(problem: Problem, stride: int) -> Problem:

@@ -21,7 +21,7 @@ ROWS = 1200
 def flight(late: float = 0.0, *, noise: float = 0.3, rows: int = ROWS, step: float = STEP):
     """Rotor speeds of four that make 10 m/s² and gusts of 1 m/s², reported `late` s later."""
     rng = np.random.default_rng(5)
-    time_s = np.arange(rows) * step
+    time_s: Floats = np.arange(rows, dtype=np.float64) * step
     gust = uniform_filter1d(rng.normal(size=rows + 800), 7) * np.sqrt(7.0)
     upward = 10.0 + gust[400:][:rows]
     # T = a N² is m f: squared speeds are as the force was.

@@ -191,3 +191,22 @@ def test_an_airspeed_for_want_of_a_sensor_is_known_by_its_source():
     assert airspeed_is_ground_speed(inferred)
     assert np.isnan(assemble_flight(MODEL, inferred).channels.airspeed).all()
     assert np.isfinite(assemble_flight(MODEL, track).channels.airspeed).all()
+
+
+def test_a_voltage_is_that_of_the_battery_in_flight_without_the_sensors_noise():
+    track = made_flight(1)
+    rows = np.arange(track.time_s.size)
+    flying = rows >= 150
+    ramp = 24.0 - 0.002 * rows
+    # 0.1 V up and down from row to row; on the ground nothing draws from it, and it has 1 V more
+    seen = ramp + np.where(rows % 2, 0.1, -0.1) + np.where(flying, 0.0, 1.0)
+    problem = assemble_flight(MODEL, replace(track, voltage=seen, flying=flying))
+    voltage = problem.channels.voltage
+    assert voltage.size > 500
+    kept = np.isin(np.round(track.time_s, 6), np.round(problem.channels.time_s, 6))
+    # over whole means of 10 s the ramp stays; where less is left, half of that far from it
+    inner = (rows >= 150 + round(5.0 / STEP_S)) & (rows <= rows[-1] - round(5.0 / STEP_S))
+    found = np.full(rows.size, np.nan)
+    found[kept] = voltage
+    np.testing.assert_allclose(found[kept & inner], ramp[kept & inner], atol=0.003)
+    np.testing.assert_allclose(voltage, ramp[kept], atol=0.002 * 2.5 / STEP_S + 0.003)
