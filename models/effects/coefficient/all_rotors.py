@@ -28,11 +28,13 @@ def _kappa(p, x: Channels):
 BATTERY_VOLTAGE = Effect(
     name="battery_voltage",
     kind=Kind.COEFFICIENT,
-    # Smallest: 0.5 % of thrust where the voltage falls by a tenth. Lower: speeds worked out in
-    # proportion to the voltage, thrust at one of which goes with 1 / V², and an error of a fifth.
+    # Smallest: 0.5 % of thrust where the voltage falls by a tenth. Bounds: a motor's speed goes at
+    # most in proportion to the voltage, so thrust at a speed that is said to be the same whatever
+    # the battery goes at most with V², and at one worked out in that proportion, if it does not go
+    # so at all, with 1 / V²; and an error of a fifth.
     parameters=(
         Parameter(
-            name="exponent", unit="1", start=1.0, lower=-2.5, upper=6.0, scale=0.5, smallest=0.05
+            name="exponent", unit="1", start=1.0, lower=-2.5, upper=2.5, scale=0.5, smallest=0.05
         ),
         # Where speeds that somebody works out are right, against a full battery: a lithium cell has
         # 4.2 V when full, 3.7 V on its label (12 % less, twice the usual size), 3.4 V when empty.

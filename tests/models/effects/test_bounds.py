@@ -50,7 +50,7 @@ SIZES = {
     ("yaw_trim", "moment"): (-20, 20, 1, 0.1),
     ("air_density", "temperature_offset"): (-35, 35, 8, 0),
     ("air_density", "torque_share"): (0, 1, 0.5, 0),
-    ("battery_voltage", "exponent"): (-2.5, 6, 0.5, 0.05),
+    ("battery_voltage", "exponent"): (-2.5, 2.5, 0.5, 0.05),
     ("battery_voltage", "level"): (-0.2, 0.1, 0.06, 0),
     ("climb_inflow", "slope"): (-2, 6, 1, 0.05),
     ("ground_effect", "strength"): (0, 3, 0.2, 0.02),
