@@ -51,7 +51,7 @@ class RowsToFit:
     flight: NDArray[np.intp]  # (T,) which flight
     follows: Bools  # (T,) the row comes right after the one before it
     names: tuple[str, ...]  # of the flights
-    of_outputs: bool = False  # speeds are from motor outputs: only each rotor's share counts
+    of_outputs: bool  # speeds are from motor outputs: only each rotor's share counts
 
     @property
     def flights(self) -> int:

@@ -43,6 +43,7 @@ def test_a_likelier_set_with_more_effects_goes_where_fewer_predict_better():
     assert kept(*sets, rpm={three: 10.2, two: 10.1, one: 10.0})[0] == [one]
     assert kept(*sets, rpm={three: 10.2, two: 10.0, one: 10.1})[0] == [two, one]
     assert kept(*sets, rpm={three: 10.0, two: 10.1, one: 10.15})[0] == [three, two, one]
+    assert kept(*sets, rpm={three: 10.0, two: 10.0, one: 10.0})[0] == [three, two, one]
 
 
 def test_a_set_as_large_as_the_best_is_no_reason_to_drop_it():

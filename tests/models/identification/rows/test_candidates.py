@@ -116,7 +116,7 @@ def test_an_effect_whose_channel_is_missing_or_that_could_not_show_is_no_candida
     weighed = replace(MASS, weight=lambda values, _: values["mass"] / 0.999 / usual)
     faint = replace(MASS, weight=lambda values, _: values["mass"] / 1.001 / usual)
     usual = MASS.parameters[0].start + MASS.parameters[0].scale
-    assert [c.key for c in candidates_of(reduced, [weighed, faint])] == ["extra_mass"]
+    assert [c.term.effect for c in candidates_of(reduced, [weighed, faint])] == [weighed]
 
 
 def test_values_of_single_flights_are_free_one_by_one():

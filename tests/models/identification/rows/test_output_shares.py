@@ -100,7 +100,7 @@ def test_spread_of_flights_by_hand():
     known, degrees = spread_of_flights(residual, flight, np.array([3.0]))
     assert (known[0], degrees) == (3.0, np.inf)
     few, _ = spread_of_flights(residual[:4], flight[:4], np.zeros(1))
-    assert few[0] > 100.0
+    assert few[0] == pytest.approx(1000.0 * 2.5)  # of what is largest, in either direction
     own, degrees = spread_of_flights(residual[:6], flight[:6], np.zeros(1))
     assert (own[0], degrees) == (pytest.approx(1.0), 2.0)  # three flights show it: 1, 2, 3
     # t of 4 degrees at 97.5 % is 2.7764, the normal quantile 1.9600

@@ -163,6 +163,13 @@ def test_a_loss_is_found_from_its_rows_and_only_from_the_blocks_chosen():
     assert abs(fit_rows(problem, held).held[0].values[0, 0] - 0.08) > 2.0 * abs(loss - 0.08)
 
 
+def test_steps_go_on_while_they_gain_and_a_large_loss_takes_several():
+    problem = assemble(curve_model(), made_flights(2, loss=0.5))
+    one = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=0), 2)
+    found = fit_rows(problem, [Held(candidate=one, values=one.start)])
+    assert found.held[0].values[0, 0] == pytest.approx(0.5, abs=0.001)
+
+
 @pytest.fixture(scope="module")
 def problem(sitl_logs):
     """Two flights with every channel, and the pull of a load and a flow that they do not have."""
