@@ -7,12 +7,20 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from tests.models.made_flights import curve_model, made_flight
+from tests.models.identification.answer.test_explanations import (
+    FLIGHTS,
+    GAUGE,
+    LOSS,
+    MASS,
+    MODEL,
+    NOISE,
+    PROBLEM,
+    explanations,
+)
 from thrustmargin.models.effects import BY_KEY, effects_for
 from thrustmargin.models.identification.answer.explanations import (
     Explanation,
     ModePrediction,
-    fitted_explanation,
 )
 from thrustmargin.models.identification.answer.result import Mentioned, OneOf, SetWeight
 from thrustmargin.models.identification.next_flight import next_flight as module
@@ -28,19 +36,9 @@ from thrustmargin.models.identification.next_flight.next_flight import (
     next_flight,
 )
 from thrustmargin.models.identification.rows.candidates import Term
-from thrustmargin.models.identification.rows.problem import assemble
 from thrustmargin.models.model.predict import model_channels, table_of
 
-#: One fill, one speed: hidden mass is as good as a wrong gauge.
-FLIGHTS = [made_flight(k, tank_kg=8.0, hidden_mass=1.0) for k in range(3)]
-MODEL, LIMITS = curve_model(), FlownLimits.of(FLIGHTS)
-PROBLEM = assemble(MODEL, FLIGHTS)
-NOISE = np.array([4.0, 3.0, 2.5, 2.5])
-MASS, GAUGE, LOSS = (Term(effect=BY_KEY[key]) for key in ("extra_mass", "tank_scale", "yaw_trim"))
-
-
-def explanations(first, second) -> tuple[Explanation, Explanation]:
-    return fitted_explanation(PROBLEM, first, NOISE), fitted_explanation(PROBLEM, second, NOISE)
+LIMITS = FlownLimits.of(FLIGHTS)
 
 
 def test_hidden_mass_and_gauge_are_told_apart_by_another_fill():
