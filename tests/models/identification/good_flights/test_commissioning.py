@@ -9,6 +9,7 @@ from tests.models.identification.good_flights.test_standard_effects import with_
 from tests.models.made_flights import F16, curve_model, made_flights
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.identification.good_flights.commissioning import (
+    _folds,
     chain_of,
     commission,
     worse,
@@ -41,6 +42,12 @@ def test_it_is_said_which_of_the_flights_left_out_is_worked_on():
     folds = tuple(Fold(model=curve_model(), flights=(k,)) for k in range(3))
     chain_of(curve_model(), folds, tracks, [0, 1, 2], gather(tracks), INPUTS, said.append)
     assert said == [f"weight and thrust curve, flights left out: {k} of 3" for k in (1, 2, 3)]
+
+
+def test_flights_are_left_out_each_by_itself_or_in_five_parts():
+    assert [f.flights for f in _folds(curve_model(), [0, 2, 3])] == [(0,), (2,), (3,)]
+    many = [f.flights for f in _folds(curve_model(), list(range(7)))]
+    assert many == [(0, 1), (2, 3), (4,), (5,), (6,)]
 
 
 def test_the_network_stays_unless_flights_left_out_are_worse_with_it():

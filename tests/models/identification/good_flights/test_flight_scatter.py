@@ -16,6 +16,8 @@ from thrustmargin.models.identification.good_flights.flight_scatter import (
     _at_the_model,
     _harmonics,
     _own_estimates,
+    _pooled,
+    _splines,
     confirmed_curve_rms,
     good_flights,
     mean_and_error,
@@ -98,6 +100,62 @@ def test_harmonics_are_held_by_the_fourth_power_of_their_number():
     assert np.count_nonzero(penalty - np.diag(np.diag(penalty))) == 0
     np.testing.assert_allclose(columns[:, 1], [1, 0, -1], atol=1e-12)  # cos
     np.testing.assert_allclose(columns[:, 4], [0, 0, 0], atol=1e-12)  # sin of twice it
+
+
+def test_splines_have_a_piece_more_at_each_end_and_a_straight_line_costs_nothing():
+    channel = np.array([2.0, 3.0, 5.5, 7.0, 10.0])
+    columns, penalty = _splines(channel)
+    assert columns.shape == (5, 11)  # 8 pieces of a cubic
+    np.testing.assert_allclose(columns.sum(axis=1), 1.0)
+    np.testing.assert_allclose(columns @ np.arange(-1.0, 10.0), channel - 2.0, atol=1e-8)
+    line, bend = np.arange(11.0), np.eye(11)[5]
+    assert line @ penalty @ line == pytest.approx(0.0, abs=1e-6)
+    assert bend @ penalty @ bend == pytest.approx(6.0)  # 1, -2, 1
+    assert np.linalg.matrix_rank(penalty) == 11  # so that a piece without rows has a solution
+
+
+@pytest.mark.parametrize("weight", [1e-3, 1.0])
+def test_a_curve_explains_what_fits_without_each_flight_say_of_it(monkeypatch, weight):
+    """By least squares with the penalty's roots as rows, each flight left out by itself."""
+    monkeypatch.setattr(flight_scatter, "SMOOTHNESS", np.array([weight]))
+    rng = np.random.default_rng(3)
+    flight = np.repeat([0, 1, 2, 3], [80, 50, 60, 70])
+    channel = rng.uniform(1.0, 4.0, flight.size)
+    values = 20.0 + 5.0 * np.sin(2.0 * channel) + rng.normal(size=flight.size)
+    columns, penalty = _splines(channel)
+    root = np.linalg.cholesky(weight * flight.size * penalty).T
+    explained = 0.0
+    for one in range(4):
+        rest = flight != one
+        rows = np.concatenate([columns[rest], root])
+        curve = np.linalg.lstsq(rows, np.append(values[rest], np.zeros(11)), rcond=None)[0]
+        explained += np.sum((values[~rest] - values[rest].mean()) ** 2)
+        explained -= np.sum((values[~rest] - columns[~rest] @ curve) ** 2)
+    found = confirmed_curve_rms(values, channel, flight)
+    assert found == pytest.approx(np.sqrt(explained / flight.size), rel=1e-6)
+
+
+def test_the_scatter_of_rotors_is_that_of_one_of_them_and_blind_flights_are_no_flights():
+    alike, blind = [[1.0, 0.1], [1.0, 0.1]], [[9.0, np.inf], [5.0, 0.0]]
+    apart = np.array([[0.0, 1e-9], [2.0, 1e-9], *blind])  # scatter of the two: the root of 2
+    estimates = {("loss", 0): [np.array(alike)], ("loss", 1): [apart[:1], apart[1:]]}
+    assert _pooled(estimates) == pytest.approx({"loss": 1.0}, rel=1e-6)  # with 0 of the other
+    assert _pooled({("loss", 0): [np.array([alike[0], *blind])]}) == {}
+
+
+def test_flights_are_the_same_in_one_part_or_in_two():
+    tracks = [
+        with_weight_forward(t, 0.004 * k) for k, t in enumerate(made_flights(4, duration=60.0))
+    ]
+    model = curve_model()
+    whole = good_flights([LeftOutFlights(model=model, tracks=tuple(tracks))])
+    parts = [LeftOutFlights(model=model, tracks=tuple(tracks[k : k + 2])) for k in (0, 2)]
+    shown = good_flights(parts)
+    assert shown.flights == 4
+    assert shown.scatter["cg_offset.x"] == pytest.approx(whole.scatter["cg_offset.x"], rel=0.01)
+    assert shown.curve_rpm == pytest.approx(whole.curve_rpm)
+    assert shown.slow_rpm == pytest.approx(whole.slow_rpm)
+    assert shown.mode_scatter_rpm == pytest.approx(whole.mode_scatter_rpm)
 
 
 def test_the_free_form_of_all_parts_is_the_root_mean_square_of_each_mode(monkeypatch):

@@ -152,6 +152,20 @@ def test_what_the_base_may_be_off_by_is_the_root_of_its_summed_squares(monkeypat
     assert asked[0][3] == pytest.approx(72.0**0.5, rel=0.01)
 
 
+def test_an_interval_has_the_fits_own_width_what_can_be_read_and_what_the_law_is_good_to(
+    monkeypatch,
+):
+    monkeypatch.setattr(module, "_half_widths", lambda fit, _: np.full(fit.columns.shape[2], 0.001))
+    tracks = [with_weight_forward(t, 0.02) for t in made_flights(3)]
+    model = with_standard_effects(curve_model(), tracks)
+    record = next(e for e in model.effects if e.name == "cg_offset")
+    x = record.parameters["x"]
+    law = BY_KEY["cg_offset"].parameters[0]
+    assert law.accuracy > 0.0
+    width = 0.001 + law.resolution + law.accuracy * x.value
+    assert x.ci95 == pytest.approx((x.value - width, x.value + width))
+
+
 def test_leaving_an_effect_out_by_the_sums_is_leaving_it_out_of_the_fit():
     tracks = [with_weight_forward(t, 0.003) for t in made_flights(3)]
     alike = np.full(4, 40.0)  # rpm, beside which the modes' own sizes are nothing
