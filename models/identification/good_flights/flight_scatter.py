@@ -60,16 +60,17 @@ def good_flights(left_out: Sequence[LeftOutFlights]) -> GoodFlights:
     for fold in left_out:
         problem = assemble(fold.model, fold.tracks)
         effects = effects_for(fold.model.airframe)
-        catalogues.append(effects_on_shares(effects) if problem.of_outputs else effects)
+        catalogue = effects_on_shares(effects) if problem.of_outputs else effects
+        catalogues.append(catalogue)
         modes = problem.in_modes(problem.measured_rpm - problem.speeds())
         filter_ = plain(modes, problem.flight, problem.of_outputs)
-        for key, found in _own_estimates(problem, filter_, catalogues[-1]).items():
+        for key, found in _own_estimates(problem, filter_, catalogue).items():
             estimates.setdefault(key, []).append(found)
+        flight.append(problem.flight + len(means))
         means += [
             mean_and_error(modes, problem.block, problem.flight == f)
             for f in range(problem.flights)
         ]
-        flight.append(problem.flight + (flight[-1].max() + 1 if flight else 0))
         amplitudes.append(modes)
         for name, values in channels.items():
             values.append(problem.channels.read(name))
