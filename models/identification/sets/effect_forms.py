@@ -14,6 +14,7 @@ import numpy as np
 
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.rows.candidates import Held, predicted
+from thrustmargin.models.identification.rows.modes import MODE_NAMES
 from thrustmargin.models.identification.rows.reduced import Reduced
 from thrustmargin.models.identification.rows.value_columns import ValueColumns, side_by_side
 from thrustmargin.models.identification.sets.free_form import FORM
@@ -29,14 +30,15 @@ LEFT_OVER = 1 / 3  # of the largest change: FORM of this is a seventh of what is
 def forms_of(reduced: Reduced, slow: Floats, held: Sequence[Held]) -> ValueColumns:
     """By how much what each effect of a set does may be another than its form says, in rpm.
 
-    FORM of its change along the direction that it changes most, anew in each mode, and
-    SIDE_FORM of what it changes by the way in modes that it hardly acts in. Speeds that are
+    FORM of its change along the direction that it changes most, anew in each mode of force and
+    moment (no load asks for another share among rotors that makes neither), and SIDE_FORM of what
+    it changes by the way in modes that it hardly acts in. Speeds that are
     reported late have no form of their own: they are the model's, some time ago. Nor has what
     changes in the model's own effects: their forms are in what the model may be wrong by.
     """
     modes, count = reduced.measured_rpm.shape[1], slow.shape[1]
     parts = [ValueColumns.of_all(np.zeros((slow.shape[0], modes, 0)))]
-    each, curve = np.divmod(np.arange(modes * count), count)
+    each, curve = np.divmod(np.arange(min(modes, len(MODE_NAMES)) * count), count)
     base = predicted(reduced, held)
     for k in range(len(held)):
         effect = held[k].candidate.term.effect

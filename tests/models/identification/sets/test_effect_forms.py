@@ -7,14 +7,19 @@ import numpy as np
 import pytest
 
 from tests.models.made_flights import F16, curve_model, made_flights, table
+from tests.undeclared.crafts import CRAFTS
+from tests.undeclared.plan import good_flights
+from tests.undeclared.subject import airframe_of
 from thrustmargin.models.effects import effects_for
-from thrustmargin.models.identification.rows.candidates import Held, predicted
+from thrustmargin.models.identification.rows.candidates import Held, candidates_of, predicted
+from thrustmargin.models.identification.rows.reduced import reduce_flights
 from thrustmargin.models.identification.sets import set_search
 from thrustmargin.models.identification.sets.effect_forms import cancel, forms_of
 from thrustmargin.models.identification.sets.evidence import IMPOSSIBLE
 from thrustmargin.models.identification.sets.free_form import form_columns
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.identification.sets.set_search import Search
+from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.network.records import GoodFlights
 
 SPACE = search_space(
@@ -89,6 +94,23 @@ def test_how_a_rotor_answers_to_load_is_uncertain_where_no_flight_has_taught_the
     model = replace(SPACE.reduced.model, good_flights=GoodFlights(flights=3))
     taught = replace(SPACE.reduced, model=model)
     assert forms_of(taught, form_columns(SPACE.reduced.channels), []).count == 0
+
+
+def test_no_load_asks_for_another_share_among_rotors_that_makes_no_force_and_no_moment(tmp_path):
+    """On a hexacopter mass and a bad rotor may have another form in four modes of six."""
+    craft = next(one for one in CRAFTS if one.name == "hexa-x-12kg")
+    tracks = [flight.track for flight in good_flights(craft, 2)]
+    model = physics_model(airframe_of(craft, tmp_path))
+    reduced = reduce_flights(replace(model, good_flights=GoodFlights(flights=2)), tracks)
+    slow = form_columns(reduced.channels)
+    by_key = {c.key: c for c in candidates_of(reduced, effects_for(model.airframe))}
+    for key, value, rest in (("extra_mass", 1.0, 0.0), ("rotor_degradation@1", 0.1, 0.1)):
+        start = by_key[key].start.copy()
+        start[:, 0] = value
+        forms = forms_of(reduced, slow, [Held(candidate=by_key[key], values=start)])
+        square = np.sum(np.mean(np.square(forms.wide(reduced.flight)), axis=0), axis=1)
+        assert square[:4] == pytest.approx(square.max(), rel=0.01)
+        assert np.all(square[4:] <= rest**2 * square.max())  # of what it does there by the way
 
 
 def flights_of(reduced):
