@@ -13,6 +13,7 @@ from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.effects import BY_KEY, CATALOGUE
 from thrustmargin.models.effects.demand.slung_load import LENGTHS
 from thrustmargin.models.effects.spin_up import SPIN_UPS
+from thrustmargin.models.identification.rows import row_fit
 from thrustmargin.models.identification.rows.candidates import (
     Held,
     Term,
@@ -115,6 +116,12 @@ def test_an_interval_from_blocks_has_half_as_many_degrees_of_freedom_as_blocks(b
     assert width(sums([0] * blocks, g, [4.0] * blocks, [10.0] * blocks)) == pytest.approx(half)
 
 
+def test_what_is_known_of_a_value_beforehand_makes_its_interval_narrower():
+    s = sums([0, 0, 0, 0], [3.0, -3.0, 3.0, -3.0], [4.0] * 4, [10.0] * 4, prior=9.0)
+    variance = 36.0 / (16.0 + 9.0) ** 2 * 4 / 3
+    assert width(s) == pytest.approx(stats.t(2).ppf(0.975) * np.sqrt(variance))
+
+
 def test_flights_that_disagree_widen_the_interval_with_one_degree_of_freedom_less_than_flights():
     s = sums([0, 0, 1, 1, 2, 2], [2.0, 2.0, -1.0, -1.0, -1.0, -1.0], [1.0] * 6, [9.0] * 6)
     by_block, by_flight = 12.0 / 36.0 * 6 / 5, (16.0 + 4.0 + 4.0) / 36.0 * 3 / 2
@@ -168,6 +175,21 @@ def test_steps_go_on_while_they_gain_and_a_large_loss_takes_several():
     one = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=0), 2)
     found = fit_rows(problem, [Held(candidate=one, values=one.start)])
     assert found.held[0].values[0, 0] == pytest.approx(0.5, abs=0.001)
+
+
+def test_steps_end_where_they_gain_nothing_more(monkeypatch):
+    asked = []
+
+    def counted(*given):
+        asked.append(given)
+        return columns_of(*given)
+
+    columns_of = row_fit._columns
+    monkeypatch.setattr(row_fit, "_columns", counted)
+    problem = assemble(curve_model(), made_flights(2, duration=60.0, loss=0.08))
+    one = candidate(Term(effect=BY_KEY["rotor_degradation"], rotor=0), 2)
+    fit_rows(problem, [Held(candidate=one, values=one.start)])
+    assert 4 < len(asked) < 14  # of 21: ten steps in each of two rounds, and the last
 
 
 @pytest.fixture(scope="module")
