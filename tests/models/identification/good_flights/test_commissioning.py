@@ -22,26 +22,32 @@ from thrustmargin.models.physics.atmosphere import track_air
 INPUTS = ("airspeed", "tank_kg")
 
 
-def chain(tracks):
+TRACKS = [with_weight_forward(t, 0.01) for t in made_flights(3, duration=60.0)]
+
+
+def chain(tracks, said=lambda _: None):
     folds = tuple(Fold(model=curve_model(), flights=(k,)) for k in range(len(tracks)))
     used = list(range(len(tracks)))
-    return chain_of(curve_model(), folds, tracks, used, gather(tracks), INPUTS, lambda _: None)
+    return chain_of(curve_model(), folds, tracks, used, gather(tracks), INPUTS, said)
 
 
-def test_nothing_of_a_flight_reaches_its_own_prediction():
-    tracks = [with_weight_forward(t, 0.01) for t in made_flights(3, duration=60.0)]
-    other = [tracks[0], with_weight_forward(tracks[1], 0.03), tracks[2]]
-    before, after = chain(tracks), chain(other)
+@pytest.fixture(scope="module")
+def known():
+    """The chain of three flights, and what it said on the way."""
+    said: list[str] = []
+    return chain(TRACKS, said.append), said
+
+
+def test_nothing_of_a_flight_reaches_its_own_prediction(known):
+    before, after = known[0], chain([TRACKS[0], with_weight_forward(TRACKS[1], 0.03), TRACKS[2]])
     own = before.samples.flight == 1
     np.testing.assert_array_equal(before.predicted_rpm[own], after.predicted_rpm[own])
     assert np.abs(before.predicted_rpm[~own] - after.predicted_rpm[~own]).max() > 5.0
 
 
-def test_it_is_said_which_of_the_flights_left_out_is_worked_on():
-    tracks, said = made_flights(3, duration=60.0), []
-    folds = tuple(Fold(model=curve_model(), flights=(k,)) for k in range(3))
-    chain_of(curve_model(), folds, tracks, [0, 1, 2], gather(tracks), INPUTS, said.append)
-    assert said == [f"weight and thrust curve, flights left out: {k} of 3" for k in (1, 2, 3)]
+def test_it_is_said_which_of_the_flights_left_out_is_worked_on(known):
+    of_three = [f"weight and thrust curve, flights left out: {k} of 3" for k in (1, 2, 3)]
+    assert known[1] == of_three
 
 
 def test_flights_are_left_out_each_by_itself_or_in_five_parts():
@@ -50,12 +56,12 @@ def test_flights_are_left_out_each_by_itself_or_in_five_parts():
     assert many == [(0, 1), (2, 3), (4,), (5,), (6,)]
 
 
-def test_the_network_stays_unless_flights_left_out_are_worse_with_it():
-    known = chain(made_flights(3, duration=60.0))
-    measured, flight = known.samples.rotor_speed_rpm, known.samples.flight
+def test_the_network_stays_unless_flights_left_out_are_worse_with_it(known):
+    one = known[0]
+    measured, flight = one.samples.rotor_speed_rpm, one.samples.flight
 
     def off(*by: float):
-        return replace(known, predicted_rpm=measured + np.array(by)[flight][:, None])
+        return replace(one, predicted_rpm=measured + np.array(by)[flight][:, None])
 
     assert not worse(off(10.0, 10.0, 10.0), off(20.0, 25.0, 20.0))
     assert worse(off(20.0, 25.0, 20.0), off(10.0, 10.0, 10.0))
