@@ -138,7 +138,10 @@ def test_a_curve_explains_what_fits_without_each_flight_say_of_it(monkeypatch, w
 def test_the_scatter_of_rotors_is_that_of_one_of_them_and_blind_flights_are_no_flights():
     alike, blind = [[1.0, 0.1], [1.0, 0.1]], [[9.0, np.inf], [5.0, 0.0]]
     apart = np.array([[0.0, 1e-9], [2.0, 1e-9], *blind])  # scatter of the two: the root of 2
-    estimates = {("loss", 0): [np.array(alike)], ("loss", 1): [apart[:1], apart[1:]]}
+    estimates: dict[tuple[str, int | None], list[np.ndarray]] = {
+        ("loss", 0): [np.array(alike)],
+        ("loss", 1): [apart[:1], apart[1:]],
+    }
     assert _pooled(estimates) == pytest.approx({"loss": 1.0}, rel=1e-6)  # with 0 of the other
     assert _pooled({("loss", 0): [np.array([alike[0], *blind])]}) == {}
 
