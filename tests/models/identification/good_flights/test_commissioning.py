@@ -8,6 +8,7 @@ import pytest
 from tests.models.identification.good_flights.test_standard_effects import with_weight_forward
 from tests.models.made_flights import F16, curve_model, made_flights
 from thrustmargin.models.errors import DataError
+from thrustmargin.models.identification.good_flights import commissioning
 from thrustmargin.models.identification.good_flights.commissioning import (
     _folds,
     chain_of,
@@ -48,6 +49,21 @@ def test_nothing_of_a_flight_reaches_its_own_prediction(known):
 def test_it_is_said_which_of_the_flights_left_out_is_worked_on(known):
     of_three = [f"weight and thrust curve, flights left out: {k} of 3" for k in (1, 2, 3)]
     assert known[1] == of_three
+
+
+def test_motor_outputs_are_scaled_to_the_square_of_each_row(monkeypatch):
+    asked = []
+
+    def scaled(squares, speed):
+        asked.append(squares)
+        return speed
+
+    monkeypatch.setattr(commissioning, "of_outputs", lambda _: True)
+    monkeypatch.setattr(commissioning, "scaled_to", scaled)
+    monkeypatch.setattr(commissioning, "with_standard_effects", lambda model, _: model)
+    samples = chain(TRACKS).samples
+    by_hand = (samples.rotor_speed_rpm**2) @ np.ones(4)
+    np.testing.assert_allclose(np.concatenate(asked), by_hand)
 
 
 def test_flights_are_left_out_each_by_itself_or_in_five_parts():

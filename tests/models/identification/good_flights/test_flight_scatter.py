@@ -161,6 +161,20 @@ def test_flights_are_the_same_in_one_part_or_in_two():
     assert shown.mode_scatter_rpm == pytest.approx(whole.mode_scatter_rpm)
 
 
+def test_slow_noise_of_a_small_aircraft_has_knots_nearer_together(monkeypatch):
+    asked = []
+
+    def seen(rows, _time_s, _flight, apart):
+        asked.append(apart)
+        return np.zeros(rows.shape[1])
+
+    monkeypatch.setattr(flight_scatter, "slow_wander", seen)
+    monkeypatch.setattr(flight_scatter, "froude_time_scale", lambda _: 0.5)
+    tracks = tuple(made_flights(2, duration=60.0))
+    good_flights([LeftOutFlights(model=curve_model(), tracks=tracks)])
+    assert asked == [12.5]  # of 25 s
+
+
 def test_the_free_form_of_all_parts_is_the_root_mean_square_of_each_mode(monkeypatch):
     tracks = made_flights(4, duration=60.0)
     sizes = iter([np.array([3.0, 1.0, 0.0, 2.0]), np.array([4.0, 7.0, 1.0, 2.0])])
