@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from tests.gcs_plugin.live.live_vehicle import ROOT, Vehicle
+from tests.gcs_plugin.peers.ports import free_udp_port
 from thrustmargin.gcs_plugin.live.link_vehicles import Subscriber
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
@@ -39,12 +40,6 @@ class Kept(Subscriber):
         now = time.monotonic()
         for row in range(update.first, update.clock_s.size):
             self.arrived[round(float(update.clock_s[row]), 3)] = now
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def monitor_process(port: int, folder: Path) -> subprocess.Popen:
@@ -76,7 +71,7 @@ def test_fifty_vehicles_at_fifty_messages_a_second(benchmark, sitl_logs, tmp_pat
     told = {}
 
     def measure() -> None:
-        port = free_port()
+        port = free_udp_port()
         process = monitor_process(port, tmp_path)
         before, _ = used(process.pid)
         arguments = [str(v) for v in (log, port, 50, 50, seconds, 45)]
@@ -118,7 +113,7 @@ def test_twenty_vehicles_beside_a_bare_pymavlink_loop(benchmark, sitl_logs, tmp_
     told = {}
 
     def measure() -> None:
-        port, bare_port = free_port(), free_port()
+        port, bare_port = free_udp_port(), free_udp_port()
         process = monitor_process(port, tmp_path)
         bare = subprocess.Popen(
             [sys.executable, str(BARE), str(bare_port), str(seconds + 12)],
@@ -165,7 +160,7 @@ def test_memory_over_hours_of_flight_at_many_times_speed(benchmark, sitl_logs, t
     memory: list[tuple[float, float]] = []
 
     def measure() -> None:
-        port = free_port()
+        port = free_udp_port()
         process = monitor_process(port, tmp_path)
         target = f"udpout:127.0.0.1:{port}"
         stream = subprocess.Popen(

@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 
 from tests.gcs_plugin.live.live_vehicle import Vehicle
+from tests.gcs_plugin.peers.ports import free_udp_port
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.mavlink.frame import frame_of
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
@@ -52,9 +53,7 @@ class MavProxy:
     """One MAVProxy process; commands go to its standard input, `wait` reads what it prints."""
 
     def __init__(self, folder: Path, *commands: str) -> None:
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-            probe.bind(("127.0.0.1", 0))
-            self.port = probe.getsockname()[1]
+        self.port = free_udp_port()
         path = f"{PEERS}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"
         self._process = subprocess.Popen(
             [

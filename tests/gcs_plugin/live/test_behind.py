@@ -16,7 +16,7 @@ import pytest
 
 from tests.gcs_plugin.live.live_vehicle import Vehicle, command
 from tests.gcs_plugin.live.monitored import MODEL, recording_in
-from tests.gcs_plugin.peers.processes import free_udp_port
+from tests.gcs_plugin.peers.ports import free_udp_port
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent, AlarmSettings
 from thrustmargin.gcs_plugin.live.console import status_lines, vehicle_cells
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber

@@ -24,7 +24,7 @@ from tests.gcs_plugin.live.monitored import (
     same,
     sample_table,
 )
-from tests.gcs_plugin.peers.processes import free_udp_port
+from tests.gcs_plugin.peers.ports import free_udp_port
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings

@@ -11,6 +11,8 @@ from contextlib import contextmanager
 
 import pytest
 
+from tests.gcs_plugin.peers.ports import free_port
+
 SERVER = "import sys; from moto.server import main; main(['-H', '127.0.0.1', '-p', sys.argv[1]])"
 
 
@@ -19,9 +21,7 @@ def bucket(name: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
     """`s3://name`, with this process and its children pointed to the server."""
     import fsspec
 
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = free_port()
     monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{port}")
     monkeypatch.setenv("AWS_ACCESS_KEY_ID", "test")
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "test")

@@ -1,7 +1,6 @@
 """Starts the vehicles of this folder as processes of their own."""
 
 import json
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -20,12 +19,6 @@ ARDUPILOT_ITEMS = [
     (2, 177, 0, 1, 3, 2, 0, 0, 0, 0, 0, 0),
     (2, 20, 0, 1, 0, 0, 0, 0, 0, 0, 0, 0),
 ]
-
-
-def free_udp_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 @contextmanager

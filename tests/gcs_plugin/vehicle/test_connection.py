@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.gcs_plugin.peers.processes import ARDUPILOT_ITEMS, free_udp_port, vehicle
+from tests.gcs_plugin.peers.ports import free_udp_port
+from tests.gcs_plugin.peers.processes import ARDUPILOT_ITEMS, vehicle
 from tests.gcs_plugin.vehicle.fetching import fetch, fetch_mission, onboard_logs
 from thrustmargin.gcs_plugin.vehicle.connection import VehicleLink, mavsdk_url, signed_link
 from thrustmargin.gcs_plugin.vehicle.downloads import VehicleLogs

@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 from mavsdk import Mavsdk
 
-from tests.gcs_plugin.peers.processes import free_udp_port, vehicle
+from tests.gcs_plugin.peers.ports import free_udp_port
+from tests.gcs_plugin.peers.processes import vehicle
 from tests.gcs_plugin.vehicle.fetching import RUN, fetch, onboard_logs
 from thrustmargin.gcs_plugin.vehicle import connection as vehicle_link
 from thrustmargin.gcs_plugin.vehicle.connection import VehicleLink

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.gcs_plugin.peers.processes import ARDUPILOT_ITEMS, free_udp_port, vehicle
+from tests.gcs_plugin.peers.ports import free_udp_port
+from tests.gcs_plugin.peers.processes import ARDUPILOT_ITEMS, vehicle
 from thrustmargin.gcs_plugin.link.listener import Listener
 from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet

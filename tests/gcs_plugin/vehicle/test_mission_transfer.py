@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.gcs_plugin.peers.processes import ARDUPILOT_ITEMS, free_udp_port, process, vehicle
+from tests.gcs_plugin.peers.ports import free_udp_port
+from tests.gcs_plugin.peers.processes import ARDUPILOT_ITEMS, process, vehicle
 from tests.gcs_plugin.vehicle.fetching import fetch, fetch_mission
 from thrustmargin.gcs_plugin.vehicle.connection import VehicleLink
 from thrustmargin.gcs_plugin.vehicle.downloads import download_mission

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from tests.gcs_plugin.peers.processes import free_udp_port, vehicle
+from tests.gcs_plugin.peers.ports import free_udp_port
+from tests.gcs_plugin.peers.processes import vehicle
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.vehicle.connection import VehicleLink
 from thrustmargin.gcs_plugin.vehicle.downloads import download_parameters

@@ -3,7 +3,6 @@
 import os
 import re
 import signal
-import socket
 import subprocess
 import sys
 import threading
@@ -31,7 +30,7 @@ from tests.gcs_plugin.live.monitored import (
     same,
     sample_table,
 )
-from tests.gcs_plugin.peers.processes import free_udp_port
+from tests.gcs_plugin.peers.ports import free_port, free_udp_port
 from thrustmargin.gcs_plugin.link.sender import COMPONENT
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
@@ -61,11 +60,6 @@ def recording(
         assert monitor.poll() is None
         time.sleep(0.05)
     return monitor
-
-
-def free_tcp_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        return probe.getsockname()[1]
 
 
 @pytest.mark.slow
@@ -112,7 +106,7 @@ def test_streamed_over_udp_the_page_and_the_announcements_say_what_the_file_says
 ):
     """Real processes; every number that a pilot reads is that of a row of the file."""
     path = sitl_logs / "campaign" / "v4_m10_q3.5.tlog"
-    port, page_port = free_udp_port(), free_tcp_port()
+    port, page_port = free_udp_port(), free_port()
     station = mavutil.mavlink_connection("udpin:127.0.0.1:0", dialect="ardupilotmega")
     monitor = command(
         "monitor",
@@ -296,7 +290,7 @@ def test_sigterm_and_sighup_end_as_ctrl_c_does(sitl_logs, tmp_path, model_file, 
     options = ("--record", str(tmp_path), "--model", str(model_file), "--host", "0.0.0.0")
     url = f"udpin:127.0.0.1:{port}"
     monitor = subprocess.Popen(
-        [sys.executable, "-c", MAIN, "monitor", url, "--port", str(free_tcp_port()), *options],
+        [sys.executable, "-c", MAIN, "monitor", url, "--port", str(free_port()), *options],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
