@@ -92,6 +92,7 @@ class Score:
     knowing_rmse_rpm: float
     trees_rmse_rpm: float
     oracle: tuple[tuple[float, ...], ...]  # error of each estimate by flight, in the size's unit
+    told: tuple[float, ...]  # size of each change over its error, of who is told the names
     others: Mapping[str, tuple[tuple[Verdict, ...], int]]  # method -> verdicts, wrong names
     seconds: float
     failed: str = ""  # what was raised in place of an answer
@@ -165,6 +166,7 @@ def judge(
     result: Mapping[str, Any],
     *,
     oracle: Sequence[Sequence[float]] = (),
+    told: Sequence[float] = (),
     others: Mapping[str, Sequence[Name]] | None = None,
     knowing_rmse_rpm: float = float("nan"),
     trees_rmse_rpm: float = float("nan"),
@@ -224,6 +226,7 @@ def judge(
         knowing_rmse_rpm=knowing_rmse_rpm,
         trees_rmse_rpm=trees_rmse_rpm,
         oracle=tuple(tuple(map(float, row)) for row in oracle),
+        told=tuple(told),
         others={
             method: (verdicts_on(data.implants, of)[0], len(verdicts_on(data.implants, of)[1]))
             for method, of in (others or {}).items()

@@ -100,6 +100,7 @@ def beside(
     figures["knowing_rmse_rpm"] = float(np.sqrt(np.nanmean(np.concatenate(left[len(fit) :]) ** 2)))
     if case.compare:
         figures["others"] = sparse.names(tracks, fit)
+        figures["told"] = subject.told_the_names(model, tracks, data.implants)
         figures["trees_rmse_rpm"] = tree_errors(tracks, new, {"fit": fit, "held_out": held_out})
     return figures
 

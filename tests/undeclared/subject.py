@@ -1,7 +1,7 @@
 """The only place that touches the code under test: its commands and its public functions.
 
 Nothing but flight tables, an airframe file and a model file crosses here; the truth stays on the
-other side.
+other side. `told_the_names` alone goes inside, and what it says goes into no answer.
 """
 
 from __future__ import annotations
@@ -16,11 +16,13 @@ from typing import Any
 import numpy as np
 
 import thrustmargin as tm
+from tests.undeclared.conditions import Implant
 from tests.undeclared.crafts import Craft
 from tests.undeclared.plan import GOOD_FLIGHTS, good_flights
 from tests.undeclared.rotor_aero import Array
 from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.identification.rows.candidates import Candidate
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 
@@ -99,3 +101,53 @@ def run_identify(
 ) -> dict[str, Any]:
     """The answer of the loop in the schema `thrustmargin.identify/1`."""
     return tm.identify(fit, model, held_out=held_out).to_json()
+
+
+def told_the_names(
+    model: RotorModel, fit: Sequence[FlightTrack], implants: Sequence[Implant]
+) -> list[float]:
+    """Size of each change over its standard error, of one who is told which effects act.
+
+    All are estimated at once, by the loop's own likelihood: beside the noise it knows how much
+    flights of a sound aircraft differ. What stays below 2 here nobody sees who must learn the size
+    from these flights. NaN where a change has no parameter of its name.
+    """
+    from thrustmargin.models.effects import CATALOGUE, effects_for
+    from thrustmargin.models.identification.rows.reduced import rows_and_means
+    from thrustmargin.models.identification.sets.search_space import search_space
+    from thrustmargin.models.identification.sets.set_search import Search
+
+    _, means = rows_and_means(model, fit)
+    space = search_space(model, fit, effects_for(model.airframe, CATALOGUE), means)
+    search = Search(space.reduced, space.nuisance, space.candidates)
+    search.fit(frozenset(), ())
+    places = [
+        next((c for c, one in enumerate(space.candidates) if _is_of(one, i)), None)
+        for i in implants
+    ]
+    found = search.fit(frozenset(c for c in places if c is not None), ())
+    error = np.sqrt(found.levels[found.best_level].variance)
+    sizes, first = {}, 0
+    for c, held in zip(sorted(found.key), found.held, strict=True):
+        truth = implants[places.index(c)].truth
+        own = held.candidate.parameters
+        sizes[c] = [
+            (truth[p.name] - (p.absent or 0.0)) / e
+            for p, e in zip(own, error[first : first + len(own)], strict=True)
+            if p.name in truth
+        ]
+        first += len(own)
+    return [
+        float(np.linalg.norm(sizes[c])) if c is not None and i.truth else float("nan")
+        for c, i in zip(places, implants, strict=True)
+    ]
+
+
+def _is_of(one: Candidate, implant: Implant) -> bool:
+    """True for the candidate of a change that is there all along."""
+    term = one.term
+    return (
+        (term.effect.name, term.rotor) == (implant.name, implant.rotor)
+        and set(implant.truth) <= {p.name for p in one.parameters}
+        and "cut_from" not in implant.condition
+    )

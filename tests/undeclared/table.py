@@ -64,6 +64,8 @@ def asked(scores: Sequence[Score]) -> list[dict[str, Any]]:
                     "group": s.group,
                     "size": size,
                     "z": size / error if error else np.nan,
+                    "told": s.told[k] if s.told else np.nan,
+                    "mixed": is_mixed(s),
                     "error4": of_flight.get(kind, np.nan) / 2.0,
                     "verdict": s.verdicts[k],
                     "probability": s.probabilities[k],
@@ -74,12 +76,26 @@ def asked(scores: Sequence[Score]) -> list[dict[str, Any]]:
     return rows
 
 
+def is_mixed(score: Score) -> bool:
+    """A bad rotor, hidden mass and a shifted centre of gravity, all at once."""
+    return {"rotor", "mass", "cg"} == {i[0] for i in score.implants}
+
+
+def named_and_listed(rows: Sequence[dict[str, Any]], prefix: str) -> dict[str, dict[str, Any]]:
+    """Shares of changes that are named, and named or listed."""
+    return {
+        f"named{prefix}": share(sum(r["verdict"] == "named" for r in rows), len(rows)),
+        f"named_or_listed{prefix}": share(sum(r["verdict"] != "missed" for r in rows), len(rows)),
+    }
+
+
 def summary(scores: Sequence[Score]) -> dict[str, Any]:
     """The figures that the goals are about."""
     by = {g: [s for s in scores if s.group == g] for g in GROUPS}
     rows = asked(scores)
     visible = [r for r in rows if r["z"] >= 4.0]
-    mixed = [s for s in by["triple"] if {"rotor", "mass", "cg"} == {i[0] for i in s.implants}]
+    told = [r for r in rows if r["told"] >= 4.0]
+    mixed = [s for s in by["triple"] if is_mixed(s)]
     intervals = [(i, len(s.implants)) for s in scores for i in s.intervals]
     errors = [s for s in scores if np.isfinite(s.after_rmse_rpm)]
     trees = [s for s in errors if np.isfinite(s.trees_rmse_rpm)]
@@ -95,12 +111,10 @@ def summary(scores: Sequence[Score]) -> dict[str, Any]:
         "false_alarm_not_natural": share(
             sum(len(s.wrong) > len(s.natural) for s in by["none"]), len(by["none"])
         ),
-        "named": share(sum(r["verdict"] == "named" for r in rows), len(rows)),
-        "named_or_listed": share(sum(r["verdict"] != "missed" for r in rows), len(rows)),
-        "named_above_4_errors": share(sum(r["verdict"] == "named" for r in visible), len(visible)),
-        "named_or_listed_above_4_errors": share(
-            sum(r["verdict"] != "missed" for r in visible), len(visible)
-        ),
+        **named_and_listed(rows, ""),
+        **named_and_listed(visible, "_above_4_errors"),
+        **named_and_listed(told, "_above_4_errors_told_the_names"),
+        **named_and_listed([r for r in told if r["mixed"]], "_of_mixtures_above_4_told"),
         "wrong_name_beside": {
             g: share(sum(bool(s.wrong) for s in by[g]), len(by[g]))
             for g in ("single", "pair", "triple")
@@ -161,15 +175,15 @@ def kinds_table(scores: Sequence[Score]) -> Table:
     return table
 
 
-def power_table(scores: Sequence[Score]) -> Table:
+def power_table(scores: Sequence[Score], by: str, whose: str) -> Table:
     rows = asked(scores)
     table = _table(
-        "Power: share named by size over the oracle's standard error",
+        f"Power: share named by size over the standard error of {whose}",
         "size / error", "group", "asked", "named", "or listed", "oracle", *Sparse.METHODS,
     )  # fmt: skip
     for low, high in pairwise(BINS):
         for group in ("single", "pair", "triple"):
-            of = [r for r in rows if low <= r["z"] < high and r["group"] == group]
+            of = [r for r in rows if low <= r[by] < high and r["group"] == group]
             if of:
                 table.add_row(
                     f"{low:.0f} to {high:.0f}", group, str(len(of)),
@@ -203,7 +217,10 @@ def confusion_table(scores: Sequence[Score]) -> Table:
 
 def print_tables(scores: Sequence[Score], console: Console) -> None:
     """Power, confusion, coverage, alarms, errors and time."""
-    console.print(kinds_table(scores), power_table(scores), confusion_table(scores))
+    console.print(kinds_table(scores), power_table(scores, "z", "the oracle"))
+    if any(s.told for s in scores):
+        console.print(power_table(scores, "told", "who is told the names and knows sound flights"))
+    console.print(confusion_table(scores))
     figures = summary(scores)
     for key, value in figures.items():
         words = key.replace("_", " ")

@@ -11,6 +11,7 @@ from tests.undeclared.crafts import CRAFTS
 from tests.undeclared.judging import judge
 from tests.undeclared.methods import Sparse, density_slope, oracle_errors, tree_errors
 from tests.undeclared.plan import DataSet, build, good_flights
+from tests.undeclared.subject import curve_model, told_the_names
 from tests.undeclared.table import asked, print_tables, share, summary
 
 SMALL = CRAFTS[1]
@@ -157,6 +158,32 @@ def test_sizes_are_counted_in_the_oracles_errors_and_power_by_them(sets):
     (row,) = asked([score])
     assert row["z"] == pytest.approx(4.0)  # 0.5 of its size a flight, four flights
     assert row["error4"] == pytest.approx(0.25 * size)
+
+
+@pytest.mark.parametrize("kind", ["mass", "gauge gain"])
+def test_sizes_are_counted_in_the_errors_of_who_is_told_the_names(kind, tmp_path):
+    model = curve_model(SMALL, tmp_path)
+    found = []
+    for size in (0.03, 0.06):  # of larger ones the law is not known any better
+        data = build(5, kind, SMALL, size)
+        found += told_the_names(model, [f.track for f in data.fit], data.implants)
+    assert 1.5 < found[1] / found[0] < 2.5  # of a gain that is counted from nothing: 1.03
+
+
+def test_who_is_told_the_names_gives_no_size_to_what_has_no_parameter(tmp_path):
+    data = build(5, "drag", SMALL, 0.2)
+    given = told_the_names(curve_model(SMALL, tmp_path), [f.track for f in data.fit], data.implants)
+    assert np.isnan(given).all()
+
+
+def test_named_and_listed_are_counted_beyond_4_errors_of_who_is_told_the_names(sets):
+    data = sets["mixed"]
+    of_rotor = [e for e in answer(data)["effects"] if e["rotor"] is not None]
+    score = judge(data, answer(data, effects=of_rotor), told=(4.1, 3.9, 8.0))
+    figures = summary([score])
+    for which in ("above_4_errors_told_the_names", "of_mixtures_above_4_told"):
+        counted = figures[f"named_{which}"]
+        assert (counted["hits"], counted["of"]) == (1, 2)  # the rotor, of it and the centre
 
 
 def test_sparse_methods_name_what_is_plain_and_nothing_on_sound_flights():
