@@ -87,6 +87,8 @@ def standing_names(
             left_out = LeftOut.of(problem, again, answer.best)
             closest = [*closest_to(left, named, again, answer.best), *closest, *sorted(lost)]
             closest = list(dict.fromkeys(closest))
+        elif not closest and uneven is None:
+            left = unexplained(space, search, answer.best)  # every name stands beside it
 
     def error(some: Sequence[int]) -> float:
         return size(left_out.with_set(some))

@@ -417,6 +417,19 @@ def test_names_that_are_only_closest_but_predict_leave_something_unexplained(off
     assert [t.effect.name for t in found.closest] == ["cg_offset"] * left
 
 
+@pytest.mark.parametrize(("rms_rpm", "left"), [(1.0, True), (100.0, False)])
+def test_beside_names_that_all_stand_what_good_flights_leave_too_is_no_finding(rms_rpm, left):
+    """It may make a name doubtful, and is looked at for that; then it is nothing new."""
+    model = replace(MODEL, good_flights=GoodFlights(flights=9, free_form_rpm=(rms_rpm,) * 4))
+    heavy = [
+        replace(t, rotor_speed_rpm=1.03 * t.rotor_speed_rpm) for t in flights_with_wave(mode=1)
+    ]
+    found = identify_checked(heavy, model, catalogue=table(["extra_mass"]))
+    assert [one.term.effect.name for one in found.found] == ["extra_mass"]
+    assert (found.left is not None) == left
+    assert found.closest == ()
+
+
 def test_what_is_likely_but_not_said_explains_nothing(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(Posterior, "named", lambda *_: [])
     flights = []
