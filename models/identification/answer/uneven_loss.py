@@ -12,8 +12,8 @@ Raftery 1995, Bayes factors.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,6 +37,7 @@ from thrustmargin.models.identification.rows.candidates import (
 from thrustmargin.models.identification.rows.problem import BLOCK_SECONDS
 from thrustmargin.models.identification.rows.value_columns import ValueColumns, side_by_side
 from thrustmargin.models.identification.sets.column_sums import Remainder
+from thrustmargin.models.identification.sets.evidence import IMPOSSIBLE
 from thrustmargin.models.identification.sets.free_form import CHANNELS, FORM, hats
 from thrustmargin.models.identification.sets.linear_sets import TINY, FittedSet
 from thrustmargin.models.identification.sets.nuisance import root_of
@@ -65,26 +66,53 @@ class UnevenLoss:
 def uneven_loss(search: Search, best: FittedSet) -> UnevenLoss | None:
     """The rotor of which the loss is most surely not steady; None where all may be.
 
-    Of a rotor that the set has as a bad one that is as likely as not, and must be beyond what laws
-    of effects are good to (on real propellers of which a tip was cut, by speeds worked out from
-    commands, a loss goes with thrust by 6 to 13 % of itself). Of another one it is as likely as
-    that it is bad, and must predict blocks of time that are left out better: a turn or two of a
-    short flight are like anything. Motor outputs do not show it: how an output goes with thrust is
-    known no better.
+    Of a rotor that the set has as a bad one that is as likely as not, also in the place of an
+    effect beside it, and must be beyond what laws of effects are good to (on real propellers of
+    which a tip was cut, by speeds worked out from commands, a loss goes with thrust by 6 to 13 % of
+    itself). Of another one it is as likely as that it is bad, and must predict blocks of time that
+    are left out better: a turn or two of a short flight are like anything. Motor outputs do not
+    show it: how an output goes with thrust is known no better.
     """
     if search.reduced.of_outputs:
         return None
-    bad = {h.candidate.term.rotor for h in best.held}
+    bad = _bad_rotors(best)
     every = [c.term for c in search.candidates if c.term.effect.key == ROTOR_DEGRADATION.key]
+    found = _weighed(search, best, [t.rotor for t in every if t.rotor is not None])
+    for fewer in _with_one_less(search, best):
+        some = _weighed(search, fewer, sorted(_bad_rotors(fewer)))
+        found += [replace(one, odds=one.odds + fewer.total - best.total) for one in some]
+    likeliest = max(found, key=lambda one: one.odds, default=None)
+    if likeliest is None or likeliest.odds < np.log(NAMED / (1.0 - NAMED)):
+        return None
+    if likeliest.rotor not in bad:
+        return likeliest if is_worse(*_left_out(search, best, likeliest.columns)) else None
+    return likeliest if _rms(likeliest.change) > BEYOND * FORM * _rms(likeliest.steady) else None
+
+
+def _bad_rotors(one: FittedSet) -> set[int]:
+    return {h.candidate.term.rotor for h in one.held if h.candidate.term.rotor is not None}
+
+
+def _with_one_less(search: Search, best: FittedSet) -> list[FittedSet]:
+    """The sets with a bad rotor and without one of the others, which may be there because a steady
+    loss is not enough: of rotors that face each other the second gives back some of the first."""
+    held = dict(zip(sorted(best.key), best.held, strict=True))
+    keys = [best.key - {c} for c in sorted(best.key)]
+    sets = [search.fitted.get(key) or search.fit_near(key, held) for key in keys]
+    return [one for one in sets if _bad_rotors(one) and one.total > IMPOSSIBLE / 2]
+
+
+def _weighed(search: Search, of: FittedSet, rotors: Sequence[int]) -> list[UnevenLoss]:
+    """The likeliest law of each rotor beside a set, with its odds against none."""
+    bad = _bad_rotors(of)
     columns = {
-        (t.rotor, name): shape
-        for t in every
-        if t.rotor is not None
-        for name, shape in law_columns(search, best, t.rotor).items()
+        (rotor, name): shape
+        for rotor in rotors
+        for name, shape in law_columns(search, of, rotor).items()
     }
-    weighed = _against_steady(search, best, columns)
+    weighed = _against_steady(search, of, columns)
     found = []
-    for rotor in sorted({rotor for rotor, _ in columns}):
+    for rotor in rotors:
         odds = {law: weighed[law][0] for law in columns if law[0] == rotor}
         law = max(odds, key=odds.__getitem__)
         prior = 0.0 if rotor in bad else float(np.log(ROTOR_PRIOR))
@@ -95,15 +123,10 @@ def uneven_loss(search: Search, best: FittedSet) -> UnevenLoss | None:
                 odds=float(np.logaddexp.reduce([*odds.values()]) - np.log(len(odds))) + prior,
                 columns=columns[law],
                 change=columns[law] @ weighed[law][1],
-                steady=_steady(search, best, rotor),
+                steady=_steady(search, of, rotor),
             )
         )
-    likeliest = max(found, key=lambda one: one.odds, default=None)
-    if likeliest is None or likeliest.odds < np.log(NAMED / (1.0 - NAMED)):
-        return None
-    if likeliest.rotor not in bad:
-        return likeliest if is_worse(*_left_out(search, best, likeliest.columns)) else None
-    return likeliest if _rms(likeliest.change) > BEYOND * FORM * _rms(likeliest.steady) else None
+    return found
 
 
 def _left_out(search: Search, best: FittedSet, columns: Floats) -> tuple[Floats, Floats]:

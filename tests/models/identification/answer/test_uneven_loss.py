@@ -239,6 +239,32 @@ def test_names_are_asked_again_beside_what_the_loss_may_do(monkeypatch):
     np.testing.assert_allclose(free, search.nuisance.whitening.apply(one.columns), atol=1e-9)
 
 
+def test_a_second_bad_rotor_may_stand_for_a_loss_that_is_not_steady(monkeypatch):
+    """The odds are against the likeliest set, with what the second one cost or brought."""
+    real = uneven._against_steady
+
+    def of_one_alone(search, of, columns):
+        weighed = real(search, of, columns)
+        return weighed if len(of.key) == 1 else {law: (-9.0, w[1]) for law, w in weighed.items()}
+
+    monkeypatch.setattr(uneven, "_against_steady", of_one_alone)
+    search = searched("bends")
+    of_rotor = {c.term.rotor: k for k, c in enumerate(search.candidates)}
+    alone = search.fit(frozenset({of_rotor[ROTOR]}), ())
+    mine = uneven_loss(search, alone)
+    assert mine is not None
+    for brought in (-3.0, mine.odds - 3.2, mine.odds - 2.7):  # ln 19 is 2.9
+        pair = search.fit(frozenset({of_rotor[ROTOR], of_rotor[3]}), ())
+        pair = replace(pair, log_evidence=pair.log_evidence + alone.total + brought - pair.total)
+        found = uneven_loss(search, pair)
+        stands = brought > mine.odds - np.log(19.0)
+        assert (found is None) == stands
+        if found is not None:
+            assert (found.rotor, found.channel) == (ROTOR, "rotor_thrust")
+            assert found.odds == pytest.approx(mine.odds - brought, abs=0.05)
+            np.testing.assert_allclose(found.change, mine.change, atol=0.1)
+
+
 def test_a_sound_rotor_is_none():
     space = search_space(MODEL, made_flights(4, duration=120.0), CATALOGUE)
     search = Search(space.reduced, space.nuisance, space.candidates)
