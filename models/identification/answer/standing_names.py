@@ -8,7 +8,7 @@ or where by itself it may be nothing.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -67,9 +67,15 @@ def standing_names(
     """The names of a search that has run; `steepness` is that of `posterior_of`."""
     first_named = posterior_of(search, steepness).named()
     answer, left_out = borne_out(problem, posterior_of(search, steepness))
+    uneven = uneven_loss(search, answer.best)
+    if uneven is not None and uneven.slight:  # a steady loss, but for what another name stands for
+        space = replace(space, nuisance=beside(space, uneven.columns))
+        search = Search(space.reduced, space.nuisance, search.candidates)
+        search.run(progress)
+        answer, left_out = borne_out(problem, posterior_of(search, steepness))
+        uneven = None
     named = answer.named()
     first, any_name = answer, bool(named)
-    uneven = uneven_loss(search, answer.best)
     if uneven is None:
         left = unexplained(space, search, answer.best, named=any_name)
     else:

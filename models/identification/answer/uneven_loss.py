@@ -61,17 +61,23 @@ class UnevenLoss:
     columns: Floats  # (N, R, K) rpm in modes, of size one, by which it may
     change: Floats  # (N, R) rpm in modes, that it likeliest does
     steady: Floats  # (N, R) rpm in modes, that a steady loss of the same size does
+    instead: bool = False  # of another effect of the likeliest set
+
+    @property
+    def slight(self) -> bool:
+        """True where the loss is steady to what laws of effects are good to."""
+        return _rms(self.change) <= BEYOND * FORM * _rms(self.steady)
 
 
 def uneven_loss(search: Search, best: FittedSet) -> UnevenLoss | None:
     """The rotor of which the loss is most surely not steady; None where all may be.
 
-    Of a rotor that the set has as a bad one that is as likely as not, also in the place of an
-    effect beside it, and must be beyond what laws of effects are good to (on real propellers of
-    which a tip was cut, by speeds worked out from commands, a loss goes with thrust by 6 to 13 % of
-    itself). Of another one it is as likely as that it is bad, and must predict blocks of time that
-    are left out better: a turn or two of a short flight are like anything. Motor outputs do not
-    show it: how an output goes with thrust is known no better.
+    Of a rotor that the set has as a bad one that is as likely as not. It must be beyond what laws
+    of effects are good to (on real propellers of which a tip was cut, by speeds worked out from
+    commands, a loss goes with thrust by 6 to 13 % of itself), or do in the place of an effect
+    beside it, however slight it is. Of another rotor it is as likely as that it is bad, and must
+    predict blocks of time that are left out better: a turn or two of a short flight are like
+    anything. Motor outputs do not show it: how an output goes with thrust is known no better.
     """
     if search.reduced.of_outputs:
         return None
@@ -80,13 +86,15 @@ def uneven_loss(search: Search, best: FittedSet) -> UnevenLoss | None:
     found = _weighed(search, best, [t.rotor for t in every if t.rotor is not None])
     for fewer in _with_one_less(search, best):
         some = _weighed(search, fewer, sorted(_bad_rotors(fewer)))
-        found += [replace(one, odds=one.odds + fewer.total - best.total) for one in some]
+        found += [
+            replace(one, odds=one.odds + fewer.total - best.total, instead=True) for one in some
+        ]
     likeliest = max(found, key=lambda one: one.odds, default=None)
     if likeliest is None or likeliest.odds < np.log(NAMED / (1.0 - NAMED)):
         return None
     if likeliest.rotor not in bad:
         return likeliest if is_worse(*_left_out(search, best, likeliest.columns)) else None
-    return likeliest if _rms(likeliest.change) > BEYOND * FORM * _rms(likeliest.steady) else None
+    return None if likeliest.slight and not likeliest.instead else likeliest
 
 
 def _bad_rotors(one: FittedSet) -> set[int]:

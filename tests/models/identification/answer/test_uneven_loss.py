@@ -24,6 +24,7 @@ from thrustmargin.models.identification.rows.candidates import (
     candidate,
     derivatives,
 )
+from thrustmargin.models.identification.rows.modes import modes
 from thrustmargin.models.identification.sets.nuisance import LEVELS, STANDING
 from thrustmargin.models.identification.sets.search_space import search_space
 from thrustmargin.models.identification.sets.set_search import Search
@@ -31,6 +32,7 @@ from thrustmargin.models.identification.sets.set_search import Search
 MODEL = curve_model()
 CATALOGUE = effects_for(F16, table(["rotor_degradation", "extra_mass"]))
 SIZE, ROTOR = 0.06, 2
+ROLL = 50.0 * modes(F16).directions[:, 1]  # rpm
 #: rpm² of blocks left out, without a loss and with it
 BORNE_OUT = np.array([2.0, 3.0, 5.0, 4.0, 6.0]), np.array([1.0, 2.0, 3.0, 3.0, 4.0])
 
@@ -263,6 +265,57 @@ def test_a_second_bad_rotor_may_stand_for_a_loss_that_is_not_steady(monkeypatch)
             assert (found.rotor, found.channel) == (ROTOR, "rotor_thrust")
             assert found.odds == pytest.approx(mine.odds - brought, abs=0.05)
             np.testing.assert_allclose(found.change, mine.change, atol=0.1)
+
+
+@pytest.mark.parametrize("slight", [True, False])
+def test_a_loss_that_is_nearly_steady_counts_only_in_the_place_of_another_effect(
+    monkeypatch, slight
+):
+    search = searched("bends")
+    of_rotor = {c.term.rotor: k for k, c in enumerate(search.candidates)}
+    alone = search.fit(frozenset({of_rotor[ROTOR]}), ())
+    pair = search.fit(frozenset({of_rotor[ROTOR], of_rotor[3]}), ())
+    steady = uneven._rms(uneven._steady(search, alone, ROTOR))
+    change = steady * (0.14 if slight else 0.16)  # a law is good to 5 %: three times that counts
+
+    def of_size(_, of, columns):
+        found = {}
+        for law, shape in columns.items():
+            every = np.ones(shape.shape[2])
+            odds = 90.0 if law[0] == ROTOR and len(of.key) == 1 else -9.0
+            found[law] = odds, every * change / max(uneven._rms(shape @ every), 1e-9)
+        return found
+
+    monkeypatch.setattr(uneven, "_against_steady", of_size)
+    one = uneven_loss(search, pair)
+    assert one is not None
+    assert (one.rotor, one.slight, one.instead) == (ROTOR, slight, True)
+    assert (uneven_loss(search, alone) is None) == slight
+
+
+def test_an_effect_in_the_place_of_which_a_loss_that_is_nearly_steady_does_has_no_name(monkeypatch):
+    """By hand: what the loss may do is what a shifted centre of gravity does."""
+    shifted = [replace(t, rotor_speed_rpm=t.rotor_speed_rpm + ROLL) for t in flights("steady")]
+    catalogue = effects_for(F16, table(["rotor_degradation", "cg_offset"]))
+
+    def names():
+        found = identify_checked(shifted, MODEL, catalogue=catalogue)
+        assert found.left is None
+        return {f.term.key for f in found.found}
+
+    assert names() == {"cg_offset", f"rotor_degradation@{ROTOR + 1}"}
+
+    def like_the_shift(search: Search, _):
+        columns = np.zeros((len(search.reduced.flight), 4, 1))
+        columns[:, 1, 0] = np.linalg.norm(ROLL)
+        slight = np.zeros(columns.shape[:2])
+        return uneven.UnevenLoss(
+            rotor=ROTOR, channel="rotor_thrust", odds=9.0, columns=columns, change=slight,
+            steady=slight + 1.0, instead=True,
+        )  # fmt: skip
+
+    monkeypatch.setattr(standing_names, "uneven_loss", like_the_shift)
+    assert names() == {f"rotor_degradation@{ROTOR + 1}"}
 
 
 def test_a_sound_rotor_is_none():
