@@ -67,15 +67,11 @@ def standing_names(
     """The names of a search that has run; `steepness` is that of `posterior_of`."""
     first_named = posterior_of(search, steepness).named()
     answer, left_out = borne_out(problem, posterior_of(search, steepness))
-    uneven = uneven_loss(search, answer.best)
-    if uneven is not None and uneven.slight:  # a steady loss, but for what another name stands for
-        space = replace(space, nuisance=beside(space, uneven.columns))
-        search = Search(space.reduced, space.nuisance, search.candidates)
-        search.run(progress)
-        answer, left_out = borne_out(problem, posterior_of(search, steepness))
-        uneven = None
     named = answer.named()
     first, any_name = answer, bool(named)
+    uneven = uneven_loss(search, answer.best)
+    nearly_steady = uneven if uneven is not None and uneven.slight else None
+    uneven = None if nearly_steady is not None else uneven
     if uneven is None:
         left = unexplained(space, search, answer.best, named=any_name)
     else:
@@ -95,6 +91,13 @@ def standing_names(
             closest = list(dict.fromkeys(closest))
         elif not closest and uneven is None:
             left = unexplained(space, search, answer.best)  # every name stands beside it
+    if left is None and nearly_steady is not None:
+        # Nothing is left, but for a name that stands for how a loss goes: who stands beside that?
+        space = replace(space, nuisance=beside(space, nearly_steady.columns))
+        search = Search(space.reduced, space.nuisance, search.candidates)
+        search.run(progress)
+        answer, left_out = borne_out(problem, posterior_of(search, steepness))
+        first, named = answer, answer.named()
 
     def error(some: Sequence[int]) -> float:
         return size(left_out.with_set(some))

@@ -11,7 +11,7 @@ from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGR
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.answer import standing_names
 from thrustmargin.models.identification.answer import uneven_loss as uneven
-from thrustmargin.models.identification.answer.adequacy import closest_to
+from thrustmargin.models.identification.answer.adequacy import beside, closest_to
 from thrustmargin.models.identification.answer.uneven_loss import (
     law_columns,
     uneven_loss,
@@ -316,6 +316,22 @@ def test_an_effect_in_the_place_of_which_a_loss_that_is_nearly_steady_does_has_n
 
     monkeypatch.setattr(standing_names, "uneven_loss", like_the_shift)
     assert names() == {f"rotor_degradation@{ROTOR + 1}"}
+    # Where something is left it is said, and is not taken for how the loss goes.
+    waving = [
+        replace(t, rotor_speed_rpm=t.rotor_speed_rpm + np.sin(2.0 * t.airspeed)[:, None] * ROLL)
+        for t in shifted
+    ]
+    asked = []
+
+    def noted(space, columns):
+        asked.append(columns)
+        return beside(space, columns)
+
+    monkeypatch.setattr(standing_names, "beside", noted)
+    found = identify_checked(waving, MODEL, catalogue=catalogue)
+    assert found.left is not None
+    assert (found.left.mode, found.left.channel) == (1, "airspeed")
+    assert asked == []
 
 
 def test_a_sound_rotor_is_none():
