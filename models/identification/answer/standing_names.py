@@ -70,7 +70,7 @@ def standing_names(
     named = answer.named()
     first, any_name = answer, bool(named)
     uneven = uneven_loss(search, answer.best)
-    nearly_steady = uneven if uneven is not None and uneven.slight else None
+    nearly_steady = uneven if uneven is not None and uneven.instead and uneven.slight else None
     uneven = None if nearly_steady is not None else uneven
     if uneven is None:
         left = unexplained(space, search, answer.best, named=any_name)

@@ -305,17 +305,24 @@ def test_an_effect_in_the_place_of_which_a_loss_that_is_nearly_steady_does_has_n
 
     assert names() == {"cg_offset", f"rotor_degradation@{ROTOR + 1}"}
 
+    instead = [True]
+
     def like_the_shift(search: Search, _):
         columns = np.zeros((len(search.reduced.flight), 4, 1))
         columns[:, 1, 0] = np.linalg.norm(ROLL)
         slight = np.zeros(columns.shape[:2])
         return uneven.UnevenLoss(
             rotor=ROTOR, channel="rotor_thrust", odds=9.0, columns=columns, change=slight,
-            steady=slight + 1.0, instead=True,
+            steady=slight + 1.0, instead=instead[-1],
         )  # fmt: skip
 
     monkeypatch.setattr(standing_names, "uneven_loss", like_the_shift)
     assert names() == {f"rotor_degradation@{ROTOR + 1}"}
+    instead.append(False)  # of a rotor that no set has it is no name's place
+    left = identify_checked(shifted, MODEL, catalogue=catalogue).left
+    assert left is not None
+    assert left.rotor == ROTOR
+    instead.append(True)
     # Where something is left it is said, and is not taken for how the loss goes.
     waving = [
         replace(t, rotor_speed_rpm=t.rotor_speed_rpm + np.sin(2.0 * t.airspeed)[:, None] * ROLL)
