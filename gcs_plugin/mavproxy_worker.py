@@ -212,13 +212,13 @@ def _heard_s(update: Update) -> float:
 def reading(update: Update, stamp: float) -> Reading:
     """The newest row of an update, which was reported at `stamp` (time.monotonic())."""
     from thrustmargin.gcs_plugin.live.watch.unknown_figures import unknown_figures, unknown_lines
-    from thrustmargin.models.model.analysis import MEASURED, worst_rotor
+    from thrustmargin.models.model.analysis import SpeedBasis, worst_rotor
     from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 
     analysis, outlook = update.analysis, update.outlook
     claim = analysis.claim
     known, rotor = (float(a[0]) for a in worst_rotor(analysis.known_utilisation[-1:]))
-    basis = analysis.words_of_speed if analysis.any_measured[-1] else "predicted"
+    basis = analysis.speed_basis if analysis.any_measured[-1] else SpeedBasis.PREDICTED
     predicted, _ = worst_rotor(analysis.utilisation_predicted[-1:])
     errors = analysis.utilisation_error[-1]
     return Reading(
@@ -226,13 +226,13 @@ def reading(update: Update, stamp: float) -> Reading:
         stamp=stamp,
         flying=bool(analysis.track.flying[-1]),
         margin=1.0 - known,
-        basis="" if basis == MEASURED else basis,
+        basis="" if basis is SpeedBasis.MEASURED else basis,
         error=0.0 if math.isnan(rotor) else INTERVAL * float(errors[int(rotor)]),
         rotor=int(rotor) + 1 if math.isfinite(rotor) else 0,
         margin_predicted=1.0 - float(predicted[0]),
         redundancy=float(analysis.redundancy_yaw_uncontrolled[-1]),
         tank_kg=float(analysis.track.tank_kg[-1]),
-        tank_source=update.tank_source,
+        tank_source=analysis.track.source("tank_kg").words,
         seconds_to_empty=outlook.seconds_to_empty,
         margin_full=outlook.margin_full,
         margin_ahead=outlook.margin_ahead,

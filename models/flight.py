@@ -3,7 +3,7 @@
 Frames: `_ned` is north, east, down from `origin`; `_frd` is forward, right, down of the body.
 Attitude is roll, pitch, yaw of the body against NED (aerospace order Z-Y-X).
 Every channel is an array with one row a time; NaN where it was not reported or is stale.
-`sources` remembers for each channel which message it came from, in words for people.
+`sources` remembers for each channel where it came from, as data.
 A channel that was inferred from others, not measured, has its standard error in `standard_errors`,
 in the channel's own shape and unit.
 """
@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.models.errors import TrackError
+from thrustmargin.models.provenance import NOT_REPORTED, Provenance
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -135,7 +136,7 @@ class FlightTrack:
     flying: Bools  # (T,) off the ground
     origin: Origin | None = None
     start_unix_s: float | None = None
-    sources: Mapping[str, str] = field(default_factory=dict)
+    sources: Mapping[str, Provenance] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     standard_errors: Mapping[str, Floats] = field(default_factory=dict)  # of inferred channels
 
@@ -207,6 +208,10 @@ class FlightTrack:
     def reports(self, channel: str) -> bool:
         """True when the channel has at least one number."""
         return bool(np.any(np.isfinite(getattr(self, channel))))
+
+    def source(self, channel: str) -> Provenance:
+        """Where a channel comes from; of kind ABSENT where nothing reported it."""
+        return self.sources.get(channel, NOT_REPORTED)
 
     def measured(self, channel: str) -> Floats:
         """The channel in its shape; NaN where it was inferred, which confirms nothing."""

@@ -75,10 +75,11 @@ def test_an_import_that_points_up_or_aside_is_seen(name: str, target: str):
     assert seen == ([] if room(name) == room(target) else [f"{name} -> {target}"])
 
 
-def test_errors_know_nothing_and_the_flight_only_errors():
+def test_errors_and_sources_know_nothing_and_the_flight_only_them():
     graph = module_graph()
     assert graph["models"] == graph["models.errors"] == set()
-    assert graph["models.flight"] <= {"models.errors"}
+    assert graph["models.provenance"] == set()
+    assert graph["models.flight"] == {"models.errors", "models.provenance"}
 
 
 def test_no_modules_import_each_other_in_a_circle():

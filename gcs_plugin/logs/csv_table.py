@@ -34,6 +34,7 @@ from thrustmargin.gcs_plugin.logs.csv_columns import (
     in_our_columns,
     stated_columns,
 )
+from thrustmargin.gcs_plugin.logs.csv_sources import column_source, written_sources
 from thrustmargin.gcs_plugin.logs.read import Beginning, LogFormat, decoded
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.telemetry.flight_log import log_of_track
@@ -44,6 +45,7 @@ from thrustmargin.models.checks.motion_units import motion_units
 from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, Origin
 from thrustmargin.models.model.json_values import from_json_values, to_json_values
+from thrustmargin.models.provenance import Provenance, SourceKind
 from thrustmargin.models.whole_file import whole_file
 
 _NED = ("north", "east", "down")
@@ -86,7 +88,7 @@ def write_csv(track: FlightTrack, path: Path) -> None:
         "name": track.name,
         "origin": to_json_values(track.origin),
         "start_unix_s": track.start_unix_s,
-        "sources": dict(track.sources),
+        "sources": {name: to_json_values(p) for name, p in track.sources.items()},
         "notes": list(track.notes),
     }
     names, columns = ["time_s"], [track.time_s]
@@ -299,13 +301,15 @@ def _track(
         if any(name in found for name in names):
             parts = [found.get(name, nothing) for name in names]
             channels[channel] = parts[0] if len(parts) == 1 else np.stack(parts, axis=-1)
-    sources: dict[str, str] = {}
+    sources: dict[str, Provenance] = {}
     # A file that we wrote has every channel that its track has.
     through_air = {"velocity_ned", "wind_ned"} <= channels.keys() and "airspeed" not in channels
     if through_air and not about:
         relative = channels["velocity_ned"] - channels["wind_ned"]
         channels["airspeed"] = np.linalg.norm(relative, axis=1)
-        sources["airspeed"] = f"{path.name}, velocity less wind"
+        columns = tuple(column_source(n) for n in ("velocity_north", "wind_north"))
+        name = "velocity less wind"
+        sources["airspeed"] = Provenance(kind=SourceKind.INFERRED, name=name, parts=columns)
     for channel in ("rotor_speed_rpm", "throttle"):
         names = [f"{channel}_{k + 1}" for k in range(rotors)]
         if any(name in found for name in names):
@@ -315,13 +319,11 @@ def _track(
     flying, name = found.get("flying"), about.get("name")
     start = about.get("start_unix_s")
     known_start = isinstance(start, int | float) and abs(start) < _LATEST
-    stated = about.get("sources")
-    stated = stated if isinstance(stated, dict) else {}
     written = about.get("notes")
     written = written if isinstance(written, list) else []
     notes = (*(clean(n) for n in written if isinstance(n, str)), *notes)
     for channel in channels.keys() - sources.keys():
-        sources[channel] = f"{path.name} column {COLUMNS.get(channel, (channel,))[0]}"
+        sources[channel] = column_source(COLUMNS.get(channel, (channel,))[0])
     track = FlightTrack.of(
         name=clean(name if isinstance(name, str) else path.name),
         time_s=time_s,
@@ -329,7 +331,7 @@ def _track(
         flying=np.ones(time_s.size, dtype=np.bool_) if flying is None else flying > 0.5,
         origin=_origin(path, about.get("origin")),
         start_unix_s=float(start) if known_start else None,
-        sources=sources | {clean(k): clean(v) for k, v in stated.items() if isinstance(v, str)},
+        sources=sources | written_sources(path, about.get("sources")),
         notes=notes,
         **channels,
     )

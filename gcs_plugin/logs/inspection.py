@@ -9,7 +9,6 @@ from typing import Any, Literal
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs import FlightLog, LogQuality
-from thrustmargin.gcs_plugin.mavlink.rules import OVER_GROUND
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.models.checks.late_speeds import late_speeds
 from thrustmargin.models.checks.motor_order import MotorOrder, check_motor_order
@@ -21,6 +20,7 @@ from thrustmargin.models.model.airframe_claim import AirframeClaim, airframe_cla
 from thrustmargin.models.model.json_values import to_json_values
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0
+from thrustmargin.models.provenance import Meaning
 
 #: m/s² that a body in steady flight feels, between these
 _STEADY_FORCE = (8.5, 11.5)
@@ -165,7 +165,7 @@ def _tank(track: FlightTrack, airframe: Airframe) -> list[Finding]:
     good = low > -0.2 and high <= 1.05 * airframe.tank_capacity_kg
     words = f"{low:.2f} to {high:.2f} kg, the tank holds {airframe.tank_capacity_kg:.1f} kg"
     if "tank_kg" in track.standard_errors:
-        words += f": {track.sources['tank_kg']}"
+        words += f": {track.source('tank_kg').words}"
     return [Finding(check="tank", level="ok" if good else "warning", words=words)]
 
 
@@ -194,10 +194,10 @@ def instrument_offsets(log: FlightLog) -> list[str]:
 
 
 def _airspeed(track: FlightTrack) -> list[Finding]:
-    source = track.sources.get("airspeed", "")
-    if OVER_GROUND not in source:
+    source = track.source("airspeed")
+    if source.meaning is not Meaning.GROUND_SPEED:
         return []
-    words = f"{source}; in wind it is not the speed through the air"
+    words = f"{source.words}; in wind it is not the speed through the air"
     return [Finding(check="airspeed", level="warning", words=words)]
 
 

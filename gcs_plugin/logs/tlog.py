@@ -26,7 +26,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     pauses,
     serial_digits,
 )
-from thrustmargin.gcs_plugin.telemetry.signals import airspeed_words, mavlink_signals, pitot_present
+from thrustmargin.gcs_plugin.telemetry.signals import hud_airspeed, mavlink_signals, pitot_present
 from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Bools
@@ -253,10 +253,10 @@ def _missing(component: NDArray[np.uint8], sequence: NDArray[np.uint8]) -> int:
 def _read(path: Path, vehicle: int | None, options: Options) -> FlightLog:
     recording = read_tlog(path, vehicle=vehicle, on_arrival=options.sampling == "hold")
     pitot = pitot_present(recording.streams, recording.parameters)
-    words = airspeed_words(recording.autopilot, pitot)
+    airspeed = hud_airspeed(recording.autopilot, pitot)
     streams = dict(recording.streams)
     recording = replace(recording, streams={})
-    return assemble(recording, mavlink_signals(streams, words), options)
+    return assemble(recording, mavlink_signals(streams, airspeed), options)
 
 
 #: Any file that is no text may be one: only a search of the whole finds its frames.

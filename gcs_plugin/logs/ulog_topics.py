@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ from thrustmargin.gcs_plugin.mavlink.rules import Columns, Rule, Signal, in_si, 
 from thrustmargin.gcs_plugin.telemetry.resample import in_time_order
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, collected, speed_through_air
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.physics.atmosphere import BOARD_READING
+from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
 #: PX4's output function of motor 1; motors 2 to 12 follow.
 MOTOR_1 = 101
@@ -72,7 +73,6 @@ _REF = ("ref_lat", "ref_lon", "ref_alt")
 _WIND = ("windspeed_north", "windspeed_east")
 _POSITION, _BATTERY, _FUEL = "vehicle_local_position", "battery_status", "fuel_tank_status"
 _ABOVE_ORIGIN = "height above the estimator's origin, not above the crop"
-_WARM_BAROMETER = f"of the barometer: {BOARD_READING}"
 #: Preferred sources first. A source needs all its fields. Batteries and tanks are all read, of
 #: other topics the first instance.
 RULES: tuple[Rule, ...] = (
@@ -107,7 +107,7 @@ RULES: tuple[Rule, ...] = (
         ("baro_temp_celcius",),
         "temperature",
         "degC",
-        note=_WARM_BAROMETER,
+        meaning=Meaning.BOARD_TEMPERATURE,
         unknown=(0,),
     ),
     Rule(_BATTERY, ("voltage_v",), "battery_voltage", "V", unknown=(0.0,)),
@@ -159,13 +159,19 @@ def _by_rule(rule: Rule, topics: Mapping[str, list[Topic]]) -> Iterator[Signal]:
     every = rule.message in _EVERY_INSTANCE
     for number, topic in enumerate(topics.get(rule.message, [])[: None if every else 1]):
         if all(name in topic for name in rule.fields):
-            words = f"{rule.source} of id {number}" if every else rule.source
-            values = quantity(rule, topic)
-            yield _signal(rule.channel, words, topic, values, number if every else None)
+            index = number if every else None
+            source = replace(rule.source, kind=SourceKind.TOPIC).of_instance(index)
+            yield _signal(rule.channel, source, topic, quantity(rule, topic), index)
+
+
+def _of(topic: str, field: str, unit: str = "", meaning: Meaning = Meaning.AS_NAMED) -> Provenance:
+    return Provenance(
+        kind=SourceKind.TOPIC, name=topic, fields=(field,), unit=unit, meaning=meaning
+    )
 
 
 def _signal(
-    channel: str, source: str, topic: Topic, values: Floats, index: int | None = None
+    channel: str, source: Provenance, topic: Topic, values: Floats, index: int | None = None
 ) -> Signal:
     time_s = in_si(topic, "timestamp", "1") * 1e-6
     return Signal(channel, source, *in_time_order(time_s, values), index)
@@ -175,8 +181,9 @@ def _throttle(topic: Topic) -> list[Signal]:
     if "control" not in topic:
         return []
     duty = np.clip(in_si(topic, "control", "1"), 0.0, 1.0)
+    source = _of("actuator_motors", "control", meaning=Meaning.THRUST_DEMAND)
     return [
-        _signal("throttle", "actuator_motors control", topic, duty[:, motor], motor)
+        _signal("throttle", source, topic, duty[:, motor], motor)
         for motor in np.flatnonzero(np.isfinite(duty).any(axis=0)).tolist()
     ]
 
@@ -189,8 +196,8 @@ def _airspeed_by_wind(first: Mapping[str, Topic]) -> list[Signal]:
         return []
     velocity = np.stack([in_si(ground, v, "m/s") for v in ("vx", "vy", "vz")], axis=-1)
     speed = speed_through_air(ground["timestamp"], velocity, air["timestamp"], _level_wind(air))
-    words = "vehicle_local_position velocity less wind (estimator)"
-    return [_signal("airspeed", words, ground, speed)]
+    source = _of(_POSITION, "velocity", "m/s").remarked("less the estimator's wind")
+    return [_signal("airspeed", source, ground, speed)]
 
 
 def _escs(topic: Topic) -> tuple[list[Signal], list[str]]:
@@ -225,11 +232,11 @@ def _escs(topic: Topic) -> tuple[list[Signal], list[str]]:
         online = topic.get("esc_online_flags")
         if online is not None:
             rpm = np.where((online.astype(np.int64) >> place) & 1, rpm, np.nan)
-        made.append(_signal("esc_rpm", "esc_status esc_rpm", topic, rpm, motor))
+        made.append(_signal("esc_rpm", _of("esc_status", "esc_rpm", "rpm"), topic, rpm, motor))
         for field, unit in (("esc_voltage", "V"), ("esc_current", "A")):
             if (name := f"esc[{place}].{field}") in topic:
                 values = in_si(topic, name, unit)
-                made.append(_signal(field, f"esc_status {field}", topic, values, motor))
+                made.append(_signal(field, _of("esc_status", field, unit), topic, values, motor))
     stated = int(topic["esc_count"].max(initial=0)) if "esc_count" in topic else 0
     if stated and stated != len(seen):
         notes.append(f"esc_status says {stated} ESCs; {len(seen)} of them are motors that report")

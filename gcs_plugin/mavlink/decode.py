@@ -18,8 +18,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.mavlink.rules import ABOVE_HOME, WARM_BOARD, Columns, Rule, in_si
+from thrustmargin.gcs_plugin.mavlink.rules import Columns, Rule, in_si
 from thrustmargin.models.flight import Bools, Floats
+from thrustmargin.models.provenance import Meaning
 
 
 def attitude_from_quaternion(w: Floats, x: Floats, y: Floats, z: Floats) -> Floats:
@@ -104,6 +105,7 @@ ESC_TELEMETRY_FIRST: Mapping[str, int] = MappingProxyType(
 
 _PLACE = ("degE7", "degE7", "mm")
 _RATES, _FORCE = ("rollspeed", "pitchspeed", "yawspeed"), ("xacc", "yacc", "zacc")
+_WARM = Meaning.BOARD_TEMPERATURE
 _AS_SENT = "in mG, as ArduPilot sends them"
 _SERVOS = tuple(f"servo{n}_raw" for n in range(1, 17))
 
@@ -150,7 +152,7 @@ MAVLINK_RULES: tuple[Rule, ...] = (
         note="rangefinder, looking down",
     ),
     Rule("RANGEFINDER", ("distance",), "height_agl", "m", unknown=(0.0,)),
-    Rule("GLOBAL_POSITION_INT", ("relative_alt",), "height_agl", "mm", note=ABOVE_HOME),
+    Rule("GLOBAL_POSITION_INT", ("relative_alt",), "height_agl", "mm", meaning=Meaning.ABOVE_HOME),
     Rule("VFR_HUD", ("airspeed",), "airspeed", "m/s"),
     Rule("WIND_COV", ("wind_x", "wind_y", "wind_z"), "wind_ned", "m/s", note="NED vector"),
     Rule(
@@ -181,9 +183,21 @@ MAVLINK_RULES: tuple[Rule, ...] = (
     Rule("HIGHRES_IMU", ("abs_pressure",), "pressure", "hPa"),
     # 0.00 °C is what a board without a sensor sends; no real one stays at it.
     Rule(
-        "SCALED_PRESSURE", ("temperature",), "temperature", "cdegC", note=WARM_BOARD, unknown=(0,)
+        "SCALED_PRESSURE",
+        ("temperature",),
+        "temperature",
+        "cdegC",
+        meaning=Meaning.BOARD_TEMPERATURE,
+        unknown=(0,),
     ),
-    Rule("HIGHRES_IMU", ("temperature",), "temperature", "degC", note=WARM_BOARD, unknown=(0,)),
+    Rule(
+        "HIGHRES_IMU",
+        ("temperature",),
+        "temperature",
+        "degC",
+        meaning=Meaning.BOARD_TEMPERATURE,
+        unknown=(0,),
+    ),
     Rule("EXTENDED_SYS_STATE", ("landed_state",), "landed", unknown=(0,)),
     Rule("HEARTBEAT", ("base_mode",), "armed", convert=_armed),
     Rule("MISSION_CURRENT", ("seq",), "mission_item"),

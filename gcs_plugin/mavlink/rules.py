@@ -1,7 +1,7 @@
 """Rules: one line each of the tables that turn message fields into channels in SI.
 
 A `Rule` names a message and its fields, the unit they carry on the wire, the channel they become,
-and the words that say where the channel came from. `decode` applies a rule to columns of
+and where the channel came from. `decode` applies a rule to columns of
 any length, so that a live listener (length 1) and a log reader (a whole flight) share it. Tables
 list the preferred source of a channel first.
 """
@@ -18,12 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.physics.atmosphere import BOARD_READING
+from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
-#: What people should know of these sources, on whichever autopilot.
-ABOVE_HOME = "height above home, not above the crop"
-OVER_GROUND = "ground speed: no airspeed sensor, no wind by the EKF"
-WARM_BOARD = f"of the autopilot's board: {BOARD_READING}"
 G_PER_MG = 9.80665e-3  # m/s² in one mG
 
 
@@ -81,11 +77,12 @@ UNITS: Mapping[str, tuple[float, float]] = MappingProxyType(
 class Rule:
     """One source of one channel: these fields of this message become that channel.
 
-    `unit` holds for all `fields`, or is one unit for each. `note` is what people should know of
-    this source. `unknown` are wire values that mean "not known". `index` names the field that
-    distinguishes several sources (battery id, IMU number); `only` keeps the rows in which it has
-    that value. `convert` replaces the scaling: it takes the columns, of which it may read
-    more than `fields`, and returns (n,) or (n, k) in SI.
+    `unit` holds for all `fields`, or is one unit for each. `meaning` is what the channel is where
+    its name says more, `note` what else people should know of this source. `unknown` are wire
+    values that mean "not known". `index` names the field that distinguishes several sources
+    (battery id, IMU number); `only` keeps the rows in which it has that value. `convert` replaces
+    the scaling: it takes the columns, of which it may read more than `fields`, and returns (n,) or
+    (n, k) in SI.
     """
 
     message: str
@@ -94,16 +91,24 @@ class Rule:
     unit: str | tuple[str, ...] = "1"
     _: KW_ONLY
     note: str = ""
+    meaning: Meaning = Meaning.AS_NAMED
     unknown: tuple[float, ...] = ()
     index: str | None = None
     only: int | None = None
     convert: Callable[[Columns], Floats] | None = None
 
     @property
-    def source(self) -> str:
-        """Message, fields and what people should know about them."""
-        words = f"{self.message} {', '.join(self.fields)}"
-        return f"{words} ({self.note})" if self.note else words
+    def source(self) -> Provenance:
+        """Message, fields, unit and what people should know about them."""
+        units = (self.unit,) if isinstance(self.unit, str) else dict.fromkeys(self.unit)
+        return Provenance(
+            kind=SourceKind.MESSAGE,
+            name=self.message,
+            fields=self.fields,
+            unit="" if self.convert is not None else ", ".join(units),
+            meaning=self.meaning,
+            remarks=(self.note,) if self.note else (),
+        )
 
 
 class Signal(NamedTuple):
@@ -113,7 +118,7 @@ class Signal(NamedTuple):
     """
 
     channel: str
-    source: str
+    source: Provenance
     time_s: Floats
     values: Floats
     index: int | str | None = None

@@ -32,6 +32,7 @@ from thrustmargin.models.checks.speed_readings import resolution_words
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.provenance import NOT_REPORTED
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 _LONGEST = 7 * 86_400.0  # s; a log that seems longer has damaged times
@@ -101,7 +102,7 @@ def log_of_track(
 ) -> FlightLog:
     """A FlightLog of a track that was read as a table."""
     speeds, outputs = (
-        [Signal(name, "", track.time_s, values) for values in getattr(track, name).T]
+        [Signal(name, NOT_REPORTED, track.time_s, values) for values in getattr(track, name).T]
         for name in ("rotor_speed_rpm", "throttle")
     )
     measured = measured_speeds(speeds, outputs, airframe, look_ahead=True)
@@ -115,7 +116,7 @@ def log_of_track(
     track = replace(track, rotor_speed_rpm=rpm, notes=(*track.notes, *unmeasured))
     channels = []
     for name in TRACK_CHANNELS:
-        signal = Signal(name, track.sources.get(name, ""), track.time_s, getattr(track, name))
+        signal = Signal(name, track.source(name), track.time_s, getattr(track, name))
         channels.append(channel_report(track, name, [signal]))
     return FlightLog(
         track=_with_absences(track),
@@ -152,16 +153,13 @@ def _with_absences(track: FlightTrack) -> FlightTrack:
     return replace(track, notes=(*track.notes, *notes))
 
 
-_ABSENT = "not in the log"
-
-
 def with_track(log: FlightLog, track: FlightTrack) -> FlightLog:
     """The log with this track; channels that were filled since are reported as it has them."""
     channels = []
     for report in log.channels:
-        values, source = getattr(track, report.name), track.sources.get(report.name, "")
+        values = getattr(track, report.name)
         if report.samples == 0 and np.any(np.isfinite(values)):
-            filled = Signal(report.name, source, track.time_s, values)
+            filled = Signal(report.name, track.source(report.name), track.time_s, values)
             report = channel_report(track, report.name, [filled])
         channels.append(report)
     return replace(log, track=track, channels=tuple(channels))
@@ -176,7 +174,8 @@ def channel_report(track: FlightTrack, name: str, signals: list[Signal]) -> Chan
         return ChannelReport(
             name=name,
             unit=TRACK_CHANNELS[name].unit,
-            source=track.sources.get(name, _ABSENT),
+            source=track.source(name).words,
+            provenance=track.source(name),
             samples=0,
             rate_hz=nan,
             gaps=0,
@@ -192,7 +191,8 @@ def channel_report(track: FlightTrack, name: str, signals: list[Signal]) -> Chan
     return ChannelReport(
         name=name,
         unit=TRACK_CHANNELS[name].unit,
-        source=track.sources.get(name, _ABSENT),
+        source=track.source(name).words,
+        provenance=track.source(name),
         samples=int(known.sum()),
         rate_hz=float(1.0 / np.median(step)) if step.size else float("nan"),
         gaps=int(np.sum(step > TRACK_CHANNELS[name].max_age)),

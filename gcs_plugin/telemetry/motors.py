@@ -18,6 +18,7 @@ from thrustmargin.gcs_plugin.telemetry.vehicle_kind import motor_outputs, whole_
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.provenance import Provenance
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 FAILURES_AGE = 5.0  # s for which an ESC's report on itself holds; PX4 sends one a second
@@ -78,19 +79,25 @@ class MotorMap:
                 result[fresh, rotor] = last_before(signal, clock_s)[fresh]
         return result
 
-    def rotor_speed_words(self, found: list[Signal | None]) -> str:
-        messages = list(dict.fromkeys(s.source for s in found if s is not None))
-        return f"{', '.join(messages)} ({self.order_words})"
+    def rotor_speed_source(self, found: list[Signal | None]) -> Provenance:
+        first, *others = dict.fromkeys(s.source for s in found if s is not None)
+        if others:
+            first = Provenance(kind=first.kind, name=first.name, parts=(first, *others))
+        return replace(first, assumed=self.assumed).remarked(self.order_words)
 
-    def throttle_words(self, found: list[Signal | None], parameters: Mapping[str, float]) -> str:
+    def throttle_source(
+        self, found: list[Signal | None], parameters: Mapping[str, float]
+    ) -> Provenance:
         source = next(s.source for s in found if s is not None)
-        message = source.split()[0]
-        if message not in ("SERVO_OUTPUT_RAW", "RCOU"):
-            return f"{source} ({self.order_words})"
+        source = replace(source, assumed=self.assumed)
+        if source.unit != "us":
+            return source.remarked(self.order_words)
         low, high = _pulse_range(parameters)
         prefix = _pulse_prefix(parameters)
         whose = f"{prefix}MIN/MAX" if f"{prefix}MIN" in parameters else "assumed"
-        return f"{message} from {low:g} to {high:g} µs ({whose}; {self.order_words})"
+        return replace(source, fields=()).remarked(
+            f"{low:g} to {high:g} µs, {whose}", self.order_words
+        )
 
 
 def _pulse_prefix(parameters: Mapping[str, float]) -> str:

@@ -14,6 +14,7 @@ from thrustmargin.gcs_plugin.telemetry.signals import Signals, best
 from thrustmargin.models.flight import Bools, Floats, Origin
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0
+from thrustmargin.models.provenance import Provenance
 
 NAN = float("nan")
 
@@ -38,8 +39,10 @@ def airborne(
         off = np.isin(state, (IN_AIR, TAKING_OFF, LANDING))
         flying = np.where(last >= 0, off[np.maximum(last, 0)], False)
         if height is None:
-            return flying, landed.source
-        return _clear_of_ground(flying, height), f"{landed.source}, and {CLEAR:g} m clear of it"
+            return flying, landed.source.words
+        return _clear_of_ground(
+            flying, height
+        ), f"{landed.source.words}, and {CLEAR:g} m clear of it"
     speeds = channels.get("rotor_speed_rpm")
     thrust = _known_mean(np.square(speeds)) if speeds is not None else np.empty(0)
     words = "rotor speeds"
@@ -105,7 +108,7 @@ def airborne_so_far(
             flying[row] = clear
         elif contact.on_ground and not contact.clear:
             flying[row] = np.isnan(contact.height)
-    words = "rotor speeds, else armed" if landed is None else landed.source
+    words = "rotor speeds, else armed" if landed is None else landed.source.words
     return flying.astype(np.bool_), words, contact
 
 
@@ -148,15 +151,14 @@ class PlaceOfZero:
 
     origin: Origin
     rank: int
-    words: str
+    whose: str  # home, the estimator's origin or the first fix, for people
+    source: Provenance
     settled: bool  # by a take-off since
 
 
-def position_sources(
-    signals: Signals, zero: PlaceOfZero | None
-) -> tuple[tuple[Signal, ...], dict[str, str]]:
-    """Sources of the position, and their words: latitude and longitude from zero, the local one."""
-    sources, words = [], {}
+def position_sources(signals: Signals, zero: PlaceOfZero | None) -> tuple[Signal, ...]:
+    """Sources of the position: latitude and longitude from zero, the local one."""
+    sources = []
     fixes = best(signals, "geodetic")
     if fixes is not None and zero is not None:
         latitude, longitude, altitude = fixes.values.T
@@ -171,13 +173,14 @@ def position_sources(
             zero.origin.longitude_deg,
             zero.origin.altitude,
         )
-        placed = Signal("position_ned", fixes.source, fixes.time_s, np.stack(ned, axis=-1))
-        sources.append(placed)
-        words[fixes.source] = f"{fixes.source} from {zero.words}"
+        source = fixes.source.remarked(f"from {zero.whose}")
+        if zero.source is not fixes.source:
+            source = source.remarked(f"by {zero.source.name}")
+        sources.append(Signal("position_ned", source, fixes.time_s, np.stack(ned, axis=-1)))
     local = best(signals, "position_ned")
     if local is not None:
         sources.append(local)
-    return tuple(sources), words
+    return tuple(sources)
 
 
 def place_of_zero(
@@ -201,15 +204,15 @@ def place_of_zero(
             if placed.size:
                 earlier = placed[signal.time_s[placed] <= takeoff]
                 row = earlier[-1] if earlier.size else placed[0]
-                words = f"{whose} ({signal.source.split()[0]})"
-                return PlaceOfZero(_as_origin(signal.values[row]), rank, words, settled)
+                place = _as_origin(signal.values[row])
+                return PlaceOfZero(place, rank, whose, signal.source, settled)
     if before is not None:
         return replace(before, settled=settled)
     good = np.empty(0) if fixes is None else np.flatnonzero(_on_earth(fixes.values))
     if fixes is None or good.size == 0:
         return None
-    words = "the first fix (no home reported)"
-    return PlaceOfZero(_as_origin(fixes.values[good[0]]), len(_PLACES), words, settled)
+    place, whose = _as_origin(fixes.values[good[0]]), "the first fix, for no home is reported"
+    return PlaceOfZero(place, len(_PLACES), whose, fixes.source, settled)
 
 
 def _on_earth(places: Floats) -> Bools:

@@ -12,6 +12,7 @@ from thrustmargin.gcs_plugin.telemetry.resample import Sampling, last_before
 from thrustmargin.gcs_plugin.telemetry.signals import SENDER_VOLTAGE, Signals, by_index
 from thrustmargin.gcs_plugin.telemetry.tank_source import TankContext, flight_battery, pump_share
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.provenance import Provenance, SourceKind
 
 #: A tank that loses more than this over the window is being sprayed, kg/s.
 _SPRAY_RATE = 0.008
@@ -62,12 +63,12 @@ def _of_escs(channel: str, signals: Signals, sampling: Sampling) -> Iterator[Sig
         if sampling == "hold":
             # Whether an ESC measures current at all shows only when some flows.
             total = np.where(total > 0, total, np.nan)
-        yield Signal(channel, f"{escs[0].source} (sum of ESCs)", time_s, total)
+        yield Signal(channel, escs[0].source.remarked("sum of ESCs"), time_s, total)
         return
     known = np.count_nonzero(stack > 0, axis=-1)
     total = np.sum(stack, axis=-1, where=stack > 0)
     mean = np.where(known > 0, total / np.maximum(known, 1), np.nan)
-    yield Signal(channel, f"{escs[0].source} (mean of ESCs)", time_s, mean)
+    yield Signal(channel, escs[0].source.remarked("mean of ESCs"), time_s, mean)
 
 
 def esc_voltage_offsets(signals: Signals, outputs: Sequence[int]) -> tuple[float, ...]:
@@ -119,12 +120,17 @@ def spraying_sources(
         if sampling == "hold":
             # That an output without a pulse will have one later, a listener cannot know.
             on[np.isnan(share.values)] = np.nan
-        sources.append(Signal("spraying", f"{share.source} above its minimum", share.time_s, on))
+        above = share.source.remarked("above its minimum")
+        sources.append(Signal("spraying", above, share.time_s, on))
     if tank is not None and tank.time_s.size:
         earlier = np.interp(tank.time_s - _SPRAY_WINDOW, tank.time_s, tank.values)
         falling = (earlier - tank.values) / _SPRAY_WINDOW > _SPRAY_RATE
         if share is None:
             notes.append("no pump output known: spraying is read from the falling tank level")
-        words = f"tank level falling by more than {_SPRAY_RATE * 60:.2f} kg/min"
-        sources.append(Signal("spraying", words, tank.time_s, falling.astype(np.float64)))
+        source = Provenance(
+            kind=SourceKind.INFERRED,
+            name=f"tank level falling by more than {_SPRAY_RATE * 60:.2f} kg/min",
+            parts=(tank.source,),
+        )
+        sources.append(Signal("spraying", source, tank.time_s, falling.astype(np.float64)))
     return tuple(sources)

@@ -21,6 +21,7 @@ from scipy.ndimage import median_filter
 from thrustmargin.gcs_plugin.mavlink.rules import Columns
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.provenance import Provenance
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 
@@ -100,6 +101,7 @@ class ChannelReport:
     name: str
     unit: str
     source: str  # message and field in words; "not in the log"
+    provenance: Provenance  # the same as data
     samples: int
     rate_hz: float  # median of the source; NaN with fewer than two samples
     gaps: int  # pauses longer than the channel's age limit

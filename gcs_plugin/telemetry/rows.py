@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import Any
 
@@ -37,7 +37,7 @@ from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
     rejected_words,
     standing_in_flight,
 )
-from thrustmargin.gcs_plugin.telemetry.signals import Signals, best
+from thrustmargin.gcs_plugin.telemetry.signals import Signals, best, turned_down
 from thrustmargin.gcs_plugin.telemetry.statements import Options, stated_channels
 from thrustmargin.gcs_plugin.telemetry.tank_source import (
     PumpedSoFar,
@@ -48,6 +48,7 @@ from thrustmargin.gcs_plugin.telemetry.tank_source import (
     tank_levels,
 )
 from thrustmargin.models.flight import TRACK_CHANNELS, Bools, FlightTrack, Floats, Origin
+from thrustmargin.models.provenance import Provenance, Rejected, SourceKind
 
 SILENT = 2.0  # s without reports after which the next kind of report triggers the rows
 KEPT = 8.0  # s of reports that rows may need: the longest age limit, and the falling tank's window
@@ -73,7 +74,7 @@ class FlightRows:
     channels: Mapping[str, Floats]  # as in TRACK_CHANNELS
     flying: Bools
     origin: Origin | None
-    sources: Mapping[str, str]
+    sources: Mapping[str, Provenance]
     standard_errors: Mapping[str, Floats]  # of channels that were not measured
     reported: Mapping[str, list[Signal]]
     notes: tuple[str, ...]
@@ -118,22 +119,23 @@ def flight_rows(
         return None
     notes: list[str] = []
     channels: dict[str, Floats] = {}
-    sources: dict[str, str] = {}
+    sources: dict[str, Provenance] = {}
     reported: dict[str, list[Signal]] = {}
 
-    def put(
-        channel: str, candidates: Iterable[Signal], words: Mapping[str, str] | None = None
-    ) -> None:
-        words = {} if words is None else words
+    def put(channel: str, candidates: Iterable[Signal]) -> None:
         if live:
             values, used = first_known(channel, candidates, clock_s)
+            rejected: tuple[Rejected, ...] = ()
         else:
-            found = best({channel: tuple(candidates)}, channel)
+            there = tuple(candidates)
+            found = best({channel: there}, channel)
             used = [] if found is None else [found]
             values = None if found is None else sample(channel, found, clock_s, "linear")
+            rejected = () if found is None else turned_down(there, found)
         if values is not None:
             channels[channel], reported[channel] = values, used
-            sources[channel] = words.get(used[0].source, used[0].source)
+            source = used[0].source
+            sources[channel] = replace(source, rejected=rejected) if rejected else source
 
     for channel, column in TRACK_CHANNELS.items():
         if column.direct:
@@ -174,39 +176,38 @@ def flight_rows(
         channels[channel] = _columns(channel, found, clock_s, options.sampling)
         reported[channel] = [signal for signal in found if signal is not None]
     if reported["rotor_speed_rpm"]:
-        sources["rotor_speed_rpm"] = motors.rotor_speed_words(by_rotor["rotor_speed_rpm"])
+        sources["rotor_speed_rpm"] = motors.rotor_speed_source(by_rotor["rotor_speed_rpm"])
     if reported["throttle"]:
-        sources["throttle"] = motors.throttle_words(by_rotor["throttle"], parameters)
+        sources["throttle"] = motors.throttle_source(by_rotor["throttle"], parameters)
     contact = before.contact
     if live:
-        flying, sources["flying"], contact = airborne_so_far(
-            signals, clock_s, channels, options.airframe, contact
-        )
+        flying, by, contact = airborne_so_far(signals, clock_s, channels, options.airframe, contact)
     else:
-        flying, sources["flying"] = airborne(signals, clock_s, channels)
+        flying, by = airborne(signals, clock_s, channels)
     if motors.facts.kind == "quadplane":
         flying &= lifting(channels["rotor_speed_rpm"], channels["throttle"])
-        sources["flying"] += "; hover motors driven"
+        by += "; hover motors driven"
+    sources["flying"] = Provenance(kind=SourceKind.INFERRED, name=by)
     speeds = channels["rotor_speed_rpm"]
     hidden = standing_in_flight(speeds, channels["throttle"], flying)
     channels["rotor_speed_rpm"] = np.where(hidden, np.nan, speeds)
     unmeasured = rejected_words(measured, hidden, clock_s, flying, counted=not live)
     zero = place_of_zero(signals, clock_s, flying, before.zero)
-    put("position_ned", *position_sources(signals, zero))
+    put("position_ned", position_sources(signals, zero))
     share = pump_share(signals, context)
     nothing = np.full(clock_s.size, np.nan)
     total = None if share is None else pumped(share, context)
     pumped_kg = nothing if total is None else last_before(total, clock_s)
     errors: dict[str, Floats] = {}
-    for channel, values, words, error in stated_channels(
+    for channel, values, source, error in stated_channels(
         options,
         time_s=clock_s,
         flying=flying,
         spraying=channels.get("spraying", nothing),
         pumped_kg=pumped_kg,
     ):
-        channels[channel], sources[channel] = values, words
-        reported[channel] = [Signal(channel, words, clock_s, values)]
+        channels[channel], sources[channel] = values, source
+        reported[channel] = [Signal(channel, source, clock_s, values)]
         if error is not None:
             errors[channel] = error
     return FlightRows(

@@ -14,9 +14,14 @@ from thrustmargin.gcs_plugin.mavlink.text import printable
 from thrustmargin.gcs_plugin.telemetry.recording import Stream
 from thrustmargin.gcs_plugin.telemetry.resample import coverage, in_time_order, known_rows
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.provenance import Provenance, Reason, Rejected, SourceKind
 
 #: A flight battery reads more than this, the level sender of a tank less, V.
 SENDER_VOLTAGE = 2.5
+
+_HUD_AIRSPEED = Provenance(
+    kind=SourceKind.MESSAGE, name="VFR_HUD", fields=("airspeed",), unit="m/s"
+)
 
 #: Channel -> its sources, preferred first.
 Signals = Mapping[str, tuple[Signal, ...]]
@@ -44,6 +49,20 @@ def best(signals: Signals, channel: str) -> Signal | None:
     return next(s for s, seconds in zip(there, covered, strict=True) if seconds >= 0.9 * most)
 
 
+def turned_down(there: Iterable[Signal], used: Signal) -> tuple[Rejected, ...]:
+    """The other sources of a channel, each with the reason for which `used` was taken."""
+    found, before = [], True
+    for signal in there:
+        if signal is used:
+            before = False
+        elif not known_rows(signal.values).any():
+            found.append(Rejected(signal.source, Reason.NO_NUMBERS))
+        else:
+            why = Reason.COVERS_LESS if before else Reason.LESS_PREFERRED
+            found.append(Rejected(signal.source, why))
+    return tuple(found)
+
+
 def by_index(signals: Signals, channel: str) -> dict[int | str, Signal]:
     """The sources of one channel by output number, battery id or name; the first of each."""
     found: dict[int | str, Signal] = {}
@@ -53,16 +72,16 @@ def by_index(signals: Signals, channel: str) -> dict[int | str, Signal]:
     return found
 
 
-def mavlink_signals(streams: dict[str, Stream], airspeed_words: str) -> Signals:
-    """Signals of every MAVLink message in `streams`; `airspeed_words` say what VFR_HUD's is.
+def mavlink_signals(streams: dict[str, Stream], airspeed: Provenance) -> Signals:
+    """Signals of every MAVLink message in `streams`; `airspeed` says what VFR_HUD's is.
 
     `streams` is emptied on the way, so that a message and its signals are not both kept.
     """
-    found = sorted(decoded(streams, airspeed_words), key=lambda item: item[0])
+    found = sorted(decoded(streams, airspeed), key=lambda item: item[0])
     return collected(_used_outputs(s) if s.channel == "servo_us" else s for _, s in found)
 
 
-def decoded(streams: dict[str, Stream], airspeed_words: str) -> Iterator[tuple[int, Signal]]:
+def decoded(streams: dict[str, Stream], airspeed: Provenance) -> Iterator[tuple[int, Signal]]:
     """Each signal of the messages in `streams`, which is emptied, with its source's rank."""
     while streams:
         message, stream = streams.popitem()
@@ -70,7 +89,7 @@ def decoded(streams: dict[str, Stream], airspeed_words: str) -> Iterator[tuple[i
         put = Signal if (times[1:] >= times[:-1]).all() else ordered_signal
         for rank, rule, source in _ranked(message):
             if message == "VFR_HUD" and rule.channel == "airspeed":
-                source = airspeed_words
+                source = airspeed
             for index, rows, values in decode(rule, stream.columns):
                 time_s = times if index is None else times[rows]
                 if rule.channel == "named_value":
@@ -82,13 +101,13 @@ def decoded(streams: dict[str, Stream], airspeed_words: str) -> Iterator[tuple[i
                     for k in range(values.shape[1]):
                         yield rank, put(rule.channel, source, time_s, values[:, k], first + k)
                 else:
-                    words = source if index is None else f"{source} of id {index}"
-                    yield rank, put(rule.channel, words, time_s, values, index)
+                    of_one = source.of_instance(index)
+                    yield rank, put(rule.channel, of_one, time_s, values, index)
 
 
 @cache
-def _ranked(message: str) -> tuple[tuple[int, Rule, str], ...]:
-    """Place in the table, rule and source in words of each for a message, preferred first."""
+def _ranked(message: str) -> tuple[tuple[int, Rule, Provenance], ...]:
+    """Place in the table, rule and source of each for a message, preferred first."""
     found = ((n, rule) for n, rule in enumerate(MAVLINK_RULES) if rule.message == message)
     return tuple((n, rule, rule.source) for n, rule in found)
 
@@ -143,11 +162,11 @@ class SignalBuffer:
         self._order: list[tuple[int, int | str]] = []  # of all that are kept, preferred first
         self.heard: set[str] = set()
 
-    def add(self, streams: dict[str, Stream], airspeed_words: str, after_s: float) -> None:
+    def add(self, streams: dict[str, Stream], airspeed: Provenance, after_s: float) -> None:
         """Take the reports in `streams` (emptied) that are later than `after_s`."""
         self.heard |= set(streams)
         times = _Times(after_s, after_s - self._seconds)
-        for rank, new in decoded(streams, airspeed_words):
+        for rank, new in decoded(streams, airspeed):
             later, time_s = times.later(new.time_s)
             values = new.values[later:] if later else new.values
             key = (rank, -1 if new.index is None else new.index)
@@ -182,13 +201,13 @@ def _by_name(stream: Stream, values: Floats) -> list[Signal]:
     for raw in np.unique(names):
         rows = names == raw
         name = printable(raw)
-        source = f"NAMED_VALUE_FLOAT {name}"
+        source = Provenance(kind=SourceKind.MESSAGE, name="NAMED_VALUE_FLOAT", fields=(name,))
         made.append(ordered_signal("named_value", source, stream.time_s[rows], values[rows], name))
     return made
 
 
 def ordered_signal(
-    channel: str, source: str, time_s: Floats, values: Floats, index: int | str | None = None
+    channel: str, source: Provenance, time_s: Floats, values: Floats, index: int | str | None = None
 ) -> Signal:
     """The Signal of reports in any order of time."""
     return Signal(channel, source, *in_time_order(time_s, values), index)
@@ -213,12 +232,14 @@ def pitot_present(streams: Mapping[str, Stream], parameters: Mapping[str, float]
     return bool(np.any(status.columns["onboard_control_sensors_enabled"] & 16))
 
 
-def airspeed_words(autopilot: str, pitot: bool | None) -> str:
+def hud_airspeed(autopilot: str, pitot: bool | None) -> Provenance:
     """What VFR_HUD's airspeed is: not the same quantity on every vehicle."""
     if autopilot == "PX4":
-        return "VFR_HUD airspeed (calibrated airspeed, as PX4 sends it)"
-    if pitot:
-        return "VFR_HUD airspeed (pitot)"
-    if pitot is None:
-        return "VFR_HUD airspeed (pitot or estimate: the vehicle does not say)"
-    return "VFR_HUD airspeed (EKF estimate, else GPS speed: a copter without pitot)"
+        remark = "calibrated airspeed, as PX4 sends it"
+    elif pitot:
+        remark = "pitot"
+    elif pitot is None:
+        remark = "pitot or estimate: the vehicle does not say"
+    else:
+        remark = "EKF estimate, else GPS speed: a copter without pitot"
+    return _HUD_AIRSPEED.remarked(remark)

@@ -15,8 +15,8 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.telemetry.resample import Sampling
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
-from thrustmargin.models.model.inferred.load_inference import STATED
 from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.provenance import Provenance, SourceKind, stated
 
 #: K: how well a thermometer in the shade or a weather report has the air at the rotors.
 STATED_TEMPERATURE_ERROR = 2.0
@@ -43,7 +43,7 @@ def stated_channels(
     flying: Bools,
     spraying: Floats,
     pumped_kg: Floats,
-) -> Iterator[tuple[str, Floats, str, Floats | None]]:
+) -> Iterator[tuple[str, Floats, Provenance, Floats | None]]:
     """Each channel that `options` state: its name, values (T,), source and standard error (T,).
 
     `spraying` (T,) is 1 while the pump runs, `pumped_kg` (T,) what its output sums up to; both are
@@ -58,15 +58,17 @@ def stated_channels(
             "the time of spraying": np.cumsum(step * (spraying == 1.0)),
             "the time of flight": np.cumsum(step * flying),
         }
-        load, words = _load(options, options.load, sums)
-        yield "tank_kg", load, words, None
+        load, remark = _load(options, options.load, sums)
+        yield "tank_kg", load, stated(remark), None
     elif no_tank(options) and (craft := options.airframe) is not None:
-        words = f"no tank on airframe {craft.name}: 0 kg"
-        yield "tank_kg", np.zeros(rows), words, None
+        tankless = Provenance(
+            kind=SourceKind.AIRFRAME, name=craft.name, remarks=("without a tank: 0 kg",)
+        )
+        yield "tank_kg", np.zeros(rows), tankless, None
     if options.air_temperature is not None:
-        words = f"{STATED}: {options.air_temperature - 273.15:g} °C outside"
+        outside = stated(f"{options.air_temperature - 273.15:g} °C outside")
         error = np.full(rows, STATED_TEMPERATURE_ERROR)
-        yield "temperature", np.full(rows, options.air_temperature), words, error
+        yield "temperature", np.full(rows, options.air_temperature), outside, error
 
 
 def no_tank(options: Options) -> bool:
@@ -82,31 +84,34 @@ def stated_track(track: FlightTrack, options: Options) -> FlightTrack:
     arrays: dict[str, Floats] = {}
     if options.tank.strip().lower() == "none":
         arrays["tank_kg"] = unknown
-    for channel, values, words, error in stated_channels(
+    for channel, values, source, error in stated_channels(
         options,
         time_s=track.time_s,
         flying=track.flying,
         spraying=track.spraying,
         pumped_kg=unknown,
     ):
-        arrays[channel], sources[channel] = values, words
+        arrays[channel], sources[channel] = values, source
         if error is not None:
             errors[channel] = error
     return replace(track, sources=sources, standard_errors=errors, **arrays)
 
 
 def _load(options: Options, start: float, sums: dict[str, Floats]) -> tuple[Floats, str]:
-    """kg (T,) on board, and how it was found; `sums` (T,) grow with the load's fall, best first."""
-    stated, end = f"{STATED}: {start:g} kg", options.load_end
+    """kg (T,) on board, and how it falls, for people.
+
+    `sums` (T,) grow with the load's fall, best first.
+    """
+    begins, end = f"{start:g} kg", options.load_end
     pump = sums["the pump's output"]
     if end is not None and options.sampling == "linear":
         for words, total in sums.items():
             if total[-1] > 0.0:
                 load = start - (start - end) * total / total[-1]
-                return load, f"{stated} at the start, falling with {words} to {end:g} kg"
+                return load, f"{begins} at the start, falling with {words} to {end:g} kg"
     elif pump[-1] > 0.0 or end is not None:
         least = 0.0 if end is None else end
         limit = "" if end is None else f", at least {end:g} kg"
-        words = f"{stated} at the start, falling with the pump's output{limit}"
+        words = f"{begins} at the start, falling with the pump's output{limit}"
         return np.maximum(start - pump, least), words
-    return np.full(pump.size, start), f"{stated}, constant: nothing shows that it falls"
+    return np.full(pump.size, start), f"{begins}, constant: nothing shows that it falls"

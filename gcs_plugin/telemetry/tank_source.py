@@ -25,6 +25,7 @@ from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.smoothing import known_median
+from thrustmargin.models.provenance import Provenance, SourceKind
 
 LEFT_OUT = "tank level left out, as asked"
 #: % by which the level from ml used may differ from the level in % and still be the same thing.
@@ -157,8 +158,8 @@ def _automatic(signals: Signals, context: TankContext) -> Iterator[TankLevel]:
     yield _pump(signals, context) or TankLevel(None, () if no_tank else unknown)
 
 
-def _in_kg(signal: Signal, kilograms: Floats, words: str) -> Signal:
-    return Signal("tank_kg", words, signal.time_s, kilograms)
+def _in_kg(signal: Signal, kilograms: Floats, *remarks: str) -> Signal:
+    return Signal("tank_kg", signal.source.remarked(*remarks), signal.time_s, kilograms)
 
 
 def _named(signals: Signals, context: TankContext, name: str) -> TankLevel | None:
@@ -167,10 +168,10 @@ def _named(signals: Signals, context: TankContext, name: str) -> TankLevel | Non
     if signal is None or not np.isfinite(signal.values).any():
         return None
     litres = unit.lower() == "l"
-    words = signal.source + (" (litres)" if litres else "")
+    remarks = ("litres",) if litres else ()
     factor = context.liquid_density if litres else 1.0
     notes = _density_notes(context) if litres else ()
-    return TankLevel(_in_kg(signal, signal.values * factor, words), notes)
+    return TankLevel(_in_kg(signal, signal.values * factor, *remarks), notes)
 
 
 def _density_notes(context: TankContext) -> tuple[str, ...]:
@@ -187,15 +188,15 @@ def _fuel(signals: Signals, context: TankContext, wanted: int | None) -> TankLev
         signal = remaining.get(number)
         if signal is not None and np.isfinite(signal.values).any():
             kilograms = signal.values * 1e-3 * context.liquid_density
-            words = f"{signal.source} (ml)"
-            return TankLevel(_in_kg(signal, kilograms, words), _density_notes(context))
+            return TankLevel(_in_kg(signal, kilograms, "ml"), _density_notes(context))
         signal = percent.get(number)
         if signal is not None and np.isfinite(signal.values).any():
             if context.airframe is None:
-                return TankLevel(None, (f"{signal.source} is only a share: give an airframe",))
+                return TankLevel(
+                    None, (f"{signal.source.words} is only a share: give an airframe",)
+                )
             kilograms = signal.values * 1e-2 * context.airframe.tank_capacity_kg
-            words = f"{signal.source} of the airframe's tank"
-            return TankLevel(_in_kg(signal, kilograms, words))
+            return TankLevel(_in_kg(signal, kilograms, "of the airframe's tank"))
     return None
 
 
@@ -224,7 +225,6 @@ def _battery(signals: Signals, context: TankContext, wanted: int | None) -> Tank
 def _battery_level(signals: Signals, context: TankContext, number: int) -> TankLevel:
     percent = _batteries(signals, "battery_percent")[number]
     used = _batteries(signals, "battery_consumed").get(number)
-    message = percent.source.split()[0]
     key = f"BATT{number + 1 if number else ''}_CAPACITY"
     if context.parameters.get(key, 0.0) > 0.0:
         capacity_l, whose = context.parameters[key] * 1e-3, f"{key} {context.parameters[key]:g} ml"
@@ -232,10 +232,8 @@ def _battery_level(signals: Signals, context: TankContext, number: int) -> TankL
         capacity_l = context.airframe.tank_volume_l
         whose = f"the airframe's {capacity_l:g} L"
     else:
-        note = (
-            f"{message} id {number} looks like a tank, but its volume is unknown: give an airframe"
-        )
-        return TankLevel(None, (note,))
+        what = f"{percent.source.name} of id {number} looks like a tank"
+        return TankLevel(None, (f"{what}, but its volume is unknown: give an airframe",))
     if capacity_l == 0.0:
         return TankLevel(None)  # an airframe without a tank: some other battery
     notes = _density_notes(context)
@@ -247,10 +245,11 @@ def _battery_level(signals: Signals, context: TankContext, number: int) -> TankL
         if agrees.any():
             # Report by report: a tank that is refilled leaves the ml used behind.
             share = np.where(agrees, left, percent.values * 1e-2)
-            words = f"{message} id {number} (a tank: ml used of {whose})"
-            return TankLevel(_in_kg(used, share * capacity_kg, words), notes)
-    words = f"{message} id {number} (a tank: % of {whose})"
-    return TankLevel(_in_kg(percent, percent.values * 1e-2 * capacity_kg, words), notes)
+            return TankLevel(
+                _in_kg(used, share * capacity_kg, f"a tank: ml used of {whose}"), notes
+            )
+    level_kg = percent.values * 1e-2 * capacity_kg
+    return TankLevel(_in_kg(percent, level_kg, f"a tank: % of {whose}"), notes)
 
 
 def _pump(signals: Signals, context: TankContext) -> TankLevel | None:
@@ -265,11 +264,17 @@ def _pump(signals: Signals, context: TankContext) -> TankLevel | None:
         )
     total = pumped(share, context)
     level = np.maximum(context.start_kg - total.values, 0.0)
-    words = (
-        f"pump output (servo {(context.pump_output or 0) + 1}) summed from the stated "
-        f"{context.start_kg:g} kg, {context.airframe.pump_max_flow_l_min:g} L/min at full output"
+    source = Provenance(
+        kind=SourceKind.INFERRED,
+        name="pump output",
+        parts=(share.source,),
+        remarks=(
+            f"servo {(context.pump_output or 0) + 1}, summed from the stated "
+            f"{context.start_kg:g} kg",
+            f"{context.airframe.pump_max_flow_l_min:g} L/min at full output",
+        ),
     )
-    return TankLevel(Signal("tank_kg", words, total.time_s, level))
+    return TankLevel(Signal("tank_kg", source, total.time_s, level))
 
 
 @dataclass(frozen=True, slots=True)
@@ -317,5 +322,5 @@ def pump_share(signals: Signals, context: TankContext) -> Signal | None:
         return None
     # No pulse at all says nothing about the pump.
     share = np.where(pulse > 0, np.clip((pulse - low) / (high - low), 0.0, 1.0), np.nan)
-    words = f"{servos[0].source.split()[0]} servo {number} (pump)"
-    return Signal("spraying", words, servos[0].time_s, share)
+    source = replace(servos[0].source, fields=(f"servo {number}",)).remarked("pump")
+    return Signal("spraying", source, servos[0].time_s, share)

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, SPINS
-from thrustmargin.models.model.inferred.load_inference import FROM_THRUST, STATED
+from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
 #: Why a figure is unknown, and which option helps.
 ASKS = "--request-rates asks for them"
@@ -109,12 +109,13 @@ def stale_words(ages: Mapping[str, float]) -> str:
     return "no longer reported: " + ", ".join(parts)
 
 
-def no_escs(source: str) -> str:
-    return f"no ESC telemetry: rotor speeds {source}"
+def no_escs(source: Provenance) -> str:
+    return f"no ESC telemetry: rotor speeds {source.words}"
 
 
-def tank_by(source: str) -> str:
-    return f"tank {source}" if source.startswith((FROM_THRUST, STATED)) else f"tank by {source}"
+def tank_by(source: Provenance) -> str:
+    reported = source.kind is not SourceKind.STATED and source.meaning is not Meaning.HOVER_THRUST
+    return f"tank {'by ' if reported else ''}{source.words}"
 
 
 def order_assumed(words: str) -> str:

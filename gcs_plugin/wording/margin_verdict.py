@@ -30,7 +30,8 @@ from thrustmargin.gcs_plugin.wording.numbers import (
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis
-from thrustmargin.models.model.inferred.load_inference import FROM_THRUST, STATED, THEN_CHECK
+from thrustmargin.models.model.inferred.load_inference import THEN_CHECK
+from thrustmargin.models.provenance import Meaning, SourceKind
 from thrustmargin.models.scores import Estimate
 
 #: under: below the limit all flight. over: above it at times or always, and one lost rotor could be
@@ -194,12 +195,13 @@ def _next_fill(verdict: MarginVerdict) -> str:
 
 def load_facts(track: FlightTrack) -> tuple[Fact, ...]:
     """What is on board and how that is known, where no gauge says it."""
-    source = track.sources.get("tank_kg", "")
+    source = track.source("tank_kg")
     known = track.tank_kg[track.flying & np.isfinite(track.tank_kg)]
-    if not known.size or not source.startswith((FROM_THRUST, STATED)):
+    reported = source.kind is not SourceKind.STATED and source.meaning is not Meaning.HOVER_THRUST
+    if not known.size or reported:
         return ()
     start, end = number(float(known[0]), "", 1), number(float(known[-1]), "kg", 1)
-    return (Fact("load", f"{start} to {end}, {source}"),)
+    return (Fact("load", f"{start} to {end}, {source.words}"),)
 
 
 def ending_facts(track: FlightTrack) -> tuple[Fact, ...]:
@@ -260,8 +262,8 @@ def basis_words(
         return f"predicted; no rotor speeds {why}in this log{tail}"
     if measured_s < 0.999 * known_s:
         part = percent(measured_s / known_s)
-        basis = analysis.words_of_speed
+        basis = analysis.speed_basis
         return f"rotor speeds {basis} for {part} of the flight, predicted for the rest{tail}"
     if np.any(analysis.from_outputs):
-        return f"rotor speeds {analysis.track.sources['rotor_speed_rpm']}{tail}"
+        return f"rotor speeds {analysis.track.source('rotor_speed_rpm').words}{tail}"
     return f"measured rotor speeds{tail}"

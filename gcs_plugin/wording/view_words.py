@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, outcome
 from thrustmargin.gcs_plugin.wording.numbers import percent
-from thrustmargin.models.model.inferred.output_speed import MEASURED
+from thrustmargin.models.model.inferred.output_speed import SpeedBasis
 
 NO_DATA = "no data"
 WORST_MARGIN = "Thrust margin, worst rotor"
@@ -98,7 +98,7 @@ def not_measured(count: int) -> str:
 
 def margin_rests(basis: str, reach: float, unmeasured: int) -> str:
     """What the worst margin rests on, for the bar; `reach` is half of its 90 % interval."""
-    parts = [f"worst rotor, {basis}" if basis != MEASURED else WORST_ROTOR]
+    parts = [f"worst rotor, {basis}" if basis != SpeedBasis.MEASURED else WORST_ROTOR]
     parts += [f"± {math.ceil(100 * reach)} %"] if reach > 0.0 else []
     parts += [not_measured(unmeasured)] if unmeasured else []
     return ", ".join(parts)

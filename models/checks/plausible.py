@@ -194,7 +194,7 @@ def _rotor_speed(
 def _driven_alike(track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]) -> bool:
     """True where the motor outputs give the measured rotor speeds by the airframe's ceiling."""
     density = track_air(track).density
-    curve = output_curve(parameters, track.sources.get("throttle", ""))
+    curve = output_curve(parameters, track.source("throttle"))
     most = ceiling(airframe, density, track.voltage).max_thrust
     asked = np.sum(most * curve.thrust_share(track.throttle), axis=1)
     made = np.sum(rotor_thrust(airframe, track.rotor_speed_rpm, density), axis=1)
@@ -234,7 +234,7 @@ def _output(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
 ) -> Comparison | None:
     """Thrust of the outputs, by the autopilot's curve and the airframe's ceiling, over weight."""
-    curve = output_curve(parameters, track.sources.get("throttle", ""))
+    curve = output_curve(parameters, track.source("throttle"))
     limit = ceiling(airframe, track_air(track).density, track.voltage)
     thrust = np.sum(limit.max_thrust * curve.thrust_share(track.throttle), axis=1)
     lifted = lifted_mass(track, thrust)

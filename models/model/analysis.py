@@ -19,9 +19,8 @@ from thrustmargin.models.model.airframe_claim import (
     unknown_aircraft,
 )
 from thrustmargin.models.model.inferred.load_inference import with_load_for_verdict
-from thrustmargin.models.model.inferred.output_speed import FROM_OUTPUTS as FROM_OUTPUTS
-from thrustmargin.models.model.inferred.output_speed import MEASURED as MEASURED
-from thrustmargin.models.model.inferred.output_speed import speed_words
+from thrustmargin.models.model.inferred.output_speed import SpeedBasis as SpeedBasis
+from thrustmargin.models.model.inferred.output_speed import speed_basis
 from thrustmargin.models.model.inferred.utilisation_error import (
     INTERVAL,
     redundancy_error,
@@ -44,7 +43,7 @@ from thrustmargin.models.physics.margin import (
 )
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
-GIVEN_AIR = "given with the flight"  # basis of a density that whoever analyses knew
+GIVEN_AIR = "given with the flight"  # in the words of the basis
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,8 +54,9 @@ class FlightAnalysis:
     model: RotorModel
     density: Floats  # (T,) kg/m³
     density_error: Floats  # (T,) kg/m³, standard error
-    density_basis: str
-    voltage_basis: str
+    density_given: bool  # by whoever analyses, and not made from the track
+    density_basis: str  # for people
+    voltage_basis: str  # for people
     prediction: Prediction
     residual_rpm: Floats  # (T, R) measured minus predicted; NaN where the load was inferred from it
     max_rotor_speed_rpm: Floats  # (T,) rpm, ceiling at the battery's voltage
@@ -85,7 +85,7 @@ class FlightAnalysis:
             f"FlightAnalysis of {self.track.name}: {self.track.time_s.size} rows, "
             f"{self.track.duration:.1f} s\n"
             f"  model: {self.model.description}\n"
-            f"  least thrust margin {worst(self.utilisation)} {self.words_of_speed}, "
+            f"  least thrust margin {worst(self.utilisation)} {self.speed_basis}, "
             f"{worst(self.utilisation_predicted)} predicted; rotor speed error {off} RMS\n"
             f"  air: {self.density_basis}\n  ceiling: {self.voltage_basis}"
             + (f"\n  {self.claim.described}" if self.claim.described else "")
@@ -144,18 +144,17 @@ class FlightAnalysis:
         return np.zeros(self.utilisation.shape, bool) if error is None else error > 0.0
 
     @property
-    def words_of_speed(self) -> str:
-        """What `utilisation` rests on where it is known: "measured", or what stands in for it."""
-        return speed_words(self.track)
+    def speed_basis(self) -> SpeedBasis:
+        """What `utilisation` rests on where it is known."""
+        return speed_basis(self.track)
 
-    def basis_of(self, row: int, rotor: int) -> str:
-        """What a rotor's margin rests on in a row: "measured", "from motor outputs", "predicted".
-
-        Empty where it is not known at all.
-        """
+    def basis_of(self, row: int, rotor: int) -> SpeedBasis:
+        """What a rotor's margin rests on in a row."""
         if np.isfinite(self.utilisation[row, rotor]):
-            return FROM_OUTPUTS if self.from_outputs[row, rotor] else MEASURED
-        return "predicted" if np.isfinite(self.utilisation_predicted[row, rotor]) else ""
+            inferred = self.from_outputs[row, rotor]
+            return SpeedBasis.MOTOR_OUTPUTS if inferred else SpeedBasis.MEASURED
+        known = np.isfinite(self.utilisation_predicted[row, rotor])
+        return SpeedBasis.PREDICTED if known else SpeedBasis.UNKNOWN
 
     def above_limit(self, limit: float) -> Bools:
         """(T,) rows off the ground in which the known utilisation of a rotor is more than `limit`.
@@ -232,6 +231,7 @@ def analyse(
         model=model,
         density=rho,
         density_error=density_error,
+        density_given=density is not None,
         density_basis=density_basis,
         voltage_basis="no airframe" if claim.withheld else limits.voltage_basis,
         prediction=prediction,
@@ -259,7 +259,7 @@ def for_verdict(analysis: FlightAnalysis) -> FlightAnalysis:
     track = with_load_for_verdict(analysis.track, flown_airframe(analysis.model))
     if analysis.withheld or track is analysis.track:
         return analysis
-    given = analysis.density if analysis.density_basis == GIVEN_AIR else None
+    given = analysis.density if analysis.density_given else None
     made = analyse(track, analysis.model, given, start=analysis.start, claim=analysis.claim)
     beyond = (track.tank_kg - analysis.track.tank_kg)[track.flying]
     return replace(made, beyond_gauge_kg=float(np.nanmedian(beyond)))

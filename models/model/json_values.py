@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from enum import StrEnum
 from reprlib import repr as shortly
 from types import MappingProxyType
 from typing import Any, get_origin
@@ -49,10 +50,20 @@ def _words(error: BaseException, kind: type | None) -> str:  # noqa: ARG001
 def _scalar(data: Any, kind: Any) -> Any:
     if kind is float and data is None:
         return math.nan
+    if issubclass(kind, StrEnum):
+        return _member(data, kind)
     accepted = (int, float) if kind is float else kind
     if not isinstance(data, accepted) or (isinstance(data, bool) and kind is not bool):
         raise Refused(f"is {shortly(data)}, not {kind.__name__}")
     return kind(data)
+
+
+def _member(data: Any, kind: type[StrEnum]) -> StrEnum:
+    try:
+        return kind(data)
+    except ValueError as error:
+        known = ", ".join(kind)
+        raise Refused(f"is {shortly(data)}, none of {known}") from error
 
 
 def _lists_only(kind: Any, converter: Converter) -> Any:

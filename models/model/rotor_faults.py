@@ -270,7 +270,7 @@ def fault_signals(analysis: FlightAnalysis, rows: slice) -> Floats:
     track = analysis.track
     measured = np.where(analysis.from_outputs[rows], np.nan, track.rotor_speed_rpm[rows])
     predicted = analysis.prediction.rotor_speed_rpm[rows]
-    curve = output_curve({}, track.sources.get("throttle", ""))
+    curve = output_curve({}, track.source("throttle"))
     with np.errstate(divide="ignore", invalid="ignore"):
         excess = (measured**2 - predicted**2) / np.mean(predicted**2, axis=1, keepdims=True)
         output = np.log(curve.thrust_share(track.throttle[rows]))

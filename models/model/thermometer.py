@@ -18,7 +18,6 @@ from scipy.special import stdtrit
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import (
-    BOARD_READING,
     FARTHEST_FROM_STANDARD,
     G0,
     isa_temperature,
@@ -26,6 +25,7 @@ from thrustmargin.models.physics.atmosphere import (
     track_air,
 )
 from thrustmargin.models.physics.flight_phases import training_rows
+from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
 SURE = 0.95  # that it follows the air: standard air is off by the weather, a wrong reading by more
 FEWEST_FLIGHTS = 3  # of which each can be left out and the others still differ
@@ -43,11 +43,15 @@ def by_thermometer(track: FlightTrack, thermometer: Thermometer | None) -> Fligh
     """The track with the air's temperature where it had a reading that needs this thermometer."""
     if thermometer is None or not needs_thermometer(track):
         return track
-    words = f"the thermometer less {thermometer.warmer_k:.1f} K, as good flights show"
+    source = Provenance(
+        kind=SourceKind.INFERRED,
+        name=f"the thermometer less {thermometer.warmer_k:.1f} K, as good flights show",
+        parts=(track.source("temperature"),),
+    )
     return replace(
         track,
         temperature=track.temperature - thermometer.warmer_k,
-        sources={**track.sources, "temperature": words},
+        sources={**track.sources, "temperature": source},
         standard_errors={
             **track.standard_errors,
             "temperature": np.full(track.time_s.size, thermometer.error_k),
@@ -80,7 +84,7 @@ def learnt_thermometer(tracks: Sequence[FlightTrack], airframe: Airframe) -> The
 def needs_thermometer(track: FlightTrack) -> bool:
     """True for a temperature of which nothing says whether it is the air's or a board's."""
     stated = "temperature" in track.standard_errors
-    board = BOARD_READING in track.sources.get("temperature", "")
+    board = track.source("temperature").meaning is Meaning.BOARD_TEMPERATURE
     return track.reports("temperature") and not (stated or board)
 
 

@@ -24,7 +24,7 @@ import numpy as np
 
 from thrustmargin.models.errors import AirframeError, DataError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
-from thrustmargin.models.model.inferred.output_speed import speed_words
+from thrustmargin.models.model.inferred.output_speed import SpeedBasis, speed_basis
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.network.ensemble import (
     RotorNetwork,
@@ -244,9 +244,9 @@ def _slow_rows(tracks: Sequence[FlightTrack], samples: Samples) -> Bools:
     return keep
 
 
-def _one_kind_of_speed(tracks: Sequence[FlightTrack]) -> str:
+def _one_kind_of_speed(tracks: Sequence[FlightTrack]) -> SpeedBasis:
     """What the rotor speeds of all flights are; DataError where they are of two kinds."""
-    kinds = {track.name: speed_words(track) for track in tracks}
+    kinds = {track.name: speed_basis(track) for track in tracks}
     if len(set(kinds.values())) > 1:
         named = "; ".join(f"{name} {kind}" for name, kind in kinds.items())
         raise DataError(

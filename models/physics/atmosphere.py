@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.provenance import Meaning
 
 G0 = 9.80665  # m/s², standard gravity
 GAS_CONSTANT = 287.05287  # J/(kg K), dry air
@@ -31,8 +32,6 @@ PLAUSIBLE_PRESSURE = (30_000.0, 110_000.0)
 #: K: the autopilot's sensor sits on a warm board. Median and scatter over five flights of a
 #: Pixhawk 6X (11 to 23 K); ArduPilot's own simulator has 20 K too.
 BOARD_WARMER, BOARD_ERROR = 20.0, 6.0
-#: In the words of a source of `temperature`: its sensor is on the board.
-BOARD_READING = "warmer than the air"
 #: K: weather about the standard atmosphere, from a cold morning to a hot noon of the season
 STANDARD_ERROR = 10.0
 FARTHEST_FROM_STANDARD = 40.0  # K beyond which a reading is a fault
@@ -150,11 +149,10 @@ def _found_air(track: FlightTrack, temperature_offset: float) -> Air:
 def _outside(track: FlightTrack, level: Floats) -> tuple[Floats, Floats, str]:
     """Outside temperature (T,) K at `level` m AMSL, its standard error, and where it is from."""
     standard = isa_temperature(level)
-    words = track.sources.get("temperature", "")
     if "temperature" in track.standard_errors:
         found, error = track.temperature, track.standard_errors["temperature"]
-        source = f"the air as {words}"
-    elif BOARD_READING in words:
+        source = f"the air as {track.source('temperature').words}"
+    elif track.source("temperature").meaning is Meaning.BOARD_TEMPERATURE:
         found, error = track.temperature - BOARD_WARMER, np.full(level.size, BOARD_ERROR)
         source = (
             f"the autopilot's board less {BOARD_WARMER:g} K (± {BOARD_ERROR:g} K: outside "

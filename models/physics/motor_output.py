@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.provenance import NOT_REPORTED, Meaning, Provenance
 
 #: ArduPilot's defaults; the exponent is that of most propellers, so PX4 without a factor has it too
 USUAL_EXPO, USUAL_SPIN_MIN, USUAL_SPIN_MAX = 0.65, 0.15, 0.95
@@ -39,6 +40,11 @@ class OutputCurve:
     steepness_error: float = STEEPNESS_SET
     described: str
 
+    @property
+    def is_assumed(self) -> bool:
+        """Whether no parameter of the vehicle sets it."""
+        return self.steepness_error == STEEPNESS_ASSUMED
+
     def thrust_share(self, throttle: Floats) -> Floats:
         """Thrust (any shape) over that of full output; NaN where the motor idles or is unknown."""
         signal = throttle
@@ -49,15 +55,15 @@ class OutputCurve:
         return np.where((c > 0.0) & (share > _LEAST), share, np.nan)
 
 
-def output_curve(parameters: Mapping[str, float], source: str = "") -> OutputCurve:
-    """The curve that a vehicle's parameters set; `source` is where its outputs come from in words.
+def output_curve(parameters: Mapping[str, float], source: Provenance = NOT_REPORTED) -> OutputCurve:
+    """The curve that a vehicle's parameters set; `source` is where its outputs come from.
 
     PX4's `actuator_motors` is thrust before its curve, its servo outputs are after it. A parameter
     outside the range that the firmware allows is taken as not set.
     """
     factor = parameters.get("THR_MDL_FAC")
-    if factor is not None or source.startswith("actuator_motors"):
-        before = source.startswith("actuator_motors")
+    before = source.meaning is Meaning.THRUST_DEMAND
+    if factor is not None or before:
         if factor is not None and 0.0 < factor <= 1.0:
             return OutputCurve(
                 expo=factor,

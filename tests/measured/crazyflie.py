@@ -28,6 +28,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from tests.made_sources import sent
 from tests.measured.tables import Columns, parquet_columns
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.physics.atmosphere import G0
@@ -133,7 +134,7 @@ def _flight(name: str, columns: Columns, mean_over: float) -> MeasuredFlight:
         throttle=average(command),
         voltage=average(columns["vbat_mV"][:, None])[:, 0] * 1e-3,
         height_agl=average(columns["z_m"][:, None])[:, 0],
-        sources=SOURCES,
+        sources={channel: sent(words) for channel, words in SOURCES.items()},
         notes=faults,
     )
     load = np.full((average.time_s.size, 3), np.nan)

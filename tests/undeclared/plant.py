@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tests.made_sources import sent
 from tests.undeclared.conditions import Condition
 from tests.undeclared.crafts import GRAVITY, RPM, SEA_LEVEL_DENSITY, Craft
 from tests.undeclared.days import Day, Surroundings, surroundings
@@ -79,7 +80,7 @@ def fly(
         start_unix_s=SEASON_START + around.clock_start + float(rows[0]),
         origin=Origin(latitude_deg=32.0, longitude_deg=118.8, altitude=day.altitude),
         flying=sampled(motion.flying.astype(float), FINE_STEP, rows) > 0.5,
-        sources={"rotor_speed_rpm": "plant", "tank_kg": "plant"},
+        sources={"rotor_speed_rpm": sent("plant"), "tank_kg": sent("plant")},
         **instruments(craft, condition, motion, around, attitude, turned, day, rows, of_noise),
     )
     return Flight(track=track, dense=float(np.log(day.density / SEA_LEVEL_DENSITY)))

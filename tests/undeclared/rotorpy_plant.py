@@ -25,6 +25,7 @@ from rotorpy.vehicles.multirotor import Multirotor  # pyright: ignore[reportMiss
 from scipy.integrate import OdeSolver
 from scipy.spatial.transform import Rotation
 
+from tests.made_sources import sent
 from tests.undeclared.conditions import Condition
 from tests.undeclared.crafts import CRAFTS, SEA_LEVEL_DENSITY
 from tests.undeclared.days import Day, surroundings
@@ -236,6 +237,6 @@ def track_of(
         altitude=day.altitude - position[:, 2] + noise(0.05),
         height_agl=motion.height[::EVERY][rows],
         spraying=motion.spraying[::EVERY][rows],
-        sources={"rotor_speed_rpm": "RotorPy"},
+        sources={"rotor_speed_rpm": sent("RotorPy")},
         start_unix_s=SEASON_START + day.clock_start + float(time[0]),
     )

@@ -139,7 +139,7 @@ def _print(console: Console, inspection: Inspection) -> None:
         soft_wrap=True,
     )
     console.print(f"vehicle: {log.facts.words}", soft_wrap=True)
-    console.print(f"in flight by: {track.sources.get('flying', 'unknown')}", soft_wrap=True)
+    console.print(f"in flight by: {track.source('flying').words}", soft_wrap=True)
     wide = console.width >= _WIDE
     console.print(_channels(log, wide=wide))
     if not wide:

@@ -184,10 +184,10 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
         "tank_start_kg": started_kg,
         "tank_end_kg": flight["tank_end_kg"],
         "tank_error_kg": flight["tank_error_kg"],
-        "tank_source": track.sources.get("tank_kg"),
+        "tank_source": _words_of(track, "tank_kg"),
         "takeoff_mass_kg": airframe.empty_mass + started_kg,
-        "speed_source": track.sources.get("rotor_speed_rpm"),
-        "airspeed_source": track.sources.get("airspeed"),
+        "speed_source": _words_of(track, "rotor_speed_rpm"),
+        "airspeed_source": _words_of(track, "airspeed"),
         "verdict": verdict.level,
         "verdict_reason": "; ".join(report.withheld)
         or _without(verdict.level, track)
@@ -222,6 +222,10 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
         "unmeasured": list(log.unmeasured),
         **{name: quality[name] for name in _OF_QUALITY},
     }
+
+
+def _words_of(track: FlightTrack, channel: str) -> str | None:
+    return track.source(channel).words if channel in track.sources else None
 
 
 def _without(level: str, track: FlightTrack) -> str:

@@ -40,8 +40,8 @@ from thrustmargin.gcs_plugin.telemetry.rows import KEPT, Carried, flight_rows
 from thrustmargin.gcs_plugin.telemetry.signals import (
     SignalBuffer,
     Signals,
-    airspeed_words,
     best,
+    hud_airspeed,
     pitot_present,
 )
 from thrustmargin.gcs_plugin.telemetry.statements import Options
@@ -238,8 +238,8 @@ class VehicleTelemetry:
                     np.concatenate([last.columns, now.columns]),  # type: ignore[list-item]
                 )
         pitot = pitot_present({}, state.parameters)
-        words = airspeed_words(AUTOPILOTS.get(state.autopilot, "unknown"), pitot)
-        self._buffer.add(streams, words, carried.heard_s)
+        airspeed = hud_airspeed(AUTOPILOTS.get(state.autopilot, "unknown"), pitot)
+        self._buffer.add(streams, airspeed, carried.heard_s)
         self._carried = replace(carried, heard_s=until_s)
         signals = self._buffer.signals
         motors = self._layout(state, signals)

@@ -12,7 +12,8 @@ from thrustmargin.gcs_plugin.live.watch.outlook import Outlook
 from thrustmargin.gcs_plugin.live.watch.unknown_figures import unknown_figures, unknown_lines
 from thrustmargin.gcs_plugin.wording.live_words import NO_ALARM, no_escs, tank_by
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.model.analysis import FROM_OUTPUTS, FlightAnalysis
+from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.provenance import Meaning, SourceKind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -38,7 +39,6 @@ class Update:
     outlook: Outlook
     alarms: tuple[Alarm, ...]  # that stand after the last row
     events: tuple[AlarmEvent, ...]
-    tank_source: str = ""
     notes: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
@@ -56,8 +56,9 @@ class Update:
     @property
     def beside_the_airframe(self) -> tuple[str, ...]:
         """The remarks without those on the airframe, which the gauges have themselves."""
-        speeds = self.analysis.track.sources.get("rotor_speed_rpm", "")
-        inferred = (no_escs(speeds),) if FROM_OUTPUTS in speeds else ()
-        tank = (tank_by(self.tank_source),) if self.tank_source else ()
+        track = self.analysis.track
+        speeds, tank_kg = track.source("rotor_speed_rpm"), track.source("tank_kg")
+        inferred = (no_escs(speeds),) if speeds.meaning is Meaning.MOTOR_OUTPUTS else ()
+        tank = () if tank_kg.kind is SourceKind.ABSENT else (tank_by(tank_kg),)
         unknown = unknown_lines(unknown_figures(self.analysis, self.outlook))
         return (*unknown, *tank, *inferred, *self.notes)

@@ -242,7 +242,6 @@ class VehicleMonitor:
             outlook=self._ahead.now,
             alarms=tuple(self.alarms.standing.values()),
             events=tuple(events),
-            tank_source=track.sources.get("tank_kg", ""),
             notes=new.notes if new is not None else kept.notes if kept is not None else (),
         )
         return self.last

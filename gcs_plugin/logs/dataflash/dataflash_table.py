@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs.dataflash.columns import DataFlashColumns
 from thrustmargin.gcs_plugin.mavlink.rules import (
-    ABOVE_HOME,
-    OVER_GROUND,
-    WARM_BOARD,
     Rule,
     Signal,
     quantity,
@@ -23,6 +21,7 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
     speed_through_air,
 )
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
 _SMOOTHED = "smoothed by the autopilot's slew limit"
 _PLACE = ("latlon deg", "latlon deg", "m")
@@ -40,8 +39,8 @@ RULES: tuple[Rule, ...] = (
     Rule("POS", ("Alt",), "altitude", "m"),
     Rule("BARO", ("AltAMSL",), "altitude", "m", index="I", only=0),
     Rule("RFND", ("Dist",), "height_agl", "m", note="rangefinder, looking down, good readings"),
-    Rule("POS", ("RelHomeAlt",), "height_agl", "m", note=ABOVE_HOME),
-    Rule("CTUN", ("Alt",), "height_agl", "m", note=ABOVE_HOME),
+    Rule("POS", ("RelHomeAlt",), "height_agl", "m", meaning=Meaning.ABOVE_HOME),
+    Rule("CTUN", ("Alt",), "height_agl", "m", meaning=Meaning.ABOVE_HOME),
     Rule("ARSP", ("Airspeed",), "airspeed", "m/s", index="I", only=0, note="pitot"),
     Rule("BAT", ("Volt",), "battery_voltage", "V", index="Inst"),
     Rule("BAT", ("Curr",), "battery_current", "A", index="Inst"),
@@ -51,7 +50,14 @@ RULES: tuple[Rule, ...] = (
     Rule("CURR", ("Curr",), "current", "A"),
     Rule("BARO", ("Press",), "pressure", "Pa", index="I", only=0),
     Rule(
-        "BARO", ("Temp",), "temperature", "degC", index="I", only=0, note=WARM_BOARD, unknown=(0,)
+        "BARO",
+        ("Temp",),
+        "temperature",
+        "degC",
+        index="I",
+        only=0,
+        meaning=Meaning.BOARD_TEMPERATURE,
+        unknown=(0,),
     ),
     Rule("ESC", ("Volt",), "esc_voltage", "V", index="Instance"),
     Rule("ESC", ("Curr",), "esc_current", "A", index="Instance"),
@@ -79,6 +85,16 @@ _MOST_SOURCES = 32
 _ON_GROUND, _IN_AIR = 1.0, 2.0
 #: LogEvent: 18 landed, 28 not landed any more, 11 disarmed.
 _EVENTS = {18: _ON_GROUND, 28: _IN_AIR, 11: _ON_GROUND}
+
+
+def _of(message: str, *fields: str, meaning: Meaning = Meaning.AS_NAMED) -> Provenance:
+    return Provenance(kind=SourceKind.MESSAGE, name=message, fields=fields, meaning=meaning)
+
+
+_WIND = _of("XKF2", "VWN", "VWE").remarked("EKF", "level")
+_EKF_SPEED = _of("XKF1", "VN", "VE", "VD")
+_EKF_AIRSPEED = _EKF_SPEED.remarked("less XKF2's wind, by the EKF")
+_GPS_SPEED = _of("GPS", "Spd", meaning=Meaning.GROUND_SPEED)
 
 
 def dataflash_signals(streams: Mapping[str, Stream]) -> Signals:
@@ -119,7 +135,7 @@ def _by_rule(rule: Rule, stream: Stream) -> list[Signal]:
         rows = numbers == number
         source = rule.source
         if rule.channel.startswith("battery_"):
-            source = f"{source} of id {number}"
+            source = source.of_instance(number)
         made.append(ordered_signal(rule.channel, source, stream.time_s[rows], values[rows], number))
     return made
 
@@ -166,7 +182,7 @@ def _wind_and_airspeed(streams: Mapping[str, Stream]) -> list[Signal]:
     north, east = (columns_of(air).si(name, "m/s") for name in ("VWN", "VWE"))
     wind = np.stack([north, east, np.zeros(north.size)], axis=-1)
     estimated = bool(np.any(wind))
-    made = [ordered_signal("wind_ned", "XKF2 VWN, VWE (EKF; level)", air.time_s, wind)]
+    made = [ordered_signal("wind_ned", _WIND, air.time_s, wind)]
     made = made if estimated else []
     if ground is None or air.time_s.size == 0:
         return made
@@ -175,8 +191,8 @@ def _wind_and_airspeed(streams: Mapping[str, Stream]) -> list[Signal]:
         return made
     velocity = np.stack([columns.si(name, "m/s") for name in ("VN", "VE", "VD")], axis=-1)
     speed = speed_through_air(ground.time_s, velocity, air.time_s, wind)
-    words = "XKF1 velocity less XKF2 wind (EKF)" if estimated else f"XKF1 velocity ({OVER_GROUND})"
-    return [*made, ordered_signal("airspeed", words, ground.time_s, speed)]
+    source = _EKF_AIRSPEED if estimated else replace(_EKF_SPEED, meaning=Meaning.GROUND_SPEED)
+    return [*made, ordered_signal("airspeed", source, ground.time_s, speed)]
 
 
 def _servos(stream: Stream) -> list[Signal]:
@@ -190,7 +206,11 @@ def _servos(stream: Stream) -> list[Signal]:
         outputs.append(columns.number(name))
     if not outputs:
         return []
-    return [ordered_signal("servo_us", "RCOU", stream.time_s, np.stack(outputs, axis=-1))]
+    return [
+        ordered_signal(
+            "servo_us", replace(_of("RCOU"), unit="us"), stream.time_s, np.stack(outputs, axis=-1)
+        )
+    ]
 
 
 def _named(stream: Stream) -> list[Signal]:
@@ -200,7 +220,8 @@ def _named(stream: Stream) -> list[Signal]:
     for name in np.unique(names):
         rows = names == name
         time_s = stream.time_s[rows]
-        made.append(ordered_signal("named_value", f"NVF {name}", time_s, values[rows], str(name)))
+        source = _of("NVF", str(name))
+        made.append(ordered_signal("named_value", source, time_s, values[rows], str(name)))
     return made
 
 
@@ -212,7 +233,7 @@ def _landed(stream: Stream) -> list[Signal]:
     reported = np.isfinite(state)
     if not np.any(state == _IN_AIR):
         return []
-    source = "EV 28 (not landed) and 18 (landed)"
+    source = _of("EV", "Id").remarked("28 not landed, 18 landed")
     return [ordered_signal("landed", source, stream.time_s[reported], state[reported])]
 
 
@@ -224,7 +245,7 @@ def _origins(stream: Stream) -> list[Signal]:
     for kind, channel in ((1, "home"), (0, "ekf_origin")):
         rows = kinds == kind
         if rows.any():
-            made.append(ordered_signal(channel, "ORGN", stream.time_s[rows], place[rows]))
+            made.append(ordered_signal(channel, _of("ORGN"), stream.time_s[rows], place[rows]))
     return made
 
 
@@ -239,8 +260,8 @@ def _ground_speed(stream: Stream) -> list[Signal]:
     velocity = np.stack([speed * np.cos(course), speed * np.sin(course), down], axis=-1)
     time_s = stream.time_s[rows]
     return [
-        ordered_signal("velocity_ned", "GPS Spd, GCrs, VZ", time_s, velocity),
-        ordered_signal("airspeed", f"GPS Spd ({OVER_GROUND})", time_s, speed),
+        ordered_signal("velocity_ned", _of("GPS", "Spd", "GCrs", "VZ"), time_s, velocity),
+        ordered_signal("airspeed", _GPS_SPEED, time_s, speed),
     ]
 
 

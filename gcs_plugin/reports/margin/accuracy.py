@@ -18,7 +18,7 @@ from thrustmargin.gcs_plugin.wording import report_words as words
 from thrustmargin.gcs_plugin.wording.effect_sentences import effect_things
 from thrustmargin.models.effects.stored import EffectRecord
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.model.analysis import FROM_OUTPUTS, Basis, FlightAnalysis
+from thrustmargin.models.model.analysis import Basis, FlightAnalysis, SpeedBasis
 from thrustmargin.models.model.inferred.load_inference import LOAD_FROM_SPEEDS
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.scores import (
@@ -67,7 +67,7 @@ def model_use(analysis: FlightAnalysis) -> JsonObject:
 
 def _kinds_of_speed(analysis: FlightAnalysis) -> tuple[str, ...]:
     """A word where the model learnt from another kind of rotor speed than this flight has."""
-    training, here = analysis.model.training, analysis.words_of_speed
+    training, here = analysis.model.training, analysis.speed_basis
     if training is None or training.speed == here or not analysis.any_measured.any():
         return ()
     return (words.other_kind(training.speed, here),)
@@ -168,7 +168,7 @@ def _nothing(coverage: float, analysis: FlightAnalysis) -> Accuracy:
     measured = known & ~analysis.from_outputs
     predicted = np.isfinite(analysis.prediction.rotor_speed_rpm)
     if known.any() and not measured.any():
-        said = words.not_measured(FROM_OUTPUTS)
+        said = words.not_measured(SpeedBasis.MOTOR_OUTPUTS)
     elif not known.any():
         said = words.NO_SPEEDS
     elif not predicted.any():

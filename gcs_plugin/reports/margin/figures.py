@@ -31,7 +31,7 @@ from thrustmargin.gcs_plugin.wording.margin_verdict import Moment
 from thrustmargin.gcs_plugin.wording.palette import GROUND_SPEED, LOAD, REDUNDANCY, ColourScale
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.model.analysis import FROM_OUTPUTS, worst_rotor
+from thrustmargin.models.model.analysis import SpeedBasis, worst_rotor
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 
 Rows = Mapping[str, Floats]
@@ -129,7 +129,7 @@ def rotors_figure(rows: Rows, limit: float, names: Sequence[str]) -> Figure:
     use = rows["utilisation"], rows["utilisation_from_outputs"], rows["utilisation_predicted"]
     measured, inferred, predicted = (shares * 100 for shares in use)
     high = max(limit * 130, float(np.nanmax([measured, inferred, predicted])) * 1.08)
-    shown = (measured, "measured"), (inferred, FROM_OUTPUTS)
+    shown = (measured, SpeedBasis.MEASURED), (inferred, SpeedBasis.MOTOR_OUTPUTS)
     by_speed = [(values, name) for values, name in shown if np.isfinite(values).any()]
     as_predicted = {"color": PREDICTED, "name": "predicted", "width": 3, "dash": "dash"}
     panels = rotor_panels(

@@ -21,10 +21,10 @@ from thrustmargin.gcs_plugin.wording import palette as colours
 from thrustmargin.gcs_plugin.wording import view_words as words
 from thrustmargin.gcs_plugin.wording.live_words import AIRFRAME_UNKNOWN, NO_VERDICT
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.model.analysis import MEASURED
-from thrustmargin.models.model.inferred.load_inference import STATED
+from thrustmargin.models.model.analysis import SpeedBasis
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.provenance import SourceKind
 
 #: Up to so many rotors have large boxes; more are drawn compactly, to fit a small laptop.
 FEW_ROTORS = 4
@@ -139,8 +139,8 @@ def _tank(row: ShownRow, airframe: Airframe) -> Gauge:
     error = row.track.standard_errors.get("tank_kg")
     if error is not None and error[row.row] > 0.0:
         held += f", {words.inferred_within(INTERVAL * error[row.row])}"
-    elif row.track.sources.get("tank_kg", "").startswith(STATED):
-        held += f", {STATED}"
+    elif row.track.source("tank_kg").kind is SourceKind.STATED:
+        held += f", {SourceKind.STATED}"
     return Gauge("Tank", f"{tank_kg:.1f} kg", held, bar=level)
 
 
@@ -175,7 +175,7 @@ def _rest(row: ShownRow) -> str:
 def _source(row: ShownRow, i: int) -> str:
     """What a rotor's margin rests on; underlined unless it is a measurement."""
     basis = row.basis(i) or words.NO_DATA
-    return basis if basis == MEASURED else Markup("<u>{}</u>").format(basis)
+    return basis if basis == SpeedBasis.MEASURED else Markup("<u>{}</u>").format(basis)
 
 
 def rpm(speed: float) -> str:

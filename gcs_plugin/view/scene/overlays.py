@@ -149,7 +149,7 @@ def _model_note(analysis: FlightAnalysis) -> str:
 
 def _basis_note(analysis: FlightAnalysis, known: Bools) -> str:
     """In words, for how much of the flight's (T,) known rows a rotor was measured."""
-    flying, basis = analysis.track.flying, analysis.words_of_speed
+    flying, basis = analysis.track.flying, analysis.speed_basis
     rows = known[flying]
     if not rows.any():
         return ""

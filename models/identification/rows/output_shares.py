@@ -24,8 +24,8 @@ from scipy.special import stdtrit
 from thrustmargin.models.effects.base import Effect, Kind
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.model.inferred.output_speed import FROM_OUTPUTS
 from thrustmargin.models.physics.motor_output import STEEPNESS_ASSUMED, STEEPNESS_SET
+from thrustmargin.models.provenance import Meaning
 
 FEWEST_FLIGHTS = 3  # that show by how much flights differ
 
@@ -37,13 +37,14 @@ def of_outputs(tracks: Sequence[FlightTrack]) -> bool:
     """
     kinds = set()
     for track in tracks:
-        source = track.sources.get("rotor_speed_rpm", "")
-        if FROM_OUTPUTS in source and not source.startswith(FROM_OUTPUTS):
+        source = track.source("rotor_speed_rpm")
+        by_outputs = source.meaning is Meaning.MOTOR_OUTPUTS
+        if by_outputs and source.parts:  # of the rotors whose speed was measured
             raise DataError(
                 f"{track.name}: only some rotors report their speed; leave this log out, for what "
                 "the others do cannot be distinguished from what their ESC does"
             )
-        kinds.add(FROM_OUTPUTS in source)
+        kinds.add(by_outputs)
     if len(kinds) > 1:
         raise DataError(
             "some flights report rotor speeds and others only motor outputs; give each kind by "
@@ -62,7 +63,7 @@ def effects_on_shares(catalogue: Sequence[Effect]) -> tuple[Effect, ...]:
 def steepness_of(tracks: Sequence[FlightTrack]) -> float:
     """Standard error, as a share, of how steeply thrust goes with output: of every size that is
     read off shares. A flight's own fit of it is no surer, for thrust of forward flight is in it."""
-    assumed = any("assumed" in track.sources["rotor_speed_rpm"] for track in tracks)
+    assumed = any(track.source("rotor_speed_rpm").assumed for track in tracks)
     return STEEPNESS_ASSUMED if assumed else STEEPNESS_SET
 
 

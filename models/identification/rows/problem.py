@@ -31,6 +31,7 @@ from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.model.thermometer import by_thermometer
 from thrustmargin.models.physics.flight_phases import training_rows
 from thrustmargin.models.physics.smoothing import moving_mean
+from thrustmargin.models.provenance import Meaning
 
 BLOCK_SECONDS = 10.0
 LEAST_ROWS = 100
@@ -120,7 +121,7 @@ class Problem(RowsToFit):
 
 def airspeed_is_ground_speed(track: FlightTrack) -> bool:
     """True when the airspeed is the speed over ground for want of a sensor and of a wind."""
-    return "ground speed" in track.sources.get("airspeed", "")
+    return track.source("airspeed").meaning is Meaning.GROUND_SPEED
 
 
 def _reported(channel: Any) -> bool:

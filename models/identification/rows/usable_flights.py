@@ -19,11 +19,11 @@ from thrustmargin.models.identification.rows.problem import LEAST_ROWS, assemble
 from thrustmargin.models.model.airframe_claim import airframe_claim
 from thrustmargin.models.model.analysis import require_rotors
 from thrustmargin.models.model.inferred.load_inference import LOAD_FROM_SPEEDS
-from thrustmargin.models.model.inferred.output_speed import FROM_OUTPUTS
 from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.flight_phases import training_rows
+from thrustmargin.models.provenance import Meaning
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 ENDS = 5  # times LEAST_ROWS: with more rows than that, what the windows at the ends take is little
@@ -69,7 +69,7 @@ def wrong_speeds(track: FlightTrack, airframe: Airframe) -> str | None:
     None where they are not. Speeds from motor outputs are what the autopilot asked for, not what a
     sensor says.
     """
-    if FROM_OUTPUTS in track.sources.get("rotor_speed_rpm", ""):
+    if track.source("rotor_speed_rpm").meaning is Meaning.MOTOR_OUTPUTS:
         return None
     if late := late_speeds(track):
         return f"{late}; nothing was fitted"

@@ -22,11 +22,8 @@ from thrustmargin.models.model.inferred.load_evidence import (
 )
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import track_air
+from thrustmargin.models.provenance import Meaning, Provenance, Reason, Rejected, SourceKind
 
-#: How an inferred load is named wherever it is shown.
-FROM_THRUST = "inferred from hover thrust"
-#: The same of a load that the user states.
-STATED = "stated"
 #: What may be wrong where thrust shows more load than a gauge.
 THEN_CHECK = "check gauge, empty mass and propellers"
 #: Why such a load is no evidence for or against a model.
@@ -81,15 +78,16 @@ def with_load(track: FlightTrack, airframe: Airframe) -> FlightTrack:
     Used where its standard error is at most GOOD_ENOUGH of the aircraft's mass and it is not below
     nothing by more than its interval; else a note says why not.
     """
-    stated = track.sources.get("tank_kg", "").startswith(STATED)
+    source = track.source("tank_kg")
+    stated = source.kind is SourceKind.STATED
     if (track.reports("tank_kg") and not stated) or not _may_carry(track, airframe):
         return track
     shown = _shown(track, airframe)
     if stated:
         if shown is None or not abs(shown.beyond(track.tank_kg)) > SURELY:
             return track
-        words = f"{track.sources['tank_kg']}, but {shown.words}"
-        return replace(track, sources={**track.sources, "tank_kg": words})
+        disputed = source.remarked(f"but {shown.words}")
+        return replace(track, sources={**track.sources, "tank_kg": disputed})
     if shown is None:
         return _noted(track, "no level flight with every rotor's speed to show the load")
     off, usual = shown.usual_error, shown.usual
@@ -102,7 +100,7 @@ def with_load(track: FlightTrack, airframe: Airframe) -> FlightTrack:
     if usual > most + NINETY * off:
         lacks = "more than the aircraft can carry: check the airframe"
         return _noted(track, f"{shown.words}, {lacks}")
-    return _filled(track, shown.load, shown.error, f"{_words(off)}, {_fall(shown.fit)}")
+    return _filled(track, shown.load, shown.error, _by_thrust(off, _fall(shown.fit)))
 
 
 def with_load_for_verdict(track: FlightTrack, airframe: Airframe) -> FlightTrack:
@@ -113,18 +111,19 @@ def with_load_for_verdict(track: FlightTrack, airframe: Airframe) -> FlightTrack
     leaves less margin than the gauge would, and a redundancy by thrust is right for all three.
     What a model lacks is found with the load as it was reported.
     """
-    source = track.sources.get("tank_kg", "")
-    known = track.reports("tank_kg") and not source.startswith(FROM_THRUST)
+    source = track.source("tank_kg")
+    known = track.reports("tank_kg") and source.meaning is not Meaning.HOVER_THRUST
     if not known or not _may_carry(track, airframe):
         return track
     shown = _shown(track, airframe)
     if shown is None or not shown.beyond(track.tank_kg) > SURELY:
         return track
     level = float(np.nanmedian(track.tank_kg[shown.flying]))
-    origin = "as stated" if source.startswith(STATED) else f"by {source}"
+    origin = "as stated" if source.kind is SourceKind.STATED else f"by {source.words}"
     why = f"{level:.1f} kg {origin} are too little for these rotor speeds: {THEN_CHECK}"
-    words = f"{_words(shown.usual_error)}, {_fall(shown.fit)}; {why}"
-    return _filled(track, shown.load, shown.error, words)
+    by_thrust = _by_thrust(shown.usual_error, _fall(shown.fit), why)
+    turned_down = (Rejected(source, Reason.CONTRADICTED),)
+    return _filled(track, shown.load, shown.error, replace(by_thrust, rejected=turned_down))
 
 
 def _shown(track: FlightTrack, airframe: Airframe) -> ShownLoad | None:
@@ -164,8 +163,8 @@ def with_load_so_far(
     load[~sure] = np.nan
     if not np.any(sure) or fit is None:
         return track, shown
-    words = f"{_words(float(error[sure][-1]))} so far, {_fall(fit)}"
-    return _filled(track, load, error, words), shown
+    by_thrust = _by_thrust(float(error[sure][-1]), "so far", _fall(fit))
+    return _filled(track, load, error, by_thrust), shown
 
 
 def shared_error(track: FlightTrack, airframe: Airframe, load: Floats) -> Floats:
@@ -187,13 +186,13 @@ def _may_carry(track: FlightTrack, airframe: Airframe) -> bool:
     return rotors and airframe.tank_volume_l > 0.0
 
 
-def _filled(track: FlightTrack, load: Floats, error: Floats, words: str) -> FlightTrack:
+def _filled(track: FlightTrack, load: Floats, error: Floats, source: Provenance) -> FlightTrack:
     load, error = np.maximum(load, 0.0), np.where(np.isfinite(load), error, np.nan)
     return replace(
         track,
         tank_kg=load,
         standard_errors={**track.standard_errors, "tank_kg": error},
-        sources={**track.sources, "tank_kg": words},
+        sources={**track.sources, "tank_kg": source},
     )
 
 
@@ -202,8 +201,12 @@ def _noted(track: FlightTrack, why: str) -> FlightTrack:
     return replace(track, notes=(*track.notes, note))
 
 
-def _words(error: float) -> str:
-    return f"{FROM_THRUST} (± {NINETY * error:.1f} kg, 90 %)"
+def _by_thrust(error: float, *remarks: str) -> Provenance:
+    return Provenance(
+        kind=SourceKind.INFERRED,
+        meaning=Meaning.HOVER_THRUST,
+        remarks=(f"± {NINETY * error:.1f} kg, 90 %", *remarks),
+    )
 
 
 def _fall(fit: LoadFit) -> str:

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from typing import Self
 
 import numpy as np
@@ -30,10 +31,9 @@ from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0, track_air
 from thrustmargin.models.physics.margin import weight
 from thrustmargin.models.physics.motor_output import OutputCurve, output_curve
+from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 from thrustmargin.models.scores import Estimate
 
-#: What a rotor speed is, in the words of every screen.
-MEASURED, FROM_OUTPUTS = "measured", "from motor outputs"
 SPAN = 10.0  # s of one mean
 HOVER_SHARE = 0.35  # of full thrust, about which the curve is turned
 #: Standard errors before the flight, of ln N²: maker's full thrust, voltage exponent
@@ -101,14 +101,26 @@ class OutputCalibration:
         return float(sums[4] / sums[0]) + STATED_ERROR**2 + guesses
 
 
-def speed_words(track: FlightTrack) -> str:
-    """What the rotor speeds of a flight are: "measured", "from motor outputs", or some of each."""
+class SpeedBasis(StrEnum):
+    """What a rotor speed, and the margin by it, rests on."""
+
+    UNKNOWN = ""
+    MEASURED = "measured"
+    MOTOR_OUTPUTS = "from motor outputs"
+    SOME_OF_EACH = "measured, or from motor outputs"
+    PREDICTED = "predicted"
+
+
+def speed_basis(track: FlightTrack) -> SpeedBasis:
+    """What the rotor speeds of a flight are: measured, from motor outputs, or some of each."""
     known = np.isfinite(track.rotor_speed_rpm)
     error = track.standard_errors.get("rotor_speed_rpm", np.zeros_like(known))
     inferred = known & (error > 0.0)
     if not np.any(inferred):
-        return MEASURED
-    return FROM_OUTPUTS if np.array_equal(inferred, known) else f"{MEASURED}, or {FROM_OUTPUTS}"
+        return SpeedBasis.MEASURED
+    if np.array_equal(inferred, known):
+        return SpeedBasis.MOTOR_OUTPUTS
+    return SpeedBasis.SOME_OF_EACH
 
 
 def filled_speeds(
@@ -120,7 +132,7 @@ def filled_speeds(
     """A flight with equivalent rotor speeds where a rotor reports an output and no speed.
 
     `parameters` are the vehicle's. Rotors with a measured speed keep it; the speeds' standard
-    errors and the words of their source come with the track. With `so_far` it is a part that goes
+    errors and their source come with the track. With `so_far` it is a part that goes
     on from the parts before, and each row rests on the 10 s means that were whole before it.
     """
     then = OutputCalibration() if so_far is None else so_far
@@ -136,7 +148,7 @@ def filled_speeds(
     silent = ~heard & np.isfinite(track.throttle)
     if track.rotor_count != airframe.rotor_count or not np.any(silent):
         return track, then
-    curve = output_curve(parameters, track.sources.get("throttle", ""))
+    curve = output_curve(parameters, track.source("throttle"))
     first = then.last_share is None
     seconds = np.diff(track.time_s, prepend=track.time_s[0] if first else then.last_s)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -172,7 +184,7 @@ def filled_speeds(
             **track.standard_errors,
             "rotor_speed_rpm": np.where(put, 0.5 * np.sqrt(variance) * speed, 0.0),
         },
-        sources={**track.sources, "rotor_speed_rpm": _words(track, silent[-1], curve, now)},
+        sources={**track.sources, "rotor_speed_rpm": _source(track, silent[-1], curve, now)},
     )
     return filled, now
 
@@ -233,10 +245,10 @@ def _level(track: FlightTrack, cosine: Floats) -> Bools:
     return track.flying & (np.abs(climb) < 0.5) & (cosine > 0.9)
 
 
-def _words(
+def _source(
     track: FlightTrack, silent: Bools, curve: OutputCurve, calibration: OutputCalibration
-) -> str:
-    message = track.sources.get("throttle", "motor outputs").split()[0]
+) -> Provenance:
+    outputs = track.source("throttle")
     by_weight, by_rotors = calibration.seconds(_WEIGHT), calibration.seconds(_ROTORS)
     if by_rotors:
         how = "set by the rotors whose speed is measured"
@@ -244,12 +256,22 @@ def _words(
         how = f"set by the weight over {by_weight:.0f} s of level flight"
     else:
         how = "by the airframe's full thrust, for the weight is not known"
-    words = f"{FROM_OUTPUTS} ({message}, {curve.described}; {how})"
-    if np.all(silent):
-        return words
-    rotors = ", ".join(str(k + 1) for k in np.flatnonzero(silent))
-    several = "s" if np.count_nonzero(silent) > 1 else ""
-    return f"{track.sources.get('rotor_speed_rpm', 'measured')}; rotor{several} {rotors} {words}"
+    remarks = (f"{outputs.name}, {curve.described}", how)
+    measured: tuple[Provenance, ...] = ()
+    if not np.all(silent):
+        rotors = ", ".join(str(k + 1) for k in np.flatnonzero(silent))
+        several = "s" if np.count_nonzero(silent) > 1 else ""
+        remarks, measured = (
+            (f"rotor{several} {rotors}", *remarks),
+            (track.source("rotor_speed_rpm"),),
+        )
+    return Provenance(
+        kind=SourceKind.INFERRED,
+        meaning=Meaning.MOTOR_OUTPUTS,
+        assumed=curve.is_assumed,
+        parts=measured,
+        remarks=remarks,
+    )
 
 
 def full_output_speed(
@@ -265,7 +287,7 @@ def full_output_speed(
     for number, (track, parameters) in enumerate(flights):
         if track.rotor_count != airframe.rotor_count or not track.reports("throttle"):
             continue
-        curve = output_curve(parameters, track.sources.get("throttle", ""))
+        curve = output_curve(parameters, track.source("throttle"))
         voltage = np.where(track.voltage > 0.0, track.voltage, airframe.nominal_voltage)
         volts.append(float(np.median(voltage[track.flying])) if track.flying.any() else np.nan)
         seconds = np.minimum(np.diff(track.time_s, prepend=track.time_s[0]), 1.0)

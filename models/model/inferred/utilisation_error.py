@@ -15,9 +15,10 @@ from __future__ import annotations
 import numpy as np
 
 from thrustmargin.models.flight import FlightTrack, Floats
-from thrustmargin.models.model.inferred.load_inference import FROM_THRUST, shared_error
+from thrustmargin.models.model.inferred.load_inference import shared_error
 from thrustmargin.models.model.predict import Prediction
 from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.provenance import Meaning
 
 #: Standard errors of one 90 % interval, which is what every screen shows.
 INTERVAL = 1.645
@@ -46,7 +47,7 @@ def load_error(track: FlightTrack, airframe: Airframe) -> Floats:
     tank = np.nan_to_num(track.standard_errors["tank_kg"])
     load = np.nan_to_num(track.tank_kg)
     variance = tank**2
-    if FROM_THRUST in track.sources.get("tank_kg", ""):
+    if track.source("tank_kg").meaning is Meaning.HOVER_THRUST:
         # A load that hover thrust shows is off as the curve is, and so is the largest thrust.
         variance = np.maximum(variance - shared_error(track, airframe, load) ** 2, 0.0)
         guesses = 0.0
@@ -59,7 +60,7 @@ def redundancy_error(track: FlightTrack, airframe: Airframe, density_share: Floa
 
     Where hover thrust shows the load, density shifts it and the largest thrust alike.
     """
-    shared = FROM_THRUST in track.sources.get("tank_kg", "")
+    shared = track.source("tank_kg").meaning is Meaning.HOVER_THRUST
     return np.hypot(load_error(track, airframe), 0.0 if shared else density_share)
 
 

@@ -22,6 +22,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from tests.gcs_plugin.live.live_vehicle import ROOT, as_frame, log_frames, write_log
 from tests.gcs_plugin.live.monitored import AIRFRAME
 from tests.gcs_plugin.logs.log_files import with_rotor_speeds
+from tests.made_sources import sent
 from thrustmargin.gcs_plugin.live.alarms.standing_alarms import Alarms
 from thrustmargin.gcs_plugin.live.rows.tank_balance import virtual_gauge
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import MISSION_MESSAGES, VehicleState, fold
@@ -103,7 +104,7 @@ def as_recorded(frames: list[Frame], airframe: Airframe) -> Recorded:
         path = write_log(Path(folder) / "flight.tlog", frames)
         track = read_log(path, airframe=airframe, sampling="hold", vehicle=1).track
         recording = read_tlog(path, vehicle=1, on_arrival=True)
-    signals = mavlink_signals(dict(recording.streams), "airspeed")
+    signals = mavlink_signals(dict(recording.streams), sent("VFR_HUD"))
     facts = vehicle_facts(recording.parameters, mav_type=recording.mav_type)
     motors = motor_map("flight", recording.parameters, signals, airframe, facts=facts)
     rows = flight_rows(signals, motors, recording.parameters, options)

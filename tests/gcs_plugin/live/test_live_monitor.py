@@ -270,7 +270,7 @@ def test_ground_stations_and_companions_are_no_vehicles(sitl_logs):
     watch = monitor.fleet.vehicles[1]
     assert watch.plan is not None
     assert watch.last is not None
-    assert watch.last.tank_source == "NAMED_VALUE_FLOAT TANK"
+    assert watch.last.analysis.track.source("tank_kg").words == "NAMED_VALUE_FLOAT TANK"
 
 
 def test_the_outlook_follows_the_mission_to_its_end(sitl_logs):

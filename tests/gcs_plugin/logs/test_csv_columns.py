@@ -81,7 +81,7 @@ def test_airspeed_is_velocity_less_wind_where_none_is_given(tmp_path):
     (tmp_path / "x.csv").write_text(text.format("") + row.format(""))
     track = read_log(tmp_path / "x.csv").track
     assert track.airspeed.tolist() == [5.0]
-    assert track.sources["airspeed"] == "x.csv, velocity less wind"
+    assert track.sources["airspeed"].words == "velocity less wind"
     (tmp_path / "x.csv").write_text(text.format(",airspeed") + row.format(",7"))
     assert read_log(tmp_path / "x.csv").track.airspeed.tolist() == [7.0]
 

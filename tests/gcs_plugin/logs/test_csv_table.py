@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
+from tests.made_sources import sent
 from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.csv_table import COLUMNS, read_csv, write_csv
@@ -32,7 +33,7 @@ def test_a_recorded_flight_reads_back_to_the_last_digit(sitl_logs, tmp_path):
     write_csv(track, tmp_path / "flight.csv")
     again = read_csv(tmp_path / "flight.csv")
     same(track, again)
-    assert again.sources["tank_kg"] == "NAMED_VALUE_FLOAT TANK"
+    assert again.sources["tank_kg"].words == "NAMED_VALUE_FLOAT TANK"
 
 
 @settings(max_examples=50, deadline=None)
@@ -52,7 +53,7 @@ def test_any_track_reads_back_to_the_last_digit(tmp_path_factory, data, rotors, 
         flying=data.draw(arrays.arrays(np.bool_, rows)),
         origin=Origin(latitude_deg=36.65, longitude_deg=116.9, altitude=5.0),
         start_unix_s=data.draw(st.none() | st.floats(0, 2e9)),
-        sources={"tank_kg": 'a, "quoted" source, µ'},
+        sources={"tank_kg": sent('a, "quoted" source, µ')},
         **given_channels,
     )
     path = tmp_path_factory.getbasetemp() / "any.csv"

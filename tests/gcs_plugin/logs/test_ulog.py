@@ -124,7 +124,7 @@ def test_the_tank_comes_from_fuel_tank_status_in_ml(tmp_path):
     airframe = load_airframe("topxgun-f16")
     track = read_log(written(tmp_path, px4_log()), airframe=airframe).track
     assert track.tank_kg[0] == pytest.approx(9.0 * airframe.liquid_density)
-    assert track.sources["tank_kg"].startswith("fuel_tank_status")
+    assert track.sources["tank_kg"].words.startswith("fuel_tank_status")
     bare = read_log(written(tmp_path, px4_log(tank=False)), airframe=airframe).track
     assert not bare.reports("tank_kg")
     assert any("no tank gauge" in note for note in bare.notes)

@@ -85,9 +85,9 @@ def test_a_quadplane_on_its_wings_is_not_in_hover(tmp_path):
         track = read_log(path).track
         assert not track.flying[:149].any()
         assert track.flying[150:].all()
-        assert track.sources["flying"].endswith("hover motors driven")
+        assert track.sources["flying"].words.endswith("hover motors driven")
         assert np.nanmax(track.throttle) == pytest.approx(0.5)
-        assert "Q_M_PWM_MIN/MAX" in track.sources["throttle"]
+        assert "Q_M_PWM_MIN/MAX" in track.sources["throttle"].words
 
 
 @pytest.mark.parametrize("value", [NAN, float("inf"), -1.0, 1.5])

@@ -219,8 +219,8 @@ def test_preferred_sources_come_first():
 
 
 def test_a_source_in_words_names_message_fields_and_note():
-    assert Rule("M", ("a", "b"), "c").source == "M a, b"
-    assert Rule("M", ("a",), "c", note="of the board").source == "M a (of the board)"
+    assert Rule("M", ("a", "b"), "c").source.words == "M a, b"
+    assert Rule("M", ("a",), "c", note="of the board").source.words == "M a (of the board)"
 
 
 def test_rows_are_given_by_number_and_only_the_wanted_one_where_one_is_wanted():

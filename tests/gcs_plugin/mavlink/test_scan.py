@@ -264,7 +264,7 @@ def test_esc_status_and_fuel_status_are_decoded_though_pymavlink_lacks_them(tmp_
     log = read_log(written(tmp_path, b"".join(out)))
     assert log.track.rotor_count == 8
     np.testing.assert_array_equal(log.track.rotor_speed_rpm[0], np.arange(8) + 2000.0)
-    assert log.track.sources["tank_kg"] == "FUEL_STATUS remaining_fuel of id 0 (ml)"
+    assert log.track.sources["tank_kg"].words == "FUEL_STATUS remaining_fuel of id 0 (ml)"
     np.testing.assert_allclose(log.track.tank_kg, 12.0 - np.arange(40) / 1000, atol=1e-5)
     assert log.track.voltage[5] == pytest.approx(50.0)
     assert log.quality.unknown_ids == {}

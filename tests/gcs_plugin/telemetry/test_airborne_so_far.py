@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.position import GroundContact, airborne_so_far
 from thrustmargin.gcs_plugin.telemetry.signals import collected
@@ -16,7 +17,7 @@ OURS = replace(load_airframe("topxgun-f16"), empty_mass=10.0, thrust_coefficient
 
 def reports(channel: str, values, times) -> Signal:
     return Signal(
-        channel, f"{channel.upper()} x", np.asarray(times, float), np.asarray(values, float)
+        channel, sent(f"{channel.upper()} x"), np.asarray(times, float), np.asarray(values, float)
     )
 
 

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.power import esc_voltage_offsets
 from thrustmargin.gcs_plugin.telemetry.signals import collected
@@ -17,7 +18,7 @@ BATTERY = 52.0 - 0.1 * LOAD + 0.05 * np.sin(TIME)
 def offsets(*reads, outputs=(0, 1, 2, 3)):
     return esc_voltage_offsets(
         collected(
-            Signal("esc_voltage", "ESC Volt", TIME, np.round(volts, 1), k)
+            Signal("esc_voltage", sent("ESC Volt"), TIME, np.round(volts, 1), k)
             for k, volts in enumerate(reads)
         ),
         outputs,

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.flight_log import assemble, log_of_track, with_track
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap
@@ -38,7 +39,7 @@ FOUR = MotorMap(4, (0, 1, 2, 3), 4, "as numbered", ())
 
 def reports(channel: str, times, values, index=None, source: str = "") -> Signal:
     values = np.asarray(values, float)
-    return Signal(channel, source or f"{channel} x", np.asarray(times, float), values, index)
+    return Signal(channel, sent(source or f"{channel} x"), np.asarray(times, float), values, index)
 
 
 def rotor(number: int, times, speed: float = 900.0) -> Signal:
@@ -143,10 +144,12 @@ def test_live_rows_hold_the_last_report_of_every_channel():
     assert rows.channels["tank_kg"][119] == pytest.approx(4.532)
     assert rows.channels["spraying"][[39, 40]].tolist() == [0.0, 1.0]
     np.testing.assert_allclose(rows.channels["position_ned"][119], [0.0, 0.0, -1.0], atol=1e-6)
-    assert rows.sources["position_ned"] == "GLOBAL_POSITION_INT x from home (HOME_POSITION)"
-    assert rows.sources["rotor_speed_rpm"] == "esc_rpm x (as numbered)"
-    assert rows.sources["throttle"] == "servo_us x (as numbered)"
-    assert rows.sources["flying"] == "landed x"
+    assert (
+        rows.sources["position_ned"].words == "GLOBAL_POSITION_INT x (from home; by HOME_POSITION)"
+    )
+    assert rows.sources["rotor_speed_rpm"].words == "esc_rpm x (as numbered)"
+    assert rows.sources["throttle"].words == "servo_us x (as numbered)"
+    assert rows.sources["flying"].words == "landed x"
     assert rows.origin is not None
     assert rows.origin.altitude == 50.0
     track = rows.track("x", 99.0, 4)
@@ -182,8 +185,10 @@ def test_recorded_rows_lie_between_their_reports():
     rows = made(flight(), Options(airframe=OURS, tank_start_kg=5.0))
     np.testing.assert_allclose(rows.channels["voltage"][[0, 1, 2]], [50.0, 50.1, 50.2])
     assert rows.channels["tank_kg"][41] == pytest.approx(5.0 - 0.006)
-    assert rows.sources["flying"] == "landed x, and 0.2 m clear of it"
-    assert rows.sources["tank_kg"].startswith("pump output (servo 5) summed from the stated 5 kg")
+    assert rows.sources["flying"].words == "landed x, and 0.2 m clear of it"
+    assert rows.sources["tank_kg"].words.startswith(
+        "pump output (servo 5, summed from the stated 5 kg"
+    )
     # In the air to the end: only the start is cut, above 0.2 m from 2.4 s on.
     assert np.flatnonzero(rows.flying)[0] == 24
 
@@ -194,7 +199,7 @@ def test_a_live_channel_takes_the_first_source_that_is_fresh():
     second = reports("airspeed", times, [1.0, 2.0, 3.0, 4.0], source="second")
     rows = made([first, second, rotor(0, times)])
     assert rows.channels["airspeed"].tolist() == [5.0, 6.0, 6.0, 4.0]
-    assert rows.sources["airspeed"] == "first"
+    assert rows.sources["airspeed"].words == "first"
     assert rows.reported["airspeed"] == [first, second]
     recorded = made([first, second, rotor(0, times)], replace(LIVE, sampling="linear"))
     assert recorded.channels["airspeed"].tolist() == [1.0, 2.0, 3.0, 4.0]  # it covers more
@@ -241,7 +246,7 @@ def test_a_recorded_tank_is_that_of_the_most_trusted_gauge_and_of_no_other():
     trusted = reports("named_value", times[:3], [9.0, 8.0, 7.0], "TANK", source="named")
     other = reports("fuel_remaining", times, 1000.0 * np.arange(10.0), 0, source="fuel")
     rows = made([trusted, other, rotor(0, times)], replace(LIVE, sampling="linear"))
-    assert rows.sources["tank_kg"] == "named"
+    assert rows.sources["tank_kg"].words == "named"
     assert rows.channels["tank_kg"][:3].tolist() == [9.0, 8.0, 7.0]
     assert np.isnan(rows.channels["tank_kg"][-1])
 
@@ -343,7 +348,7 @@ def test_a_table_is_a_log_of_its_own_rows():
     assert voltage.rate_hz == pytest.approx(10.0)
     assert (found["airspeed"].samples, found["airspeed"].gaps) == (0, 0)
     # What is filled in later is reported as it then is, and the rest stays.
-    full = replace(log.track, tank_kg=np.full(4, 5.0), sources={"tank_kg": "inferred"})
+    full = replace(log.track, tank_kg=np.full(4, 5.0), sources={"tank_kg": sent("inferred")})
     later = {report.name: report for report in with_track(log, full).channels}
     assert (later["tank_kg"].samples, later["tank_kg"].source) == (4, "inferred")
     assert (later["tank_kg"].median, later["tank_kg"].unit) == (5.0, "kg")
@@ -374,7 +379,7 @@ def test_reports_of_a_channel_are_counted_with_their_pauses():
 @pytest.mark.parametrize("sampling", ["hold", "linear"])
 def test_only_what_is_stated_with_an_error_carries_one(sampling):
     rows = made(flight(), Options(load=3.0, air_temperature=291.15, sampling=sampling))
-    assert rows.sources["tank_kg"].startswith("stated: 3 kg")
+    assert rows.sources["tank_kg"].words.startswith("stated: 3 kg")
     assert rows.channels["temperature"].tolist() == [291.15] * rows.clock_s.size
     assert {k: set(v.tolist()) for k, v in rows.standard_errors.items()} == {"temperature": {2.0}}
 

@@ -5,6 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.made_sources import pulses as pulses_of
+from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.motors import motor_map
 from thrustmargin.gcs_plugin.telemetry.power import power
@@ -20,7 +22,11 @@ F16 = load_airframe("topxgun-f16")
 
 def reports(channel: str, values, index=None, times: Any = TIME) -> Signal:
     return Signal(
-        channel, f"{channel.upper()} x", np.asarray(times, float), np.asarray(values, float), index
+        channel,
+        sent(f"{channel.upper()} x"),
+        np.asarray(times, float),
+        np.asarray(values, float),
+        index,
     )
 
 
@@ -159,16 +165,16 @@ def test_words_say_where_rotor_speed_and_throttle_come_from():
     found = motors(functions(1, 2, 3))
     by = "motors on outputs 1, 2, 3 by SERVOn_FUNCTION"
     speeds = [reports("esc_rpm", [1.0] * 3), None, reports("esc_rpm", [2.0] * 3)]
-    assert found.rotor_speed_words(speeds) == f"ESC_RPM x ({by})"
-    pulses = Signal("throttle", "SERVO_OUTPUT_RAW servo1_raw", TIME, TIME)
-    assert found.throttle_words([None, pulses], {}) == (
-        f"SERVO_OUTPUT_RAW from 1000 to 2000 µs (assumed; {by})"
+    assert found.rotor_speed_source(speeds).words == f"ESC_RPM x ({by})"
+    pulses = Signal("throttle", pulses_of("SERVO_OUTPUT_RAW servo1_raw"), TIME, TIME)
+    assert found.throttle_source([None, pulses], {}).words == (
+        f"SERVO_OUTPUT_RAW (1000 to 2000 µs, assumed; {by})"
     )
     given = {"MOT_PWM_MIN": 1100.0, "MOT_PWM_MAX": 1940.0}
-    words = found.throttle_words([pulses._replace(source="RCOU C1")], given)
-    assert words == f"RCOU from 1100 to 1940 µs (MOT_PWM_MIN/MAX; {by})"
-    own = found.throttle_words([pulses._replace(source="actuator_motors control")], given)
-    assert own == f"actuator_motors control ({by})"
+    rcou = found.throttle_source([pulses._replace(source=pulses_of("RCOU C1"))], given)
+    assert rcou.words == f"RCOU (1100 to 1940 µs, MOT_PWM_MIN/MAX; {by})"
+    own = pulses._replace(source=sent("actuator_motors control"))
+    assert found.throttle_source([own], given).words == f"actuator_motors control ({by})"
 
 
 def first_of(channel: str, *signals: Signal, sampling: Any = "linear"):
@@ -223,7 +229,7 @@ def test_a_listener_holds_the_escs_at_the_reports_of_the_first():
     np.testing.assert_array_equal(sources[0].values, [44.0, 45.0, 46.0])  # 40, 42, 44 between
     sources, _ = first_of("voltage", first, second, sampling="hold")
     np.testing.assert_array_equal(sources[0].values, [44.0, 44.0, 46.0])
-    assert sources[0].source == "ESC_VOLTAGE x (mean of ESCs)"
+    assert sources[0].source.words == "ESC_VOLTAGE x (mean of ESCs)"
     silent = reports("esc_voltage", [0.0] * 3, 2)
     sources, _ = first_of("voltage", silent, first, second)
     assert sources[0].values[0] == 44.0

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.position import PlaceOfZero, place_of_zero, position_sources
 from thrustmargin.gcs_plugin.telemetry.signals import collected
@@ -17,7 +18,7 @@ EAST, NORTH = 111_319.4908, 110_574.2758
 
 
 def places(channel: str, times, values, source: str) -> Signal:
-    return Signal(channel, f"{source} x", np.asarray(times, float), np.asarray(values, float))
+    return Signal(channel, sent(f"{source} x"), np.asarray(times, float), np.asarray(values, float))
 
 
 def fixes(*values, times: Any = None) -> Signal:
@@ -42,17 +43,18 @@ def zero_of(*signals: Signal, flying=(), before: PlaceOfZero | None = None):
     return (
         (where.latitude_deg, where.longitude_deg, where.altitude),
         found.rank,
-        found.words,
+        found.whose,
         found.settled,
     )
 
 
+OLD = sent("OLD")
 FIX = fixes((1.0, 2.0, 30.0))
 
 
 def test_home_is_where_it_was_at_take_off():
     moved = home([0.0, 4.0, 6.0], (1.0, 2.0, 3.0), (4.0, 5.0, 6.0), (7.0, 8.0, 9.0))
-    words = "home (HOME_POSITION)"
+    words = "home"
     assert zero_of(FIX, moved, flying=[5, 6, 7]) == ((4.0, 5.0, 6.0), 0, words, True)
     assert zero_of(FIX, moved, flying=[4]) == ((4.0, 5.0, 6.0), 0, words, True)
     assert zero_of(FIX, moved, flying=[3]) == ((1.0, 2.0, 3.0), 0, words, True)
@@ -82,15 +84,15 @@ def test_home_is_where_it_was_at_take_off():
 def test_what_is_a_place(place, on_earth):
     found = zero_of(FIX, home([0.0], place))
     assert found is not None
-    assert found[1:3] == ((0, "home (HOME_POSITION)") if on_earth else (2, FIRST_FIX))
+    assert found[1:3] == ((0, "home") if on_earth else (2, FIRST_FIX))
 
 
-FIRST_FIX = "the first fix (no home reported)"
+FIRST_FIX = "the first fix, for no home is reported"
 
 
 def test_after_home_the_estimators_origin_then_the_first_fix():
     ekf = origin([0.0], (4.0, 5.0, 6.0))
-    words = "the estimator's origin (GPS_GLOBAL_ORIGIN)"
+    words = "the estimator's origin"
     assert zero_of(FIX, ekf) == ((4.0, 5.0, 6.0), 1, words, False)
     # Without latitudes positions are the estimator's own, whatever home is.
     assert zero_of(home([0.0], (1.0, 2.0, 3.0)), ekf) == ((4.0, 5.0, 6.0), 1, words, False)
@@ -105,24 +107,23 @@ def test_a_settled_place_gives_way_to_a_better_kind_only():
     old = Origin(latitude_deg=50.0, longitude_deg=60.0, altitude=70.0)
     where = (50.0, 60.0, 70.0)
     both = (FIX, home([0.0], (1.0, 2.0, 3.0)), origin([0.0], (4.0, 5.0, 6.0)))
-    first = PlaceOfZero(old, 2, "old", settled=True)
-    assert zero_of(*both, before=first) == ((1.0, 2.0, 3.0), 0, "home (HOME_POSITION)", True)
-    by_ekf = PlaceOfZero(old, 1, "old", settled=True)
+    first = PlaceOfZero(old, 2, "old", OLD, settled=True)
+    assert zero_of(*both, before=first) == ((1.0, 2.0, 3.0), 0, "home", True)
+    by_ekf = PlaceOfZero(old, 1, "old", OLD, settled=True)
     assert zero_of(FIX, both[2], before=by_ekf) == (where, 1, "old", True)
-    assert zero_of(*both, before=by_ekf) == ((1.0, 2.0, 3.0), 0, "home (HOME_POSITION)", True)
-    by_home = PlaceOfZero(old, 0, "old", settled=True)
+    assert zero_of(*both, before=by_ekf) == ((1.0, 2.0, 3.0), 0, "home", True)
+    by_home = PlaceOfZero(old, 0, "old", OLD, settled=True)
     assert zero_of(*both, before=by_home) == (where, 0, "old", True)
     # On the ground it moves with every report; with none it stays, settled by a take-off.
-    loose = PlaceOfZero(old, 0, "old", settled=False)
-    assert zero_of(*both, before=loose) == ((1.0, 2.0, 3.0), 0, "home (HOME_POSITION)", False)
+    loose = PlaceOfZero(old, 0, "old", OLD, settled=False)
+    assert zero_of(*both, before=loose) == ((1.0, 2.0, 3.0), 0, "home", False)
     assert zero_of(FIX, before=loose) == (where, 0, "old", False)
     assert zero_of(FIX, before=loose, flying=[1]) == (where, 0, "old", True)
 
 
 def test_positions_count_from_zero_in_metres_north_east_and_down():
-    zero = PlaceOfZero(
-        Origin(latitude_deg=0.0, longitude_deg=10.0, altitude=100.0), 0, "home (H)", settled=True
-    )
+    place = Origin(latitude_deg=0.0, longitude_deg=10.0, altitude=100.0)
+    zero = PlaceOfZero(place, 0, "home", sent("H"), settled=True)
     signal = fixes(
         (1e-4, 10.0, 100.0),
         (0.0, 10.0001, 103.0),
@@ -132,18 +133,18 @@ def test_positions_count_from_zero_in_metres_north_east_and_down():
         (0.0, 10.0, 40_000.0),
     )
     local = places("position_ned", [0.0, 1.0], [[1.0, 2.0, 3.0]] * 2, "LOCAL_POSITION_NED")
-    sources, words = position_sources(collected([local, signal]), zero)
+    sources = position_sources(collected([local, signal]), zero)
     assert [s.channel for s in sources] == ["position_ned", "position_ned"]
     assert sources[1] is local
-    assert words == {"GPS x": "GPS x from home (H)"}
+    assert sources[0].source.words == "GPS x (from home; by H)"
     found = sources[0].values
     np.testing.assert_allclose(found[0], [NORTH * 1e-4, 0.0, 0.0], atol=1e-3)
     np.testing.assert_allclose(found[1], [0.0, EAST * 1e-4, -3.0], atol=1e-3)
     # No fix, off the earth, and a height that cannot be.
     assert np.isnan(found[2:]).any(axis=1).all()
-    assert position_sources(collected([local, signal]), None) == ((local,), {})
-    assert position_sources({}, zero) == ((), {})
+    assert position_sources(collected([local, signal]), None) == (local,)
+    assert position_sources({}, zero) == ()
     # At the edges of the earth it is still there.
     edge = fixes((90.0, 360.0, 0.0), (0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
-    sources, _ = position_sources(collected([edge]), zero)
+    sources = position_sources(collected([edge]), zero)
     assert np.isfinite(sources[0].values).all()

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.recording import longest_stretch, pauses, without_leaps
 from thrustmargin.gcs_plugin.telemetry.resample import ROW_SPACING, sample, thinned
@@ -13,7 +14,9 @@ from thrustmargin.models.flight import TRACK_CHANNELS
 
 
 def signal(times, values, channel="voltage", source="a") -> Signal:
-    return Signal(channel, source, np.array(times, dtype=float), np.array(values, dtype=float))
+    return Signal(
+        channel, sent(source), np.array(times, dtype=float), np.array(values, dtype=float)
+    )
 
 
 def test_every_channel_has_an_age_limit_and_a_range():
@@ -115,7 +118,7 @@ def test_the_preferred_source_is_used_unless_another_covers_more():
 
     def chosen(*signals):
         found = best({"voltage": signals}, "voltage")
-        return None if found is None else found.source
+        return None if found is None else found.source.words
 
     assert chosen(good, other) == "first"
     assert chosen(short, other) == "second"

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.recording import (
     BACKWARD,
@@ -33,7 +34,7 @@ NAN = float("nan")
 
 
 def signal(times, values, channel="voltage", source="a", index=None) -> Signal:
-    return Signal(channel, source, np.array(times, float), np.array(values, float), index)
+    return Signal(channel, sent(source), np.array(times, float), np.array(values, float), index)
 
 
 def on_rows(channel, times, values, rows, sampling: Any = "linear") -> list[float]:
@@ -78,7 +79,7 @@ def test_nothing_reported_is_nothing_known():
     assert np.isnan(on_rows("voltage", [], [], [0.0, 1.0])).all()
     empty = sample(
         "attitude",
-        Signal("attitude", "a", np.empty(0), np.empty((0, 3))),
+        Signal("attitude", sent("a"), np.empty(0), np.empty((0, 3))),
         np.array([0.0, 1.0]),
         "linear",
     )
@@ -170,10 +171,10 @@ def test_the_last_report_however_old():
     reports = signal([1.0, 2.0, 3.0], [5.0, NAN, 7.0])
     found = last_before(reports, np.array([0.9, 1.0, 2.5, 3.0, 1e6]))
     np.testing.assert_array_equal(found, [NAN, 5.0, 5.0, 7.0, 7.0])
-    places = Signal("position_ned", "a", np.array([1.0]), np.array([[1.0, 2.0, 3.0]]))
+    places = Signal("position_ned", sent("a"), np.array([1.0]), np.array([[1.0, 2.0, 3.0]]))
     found = last_before(places, np.array([0.0, 2.0]))
     np.testing.assert_array_equal(found, [[NAN] * 3, [1.0, 2.0, 3.0]])
-    empty = Signal("position_ned", "a", np.empty(0), np.empty((0, 3)))
+    empty = Signal("position_ned", sent("a"), np.empty(0), np.empty((0, 3)))
     assert last_before(empty, np.array([0.0, 2.0])).shape == (2, 3)
 
 
@@ -194,7 +195,7 @@ def test_the_first_source_is_kept_down_to_nine_tenths_of_the_best(seconds, chose
     second = signal(np.arange(100), np.ones(100), source="second")
     found = best({"voltage": (first, second)}, "voltage")
     assert found is not None
-    assert found.source == chosen
+    assert found.source.words == chosen
     assert best({}, "voltage") is None
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.gcs_plugin.logs.log_files import with_rotor_speeds
+from tests.made_sources import sent
 from thrustmargin.gcs_plugin.logs import FlightLog, read_log
 from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
@@ -103,7 +104,7 @@ def test_the_median_of_the_other_rotors_is_numpys(others):
     signals = []
     for k in range(others):
         last[k, k + 1 :] = rng.uniform(-3000.0, 3000.0, 11 - k)
-        signals.append(Signal("rotor_speed_rpm", "ESC", rows[k + 1 :], last[k, k + 1 :], k))
+        signals.append(Signal("rotor_speed_rpm", sent("ESC"), rows[k + 1 :], last[k, k + 1 :], k))
     with warnings.catch_warnings(action="ignore"):
         expected = np.nanmedian(np.abs(last), axis=0)
     found = _median(_last_speeds([None, *signals], rows))
@@ -151,7 +152,7 @@ def test_without_outputs_the_rotor_that_leaves_idle_last_is_measured(sitl_logs, 
 
 def made(values, step: float = 0.1) -> Signal:
     values = np.asarray(values, dtype=np.float64)
-    return Signal("esc_rpm", "ESC", step * np.arange(values.size, dtype=np.float64), values)
+    return Signal("esc_rpm", sent("ESC"), step * np.arange(values.size, dtype=np.float64), values)
 
 
 def test_tips_beyond_sound_are_none_for_the_airframe_that_is_known():
@@ -181,7 +182,7 @@ def test_an_output_that_was_just_idle_asks_for_nothing_yet():
 def test_a_rotor_may_stand_while_its_output_is_idle_or_not_known(outputs, at_s, kept):
     output = made(outputs)
     if at_s is not None:
-        output = Signal("throttle", "x", np.array([at_s]), output.values)
+        output = Signal("throttle", sent("x"), np.array([at_s]), output.values)
     turning = made(np.full(40, 900.0))
     found = measured_speeds([made(np.zeros(40)), turning], [output, output], None, look_ahead=False)
     assert found.signals[0] is not None
@@ -189,15 +190,15 @@ def test_a_rotor_may_stand_while_its_output_is_idle_or_not_known(outputs, at_s, 
 
 
 def test_an_idle_output_asks_for_nothing_for_one_second():
-    output = Signal("throttle", "x", np.array([0.0, 0.5]), np.array([0.1, 0.6]))
-    speeds = Signal("esc_rpm", "x", np.array([0.75, 1.0, 1.25]), np.zeros(3))
+    output = Signal("throttle", sent("x"), np.array([0.0, 0.5]), np.array([0.1, 0.6]))
+    speeds = Signal("esc_rpm", sent("x"), np.array([0.75, 1.0, 1.25]), np.zeros(3))
     found = measured_speeds([speeds, made([900.0] * 20)], [output] * 2, None, look_ahead=False)
     assert found.signals[0] is not None
     assert found.signals[0].time_s.tolist() == [0.75]
 
 
 def test_readings_that_were_heard_are_not_looked_at_again():
-    speeds = Signal("esc_rpm", "x", np.array([0.0, 0.5, 1.0]), np.full(3, 900.0))
+    speeds = Signal("esc_rpm", sent("x"), np.array([0.0, 0.5, 1.0]), np.full(3, 900.0))
     found = measured_speeds([speeds] * 2, [None] * 2, None, look_ahead=False, heard_s=0.5)
     assert found.signals[0] is not None
     assert found.signals[0].time_s.tolist() == [1.0]
@@ -221,8 +222,8 @@ def test_pieces_taken_together_are_judged_as_each_rotor_by_itself(seed, monkeypa
         memory, heard_s, kept = (), -np.inf, []
         for end in range(10, 201, 10):
             one = measured_speeds(
-                [Signal("esc_rpm", "E", time_s[:end], speeds[:end, k], k) for k in range(4)],
-                [Signal("throttle", "S", time_s[:end], outputs[:end, k]) for k in range(4)],
+                [Signal("esc_rpm", sent("E"), time_s[:end], speeds[:end, k], k) for k in range(4)],
+                [Signal("throttle", sent("S"), time_s[:end], outputs[:end, k]) for k in range(4)],
                 airframe,
                 look_ahead=False,
                 heard_s=heard_s,

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.made_sources import sent
 from thrustmargin.gcs_plugin.telemetry.recording import (
     ChannelReport,
     Damage,
@@ -19,7 +20,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
 )
 from thrustmargin.gcs_plugin.telemetry.signals import (
     SignalBuffer,
-    airspeed_words,
+    hud_airspeed,
     mavlink_signals,
     pitot_present,
 )
@@ -27,6 +28,8 @@ from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 NAN = float("nan")
+
+HUD = sent("VFR_HUD airspeed")
 
 
 def stream(times, **columns) -> Stream:
@@ -51,9 +54,9 @@ def values_of(signals, channel: str) -> list[list[float]]:
 
 
 def test_servo_outputs_end_with_the_last_that_has_a_pulse():
-    found = mavlink_signals({"SERVO_OUTPUT_RAW": servos([0, 1], (0, 1500, 0), (0, 0, 900))}, "")
+    found = mavlink_signals({"SERVO_OUTPUT_RAW": servos([0, 1], (0, 1500, 0), (0, 0, 900))}, HUD)
     assert values_of(found, "servo_us") == [[[0, 1500, 0], [0, 0, 900]]]
-    found = mavlink_signals({"SERVO_OUTPUT_RAW": servos([0, 1])}, "")
+    found = mavlink_signals({"SERVO_OUTPUT_RAW": servos([0, 1])}, HUD)
     assert values_of(found, "servo_us") == [[[0.0], [0.0]]]
 
 
@@ -61,11 +64,11 @@ def test_named_values_are_one_signal_each_in_the_order_of_time():
     names = np.array([b"TANK\0x", b"FLOW", b"TANK\0x"])
     found = mavlink_signals(
         {"NAMED_VALUE_FLOAT": stream([2.0, 1.0, 0.0], name=names, value=np.array([5.0, 6.0, 7.0]))},
-        "",
+        HUD,
     )["named_value"]
     by_name = {s.index: s for s in found}
     assert set(by_name) == {"TANK", "FLOW"}
-    assert by_name["TANK"].source == "NAMED_VALUE_FLOAT TANK"
+    assert by_name["TANK"].source.words == "NAMED_VALUE_FLOAT TANK"
     assert by_name["TANK"].time_s.tolist() == [0.0, 2.0]
     assert by_name["TANK"].values.tolist() == [7.0, 5.0]
 
@@ -78,7 +81,7 @@ def escs(count) -> Stream:
 
 
 def test_escs_are_numbered_from_the_first_of_their_message():
-    found = mavlink_signals({"ESC_TELEMETRY_5_TO_8": escs([[1] * 4, [2, 1, 2, 2]])}, "")
+    found = mavlink_signals({"ESC_TELEMETRY_5_TO_8": escs([[1] * 4, [2, 1, 2, 2]])}, HUD)
     speeds = {int(s.index or 0): s.values for s in found["esc_rpm"]}
     assert sorted(speeds) == [4, 5, 6, 7]
     np.testing.assert_array_equal(speeds[4], [1000, 1001])
@@ -97,12 +100,12 @@ def test_the_preferred_source_comes_first_whatever_came_first():
         "SCALED_PRESSURE": stream([0.0], press_abs=[1000.0], temperature=[1500]),
         "VFR_HUD": hud([0.0], [7.0]),
     }
-    found = mavlink_signals(dict(streams), "as told")
+    found = mavlink_signals(dict(streams), HUD)
     assert values_of(found, "pressure") == [[100_000.0], [90_000.0]]
-    assert found["airspeed"][0].source == "as told"
-    assert found["altitude"][0].source.startswith("VFR_HUD alt")
+    assert found["airspeed"][0].source is HUD
+    assert found["altitude"][0].source.words.startswith("VFR_HUD alt")
     # Emptied on the way.
-    mavlink_signals(streams, "")
+    mavlink_signals(streams, HUD)
     assert streams == {}
 
 
@@ -123,10 +126,10 @@ def batteries(times, *numbers: int) -> Stream:
 
 def test_a_listener_keeps_each_battery_by_itself_and_the_lowest_first():
     buffer = SignalBuffer(4.0)
-    buffer.add({"BATTERY_STATUS": batteries([0.0, 1.0, 2.0], 1, 0, 1)}, "", -np.inf)
+    buffer.add({"BATTERY_STATUS": batteries([0.0, 1.0, 2.0], 1, 0, 1)}, HUD, -np.inf)
     found = buffer.signals["battery_percent"]
     assert [(s.index, s.time_s.tolist()) for s in found] == [(0, [1.0]), (1, [0.0, 2.0])]
-    assert [s.source.endswith(f"of id {k}") for k, s in enumerate(found)] == [True, True]
+    assert [s.source.words.endswith(f"of id {k}") for k, s in enumerate(found)] == [True, True]
     assert buffer.heard == {"BATTERY_STATUS"}
 
 
@@ -134,7 +137,7 @@ def test_a_listener_has_named_values_in_the_order_of_their_names():
     buffer = SignalBuffer(4.0)
     for at, name in enumerate((b"TANK", b"FLOW", b"LEVEL")):
         one = stream([at], name=np.array([name]), value=np.array([1.0], np.float32))
-        buffer.add({"NAMED_VALUE_FLOAT": one}, "", -np.inf)
+        buffer.add({"NAMED_VALUE_FLOAT": one}, HUD, -np.inf)
     assert [s.index for s in buffer.signals["named_value"]] == ["FLOW", "LEVEL", "TANK"]
 
 
@@ -144,9 +147,9 @@ def heard(buffer: SignalBuffer) -> list[float]:
 
 def test_a_listener_takes_only_what_is_later_than_what_it_has():
     buffer = SignalBuffer(4.0)
-    buffer.add({"VFR_HUD": hud([1.0, 2.0, 3.0], [1, 2, 3])}, "", 1.0)
+    buffer.add({"VFR_HUD": hud([1.0, 2.0, 3.0], [1, 2, 3])}, HUD, 1.0)
     assert heard(buffer) == [2.0, 3.0]
-    buffer.add({"VFR_HUD": hud([2.0, 3.0, 4.0], [9, 9, 4])}, "", 3.0)
+    buffer.add({"VFR_HUD": hud([2.0, 3.0, 4.0], [9, 9, 4])}, HUD, 3.0)
     assert heard(buffer) == [2.0, 3.0, 4.0]
     assert buffer.signals["airspeed"][0].values.tolist() == [2, 3, 4]
 
@@ -163,14 +166,14 @@ def test_a_listener_takes_only_what_is_later_than_what_it_has():
 )
 def test_a_listener_forgets_in_large_steps_what_is_too_old(after, kept):
     buffer = SignalBuffer(4.0)
-    buffer.add({"VFR_HUD": hud([0.0, 1.0, 2.0, 5.0], [1, 2, 3, NAN])}, "", -np.inf)
-    buffer.add({"VFR_HUD": hud([10.0], [5])}, "", after)
+    buffer.add({"VFR_HUD": hud([0.0, 1.0, 2.0, 5.0], [1, 2, 3, NAN])}, HUD, -np.inf)
+    buffer.add({"VFR_HUD": hud([10.0], [5])}, HUD, after)
     assert heard(buffer) == kept
     few = SignalBuffer(4.0)
-    few.add({"VFR_HUD": hud([0.0], [1])}, "", -np.inf)
-    few.add({"VFR_HUD": hud([90.0], [1])}, "", 80.0)
+    few.add({"VFR_HUD": hud([0.0], [1])}, HUD, -np.inf)
+    few.add({"VFR_HUD": hud([90.0], [1])}, HUD, 80.0)
     assert heard(few) == [0.0, 90.0]
-    few.add({"VFR_HUD": hud([190.0], [1])}, "", 180.0)
+    few.add({"VFR_HUD": hud([190.0], [1])}, HUD, 180.0)
     assert heard(few) == [90.0, 190.0]
 
 
@@ -198,7 +201,7 @@ def test_whether_the_vehicle_has_a_pitot_tube():
     ],
 )
 def test_what_the_airspeed_is(autopilot, pitot, said):
-    assert said in airspeed_words(autopilot, pitot)
+    assert said in hud_airspeed(autopilot, pitot).words
 
 
 def item(kind: type, x, y) -> Any:
@@ -233,6 +236,7 @@ def test_a_log_in_five_lines():
         name="voltage",
         unit="V",
         source="s",
+        provenance=sent("s"),
         samples=2,
         rate_hz=1.0,
         gaps=0,

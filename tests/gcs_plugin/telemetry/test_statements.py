@@ -22,7 +22,7 @@ def load(options: Options, pumped=PUMPED, spraying=SPRAYING):
     found = stated_channels(
         options, time_s=TIME, flying=FLYING, spraying=spraying, pumped_kg=pumped
     )
-    return next((values.tolist(), words) for name, values, words, _ in found if name == "tank_kg")
+    return next((values.tolist(), s.words) for name, values, s, _ in found if name == "tank_kg")
 
 
 @pytest.mark.parametrize("sampling", ["linear", "hold"])
@@ -77,7 +77,10 @@ def test_a_listener_knows_no_end_of_the_flight():
 
 def test_an_airframe_without_a_tank_carries_nothing_unless_something_says_otherwise():
     cargo = replace(F16, tank_volume_l=0.0)
-    assert load(Options(airframe=cargo)) == ([0.0] * 5, "no tank on airframe topxgun-f16: 0 kg")
+    assert load(Options(airframe=cargo)) == (
+        [0.0] * 5,
+        "airframe topxgun-f16 (without a tank: 0 kg)",
+    )
     assert load(Options(airframe=cargo, load=3.0), UNKNOWN)[0] == [3.0] * 5
     with pytest.raises(StopIteration):
         load(Options(airframe=cargo, tank="BATTERY_STATUS 1"))
@@ -91,7 +94,7 @@ def test_a_table_takes_what_is_stated_in_the_place_of_its_own():
     assert not stated_track(track, Options(tank="none")).reports("tank_kg")
     assert stated_track(track, Options()).tank_kg.tolist() == [9.0] * 5
     warm = stated_track(track, Options(air_temperature=291.15))
-    assert warm.sources["temperature"] == "stated: 18 °C outside"
+    assert warm.sources["temperature"].words == "stated: 18 °C outside"
     assert warm.temperature.tolist() == [291.15] * 5
     assert warm.standard_errors["temperature"].tolist() == [2.0] * 5
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.position import airborne
 from thrustmargin.gcs_plugin.telemetry.power import spraying_sources
@@ -29,7 +30,7 @@ TIME = np.array([0.0, 1.0, 2.0, 3.0])
 
 def reports(channel: str, values, index=None, times: Any = TIME) -> Signal:
     values = np.asarray(values, float)
-    return Signal(channel, f"{channel.upper()} x", np.asarray(times, float), values, index)
+    return Signal(channel, sent(f"{channel.upper()} x"), np.asarray(times, float), values, index)
 
 
 def level(*signals: Signal, airframe: Any = OURS, source: str = "auto", **given: Any):
@@ -174,7 +175,7 @@ def test_a_tank_that_falls_by_more_than_half_a_litre_a_minute_is_sprayed():
     # at 10 s 0.03 is 0.0075.
     assert found.values.tolist() == [0.0] * 4 + [1.0] * 6 + [0.0] * 6
     assert notes == ["no pump output known: spraying is read from the falling tank level"]
-    assert "0.48 kg/min" in found.source
+    assert "0.48 kg/min" in found.source.words
     first = spraying(tank=reports("tank_kg", [5.0], times=[0.0]))[0]
     assert first is not None
     assert first.values.tolist() == [0.0]  # as a listener has it, which cannot wait for a second

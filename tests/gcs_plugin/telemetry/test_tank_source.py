@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.gcs_plugin.logs.log_files import frames_of
+from tests.made_sources import sent
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.signals import collected
@@ -24,8 +25,8 @@ FLIGHT = ROOT / "sitl_logs/campaign/v4_m10_q2.5.tlog"
 F16 = load_airframe("topxgun-f16-sitl")
 TIME = np.arange(0.0, 100.0, 0.5)
 PACK = [
-    Signal("battery_voltage", "BATTERY_STATUS voltages of id 0", TIME, np.full(200, 56.0), 0),
-    Signal("battery_percent", "BATTERY_STATUS battery_remaining of id 0", TIME, TIME, 0),
+    Signal("battery_voltage", sent("BATTERY_STATUS voltages of id 0"), TIME, np.full(200, 56.0), 0),
+    Signal("battery_percent", sent("BATTERY_STATUS battery_remaining of id 0"), TIME, TIME, 0),
 ]
 
 
@@ -37,11 +38,19 @@ def context(airframe=F16, start=None, pump=None, parameters=None) -> TankContext
 
 def battery(percent, *, number=1, volts=1.5, used=None) -> list[Signal]:
     made = [
-        Signal("battery_voltage", f"BATTERY_STATUS of id {number}", TIME, TIME * 0 + volts, number),
-        Signal("battery_percent", f"BATTERY_STATUS of id {number}", TIME, percent, number),
+        Signal(
+            "battery_voltage",
+            sent(f"BATTERY_STATUS of id {number}"),
+            TIME,
+            TIME * 0 + volts,
+            number,
+        ),
+        Signal("battery_percent", sent(f"BATTERY_STATUS of id {number}"), TIME, percent, number),
     ]
     if used is not None:
-        made.append(Signal("battery_consumed", "BATTERY_STATUS", TIME, used, number))
+        made.append(
+            Signal("battery_consumed", sent(f"BATTERY_STATUS of id {number}"), TIME, used, number)
+        )
     return made
 
 
@@ -50,19 +59,19 @@ def level(*signals, source="auto", **given):
 
 
 def test_a_named_value_goes_before_a_tank_battery():
-    named = Signal("named_value", "NAMED_VALUE_FLOAT TANK", TIME, TIME * 0 + 7.0, "TANK")
+    named = Signal("named_value", sent("NAMED_VALUE_FLOAT TANK"), TIME, TIME * 0 + 7.0, "TANK")
     found = level(named, *battery(TIME * 0 + 50))
     assert found.signal is not None
-    assert found.signal.source == "NAMED_VALUE_FLOAT TANK"
+    assert found.signal.source.words == "NAMED_VALUE_FLOAT TANK"
     assert found.signal.values[0] == 7.0
 
 
 def test_litres_take_the_liquids_density():
-    named = Signal("named_value", "NAMED_VALUE_FLOAT TANK_L", TIME, TIME * 0 + 7.0, "TANK_L")
+    named = Signal("named_value", sent("NAMED_VALUE_FLOAT TANK_L"), TIME, TIME * 0 + 7.0, "TANK_L")
     found = level(named)
     assert found.signal is not None
     assert found.signal.values[0] == pytest.approx(7.0 * F16.liquid_density)
-    own = Signal("named_value", "NAMED_VALUE_FLOAT LVL", TIME, TIME * 0 + 7.0, "LVL")
+    own = Signal("named_value", sent("NAMED_VALUE_FLOAT LVL"), TIME, TIME * 0 + 7.0, "LVL")
     forced = level(own, source="NAMED_VALUE_FLOAT LVL:l", airframe=None)
     assert forced.signal is not None
     assert forced.signal.values[0] == 7.0
@@ -76,14 +85,16 @@ def test_a_second_battery_with_a_level_senders_voltage_is_the_tank():
     )
     assert found.signal is not None
     np.testing.assert_allclose(found.signal.values, 16.0 - used / 1000)
-    assert found.signal.source == "BATTERY_STATUS id 1 (a tank: ml used of BATT2_CAPACITY 16000 ml)"
+    assert found.signal.source.words == (
+        "BATTERY_STATUS of id 1 (a tank: ml used of BATT2_CAPACITY 16000 ml)"
+    )
 
 
 def test_without_a_capacity_parameter_the_airframes_tank_counts():
     found = level(*battery(TIME * 0 + 50.0))
     assert found.signal is not None
     assert found.signal.values[0] == pytest.approx(0.5 * F16.tank_capacity_kg)
-    assert "% of the airframe's 16 L" in found.signal.source
+    assert "% of the airframe's 16 L" in found.signal.source.words
     brine = replace(F16, liquid_density=1.2)
     heavier = level(*battery(TIME * 0 + 50.0), airframe=brine)
     assert heavier.signal is not None
@@ -109,14 +120,14 @@ def test_a_second_pack_is_not_taken_for_a_tank():
 
 def test_the_pack_is_found_though_the_tank_has_the_lower_id():
     tank_first = battery(TIME * 0 + 50.0, number=0)
-    pack = Signal("battery_voltage", "BATTERY_STATUS of id 1", TIME, TIME * 0 + 56.0, 1)
+    pack = Signal("battery_voltage", sent("BATTERY_STATUS of id 1"), TIME, TIME * 0 + 56.0, 1)
     assert flight_battery(collected([*tank_first, pack])) == 1
 
 
 def pump(share: float) -> Signal:
     pulses = np.zeros((TIME.size, 6))
     pulses[:, 4] = 1000 + 1000 * share
-    return Signal("servo_us", "SERVO_OUTPUT_RAW", TIME, pulses)
+    return Signal("servo_us", sent("SERVO_OUTPUT_RAW"), TIME, pulses)
 
 
 def test_the_pump_is_summed_from_a_stated_level():
@@ -126,7 +137,7 @@ def test_the_pump_is_summed_from_a_stated_level():
     per_second = 0.5 * F16.pump_max_flow_l_min / 60 * F16.liquid_density
     expected = np.maximum(10.0 - per_second * TIME, 0.0)
     np.testing.assert_allclose(found.signal.values, expected, atol=1e-9)
-    assert "stated 10 kg" in found.signal.source
+    assert "stated 10 kg" in found.signal.source.words
 
 
 def test_without_a_start_level_the_pump_gives_no_number():
@@ -153,11 +164,11 @@ def test_a_source_that_cannot_be_is_an_error(source):
 
 def test_the_airframe_file_names_the_source_unless_the_user_does():
     own = replace(F16, tank_source="BATTERY_STATUS 1")
-    named = Signal("named_value", "NAMED_VALUE_FLOAT TANK", TIME, TIME * 0 + 7.0, "TANK")
+    named = Signal("named_value", sent("NAMED_VALUE_FLOAT TANK"), TIME, TIME * 0 + 7.0, "TANK")
     tank = battery(TIME * 0 + 50)
     found = level(named, *tank, airframe=own)
     assert found.signal is not None
-    assert found.signal.source.startswith("BATTERY_STATUS")
+    assert found.signal.source.words.startswith("BATTERY_STATUS")
     asked = level(named, *tank, airframe=own, source="NAMED_VALUE_FLOAT TANK")
     assert asked.signal is not None
     assert asked.signal.values[0] == 7.0
@@ -172,7 +183,9 @@ def test_the_recorded_flights_three_gauges_agree():
     named = read_log(FLIGHT, airframe=F16).track
     battery_track = read_log(FLIGHT, airframe=F16, tank="BATTERY_STATUS 1").track
     assert np.nanmax(np.abs(named.tank_kg - battery_track.tank_kg)) < 0.15
-    assert battery_track.sources["tank_kg"].startswith("BATTERY_STATUS id 1 (a tank: ml used of")
+    assert battery_track.sources["tank_kg"].words.startswith(
+        "BATTERY_STATUS current_consumed of id 1 (a tank: ml used of"
+    )
     left_out = read_log(FLIGHT, airframe=F16, tank="none").track
     assert not left_out.reports("tank_kg")
 
@@ -191,7 +204,9 @@ def test_a_flight_without_gauge_falls_back_to_the_pump_and_says_so(tmp_path):
     assert not unknown.reports("tank_kg")
     assert any("start level" in note for note in unknown.notes)
     track = read_log(path, airframe=F16, tank_start_kg=10.0).track
-    assert track.sources["tank_kg"].startswith("pump output (servo 5) summed from the stated 10 kg")
+    assert track.sources["tank_kg"].words.startswith(
+        "pump output (servo 5, summed from the stated 10 kg"
+    )
     used = 10.0 - track.tank_kg[-1]
     truth = read_log(FLIGHT).track.tank_kg
     assert used * 3.5 / 4.5 == pytest.approx(truth[0] - truth[-1], rel=0.03)

@@ -81,7 +81,7 @@ def test_no_number_of_a_withheld_analysis_needs_an_airframe(rotors):
     facts = VehicleFacts(rotor_count=rotors, rotor_evidence="a test")
     doubted = airframe_claim(SMALL, F16, facts, {}, given=True)
     flight = analyse(track, physics_model(F16), claim=replace(doubted, withheld=("another",)))
-    plain = {"track", "model", "claim", "start", "density_error"}
+    plain = {"track", "model", "claim", "start", "density_error", "density_given"}
     plain |= {"density", "density_basis", "voltage_basis", "beyond_gauge_kg"}
     for field in fields(flight):
         if field.name == "prediction":

@@ -48,6 +48,6 @@ def test_they_say_what_matters(analysis):
     silent = replace(analysis.track, rotor_speed_rpm=np.full((50, 4), np.nan))
     assert "rotor speed error unknown RMS" in repr(analyse(silent, analysis.model))
     worst = [f"{np.nanmin(m):.1%}" for m in (analysis.margin, analysis.margin_predicted)]
-    words = f"{worst[0]} {analysis.words_of_speed}, {worst[1]} predicted"
+    words = f"{worst[0]} {analysis.speed_basis}, {worst[1]} predicted"
     assert f"least thrust margin {words}" in repr(analysis)
     assert "21.1 kg empty, tank of 16 kg" in repr(load_airframe("topxgun-f16"))

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.made_sources import sent
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.model_file import load_model, save_model
@@ -15,7 +16,7 @@ from thrustmargin.models.model.thermometer import (
     learnt_thermometer,
 )
 from thrustmargin.models.physics.airframe import load_airframe
-from thrustmargin.models.physics.atmosphere import BOARD_READING
+from thrustmargin.models.provenance import Meaning
 
 F16 = load_airframe("topxgun-f16-sitl")
 WEATHER = np.array([-9.0, -6.0, -2.0, 1.0, 3.0, 5.0, 8.0])  # K above the standard atmosphere
@@ -50,7 +51,7 @@ def flight(weather: float, reading: float, *, of_air: float | None = None, seed=
         temperature=np.full(rows, reading),
         rotor_speed_rpm=np.repeat(np.sqrt(n2)[:, None], 4, axis=1),
         flying=np.ones(rows, dtype=bool),
-        sources={"temperature": words},
+        sources={"temperature": sent(words)},
         standard_errors=errors,
     )
 
@@ -102,7 +103,7 @@ def test_two_flights_tell_nothing_and_a_flight_without_a_reading_neither():
 def test_a_temperature_that_says_what_it_is_needs_no_learning(marked):
     tracks = season(**marked)
     if not marked:
-        board = {"temperature": f"SCALED_PRESSURE temperature ({BOARD_READING})"}
+        board = {"temperature": sent("SCALED_PRESSURE", meaning=Meaning.BOARD_TEMPERATURE)}
         tracks = [replace(t, sources=board) for t in tracks]
     assert learnt_thermometer(tracks, F16) is None
     assert by_thermometer(tracks[0], Thermometer(warmer_k=10.0, error_k=1.0)) is tracks[0]

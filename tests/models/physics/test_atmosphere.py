@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from thrustmargin.gcs_plugin.mavlink.rules import WARM_BOARD
+from tests.made_sources import sent
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.atmosphere import (
     SEA_LEVEL_DENSITY,
@@ -18,6 +18,8 @@ from thrustmargin.models.physics.atmosphere import (
     pressure_altitude,
     track_air,
 )
+from thrustmargin.models.provenance import Meaning
+from thrustmargin.models.provenance import stated as stated_words
 
 
 def track_density(track, temperature_offset: float = 0.0):
@@ -81,7 +83,8 @@ def test_pressure_alone_gives_its_own_altitude():
     np.testing.assert_allclose(density, isa_density(1200.0))
 
 
-BOARD: dict[str, Any] = {"sources": {"temperature": f"SCALED_PRESSURE temperature ({WARM_BOARD})"}}
+WARM = sent("SCALED_PRESSURE temperature", meaning=Meaning.BOARD_TEMPERATURE)
+BOARD: dict[str, Any] = {"sources": {"temperature": WARM}}
 
 
 def test_the_warm_board_is_20_k_above_the_air_give_or_take_6():
@@ -97,7 +100,7 @@ def test_a_stated_temperature_is_that_of_the_air_itself():
     stated = flight(
         altitude=np.zeros(5),
         temperature=np.full(5, 303.15),
-        sources={"temperature": "stated: 30 °C outside"},
+        sources={"temperature": stated_words("30 °C outside")},
         standard_errors={"temperature": np.full(5, 2.0)},
     )
     air = track_air(stated)
@@ -108,7 +111,7 @@ def test_a_stated_temperature_is_that_of_the_air_itself():
 
 def test_a_reading_that_nobody_says_to_be_the_boards_is_not_used():
     for source in ("", "vehicle_air_data ambient_temperature"):  # 15 °C where PX4 has no sensor
-        readings = {"temperature": np.full(5, 313.15), "sources": {"temperature": source}}
+        readings = {"temperature": np.full(5, 313.15), "sources": {"temperature": sent(source)}}
         air = track_air(flight(altitude=np.zeros(5), **readings))
         np.testing.assert_allclose(air.temperature, 288.15)
 

@@ -3,10 +3,14 @@
 import numpy as np
 import pytest
 
+from tests.made_sources import sent
 from thrustmargin.models.physics.motor_output import output_curve
+from thrustmargin.models.provenance import NOT_REPORTED, Meaning
+
+DEMAND = sent("actuator_motors control", meaning=Meaning.THRUST_DEMAND)
 
 
-def share(parameters, output, source="") -> float:
+def share(parameters, output, source=NOT_REPORTED) -> float:
     return output_curve(parameters, source).thrust_share(np.array([output]))[0]
 
 
@@ -42,13 +46,13 @@ def test_a_parameter_that_cannot_be_is_taken_as_not_set(wrong):
 
 def test_px4s_curve_is_that_of_its_signal():
     # FunctionMotors: thrust 0.28 with factor 0.5 becomes -0.5 + sqrt(0.25 + 0.56) = 0.4
-    assert share({"THR_MDL_FAC": 0.5}, 0.4, "ACTUATOR_OUTPUT_STATUS") == pytest.approx(0.28)
+    assert share({"THR_MDL_FAC": 0.5}, 0.4, sent("ACTUATOR_OUTPUT_STATUS")) == pytest.approx(0.28)
 
 
 def test_px4s_actuator_motors_is_thrust_already():
-    assert share({"THR_MDL_FAC": 0.5}, 0.28, "actuator_motors control") == pytest.approx(0.28)
+    assert share({"THR_MDL_FAC": 0.5}, 0.28, DEMAND) == pytest.approx(0.28)
     # without a factor the control is the signal: 0.35 x 0.6 + 0.65 x 0.36
-    unset = share({"THR_MDL_FAC": 0.0}, 0.6, "actuator_motors control")
+    unset = share({"THR_MDL_FAC": 0.0}, 0.6, DEMAND)
     assert unset == pytest.approx(0.444)
 
 

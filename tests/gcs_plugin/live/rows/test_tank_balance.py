@@ -26,7 +26,7 @@ def levels(frames, tank: str = "auto", start: float | None = None):
     """Level (kg), its source, notes and what was pumped, at each row."""
     rows, _ = live_rows(frames, AIRFRAME, tank=tank, tank_start_kg=start, piece=50)
     assert rows is not None
-    source = rows.track.sources.get("tank_kg", "")
+    source = rows.track.source("tank_kg").words
     return [
         (float(level), source, rows.notes, float(pumped))
         for level, pumped in zip(rows.track.tank_kg, rows.pumped_kg, strict=True)
@@ -72,7 +72,7 @@ def test_a_battery_that_is_a_tank_is_recognised_by_its_senders_voltage():
 
     found = levels(hover(both))
     assert found[-1][0] == pytest.approx(8.0, abs=0.1)
-    assert "BATTERY_STATUS id 1" in found[-1][1]
+    assert "BATTERY_STATUS current_consumed of id 1 (a tank" in found[-1][1]
 
 
 def test_px4s_fuel_status_is_the_tank_too():
@@ -85,7 +85,7 @@ def test_a_named_source_that_is_silent_is_not_replaced_by_another():
     found = levels(hover(lambda _: [], gauge=True), tank="FUEL_STATUS 0")
     assert math.isnan(found[-1][0])
     assert "FUEL_STATUS" in " ".join(found[-1][2])
-    assert levels(hover(lambda _: [], gauge=True), tank="none")[-1][:2][1] == ""
+    assert levels(hover(lambda _: [], gauge=True), tank="none")[-1][:2][1] == "not in the log"
 
 
 def test_a_level_that_is_no_longer_reported_is_unknown_after_its_limit():

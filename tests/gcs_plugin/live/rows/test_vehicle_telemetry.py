@@ -114,7 +114,7 @@ def test_a_px4_vehicle_gives_rows_from_its_own_messages():
     # WIND_COV is a vector of the moving air; WIND would be a direction that it comes from.
     assert live.wind_ned[-1].tolist() == [1.0, -2.0, 0.0]
     assert live.tank_kg[-1] == pytest.approx(9.0)
-    assert live.sources["rotor_speed_rpm"].startswith("ESC_STATUS")
+    assert live.sources["rotor_speed_rpm"].words.startswith("ESC_STATUS")
     assert live.flying[-1]
 
 

@@ -12,7 +12,8 @@ from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor, WatchSettings
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.models.model.inferred.load_inference import FROM_THRUST, NINETY
+from thrustmargin.models.model.inferred.load_inference import NINETY
+from thrustmargin.models.provenance import Meaning
 
 LOG = Path("sitl_logs/campaign/v4_m16_q2.5.tlog")
 
@@ -47,9 +48,9 @@ def test_the_load_is_inferred_as_the_flight_goes_and_named_as_that(frames):
     assert np.mean(off) < 0.6
     assert np.mean(np.array(off) < reach) > 0.9
     last = made[-1]
-    assert last.tank_source.startswith(FROM_THRUST)
-    assert "so far" in last.tank_source
-    assert any(FROM_THRUST in remark for remark in last.remarks)
+    assert last.analysis.track.source("tank_kg").meaning is Meaning.HOVER_THRUST
+    assert "so far" in last.analysis.track.source("tank_kg").words
+    assert any("inferred from hover thrust" in remark for remark in last.remarks)
     flown = [u for u in made if np.isfinite(u.analysis.track.tank_kg[-1])]
     assert any(cell.startswith("≈ ") for cell in numbers(flown[0], 0.5))
     # An inferred load cannot contradict the pump or the thrust that it was inferred from.
@@ -63,7 +64,11 @@ def test_a_stated_load_falls_with_the_pump_down_to_its_end(frames):
     assert load[0] == 8.0
     assert load[-1] == 4.0
     assert np.all(np.diff(load) <= 0.0)
-    assert made[-1].tank_source.endswith("falling with the pump's output, at least 4 kg")
+    assert (
+        made[-1]
+        .analysis.track.source("tank_kg")
+        .words.endswith("falling with the pump's output, at least 4 kg")
+    )
 
 
 def test_only_the_vehicle_that_is_asked_for_is_watched(frames):

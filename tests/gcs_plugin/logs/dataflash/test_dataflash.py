@@ -18,12 +18,12 @@ from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import (
     columns_of,
     dataflash_signals,
 )
-from thrustmargin.gcs_plugin.mavlink.rules import OVER_GROUND
 from thrustmargin.gcs_plugin.mavlink.scan import read_bytes
 from thrustmargin.gcs_plugin.telemetry.signals import by_index
 from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.flight import TRACK_CHANNELS
 from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.provenance import Meaning
 
 ROOT = Path(__file__).resolve().parents[4]
 FLIGHT = ROOT / "sitl_logs/formats/v4_m10_q2.5.BIN"
@@ -335,10 +335,12 @@ def test_torn_lines_of_a_text_log_are_counted_and_left_out(tmp_path):
 
 def test_a_log_says_which_messages_its_channels_came_from():
     sources = read_log(FLIGHT).track.sources
-    assert sources["tank_kg"] == "NVF TANK"
-    assert sources["airspeed"] == "XKF1 velocity less XKF2 wind (EKF)"
-    assert sources["rotor_speed_rpm"].startswith("ESC RawRPM (motors on outputs 1, 2, 3, 4 by")
-    assert sources["position_ned"] == "POS Lat, Lng, Alt from home (ORGN)"
+    assert sources["tank_kg"].words == "NVF TANK"
+    assert sources["airspeed"].words == "XKF1 VN, VE, VD (less XKF2's wind, by the EKF)"
+    assert sources["rotor_speed_rpm"].words.startswith(
+        "ESC RawRPM (motors on outputs 1, 2, 3, 4 by"
+    )
+    assert sources["position_ned"].words == "POS Lat, Lng, Alt (from home; by ORGN)"
 
 
 def test_a_wind_of_zero_throughout_is_no_wind_and_the_airspeed_then_is_ground_speed():
@@ -348,4 +350,4 @@ def test_a_wind_of_zero_throughout_is_no_wind_and_the_airspeed_then_is_ground_sp
     streams["XKF2"] = streams["XKF2"]._replace(columns=replace(still, table=table))
     signals = dataflash_signals(streams)
     assert "wind_ned" not in signals
-    assert OVER_GROUND in signals["airspeed"][0].source
+    assert signals["airspeed"][0].source.meaning is Meaning.GROUND_SPEED

@@ -16,6 +16,7 @@ import plotly.graph_objects as go
 import pytest
 
 from tests.gcs_plugin.reports.margin.report_flight import HOSTILE, flight, log, without
+from tests.made_sources import sent
 from thrustmargin.gcs_plugin.reports.margin import build_report
 from thrustmargin.gcs_plugin.reports.margin.data import Report
 from thrustmargin.gcs_plugin.reports.margin.figures import figures
@@ -269,7 +270,7 @@ def test_a_moved_limit_moves_the_jump_of_the_colours():
 
 
 def test_nothing_hostile_in_a_log_becomes_an_element(tmp_path):
-    track = replace(log().track, name=HOSTILE, notes=(HOSTILE,), sources={"tank_kg": HOSTILE})
+    track = replace(log().track, name=HOSTILE, notes=(HOSTILE,), sources={"tank_kg": sent(HOSTILE)})
     channels = tuple(replace(c, source=HOSTILE) for c in log().channels)
     analysis, recorded = flight(
         track=track, messages=((1.0, HOSTILE),), channels=channels, autopilot=HOSTILE

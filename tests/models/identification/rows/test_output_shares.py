@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.made_sources import FROM_OUTPUTS, sent
 from tests.models.made_flights import curve_model, made_flight
 from thrustmargin.gcs_plugin.wording.identify_answer import nothing, open_questions
 from thrustmargin.models.effects.base import Kind
@@ -22,7 +23,6 @@ from thrustmargin.models.identification.rows.output_shares import (
     spread_of_flights,
     steepness_of,
 )
-from thrustmargin.models.model.inferred.output_speed import FROM_OUTPUTS
 from thrustmargin.models.physics.motor_output import STEEPNESS_ASSUMED, STEEPNESS_SET
 
 TRIM = 0.006  # of rotor speed, by which each rotor of sound flights differs
@@ -36,7 +36,7 @@ def by_outputs(seed: int, loss: float = 0.0) -> FlightTrack:
     trim = 1.0 + TRIM * rng.standard_normal(4)
     together = 1.0 + 0.05 * np.sin(track.time_s / (9.0 + seed)) + 0.02 * seed
     speed = track.rotor_speed_rpm * trim * together[:, None]
-    sources = {"rotor_speed_rpm": f"{FROM_OUTPUTS} (RCOU)"}
+    sources = {"rotor_speed_rpm": FROM_OUTPUTS}
     return replace(track, rotor_speed_rpm=speed, sources=sources)
 
 
@@ -79,7 +79,9 @@ def test_flights_of_both_kinds_are_not_mixed():
     mixed = [by_outputs(0), made_flight(1)]
     with pytest.raises(DataError, match="each kind by itself"):
         of_outputs(mixed)
-    half = replace(by_outputs(0), sources={"rotor_speed_rpm": f"ESC; rotor 3 {FROM_OUTPUTS}"})
+    half = replace(
+        by_outputs(0), sources={"rotor_speed_rpm": replace(FROM_OUTPUTS, parts=(sent("ESC"),))}
+    )
     with pytest.raises(DataError, match="only some rotors"):
         of_outputs([half])
     assert of_outputs([made_flight(1)]) is False
@@ -109,7 +111,7 @@ def test_spread_of_flights_by_hand():
 
 def test_a_size_read_off_shares_is_as_sure_as_the_thrust_curve():
     known, assumed = by_outputs(1), by_outputs(2)
-    words = {"rotor_speed_rpm": f"{FROM_OUTPUTS} (RCOU, an assumed exponent of 0.65)"}
+    words = {"rotor_speed_rpm": replace(FROM_OUTPUTS, assumed=True)}
     assumed = replace(assumed, sources=words)
     assert steepness_of([known, known]) == STEEPNESS_SET == 0.15
     assert steepness_of([known, assumed]) == STEEPNESS_ASSUMED == 0.3

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.made_sources import sent
 from tests.models.made_flights import F16, STEP_S, curve_model, made_flight, made_flights
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.effects.base import Placed
@@ -23,6 +24,7 @@ from thrustmargin.models.identification.rows.problem import (
     thinned,
 )
 from thrustmargin.models.physics.flight_phases import training_rows
+from thrustmargin.models.provenance import Meaning
 
 MODEL = curve_model()
 BESIDE_AN_END = 14  # rows of a flight that lack what lies around them, 0.7 s at either end
@@ -186,7 +188,7 @@ def test_a_flight_that_cannot_be_fitted_says_how_many_rows_it_has():
 def test_an_airspeed_for_want_of_a_sensor_is_known_by_its_source():
     track = made_flight(1)
     assert not airspeed_is_ground_speed(track)
-    sources = {"airspeed": "ground speed (no airspeed is reported)"}
+    sources = {"airspeed": sent("GPS Spd", meaning=Meaning.GROUND_SPEED)}
     inferred = replace(track, sources=sources)
     assert airspeed_is_ground_speed(inferred)
     assert np.isnan(assemble_flight(MODEL, inferred).channels.airspeed).all()

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.made_sources import FROM_OUTPUTS
 from tests.models.checks.test_late_speeds import flight as gusty_flight
 from tests.models.checks.test_motor_order import made_flight as turning_flight
 from tests.models.made_flights import F16, curve_model, made_flight
@@ -17,7 +18,6 @@ from thrustmargin.models.identification.rows.usable_flights import (
     wrong_speeds,
 )
 from thrustmargin.models.model.inferred.load_inference import LOAD_FROM_SPEEDS
-from thrustmargin.models.model.inferred.output_speed import FROM_OUTPUTS
 from thrustmargin.models.physics.airframe import load_airframe
 from thrustmargin.models.physics.flight_phases import training_rows
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.made_sources import sent
 from tests.models.identification.sets.test_nuisance import FLIGHTS, MODES, ROWS, dense, made
 from tests.models.made_flights import F16, NOISE_RPM, curve_model, made_flights, table
 from tests.models.model.test_model_by_hand import recorded
@@ -75,7 +76,9 @@ def test_all_that_is_not_asked_is_in_units_of_the_noise_that_was_found():
     expected = n.apply(np.repeat(shared[None], x.flight.size, axis=0))
     np.testing.assert_allclose(nuisance.uncertainty[:, :, -count:], expected)
     # A thermometer reads otherwise in each of two seasons, by what it does from flight to flight.
-    warm = [replace(t, sources={**t.sources, "temperature": "a table"}) for t in made_flights(3)]
+    warm = [
+        replace(t, sources={**t.sources, "temperature": sent("a table")}) for t in made_flights(3)
+    ]
     taught = replace(known, thermometer=Thermometer(warmer_k=0.0, error_k=2.0))
     with_it = space_of(warm, taught).nuisance
     season = with_it.uncertainty[:, :, -1]

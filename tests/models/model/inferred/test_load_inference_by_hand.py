@@ -19,6 +19,7 @@ from thrustmargin.models.model.inferred.load_inference import (
     with_load_so_far,
 )
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
+from thrustmargin.models.provenance import stated
 
 G0 = 9.80665
 CRAFT: Airframe = replace(
@@ -201,9 +202,9 @@ def test_what_is_said_of_a_flight_is_its_middle_load():
         rotor_speed_rpm=np.repeat(speed[:, None], 4, axis=1),
         flying=rows,
         tank_kg=np.full(460, 20.0),
-        sources={"tank_kg": "stated"},
+        sources={"tank_kg": stated("20 kg")},
     )
-    assert "but hover thrust shows 10.0 ±" in with_load(flown, CRAFT).sources["tank_kg"]
+    assert "but hover thrust shows 10.0 ±" in with_load(flown, CRAFT).sources["tank_kg"].words
 
 
 def test_a_load_falls_while_the_pump_is_heard_to_run_from_what_was_shown_before():

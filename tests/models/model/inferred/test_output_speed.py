@@ -6,17 +6,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.made_sources import pulses
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.inferred.output_speed import (
-    FROM_OUTPUTS,
     OutputCalibration,
     filled_speeds,
     full_output_speed,
 )
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 from thrustmargin.models.physics.margin import ceiling
+from thrustmargin.models.provenance import Meaning
 
 CAMPAIGN = Path(__file__).resolve().parents[4] / "sitl_logs/campaign"
 F16 = load_airframe("topxgun-f16-sitl")
@@ -43,7 +44,7 @@ def hover(*, gain=3000.0, voltage_exponent=1.0, tank_kg=8.0, sag=6.0) -> FlightT
         velocity_ned=np.zeros((600, 3)),
         attitude=np.zeros((600, 3)),
         altitude=np.zeros(600),
-        sources={"throttle": "SERVO_OUTPUT_RAW from 1000 to 2000 µs"},
+        sources={"throttle": pulses("SERVO_OUTPUT_RAW")},
     )
 
 
@@ -69,8 +70,8 @@ def test_hover_sets_the_speeds_whatever_the_esc_makes_of_voltage(gain, exponent)
     found, true = filled.rotor_speed_rpm[30:], flown.rotor_speed_rpm[30:]
     assert np.max(np.abs(found / true - 1.0)) < 0.03
     assert np.max(np.abs(misses(flown, filled))) < 1.645
-    assert filled.sources["rotor_speed_rpm"].startswith(FROM_OUTPUTS)
-    assert "weight" in filled.sources["rotor_speed_rpm"]
+    assert filled.sources["rotor_speed_rpm"].meaning is Meaning.MOTOR_OUTPUTS
+    assert "weight" in filled.sources["rotor_speed_rpm"].words
 
 
 def test_without_the_load_the_airframes_full_thrust_stands_and_the_error_is_wide():
@@ -80,7 +81,7 @@ def test_without_the_load_the_airframes_full_thrust_stands_and_the_error_is_wide
     assert np.min(share) > 0.12  # half of 25 % of the maker's full thrust
     assert np.max(share) < 0.14
     assert np.max(np.abs(misses(flown, filled))) < 1.645
-    assert "weight is not known" in filled.sources["rotor_speed_rpm"]
+    assert "weight is not known" in filled.sources["rotor_speed_rpm"].words
 
 
 def test_an_aircraft_without_a_tank_has_its_weight():
@@ -108,7 +109,7 @@ def test_a_measured_rotor_stays_and_sets_the_others():
     assert np.array_equal(filled.rotor_speed_rpm[:, :2], flown.rotor_speed_rpm[:, :2])
     assert np.max(np.abs(filled.rotor_speed_rpm[30:, 2] / flown.rotor_speed_rpm[30:, 2] - 1)) < 0.03
     assert np.all(filled.standard_errors["rotor_speed_rpm"][:, [0, 1, 3]] == 0.0)
-    assert "rotor 3 from motor outputs" in filled.sources["rotor_speed_rpm"]
+    assert "from motor outputs (rotor 3; " in filled.sources["rotor_speed_rpm"].words
 
 
 def test_what_is_measured_is_left_alone():

@@ -7,12 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.made_sources import pulses
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.inferred.output_speed import (
     OutputCalibration,
     filled_speeds,
     full_output_speed,
-    speed_words,
+    speed_basis,
 )
 from thrustmargin.models.physics.airframe import Airframe, load_airframe
 from thrustmargin.models.physics.motor_output import output_curve
@@ -237,7 +238,7 @@ def test_speeds_are_measured_where_no_error_is_known_of_them():
     speeds = np.full((100, 4), 2000.0)
     for error, words in ((np.nan, "measured"), (0.0, "measured"), (5.0, "from motor outputs")):
         errors = {"rotor_speed_rpm": np.full((100, 4), error)}
-        assert speed_words(outputs(standard_errors=errors, rotor_speed_rpm=speeds)) == words
+        assert speed_basis(outputs(standard_errors=errors, rotor_speed_rpm=speeds)) == words
 
 
 def test_the_error_of_a_speed_has_rotor_weight_and_calibration():
@@ -254,7 +255,7 @@ def test_the_error_of_a_speed_has_rotor_weight_and_calibration():
 def test_only_rotors_that_were_ever_measured_count_as_heard(rotors):
     speeds = np.full((100, 4), np.nan)
     speeds[40, rotors] = 2000.0
-    track = outputs(rotor_speed_rpm=speeds, sources={"throttle": "SERVO_OUTPUT_RAW 1 to 4"})
+    track = outputs(rotor_speed_rpm=speeds, sources={"throttle": pulses("SERVO_OUTPUT_RAW 1 to 4")})
     for so_far in (NOTHING, None):
         filled, then = filled_speeds(track, F16, SQUARE, so_far)
         assert then.measured == set(rotors)
@@ -263,15 +264,17 @@ def test_only_rotors_that_were_ever_measured_count_as_heard(rotors):
     # Of a whole flight what is heard later counts too.
     assert np.isnan(filled.rotor_speed_rpm[:40, rotors]).all()
     names = ", ".join(str(r + 1) for r in silent)
-    words = f"measured; rotors {names} from motor outputs (SERVO_OUTPUT_RAW, "
-    assert filled.sources["rotor_speed_rpm"].startswith(words)
+    found = filled.sources["rotor_speed_rpm"]
+    assert found.remarks[0] == f"rotors {names}"
+    assert found.remarks[1].startswith("SERVO_OUTPUT_RAW, ")
+    assert found.parts == (filled.source("voltage"),)  # nothing says what measured the others'
 
 
 def test_the_one_silent_rotor_is_named():
     speeds = np.tile([2000.0, np.nan, 2000.0, 2000.0], (100, 1))
     filled, _ = filled_speeds(outputs(rotor_speed_rpm=speeds), F16, SQUARE)
-    words = filled.sources["rotor_speed_rpm"]
-    assert words.startswith("measured; rotor 2 from motor outputs (motor, ")
+    words = filled.sources["rotor_speed_rpm"].words
+    assert "from motor outputs (rotor 2; " in words
     assert words.endswith("; set by the rotors whose speed is measured)")
 
 

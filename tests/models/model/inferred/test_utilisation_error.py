@@ -46,7 +46,7 @@ def test_what_is_measured_with_a_sourced_airframe_has_no_error():
     np.testing.assert_allclose(analysis.redundancy_error, 0.1 / 1.225)
     stated = analyse(flight(), physics_model(F16), np.full(2, 1.2))
     assert np.all(stated.redundancy_error == 0.0)
-    assert analysis.words_of_speed == analysis.basis_of(0, 2) == "measured"
+    assert analysis.speed_basis == analysis.basis_of(0, 2) == "measured"
 
 
 def test_an_inferred_speed_counts_twice_its_share():
@@ -57,7 +57,7 @@ def test_an_inferred_speed_counts_twice_its_share():
     analysis = analyse(inferred, physics_model(F16))
     assert analysis.utilisation_error[0] == pytest.approx([0.0, 0.02 * 0.49, 0.0, 0.0])
     assert analysis.basis_of(0, 1) == "from motor outputs"
-    assert analysis.words_of_speed == "measured, or from motor outputs"
+    assert analysis.speed_basis == "measured, or from motor outputs"
     # 90 %: 0.49 + 1.645 x 0.0098 = 0.506
     assert not analysis.above_limit(0.5).any()
     assert analysis.maybe_above(0.5).all()

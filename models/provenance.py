@@ -1,0 +1,140 @@
+"""Where a number comes from, as data: what sent it, what it is, and what was turned down for it.
+
+Whatever decides anything reads these fields. `words` is for people, and `remarks` are text in it
+that nothing reads: another text, or a log of another name, changes no number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from functools import lru_cache
+from types import MappingProxyType
+from typing import Self
+
+
+class SourceKind(StrEnum):
+    """What a fact comes from."""
+
+    ABSENT = "not reported"
+    MESSAGE = "message"  # of MAVLink or DataFlash
+    TOPIC = "topic"  # of PX4
+    COLUMN = "column"  # of a table
+    PARAMETER = "parameter"  # of the autopilot
+    STATED = "stated"  # by the user
+    AIRFRAME = "airframe file"
+    INFERRED = "inferred"  # from other channels
+    ASSUMED = "assumed"
+
+
+class Meaning(StrEnum):
+    """What the numbers of a channel are, where its name says more or less than that."""
+
+    AS_NAMED = "as named"
+    GROUND_SPEED = "ground speed"  # an airspeed: no sensor of it, and no wind
+    BOARD_TEMPERATURE = "board temperature"  # warmer than the air
+    ABOVE_HOME = "height above home"  # not above the crop
+    THRUST_DEMAND = "thrust demand"  # a motor output before the autopilot's thrust curve
+    MOTOR_OUTPUTS = "motor outputs"  # rotor speeds made from them
+    HOVER_THRUST = "hover thrust"  # a load made from it
+
+
+#: What people should know of a channel that is not what it is called.
+_MEANINGS: Mapping[Meaning, str] = MappingProxyType(
+    {
+        Meaning.GROUND_SPEED: "ground speed: no airspeed sensor, no wind by the EKF",
+        Meaning.BOARD_TEMPERATURE: "of the autopilot's board: warmer than the air",
+        Meaning.ABOVE_HOME: "height above home, not above the crop",
+    }
+)
+_INFERRED: Mapping[Meaning, str] = MappingProxyType(
+    {
+        Meaning.MOTOR_OUTPUTS: "from motor outputs",
+        Meaning.HOVER_THRUST: "inferred from hover thrust",
+    }
+)
+
+
+_NAMED_BEFORE: Mapping[SourceKind, str] = MappingProxyType(
+    {SourceKind.COLUMN: "column ", SourceKind.AIRFRAME: "airframe "}
+)
+
+
+class Reason(StrEnum):
+    """Why a source was not used."""
+
+    LESS_PREFERRED = "another is preferred"
+    COVERS_LESS = "covers less of the flight"
+    NO_NUMBERS = "has no numbers"
+    CONTRADICTED = "contradicted by thrust"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Provenance:
+    """Where one channel or one fact comes from."""
+
+    kind: SourceKind
+    name: str = ""  # of the message, topic, column, parameter or option
+    fields: tuple[str, ...] = ()  # of the message or topic
+    instance: str = ""  # battery or sensor id
+    unit: str = ""  # as sent; empty where it is that of the channel
+    meaning: Meaning = Meaning.AS_NAMED
+    assumed: bool = False  # something that it needed was not known, and is assumed
+    parts: tuple[Provenance, ...] = ()  # that it was made from
+    rejected: tuple[Rejected, ...] = ()
+    remarks: tuple[str, ...] = ()  # for people; nothing reads them
+
+    @property
+    def words(self) -> str:
+        """The source for people, as `BATTERY_STATUS voltages of id 0`."""
+        remarks = "; ".join(self.remarks)
+        if self.kind is SourceKind.ABSENT:
+            return "not in the log"
+        if self.kind is SourceKind.STATED:
+            return f"stated: {remarks}" if remarks else "stated"
+        if self.kind is SourceKind.INFERRED:
+            of = ", ".join(part.words for part in self.parts if part.meaning is not self.meaning)
+            named = _INFERRED.get(self.meaning, self.name)
+            if named and of and self.meaning is Meaning.MOTOR_OUTPUTS:
+                named = f"{of}; {named}"
+            return f"{named} ({remarks})" if named and remarks else named or remarks
+        if self.parts:
+            named = ", ".join(part.words for part in self.parts)
+        else:
+            fields = f" {', '.join(self.fields)}" if self.fields else ""
+            before = _NAMED_BEFORE.get(self.kind, "")
+            named = f"{before}{self.name}{fields}"
+        if self.instance:
+            named = f"{named} of id {self.instance}"
+        known = [text for text in (_MEANINGS.get(self.meaning, ""), remarks) if text]
+        return f"{named} ({'; '.join(known)})" if known else named
+
+    def remarked(self, *remarks: str) -> Self:
+        """The same with more for people to know."""
+        return replace(self, remarks=(*self.remarks, *remarks))
+
+    def of_instance(self, instance: int | None) -> Provenance:
+        """The same, of one battery or sensor."""
+        return self if instance is None else _of_instance(self, instance)
+
+
+@dataclass(frozen=True, slots=True)
+class Rejected:
+    """A source that is there and was not used."""
+
+    source: Provenance
+    reason: Reason
+
+
+NOT_REPORTED = Provenance(kind=SourceKind.ABSENT)
+
+
+@lru_cache(maxsize=1024)  # live, each message asks for it anew
+def _of_instance(source: Provenance, instance: int) -> Provenance:
+    return replace(source, instance=str(instance))
+
+
+def stated(remark: str) -> Provenance:
+    """What the user states, with the amount for people."""
+    return Provenance(kind=SourceKind.STATED, remarks=(remark,))
