@@ -56,6 +56,7 @@ def assemble(recording: Recording, signals: Signals, options: Options) -> Flight
         options.airframe,
         facts=facts,
         motor_order=recording.motor_order,
+        esc_order=recording.esc_order,
     )
     rows = flight_rows(signals, motors, recording.parameters, options)
     if rows is None:
@@ -89,7 +90,7 @@ def assemble(recording: Recording, signals: Signals, options: Options) -> Flight
         format=recording.format,
         path=recording.path,
         facts=motors.facts,
-        esc_voltage_offset_v=esc_voltage_offsets(signals, motors.outputs),
+        esc_voltage_offset_v=esc_voltage_offsets(signals, motors.escs),
         unmeasured=rows.unmeasured,
         hardware_id=recording.hardware_id,
         firmware=recording.firmware,

@@ -33,7 +33,7 @@ OURS = replace(
     liquid_density=1.2,
     pump_max_flow_l_min=6.0,
 )
-FOUR = MotorMap(4, (0, 1, 2, 3), 4, "as numbered", ())
+FOUR = MotorMap(4, (0, 1, 2, 3), 4, "as numbered", (), escs=(0, 1, 2, 3), esc_words="as numbered")
 
 
 def reports(channel: str, times, values, index=None, source: str = "") -> Signal:
@@ -206,7 +206,9 @@ def test_a_listener_reads_spraying_from_the_tank_until_its_pump_has_a_pulse():
     pulses = np.zeros((100, 5))
     pulses[60:, 4] = 1100.0  # 6 s on: off
     tank = reports("named_value", times, 9.0 - 0.05 * (times - 100.0), "TANK")
-    servo = MotorMap(4, (0, 1, 2, 3), 4, "as numbered", ())
+    servo = FOUR
+        4, (0, 1, 2, 3), 4, "as numbered", (), escs=(0, 1, 2, 3), esc_words="as numbered"
+    )
     signals = collected([rotor(0, times), reports("servo_us", times, pulses), tank])
     live = flight_rows(signals, servo, {}, LIVE)
     assert live is not None
