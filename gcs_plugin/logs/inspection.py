@@ -92,7 +92,7 @@ def inspect_log(
         Finding(check="ESC voltage", level="warning", words=words)
         for words in instrument_offsets(log)
     ]
-    findings += [*_airspeed(log.track), *_absent(log.track)]
+    findings += [*_airspeed(log.track), *_absent(log)]
     return Inspection(
         log=log,
         airframe=known,
@@ -201,17 +201,18 @@ def _airspeed(track: FlightTrack) -> list[Finding]:
     return [Finding(check="airspeed", level="warning", words=words)]
 
 
-def _absent(track: FlightTrack) -> list[Finding]:
+def _absent(log: FlightLog) -> list[Finding]:
     """What the network and the margin need and the log lacks."""
     needs = {
         "rotor_speed_rpm": "no measured margin and no residual",
         "tank_kg": "the weight is unknown, so no prediction",
         "airspeed": "no prediction by the network",
     }
+    sources = {report.name: report.source for report in log.channels}
     return [
-        Finding(check=channel, level="warning", words=f"not in the log: {lost}")
+        Finding(check=channel, level="warning", words=f"{sources[channel]}: {lost}")
         for channel, lost in needs.items()
-        if not track.reports(channel)
+        if not log.track.reports(channel)
     ]
 
 

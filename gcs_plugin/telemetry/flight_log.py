@@ -34,6 +34,14 @@ from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
+ABSENT = "not in the log"
+#: Channels of the table whose reports have another name.
+_REPORTED_AS = {
+    "voltage": "battery_voltage",
+    "current": "battery_current",
+    "rotor_speed_rpm": "esc_rpm",
+    "throttle": "servo_us",
+}
 _LONGEST = 7 * 86_400.0  # s; a log that seems longer has damaged times
 
 
@@ -76,10 +84,19 @@ def assemble(recording: Recording, signals: Signals, options: Options) -> Flight
         notes=(*recording.notes, *motors.notes, *rows.notes),
     )
     reported = rows.reported
+    # What is reported but never known, then what a reader met and could not use.
+    unused = {
+        name: f"in the log ({silent[0].source}), but never with a value"
+        for name in TRACK_CHANNELS
+        if (silent := signals.get(name) or signals.get(_REPORTED_AS.get(name, "")))
+    } | dict(recording.unused)
     return FlightLog(
         track=_with_absences(track),
         quality=recording.quality,
-        channels=tuple(channel_report(track, n, reported.get(n, [])) for n in TRACK_CHANNELS),
+        channels=tuple(
+            channel_report(track, n, reported.get(n, []), unused.get(n, ABSENT))
+            for n in TRACK_CHANNELS
+        ),
         waypoints=recording.waypoints,
         messages=tuple((time - start_s, text) for time, text in recording.messages),
         parameters=recording.parameters,
@@ -153,9 +170,6 @@ def _with_absences(track: FlightTrack) -> FlightTrack:
     return replace(track, notes=(*track.notes, *notes))
 
 
-_ABSENT = "not in the log"
-
-
 def with_track(log: FlightLog, track: FlightTrack) -> FlightLog:
     """The log with this track; channels that were filled since are reported as it has them."""
     channels = []
@@ -168,8 +182,13 @@ def with_track(log: FlightLog, track: FlightTrack) -> FlightLog:
     return replace(log, track=track, channels=tuple(channels))
 
 
-def channel_report(track: FlightTrack, name: str, signals: list[Signal]) -> ChannelReport:
-    """Rate and pauses of the channel's reports, and the range of its numbers in the table."""
+def channel_report(
+    track: FlightTrack, name: str, signals: list[Signal], absent: str = ABSENT
+) -> ChannelReport:
+    """Rate and pauses of the channel's reports, and the range of its numbers in the table.
+
+    `absent` is what is said of a channel that has no source.
+    """
     values = getattr(track, name)
     finite = values[np.isfinite(values)]
     if not signals or finite.size == 0:
@@ -177,7 +196,7 @@ def channel_report(track: FlightTrack, name: str, signals: list[Signal]) -> Chan
         return ChannelReport(
             name=name,
             unit=TRACK_CHANNELS[name].unit,
-            source=track.sources.get(name, _ABSENT),
+            source=track.sources.get(name, absent),
             samples=0,
             rate_hz=nan,
             gaps=0,
@@ -193,7 +212,7 @@ def channel_report(track: FlightTrack, name: str, signals: list[Signal]) -> Chan
     return ChannelReport(
         name=name,
         unit=TRACK_CHANNELS[name].unit,
-        source=track.sources.get(name, _ABSENT),
+        source=track.sources.get(name, absent),
         samples=int(known.sum()),
         rate_hz=float(1.0 / np.median(step)) if step.size else float("nan"),
         gaps=int(np.sum(step > TRACK_CHANNELS[name].max_age)),

@@ -21,11 +21,12 @@ _RC_THROTTLE = 3  # ArduPilot's throttle channel where no RCMAP_THROTTLE says an
 
 @dataclass(frozen=True, slots=True)
 class PulseRange:
-    """Pulses at no and at full output, in µs (of another protocol: in its counts)."""
+    """What goes to an ESC at no and at full output."""
 
     low_us: float = 1000.0
     high_us: float = 2000.0
-    set_by: str = ""  # parameters that it was read from; empty: assumed
+    set_by: str = ""  # parameters that it was read from, or the protocol; empty: assumed
+    unit: str = "µs"  # of another protocol than pulses: "counts"
 
     def share(self, pulses: Floats) -> Floats:
         """Output from 0 to 1, of the shape of `pulses`; NaN where there is no pulse."""
@@ -33,10 +34,10 @@ class PulseRange:
         return np.where(pulses > 0, share, np.nan)
 
 
-def range_words(ranges: Iterable[PulseRange], unit: str = "µs", more: str = "") -> str:
+def range_words(ranges: Iterable[PulseRange], more: str = "") -> str:
     """As "from 1000 to 2000 µs (assumed)", of each range that differs; `more` within the last."""
     words = [
-        f"from {r.low_us:g} to {r.high_us:g} {unit} ({r.set_by or 'assumed'}"
+        f"from {r.low_us:g} to {r.high_us:g} {r.unit} ({r.set_by or 'assumed'}"
         for r in dict.fromkeys(ranges)
     ]
     return ") and ".join(words) + (f"; {more})" if more else ")")

@@ -125,21 +125,24 @@ class UlogWriter:
         payload = bytes([len(key)]) + key + struct.pack("<i", value)
         self._head.append(self._message(b"P", payload))
 
-    def topic(self, name: str, fields: list[tuple[str, str]], codes: str) -> None:
+    def topic(
+        self, name: str, fields: list[tuple[str, str]], codes: str, *, instances: int = 1
+    ) -> None:
         """`fields` are (ULog type, name) after the time; `codes` pack one row of them."""
         listed = ";".join(f"{kind} {field}" for kind, field in [("uint64_t", "timestamp"), *fields])
         self._head.append(self._message(b"F", f"{name}:{listed};".encode()))
-        number = len(self._topics)
-        self._topics[name] = (number, f"<HQ{codes}")
-        self._body.insert(
-            number, self._message(b"A", struct.pack("<BH", 0, number) + name.encode())
-        )
+        for instance in range(instances):
+            number = len(self._topics)
+            self._topics[f"{name}{instance or ''}"] = (number, f"<HQ{codes}")
+            added = struct.pack("<BH", instance, number) + name.encode()
+            self._body.insert(number, self._message(b"A", added))
 
     def part(self, definition: str) -> None:
         """A type that topics nest, as "name:type field;type field;"."""
         self._head.insert(1, self._message(b"F", definition.encode()))
 
     def row(self, name: str, time_s: float, *values: float) -> None:
+        """`name` of the topic, and the number of its instance from the second on."""
         number, codes = self._topics[name]
         payload = struct.pack(codes, number, int(time_s * 1e6), *values)
         self._body.append(self._message(b"D", payload))

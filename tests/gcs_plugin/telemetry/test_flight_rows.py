@@ -207,8 +207,6 @@ def test_a_listener_reads_spraying_from_the_tank_until_its_pump_has_a_pulse():
     pulses[60:, 4] = 1100.0  # 6 s on: off
     tank = reports("named_value", times, 9.0 - 0.05 * (times - 100.0), "TANK")
     servo = FOUR
-        4, (0, 1, 2, 3), 4, "as numbered", (), escs=(0, 1, 2, 3), esc_words="as numbered"
-    )
     signals = collected([rotor(0, times), reports("servo_us", times, pulses), tank])
     live = flight_rows(signals, servo, {}, LIVE)
     assert live is not None
