@@ -163,7 +163,8 @@ def test_escs_repeated_as_5_to_8_are_left_out(tmp_path):
             {"PWM_MAIN_MIN": 1100, "PWM_MAIN_MAX": 1900, "PWM_MAIN_MIN1": -1, "PWM_MIN": 1},
             "output from 1100 to 1900 µs (PWM_MAIN_MIN/MAX)",
         ),
-        # Servos on the first driver, motors on the second; then both on one.
+        # Servos on the second driver, then on the first, then on that of the motors.
+        ([climbing(1000, 2000), HELD], {}, "output from 1000 to 2000 µs (assumed)"),
         (
             [HELD, climbing(1100, 1900)],
             {"PWM_AUX_MIN": 1100, "PWM_AUX_MAX": 1900, "PWM_MAIN_MIN": 1, "PWM_MAIN_MAX": 2},
