@@ -57,6 +57,7 @@ _OWN_PARAMETERS: tuple[tuple[str, VehicleKind], ...] = (
     ("JS_GAIN_DEFAULT", "submarine"),
     ("H_RSC_MODE", "helicopter"),
     ("MOT_SPIN_MIN", "multirotor"),
+    ("MOT_SPIN_ARMED", "multirotor"),
 )
 #: PX4's CA_AIRFRAME -> kind; 9 is custom.
 _CONTROL_ALLOCATION: dict[int, VehicleKind] = {
@@ -170,7 +171,8 @@ def _rotors(
         return by_function, "SERVOn_FUNCTION"
     for text in texts:
         head, _, rest = text.partition(": ")
-        if head == "Frame" and (count := _FRAME_TEXTS.get(rest.split("/")[0].strip(), 0)):
+        frame_text = rest.split("/")[0].strip().replace("_", "")  # older: OCTA_QUAD
+        if head == "Frame" and (count := _FRAME_TEXTS.get(frame_text, 0)):
             return count, f"text '{text}'"
     listed = whole_number(parameters, "CA_ROTOR_COUNT") or 0
     inside = range(listed if 0 <= listed <= 12 else 0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -73,6 +73,27 @@ class DataFlashColumns:
         else:
             factor, offset = LABELS.get(label, (1.0, 0.0))
         return self.number(name) * factor + offset
+
+
+def own_clock(columns: Sequence[str]) -> tuple[str, float] | None:
+    """The column with the vehicle's clock and s of its unit; None for a message without one.
+
+    Logs from before 2015 count ms; their GPS has it in T, and TimeMS of the GPS's week.
+    """
+    if columns[:1] == ("TimeUS",):
+        return "TimeUS", 1e-6
+    if columns[:1] == ("TimeMS",):
+        return "TimeMS", 1e-3
+    return ("T", 1e-3) if columns[:2] == ("Status", "TimeMS") and "T" in columns else None
+
+
+def filled_clock(clock: Floats) -> Floats:
+    """(n,) s of messages in the order of the file, those without a time between their neighbours.
+
+    For logs from before 2015, most of whose messages have none.
+    """
+    known = np.flatnonzero(np.isfinite(clock))
+    return np.interp(np.arange(clock.size), known, clock[known]) if known.size else clock
 
 
 @dataclass(frozen=True, slots=True)

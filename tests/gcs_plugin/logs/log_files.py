@@ -160,14 +160,18 @@ class DataFlashWriter:
 
     def __init__(self) -> None:
         self._formats: dict[str, tuple[int, str, str]] = {}
-        self._rows: list[tuple[str, tuple[float | str, ...]]] = []
+        self._rows: list[tuple[float, str, tuple[float | str, ...]]] = []
 
     def message(self, name: str, letters: str, columns: str) -> None:
         self._formats[name] = (100 + len(self._formats), letters, columns)
 
-    def row(self, name: str, *values: float | str) -> None:
-        """Numbers as they lie in the file: hundredths for the letter c."""
-        self._rows.append((name, values))
+    def row(self, name: str, *values: float | str, at: float | None = None) -> None:
+        """Numbers as they lie in the file: hundredths for the letter c.
+
+        `at` is the place in time of a message whose first column is not its time.
+        """
+        place = float(values[0]) if at is None else at
+        self._rows.append((place, name, values))
 
     def parameters(self, **values: float) -> None:
         self.message("PARM", "QNf", "TimeUS,Name,Value")
@@ -211,7 +215,7 @@ class DataFlashWriter:
         return "\n".join([*lines, ""]).encode()
 
     def _by_time(self) -> list[tuple[str, tuple[float | str, ...]]]:
-        return sorted(self._rows, key=lambda row: row[1][0])
+        return [row[1:] for row in sorted(self._rows, key=lambda row: row[0])]
 
     def _codes(self, letters: str) -> str:
         from pymavlink.DFReader import FORMAT_TO_STRUCT
