@@ -160,7 +160,7 @@ def _by_rule(rule: Rule, stream: Stream, streams: Mapping[str, Stream]) -> list[
 def _in_hundredths(rate: Floats, streams: Mapping[str, Stream]) -> bool:
     """Whether body rates (n, 3) are of ArduCopter before 3.4, which logs hundredths of a degree.
 
-    The message is the same in both: the gyroscope tells, or else that none measures as much.
+    The message is the same in both: the gyroscope shows which, or that none measures as much.
     """
     sizes = np.linalg.norm(rate, axis=1)
     gyro = streams.get("IMU")
