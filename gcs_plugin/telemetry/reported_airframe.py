@@ -77,8 +77,7 @@ def reported_airframe(
     kind = whole_number(parameters, f"{q}FRAME_CLASS")
     if layout is None:
         shape = whole_number(parameters, f"{q}FRAME_TYPE")
-        old = whole_number(parameters, "FRAME")  # up to ArduCopter 3.4
-        found = layout_of_text(texts, -2 if old is None else old)
+        found = layout_of_text(texts, -2 if shape is None else shape)
         if kind is not None:
             found = ardupilot_layout(kind, 1 if shape is None else shape)
             if found is None:

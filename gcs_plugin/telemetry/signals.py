@@ -12,6 +12,7 @@ from thrustmargin.gcs_plugin.mavlink.decode import ESC_TELEMETRY_FIRST, MAVLINK_
 from thrustmargin.gcs_plugin.mavlink.rules import Rule, Signal, decode
 from thrustmargin.gcs_plugin.mavlink.text import printable
 from thrustmargin.gcs_plugin.telemetry.recording import Stream
+from thrustmargin.gcs_plugin.telemetry.renamed_parameters import parameter
 from thrustmargin.gcs_plugin.telemetry.resample import coverage, in_time_order, known_rows
 from thrustmargin.models.flight import Floats
 
@@ -203,8 +204,8 @@ def speed_through_air(time_s: Floats, velocity: Floats, wind_s: Floats, wind: Fl
 
 def pitot_present(streams: Mapping[str, Stream], parameters: Mapping[str, float]) -> bool | None:
     """Whether the vehicle says that it has an airspeed sensor; None when it does not say."""
-    kind = parameters.get("ARSPD_TYPE", parameters.get("ARSPD1_TYPE"))
-    if kind is not None:
+    kind = parameter(parameters, "ARSPD_TYPE")
+    if np.isfinite(kind):
         return kind > 0
     status = streams.get("SYS_STATUS")
     if status is None or status.time_s.size == 0:

@@ -12,6 +12,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
+from thrustmargin.gcs_plugin.telemetry.renamed_parameters import parameter
 from thrustmargin.models.physics.motor_layouts import FRAME_CLASSES, class_rotors
 from thrustmargin.models.vehicle_facts import VehicleFacts, VehicleKind
 
@@ -85,7 +86,7 @@ def whole_number(parameters: Mapping[str, float], name: str) -> int | None:
 
     Every parameter that is used as a whole number is read by this function.
     """
-    value = parameters.get(name, math.nan)
+    value = parameter(parameters, name)
     return int(value) if math.isfinite(value) and value == round(value) else None
 
 

@@ -46,6 +46,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     pauses,
     without_leaps,
 )
+from thrustmargin.gcs_plugin.telemetry.renamed_parameters import parameter
 from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Floats
@@ -165,7 +166,7 @@ def recording_of(
         columns = columns_of(streams["PARM"])
         values = columns.number("Value").tolist()
         parameters = dict(zip(columns.texts("Name"), values, strict=True))
-    own = parameters.get("SYSID_THISMAV", parameters.get("MAV_SYSID", 1.0))
+    own = parameter(parameters, "MAV_SYSID")
     own = int(own) if 0 < own < 256 else 1
     if vehicle is not None and vehicle != own:
         raise LogError(f"{path.name}: no vehicle {vehicle}; it is the log of vehicle {own}")
