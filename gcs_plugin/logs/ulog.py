@@ -24,8 +24,8 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     serial_digits,
     without_leaps,
 )
+from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import whole_number
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, collected
-from thrustmargin.gcs_plugin.telemetry.vehicle_kind import whole_number
 from thrustmargin.models.errors import LogError
 
 MAGIC = b"ULog\x01\x12\x35"

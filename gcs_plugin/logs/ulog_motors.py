@@ -14,8 +14,12 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.logs.ulog_topics import Topic, topic_signal
 from thrustmargin.gcs_plugin.mavlink.rules import Signal, in_si
-from thrustmargin.gcs_plugin.telemetry.pulse_range import PulseRange, pulse_ranges, range_words
-from thrustmargin.gcs_plugin.telemetry.vehicle_kind import whole_number
+from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import whole_number
+from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import (
+    PulseRange,
+    pulse_ranges,
+    range_words,
+)
 from thrustmargin.models.flight import Floats
 
 #: PX4's output function of motor 1; motors 2 to 12 follow.

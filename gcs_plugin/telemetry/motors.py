@@ -13,10 +13,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.pulse_range import pulse_ranges, range_words
 from thrustmargin.gcs_plugin.telemetry.resample import last_before
+from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import motor_outputs, whole_number
+from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import pulse_ranges, range_words
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, by_index
-from thrustmargin.gcs_plugin.telemetry.vehicle_kind import motor_outputs, whole_number
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.airframe import Airframe

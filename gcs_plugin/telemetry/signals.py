@@ -12,8 +12,8 @@ from thrustmargin.gcs_plugin.mavlink.decode import ESC_TELEMETRY_FIRST, MAVLINK_
 from thrustmargin.gcs_plugin.mavlink.rules import Rule, Signal, decode
 from thrustmargin.gcs_plugin.mavlink.text import printable
 from thrustmargin.gcs_plugin.telemetry.recording import Stream
-from thrustmargin.gcs_plugin.telemetry.renamed_parameters import parameter
 from thrustmargin.gcs_plugin.telemetry.resample import coverage, in_time_order, known_rows
+from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import parameter
 from thrustmargin.models.flight import Floats
 
 #: A flight battery reads more than this, the level sender of a tank less, V.

@@ -7,17 +7,14 @@ PX4: its vehicle type, CA_AIRFRAME, CA_ROTORn, SYS_AUTOSTART.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
-from thrustmargin.gcs_plugin.telemetry.renamed_parameters import parameter
+from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import motor_outputs, whole_number
 from thrustmargin.models.physics.motor_layouts import FRAME_CLASSES, class_rotors
 from thrustmargin.models.vehicle_facts import VehicleFacts, VehicleKind
 
-#: SERVOn_FUNCTION -> motor, both counted as ArduPilot does, the motor from 0.
-MOTOR_FUNCTIONS = {**{33 + k: k for k in range(8)}, **{82 + k: 8 + k for k in range(4)}}
 #: FRAME_CLASS of ArduCopter and Q_FRAME_CLASS -> rotors
 FRAME_ROTORS = class_rotors()
 _HELICOPTER_CLASSES = (6, 11, 13)
@@ -79,25 +76,6 @@ _AUTOSTART: dict[int, VehicleKind] = {
     **dict.fromkeys((50, 51, 52, 53), "rover"),
     60: "submarine",
 }
-
-
-def whole_number(parameters: Mapping[str, float], name: str) -> int | None:
-    """A parameter that counts or selects; None where it is absent, not finite or no whole number.
-
-    Every parameter that is used as a whole number is read by this function.
-    """
-    value = parameter(parameters, name)
-    return int(value) if math.isfinite(value) and value == round(value) else None
-
-
-def motor_outputs(parameters: Mapping[str, float]) -> dict[int, int]:
-    """Motor -> its servo output by SERVOn_FUNCTION, both from 0; empty where none is said."""
-    found: dict[int, int] = {}
-    for output in range(32):
-        function = whole_number(parameters, f"SERVO{output + 1}_FUNCTION")
-        if function in MOTOR_FUNCTIONS:
-            found[MOTOR_FUNCTIONS[function]] = output
-    return found
 
 
 def vehicle_facts(

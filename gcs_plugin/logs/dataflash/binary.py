@@ -46,7 +46,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     pauses,
     without_leaps,
 )
-from thrustmargin.gcs_plugin.telemetry.renamed_parameters import parameter
+from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import parameter
 from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Floats

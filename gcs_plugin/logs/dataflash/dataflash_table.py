@@ -16,13 +16,13 @@ from thrustmargin.gcs_plugin.mavlink.rules import (
     quantity,
 )
 from thrustmargin.gcs_plugin.telemetry.recording import Stream
+from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import whole_number
 from thrustmargin.gcs_plugin.telemetry.signals import (
     Signals,
     collected,
     ordered_signal,
     speed_through_air,
 )
-from thrustmargin.gcs_plugin.telemetry.vehicle_kind import whole_number
 from thrustmargin.models.flight import Floats
 
 _SMOOTHED = "smoothed by the autopilot's slew limit"

@@ -13,7 +13,7 @@ from math import inf
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.telemetry.vehicle_kind import whole_number
+from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import whole_number
 from thrustmargin.models.flight import Floats
 
 _RC_THROTTLE = 3  # ArduPilot's throttle channel where no RCMAP_THROTTLE says another

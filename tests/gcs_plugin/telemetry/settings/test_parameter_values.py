@@ -4,9 +4,12 @@ import math
 
 import pytest
 
-from thrustmargin.gcs_plugin.telemetry.renamed_parameters import OTHER_NAMES, parameter
 from thrustmargin.gcs_plugin.telemetry.reported_airframe import reported_airframe
-from thrustmargin.gcs_plugin.telemetry.vehicle_kind import whole_number
+from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import (
+    OTHER_NAMES,
+    parameter,
+    whole_number,
+)
 
 
 def test_a_speed_is_in_metres_a_second_under_either_name():
