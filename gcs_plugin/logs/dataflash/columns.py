@@ -10,19 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.logs.dataflash.message_scan import LETTERS, SCALED_LETTERS, Format
-from thrustmargin.gcs_plugin.mavlink.rules import UNITS
 from thrustmargin.gcs_plugin.mavlink.text import printable
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.units import SCALES, Scale
 
-#: unit label of the log -> (factor, offset) to SI; latitude and longitude stay degrees, charge
-#: becomes mAh. A label that is not here is SI already, or none.
-LABELS: Mapping[str, tuple[float, float]] = {
-    "deg": UNITS["deg"],
-    "degheading": UNITS["deg"],
-    "deg/s": UNITS["deg/s"],
-    "degC": UNITS["degC"],
-    "Ah": (1000.0, 0.0),
-}
 #: Columns that firmware of before 2016 wrote in hundredths, as whole numbers without a factor;
 #: later the same columns are fractional numbers in V and A.
 _HUNDREDTHS = {"CURR": ("Volt", "Curr")}
@@ -68,10 +59,8 @@ class DataFlashColumns:
     def si(self, name: str, assumed: str) -> Floats:
         """(n,) in SI; the unit `assumed` holds where the log states none."""
         label = self.label.get(name, "")
-        if label in NO_UNIT:
-            factor, offset = UNITS[assumed]
-        else:
-            factor, offset = LABELS.get(label, (1.0, 0.0))
+        # A label that is not known is SI already, or none.
+        factor, offset = SCALES[assumed] if label in NO_UNIT else SCALES.get(label, Scale())
         return self.number(name) * factor + offset
 
 
