@@ -21,7 +21,7 @@ class Scale(NamedTuple):
     offset: float = 0.0
 
 
-def _names(ours: str, *same: str, **factors: float) -> Mapping[str, Scale]:
+def _names(ours: str, *same: str, **factors: float) -> dict[str, Scale]:
     return {name: Scale() for name in (ours, *same)} | {n: Scale(f) for n, f in factors.items()}
 
 
@@ -60,5 +60,5 @@ UNITS: Mapping[str, Mapping[str, Scale]] = MappingProxyType(
 )
 #: Of a name alone: where it is of several quantities, that of the first above.
 SCALES: Mapping[str, Scale] = MappingProxyType(
-    {name: scale for units in reversed(UNITS.values()) for name, scale in units.items()}
+    {name: scale for units in [*UNITS.values()][::-1] for name, scale in units.items()}
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,7 +25,7 @@ from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
     rejected_words,
     standing_in_flight,
 )
-from thrustmargin.gcs_plugin.telemetry.rows import flight_rows
+from thrustmargin.gcs_plugin.telemetry.rows import FlightRows, flight_rows
 from thrustmargin.gcs_plugin.telemetry.signals import Signals
 from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.gcs_plugin.telemetry.vehicle_kind import vehicle_facts
@@ -84,9 +85,9 @@ def assemble(recording: Recording, signals: Signals, options: Options) -> Flight
         notes=(*recording.notes, *motors.notes, *rows.notes),
     )
     reported = rows.reported
-    # What is reported but never known, then what a reader met and could not use.
+    # What is reported and not in the table, then what a reader met and could not use.
     unused = {
-        name: f"in the log ({silent[0].source}), but never with a value"
+        name: f"in the log ({silent[0].source}), not used: {_unused_because(name, silent, rows)}"
         for name in TRACK_CHANNELS
         if (silent := signals.get(name) or signals.get(_REPORTED_AS.get(name, "")))
     } | dict(recording.unused)
@@ -94,8 +95,7 @@ def assemble(recording: Recording, signals: Signals, options: Options) -> Flight
         track=_with_absences(track),
         quality=recording.quality,
         channels=tuple(
-            channel_report(track, n, reported.get(n, []), unused.get(n, ABSENT))
-            for n in TRACK_CHANNELS
+            channel_report(track, n, reported.get(n, []), unused.get(n, "")) for n in TRACK_CHANNELS
         ),
         waypoints=recording.waypoints,
         messages=tuple((time - start_s, text) for time, text in recording.messages),
@@ -182,12 +182,21 @@ def with_track(log: FlightLog, track: FlightTrack) -> FlightLog:
     return replace(log, track=track, channels=tuple(channels))
 
 
+def _unused_because(name: str, silent: Iterable[Signal], rows: FlightRows) -> str:
+    """Why a channel that is reported has no number in the table."""
+    if not any(np.isfinite(signal.values).any() for signal in silent):
+        return "never with a value"
+    if TRACK_CHANNELS[name].per_rotor and name not in rows.sources:
+        return "of no known motor"
+    return "no value that can be believed or is in time"
+
+
 def channel_report(
-    track: FlightTrack, name: str, signals: list[Signal], absent: str = ABSENT
+    track: FlightTrack, name: str, signals: list[Signal], unused: str = ""
 ) -> ChannelReport:
     """Rate and pauses of the channel's reports, and the range of its numbers in the table.
 
-    `absent` is what is said of a channel that has no source.
+    `unused` says of one without numbers what is there and why it is not used.
     """
     values = getattr(track, name)
     finite = values[np.isfinite(values)]
@@ -196,7 +205,7 @@ def channel_report(
         return ChannelReport(
             name=name,
             unit=TRACK_CHANNELS[name].unit,
-            source=track.sources.get(name, absent),
+            source=unused or track.sources.get(name, ABSENT),
             samples=0,
             rate_hz=nan,
             gaps=0,
@@ -212,7 +221,7 @@ def channel_report(
     return ChannelReport(
         name=name,
         unit=TRACK_CHANNELS[name].unit,
-        source=track.sources.get(name, absent),
+        source=track.sources.get(name, ABSENT),
         samples=int(known.sum()),
         rate_hz=float(1.0 / np.median(step)) if step.size else float("nan"),
         gaps=int(np.sum(step > TRACK_CHANNELS[name].max_age)),

@@ -302,6 +302,22 @@ def test_a_flight_counts_from_its_first_row():
     assert unknown.start_unix_s is None
 
 
+def test_what_is_in_the_log_and_not_used_is_named_with_the_reason():
+    unknown = reports("battery_current", [0.0, 1.0], [NAN, NAN], 0)
+    absurd = reports("pressure", [0.0, 1.0], [1.0, 1.0])
+    unmapped = reports("servo_us", [0.0, 1.0], [[1500.0], [1600.0]])
+    signals = collected([rotor(0, [0.0, 1.0]), unknown, absurd, unmapped])
+    read = recording(unused={"altitude": "in the log (baro), not used: it has no unit"})
+    found = {report.name: report.source for report in assemble(read, signals, Options()).channels}
+    assert found["current"].endswith("), not used: never with a value")
+    assert found["pressure"].endswith("), not used: no value that can be believed or is in time")
+    assert found["altitude"] == "in the log (baro), not used: it has no unit"
+    assert found["wind_ned"] == "not in the log"
+    nobody = assemble(recording(mav_type=None), collected([unmapped, absurd, unknown]), Options())
+    found = {report.name: report.source for report in nobody.channels}
+    assert found["throttle"].endswith("), not used: of no known motor")
+
+
 def test_absent_rotor_speeds_are_told():
     # Motor 3 was heard at first only.
     signals = collected([rotor(0, np.arange(20.0)), rotor(2, [0.0, 1.0])])
