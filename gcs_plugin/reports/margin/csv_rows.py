@@ -16,13 +16,13 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 
 _PART = {name: (channel, k) for channel, names in OF_TRACK.items() for k, name in enumerate(names)}
-#: name in `rows_of` and in the CSV, unit, decimals (None: all). Of (T, R) values a column a rotor.
+#: name in `rows_of` and in the CSV, unit, decimals (None: all). With _{} behind: a column a rotor.
 COLUMNS: tuple[tuple[str, str, int | None], ...] = (
     ("time_s", "s", None),
     ("flying", "0/1", None),
     *((name, unit_of_column(name) or "0/1", None) for name in _PART),
-    ("rotor_speed_rpm", "rpm", None),
-    ("throttle", "0..1", None),
+    ("rotor_speed_rpm_{}", "rpm", None),
+    ("throttle_{}", "0..1", None),
     ("ground_speed", "m/s", 3),
     ("tank_error_kg", "kg", 3),
     ("density", "kg/m3", 4),
@@ -32,21 +32,21 @@ COLUMNS: tuple[tuple[str, str, int | None], ...] = (
     ("trimmable_loss", "1", 4),
     ("fill_limit_kg", "kg", 3),
     ("fill_one_rotor_out_kg", "kg", 3),
-    ("rotor_speed_from_outputs_rpm", "rpm", 1),
-    ("rotor_speed_predicted_rpm", "rpm", 1),
-    ("rotor_speed_lower_rpm", "rpm", 1),
-    ("rotor_speed_upper_rpm", "rpm", 1),
-    ("utilisation", "1", 5),
-    ("utilisation_from_outputs", "1", 5),
-    ("utilisation_predicted", "1", 5),
-    ("utilisation_error", "1", 5),
+    ("rotor_speed_from_outputs_rpm_{}", "rpm", 1),
+    ("rotor_speed_predicted_rpm_{}", "rpm", 1),
+    ("rotor_speed_lower_rpm_{}", "rpm", 1),
+    ("rotor_speed_upper_rpm_{}", "rpm", 1),
+    ("utilisation_{}", "1", 5),
+    ("utilisation_from_outputs_{}", "1", 5),
+    ("utilisation_predicted_{}", "1", 5),
+    ("utilisation_error_{}", "1", 5),
 )
 
 
 def rows_of(
     analysis: FlightAnalysis, *, fill_limit_kg: Floats, fill_one_rotor_out_kg: Floats
 ) -> Mapping[str, Floats]:
-    """Name in COLUMNS, or "known_utilisation" -> its (T,) or (T, R) values, NaN where unknown.
+    """Name of COLUMNS without _{}, or "known_utilisation" -> (T,) or (T, R), NaN where unknown.
 
     The fills are (T,) kg.
     """
@@ -85,7 +85,7 @@ def csv_columns(rows: Mapping[str, Floats], rotors: int) -> Iterator[tuple[str, 
     `rotors` pads with empty columns where flights of several airframes share one file.
     """
     for name, unit, decimals in COLUMNS:
-        values = rows[name]
+        values = rows[name.removesuffix("_{}")]
         if decimals is not None:
             values = np.round(values, decimals)
         if values.ndim == 1:
@@ -94,4 +94,4 @@ def csv_columns(rows: Mapping[str, Floats], rotors: int) -> Iterator[tuple[str, 
         for rotor in range(rotors):
             known = rotor < values.shape[1]
             column = values[:, rotor] if known else np.full(values.shape[0], np.nan)
-            yield f"{name}_{rotor + 1} [{unit}]", column
+            yield f"{name.format(rotor + 1)} [{unit}]", column

@@ -149,7 +149,7 @@ def test_json_names_the_columns_of_the_csv(report):
     named = json.loads(json_text(report, "north.csv"))["csv"]
     assert named["file"] == "north.csv"
     header = next(csv.reader(io.StringIO(csv_bytes(report).decode())))
-    numbered = [re.sub(r"^rotor \d+", "rotor {}", name) for name in header]
+    numbered = [re.sub(r"_\d+ \[", "_{} [", name) for name in header]
     assert list(dict.fromkeys(numbered)) == named["columns"]
 
 
