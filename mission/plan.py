@@ -2,7 +2,7 @@
 
 A plan holds what the vehicle is to do. Latitude and longitude are WGS84 degrees, altitudes m in the
 frame of the item: 0 above mean sea level, 3 above home, 10 above ground. Only the mission is read
-and written: geofences and rally points of a file are not kept.
+and written: geofences and rally points of a file are not kept, which a note of the plan says.
 Format: QGroundControl developer guide, "Plan File Format".
 """
 
@@ -28,6 +28,9 @@ WAYPOINT, RETURN_TO_LAUNCH, LAND, TAKEOFF, DO_JUMP = 16, 20, 21, 22, 177
 CHANGE_SPEED, DO_SPRAYER = 178, 216
 #: MAV_CMD numbers that fly to the place in parameters 5 to 7.
 PLACE_COMMANDS = frozenset({WAYPOINT, 17, 18, 19, LAND, TAKEOFF, 31, 82, 84, 85, 94})
+_LAST_FLOWN = 95  # MAV_CMD numbers up to here fly somewhere or wait; above, they do something
+#: Versions of a file, and of its mission, that are understood.
+_VERSION, _MISSION_VERSION = 1, 2
 
 FIRMWARE_GENERIC, FIRMWARE_ARDUPILOT, FIRMWARE_PX4 = 0, 3, 12
 VEHICLE_QUADROTOR = 2
@@ -147,12 +150,23 @@ def read_plan(path: Path) -> MissionPlan:
     mission = content.get("mission")
     if not isinstance(mission, dict) or not isinstance(mission.get("items"), list):
         raise PlanError(f'{name} has no "mission" with "items"; plan the flight and save it again')
+    notes = [
+        *_version_notes(content, _VERSION, name),
+        *_version_notes(mission, _MISSION_VERSION, f"{name} mission"),
+        *_left_out(content),
+    ]
     items: list[PlanItem] = []
     for index, entry in enumerate(mission["items"], start=1):
         for simple in _simple_entries(entry, where=f"{name} item {index}"):
             items.append(_item(simple, default_number=len(items) + 1, where=f"{name} item {index}"))
     if not items:
         raise PlanError(f"{name} has no mission items; plan the flight and save it again")
+    notes += [
+        f"item {item.number} (MAV_CMD {item.command}) flies or waits in a way that is not reckoned"
+        for item in items
+        if item.command == DO_JUMP
+        or (item.command <= _LAST_FLOWN and item.command not in {*PLACE_COMMANDS, RETURN_TO_LAUNCH})
+    ]
     home = _numbers(mission.get("plannedHomePosition"), 3, where=f"{name} plannedHomePosition")
     _check_place(home[0], home[1], where=f"{name} plannedHomePosition")
     return MissionPlan(
@@ -161,28 +175,86 @@ def read_plan(path: Path) -> MissionPlan:
         firmware=_integer(mission.get("firmwareType", 0), where=f"{name} firmwareType"),
         vehicle=_integer(mission.get("vehicleType", 0), where=f"{name} vehicleType"),
         cruise_speed=_number(mission.get("hoverSpeed", 5.0), where=f"{name} hoverSpeed"),
+        notes=tuple(notes),
     )
+
+
+def _version_notes(content: dict[str, Any], known: int, name: str) -> list[str]:
+    """What is to be said of a version. Raises PlanError for one that is not understood."""
+    if "version" not in content:
+        return [f"{name} states no version and is read as version {known}"]
+    if (version := content["version"]) is True or version != known:
+        raise PlanError(
+            f"{name} is of version {version!r:.40}; version {known} is understood: save it again "
+            "from QGroundControl"
+        )
+    return []
+
+
+def _left_out(content: dict[str, Any]) -> list[str]:
+    """What of a file is not kept, counted: its geofence and its rally points."""
+    listed = (
+        ("geoFence", "polygons", "polygon(s) of the geofence"),
+        ("geoFence", "circles", "circle(s) of the geofence"),
+        ("geoFence", "polygon", "corner(s) of the geofence"),
+        ("rallyPoints", "points", "rally point(s)"),
+    )
+    found = []
+    for part, key, words in listed:
+        group = content.get(part)
+        entries = group.get(key) if isinstance(group, dict) else None
+        if isinstance(entries, list) and entries:
+            found.append(f"{len(entries)} {words} of the file are not read")
+    return found
 
 
 def _simple_entries(entry: Any, *, where: str) -> list[Any]:
     """The simple items of one entry of "items": itself, or those a survey pattern is made of."""
     if not isinstance(entry, dict):
         raise PlanError(f"{where} is not an item; save the plan again from QGroundControl")
-    if entry.get("type") == "SimpleItem":
+    kind = entry.get("type")
+    if kind is None:
+        raise PlanError(
+            f'{where} has no "type", so what it is cannot be known; save the plan again from '
+            "QGroundControl"
+        )
+    if kind == "SimpleItem":
         return [entry]
     pattern = entry.get("TransectStyleComplexItem")
     inner = pattern.get("Items") if isinstance(pattern, dict) else None
     if isinstance(inner, list) and inner and all(isinstance(i, dict) for i in inner):
         return inner
-    kind = entry.get("complexItemType") or entry.get("type")
+    if kind != "ComplexItem":
+        raise PlanError(
+            f"{where} is of type {kind!r:.40}, which is not known; save the plan again from "
+            "QGroundControl"
+        )
+    pattern_name = str(entry.get("complexItemType") or kind)
     raise PlanError(
-        f"{where} is of type {kind!r}, which does not store its waypoints; upload the plan to the "
-        "vehicle and get it back with: thrustmargin fetch mission URL -o mission.plan"
+        f"{where} is of type {pattern_name!r:.40}, which does not store its waypoints; upload the "
+        "plan to the vehicle and get it back with: thrustmargin fetch mission URL -o mission.plan"
     )
 
 
+def _parameters(entry: dict[str, Any], *, where: str) -> list[float]:
+    """MAVLink's seven; older files have four of them and the place beside, as "coordinate"."""
+    given, place = entry.get("params"), entry.get("coordinate")
+    if place is None:
+        return _numbers(given, 7, where=f"{where} params")
+    beside = _numbers(place, 3, where=f"{where} coordinate")
+    if isinstance(given, list) and len(given) == 7:
+        values = _numbers(given, 7, where=f"{where} params")
+        if values[4:] != beside:
+            raise PlanError(
+                f"{where} has one place in params and another in coordinate; save the plan again "
+                "from QGroundControl"
+            )
+        return values
+    return [*_numbers(given, 4, where=f"{where} params"), *beside]
+
+
 def _item(entry: dict[str, Any], *, default_number: int, where: str) -> PlanItem:
-    values = _numbers(entry.get("params"), 7, where=f"{where} params")
+    values = _parameters(entry, where=where)
     item = PlanItem(
         number=_integer(entry.get("doJumpId", default_number), where=f"{where} doJumpId"),
         command=_integer(entry.get("command"), where=f"{where} command"),

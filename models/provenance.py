@@ -36,6 +36,7 @@ class Meaning(StrEnum):
     BOARD_TEMPERATURE = "board temperature"  # warmer than the air
     ABOVE_HOME = "height above home"  # not above the crop
     THRUST_DEMAND = "thrust demand"  # a motor output before the autopilot's thrust curve
+    PX4_OUTPUT = "PX4 output"  # a motor output after PX4's thrust curve
     MOTOR_OUTPUTS = "motor outputs"  # rotor speeds made from them
     HOVER_THRUST = "hover thrust"  # a load made from it
 

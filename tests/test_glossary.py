@@ -28,9 +28,6 @@ INSTEAD = {
 }
 #: Spellings of formats that stay, and places in which the word is that of a file.
 KEPT = (
-    '("voltage", "pack voltage", "V", 3),',
-    '"pack voltage": "voltage",',
-    '("redundancy_yaw_uncontrolled", "redundancy heading given up", "1", 4),',
     "JSON, which keep their spelling: `capacity_use` is thrust utilisation, `yaw_free` yaw "
     "uncontrolled.",
 )

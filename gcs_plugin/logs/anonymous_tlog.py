@@ -33,7 +33,8 @@ SCALES = (1e-7, 1e-7, 1e-3)
 NEW_PLACE = (0.0, -30.0)  # °; not 0, 0, which stands for no fix
 _KEPT = {rule.message for rule in MAVLINK_RULES} | {"HEARTBEAT", "SYSTEM_TIME", "SYS_STATUS"}
 _PARAMETER = re.compile(
-    r"(?!.*(SERIAL|DEVID|_SN$))(Q_)?(FRAME_|SERVO|MOT_|M_|ENABLE|BAT|CA_|SYS_AUTOSTART|SPRAY|ARSPD)"
+    r"(?!.*(SERIAL|DEVID|_SN$))(Q_)?(FRAME|SERVO|MOT_|M_|THR_M|ENABLE|BAT|CA_|SYS_AUTOSTART|SPRAY|ARSPD"
+    r"|RC\d+_M(IN|AX)|RCMAP_THROTTLE|PWM_)"
 )
 _TEXT = re.compile(r"Frame: [A-Z0-9_]+(/[A-Z0-9_]+)?")  # says how many rotors there are
 

@@ -15,17 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from thrustmargin.models.errors import DataError
-from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.thrust_fits import BenchFit, fit_bench
+from thrustmargin.models.units import UNITS
 
 #: N of one unit of thrust, by the word in the column's name
-_THRUST_UNITS: Mapping[str, float] = {
-    **dict.fromkeys(("n", "newton", "newtons"), 1.0),
-    **dict.fromkeys(("g", "gf", "gram", "grams"), 1e-3 * G0),
-    **dict.fromkeys(("kg", "kgf"), G0),
-    **dict.fromkeys(("lb", "lbf", "lbs"), 0.45359237 * G0),
-    **dict.fromkeys(("oz", "ozf"), 0.028349523125 * G0),
-}
+_THRUST_UNITS = {name.lower(): scale.factor for name, scale in UNITS["N"].items()}
 #: quantity -> words of which its column's name has one
 _WORDS: Mapping[str, tuple[str, ...]] = {
     "rotor_speed_rpm": ("rpm",),

@@ -21,9 +21,8 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite, pi
+from math import isfinite
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -31,30 +30,10 @@ import numpy as np
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Floats
-from thrustmargin.models.physics.atmosphere import G0
+from thrustmargin.models.units import UNITS, Scale
 
 FILE = "columns.toml"
 QUATERNION = tuple(f"quaternion_{part}" for part in "wxyz")
-#: Our unit -> units that a table may have, and how many of ours one is.
-UNITS: Mapping[str, Mapping[str, float]] = MappingProxyType(
-    {
-        "s": {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0},
-        "m": {"mm": 1e-3, "cm": 1e-2, "ft": 0.3048},
-        "m/s": {"mm/s": 1e-3, "cm/s": 1e-2, "km/h": 1.0 / 3.6, "kn": 1852.0 / 3600.0},
-        "rad": {"deg": pi / 180.0},
-        "rad/s": {"deg/s": pi / 180.0},
-        "m/s²": {"m/s^2": 1.0, "m/s2": 1.0, "g": G0, "mg": 1e-3 * G0},
-        "kg": {"g": 1e-3},
-        "rpm": {"rad/s": 30.0 / pi, "deg/s": 1.0 / 6.0, "Hz": 60.0, "krpm": 1e3},
-        "0..1": {"1": 1.0, "%": 0.01},
-        "V": {"mV": 1e-3, "cV": 1e-2},
-        "A": {"mA": 1e-3, "cA": 1e-2},
-        "Pa": {"hPa": 100.0, "mbar": 100.0, "kPa": 1e3},
-        "K": {"C": 1.0, "°C": 1.0, "degC": 1.0},
-        "": {},
-    }
-)
-_ZERO_C = 273.15  # K
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,15 +78,15 @@ def _their(file: str, name: str, line: Any, own: str | None) -> TheirColumn:
     if any(isinstance(n, bool) or not isinstance(n, int | float) for n in numbers):
         raise LogError(f"{file}: factor and offset of {name} must be numbers")
     factor, offset = (float(n) for n in numbers)
-    unit, units = line.get("unit", own), {own: 1.0, **UNITS[own]}
+    unit, units = line.get("unit", own), {own: Scale(), **UNITS[own]}
     if not isinstance(unit, str) or unit not in units:
         listed = ", ".join(u for u in units if u)
         raise LogError(
             f"{file}: {name} has the unit {unit!r}, which is not one of {listed or 'none'}; state "
             "it by a factor"
         )
-    celsius = _ZERO_C if own == "K" and unit != own else 0.0
-    return TheirColumn(line["column"], factor * units[unit], offset + celsius)
+    scale = units[unit]
+    return TheirColumn(line["column"], factor * scale.factor, offset + scale.offset)
 
 
 def in_our_columns(

@@ -12,8 +12,9 @@ One row a time. Columns, in SI but for rpm, all but `time_s` optional, empty whe
 came from.
 
 Tables of other programs are read too: separated by commas, semicolons or tabs, with a decimal
-point or comma, in quotes, in UTF-8 or UTF-16; the CSV of a margin report, by its own headings; and
-any headings and units that a file `columns.toml` beside the table states (`csv_columns.py`).
+point or comma, in quotes, in UTF-8 or UTF-16; with our unit in brackets behind a heading, as a
+margin report has it, of whose flights the first is read; and with any headings and units that a
+file `columns.toml` beside the table states (`csv_columns.py`).
 """
 
 from __future__ import annotations
@@ -61,18 +62,7 @@ COLUMNS: Mapping[str, tuple[str, ...]] = {
     **{name: (name,) for name, c in TRACK_CHANNELS.items() if not (c.axes or c.per_rotor)},
 }
 _ROTOR = re.compile(r"(rotor_speed_rpm|throttle)_([1-9][0-9]?)")
-#: headings of a margin report's CSV, without their units -> ours
-_OF_REPORT = {
-    "time": "time_s",
-    "airborne": "flying",
-    "north": "position_north",
-    "east": "position_east",
-    "height above ground": "height_agl",
-    "tank": "tank_kg",
-    "pack voltage": "voltage",
-    "flight": "flight_number",
-}
-_OF_REPORT_ROTOR = re.compile(r"rotor ([1-9][0-9]?) speed measured")
+_WITH_UNIT = re.compile(r"(\w+) \[(.*)\]")  # a heading of a margin report's CSV
 _LATEST = 1e11  # s of Unix time
 _SHOWN = 50  # rows by which the decimal sign is known
 _DECIMAL_COMMA = re.compile(r"[-+]?[0-9]*,[0-9]+(e[-+]?[0-9]+)?", re.IGNORECASE)
@@ -242,17 +232,15 @@ def _parts(text: str) -> tuple[list[str], list[str], str, str]:
         comments.append(line[1:].strip())
     heading = text.split("\n", 1)[0]
     separator = max(",;\t", key=heading.count)
-    names = [name.strip() for name in next(csv.reader([heading], delimiter=separator), [])]
-    if "time [s]" in names:
-        names = [_of_report(name) for name in names]
-    return comments, names, text, separator
+    names = next(csv.reader([heading], delimiter=separator), [])
+    return comments, [_without_unit(name.strip()) for name in names], text, separator
 
 
-def _of_report(heading: str) -> str:
-    """Our name of a column of a margin report."""
-    name = heading.partition(" [")[0]
-    rotor = _OF_REPORT_ROTOR.fullmatch(name)
-    return f"rotor_speed_rpm_{rotor[1]}" if rotor else _OF_REPORT.get(name, name)
+def _without_unit(heading: str) -> str:
+    """A heading without the unit in brackets behind it, where that is the column's own."""
+    found = _WITH_UNIT.fullmatch(heading)
+    own = None if found is None else unit_of_column(found[1])
+    return heading if found is None or own is None or found[2] != (own or "0/1") else found[1]
 
 
 def _about(comments: Sequence[str], path: Path) -> dict[str, Any]:
@@ -274,7 +262,9 @@ def _first_flight(found: Mapping[str, Floats], notes: list[str]) -> dict[str, Fl
     others = np.unique(numbers[~first])
     if others.size:
         notes.append(f"{others.size + 1} flights in the file: the first is read, the others not")
-    return {name: values[first] for name, values in found.items() if name != "flight_number"}
+    kept = {name: values[first] for name, values in found.items() if name != "flight_number"}
+    # Columns that only another flight fills, of a channel or of a rotor that this one has not.
+    return {n: values for n, values in kept.items() if n == "time_s" or np.isfinite(values).any()}
 
 
 def _track(

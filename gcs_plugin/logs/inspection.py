@@ -22,8 +22,13 @@ from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.provenance import Meaning
 
-#: m/s² that a body in steady flight feels, between these
+#: m/s² that a body feels in steady flight on average, between these
 _STEADY_FORCE = (8.5, 11.5)
+_STEADY_RATE = 0.5  # rad/s of a body that is not in a turn or a fall
+#: Two units of acceleration are further apart than by this factor.
+_OTHER_UNIT = 2.0
+#: m/s² from which shaking is strong: a quiet mount keeps each axis within 3 to 5.
+_STRONG_SHAKING = 5.0
 
 Level = Literal["ok", "warning", "unknown"]
 #: Verdicts of the checks that are no warning.
@@ -92,7 +97,7 @@ def inspect_log(
         Finding(check="ESC voltage", level="warning", words=words)
         for words in instrument_offsets(log)
     ]
-    findings += [*_airspeed(log.track), *_absent(log.track)]
+    findings += [*_airspeed(log.track), *_absent(log)]
     return Inspection(
         log=log,
         airframe=known,
@@ -170,17 +175,30 @@ def _tank(track: FlightTrack, airframe: Airframe) -> list[Finding]:
 
 
 def _sensor(track: FlightTrack) -> Finding:
-    force = np.linalg.norm(track.specific_force_frd, axis=1)
-    force = force[track.flying & np.isfinite(force)]
+    """Gravity on average, which shaking does not change; how it shakes is another matter."""
+    turning = np.linalg.norm(track.angular_rate_frd, axis=1) > _STEADY_RATE  # no: not known either
+    known = np.isfinite(track.specific_force_frd).all(axis=1)
+    force = track.specific_force_frd[track.flying & known & ~turning]
     if force.size == 0:
-        words = "no accelerometer in flight"
+        words = "no accelerometer in steady flight"
         return Finding(check="accelerometer", level="unknown", words=words)
-    felt = float(np.median(force))
-    if _STEADY_FORCE[0] <= felt <= _STEADY_FORCE[1]:
-        words = f"{felt:.2f} m/s² in flight, gravity is {G0:.2f}"
-        return Finding(check="accelerometer", level="ok", words=words)
-    words = f"{felt:.3g} m/s² in flight where gravity is {G0:.2f}: not in the unit it should be"
-    return Finding(check="accelerometer", level="warning", words=words)
+    felt = float(np.linalg.norm(np.mean(force, axis=0)))
+    shaking = float(np.linalg.norm(np.std(force, axis=0)))
+    level: Level = "ok"
+    words = f"{felt:.3g} m/s² on average in steady flight, gravity is {G0:.2f}"
+    if not _STEADY_FORCE[0] <= felt <= _STEADY_FORCE[1]:
+        level = "warning"
+        if max(felt / G0, G0 / max(felt, 1e-9)) >= _OTHER_UNIT:
+            words += ": not in the unit it should be"
+        elif abs(felt - G0) > 3.0 * shaking / math.sqrt(len(force)):
+            words += ": off, in the right unit"
+        else:
+            level = "unknown"
+            words += f": too few readings for the way it shakes, {len(force)}"
+    if shaking >= _STRONG_SHAKING and level != "warning":
+        level = "warning" if level == "ok" else level
+        words += f"; strong vibration, {shaking:.3g} m/s² (standard deviation)"
+    return Finding(check="accelerometer", level=level, words=words)
 
 
 def instrument_offsets(log: FlightLog) -> list[str]:
@@ -201,17 +219,18 @@ def _airspeed(track: FlightTrack) -> list[Finding]:
     return [Finding(check="airspeed", level="warning", words=words)]
 
 
-def _absent(track: FlightTrack) -> list[Finding]:
+def _absent(log: FlightLog) -> list[Finding]:
     """What the network and the margin need and the log lacks."""
     needs = {
         "rotor_speed_rpm": "no measured margin and no residual",
         "tank_kg": "the weight is unknown, so no prediction",
         "airspeed": "no prediction by the network",
     }
+    sources = {report.name: report.source for report in log.channels}
     return [
-        Finding(check=channel, level="warning", words=f"not in the log: {lost}")
+        Finding(check=channel, level="warning", words=f"{sources[channel]}: {lost}")
         for channel, lost in needs.items()
-        if not track.reports(channel)
+        if not log.track.reports(channel)
     ]
 
 

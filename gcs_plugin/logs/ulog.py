@@ -11,6 +11,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.logs.read import LogFormat
 from thrustmargin.gcs_plugin.logs.ulog_messages import whole_messages
+from thrustmargin.gcs_plugin.logs.ulog_motors import ulog_motors
 from thrustmargin.gcs_plugin.logs.ulog_topics import TOPICS, Topic, ulog_signals, with_vectors
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.telemetry.flight_log import assemble
@@ -23,8 +24,8 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     serial_digits,
     without_leaps,
 )
-from thrustmargin.gcs_plugin.telemetry.signals import Signals
-from thrustmargin.gcs_plugin.telemetry.vehicle_kind import whole_number
+from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import whole_number
+from thrustmargin.gcs_plugin.telemetry.signals import Signals, collected
 from thrustmargin.models.errors import LogError
 
 MAGIC = b"ULog\x01\x12\x35"
@@ -59,7 +60,9 @@ def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Sig
     own = whole_number(parameters, "MAV_SYS_ID") or 1
     if vehicle is not None and vehicle != own:
         raise LogError(f"{path.name}: no vehicle {vehicle}; it is the log of vehicle {own}")
-    signals, notes = ulog_signals(topics)
+    motors = ulog_motors(topics, parameters)
+    signals = {**ulog_signals(topics), **collected(motors.signals)}
+    notes = motors.notes
     if log.dropouts:
         lost = sum(d.duration for d in log.dropouts) * 1e-3
         notes.append(f"{len(log.dropouts)} dropouts while logging, {lost:.1f} s in all")
@@ -83,7 +86,9 @@ def read_ulog(path: Path, *, vehicle: int | None = None) -> tuple[Recording, Sig
         vehicles=(own,),
         autopilot="PX4",
         mav_type=_mav_type(topics, parameters),
-        motor_order="by PX4's actuator functions",
+        motor_order=motors.motor_order,
+        esc_order=motors.esc_order,
+        unused=motors.unused,
         notes=tuple(notes),
         hardware_id=serial_digits(str(log.msg_info_dict.get("sys_uuid", ""))),
         firmware=" ".join(filter(None, ("PX4", log.get_version_info_str()))),

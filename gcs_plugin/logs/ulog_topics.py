@@ -16,9 +16,6 @@ from thrustmargin.gcs_plugin.telemetry.signals import Signals, collected, speed_
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
-#: PX4's output function of motor 1; motors 2 to 12 follow.
-MOTOR_1 = 101
-
 #: Fields of one topic by name, (n,) or, for what the log has element by element, (n, k).
 Topic = Mapping[str, NDArray[Any]]
 
@@ -125,6 +122,7 @@ TOPICS = (
     *dict.fromkeys(rule.message for rule in RULES),
     "esc_status",
     "actuator_motors",
+    "actuator_outputs",
     "vehicle_gps_position",
     "vehicle_status",
 )
@@ -140,19 +138,11 @@ def with_vectors(topic: Topic) -> Topic:
     return {**topic, **vectors}
 
 
-def ulog_signals(topics: Mapping[str, list[Topic]]) -> tuple[Signals, list[str]]:
-    """Signals of every topic by name (each a list of its instances), and notes."""
+def ulog_signals(topics: Mapping[str, list[Topic]]) -> Signals:
+    """Signals of every topic by name (each a list of its instances) but for the motors'."""
     signals = [signal for rule in RULES for signal in _by_rule(rule, topics)]
-    notes: list[str] = []
-    first = {name: group[0] for name, group in topics.items()}
-    if "actuator_motors" in first:
-        signals += _throttle(first["actuator_motors"])
-    if "esc_status" in first:
-        made, remarks = _escs(first["esc_status"])
-        signals += made
-        notes += remarks
-    signals += _airspeed_by_wind(first)
-    return collected(signals), notes
+    signals += _airspeed_by_wind({name: group[0] for name, group in topics.items()})
+    return collected(signals)
 
 
 def _by_rule(rule: Rule, topics: Mapping[str, list[Topic]]) -> Iterator[Signal]:
@@ -161,31 +151,24 @@ def _by_rule(rule: Rule, topics: Mapping[str, list[Topic]]) -> Iterator[Signal]:
         if all(name in topic for name in rule.fields):
             index = number if every else None
             source = replace(rule.source, kind=SourceKind.TOPIC).of_instance(index)
-            yield _signal(rule.channel, source, topic, quantity(rule, topic), index)
+            yield topic_signal(rule.channel, source, topic, quantity(rule, topic), index)
 
 
-def _of(topic: str, field: str, unit: str = "", meaning: Meaning = Meaning.AS_NAMED) -> Provenance:
+def topic_source(
+    topic: str, field: str, unit: str = "", meaning: Meaning = Meaning.AS_NAMED
+) -> Provenance:
+    """The source that is one field of a topic."""
     return Provenance(
         kind=SourceKind.TOPIC, name=topic, fields=(field,), unit=unit, meaning=meaning
     )
 
 
-def _signal(
+def topic_signal(
     channel: str, source: Provenance, topic: Topic, values: Floats, index: int | None = None
 ) -> Signal:
+    """The Signal of `values` (n,) or (n, k) at the topic's own times."""
     time_s = in_si(topic, "timestamp", "1") * 1e-6
     return Signal(channel, source, *in_time_order(time_s, values), index)
-
-
-def _throttle(topic: Topic) -> list[Signal]:
-    if "control" not in topic:
-        return []
-    duty = np.clip(in_si(topic, "control", "1"), 0.0, 1.0)
-    source = _of("actuator_motors", "control", meaning=Meaning.THRUST_DEMAND)
-    return [
-        _signal("throttle", source, topic, duty[:, motor], motor)
-        for motor in np.flatnonzero(np.isfinite(duty).any(axis=0)).tolist()
-    ]
 
 
 def _airspeed_by_wind(first: Mapping[str, Topic]) -> list[Signal]:
@@ -196,52 +179,5 @@ def _airspeed_by_wind(first: Mapping[str, Topic]) -> list[Signal]:
         return []
     velocity = np.stack([in_si(ground, v, "m/s") for v in ("vx", "vy", "vz")], axis=-1)
     speed = speed_through_air(ground["timestamp"], velocity, air["timestamp"], _level_wind(air))
-    source = _of(_POSITION, "velocity", "m/s").remarked("less the estimator's wind")
-    return [_signal("airspeed", source, ground, speed)]
-
-
-def _escs(topic: Topic) -> tuple[list[Signal], list[str]]:
-    """ESC channels by motor number from 0, whatever their place in the message."""
-    made: list[Signal] = []
-    notes: list[str] = []
-    seen: dict[int, int] = {}
-    # Logs from before 2021 have no functions, or zeros: then the place is the motor.
-    named = any(
-        np.any(topic.get(f"esc[{place}].actuator_function", np.zeros(1)) >= MOTOR_1)
-        for place in range(12)
-    )
-    for place in range(12):
-        if f"esc[{place}].esc_rpm" not in topic:
-            break
-        rpm = in_si(topic, f"esc[{place}].esc_rpm", "rpm")
-        if named:
-            motor = int(topic.get(f"esc[{place}].actuator_function", np.zeros(1))[-1]) - MOTOR_1
-            if not 0 <= motor < 12:
-                continue
-        else:
-            motor = place
-            if not np.any(rpm != 0):
-                continue
-        if motor in seen:
-            continue
-        twin = next((m for m, p in seen.items() if _same(topic, p, place)), None)
-        if twin is not None and np.any(rpm != 0):
-            notes.append(f"esc_status {place + 1} repeats motor {twin + 1} and is left out")
-            continue
-        seen[motor] = place
-        online = topic.get("esc_online_flags")
-        if online is not None:
-            rpm = np.where((online.astype(np.int64) >> place) & 1, rpm, np.nan)
-        made.append(_signal("esc_rpm", _of("esc_status", "esc_rpm", "rpm"), topic, rpm, motor))
-        for field, unit in (("esc_voltage", "V"), ("esc_current", "A")):
-            if (name := f"esc[{place}].{field}") in topic:
-                values = in_si(topic, name, unit)
-                made.append(_signal(field, _of("esc_status", field, unit), topic, values, motor))
-    stated = int(topic["esc_count"].max(initial=0)) if "esc_count" in topic else 0
-    if stated and stated != len(seen):
-        notes.append(f"esc_status says {stated} ESCs; {len(seen)} of them are motors that report")
-    return made, notes
-
-
-def _same(topic: Topic, one: int, other: int) -> bool:
-    return bool(np.array_equal(topic[f"esc[{one}].esc_rpm"], topic[f"esc[{other}].esc_rpm"]))
+    source = topic_source(_POSITION, "velocity", "m/s").remarked("less the estimator's wind")
+    return [topic_signal("airspeed", source, ground, speed)]

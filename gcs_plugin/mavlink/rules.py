@@ -8,10 +8,8 @@ list the preferred source of a channel first.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import KW_ONLY, dataclass
-from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -19,8 +17,7 @@ from numpy.typing import NDArray
 
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
-
-G_PER_MG = 9.80665e-3  # m/s² in one mG
+from thrustmargin.models.units import SCALES
 
 
 class Columns(Protocol):
@@ -30,47 +27,6 @@ class Columns(Protocol):
 
 
 FEW = 64  # messages, of which Python is quicker than numpy to say what numbers there are
-#: Units that stay as they are.
-_SI = (
-    "1",
-    "%",
-    "latlon deg",
-    "rad",
-    "rad/s",
-    "m",
-    "m/s",
-    "m/s/s",
-    "V",
-    "A",
-    "mAh",
-    "Pa",
-    "K",
-    "rpm",
-    "us",
-    "ml",
-)
-#: unit on the wire -> (factor, offset) to SI; geodetic degrees stay degrees, a share becomes %.
-UNITS: Mapping[str, tuple[float, float]] = MappingProxyType(
-    {
-        **dict.fromkeys(_SI, (1.0, 0.0)),
-        "degE7": (1e-7, 0.0),
-        "mrad/s": (1e-3, 0.0),
-        "deg": (math.pi / 180.0, 0.0),
-        "deg/s": (math.pi / 180.0, 0.0),
-        "cm": (1e-2, 0.0),
-        "mm": (1e-3, 0.0),
-        "cm/s": (1e-2, 0.0),
-        "mG": (G_PER_MG, 0.0),
-        "mV": (1e-3, 0.0),
-        "cV": (1e-2, 0.0),
-        "cA": (1e-2, 0.0),
-        "hPa": (100.0, 0.0),
-        "degC": (1.0, 273.15),
-        "cdegC": (1e-2, 273.15),
-        "ms": (1e-3, 0.0),
-        "share": (100.0, 0.0),
-    }
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +82,7 @@ class Signal(NamedTuple):
 
 def in_si(columns: Columns, name: str, unit: str) -> Floats:
     """(n,) or (n, k) the field `name`, given in `unit`, in SI."""
-    factor, offset = UNITS[unit]
+    factor, offset = SCALES[unit]
     value = columns[name].astype(np.float64)
     return value if (factor, offset) == (1.0, 0.0) else value * factor + offset
 
@@ -155,7 +111,7 @@ def _of_one_unit(rule: Rule, unit: str, columns: Columns) -> Floats:
     value = np.array([columns[name] for name in rule.fields], dtype=np.float64)
     for code in rule.unknown:
         value[value == code] = np.nan
-    factor, offset = UNITS[unit]
+    factor, offset = SCALES[unit]
     if (factor, offset) != (1.0, 0.0):
         value = value * factor + offset
     return value[0] if len(value) == 1 else np.ascontiguousarray(np.moveaxis(value, 0, -1))

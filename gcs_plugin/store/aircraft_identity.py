@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.gcs_plugin.telemetry.reported_airframe import reported_airframe
-from thrustmargin.gcs_plugin.telemetry.vehicle_kind import whole_number
+from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import whole_number
 from thrustmargin.models.errors import AirframeError, DataError
 
 #: What ArduPilot says when it starts: its board, and its serial number in three words.

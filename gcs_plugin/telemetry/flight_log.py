@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -24,7 +25,7 @@ from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
     rejected_words,
     standing_in_flight,
 )
-from thrustmargin.gcs_plugin.telemetry.rows import flight_rows
+from thrustmargin.gcs_plugin.telemetry.rows import FlightRows, flight_rows
 from thrustmargin.gcs_plugin.telemetry.signals import Signals
 from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.gcs_plugin.telemetry.vehicle_kind import vehicle_facts
@@ -35,6 +36,14 @@ from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.provenance import NOT_REPORTED
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
+ABSENT = "not in the log"
+#: Channels of the table whose reports have another name.
+_REPORTED_AS = {
+    "voltage": "battery_voltage",
+    "current": "battery_current",
+    "rotor_speed_rpm": "esc_rpm",
+    "throttle": "servo_us",
+}
 _LONGEST = 7 * 86_400.0  # s; a log that seems longer has damaged times
 
 
@@ -57,6 +66,7 @@ def assemble(recording: Recording, signals: Signals, options: Options) -> Flight
         options.airframe,
         facts=facts,
         motor_order=recording.motor_order,
+        esc_order=recording.esc_order,
     )
     rows = flight_rows(signals, motors, recording.parameters, options)
     if rows is None:
@@ -76,10 +86,18 @@ def assemble(recording: Recording, signals: Signals, options: Options) -> Flight
         notes=(*recording.notes, *motors.notes, *rows.notes),
     )
     reported = rows.reported
+    # What is reported and not in the table, then what a reader met and could not use.
+    unused = {
+        name: f"in the log ({silent[0].source.words}), not used: {_unused_because(name, silent, rows)}"
+        for name in TRACK_CHANNELS
+        if (silent := signals.get(name) or signals.get(_REPORTED_AS.get(name, "")))
+    } | dict(recording.unused)
     return FlightLog(
         track=_with_absences(track),
         quality=recording.quality,
-        channels=tuple(channel_report(track, n, reported.get(n, [])) for n in TRACK_CHANNELS),
+        channels=tuple(
+            channel_report(track, n, reported.get(n, []), unused.get(n, "")) for n in TRACK_CHANNELS
+        ),
         waypoints=recording.waypoints,
         messages=tuple((time - start_s, text) for time, text in recording.messages),
         parameters=recording.parameters,
@@ -90,7 +108,7 @@ def assemble(recording: Recording, signals: Signals, options: Options) -> Flight
         format=recording.format,
         path=recording.path,
         facts=motors.facts,
-        esc_voltage_offset_v=esc_voltage_offsets(signals, motors.outputs),
+        esc_voltage_offset_v=esc_voltage_offsets(signals, motors.escs),
         unmeasured=rows.unmeasured,
         hardware_id=recording.hardware_id,
         firmware=recording.firmware,
@@ -165,8 +183,22 @@ def with_track(log: FlightLog, track: FlightTrack) -> FlightLog:
     return replace(log, track=track, channels=tuple(channels))
 
 
-def channel_report(track: FlightTrack, name: str, signals: list[Signal]) -> ChannelReport:
-    """Rate and pauses of the channel's reports, and the range of its numbers in the table."""
+def _unused_because(name: str, silent: Iterable[Signal], rows: FlightRows) -> str:
+    """Why a channel that is reported has no number in the table."""
+    if not any(np.isfinite(signal.values).any() for signal in silent):
+        return "never with a value"
+    if TRACK_CHANNELS[name].per_rotor and name not in rows.sources:
+        return "of no known motor"
+    return "no value that can be believed or is in time"
+
+
+def channel_report(
+    track: FlightTrack, name: str, signals: list[Signal], unused: str = ""
+) -> ChannelReport:
+    """Rate and pauses of the channel's reports, and the range of its numbers in the table.
+
+    `unused` says of one without numbers what is there and why it is not used.
+    """
     values = getattr(track, name)
     finite = values[np.isfinite(values)]
     if not signals or finite.size == 0:
@@ -174,7 +206,7 @@ def channel_report(track: FlightTrack, name: str, signals: list[Signal]) -> Chan
         return ChannelReport(
             name=name,
             unit=TRACK_CHANNELS[name].unit,
-            source=track.source(name).words,
+            source=unused or track.source(name).words,
             provenance=track.source(name),
             samples=0,
             rate_hz=nan,

@@ -1,20 +1,22 @@
 """Which servo output and which ESC belongs to which motor, and how many motors there are.
 
-ESC telemetry is numbered by servo output, not by motor; ArduPilot's SERVOn_FUNCTION 33 to 40 and
-82 to 85 are motors 1 to 12, and 22 is the sprayer's pump.
+ESC telemetry is numbered by servo output, not by motor, and by older firmware from 0 wherever the
+motors are; ArduPilot's SERVOn_FUNCTION 33 to 40 and 82 to 85 are motors 1 to 12, and 22 is the
+sprayer's pump.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.resample import last_before
+from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import motor_outputs, whole_number
+from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import pulse_ranges, range_words
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, by_index
-from thrustmargin.gcs_plugin.telemetry.vehicle_kind import motor_outputs, whole_number
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.airframe import Airframe
@@ -23,11 +25,12 @@ from thrustmargin.models.vehicle_facts import VehicleFacts
 
 FAILURES_AGE = 5.0  # s for which an ESC's report on itself holds; PX4 sends one a second
 _PUMP_FUNCTION = 22
+_FIRST_AUX = 8  # output, from 0; the eight before it are on the board's second processor
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MotorMap:
-    """Motor k's servo output and ESC number are `outputs[k]`, counted from 0."""
+    """Motor k's servo output is `outputs[k]` and its ESC `escs[k]`, both counted from 0."""
 
     rotor_count: int
     outputs: tuple[int, ...]
@@ -36,11 +39,13 @@ class MotorMap:
     notes: tuple[str, ...]
     facts: VehicleFacts = field(default_factory=VehicleFacts)
     assumed: bool = False  # nothing says which output is which motor
+    escs: tuple[int, ...] = ()
+    esc_words: str = ""  # how motors were matched to ESCs
 
     def rotor_speed(self, signals: Signals) -> list[Signal | None]:
         """One signal a motor, None where no ESC reports for it."""
         escs = by_index(signals, "esc_rpm")
-        found = [escs.get(output) for output in self.outputs]
+        found = [escs.get(esc) for esc in self.escs]
         return [s if s is not None and np.isfinite(s.values).any() else None for s in found]
 
     def throttle(self, signals: Signals, parameters: Mapping[str, float]) -> list[Signal | None]:
@@ -51,28 +56,23 @@ class MotorMap:
         servos = signals.get("servo_us", ())
         if not servos:
             return [None] * self.rotor_count
-        low, high = _pulse_range(parameters)
-        there = [output for output in self.outputs if output < servos[0].values.shape[1]]
-        pulses = servos[0].values.T[there]
-        known = pulses > 0
-        # No pulse at all says nothing about a motor.
-        shares = np.minimum(np.maximum((pulses - low) / (high - low), 0.0), 1.0)
-        shares[~known] = np.nan
-        made = {
-            output: Signal("throttle", servos[0].source, servos[0].time_s, share)
-            for output, share, driven in zip(
-                there, shares, np.logical_or.reduce(known, axis=1), strict=True
-            )
-            if driven
-        }
-        return [made.get(output) for output in self.outputs]
+        found: list[Signal | None] = []
+        for output, pulses in zip(
+            self.outputs, pulse_ranges(parameters, self.outputs), strict=True
+        ):
+            there = output < servos[0].values.shape[1]
+            # No pulse at all says nothing about a motor.
+            share = pulses.share(servos[0].values[:, output]) if there else np.empty(0)
+            known = np.isfinite(share).any()
+            found.append(servos[0]._replace(channel="throttle", values=share) if known else None)
+        return found
 
     def failures(self, signals: Signals, clock_s: Floats) -> Floats:
         """(T, R) ESC_FAILURE_FLAGS that each ESC reports, NaN where not known or too old."""
         result = np.full((clock_s.size, self.rotor_count), np.nan)
         reported = by_index(signals, "esc_failure")
-        for rotor, output in enumerate(self.outputs):
-            signal = reported.get(output)
+        for rotor, esc in enumerate(self.escs):
+            signal = reported.get(esc)
             if signal is not None:
                 said_s = last_before(signal._replace(values=signal.time_s), clock_s)
                 fresh = clock_s - said_s <= FAILURES_AGE
@@ -83,7 +83,7 @@ class MotorMap:
         first, *others = dict.fromkeys(s.source for s in found if s is not None)
         if others:
             first = Provenance(kind=first.kind, name=first.name, parts=(first, *others))
-        return replace(first, assumed=self.assumed).remarked(self.order_words)
+        return replace(first, assumed=self.assumed).remarked(self.esc_words)
 
     def throttle_source(
         self, found: list[Signal | None], parameters: Mapping[str, float]
@@ -92,23 +92,8 @@ class MotorMap:
         source = replace(source, assumed=self.assumed)
         if source.unit != "us":
             return source.remarked(self.order_words)
-        low, high = _pulse_range(parameters)
-        prefix = _pulse_prefix(parameters)
-        whose = f"{prefix}MIN/MAX" if f"{prefix}MIN" in parameters else "assumed"
-        return replace(source, fields=()).remarked(
-            f"{low:g} to {high:g} µs, {whose}", self.order_words
-        )
-
-
-def _pulse_prefix(parameters: Mapping[str, float]) -> str:
-    """Name of the pulse range without MIN or MAX: a quadplane has its hover motors' own."""
-    return "Q_M_PWM_" if "Q_M_PWM_MIN" in parameters else "MOT_PWM_"
-
-
-def _pulse_range(parameters: Mapping[str, float]) -> tuple[float, float]:
-    prefix = _pulse_prefix(parameters)
-    low, high = parameters.get(f"{prefix}MIN", 1000.0), parameters.get(f"{prefix}MAX", 2000.0)
-    return (low, high) if high > low > 0 else (1000.0, 2000.0)
+        ranges = pulse_ranges(parameters, self.outputs)
+        return replace(source, fields=()).remarked(range_words(ranges), self.order_words)
 
 
 def motor_map(
@@ -119,12 +104,15 @@ def motor_map(
     *,
     facts: VehicleFacts | None = None,
     motor_order: str = "",
+    esc_order: str = "",
+    turned: Collection[int] | None = None,
 ) -> MotorMap:
-    """Outputs of the motors and of the pump.
+    """Outputs and ESCs of the motors, and the output of the pump.
 
-    `facts` are what the vehicle says it is, `motor_order` says in words that ESC channels are
-    numbered by motor already. Raises AirframeError when the vehicle has another number of rotors
-    than `airframe`.
+    `facts` are what the vehicle says it is. `motor_order` and `esc_order` say in words how outputs
+    and ESCs were numbered by motor already, where they were. `turned` are the ESCs that have turned
+    so far; None: those that do in `signals`. Raises AirframeError when the vehicle has another
+    number of rotors than `airframe`.
     """
     facts = VehicleFacts() if facts is None else facts
     pump = next(
@@ -156,7 +144,7 @@ def motor_map(
     elif not count:
         notes.append("nothing in the log reports the number of rotors: give the airframe")
     on_output = motor_outputs(parameters)
-    outputs = tuple(range(count))
+    outputs = escs = tuple(range(count))
     assumed = False
     if motor_order:
         words = motor_order
@@ -166,7 +154,34 @@ def motor_map(
     else:
         assumed = count > 0
         words = f"motor n taken to be on output n: {_listed(outputs)}"
-    return MotorMap(count, outputs, pump, words, tuple(notes), facts, assumed)
+    esc_words = esc_order or motor_order
+    if not esc_words:
+        escs = _escs_of(outputs, turned_escs(signals) if turned is None else turned)
+        by = f"; ESCs {_listed(escs)} turned and are taken for theirs, in order of the outputs"
+        esc_words = words if escs == outputs else words + by
+    return MotorMap(count, outputs, pump, words, tuple(notes), facts, assumed, escs, esc_words)
+
+
+def turned_escs(signals: Signals) -> frozenset[int]:
+    """Numbers of the ESCs that have turned: some that report are not there at all."""
+    return frozenset(
+        int(number)
+        for number, signal in by_index(signals, "esc_rpm").items()
+        if np.any(np.abs(signal.values) > 0)
+    )
+
+
+def _escs_of(outputs: tuple[int, ...], turned: Collection[int]) -> tuple[int, ...]:
+    """The ESC on each output: by the numbering in which most of the ESCs have turned.
+
+    From ArduPilot 4.5 on an ESC has the number of its output. Before, they count from the first
+    auxiliary output, or through the outputs that have one.
+    """
+    numberings = [outputs]
+    if outputs and min(outputs) >= _FIRST_AUX:
+        numberings.append(tuple(output - _FIRST_AUX for output in outputs))
+    numberings.append(tuple(sorted(outputs).index(output) for output in outputs))
+    return max(numberings, key=lambda escs: sum(esc in turned for esc in escs))
 
 
 def _listed(outputs: tuple[int, ...]) -> str:
@@ -175,12 +190,11 @@ def _listed(outputs: tuple[int, ...]) -> str:
 
 def counted_by_reports(facts: VehicleFacts, signals: Signals) -> VehicleFacts:
     """The facts with as many rotors as ESCs have turned or motors were driven, from 3 on."""
-    for channel, words in (("esc_rpm", "the ESCs that report"), ("throttle", "its motor outputs")):
-        turning = [
-            int(number)
-            for number, signal in by_index(signals, channel).items()
-            if np.any(np.abs(signal.values) > 0)
-        ]
-        if len(turning) >= 3:
-            return replace(facts, rotor_count=max(turning) + 1, rotor_evidence=words)
+    driven = {k for k, s in by_index(signals, "throttle").items() if np.any(s.values > 0)}
+    for numbers, words in (
+        (turned_escs(signals), "the ESCs that report"),
+        ({int(number) for number in driven}, "its motor outputs"),
+    ):
+        if len(numbers) >= 3:
+            return replace(facts, rotor_count=max(numbers) + 1, rotor_evidence=words)
     return facts

@@ -127,7 +127,11 @@ class Recording:
     vehicles: tuple[int, ...]
     autopilot: str  # "ArduPilot", "PX4" or "unknown"
     mav_type: int | None = None  # as the vehicle reports itself; None unknown
-    motor_order: str = ""  # in words, where ESC channels are numbered by motor already
+    motor_order: str = ""  # in words, where motor outputs are numbered by motor already
+    esc_order: str = ""  # likewise ESC channels
+    unused: Mapping[str, str] = field(
+        default_factory=dict
+    )  # channel -> what is there, why not used
     notes: tuple[str, ...] = ()
     hardware_id: str = ""  # serial number of the autopilot in hexadecimal digits
     firmware: str = ""  # where a field of its own states it

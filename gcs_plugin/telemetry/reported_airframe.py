@@ -15,11 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.telemetry.vehicle_kind import (
-    motor_outputs,
-    vehicle_facts,
-    whole_number,
-)
+from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import motor_outputs, whole_number
+from thrustmargin.gcs_plugin.telemetry.vehicle_kind import vehicle_facts
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.physics.airframe import Quantity
 from thrustmargin.models.physics.airframe_draft import lower_effectiveness
@@ -77,7 +74,7 @@ def reported_airframe(
     kind = whole_number(parameters, f"{q}FRAME_CLASS")
     if layout is None:
         shape = whole_number(parameters, f"{q}FRAME_TYPE")
-        found = layout_of_text(texts)
+        found = layout_of_text(texts, -2 if shape is None else shape)
         if kind is not None:
             found = ardupilot_layout(kind, 1 if shape is None else shape)
             if found is None:

@@ -13,6 +13,7 @@ from thrustmargin.gcs_plugin.mavlink.rules import Rule, Signal, decode
 from thrustmargin.gcs_plugin.mavlink.text import printable
 from thrustmargin.gcs_plugin.telemetry.recording import Stream
 from thrustmargin.gcs_plugin.telemetry.resample import coverage, in_time_order, known_rows
+from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import parameter
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.provenance import Provenance, Reason, Rejected, SourceKind
 
@@ -222,8 +223,8 @@ def speed_through_air(time_s: Floats, velocity: Floats, wind_s: Floats, wind: Fl
 
 def pitot_present(streams: Mapping[str, Stream], parameters: Mapping[str, float]) -> bool | None:
     """Whether the vehicle says that it has an airspeed sensor; None when it does not say."""
-    kind = parameters.get("ARSPD_TYPE", parameters.get("ARSPD1_TYPE"))
-    if kind is not None:
+    kind = parameter(parameters, "ARSPD_TYPE")
+    if np.isfinite(kind):
         return kind > 0
     status = streams.get("SYS_STATUS")
     if status is None or status.time_s.size == 0:

@@ -7,16 +7,14 @@ PX4: its vehicle type, CA_AIRFRAME, CA_ROTORn, SYS_AUTOSTART.
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
+from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import motor_outputs, whole_number
 from thrustmargin.models.physics.motor_layouts import FRAME_CLASSES, class_rotors
 from thrustmargin.models.vehicle_facts import VehicleFacts, VehicleKind
 
-#: SERVOn_FUNCTION -> motor, both counted as ArduPilot does, the motor from 0.
-MOTOR_FUNCTIONS = {**{33 + k: k for k in range(8)}, **{82 + k: 8 + k for k in range(4)}}
 #: FRAME_CLASS of ArduCopter and Q_FRAME_CLASS -> rotors
 FRAME_ROTORS = class_rotors()
 _HELICOPTER_CLASSES = (6, 11, 13)
@@ -57,6 +55,7 @@ _OWN_PARAMETERS: tuple[tuple[str, VehicleKind], ...] = (
     ("JS_GAIN_DEFAULT", "submarine"),
     ("H_RSC_MODE", "helicopter"),
     ("MOT_SPIN_MIN", "multirotor"),
+    ("MOT_SPIN_ARMED", "multirotor"),
 )
 #: PX4's CA_AIRFRAME -> kind; 9 is custom.
 _CONTROL_ALLOCATION: dict[int, VehicleKind] = {
@@ -77,25 +76,6 @@ _AUTOSTART: dict[int, VehicleKind] = {
     **dict.fromkeys((50, 51, 52, 53), "rover"),
     60: "submarine",
 }
-
-
-def whole_number(parameters: Mapping[str, float], name: str) -> int | None:
-    """A parameter that counts or selects; None where it is absent, not finite or no whole number.
-
-    Every parameter that is used as a whole number is read by this function.
-    """
-    value = parameters.get(name, math.nan)
-    return int(value) if math.isfinite(value) and value == round(value) else None
-
-
-def motor_outputs(parameters: Mapping[str, float]) -> dict[int, int]:
-    """Motor -> its servo output by SERVOn_FUNCTION, both from 0; empty where none is said."""
-    found: dict[int, int] = {}
-    for output in range(32):
-        function = whole_number(parameters, f"SERVO{output + 1}_FUNCTION")
-        if function in MOTOR_FUNCTIONS:
-            found[MOTOR_FUNCTIONS[function]] = output
-    return found
 
 
 def vehicle_facts(
@@ -170,7 +150,8 @@ def _rotors(
         return by_function, "SERVOn_FUNCTION"
     for text in texts:
         head, _, rest = text.partition(": ")
-        if head == "Frame" and (count := _FRAME_TEXTS.get(rest.split("/")[0].strip(), 0)):
+        frame_text = rest.split("/")[0].strip().replace("_", "")  # older: OCTA_QUAD
+        if head == "Frame" and (count := _FRAME_TEXTS.get(frame_text, 0)):
             return count, f"text '{text}'"
     listed = whole_number(parameters, "CA_ROTOR_COUNT") or 0
     inside = range(listed if 0 <= listed <= 12 else 0)

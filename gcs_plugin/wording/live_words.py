@@ -85,7 +85,7 @@ def two_vehicles(system: int, *, helps: bool = False) -> str:
     """That one id is used twice, and (`helps`) what that means and what to do."""
     said = f"two vehicles send as system {system}"
     if helps:
-        said += ": nothing is computed; give each its own id (SYSID_THISMAV)"
+        said += ": nothing is computed; give each its own id (SYSID_THISMAV or MAV_SYSID)"
     return said
 
 

@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike
 
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.provenance import Meaning
+from thrustmargin.models.units import G0
 
-G0 = 9.80665  # m/s², standard gravity
 GAS_CONSTANT = 287.05287  # J/(kg K), dry air
 SEA_LEVEL_TEMPERATURE = 288.15  # K
 SEA_LEVEL_PRESSURE = 101_325.0  # Pa

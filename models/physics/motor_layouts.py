@@ -167,13 +167,18 @@ def layout_of_rotors(position_frd: Floats, spin: Floats) -> MotorLayout | None:
     return None
 
 
-def layout_of_text(texts: Iterable[str]) -> MotorLayout | None:
-    """The layout by ArduPilot's boot text "Frame: HEXA/X"; None without one."""
+def layout_of_text(texts: Iterable[str], frame_type: int = -2) -> MotorLayout | None:
+    """The layout by ArduPilot's boot text "Frame: HEXA/X"; None without one.
+
+    `frame_type` is the shape of older firmware, whose text is "Frame: HEXA".
+    """
     for text in texts:
         head, _, rest = text.strip().partition(": ")
         kind, _, shape = rest.partition("/")
+        kind = kind.replace("_", "")
         if head == "Frame" and kind in FRAME_CLASSES:
-            return ardupilot_layout(FRAME_CLASSES[kind], _TYPES.get(shape.split("/")[0], -2))
+            known = _TYPES.get(shape.split("/")[0], -2) if shape else frame_type
+            return ardupilot_layout(FRAME_CLASSES[kind], known)
     return None
 
 

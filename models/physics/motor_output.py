@@ -63,7 +63,7 @@ def output_curve(parameters: Mapping[str, float], source: Provenance = NOT_REPOR
     """
     factor = parameters.get("THR_MDL_FAC")
     before = source.meaning is Meaning.THRUST_DEMAND
-    if factor is not None or before:
+    if factor is not None or before or source.meaning is Meaning.PX4_OUTPUT:
         if factor is not None and 0.0 < factor <= 1.0:
             return OutputCurve(
                 expo=factor,

@@ -215,6 +215,19 @@ def test_latitude_and_longitude_zero_is_no_place():
         (changed("items", to=[]), "has no mission items; plan the flight"),
         (changed("items", 0, to=7), "item 1 is not an item"),
         (
+            changed("items", 0, "type", to=None),
+            'item 1 has no "type", so what it is cannot be known',
+        ),
+        (changed("items", 0, "type", to="Loop"), "item 1 is of type 'Loop', which is not known"),
+        ({**QGC, "version": 42}, "north.plan is of version 42; version 1 is understood"),
+        ({**QGC, "version": "1"}, "is of version '1'"),
+        (changed("version", to=3), "north.plan mission is of version 3; version 2 is"),
+        (changed("items", 0, "coordinate", to=[47.0, 8.0]), "item 1 coordinate is .*list of 3"),
+        (
+            changed("items", 0, "coordinate", to=[1.0, 8.0, 3.0]),
+            "item 1 has one place in params and",
+        ),
+        (
             changed("items", 1, to={"type": "ComplexItem", "complexItemType": "StructureScan"}),
             "item 2 is of type 'StructureScan', which does not store its waypoints; upload the "
             "plan to the vehicle and get it back with: thrustmargin fetch mission URL "
@@ -244,6 +257,42 @@ def test_a_plan_that_cannot_be_flown_says_which_item_and_what_to_do(
         read_plan(saved(tmp_path, content))
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 300
+
+
+def test_four_parameters_and_a_coordinate_are_the_seven(tmp_path: Path):
+    older = json.loads(json.dumps(QGC))
+    for entry in older["mission"]["items"]:
+        if "params" in entry:
+            entry["coordinate"], entry["params"] = entry["params"][4:], entry["params"][:4]
+    assert same(read_plan(saved(tmp_path, older)), read_plan(saved(tmp_path, QGC)))
+    short = changed("items", 0, "coordinate", to=[47.0, 8.0, 3.0])
+    short["mission"]["items"][0]["params"] = [0, 0, 0]
+    with pytest.raises(PlanError, match=r"item 1 params is .*list of 4 numbers"):
+        read_plan(saved(tmp_path, short))
+
+
+def test_what_is_not_read_is_named(tmp_path: Path):
+    assert read_plan(saved(tmp_path, QGC)).notes == ()
+    more = json.loads(json.dumps(QGC))
+    more["geoFence"] = {"circles": [{}], "polygons": [{}, {}], "version": 2}
+    more["rallyPoints"] = {"points": [[47.0, 8.0, 20.0]], "version": 2}
+    del more["version"]
+    for command in (93, 34, 177, 206):  # a delay, an orbit, a jump; and a camera's shutter
+        number = len(more["mission"]["items"]) + 1
+        more["mission"]["items"].append(
+            {"type": "SimpleItem", "command": command, "frame": 2, "params": [0] * 7}
+            | {"doJumpId": 100 + number}
+        )
+    first = 100 + len(QGC["mission"]["items"]) + 1
+    assert read_plan(saved(tmp_path, more)).notes == (
+        "north.plan states no version and is read as version 1",
+        "2 polygon(s) of the geofence of the file are not read",
+        "1 circle(s) of the geofence of the file are not read",
+        "1 rally point(s) of the file are not read",
+        f"item {first} (MAV_CMD 93) flies or waits in a way that is not reckoned",
+        f"item {first + 1} (MAV_CMD 34) flies or waits in a way that is not reckoned",
+        f"item {first + 2} (MAV_CMD 177) flies or waits in a way that is not reckoned",
+    )
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path: Path):

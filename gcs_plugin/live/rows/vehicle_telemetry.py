@@ -33,7 +33,12 @@ from thrustmargin.gcs_plugin.telemetry.clock import (
     gps_times,
     unix_minus_clock,
 )
-from thrustmargin.gcs_plugin.telemetry.motors import MotorMap, counted_by_reports, motor_map
+from thrustmargin.gcs_plugin.telemetry.motors import (
+    MotorMap,
+    counted_by_reports,
+    motor_map,
+    turned_escs,
+)
 from thrustmargin.gcs_plugin.telemetry.recording import Stream
 from thrustmargin.gcs_plugin.telemetry.resample import known_rows, last_before
 from thrustmargin.gcs_plugin.telemetry.rows import KEPT, Carried, flight_rows
@@ -111,6 +116,7 @@ class VehicleTelemetry:
         self._motors: MotorMap | None = None
         self._by_ground = False  # its clock has not been heard, and the ground's counts
         self._known: object = None  # what the motors were found from
+        self._turned: frozenset[int] = frozenset()  # ESCs
         self._said = ({}, -2, VehicleFacts())  # parameters and kind, and the facts that they give
         self._restart()
 
@@ -295,14 +301,17 @@ class VehicleTelemetry:
                 rotor_count=self._counted.rotor_count,
                 rotor_evidence=self._counted.rotor_evidence,
             )
-        known = (state.parameters, facts, len(signals.get("esc_rpm", ())))
+        self._turned |= turned_escs(signals)
+        known = (state.parameters, facts, len(signals.get("esc_rpm", ())), self._turned)
         if known == self._known:
             return self._motors
         self._known = known
         self.problem, self._motors = facts.refusal(name), None
         for craft in () if self.problem else (self._airframe, None):
             with suppress(AirframeError):  # another aircraft is shown without this airframe
-                self._motors = motor_map(name, state.parameters, signals, craft, facts=facts)
+                self._motors = motor_map(
+                    name, state.parameters, signals, craft, facts=facts, turned=self._turned
+                )
                 self._options = replace(self._options, airframe=craft)
                 break
         return self._motors

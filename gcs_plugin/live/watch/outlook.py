@@ -14,6 +14,7 @@ from thrustmargin.gcs_plugin.live.rows.tank_balance import DeliveryMeter
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import ARDUPILOT, VehicleState
 from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows
 from thrustmargin.gcs_plugin.telemetry.recording import Waypoint
+from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import parameter
 from thrustmargin.mission.forecast import (
     Conditions,
     Forecast,
@@ -157,7 +158,8 @@ class LookAhead:
         position = track.position_ned[row]
         if self.plan is None or track.origin is None or not np.all(np.isfinite(position)):
             return None
-        speed = state.parameters.get("WPNAV_SPEED", 100.0 * self.plan.cruise_speed) / 100.0
+        set_speed = parameter(state.parameters, "WP_SPD")
+        speed = set_speed if set_speed > 0.0 else self.plan.cruise_speed
         legs = route_ahead(
             self.plan,
             max(mission_item, 0),

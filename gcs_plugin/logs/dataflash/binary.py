@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -10,15 +11,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.gcs_plugin.logs.dataflash.columns import DataFlashColumns, Units
+from thrustmargin.gcs_plugin.logs.dataflash.columns import (
+    DataFlashColumns,
+    Units,
+    filled_clock,
+    own_clock,
+)
 from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import (
     MESSAGES,
     REQUIRED,
     columns_of,
     dataflash_signals,
+    without_monitors_off,
 )
 from thrustmargin.gcs_plugin.logs.dataflash.message_scan import (
     FMT_HEAD,
+    LETTERS,
     PADDING,
     FoundMessages,
     scan,
@@ -38,6 +46,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     pauses,
     without_leaps,
 )
+from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import parameter
 from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Floats
@@ -45,8 +54,15 @@ from thrustmargin.models.flight import Floats
 _GPS_EPOCH = 315964800.0  # Unix s of 1980-01-06
 _LEAP_SECONDS = 18.0  # GPS time ahead of UTC since 2017
 _WEEK = 604800.0
+_GPS_TIME = (("GWk", "GMS"), ("Week", "TimeMS"))  # later, and up to ArduCopter 3.2
 
 _TIMELESS = ("PARM", "CMD")
+#: Columns of the vehicle's clock: their letters, bytes, type and s of one.
+_CLOCKS = (
+    ("TimeUS", ("Q", "q"), 8, "<u8", 1e-6),
+    ("TimeMS", ("I",), 4, "<u4", 1e-3),
+    ("T", ("I",), 4, "<u4", 1e-3),
+)
 
 #: Message name to its columns and times (s since boot, NaN unknown), or None.
 Lookup = Callable[[str], tuple[DataFlashColumns, Floats] | None]
@@ -105,18 +121,23 @@ def _clock(found: FoundMessages) -> tuple[Floats, NDArray[np.bool_]]:
     """(n,) s since boot of each message, NaN where it has none; (n,) False where it is damaged."""
     clock = np.full(found.start.size, np.nan)
     usable = np.ones(found.start.size, dtype=np.bool_)
-    in_us, in_ms = (np.zeros(256, dtype=np.bool_) for _ in range(2))
-    for number, form in found.formats.items():
-        in_us[number] = form.columns[:1] == ("TimeUS",) and form.letters[:1] in ("Q", "q")
-        in_ms[number] = form.columns[:1] == ("TimeMS",) and form.letters[:1] == "I"
-    # Logs from before 2015 count milliseconds.
-    for timed, width, kind, unit in ((in_us, 8, "<u8", 1e-6), (in_ms, 4, "<u4", 1e-3)):
-        rows = np.flatnonzero(timed[found.type])
+    for column, letters, width, kind, unit in _CLOCKS:
+        # Where in a message its clock is, 0 in those that have none in this unit.
+        offset = np.zeros(256, dtype=np.int64)
+        for number, form in found.formats.items():
+            own = own_clock(form.columns)
+            at = form.columns.index(column) if own is not None and own[0] == column else -1
+            if at >= 0 and form.letters[at] in letters:
+                before = form.letters[:at]
+                offset[number] = 3 + sum(np.dtype(LETTERS[x][0]).itemsize for x in before)
+        rows = np.flatnonzero(offset[found.type])
         if rows.size:
-            raw = gather(found.data, found.start[rows] + 3, width).view(kind).ravel()
+            start = found.start[rows] + offset[found.type[rows]]
+            raw = gather(found.data, start, width).view(kind).ravel()
             clock[rows] = without_leaps(raw * unit)
             usable[rows] = np.isfinite(clock[rows])
-    return clock, usable
+    old = not any(form.columns[:1] == ("TimeUS",) for form in found.formats.values())
+    return filled_clock(clock) if old else clock, usable
 
 
 def recording_of(
@@ -145,7 +166,7 @@ def recording_of(
         columns = columns_of(streams["PARM"])
         values = columns.number("Value").tolist()
         parameters = dict(zip(columns.texts("Name"), values, strict=True))
-    own = parameters.get("SYSID_THISMAV", parameters.get("MAV_SYSID", 1.0))
+    own = parameter(parameters, "MAV_SYSID")
     own = int(own) if 0 < own < 256 else 1
     if vehicle is not None and vehicle != own:
         raise LogError(f"{path.name}: no vehicle {vehicle}; it is the log of vehicle {own}")
@@ -177,13 +198,14 @@ def _unix_offset(stream: Stream | None) -> float | None:
     if stream is None:
         return None
     columns = columns_of(stream)
-    if any(name not in columns for name in ("GWk", "GMS")):
+    names = next((n for n in _GPS_TIME if all(name in columns for name in n)), None)
+    if names is None:
         return None
-    week = columns.number("GWk")
+    week = columns.number(names[0])
     known = week > 1000
     if not known.any():
         return None
-    unix = _GPS_EPOCH + week * _WEEK + columns.si("GMS", "ms") - _LEAP_SECONDS
+    unix = _GPS_EPOCH + week * _WEEK + columns.si(names[1], "ms") - _LEAP_SECONDS
     return float(np.median((unix - stream.time_s)[known]))
 
 
@@ -224,7 +246,9 @@ def flight_of(
 ) -> FlightLog:
     """The flight of a DataFlash log, binary or text by its `reader`."""
     recording = reader(path, vehicle=vehicle)
-    return assemble(recording, dataflash_signals(recording.streams), options)
+    signals = dataflash_signals(recording.streams)
+    signals, unused = without_monitors_off(signals, recording.parameters)
+    return assemble(replace(recording, unused=unused), signals, options)
 
 
 FORMAT = LogFormat(

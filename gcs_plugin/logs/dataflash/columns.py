@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,19 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.logs.dataflash.message_scan import LETTERS, SCALED_LETTERS, Format
-from thrustmargin.gcs_plugin.mavlink.rules import UNITS
 from thrustmargin.gcs_plugin.mavlink.text import printable
 from thrustmargin.models.flight import Floats
+from thrustmargin.models.units import SCALES, Scale
 
-#: unit label of the log -> (factor, offset) to SI; latitude and longitude stay degrees, charge
-#: becomes mAh. A label that is not here is SI already, or none.
-LABELS: Mapping[str, tuple[float, float]] = {
-    "deg": UNITS["deg"],
-    "degheading": UNITS["deg"],
-    "deg/s": UNITS["deg/s"],
-    "degC": UNITS["degC"],
-    "Ah": (1000.0, 0.0),
-}
 #: Columns that firmware of before 2016 wrote in hundredths, as whole numbers without a factor;
 #: later the same columns are fractional numbers in V and A.
 _HUNDREDTHS = {"CURR": ("Volt", "Curr")}
@@ -68,11 +59,30 @@ class DataFlashColumns:
     def si(self, name: str, assumed: str) -> Floats:
         """(n,) in SI; the unit `assumed` holds where the log states none."""
         label = self.label.get(name, "")
-        if label in NO_UNIT:
-            factor, offset = UNITS[assumed]
-        else:
-            factor, offset = LABELS.get(label, (1.0, 0.0))
+        # A label that is not known is SI already, or none.
+        factor, offset = SCALES[assumed] if label in NO_UNIT else SCALES.get(label, Scale())
         return self.number(name) * factor + offset
+
+
+def own_clock(columns: Sequence[str]) -> tuple[str, float] | None:
+    """The column with the vehicle's clock and s of its unit; None for a message without one.
+
+    Logs from before 2015 count ms; their GPS has it in T, and TimeMS of the GPS's week.
+    """
+    if columns[:1] == ("TimeUS",):
+        return "TimeUS", 1e-6
+    if columns[:1] == ("TimeMS",):
+        return "TimeMS", 1e-3
+    return ("T", 1e-3) if columns[:2] == ("Status", "TimeMS") and "T" in columns else None
+
+
+def filled_clock(clock: Floats) -> Floats:
+    """(n,) s of messages in the order of the file, those without a time between their neighbours.
+
+    For logs from before 2015, most of whose messages have none.
+    """
+    known = np.flatnonzero(np.isfinite(clock))
+    return np.interp(np.arange(clock.size), known, clock[known]) if known.size else clock
 
 
 @dataclass(frozen=True, slots=True)

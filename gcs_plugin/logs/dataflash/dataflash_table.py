@@ -14,6 +14,7 @@ from thrustmargin.gcs_plugin.mavlink.rules import (
     quantity,
 )
 from thrustmargin.gcs_plugin.telemetry.recording import Stream
+from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import whole_number
 from thrustmargin.gcs_plugin.telemetry.signals import (
     Signals,
     collected,
@@ -36,11 +37,14 @@ RULES: tuple[Rule, ...] = (
     Rule("GPS", ("Lat", "Lng", "Alt"), "geodetic", _PLACE, index="I", only=0),
     Rule("XKF1", ("VN", "VE", "VD"), "velocity_ned", "m/s", index="C", only=0),
     Rule("NKF1", ("VN", "VE", "VD"), "velocity_ned", "m/s"),
+    Rule("EKF1", ("VN", "VE", "VD"), "velocity_ned", "m/s"),
     Rule("POS", ("Alt",), "altitude", "m"),
     Rule("BARO", ("AltAMSL",), "altitude", "m", index="I", only=0),
+    Rule("GPS", ("Alt",), "altitude", "m", index="I", only=0),
     Rule("RFND", ("Dist",), "height_agl", "m", note="rangefinder, looking down, good readings"),
     Rule("POS", ("RelHomeAlt",), "height_agl", "m", meaning=Meaning.ABOVE_HOME),
     Rule("CTUN", ("Alt",), "height_agl", "m", meaning=Meaning.ABOVE_HOME),
+    Rule("CTUN", ("BarAlt",), "height_agl", "m", meaning=Meaning.ABOVE_HOME),
     Rule("ARSP", ("Airspeed",), "airspeed", "m/s", index="I", only=0, note="pitot"),
     Rule("BAT", ("Volt",), "battery_voltage", "V", index="Inst"),
     Rule("BAT", ("Curr",), "battery_current", "A", index="Inst"),
@@ -82,6 +86,7 @@ MESSAGES = tuple(dict.fromkeys([*(rule.message for rule in RULES), *REQUIRED]))
 
 #: ESCs or batteries of one vehicle.
 _MOST_SOURCES = 32
+_FASTEST_GYRO = 35.0  # rad/s: full scale of those that autopilots have, 2000 deg/s
 _ON_GROUND, _IN_AIR = 1.0, 2.0
 #: LogEvent: 18 landed, 28 not landed any more, 11 disarmed.
 _EVENTS = {18: _ON_GROUND, 28: _IN_AIR, 11: _ON_GROUND}
@@ -103,12 +108,38 @@ def dataflash_signals(streams: Mapping[str, Stream]) -> Signals:
     for rule in RULES:
         stream = streams.get(rule.message)
         if stream is not None:
-            signals += _by_rule(rule, stream)
+            signals += _by_rule(rule, stream, streams)
     signals += _wind_and_airspeed(streams)
     for name, method in _METHODS:
         if name in streams:
             signals += method(streams[name])
     return collected(signals)
+
+
+#: Signals of a battery monitor -> the monitors (BATT_MONITOR) that do not measure them: none at
+#: all, and of the current one of voltage alone.
+_NOT_MEASURED = {"voltage": (0,), "current": (0, 3)}
+
+
+def without_monitors_off(
+    signals: Signals, parameters: Mapping[str, float]
+) -> tuple[Signals, dict[str, str]]:
+    """The signals without those of battery monitors that are off, and what is to be said of them.
+
+    Such a monitor is logged by older firmware with whatever its pins read.
+    """
+    kept: dict[str, tuple[Signal, ...]] = dict(signals)
+    unused: dict[str, str] = {}
+    for channel, off in _NOT_MEASURED.items():
+        for name in (channel, f"battery_{channel}"):
+            for signal in signals.get(name, ()):
+                number = signal.index if isinstance(signal.index, int) else 0
+                monitor = f"BATT{number + 1 if number else ''}_MONITOR"
+                if whole_number(parameters, monitor) in off:
+                    kept[name] = tuple(s for s in kept[name] if s is not signal)
+                    said = f"{monitor} {parameters[monitor]:g} measures no {channel}"
+                    unused[channel] = f"in the log ({signal.source.words}), not used: {said}"
+    return {name: found for name, found in kept.items() if found}, unused
 
 
 def columns_of(stream: Stream) -> DataFlashColumns:
@@ -117,11 +148,13 @@ def columns_of(stream: Stream) -> DataFlashColumns:
     return stream.columns
 
 
-def _by_rule(rule: Rule, stream: Stream) -> list[Signal]:
+def _by_rule(rule: Rule, stream: Stream, streams: Mapping[str, Stream]) -> list[Signal]:
     columns = columns_of(stream)
     if any(name not in columns for name in rule.fields):
         return []
     values = quantity(rule, columns, DataFlashColumns.si)
+    if rule.message == "RATE" and ("TimeMS" in columns or _in_hundredths(values, streams)):
+        values = values * 0.01
     if rule.message == "RFND":
         values = np.where(_rangefinder_good(columns), values, np.nan)
     if rule.index is None or rule.index not in columns:
@@ -138,6 +171,22 @@ def _by_rule(rule: Rule, stream: Stream) -> list[Signal]:
             source = source.of_instance(number)
         made.append(ordered_signal(rule.channel, source, stream.time_s[rows], values[rows], number))
     return made
+
+
+def _in_hundredths(rate: Floats, streams: Mapping[str, Stream]) -> bool:
+    """Whether body rates (n, 3) are of ArduCopter before 3.4, which logs hundredths of a degree.
+
+    The message is the same in both: the gyroscope shows which, or that none measures as much.
+    """
+    sizes = np.linalg.norm(rate, axis=1)
+    gyro = streams.get("IMU")
+    names = ("GyrX", "GyrY", "GyrZ")
+    if gyro is not None and all(name in columns_of(gyro) for name in names):
+        parts = [columns_of(gyro).si(name, "rad/s") for name in names]
+        felt = np.nanmedian(np.linalg.norm(parts, axis=0)) if parts[0].size else np.nan
+        if felt > 0:
+            return bool(np.nanmedian(sizes) > 10.0 * felt)
+    return bool(np.nanmax(sizes, initial=0.0) > _FASTEST_GYRO)
 
 
 def _real_numbers(numbers: Floats) -> list[int]:

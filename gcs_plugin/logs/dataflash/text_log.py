@@ -12,7 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.logs.dataflash.binary import flight_of, recording_of
-from thrustmargin.gcs_plugin.logs.dataflash.columns import DataFlashColumns, Units
+from thrustmargin.gcs_plugin.logs.dataflash.columns import (
+    DataFlashColumns,
+    Units,
+    filled_clock,
+    own_clock,
+)
 from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import MESSAGES
 from thrustmargin.gcs_plugin.logs.dataflash.message_scan import Format, make_format
 from thrustmargin.gcs_plugin.logs.read import LogFormat
@@ -64,6 +69,13 @@ def read_dataflash_text(path: Path, *, vehicle: int | None = None) -> Recording:
     if tables:
         order = np.argsort(np.concatenate(offsets), kind="stable")
         clocks = np.concatenate([clock for _, clock in tables.values()])[order]
+        if not any("TimeUS" in table for table, _ in tables.values()):
+            clocks = filled_clock(clocks)
+            back = np.empty(order.size)
+            back[order] = clocks
+            ends = np.cumsum([clock.size for _, clock in tables.values()])
+            parts = np.split(back, ends[:-1])
+            tables = {n: (t, c) for (n, (t, _)), c in zip(tables.items(), parts, strict=True)}
         known = clocks[np.isfinite(clocks)]
     stretch = longest_stretch(known, path.name)
     low, high = -np.inf, np.inf
@@ -75,7 +87,7 @@ def read_dataflash_text(path: Path, *, vehicle: int | None = None) -> Recording:
             return None
         table, clock = tables[name]
         inside = (clock >= low) & (clock <= high)
-        if "TimeUS" not in table and "TimeMS" not in table:
+        if own_clock(tuple(table)) is None:
             inside |= ~np.isfinite(clock)
         scale, label = units.describe(lines.formats[name], text=True)
         chosen = {column: values[inside] for column, values in table.items()}
@@ -156,10 +168,9 @@ def _number(word: str) -> float:
 
 
 def _clock(table: Mapping[str, NDArray[Any]]) -> Floats:
-    if "TimeUS" in table:
-        return without_leaps(table["TimeUS"] * 1e-6)
-    if "TimeMS" in table:
-        return without_leaps(table["TimeMS"] * 1e-3)
+    clock = own_clock(tuple(table))
+    if clock is not None:
+        return without_leaps(table[clock[0]] * clock[1])
     size = len(next(iter(table.values()))) if table else 0
     return np.full(size, np.nan)
 

@@ -46,7 +46,7 @@ def figures(report: FlightReport) -> Mapping[str, Figure]:
     use = rows["known_utilisation"]
     knows_use = bool(np.any(np.isfinite(use)))
     knows_redundancy = bool(np.any(np.isfinite(rows["redundancy_yaw_uncontrolled"])))
-    placed = bool(np.any(np.isfinite(rows["north"]) & np.isfinite(rows["east"])))
+    placed = bool(np.any(np.isfinite(rows["position_north"]) & np.isfinite(rows["position_east"])))
     made: dict[str, Figure] = {}
     if knows_use:
         made["use"] = use_figure(rows, use, limit, worst)
@@ -65,7 +65,7 @@ def figures(report: FlightReport) -> Mapping[str, Figure]:
     if np.any(np.isfinite(residual[~inferred])):
         made["residual"] = residual_figure(rows, names)
     if placed:
-        place = rows["north"], rows["east"]
+        place = rows["position_north"], rows["position_east"]
         at = np.column_stack([*place, np.zeros(place[0].size)])
         field = sprayed_field(at, rows["spraying"])
         wind = {key: report.flight[f"wind_{key}"] for key in ("speed_median", "from_deg")}
@@ -226,7 +226,7 @@ def redundancy_map(rows: Rows) -> Figure:
 
 def _map(rows: Rows, coloured: Mapping[str, tuple[Floats, Floats]], scale: ColourScale) -> Figure:
     return route_map(
-        (rows["north"], rows["east"]),
+        (rows["position_north"], rows["position_east"]),
         rows["time_s"],
         coloured,
         scale,
@@ -238,10 +238,10 @@ def _map(rows: Rows, coloured: Mapping[str, tuple[Floats, Floats]], scale: Colou
 
 def airborne(rows: Rows) -> Rows:
     """The rows from take-off to landing; rotors on the ground between are blanked."""
-    flown = np.flatnonzero(rows["airborne"])
+    flown = np.flatnonzero(rows["flying"])
     span = slice(int(flown[0]), int(flown[-1]) + 1) if flown.size else slice(0, 0)
     cut = {key: values[span] for key, values in rows.items()}
-    landed = cut["airborne"] == 0.0
+    landed = cut["flying"] == 0.0
     for key, of_rotors in cut.items():
         if of_rotors.ndim < 2:
             continue

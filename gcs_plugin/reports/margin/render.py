@@ -85,7 +85,7 @@ def json_text(report: Report, csv_name: str) -> str:
         "overview": to_json_values(report.overview),
         "csv": {
             "file": csv_name,
-            "columns": ["flight", *(f"{name} [{unit}]" for _, name, unit, _ in COLUMNS)],
+            "columns": ["flight_number", *(f"{name} [{unit}]" for name, unit, _ in COLUMNS)],
         },
         "flights": [
             {
@@ -111,7 +111,7 @@ def csv_bytes(report: Report) -> bytes:
     tables = []
     for k, flight in enumerate(report.flights):
         rows = flight.rows["time_s"].size
-        columns = {"flight": pa.array(np.full(rows, k + 1))}
+        columns = {"flight_number": pa.array(np.full(rows, k + 1))}
         for header, values in csv_columns(flight.rows, rotors):
             columns[header] = pa.array(values, from_pandas=True)
         tables.append(pa.table(columns))

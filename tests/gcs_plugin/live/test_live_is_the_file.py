@@ -48,7 +48,7 @@ from thrustmargin.models.physics.airframe import Airframe
 
 LOGS = ("campaign/v4_m16_q2.5", "onset/worn_prop_onset", "dev/climb_1", "dev/windy_1")
 #: Of the parameters, those that rows depend on.
-OF_ROWS = ("SERVO", "MOT_PWM", "FRAME_CLASS", "BATT", "ARSPD", "WPNAV_SPEED")
+OF_ROWS = ("SERVO", "MOT_PWM", "FRAME_CLASS", "BATT", "ARSPD", "WP", "RC3_", "RCMAP")
 EFFECTS = {effect.key: effect for effect in CATALOGUE}
 
 

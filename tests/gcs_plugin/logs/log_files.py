@@ -125,21 +125,24 @@ class UlogWriter:
         payload = bytes([len(key)]) + key + struct.pack("<i", value)
         self._head.append(self._message(b"P", payload))
 
-    def topic(self, name: str, fields: list[tuple[str, str]], codes: str) -> None:
+    def topic(
+        self, name: str, fields: list[tuple[str, str]], codes: str, *, instances: int = 1
+    ) -> None:
         """`fields` are (ULog type, name) after the time; `codes` pack one row of them."""
         listed = ";".join(f"{kind} {field}" for kind, field in [("uint64_t", "timestamp"), *fields])
         self._head.append(self._message(b"F", f"{name}:{listed};".encode()))
-        number = len(self._topics)
-        self._topics[name] = (number, f"<HQ{codes}")
-        self._body.insert(
-            number, self._message(b"A", struct.pack("<BH", 0, number) + name.encode())
-        )
+        for instance in range(instances):
+            number = len(self._topics)
+            self._topics[f"{name}{instance or ''}"] = (number, f"<HQ{codes}")
+            added = struct.pack("<BH", instance, number) + name.encode()
+            self._body.insert(number, self._message(b"A", added))
 
     def part(self, definition: str) -> None:
         """A type that topics nest, as "name:type field;type field;"."""
         self._head.insert(1, self._message(b"F", definition.encode()))
 
     def row(self, name: str, time_s: float, *values: float) -> None:
+        """`name` of the topic, and the number of its instance from the second on."""
         number, codes = self._topics[name]
         payload = struct.pack(codes, number, int(time_s * 1e6), *values)
         self._body.append(self._message(b"D", payload))
@@ -157,14 +160,18 @@ class DataFlashWriter:
 
     def __init__(self) -> None:
         self._formats: dict[str, tuple[int, str, str]] = {}
-        self._rows: list[tuple[str, tuple[float | str, ...]]] = []
+        self._rows: list[tuple[float, str, tuple[float | str, ...]]] = []
 
     def message(self, name: str, letters: str, columns: str) -> None:
         self._formats[name] = (100 + len(self._formats), letters, columns)
 
-    def row(self, name: str, *values: float | str) -> None:
-        """Numbers as they lie in the file: hundredths for the letter c."""
-        self._rows.append((name, values))
+    def row(self, name: str, *values: float | str, at: float | None = None) -> None:
+        """Numbers as they lie in the file: hundredths for the letter c.
+
+        `at` is the place in time of a message whose first column is not its time.
+        """
+        place = float(values[0]) if at is None else at
+        self._rows.append((place, name, values))
 
     def parameters(self, **values: float) -> None:
         self.message("PARM", "QNf", "TimeUS,Name,Value")
@@ -208,7 +215,7 @@ class DataFlashWriter:
         return "\n".join([*lines, ""]).encode()
 
     def _by_time(self) -> list[tuple[str, tuple[float | str, ...]]]:
-        return sorted(self._rows, key=lambda row: row[1][0])
+        return [row[1:] for row in sorted(self._rows, key=lambda row: row[0])]
 
     def _codes(self, letters: str) -> str:
         from pymavlink.DFReader import FORMAT_TO_STRUCT

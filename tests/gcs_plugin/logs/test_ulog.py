@@ -77,6 +77,35 @@ def px4_log(*, functions: bool = True, repeat: bool = False, tank: bool = True) 
     return log.bytes()
 
 
+def older_log(*banks, **parameters: int) -> bytes:
+    """A quadcopter of before PX4 1.13 for six seconds: each bank has the outputs (60, n) of one
+    driver and no `actuator_motors`."""
+    log = UlogWriter()
+    log.parameter("MAV_TYPE", 2)
+    for name, value in parameters.items():
+        log.parameter(name, value)
+    log.topic("vehicle_attitude", [("float[4]", "q")], "4f")
+    fields = [("uint32_t", "noutputs"), ("float[16]", "output")]
+    log.topic("actuator_outputs", fields, "I16f", instances=len(banks))
+    for tick in range(60):
+        log.row("vehicle_attitude", 100.0 + tick / 10, 1.0, 0.0, 0.0, 0.0)
+        for number, bank in enumerate(banks):
+            outputs = [float(v) for v in bank[tick]]
+            padded = outputs + [0.0] * (16 - len(outputs))
+            log.row(f"actuator_outputs{number or ''}", 100.0 + tick / 10, len(outputs), *padded)
+    return log.bytes()
+
+
+def climbing(low: float, high: float, stopped: float = 900.0, count: int = 4) -> np.ndarray:
+    """(60, count) outputs: stopped for a second, then from low to high, each motor its own way."""
+    share = np.linspace(0.0, 1.0, 50)[:, None] ** np.arange(1, count + 1)
+    return np.concatenate([np.full((10, count), stopped), low + (high - low) * share])
+
+
+HELD = np.repeat([[900.0] * 6, [1500.0] * 6], [10, 50], axis=0)  # servos at their trim
+SHARES = climbing(0.0, 1.0, stopped=0.0)
+
+
 def written(tmp_path: Path, data: bytes) -> Path:
     path = tmp_path / "made.ulg"
     path.write_bytes(data)
@@ -118,6 +147,70 @@ def test_escs_repeated_as_5_to_8_are_left_out(tmp_path):
     track = read_log(written(tmp_path, px4_log(functions=False, repeat=True))).track
     assert track.rotor_count == 4
     assert any("repeats motor 1 and is left out" in note for note in track.notes)
+
+
+@pytest.mark.parametrize(
+    ("banks", "parameters", "said"),
+    [
+        ([climbing(1000, 2000)], {}, "output (1000 to 2000 µs, assumed; "),
+        (
+            [climbing(1075, 1950)],
+            {"PWM_MIN": 1075, "PWM_MAX": 1950},
+            "output (1075 to 1950 µs, PWM_MIN/MAX; ",
+        ),
+        (
+            [climbing(1100, 1900)],
+            {"PWM_MAIN_MIN": 1100, "PWM_MAIN_MAX": 1900, "PWM_MAIN_MIN1": -1, "PWM_MIN": 1},
+            "output (1100 to 1900 µs, PWM_MAIN_MIN/MAX; ",
+        ),
+        # Servos on the second driver, then on the first, then on that of the motors.
+        ([climbing(1000, 2000), HELD], {}, "output (1000 to 2000 µs, assumed; "),
+        (
+            [HELD, climbing(1100, 1900)],
+            {"PWM_AUX_MIN": 1100, "PWM_AUX_MAX": 1900, "PWM_MAIN_MIN": 1, "PWM_MAIN_MAX": 2},
+            "output of id 1 (1100 to 1900 µs, PWM_AUX_MIN/MAX; ",
+        ),
+        ([np.hstack([climbing(1000, 2000), HELD[:, :2]])], {}, "output (1000 to 2000 µs, "),
+        ([HELD[:, :2], climbing(1, 8191, stopped=0.0)], {}, "(0 to 8191 counts, UAVCAN; "),
+    ],
+)
+def test_before_actuator_motors_the_outputs_are_read(tmp_path, banks, parameters, said):
+    log = read_log(written(tmp_path, older_log(*banks, **parameters)))
+    assert log.track.rotor_count == 4
+    np.testing.assert_allclose(log.track.throttle[10:], SHARES[10:], atol=2e-4)
+    source = next(c.source for c in log.channels if c.name == "throttle")
+    assert said in source
+    assert source.endswith("(motor n taken to be on output n)")
+
+
+def test_outputs_that_parameters_give_to_motors_are_theirs(tmp_path):
+    # Outputs 2, 4, 1 and 3 are motors 1 to 4.
+    given = {f"PWM_MAIN_FUNC{output}": 101 + k for k, output in enumerate((2, 4, 1, 3))}
+    outputs = climbing(1000, 2000)[:, [2, 0, 3, 1]]
+    track = read_log(written(tmp_path, older_log(outputs, **given))).track
+    np.testing.assert_allclose(track.throttle, SHARES, atol=1e-6)
+    # Betaflight's order: rear right, front right, rear left, front left.
+    outputs = climbing(1000, 2000)[:, [3, 0, 1, 2]]
+    track = read_log(written(tmp_path, older_log(outputs, MOT_ORDERING=1))).track
+    np.testing.assert_allclose(track.throttle, SHARES, atol=1e-6)
+
+
+@pytest.mark.parametrize("bank", [HELD, climbing(-1.0, 1.0), climbing(100.0, 1999.0, stopped=0.0)])
+def test_outputs_that_are_not_used_are_not_called_absent(tmp_path, bank):
+    # Servos alone, shares, and DShot without the parameter that says where it begins.
+    log = read_log(written(tmp_path, older_log(bank)))
+    assert not log.track.reports("throttle")
+    source = next(c.source for c in log.channels if c.name == "throttle")
+    assert source.startswith("in the log (actuator_outputs), not used: ")
+
+
+def test_only_a_log_with_actuator_functions_claims_their_order(tmp_path):
+    def source(**given) -> str:
+        log = read_log(written(tmp_path, px4_log(**given)))
+        return next(c.source for c in log.channels if c.name == "rotor_speed_rpm")
+
+    assert source() == "esc_status esc_rpm (by PX4's actuator functions)"
+    assert source(functions=False) == "esc_status esc_rpm (motor n taken to have ESC n)"
 
 
 def test_the_tank_comes_from_fuel_tank_status_in_ml(tmp_path):

@@ -34,7 +34,7 @@ OURS = replace(
     liquid_density=1.2,
     pump_max_flow_l_min=6.0,
 )
-FOUR = MotorMap(4, (0, 1, 2, 3), 4, "as numbered", ())
+FOUR = MotorMap(4, (0, 1, 2, 3), 4, "as numbered", (), escs=(0, 1, 2, 3), esc_words="as numbered")
 
 
 def reports(channel: str, times, values, index=None, source: str = "") -> Signal:
@@ -211,7 +211,7 @@ def test_a_listener_reads_spraying_from_the_tank_until_its_pump_has_a_pulse():
     pulses = np.zeros((100, 5))
     pulses[60:, 4] = 1100.0  # 6 s on: off
     tank = reports("named_value", times, 9.0 - 0.05 * (times - 100.0), "TANK")
-    servo = MotorMap(4, (0, 1, 2, 3), 4, "as numbered", ())
+    servo = FOUR
     signals = collected([rotor(0, times), reports("servo_us", times, pulses), tank])
     live = flight_rows(signals, servo, {}, LIVE)
     assert live is not None
@@ -305,6 +305,22 @@ def test_a_flight_counts_from_its_first_row():
     assert np.isnan(found["wind_ned"].rate_hz)
     unknown = assemble(recording(unix_minus_clock=None), collected(flight()), LIVE).track
     assert unknown.start_unix_s is None
+
+
+def test_what_is_in_the_log_and_not_used_is_named_with_the_reason():
+    unknown = reports("battery_current", [0.0, 1.0], [NAN, NAN], 0)
+    absurd = reports("pressure", [0.0, 1.0], [1.0, 1.0])
+    unmapped = reports("servo_us", [0.0, 1.0], [[1500.0], [1600.0]])
+    signals = collected([rotor(0, [0.0, 1.0]), unknown, absurd, unmapped])
+    read = recording(unused={"altitude": "in the log (baro), not used: it has no unit"})
+    found = {report.name: report.source for report in assemble(read, signals, Options()).channels}
+    assert found["current"].endswith("), not used: never with a value")
+    assert found["pressure"].endswith("), not used: no value that can be believed or is in time")
+    assert found["altitude"] == "in the log (baro), not used: it has no unit"
+    assert found["wind_ned"] == "not in the log"
+    nobody = assemble(recording(mav_type=None), collected([unmapped, absurd, unknown]), Options())
+    found = {report.name: report.source for report in nobody.channels}
+    assert found["throttle"].endswith("), not used: of no known motor")
 
 
 def test_absent_rotor_speeds_are_told():

@@ -138,6 +138,69 @@ def test_throttle_is_the_share_of_the_pulse_range():
         np.testing.assert_allclose(wrong[0], found[0])
 
 
+def test_a_range_of_zero_is_that_of_the_throttle_channel():
+    # ArduPilot's old default: 0 and 0 mean the range of the pilot's throttle.
+    pulses = [[1100, 1500, 1900, 2006]] * 3
+    unset = {"MOT_PWM_MIN": 0.0, "MOT_PWM_MAX": 0.0, "RC3_MIN": 1100.0, "RC3_MAX": 1900.0}
+    expected = np.array([[0.0, 0.5, 1.0, 1.0]] * 3).T
+    np.testing.assert_allclose(throttles(pulses, unset), expected)
+    # One of the two set alone counts as neither; a remapped throttle is another channel.
+    np.testing.assert_allclose(throttles(pulses, unset | {"MOT_PWM_MAX": 1700.0}), expected)
+    moved = unset | {"RCMAP_THROTTLE": 2.0, "RC2_MIN": 1100.0, "RC2_MAX": 1700.0}
+    np.testing.assert_allclose(np.array(throttles(pulses, moved))[1], 400 / 600)
+    # A firmware of before FRAME_CLASS has no range of its own; one that only did not send it, has.
+    sent = {"RC3_MIN": 1100.0, "RC3_MAX": 1900.0}
+    np.testing.assert_allclose(throttles(pulses, sent | {"FRAME": 1.0}), expected)
+    np.testing.assert_allclose(np.array(throttles(pulses, sent))[0], 0.1)
+    hover = {"Q_M_PWM_MIN": 0.0, "Q_M_PWM_MAX": 0.0, "Q_THR_MIN_PWM": 1100.0}
+    hover |= {"Q_THR_MAX_PWM": 1900.0, "MOT_PWM_MIN": 900.0, "MOT_PWM_MAX": 1000.0}
+    np.testing.assert_allclose(throttles(pulses, hover), expected)
+    np.testing.assert_allclose(throttles(pulses, unset | {"Q_M_PWM_MIN": 0.0}), expected)
+
+
+def test_the_words_name_the_range_that_was_used():
+    pulses = Signal("throttle", pulses_of("RCOU"), TIME, TIME)
+    found = motors(functions(1, 2, 3))
+    by = "motors on outputs 1, 2, 3 by SERVOn_FUNCTION"
+
+    def words(**parameters: float) -> str:
+        return found.throttle_source([pulses], parameters).words
+
+    unset = {"MOT_PWM_MIN": 0.0, "MOT_PWM_MAX": 0.0}
+    by_radio = words(**unset, RC3_MIN=982.0, RC3_MAX=2006.0)
+    assert by_radio == f"RCOU (982 to 2006 µs, RC3_MIN/MAX; {by})"
+    assert words(**unset) == f"RCOU (1000 to 2000 µs, assumed; {by})"
+    px4 = {"PWM_MAIN_MIN": 1075.0, "PWM_MAIN_MAX": 1950.0, "PWM_MAIN_MIN2": -1.0}
+    assert words(**px4, PWM_MAIN_MIN3=1100.0, PWM_MAIN_MAX3=1900.0) == (
+        f"RCOU (1075 to 1950 µs, PWM_MAIN_MIN/MAX and 1100 to 1900 µs, PWM_MAIN_MIN3/MAX3; {by})"
+    )
+
+
+@pytest.mark.parametrize(
+    ("outputs", "turn", "phantom", "escs"),
+    [
+        ((1, 2, 3, 4), (0, 1, 2, 3), (4, 5), (0, 1, 2, 3)),
+        ((9, 10, 11, 12), (8, 9, 10, 11), (0, 1, 2, 3), (8, 9, 10, 11)),
+        ((9, 10, 11, 12), (0, 1, 2, 3), (8,), (0, 1, 2, 3)),  # counted from 0, in outputs' order
+        ((12, 9, 11, 10), (0, 1, 2, 3), (), (3, 0, 2, 1)),
+        ((10, 11, 12, 13), (1, 2, 3, 4), (0,), (1, 2, 3, 4)),  # counted from the first auxiliary
+        ((10, 11, 12, 13), (0, 1, 2, 3), (4,), (0, 1, 2, 3)),
+        ((5, 6, 7, 8), (0, 1, 2, 3), (), (0, 1, 2, 3)),
+        ((9, 10, 11, 12), (8, 9, 10), (0, 1), (8, 9, 10, 11)),  # one that is silent
+        ((9, 10, 11, 12), (), (0, 1, 2, 3), (8, 9, 10, 11)),  # nothing turned: no reason to move
+    ],
+)
+def test_escs_are_matched_by_what_turns(outputs, turn, phantom, escs):
+    speeds = [reports("esc_rpm", [0.0, 900.0, 950.0], k) for k in turn]
+    speeds += [reports("esc_rpm", [0.0, NAN, 0.0], k) for k in phantom]
+    found = motors(functions(*outputs), signals=speeds)
+    assert found.escs == escs
+    assert found.outputs == tuple(output - 1 for output in outputs)
+    moved = escs != found.outputs
+    assert ("turned and are taken for theirs" in found.esc_words) == moved
+    assert "turned" not in found.order_words
+
+
 def test_outputs_without_a_pulse_or_beyond_the_reported_have_no_throttle():
     assert throttles([[1500, 0, 1500]] * 3, outputs=(1, 2, 4)) == [[0.5] * 3, None, None]
     none = motors(functions(1, 2, 3)).throttle(collected([]), {})

@@ -74,6 +74,29 @@ def test_wrong_units_of_the_other_channels_are_warnings(log):
     assert finding(raw, "accelerometer").level == "warning"
 
 
+def test_strong_vibration_is_no_wrong_unit(log):
+    felt = log.track.specific_force_frd
+    shaken = np.random.default_rng(1).normal(0.0, [3.9, 5.7, 9.0], felt.shape)
+    felt = felt - np.nanmean(felt, axis=0) + [-0.2, 0.3, -10.6]
+    found = finding(changed(log, specific_force_frd=felt + shaken), "accelerometer")
+    assert "unit" not in found.words
+    assert "strong vibration, 11." in found.words
+    assert found.words.startswith("10.")
+    assert found.level == "warning"
+    still = finding(changed(log, specific_force_frd=felt), "accelerometer")
+    assert (still.level, "vibration" in still.words) == ("ok", False)
+    # A unit stays wrong however it shakes: g, mG, counts of 2048 a g, ft/s².
+    for factor in (1 / 9.80665, 1e3 / 9.80665, 2048 / 9.80665, 3.2808):
+        wrong = finding(changed(log, specific_force_frd=(felt + shaken) * factor), "accelerometer")
+        assert wrong.level == "warning"
+        assert wrong.words.endswith("not in the unit it should be")
+    # 13 is 9.81 in no unit: it is said to be off. In turns alone nothing is known.
+    off = finding(changed(log, specific_force_frd=felt * 1.3), "accelerometer")
+    assert (off.level, off.words.endswith("off, in the right unit")) == ("warning", True)
+    turning = changed(log, angular_rate_frd=np.full_like(felt, 1.0))
+    assert finding(turning, "accelerometer").level == "unknown"
+
+
 def test_what_is_missing_is_said_with_what_it_costs(log):
     silent = changed(log, tank_kg=np.full_like(log.track.tank_kg, np.nan))
     assert "no prediction" in finding(silent, "tank_kg").words

@@ -30,7 +30,7 @@ def test_one_log_gives_page_json_csv_and_a_verdict_in_words(tmp_path, capsys):
     for fact in verdict["facts"]:
         assert fact["text"] in said
     assert 500_000 < out.stat().st_size < 1_000_000  # the library of the charts is inside
-    assert out.with_suffix(".csv").read_text("utf-8").startswith('"flight","time [s]"')
+    assert out.with_suffix(".csv").read_text("utf-8").startswith('"flight_number","time_s [s]"')
 
 
 def test_the_shipped_model_predicts_the_flight_with_its_network(tmp_path):

@@ -36,10 +36,10 @@ def test_the_full_answer_is_within_the_interval(reports):
     inside = total = 0
     for one, other in zip(measured, inferred, strict=False):
         for rotor in range(1, 5):
-            use = other[f"rotor {rotor} capacity use from motor outputs [1]"]
-            if use and one["airborne [0/1]"] == "1":
-                error = float(other[f"rotor {rotor} capacity use standard error [1]"])
-                true = float(one[f"rotor {rotor} capacity use measured [1]"])
+            use = other[f"utilisation_from_outputs_{rotor} [1]"]
+            if use and one["flying [0/1]"] == "1":
+                error = float(other[f"utilisation_error_{rotor} [1]"])
+                true = float(one[f"utilisation_{rotor} [1]"])
                 inside += abs(float(use) - true) <= 1.645 * error
                 total += 1
     assert total > 6000
@@ -49,8 +49,8 @@ def test_the_full_answer_is_within_the_interval(reports):
 def test_nothing_that_was_inferred_is_called_measured(reports):
     _, (report, rows, page) = reports
     flight = report["flights"][0]
-    assert not any(row["rotor 1 speed measured [rpm]"] for row in rows)
-    assert any(row["rotor 1 speed from motor outputs [rpm]"] for row in rows)
+    assert not any(row["rotor_speed_rpm_1 [rpm]"] for row in rows)
+    assert any(row["rotor_speed_from_outputs_rpm_1 [rpm]"] for row in rows)
     assert flight["verdict"]["speed_basis"] == "from motor outputs"
     assert "from motor outputs" in flight["verdict"]["basis"]
     assert {moment["basis"] for moment in flight["moments"]} == {"from motor outputs"}

@@ -109,8 +109,10 @@ def test_page_json_and_csv_say_the_same_numbers(report, page):
 
     worst = one["verdict"]["worst"]
     assert worst["capacity_use"] == of.verdict.worst.capacity_use
-    row = next(r for r in rows if float(r["time [s]"]) == pytest.approx(worst["time_s"], abs=1e-3))
-    in_csv = float(row[f"rotor {worst['rotor']} capacity use measured [1]"])
+    row = next(
+        r for r in rows if float(r["time_s [s]"]) == pytest.approx(worst["time_s"], abs=1e-3)
+    )
+    in_csv = float(row[f"utilisation_{worst['rotor']} [1]"])
     assert in_csv == pytest.approx(worst["capacity_use"], abs=1e-5)
     text = plain(page.text)
     assert f"{worst['capacity_use'] * 100:.0f} %in use" in text.replace("% in", "%in")
@@ -124,14 +126,14 @@ def test_page_json_and_csv_say_the_same_numbers(report, page):
 def test_csv_has_every_row_with_units_and_empty_cells_for_unknown(report):
     rows = list(csv.reader(io.StringIO(csv_bytes(report).decode())))
     header, body = rows[0], rows[1:]
-    assert header[:2] == ["flight", "time [s]"]
+    assert header[:2] == ["flight_number", "time_s [s]"]
     assert all(re.fullmatch(r".+ \[.+\]", name) for name in header[1:])
     track = log().track
     assert len(body) == track.time_s.size
-    column = header.index("rotor 2 speed measured [rpm]")
+    column = header.index("rotor_speed_rpm_2 [rpm]")
     got = np.array([float(r[column] or "nan") for r in body])
     np.testing.assert_allclose(got, track.rotor_speed_rpm[:, 1], atol=0.05)
-    lower = header.index("rotor 1 speed predicted lower [rpm]")  # no network: no interval
+    lower = header.index("rotor_speed_lower_rpm_1 [rpm]")  # no network: no interval
     assert {r[lower] for r in body} == {""}
     assert not any("nan" in cell for r in body for cell in r)
 
@@ -148,7 +150,7 @@ def test_json_names_the_columns_of_the_csv(report):
     named = json.loads(json_text(report, "north.csv"))["csv"]
     assert named["file"] == "north.csv"
     header = next(csv.reader(io.StringIO(csv_bytes(report).decode())))
-    numbered = [re.sub(r"^rotor \d+", "rotor {}", name) for name in header]
+    numbered = [re.sub(r"_\d+ \[", "_{} [", name) for name in header]
     assert list(dict.fromkeys(numbered)) == named["columns"]
 
 
@@ -344,10 +346,10 @@ def test_an_octocopter_has_eight_rotors_in_page_and_csv(tmp_path):
     analysis = analyse(track, physics_model(airframe))
     report = build_report([(analysis, replace(log(), track=track)), flight()])
     header = next(csv.reader(io.StringIO(csv_bytes(report).decode())))
-    assert "rotor 8 capacity use measured [1]" in header
+    assert "utilisation_8 [1]" in header
     rows_of = list(csv.DictReader(io.StringIO(csv_bytes(report).decode())))
-    assert rows_of[-1]["flight"] == "2"
-    assert rows_of[-1]["rotor 8 capacity use measured [1]"] == ""
+    assert rows_of[-1]["flight_number"] == "2"
+    assert rows_of[-1]["utilisation_8 [1]"] == ""
     page = page_of(report, tmp_path)
     assert len(report.flights[0].rotors) == 8
     assert airframe.rotor_names[7] in page.text

@@ -1,0 +1,188 @@
+"""Motor outputs and ESCs of a PX4 log: which topic has them, and which number is which motor.
+
+`actuator_motors` (PX4 1.13 and later) is by motor. Before, `actuator_outputs` alone has what went
+to the ESCs, one instance for each driver and some of them without any motor: pulses, DShot's 1 to
+1999 or UAVCAN's 1 to 8191. PX4: src/lib/mixer_module, src/drivers/dshot, src/drivers/uavcan.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.logs.ulog_topics import Topic, topic_signal, topic_source
+from thrustmargin.gcs_plugin.mavlink.rules import Signal, in_si
+from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import whole_number
+from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import (
+    PulseRange,
+    pulse_ranges,
+    range_words,
+)
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.provenance import Meaning
+
+#: PX4's output function of motor 1; motors 2 to 12 follow.
+MOTOR_1 = 101
+MOST_MOTORS = 12
+_MOST_OUTPUTS = 16
+_STEPS = 8  # an output with more values than these is driven: a servo is off, idle, at its ends
+_FEWEST = 3  # motors of a multirotor
+#: Values that are pulses in µs, 900 of a stopped motor among them; the largest of two protocols.
+_PULSES = (700.0, 2300.0)
+_DSHOT_FULL, _CAN_FULL = 1999.0, 8191.0
+#: Motors, from 0, on outputs 1 to 4 where MOT_ORDERING is 1 (Betaflight).
+_BETAFLIGHT = (3, 0, 1, 2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UlogMotors:
+    """Signals `throttle` and `esc_*` by motor from 0, and what is to be said of them."""
+
+    signals: list[Signal] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    motor_order: str = ""
+    esc_order: str = ""
+    unused: dict[str, str] = field(default_factory=dict)  # channel -> what is there, and why not
+
+
+def ulog_motors(topics: Mapping[str, list[Topic]], parameters: Mapping[str, float]) -> UlogMotors:
+    """The motors of the topics (each a list of its instances, in their order)."""
+    found = UlogMotors(motor_order="by PX4's actuator functions")
+    for topic in topics.get("actuator_motors", [])[:1]:
+        found.signals.extend(_throttle(topic))
+    if not found.signals and "actuator_outputs" in topics:
+        found = _outputs(topics["actuator_outputs"], parameters)
+    for topic in topics.get("esc_status", [])[:1]:
+        found = _with_escs(found, topic)
+    return found
+
+
+def _throttle(topic: Topic) -> list[Signal]:
+    if "control" not in topic:
+        return []
+    duty = np.clip(in_si(topic, "control", "1"), 0.0, 1.0)
+    source = topic_source("actuator_motors", "control", meaning=Meaning.THRUST_DEMAND)
+    return [
+        topic_signal("throttle", source, topic, duty[:, motor], motor)
+        for motor in np.flatnonzero(np.isfinite(duty).any(axis=0)).tolist()
+    ]
+
+
+def _outputs(instances: Sequence[Topic], parameters: Mapping[str, float]) -> UlogMotors:
+    """Motor outputs of the instance that has most of them."""
+    best: tuple[list[Signal], str] = ([], "")
+    for number, topic in enumerate(instances):
+        made = _of_instance(topic, number, parameters)
+        best = max(best, made, key=lambda signals_and_order: len(signals_and_order[0]))
+    if len(best[0]) < _FEWEST:
+        why = "none of its instances drives motors in a known unit"
+        said = f"in the log (actuator_outputs), not used: {why}"
+        return UlogMotors(unused={"throttle": said})
+    return UlogMotors(signals=best[0], motor_order=best[1])
+
+
+def _of_instance(
+    topic: Topic, number: int, parameters: Mapping[str, float]
+) -> tuple[list[Signal], str]:
+    """Throttle by motor of one instance, and in words which output is which motor."""
+    bank = "MAIN" if number == 0 else "AUX"
+    names = [name for k in range(_MOST_OUTPUTS) if (name := f"output[{k}]") in topic]
+    values = [in_si(topic, name, "1") for name in names]
+    functions = [
+        whole_number(parameters, f"PWM_{bank}_FUNC{k + 1}") or 0 for k in range(len(values))
+    ]
+    on_output = {f - MOTOR_1: k for k, f in enumerate(functions) if 0 <= f - MOTOR_1 < MOST_MOTORS}
+    order = f"by PWM_{bank}_FUNCn"
+    if len(on_output) < _FEWEST:
+        driven = [bool(np.unique(v[v > 0]).size > _STEPS) for v in values]
+        run = [*driven, False].index(False)
+        on_output, order = {k: k for k in range(run)}, "motor n taken to be on output n"
+        if run == len(_BETAFLIGHT) and whole_number(parameters, "MOT_ORDERING") == 1:
+            on_output = {motor: k for k, motor in enumerate(_BETAFLIGHT)}
+            order = "in Betaflight's order by MOT_ORDERING"
+    outputs = list(on_output.values())
+    ranges = _ranges([values[k] for k in outputs], outputs, parameters, bank)
+    source = topic_source("actuator_outputs", "output", meaning=Meaning.PX4_OUTPUT)
+    source = source.of_instance(number or None).remarked(range_words(ranges))
+    made = [
+        topic_signal("throttle", source, topic, pulses.share(values[output]), motor)
+        for (motor, output), pulses in zip(on_output.items(), ranges, strict=False)
+    ]
+    return made, order
+
+
+def _ranges(
+    values: Sequence[Floats], outputs: Sequence[int], parameters: Mapping[str, float], bank: str
+) -> tuple[PulseRange, ...]:
+    """The range of each output by the protocol that its values are of; empty: of none known."""
+    there = np.concatenate([v[v > 0] for v in values]) if values else np.empty(0)
+    low, high = there.min(initial=np.inf), there.max(initial=0.0)
+    if _PULSES[0] <= low <= high <= _PULSES[1]:
+        return pulse_ranges(parameters, outputs, bank=bank)
+    least = parameters.get("DSHOT_MIN", np.nan)
+    if low < _PULSES[0] and high <= _DSHOT_FULL and 0.0 <= least < 1.0:
+        one = PulseRange(least * _DSHOT_FULL, _DSHOT_FULL, "DShot from DSHOT_MIN", "counts")
+    elif _PULSES[1] < high <= _CAN_FULL:
+        one = PulseRange(0.0, _CAN_FULL, "UAVCAN", "counts")
+    else:
+        return ()
+    return (one,) * len(outputs)
+
+
+def _with_escs(found: UlogMotors, topic: Topic) -> UlogMotors:
+    """And ESC channels by motor number from 0, whatever their place in the message."""
+    made: list[Signal] = []
+    notes: list[str] = []
+    seen: dict[int, int] = {}
+    # Logs from before 2021 have no functions, or zeros: then the place is the motor.
+    named = any(
+        np.any(topic.get(f"esc[{place}].actuator_function", np.zeros(1)) >= MOTOR_1)
+        for place in range(MOST_MOTORS)
+    )
+    for place in range(MOST_MOTORS):
+        if f"esc[{place}].esc_rpm" not in topic:
+            break
+        rpm = in_si(topic, f"esc[{place}].esc_rpm", "rpm")
+        if named:
+            motor = int(topic.get(f"esc[{place}].actuator_function", np.zeros(1))[-1]) - MOTOR_1
+            if not 0 <= motor < MOST_MOTORS:
+                continue
+        else:
+            motor = place
+            if not np.any(rpm != 0):
+                continue
+        if motor in seen:
+            continue
+        twin = next((m for m, p in seen.items() if _same(topic, p, place)), None)
+        if twin is not None and np.any(rpm != 0):
+            notes.append(f"esc_status {place + 1} repeats motor {twin + 1} and is left out")
+            continue
+        seen[motor] = place
+        online = topic.get("esc_online_flags")
+        if online is not None:
+            rpm = np.where((online.astype(np.int64) >> place) & 1, rpm, np.nan)
+        made.append(
+            topic_signal("esc_rpm", topic_source("esc_status", "esc_rpm", "rpm"), topic, rpm, motor)
+        )
+        for name, unit in (("esc_voltage", "V"), ("esc_current", "A")):
+            if (column := f"esc[{place}].{name}") in topic:
+                values = in_si(topic, column, unit)
+                source = topic_source("esc_status", name, unit)
+                made.append(topic_signal(name, source, topic, values, motor))
+    stated = int(topic["esc_count"].max(initial=0)) if "esc_count" in topic else 0
+    if stated and stated != len(seen):
+        notes.append(f"esc_status says {stated} ESCs; {len(seen)} of them are motors that report")
+    unused = {} if made else {"rotor_speed_rpm": "in the log (esc_status), not used: all at 0 rpm"}
+    return replace(
+        found,
+        signals=[*found.signals, *made],
+        notes=[*found.notes, *notes],
+        esc_order="by PX4's actuator functions" if named else "motor n taken to have ESC n",
+        unused=found.unused | unused,
+    )
+
+
+def _same(topic: Topic, one: int, other: int) -> bool:
+    return bool(np.array_equal(topic[f"esc[{one}].esc_rpm"], topic[f"esc[{other}].esc_rpm"]))

@@ -1,0 +1,83 @@
+"""Which pulses a motor output stands between: from no thrust to full, by the vehicle's parameters.
+
+ArduPilot (AP_MotorsMulticopter::get_pwm_output_min): MOT_PWM_MIN and _MAX where both are set, else
+the range of the throttle channel, RC3 unless RCMAP_THROTTLE says another. PX4: PWM_MAIN_MINn and
+_MAXn of one output, then PWM_MAIN_MIN and _MAX of all, then PWM_MIN and _MAX of before 1.12.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import whole_number
+from thrustmargin.models.flight import Floats
+
+_RC_THROTTLE = 3  # ArduPilot's throttle channel where no RCMAP_THROTTLE says another
+
+
+@dataclass(frozen=True, slots=True)
+class PulseRange:
+    """What goes to an ESC at no and at full output."""
+
+    low_us: float = 1000.0
+    high_us: float = 2000.0
+    set_by: str = ""  # parameters that it was read from, or the protocol; empty: assumed
+    unit: str = "µs"  # of another protocol than pulses: "counts"
+
+    def share(self, pulses: Floats) -> Floats:
+        """Output from 0 to 1, of the shape of `pulses`; NaN where there is no pulse."""
+        share = np.clip((pulses - self.low_us) / (self.high_us - self.low_us), 0.0, 1.0)
+        return np.where(pulses > 0, share, np.nan)
+
+
+def range_words(ranges: Iterable[PulseRange]) -> str:
+    """As "1000 to 2000 µs, assumed", of each range that differs."""
+    return " and ".join(
+        f"{r.low_us:g} to {r.high_us:g} {r.unit}, {r.set_by or 'assumed'}"
+        for r in dict.fromkeys(ranges)
+    )
+
+
+def pulse_ranges(
+    parameters: Mapping[str, float], outputs: Sequence[int], *, bank: str = "MAIN"
+) -> tuple[PulseRange, ...]:
+    """The range of each motor output, counted from 0; `bank` is PX4's: "MAIN" or "AUX"."""
+    return tuple(
+        next(_stated(parameters, _pairs(parameters, output + 1, bank)), PulseRange())
+        for output in outputs
+    )
+
+
+def _stated(
+    parameters: Mapping[str, float], pairs: Iterable[tuple[str, str]]
+) -> Iterator[PulseRange]:
+    for least, most in pairs:
+        low, high = parameters.get(least, 0.0), parameters.get(most, 0.0)
+        if 0.0 < low < high < inf:
+            yield PulseRange(low, high, f"{least}/{_tail(least, most)}")
+
+
+def _tail(least: str, most: str) -> str:
+    """What of the second name differs: MOT_PWM_MIN and MOT_PWM_MAX give MAX."""
+    return most[least.rindex("MIN") :]
+
+
+def _pairs(parameters: Mapping[str, float], number: int, bank: str) -> Iterator[tuple[str, str]]:
+    """Names of the lowest and the highest pulse of an output, counted from 1; best first."""
+    hover = "Q_M_PWM_MIN" in parameters
+    prefix = "Q_M_PWM_" if hover else "MOT_PWM_"
+    yield f"{prefix}MIN", f"{prefix}MAX"
+    # Copters of before 3.4 have no range of their own; FRAME became FRAME_CLASS after it.
+    if f"{prefix}MIN" in parameters or "FRAME" in parameters:
+        if hover:
+            yield "Q_THR_MIN_PWM", "Q_THR_MAX_PWM"
+        throttle = whole_number(parameters, "RCMAP_THROTTLE") or _RC_THROTTLE
+        yield f"RC{throttle}_MIN", f"RC{throttle}_MAX"
+    yield f"PWM_{bank}_MIN{number}", f"PWM_{bank}_MAX{number}"
+    yield f"PWM_{bank}_MIN", f"PWM_{bank}_MAX"
+    if bank == "MAIN":
+        yield "PWM_MIN", "PWM_MAX"
