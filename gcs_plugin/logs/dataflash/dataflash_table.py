@@ -66,6 +66,7 @@ REQUIRED: Mapping[str, tuple[str, ...]] = {
     "RCOU": (),
     "NVF": ("Name", "Value"),
     "EV": ("Id",),
+    "ARM": ("ArmState",),
     "ORGN": ("Type", "Lat", "Lng", "Alt"),
     "CMD": ("CNum", "CId", "Lat", "Lng", "Alt", "Prm1", "Prm2", "Prm3", "Prm4"),
     "MSG": ("Message",),
@@ -77,8 +78,9 @@ MESSAGES = tuple(dict.fromkeys([*(rule.message for rule in RULES), *REQUIRED]))
 #: ESCs or batteries of one vehicle.
 _MOST_SOURCES = 32
 _ON_GROUND, _IN_AIR = 1.0, 2.0
-#: LogEvent: 18 landed, 28 not landed any more, 11 disarmed.
-_EVENTS = {18: _ON_GROUND, 28: _IN_AIR, 11: _ON_GROUND}
+#: LogEvent: 10 armed, 11 disarmed; 18 landed, 28 not landed any more.
+_ARMED, _DISARMED = 10, 11
+_EVENTS = {18: _ON_GROUND, 28: _IN_AIR, _DISARMED: _ON_GROUND}
 
 
 def dataflash_signals(streams: Mapping[str, Stream]) -> Signals:
@@ -216,6 +218,18 @@ def _landed(stream: Stream) -> list[Signal]:
     return [ordered_signal("landed", source, stream.time_s[reported], state[reported])]
 
 
+def _armed(stream: Stream) -> list[Signal]:
+    columns = columns_of(stream)
+    if "ArmState" in columns:
+        return [ordered_signal("armed", "ARM", stream.time_s, columns.number("ArmState"))]
+    number = columns.number("Id")
+    told = np.isin(number, (_ARMED, _DISARMED))
+    if not told.any():
+        return []
+    state = (number[told] == _ARMED).astype(np.float64)
+    return [ordered_signal("armed", "EV 10 (armed) and 11", stream.time_s[told], state)]
+
+
 def _origins(stream: Stream) -> list[Signal]:
     columns = columns_of(stream)
     place = np.stack([columns.number(n) for n in ("Lat", "Lng", "Alt")], axis=-1)
@@ -249,6 +263,8 @@ _METHODS = (
     ("RCOU", _servos),
     ("NVF", _named),
     ("EV", _landed),
+    ("ARM", _armed),
+    ("EV", _armed),
     ("ORGN", _origins),
     ("GPS", _ground_speed),
 )
