@@ -17,9 +17,12 @@ def sortie_suffix(number: int, of: int) -> str:
 def sortie_words(number: int, track: FlightTrack) -> str:
     """Which one it is, when it began, and how long it flew."""
     flown = f"{duration(float(track.row_seconds[track.flying].sum()))} in flight"
+    unknown = float("nan")
     try:
-        begun = datetime.fromtimestamp(track.start_unix_s, tz=UTC)
-    except (TypeError, ValueError, OverflowError, OSError):  # not known, or none
+        begun = datetime.fromtimestamp(
+            unknown if track.start_unix_s is None else track.start_unix_s, tz=UTC
+        )
+    except (ValueError, OverflowError, OSError):  # none is known, or what is known is no time
         return f"sortie {number}: {flown}"
     return f"sortie {number}: from {begun:%Y-%m-%d %H:%M:%S} UTC, {flown}"
 
@@ -36,9 +39,9 @@ def several_words(sorties: int, *, load_stated: bool) -> str:
 
 
 def unflown_words(seconds: Sequence[float], reasons: Sequence[str]) -> tuple[str, ...]:
-    """What of a log is not judged: stretches without flight, s, and those that cannot be read."""
+    """What of a log has no verdict: stretches without flight, s, and those that cannot be read."""
     idle = ()
     if seconds:
         several = "a stretch" if len(seconds) == 1 else f"{len(seconds)} stretches"
-        idle = (f"not judged: {several} without flight, {duration(sum(seconds))} in all",)
-    return (*idle, *(f"not judged: a stretch between restarts: {reason}" for reason in reasons))
+        idle = (f"no verdict on {several} without flight, {duration(sum(seconds))} in all",)
+    return (*idle, *(f"no verdict on a stretch between restarts: {reason}" for reason in reasons))

@@ -60,7 +60,8 @@ def season_model(model: str | None, airframe: str | None) -> tuple[RotorModel, s
 def stage_log(log: LogSource, content: str, *, settings: IngestSettings) -> list[str]:
     """Read a log whose digest is `content` and stage its flights; returns their names.
 
-    A log of several vehicles holds a flight of each. Raises ThrustMarginError when there is none.
+    A log holds a flight of each vehicle and sortie. The one that bears the content alone is staged
+    last: it says that the log is in the store. Raises ThrustMarginError when there is none.
     """
     from threadpoolctl import threadpool_limits
 
@@ -68,7 +69,7 @@ def stage_log(log: LogSource, content: str, *, settings: IngestSettings) -> list
     # One thread: the cores have a log each, and sums come out the same on any machine of a kind.
     with threadpool_limits(1), local_file(log.path) as path:
         flights = season_flights(path, content, settings, name=log.name)
-    for flight in flights:
+    for flight in reversed(flights):
         stage(store, flight)
     return [flight.summary["flight"] for flight in flights]
 

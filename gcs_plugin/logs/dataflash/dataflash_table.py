@@ -223,11 +223,11 @@ def _armed(stream: Stream) -> list[Signal]:
     if "ArmState" in columns:
         return [ordered_signal("armed", "ARM", stream.time_s, columns.number("ArmState"))]
     number = columns.number("Id")
-    told = np.isin(number, (_ARMED, _DISARMED))
-    if not told.any():
+    reported = np.isin(number, (_ARMED, _DISARMED))
+    if not reported.any():
         return []
-    state = (number[told] == _ARMED).astype(np.float64)
-    return [ordered_signal("armed", "EV 10 (armed) and 11", stream.time_s[told], state)]
+    state = (number[reported] == _ARMED).astype(np.float64)
+    return [ordered_signal("armed", "EV 10 (armed) and 11", stream.time_s[reported], state)]
 
 
 def _origins(stream: Stream) -> list[Signal]:

@@ -62,7 +62,8 @@ def dataflash_text_boots(path: Path, *, vehicle: int | None = None) -> Iterator[
     units = Units.of(lambda name: tables[name][0] if name in tables else {})
     clocks, places = np.empty(0), np.empty(0, dtype=np.int64)
     if tables:
-        clocks, places = (np.concatenate([t[k] for t in tables.values()]) for k in (1, 2))
+        clocks = np.concatenate([clock for _, clock, _ in tables.values()])
+        places = np.concatenate([at for _, _, at in tables.values()])
         order = np.argsort(places, kind="stable")
         order = order[np.isfinite(clocks[order])]
         clocks, places = clocks[order], places[order]

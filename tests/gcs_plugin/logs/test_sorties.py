@@ -39,6 +39,7 @@ def test_disarmed_on_the_ground_between_two_flights_makes_two_sorties(tmp_path: 
     same_flight(first, read_log(LIGHT), 1e-3)
     same_flight(second, read_log(HEAVY), 1e-3)
     assert second.clock_start_s > 600.0
+    assert first.track.start_unix_s is not None
     assert second.track.start_unix_s == pytest.approx(first.track.start_unix_s + 600.0, abs=1.0)
 
 
@@ -54,9 +55,9 @@ def test_a_later_sortie_keeps_the_home_that_was_told_before_it(tmp_path: Path):
     with (path := tmp_path / "day.tlog").open("wb") as file:
         first = len(frames_of(LIGHT))
         for row, frame in enumerate(frames_of(beside)):
-            told = int.from_bytes(frame[15:18], "little") == home
-            count += told
-            if not told or row < first:
+            reported = int.from_bytes(frame[15:18], "little") == home
+            count += reported
+            if not reported or row < first:
                 file.write(frame)
     assert count > 1
     first, second = read_sorties(path)
@@ -96,7 +97,7 @@ def test_a_boot_on_the_bench_is_said_and_no_sortie(tmp_path: Path):
     path.write_bytes(BIN_BYTES[: ENDS[3000]] + BIN_BYTES)
     (log,) = read_sorties(path)
     assert (log.name, log.sorties) == ("bench.BIN", 1)
-    assert log.unflown.words == ("not judged: a stretch without flight, 2.0 s in all",)
+    assert log.unflown.words == ("no verdict on a stretch without flight, 2.0 s in all",)
     # The same of a telemetry log whose first boot was never armed: heartbeats begin disarmed.
     bench = b"".join(frames_of(HEAVY)[:300])
     day = tmp_path / "bench.tlog"
@@ -112,14 +113,16 @@ def test_a_boot_on_the_bench_is_said_and_no_sortie(tmp_path: Path):
 def test_parameters_are_those_of_the_sortie_and_else_those_told_later(tmp_path: Path):
     craft = link()
 
-    def told(name: bytes, value: float, at: float) -> bytes:
+    def reported(name: bytes, value: float, at: float) -> bytes:
         return stamped(dialect.MAVLink_param_value_message(name, value, 9, 1, 0).pack(craft), at)
 
     def boot(later: float) -> bytes:
         return flight_of(lambda m: m.pack(craft), 5, later=later)
 
-    data = boot(0.0) + told(b"MOT_THST_EXPO", 0.5, 15.1)
-    data += boot(30.0) + told(b"MOT_THST_EXPO", 0.7, 45.1) + told(b"BATT_CAPACITY", 16000, 45.2)
+    data = boot(0.0) + reported(b"MOT_THST_EXPO", 0.5, 15.1)
+    data += (
+        boot(30.0) + reported(b"MOT_THST_EXPO", 0.7, 45.1) + reported(b"BATT_CAPACITY", 16000, 45.2)
+    )
     first, second = read_sorties(written(tmp_path, data))
     assert first.parameters["MOT_THST_EXPO"] == pytest.approx(0.5)
     assert second.parameters["MOT_THST_EXPO"] == pytest.approx(0.7)

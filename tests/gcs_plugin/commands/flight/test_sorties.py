@@ -1,4 +1,4 @@
-"""Commands on a log of two flights: each is judged, shown and stored, and the worse comes first."""
+"""Commands on a log of two flights: each has its verdict, the worse first, and is stored."""
 
 import json
 from pathlib import Path
@@ -18,7 +18,7 @@ def levels(report: Path, *logs: Path) -> list[str]:
     return [f["verdict"]["level"] for f in json.loads(report.read_text())["flights"]]
 
 
-def test_a_report_judges_each_sortie_and_says_the_worse_first(tmp_path: Path, capsys):
+def test_a_report_has_a_verdict_on_each_sortie_and_says_the_worse_first(tmp_path: Path, capsys):
     alone = levels(tmp_path / "alone.json", LIGHT, HEAVY)
     assert alone == ["over", "critical"]
     capsys.readouterr()

@@ -288,13 +288,13 @@ def test_a_log_without_its_start_says_that_the_descriptions_are_missing(tmp_path
         read_log(written(tmp_path, WHOLE[2_000_000:]))
 
 
-def test_a_boot_without_flight_is_said_and_not_judged(tmp_path):
+def test_a_boot_without_flight_is_said_and_no_flight(tmp_path):
     cut = ENDS[3000]
     (log,) = read_sorties(written(tmp_path, WHOLE + WHOLE[:cut]))
     whole = read_log(FLIGHT)
     assert len(log.quality.clock_jumps) == 1
     assert len(log.unflown.seconds) + len(log.unflown.reasons) == 1
-    assert any(note.startswith("not judged: a stretch") for note in log.track.notes)
+    assert any(note.startswith("no verdict on a stretch") for note in log.track.notes)
     assert log.track.duration == pytest.approx(whole.track.duration, abs=0.5)
     assert any("time went backwards" in note for note in log.track.notes)
 
