@@ -77,10 +77,10 @@ class Work:
 @cache
 def _log(place: int):  # a FlightLog and its AirframeClaim
     from thrustmargin.gcs_plugin.commands.season.season_flight import season_model
-    from thrustmargin.gcs_plugin.commands.shared.inputs import read_flight
+    from thrustmargin.gcs_plugin.commands.shared.inputs import read_flights
 
     paths = [*sorted(CAMPAIGN.glob("*.tlog")), *sorted(CAMPAIGN.parent.glob("dev/windy_*.tlog"))]
-    return read_flight(paths[place], season_model(None, None)[0], given=False)
+    return read_flights(paths[place], season_model(None, None)[0], given=False)[0]
 
 
 def make_flight(work: Work) -> str:

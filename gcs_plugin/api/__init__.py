@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor
-    from thrustmargin.gcs_plugin.logs import read_log
+    from thrustmargin.gcs_plugin.logs import read_log, read_sorties
     from thrustmargin.models.identification.loop import identify
     from thrustmargin.models.model.analysis import analyse
     from thrustmargin.models.model.model_file import load_model
@@ -28,9 +28,10 @@ _HOMES = {
     "identify": "thrustmargin.models.identification.loop",
     "load_model": "thrustmargin.models.model.model_file",
     "read_log": "thrustmargin.gcs_plugin.logs",
+    "read_sorties": "thrustmargin.gcs_plugin.logs",
 }
 
-__all__ = ["LiveMonitor", "analyse", "identify", "load_model", "read_log"]
+__all__ = ["LiveMonitor", "analyse", "identify", "load_model", "read_log", "read_sorties"]
 
 
 if not TYPE_CHECKING:  # a type checker would take any name for one that is here

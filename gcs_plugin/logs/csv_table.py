@@ -107,7 +107,7 @@ def _likeness(begins: Beginning) -> float:
     return 0.9 if begins.suffix == ".csv" or comments or "time_s" in names else 0.0
 
 
-def _read(path: Path, _vehicle: int | None, options: Options) -> FlightLog:
+def _read(path: Path, _vehicle: int | None, options: Options) -> tuple[FlightLog, ...]:
     craft = options.airframe
     track = read_csv(path, rotor_count=0 if craft is None else craft.rotor_count)
     if craft is not None and track.rotor_count != craft.rotor_count:
@@ -117,7 +117,7 @@ def _read(path: Path, _vehicle: int | None, options: Options) -> FlightLog:
         )
     known = {name: plausible(name, getattr(track, name)) for name in TRACK_CHANNELS}
     track = stated_track(replace(track, **known), options)
-    return log_of_track(track, path, path.stat().st_size, craft)
+    return (log_of_track(track, path, path.stat().st_size, craft),)
 
 
 FORMAT = LogFormat(

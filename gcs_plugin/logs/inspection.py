@@ -240,6 +240,8 @@ def as_json(inspection: Inspection) -> dict[str, Any]:
     order, scale = inspection.motor_order, inspection.speed_scale
     return {
         "file": clean(log.path.name),
+        "sortie": log.sortie,
+        "sorties": log.sorties,
         "format": log.format,
         "autopilot": log.autopilot,
         "vehicle": log.vehicle,

@@ -1,4 +1,4 @@
-"""`read_log`: any log as one flight, by what the file holds and not by its name."""
+"""`read_log` and `read_sorties`: any log as flights, by what it holds and not by its name."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from pkgutil import walk_packages
+from typing import Any
 
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog, NotThisFormat
 from thrustmargin.gcs_plugin.telemetry.resample import Sampling
@@ -37,7 +38,8 @@ class LogFormat:
     suffixes: tuple[str, ...]  # that fit it
     is_text: bool = False
     likeness: Callable[[Beginning], float]  # 0 it is not, to 1 it surely is
-    read: Callable[[Path, int | None, Options], FlightLog]  # of this system id, None: the likeliest
+    #: Its sorties, of the vehicle of this system id; None: the likeliest.
+    read: Callable[[Path, int | None, Options], tuple[FlightLog, ...]]
 
 
 def read_log(
@@ -55,6 +57,9 @@ def read_log(
 ) -> FlightLog:
     """Read one vehicle's flight from a .tlog, DataFlash .BIN or .log, PX4 .ulg or .csv file.
 
+    Of a log with several sorties it is the one that was longest in the air; its `sorties` says how
+    many there are, and `read_sorties` gives all.
+
     `vehicle` is the system id (default: the one that reports rotor speeds); `airframe` gives
     the number of rotors, the tank and the liquid; `sampling` puts other channels onto the rows by
     interpolation ("linear") or as a live listener would ("hold"); `tank` names the source of the
@@ -69,7 +74,6 @@ def read_log(
         >>> log.track.rotor_speed_rpm.shape
         (2210, 4)
     """
-    path = Path(path)
     options = Options(
         airframe=airframe,
         sampling=sampling,
@@ -79,23 +83,49 @@ def read_log(
         load_end=load_end,
         air_temperature=air_temperature,
     )
+    logs = _sorties(Path(path), vehicle, options, any_vehicle=any_vehicle)
+    return max(logs, key=lambda log: float(log.track.row_seconds[log.track.flying].sum()))
+
+
+def read_sorties(
+    path: str | Path, *, vehicle: int | None = None, any_vehicle: bool = False, **options: Any
+) -> tuple[FlightLog, ...]:
+    """Every sortie of one vehicle in a log, in order, numbered; `options` as of `read_log`.
+
+    A sortie ends with a restart of the vehicle, or on the ground: disarmed, for long, or with a
+    fuller tank or battery afterwards. Where nothing flew, it is the longest stretch. Raises as
+    `read_log`.
+
+        >>> len(read_sorties("sitl_logs/campaign/v4_m16_q2.5.tlog"))
+        1
+    """
+    return _sorties(Path(path), vehicle, Options(**options), any_vehicle=any_vehicle)
+
+
+def _sorties(
+    path: Path, vehicle: int | None, options: Options, *, any_vehicle: bool
+) -> tuple[FlightLog, ...]:
     try:
-        kind, log = _read_as(path, vehicle, options)
+        kind, logs = _read_as(path, vehicle, options)
     except FileNotFoundError as error:
         raise LogError(f"{path}: no such file; check the name") from error
     except OSError as error:
         raise LogError(f"{path} cannot be read: {error.strerror or error}") from error
-    refusal = log.facts.refusal(path.name)
-    if refusal and not any_vehicle:
-        raise LogError(refusal)
+    for refusal in (log.facts.refusal(path.name) for log in logs):
+        if refusal and not any_vehicle:
+            raise LogError(refusal)
     if path.suffix.lower() not in kind.suffixes:
         note = f"{path.name} is a {kind.name} file by its content, whatever its name says"
-        log = replace(log, track=replace(log.track, notes=(*log.track.notes, note)))
-    return log
+        logs = tuple(
+            replace(log, track=replace(log.track, notes=(*log.track.notes, note))) for log in logs
+        )
+    return logs
 
 
-def _read_as(path: Path, vehicle: int | None, options: Options) -> tuple[LogFormat, FlightLog]:
-    """The log read as the first format that it can be read as, and that format."""
+def _read_as(
+    path: Path, vehicle: int | None, options: Options
+) -> tuple[LogFormat, tuple[FlightLog, ...]]:
+    """The sorties read as the first format that the log can be read as, and that format."""
     for kind in formats(path):
         try:
             return kind, kind.read(path, vehicle, options)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,8 +14,7 @@ from thrustmargin.gcs_plugin.mavlink.decode import MAVLINK_RULES
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.mavlink.scan import PADDING, Frames, columns, read_bytes, scan
 from thrustmargin.gcs_plugin.mavlink.text import piece, printable
-from thrustmargin.gcs_plugin.telemetry.clock import Clock, unix_minus_clock, vehicle_clock
-from thrustmargin.gcs_plugin.telemetry.flight_log import assemble
+from thrustmargin.gcs_plugin.telemetry.clock import Clock, unix_minus_clock, vehicle_clocks
 from thrustmargin.gcs_plugin.telemetry.recording import (
     FlightLog,
     LogQuality,
@@ -26,7 +26,13 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     pauses,
     serial_digits,
 )
-from thrustmargin.gcs_plugin.telemetry.signals import hud_airspeed, mavlink_signals, pitot_present
+from thrustmargin.gcs_plugin.telemetry.signals import (
+    Signals,
+    hud_airspeed,
+    mavlink_signals,
+    pitot_present,
+)
+from thrustmargin.gcs_plugin.telemetry.sorties import sorties_of
 from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Bools
@@ -39,8 +45,10 @@ _INT32 = 6  # MAV_PARAM_TYPE
 _MISSION = ("MISSION_ITEM_INT", "MISSION_ITEM")
 
 
-def read_tlog(path: Path, *, vehicle: int | None = None, on_arrival: bool = False) -> Recording:
-    """The needed messages of one vehicle of a .tlog.
+def tlog_boots(
+    path: Path, *, vehicle: int | None = None, on_arrival: bool = False
+) -> Iterator[Recording]:
+    """The needed messages of one vehicle of a .tlog: a recording from restart to restart.
 
     `vehicle` is a system id; None takes the one that reports rotor speeds, then the one with most
     messages. `on_arrival` gives each message the time at which a live listener got it. Raises
@@ -57,22 +65,27 @@ def read_tlog(path: Path, *, vehicle: int | None = None, on_arrival: bool = Fals
             f"{path.name}: its frames have no time stamps between them, as in a raw recording of a "
             "link; record a .tlog, which ground stations do by themselves"
         )
-    stamps_s = frames.stamps_s()
     system, component = frames.systems(), frames.components()
     notes: list[str] = []
     vehicles = vehicle_systems(frames)
     chosen = _choose(path, frames, system, vehicles, vehicle, notes)
     mine = system == chosen
     pilot = _main_component(frames, mine, component)
-    clock = vehicle_clock(
+    clocks = vehicle_clocks(
         path.name,
         frames,
         mine & (component == pilot),
-        stamps_s,
+        frames.stamps_s(),
         listened=mine if on_arrival else None,
     )
-    del stamps_s
-    notes += clock.notes
+    for clock in clocks:
+        boot = _boot(path, frames, mine, pilot, clock)
+        yield replace(boot, vehicles=tuple(vehicles), notes=(*notes, *clock.notes))
+
+
+def _boot(path: Path, frames: Frames, mine: Bools, pilot: int, clock: Clock) -> Recording:
+    """The messages of one vehicle, whose frames are `mine` (n,), in one stretch of its clock."""
+    component, chosen = frames.components(), int(frames.systems()[np.argmax(mine)])
     inside = mine.copy()
     inside[: clock.first_row] = False
     inside[clock.last_row + 1 :] = False
@@ -101,12 +114,12 @@ def read_tlog(path: Path, *, vehicle: int | None = None, on_arrival: bool = Fals
         path=path,
         format="tlog",
         streams=streams,
-        parameters=_parameters(frames, mine),
-        waypoints=_waypoints(frames, system, chosen),
+        parameters=_parameters(frames, mine, clock.last_row),
+        waypoints=_waypoints(frames, chosen, clock.last_row),
         messages=_texts(streams),
         unix_minus_clock=_unix_offset(streams, clock),
         quality=LogQuality(
-            bytes=size,
+            bytes=frames.data.size - PADDING,
             frames=int(frames.start.size),
             bad_checksum=frames.bad_checksum,
             unknown_ids=frames.unknown_ids,
@@ -116,10 +129,9 @@ def read_tlog(path: Path, *, vehicle: int | None = None, on_arrival: bool = Fals
             gaps=gaps,
         ),
         vehicle=chosen,
-        vehicles=tuple(vehicles),
+        vehicles=(chosen,),
         autopilot=AUTOPILOTS.get(maker, "unknown"),
         mav_type=kind,
-        notes=tuple(notes),
         hardware_id=_hardware_id(frames, mine),
     )
 
@@ -189,8 +201,10 @@ def _main_component(frames: Frames, mine: Bools, component: NDArray[np.uint8]) -
     return int(np.bincount(component[mine]).argmax())
 
 
-def _parameters(frames: Frames, mine: Bools) -> dict[str, float]:
+def _parameters(frames: Frames, mine: Bools, last_row: int) -> dict[str, float]:
+    """As last sent up to the row; those that were sent later alone, as first sent then."""
     rows = np.flatnonzero(mine & (frames.id == _IDS["PARAM_VALUE"]))
+    rows = np.concatenate([rows[rows > last_row][::-1], rows[rows <= last_row]])
     fields = columns(frames, rows, layouts()[_IDS["PARAM_VALUE"]])
     values = np.ascontiguousarray(fields["param_value"], dtype=np.float32)
     # PX4 puts the bits of an integer where the number should be: what is no whole number then.
@@ -201,11 +215,13 @@ def _parameters(frames: Frames, mine: Bools) -> dict[str, float]:
     }
 
 
-def _waypoints(frames: Frames, system: NDArray[np.uint8], chosen: int) -> tuple[Waypoint, ...]:
-    """The mission as last sent to or from the vehicle, by item number."""
+def _waypoints(frames: Frames, chosen: int, last_row: int) -> tuple[Waypoint, ...]:
+    """The mission as last sent to or from the vehicle up to the row, by item number."""
+    system = frames.systems()
     items: dict[int, Waypoint] = {}
     for name in _MISSION:
         rows = _of(frames, name)
+        rows = rows[rows <= last_row]
         fields = columns(frames, rows, layouts()[_IDS[name]])
         concerns = (system[rows] == chosen) | (fields["target_system"] == chosen)
         for item in fields[concerns & (fields["mission_type"] == 0)]:
@@ -250,13 +266,15 @@ def _missing(component: NDArray[np.uint8], sequence: NDArray[np.uint8]) -> int:
     return lost
 
 
-def _read(path: Path, vehicle: int | None, options: Options) -> FlightLog:
-    recording = read_tlog(path, vehicle=vehicle, on_arrival=options.sampling == "hold")
+def _read(path: Path, vehicle: int | None, options: Options) -> tuple[FlightLog, ...]:
+    boots = tlog_boots(path, vehicle=vehicle, on_arrival=options.sampling == "hold")
+    return sorties_of(map(_with_signals, boots), options)
+
+
+def _with_signals(recording: Recording) -> tuple[Recording, Signals]:
     pitot = pitot_present(recording.streams, recording.parameters)
     airspeed = hud_airspeed(recording.autopilot, pitot)
-    streams = dict(recording.streams)
-    recording = replace(recording, streams={})
-    return assemble(recording, mavlink_signals(streams, airspeed), options)
+    return replace(recording, streams={}), mavlink_signals(dict(recording.streams), airspeed)
 
 
 #: Any file that is no text may be one: only a search of the whole finds its frames.

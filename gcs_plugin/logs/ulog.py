@@ -14,18 +14,19 @@ from thrustmargin.gcs_plugin.logs.ulog_messages import whole_messages
 from thrustmargin.gcs_plugin.logs.ulog_motors import ulog_motors
 from thrustmargin.gcs_plugin.logs.ulog_topics import TOPICS, Topic, ulog_signals, with_vectors
 from thrustmargin.gcs_plugin.mavlink.text import clean
-from thrustmargin.gcs_plugin.telemetry.flight_log import assemble
 from thrustmargin.gcs_plugin.telemetry.recording import (
     LogQuality,
     Recording,
     damage_of,
-    longest_stretch,
+    longest,
     pauses,
     serial_digits,
+    stretches,
     without_leaps,
 )
 from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import whole_number
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, collected
+from thrustmargin.gcs_plugin.telemetry.sorties import sorties_of
 from thrustmargin.models.errors import LogError
 
 MAGIC = b"ULog\x01\x12\x35"
@@ -104,7 +105,7 @@ def _ordered(data: Topic, name: str) -> Topic:
     if not known.all():
         data = {field: column[:size][known] for field, column in data.items()}
         time_s = time_s[known]
-    stretch = longest_stretch(time_s, name)
+    stretch = longest(stretches(time_s, name))
     rows = slice(stretch.first, stretch.last + 1)
     return with_vectors({field: column[:size][rows] for field, column in data.items()})
 
@@ -133,5 +134,5 @@ FORMAT = LogFormat(
     known_by="a PX4 log (.ulg, it begins with ULog)",
     suffixes=(".ulg", ".ulog"),
     likeness=lambda begins: float(begins.head.startswith(MAGIC)),
-    read=lambda path, vehicle, options: assemble(*read_ulog(path, vehicle=vehicle), options),
+    read=lambda path, vehicle, options: sorties_of([read_ulog(path, vehicle=vehicle)], options),
 )

@@ -60,12 +60,17 @@ def _landed(topic: Columns) -> Floats:
     return np.where(topic["landed"] > 0, 1.0, 2.0)
 
 
+def _armed(topic: Columns) -> Floats:
+    return np.where(topic["arming_state"] == _ARMED, 1.0, 0.0)
+
+
 def _fuel_percent(topic: Columns) -> Floats:
     percent = in_si(topic, "percent_remaining", "%")
     return np.where(percent > 100, np.nan, percent)
 
 
 _PLACE = ("lat", "lon", "alt")
+_ARMED = 2  # arming_state
 _REF = ("ref_lat", "ref_lon", "ref_alt")
 _WIND = ("windspeed_north", "windspeed_east")
 _POSITION, _BATTERY, _FUEL = "vehicle_local_position", "battery_status", "fuel_tank_status"
@@ -93,6 +98,7 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(_POSITION, ("z",), "height_agl", convert=_height, note=_ABOVE_ORIGIN),
     Rule("vehicle_land_detected", ("landed",), "landed", convert=_landed),
+    Rule("vehicle_status", ("arming_state",), "armed", convert=_armed),
     Rule("airspeed_validated", ("true_airspeed_m_s",), "airspeed", "m/s"),
     Rule("airspeed", ("true_airspeed_m_s",), "airspeed", "m/s"),
     Rule("wind", _WIND, "wind_ned", convert=_level_wind, note="level"),
@@ -124,7 +130,6 @@ TOPICS = (
     "actuator_motors",
     "actuator_outputs",
     "vehicle_gps_position",
-    "vehicle_status",
 )
 
 

@@ -88,10 +88,13 @@ def content_of(path: str) -> str:
 
 
 def known_contents(store: SeasonStore) -> set[str]:
-    """Contents of all logs whose flights are stored or wait to be merged."""
+    """Contents of all logs whose flights are stored or wait to be merged.
+
+    Known by the flight that bears the content alone, which is staged after the others of its log.
+    """
     names = store.table("flights", columns=["flight"])["flight"].to_pylist()
     names += [Path(key).stem for keys in staged_partitions(store).values() for key in keys]
-    return {name[:DIGITS] for name in names}
+    return {name for name in names if len(name) == DIGITS}
 
 
 def ingest_logs(

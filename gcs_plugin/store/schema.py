@@ -37,7 +37,7 @@ def _columns(lines: str) -> tuple[StoredColumn, ...]:
 
 
 FLIGHTS = _columns("""
-flight | text | | first 16 hexadecimal digits of the log's SHA-256; -N: of another vehicle
+flight | text | | 16 hexadecimal digits of the log's SHA-256; -N: vehicle; -sortie-N: later sortie
 started_unix_s | number | s | first row, Unix time
 log_name | text | | name of the file that was read
 log_format | text | | tlog, DataFlash, ULog, CSV

@@ -122,14 +122,19 @@ def staged_partitions(store: SeasonStore) -> dict[tuple[str, str], list[str]]:
 
 def drop_replaced(store: SeasonStore, waiting: dict[tuple[str, str], list[str]]) -> None:
     """Take out of the tables what staged flights replace and `merge` does not write over: that of
-    another aircraft or time, or sums that they have no longer. The flights wait staged meanwhile.
+    another aircraft or time, sums that they have no longer, or another sortie of a log that is
+    divided otherwise now. The flights wait staged meanwhile.
     """
     new = {Path(key).stem: key for keys in waiting.values() for key in keys}
     stored = store.table("flights", columns=["flight", "aircraft", "month"]).to_pylist()
-    for row in (row for row in stored if row["flight"] in new):
-        own, key = (row["aircraft"], row["month"]), new[row["flight"]]
-        with _staged(store, key) as whole:
-            kept = whole.namelist() if key in waiting.get(own, ()) else []
+    for row in stored:
+        own, key = (row["aircraft"], row["month"]), new.get(row["flight"])
+        kept: list[str] = []
+        if key is not None:
+            with _staged(store, key) as whole:
+                kept = whole.namelist() if key in waiting.get(own, ()) else []
+        elif row["flight"].partition("-")[0] not in new:
+            continue
         for table in ("flights", "sums", "rows"):
             for target in store.keys(f"{table}/aircraft={own[0]}/month={own[1]}"):
                 if target.rpartition("/")[2] not in kept:

@@ -8,6 +8,7 @@ of the last nine clocked messages before it, which a live listener can do just t
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
@@ -21,7 +22,9 @@ from thrustmargin.gcs_plugin.mavlink.scan import Frames, Index, columns
 from thrustmargin.gcs_plugin.telemetry.recording import (
     BACKWARD,
     FORWARD,
-    longest_stretch,
+    Stretch,
+    restarts,
+    stretches,
     without_leaps,
 )
 from thrustmargin.models.flight import Bools, Floats
@@ -53,11 +56,11 @@ _US_WRAP = 2**32 * 1e-6  # s; SERVO_OUTPUT_RAW counts µs in 32 bits and wraps a
 class Clock:
     """The vehicle's time of every frame."""
 
-    first_row: int  # the stretch between two restarts that is kept
+    first_row: int  # the stretch between two restarts that it is the clock of
     last_row: int
     estimate_s: Floats  # (n,) s since boot of all frames, by the ground's stamps
     stamp_minus_clock: float | None  # typical, or a listener's first; None without an own clock
-    jumps: tuple[tuple[float, float], ...]
+    jumps: tuple[tuple[float, float], ...]  # every restart in the file
     notes: tuple[str, ...]
     on_arrival: bool = False  # every message has the time at which a listener got it
 
@@ -105,10 +108,10 @@ def own_clock_wraps(fields: NDArray[np.void]) -> bool:
     return "time_usec" in names and fields.dtype["time_usec"].itemsize == 4
 
 
-def vehicle_clock(
+def vehicle_clocks(
     name: str, frames: Frames, pilot: Bools, stamps_s: Floats, *, listened: Bools | None = None
-) -> Clock:
-    """The clock of the component whose frames `pilot` (n,) marks, between two restarts.
+) -> Iterator[Clock]:
+    """The clocks of the component whose frames `pilot` (n,) marks: one from restart to restart.
 
     The frames `listened` (n,), if given, get the time at which a live listener has them.
     Raises LogError when two clocks run in turns, as two vehicles of one system id do.
@@ -125,9 +128,20 @@ def vehicle_clock(
     if rows.size == 0:
         note = "no message carries the vehicle's clock: times are the ground computer's"
         first = int(np.argmax(pilot))
-        return Clock(0, last, stamps_s - stamps_s[first], None, (), (note,))
+        yield Clock(0, last, stamps_s - stamps_s[first], None, (), (note,))
+        return
     own = own[rows]
-    stretch = longest_stretch(own, name)
+    found = stretches(own, name)
+    jumps = restarts(own, found)
+    for stretch in found:
+        yield replace(_clock_of(stretch, rows, own, stamps_s, listened), jumps=jumps)
+
+
+def _clock_of(
+    stretch: Stretch, rows: Index, own: Floats, stamps_s: Floats, listened: Bools | None
+) -> Clock:
+    """The clock of one stretch of the clocked frames `rows` (m,), whose clocks are `own` (m,)."""
+    last = stamps_s.size - 1
     a, b = stretch.first, stretch.last + 1
     before = int(rows[a - 1]) + 1 if a else 0
     behind = int(rows[b]) if b < rows.size else stamps_s.size
@@ -153,14 +167,15 @@ def vehicle_clock(
         estimate[mine] = arrival_times(ArrivalClock(), stamps_us, own_s[mine])[0]
     # Of the frames between two stretches, those close by belong to this one.
     near = (estimate >= own[0] - _NEAR) & (estimate <= own[-1] + _NEAR)
+    near[rows] = True
     inside = np.flatnonzero(near[before:behind]) + before
     return Clock(
         int(inside[0]) if a else 0,
         int(inside[-1]) if behind < stamps_s.size else last,
         estimate,
         float(stamps_s[rows[0]] - own[0]) if listened is not None else float(np.median(offset)),
-        stretch.jumps,
-        stretch.notes,
+        (),
+        (),
         listened is not None,
     )
 

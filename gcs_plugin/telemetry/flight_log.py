@@ -88,7 +88,8 @@ def assemble(recording: Recording, signals: Signals, options: Options) -> Flight
     reported = rows.reported
     # What is reported and not in the table, then what a reader met and could not use.
     unused = {
-        name: f"in the log ({silent[0].source.words}), not used: {_unused_because(name, silent, rows)}"
+        name: f"in the log ({silent[0].source.words}), not used: "
+        + _unused_because(name, silent, rows)
         for name in TRACK_CHANNELS
         if (silent := signals.get(name) or signals.get(_REPORTED_AS.get(name, "")))
     } | dict(recording.unused)

@@ -19,6 +19,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from thrustmargin.gcs_plugin.mavlink.rules import Columns
+from thrustmargin.gcs_plugin.wording.sortie_words import sortie_suffix, unflown_words
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.provenance import Provenance
@@ -144,9 +145,21 @@ class Recording:
         )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unflown:
+    """The stretches of a log that are none of its sorties."""
+
+    seconds: tuple[float, ...] = ()  # of each in which nothing left the ground
+    reasons: tuple[str, ...] = ()  # of each that makes no table, why
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        return unflown_words(self.seconds, self.reasons)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class FlightLog:
-    """A log read as one flight."""
+    """One sortie of a log, which mostly holds one alone."""
 
     track: FlightTrack
     quality: LogQuality
@@ -165,6 +178,19 @@ class FlightLog:
     unmeasured: tuple[str, ...] = ()  # of the notes, those on ESC readings that are none
     hardware_id: str = ""  # serial number of the autopilot in hexadecimal digits
     firmware: str = ""  # where a field of its own states it
+    sortie: int = 1  # its number in the log, of `sorties` in all
+    sorties: int = 1
+    unflown: Unflown = field(default_factory=Unflown)  # the rest of the log
+
+    @property
+    def name(self) -> str:
+        """`flight.tlog`, or `flight.tlog sortie 2 of 3`; not for a screen before it is cleaned."""
+        return f"{self.path.name}{self.sortie_suffix}"
+
+    @property
+    def sortie_suffix(self) -> str:
+        """` sortie 2 of 3`; empty where the log holds one alone."""
+        return sortie_suffix(self.sortie, self.sorties)
 
     @property
     def silences(self) -> tuple[tuple[float, float], ...]:
@@ -220,43 +246,41 @@ GAP = 1.0  # s without any message
 _MANY = 10  # falls in one log that no vehicle restarts
 
 
-@dataclass(frozen=True, slots=True)
-class Stretch:
-    """The longest run of rows between two restarts: `first` to `last`, both kept."""
+class Stretch(NamedTuple):
+    """A run of rows between two restarts: `first` to `last`, both in it."""
 
     first: int
     last: int
-    size: int  # rows in all
-    jumps: tuple[tuple[float, float], ...] = ()  # (before, after) s at every restart
-    notes: tuple[str, ...] = ()
 
 
-def longest_stretch(time_s: Floats, name: str) -> Stretch:
-    """Where time (n,) in file order runs forward longest.
+def stretches(time_s: Floats, name: str) -> tuple[Stretch, ...]:
+    """Where time (n,) in file order runs forward, in that order; every row is in one of them.
 
     Lone late messages are no restart. Raises LogError when two clocks run in turns, as two
     vehicles of one system id do.
     """
-    last = time_s.size - 1
     smooth = median_filter(time_s, 5, mode="nearest") if time_s.size >= 5 else time_s
     falls = np.flatnonzero(np.diff(smooth) < -BACKWARD) + 1
-    if falls.size == 0:
-        return Stretch(0, last, time_s.size)
-    edges = np.concatenate([[0], falls, [time_s.size]])
-    spans = [float(smooth[b - 1] - smooth[a]) for a, b in pairwise(edges)]
-    # By messages, not by seconds: a leap forward would make a stretch long.
-    best = int(np.argmax(np.diff(edges)))
-    if falls.size > _MANY and edges[best + 1] - edges[best] < 0.5 * time_s.size:
-        raise LogError(
-            f"{name}: the clock jumps back {falls.size} times, as when two vehicles share one "
-            "system id; give each its own and record again"
-        )
-    jumps = tuple((float(time_s[f - 1]), float(time_s[f])) for f in falls)
-    note = (
-        f"time went backwards {falls.size} time(s) (restart): the longest stretch of "
-        f"{spans[best]:.0f} s is kept, {sum(spans) - spans[best]:.0f} s in the others are dropped"
-    )
-    return Stretch(int(edges[best]), int(edges[best + 1]) - 1, time_s.size, jumps, (note,))
+    edges = np.concatenate([[0], falls, [time_s.size]]).astype(np.int64)
+    if falls.size > _MANY and np.diff(edges).max() < 0.5 * time_s.size:
+        # A clock that was restarted counts on; that of another vehicle leaps back up.
+        up = [np.max(np.diff(smooth[a:b]), initial=0.0) for a, b in pairwise(edges[1:])]
+        if np.mean(np.array(up) > 0.5 * (smooth[falls - 1] - smooth[falls])) > 0.5:
+            raise LogError(
+                f"{name}: the clock jumps back {falls.size} times, as when two vehicles share one "
+                "system id; give each its own and record again"
+            )
+    return tuple(Stretch(int(a), int(b) - 1) for a, b in pairwise(edges))
+
+
+def longest(found: Sequence[Stretch]) -> Stretch:
+    """The stretch of most rows: a leap forward would make one of few long in seconds."""
+    return max(found, key=lambda stretch: stretch.last - stretch.first)
+
+
+def restarts(time_s: Floats, found: Sequence[Stretch]) -> tuple[tuple[float, float], ...]:
+    """(before, after) s of time (n,) at every restart between the stretches."""
+    return tuple((float(time_s[a.last]), float(time_s[b.first])) for a, b in pairwise(found))
 
 
 def without_leaps(time_s: Floats) -> Floats:

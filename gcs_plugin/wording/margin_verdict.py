@@ -111,18 +111,36 @@ _VERDICTS: Mapping[Level, str] = {
 }
 
 
-def headline(level: Level, limit: float, lost_s: float = 0.0, over_share: float = 0.0) -> str:
+#: Behind the verdict of a flight whose end is not in the log.
+_UNSEEN = " (LOG ENDS IN FLIGHT)"
+
+
+def headline(
+    level: Level,
+    limit: float,
+    lost_s: float = 0.0,
+    over_share: float = 0.0,
+    *,
+    ends_in_flight: bool = False,
+) -> str:
     """The verdict of a flight in capitals, to be read first; `lost_s` s no rotor could be lost, and
-    `over_share` of the flight above the limit."""
+    `over_share` of the flight above the limit. One that `ends_in_flight` is of the log alone."""
     words = _VERDICTS[level].format(limit=percent(limit))
     if percent(over_share) == "100 %":
         words = words.replace("AT TIMES", "ALL FLIGHT")
-    return f"{words} FOR {duration(lost_s).upper()}" if level == "critical" and lost_s else words
+    if level == "critical" and lost_s:
+        words = f"{words} FOR {duration(lost_s).upper()}"
+    return f"{words}{_UNSEEN}" if ends_in_flight else words
+
+
+def gravity(level: Level) -> int:
+    """0 for the worst verdict, and more the better it is; no verdict is last."""
+    return list(_VERDICTS).index(level)
 
 
 def several_headline(levels: Sequence[Level], limit: float) -> tuple[Level, str]:
     """The worst level of the flights, and how many of several have it, in capitals."""
-    level = min(levels, key=list(_VERDICTS).index)
+    level = min(levels, key=gravity)
     words = headline(level, limit)
     if len(levels) == 1:
         return level, words
@@ -204,9 +222,14 @@ def load_facts(track: FlightTrack) -> tuple[Fact, ...]:
     return (Fact("load", f"{start} to {end}, {source.words}"),)
 
 
+def ends_in_flight(track: FlightTrack) -> bool:
+    """Whether a log ends before the flight did: the file is cut short, or recording stopped."""
+    return bool(track.flying.size and track.flying[-1])
+
+
 def ending_facts(track: FlightTrack) -> tuple[Fact, ...]:
-    """That a log ends before the flight did: the file is cut short, or recording stopped."""
-    if not track.flying.size or not track.flying[-1]:
+    """From when on the flight is unseen, where its log ends in it."""
+    if not ends_in_flight(track):
         return ()
     return (
         Fact("log", f"ends in flight, at {clock(float(track.time_s[-1]))}: the rest is unseen"),

@@ -14,11 +14,14 @@ import pytest
 
 from tests.gcs_plugin.logs.log_files import long_bin, long_tlog
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.logs.dataflash.binary import read_dataflash
-from thrustmargin.gcs_plugin.logs.tlog import read_tlog
+from thrustmargin.gcs_plugin.logs.dataflash.binary import dataflash_boots
+from thrustmargin.gcs_plugin.logs.tlog import tlog_boots
 
 RECORDED = {"tlog": "campaign/v4_m10_q2.5.tlog", "BIN": "formats/v4_m10_q2.5.BIN"}
-READERS = {"tlog": read_tlog, "BIN": read_dataflash}
+READERS = {
+    "tlog": lambda path: list(tlog_boots(path)),
+    "BIN": lambda path: list(dataflash_boots(path)),
+}
 TIMES = {"tlog": 60, "BIN": 10}
 
 

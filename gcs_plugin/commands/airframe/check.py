@@ -47,19 +47,20 @@ class AirframeCheck:
 
     def run(self) -> int:
         from thrustmargin.gcs_plugin.commands.flight.inspect import MARK
-        from thrustmargin.gcs_plugin.logs import read_log
+        from thrustmargin.gcs_plugin.logs import read_sorties
         from thrustmargin.models.physics.airframe import load_airframe
 
         require_logs(self.logs)
         craft = load_airframe(self.file)
         keywords = reading_keywords(self.reading)
-        logs = [read_log(path, airframe=craft, **keywords) for path in self.logs]
+        read = (read_sorties(path, airframe=craft, **keywords) for path in self.logs)
+        logs = [log for sorties in read for log in sorties]
         console = Terminal()
         table = Table(show_header=False, box=None, pad_edge=False)
         for finding in airframe_findings(craft, logs):
             mark, colour = MARK[finding.level]
             table.add_row(Text(mark, style=colour), Text(finding.check), Text(finding.words))
-        console.print(f"{craft.title}, held against {', '.join(log.path.name for log in logs)}")
+        console.print(f"{craft.title}, held against {', '.join(log.name for log in logs)}")
         console.print(table)
         if craft.guessed:
             console.print(f"guessed in the file: {', '.join(craft.guessed)}", soft_wrap=True)

@@ -92,14 +92,15 @@ def hover_quantities(logs: Sequence[Path], craft: Airframe, reading: ReadingOpti
     Where the ceiling is a guess, it becomes what outputs and rotor speeds extrapolate to. Flights
     without rotor speeds give that alone. Raises DataError or LogError when there is neither.
     """
-    from thrustmargin.gcs_plugin.logs import read_log
+    from thrustmargin.gcs_plugin.logs import read_sorties
     from thrustmargin.models.model.inferred.output_speed import full_output_speed
     from thrustmargin.models.physics.airframe import Quantity
     from thrustmargin.models.physics.atmosphere import SEA_LEVEL_DENSITY
     from thrustmargin.models.physics.thrust_fits import fit_hover
 
-    read = [read_log(path, airframe=craft, **reading_keywords(reading)) for path in logs]
-    names = ", ".join(log.path.name for log in read)
+    keywords = reading_keywords(reading)
+    read = [log for path in logs for log in read_sorties(path, airframe=craft, **keywords)]
+    names = ", ".join(log.name for log in read)
     mass = f"{craft.empty_mass:g} kg" + (" and its liquid" if craft.tank_volume_l else "")
     made: dict[str, Quantity] = {}
     measured = any(log.track.reports("rotor_speed_rpm") for log in read)

@@ -24,6 +24,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
 )
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, ReadingOptions
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.gcs_plugin.wording.sortie_words import several_words, sortie_words
 from thrustmargin.models.errors import LogError, ThrustMarginError
 from thrustmargin.models.whole_file import whole_file
 
@@ -81,7 +82,7 @@ def inspect(
     for path in logs:
         try:
             with errors.status(escape(f"reading {path.name}")):
-                inspection = _inspect(path, airframe, reading)
+                found = _inspect(path, airframe, reading)
         except ThrustMarginError as error:
             # One bad log must not hide the others.
             if len(logs) == 1:
@@ -89,10 +90,17 @@ def inspect(
             errors.print(f"thrustmargin: {error}", soft_wrap=True)
             failed += 1
             continue
-        if anonymise is not None and inspection.log.format != "tlog":
+        if anonymise is not None and found[0].log.format != "tlog":
             raise LogError(NO_COPY.format(name=path.name))
-        _print(console, inspection)
-        done.append(as_json(inspection))
+        if len(found) > 1:
+            several = several_words(len(found), load_stated=reading.states_load)
+            console.print(escape(f"{path.name}: {several}"), soft_wrap=True)
+            for inspection in found:
+                log = inspection.log
+                console.print(f"  {sortie_words(log.sortie, log.track)}", soft_wrap=True)
+        for inspection in found:
+            _print(console, inspection)
+            done.append(as_json(inspection))
     if anonymise is not None:
         from thrustmargin.gcs_plugin.logs.anonymous_tlog import anonymous_copy
 
@@ -113,8 +121,8 @@ def inspect(
     return 1 if failed else 0
 
 
-def _inspect(path: Path, airframe: str | None, reading: ReadingOptions) -> Inspection:
-    from thrustmargin.gcs_plugin.commands.shared.inputs import SHIPPED_AIRFRAME, read_flight
+def _inspect(path: Path, airframe: str | None, reading: ReadingOptions) -> list[Inspection]:
+    from thrustmargin.gcs_plugin.commands.shared.inputs import SHIPPED_AIRFRAME, read_flights
     from thrustmargin.gcs_plugin.logs.inspection import inspect_log
     from thrustmargin.models.model.rotor_model import physics_model
     from thrustmargin.models.physics.airframe import load_airframe
@@ -122,8 +130,8 @@ def _inspect(path: Path, airframe: str | None, reading: ReadingOptions) -> Inspe
     given = airframe is not None
     craft = load_airframe(airframe if given else SHIPPED_AIRFRAME)
     model = physics_model(craft)
-    log, claim = read_flight(path, model, given=given, reading=reading, any_vehicle=True)
-    return inspect_log(log, craft, claim)
+    read = read_flights(path, model, given=given, reading=reading, any_vehicle=True)
+    return [inspect_log(log, craft, claim) for log, claim in read]
 
 
 def _print(console: Console, inspection: Inspection) -> None:
@@ -132,7 +140,7 @@ def _print(console: Console, inspection: Inspection) -> None:
     log, track = inspection.log, inspection.log.track
     others = [str(v) for v in log.vehicles if v != log.vehicle]
     console.print(
-        f"{log.path.name}: {log.format}, {log.autopilot}, vehicle {log.vehicle}"
+        f"{log.name}: {log.format}, {log.autopilot}, vehicle {log.vehicle}"
         + (f" (also in the log: {', '.join(others)})" if others else "")
         + f", {track.duration:.1f} s of which {flying_seconds(track):.1f} s in flight, "
         f"{track.time_s.size} rows; " + inspection.claim.words,

@@ -10,6 +10,8 @@ from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, ReadingOptions
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.gcs_plugin.wording.sortie_words import sortie_words
+from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.view.replay_view import ReplayView
@@ -23,6 +25,7 @@ def replay(
     before: Path | None = None,
     airframe: str | None = None,
     reading: Reading = AS_HEARD,
+    sortie: int | None = None,
     port: int = 8080,
     host: str = "127.0.0.1",
     token_file: Path | None = None,
@@ -46,6 +49,7 @@ def replay(
         airframe: Name of a shipped airframe, or an airframe file (.toml); without it the
             model's, else that of topxgun-f16-sitl for a flight that is recognised as one of it.
         reading: How the log is read.
+        sortie: Number of the sortie to show, of a log that holds several; without it the worst.
         port: Port of the page.
         host: Address to serve the page on; only this computer can reach 127.0.0.1. On any other a
             token is asked for, which is printed.
@@ -63,7 +67,9 @@ def replay(
     options = {"host": host, "port": port, "token": page_token(host, token_file)}
     options |= {"speed": speed, "paused": start_paused}
     given = model is not None or airframe is not None
-    view = replay_view(log, rotor_model, older, given=given, reading=reading, **options)
+    view = replay_view(
+        log, rotor_model, older, given=given, reading=reading, sortie=sortie, **options
+    )
     run_replay(view, browser=browser)
 
 
@@ -74,24 +80,41 @@ def replay_view(
     *,
     given: bool = True,
     reading: ReadingOptions = AS_HEARD,
+    sortie: int | None = None,
     **options: Any,
 ) -> ReplayView:
     """The view of a recorded flight; with a model `before` also its residual before and after.
 
     A model that was not `given` is taken only for a flight that is recognised as one of its
-    airframe. `options` are those of ReplayView.
+    airframe. Of several sorties it is that of the number `sortie`, else the one of the worst
+    verdict; the others are named on the terminal. `options` are those of ReplayView. Raises
+    DataError when there is no sortie of that number.
     """
-    from thrustmargin.gcs_plugin.commands.shared.inputs import read_flight
+    from thrustmargin.gcs_plugin.commands.shared.inputs import log_lines, read_flights
     from thrustmargin.gcs_plugin.reports.margin import flight_verdict
+    from thrustmargin.gcs_plugin.reports.margin.data import most
     from thrustmargin.gcs_plugin.view.replay_view import ReplayView
     from thrustmargin.gcs_plugin.view.scene.overlays import before_and_after
+    from thrustmargin.gcs_plugin.wording.margin_verdict import gravity
     from thrustmargin.models.model.analysis import analyse, for_verdict
 
-    with Terminal(stderr=True).status(escape(f"reading {log.name}")):
-        flight, claim = read_flight(log, model, given=given, reading=reading)
-        analysis = for_verdict(analyse(flight.track, model, claim=claim))
+    console = Terminal(stderr=True, soft_wrap=True)
+    with console.status(escape(f"reading {log.name}")):
+        flights = read_flights(log, model, given=given, reading=reading)
+        if sortie is not None and not 1 <= sortie <= len(flights):
+            raise DataError(f"--sortie {sortie}: {log.name} holds sorties 1 to {len(flights)}")
+        analyses = [for_verdict(analyse(f.track, model, claim=claim)) for f, claim in flights]
+        verdicts = [flight_verdict(analysis, max_utilisation=0.5) for analysis in analyses]
+        use = [most(a.known_utilisation[a.track.flying]) for a in analyses]
+        worst = min(range(len(flights)), key=lambda k: (gravity(verdicts[k].level), -use[k]))
+        shown = worst if sortie is None else sortie - 1
+        (flight, claim), analysis, verdict = flights[shown], analyses[shown], verdicts[shown]
         older = None if before is None else analyse(analysis.track, before, claim=claim)
-        verdict = flight_verdict(analysis, max_utilisation=0.5)
+    for line in log_lines(flight, stated=reading.states_load):
+        console.print(escape(f"{log.name}: {line}"))
+    for k, (other, _) in enumerate(flights) if len(flights) > 1 else ():
+        line = f"{sortie_words(other.sortie, other.track)}: {verdicts[k].headline}"
+        console.print(f"  {line}; {'shown' if k == shown else f'--sortie {k + 1} shows it'}")
     return ReplayView(
         analysis,
         waypoints=flight.waypoints,

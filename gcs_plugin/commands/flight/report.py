@@ -63,6 +63,7 @@ def report(
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, listed, read_logs
     from thrustmargin.gcs_plugin.reports.margin import build_report
     from thrustmargin.gcs_plugin.reports.margin.render import json_text, pdf_bytes, write_report
+    from thrustmargin.gcs_plugin.reports.margin.summary import worst_first
     from thrustmargin.models.model.analysis import analyse, for_verdict
     from thrustmargin.models.whole_file import whole_file
 
@@ -124,7 +125,9 @@ def report(
             where = error.filename or out or "standard output"
             raise DataError(f"cannot write {where}: {error.strerror or error}") from error
     summary = Terminal(soft_wrap=True, quiet=json == STDOUT)
-    for flight in made.flights:
+    if len(made.flights) > 1:
+        summary.print(made.overview.headline, style="bold")
+    for _, flight in worst_first(made.flights):
         verdict = flight.verdict
         summary.print(f"{flight.name}: {verdict.headline}", style="bold")
         for fact in verdict.facts:

@@ -159,14 +159,14 @@ def logs_to_fit(
     offsets: dict[str, list[str]] = {}
     for log in claimed(read, left_out):
         for words in instrument_offsets(log):
-            offsets.setdefault(words, []).append(log.path.name)
+            offsets.setdefault(words, []).append(log.name)
         wrong = wrong_speeds(log.track, model.airframe)
         lacking = wrong or too_little(log.track, model)
         if lacking is None:
             tracks.append(log.track)
         else:
             group = left_out if wrong is None else disordered
-            group.append(UnusedLog(name=log.path.name, reason=lacking))
+            group.append(UnusedLog(name=log.name, reason=lacking))
     for words, names in offsets.items():
         console.print(f"{', '.join(names)}: {words}")
     if disordered:

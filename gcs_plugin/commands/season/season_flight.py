@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from thrustmargin.gcs_plugin.commands.season.anonymous import anonymous, pseudonym, without_name
-from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, read_flight, unnamed
+from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, read_flights, unnamed
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, ReadingOptions
 from thrustmargin.gcs_plugin.logs import FlightLog
 from thrustmargin.gcs_plugin.mavlink.text import clean
@@ -60,41 +60,57 @@ def season_model(model: str | None, airframe: str | None) -> tuple[RotorModel, s
 def stage_log(log: LogSource, content: str, *, settings: IngestSettings) -> list[str]:
     """Read a log whose digest is `content` and stage its flights; returns their names.
 
-    A log of several vehicles holds a flight of each. Raises ThrustMarginError when there is none.
+    A log holds a flight of each vehicle and sortie. The one that bears the content alone is staged
+    last: it says that the log is in the store. Raises ThrustMarginError when there is none.
     """
     from threadpoolctl import threadpool_limits
 
     store = SeasonStore.open(settings.store)
     # One thread: the cores have a log each, and sums come out the same on any machine of a kind.
     with threadpool_limits(1), local_file(log.path) as path:
-        flights = season_flights(path, content, settings)
-    for flight in flights:
-        flight.summary["log_name"] = clean(log.name) if settings.key is None else None
+        flights = season_flights(path, content, settings, name=log.name)
+    for flight in reversed(flights):
         stage(store, flight)
     return [flight.summary["flight"] for flight in flights]
 
 
-def season_flights(path: Path, content: str, settings: IngestSettings) -> list[SeasonFlight]:
-    """Every vehicle's flight in a log. Raises ThrustMarginError when there is none."""
-    first, log = _season_flight(path, content, settings, settings.reading)
-    found = [first]
+def season_flights(
+    path: Path, content: str, settings: IngestSettings, *, name: str
+) -> list[SeasonFlight]:
+    """Every vehicle's sorties in a log of that `name`, each a flight of the store.
+
+    Raises ThrustMarginError when there is none.
+    """
+    found, log = _sorties(path, content, settings, settings.reading, name=name)
+    first = found[0]
     alone = settings.reading.vehicle is not None
     for other in () if alone else (v for v in log.vehicles if v != log.vehicle):
         reading = replace(settings.reading, vehicle=other)
         try:
-            found.append(_season_flight(path, f"{content}-{other}", settings, reading)[0])
+            found += _sorties(path, f"{content}-{other}", settings, reading, name=name)[0]
         except ThrustMarginError as error:  # often a camera or an antenna tracker
             first.summary["notes"].append(f"no flight of vehicle {other}: {unnamed(error, path)}")
     return found
 
 
-def _season_flight(
-    path: Path, name: str, settings: IngestSettings, reading: ReadingOptions
-) -> tuple[SeasonFlight, FlightLog]:
+def _sorties(
+    path: Path, content: str, settings: IngestSettings, reading: ReadingOptions, *, name: str
+) -> tuple[list[SeasonFlight], FlightLog]:
+    """The sorties of one vehicle, and the log of the first.
+
+    The first bears the name that a log of one flight has: so it is found again in a store.
+    """
     model, _ = season_model(settings.model, settings.airframe)
     given = settings.model is not None or settings.airframe is not None
-    log, claim = read_flight(path, model, given=given, reading=reading)
-    return flight_of_log(log, claim, name, settings, file=path.name), log
+    read = read_flights(path, model, given=given, reading=reading)
+    found = []
+    for log, claim in read:
+        flight = content if log.sortie == 1 else f"{content}-sortie-{log.sortie}"
+        made = flight_of_log(log, claim, flight, settings, file=path.name)
+        shown = None if settings.key is not None else f"{clean(name)}{log.sortie_suffix}"
+        made.summary["log_name"] = shown
+        found.append(made)
+    return found, read[0][0]
 
 
 def flight_of_log(

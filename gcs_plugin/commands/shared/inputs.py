@@ -16,6 +16,7 @@ from thrustmargin.gcs_plugin.commands.shared.reading import (
     ReadingOptions,
     reading_keywords,
 )
+from thrustmargin.gcs_plugin.wording.sortie_words import several_words
 from thrustmargin.models.errors import AirframeError, DataError, LogError, ThrustMarginError
 from thrustmargin.models.model.model_file import load_model, shipped_model
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
@@ -99,9 +100,10 @@ def read_logs(
     reading: ReadingOptions = AS_HEARD,
     skipped: type[ThrustMarginError] = LogError,
 ) -> Iterator[tuple[FlightLog, AirframeClaim]]:
-    """Each log that can be read, in order, with a bar on the `console` meanwhile; as `read_flight`.
+    """Each sortie of the logs that can be read, in order, as `read_flights`.
 
-    A log that cannot for an error of the kind `skipped` is added to `unused`.
+    There is a bar on the `console` meanwhile, and a line on every log that is not one sortie alone.
+    A log that cannot be read for an error of the kind `skipped` is added to `unused`.
     """
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 
@@ -109,9 +111,19 @@ def read_logs(
     quiet = not console.is_terminal
     for path in track(logs, described, console=console, transient=True, disable=quiet):
         try:
-            yield read_flight(path, model, given=given, reading=reading)
+            flights = read_flights(path, model, given=given, reading=reading)
         except skipped as error:
             unused.append(UnusedLog(name=path.name, reason=unnamed(error, path)))
+            continue
+        for line in log_lines(flights[0][0], stated=reading.states_load):
+            console.print(escape(f"{path.name}: {line}"), soft_wrap=True)
+        yield from flights
+
+
+def log_lines(log: FlightLog, *, stated: bool) -> tuple[str, ...]:
+    """What is to be said of the log of a sortie that holds others, or stretches that are none."""
+    several = () if log.sorties == 1 else (several_words(log.sorties, load_stated=stated),)
+    return (*several, *log.unflown.words)
 
 
 def unnamed(error: Exception, path: Path) -> str:
@@ -130,40 +142,57 @@ def claimed(
 
     for log, claim in read:
         if claim.withheld:
-            name = log.path.name
             reason = f"{'; '.join(claim.withheld)}; {claim.remedy}"
-            unused.append(UnusedLog(name=name, reason=reason))
+            unused.append(UnusedLog(name=log.name, reason=reason))
         else:
             yield log
 
 
-def read_flight(
+def read_flights(
     path: Path,
     model: RotorModel,
     *,
     given: bool,
     reading: ReadingOptions = AS_HEARD,
     any_vehicle: bool = False,
-) -> tuple[FlightLog, AirframeClaim]:
-    """A log with what can be inferred of it, and the ground on which it is one of the model's
-    airframe, which the user gave or not.
+) -> list[tuple[FlightLog, AirframeClaim]]:
+    """Every sortie of a log with what can be inferred of it, and the ground on which it is one of
+    the model's airframe, which the user gave or not.
 
-    Where there is none, the log is read without an airframe. Raises as `read_log`.
+    Where there is none, it is read without an airframe. Raises as `read_sorties`.
     """
-    from thrustmargin.gcs_plugin.logs import read_log
+    from thrustmargin.gcs_plugin.logs import read_sorties
     from thrustmargin.gcs_plugin.telemetry.flight_log import with_track
     from thrustmargin.models.model.airframe_claim import airframe_claim
     from thrustmargin.models.model.inferred.prepared import prepared
     from thrustmargin.models.model.predict import flown_airframe
 
     keywords = {**reading_keywords(reading), "any_vehicle": any_vehicle}
+    craft = flown_airframe(model)
+
+    def claims_of(logs: Iterable[FlightLog]) -> list[AirframeClaim]:
+        return [
+            airframe_claim(log.track, craft, log.facts, log.parameters, given=given) for log in logs
+        ]
+
     try:
-        log, fits = read_log(path, airframe=model.airframe, **keywords), True
+        logs, fits = read_sorties(path, airframe=model.airframe, **keywords), True
     except AirframeError:  # another number of rotors, which the claim will say
-        log, fits = read_log(path, **keywords), False
-    claim = airframe_claim(log.track, flown_airframe(model), log.facts, log.parameters, given=given)
-    if claim.basis == "not known":
-        log = read_log(path, **keywords) if fits else log
-    elif not claim.withheld:
-        log = with_track(log, prepared(log.track, flown_airframe(model), log.parameters))
-    return log, claim
+        logs, fits = read_sorties(path, **keywords), False
+    claims = claims_of(logs)
+    if fits and any(claim.basis == "not known" for claim in claims):
+        bare = read_sorties(path, **keywords)
+        if len(bare) == len(logs):
+            unclaimed = [claim.basis == "not known" for claim in claims]
+            logs = [b if none else log for log, b, none in zip(logs, bare, unclaimed, strict=True)]
+        else:  # the airframe's tank or speeds divided them otherwise
+            logs, claims = bare, claims_of(bare)
+    return [
+        (
+            log
+            if claim.basis == "not known" or claim.withheld
+            else with_track(log, prepared(log.track, craft, log.parameters)),
+            claim,
+        )
+        for log, claim in zip(logs, claims, strict=True)
+    ]

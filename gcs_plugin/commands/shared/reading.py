@@ -38,6 +38,11 @@ class ReadingOptions:
     """Outside air temperature of the day in °C; without it the autopilot's own reading less what
     its board is warmer, else the standard atmosphere."""
 
+    @property
+    def states_load(self) -> bool:
+        """Whether the user says what was on board at the start."""
+        return self.load is not None or self.tank_start_kg is not None
+
 
 #: Nothing is said of the flight: all is as it is heard.
 AS_HEARD = ReadingOptions()

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +34,6 @@ from thrustmargin.gcs_plugin.logs.dataflash.message_scan import (
 )
 from thrustmargin.gcs_plugin.logs.read import Beginning, LogFormat
 from thrustmargin.gcs_plugin.mavlink.scan import gather, read_bytes
-from thrustmargin.gcs_plugin.telemetry.flight_log import assemble
 from thrustmargin.gcs_plugin.telemetry.recording import (
     FlightLog,
     LogQuality,
@@ -42,14 +42,17 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     Stream,
     Waypoint,
     damage_of,
-    longest_stretch,
     pauses,
+    restarts,
+    stretches,
     without_leaps,
 )
 from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import parameter
+from thrustmargin.gcs_plugin.telemetry.signals import Signals
+from thrustmargin.gcs_plugin.telemetry.sorties import sorties_of
 from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.models.errors import LogError
-from thrustmargin.models.flight import Floats
+from thrustmargin.models.flight import Bools, Floats
 
 _GPS_EPOCH = 315964800.0  # Unix s of 1980-01-06
 _LEAP_SECONDS = 18.0  # GPS time ahead of UTC since 2017
@@ -68,8 +71,8 @@ _CLOCKS = (
 Lookup = Callable[[str], tuple[DataFlashColumns, Floats] | None]
 
 
-def read_dataflash(path: Path, *, vehicle: int | None = None) -> Recording:
-    """The needed messages of a binary DataFlash log.
+def dataflash_boots(path: Path, *, vehicle: int | None = None) -> Iterator[Recording]:
+    """The needed messages of a binary DataFlash log: a recording from restart to restart.
 
     Raises LogError when no message can be made out, or `vehicle` is not the one in the log.
     """
@@ -81,11 +84,9 @@ def read_dataflash(path: Path, *, vehicle: int | None = None) -> Recording:
         )
     clock, usable = _clock(found)
     timed = np.isfinite(clock)
-    stretch = longest_stretch(clock[timed], path.name)
-    if stretch.jumps:
-        known = np.flatnonzero(timed)
-        usable[: known[stretch.first]] = False
-        usable[known[stretch.last] + 1 :] = False
+    known = np.flatnonzero(timed)
+    parts = stretches(clock[known], path.name)
+    jumps = restarts(clock[known], parts)
 
     def columns(name: str) -> Mapping[str, NDArray[Any]]:
         rows, form = found.rows_of(name)
@@ -94,9 +95,9 @@ def read_dataflash(path: Path, *, vehicle: int | None = None) -> Recording:
 
     units = Units.of(columns)
 
-    def lookup(name: str) -> tuple[DataFlashColumns, Floats] | None:
+    def lookup(inside: Bools, name: str) -> tuple[DataFlashColumns, Floats] | None:
         rows, form = found.rows_of(name)
-        rows = rows[usable[rows]]
+        rows = rows[inside[rows]]
         if form is None or rows.size == 0:
             return None
         scale, label = units.describe(form, text=False)
@@ -107,14 +108,19 @@ def read_dataflash(path: Path, *, vehicle: int | None = None) -> Recording:
         earlier = np.flatnonzero(timed[max(row - 1000, 0) : row + 1])
         return float(clock[max(row - 1000, 0) + earlier[-1]]) if earlier.size else float("nan")
 
-    quality = LogQuality(
-        bytes=size,
-        frames=int(found.start.size),
-        **damage_of(found.skipped, time_before),
-        clock_jumps=stretch.jumps,
-        gaps=pauses(clock[timed & usable]),
-    )
-    return recording_of(path, "DataFlash", lookup, quality, vehicle, stretch.notes)
+    # What has no time of its own, between two starts, belongs to the later one.
+    ends = [*(int(known[part.last]) + 1 for part in parts[:-1]), found.start.size]
+    for first, end in pairwise([0, *ends]):
+        inside = usable.copy()
+        inside[:first] = inside[end:] = False
+        quality = LogQuality(
+            bytes=size,
+            frames=int(found.start.size),
+            **damage_of(found.skipped, time_before),
+            clock_jumps=jumps,
+            gaps=pauses(clock[timed & inside]),
+        )
+        yield recording_of(path, "DataFlash", partial(lookup, inside), quality, vehicle)
 
 
 def _clock(found: FoundMessages) -> tuple[Floats, NDArray[np.bool_]]:
@@ -146,7 +152,6 @@ def recording_of(
     lookup: Lookup,
     quality: LogQuality,
     vehicle: int | None,
-    notes: tuple[str, ...],
 ) -> Recording:
     """A Recording from the columns of each message, binary or text.
 
@@ -182,7 +187,6 @@ def recording_of(
         vehicle=own,
         vehicles=(own,),
         autopilot="ArduPilot",
-        notes=notes,
     )
 
 
@@ -241,14 +245,16 @@ def _likeness(begins: Beginning) -> float:
     return 0.8 if described else 0.2
 
 
-def flight_of(
-    reader: Callable[..., Recording], path: Path, vehicle: int | None, options: Options
-) -> FlightLog:
-    """The flight of a DataFlash log, binary or text by its `reader`."""
-    recording = reader(path, vehicle=vehicle)
-    signals = dataflash_signals(recording.streams)
-    signals, unused = without_monitors_off(signals, recording.parameters)
-    return assemble(replace(recording, unused=unused), signals, options)
+def sorties_by(
+    reader: Callable[..., Iterator[Recording]], path: Path, vehicle: int | None, options: Options
+) -> tuple[FlightLog, ...]:
+    """The sorties of a DataFlash log, binary or text by its `reader`."""
+    return sorties_of(map(_with_signals, reader(path, vehicle=vehicle)), options)
+
+
+def _with_signals(boot: Recording) -> tuple[Recording, Signals]:
+    signals, unused = without_monitors_off(dataflash_signals(boot.streams), boot.parameters)
+    return replace(boot, unused=unused), signals
 
 
 FORMAT = LogFormat(
@@ -256,5 +262,5 @@ FORMAT = LogFormat(
     known_by="an ArduPilot log (.BIN, it begins with descriptions FMT)",
     suffixes=(".bin", ".log"),
     likeness=_likeness,
-    read=partial(flight_of, read_dataflash),
+    read=partial(sorties_by, dataflash_boots),
 )

@@ -76,6 +76,7 @@ REQUIRED: Mapping[str, tuple[str, ...]] = {
     "RCOU": (),
     "NVF": ("Name", "Value"),
     "EV": ("Id",),
+    "ARM": ("ArmState",),
     "ORGN": ("Type", "Lat", "Lng", "Alt"),
     "CMD": ("CNum", "CId", "Lat", "Lng", "Alt", "Prm1", "Prm2", "Prm3", "Prm4"),
     "MSG": ("Message",),
@@ -88,8 +89,9 @@ MESSAGES = tuple(dict.fromkeys([*(rule.message for rule in RULES), *REQUIRED]))
 _MOST_SOURCES = 32
 _FASTEST_GYRO = 35.0  # rad/s: full scale of those that autopilots have, 2000 deg/s
 _ON_GROUND, _IN_AIR = 1.0, 2.0
-#: LogEvent: 18 landed, 28 not landed any more, 11 disarmed.
-_EVENTS = {18: _ON_GROUND, 28: _IN_AIR, 11: _ON_GROUND}
+#: LogEvent: 10 armed, 11 disarmed; 18 landed, 28 not landed any more.
+_ARMED, _DISARMED = 10, 11
+_EVENTS = {18: _ON_GROUND, 28: _IN_AIR, _DISARMED: _ON_GROUND}
 
 
 def _of(message: str, *fields: str, meaning: Meaning = Meaning.AS_NAMED) -> Provenance:
@@ -286,6 +288,29 @@ def _landed(stream: Stream) -> list[Signal]:
     return [ordered_signal("landed", source, stream.time_s[reported], state[reported])]
 
 
+def _armed(stream: Stream) -> list[Signal]:
+    columns = columns_of(stream)
+    if "ArmState" in columns:
+        return [
+            ordered_signal(
+                "armed", _of("ARM", "ArmState"), stream.time_s, columns.number("ArmState")
+            )
+        ]
+    number = columns.number("Id")
+    reported = np.isin(number, (_ARMED, _DISARMED))
+    if not reported.any():
+        return []
+    state = (number[reported] == _ARMED).astype(np.float64)
+    return [
+        ordered_signal(
+            "armed",
+            _of("EV", "Id").remarked("10 armed, 11 disarmed"),
+            stream.time_s[reported],
+            state,
+        )
+    ]
+
+
 def _origins(stream: Stream) -> list[Signal]:
     columns = columns_of(stream)
     place = np.stack([columns.number(n) for n in ("Lat", "Lng", "Alt")], axis=-1)
@@ -319,6 +344,8 @@ _METHODS = (
     ("RCOU", _servos),
     ("NVF", _named),
     ("EV", _landed),
+    ("ARM", _armed),
+    ("EV", _armed),
     ("ORGN", _origins),
     ("GPS", _ground_speed),
 )

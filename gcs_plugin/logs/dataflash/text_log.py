@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.gcs_plugin.logs.dataflash.binary import flight_of, recording_of
+from thrustmargin.gcs_plugin.logs.dataflash.binary import recording_of, sorties_by
 from thrustmargin.gcs_plugin.logs.dataflash.columns import (
     DataFlashColumns,
     Units,
@@ -25,8 +26,9 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     LogQuality,
     Recording,
     damage_of,
-    longest_stretch,
     pauses,
+    restarts,
+    stretches,
     without_leaps,
 )
 from thrustmargin.models.errors import LogError
@@ -46,8 +48,8 @@ class _Lines:
     kept: int = 0
 
 
-def read_dataflash_text(path: Path, *, vehicle: int | None = None) -> Recording:
-    """The needed messages of a DataFlash log in text form.
+def dataflash_text_boots(path: Path, *, vehicle: int | None = None) -> Iterator[Recording]:
+    """The needed messages of a DataFlash log in text form: a recording from restart to restart.
 
     Raises LogError when it describes no message (FMT), or `vehicle` is not the one in the log.
     """
@@ -55,52 +57,53 @@ def read_dataflash_text(path: Path, *, vehicle: int | None = None) -> Recording:
     lines = _lines(text)
     if len(lines.formats) < 2:
         raise LogError(f"{path.name}: no FMT line describes a message; is it an ArduPilot .log?")
-    tables: dict[str, tuple[dict[str, NDArray[Any]], Floats]] = {}
-    offsets: list[NDArray[np.int64]] = []
+    tables: dict[str, tuple[dict[str, NDArray[Any]], Floats, NDArray[np.int64]]] = {}
     for name, cells in lines.cells.items():
         table, good = _table(lines.formats[name], cells)
         at = np.array(lines.offsets[name])
         lines.skipped += [(int(at[i]), len(",".join(cells[i]))) for i in np.flatnonzero(~good)]
         lines.kept -= int(np.sum(~good))
-        tables[name] = (table, _clock(table))
-        offsets.append(at[good])
+        tables[name] = (table, _clock(table), at[good])
     units = Units.of(lambda name: tables[name][0] if name in tables else {})
-    known = np.empty(0)
+    clocks, places = np.empty(0), np.empty(0, dtype=np.int64)
     if tables:
-        order = np.argsort(np.concatenate(offsets), kind="stable")
-        clocks = np.concatenate([clock for _, clock in tables.values()])[order]
-        if not any("TimeUS" in table for table, _ in tables.values()):
-            clocks = filled_clock(clocks)
-            back = np.empty(order.size)
-            back[order] = clocks
-            ends = np.cumsum([clock.size for _, clock in tables.values()])
-            parts = np.split(back, ends[:-1])
-            tables = {n: (t, c) for (n, (t, _)), c in zip(tables.items(), parts, strict=True)}
-        known = clocks[np.isfinite(clocks)]
-    stretch = longest_stretch(known, path.name)
-    low, high = -np.inf, np.inf
-    if stretch.jumps:
-        low, high = float(known[stretch.first]), float(known[stretch.last])
+        clocks = np.concatenate([clock for _, clock, _ in tables.values()])
+        places = np.concatenate([at for _, _, at in tables.values()])
+        order = np.argsort(places, kind="stable")
+        if not any("TimeUS" in table for table, _, _ in tables.values()):
+            clocks[order] = filled_clock(clocks[order])
+            ends = np.cumsum([at.size for _, _, at in tables.values()])
+            filled = zip(tables.items(), np.split(clocks, ends[:-1]), strict=True)
+            tables = {name: (table, own, at) for (name, (table, _, at)), own in filled}
+        order = order[np.isfinite(clocks[order])]
+        clocks, places = clocks[order], places[order]
+    parts = stretches(clocks, path.name)
 
-    def lookup(name: str) -> tuple[DataFlashColumns, Floats] | None:
+    def lookup(first: int, end: int, name: str) -> tuple[DataFlashColumns, Floats] | None:
         if name not in tables:
             return None
-        table, clock = tables[name]
-        inside = (clock >= low) & (clock <= high)
-        if own_clock(tuple(table)) is None:
-            inside |= ~np.isfinite(clock)
+        table, clock, at = tables[name]
+        inside = (at >= first) & (at < end)
+        if own_clock(tuple(table)) is not None:
+            inside &= np.isfinite(clock)
+        if not inside.any():
+            return None
         scale, label = units.describe(lines.formats[name], text=True)
         chosen = {column: values[inside] for column, values in table.items()}
         return DataFlashColumns(chosen, scale, label), clock[inside]
 
-    quality = LogQuality(
-        bytes=len(text),
-        frames=lines.kept,
-        **damage_of(lines.skipped, lambda _: float("nan")),
-        clock_jumps=stretch.jumps,
-        gaps=pauses(known),
-    )
-    return recording_of(path, "DataFlash text", lookup, quality, vehicle, stretch.notes)
+    # What has no time of its own, between two starts, belongs to the later one.
+    ends = [*(int(places[part.last]) + 1 for part in parts[:-1]), len(text)]
+    for part, (first, end) in zip(parts, pairwise([0, *ends]), strict=True):
+        quality = LogQuality(
+            bytes=len(text),
+            frames=lines.kept,
+            **damage_of(lines.skipped, lambda _: float("nan")),
+            clock_jumps=restarts(clocks, parts),
+            gaps=pauses(clocks[part.first : part.last + 1]),
+        )
+        found = partial(lookup, first, end)
+        yield recording_of(path, "DataFlash text", found, quality, vehicle)
 
 
 def _lines(text: bytes) -> _Lines:
@@ -181,5 +184,5 @@ FORMAT = LogFormat(
     suffixes=(".log", ".txt"),
     is_text=True,
     likeness=lambda begins: float(begins.text is not None and b"FMT," in begins.head),
-    read=partial(flight_of, read_dataflash_text),
+    read=partial(sorties_by, dataflash_text_boots),
 )

@@ -39,7 +39,9 @@ from thrustmargin.gcs_plugin.wording.margin_verdict import (
     Moment,
     basis_words,
     ending_facts,
+    ends_in_flight,
     facts,
+    gravity,
     headline,
     load_facts,
     several_headline,
@@ -134,7 +136,9 @@ def _verdict(
             level = "critical"
     return MarginVerdict(
         level=level,
-        headline=headline(level, limit, lost_s, share(over_s, known_s)),
+        headline=headline(
+            level, limit, lost_s, share(over_s, known_s), ends_in_flight=ends_in_flight(track)
+        ),
         facts=(),
         limit=limit,
         one_rotor_out_use=one_rotor_out_use(analysis.model.airframe),
@@ -354,10 +358,13 @@ def overview_of(reports: Sequence[FlightReport], limit: float) -> Overview:
 
 
 def worst_first(reports: Sequence[FlightReport]) -> list[tuple[int, FlightReport]]:
-    """(index in the list, report), the highest thrust in use first, unknown ones last."""
+    """(index in the list, report), the worst verdict first, of equal ones the most thrust in use.
 
-    def use(item: tuple[int, FlightReport]) -> float:
-        worst = item[1].verdict.worst
-        return -worst.capacity_use if worst else 1.0
+    Those without a verdict come last.
+    """
 
-    return sorted(enumerate(reports), key=use)
+    def rank(item: tuple[int, FlightReport]) -> tuple[int, float]:
+        verdict = item[1].verdict
+        return gravity(verdict.level), -verdict.worst.capacity_use if verdict.worst else 1.0
+
+    return sorted(enumerate(reports), key=rank)

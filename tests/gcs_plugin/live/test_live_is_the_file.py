@@ -30,7 +30,7 @@ from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows
 from thrustmargin.gcs_plugin.live.watch.outlook import LookAhead
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor, WatchSettings
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.logs.tlog import read_tlog
+from thrustmargin.gcs_plugin.logs.tlog import tlog_boots
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap, motor_map
@@ -103,7 +103,7 @@ def as_recorded(frames: list[Frame], airframe: Airframe) -> Recorded:
     with tempfile.TemporaryDirectory() as folder:
         path = write_log(Path(folder) / "flight.tlog", frames)
         track = read_log(path, airframe=airframe, sampling="hold", vehicle=1).track
-        recording = read_tlog(path, vehicle=1, on_arrival=True)
+        recording = next(tlog_boots(path, vehicle=1, on_arrival=True))
     signals = mavlink_signals(dict(recording.streams), sent("VFR_HUD"))
     facts = vehicle_facts(recording.parameters, mav_type=recording.mav_type)
     motors = motor_map("flight", recording.parameters, signals, airframe, facts=facts)

@@ -44,19 +44,23 @@ def long_bin(path: Path, times: int) -> bytes:
 
 
 def long_tlog(path: Path, times: int) -> bytes:
-    """The telemetry log `times` over, each later than the one before, checksums made anew."""
+    """The telemetry log `times` over, each later than the one before, on one clock."""
+    return b"".join(later_flight(path, turn * DAY_US) for turn in range(times))
+
+
+def later_flight(path: Path, later_us: int, *, first_stamp_us: int | None = None) -> bytes:
+    """The telemetry log as if it had begun later, the vehicle on; checksums made anew.
+
+    The ground's stamps are later by as much, or begin with `first_stamp_us`.
+    """
     data, size = read_bytes(path, frames.PADDING)
     found = frames.scan(data, size)
     stamps = frames.gather(data, found.start - 8, 8).view(">u8").ravel()
-    parts = []
-    for turn in range(times):
-        copy = data[:size].copy()
-        later = turn * DAY_US
-        _write(copy, found.start - 8, stamps + np.uint64(later), ">u8")
-        for number in np.unique(found.id):
-            _later_clock(copy, found, int(number), later)
-        parts.append(copy.tobytes())
-    return b"".join(parts)
+    first = int(stamps[0]) + later_us if first_stamp_us is None else first_stamp_us
+    _write(data, found.start - 8, stamps - stamps[0] + np.uint64(first), ">u8")
+    for number in np.unique(found.id):
+        _later_clock(data, found, int(number), later_us)
+    return data[:size].tobytes()
 
 
 def _later_clock(data: np.ndarray, found: frames.Frames, number: int, later_us: int) -> None:

@@ -61,7 +61,7 @@ def read(path, vehicle, options):
     speeds = np.loadtxt(path, skiprows=1, ndmin=2)
     track = FlightTrack.of(name=path.name, time_s=speeds[:, 0], rotor_count=4,
                            rotor_speed_rpm=speeds[:, 1:])
-    return log_of_track(track, path, path.stat().st_size)
+    return (log_of_track(track, path, path.stat().st_size),)
 
 FORMAT = LogFormat(name="pegboard", known_by="a pegboard (PEGS)", suffixes=(".peg",), is_text=True,
                    likeness=lambda begins: float(begins.head.startswith(b"PEGS")), read=read)

@@ -14,8 +14,8 @@ from tests.gcs_plugin.logs.tlog_files import (
     stamped,
     written,
 )
-from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.gcs_plugin.logs.tlog import read_tlog
+from thrustmargin.gcs_plugin.logs import read_log, read_sorties
+from thrustmargin.gcs_plugin.logs.tlog import tlog_boots
 from thrustmargin.gcs_plugin.mavlink.scan import read_bytes, scan
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.physics.airframe import load_airframe
@@ -56,12 +56,15 @@ def test_a_ground_station_is_no_vehicle(tmp_path):
     assert log.vehicles == (1,)
 
 
-def test_a_restart_keeps_the_longest_stretch_and_says_so(tmp_path):
+def test_each_stretch_between_restarts_is_a_sortie(tmp_path):
     craft = link()
     short = flight_of(lambda m: m.pack(craft), 5, rpm=1000)
     long = flight_of(lambda m: m.pack(craft), 20, rpm=2000, later=7.03)
     again = flight_of(lambda m: m.pack(craft), 5, rpm=1000, later=40.07)
+    logs = read_sorties(written(tmp_path, short + long + again))
+    assert [log.track.time_s.size for log in logs] == [50, 200, 50]
     log = read_log(written(tmp_path, short + long + again))
+    assert log.name == log.track.name == "made.tlog sortie 2 of 3"
     assert log.track.time_s.size == 200
     assert log.track.rotor_speed_rpm[:, 1].tolist() == [2001.0] * 200
     assert len(log.quality.clock_jumps) == 2
@@ -142,10 +145,10 @@ def test_sequence_numbers_tell_what_was_not_received(tmp_path):
 
     data = flight_of(pack, 10)
     path = written(tmp_path, data)
-    assert read_tlog(path).quality.frames_missing == 0
+    assert next(tlog_boots(path)).quality.frames_missing == 0
     pieces = frames_of(path)
     holed = written(tmp_path, b"".join(p for i, p in enumerate(pieces) if i % 10 != 5), "h.tlog")
-    assert read_tlog(holed).quality.frames_missing == pytest.approx(len(pieces) / 10, abs=1)
+    assert next(tlog_boots(holed)).quality.frames_missing == pytest.approx(len(pieces) / 10, abs=1)
 
 
 def test_mission_texts_and_parameters_come_with_the_flight():
@@ -186,7 +189,7 @@ def test_repr_says_in_a_few_lines_which_flight_it_is_how_long_and_how_whole(tmp_
 
 
 def test_a_recording_and_its_frames_are_a_few_lines_to_read():
-    recording = read_tlog(FLIGHT)
+    recording = next(tlog_boots(FLIGHT))
     first, second = repr(recording).splitlines()
     assert first.startswith(f"Recording {FLIGHT.name}: tlog, vehicle 1 (ArduPilot), ")
     assert second == f"  {recording.quality.frames} messages in {FLIGHT.stat().st_size} bytes"

@@ -180,7 +180,7 @@ def test_before_actuator_motors_the_outputs_are_read(tmp_path, banks, parameters
     np.testing.assert_allclose(log.track.throttle[10:], SHARES[10:], atol=2e-4)
     source = next(c.source for c in log.channels if c.name == "throttle")
     assert said in source
-    assert source.endswith("(motor n taken to be on output n)")
+    assert source.endswith("motor n taken to be on output n)")
 
 
 def test_outputs_that_parameters_give_to_motors_are_theirs(tmp_path):

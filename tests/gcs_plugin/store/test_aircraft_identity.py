@@ -61,7 +61,7 @@ def test_the_serial_of_a_telemetry_log_is_that_of_the_boot_text(tmp_path: Path):
 def test_a_log_of_two_vehicles_holds_a_flight_of_each(tmp_path: Path):
     path = tmp_path / "telemetry.tlog"
     path.write_bytes(TLOG.read_bytes() + other_flight(TLOG, later_us=600_000_000, system=2))
-    flights = season_flights(path, "f" * 16, IngestSettings(store=""))
+    flights = season_flights(path, "f" * 16, IngestSettings(store=""), name=path.name)
     assert {f.aircraft: f.summary["flight"][16:] for f in flights} in (
         {"sysid-1": "", "sysid-2": "-2"},
         {"sysid-2": "", "sysid-1": "-1"},

@@ -14,9 +14,20 @@ import pytest
 from tests.gcs_plugin.store.season import content, files, log_files, small_flight, stage_number
 from tests.import_graph import ROOT
 from thrustmargin.gcs_plugin.commands.season.ingest import local_processes
-from thrustmargin.gcs_plugin.store.ingest_run import IngestOutcome, LogSource, ingest_logs
+from thrustmargin.gcs_plugin.store.ingest_run import (
+    IngestOutcome,
+    LogSource,
+    ingest_logs,
+    known_contents,
+)
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore
-from thrustmargin.gcs_plugin.store.staging import drop_replaced, merge, stage, staged_partitions
+from thrustmargin.gcs_plugin.store.staging import (
+    SeasonFlight,
+    drop_replaced,
+    merge,
+    stage,
+    staged_partitions,
+)
 from thrustmargin.gcs_plugin.store.writer_lock import writer_lock
 from thrustmargin.models.errors import DataError
 
@@ -154,3 +165,33 @@ def test_ctrl_c_ends_the_processes_too_and_the_rest_follows(tmp_path: Path):
         time.sleep(0.1)
     assert subprocess.run(command, check=False).returncode == 0
     assert len(content(SeasonStore.open(str(tmp_path)))["flights"]) == len(logs)
+
+
+def _sortie(number: int, sortie: int) -> SeasonFlight:
+    """A small flight as a sortie of the log of that number."""
+    made = small_flight(number)
+    name = made.summary["flight"] + (f"-sortie-{sortie}" if sortie > 1 else "")
+    return replace(made, summary=made.summary | {"flight": name}, sums=None)
+
+
+def test_a_sortie_that_a_log_has_no_longer_is_gone(tmp_path: Path):
+    store = SeasonStore.open(str(tmp_path))
+    stage(store, small_flight(3))
+    for sorties in (3, 2):
+        for sortie in range(1, sorties + 1):
+            stage(store, _sortie(1, sortie))
+        waiting = staged_partitions(store)
+        drop_replaced(store, waiting)
+        for where, keys in waiting.items():
+            merge(store, *where, keys)
+        names = [row["flight"].lstrip("0") for row in content(store)["flights"]]
+        assert names == [*["1", "1-sortie-2", "1-sortie-3"][:sorties], "3"]
+        assert len(content(store)["rows"]) == 3 * (sorties + 1)
+
+
+def test_a_log_of_which_only_a_later_sortie_is_stored_is_read_again(tmp_path: Path):
+    store = SeasonStore.open(str(tmp_path))
+    stage(store, _sortie(1, 2))
+    assert known_contents(store) == set()
+    stage(store, _sortie(1, 1))
+    assert known_contents(store) == {f"{1:016x}"}

@@ -15,7 +15,7 @@ from thrustmargin.gcs_plugin.telemetry.clock import (
     arrival_times,
     own_clock,
     unix_minus_clock,
-    vehicle_clock,
+    vehicle_clocks,
 )
 
 NAN = float("nan")
@@ -23,6 +23,12 @@ Heard = tuple[float, float | None]  # ground's stamp and, of some, the vehicle's
 
 
 def clock_of(heard: Sequence[Heard], pilot: Any = None, listened: Any = None) -> Clock:
+    """That of the only stretch."""
+    (clock,) = clocks_of(heard, pilot, listened)
+    return clock
+
+
+def clocks_of(heard: Sequence[Heard], pilot: Any = None, listened: Any = None) -> list[Clock]:
     """ATTITUDE where the message has a clock, VFR_HUD where it has none."""
     made, data = link(), b""
     for _, own in heard:
@@ -36,9 +42,8 @@ def clock_of(heard: Sequence[Heard], pilot: Any = None, listened: Any = None) ->
     assert frames.id.size == len(heard)
     every = np.ones(len(heard), dtype=np.bool_)
     stamps = np.array([stamp for stamp, _ in heard])
-    return vehicle_clock(
-        "log", frames, every if pilot is None else np.array(pilot), stamps, listened=listened
-    )
+    marked = every if pilot is None else np.array(pilot)
+    return list(vehicle_clocks("log", frames, marked, stamps, listened=listened))
 
 
 def late_by(count: int, ms: Any, *, first: float = 10.0) -> list[Heard]:
@@ -92,22 +97,27 @@ def test_the_clock_of_another_component_does_not_count():
 LATER = [(200.0 + k / 10, 5.0 + k / 10) for k in range(10)]  # after a restart
 
 
-def test_messages_near_the_longest_stretch_belong_to_it():
+def test_messages_near_a_stretch_belong_to_it():
     # 20 clocked messages from 10 to 11.9 s, at 110 to 111.9 of the ground; half a second is near.
     long = late_by(20, lambda _: 0)
     behind: list[Heard] = [(112.3, None), (112.39, None), (112.41, None), (113.0, None)]
-    found = clock_of([*long, *behind, *LATER])
+    found, later = clocks_of([*long, *behind, *LATER])
     assert (found.first_row, found.last_row) == (0, 21)
-    assert found.jumps == ((pytest.approx(11.9), pytest.approx(5.0)),)
-    assert found.notes[0].startswith("time went backwards 1 time(s)")
+    assert (later.first_row, later.last_row) == (24, 33)
+    assert found.jumps == later.jumps == ((pytest.approx(11.9), pytest.approx(5.0)),)
     before: list[Heard] = [(108.0, None), (109.49, None), (109.51, None), (109.9, None)]
     first = [(20.0 + k / 10, 90.0 + k / 10) for k in range(10)]
-    found = clock_of([*first, *before, *long])
+    _, found = clocks_of([*first, *before, *long])
     assert (found.first_row, found.last_row) == (12, 33)
     np.testing.assert_allclose(found.estimate_s[10:15], [8.0, 9.49, 9.51, 9.9, 10.0])
     # A stretch between two others is cut on both sides.
-    found = clock_of([*first, *before, *long, *behind, *LATER])
+    _, found, _ = clocks_of([*first, *before, *long, *behind, *LATER])
     assert (found.first_row, found.last_row) == (12, 35)
+
+
+def test_a_stretch_of_two_messages_far_apart_in_delay_is_one_all_the_same():
+    _, found = clocks_of([*late_by(20, lambda _: 0), (200.0, 1.0), (203.0, 1.1)])
+    assert (found.first_row, found.last_row) == (20, 21)
 
 
 @pytest.mark.parametrize(("step", "at_once"), [(5.2, True), (-5.2, True), (4.8, False)])
@@ -140,8 +150,9 @@ def test_of_five_clocked_messages_a_step_is_told():
 def test_the_last_message_before_a_restart_is_of_the_boot_before_however_close():
     # Counted by the new clock it would be at 9.9 s, a tenth before the first of the new boot.
     first = [(109.0 + k / 10, 90.0 + k / 10) for k in range(10)]
-    found = clock_of([*first, *late_by(20, lambda _: 0)])
-    assert (found.first_row, found.last_row) == (10, 29)
+    before, after = clocks_of([*first, *late_by(20, lambda _: 0)])
+    assert (before.first_row, before.last_row) == (0, 9)
+    assert (after.first_row, after.last_row) == (10, 29)
 
 
 def test_a_damaged_stamp_counts_as_the_one_before():

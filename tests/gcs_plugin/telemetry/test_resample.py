@@ -7,7 +7,12 @@ from hypothesis import strategies as st
 
 from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
-from thrustmargin.gcs_plugin.telemetry.recording import longest_stretch, pauses, without_leaps
+from thrustmargin.gcs_plugin.telemetry.recording import (
+    pauses,
+    restarts,
+    stretches,
+    without_leaps,
+)
 from thrustmargin.gcs_plugin.telemetry.resample import ROW_SPACING, sample, thinned
 from thrustmargin.gcs_plugin.telemetry.signals import best
 from thrustmargin.models.flight import TRACK_CHANNELS
@@ -134,14 +139,12 @@ def test_a_lone_leap_is_no_restart_but_a_lasting_fall_is():
     assert np.flatnonzero(np.isnan(mended)).tolist() == [500]
     late = time_s.copy()
     late[500] = 30.0
-    found = longest_stretch(late, "x")
-    assert (found.first, found.last, found.jumps) == (0, 999, ())
-    one = longest_stretch(time_s[:1], "x")
-    assert (one.first, one.last) == (0, 0)
+    assert list(stretches(late, "x")) == [(0, 999)]
+    assert list(stretches(time_s[:1], "x")) == [(0, 0)]
     restart = np.concatenate([time_s, time_s[:300]])
-    stretch = longest_stretch(restart, "x")
-    assert (stretch.first, stretch.last) == (0, 999)
-    assert stretch.jumps == ((pytest.approx(99.9), pytest.approx(0.0, abs=0.11)),)
+    found = stretches(restart, "x")
+    assert list(found) == [(0, 999), (1000, 1299)]
+    assert restarts(restart, found) == ((pytest.approx(99.9), pytest.approx(0.0, abs=0.11)),)
 
 
 def test_pauses_are_found_whatever_the_order():

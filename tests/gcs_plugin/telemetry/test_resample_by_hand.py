@@ -10,8 +10,10 @@ from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.recording import (
     BACKWARD,
     FORWARD,
-    longest_stretch,
+    longest,
     pauses,
+    restarts,
+    stretches,
     without_leaps,
 )
 from thrustmargin.gcs_plugin.telemetry.resample import (
@@ -215,38 +217,41 @@ MILLI = 0.001  # s from message to message
 
 def test_a_clock_that_falls_by_less_than_a_second_goes_on_and_by_more_is_a_restart():
     times = np.arange(4000) * MILLI
-    for fall, restarts in ((BACKWARD - 0.05, 0), (BACKWARD + 0.05, 1)):
+    for fall, wanted in (
+        (BACKWARD - 0.05, [(0, 3999)]),
+        (BACKWARD + 0.05, [(0, 2999), (3000, 3999)]),
+    ):
         clock: Any = np.concatenate([times[:3000], times[2999] - fall + times[1:1001]])
-        stretch = longest_stretch(clock, "x")
-        assert len(stretch.jumps) == restarts
-        assert (stretch.first, stretch.last) == ((0, 3999) if restarts == 0 else (0, 2999))
-        assert stretch.size == 4000
+        assert list(stretches(clock, "x")) == wanted
+    assert list(stretches(np.empty(0), "x")) == [(0, -1)]
 
 
-def test_the_longest_stretch_is_that_of_most_messages():
+def test_every_row_is_in_a_stretch_and_the_longest_is_that_of_most_messages():
     parts = [np.arange(size) * 0.01 for size in (1001, 2501, 1201)]
     whole: Any = np.concatenate(parts)
-    stretch = longest_stretch(whole, "x")
-    assert (stretch.first, stretch.last) == (1001, 3501)
-    assert stretch.jumps == ((10.0, 0.0), (25.0, 0.0))
-    assert stretch.notes == (
-        "time went backwards 2 time(s) (restart): the longest stretch of 25 s is kept, "
-        "22 s in the others are dropped",
-    )
+    found = stretches(whole, "x")
+    assert list(found) == [(0, 1000), (1001, 3501), (3502, 4702)]
+    assert longest(found) == (1001, 3501)
+    assert restarts(whole, found) == ((10.0, 0.0), (25.0, 0.0))
 
 
 def test_two_clocks_in_turns_are_two_vehicles():
     turns = np.concatenate([np.arange(6.0) + 100.0 * (k % 2 == 0) for k in range(24)])
     with pytest.raises(LogError, match="jumps back 12 times, as when two vehicles share one"):
-        longest_stretch(turns, "x")
+        stretches(turns, "x")
     # The longest of them at the end, and still less than half of the log.
     with pytest.raises(LogError, match="jumps back 12 times"):
-        longest_stretch(np.concatenate([turns, np.arange(40.0) - 200.0])[6:], "x")
+        stretches(np.concatenate([turns, np.arange(40.0) - 200.0])[6:], "x")
     # Ten falls are still restarts.
-    assert len(longest_stretch(turns[: 6 * 21], "x").jumps) == 10
+    assert len(stretches(turns[: 6 * 21], "x")) == 11
     # So are eleven when one of the stretches is half of the log.
     long = np.concatenate([turns[: 6 * 23], np.arange(138.0) - 200.0])
-    assert longest_stretch(long, "x").first == 138
+    assert longest(stretches(long, "x")).first == 138
+
+
+def test_many_restarts_of_one_clock_are_a_day_of_flights_and_no_second_vehicle():
+    day = np.concatenate([np.arange(200.0 + 10 * k) for k in range(15)])
+    assert len(stretches(day, "x")) == 15
 
 
 def test_a_step_of_five_seconds_is_time_and_a_lone_longer_one_is_damage():

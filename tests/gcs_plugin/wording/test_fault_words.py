@@ -6,7 +6,7 @@ import pytest
 
 from tests.gcs_plugin.live.live_vehicle import log_frames
 from thrustmargin.gcs_plugin.cli import run
-from thrustmargin.gcs_plugin.commands.shared.inputs import read_flight
+from thrustmargin.gcs_plugin.commands.shared.inputs import read_flights
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import WatchSettings
 from thrustmargin.gcs_plugin.view.figures.live_html import alarms_html
@@ -77,7 +77,7 @@ def test_the_report_says_what_the_live_alarm_said(sitl_logs, tmp_path, capsys, s
 
 def test_the_replay_shows_it_from_when_it_was_found(sitl_logs, said_live):
     model = shipped_model()
-    log, claim = read_flight(sitl_logs / "onset" / "worn_prop_onset.tlog", model, given=False)
+    ((log, claim),) = read_flights(sitl_logs / "onset" / "worn_prop_onset.tlog", model, given=False)
     view = ReplayView(analyse(log.track, model, claim=claim), port=0, paused=True)
     row = ShownRow(analyse(log.track, model, claim=claim), 0)
     shown = {at: alarms_html(1, [view._standing_at(at, row)]) for at in (100.0, 147.0, 200.0)}

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from pymavlink import DFReader
 
 from tests.gcs_plugin.logs.log_files import as_text
-from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.logs import read_log, read_sorties
 from thrustmargin.gcs_plugin.logs.dataflash import message_scan as dataflash_scan
-from thrustmargin.gcs_plugin.logs.dataflash.binary import read_dataflash
+from thrustmargin.gcs_plugin.logs.dataflash.binary import dataflash_boots
 from thrustmargin.gcs_plugin.logs.dataflash.dataflash_table import (
     MESSAGES,
     columns_of,
@@ -78,7 +78,7 @@ def test_every_message_and_field_equals_pymavlinks():
 
 
 def test_scaled_columns_equal_pymavlinks():
-    recording = read_dataflash(FLIGHT)
+    recording = next(dataflash_boots(FLIGHT))
     log = DFReader.DFReader_binary(str(FLIGHT))
     theirs: dict[str, list] = {"GPS": [], "BARO": [], "XKF1": []}
     while (message := log.recv_match(type=list(theirs))) is not None:
@@ -90,7 +90,7 @@ def test_scaled_columns_equal_pymavlinks():
 
 def test_units_come_from_the_log_itself():
     """FMTU, UNIT and MULT: 0.01 m/s for CTUN.CRt, 0.001 Ah for BAT.CurrTot, ms for GPS.GMS."""
-    recording = read_dataflash(FLIGHT)
+    recording = next(dataflash_boots(FLIGHT))
     ctun = columns_of(recording.streams["CTUN"])
     assert ctun.scale["CRt"] == pytest.approx(0.01)
     bat = columns_of(recording.streams["BAT"])
@@ -260,7 +260,7 @@ def test_sensor_numbers_of_a_few_damaged_rows_are_no_new_sensors(tmp_path):
             data[int(whole.start[row]) + 11] = 5 + k % 3  # the number is the 12th byte
     log = read_log(written(tmp_path, bytes(data)))
     assert not any("battery" in note for note in log.track.notes)
-    signals = dataflash_signals(read_dataflash(tmp_path / "made.BIN").streams)
+    signals = dataflash_signals(next(dataflash_boots(tmp_path / "made.BIN")).streams)
     assert set(by_index(signals, "esc_rpm")) == {0, 1, 2, 3}
     assert set(by_index(signals, "battery_voltage")) == {0, 1}
 
@@ -288,11 +288,13 @@ def test_a_log_without_its_start_says_that_the_descriptions_are_missing(tmp_path
         read_log(written(tmp_path, WHOLE[2_000_000:]))
 
 
-def test_time_that_starts_again_keeps_the_longer_stretch(tmp_path):
+def test_a_boot_without_flight_is_said_and_no_flight(tmp_path):
     cut = ENDS[3000]
-    log = read_log(written(tmp_path, WHOLE + WHOLE[:cut]))
+    (log,) = read_sorties(written(tmp_path, WHOLE + WHOLE[:cut]))
     whole = read_log(FLIGHT)
     assert len(log.quality.clock_jumps) == 1
+    assert len(log.unflown.seconds) + len(log.unflown.reasons) == 1
+    assert any(note.startswith("no verdict on a stretch") for note in log.track.notes)
     assert log.track.duration == pytest.approx(whole.track.duration, abs=0.5)
     assert any("time went backwards" in note for note in log.track.notes)
 
@@ -344,7 +346,7 @@ def test_a_log_says_which_messages_its_channels_came_from():
 
 
 def test_a_wind_of_zero_throughout_is_no_wind_and_the_airspeed_then_is_ground_speed():
-    streams = dict(read_dataflash(FLIGHT).streams)
+    streams = dict(next(dataflash_boots(FLIGHT)).streams)
     still = columns_of(streams["XKF2"])
     table = {n: still.table[n] * (n not in ("VWN", "VWE")) for n in still.scale}
     streams["XKF2"] = streams["XKF2"]._replace(columns=replace(still, table=table))

@@ -314,6 +314,8 @@ def test_headlines_name_the_limit_and_count_flights():
     assert headline("over", 0.5, over_share=0.994) == "ABOVE THE 50 % LIMIT AT TIMES"
     assert headline("over", 0.5, over_share=0.996) == "ABOVE THE 50 % LIMIT ALL FLIGHT"
     assert headline("over", 0.5, 93.0) == "ABOVE THE 50 % LIMIT AT TIMES"
+    unseen = headline("critical", 0.5, 93.0, ends_in_flight=True)
+    assert unseen == "TOO HEAVY TO LOSE A ROTOR FOR 1 MIN 33 S (LOG ENDS IN FLIGHT)"
     levels: list[Level] = ["under", "critical", "over", "critical"]
     assert several_headline(levels, 0.5) == (
         "critical",

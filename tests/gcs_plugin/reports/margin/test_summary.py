@@ -57,8 +57,9 @@ def test_a_log_that_ends_in_flight_says_so_and_one_that_ends_on_the_ground_does_
     assert "log" not in {fact.label for fact in report.verdict.facts}
     rows = int(np.flatnonzero(analysis.track.flying)[-1]) - 200
     short = flight(log().track.rows(slice(rows)))
-    said = report_flight(*short, max_utilisation=0.5).verdict.facts
-    (ending,) = (fact.text for fact in said if fact.label == "log")
+    said = report_flight(*short, max_utilisation=0.5).verdict
+    assert said.headline.endswith(" (LOG ENDS IN FLIGHT)")
+    (ending,) = (fact.text for fact in said.facts if fact.label == "log")
     assert ending.startswith(f"ends in flight, at {clock(float(short[1].track.time_s[-1]))}")
 
 

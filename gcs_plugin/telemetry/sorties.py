@@ -1,0 +1,175 @@
+"""A log to its sorties: each flight between two restarts, or between two stays on the ground.
+
+A sortie ends where the vehicle's clock was restarted, and where the aircraft stood on the ground
+disarmed, for long, or while its tank or battery became fuller. A short touch-down ends none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.mavlink.rules import Signal
+from thrustmargin.gcs_plugin.telemetry.flight_log import assemble
+from thrustmargin.gcs_plugin.telemetry.recording import FlightLog, Recording, Unflown
+from thrustmargin.gcs_plugin.telemetry.rotor_speeds import IDLE
+from thrustmargin.gcs_plugin.telemetry.signals import Signals, best
+from thrustmargin.gcs_plugin.telemetry.statements import Options
+from thrustmargin.gcs_plugin.wording.sortie_words import restart_words
+from thrustmargin.models.errors import LogError
+from thrustmargin.models.flight import FlightTrack, Floats
+
+LONG_DOWN = 60.0  # s on the ground after which, armed or not, the next flight is another sortie
+SERVICE = 10.0  # s, the least in which a tank or battery is changed
+REFILL_KG = 2.0  # more in the tank after a stay on the ground than before it; a gauge sloshes less
+FRESH = 0.05  # share of voltage, the same of the battery; one that rests recovers less
+LOOK = 5.0  # s of flight whose medians are compared
+REST = 30.0  # s on the ground that belong to the flight before or after
+_ON_GROUND = 1  # MAV_LANDED_STATE
+#: Channels that are reported when they change: a sortie needs what they said before it.
+_LASTING = ("home", "ekf_origin", "landed", "armed")
+
+Span = tuple[float, float]
+
+
+def sorties_of(
+    boots: Iterable[tuple[Recording, Signals]], options: Options
+) -> tuple[FlightLog, ...]:
+    """The sorties of a log, numbered, of its recordings and signals from restart to restart.
+
+    Where nothing in it flew, the longest recording is given as it is. Raises LogError when none of
+    them makes a table, AirframeError when the airframe has another number of rotors.
+    """
+    flown: list[FlightLog] = []
+    idle: list[FlightLog] = []
+    failed: list[LogError] = []
+    for recording, signals in boots:
+        try:
+            whole = assemble(recording, signals, options)
+        except LogError as error:
+            failed.append(error)
+            continue
+        if not has_flight(whole.track, signals):
+            idle.append(whole)
+            continue
+        spans = flight_spans(whole.track, whole.clock_start_s, signals)
+        if len(spans) == 1:
+            flown.append(whole)
+        else:
+            flown += (assemble(*_cut(recording, signals, span), options) for span in spans)
+    if not flown and not idle:
+        raise failed[0]
+    if not flown:
+        longest = max(idle, key=lambda log: log.track.time_s.size)
+        flown = [longest]
+        idle.remove(longest)
+    unflown = Unflown(
+        seconds=tuple(log.track.duration for log in idle), reasons=tuple(map(str, failed))
+    )
+    return tuple(
+        _numbered(replace(log, sortie=k, sorties=len(flown), unflown=unflown))
+        for k, log in enumerate(flown, 1)
+    )
+
+
+def _numbered(log: FlightLog) -> FlightLog:
+    """The log with the sortie in the name of its track, and what else was in it in the notes."""
+    track, restarts = log.track, len(log.quality.clock_jumps)
+    notes = (restart_words(restarts),) if restarts else ()
+    name = f"{track.name}{log.sortie_suffix}"
+    return replace(
+        log, track=replace(track, name=name, notes=(*notes, *log.unflown.words, *track.notes))
+    )
+
+
+def has_flight(track: FlightTrack, signals: Signals) -> bool:
+    """Whether any row is off the ground, and the motors were not off or idle throughout."""
+    armed = best(signals, "armed")
+    output = track.throttle[track.flying]
+    off = armed is not None and not np.any(armed.values > 0)
+    idle = np.any(np.isfinite(output)) and not np.any(output > IDLE)
+    return bool(track.flying.any()) and not off and not idle
+
+
+def flight_spans(track: FlightTrack, clock_start_s: float, signals: Signals) -> list[Span]:
+    """(start, end) s of the vehicle's clock of each sortie of one boot, with the ground around it.
+
+    The first begins and the last ends with everything there is: -inf, inf.
+    """
+    clock_s = clock_start_s + track.time_s
+    flying = np.concatenate([[False], track.flying, [False]])
+    starts, ends = (np.flatnonzero(np.diff(flying.astype(np.int8)) == step) for step in (1, -1))
+    edges = [-np.inf]
+    for end, start in zip(ends[:-1].tolist(), starts[1:].tolist(), strict=True):
+        stay = _stay(track, clock_s, slice(end, start + 1), signals)
+        if stay is not None:
+            down, up = stay
+            middle = 0.5 * (down + up)
+            edges += [min(down + REST, middle), max(up - REST, middle)]
+    edges.append(np.inf)
+    return list(zip(edges[::2], edges[1::2], strict=True))
+
+
+def _stay(track: FlightTrack, clock_s: Floats, rows: slice, signals: Signals) -> Span | None:
+    """(start, end) s of the vehicle's clock of what ends a sortie between two flights, or None.
+
+    `rows` are from the first on the ground to the first in the air again.
+    """
+    down, up = float(clock_s[rows.start]), float(clock_s[rows.stop - 1])
+    armed_s, armed = _within(signals, "armed", down, up)
+    if np.any(armed == 0):
+        off = np.flatnonzero(armed == 0)
+        again = armed_s[off[-1] + 1 :]
+        return float(armed_s[off[0]]), float(again[0]) if again.size else up
+    landed_s, landed = _within(signals, "landed", down, up)
+    on_ground = landed_s[landed == _ON_GROUND]
+    if on_ground.size and up - on_ground[0] >= LONG_DOWN:
+        return float(on_ground[0]), up
+    before = (clock_s > down - LOOK) & (clock_s < down)
+    after = (clock_s >= up) & (clock_s < up + LOOK)
+    if up - down < SERVICE:
+        return None
+    refilled = _median(track.tank_kg[after]) - _median(track.tank_kg[before]) >= REFILL_KG
+    fresh = _median(track.voltage[after]) >= (1.0 + FRESH) * _median(track.voltage[before])
+    return (down, up) if refilled or fresh else None
+
+
+def _within(signals: Signals, channel: str, start: float, end: float) -> tuple[Floats, Floats]:
+    """Times and values (n,) of the channel's reports from `start` to `end`."""
+    found = best(signals, channel)
+    if found is None:
+        return np.empty(0), np.empty(0)
+    rows = (found.time_s >= start) & (found.time_s <= end) & np.isfinite(found.values)
+    return found.time_s[rows], found.values[rows]
+
+
+def _median(values: Floats) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if known.size else float("nan")
+
+
+def _cut(recording: Recording, signals: Signals, span: Span) -> tuple[Recording, Signals]:
+    """One sortie of a recording and its signals, those that last with what they said before."""
+    start, end = span
+    quality = recording.quality
+    gaps = tuple(gap for gap in quality.gaps if start <= gap[0] < end)
+    messages = tuple(said for said in recording.messages if start <= said[0] < end)
+    part = replace(recording, messages=messages, quality=replace(quality, gaps=gaps))
+    return part, dict(_cut_signals(signals, span))
+
+
+def _cut_signals(signals: Signals, span: Span) -> Iterator[tuple[str, tuple[Signal, ...]]]:
+    for channel, found in signals.items():
+        start, end = (-np.inf if channel in _LASTING else span[0]), span[1]
+        kept: list[Signal] = []
+        whole = rows = None
+        for signal in found:
+            if rows is None or signal.time_s is not whole:
+                whole, rows = signal.time_s, (signal.time_s >= start) & (signal.time_s < end)
+                time_s = whole[rows]  # of several signals at once: they stay so
+            if rows.any():
+                kept.append(signal._replace(time_s=time_s, values=signal.values[rows]))
+        if kept:
+            yield channel, tuple(kept)
