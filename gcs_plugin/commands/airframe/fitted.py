@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 
 #: Two figures of full thrust that are further apart are no rounding and no battery's voltage.
+NO_INTERVAL = "interval not known"
 SAME_THRUST = 0.1
 
 
@@ -167,7 +168,7 @@ def hover_sentences(fit: HoverFit) -> tuple[str, ...]:
     trims = ", ".join(f"{n + 1}: {t.value:.0%}" for n, t in enumerate(fit.trim))
     place = ", ".join(
         f"{abs(e.value) * 1000:.0f} mm {forward if e.value >= 0 else back} "
-        f"({abs(e.high - e.low) * 500:.0f} either way)"
+        + (f"({abs(e.high - e.low) * 500:.0f} either way)" if e.bounded else f"({NO_INTERVAL})")
         for e, forward, back in zip(
             fit.load_place, ("forward", "right"), ("back", "left"), strict=True
         )
@@ -192,9 +193,12 @@ def hover_sentences(fit: HoverFit) -> tuple[str, ...]:
 
 
 def interval(e: Estimate) -> str:
-    """`2.58e-06 (2.53e-06 to 2.63e-06)`."""
-    value, low, high = (f"{x:.0f}" if x >= 1e3 else f"{x:.4g}" for x in (e.value, e.low, e.high))
-    return f"{value} ({low} to {high})"
+    """`2.58e-06 (2.53e-06 to 2.63e-06)`; says so where the flights are too short for one."""
+    value, low, high = (
+        UNKNOWN if not known(x) else f"{x:.0f}" if x >= 1e3 else f"{x:.4g}"
+        for x in (e.value, e.low, e.high)
+    )
+    return f"{value} ({low} to {high})" if e.bounded else f"{value} ({NO_INTERVAL})"
 
 
 def interval_percent(e: Estimate) -> str:

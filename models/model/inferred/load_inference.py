@@ -28,7 +28,7 @@ FROM_THRUST = "inferred from hover thrust"
 #: The same of a load that the user states.
 STATED = "stated"
 #: What may be wrong where thrust shows more load than a gauge.
-THEN_CHECK = "check gauge, empty mass and propellers"
+THEN_CHECK = "check gauge and empty mass, and with the battery off the propellers"
 #: Why such a load is no evidence for or against a model.
 LOAD_FROM_SPEEDS = (
     "the load was inferred from these rotor speeds; state it with --load to compare them"
