@@ -99,8 +99,8 @@ class SeasonStore:
             held = json.loads(self.files.cat_file(key))
         except (ValueError, RecursionError):
             held = None
-        names = held.get("names") if isinstance(held, dict) else None
-        if not isinstance(names, str):
+        names = held.get("names", 0) if isinstance(held, dict) else 0
+        if names is not None and not isinstance(names, str):
             raise DataError(
                 f"{self.url}/{NAMES} is damaged: it does not say how flights are named; bring it "
                 "back from a copy, or take the logs into another store"

@@ -171,7 +171,7 @@ def change_propeller(rotor: int) -> Action:
 
 
 def inspect_rotors(rotors: Sequence[int]) -> Action:
-    """Of rotors, from 1, that are in doubt: before anybody flies to find out."""
+    """Of rotors, from 1, that may be bad: before anybody flies to find out."""
     return Action(
         "rotor",
         f"inspect propeller and motor of {_rotors(rotors)}",

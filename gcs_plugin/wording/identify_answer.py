@@ -68,7 +68,7 @@ def answer(
             others = " or ".join(_thing_of(words, names) for words in f.indistinguishable_from)
             thing = effect_thing(f.term, names)
             would = f.term.effect.distinguished_by
-            if f.term.rotor is None:  # what tells a rotor apart begins with a look at it
+            if f.term.rotor is None:  # what distinguishes a rotor begins with a look
                 would = looked_first(suspects) + would
             lines.append(f"These flights cannot distinguish {thing} from {others}: {would}")
     if following is not None:
@@ -78,7 +78,7 @@ def answer(
 
 
 def suspected(found: Identification, following: NextFlight | None = None) -> tuple[int, ...]:
-    """Rotors, from 1, that may be bad: named, one of several, not cleared, or to be told apart."""
+    """Rotors, from 1, that may be bad: named, one of several, not cleared, or in question."""
     terms = [f.term for f in found.found]
     terms += [term for one in found.one_of for term in one.terms]
     terms += [term for side in (following.separates if following else ()) for term in side]

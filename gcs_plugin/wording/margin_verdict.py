@@ -201,8 +201,10 @@ def _next_fill(verdict: MarginVerdict, full_at_once: Reason | None) -> str:
     if not math.isfinite(verdict.fill_kg):
         return "state mass and rotors in the airframe file: no fill can be worked out"
     if full_at_once is not None and verdict.fill_kg >= 0.0:
-        gently = f"; {actions.FLY_GENTLY.text}" if verdict.level not in ("under", "near") else ""
-        return f"{_FULL_AT_ONCE[full_at_once]}{gently}"
+        why = _FULL_AT_ONCE[full_at_once]
+        if verdict.level in ("under", "near"):
+            return f"nothing: {why}" if verdict.level == "under" else why
+        return f"{actions.FLY_GENTLY.text}: {why}"
     if full_at_once == "tank":
         return "it has no tank to fill, and is too heavy for this air and this battery"
     if verdict.fill_kg <= 0.0:

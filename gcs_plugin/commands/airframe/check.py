@@ -110,7 +110,7 @@ def _hover(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
         f"{claim:.4g} N/rpm² by the file in this air, {interval(fit.coefficient)} by "
         f"{fit.rows} rows of hover, +- {percent(air, 1)} for the air"
     )
-    level = within_ends(claim, low, high)
+    level: Level = within_ends(claim, low, high)
     if level == "unknown":
         words += f": cannot tell whether they agree, {TOO_SHORT}"
     elif level == "warning":
@@ -121,7 +121,8 @@ def _hover(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
     yield Finding(check=check, level=level, words=words)
     # A trim that is even within its interval is one whose ends, a tenth wider, hold 1.
     trims = {within_ends(1.0, t.low - 0.1, t.high + 0.1) for t in fit.trim}
-    level = next((one for one in ("warning", "unknown") if one in trims), "ok")
+    worst: tuple[Level, ...] = ("warning", "unknown", "ok")
+    level = next(one for one in worst if one in trims)
     for sentence in hover_sentences(fit):
         yield Finding(check="trim", level=level, words=sentence)
 
@@ -130,7 +131,7 @@ def _ceiling(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
     """The largest rotor speed against the highest measured and what outputs extrapolate to."""
     import numpy as np
 
-    from thrustmargin.gcs_plugin.commands.airframe.fitted import interval
+    from thrustmargin.gcs_plugin.commands.airframe.fitted import figure, interval
     from thrustmargin.gcs_plugin.logs.inspection import Finding
     from thrustmargin.gcs_plugin.wording.numbers import number
     from thrustmargin.models.model.inferred.output_speed import full_output_speed
@@ -146,7 +147,8 @@ def _ceiling(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
     speeds = np.concatenate([log.track.rotor_speed_rpm[log.track.flying].ravel() for log in logs])
     speeds = speeds[np.isfinite(speeds)]
     highest = float(np.percentile(speeds, 99.9)) if speeds.size else float("nan")
-    words = f"{number(claim, '', 0)} rpm by the file at {number(volts, 'V')}; full output extrapolates to {interval(top)}"
+    words = f"{figure(claim)} rpm by the file at {number(volts, 'V')}; full output "
+    words += f"extrapolates to {interval(top)}"
     if speeds.size:
         words += f", the highest measured is {highest:.0f}"
     level = "warning" if claim < highest else within_ends(claim, top.low, top.high)

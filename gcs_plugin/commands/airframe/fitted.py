@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.commands.shared.reading import ReadingOptions, reading_keywords
+from thrustmargin.gcs_plugin.wording.numbers import UNKNOWN, known
 from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
@@ -16,8 +17,8 @@ if TYPE_CHECKING:
     from thrustmargin.models.scores import Estimate
 
 
-#: Two figures of full thrust that are further apart are no rounding and no battery's voltage.
 NO_INTERVAL = "interval not known"
+#: Two figures of full thrust that are further apart are no rounding and no battery's voltage.
 SAME_THRUST = 0.1
 
 
@@ -192,12 +193,16 @@ def hover_sentences(fit: HoverFit) -> tuple[str, ...]:
     return tuple(sentences)
 
 
+def figure(x: float) -> str:
+    """Four digits that count, and all before the point; "unknown" for NaN."""
+    if not known(x):
+        return UNKNOWN
+    return f"{x:.0f}" if x >= 1e3 else f"{x:.4g}"
+
+
 def interval(e: Estimate) -> str:
     """`2.58e-06 (2.53e-06 to 2.63e-06)`; says so where the flights are too short for one."""
-    value, low, high = (
-        UNKNOWN if not known(x) else f"{x:.0f}" if x >= 1e3 else f"{x:.4g}"
-        for x in (e.value, e.low, e.high)
-    )
+    value, low, high = map(figure, (e.value, e.low, e.high))
     return f"{value} ({low} to {high})" if e.bounded else f"{value} ({NO_INTERVAL})"
 
 

@@ -49,7 +49,7 @@ from thrustmargin.mission.field import sprayed_field
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, for_verdict
-from thrustmargin.models.model.fill_limits import Reason
+from thrustmargin.models.model.fill_limits import full_at_once
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.model.rotor_faults import (
@@ -88,7 +88,7 @@ def report_flight(
         *facts(
             verdict,
             analysis.claim,
-            full_at_once=_full_at_once(as_flown),
+            full_at_once=full_at_once(as_flown),
             suspects=tuple(sorted({one.fault.rotor + 1 for one in alarms})),
         ),
         *(*load_facts(track), *ending_facts(track)),
@@ -263,13 +263,6 @@ def _fills(
         "tank_start_kg": median(track.tank_kg[first]),
         "beyond_gauge_kg": analysis.beyond_gauge_kg,
     }
-
-
-def _full_at_once(airframe: Airframe) -> Reason | None:
-    """Why nothing can be filled into an aircraft, however light it is; None where it can."""
-    if airframe.tank_capacity_kg <= 0.0:
-        return "tank"
-    return "take-off mass" if airframe.max_takeoff_mass <= airframe.empty_mass else None
 
 
 def _redundancy(

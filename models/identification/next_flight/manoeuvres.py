@@ -154,7 +154,7 @@ def manoeuvres(limits: FlownLimits) -> tuple[Manoeuvre, ...]:
 
 def lightest(every: Sequence[Manoeuvre]) -> tuple[Manoeuvre, ...]:
     """Those with the least fill alone, and without quick changes of speed: what may be asked of an
-    aircraft of which a rotor is in doubt."""
+    aircraft that may have a bad rotor."""
     least = min((kg for one in every for kg in one.fills_kg), default=0.0)
     return tuple(one for one in every if set(one.fills_kg) == {least} and one.name != "speed steps")
 

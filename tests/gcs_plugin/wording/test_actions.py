@@ -41,7 +41,7 @@ def crosses(sentence: str) -> bool:
 
 
 def read_by_people() -> list[str]:
-    """All sentences: the list of wording, what tells effects apart, and the documents."""
+    """All sentences: the list of wording, what distinguishes effects, and the documents."""
     listed = (ROOT / "tests/gcs_plugin/wording/sentences.txt").read_text("utf-8").splitlines()
     texts = [one.text for one in TABLE.values()] + [e.distinguished_by for e in CATALOGUE]
     for path in sorted((ROOT / "docs").glob("*.md")):
