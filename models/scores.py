@@ -13,6 +13,7 @@ Kuensch 1989).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -62,6 +63,11 @@ class Estimate:
     value: float
     low: float
     high: float
+
+    @property
+    def bounded(self) -> bool:
+        """Whether the interval is known: without one nothing can be said to differ."""
+        return math.isfinite(self.low) and math.isfinite(self.high)
 
 
 def error_terms(

@@ -24,6 +24,15 @@ def regular(path: Path) -> Path:
     return path
 
 
+def not_utf8(name: str, error: UnicodeDecodeError) -> str:
+    """Where a text file is no UTF-8, as tables that a spreadsheet saved in its own encoding."""
+    line = error.object[: error.start].count(b"\n") + 1
+    return (
+        f"{name} line {line}: byte {error.object[error.start]:#04x} is not UTF-8; save it as CSV "
+        "in UTF-8"
+    )
+
+
 @contextmanager
 def whole_file(path: Path, *, drafts: Path | None = None) -> Iterator[Path]:
     """Yields the path of a draft to write; it replaces `path` only when the block ends well.

@@ -11,7 +11,7 @@ from thrustmargin.gcs_plugin.cli import run
 HEALTHY = "sprayer-01"
 #: what the page must say of a fault, in the part on its aircraft; `make fleet-demo` has them all
 SAID = {
-    "sprayer-02": ("thrust lost by rotor 2", "change propeller 2"),
+    "sprayer-02": ("thrust lost by rotor 2", "with the battery off, change propeller 2"),
     "sprayer-05": ("thrust lost by rotor 3: back from", "P-05-new, installed"),
 }
 

@@ -17,6 +17,7 @@ import numpy as np
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.physics.thrust_fits import BenchFit, fit_bench
 from thrustmargin.models.units import UNITS
+from thrustmargin.models.whole_file import not_utf8, regular
 
 #: N of one unit of thrust, by the word in the column's name
 _THRUST_UNITS = {name.lower(): scale.factor for name, scale in UNITS["N"].items()}
@@ -41,11 +42,18 @@ class BenchTable:
 def read_bench(path: Path) -> BenchTable:
     """The thrust curve of a bench table. Raises DataError naming what is missing or unfit."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataError(f"cannot read bench table {path}: {error}") from error
+        text = regular(path).read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise DataError(not_utf8(str(path), error)) from error
+    except OSError as error:
+        raise DataError(
+            f"cannot read bench table {path}: {error.strerror or error}; give a .csv file"
+        ) from error
     delimiter = max(",;\t", key=text.split("\n", 1)[0].count)
-    rows = list(csv.reader(text.splitlines(), delimiter=delimiter))
+    try:
+        rows = list(csv.reader(text.splitlines(), delimiter=delimiter))
+    except csv.Error as error:
+        raise DataError(f"{path.name}: no table of cells ({error}); save it as CSV") from error
     names = [name.strip() for name in rows[0]] if rows else []
     columns = {quantity: _column(names, words) for quantity, words in _WORDS.items()}
     found = {quantity: name for quantity, name in columns.items() if name is not None}

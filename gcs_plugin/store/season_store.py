@@ -88,9 +88,24 @@ class SeasonStore:
         return sorted(str(p).rstrip("/").rpartition("/aircraft=")[2] for p in found)
 
     def names(self) -> str | None:
-        """What the key of this store's pseudonyms is known by; None where flights have names."""
+        """What the key of this store's pseudonyms is known by; None where flights have names.
+
+        Raises DataError where the note is damaged.
+        """
         key = self.path(NAMES)
-        return json.loads(self.files.cat_file(key))["names"] if self.files.exists(key) else None
+        if not self.files.exists(key):
+            return None
+        try:
+            held = json.loads(self.files.cat_file(key))
+        except (ValueError, RecursionError):
+            held = None
+        names = held.get("names", 0) if isinstance(held, dict) else 0
+        if names is not None and not isinstance(names, str):
+            raise DataError(
+                f"{self.url}/{NAMES} is damaged: it does not say how flights are named; bring it "
+                "back from a copy, or take the logs into another store"
+            )
+        return names
 
     def put(self, key: str, write: Callable[[Path], Any]) -> None:
         """Let `write` fill a file and put it in place in one step: nobody sees a part of it."""

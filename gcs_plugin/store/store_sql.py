@@ -6,15 +6,18 @@ attaching databases, loading extensions and changing any of that are switched of
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor, wait
 from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore
 from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
+    import duckdb
     import pyarrow as pa
 
 TABLES = ("flights", "rows", "sums", "rejected")
+HEARD_S = 0.1  # within which Ctrl-C is heard
 CLOSED = {
     "autoinstall_known_extensions": "false",
     "autoload_known_extensions": "false",
@@ -27,7 +30,7 @@ CLOSED = {
 def query(store: SeasonStore, sql: str) -> pa.Table:
     """The answer of one SELECT over `flights`, `rows`, `sums` and `rejected`.
 
-    Raises DataError with duckdb's reason where it is none.
+    Raises DataError with duckdb's reason where it is none. Ctrl-C ends a query that does not.
     """
     import duckdb
 
@@ -40,6 +43,19 @@ def query(store: SeasonStore, sql: str) -> pa.Table:
             statements = connection.extract_statements(sql)
             if len(statements) != 1 or statements[0].type != duckdb.StatementType.SELECT:
                 raise DataError("--sql takes one SELECT statement, and nothing that writes")
-            return connection.sql(sql).to_arrow_table()
+            return _interruptible(connection, sql)
         except duckdb.Error as error:
             raise DataError(f"--sql: {str(error).splitlines()[0]}") from error
+
+
+def _interruptible(connection: duckdb.DuckDBPyConnection, sql: str) -> pa.Table:
+    """The answer, computed in a thread: duckdb holds the one that would hear of Ctrl-C."""
+    with ThreadPoolExecutor(max_workers=1) as worker:
+        answer = worker.submit(lambda: connection.sql(sql).to_arrow_table())
+        try:
+            while not answer.done():
+                wait((answer,), timeout=HEARD_S)
+        except KeyboardInterrupt:
+            connection.interrupt()
+            raise
+    return answer.result()

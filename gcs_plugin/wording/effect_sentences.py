@@ -11,14 +11,14 @@ from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
 
+from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording import effect_amounts as amounts
+from thrustmargin.gcs_plugin.wording.actions import Action
 from thrustmargin.gcs_plugin.wording.effect_amounts import DescribedEffect, rotor_words
 from thrustmargin.models.identification.answer.already_followed import FOLLOWED_WIND
 from thrustmargin.models.identification.answer.result import Found, Identification
 from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.model.rotor_model import RotorModel
-
-KEEP = "nothing to repair; keep it in the model with --out"
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,16 +27,16 @@ class EffectWords:
 
     thing: str  # "{rotor}" stands for the rotor
     sentence: Callable[[DescribedEffect], str]
-    action: str = KEEP  # empty where there is nothing to do
+    action: Action | None = actions.KEEP  # None where there is nothing to do
 
 
 def effect_sentence(found: Found, whole: Identification) -> str:
     """Part, amount and action of one effect, without a full stop."""
     words, it = words_of(found.term), DescribedEffect(found, whole)
-    action = words.action
-    if action == INSPECT and whole.problem.of_outputs:
-        action += ", then look at its motor and ESC, which outputs cannot distinguish from it"
-    return f"{words.sentence(it)}: {action}" if action else words.sentence(it)
+    asked = [words.action] if words.action else []
+    if words.action is actions.INSPECT and whole.problem.of_outputs:
+        asked.append(actions.THEN_MOTOR)
+    return ": ".join(filter(None, (words.sentence(it), ", ".join(a.text for a in asked))))
 
 
 def effect_thing(term: Term, rotor_names: Sequence[str]) -> str:
@@ -56,79 +56,71 @@ def words_of(term: Term) -> EffectWords:
     """The words of an effect by its key, else by its name, else by its parameters."""
     key, name = term.effect.key, term.effect.name
     spelt = name.replace("_", " ") + ("" if term.rotor is None else " of {rotor}")
-    return WORDS.get(key) or WORDS.get(name) or EffectWords(spelt, amounts.by_parameters, "")
+    return WORDS.get(key) or WORDS.get(name) or EffectWords(spelt, amounts.by_parameters, None)
 
 
-INSPECT = "inspect or swap its propeller"
 WEAK = "a weak {rotor}"
 #: key of the effect, or its name where all variants are described alike -> its words
 WORDS: Mapping[str, EffectWords] = MappingProxyType(
     {
-        "rotor_degradation": EffectWords(WEAK, amounts.weak_rotor, INSPECT),
+        "rotor_degradation": EffectWords(WEAK, amounts.weak_rotor, actions.INSPECT),
         "rotor_degradation:onset": EffectWords(
-            WEAK + " in flight", amounts.weakened_in_flight, INSPECT
+            WEAK + " in flight", amounts.weakened_in_flight, actions.INSPECT
         ),
         "rotor_degradation:for a while": EffectWords(
             WEAK + " for a while",
             amounts.weakened_for_a_while,
-            "look at its motor, ESC and wiring",
+            actions.LOOK_AT_MOTOR,
         ),
         "rotor_degradation:in each flight": EffectWords(
             "{rotor} weakening in every flight",
             amounts.weakens_each_flight,
-            "feel its motor and ESC for heat",
+            actions.FEEL_HEAT,
         ),
         "rotor_degradation:since": EffectWords(
-            WEAK + " since a flight", amounts.weak_since_a_flight, INSPECT
+            WEAK + " since a flight", amounts.weak_since_a_flight, actions.INSPECT
         ),
-        "extra_mass": EffectWords("hidden mass", amounts.hidden_mass, "weigh it"),
+        "extra_mass": EffectWords("hidden mass", amounts.hidden_mass, actions.WEIGH),
         "air_density": EffectWords("air density", amounts.air_density),
         "tank_scale": EffectWords(
-            "a wrong tank gauge", partial(amounts.wrong_gain, "tank gauge"), "check it"
+            "a wrong tank gauge", partial(amounts.wrong_gain, "tank gauge"), actions.SET_GAUGE
         ),
         "tank_zero": EffectWords(
-            "a tank gauge off its zero", amounts.tank_zero, "set it to zero with an empty tank"
+            "a tank gauge off its zero", amounts.tank_zero, actions.ZERO_GAUGE
         ),
         "tank_drift": EffectWords(
-            "a tank gauge that drifts", amounts.tank_drift, "check it against what was filled in"
+            "a tank gauge that drifts", amounts.tank_drift, actions.CHECK_GAUGE
         ),
         "airspeed_bias": EffectWords(
-            "an airspeed sensor off its zero", amounts.airspeed_bias, "set its zero before take-off"
+            "an airspeed sensor off its zero", amounts.airspeed_bias, actions.ZERO_AIRSPEED
         ),
         "airspeed_gain": EffectWords(
             "a wrong airspeed sensor",
             partial(amounts.wrong_gain, "airspeed sensor"),
-            "check its tube and its calibration",
+            actions.CHECK_AIRSPEED,
         ),
-        "sensor_lag": EffectWords(
-            "a late airspeed", amounts.late_airspeed, "check its filter and message rate"
-        ),
+        "sensor_lag": EffectWords("a late airspeed", amounts.late_airspeed, actions.AIRSPEED_RATE),
         "sensor_lag:rotor speed": EffectWords(
-            "late rotor speeds", amounts.late_rotor_speed, "raise the rate of ESC telemetry"
+            "late rotor speeds", amounts.late_rotor_speed, actions.ESC_RATE
         ),
-        "parasite_drag": EffectWords(
-            "drag", amounts.drag, "look for what was mounted or left open"
-        ),
+        "parasite_drag": EffectWords("drag", amounts.drag, actions.LOOK_FOR_MOUNTED),
         "load_factor": EffectWords("the load factor of manoeuvres", amounts.load_factor),
-        "slung_load": EffectWords(
-            "a swinging load", amounts.slung_load, "look at what hangs below"
-        ),
+        "slung_load": EffectWords("a swinging load", amounts.slung_load, actions.LOOK_BELOW),
         "cg_offset": EffectWords(
             "a shifted centre of gravity",
             amounts.balance,
-            "move battery or load back to the middle",
+            actions.BALANCE,
         ),
         "yaw_trim": EffectWords(
             "a steady yaw moment",
             amounts.yaw_moment,
-            "level the motors, then swap two propellers between the clockwise and "
-            "counter-clockwise pairs",
+            actions.LEVEL_MOTORS,
         ),
         "manoeuvre_moment": EffectWords("the moments of turning", amounts.turning),
         "manoeuvre_moment:changed": EffectWords(
             "another inertia",
             amounts.inertia,
-            "look at what arms and booms carry; keep it in the model with --out",
+            actions.ARMS_CARRY,
         ),
         "translational_lift": EffectWords("lift of forward flight", amounts.forward_lift),
         "climb_inflow": EffectWords("the inflow of climbs", amounts.climb),
@@ -136,7 +128,7 @@ WORDS: Mapping[str, EffectWords] = MappingProxyType(
         "thrust_drift": EffectWords(
             "all rotors weakening",
             amounts.thrust_drift,
-            "check gauge and ESC readings first, then clean the blades",
+            actions.CLEAN_BLADES,
         ),
         "flow_moment": EffectWords("the moment of forward flight", amounts.flow_moment),
         "weathervane": EffectWords("the yaw moment of air from the side", amounts.weathervane),
@@ -144,9 +136,9 @@ WORDS: Mapping[str, EffectWords] = MappingProxyType(
         "battery_voltage": EffectWords(
             "rotor speeds that follow the voltage",
             amounts.voltage,
-            "no measured speed does, so check whether the ESCs estimate it",
+            actions.ESC_SPEEDS,
         ),
-        "wind": EffectWords("wind", amounts.wind, "check the airspeed sensor"),
-        FOLLOWED_WIND.key: EffectWords("wind", amounts.followed_wind, ""),
+        "wind": EffectWords("wind", amounts.wind, actions.CHECK_WIND),
+        FOLLOWED_WIND.key: EffectWords("wind", amounts.followed_wind, None),
     }
 )

@@ -9,17 +9,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from thrustmargin.gcs_plugin.wording.actions import LAND
 from thrustmargin.gcs_plugin.wording.numbers import duration
 from thrustmargin.models.model.rotor_faults import MOST, FaultEpisode, Kind, RotorFault
 
 _SENTENCES: Mapping[Kind, str] = {
-    "propeller": "Rotor {rotor} makes {size} less thrust: propeller?",
-    "motor": "Motor {rotor} or ESC {size} slow for output: land",
+    "propeller": f"Rotor {{rotor}} makes {{size}} less thrust: prop? {LAND.text}",
+    "motor": f"Motor {{rotor}} or ESC {{size}} slow for output: {LAND.text}",
 }
 
 
 def fault_words(fault: RotorFault) -> str:
-    """`Rotor 3 makes 12% (9-15) less thrust: propeller?`, with the 95 % interval of its size."""
+    """`Rotor 3 makes 12% (9-15) less thrust: prop? land`, with the 95 % interval of its size."""
     if fault.upper >= MOST:
         size = f">{100 * fault.lower:.0f}%"
     else:

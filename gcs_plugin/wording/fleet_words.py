@@ -8,6 +8,8 @@ from datetime import UTC, datetime
 from types import MappingProxyType
 from typing import Any
 
+from thrustmargin.gcs_plugin.wording import actions
+from thrustmargin.gcs_plugin.wording.actions import Action
 from thrustmargin.gcs_plugin.wording.effect_sentences import WORDS
 from thrustmargin.gcs_plugin.wording.numbers import known, number, within
 from thrustmargin.models.effects import BY_KEY
@@ -21,30 +23,27 @@ class ValueWords:
 
     title: str
     unit: str
-    factor: float = 1.0
-    decimals: int = 1
-    action: str = ""
+    factor: float
+    decimals: int
+    action: Action
 
     def amount(self, value: float) -> str:
         """`3.1 %`."""
         return number(value * self.factor, self.unit, self.decimals)
 
 
-BALANCE = "move battery or load back to the middle, or look for what was mounted"
 BATTERY = "battery resistance"
 VALUES: Mapping[str, ValueWords] = MappingProxyType(
     {
-        "yaw_trim.moment": ValueWords(
-            "yaw moment", "N m", 1.0, 2, "level the motors; look for a twisted arm"
-        ),
-        "cg_offset.x": ValueWords("centre of gravity forward", "mm", 1e3, 0, BALANCE),
-        "cg_offset.y": ValueWords("centre of gravity to the right", "mm", 1e3, 0, BALANCE),
-        "extra_mass.mass": ValueWords("mass not reported", "kg", 1.0, 2, "weigh it empty"),
+        "yaw_trim.moment": ValueWords("yaw moment", "N m", 1.0, 2, actions.LEVEL_MOTORS),
+        "cg_offset.x": ValueWords("centre of gravity forward", "mm", 1e3, 0, actions.BALANCE),
+        "cg_offset.y": ValueWords("centre of gravity to the right", "mm", 1e3, 0, actions.BALANCE),
+        "extra_mass.mass": ValueWords("mass not reported", "kg", 1.0, 2, actions.WEIGH),
         "tank_scale.gain": ValueWords(
-            "load above the tank gauge", "%", 100.0, 1, "weigh the tank full and set the gauge"
+            "load above the tank gauge", "%", 100.0, 1, actions.SET_GAUGE
         ),
         BATTERY: ValueWords(
-            BATTERY, "m\N{GREEK CAPITAL LETTER OMEGA}", 1e3, 0, "test the battery, or retire it"
+            BATTERY, "m\N{GREEK CAPITAL LETTER OMEGA}", 1e3, 0, actions.TEST_BATTERY
         ),
     }
 )
@@ -52,12 +51,7 @@ TRENDS = ("yaw_trim.moment", "cg_offset.x", "cg_offset.y", "extra_mass.mass", "t
 SWAP_UNKNOWN = "as after a new propeller or motor; enter it into parts.csv"
 SILENT = "nothing was reported then"
 HEALTHY = "nothing changed"
-GROUND_IT = "do not fly it before its battery and propellers were looked at; then fill less"
-GROUND_BATTERY = (
-    "do not fly it before its battery was tested or retired, for its resistance grew; then fill "
-    "less"
-)
-LOOK = "run thrustmargin identify on the flights since then"
+GROUND_IT, GROUND_BATTERY = actions.GROUND_IT.text, actions.GROUND_BATTERY.text
 NAME_EACH = "take its logs in with ingest --again --aircraft, a name for each aircraft"
 NO_SUMS = "no flight has sums: they need measured rotor speeds and a model"
 SET_AIRFRAME = (
@@ -68,10 +62,7 @@ OTHER_AIRFRAME = (
     "set the airframe: these flights do not fit the one given; take them in with "
     "ingest --again --airframe and their own"
 )
-NO_SPEEDS = "switch on ESC telemetry, or have the motor outputs logged"
-NO_LOAD = "connect a tank gauge, or take the logs in with ingest --again --load KG"
-LOOK_INTO = "run thrustmargin inspect on one of its logs"
-FILL_LESS = "fill less: thrustmargin fill says how much"
+FILL_LESS = actions.FILL_LESS.text
 
 
 def rotor_of(name: str) -> int | None:
@@ -83,7 +74,7 @@ def value_words(name: str) -> ValueWords:
     """The words of a value by its name in the sums of flights."""
     rotor = rotor_of(name)
     if rotor is not None:
-        action = f"change propeller {rotor}; if the loss stays, look at motor and ESC {rotor}"
+        action = actions.change_propeller(rotor)
         return ValueWords(f"thrust lost by rotor {rotor}", "%", 100.0, 1, action)
     if name in VALUES:
         return VALUES[name]
@@ -91,9 +82,10 @@ def value_words(name: str) -> ValueWords:
     words = WORDS.get(effect) or WORDS.get(effect.partition(":")[0])
     table = BY_KEY.get(effect)
     if words is None or table is None:
-        return ValueWords(f"{effect} {value}".replace("_", " "), "", 1.0, 3, LOOK)
+        return ValueWords(f"{effect} {value}".replace("_", " "), "", 1.0, 3, actions.IDENTIFY)
     unit = next((p.unit for p in table.parameters if p.name == value), "1")
-    action = words.action if words.action and "--out" not in words.action else LOOK
+    of_the_model = (None, actions.KEEP, actions.ARMS_CARRY)
+    action = actions.IDENTIFY if words.action in of_the_model else words.action
     title = f"{words.thing}, {value.replace('_', ' ')}"
     return ValueWords(title, "" if unit == "1" else unit, 1.0, 3 if unit == "1" else 1, action)
 
@@ -191,10 +183,10 @@ def no_verdict(flight: Mapping[str, Any]) -> tuple[str, str]:
     if flight["airframe_basis"] is not None and flight["airframe"] is None:
         return reason, OTHER_AIRFRAME
     if "rotor_speed_rpm" in (flight["missing_channels"] or ()):
-        return reason, NO_SPEEDS
+        return reason, actions.ESC_TELEMETRY.text
     if "tank_kg" in (flight["missing_channels"] or ()):
-        return reason, NO_LOAD
-    return reason, LOOK_INTO
+        return reason, actions.CONNECT_GAUGE.text
+    return reason, actions.INSPECT_LOG.text
 
 
 def least_loss(least: float) -> str:

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.effect_amounts import rotor_words
 from thrustmargin.gcs_plugin.wording.effect_sentences import (
-    INSPECT,
     effect_sentence,
     effect_thing,
 )
@@ -53,6 +53,7 @@ def answer(
     """The sentences, most urgent first; `margin` is that of all effects, on the worst rotor, and
     `mission` the file with the flight that is `following`."""
     names = found.model.airframe.rotor_names
+    suspects = suspected(found, following)
     rotors_first = sorted(found.found, key=lambda f: f.term.rotor is None)
     lines = [effect_sentence(f, found) for f in rotors_first]
     lines += [one_of(o, names) for o in found.one_of]
@@ -67,11 +68,29 @@ def answer(
             others = " or ".join(_thing_of(words, names) for words in f.indistinguishable_from)
             thing = effect_thing(f.term, names)
             would = f.term.effect.distinguished_by
+            if f.term.rotor is None:  # what distinguishes a rotor begins with a look
+                would = looked_first(suspects) + would
             lines.append(f"These flights cannot distinguish {thing} from {others}: {would}")
     if following is not None:
-        lines.append(next_flight_words(following, names, mission))
+        lines.append(next_flight_words(following, names, mission, suspects))
     lines.append(error_words(found, margin))
     return tuple(f"{line}." for line in (*lines, *open_questions(found), *claims(found)))
+
+
+def suspected(found: Identification, following: NextFlight | None = None) -> tuple[int, ...]:
+    """Rotors, from 1, that may be bad: named, one of several, not cleared, or in question."""
+    terms = [f.term for f in found.found]
+    terms += [term for one in found.one_of for term in one.terms]
+    terms += [term for side in (following.separates if following else ()) for term in side]
+    rotors = {term.rotor for term in terms} | {one.rotor for one in found.mentioned}
+    return tuple(sorted(rotor + 1 for rotor in rotors if rotor is not None))
+
+
+def looked_first(rotors: Sequence[int]) -> str:
+    """That nobody flies to find out what a look at the rotors, from 1, may show; else empty."""
+    if not rotors:
+        return ""
+    return f"first, {actions.inspect_rotors(rotors).text}; only if sound, "
 
 
 def one_of(one: OneOf, names: Sequence[str]) -> str:
@@ -94,7 +113,7 @@ def mentioned(one: Mentioned, names: tuple[str, ...]) -> str:
         thrust = f"it may make up to {most} less or {least} more thrust"
     return (
         f"{rotor_words(one.rotor, names).capitalize()} cannot be ruled out "
-        f"({chance(one.probability)}): {thrust}, so {INSPECT}"
+        f"({chance(one.probability)}): {thrust}, so {actions.INSPECT.text}"
     )
 
 
@@ -148,7 +167,7 @@ def more_than_sound(found: Identification) -> str:
     where = "and no rotor stands out"
     if worst**2 - float(np.mean(np.square(others))) > most**2:  # that it has beyond the others
         names = found.model.airframe.rotor_names
-        where = f"most on {rotor_words(rotor, names)}: look there first"
+        where = f"most on {rotor_words(rotor, names)}: {actions.LOOK_FIRST.text}"
     return (
         f"These flights are not like sound ones, and no effect explains it: off by "
         f"{number(error.rmse_rpm, 'rpm', 0)}, sound flights by up to {number(most, 'rpm', 0)} "
@@ -205,17 +224,17 @@ def unexplained(found: Identification) -> str:
         return ""
     share, rms = chance(left["fraction_of_variance"]), number(left["rms_rpm"], "rpm", 0)
     along = f"goes with {channel_name(left['channel'])}"
-    action = "nothing was added for it; compare with a flight of this aircraft when it was sound"
+    action = f"nothing was added for it; {actions.COMPARE_SOUND.text}"
     if left["wanders"]:
         along = "comes and goes within flights more than in good ones, and goes with no channel"
-        action = "look at ice, dirt and a load that moves; compare with a flight in such wind"
+        action = f"{actions.LOOK_FOR_ICE.text}; {actions.COMPARE_WIND.text}"
     names = found.model.airframe.rotor_names
     if left.get("rotor"):
         goes = "goes with its own thrust" if left["channel"] == OWN_THRUST else along
         return (
             f"{rotor_words(left['rotor'] - 1, names).capitalize()} does not lose the same share of "
             f"its thrust all along: the loss {goes} ({rms}), and no effect of the table does "
-            f"that, so none was added; {INSPECT}, and look for what bends, slips or gets warm"
+            f"that, so none was added; {actions.INSPECT.text}, and {actions.UNSTEADY.text}"
         )
     things = " or ".join(dict.fromkeys(_thing_of(w, names) for w in left.get("closest") or ()))
     close = f"; closest in the table: {things}" if things else ""
@@ -233,8 +252,10 @@ def _thing_of(words: str, names: Sequence[str]) -> str:
     return effect_thing(Term(effect=BY_KEY[name], rotor=int(rotor) - 1 if rotor else None), names)
 
 
-def next_flight_words(following: NextFlight, names: Sequence[str], mission: str) -> str:
-    """The flight that distinguishes two explanations."""
+def next_flight_words(
+    following: NextFlight, names: Sequence[str], mission: str, suspects: Sequence[int] = ()
+) -> str:
+    """The flight that distinguishes two explanations, after a look at the rotors `suspects`."""
     ours, theirs = following.separates
     both = {t.key for t in ours} & {t.key for t in theirs}
     sides = [[t for t in side if t.key not in both] for side in (ours, theirs)]
@@ -245,7 +266,7 @@ def next_flight_words(following: NextFlight, names: Sequence[str], mission: str)
     if following.certainty < CERTAIN:
         sure = f"; even that is right in only {chance(following.certainty)} of cases"
     return (
-        f"To tell {question}, {following.manoeuvre.words}{times} "
+        f"To tell {question}, {looked_first(suspects)}{following.manoeuvre.words}{times} "
         f"({duration(60.0 * following.minutes)}){sure}; "
         + (f"{mission} is its mission" if mission else "--next-flight FILE.plan writes its mission")
     )

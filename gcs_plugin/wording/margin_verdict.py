@@ -13,6 +13,7 @@ from typing import Literal
 
 import numpy as np
 
+from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, SPINS, TOO_HEAVY
 from thrustmargin.gcs_plugin.wording.fill_words import amount, sure
 from thrustmargin.gcs_plugin.wording.numbers import (
@@ -30,7 +31,7 @@ from thrustmargin.gcs_plugin.wording.numbers import (
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis
-from thrustmargin.models.model.inferred.load_inference import THEN_CHECK
+from thrustmargin.models.model.fill_limits import Reason
 from thrustmargin.models.provenance import Meaning, SourceKind
 from thrustmargin.models.scores import Estimate
 
@@ -150,8 +151,18 @@ def several_headline(levels: Sequence[Level], limit: float) -> tuple[Level, str]
     return level, f"{counted} FLIGHTS {words}"
 
 
-def facts(verdict: MarginVerdict, claim: AirframeClaim) -> tuple[Fact, ...]:
-    """What a pilot needs beside the big numbers, one thing a line."""
+def facts(
+    verdict: MarginVerdict,
+    claim: AirframeClaim,
+    *,
+    full_at_once: Reason | None = None,
+    suspects: tuple[int, ...] = (),
+) -> tuple[Fact, ...]:
+    """What a pilot needs beside the big numbers, one thing a line.
+
+    `full_at_once` is why nothing fits in even where it is light enough, and `suspects` are rotors,
+    from 1, for which an alarm was raised.
+    """
     airframe = Fact("airframe", claim.words.removeprefix("airframe "))
     if claim.withheld:
         why = (Fact("why", reason) for reason in claim.withheld)
@@ -168,8 +179,9 @@ def facts(verdict: MarginVerdict, claim: AirframeClaim) -> tuple[Fact, ...]:
     if verdict.level == "near":
         above += "; the limit lies within the error"
     return (
-        Fact("what to do", action(verdict)),
+        Fact("what to do", action(verdict, full_at_once=full_at_once, suspects=suspects)),
         Fact("worst", moment_words(verdict.worst)),
+        *_beyond(verdict.worst),
         Fact(f"above {percent(verdict.limit)}", above),
         Fact(ONE_LOST, _one_rotor_out(verdict)),
         Fact("from", verdict.basis),
@@ -177,24 +189,46 @@ def facts(verdict: MarginVerdict, claim: AirframeClaim) -> tuple[Fact, ...]:
     )
 
 
-def action(verdict: MarginVerdict) -> str:
-    """What the pilot does next time, for this air and this battery."""
-    if verdict.beyond_gauge_kg <= 0.0:
-        return _next_fill(verdict)
-    more = number(verdict.beyond_gauge_kg, "kg", 0)
-    why = f"thrust shows {more} more than was reported"
-    return f"{THEN_CHECK}: {why}; until then {_next_fill(verdict)}"
+def action(
+    verdict: MarginVerdict,
+    *,
+    full_at_once: Reason | None = None,
+    suspects: tuple[int, ...] = (),
+) -> str:
+    """What the pilot does next time, for this air and this battery; see `facts`."""
+    then = _next_fill(verdict, full_at_once)
+    if verdict.beyond_gauge_kg > 0.0:
+        more = number(verdict.beyond_gauge_kg, "kg", 0)
+        why = f"thrust shows {more} more than was reported"
+        then = f"{actions.CHECK_LOAD.text}: {why}; until then {then}"
+    if suspects:
+        return f"{actions.not_before_looked_at(suspects).text}; for the load: {then}"
+    return then
 
 
-def _next_fill(verdict: MarginVerdict) -> str:
+#: Why nothing goes into an aircraft that is light enough.
+_FULL_AT_ONCE: Mapping[Reason, str] = {
+    "tank": "it has no tank to fill",
+    "take-off mass": "empty it has the maker's maximum take-off mass already",
+}
+
+
+def _next_fill(verdict: MarginVerdict, full_at_once: Reason | None) -> str:
     fill = amount(verdict.fill_kg, verdict.fill_low_kg, verdict.fill_high_kg)
-    limit = percent(verdict.limit)
+    limit, do_not = percent(verdict.limit), actions.DO_NOT_FILL.text
     if not math.isfinite(verdict.fill_kg):
         return "state mass and rotors in the airframe file: no fill can be worked out"
+    if full_at_once is not None and verdict.fill_kg >= 0.0:
+        why = _FULL_AT_ONCE[full_at_once]
+        if verdict.level in ("under", "near"):
+            return f"nothing: {why}" if verdict.level == "under" else why
+        return f"{actions.FLY_GENTLY.text}: {why}"
+    if full_at_once == "tank":
+        return "it has no tank to fill, and is too heavy for this air and this battery"
     if verdict.fill_kg <= 0.0:
-        return "do not fill: even empty it is too heavy for this air and this battery"
+        return f"{do_not}: even empty it is too heavy for this air and this battery"
     if verdict.fill_low_kg <= 0.0:
-        return f"do not fill: the limit is at {fill}, too unsure to fill anything"
+        return f"{do_not}: the limit is at {fill}, too unsure to fill anything"
     fresh = verdict.fill_start_kg - (verdict.fill_kg - verdict.fill_low_kg)  # as sure as the other
     surely = sure(verdict.fill_kg, verdict.fill_low_kg, verdict.fill_high_kg)
     most = f"fill at most {surely} on this battery"
@@ -208,7 +242,21 @@ def _next_fill(verdict: MarginVerdict) -> str:
         return most
     if verdict.tank_start_kg > verdict.fill_low_kg:
         return f"{most}, which is {limit} in hover"
-    return f"fly turns and climbs more gently: in hover up to {surely} are within {limit}"
+    return f"{actions.FLY_GENTLY.text}: in hover up to {surely} are within {limit}"
+
+
+def _beyond(worst: Moment) -> tuple[Fact, ...]:
+    """That a rotor made more than the airframe says that it can, and what may be wrong."""
+    if not worst.capacity_use > 1.0:
+        return ()
+    more = percent(worst.capacity_use)
+    return (
+        Fact(
+            "beyond the ceiling",
+            f"rotor {worst.rotor} shows {more} of what the airframe says it can make: check the "
+            "battery voltage, max_rotor_speed_rpm and motor_poles (eRPM)",
+        ),
+    )
 
 
 def load_facts(track: FlightTrack) -> tuple[Fact, ...]:

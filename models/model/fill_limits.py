@@ -22,6 +22,7 @@ from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL, guessed_variance
 from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.model.rotor_model import RotorModel
+from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.margin import ceiling, largest_fill
 
 Reason = Literal["utilisation", "one rotor lost", "take-off mass", "tank"]
@@ -135,3 +136,10 @@ def _crossing(fills: Floats, use: Floats, limit: float) -> float:
     k = max(int(above[0]) if above.size else fills.size - 1, 1)
     slope = (use[k] - use[k - 1]) / (fills[k] - fills[k - 1])
     return float(fills[k] + (limit - use[k]) / slope) if slope > 0.0 else float("nan")
+
+
+def full_at_once(airframe: Airframe) -> Reason | None:
+    """Why nothing can be filled into an aircraft, however light it is; None where it can."""
+    if airframe.tank_capacity_kg <= 0.0:
+        return "tank"
+    return "take-off mass" if airframe.max_takeoff_mass <= airframe.empty_mass else None

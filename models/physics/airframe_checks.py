@@ -169,9 +169,15 @@ def _impossible(table: dict[str, Any]) -> list[str]:
     problems = []
     slope, top = _value(table, "thrust_coefficient"), _value(table, "max_rotor_speed_rpm")
     density, diameter = _value(table, "reference_density"), _value(table, "propeller_diameter")
-    coefficient = slope * 3600.0 / (density * diameter**4)
     low, high = _COEFFICIENT_RANGE
-    if not low <= coefficient <= high:
+    per_coefficient = density * diameter**4  # rounds to 0 for a diameter that is none
+    coefficient = slope * 3600.0 / per_coefficient if per_coefficient > 0.0 else inf
+    if not isfinite(coefficient):
+        problems.append(
+            f"propeller_diameter is {diameter:g} m and reference_density {density:g} kg/m^3, which "
+            "no propeller and no air has: check both units"
+        )
+    elif not low <= coefficient <= high:
         problems.append(
             f"thrust_coefficient {slope:g} N/rpm^2 and propeller_diameter {diameter:g} m make a "
             f"C_T of {coefficient:.3g}; a propeller has {low:g} to {high:g}: check both units"

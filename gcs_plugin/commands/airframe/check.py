@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -19,12 +20,15 @@ from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.logs import FlightLog
-    from thrustmargin.gcs_plugin.logs.inspection import Finding
+    from thrustmargin.gcs_plugin.logs.inspection import Finding, Level
     from thrustmargin.models.physics.airframe import Airframe
 
 #: The checks of `inspect` that are about the airframe, in the order of the answer.
 _OF_INSPECT = ("vehicle", "motors", "frame", "motor order", "voltage", "tank", "rotor speed")
 _OF_INSPECT += ("rotor speed limit", "motor output")
+
+#: Why nothing can be compared where an interval is not known.
+TOO_SHORT = "for these flights are too short for an interval; give more hover"
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +93,7 @@ def _hover(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
     """The thrust coefficient against the weight in hover, and the trim of the rotors."""
     from thrustmargin.gcs_plugin.commands.airframe.fitted import hover_sentences, interval
     from thrustmargin.gcs_plugin.logs.inspection import Finding
+    from thrustmargin.gcs_plugin.wording.numbers import percent
     from thrustmargin.models.physics.thrust_fits import fit_hover
 
     check = "thrust coefficient"
@@ -101,19 +106,24 @@ def _hover(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
     # Two standard errors of the air's density, beside what the flights scatter.
     air = 1.96 * fit.density_error / fit.reference_density
     apart = claim / fit.coefficient.value - 1.0
-    inside = fit.coefficient.low * (1 - air) <= claim <= fit.coefficient.high * (1 + air)
+    low, high = fit.coefficient.low * (1 - air), fit.coefficient.high * (1 + air)
     words = (
         f"{claim:.4g} N/rpm² by the file in this air, {interval(fit.coefficient)} by "
-        f"{fit.rows} rows of hover, +- {air:.1%} for the air"
+        f"{fit.rows} rows of hover, +- {percent(air, 1)} for the air"
     )
-    if not inside:
+    level: Level = within_ends(claim, low, high)
+    if level == "unknown":
+        words += f": cannot tell whether they agree, {TOO_SHORT}"
+    elif level == "warning":
         words += (
             f": {abs(apart):.0%} {'more' if apart > 0 else 'less'} than the flights show; is the "
             f"mass {craft.empty_mass:g} kg and the load right? else `airframe new --hover`"
         )
-    yield Finding(check=check, level="ok" if inside else "warning", words=words)
-    even = all(t.low <= 1.1 and t.high >= 0.9 for t in fit.trim)
-    level = "ok" if even else "warning"
+    yield Finding(check=check, level=level, words=words)
+    # A trim that is even within its interval is one whose ends, a tenth wider, hold 1.
+    trims = {within_ends(1.0, t.low - 0.1, t.high + 0.1) for t in fit.trim}
+    worst: tuple[Level, ...] = ("warning", "unknown", "ok")
+    level = next(one for one in worst if one in trims)
     for sentence in hover_sentences(fit):
         yield Finding(check="trim", level=level, words=sentence)
 
@@ -122,8 +132,9 @@ def _ceiling(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
     """The largest rotor speed against the highest measured and what outputs extrapolate to."""
     import numpy as np
 
-    from thrustmargin.gcs_plugin.commands.airframe.fitted import interval
+    from thrustmargin.gcs_plugin.commands.airframe.fitted import figure, interval
     from thrustmargin.gcs_plugin.logs.inspection import Finding
+    from thrustmargin.gcs_plugin.wording.numbers import number
     from thrustmargin.models.model.inferred.output_speed import full_output_speed
     from thrustmargin.models.physics.margin import ceiling
 
@@ -137,15 +148,22 @@ def _ceiling(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
     speeds = np.concatenate([log.track.rotor_speed_rpm[log.track.flying].ravel() for log in logs])
     speeds = speeds[np.isfinite(speeds)]
     highest = float(np.percentile(speeds, 99.9)) if speeds.size else float("nan")
-    words = (
-        f"{claim:.0f} rpm by the file at {volts:.1f} V; full output extrapolates to {interval(top)}"
-    )
+    words = f"{figure(claim)} rpm by the file at {number(volts, 'V')}; full output "
+    words += f"extrapolates to {interval(top)}"
     if speeds.size:
         words += f", the highest measured is {highest:.0f}"
-    low = claim < top.low or claim < highest
-    if low:
+    level = "warning" if claim < highest else within_ends(claim, top.low, top.high)
+    if level == "unknown":
+        words += f": cannot tell whether they agree, {TOO_SHORT}"
+    elif level == "warning" and (claim < highest or claim < top.low):
         words += ": the file claims too little, so margins read too small"
-    elif claim > top.high:
+    elif level == "warning":
         words += ": the file claims more than these motors seem to make, so margins read too large"
-    right = not low and claim <= top.high
-    yield Finding(check=check, level="ok" if right else "warning", words=words)
+    yield Finding(check=check, level=level, words=words)
+
+
+def within_ends(claim: float, low: float, high: float) -> Level:
+    """Whether a claim lies within an interval; "unknown" where any of the three is not known."""
+    if not (isfinite(claim) and isfinite(low) and isfinite(high)):
+        return "unknown"
+    return "ok" if low <= claim <= high else "warning"

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.commands.shared.reading import ReadingOptions, reading_keywords
+from thrustmargin.gcs_plugin.wording.numbers import UNKNOWN, known
 from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from thrustmargin.models.scores import Estimate
 
 
+NO_INTERVAL = "interval not known"
 #: Two figures of full thrust that are further apart are no rounding and no battery's voltage.
 SAME_THRUST = 0.1
 
@@ -168,7 +170,7 @@ def hover_sentences(fit: HoverFit) -> tuple[str, ...]:
     trims = ", ".join(f"{n + 1}: {t.value:.0%}" for n, t in enumerate(fit.trim))
     place = ", ".join(
         f"{abs(e.value) * 1000:.0f} mm {forward if e.value >= 0 else back} "
-        f"({abs(e.high - e.low) * 500:.0f} either way)"
+        + (f"({abs(e.high - e.low) * 500:.0f} either way)" if e.bounded else f"({NO_INTERVAL})")
         for e, forward, back in zip(
             fit.load_place, ("forward", "right"), ("back", "left"), strict=True
         )
@@ -192,10 +194,17 @@ def hover_sentences(fit: HoverFit) -> tuple[str, ...]:
     return tuple(sentences)
 
 
+def figure(x: float) -> str:
+    """Four digits that count, and all before the point; "unknown" for NaN."""
+    if not known(x):
+        return UNKNOWN
+    return f"{x:.0f}" if x >= 1e3 else f"{x:.4g}"
+
+
 def interval(e: Estimate) -> str:
-    """`2.58e-06 (2.53e-06 to 2.63e-06)`."""
-    value, low, high = (f"{x:.0f}" if x >= 1e3 else f"{x:.4g}" for x in (e.value, e.low, e.high))
-    return f"{value} ({low} to {high})"
+    """`2.58e-06 (2.53e-06 to 2.63e-06)`; says so where the flights are too short for one."""
+    value, low, high = map(figure, (e.value, e.low, e.high))
+    return f"{value} ({low} to {high})" if e.bounded else f"{value} ({NO_INTERVAL})"
 
 
 def interval_percent(e: Estimate) -> str:

@@ -24,6 +24,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
 )
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, ReadingOptions
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.gcs_plugin.wording.numbers import known
 from thrustmargin.gcs_plugin.wording.sortie_words import several_words, sortie_words
 from thrustmargin.models.errors import LogError, ThrustMarginError
 from thrustmargin.models.whole_file import whole_file
@@ -179,7 +180,9 @@ def _channels(log: FlightLog, *, wide: bool) -> Table:
         cells = [""] * len(headings)
         if c.samples:
             cells = [f"{c.rate_hz:.3g}", str(c.gaps), f"{c.longest_gap_s:.2f}"]
-            cells += [f"{value:.4g}" for value in (c.minimum, c.median, c.maximum)]
+            cells += [
+                f"{value:.4g}" if known(value) else "" for value in (c.minimum, c.median, c.maximum)
+            ]
         source = [Text(c.source)] if wide else []
         table.add_row(c.name, *source, *cells, c.unit, style="" if c.samples else "dim")
     return table

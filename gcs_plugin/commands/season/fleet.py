@@ -20,7 +20,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
 )
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import DataError
-from thrustmargin.models.whole_file import whole_file
+from thrustmargin.models.whole_file import regular, whole_file
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.reports.fleet.fleet_page import FleetSeason
@@ -124,11 +124,17 @@ def _parts(store: SeasonStore, file: Path | None) -> list[Part]:
     from thrustmargin.gcs_plugin.reports.fleet.parts import read_parts
 
     if file is not None:
-        return read_parts(file.read_text("utf-8"), str(file))
+        try:
+            return read_parts(regular(file).read_bytes(), str(file))
+        except OSError as error:
+            raise DataError(
+                f"cannot read --parts {file}: {error.strerror or error}; give a .csv file"
+            ) from error
     if not store.files.exists(store.path(PARTS)):
         return []
-    with store.files.open(store.path(PARTS), "r", encoding="utf-8", errors="replace") as held:
-        return read_parts(str(held.read()), PARTS)
+    with store.files.open(store.path(PARTS), "rb") as held:
+        data = held.read()
+    return read_parts(data if isinstance(data, bytes) else data.encode(), PARTS)
 
 
 def _side_by_side(store: SeasonStore, names: tuple[str, str]) -> list[list[Any]]:

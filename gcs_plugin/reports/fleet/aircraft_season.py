@@ -181,7 +181,7 @@ def _changed(season: AircraftSeason, parts: Sequence[Part]) -> Iterable[SeasonFi
             counts = last and not swap
             ratio = abs(trend.now + ahead) / trend.usual if counts else 0.0
             at = season.counted[min(entry.flight, count - 1)]
-            action = words.value_words(trend.name).action
+            action = words.value_words(trend.name).action.text
             if trend.instead:
                 others = [words.value_words(n).title for n in trend.instead[:3]]
                 action += f"; it may also be: {', '.join(others)}"
@@ -229,7 +229,7 @@ def _shared(season: AircraftSeason) -> Iterable[SeasonFinding]:
             level=level_of(ratio),
             weight=ratio,
             sentence=words.shared_sentence(one.name, one.value, one.error),
-            action=words_of.action + (f"; it may also be: {', '.join(also)}" if also else ""),
+            action=words_of.action.text + (f"; it may also be: {', '.join(also)}" if also else ""),
         )
 
 

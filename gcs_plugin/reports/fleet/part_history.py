@@ -171,7 +171,7 @@ def _battery_findings(history: PartHistory, flown: Sequence[_Flown]) -> Iterable
             level=level_of(ratio, *RESISTANCE) if last else FINE,
             weight=ratio,
             sentence=whose + words.entry_sentence(trend.name, entry, when, ended),
-            action=words.value_words(trend.name).action,
+            action=words.value_words(trend.name).action.text,
             flight=at.number if here else None,
             then=reported_then(at.season, at.number),
         )

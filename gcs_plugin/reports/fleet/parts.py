@@ -20,6 +20,7 @@ from typing import Any
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.identification.season.season_changes import Trend
+from thrustmargin.models.whole_file import not_utf8
 
 COLUMNS = ("part", "aircraft", "position", "installed_at", "removed_at")
 NAN = float("nan")
@@ -67,9 +68,18 @@ class PartHistory:
     battery: Trend | None = None
 
 
-def read_parts(text: str, name: str) -> list[Part]:
-    """The parts of a file. Raises DataError with the line that is wrong."""
-    rows = csv.DictReader(io.StringIO(text.lstrip("\ufeff")))
+def read_parts(data: bytes, name: str) -> list[Part]:
+    """The parts of a file in UTF-8. Raises DataError with the line that is wrong."""
+    try:
+        rows = csv.DictReader(io.StringIO(data.decode("utf-8-sig")))
+        return _parts(rows, name)
+    except UnicodeDecodeError as error:
+        raise DataError(not_utf8(name, error)) from error
+    except csv.Error as error:
+        raise DataError(f"{name} line {rows.line_num}: {error}; is it a table of parts?") from error
+
+
+def _parts(rows: csv.DictReader, name: str) -> list[Part]:
     rows.fieldnames = [(f or "").strip().lower().replace(" ", "_") for f in rows.fieldnames or []]
     if missing := [c for c in COLUMNS if c not in rows.fieldnames]:
         raise DataError(f"{name} has no column {missing[0]!r}; it needs {', '.join(COLUMNS)}")

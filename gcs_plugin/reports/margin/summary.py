@@ -51,6 +51,7 @@ from thrustmargin.mission.field import sprayed_field
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, for_verdict
+from thrustmargin.models.model.fill_limits import full_at_once
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.model.rotor_faults import (
@@ -85,7 +86,13 @@ def report_flight(
     )
     alarms = fault_episodes(fault_history(analysis))
     said = (
-        *(*alarm_facts(alarms), *facts(verdict, analysis.claim)),
+        *alarm_facts(alarms),
+        *facts(
+            verdict,
+            analysis.claim,
+            full_at_once=full_at_once(as_flown),
+            suspects=tuple(sorted({one.fault.rotor + 1 for one in alarms})),
+        ),
         *(*load_facts(track), *ending_facts(track)),
     )
     return FlightReport(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.stats import t as student
 
+from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.models.identification.rows.modes import modes
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.model.training import PAPER_BEST_EPOCH, PAPER_LOWEST_LOSS, PAPER_R2
@@ -183,10 +184,10 @@ FEWEST_OTHERS = 3  # whose scatter can be known
 
 #: what to look at where flights differ from each other in a mode
 CAUSES = {
-    "collective": "weigh the load (--load), state the --air-temperature, check the tank gauge",
-    "roll": "put load and battery in the same place each flight, or leave out odd flights",
-    "pitch": "put load and battery in the same place each flight, or leave out odd flights",
-    "yaw": "level the motors, and leave out flights with other propellers",
+    "collective": actions.STATE_LOAD.text,
+    "roll": actions.SAME_PLACE.text,
+    "pitch": actions.SAME_PLACE.text,
+    "yaw": actions.LEVEL_OR_LEAVE_OUT.text,
 }
 
 

@@ -206,8 +206,10 @@ def rotor_label(index: int, margin: float) -> str:
 
 
 def tank_level(tank_kg: float, capacity_kg: float) -> float:
-    """Share of the tank that is full, 0..1; NaN when unknown."""
-    return float(np.clip(tank_kg / capacity_kg, 0.0, 1.0)) if np.isfinite(tank_kg) else np.nan
+    """Share of the tank that is full, 0..1; NaN when unknown, or where there is no tank."""
+    if not np.isfinite(tank_kg) or capacity_kg <= 0.0:
+        return np.nan
+    return float(np.clip(tank_kg / capacity_kg, 0.0, 1.0))
 
 
 def disc_radius(airframe: Airframe) -> float:

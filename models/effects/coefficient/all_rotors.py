@@ -45,7 +45,7 @@ BATTERY_VOLTAGE = Effect(
     neutral={"voltage": lambda p, x: (1.0 + p["level"]) * x.reference_voltage},
     source="not physics of a measured rotor speed: simulators and estimated speeds that ignore "
     "the battery show thrust going with voltage^p, speeds that follow it too far against it",
-    distinguished_by="the same load on a full and on an empty battery",
+    distinguished_by="the same load on a fresh battery and on one half used",
     apply=_kappa,
 )
 

@@ -63,7 +63,7 @@ GROUND_EFFECT = Effect(
     needs=("radius_over_height",),
     neutral={"radius_over_height": 0.0},
     source="Cheeseman and Bennett: 1/kappa = 1 - k (R/z)^2, k = 1/16 for one rotor",
-    distinguished_by="hover at one and at five rotor radii above ground",
+    distinguished_by="hover as low as is safe over flat ground, then at five rotor radii",
     apply=lambda p, x: 1.0 / (1.0 - p["strength"] * x.radius_over_height**2),
 )
 

@@ -33,7 +33,8 @@ CG_OFFSET = Effect(
     parameters=(_offset("x"), _offset("y")),
     of_every_aircraft=True,
     source="balance of moments: thrust stands off the centre of gravity by (x, y)",
-    distinguished_by="hover 60 s full and 60 s empty; then swap the rotor pair in question",
+    distinguished_by="hover 60 s full and 60 s empty; or, with the battery off, weigh it under "
+    "each arm",
     apply=_fixed,
 )
 

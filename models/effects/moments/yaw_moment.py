@@ -31,8 +31,8 @@ YAW_TRIM = Effect(
     of_every_aircraft=True,
     source="a tilted motor turns part of its thrust into a yaw moment, in proportion to it; the "
     "moment is that of a hover with half a tank",
-    distinguished_by="level the motors, then swap two propellers between the pairs: if the moment "
-    "goes with the propellers, they differ; or hover 60 s at two tank levels",
+    distinguished_by="with the battery off, level the motors; if the moment stays, fit new "
+    "propellers, each of the kind of its own motor; or hover 60 s at two tank levels",
     apply=_tilted,
 )
 

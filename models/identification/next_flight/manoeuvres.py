@@ -152,6 +152,13 @@ def manoeuvres(limits: FlownLimits) -> tuple[Manoeuvre, ...]:
     return tuple(made)
 
 
+def lightest(every: Sequence[Manoeuvre]) -> tuple[Manoeuvre, ...]:
+    """Those with the least fill alone, and without quick changes of speed: what may be asked of an
+    aircraft that may have a bad rotor."""
+    least = min((kg for one in every for kg in one.fills_kg), default=0.0)
+    return tuple(one for one in every if set(one.fills_kg) == {least} and one.name != "speed steps")
+
+
 def _flown(
     limits: FlownLimits, low: float, middle: float
 ) -> list[tuple[str, str, float, tuple[Piece, ...]]]:

@@ -37,6 +37,7 @@ from thrustmargin.models.identification.next_flight.manoeuvres import (
     FlownLimits,
     Manoeuvre,
     flown_track,
+    lightest,
     manoeuvres,
 )
 from thrustmargin.models.identification.rows.candidates import Term
@@ -126,6 +127,7 @@ def next_flight(
 ) -> NextFlight:
     """The shortest flight that distinguishes two explanations, else the one that does most.
 
+    Where one of them has a bad rotor, only what is flown with the least fill counts.
     `noise_rpm` (R,) is that of a mean over one second, of each mode; `background_rpm` (R,) that of
     a flight's mean.
     """
@@ -136,6 +138,8 @@ def next_flight(
         return _flown_once(model, explanations, track, noise_rpm, background_rpm)
 
     every = manoeuvres(limits)
+    if any(t.rotor is not None for one in explanations for t in one.terms):
+        every = lightest(every)
     library = {manoeuvre.name: manoeuvre for manoeuvre in every}
     made: list[NextFlight] = []
     for manoeuvre in every:

@@ -25,7 +25,7 @@ from thrustmargin.models.physics.atmosphere import track_air
 from thrustmargin.models.provenance import Meaning, Provenance, Reason, Rejected, SourceKind
 
 #: What may be wrong where thrust shows more load than a gauge.
-THEN_CHECK = "check gauge, empty mass and propellers"
+THEN_CHECK = "check gauge and empty mass, and with the battery off the propellers"
 #: Why such a load is no evidence for or against a model.
 LOAD_FROM_SPEEDS = (
     "the load was inferred from these rotor speeds; state it with --load to compare them"

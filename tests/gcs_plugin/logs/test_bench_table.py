@@ -1,5 +1,6 @@
 """Bench tables as makers and test stands write them: names, units, delimiters, faults."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -69,5 +70,15 @@ def test_no_file_and_other_bytes_are_one_line(tmp_path):
     with pytest.raises(DataError, match="cannot read bench table"):
         read_bench(tmp_path / "none.csv")
     (tmp_path / "b.csv").write_bytes(bytes(range(256)))
-    with pytest.raises(DataError, match="cannot read bench table"):
+    with pytest.raises(DataError, match=r"b.csv line 2: byte 0x80 is not UTF-8"):
+        read_bench(tmp_path / "b.csv")
+    (tmp_path / "b.csv").write_text("rpm,thrust_N\n" + "1" * 131_073 + ",2\n")
+    with pytest.raises(DataError, match="no table of cells"):
+        read_bench(tmp_path / "b.csv")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with a name here")
+def test_a_pipe_is_refused_and_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "b.csv")
+    with pytest.raises(DataError, match="pipe"):
         read_bench(tmp_path / "b.csv")

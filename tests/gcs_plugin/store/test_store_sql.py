@@ -1,5 +1,9 @@
 """SQL on a store reads its tables, and can neither write nor read anything else."""
 
+import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -43,3 +47,26 @@ def test_nothing_else_is_read_or_written(tmp_path: Path, sql: str):
     with pytest.raises(DataError, match="--sql"):
         query(store, sql.format(tmp_path))
     assert sorted(tmp_path.rglob("*")) == before
+
+
+@pytest.mark.skipif(os.name != "posix", reason="Ctrl-C of a console is another one there")
+def test_ctrl_c_ends_a_query_that_does_not(tmp_path: Path):
+    empty_store(tmp_path / "season")
+    code = (
+        "import sys; from thrustmargin.gcs_plugin.store.season_store import SeasonStore; "
+        "from thrustmargin.gcs_plugin.store.store_sql import query; print('begun', flush=True); "
+        "query(SeasonStore.open(sys.argv[1]), 'with recursive t(n) as (select 1 union all select "
+        "n + 1 from t) select count(*) from t')"
+    )
+    command = [sys.executable, "-c", code, str(tmp_path / "season")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as running:
+        assert running.stdout is not None
+        running.stdout.readline()
+        with pytest.raises(subprocess.TimeoutExpired):
+            running.wait(2.0)
+        running.send_signal(signal.SIGINT)
+        try:
+            _, said = running.communicate(timeout=5.0)
+        finally:
+            running.kill()
+    assert b"KeyboardInterrupt" in said

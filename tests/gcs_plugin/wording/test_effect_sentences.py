@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tests.models.made_flights import curve_model, made_flights, table
+from thrustmargin.gcs_plugin.wording.actions import KEEP
 from thrustmargin.gcs_plugin.wording.effect_sentences import (
-    KEEP,
     WORDS,
     effect_sentence,
     effect_thing,
@@ -92,15 +92,16 @@ def test_no_two_effects_are_called_alike():
             [0.0796, 0.7],
             [0.0006, 0.1],
             0,
-            "Rotor 1 (front right) makes 8 % less thrust (7.9 to 8.0): inspect or swap its "
-            "propeller",
+            "Rotor 1 (front right) makes 8 % less thrust (7.9 to 8.0): "
+            "with the battery off, inspect its propeller or fit a new one of the same kind",
         ),
         (
             "rotor_degradation",
             [-0.05, 0.7],
             [0.01, 0.1],
             2,
-            "Rotor 3 (front left) makes 5 % more thrust (4 to 6): inspect or swap its propeller",
+            "Rotor 3 (front left) makes 5 % more thrust (4 to 6): with the "
+            "battery off, inspect its propeller or fit a new one of the same kind",
         ),
         (
             "rotor_degradation:onset",
@@ -108,7 +109,8 @@ def test_no_two_effects_are_called_alike():
             [[0.001, 1.0, 0.1]] * 3,
             2,
             "Rotor 3 (front left) lost 12 % of its thrust (11.9 to 12.1) in flight, 2:23 into "
-            "made_1.csv: inspect or swap its propeller",
+            "made_1.csv: with the "
+            "battery off, inspect its propeller or fit a new one of the same kind",
         ),
         (
             "rotor_degradation:onset",
@@ -116,29 +118,32 @@ def test_no_two_effects_are_called_alike():
             [[0.001, 1.0, 0.1]] * 3,
             2,
             "Rotor 3 (front left) lost 12 % of its thrust (11.9 to 12.1) in flight, 2:23 into "
-            "made_1.csv and in 1 more of 3 flights: inspect or swap its propeller",
+            "made_1.csv and in 1 more of 3 flights: with the "
+            "battery off, inspect its propeller or fit a new one of the same kind",
         ),
         (
             "extra_mass",
             [2.99],
             [0.04],
             None,
-            "The aircraft is 2.99 kg heavier than model and tank gauge say (2.95 to 3.03): weigh "
-            "it",
+            "The aircraft is 2.99 kg heavier than model and tank gauge say (2.95 to 3.03): "
+            "disarmed on the ground, weigh it ready to fly, without liquid",
         ),
         (
             "extra_mass",
             [-1.5],
             [0.2],
             None,
-            "The aircraft is 1.5 kg lighter than model and tank gauge say (1.3 to 1.7): weigh it",
+            "The aircraft is 1.5 kg lighter than model and tank gauge say (1.3 to 1.7): "
+            "disarmed on the ground, weigh it ready to fly, without liquid",
         ),
         (
             "tank_scale",
             [0.9],
             [0.02],
             None,
-            "The tank gauge shows 11 % too much (9 to 14): check it",
+            "The tank gauge shows 11 % too much (9 to 14): disarmed on the ground, weigh "
+            "what is filled in and set the gauge by it",
         ),
         (
             "cg_offset",
@@ -146,23 +151,25 @@ def test_no_two_effects_are_called_alike():
             [0.0004, 0.0005],
             None,
             "The centre of gravity is 39.8 mm forward (39.4 to 40.2) and 2 mm to the left (1.5 to "
-            "2.5) of where the model has it: move battery or load back to the middle",
+            "2.5) of where the model has it: with the battery off, move battery or load back to "
+            "the middle, or look for what was mounted",
         ),
         (
             "yaw_trim",
             [-1.25],
             [0.05],
             None,
-            "The rotors hold a steady yaw moment of 1.25 N m to the left (1.20 to 1.30): level the "
-            "motors, then swap two propellers between the clockwise and counter-clockwise pairs",
+            "The rotors hold a steady yaw moment of 1.25 N m to the left (1.20 to 1.30): with "
+            "the battery off, level the motors and look for a twisted arm; if the moment stays, "
+            "fit new propellers, each of the kind of its own motor",
         ),
         (
             "thrust_drift",
             [1e-4],
             [1e-5],
             None,
-            "All rotors lose 6 % of their thrust in 10 minutes of flight (5.4 to 6.6): check gauge "
-            "and ESC readings first, then clean the blades",
+            "All rotors lose 6 % of their thrust in 10 minutes of flight (5.4 to 6.6): with the "
+            "battery off, clean the blades, once gauge and ESC readings are checked",
         ),
         (
             "sensor_lag",
@@ -177,37 +184,39 @@ def test_no_two_effects_are_called_alike():
             [[0.04]] * 3,
             None,
             "The tank gauge shows 0.31 kg too little (0.27 to 0.35) in made_1.csv, most of all "
-            "flights: set it to zero with an empty tank",
+            "flights: disarmed on the ground, set it to zero with an empty tank",
         ),
         (
             "tank_drift",
             [-1e-3],
             [1e-4],
             None,
-            "The tank gauge shows 0.6 kg too much after 10 minutes (0.54 to 0.66): check it "
-            "against what was filled in",
+            "The tank gauge shows 0.6 kg too much after 10 minutes (0.54 to 0.66): "
+            "disarmed on the ground, check it against what was filled in",
         ),
         (
             "airspeed_bias",
             [1.0],
             [0.2],
             None,
-            "The airspeed sensor shows 1 m/s too little (0.8 to 1.2): set its zero before take-off",
+            "The airspeed sensor shows 1 m/s too little (0.8 to 1.2): disarmed "
+            "on the ground, set its zero before take-off",
         ),
         (
             "airspeed_gain",
             [0.9],
             [0.02],
             None,
-            "The airspeed sensor shows 11 % too much (9 to 14): check its tube and its calibration",
+            "The airspeed sensor shows 11 % too much (9 to 14): disarmed on the ground, "
+            "check its tube and its calibration",
         ),
         (
             "parasite_drag",
             [0.05],
             [0.004],
             None,
-            "The aircraft has 0.05 m² more drag area than its model (0.046 to 0.054): look for "
-            "what was mounted or left open",
+            "The aircraft has 0.05 m² more drag area than its model (0.046 to 0.054): with the "
+            "battery off, look for what was mounted or left open",
         ),
         (
             "battery_voltage",
@@ -230,7 +239,7 @@ def test_climb_is_told_as_thrust_lost_at_two_metres_a_second(whole):
     ratio = 2.0 * 60.0 / (rpm * whole.model.airframe.propeller_diameter)
     said = effect_sentence(found("climb_inflow", [1.0], [0.1]), whole)
     assert said.startswith(f"Climbing at 2 m/s the rotors make {100 * ratio:.1f} % less thrust (")
-    assert said.endswith(KEEP)
+    assert said.endswith(KEEP.text)
 
 
 def test_lift_is_told_at_a_speed_that_was_flown(whole):
@@ -263,8 +272,8 @@ def test_an_effect_that_the_model_has_is_told_as_a_change(whole):
     turning = found("manoeuvre_moment", [0, 0, -1.2, 0, 0, -0.5, 0, 0], [0.1] * 8)
     assert "that the model lacks" in effect_sentence(turning, whole)
     assert effect_sentence(found(changed_inertia(), [-0.3], [0.1]), whole) == (
-        "The aircraft turns as if its inertia were 30 % smaller (20 to 40): look at what arms and "
-        "booms carry; keep it in the model with --out"
+        "The aircraft turns as if its inertia were 30 % smaller (20 to 40): with the battery off, "
+        "look at what arms and booms carry; keep it in the model with --out"
     )
     parameters = {"gain": Identified(value=1.0, unit="1", ci95=(0.9, 1.1))}
     known = tuple(
@@ -298,6 +307,6 @@ def test_outputs_alone_do_not_tell_propeller_motor_and_esc_apart(whole):
     said = effect_sentence(found("rotor_degradation", [0.08, 0.7], [0.01, 0.1], rotor=0), outputs)
     assert said == (
         "Rotor 1 (front right) makes 8 % less thrust than its share of the motor outputs (7 to 9): "
-        "inspect or swap its propeller, then look at its motor and ESC, which outputs cannot "
-        "distinguish from it"
+        "with the battery off, inspect its propeller or fit a new one of the same kind, then look "
+        "at its motor and ESC, which outputs cannot distinguish from it"
     )

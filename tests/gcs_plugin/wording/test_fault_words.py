@@ -27,7 +27,7 @@ FAULT = RotorFault(kind="propeller", rotor=2, size=0.12, lower=0.094, upper=0.15
 
 def test_words_name_part_amount_and_action_in_the_length_of_a_statustext():
     motor = RotorFault(kind="motor", rotor=7, size=0.3, lower=0.28, upper=MOST)
-    assert fault_words(FAULT) == "Rotor 3 makes 12% (9-15) less thrust: propeller?"
+    assert fault_words(FAULT) == "Rotor 3 makes 12% (9-15) less thrust: prop? land"
     assert fault_words(motor) == "Motor 8 or ESC >28% slow for output: land"
     assert all(len(fault_words(fault)) <= 50 for fault in (FAULT, motor))
     episode = FaultEpisode(begin_s=145.0, end_s=None, fault=FAULT)

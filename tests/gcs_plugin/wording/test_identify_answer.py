@@ -37,6 +37,7 @@ from thrustmargin.models.identification.rows.candidates import Term
 from thrustmargin.models.network.records import GoodFlights
 
 NAMES = ("front right", "rear left", "front left", "rear right")
+INSPECT = "with the battery off, inspect its propeller or fit a new one of the same kind"
 MASS, GAUGE, BALANCE = (Term(effect=BY_KEY[k]) for k in ("extra_mass", "tank_scale", "cg_offset"))
 
 
@@ -78,7 +79,9 @@ def change(**given) -> MarginChange:
 def test_part_amount_and_action_come_first_then_the_error(worn):
     first, second = said(worn)
     assert first.startswith("Rotor 1 (front right) makes 8")
-    assert first.endswith("): inspect or swap its propeller.")
+    assert first.endswith(
+        "): with the battery off, inspect its propeller or fit a new one of the same kind."
+    )
     before, after = worn.before.rmse_rpm, worn.after.rmse_rpm
     assert second.startswith(f"Rotor speed error (RMSE) {before:.0f} -> {after:.0f} rpm (")
     assert "on 3 flights, each predicted without itself, at best " in second
@@ -133,7 +136,8 @@ def test_an_error_beyond_that_of_sound_flights_is_no_nothing(sound):
     found = replace(sound, model=model, after=error, floor_rpm=100.0)  # 207.1 rpm of channels
     assert nothing(found) == (
         "These flights are not like sound ones, and no effect explains it: off by 230 rpm, sound "
-        "flights by up to 207 rpm (95 %), most on rotor 3 (front left): look there first"
+        "flights by up to 207 rpm (95 %), most on rotor 3 (front left): with the "
+        "battery off, look there first"
     )
     alike = replace(error, per_rotor_rmse_rpm=(220.0, 225.0, 235.0, 239.0))
     assert nothing(replace(found, after=alike)).endswith("(95 %), and no rotor stands out")
@@ -202,20 +206,18 @@ def test_a_rotor_that_is_not_cleared_is_always_said(worn, sound):
     line = mentioned(rotor, NAMES)
     assert line == (
         "Rotor 3 (front left) cannot be ruled out (8 %): it may make 3 % less thrust (1 to 5), so "
-        "inspect or swap its propeller"
+        "with the battery off, inspect its propeller or fit a new one of the same kind"
     )
     assert said(replace(sound, mentioned=(rotor,)))[0] == f"{line}."
     assert said(replace(worn, mentioned=(rotor,)))[1] == f"{line}."
     strong = Mentioned(rotor=2, probability=0.08, loss=-0.031, ci95=(-0.05, -0.012))
-    assert "it may make 3 % more thrust (1 to 5), so inspect" in mentioned(strong, NAMES)
+    assert "it may make 3 % more thrust (1 to 5), so with" in mentioned(strong, NAMES)
 
 
 @pytest.mark.parametrize("loss", [0.009, -0.009])
 def test_a_rotor_of_which_the_sign_is_not_known_has_an_amount_for_either(loss):
     unsure = Mentioned(rotor=2, probability=0.97, loss=loss, ci95=(-0.041, 0.058))
-    assert "it may make up to 5.8 % less or 4.1 % more thrust, so inspect" in mentioned(
-        unsure, NAMES
-    )
+    assert "it may make up to 5.8 % less or 4.1 % more thrust, so with" in mentioned(unsure, NAMES)
 
 
 class _Left:
@@ -248,14 +250,14 @@ def test_what_is_unexplained_has_mode_channel_closest_names_and_an_action(sound)
     things = "a shifted centre of gravity or hidden mass"
     assert f"closest in the table: {things}: " in unexplained(twice)  # type: ignore[arg-type]
     slow = _Left(sound, channel="time_s", wanders=True)
-    assert "and goes with no channel: look at ice" in unexplained(slow)  # type: ignore[arg-type]
+    assert "and goes with no channel: with the battery off, look at ice" in unexplained(slow)  # type: ignore[arg-type]
     warm = _Left(sound, channel="time_s", rotor=1)
     assert "all along: the loss goes with time in the log (" in unexplained(warm)  # type: ignore[arg-type]
     bends = _Left(sound, channel="rotor_thrust", rotor=2)
     assert unexplained(bends) == (  # type: ignore[arg-type]
         "Rotor 2 (rear left) does not lose the same share of its thrust all along: the loss goes "
         "with its own thrust (21 rpm), and no effect of the table does that, so none was added; "
-        "inspect or swap its propeller, and look for what bends, slips or gets warm"
+        f"{INSPECT}, and look for what bends, slips or gets warm"
     )
     assert answer(_Left(sound), change())[0].startswith("No effect explains 21 rpm")  # type: ignore[arg-type]
 
@@ -278,6 +280,8 @@ def test_the_next_flight_says_what_it_tells_apart_and_where_its_mission_is(worn)
     )
     line = f"{words}; next.plan is its mission"
     assert next_flight_words(following, NAMES, "next.plan") == line
+    looked = "first, with the battery off, inspect propeller and motor of rotor 1; only if sound, "
+    line = line.replace("gauge, ", f"gauge, {looked}")
     assert f"{line}." in said(worn, following=following, mission="next.plan")
     cleared = replace(following, separates=((MASS,), (MASS, weak(2))))
     assert next_flight_words(cleared, NAMES, "").startswith(
@@ -344,8 +348,8 @@ def test_what_cannot_be_told_apart_comes_with_the_flight_that_would_tell(worn):
     lines = answer(replace(worn, found=(alike,)), change())
     assert lines[1] == (
         "These flights cannot distinguish a weak rotor 1 (front right) from all rotors "
-        "weakening or hidden mass: swap the propeller with another arm's: a worn rotor moves, a "
-        "wrong sensor stays."
+        "weakening or hidden mass: with the battery off, fit a new propeller of the same kind: the "
+        "loss of a worn one goes, that of a motor or a wrong sensor stays."
     )
 
 

@@ -352,6 +352,7 @@ position_frd = [0.0, -1.0, 0.0]
     ("name", "value", "unit", "message"),
     [
         ("propeller_diameter", 36.0, "m", "C_T of .* check both units"),
+        ("propeller_diameter", 1e-90, "m", "is 1e-90 m and .* check both units"),
         ("thrust_coefficient", 2.05e-6, "N/rpm^2", "C_T of .* check both units"),
         ("empty_mass", 211.0, "kg", "does not lift the empty weight of 2069 N"),
     ],

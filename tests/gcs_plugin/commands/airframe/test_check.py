@@ -3,12 +3,14 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.cli import run
-from thrustmargin.gcs_plugin.commands.airframe.check import airframe_findings
+from thrustmargin.gcs_plugin.commands.airframe.check import airframe_findings, within_ends
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.physics.flight_phases import hover_rows
 
 ROOT = Path(__file__).resolve().parents[4]
 F16 = load_airframe("topxgun-f16-sitl")
@@ -60,3 +62,32 @@ def test_an_unknown_load_is_said_and_can_be_stated(capsys):
 def test_no_log_is_a_wrong_command_line(capsys):
     assert run(["airframe", "check", "topxgun-f16-sitl"]) == 2
     assert "no log given" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("mass", [21.0, 35.0])
+def test_a_hover_too_short_for_an_interval_is_no_finding(logs, mass):
+    """The longest 19 s of hover: enough for a number, too few for how sure it is."""
+    track = logs[1].track
+    speeds = track.rotor_speed_rpm.copy()
+    hover = track.time_s[hover_rows(track)]
+    begin = max(hover, key=lambda at: np.sum((hover >= at) & (hover < at + 19.0)))
+    speeds[(track.time_s < begin) | (track.time_s >= begin + 19.0)] = np.nan
+    short = replace(logs[1], track=replace(track, rotor_speed_rpm=speeds))
+    craft = replace(F16, empty_mass=mass)
+    found = [
+        f for f in airframe_findings(craft, [short]) if "hover" in f.words or "file" in f.words
+    ]
+    of_hover = [f for f in found if f.check in ("thrust coefficient", "trim")]
+    assert [f.level for f in of_hover[:2]] == ["unknown", "unknown"]
+    assert "rows of hover" in of_hover[0].words
+    assert "cannot tell" in of_hover[0].words
+    assert "interval not known" in of_hover[1].words
+    assert not any("nan" in f.words.split() or "(nan" in f.words for f in found)
+    assert "than the flights show" not in of_hover[0].words
+
+
+@pytest.mark.parametrize("ends", [(np.nan, 1.0), (0.0, np.nan), (np.nan, np.nan)])
+def test_nothing_lies_outside_of_an_interval_that_is_not_known(ends):
+    assert within_ends(5.0, *ends) == "unknown"
+    assert within_ends(np.nan, 0.0, 1.0) == "unknown"
+    assert (within_ends(5.0, 0.0, 1.0), within_ends(0.5, 0.0, 1.0)) == ("warning", "ok")

@@ -48,7 +48,8 @@ def test_a_light_aircraft_fills_its_tank_and_a_heavy_one_nothing(capsys):
     [
         ([], "no aircraft given; name one with --airframe or --model"),
         (["--airframe", "topxgun-f16", "--altitude", "nan"], "--altitude nan m is not between"),
-        (["--airframe", "topxgun-f16", "--voltage", "12"], "--voltage 12 V is not between 25.9"),
+        (["--airframe", "topxgun-f16", "--voltage", "12"], "--voltage 12 V cannot be"),
+        (["--airframe", "topxgun-f16", "--voltage", "64"], "--voltage 64 V cannot be"),
         (["--airframe", "topxgun-f16", "--wind", "-3"], "--wind -3 m/s is not between 0 and 60"),
     ],
 )

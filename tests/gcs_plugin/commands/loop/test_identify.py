@@ -75,7 +75,9 @@ def done(worn_logs, tmp_path_factory):
 def test_the_first_line_names_part_amount_and_action(done):
     first = done[1].splitlines()[0]
     assert first.startswith("Rotor 1 (front right) makes 8")
-    assert first.endswith("): inspect or swap its propeller.")
+    assert first.endswith(
+        "): with the battery off, inspect its propeller or fit a new one of the same kind."
+    )
 
 
 def test_the_tables_fit_a_terminal_of_80_columns(done):

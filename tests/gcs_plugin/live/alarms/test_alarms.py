@@ -121,9 +121,9 @@ def test_the_recorded_onset_names_rotor_3_and_the_flight_without_it_none(sitl_lo
     assert [e[3] for e in raised] == [3]
     assert 0.0 < raised[0][0] + log.clock_start_s - 180.0 < 10.0
     # While it still grows only its least size is given; then it is 12 %, with its interval.
-    assert raised[0][4] == "Rotor 3 makes >6% less thrust: propeller?"
+    assert raised[0][4] == "Rotor 3 makes >6% less thrust: prop? land"
     (standing,) = [a.text for a in alarms.standing.values() if a.name == "rotor"]
-    assert re.fullmatch(r"Rotor 3 makes 12% \(1[01]-1[34]\) less thrust: propeller\?", standing)
+    assert re.fullmatch(r"Rotor 3 makes 12% \(1[01]-1[34]\) less thrust: prop\? land", standing)
     assert len(standing) <= 50
     assert [e for e in watched(read["reference"].track) if e[2] == "rotor"] == []
 

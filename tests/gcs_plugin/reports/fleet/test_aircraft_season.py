@@ -18,6 +18,7 @@ from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import (
 from thrustmargin.gcs_plugin.reports.fleet.part_history import with_parts
 from thrustmargin.gcs_plugin.reports.fleet.parts import Part
 from thrustmargin.gcs_plugin.reports.fleet.same_aircraft import by_frame
+from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording import fleet_words as words
 
 RNG = np.random.default_rng
@@ -33,7 +34,7 @@ def test_wear_that_goes_on_is_looked_at_first_with_its_date_and_what_was_said():
     assert (
         "thrust lost by rotor 2: 0.20 % more a flight since flight 31 (31 May 2026" in top.sentence
     )
-    assert top.action.startswith("change propeller 2")
+    assert top.action.startswith("with the battery off, change propeller 2")
     assert top.then == "rotor 2 weak"
 
 
@@ -212,9 +213,9 @@ def test_flights_above_the_limit_and_without_verdict_are_reasons():
     [
         ({"airframe_basis": "not known", "airframe": "x"}, words.SET_AIRFRAME),
         ({"airframe_basis": "given"}, words.OTHER_AIRFRAME),
-        ({"missing_channels": ["rotor_speed_rpm", "tank_kg"]}, words.NO_SPEEDS),
-        ({"missing_channels": ["tank_kg"]}, words.NO_LOAD),
-        ({}, words.LOOK_INTO),
+        ({"missing_channels": ["rotor_speed_rpm", "tank_kg"]}, actions.ESC_TELEMETRY.text),
+        ({"missing_channels": ["tank_kg"]}, actions.CONNECT_GAUGE.text),
+        ({}, actions.INSPECT_LOG.text),
     ],
 )
 def test_an_aircraft_without_verdicts_has_the_reason_as_reason_and_an_action(
@@ -249,7 +250,7 @@ def test_a_drifting_gauge_asks_for_scales():
     flights = with_change(season(RNG(7), 60), GAIN, wear(60, 10, 0.003))
     found = aircraft_season("a", rows_of(60), sums_of(flights))
     assert "load above the tank gauge" in found.findings[0].sentence
-    assert "weigh the tank" in found.findings[0].action
+    assert "weigh what is filled in" in found.findings[0].action
 
 
 def test_one_flight_in_two_logs_counts_once_and_the_one_with_sums_stays():

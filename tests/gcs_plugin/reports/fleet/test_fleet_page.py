@@ -3,6 +3,7 @@
 import csv
 import io
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,8 @@ from thrustmargin.gcs_plugin.store.staging import SeasonFlight, merge, stage, st
 RNG = np.random.default_rng
 HOSTILE = "<script>alert(1)</script>=cmd()"
 
+CHANGE = "with the battery off, change propeller 2 for a new one of the same kind"
+
 
 def fleet():
     worn = with_change(season(RNG(1), 40), LOSS_2, wear(40, 20, 0.003))
@@ -42,9 +45,11 @@ def fleet():
 def test_the_worst_aircraft_is_the_call_of_the_page():
     made = fleet()
     assert [a.name for a in made.aircraft] == ["worn", HOSTILE, "sound"]
-    assert made.call == "worn: change propeller 2"
+    assert made.call == f"worn: {CHANGE}"
     page = html_text(made)
-    assert page.index("worn: change propeller 2") < page.index("All aircraft")
+    assert page.index(
+        "worn: with the battery off, change propeller 2 for a new one of the same kind"
+    ) < page.index("All aircraft")
     assert "would have been seen" in page
 
 
@@ -87,8 +92,8 @@ def test_the_command_says_whom_to_look_at_and_writes_page_json_and_csv(
 ):
     page, numbers = tmp_path / "fleet.html", tmp_path / "fleet.json"
     assert run(["fleet", store, "--out", str(page), "--json", str(numbers)]) == 0
-    assert capsys.readouterr().out.startswith("a-2: change propeller 2")
-    assert "<title>a-2: change propeller 2</title>" in page.read_text("utf-8")
+    assert capsys.readouterr().out.startswith("a-2: with the battery off, change propeller 2")
+    assert f"<title>a-2: {CHANGE}</title>" in page.read_text("utf-8")
     assert json.loads(numbers.read_text())["aircraft"][0]["aircraft"] == "a-2"
     assert run(["fleet", store, "--aircraft", "a-1", "--csv", "-"]) == 0
     rows = list(csv.reader(io.StringIO(capsys.readouterr().out)))
@@ -143,3 +148,15 @@ def test_a_hexacopter_under_the_name_of_a_quad_has_a_season_of_its_own(tmp_path:
     }
     for one in found.values():
         assert "its name is that of 2 aircraft" in one["findings"][0]["sentence"]
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with a name here")
+def test_parts_that_are_a_pipe_or_no_file_are_one_line(
+    store: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    os.mkfifo(tmp_path / "pipe.csv")
+    for name, why in (("pipe.csv", "pipe"), ("none.csv", "No such file"), ("", "folder")):
+        assert run(["fleet", store, "--parts", str(tmp_path / name)]) == 1
+        (said,) = capsys.readouterr().err.splitlines()
+        assert "cannot read --parts" in said
+        assert why in said

@@ -10,7 +10,7 @@ HEAD = "part,aircraft,position,installed at,removed at\n"
 
 def test_a_part_flies_between_its_days_in_utc():
     text = HEAD + "P-1,a,propeller 2,2026-05-02,2026-05-04T12:00+02:00\nB,a,Battery,,\n"
-    propeller, battery = read_parts(text, "parts.csv")
+    propeller, battery = read_parts(text.encode(), "parts.csv")
     assert propeller.rotor == 2
     assert battery.rotor is None
     day = 86400.0
@@ -33,4 +33,22 @@ def test_a_part_flies_between_its_days_in_utc():
 )
 def test_a_wrong_line_is_named(text: str, words: str):
     with pytest.raises(DataError, match=words):
-        read_parts(text, "parts.csv")
+        read_parts(text.encode(), "parts.csv")
+
+
+def test_a_table_in_another_encoding_is_named_by_its_line():
+    """As a spreadsheet saves it in the encoding of its country."""
+    ansi = (HEAD + "P-1,M\u00fchle,motor 2,,\n").encode("cp1252")
+    with pytest.raises(DataError, match=r"parts.csv line 2: byte 0xfc is not UTF-8; save it as"):
+        read_parts(ansi, "parts.csv")
+
+
+def test_a_cell_that_is_none_is_named_by_its_line():
+    long = HEAD + "P" * 131_073 + ",a,motor 2,,\n"
+    with pytest.raises(DataError, match=r"parts.csv line 1: .*is it a table of parts"):
+        read_parts(long.encode(), "parts.csv")
+
+
+def test_a_byte_order_mark_is_no_part_of_a_column():
+    (part,) = read_parts((HEAD + "P-1,a,motor 2,,\n").encode("utf-8-sig"), "parts.csv")
+    assert part.name == "P-1"

@@ -289,6 +289,40 @@ def test_each_verdict_says_what_to_do():
     assert "no fill can be worked out" in say(fill_kg=NAN)
 
 
+@pytest.mark.parametrize(
+    ("level", "fill_kg", "said"),
+    [
+        ("under", 0.0, "nothing: it has no tank to fill"),
+        ("near", 0.0, "it has no tank to fill"),
+        ("over", 0.0, "fly turns and climbs more gently: it has no tank to fill"),
+        ("critical", -2.0, "it has no tank to fill, and is too heavy for this air and"),
+    ],
+)
+def test_an_aircraft_without_a_tank_is_not_called_too_heavy_for_that(level, fill_kg, said):
+    verdict = replace(VERDICT, level=level, fill_kg=fill_kg, fill_low_kg=fill_kg)
+    done = action(verdict, full_at_once="tank")
+    assert done.startswith(said)
+    assert ("too heavy" in done) == (fill_kg < 0.0)
+    full = action(replace(VERDICT, fill_kg=0.0), full_at_once="take-off mass")
+    assert "empty it has the maker's maximum take-off mass" in full
+
+
+def test_after_a_rotor_alarm_the_rotor_comes_before_the_load():
+    said = action(replace(VERDICT, level="under"), suspects=(3,))
+    assert said.startswith("do not fly it before propeller, motor and ESC of rotor 3 were looked")
+    assert "battery off; for the load: nothing: in hover up to" in said
+
+
+def test_more_than_all_thrust_is_said_as_beyond_the_ceiling():
+    given = AirframeClaim(words="airframe my-quad, given")
+    beyond = replace(VERDICT, worst=replace(MOMENT, capacity_use=1.24))
+    (said,) = (f.text for f in facts(beyond, given) if f.label == "beyond the ceiling")
+    assert said.startswith("rotor 2 shows 124 % of what the airframe says it can make")
+    assert all(word in said for word in ("voltage", "max_rotor_speed_rpm", "eRPM"))
+    full = replace(VERDICT, worst=replace(MOMENT, capacity_use=1.0))
+    assert "beyond the ceiling" not in {f.label for f in facts(full, given)}
+
+
 def test_what_was_inferred_has_its_interval_and_says_what_the_error_holds():
     worst = replace(MOMENT, capacity_use=0.48, capacity_use_low=0.43, capacity_use_high=0.53)
     worst = replace(worst, basis="from motor outputs", doing=(), tank_kg=NAN, north=NAN)

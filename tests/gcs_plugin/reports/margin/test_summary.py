@@ -364,7 +364,10 @@ def test_a_gauge_that_stands_at_nothing_reassures_nobody(report):
     said = {fact.label: fact.text for fact in held.facts}
     assert "0.0 kg by NAMED_VALUE_FLOAT TANK are too little for these rotor speeds" in said["load"]
     do = said["what to do"]
-    assert do.startswith("check gauge, empty mass and propellers: thrust shows ")
+    assert do.startswith(
+        "disarmed on the ground, check gauge and empty mass, and with the battery off the "
+        "propellers: thrust shows "
+    )
     assert f"{held.beyond_gauge_kg:.0f} kg more than was reported; until then " in do
     assert sound.beyond_gauge_kg == 0.0
     # Whether the tank was full or the aircraft is heavier than its file, nothing tells.

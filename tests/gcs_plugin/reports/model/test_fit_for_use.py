@@ -54,9 +54,13 @@ BAD = {"straight": 200.0, "flights": (200.0,) * 3}
         (
             {**BAD, "modes": (380.0, 20.0, 20.0, 20.0)},
             "not usable",
-            "most in collective: weigh the load (--load)",
+            "most in collective: disarmed on the ground, weigh the load (--load)",
         ),
-        ({**BAD, "modes": (0.0, 0.0, 0.0, 380.0)}, "not usable", "most in yaw: level the motors"),
+        (
+            {**BAD, "modes": (0.0, 0.0, 0.0, 380.0)},
+            "not usable",
+            "most in yaw: with the battery off, level the motors",
+        ),
         (BAD, "not usable", "give logs with turn rates"),
     ],
 )

@@ -9,6 +9,7 @@ import pytest
 from tests.gcs_plugin.view.view_flight import ROWS, flight
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.reports.margin.summary import report_flight
+from thrustmargin.gcs_plugin.view.scene.aircraft import tank_level
 from thrustmargin.gcs_plugin.view.scene.overlays import overlays_of
 from thrustmargin.models.model.analysis import analyse
 from thrustmargin.models.model.rotor_model import physics_model
@@ -107,3 +108,9 @@ def test_the_worst_row_is_of_the_rows_asked_for_and_absent_when_nothing_is_known
         overlay = replace(load, values=values, worst=worst)
         assert (overlay.worst_row(every), overlay.worst_row(some)) == rows
         assert overlay.worst_row(np.arange(100) > 80) is None
+
+
+def test_an_aircraft_without_a_tank_shows_no_level():
+    assert np.isnan(tank_level(0.0, 0.0))
+    assert np.isnan(tank_level(np.nan, 10.0))
+    assert [tank_level(kg, 10.0) for kg in (0.0, 4.0, 12.0)] == [0.0, 0.4, 1.0]

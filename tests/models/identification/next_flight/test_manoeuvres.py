@@ -13,6 +13,7 @@ from thrustmargin.models.identification.next_flight.manoeuvres import (
     FlownLimits,
     corners_ned,
     flown_track,
+    lightest,
     manoeuvres,
 )
 
@@ -138,3 +139,9 @@ def test_flights_that_never_left_the_ground_bound_nothing():
     track = replace(made_flight(1), flying=np.zeros(900, dtype=np.bool_))
     with pytest.raises(DataError, match="in flight"):
         FlownLimits.of([track])
+
+
+def test_an_aircraft_that_may_have_a_bad_rotor_is_asked_for_the_least_fill_alone():
+    asked = lightest(LIBRARY)
+    assert {m.name for m in asked} == set(NAMES) - {"speed steps"}
+    assert {m.fills_kg for m in asked} == {(1.5,)}

@@ -92,7 +92,7 @@ def test_a_margin_is_judged_with_the_load_of_thrust_where_a_gauge_surely_has_les
     np.testing.assert_allclose(after.tank_kg, 9.0, atol=0.2)
     assert not np.isfinite(after.measured("tank_kg")).any()
     by = "as stated" if told else "by GAUGE"
-    words = f"1.7 kg {by} are too little for these rotor speeds: check gauge, empty mass and"
+    words = f"1.7 kg {by} are too little for these rotor speeds: check gauge and empty mass"
     assert words in after.sources["tank_kg"].words
     assert with_load_for_verdict(after, F16) is after
     # What is looked for in the flight still sees the load as it was told.

@@ -1,0 +1,117 @@
+"""What is asked of people stands once in a table, with when it is safe, and never hurts anybody."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from thrustmargin.gcs_plugin.wording import actions, effect_sentences, fault_words, fleet_words
+from thrustmargin.gcs_plugin.wording.actions import Action, When
+from thrustmargin.models.effects import CATALOGUE
+from thrustmargin.models.identification.season.season_sums import LOSS
+from thrustmargin.models.model.rotor_faults import RotorFault
+
+ROOT = Path(__file__).parents[3]
+TABLE = {name: one for name, one in vars(actions).items() if isinstance(one, Action)}
+TABLE |= {
+    "change_propeller": actions.change_propeller(3),
+    "inspect_rotors": actions.inspect_rotors((2,)),
+    "not_before_looked_at": actions.not_before_looked_at((1, 3)),
+}
+#: Go on after another action, which has said that the battery is off.
+GO_ON = ("THEN_MOTOR", "UNSTEADY")
+OFF = re.compile(r"battery off|disarmed")
+#: A hand at or near a rotor.
+TOUCHED = re.compile(
+    r"\b(?<!thrustmargin )"
+    r"(inspect|feel|level|clean|swap|exchange|fit|change|replace|heat|look (at|for|there))\b"
+)
+EXCHANGE = re.compile(r"\b(swap|exchang|interchang|switch|trade|move|put)\w*\b", re.I)
+PROPELLERS = re.compile(r"\b(propellers?|props?|blades?|rotor pair)\b", re.I)
+ACROSS = re.compile(
+    r"\b(pairs?|clockwise|each other|another|other (arm|motor|rotor|side|direction)|two)\b", re.I
+)
+WITHIN = re.compile(r"\b(of|within) (one|the same) (direction|kind)\b|\bnever\b", re.I)
+
+
+def crosses(sentence: str) -> bool:
+    """Whether it asks for propellers to change places, and not within one direction."""
+    found = (EXCHANGE.search(sentence), PROPELLERS.search(sentence), ACROSS.search(sentence))
+    return all(found) and not WITHIN.search(sentence)
+
+
+def read_by_people() -> list[str]:
+    """All sentences: the list of wording, what distinguishes effects, and the documents."""
+    listed = (ROOT / "tests/gcs_plugin/wording/sentences.txt").read_text("utf-8").splitlines()
+    texts = [one.text for one in TABLE.values()] + [e.distinguished_by for e in CATALOGUE]
+    for path in sorted((ROOT / "docs").glob("*.md")):
+        whole = " ".join(path.read_text("utf-8").split())
+        texts += re.split(r"(?<=[.:|])\s", whole)
+    nevers = {one.never for one in TABLE.values()}
+    return [text for text in (*listed, *texts) if text not in nevers]
+
+
+def test_no_sentence_moves_propellers_across_the_directions_of_rotation():
+    assert [text for text in read_by_people() if crosses(text)] == []
+
+
+@pytest.mark.parametrize(
+    ("sentence", "dangerous"),
+    [
+        ("swap two propellers between the clockwise and counter-clockwise pairs", True),
+        ("Exchange its propeller with another arm's", True),
+        ("put the propeller on another motor", True),
+        ("hover 60 s full, then swap the rotor pair in question", True),
+        ("swap two propellers of one direction of rotation", False),
+        ("fit a new propeller of the same kind", False),
+        ("motors 3 and 4 look swapped", False),
+    ],
+)
+def test_an_exchange_across_is_told_from_others(sentence: str, dangerous: bool):
+    assert crosses(sentence) is dangerous
+
+
+@pytest.mark.parametrize("name", TABLE.keys() - set(GO_ON))
+def test_hands_on_the_aircraft_are_asked_for_with_motors_off(name: str):
+    one = TABLE[name]
+    if one.when in (When.BATTERY_OFF, When.DISARMED):
+        assert OFF.search(one.text)
+    if TOUCHED.search(one.words):
+        assert OFF.search(one.text)
+        assert one.when in (When.BATTERY_OFF, When.NEXT_FLIGHT)
+    assert one.when is When.IN_FLIGHT or not one.text.startswith("land")
+
+
+def test_what_tells_effects_apart_by_hand_says_that_motors_are_off():
+    by_hand = re.compile(r"\b(level the|fit|weigh|swap|read the gauge)\b")
+    texts = [e.distinguished_by for e in CATALOGUE if by_hand.search(e.distinguished_by)]
+    assert len(texts) >= 5
+    assert [text for text in texts if not OFF.search(text)] == []
+    # Nobody flies a battery empty, or hovers on the ground, to learn something.
+    assert [e.key for e in CATALOGUE if "empty battery" in e.distinguished_by] == []
+
+
+def test_every_effect_and_every_value_of_a_season_takes_its_action_from_the_table():
+    known = set(TABLE.values())
+    for effect in CATALOGUE:
+        words = effect_sentences.WORDS.get(effect.key) or effect_sentences.WORDS[effect.name]
+        assert words.action in known
+    for name in (*fleet_words.VALUES, *fleet_words.TRENDS, f"{LOSS}3", "parasite_drag.area"):
+        assert fleet_words.value_words(name).action in known
+
+
+@pytest.mark.parametrize("kind", ["propeller", "motor"])
+def test_a_rotor_alarm_asks_to_land_and_fits_a_statustext(kind):
+    fault = RotorFault(kind=kind, rotor=11, size=0.12, lower=0.1, upper=0.15)
+    said = fault_words.fault_words(fault)
+    assert said.endswith(actions.LAND.text)
+    assert len(said) <= 50
+
+
+def test_no_advice_stands_twice():
+    words = [one.words for one in TABLE.values()]
+    assert len(set(words)) == len(words)
+    others = "".join(
+        p.read_text("utf-8") for p in (ROOT / "gcs_plugin").rglob("*.py") if p.name != "actions.py"
+    )
+    assert [w for w in words if len(w) > 12 and f'"{w}' in others] == []
