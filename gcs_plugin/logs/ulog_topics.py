@@ -17,6 +17,8 @@ from thrustmargin.models.physics.atmosphere import BOARD_READING
 
 #: PX4's output function of motor 1; motors 2 to 12 follow.
 MOTOR_1 = 101
+#: vehicle_status.arming_state of an armed vehicle.
+ARMED = 2
 
 #: Fields of one topic by name, (n,) or, for what the log has element by element, (n, k).
 Topic = Mapping[str, NDArray[Any]]
@@ -62,6 +64,10 @@ def _landed(topic: Columns) -> Floats:
     return np.where(topic["landed"] > 0, 1.0, 2.0)
 
 
+def _status_armed(topic: Columns) -> Floats:
+    return (topic["arming_state"] == ARMED).astype(np.float64)
+
+
 def _fuel_percent(topic: Columns) -> Floats:
     percent = in_si(topic, "percent_remaining", "%")
     return np.where(percent > 100, np.nan, percent)
@@ -96,6 +102,8 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(_POSITION, ("z",), "height_agl", convert=_height, note=_ABOVE_ORIGIN),
     Rule("vehicle_land_detected", ("landed",), "landed", convert=_landed),
+    Rule("actuator_armed", ("armed",), "armed"),
+    Rule("vehicle_status", ("arming_state",), "armed", convert=_status_armed),
     Rule("airspeed_validated", ("true_airspeed_m_s",), "airspeed", "m/s"),
     Rule("airspeed", ("true_airspeed_m_s",), "airspeed", "m/s"),
     Rule("wind", _WIND, "wind_ned", convert=_level_wind, note="level"),
@@ -126,7 +134,6 @@ TOPICS = (
     "esc_status",
     "actuator_motors",
     "vehicle_gps_position",
-    "vehicle_status",
 )
 
 
