@@ -52,6 +52,7 @@ TRENDS = ("yaw_trim.moment", "cg_offset.x", "cg_offset.y", "extra_mass.mass", "t
 SWAP_UNKNOWN = "as after a new propeller or motor; enter it into parts.csv"
 SILENT = "nothing was reported then"
 HEALTHY = "nothing changed"
+GROUND_WRECK = "do not fly it before it is known why, and all of it was looked at"
 GROUND_IT = "do not fly it before its battery and propellers were looked at; then fill less"
 GROUND_BATTERY = (
     "do not fly it before its battery was tested or retired, for its resistance grew; then fill "
@@ -200,6 +201,11 @@ def no_verdict(flight: Mapping[str, Any]) -> tuple[str, str]:
 def least_loss(least: float) -> str:
     """The sensitivity of a season."""
     return f"a loss of {number(100 * least, '%', 2)} in the last 10 flights would have been seen"
+
+
+def lost_sentence(lost: int, recent: int) -> str:
+    """Flights in which control was lost."""
+    return f"lost control in {lost} of the last {recent} flights"
 
 
 def margin_sentence(bad: int, recent: int, worst: Mapping[str, Any]) -> str:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from math import degrees
 from types import MappingProxyType
 
+from thrustmargin.gcs_plugin.wording.numbers import clock, number, percent
+from thrustmargin.models.checks.loss_of_control import LossKind, LossOfControl
 from thrustmargin.models.flight import FlightTrack, FlyingBy
 
 #: Why no row of a log is in flight.
@@ -33,3 +36,33 @@ def not_flown(track: FlightTrack) -> str:
     if track.flying_by is FlyingBy.NOT_KNOWN:
         return f"whether it flew is not known: {why}"
     return f"by this log it never left the ground: {why}"
+
+
+#: A flight with less in it has no verdict, s.
+LEAST_FLIGHT_S = 3.0
+
+
+def too_short(seconds: float) -> str:
+    """Why so little flight has no verdict."""
+    return f"only {number(seconds, 's')} of it in flight: too little for a verdict"
+
+
+def lost_headline(losses: Sequence[LossOfControl]) -> str:
+    """That control was lost, and when, in capitals."""
+    return f"LOST CONTROL AT {clock(losses[0].time_s)}"
+
+
+def loss_words(losses: Sequence[LossOfControl]) -> str:
+    """What showed that control was lost, in order of time."""
+    return ", ".join(f"{_sign(one)} at {clock(one.time_s)}" for one in losses)
+
+
+def _sign(one: LossOfControl) -> str:
+    value = one.value
+    return {
+        LossKind.SATURATED: f"a motor at {percent(value)} output",
+        LossKind.TURNED_OVER: f"tilted up to {number(degrees(value), '°', 0)}",
+        LossKind.SPUN: f"turning at up to {number(degrees(value), '°/s', 0)}",
+        LossKind.FELL: f"falling at up to {number(value, 'm/s', 0)}",
+        LossKind.HIT: f"hit something, {number(value, 'm/s²', 0)} felt",
+    }[one.kind]

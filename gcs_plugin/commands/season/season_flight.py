@@ -28,6 +28,7 @@ from thrustmargin.gcs_plugin.store.row_table import analysis_columns
 from thrustmargin.gcs_plugin.store.schema import ROTORS
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore, array_cells
 from thrustmargin.gcs_plugin.store.staging import SeasonFlight, stage
+from thrustmargin.gcs_plugin.wording.flight_words import not_flown
 from thrustmargin.models.errors import DataError, ThrustMarginError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.season.flight_sums import flight_sums, to_arrays
@@ -105,7 +106,7 @@ def flight_of_log(
     if log.track.rotor_count > ROTORS:
         raise DataError(f"{log.track.rotor_count} rotors; the store has columns for {ROTORS}")
     if not np.any(log.track.flying):
-        raise DataError("it never left the ground")
+        raise DataError(not_flown(log.track))
     analysis = analyse(log.track, model, claim=claim)
     sums, reason = _sums(analysis)
     identity, program = aircraft_identity(log, settings.aircraft), firmware(log)

@@ -33,7 +33,15 @@ from thrustmargin.gcs_plugin.reports.margin.moments import (
 )
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
+from thrustmargin.gcs_plugin.wording.flight_words import (
+    LEAST_FLIGHT_S,
+    loss_words,
+    lost_headline,
+    not_flown,
+    too_short,
+)
 from thrustmargin.gcs_plugin.wording.margin_verdict import (
+    Fact,
     Level,
     MarginVerdict,
     Moment,
@@ -46,8 +54,13 @@ from thrustmargin.gcs_plugin.wording.margin_verdict import (
 )
 from thrustmargin.gcs_plugin.wording.report_words import WITHOUT
 from thrustmargin.mission.field import sprayed_field
+from thrustmargin.models.checks.loss_of_control import (
+    LossOfControl,
+    before_loss,
+    loss_of_control,
+)
 from thrustmargin.models.errors import DataError
-from thrustmargin.models.flight import Bools, Floats
+from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, for_verdict
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.model.predict import flown_airframe
@@ -66,7 +79,9 @@ def report_flight(
 
     `max_utilisation` is the largest share of a rotor's maximum thrust that may be in use.
     """
-    limit, analysis = max_utilisation, for_verdict(analysis)
+    limit, whole = max_utilisation, for_verdict(analysis)
+    losses = loss_of_control(whole.track)
+    analysis = replace(whole, track=before_loss(whole.track, losses))
     track, airframe = analysis.track, analysis.model.airframe
     as_flown = flown_airframe(analysis.model)
     limits = ceiling(as_flown, analysis.density, track.voltage)
@@ -78,22 +93,24 @@ def report_flight(
     seconds = track.row_seconds
     moments = worst_moments(analysis, airframe.rotor_names)
     verdict = replace(
-        _verdict(analysis, seconds, limit, moments[0] if moments else None),
+        _verdict(analysis, losses, limit, moments[0] if moments else None),
         **_fills(analysis, as_flown, rows),
     )
     alarms = fault_episodes(fault_history(analysis))
     said = (
-        *(*alarm_facts(alarms), *facts(verdict, analysis.claim)),
-        *(*load_facts(track), *ending_facts(track)),
+        *((Fact("control", loss_words(losses)),) if losses else ()),
+        *(*alarm_facts(alarms), *facts(verdict, analysis.claim, _no_flight(whole.track))),
+        *(*load_facts(track), *ending_facts(whole.track)),
     )
     return FlightReport(
         name=track.name,
         verdict=replace(verdict, facts=said),
-        flight=_flight(analysis, rows["ground_speed"], seconds),
+        flight=_flight(whole, rows["ground_speed"], seconds),
         model=model_use(analysis),
         load=load_rows(analysis, limits),
         rotors=_rotors(analysis, seconds, limit),
         moments=moments,
+        losses=losses,
         alarms=tuple(map(alarm_row, alarms)),
         redundancy=_redundancy(analysis, rows, seconds),
         accuracy=accuracy(analysis, airframe.rotor_names),
@@ -107,14 +124,25 @@ def report_flight(
 def flight_verdict(analysis: FlightAnalysis, *, max_utilisation: float) -> MarginVerdict:
     """The report's verdict of one flight, without its worst moment, fills and facts."""
     analysis = for_verdict(analysis)
-    return _verdict(analysis, analysis.track.row_seconds, max_utilisation, None)
+    losses = loss_of_control(analysis.track)
+    until = replace(analysis, track=before_loss(analysis.track, losses))
+    return _verdict(until, losses, max_utilisation, None)
+
+
+def _no_flight(track: FlightTrack) -> str:
+    """Why there is no flight to judge; empty where there is one."""
+    seconds = float(track.row_seconds[track.flying].sum())
+    return not_flown(track) or (too_short(seconds) if seconds < LEAST_FLIGHT_S else "")
 
 
 def _verdict(
-    analysis: FlightAnalysis, seconds: Floats, limit: float, worst: Moment | None
+    analysis: FlightAnalysis,
+    losses: tuple[LossOfControl, ...],
+    limit: float,
+    worst: Moment | None,
 ) -> MarginVerdict:
-    """All of it but its facts."""
-    track = analysis.track
+    """All of it but its facts, of the rows before the `losses` of control."""
+    track, seconds = analysis.track, analysis.track.row_seconds
     known = np.any(np.isfinite(airborne_use(analysis)), axis=1)
     airborne_s = float(seconds[track.flying].sum())
     known_s = float(seconds[known].sum())
@@ -124,7 +152,9 @@ def _verdict(
     reach = np.exp(INTERVAL * analysis.redundancy_error[track.flying])
     lost_s = float(seconds[track.flying][free < 1.0].sum())
     level: Level = "unknown"
-    if np.any(known):
+    if losses:
+        level = "lost"
+    elif np.any(known) and not _no_flight(track):
         level = "under"
         if np.any(analysis.maybe_above(limit)) or np.any(free / reach < 1.0):
             level = "near"
@@ -134,7 +164,9 @@ def _verdict(
             level = "critical"
     return MarginVerdict(
         level=level,
-        headline=headline(level, limit, lost_s, share(over_s, known_s)),
+        headline=lost_headline(losses)
+        if losses
+        else headline(level, limit, lost_s, share(over_s, known_s)),
         facts=(),
         limit=limit,
         one_rotor_out_use=one_rotor_out_use(analysis.model.airframe),
