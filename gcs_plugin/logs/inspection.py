@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs import FlightLog, LogQuality
+from thrustmargin.gcs_plugin.logs.findings import (
+    Finding,
+    Severity,
+    Spoils,
+    event_findings,
+    gravest_first,
+    loss_findings,
+)
 from thrustmargin.gcs_plugin.mavlink.rules import OVER_GROUND
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.models.checks.late_speeds import late_speeds
@@ -25,21 +33,20 @@ from thrustmargin.models.physics.atmosphere import G0
 #: m/s² that a body in steady flight feels, between these
 _STEADY_FORCE = (8.5, 11.5)
 
-Level = Literal["ok", "warning", "unknown"]
 #: Verdicts of the checks that are no warning.
-_LEVELS: dict[str, Level] = {
-    **dict.fromkeys(("agrees", "follows", "close", "fits"), "ok"),
-    **dict.fromkeys(("unclear", "unknown"), "unknown"),
+_LEVELS: dict[str, Severity] = {
+    **dict.fromkeys(("agrees", "follows", "close", "fits"), Severity.OK),
+    **dict.fromkeys(("unclear", "unknown"), Severity.UNKNOWN),
 }
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Finding:
-    """One answer: `ok`, `warning` or `unknown`, and why in words."""
-
-    check: str
-    level: Level
-    words: str
+_WRONG = (Severity.GRAVE, Severity.WARNING)
+#: What the warnings of a check make wrong.
+_SPOILS = {
+    "motor order": Spoils.ROTOR_NAMES,
+    **dict.fromkeys(
+        ("rotor speed sensors", "rotor speed clock", "ESC voltage", "accelerometer", "tank"),
+        Spoils.NUMBERS,
+    ),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -66,7 +73,8 @@ def inspect_log(
     `claim` says on what ground the flight is one of the airframe; without it that was given. One
     that is not known is compared with nothing.
     """
-    findings = [_whole(log.quality), _continuous(log)]
+    findings = [*loss_findings(log), *event_findings(log.events)]
+    findings += [_whole(log.quality), _continuous(log)]
     order = scale = None
     found = comparisons(log.track, airframe, log.facts, log.parameters)
     if claim is None:
@@ -74,22 +82,22 @@ def inspect_log(
     known = None if claim.basis == "not known" else airframe
     if known is None:
         for reason in (*claim.withheld, claim.remedy):
-            findings.append(Finding(check="airframe", level="unknown", words=reason))
+            findings.append(Finding(check="airframe", level=Severity.UNKNOWN, words=reason))
     else:
         if log.track.rotor_count == airframe.rotor_count:
             scale = check_speed_scale(log.track, airframe)
             order = check_motor_order(log.track, airframe)
             findings.append(_order(order))
         findings += [
-            Finding(check=c.check, level=_LEVELS.get(c.verdict, "warning"), words=c.words)
+            Finding(check=c.check, level=_LEVELS.get(c.verdict, Severity.WARNING), words=c.words)
             for c in found
         ]
         findings += _tank(log.track, airframe)
     findings += [_speed_readings(log), _sensor(log.track)]
     if late := late_speeds(log.track):
-        findings.append(Finding(check="rotor speed clock", level="warning", words=late))
+        findings.append(Finding(check="rotor speed clock", level=Severity.WARNING, words=late))
     findings += [
-        Finding(check="ESC voltage", level="warning", words=words)
+        Finding(check="ESC voltage", level=Severity.WARNING, words=words)
         for words in instrument_offsets(log)
     ]
     findings += [*_airspeed(log.track), *_absent(log.track)]
@@ -97,7 +105,10 @@ def inspect_log(
         log=log,
         airframe=known,
         claim=claim,
-        findings=tuple(findings),
+        findings=gravest_first(
+            replace(f, spoils=_SPOILS.get(f.check, f.spoils)) if f.level in _WRONG else f
+            for f in findings
+        ),
         motor_order=order,
         speed_scale=scale,
     )
@@ -106,7 +117,7 @@ def inspect_log(
 def _whole(quality: LogQuality) -> Finding:
     if quality.damaged_places == 0:
         words = f"{quality.frames} messages in {quality.bytes} bytes, none damaged"
-        return Finding(check="file", level="ok", words=words)
+        return Finding(check="file", level=Severity.OK, words=words)
     share = 100.0 * quality.bytes_skipped / max(quality.bytes, 1)
     worst = max(quality.damage, key=lambda place: place.length)
     where = f"the longest {worst.length} bytes at byte {worst.byte}"
@@ -119,14 +130,14 @@ def _whole(quality: LogQuality) -> Finding:
         words += f"; {quality.bad_checksum} with a wrong checksum"
     # A log that ends inside its last message was only switched off.
     small = tail and worst.length < 512
-    return Finding(check="file", level="ok" if small else "warning", words=words)
+    return Finding(check="file", level=Severity.OK if small else Severity.WARNING, words=words)
 
 
 def _continuous(log: FlightLog) -> Finding:
     quality = log.quality
     if quality.clock_jumps:
         words = f"time went backwards {len(quality.clock_jumps)} time(s): the vehicle restarted"
-        return Finding(check="time", level="warning", words=words)
+        return Finding(check="time", level=Severity.WARNING, words=words)
     if log.silences:
         start, length = max(log.silences, key=lambda gap: gap[1])
         total = sum(length for _, length in log.silences)
@@ -134,8 +145,10 @@ def _continuous(log: FlightLog) -> Finding:
             f"{len(log.silences)} pause(s) over 1 s without any message, {total:.1f} s in all, "
             f"the longest {length:.1f} s at {start:.1f} s since boot"
         )
-        return Finding(check="time", level="warning" if total > 5.0 else "ok", words=words)
-    return Finding(check="time", level="ok", words="no pause over 1 s, no restart")
+        return Finding(
+            check="time", level=Severity.WARNING if total > 5.0 else Severity.OK, words=words
+        )
+    return Finding(check="time", level=Severity.OK, words="no pause over 1 s, no restart")
 
 
 def _order(order: MotorOrder) -> Finding:
@@ -143,17 +156,19 @@ def _order(order: MotorOrder) -> Finding:
     if all(math.isfinite(c) for c in order.correlation):
         roll, pitch, yaw = order.correlation
         words += f" (correlation: roll {roll:.2f}, pitch {pitch:.2f}, yaw {yaw:.2f})"
-    return Finding(check="motor order", level=_LEVELS.get(order.verdict, "warning"), words=words)
+    return Finding(
+        check="motor order", level=_LEVELS.get(order.verdict, Severity.WARNING), words=words
+    )
 
 
 def _speed_readings(log: FlightLog) -> Finding:
     if log.unmeasured:
-        level, words = "warning", "; ".join(log.unmeasured)
+        level, words = Severity.WARNING, "; ".join(log.unmeasured)
     elif log.track.reports("rotor_speed_rpm"):
-        level, words = "ok", "no reading is held, lone, or zero while thrust was asked"
+        level, words = Severity.OK, "no reading is held, lone, or zero while thrust was asked"
         words = "; ".join(filter(None, (words, resolution_words(log.track))))
     else:
-        level, words = "unknown", "no readings"
+        level, words = Severity.UNKNOWN, "no readings"
     return Finding(check="rotor speed sensors", level=level, words=words)
 
 
@@ -166,7 +181,7 @@ def _tank(track: FlightTrack, airframe: Airframe) -> list[Finding]:
     words = f"{low:.2f} to {high:.2f} kg, the tank holds {airframe.tank_capacity_kg:.1f} kg"
     if "tank_kg" in track.standard_errors:
         words += f": {track.sources['tank_kg']}"
-    return [Finding(check="tank", level="ok" if good else "warning", words=words)]
+    return [Finding(check="tank", level=Severity.OK if good else Severity.WARNING, words=words)]
 
 
 def _sensor(track: FlightTrack) -> Finding:
@@ -174,13 +189,13 @@ def _sensor(track: FlightTrack) -> Finding:
     force = force[track.flying & np.isfinite(force)]
     if force.size == 0:
         words = "no accelerometer in flight"
-        return Finding(check="accelerometer", level="unknown", words=words)
+        return Finding(check="accelerometer", level=Severity.UNKNOWN, words=words)
     felt = float(np.median(force))
     if _STEADY_FORCE[0] <= felt <= _STEADY_FORCE[1]:
         words = f"{felt:.2f} m/s² in flight, gravity is {G0:.2f}"
-        return Finding(check="accelerometer", level="ok", words=words)
+        return Finding(check="accelerometer", level=Severity.OK, words=words)
     words = f"{felt:.3g} m/s² in flight where gravity is {G0:.2f}: not in the unit it should be"
-    return Finding(check="accelerometer", level="warning", words=words)
+    return Finding(check="accelerometer", level=Severity.WARNING, words=words)
 
 
 def instrument_offsets(log: FlightLog) -> list[str]:
@@ -198,7 +213,7 @@ def _airspeed(track: FlightTrack) -> list[Finding]:
     if OVER_GROUND not in source:
         return []
     words = f"{source}; in wind it is not the speed through the air"
-    return [Finding(check="airspeed", level="warning", words=words)]
+    return [Finding(check="airspeed", level=Severity.WARNING, words=words)]
 
 
 def _absent(track: FlightTrack) -> list[Finding]:
@@ -209,7 +224,7 @@ def _absent(track: FlightTrack) -> list[Finding]:
         "airspeed": "no prediction by the network",
     }
     return [
-        Finding(check=channel, level="warning", words=f"not in the log: {lost}")
+        Finding(check=channel, level=Severity.WARNING, words=f"not in the log: {lost}")
         for channel, lost in needs.items()
         if not track.reports(channel)
     ]

@@ -19,6 +19,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from thrustmargin.gcs_plugin.mavlink.rules import Columns
+from thrustmargin.gcs_plugin.telemetry.vehicle_events import VehicleEvent
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.vehicle_facts import VehicleFacts
@@ -129,6 +130,7 @@ class Recording:
     notes: tuple[str, ...] = ()
     hardware_id: str = ""  # serial number of the autopilot in hexadecimal digits
     firmware: str = ""  # where a field of its own states it
+    events: tuple[VehicleEvent, ...] = ()  # that no text says, on the vehicle's clock
 
     def __repr__(self) -> str:
         quality, whose = self.quality, f"vehicle {self.vehicle} ({self.autopilot})"
@@ -159,6 +161,7 @@ class FlightLog:
     unmeasured: tuple[str, ...] = ()  # of the notes, those on ESC readings that are none
     hardware_id: str = ""  # serial number of the autopilot in hexadecimal digits
     firmware: str = ""  # where a field of its own states it
+    events: tuple[VehicleEvent, ...] = ()  # that it reported, s from the track's first row
 
     @property
     def silences(self) -> tuple[tuple[float, float], ...]:

@@ -19,7 +19,7 @@ from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.logs import FlightLog
-    from thrustmargin.gcs_plugin.logs.inspection import Finding
+    from thrustmargin.gcs_plugin.logs.findings import Finding
     from thrustmargin.models.physics.airframe import Airframe
 
 #: The checks of `inspect` that are about the airframe, in the order of the answer.
@@ -87,14 +87,14 @@ def airframe_findings(craft: Airframe, logs: Sequence[FlightLog]) -> list[Findin
 def _hover(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
     """The thrust coefficient against the weight in hover, and the trim of the rotors."""
     from thrustmargin.gcs_plugin.commands.airframe.fitted import hover_sentences, interval
-    from thrustmargin.gcs_plugin.logs.inspection import Finding
+    from thrustmargin.gcs_plugin.logs.findings import Finding, Severity
     from thrustmargin.models.physics.thrust_fits import fit_hover
 
     check = "thrust coefficient"
     try:
         fit = fit_hover([log.track for log in logs], craft)
     except DataError as error:
-        yield Finding(check=check, level="unknown", words=str(error))
+        yield Finding(check=check, level=Severity.UNKNOWN, words=str(error))
         return
     claim = craft.thrust_coefficient * fit.reference_density / craft.reference_density
     # Two standard errors of the air's density, beside what the flights scatter.
@@ -110,9 +110,9 @@ def _hover(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
             f": {abs(apart):.0%} {'more' if apart > 0 else 'less'} than the flights show; is the "
             f"mass {craft.empty_mass:g} kg and the load right? else `airframe new --hover`"
         )
-    yield Finding(check=check, level="ok" if inside else "warning", words=words)
+    yield Finding(check=check, level=Severity.OK if inside else "warning", words=words)
     even = all(t.low <= 1.1 and t.high >= 0.9 for t in fit.trim)
-    level = "ok" if even else "warning"
+    level = Severity.OK if even else Severity.WARNING
     for sentence in hover_sentences(fit):
         yield Finding(check="trim", level=level, words=sentence)
 
@@ -122,7 +122,7 @@ def _ceiling(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
     import numpy as np
 
     from thrustmargin.gcs_plugin.commands.airframe.fitted import interval
-    from thrustmargin.gcs_plugin.logs.inspection import Finding
+    from thrustmargin.gcs_plugin.logs.findings import Finding, Severity
     from thrustmargin.models.model.inferred.output_speed import full_output_speed
     from thrustmargin.models.physics.margin import ceiling
 
@@ -130,7 +130,7 @@ def _ceiling(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
     try:
         top, volts = full_output_speed([(log.track, log.parameters) for log in logs], craft)
     except DataError as error:
-        yield Finding(check=check, level="unknown", words=str(error))
+        yield Finding(check=check, level=Severity.UNKNOWN, words=str(error))
         return
     claim = float(ceiling(craft, craft.reference_density, volts).max_rotor_speed_rpm[0])
     speeds = np.concatenate([log.track.rotor_speed_rpm[log.track.flying].ravel() for log in logs])
@@ -147,4 +147,4 @@ def _ceiling(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
     elif claim > top.high:
         words += ": the file claims more than these motors seem to make, so margins read too large"
     right = not low and claim <= top.high
-    yield Finding(check=check, level="ok" if right else "warning", words=words)
+    yield Finding(check=check, level=Severity.OK if right else Severity.WARNING, words=words)

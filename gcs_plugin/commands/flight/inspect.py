@@ -31,7 +31,12 @@ if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.logs import FlightLog
     from thrustmargin.gcs_plugin.logs.inspection import Inspection
 
-MARK = {"ok": ("ok", "green"), "warning": ("look", "yellow"), "unknown": ("?", "cyan")}
+MARK = {
+    "grave": ("LOOK", "bold red"),
+    "ok": ("ok", "green"),
+    "warning": ("look", "yellow"),
+    "unknown": ("?", "cyan"),
+}
 NO_COPY = (
     "{name}: only a telemetry log (.tlog) can be copied without who and where; of this one share "
     "the rows: thrustmargin report {name} --anonymise --csv rows.csv"
@@ -128,6 +133,7 @@ def _inspect(path: Path, airframe: str | None, reading: ReadingOptions) -> Inspe
 
 def _print(console: Console, inspection: Inspection) -> None:
     from thrustmargin.gcs_plugin.logs.inspection import flying_seconds
+    from thrustmargin.gcs_plugin.wording.flight_words import not_flown
 
     log, track = inspection.log, inspection.log.track
     others = [str(v) for v in log.vehicles if v != log.vehicle]
@@ -139,7 +145,8 @@ def _print(console: Console, inspection: Inspection) -> None:
         soft_wrap=True,
     )
     console.print(f"vehicle: {log.facts.words}", soft_wrap=True)
-    console.print(f"in flight by: {track.sources.get('flying', 'unknown')}", soft_wrap=True)
+    by = not_flown(track) or f"in flight by: {track.sources.get('flying', 'unknown')}"
+    console.print(by, soft_wrap=True)
     wide = console.width >= _WIDE
     console.print(_channels(log, wide=wide))
     if not wide:

@@ -82,6 +82,8 @@ def replay_view(
     airframe. `options` are those of ReplayView.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import read_flight
+    from thrustmargin.gcs_plugin.logs.findings import names_wrong, repeated
+    from thrustmargin.gcs_plugin.logs.inspection import inspect_log
     from thrustmargin.gcs_plugin.reports.margin import flight_verdict
     from thrustmargin.gcs_plugin.view.replay_view import ReplayView
     from thrustmargin.gcs_plugin.view.scene.overlays import before_and_after
@@ -92,11 +94,14 @@ def replay_view(
         analysis = for_verdict(analyse(flight.track, model, claim=claim))
         older = None if before is None else analyse(analysis.track, before, claim=claim)
         verdict = flight_verdict(analysis, max_utilisation=0.5)
+        found = repeated(inspect_log(flight, analysis.model.airframe, claim).findings)
+        headline = ": ".join([verdict.headline, *names_wrong(found)])
+        dated = [one for one in found if one.time_s is not None]
     return ReplayView(
         analysis,
         waypoints=flight.waypoints,
-        messages=flight.messages,
+        messages=(*flight.messages, *((f.time_s, f.words) for f in dated)),
         overlays=() if older is None else before_and_after(older, analysis),
-        verdict=(verdict.headline, verdict.level),
+        verdict=(headline, verdict.level),
         **options,
     )

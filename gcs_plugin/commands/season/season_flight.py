@@ -13,6 +13,7 @@ from thrustmargin.gcs_plugin.commands.season.anonymous import anonymous, pseudon
 from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, read_flight, unnamed
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, ReadingOptions
 from thrustmargin.gcs_plugin.logs import FlightLog
+from thrustmargin.gcs_plugin.logs.findings import repeated
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.reports.margin import FlightReport, report_flight
 from thrustmargin.gcs_plugin.reports.margin.data import mean, median, most
@@ -218,7 +219,7 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
         "latitude_deg": track.origin.latitude_deg if track.origin else nan,
         "longitude_deg": track.origin.longitude_deg if track.origin else nan,
         "alarms": [str(alarm["words"]) for alarm in report.alarms],
-        "notes": list(track.notes),
+        "notes": [*track.notes, *(f"{f.check}: {f.words}" for f in repeated(report.findings))],
         "missing_channels": [c.name for c in log.channels if not c.samples],
         "unmeasured": list(log.unmeasured),
         **{name: quality[name] for name in _OF_QUALITY},

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from thrustmargin.gcs_plugin.logs.findings import Finding
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.wording.margin_verdict import Level, MarginVerdict, Moment
 from thrustmargin.models.checks.loss_of_control import LossOfControl
@@ -67,6 +68,7 @@ class FlightReport:
     rotors: tuple[JsonObject, ...]
     moments: tuple[Moment, ...]
     losses: tuple[LossOfControl, ...]  # of control, in order of time; no row after counts
+    findings: tuple[Finding, ...]  # those of `inspect`, the gravest first
     alarms: tuple[JsonObject, ...]  # of rotors and motors, as the live alarms say them
     redundancy: JsonObject
     accuracy: Accuracy

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from typing import get_args
@@ -10,6 +10,8 @@ from typing import get_args
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs import FlightLog
+from thrustmargin.gcs_plugin.logs.findings import Finding, Spoils, repeated
+from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.reports.margin.accuracy import accuracy, model_use
 from thrustmargin.gcs_plugin.reports.margin.csv_rows import rows_of
 from thrustmargin.gcs_plugin.reports.margin.data import (
@@ -35,6 +37,7 @@ from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
 from thrustmargin.gcs_plugin.wording.flight_words import (
     LEAST_FLIGHT_S,
+    NAMES_WRONG,
     loss_words,
     lost_headline,
     not_flown,
@@ -97,8 +100,10 @@ def report_flight(
         **_fills(analysis, as_flown, rows),
     )
     alarms = fault_episodes(fault_history(analysis))
+    found = inspect_log(log, airframe, analysis.claim).findings
     said = (
         *((Fact("control", loss_words(losses)),) if losses else ()),
+        *_look_facts(found),
         *(*alarm_facts(alarms), *facts(verdict, analysis.claim, _no_flight(whole.track))),
         *(*load_facts(track), *ending_facts(whole.track)),
     )
@@ -111,6 +116,7 @@ def report_flight(
         rotors=_rotors(analysis, seconds, limit),
         moments=moments,
         losses=losses,
+        findings=found,
         alarms=tuple(map(alarm_row, alarms)),
         redundancy=_redundancy(analysis, rows, seconds),
         accuracy=accuracy(analysis, airframe.rotor_names),
@@ -119,6 +125,16 @@ def report_flight(
         withheld=analysis.withheld,
         rows=rows,
     )
+
+
+def _look_facts(findings: Iterable[Finding]) -> Iterator[Fact]:
+    """What must be known of the log beside its verdict, the names of the rotors first."""
+    order = sorted(repeated(findings), key=lambda one: one.spoils is not Spoils.ROTOR_NAMES)
+    for one in order:
+        if one.spoils is Spoils.ROTOR_NAMES:
+            yield Fact("rotor names", f"{NAMES_WRONG}{one.words}")
+        else:
+            yield Fact(one.check, one.words)
 
 
 def flight_verdict(analysis: FlightAnalysis, *, max_utilisation: float) -> MarginVerdict:
