@@ -121,7 +121,7 @@ class FlyingBy(StrEnum):
     CONSTANT_OUTPUTS = "constant outputs"
     SLOW_ROTORS = "slow rotors"  # they never carry half of the empty weight
     NEVER_ROSE = "never rose"  # armed in the log, and never higher than where it was
-    NOT_KNOWN = "not known"  # nothing in it tells
+    NOT_KNOWN = "not known"  # nothing in it says
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)

@@ -136,7 +136,7 @@ def several_headline(levels: Sequence[Level], limit: float) -> tuple[Level, str]
 def facts(verdict: MarginVerdict, claim: AirframeClaim, not_flown: str = "") -> tuple[Fact, ...]:
     """What a pilot needs beside the big numbers, one thing a line.
 
-    `not_flown` says why the log has no flight to judge; empty where it has one.
+    `not_flown` says why the log has no flight to check; empty where it has one.
     """
     airframe = Fact("airframe", claim.words.removeprefix("airframe "))
     if not_flown:

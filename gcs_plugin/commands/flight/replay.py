@@ -96,11 +96,11 @@ def replay_view(
         verdict = flight_verdict(analysis, max_utilisation=0.5)
         found = repeated(inspect_log(flight, analysis.model.airframe, claim).findings)
         headline = ": ".join([verdict.headline, *names_wrong(found)])
-        dated = [one for one in found if one.time_s is not None]
+        dated = [(one.time_s, one.words) for one in found if one.time_s is not None]
     return ReplayView(
         analysis,
         waypoints=flight.waypoints,
-        messages=(*flight.messages, *((f.time_s, f.words) for f in dated)),
+        messages=(*flight.messages, *dated),
         overlays=() if older is None else before_and_after(older, analysis),
         verdict=(headline, verdict.level),
         **options,

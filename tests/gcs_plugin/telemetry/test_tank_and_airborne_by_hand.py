@@ -287,8 +287,8 @@ def test_idle_for_longer_than_a_fast_descent_is_on_the_ground():
 def test_rotors_that_never_carry_half_of_the_empty_weight():
     # Half of 10 kg is 49.03 N: two rotors of 2e-5 N² make it at 1107.2 rpm.
     ours = replace(OURS, empty_mass=10.0, thrust_coefficient=2e-5)
-    slow = {"rotor_speed_rpm": [[1107.0, 1107.0]] * 12}
-    assert grounded_by(airframe=ours, **slow) is FlyingBy.SLOW_ROTORS
+    slow = [[1107.0, 1107.0]] * 12
+    assert grounded_by(airframe=ours, rotor_speed_rpm=slow) is FlyingBy.SLOW_ROTORS
     fast = np.full((12, 2), 1107.5)
     assert airborne({}, CLOCK, {"rotor_speed_rpm": fast}, ours).flying.all()
     # What rose flew, and its speeds are of another scale, which is not said here.
