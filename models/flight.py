@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from functools import lru_cache
 from types import MappingProxyType
 from typing import Literal, Self
@@ -107,6 +108,23 @@ class Origin:
     altitude: float
 
 
+class FlyingBy(StrEnum):
+    """What decided which rows of a flight are off the ground."""
+
+    GIVEN = "given"  # with the flight, by whoever made it
+    LANDED_STATE = "landed state"  # of the autopilot
+    ROTOR_SPEEDS = "rotor speeds"
+    MOTOR_OUTPUTS = "motor outputs"
+    HEIGHT = "height"
+    #: No row flies, for one of these reasons.
+    DISARMED = "disarmed"
+    IDLE_OUTPUTS = "idle outputs"
+    CONSTANT_OUTPUTS = "constant outputs"
+    SLOW_ROTORS = "slow rotors"  # they never carry half of the empty weight
+    NEVER_ROSE = "never rose"  # armed in the log, and never higher than where it was
+    NOT_KNOWN = "not known"  # nothing in it says
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, weakref_slot=True)
 class FlightTrack:
     """One flight of one vehicle as arrays of T rows and R rotors; NaN where unreported.
@@ -134,6 +152,7 @@ class FlightTrack:
     height_agl: Floats  # (T,) m above ground
     spraying: Floats  # (T,) 1 pump on, 0 off, NaN unknown
     flying: Bools  # (T,) off the ground
+    flying_by: FlyingBy = FlyingBy.GIVEN
     origin: Origin | None = None
     start_unix_s: float | None = None
     sources: Mapping[str, Provenance] = field(default_factory=dict)
@@ -198,12 +217,15 @@ class FlightTrack:
 
     @property
     def row_seconds(self) -> Floats:
-        """(T,) s that each row stands for: the step to the next, without the log's pauses."""
+        """(T,) s that each row stands for: the step to the next, without the log's pauses.
+
+        The last one stands for none, so that no part of a log is longer than the whole.
+        """
         if self.time_s.size < 2:
             return np.zeros(self.time_s.size)
         steps = np.diff(self.time_s)
         usual = min(float(np.median(steps)), LONGEST_ROW)
-        return np.minimum(np.append(steps, usual), LONGEST_STEP * usual)
+        return np.minimum(np.append(steps, 0.0), LONGEST_STEP * usual)
 
     def reports(self, channel: str) -> bool:
         """True when the channel has at least one number."""

@@ -39,12 +39,13 @@ from thrustmargin.gcs_plugin.logs.csv_sources import column_source, written_sour
 from thrustmargin.gcs_plugin.logs.read import Beginning, LogFormat, decoded
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.telemetry.flight_log import log_of_track
+from thrustmargin.gcs_plugin.telemetry.position import airborne
 from thrustmargin.gcs_plugin.telemetry.recording import FlightLog
 from thrustmargin.gcs_plugin.telemetry.resample import plausible
 from thrustmargin.gcs_plugin.telemetry.statements import Options, stated_track
 from thrustmargin.models.checks.motion_units import motion_units
 from thrustmargin.models.errors import AirframeError, LogError
-from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, Origin
+from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, FlyingBy, Origin
 from thrustmargin.models.model.json_values import from_json_values, to_json_values
 from thrustmargin.models.provenance import Provenance, SourceKind
 from thrustmargin.models.whole_file import whole_file
@@ -116,7 +117,11 @@ def _read(path: Path, _vehicle: int | None, options: Options) -> tuple[FlightLog
             f"{craft.rotor_count}; choose another with --airframe"
         )
     known = {name: plausible(name, getattr(track, name)) for name in TRACK_CHANNELS}
-    track = stated_track(replace(track, **known), options)
+    track = replace(track, **known)
+    if track.flying_by is FlyingBy.NOT_KNOWN:
+        off = airborne({}, track.time_s, known, craft)
+        track = replace(track, flying=off.flying, flying_by=off.by)
+    track = stated_track(track, options)
     return (log_of_track(track, path, path.stat().st_size, craft),)
 
 
@@ -319,6 +324,7 @@ def _track(
         time_s=time_s,
         rotor_count=rotors,
         flying=np.ones(time_s.size, dtype=np.bool_) if flying is None else flying > 0.5,
+        flying_by=FlyingBy.NOT_KNOWN if flying is None else FlyingBy.GIVEN,
         origin=_origin(path, about.get("origin")),
         start_unix_s=float(start) if known_start else None,
         sources=sources | written_sources(path, about.get("sources")),

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs import FlightLog, LogQuality
+from thrustmargin.gcs_plugin.logs.findings import (
+    Finding,
+    Severity,
+    Spoils,
+    event_findings,
+    gravest_first,
+    loss_findings,
+)
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.models.checks.late_speeds import late_speeds
 from thrustmargin.models.checks.motor_order import MotorOrder, check_motor_order
@@ -30,21 +38,20 @@ _OTHER_UNIT = 2.0
 #: m/s² from which shaking is strong: a quiet mount keeps each axis within 3 to 5.
 _STRONG_SHAKING = 5.0
 
-Level = Literal["ok", "warning", "unknown"]
 #: Verdicts of the checks that are no warning.
-_LEVELS: dict[str, Level] = {
-    **dict.fromkeys(("agrees", "follows", "close", "fits"), "ok"),
-    **dict.fromkeys(("unclear", "unknown"), "unknown"),
+_LEVELS: dict[str, Severity] = {
+    **dict.fromkeys(("agrees", "follows", "close", "fits"), Severity.OK),
+    **dict.fromkeys(("unclear", "unknown"), Severity.UNKNOWN),
 }
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Finding:
-    """One answer: `ok`, `warning` or `unknown`, and why in words."""
-
-    check: str
-    level: Level
-    words: str
+_WRONG = (Severity.GRAVE, Severity.WARNING)
+#: What the warnings of a check make wrong.
+_SPOILS = {
+    "motor order": Spoils.ROTOR_NAMES,
+    **dict.fromkeys(
+        ("rotor speed sensors", "rotor speed clock", "ESC voltage", "accelerometer", "tank"),
+        Spoils.NUMBERS,
+    ),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -71,7 +78,8 @@ def inspect_log(
     `claim` says on what ground the flight is one of the airframe; without it that was given. One
     that is not known is compared with nothing.
     """
-    findings = [_whole(log.quality), _continuous(log)]
+    findings = [*loss_findings(log), *event_findings(log.events)]
+    findings += [_whole(log.quality), _continuous(log)]
     order = scale = None
     found = comparisons(log.track, airframe, log.facts, log.parameters)
     if claim is None:
@@ -79,22 +87,22 @@ def inspect_log(
     known = None if claim.basis == "not known" else airframe
     if known is None:
         for reason in (*claim.withheld, claim.remedy):
-            findings.append(Finding(check="airframe", level="unknown", words=reason))
+            findings.append(Finding(check="airframe", level=Severity.UNKNOWN, words=reason))
     else:
         if log.track.rotor_count == airframe.rotor_count:
             scale = check_speed_scale(log.track, airframe)
             order = check_motor_order(log.track, airframe)
             findings.append(_order(order))
         findings += [
-            Finding(check=c.check, level=_LEVELS.get(c.verdict, "warning"), words=c.words)
+            Finding(check=c.check, level=_LEVELS.get(c.verdict, Severity.WARNING), words=c.words)
             for c in found
         ]
         findings += _tank(log.track, airframe)
     findings += [_speed_readings(log), _sensor(log.track)]
     if late := late_speeds(log.track):
-        findings.append(Finding(check="rotor speed clock", level="warning", words=late))
+        findings.append(Finding(check="rotor speed clock", level=Severity.WARNING, words=late))
     findings += [
-        Finding(check="ESC voltage", level="warning", words=words)
+        Finding(check="ESC voltage", level=Severity.WARNING, words=words)
         for words in instrument_offsets(log)
     ]
     findings += [*_airspeed(log.track), *_absent(log)]
@@ -102,7 +110,10 @@ def inspect_log(
         log=log,
         airframe=known,
         claim=claim,
-        findings=tuple(findings),
+        findings=gravest_first(
+            replace(f, spoils=_SPOILS.get(f.check, f.spoils)) if f.level in _WRONG else f
+            for f in findings
+        ),
         motor_order=order,
         speed_scale=scale,
     )
@@ -111,7 +122,7 @@ def inspect_log(
 def _whole(quality: LogQuality) -> Finding:
     if quality.damaged_places == 0:
         words = f"{quality.frames} messages in {quality.bytes} bytes, none damaged"
-        return Finding(check="file", level="ok", words=words)
+        return Finding(check="file", level=Severity.OK, words=words)
     share = 100.0 * quality.bytes_skipped / max(quality.bytes, 1)
     worst = max(quality.damage, key=lambda place: place.length)
     where = f"the longest {worst.length} bytes at byte {worst.byte}"
@@ -124,14 +135,14 @@ def _whole(quality: LogQuality) -> Finding:
         words += f"; {quality.bad_checksum} with a wrong checksum"
     # A log that ends inside its last message was only switched off.
     small = tail and worst.length < 512
-    return Finding(check="file", level="ok" if small else "warning", words=words)
+    return Finding(check="file", level=Severity.OK if small else Severity.WARNING, words=words)
 
 
 def _continuous(log: FlightLog) -> Finding:
     quality = log.quality
     if quality.clock_jumps:
         words = f"time went backwards {len(quality.clock_jumps)} time(s): the vehicle restarted"
-        return Finding(check="time", level="warning", words=words)
+        return Finding(check="time", level=Severity.WARNING, words=words)
     if log.silences:
         start, length = max(log.silences, key=lambda gap: gap[1])
         total = sum(length for _, length in log.silences)
@@ -139,8 +150,10 @@ def _continuous(log: FlightLog) -> Finding:
             f"{len(log.silences)} pause(s) over 1 s without any message, {total:.1f} s in all, "
             f"the longest {length:.1f} s at {start:.1f} s since boot"
         )
-        return Finding(check="time", level="warning" if total > 5.0 else "ok", words=words)
-    return Finding(check="time", level="ok", words="no pause over 1 s, no restart")
+        return Finding(
+            check="time", level=Severity.WARNING if total > 5.0 else Severity.OK, words=words
+        )
+    return Finding(check="time", level=Severity.OK, words="no pause over 1 s, no restart")
 
 
 def _order(order: MotorOrder) -> Finding:
@@ -148,17 +161,19 @@ def _order(order: MotorOrder) -> Finding:
     if all(math.isfinite(c) for c in order.correlation):
         roll, pitch, yaw = order.correlation
         words += f" (correlation: roll {roll:.2f}, pitch {pitch:.2f}, yaw {yaw:.2f})"
-    return Finding(check="motor order", level=_LEVELS.get(order.verdict, "warning"), words=words)
+    return Finding(
+        check="motor order", level=_LEVELS.get(order.verdict, Severity.WARNING), words=words
+    )
 
 
 def _speed_readings(log: FlightLog) -> Finding:
     if log.unmeasured:
-        level, words = "warning", "; ".join(log.unmeasured)
+        level, words = Severity.WARNING, "; ".join(log.unmeasured)
     elif log.track.reports("rotor_speed_rpm"):
-        level, words = "ok", "no reading is held, lone, or zero while thrust was asked"
+        level, words = Severity.OK, "no reading is held, lone, or zero while thrust was asked"
         words = "; ".join(filter(None, (words, resolution_words(log.track))))
     else:
-        level, words = "unknown", "no readings"
+        level, words = Severity.UNKNOWN, "no readings"
     return Finding(check="rotor speed sensors", level=level, words=words)
 
 
@@ -171,7 +186,7 @@ def _tank(track: FlightTrack, airframe: Airframe) -> list[Finding]:
     words = f"{low:.2f} to {high:.2f} kg, the tank holds {airframe.tank_capacity_kg:.1f} kg"
     if "tank_kg" in track.standard_errors:
         words += f": {track.source('tank_kg').words}"
-    return [Finding(check="tank", level="ok" if good else "warning", words=words)]
+    return [Finding(check="tank", level=Severity.OK if good else Severity.WARNING, words=words)]
 
 
 def _sensor(track: FlightTrack) -> Finding:
@@ -181,22 +196,22 @@ def _sensor(track: FlightTrack) -> Finding:
     force = track.specific_force_frd[track.flying & known & ~turning]
     if force.size == 0:
         words = "no accelerometer in steady flight"
-        return Finding(check="accelerometer", level="unknown", words=words)
+        return Finding(check="accelerometer", level=Severity.UNKNOWN, words=words)
     felt = float(np.linalg.norm(np.mean(force, axis=0)))
     shaking = float(np.linalg.norm(np.std(force, axis=0)))
-    level: Level = "ok"
+    level = Severity.OK
     words = f"{felt:.3g} m/s² on average in steady flight, gravity is {G0:.2f}"
     if not _STEADY_FORCE[0] <= felt <= _STEADY_FORCE[1]:
-        level = "warning"
+        level = Severity.WARNING
         if max(felt / G0, G0 / max(felt, 1e-9)) >= _OTHER_UNIT:
             words += ": not in the unit it should be"
         elif abs(felt - G0) > 3.0 * shaking / math.sqrt(len(force)):
             words += ": off, in the right unit"
         else:
-            level = "unknown"
+            level = Severity.UNKNOWN
             words += f": too few readings for the way it shakes, {len(force)}"
-    if shaking >= _STRONG_SHAKING and level != "warning":
-        level = "warning" if level == "ok" else level
+    if shaking >= _STRONG_SHAKING and level is not Severity.WARNING:
+        level = Severity.WARNING if level is Severity.OK else level
         words += f"; strong vibration, {shaking:.3g} m/s² (standard deviation)"
     return Finding(check="accelerometer", level=level, words=words)
 
@@ -216,7 +231,7 @@ def _airspeed(track: FlightTrack) -> list[Finding]:
     if source.meaning is not Meaning.GROUND_SPEED:
         return []
     words = f"{source.words}; in wind it is not the speed through the air"
-    return [Finding(check="airspeed", level="warning", words=words)]
+    return [Finding(check="airspeed", level=Severity.WARNING, words=words)]
 
 
 def _absent(log: FlightLog) -> list[Finding]:
@@ -228,7 +243,7 @@ def _absent(log: FlightLog) -> list[Finding]:
     }
     sources = {report.name: report.source for report in log.channels}
     return [
-        Finding(check=channel, level="warning", words=f"{sources[channel]}: {lost}")
+        Finding(check=channel, level=Severity.WARNING, words=f"{sources[channel]}: {lost}")
         for channel, lost in needs.items()
         if not log.track.reports(channel)
     ]

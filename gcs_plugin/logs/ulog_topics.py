@@ -60,8 +60,8 @@ def _landed(topic: Columns) -> Floats:
     return np.where(topic["landed"] > 0, 1.0, 2.0)
 
 
-def _armed(topic: Columns) -> Floats:
-    return np.where(topic["arming_state"] == _ARMED, 1.0, 0.0)
+def _status_armed(topic: Columns) -> Floats:
+    return (topic["arming_state"] == _ARMED).astype(np.float64)
 
 
 def _fuel_percent(topic: Columns) -> Floats:
@@ -98,7 +98,8 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(_POSITION, ("z",), "height_agl", convert=_height, note=_ABOVE_ORIGIN),
     Rule("vehicle_land_detected", ("landed",), "landed", convert=_landed),
-    Rule("vehicle_status", ("arming_state",), "armed", convert=_armed),
+    Rule("actuator_armed", ("armed",), "armed"),
+    Rule("vehicle_status", ("arming_state",), "armed", convert=_status_armed),
     Rule("airspeed_validated", ("true_airspeed_m_s",), "airspeed", "m/s"),
     Rule("airspeed", ("true_airspeed_m_s",), "airspeed", "m/s"),
     Rule("wind", _WIND, "wind_ned", convert=_level_wind, note="level"),

@@ -67,7 +67,7 @@ tank_source | text | | where the load is known from
 takeoff_mass_kg | number | kg | of the aircraft with its liquid
 speed_source | text | | where rotor speeds are known from
 airspeed_source | text | | where the airspeed is known from
-verdict | text | | under, near, over, critical, unknown
+verdict | text | | under, near, over, critical, lost, unknown
 verdict_reason | text | | the verdict in words, or why there is none
 limit | number | 1 | largest thrust utilisation that is allowed
 worst_margin | number | 1 | least thrust margin of a rotor

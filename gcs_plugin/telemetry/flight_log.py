@@ -26,8 +26,13 @@ from thrustmargin.gcs_plugin.telemetry.rotor_speeds import (
     standing_in_flight,
 )
 from thrustmargin.gcs_plugin.telemetry.rows import FlightRows, flight_rows
-from thrustmargin.gcs_plugin.telemetry.signals import Signals
+from thrustmargin.gcs_plugin.telemetry.signals import Signals, best
 from thrustmargin.gcs_plugin.telemetry.statements import Options
+from thrustmargin.gcs_plugin.telemetry.vehicle_events import (
+    VehicleEvent,
+    arming_events,
+    text_events,
+)
 from thrustmargin.gcs_plugin.telemetry.vehicle_kind import vehicle_facts
 from thrustmargin.models.checks.speed_readings import resolution_words
 from thrustmargin.models.errors import LogError
@@ -113,7 +118,15 @@ def assemble(recording: Recording, signals: Signals, options: Options) -> Flight
         unmeasured=rows.unmeasured,
         hardware_id=recording.hardware_id,
         firmware=recording.firmware,
+        events=tuple(replace(e, time_s=e.time_s - start_s) for e in _events(recording, signals)),
     )
+
+
+def _events(recording: Recording, signals: Signals) -> list[VehicleEvent]:
+    """All that the vehicle reported, in order of time."""
+    texts = text_events(recording.messages)
+    found = [*recording.events, *texts, *arming_events(best(signals, "armed"))]
+    return sorted(found, key=lambda event: event.time_s)
 
 
 def log_of_track(

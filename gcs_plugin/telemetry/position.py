@@ -11,7 +11,8 @@ import pymap3d
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.resample import known_rows, last_before, plausible
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, best
-from thrustmargin.models.flight import Bools, Floats, Origin
+from thrustmargin.gcs_plugin.wording.flight_words import GROUNDED_BY
+from thrustmargin.models.flight import Bools, Floats, FlyingBy, Origin
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.provenance import Provenance
@@ -24,41 +25,127 @@ IN_AIR, TAKING_OFF, LANDING = 2, 3, 4
 CLEAR = 0.2
 #: share of the thrust in cruise below which a rotor only idles
 IDLE_SHARE = 0.5
+#: Output at or below which a motor idles: autopilots spin armed motors at up to a tenth, and the
+#: least output in hover that they accept is an eighth.
+IDLE_OUTPUT = 0.1
+#: s at idle after which an aircraft stands
+IDLE_S = 3.0
+#: Rows from which an output that never changes is no control of anything.
+FEWEST_ROWS = 20
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Airborne:
+    """(T,) True off the ground, what decided it, and the evidence in words."""
+
+    flying: Bools
+    by: FlyingBy
+    words: str
 
 
 def airborne(
-    signals: Signals, clock_s: Floats, channels: Mapping[str, Floats]
-) -> tuple[Bools, str]:
-    """(T,) True off the ground, and the evidence in words."""
+    signals: Signals,
+    clock_s: Floats,
+    channels: Mapping[str, Floats],
+    airframe: Airframe | None = None,
+) -> Airborne:
+    """Which of T rows are off the ground: never disarmed ones, never with outputs that only idle.
+
+    Of the others those that the landed state says, else those with half of the thrust in cruise
+    by rotor speeds or motor outputs, else those more than 1 m above home.
+    """
+    on = _motors_on(signals, clock_s)
+    if not on.any():
+        return _grounded(clock_s, FlyingBy.DISARMED)
     height = channels.get("height_agl")
+    output = _known_mean(channels["throttle"]) if "throttle" in channels else np.empty(0)
+    driven = np.isfinite(output) & on if output.size else np.zeros(clock_s.size, dtype=np.bool_)
+    if driven.any():
+        with np.errstate(invalid="ignore"):
+            above_idle = driven & (output > IDLE_OUTPUT)
+        if not above_idle.any():
+            return _grounded(clock_s, FlyingBy.IDLE_OUTPUTS)
+        on = np.where(driven, on & (above_idle | ~_idle_throughout(above_idle, clock_s)), on)
     landed = best(signals, "landed")
     if landed is not None:
-        known = np.isfinite(landed.values)
-        when, state = landed.time_s[known], landed.values[known]
-        last = np.searchsorted(when, clock_s, side="right") - 1
-        off = np.isin(state, (IN_AIR, TAKING_OFF, LANDING))
-        flying = np.where(last >= 0, off[np.maximum(last, 0)], False)
+        state = last_before(landed, clock_s)
+        flying = np.isin(state, (IN_AIR, TAKING_OFF, LANDING)) & on
         if height is None:
-            return flying, landed.source.words
-        return _clear_of_ground(
-            flying, height
-        ), f"{landed.source.words}, and {CLEAR:g} m clear of it"
+            return Airborne(flying, FlyingBy.LANDED_STATE, landed.source.words)
+        words = f"{landed.source.words}, and {CLEAR:g} m clear of it"
+        return Airborne(_clear_of_ground(flying, height), FlyingBy.LANDED_STATE, words)
+    if np.count_nonzero(driven) >= FEWEST_ROWS:
+        # Nothing hovers at one output: even in still air every motor is always corrected.
+        spread = np.ptp(channels["throttle"][driven], axis=0)
+        if np.all(spread[np.isfinite(spread)] == 0):
+            return _grounded(clock_s, FlyingBy.CONSTANT_OUTPUTS)
     speeds = channels.get("rotor_speed_rpm")
     thrust = _known_mean(np.square(speeds)) if speeds is not None else np.empty(0)
-    words = "rotor speeds"
+    by = FlyingBy.ROTOR_SPEEDS
     if not np.isfinite(thrust).any():
-        throttle = channels.get("throttle")
-        thrust = _known_mean(throttle) if throttle is not None else np.empty(0)
-        words = "motor outputs"
-    if np.any(thrust > 0):
-        cruise = float(np.nanpercentile(thrust, 75))
+        thrust, by = output, FlyingBy.MOTOR_OUTPUTS
+    elif not driven.any() and _too_slow(thrust[on], speeds, height, airframe):
+        return _grounded(clock_s, FlyingBy.SLOW_ROTORS)
+    lifting = thrust[on] if thrust.size else thrust
+    if not on[0] and height is not None and _stayed_down(height, on):
+        return _grounded(clock_s, FlyingBy.NEVER_ROSE)
+    if np.any(lifting > 0):
+        cruise = float(np.nanpercentile(lifting, 75))
         with np.errstate(invalid="ignore"):
-            flying = thrust > IDLE_SHARE * cruise if cruise > 0 else np.zeros(thrust.size, bool)
-        return flying, f"{words} above {IDLE_SHARE:g} of the thrust in cruise (no landed state)"
+            flying = on & (thrust > IDLE_SHARE * cruise) & (thrust > 0.0)
+        words = f"{by} above {IDLE_SHARE:g} of the thrust in cruise (no landed state)"
+        return Airborne(flying, by, words)
     if height is not None and np.isfinite(height).any():
+        words = "more than 1 m above home (no landed state, no rotor speeds)"
         with np.errstate(invalid="ignore"):
-            return height > 1.0, "more than 1 m above home (no landed state, no rotor speeds)"
-    return np.ones(clock_s.size, dtype=np.bool_), "unknown: every row counts as flying"
+            return Airborne(on & (height > 1.0), FlyingBy.HEIGHT, words)
+    return _grounded(clock_s, FlyingBy.NOT_KNOWN)
+
+
+def _grounded(clock_s: Floats, by: FlyingBy) -> Airborne:
+    return Airborne(np.zeros(clock_s.size, dtype=np.bool_), by, GROUNDED_BY[by])
+
+
+def _motors_on(signals: Signals, clock_s: Floats) -> Bools:
+    """(T,) False where the vehicle says that it is disarmed; True where it says nothing."""
+    armed = best(signals, "armed")
+    if armed is None:
+        return np.ones(clock_s.size, dtype=np.bool_)
+    state = last_before(armed, clock_s)
+    known = armed.values[known_rows(armed.values)]
+    # Before its first report it was as that says.
+    return np.where(np.isfinite(state), state, known[0]) > 0
+
+
+def _idle_throughout(above_idle: Bools, clock_s: Floats) -> Bools:
+    """(T,) True from IDLE_S without an output above idle on, before it and after it.
+
+    A shorter time at idle is a fast descent.
+    """
+    when = clock_s[above_idle]
+    nearest = np.searchsorted(when, clock_s)
+    before = clock_s - when[np.maximum(nearest - 1, 0)]
+    after = when[np.minimum(nearest, when.size - 1)] - clock_s
+    return ~above_idle & (np.minimum(np.abs(before), np.abs(after)) > IDLE_S)
+
+
+def _stayed_down(height: Floats, on: Bools) -> bool:
+    """Whether a height (T,) that is known was never clear of the one before it was armed."""
+    first = int(np.argmax(on))
+    ground, later = height[:first], height[first:][on[first:]]
+    known, risen = ground[np.isfinite(ground)], later[np.isfinite(later)]
+    return bool(known.size and risen.size and risen.max() <= known[-1] + CLEAR)
+
+
+def _too_slow(
+    squares: Floats, speeds: Floats | None, height: Floats | None, airframe: Airframe | None
+) -> bool:
+    """Whether rotors (their mean squared speeds, rpm²) carry too little, and nothing rose."""
+    if airframe is None or speeds is None or not np.isfinite(squares).any():
+        return False
+    most = airframe.thrust_coefficient * speeds.shape[1] * float(np.nanmax(squares))
+    rose = height is not None and np.isfinite(height).any() and float(np.nanmax(height)) > 1.0
+    return most < IDLE_SHARE * airframe.empty_mass * G0 and not rose
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +167,8 @@ def airborne_so_far(
     """(T,) True off the ground by what is known up to each row, the evidence, and what is carried.
 
     As `airborne`, but that the last moments before a landing count as flying, that cruise is not
-    known (half the empty weight counts), and that armed counts where no rotor is heard.
+    known (half the empty weight counts), and that armed counts where no rotor is heard: a silent
+    aircraft with its motors on is watched.
     """
     landed = best(signals, "landed")
     state = np.full(clock_s.size, NAN) if landed is None else last_before(landed, clock_s)
@@ -108,6 +196,11 @@ def airborne_so_far(
             flying[row] = clear
         elif contact.on_ground and not contact.clear:
             flying[row] = np.isnan(contact.height)
+    output = _known_mean(channels["throttle"]) if "throttle" in channels else np.empty(0)
+    if output.size:
+        with np.errstate(invalid="ignore"):
+            flying &= ~(output <= IDLE_OUTPUT) | np.isfinite(state) | carried
+    flying &= ~(motors_on == 0)
     words = "rotor speeds, else armed" if landed is None else landed.source.words
     return flying.astype(np.bool_), words, contact
 

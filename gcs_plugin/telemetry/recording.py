@@ -19,6 +19,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from thrustmargin.gcs_plugin.mavlink.rules import Columns
+from thrustmargin.gcs_plugin.telemetry.vehicle_events import VehicleEvent
 from thrustmargin.gcs_plugin.wording.sortie_words import sortie_suffix, unflown_words
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import FlightTrack, Floats
@@ -136,6 +137,7 @@ class Recording:
     notes: tuple[str, ...] = ()
     hardware_id: str = ""  # serial number of the autopilot in hexadecimal digits
     firmware: str = ""  # where a field of its own states it
+    events: tuple[VehicleEvent, ...] = ()  # that no text says, on the vehicle's clock
 
     def __repr__(self) -> str:
         quality, whose = self.quality, f"vehicle {self.vehicle} ({self.autopilot})"
@@ -181,6 +183,7 @@ class FlightLog:
     sortie: int = 1  # its number in the log, of `sorties` in all
     sorties: int = 1
     unflown: Unflown = field(default_factory=Unflown)  # the rest of the log
+    events: tuple[VehicleEvent, ...] = ()  # that it reported, s from the track's first row
 
     @property
     def name(self) -> str:

@@ -47,7 +47,7 @@ from thrustmargin.gcs_plugin.telemetry.tank_source import (
     pumped,
     tank_levels,
 )
-from thrustmargin.models.flight import TRACK_CHANNELS, Bools, FlightTrack, Floats, Origin
+from thrustmargin.models.flight import TRACK_CHANNELS, Bools, FlightTrack, Floats, FlyingBy, Origin
 from thrustmargin.models.provenance import Provenance, Rejected, SourceKind
 
 SILENT = 2.0  # s without reports after which the next kind of report triggers the rows
@@ -73,6 +73,7 @@ class FlightRows:
     clock_s: Floats  # (T,) vehicle's clock
     channels: Mapping[str, Floats]  # as in TRACK_CHANNELS
     flying: Bools
+    flying_by: FlyingBy
     origin: Origin | None
     sources: Mapping[str, Provenance]
     standard_errors: Mapping[str, Floats]  # of channels that were not measured
@@ -90,6 +91,7 @@ class FlightRows:
             time_s=self.clock_s - start_s,
             rotor_count=rotor_count,
             flying=self.flying,
+            flying_by=self.flying_by,
             origin=self.origin,
             sources=self.sources,
             standard_errors=self.standard_errors,
@@ -179,11 +181,12 @@ def flight_rows(
         sources["rotor_speed_rpm"] = motors.rotor_speed_source(by_rotor["rotor_speed_rpm"])
     if reported["throttle"]:
         sources["throttle"] = motors.throttle_source(by_rotor["throttle"], parameters)
-    contact = before.contact
+    contact, flying_by = before.contact, FlyingBy.GIVEN
     if live:
         flying, by, contact = airborne_so_far(signals, clock_s, channels, options.airframe, contact)
     else:
-        flying, by = airborne(signals, clock_s, channels)
+        off = airborne(signals, clock_s, channels, options.airframe)
+        flying, flying_by, by = off.flying, off.by, off.words
     if motors.facts.kind == "quadplane":
         flying &= lifting(channels["rotor_speed_rpm"], channels["throttle"])
         by += "; hover motors driven"
@@ -214,6 +217,7 @@ def flight_rows(
         clock_s=clock_s,
         channels=channels,
         flying=flying,
+        flying_by=flying_by,
         origin=None if zero is None else zero.origin,
         sources=sources,
         standard_errors=errors,

@@ -128,6 +128,12 @@ COMPARE_SOUND = Action(
 COMPARE_WIND = Action("logs", "compare with a flight in such wind", When.DESK)
 IDENTIFY = Action("logs", "run thrustmargin identify on the flights since then", When.DESK)
 INSPECT_LOG = Action("logs", "run thrustmargin inspect on one of its logs", When.DESK)
+GROUND_WRECK = Action(
+    "vehicle",
+    "do not fly it before it is known why, and all of it was looked at",
+    When.NEXT_FLIGHT,
+    "a flight to try it out",
+)
 GROUND_IT = Action(
     "vehicle",
     "do not fly it before its battery and propellers were looked at; then fill less",

@@ -51,6 +51,7 @@ TRENDS = ("yaw_trim.moment", "cg_offset.x", "cg_offset.y", "extra_mass.mass", "t
 SWAP_UNKNOWN = "as after a new propeller or motor; enter it into parts.csv"
 SILENT = "nothing was reported then"
 HEALTHY = "nothing changed"
+GROUND_WRECK = actions.GROUND_WRECK.text
 GROUND_IT, GROUND_BATTERY = actions.GROUND_IT.text, actions.GROUND_BATTERY.text
 NAME_EACH = "take its logs in with ingest --again --aircraft, a name for each aircraft"
 NO_SUMS = "no flight has sums: they need measured rotor speeds and a model"
@@ -192,6 +193,11 @@ def no_verdict(flight: Mapping[str, Any]) -> tuple[str, str]:
 def least_loss(least: float) -> str:
     """The sensitivity of a season."""
     return f"a loss of {number(100 * least, '%', 2)} in the last 10 flights would have been seen"
+
+
+def lost_sentence(lost: int, recent: int) -> str:
+    """Flights in which control was lost."""
+    return f"lost control in {lost} of the last {recent} flights"
 
 
 def margin_sentence(bad: int, recent: int, worst: Mapping[str, Any]) -> str:

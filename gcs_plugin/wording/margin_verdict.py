@@ -35,10 +35,11 @@ from thrustmargin.models.model.fill_limits import Reason
 from thrustmargin.models.provenance import Meaning, SourceKind
 from thrustmargin.models.scores import Estimate
 
+#: lost: control was lost, whatever the margin before.
 #: under: below the limit all flight. over: above it at times or always, and one lost rotor could be
 #: survived throughout. critical: at times one lost rotor could not. near: the limit, or a rotor
 #: whose loss is just survived, lies within the 90 % interval. unknown: no thrust utilisation.
-Level = Literal["under", "near", "over", "critical", "unknown"]
+Level = Literal["under", "near", "over", "critical", "lost", "unknown"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,6 +105,7 @@ class MarginVerdict:
 
 #: The verdict by its level, the worst first; {limit} is like "50 %".
 _VERDICTS: Mapping[Level, str] = {
+    "lost": "LOST CONTROL",
     "critical": "TOO HEAVY TO LOSE A ROTOR",
     "over": "ABOVE THE {limit} LIMIT AT TIMES",
     "near": "NEAR THE {limit} LIMIT: CANNOT TELL",
@@ -154,23 +156,25 @@ def several_headline(levels: Sequence[Level], limit: float) -> tuple[Level, str]
 def facts(
     verdict: MarginVerdict,
     claim: AirframeClaim,
+    not_flown: str = "",
     *,
     full_at_once: Reason | None = None,
     suspects: tuple[int, ...] = (),
 ) -> tuple[Fact, ...]:
     """What a pilot needs beside the big numbers, one thing a line.
 
-    `full_at_once` is why nothing fits in even where it is light enough, and `suspects` are rotors,
-    from 1, for which an alarm was raised.
+    `not_flown` says why the log has no flight to check; empty where it has one. `full_at_once` is
+    why nothing fits in even where it is light enough, and `suspects` are rotors, from 1, for which
+    an alarm was raised.
     """
     airframe = Fact("airframe", claim.words.removeprefix("airframe "))
+    if not_flown:
+        return (Fact("why", not_flown), airframe)
     if claim.withheld:
         why = (Fact("why", reason) for reason in claim.withheld)
         return (*why, Fact("what helps", claim.remedy), airframe)
     if verdict.worst is None:
         why = "neither rotor speeds nor what a prediction needs is in this log"
-        if not math.isfinite(verdict.measured_share):
-            why = "by this log it never left the ground"
         return (Fact("why", why), airframe)
     above = "never"
     if verdict.over_limit_s > 0.0:
@@ -178,6 +182,10 @@ def facts(
         above = f"{duration(verdict.over_limit_s)}, {share} of the flight"
     if verdict.level == "near":
         above += "; the limit lies within the error"
+    if verdict.level == "lost":
+        # What was left before it went wrong explains nothing, and advises nothing.
+        until = Fact("worst before it", moment_words(verdict.worst))
+        return (until, Fact("from", verdict.basis), airframe)
     return (
         Fact("what to do", action(verdict, full_at_once=full_at_once, suspects=suspects)),
         Fact("worst", moment_words(verdict.worst)),

@@ -20,7 +20,7 @@ from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.logs import FlightLog
-    from thrustmargin.gcs_plugin.logs.inspection import Finding, Level
+    from thrustmargin.gcs_plugin.logs.findings import Finding, Severity
     from thrustmargin.models.physics.airframe import Airframe
 
 #: The checks of `inspect` that are about the airframe, in the order of the answer.
@@ -92,7 +92,7 @@ def airframe_findings(craft: Airframe, logs: Sequence[FlightLog]) -> list[Findin
 def _hover(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
     """The thrust coefficient against the weight in hover, and the trim of the rotors."""
     from thrustmargin.gcs_plugin.commands.airframe.fitted import hover_sentences, interval
-    from thrustmargin.gcs_plugin.logs.inspection import Finding
+    from thrustmargin.gcs_plugin.logs.findings import Finding, Severity
     from thrustmargin.gcs_plugin.wording.numbers import percent
     from thrustmargin.models.physics.thrust_fits import fit_hover
 
@@ -100,7 +100,7 @@ def _hover(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
     try:
         fit = fit_hover([log.track for log in logs], craft)
     except DataError as error:
-        yield Finding(check=check, level="unknown", words=str(error))
+        yield Finding(check=check, level=Severity.UNKNOWN, words=str(error))
         return
     claim = craft.thrust_coefficient * fit.reference_density / craft.reference_density
     # Two standard errors of the air's density, beside what the flights scatter.
@@ -111,8 +111,8 @@ def _hover(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
         f"{claim:.4g} N/rpm² by the file in this air, {interval(fit.coefficient)} by "
         f"{fit.rows} rows of hover, +- {percent(air, 1)} for the air"
     )
-    level: Level = within_ends(claim, low, high)
-    if level == "unknown":
+    level = within_ends(claim, low, high)
+    if level is Severity.UNKNOWN:
         words += f": cannot tell whether they agree, {TOO_SHORT}"
     elif level == "warning":
         words += (
@@ -122,7 +122,7 @@ def _hover(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
     yield Finding(check=check, level=level, words=words)
     # A trim that is even within its interval is one whose ends, a tenth wider, hold 1.
     trims = {within_ends(1.0, t.low - 0.1, t.high + 0.1) for t in fit.trim}
-    worst: tuple[Level, ...] = ("warning", "unknown", "ok")
+    worst = (Severity.WARNING, Severity.UNKNOWN, Severity.OK)
     level = next(one for one in worst if one in trims)
     for sentence in hover_sentences(fit):
         yield Finding(check="trim", level=level, words=sentence)
@@ -133,7 +133,7 @@ def _ceiling(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
     import numpy as np
 
     from thrustmargin.gcs_plugin.commands.airframe.fitted import figure, interval
-    from thrustmargin.gcs_plugin.logs.inspection import Finding
+    from thrustmargin.gcs_plugin.logs.findings import Finding, Severity
     from thrustmargin.gcs_plugin.wording.numbers import number
     from thrustmargin.models.model.inferred.output_speed import full_output_speed
     from thrustmargin.models.physics.margin import ceiling
@@ -142,7 +142,7 @@ def _ceiling(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
     try:
         top, volts = full_output_speed([(log.track, log.parameters) for log in logs], craft)
     except DataError as error:
-        yield Finding(check=check, level="unknown", words=str(error))
+        yield Finding(check=check, level=Severity.UNKNOWN, words=str(error))
         return
     claim = float(ceiling(craft, craft.reference_density, volts).max_rotor_speed_rpm[0])
     speeds = np.concatenate([log.track.rotor_speed_rpm[log.track.flying].ravel() for log in logs])
@@ -152,18 +152,20 @@ def _ceiling(craft: Airframe, logs: Sequence[FlightLog]) -> Iterator[Finding]:
     words += f"extrapolates to {interval(top)}"
     if speeds.size:
         words += f", the highest measured is {highest:.0f}"
-    level = "warning" if claim < highest else within_ends(claim, top.low, top.high)
-    if level == "unknown":
+    level = Severity.WARNING if claim < highest else within_ends(claim, top.low, top.high)
+    if level is Severity.UNKNOWN:
         words += f": cannot tell whether they agree, {TOO_SHORT}"
-    elif level == "warning" and (claim < highest or claim < top.low):
+    elif level is Severity.WARNING and (claim < highest or claim < top.low):
         words += ": the file claims too little, so margins read too small"
-    elif level == "warning":
+    elif level is Severity.WARNING:
         words += ": the file claims more than these motors seem to make, so margins read too large"
     yield Finding(check=check, level=level, words=words)
 
 
-def within_ends(claim: float, low: float, high: float) -> Level:
-    """Whether a claim lies within an interval; "unknown" where any of the three is not known."""
+def within_ends(claim: float, low: float, high: float) -> Severity:
+    """Whether a claim lies within an interval; unknown where any of the three is not known."""
+    from thrustmargin.gcs_plugin.logs.findings import Severity
+
     if not (isfinite(claim) and isfinite(low) and isfinite(high)):
-        return "unknown"
-    return "ok" if low <= claim <= high else "warning"
+        return Severity.UNKNOWN
+    return Severity.OK if low <= claim <= high else Severity.WARNING

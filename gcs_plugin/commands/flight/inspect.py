@@ -33,7 +33,12 @@ if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.logs import FlightLog
     from thrustmargin.gcs_plugin.logs.inspection import Inspection
 
-MARK = {"ok": ("ok", "green"), "warning": ("look", "yellow"), "unknown": ("?", "cyan")}
+MARK = {
+    "grave": ("LOOK", "bold red"),
+    "ok": ("ok", "green"),
+    "warning": ("look", "yellow"),
+    "unknown": ("?", "cyan"),
+}
 NO_COPY = (
     "{name}: only a telemetry log (.tlog) can be copied without who and where; of this one share "
     "the rows: thrustmargin report {name} --anonymise --csv rows.csv"
@@ -137,6 +142,7 @@ def _inspect(path: Path, airframe: str | None, reading: ReadingOptions) -> list[
 
 def _print(console: Console, inspection: Inspection) -> None:
     from thrustmargin.gcs_plugin.logs.inspection import flying_seconds
+    from thrustmargin.gcs_plugin.wording.flight_words import not_flown
 
     log, track = inspection.log, inspection.log.track
     others = [str(v) for v in log.vehicles if v != log.vehicle]
@@ -148,7 +154,8 @@ def _print(console: Console, inspection: Inspection) -> None:
         soft_wrap=True,
     )
     console.print(f"vehicle: {log.facts.words}", soft_wrap=True)
-    console.print(f"in flight by: {track.source('flying').words}", soft_wrap=True)
+    by = not_flown(track) or f"in flight by: {track.source('flying').words}"
+    console.print(by, soft_wrap=True)
     wide = console.width >= _WIDE
     console.print(_channels(log, wide=wide))
     if not wide:

@@ -91,6 +91,8 @@ def replay_view(
     DataError when there is no sortie of that number.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import log_lines, read_flights
+    from thrustmargin.gcs_plugin.logs.findings import names_wrong, repeated
+    from thrustmargin.gcs_plugin.logs.inspection import inspect_log
     from thrustmargin.gcs_plugin.reports.margin import flight_verdict
     from thrustmargin.gcs_plugin.reports.margin.data import most
     from thrustmargin.gcs_plugin.view.replay_view import ReplayView
@@ -110,6 +112,9 @@ def replay_view(
         shown = worst if sortie is None else sortie - 1
         (flight, claim), analysis, verdict = flights[shown], analyses[shown], verdicts[shown]
         older = None if before is None else analyse(analysis.track, before, claim=claim)
+        found = repeated(inspect_log(flight, analysis.model.airframe, claim).findings)
+        headline = ": ".join([verdict.headline, *names_wrong(found)])
+        dated = [(one.time_s, one.words) for one in found if one.time_s is not None]
     for line in log_lines(flight, stated=reading.states_load):
         console.print(escape(f"{log.name}: {line}"))
     for k, (other, _) in enumerate(flights) if len(flights) > 1 else ():
@@ -118,8 +123,8 @@ def replay_view(
     return ReplayView(
         analysis,
         waypoints=flight.waypoints,
-        messages=flight.messages,
+        messages=(*flight.messages, *dated),
         overlays=() if older is None else before_and_after(older, analysis),
-        verdict=(verdict.headline, verdict.level),
+        verdict=(headline, verdict.level),
         **options,
     )

@@ -48,7 +48,15 @@ def anonymous(
         model=replace(model, training_domain=domain),
         claim=replace(claim, withheld=reasons, source="LOG"),
     )
-    hidden = {"messages": (), "waypoints": (), "parameters": {}, "hardware_id": "", "firmware": ""}
+    events = tuple(replace(event, text="") for event in log.events)
+    hidden = {
+        "messages": (),
+        "events": events,
+        "waypoints": (),
+        "parameters": {},
+        "hardware_id": "",
+        "firmware": "",
+    }
     return analysis, replace(log, track=track, path=Path(name), vehicle=0, vehicles=(0,), **hidden)
 
 

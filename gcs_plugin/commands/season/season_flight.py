@@ -13,6 +13,7 @@ from thrustmargin.gcs_plugin.commands.season.anonymous import anonymous, pseudon
 from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, read_flights, unnamed
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, ReadingOptions
 from thrustmargin.gcs_plugin.logs import FlightLog
+from thrustmargin.gcs_plugin.logs.findings import repeated
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.gcs_plugin.reports.margin import FlightReport, report_flight
 from thrustmargin.gcs_plugin.reports.margin.data import mean, median, most
@@ -28,6 +29,7 @@ from thrustmargin.gcs_plugin.store.row_table import analysis_columns
 from thrustmargin.gcs_plugin.store.schema import ROTORS
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore, array_cells
 from thrustmargin.gcs_plugin.store.staging import SeasonFlight, stage
+from thrustmargin.gcs_plugin.wording.flight_words import not_flown
 from thrustmargin.models.errors import DataError, ThrustMarginError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.season.flight_sums import flight_sums, to_arrays
@@ -121,7 +123,7 @@ def flight_of_log(
     if log.track.rotor_count > ROTORS:
         raise DataError(f"{log.track.rotor_count} rotors; the store has columns for {ROTORS}")
     if not np.any(log.track.flying):
-        raise DataError("it never left the ground")
+        raise DataError(not_flown(log.track))
     analysis = analyse(log.track, model, claim=claim)
     sums, reason = _sums(analysis)
     identity, program = aircraft_identity(log, settings.aircraft), firmware(log)
@@ -233,7 +235,7 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
         "latitude_deg": track.origin.latitude_deg if track.origin else nan,
         "longitude_deg": track.origin.longitude_deg if track.origin else nan,
         "alarms": [str(alarm["words"]) for alarm in report.alarms],
-        "notes": list(track.notes),
+        "notes": [*track.notes, *(f"{f.check}: {f.words}" for f in repeated(report.findings))],
         "missing_channels": [c.name for c in log.channels if not c.samples],
         "unmeasured": list(log.unmeasured),
         **{name: quality[name] for name in _OF_QUALITY},

@@ -51,6 +51,7 @@ from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import paramete
 from thrustmargin.gcs_plugin.telemetry.signals import Signals
 from thrustmargin.gcs_plugin.telemetry.sorties import sorties_of
 from thrustmargin.gcs_plugin.telemetry.statements import Options
+from thrustmargin.gcs_plugin.telemetry.vehicle_events import VehicleEvent, error_events
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Bools, Floats
 
@@ -182,6 +183,7 @@ def recording_of(
         parameters=parameters,
         waypoints=_waypoints(streams.get("CMD")),
         messages=_texts(streams.get("MSG")),
+        events=_errors(streams.get("ERR")),
         unix_minus_clock=_unix_offset(streams.get("GPS")),
         quality=quality,
         vehicle=own,
@@ -195,6 +197,13 @@ def _texts(stream: Stream | None) -> tuple[tuple[float, str], ...]:
         return ()
     texts = columns_of(stream).texts("Message")
     return tuple(zip(stream.time_s.tolist(), texts, strict=True))
+
+
+def _errors(stream: Stream | None) -> tuple[VehicleEvent, ...]:
+    if stream is None:
+        return ()
+    part, code = (columns_of(stream).number(name) for name in REQUIRED["ERR"])
+    return tuple(error_events(stream.time_s, part, code))
 
 
 def _unix_offset(stream: Stream | None) -> float | None:

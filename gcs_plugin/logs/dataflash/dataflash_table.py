@@ -77,6 +77,7 @@ REQUIRED: Mapping[str, tuple[str, ...]] = {
     "NVF": ("Name", "Value"),
     "EV": ("Id",),
     "ARM": ("ArmState",),
+    "ERR": ("Subsys", "ECode"),
     "ORGN": ("Type", "Lat", "Lng", "Alt"),
     "CMD": ("CNum", "CId", "Lat", "Lng", "Alt", "Prm1", "Prm2", "Prm3", "Prm4"),
     "MSG": ("Message",),
@@ -89,9 +90,10 @@ MESSAGES = tuple(dict.fromkeys([*(rule.message for rule in RULES), *REQUIRED]))
 _MOST_SOURCES = 32
 _FASTEST_GYRO = 35.0  # rad/s: full scale of those that autopilots have, 2000 deg/s
 _ON_GROUND, _IN_AIR = 1.0, 2.0
-#: LogEvent: 10 armed, 11 disarmed; 18 landed, 28 not landed any more.
-_ARMED, _DISARMED = 10, 11
-_EVENTS = {18: _ON_GROUND, 28: _IN_AIR, _DISARMED: _ON_GROUND}
+#: LogEvent: 18 landed, 28 not landed any more, 11 disarmed.
+_EVENTS = {18: _ON_GROUND, 28: _IN_AIR, 11: _ON_GROUND}
+#: LogEvent: 10 armed, 11 disarmed.
+_ARMING = {10: 1.0, 11: 0.0}
 
 
 def _of(message: str, *fields: str, meaning: Meaning = Meaning.AS_NAMED) -> Provenance:
@@ -115,6 +117,7 @@ def dataflash_signals(streams: Mapping[str, Stream]) -> Signals:
     for name, method in _METHODS:
         if name in streams:
             signals += method(streams[name])
+    signals += _armed(streams)
     return collected(signals)
 
 
@@ -288,27 +291,24 @@ def _landed(stream: Stream) -> list[Signal]:
     return [ordered_signal("landed", source, stream.time_s[reported], state[reported])]
 
 
-def _armed(stream: Stream) -> list[Signal]:
-    columns = columns_of(stream)
-    if "ArmState" in columns:
-        return [
-            ordered_signal(
-                "armed", _of("ARM", "ArmState"), stream.time_s, columns.number("ArmState")
-            )
-        ]
-    number = columns.number("Id")
-    reported = np.isin(number, (_ARMED, _DISARMED))
-    if not reported.any():
-        return []
-    state = (number[reported] == _ARMED).astype(np.float64)
-    return [
-        ordered_signal(
-            "armed",
-            _of("EV", "Id").remarked("10 armed, 11 disarmed"),
-            stream.time_s[reported],
-            state,
-        )
-    ]
+def _armed(streams: Mapping[str, Stream]) -> list[Signal]:
+    """Armed or not by each change that is logged: before the first it was the other."""
+    made = []
+    for name, column, meaning in (("ARM", "ArmState", None), ("EV", "Id", _ARMING)):
+        if name not in streams:
+            continue
+        number = columns_of(streams[name]).number(column)
+        state = (number > 0).astype(np.float64)
+        if meaning is not None:
+            state = np.array([meaning.get(int(n), np.nan) for n in np.nan_to_num(number)])
+        said = np.isfinite(state)
+        if not said.any():
+            continue
+        signal = ordered_signal("armed", _of(name, column), streams[name].time_s[said], state[said])
+        time_s = np.concatenate([[-np.inf], signal.time_s])
+        values = np.concatenate([[1.0 - signal.values[0]], signal.values])
+        made.append(signal._replace(time_s=time_s, values=values))
+    return made
 
 
 def _origins(stream: Stream) -> list[Signal]:

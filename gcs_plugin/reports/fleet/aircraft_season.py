@@ -236,6 +236,13 @@ def _shared(season: AircraftSeason) -> Iterable[SeasonFinding]:
 def _margins(season: AircraftSeason) -> Iterable[SeasonFinding]:
     count = len(season.flights)
     recent = season.flights[-RECENT:]
+    if lost := [f for f in recent if f["verdict"] == "lost"]:
+        yield SeasonFinding(
+            level=FIRST,
+            weight=NO_THRUST,
+            sentence=words.lost_sentence(len(lost), len(recent)),
+            action=words.GROUND_WRECK,
+        )
     for level, verdict in ((LOAD, "critical"), (ACT, "over")):
         bad = [f for f in recent if f["verdict"] == verdict]
         if bad:

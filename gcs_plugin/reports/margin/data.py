@@ -16,8 +16,10 @@ from typing import Any
 
 import numpy as np
 
+from thrustmargin.gcs_plugin.logs.findings import Finding
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.wording.margin_verdict import Level, MarginVerdict, Moment
+from thrustmargin.models.checks.loss_of_control import LossOfControl
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.airframe_claim import AirframeBasis
 from thrustmargin.models.scores import Estimate
@@ -65,6 +67,8 @@ class FlightReport:
     load: tuple[JsonObject, ...]
     rotors: tuple[JsonObject, ...]
     moments: tuple[Moment, ...]
+    losses: tuple[LossOfControl, ...]  # of control, in order of time; no row after counts
+    findings: tuple[Finding, ...]  # those of `inspect`, the gravest first
     alarms: tuple[JsonObject, ...]  # of rotors and motors, as the live alarms say them
     redundancy: JsonObject
     accuracy: Accuracy
@@ -81,7 +85,8 @@ class Overview:
     level: Level  # of the worst flight
     headline: str
     worst_flight: int | None  # number in the list of flights, from 1
-    critical: int  # flights of each level
+    lost: int  # flights of each level
+    critical: int
     over: int
     near: int
     under: int

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from typing import get_args
@@ -10,6 +10,8 @@ from typing import get_args
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs import FlightLog
+from thrustmargin.gcs_plugin.logs.findings import Finding, Spoils, repeated
+from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.reports.margin.accuracy import accuracy, model_use
 from thrustmargin.gcs_plugin.reports.margin.csv_rows import rows_of
 from thrustmargin.gcs_plugin.reports.margin.data import (
@@ -23,6 +25,7 @@ from thrustmargin.gcs_plugin.reports.margin.data import (
     most,
     share,
 )
+from thrustmargin.gcs_plugin.reports.margin.fill_limit_rows import fills, redundancy_rows
 from thrustmargin.gcs_plugin.reports.margin.load import load_rows
 from thrustmargin.gcs_plugin.reports.margin.moments import (
     airborne_use,
@@ -33,7 +36,16 @@ from thrustmargin.gcs_plugin.reports.margin.moments import (
 )
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
+from thrustmargin.gcs_plugin.wording.flight_words import (
+    LEAST_FLIGHT_S,
+    NAMES_WRONG,
+    loss_words,
+    lost_headline,
+    not_flown,
+    too_short,
+)
 from thrustmargin.gcs_plugin.wording.margin_verdict import (
+    Fact,
     Level,
     MarginVerdict,
     Moment,
@@ -48,8 +60,13 @@ from thrustmargin.gcs_plugin.wording.margin_verdict import (
 )
 from thrustmargin.gcs_plugin.wording.report_words import WITHOUT
 from thrustmargin.mission.field import sprayed_field
+from thrustmargin.models.checks.loss_of_control import (
+    LossOfControl,
+    before_loss,
+    loss_of_control,
+)
 from thrustmargin.models.errors import DataError
-from thrustmargin.models.flight import Bools, Floats
+from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, for_verdict
 from thrustmargin.models.model.fill_limits import full_at_once
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
@@ -69,7 +86,9 @@ def report_flight(
 
     `max_utilisation` is the largest share of a rotor's maximum thrust that may be in use.
     """
-    limit, analysis = max_utilisation, for_verdict(analysis)
+    limit, whole = max_utilisation, for_verdict(analysis)
+    losses = loss_of_control(whole.track)
+    analysis = replace(whole, track=before_loss(whole.track, losses))
     track, airframe = analysis.track, analysis.model.airframe
     as_flown = flown_airframe(analysis.model)
     limits = ceiling(as_flown, analysis.density, track.voltage)
@@ -81,30 +100,36 @@ def report_flight(
     seconds = track.row_seconds
     moments = worst_moments(analysis, airframe.rotor_names)
     verdict = replace(
-        _verdict(analysis, seconds, limit, moments[0] if moments else None),
-        **_fills(analysis, as_flown, rows),
+        _verdict(analysis, losses, limit, moments[0] if moments else None),
+        **fills(analysis, as_flown, rows),
     )
     alarms = fault_episodes(fault_history(analysis))
+    found = inspect_log(log, airframe, analysis.claim).findings
     said = (
+        *((Fact("control", loss_words(losses)),) if losses else ()),
+        *_look_facts(found),
         *alarm_facts(alarms),
         *facts(
             verdict,
             analysis.claim,
+            _no_flight(whole.track),
             full_at_once=full_at_once(as_flown),
             suspects=tuple(sorted({one.fault.rotor + 1 for one in alarms})),
         ),
-        *(*load_facts(track), *ending_facts(track)),
+        *(*load_facts(track), *ending_facts(whole.track)),
     )
     return FlightReport(
         name=track.name,
         verdict=replace(verdict, facts=said),
-        flight=_flight(analysis, rows["ground_speed"], seconds),
+        flight=_flight(whole, rows["ground_speed"], seconds),
         model=model_use(analysis),
         load=load_rows(analysis, limits),
         rotors=_rotors(analysis, seconds, limit),
         moments=moments,
+        losses=losses,
+        findings=found,
         alarms=tuple(map(alarm_row, alarms)),
-        redundancy=_redundancy(analysis, rows, seconds),
+        redundancy=redundancy_rows(analysis, rows, seconds),
         accuracy=accuracy(analysis, airframe.rotor_names),
         quality=_quality(log),
         airframe_basis=analysis.claim.basis,
@@ -113,17 +138,38 @@ def report_flight(
     )
 
 
+def _look_facts(findings: Iterable[Finding]) -> Iterator[Fact]:
+    """What must be known of the log beside its verdict, the names of the rotors first."""
+    order = sorted(repeated(findings), key=lambda one: one.spoils is not Spoils.ROTOR_NAMES)
+    for one in order:
+        if one.spoils is Spoils.ROTOR_NAMES:
+            yield Fact("rotor names", f"{NAMES_WRONG}{one.words}")
+        else:
+            yield Fact(one.check, one.words)
+
+
 def flight_verdict(analysis: FlightAnalysis, *, max_utilisation: float) -> MarginVerdict:
     """The report's verdict of one flight, without its worst moment, fills and facts."""
     analysis = for_verdict(analysis)
-    return _verdict(analysis, analysis.track.row_seconds, max_utilisation, None)
+    losses = loss_of_control(analysis.track)
+    until = replace(analysis, track=before_loss(analysis.track, losses))
+    return _verdict(until, losses, max_utilisation, None)
+
+
+def _no_flight(track: FlightTrack) -> str:
+    """Why there is no flight to check; empty where there is one."""
+    seconds = float(track.row_seconds[track.flying].sum())
+    return not_flown(track) or (too_short(seconds) if seconds < LEAST_FLIGHT_S else "")
 
 
 def _verdict(
-    analysis: FlightAnalysis, seconds: Floats, limit: float, worst: Moment | None
+    analysis: FlightAnalysis,
+    losses: tuple[LossOfControl, ...],
+    limit: float,
+    worst: Moment | None,
 ) -> MarginVerdict:
-    """All of it but its facts."""
-    track = analysis.track
+    """All of it but its facts, of the rows before the `losses` of control."""
+    track, seconds = analysis.track, analysis.track.row_seconds
     known = np.any(np.isfinite(airborne_use(analysis)), axis=1)
     airborne_s = float(seconds[track.flying].sum())
     known_s = float(seconds[known].sum())
@@ -133,7 +179,9 @@ def _verdict(
     reach = np.exp(INTERVAL * analysis.redundancy_error[track.flying])
     lost_s = float(seconds[track.flying][free < 1.0].sum())
     level: Level = "unknown"
-    if np.any(known):
+    if losses:
+        level = "lost"
+    elif np.any(known) and not _no_flight(track):
         level = "under"
         if np.any(analysis.maybe_above(limit)) or np.any(free / reach < 1.0):
             level = "near"
@@ -143,7 +191,9 @@ def _verdict(
             level = "critical"
     return MarginVerdict(
         level=level,
-        headline=headline(
+        headline=lost_headline(losses)
+        if losses
+        else headline(
             level, limit, lost_s, share(over_s, known_s), ends_in_flight=ends_in_flight(track)
         ),
         facts=(),
@@ -243,63 +293,6 @@ def _rotors(analysis: FlightAnalysis, seconds: Floats, limit: float) -> tuple[Js
         }
         for k, name in enumerate(analysis.model.airframe.rotor_names)
     )
-
-
-def _fills(
-    analysis: FlightAnalysis, as_flown: Airframe, rows: Mapping[str, Floats]
-) -> dict[str, float]:
-    """The largest fill that keeps both limits in hover, with its interval, and what was filled."""
-    track = analysis.track
-    most_kg = min(as_flown.tank_capacity_kg, as_flown.max_takeoff_mass - as_flown.empty_mass)
-    fill = np.minimum(rows["fill_limit_kg"], rows["fill_one_rotor_out_kg"])
-    flying, (first, _) = track.flying & np.isfinite(fill), end_rows(track)
-    if not np.any(flying):
-        return {}
-    row = int(np.argmin(np.where(flying, fill, np.inf)))
-    mass = as_flown.empty_mass + fill[row]
-    reach = np.nan_to_num(INTERVAL * analysis.redundancy_error[row])
-    ends = [min(float(mass * np.exp(k * reach)) - as_flown.empty_mass, most_kg) for k in (0, -1, 1)]
-    # What the gauge does not know of may be in the tank or not: a hidden mass, a weak rotor.
-    ends[1] -= analysis.beyond_gauge_kg
-    return {
-        **dict(zip(("fill_kg", "fill_low_kg", "fill_high_kg"), ends, strict=True)),
-        "fill_start_kg": min(median(fill[first]), most_kg),
-        "tank_start_kg": median(track.tank_kg[first]),
-        "beyond_gauge_kg": analysis.beyond_gauge_kg,
-    }
-
-
-def _redundancy(
-    analysis: FlightAnalysis, rows: Mapping[str, Floats], seconds: Floats
-) -> JsonObject:
-    """What one lost rotor would have meant along the flight, and how much may be filled.
-
-    The fills are those at which thrust in use in hover meets the limit, and at which redundancy
-    with yaw uncontrolled is 1: at the start of the flight, and the least over it.
-    """
-    track = analysis.track
-    flying, (first, _) = track.flying, end_rows(track)
-    free, kept = analysis.redundancy_yaw_uncontrolled[flying], analysis.redundancy_yaw_kept[flying]
-    known = np.isfinite(free)
-    air_s = seconds[flying]
-    fills = {name: rows[f"{name}_kg"] for name in ("fill_limit", "fill_one_rotor_out")}
-    return {
-        "yaw_free_min": least(free),
-        "yaw_free_min_time_s": float(track.time_s[flying][np.nanargmin(free)])
-        if known.any()
-        else np.nan,
-        "yaw_free_median": median(free),
-        "yaw_kept_min": least(kept),
-        "yaw_kept_median": median(kept),
-        "below_one_share": share(float(air_s[free < 1.0].sum()), float(air_s[known].sum())),
-        "trimmable_loss_min": least(analysis.trimmable_loss[flying]),
-        **{
-            f"{name}_{when}_kg": value
-            for name, fill in fills.items()
-            for when, value in (("start", median(fill[first])), ("min", least(fill[flying])))
-        },
-        "tank_capacity_kg": analysis.model.airframe.tank_capacity_kg,
-    }
 
 
 def _quality(log: FlightLog) -> JsonObject:

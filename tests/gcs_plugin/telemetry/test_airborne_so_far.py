@@ -26,6 +26,7 @@ def flying(
     *signals: Signal,
     speeds=None,
     height=None,
+    throttle=None,
     airframe: Airframe | None = OURS,
     contact=None,
 ):
@@ -33,6 +34,8 @@ def flying(
     channels = {"rotor_speed_rpm": np.full((rows, 2), NAN) if speeds is None else speeds}
     if height is not None:
         channels["height_agl"] = np.asarray(height, float)
+    if throttle is not None:
+        channels["throttle"] = throttle
     found, words, after = airborne_so_far(
         collected(signals),
         np.arange(float(rows)),
@@ -55,9 +58,20 @@ def test_rotors_that_carry_half_the_empty_weight_fly():
     armed = reports("armed", [1.0, 0.0], [1.0, 3.0])
     assert flying(5, armed, speeds=speeds, airframe=None)[0] == [1, 2]
     assert flying(5, speeds=speeds, airframe=None)[0] == []
-    assert flying(5, armed, speeds=speeds)[0] == [1, 3]  # row 2 has a rotor that carries too little
+    assert flying(5, armed, speeds=speeds)[0] == [1]  # row 2 carries too little, 3 is disarmed
     assert flying(4, height=[1.0, 1.1, NAN, 0.0])[0] == [1]
     assert flying(4, reports("armed", [0.0], [1.0]), height=[2.0, 2.0, 2.0, 2.0])[0] == [0]
+
+
+def test_disarmed_or_idle_it_never_flies():
+    fast = np.full((3, 2), 2000.0)
+    in_air = reports("landed", [2.0], [0.0])
+    armed = reports("armed", [1.0, 0.0], [0.0, 2.0])
+    assert flying(3, in_air, armed, speeds=fast)[0] == [0, 1]
+    # Armed and no rotor heard: watched as flying, unless every motor is known to idle.
+    assert flying(3, armed)[0] == [0, 1]
+    outputs = np.array([[0.1, 0.1], [0.11, 0.11], [0.5, 0.5]])
+    assert flying(3, armed, throttle=outputs)[0] == [1]
 
 
 def test_the_autopilots_word_goes_before_rotor_speeds():

@@ -18,7 +18,8 @@ from thrustmargin.gcs_plugin.telemetry.tank_source import (
     flight_battery,
     tank_level,
 )
-from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.flight import FlyingBy
+from thrustmargin.models.physics.airframe import Airframe, load_airframe
 
 NAN = float("nan")
 #: A tank of 10 L of a liquid of 1.2 kg/L, and a pump of at most 6 L/min: 0.12 kg/s.
@@ -186,10 +187,17 @@ CLOCK = np.arange(12.0)
 
 
 def flying(*signals: Signal, **channels) -> tuple[list[int], str]:
-    off, words = airborne(
+    found = airborne(
         collected(signals), CLOCK, {name: np.asarray(v, float) for name, v in channels.items()}
     )
-    return np.flatnonzero(off).tolist(), words
+    return np.flatnonzero(found.flying).tolist(), found.words
+
+
+def grounded_by(*signals: Signal, airframe: Airframe | None = None, clock=CLOCK, **channels):
+    made = {name: np.asarray(v, float) for name, v in channels.items()}
+    found = airborne(collected(signals), clock, made, airframe)
+    assert not found.flying.any()
+    return found.by
 
 
 def test_landed_states_by_hand():
@@ -238,6 +246,61 @@ def test_a_metre_above_home_or_nothing_at_all():
     assert rows == [2, 4]
     assert words.startswith("more than 1 m above home")
     assert flying(height_agl=[0.0, 1.0, 1.1] + [0.5] * 9)[0] == [2]
-    rows, words = flying()
-    assert rows == list(range(12))
-    assert words == "unknown: every row counts as flying"
+    assert grounded_by() is FlyingBy.NOT_KNOWN
+
+
+def test_a_disarmed_aircraft_never_flies_whatever_else_moves():
+    high, spinning = [9.0] * 12, [[2000.0, 2000.0]] * 12
+    never = reports("armed", [0.0], times=[5])  # and so before its first report
+    said = reports("landed", [2.0], times=[0])
+    given = {"height_agl": high, "rotor_speed_rpm": spinning}
+    assert grounded_by(never, said, **given) is FlyingBy.DISARMED
+    armed = reports("armed", [0.0, 1.0, 0.0], times=[0, 3, 8])
+    assert flying(armed, rotor_speed_rpm=spinning)[0] == [3, 4, 5, 6, 7]
+    assert flying(armed, said)[0] == [3, 4, 5, 6, 7]
+    assert flying(armed, height_agl=[0.0] * 4 + [9.0] * 8)[0] == [4, 5, 6, 7]
+
+
+def test_idle_and_constant_outputs_are_no_flight():
+    drifts = np.linspace(-6.0, 6.0, 12)
+    said = reports("landed", [2.0], times=[0])
+    idle = [[0.07, 0.1]] * 12
+    assert grounded_by(said, throttle=idle, height_agl=drifts) is FlyingBy.IDLE_OUTPUTS
+    assert grounded_by(throttle=idle, rotor_speed_rpm=[[300.0, 310.0]] * 12) is (
+        FlyingBy.IDLE_OUTPUTS
+    )
+    clock = np.arange(30.0)
+    held = grounded_by(throttle=[[0.4, 0.5]] * 30, clock=clock, height_agl=np.arange(30.0))
+    assert held is FlyingBy.CONSTANT_OUTPUTS
+    # A few rows that are alike show nothing.
+    assert flying(throttle=[[0.4, 0.5]] * 12)[0] == list(range(12))
+
+
+def test_idle_for_longer_than_a_fast_descent_is_on_the_ground():
+    output = np.full((12, 2), 0.5)
+    output[2] = 0.05
+    output[5:] = 0.05
+    said = reports("landed", [2.0], times=[0])
+    # More than 3 s from the last output above idle, at 4.
+    assert flying(said, throttle=output)[0] == [0, 1, 2, 3, 4, 5, 6, 7]
+
+
+def test_rotors_that_never_carry_half_of_the_empty_weight():
+    # Half of 10 kg is 49.03 N: two rotors of 2e-5 N² make it at 1107.2 rpm.
+    ours = replace(OURS, empty_mass=10.0, thrust_coefficient=2e-5)
+    slow = [[1107.0, 1107.0]] * 12
+    assert grounded_by(airframe=ours, rotor_speed_rpm=slow) is FlyingBy.SLOW_ROTORS
+    fast = np.full((12, 2), 1107.5)
+    assert airborne({}, CLOCK, {"rotor_speed_rpm": fast}, ours).flying.all()
+    # What rose flew, and its speeds are of another scale, which is not said here.
+    rose = {"rotor_speed_rpm": np.full((12, 2), 200.0), "height_agl": np.arange(12.0)}
+    assert airborne({}, CLOCK, rose, ours).flying.all()
+
+
+def test_armed_in_the_log_and_never_higher_than_it_stood():
+    armed = reports("armed", [0.0, 1.0], times=[0, 3])
+    driven = np.full((12, 2), 0.15) + np.linspace(0.0, 0.01, 12)[:, None]
+    low = np.array([0.0, 0.0, 5.0] + [5.2] * 9)
+    assert grounded_by(armed, throttle=driven, height_agl=low) is FlyingBy.NEVER_ROSE
+    low[7] = 5.21
+    assert flying(armed, throttle=driven, height_agl=low)[0] == list(range(3, 12))

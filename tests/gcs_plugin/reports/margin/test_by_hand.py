@@ -186,7 +186,7 @@ def test_known_numbers_leave_nan_out():
 
 def test_a_row_stands_for_its_step_and_a_pause_for_two_and_a_half():
     track = FlightTrack.of(name="x", time_s=np.array([0.0, 1.0, 2.0, 12.0, 13.0]), rotor_count=4)
-    assert track.row_seconds.tolist() == [1.0, 1.0, 2.5, 1.0, 1.0]
+    assert track.row_seconds.tolist() == [1.0, 1.0, 2.5, 1.0, 0.0]
     # One row in a quarter of an hour: 300 of them are no 75 hours above the limit.
     sparse = replace(track, time_s=1000.0 * np.arange(track.time_s.size))
     assert sparse.row_seconds.max() == 12.5

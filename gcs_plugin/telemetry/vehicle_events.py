@@ -1,0 +1,163 @@
+"""What the vehicle itself reported of faults, failsafes and arming, read once into a kind.
+
+Texts are matched by the fixed beginnings that ArduPilot and PX4 send; errors of DataFlash logs by
+ArduPilot's table of subsystems (libraries/AP_Logger/AP_Logger.h, LogErrorSubsystem).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from types import MappingProxyType
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.mavlink.rules import Signal
+from thrustmargin.gcs_plugin.telemetry.resample import known_rows
+from thrustmargin.models.flight import Floats
+
+
+class EventKind(StrEnum):
+    """What a report of the vehicle is about."""
+
+    CRASH = "crash"
+    LOST_CONTROL = "lost control"
+    TERMINATED = "flight terminated"
+    ATTITUDE_FAILURE = "attitude failure"
+    THRUST_LOSS = "thrust loss"
+    YAW_IMBALANCE = "yaw imbalance"
+    BATTERY = "battery failsafe"
+    RADIO = "radio failsafe"
+    GCS = "ground station failsafe"
+    EKF = "estimator"
+    GPS = "GPS"
+    COMPASS = "compass"
+    BAROMETER = "barometer"
+    SENSORS = "sensors failsafe"
+    VIBRATION = "vibration"
+    FENCE = "fence"
+    TERRAIN = "terrain"
+    FLIGHT_MODE = "flight mode"
+    INTERNAL = "internal error"
+    OTHER = "other"
+    RESOLVED = "resolved"  # what the subject is was over
+    ARMED = "armed"
+    DISARMED = "disarmed"
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleEvent:
+    """One report: `subject` is the motor number or the part that it is about, empty where none.
+
+    `text` is as the vehicle sent it, empty of what was no text.
+    """
+
+    kind: EventKind
+    time_s: float
+    subject: str = ""
+    text: str = ""
+
+
+#: Subsystem of an ERR message -> kind and the name of the part.
+_SUBSYSTEMS: Mapping[int, tuple[EventKind, str]] = MappingProxyType(
+    {
+        2: (EventKind.RADIO, "radio"),
+        3: (EventKind.COMPASS, "compass"),
+        5: (EventKind.RADIO, "radio failsafe"),
+        6: (EventKind.BATTERY, "battery failsafe"),
+        7: (EventKind.GPS, "GPS failsafe"),
+        8: (EventKind.GCS, "ground station failsafe"),
+        9: (EventKind.FENCE, "fence failsafe"),
+        10: (EventKind.FLIGHT_MODE, "flight mode"),
+        11: (EventKind.GPS, "GPS"),
+        12: (EventKind.CRASH, "crash check"),
+        15: (EventKind.OTHER, "parachute"),
+        16: (EventKind.EKF, "EKF check"),
+        17: (EventKind.EKF, "EKF failsafe"),
+        18: (EventKind.BAROMETER, "barometer"),
+        19: (EventKind.INTERNAL, "CPU"),
+        20: (EventKind.OTHER, "ADSB failsafe"),
+        21: (EventKind.TERRAIN, "terrain"),
+        22: (EventKind.FLIGHT_MODE, "navigation"),
+        23: (EventKind.TERRAIN, "terrain failsafe"),
+        24: (EventKind.EKF, "EKF primary core"),
+        25: (EventKind.THRUST_LOSS, "thrust loss check"),
+        26: (EventKind.SENSORS, "sensors failsafe"),
+        27: (EventKind.SENSORS, "leak failsafe"),
+        29: (EventKind.VIBRATION, "vibration failsafe"),
+        30: (EventKind.INTERNAL, "internal error"),
+        31: (EventKind.EKF, "dead reckoning failsafe"),
+    }
+)
+_CRASH_CHECK, _CONTROL_LOST, _EKF_PRIMARY = 12, 2, 24
+#: How a text begins, in small letters after any [module] of PX4 -> kind; the first group is the
+#: subject.
+_BEGINNINGS: tuple[tuple[re.Pattern[str], EventKind], ...] = tuple(
+    (re.compile(pattern), kind)
+    for pattern, kind in (
+        (r"potential thrust loss \((\d+)\)", EventKind.THRUST_LOSS),
+        (r"yaw imbalance", EventKind.YAW_IMBALANCE),
+        (r"crash: disarming", EventKind.CRASH),
+        (r"parachute: crash|crash:", EventKind.CRASH),
+        (r"battery (\d+)? ?(?:is )?(?:low|critical|failsafe)", EventKind.BATTERY),
+        (r"battery failsafe|low battery|critical battery|emergency battery", EventKind.BATTERY),
+        (r"critically low battery|dangerously low battery", EventKind.BATTERY),
+        (r"vibration compensation on", EventKind.VIBRATION),
+        (r"vibration compensation off", EventKind.RESOLVED),
+        (r"radio failsafe cleared|gcs failsafe cleared|ekf failsafe cleared", EventKind.RESOLVED),
+        (r"radio failsafe|manual control lost|rc lost|no manual control", EventKind.RADIO),
+        (
+            r"gcs failsafe|data link lost|connection to ground (?:station|control) lost",
+            EventKind.GCS,
+        ),
+        (r"ekf failsafe|ekf variance|emergency yaw reset", EventKind.EKF),
+        (r"ekf primary changed", EventKind.EKF),
+        (r"gps glitch cleared", EventKind.RESOLVED),
+        (r"gps glitch", EventKind.GPS),
+        (r"critical failure detected: terminate", EventKind.TERMINATED),
+        (r"flight termination|terminating", EventKind.TERMINATED),
+        (r"attitude failure|critical failure detected: (?:roll|pitch)", EventKind.ATTITUDE_FAILURE),
+        (r"motor failure detected|(?:esc|motor) (?:#?(\d+) )?failure", EventKind.THRUST_LOSS),
+        (r"internal errors?", EventKind.INTERNAL),
+        (r"fence breach", EventKind.FENCE),
+    )
+)
+_MODULE = re.compile(r"^\[[^\]]*\]\s*")
+
+
+def text_events(messages: Iterable[tuple[float, str]]) -> Iterator[VehicleEvent]:
+    """Events of texts with their time; a text that begins like none is left out."""
+    for time_s, text in messages:
+        said = _MODULE.sub("", text.lower()).strip()
+        for pattern, kind in _BEGINNINGS:
+            if found := pattern.match(said):
+                subject = found[1] if found.re.groups and found[1] else ""
+                yield VehicleEvent(kind, time_s, subject, text)
+                break
+
+
+def error_events(time_s: Floats, subsystem: Floats, code: Floats) -> Iterator[VehicleEvent]:
+    """Events of ArduPilot's ERR messages, (n,) each; code 0 is the end of an error."""
+    for when, part, number in zip(time_s.tolist(), subsystem.tolist(), code.tolist(), strict=True):
+        if not np.isfinite([when, part, number]).all():
+            continue
+        kind, subject = _SUBSYSTEMS.get(int(part), (EventKind.OTHER, f"subsystem {part:.0f}"))
+        if number == 0 and int(part) != _EKF_PRIMARY:
+            kind = EventKind.RESOLVED
+        elif (int(part), number) == (_CRASH_CHECK, _CONTROL_LOST):
+            kind = EventKind.LOST_CONTROL
+        yield VehicleEvent(kind, when, subject, f"ERR {part:.0f} {number:.0f}")
+
+
+def arming_events(armed: Signal | None) -> Iterator[VehicleEvent]:
+    """Each time that the vehicle says that it was armed or disarmed."""
+    if armed is None:
+        return
+    known = known_rows(armed.values)
+    state, time_s = armed.values[known] > 0, armed.time_s[known]
+    for row in (np.flatnonzero(state[1:] != state[:-1]) + 1).tolist():
+        yield VehicleEvent(
+            EventKind.ARMED if state[row] else EventKind.DISARMED, float(time_s[row])
+        )

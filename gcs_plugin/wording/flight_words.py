@@ -1,0 +1,82 @@
+"""Whether an aircraft flew at all, and by what that is known, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import degrees
+from types import MappingProxyType
+
+from thrustmargin.gcs_plugin.wording.numbers import clock, number, percent
+from thrustmargin.models.checks.loss_of_control import LossKind, LossOfControl
+from thrustmargin.models.flight import FlightTrack, FlyingBy
+
+#: Why no row of a log is in flight.
+GROUNDED_BY: Mapping[FlyingBy, str] = MappingProxyType(
+    {
+        FlyingBy.DISARMED: "the vehicle says that it was disarmed throughout",
+        FlyingBy.IDLE_OUTPUTS: "its motor outputs never rose above idle",
+        FlyingBy.CONSTANT_OUTPUTS: "its motor outputs never changed",
+        FlyingBy.SLOW_ROTORS: "its rotors never carried half of the empty weight",
+        FlyingBy.NEVER_ROSE: "it was armed and never rose from where it stood",
+        FlyingBy.NOT_KNOWN: "neither landed state, rotor speeds, motor outputs nor height is in it",
+        FlyingBy.LANDED_STATE: "by its own landed state",
+        FlyingBy.HEIGHT: "it was never more than 1 m above home",
+        FlyingBy.ROTOR_SPEEDS: "by its rotor speeds",
+        FlyingBy.MOTOR_OUTPUTS: "by its motor outputs",
+        FlyingBy.GIVEN: "as the table says",
+    }
+)
+
+
+def not_flown(track: FlightTrack) -> str:
+    """Why a log without a row in flight has none; empty where one flies."""
+    if track.flying.any():
+        return ""
+    why = GROUNDED_BY[track.flying_by]
+    if track.flying_by is FlyingBy.NOT_KNOWN:
+        return f"whether it flew is not known: {why}"
+    return f"by this log it never left the ground: {why}"
+
+
+#: A flight with less in it has no verdict, s.
+LEAST_FLIGHT_S = 3.0
+
+
+def too_short(seconds: float) -> str:
+    """Why so little flight has no verdict."""
+    return f"only {number(seconds, 's')} of it in flight: too little for a verdict"
+
+
+def lost_headline(losses: Sequence[LossOfControl]) -> str:
+    """That control was lost, and when, in capitals."""
+    return f"LOST CONTROL AT {clock(losses[0].time_s)}"
+
+
+def loss_words(losses: Sequence[LossOfControl]) -> str:
+    """What showed that control was lost, in order of time."""
+    return ", ".join(f"{_sign(one)} at {clock(one.time_s)}" for one in losses)
+
+
+def _sign(one: LossOfControl) -> str:
+    value = one.value
+    return {
+        LossKind.SATURATED: f"a motor at {percent(value)} output",
+        LossKind.TURNED_OVER: f"tilted up to {number(degrees(value), '°', 0)}",
+        LossKind.SPUN: f"turning at up to {number(degrees(value), '°/s', 0)}",
+        LossKind.FELL: f"falling at up to {number(value, 'm/s', 0)}",
+        LossKind.HIT: f"hit something, {number(value, 'm/s²', 0)} felt",
+    }[one.kind]
+
+
+def event_words(kind: str, subject: str, text: str, time_s: float, count: int) -> str:
+    """What the vehicle reported, when first and how often: `crash (crash check: ERR 12 1) at
+    1:23`."""
+    about = subject if not subject.isdigit() else f"motor or part {subject}"
+    said = ": ".join(filter(None, (about if about != kind else "", text)))
+    often = f", {count} times" if count > 1 else ""
+    when = clock(time_s) if time_s >= 0.0 else "the start"
+    return f"{kind}{f' ({said})' if said else ''} at {when}{often}"
+
+
+#: The report's fact where the rotors may be others than they are called.
+NAMES_WRONG = "cannot be trusted: "

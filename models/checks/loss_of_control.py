@@ -1,0 +1,138 @@
+"""Whether and when an aircraft lost control: turned over, spun, fell or hit, and did not recover.
+
+A flip or a dive that ends in calm flight was flown on purpose. What no calm flight follows was not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from itertools import pairwise
+
+import numpy as np
+
+from thrustmargin.models.flight import Bools, FlightTrack, Floats, down_axis
+from thrustmargin.models.physics.atmosphere import G0
+
+#: rad: no autopilot lets anybody ask for more in the modes that spraying is flown in.
+TURNED_TILT = np.radians(70.0)
+SPIN_RATE = 6.0  # rad/s, about one turn a second
+FALL_FORCE = 0.3 * G0  # m/s²: hardly held by anything
+FALL_SPEED = 3.0  # m/s downwards: less is a gust, or a landing
+HIT_FORCE = 3.0 * G0  # m/s², mean of a row
+#: s that a movement must last: a row or two may be damaged
+LASTS_S = 0.3
+#: Calm flight: tilt in rad and rate in rad/s below which, and s for which it must be.
+CALM_TILT, CALM_RATE, CALM_S = np.radians(40.0), 2.5, 3.0
+#: s after the last row in flight that still belong to it: motors stop before it hits.
+AFTER_S = 2.0
+#: s before the loss in which an output at its end led to it, and the share that is the end
+LED_S, FULL_OUTPUT = 5.0, 0.98
+
+
+class LossKind(StrEnum):
+    """How a loss of control showed."""
+
+    SATURATED = "saturated"  # value: largest share of a motor's output
+    TURNED_OVER = "turned over"  # value: largest tilt, rad
+    SPUN = "spun"  # value: largest rate, rad/s
+    FELL = "fell"  # value: largest sink rate, m/s
+    HIT = "hit"  # value: largest specific force, m/s²
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LossOfControl:
+    """One sign of a loss of control, when it began, and its size in the unit of its kind."""
+
+    kind: LossKind
+    time_s: float
+    value: float
+
+
+def loss_of_control(track: FlightTrack) -> tuple[LossOfControl, ...]:
+    """The signs of a loss from which the flight did not come back, in order of time.
+
+    Empty where it did, or where neither attitude, rates nor specific force tell.
+    """
+    watched = _watched(track)
+    if not watched.any():
+        return ()
+    tilt = np.arccos(np.clip(down_axis(track.attitude)[:, 2], -1.0, 1.0))
+    rate = np.linalg.norm(track.angular_rate_frd, axis=1)
+    force = np.linalg.norm(track.specific_force_frd, axis=1)
+    sink = track.velocity_ned[:, 2]
+    with np.errstate(invalid="ignore"):
+        calm = track.flying & ~(tilt > CALM_TILT) & ~(rate > CALM_RATE) & ~(sink > 2 * FALL_SPEED)
+        signs = {
+            LossKind.TURNED_OVER: (watched & (tilt > TURNED_TILT), tilt, LASTS_S),
+            LossKind.SPUN: (watched & (rate > SPIN_RATE), rate, LASTS_S),
+            LossKind.FELL: (watched & (force < FALL_FORCE) & (sink > FALL_SPEED), sink, LASTS_S),
+            LossKind.HIT: (watched & (force > HIT_FORCE) & _after_fall(track, sink), force, 0.0),
+        }
+    last_calm = _last_of_calm(track.time_s, calm)
+    found = [
+        LossOfControl(kind=kind, time_s=begin, value=float(np.nanmax(size[first:end])))
+        for kind, (rows, size, lasts) in signs.items()
+        for first, end in _runs(rows)
+        if (begin := float(track.time_s[first])) >= last_calm
+        and float(track.time_s[end - 1]) - begin >= lasts - 1e-9
+    ]
+    # A jolt alone is a hard landing.
+    if not any(sign.kind is not LossKind.HIT for sign in found):
+        return ()
+    firsts = [min((f for f in found if f.kind is k), key=_when, default=None) for k in LossKind]
+    signs_found = [sign for sign in firsts if sign is not None]
+    return tuple(sorted([*_led(track, min(map(_when, signs_found))), *signs_found], key=_when))
+
+
+def before_loss(track: FlightTrack, losses: tuple[LossOfControl, ...]) -> FlightTrack:
+    """The track in whose flight only the rows before the first sign of a loss count."""
+    if not losses:
+        return track
+    return replace(track, flying=track.flying & (track.time_s < losses[0].time_s))
+
+
+def _when(sign: LossOfControl) -> float:
+    return sign.time_s
+
+
+def _watched(track: FlightTrack) -> Bools:
+    """(T,) rows in flight and those of AFTER_S after it."""
+    flown = track.time_s[track.flying]
+    if not flown.size:
+        return track.flying
+    last = np.searchsorted(flown, track.time_s, side="right") - 1
+    return (last >= 0) & (track.time_s - flown[np.maximum(last, 0)] <= AFTER_S)
+
+
+def _after_fall(track: FlightTrack, sink: Floats) -> Bools:
+    """(T,) True within a second after a fast sink."""
+    fast = track.time_s[np.nan_to_num(sink) > FALL_SPEED]
+    last = np.searchsorted(fast, track.time_s, side="right") - 1
+    return (last >= 0) & (track.time_s - np.append(fast, np.inf)[last] <= 1.0)
+
+
+def _last_of_calm(time_s: Floats, calm: Bools) -> float:
+    """When the last calm flight of CALM_S or more began; -inf without one.
+
+    What came before it was recovered from.
+    """
+    lasting = [a for a, end in _runs(calm) if time_s[end - 1] - time_s[a] >= CALM_S]
+    return float(time_s[lasting[-1]]) if lasting else -np.inf
+
+
+def _led(track: FlightTrack, when: float) -> list[LossOfControl]:
+    """A motor at full output in the seconds before the loss, from its first row on."""
+    near = (track.time_s >= when - LED_S) & (track.time_s <= when) & track.flying
+    output = np.where(near[:, None], np.nan_to_num(track.throttle), 0.0).max(axis=1, initial=0.0)
+    full = np.flatnonzero(output >= FULL_OUTPUT)
+    if not full.size:
+        return []
+    begin = float(track.time_s[full[0]])
+    return [LossOfControl(kind=LossKind.SATURATED, time_s=begin, value=float(output.max()))]
+
+
+def _runs(rows: Bools) -> list[tuple[int, int]]:
+    """(first, end) of each stretch of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], rows.astype(np.int8), [0]])))
+    return [(int(a), int(b)) for a, b in list(pairwise(edges))[::2]]

@@ -1,0 +1,125 @@
+"""Loss of control on flights of a few movements, each made by hand at ten rows a second."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from thrustmargin.models.checks.loss_of_control import LossKind, before_loss, loss_of_control
+from thrustmargin.models.flight import FlightTrack
+
+G = 9.81
+TIME = np.arange(0.0, 30.0, 0.1)
+
+
+def between(first: float, end: float) -> np.ndarray:
+    return (first - 1e-6 <= TIME) & (end - 1e-6 > TIME)
+
+
+def flight(**changed: Any) -> FlightTrack:
+    """30 s of level hover in flight from 2 s to 28 s; `roll_deg`, `spin`, `force`, `sink` and
+    `output` are lists of (first s, end s, value)."""
+    zeros = np.zeros((TIME.size, 3))
+    attitude, rates, velocity, force = zeros.copy(), zeros.copy(), zeros.copy(), zeros.copy()
+    force[:, 2] = -G
+    output = np.full((TIME.size, 4), 0.5)
+    put = {
+        "roll_deg": (attitude[:, 0], np.radians),
+        "spin": (rates[:, 2], float),
+        "sink": (velocity[:, 2], float),
+        "force": (force[:, 2], lambda felt: -felt),
+        "output": (output[:, 1], float),
+    }
+    flying = between(*changed.pop("flying", (2.0, 28.0)))
+    for name, stretches in changed.items():
+        column, scaled = put[name]
+        for first, end, value in stretches:
+            column[between(first, end)] = scaled(value)
+    return FlightTrack.of(
+        name="made",
+        time_s=TIME,
+        rotor_count=4,
+        attitude=attitude,
+        angular_rate_frd=rates,
+        velocity_ned=velocity,
+        specific_force_frd=force,
+        throttle=output,
+        flying=flying,
+    )
+
+
+def signs(**changed: Any) -> list[tuple[str, float, float]]:
+    found = loss_of_control(flight(**changed))
+    return [(str(one.kind), round(one.time_s, 1), round(one.value, 2)) for one in found]
+
+
+CRASH = {
+    "output": [(18.0, 20.0, 1.0)],
+    "roll_deg": [(20.0, 30.0, 150.0)],
+    "force": [(20.0, 21.5, 1.0), (21.5, 21.7, 60.0)],
+    "sink": [(20.5, 21.6, 10.0)],
+    "flying": (2.0, 22.0),
+}
+
+
+def test_a_fall_that_ends_in_the_ground_is_dated_from_its_first_sign():
+    assert signs(**CRASH) == [
+        ("saturated", 18.0, 1.0),
+        ("turned over", 20.0, 2.62),
+        ("fell", 20.5, 10.0),
+        ("hit", 21.5, 60.0),
+    ]
+    track = flight(**CRASH)
+    left = before_loss(track, loss_of_control(track))
+    assert TIME[left.flying].max() == pytest.approx(17.9)
+    assert track.flying.sum() > left.flying.sum()
+    calm = flight()
+    assert before_loss(calm, loss_of_control(calm)) is calm
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {},
+        # A flip, a spin and a dive that calm flight follows were flown on purpose.
+        {"roll_deg": [(10.0, 11.0, 170.0)]},
+        {"spin": [(10.0, 12.0, 9.0)]},
+        {"force": [(10.0, 11.0, 1.0)], "sink": [(10.2, 12.0, 9.0)]},
+        # A landing with a bump, even a hard one.
+        {"sink": [(26.0, 28.0, 2.5)], "force": [(28.0, 28.1, 45.0)]},
+        {"sink": [(26.0, 28.0, 4.0)], "force": [(28.0, 28.1, 45.0)]},
+        # Steep turns, and full output that ends well.
+        {"roll_deg": [(10.0, 25.0, 55.0)], "output": [(10.0, 25.0, 1.0)]},
+        # Carried by hand after the landing, and before the take-off.
+        {"roll_deg": [(0.0, 1.5, 120.0), (30.0, 31.0, 120.0)]},
+        {"roll_deg": [(20.0, 30.0, 120.0)], "flying": (2.0, 17.0)},
+        # One row is damage.
+        {"roll_deg": [(27.0, 27.2, 120.0)]},
+        {"flying": (0.0, 0.0), "roll_deg": [(5.0, 25.0, 170.0)]},
+    ],
+)
+def test_what_is_no_loss_of_control(changed: dict[str, Any]):
+    assert signs(**changed) == []
+
+
+def test_turning_over_at_the_end_of_the_flight_and_spinning_until_it():
+    assert signs(roll_deg=[(26.0, 30.0, 80.0)]) == [("turned over", 26.0, 1.4)]
+    assert signs(spin=[(24.0, 28.0, 7.0)]) == [("spun", 24.0, 7.0)]
+    # In the two seconds after it: the motors stop before it lies there.
+    assert signs(roll_deg=[(28.5, 30.0, 80.0)]) == [("turned over", 28.5, 1.4)]
+
+
+def test_without_attitude_the_fall_alone_tells():
+    track = flight(force=[(26.0, 28.0, 0.5)], sink=[(26.5, 28.0, 12.0)])
+    unknown = np.full((TIME.size, 3), np.nan)
+    blind = FlightTrack.of(
+        name="blind",
+        time_s=TIME,
+        rotor_count=4,
+        attitude=unknown,
+        velocity_ned=track.velocity_ned,
+        specific_force_frd=track.specific_force_frd,
+        flying=track.flying,
+    )
+    assert [one.kind for one in loss_of_control(blind)] == [LossKind.FELL]
+    assert loss_of_control(FlightTrack.of(name="nothing", time_s=TIME, rotor_count=4)) == ()
