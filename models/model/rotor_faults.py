@@ -96,6 +96,11 @@ class FaultTest:
         self._from_now()
         self.restart()
 
+    @property
+    def standing(self) -> tuple[RotorFault, ...]:
+        """Faults by rotor."""
+        return tuple(self.faults[rotor] for rotor in sorted(self.faults))
+
     def restart(self) -> None:
         """A new flight."""
         self._test, self._sound = SuddenChange(self._prior, BLOCK), 1.0
@@ -177,11 +182,13 @@ class RotorFaults:
         self._tests = [_propeller_test(model, self._modes), _motor_test(model)] if enough else []
         self._rows: list[Floats] = []
         self._begun_s = self._landed_s = math.nan
+        #: What stood after the last block, by kind; a kind that could not be tested is left out.
+        self.tested: dict[Kind, tuple[RotorFault, ...]] = {}
 
     @property
     def standing(self) -> tuple[RotorFault, ...]:
         """Faults by kind and rotor."""
-        return tuple(test.faults[r] for test in self._tests for r in sorted(test.faults))
+        return tuple(fault for test in self._tests for fault in test.standing)
 
     def landed(self, time_s: float) -> None:
         """On the ground: the next row is of a new flight, long after it perhaps with new parts."""
@@ -207,7 +214,7 @@ class RotorFaults:
 
     def _end(self, rows: Floats) -> None:
         """A block of rows is whole."""
-        rotors = len(self._modes)
+        rotors, self.tested = len(self._modes), {}
         if len(rows) < 3 or not self._tests:
             return
         mean = np.add.reduce(rows[:, 1:], axis=0) / len(rows)
@@ -216,9 +223,11 @@ class RotorFaults:
         if np.isfinite(excess).all() and excess.mean() > UNLOADED:
             turns = np.concatenate([mean[3 * rotors :], slope[3 * rotors + 1 :]])
             self._tests[0].add(self._begun_s, excess @ self._modes, turns[None])
+            self.tested["propeller"] = self._tests[0].standing
         if np.isfinite(motors).all():
             moves = np.stack([mean, slope], axis=1)[2 * rotors : 3 * rotors]
             self._tests[1].add(self._begun_s, motors - _median(motors), moves - _median(moves))
+            self.tested["motor"] = self._tests[1].standing
 
 
 @lru_cache(maxsize=1)  # a replay asks twice, for its verdict and its alarms: seconds for an hour

@@ -191,6 +191,8 @@ def test_which_blocks_a_test_reads(rows, excess, propeller, motor):
 class Heard:
     """What a test is given."""
 
+    standing = ()
+
     def add(self, time_s, values, inputs) -> None:
         self.time_s, self.values, self.inputs = time_s, values, inputs
 
