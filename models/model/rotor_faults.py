@@ -50,6 +50,8 @@ UNLOADED = -0.2  # mean of y over the rotors below which the legs are on the gro
 CHANGED = 30.0  # s on the ground in which a part can have been changed
 
 FEWEST_ROTORS = 4
+LEARN = 12  # blocks of a flight that tell its scatter
+NORMAL_MEDIAN = 0.6745  # median size of a normal error, in standard deviations
 
 Kind = Literal["propeller", "motor"]
 THRESHOLD = float(np.log(3600.0 / BLOCK / SETTLE / FALSE_ALARMS))
@@ -105,6 +107,8 @@ class FaultTest:
         """A new flight."""
         self._test, self._sound = SuddenChange(self._prior, BLOCK), 1.0
         self._held_s, self._before = math.nan, self.faults
+        self._first: list[tuple[float, Floats, Floats]] | None = []
+        self._passed = -1
 
     def forget(self) -> None:
         """All parts may be new."""
@@ -118,7 +122,23 @@ class FaultTest:
         self._left_widths = np.hypot(self._widths, self._error[:, None])
 
     def add(self, time_s: float, values: Floats, inputs: Floats) -> None:
-        """A block: its values (M,) and inputs (M, P)."""
+        """A block: its values (M,) and inputs (M, P).
+
+        The first ones of a flight wait until they tell its scatter: nothing is named before.
+        """
+        if self._first is None:
+            self._weigh(time_s, values, inputs)
+            return
+        self._first.append((time_s, values, inputs))
+        if len(self._first) == LEARN:
+            scatter = block_scatter(np.array([values for _, values, _ in self._first]))
+            noise = np.maximum(scatter, self._prior.noise)
+            self._test = SuddenChange(replace(self._prior, noise=noise), BLOCK)
+            waiting, self._first = self._first, None
+            for block in waiting:
+                self._weigh(*block)
+
+    def _weigh(self, time_s: float, values: Floats, inputs: Floats) -> None:
         self._test.add(values - self._now.sum(axis=0), inputs, self._sound)
         steps = self._left
         change = self._test.change(
@@ -134,7 +154,10 @@ class FaultTest:
         posterior = share[rotor] / share[rotor].sum()
         self._sound = 1.0 / (1.0 + math.exp(min(change.log_ratio - LIKE_A_TURN, 50.0)))
         if math.isnan(self._held_s):
-            if change.log_ratio > THRESHOLD and share[rotor].sum() > SURE:
+            passes = change.log_ratio > THRESHOLD and share[rotor].sum() > SURE
+            # One block may be an outlier: the next one must say the same.
+            before, self._passed = self._passed, rotor if passes else -1
+            if passes and before == rotor:
                 self._held_s, self._before = time_s, self.faults
                 self._test.hold()
                 self._name(rotor, posterior, begins=True)
@@ -244,6 +267,14 @@ def fault_history(analysis: FlightAnalysis) -> list[tuple[float, tuple[RotorFaul
         elif found.add(time_s, signals) and found.standing != (history[-1][1] if history else ()):
             history.append((time_s, found.standing))
     return history
+
+
+def block_scatter(values: Floats) -> Floats:
+    """(M,) standard deviation of a block's noise from blocks (N, M), by their differences.
+
+    Their median size, which neither a turn nor an outlier moves; of noise that keeps half.
+    """
+    return np.median(np.abs(np.diff(values, axis=0)), axis=0) / NORMAL_MEDIAN * math.sqrt(0.75)
 
 
 def _median(values: Floats) -> Floats:
