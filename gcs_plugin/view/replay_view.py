@@ -221,7 +221,15 @@ class ReplayView(ViewPage):
             problem="; ".join(self._analysis.claim.withheld),
             pending=self._alarms_pending,
             alarms=tuple(
-                Alarm(names[f.kind], f.rotor + 1, CRITICAL, fault_words(f), time_s) for f in faults
+                Alarm(
+                    names[f.kind],
+                    None if f.rotors else f.rotor + 1,
+                    CRITICAL,
+                    fault_words(f),
+                    time_s,
+                    rotors=tuple(rotor + 1 for rotor in f.rotors),
+                )
+                for f in faults
             ),
         )
 

@@ -16,6 +16,11 @@ _SENTENCES: Mapping[Kind, str] = {
     "propeller": "Rotor {rotor} makes {size} less thrust: propeller?",
     "motor": "Motor {rotor} or ESC {size} slow for output: land",
 }
+#: While it is not yet known which one it is.
+_ONE_OF: Mapping[Kind, str] = {
+    "propeller": "A rotor loses thrust: {rotors}",
+    "motor": "A motor or ESC is slow for output: {rotors}",
+}
 
 
 def fault_words(fault: RotorFault) -> str:
@@ -24,6 +29,9 @@ def fault_words(fault: RotorFault) -> str:
         size = f">{100 * fault.lower:.0f}%"
     else:
         size = f"{100 * fault.size:.0f}% ({100 * fault.lower:.0f}-{100 * fault.upper:.0f})"
+    if fault.rotors:
+        numbers = " or ".join(str(rotor + 1) for rotor in fault.rotors)
+        return _ONE_OF[fault.kind].format(rotors=numbers)
     return _SENTENCES[fault.kind].format(rotor=fault.rotor + 1, size=size)
 
 

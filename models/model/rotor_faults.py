@@ -38,6 +38,7 @@ from thrustmargin.models.physics.motor_output import output_curve
 BLOCK = 0.7  # s: rotors answer within it, and noise forgets most of itself
 FALSE_ALARMS = 0.1  # an hour of flight, of each test, at most
 SURE = 0.95  # of the posterior on one rotor
+EXCLUDED = 0.01  # of the posterior up to which a rotor is excluded
 LEAST, MOST, RATIO = 0.03, 0.6, 1.06  # sizes of a fault, and from one to the next
 #: Share by which a step is known at best: half of RATIO
 STEP_ERROR = 0.03
@@ -69,6 +70,8 @@ class RotorFault:
     size: float
     lower: float  # 95 % interval
     upper: float  # MOST while it is still growing
+    #: From 0, while others than `rotor` are not excluded: it is of one of these.
+    rotors: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,6 +92,7 @@ class FaultTest:
     def __init__(self, kind: Kind, steps: Floats, widths: Floats, prior: Prior) -> None:
         self.kind: Kind = kind
         self.faults: dict[int, RotorFault] = {}
+        self._suspect: RotorFault | None = None  # of one of several rotors
         # Size 0 first: sound, or sound again.
         self._steps, self._widths = (np.pad(a, ((0, 0), (1, 0), (0, 0))) for a in (steps, widths))
         self._prior = prior
@@ -100,15 +104,16 @@ class FaultTest:
 
     @property
     def standing(self) -> tuple[RotorFault, ...]:
-        """Faults by rotor."""
-        return tuple(self.faults[rotor] for rotor in sorted(self.faults))
+        """Faults by rotor, then one whose rotor is not yet known."""
+        suspect = () if self._suspect is None else (self._suspect,)
+        return (*(self.faults[rotor] for rotor in sorted(self.faults)), *suspect)
 
     def restart(self) -> None:
         """A new flight."""
         self._test, self._sound = SuddenChange(self._prior, BLOCK), 1.0
         self._held_s, self._before = math.nan, self.faults
         self._first: list[tuple[float, Floats, Floats]] | None = []
-        self._passed = -1
+        self._passed, self._suspect = -1, None
 
     def forget(self) -> None:
         """All parts may be new."""
@@ -146,18 +151,21 @@ class FaultTest:
             self._left_widths.reshape(-1, values.size),
             LIKE_A_TURN,
         )
+        suspected, self._suspect = self._suspect, None
         if change is None:
-            self._sound = 1.0
+            self._sound, self._passed = 1.0, -1
             return
         share = change.share.reshape(steps.shape[:2])
         rotor = int(np.argmax(share.sum(axis=1)))
         posterior = share[rotor] / share[rotor].sum()
         self._sound = 1.0 / (1.0 + math.exp(min(change.log_ratio - LIKE_A_TURN, 50.0)))
         if math.isnan(self._held_s):
-            passes = change.log_ratio > THRESHOLD and share[rotor].sum() > SURE
-            # One block may be an outlier: the next one must say the same.
-            before, self._passed = self._passed, rotor if passes else -1
-            if passes and before == rotor:
+            likely = change.log_ratio > LIKE_A_TURN and share[rotor].sum() > SURE
+            # One block may be an outlier: two on end must say the same.
+            before, self._passed = self._passed, rotor if likely else -1
+            if change.log_ratio > THRESHOLD and not (likely and before == rotor):
+                self._suspect = self._one_of(share, rotor, before, suspected)
+            elif likely and change.log_ratio > THRESHOLD:
                 self._held_s, self._before = time_s, self.faults
                 self._test.hold()
                 self._name(rotor, posterior, begins=True)
@@ -175,6 +183,26 @@ class FaultTest:
                 self._from_now()
                 self._test.settle(change.filter, step)
                 self._held_s = math.nan
+
+    def _one_of(
+        self, share: Floats, rotor: int, before: int, suspected: RotorFault | None
+    ) -> RotorFault | None:
+        """A fault of one of the rotors that neither this block nor the last one excludes."""
+        rotors = set(np.flatnonzero(share.sum(axis=1) > EXCLUDED).tolist())
+        rotors |= set(suspected.rotors if suspected else ()) | ({before} - {-1})
+        sizes = share[:, 1:].sum(axis=0)
+        if len(rotors) < 2 or not sizes.sum() > share[:, 0].sum():
+            return None
+        lower = float(np.interp(0.025, np.cumsum(sizes / sizes.sum()), FAULT_SIZES))
+        size = float(sizes @ FAULT_SIZES / sizes.sum())
+        return RotorFault(
+            kind=self.kind,
+            rotor=rotor,
+            size=size,
+            lower=lower,
+            upper=MOST,
+            rotors=tuple(sorted(rotors)),
+        )
 
     def _name(self, rotor: int, posterior: Floats, *, begins: bool) -> None:
         """Put down what the posterior (J,) of a rotor's sizes says.
@@ -287,12 +315,16 @@ def fault_episodes(
     history: Sequence[tuple[float, tuple[RotorFault, ...]]],
 ) -> tuple[FaultEpisode, ...]:
     """The faults of a flight, in the order in which they were found."""
-    open_now: dict[tuple[str, int], FaultEpisode] = {}
+    open_now: dict[tuple[str, tuple[int, ...]], FaultEpisode] = {}
     over: list[FaultEpisode] = []
     for time_s, faults in history:
-        standing = {(fault.kind, fault.rotor): fault for fault in faults}
+        standing = {(fault.kind, fault.rotors or (fault.rotor,)): fault for fault in faults}
         for key in open_now.keys() - standing.keys():
-            over.append(replace(open_now.pop(key), end_s=time_s))
+            ended = replace(open_now.pop(key), end_s=time_s)
+            found = {(f.kind, r) for f in faults for r in (f.rotor, *f.rotors)}
+            # One whose rotor has become known is not listed twice.
+            if not any((key[0], rotor) in found for rotor in ended.fault.rotors):
+                over.append(ended)
         for key, fault in standing.items():
             begin_s = open_now[key].begin_s if key in open_now else time_s
             open_now[key] = FaultEpisode(begin_s=begin_s, end_s=None, fault=fault)

@@ -29,7 +29,7 @@ class AlarmChecks:
     known: Bools  # (N, K)
     severity: Callable[[int, int], int]  # MAV_SEVERITY, by row and alarm
     text: Callable[[int, int], str]
-    rotor: bool = False  # they are of rotors
+    rotor: int = 0  # the first so many are of rotors, from 1 on
     past: Callable[[int], str] | None = None  # text while no number of it is known or low
     over: Bools | None = None  # (N,) there is nothing of which it could be: no lull is waited for
     rotors: Callable[[int, int], tuple[int, ...]] | None = None  # from 1: those it may be of

@@ -133,7 +133,7 @@ def saturation(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
         np.isfinite(share),
         severity=lambda *_: CRITICAL,
         text=lambda _, k: words.at_limit(k + 1),
-        rotor=True,
+        rotor=share.shape[1],
         past=lambda k: words.was_at_limit(k + 1),
     )
 
@@ -169,7 +169,7 @@ def esc(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
         np.isfinite(flags),
         severity=lambda *_: CRITICAL,
         text=lambda row, k: words.esc_words(k + 1, int(flags[row, k])),
-        rotor=True,
+        rotor=flags.shape[1],
     )
 
 
@@ -200,15 +200,15 @@ def motor_speed(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
 
 
 def _faulty(now: RowsNow, kind: Kind) -> AlarmChecks:
-    """The faults of one kind, and that all other rotors are sound."""
+    """The faults of one kind, one by one, then one of several rotors: all else is sound."""
     rotors = now.analysis.track.rotor_count
-    on = np.zeros((len(now.faults), rotors), dtype=np.bool_)
+    on = np.zeros((len(now.faults), rotors + 1), dtype=np.bool_)
     known = on.copy()
     found: dict[tuple[int, int], RotorFault] = {}
     for row, tested in enumerate(now.faults):
         for fault in tested.get(kind, ()):
-            found[row, fault.rotor] = fault
-            on[row, fault.rotor] = True
+            at = row, rotors if fault.rotors else fault.rotor
+            found[at], on[at] = fault, True
         known[row] = kind in tested
     return AlarmChecks(
         on,
@@ -216,7 +216,8 @@ def _faulty(now: RowsNow, kind: Kind) -> AlarmChecks:
         known,
         severity=lambda *_: CRITICAL,
         text=lambda row, k: fault_words(found[row, k]),
-        rotor=True,
+        rotor=rotors,
+        rotors=lambda row, k: tuple(rotor + 1 for rotor in found[row, k].rotors),
     )
 
 

@@ -195,7 +195,7 @@ class Alarms:
     ) -> None:
         """Take one rule's checks of N rows, `times` (N,) and whether `flying` (N,)."""
         keys: list[Key] = [
-            (rule.name, k + 1 if found.rotor else None) for k in range(found.on.shape[1])
+            (rule.name, k + 1 if k < found.rotor else None) for k in range(found.on.shape[1])
         ]
         asked = flying | (rule.on_ground == "checked")
         for k, key in enumerate(keys):

@@ -145,7 +145,8 @@ def alarm_row(episode: FaultEpisode) -> JsonObject:
     fault = episode.fault
     return {
         "kind": fault.kind,
-        "rotor": fault.rotor + 1,
+        "rotor": None if fault.rotors else fault.rotor + 1,
+        "rotors": [rotor + 1 for rotor in fault.rotors or (fault.rotor,)],
         "from_s": episode.begin_s,
         "until_s": episode.end_s,
         "size": fault.size,

@@ -81,7 +81,7 @@ def said(rule: Any, analysis: FlightAnalysis, settings=USUAL, **now: Any):
             bool(found.on[0, k]),
             bool(found.off[0, k]),
             found.severity(0, k),
-            k + 1 if found.rotor else None,
+            k + 1 if k < found.rotor else None,
         )
         for k in range(found.on.shape[1])
     ]
