@@ -37,7 +37,8 @@ from thrustmargin.mission.field import sprayed_field
 from thrustmargin.mission.route import Trail
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.analysis import FlightAnalysis
-from thrustmargin.models.model.rotor_faults import RotorFault, fault_history
+from thrustmargin.models.model.fault_test import RotorFault
+from thrustmargin.models.model.rotor_faults import fault_history
 
 if TYPE_CHECKING:
     import viser

@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from thrustmargin.gcs_plugin.wording.numbers import duration
-from thrustmargin.models.model.rotor_faults import MOST, FaultEpisode, Kind, RotorFault
+from thrustmargin.models.model.fault_test import MOST, Kind, RotorFault
+from thrustmargin.models.model.rotor_faults import FaultEpisode
 
 _SENTENCES: Mapping[Kind, str] = {
     "propeller": "Rotor {rotor} makes {size} less thrust: propeller?",

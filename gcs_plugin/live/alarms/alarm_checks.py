@@ -14,7 +14,7 @@ from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmSettings, Missing
 from thrustmargin.gcs_plugin.live.rows.tank_balance import TankBalance
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
-from thrustmargin.models.model.rotor_faults import Kind, RotorFault
+from thrustmargin.models.model.fault_test import Kind, RotorFault
 
 
 @dataclass(frozen=True, slots=True, eq=False)

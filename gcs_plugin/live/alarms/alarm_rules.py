@@ -52,8 +52,8 @@ from thrustmargin.gcs_plugin.wording import alarm_words as words
 from thrustmargin.gcs_plugin.wording.fault_words import fault_words
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import Basis
+from thrustmargin.models.model.fault_test import Kind, RotorFault
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
-from thrustmargin.models.model.rotor_faults import Kind, RotorFault
 from thrustmargin.models.physics.margin import ceiling
 
 ROTORS_HOLD = 1.0  # s of the time after which missing rotor speeds are reported

@@ -33,7 +33,8 @@ from thrustmargin.gcs_plugin.live.alarms.alarm_rules import (
 from thrustmargin.gcs_plugin.live.rows.tank_balance import BalanceWatch, TankBalance
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
-from thrustmargin.models.model.rotor_faults import Kind, RotorFault, RotorFaults, fault_signals
+from thrustmargin.models.model.fault_test import Kind, RotorFault
+from thrustmargin.models.model.rotor_faults import RotorFaults, fault_signals
 
 AGAIN = 60.0  # s within which an alarm that comes again is the same one
 UNSEEN = 3.0  # s for which nothing is known of an alarm before it cannot be confirmed

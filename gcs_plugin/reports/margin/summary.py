@@ -51,10 +51,7 @@ from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, for_verdict
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.model.predict import flown_airframe
-from thrustmargin.models.model.rotor_faults import (
-    fault_episodes,
-    fault_history,
-)
+from thrustmargin.models.model.rotor_faults import fault_episodes, fault_history
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.margin import ceiling, hover_use, largest_fill, weight
 

@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, NOTICE, AlarmSettings, Debounce
-from thrustmargin.gcs_plugin.live.alarms.alarm_rules import mass_verdict, pump_verdict
+from thrustmargin.gcs_plugin.live.alarms.alarm_checks import RowsNow
+from thrustmargin.gcs_plugin.live.alarms.alarm_rules import mass_verdict, pump_verdict, rotor_thrust
 from thrustmargin.gcs_plugin.live.alarms.standing_alarms import Alarms
 from thrustmargin.gcs_plugin.live.rows.tank_balance import TankBalance, virtual_gauge
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import Basis, analyse
+from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.model_file import shipped_model
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
@@ -438,3 +440,14 @@ def test_a_battery_that_collapses_is_an_alarm_of_its_own_and_one_not_reported_is
         volts = np.where(np.arange(600) < 300, 54.6, unknown)
         found = watched(replace(hover(), voltage=volts))
         assert [e for e in found if e[2] == "battery"] == []
+
+
+def test_a_fault_of_one_of_several_rotors_names_none_and_says_which_it_may_be():
+    fault = RotorFault(kind="propeller", rotor=5, size=0.3, lower=0.25, upper=0.4, rotors=(3, 5))
+    analysis = analyse(hover(0.1), MODEL)
+    now = RowsNow(analysis=analysis, rows=slice(None), faults=[{"propeller": (fault,)}])
+    found = rotor_thrust(AlarmSettings(), now)
+    assert found.on.tolist() == [[False] * 4 + [True]]
+    assert found.rotors is not None
+    assert (found.rotor, found.rotors(0, 4)) == (4, (4, 6))
+    assert found.text(0, 4) == "A rotor loses thrust: 4 or 6"
