@@ -70,13 +70,13 @@ def margin(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     reach = analysis.utilisation_predicted[rows] + INTERVAL * error
     with np.errstate(invalid="ignore"):
         enough = np.max(reach, axis=1) < s.max_utilisation - s.margin_hysteresis
-    clears = measured.all(axis=1)
-    return _low(s, words.MEASURED_MARGIN, use, error, clears, ~measured.any(axis=1) & enough)
+    clears: Bools = np.all(measured, axis=1)
+    return _low(s, words.MEASURED_MARGIN, use, error, clears, ~np.any(measured, axis=1) & enough)
 
 
 def predicted_margin(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     analysis, rows = now.analysis, now.rows
-    measured = np.isfinite(analysis.utilisation[rows]).any(axis=1)
+    measured: Bools = np.any(np.isfinite(analysis.utilisation[rows]), axis=1)
     use = np.where(measured[:, None], np.nan, analysis.utilisation_predicted[rows])
     error = np.nan_to_num(analysis.utilisation_error[rows])
     low = _low(s, words.PREDICTED_MARGIN, use, error, ~measured, measured)
