@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 from thrustmargin.gcs_plugin.commands.shared.reading import ReadingOptions, reading_keywords
 
 if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
     from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
     from thrustmargin.gcs_plugin.live.watch.update import Update
 
@@ -155,9 +156,9 @@ class MarginWorker:
             updates = fleet.updates()
             for update in updates:
                 for event in update.events:
-                    self._announce(update.vehicle, event.raised, event.alarm.text)
+                    self._announce(update.vehicle, event)
             for vehicle, event in fleet.tick(_unix_us(self._looked)):
-                self._announce(vehicle, event.raised, event.alarm.text)
+                self._announce(vehicle, event)
             self._show(fleet, updates)
 
     def _take(self, fleet: Fleet) -> None:
@@ -181,9 +182,9 @@ class MarginWorker:
             if watch.alarms.settings.max_utilisation != wanted:
                 watch.alarms.settings = replace(watch.alarms.settings, max_utilisation=wanted)
 
-    def _announce(self, vehicle: int, raised: bool, text: str) -> None:
+    def _announce(self, vehicle: int, event: AlarmEvent) -> None:
         several = f" (vehicle {vehicle})" if len(self.readings) > 1 else ""
-        self.said.append((raised, f"{text}{several}" if raised else f"over: {text}{several}"))
+        self.said.append((event.raised, f"{event.line}{several}"))
 
     def _show(self, fleet: Fleet, updates: list[Update]) -> None:
         fresh = {update.vehicle: update for update in updates}
@@ -192,7 +193,8 @@ class MarginWorker:
             before = self.readings.get(number, Reading(vehicle=number))
             update = fresh.get(number)
             now = before if update is None else reading(update, _heard_s(update))
-            words = tuple(alarm.text for alarm in watch.alarms.standing.values())
+            alarms = sorted(watch.alarms.standing.values(), key=lambda alarm: alarm.order)
+            words = tuple(alarm.line for alarm in alarms)
             shown[number] = replace(now, alarms=words, problem=watch.problem)
         self.readings = shown
 

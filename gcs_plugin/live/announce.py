@@ -1,10 +1,11 @@
 """Alarms and figures for ground stations: STATUSTEXT and NAMED_VALUE_FLOAT, rate-limited.
 
-A text goes out when an alarm is raised (with its severity) and when it is cleared (NOTICE); what
-still stands is said again every 30 s. At most one text a second and vehicle, the gravest first; of
-more than 8 waiting the least grave are dropped. Nothing is said in the name of a vehicle that is
-itself silent: ground stations (QGroundControl's VehicleLinkManager) take any message of its system
-for a sign of life, and would not report that the link is lost. The texts wait for its return.
+A text goes out when an alarm is raised (with its severity), and a NOTICE when it is cleared, cannot
+be confirmed or is confirmed again; what still stands is said again every 30 s. At most one text a
+second and vehicle, the gravest first; of more than 8 waiting the least grave are dropped. Nothing
+is said in the name of a vehicle that is itself silent: ground stations (QGroundControl's
+VehicleLinkManager) take any message of its system for a sign of life, and would not report that the
+link is lost. The texts wait for its return.
 Figures go out once a second:
     MARGIN      measured thrust margin of the worst rotor, %
     MARGIN_PRE  the same as predicted, %
@@ -25,7 +26,7 @@ from thrustmargin.gcs_plugin.link.sender import Sender
 from thrustmargin.gcs_plugin.live.alarms.alarm import NOTICE, WARNING, AlarmEvent
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.watch.update import Update
-from thrustmargin.gcs_plugin.wording.alarm_words import over_words
+from thrustmargin.gcs_plugin.wording.alarm_words import change_words
 
 TEXT_EVERY, FIGURES_EVERY, REMIND_EVERY = 1.0, 1.0, 30.0  # s
 QUIET = 1.5  # s of a vehicle's silence from which nothing is said for it
@@ -56,7 +57,8 @@ class Announcer(Subscriber):
             self._queue(state, alarm.severity, alarm.text)
         else:
             state.reminded.pop(alarm.key, None)
-            self._queue(state, NOTICE, over_words(alarm.name, alarm.rotor))
+            said = change_words(event.kind, alarm.name, alarm.rotor, alarm.missing)
+            self._queue(state, NOTICE, said)
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:
         now_s = now_us * 1e-6
@@ -74,7 +76,8 @@ class Announcer(Subscriber):
                 said = state.reminded.setdefault(key, now_s)
                 if alarm.severity <= WARNING and now_s - said >= REMIND_EVERY:
                     state.reminded[key] = now_s
-                    self._queue(state, alarm.severity, alarm.text)
+                    unsure = change_words("", alarm.name, alarm.rotor, alarm.missing)
+                    self._queue(state, alarm.severity, unsure if alarm.missing else alarm.text)
             if state.texts and now_s - state.text_s >= TEXT_EVERY:
                 state.text_s = now_s
                 severity, text = state.texts.pop(0)

@@ -90,9 +90,9 @@ def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> Re
             remarks += [
                 Text(words.of_vehicle(number, line), style="dim") for line in watch.last.remarks
             ]
-    alarms.sort(key=lambda item: (item[1].severity, item[0]))
+    alarms.sort(key=lambda item: (item[1].order, item[0]))
     lines = [
-        Text(words.of_vehicle(n, a.text), style=STYLES.get(a.severity, "yellow")) for n, a in alarms
+        Text(words.of_vehicle(n, a.line), style=STYLES.get(a.severity, "yellow")) for n, a in alarms
     ]
     if not table.rows:
         remarks.append(Text(words.not_heard_on(monitor.settings.urls)))
@@ -268,8 +268,7 @@ class EventPrinter(Subscriber):
         self._print(f"{time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(known))} {line}")
 
     def on_event(self, vehicle: int, event: AlarmEvent) -> None:
-        text = f"{'' if event.raised else 'over: '}{event.alarm.text}"
-        self._say(words.of_vehicle(vehicle, text), event.unix_s)
+        self._say(words.of_vehicle(vehicle, event.line), event.unix_s)
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:
         now_s = now_us * 1e-6

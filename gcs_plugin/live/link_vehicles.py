@@ -109,7 +109,7 @@ class Subscriber:
         """New rows of one vehicle."""
 
     def on_event(self, vehicle: int, event: AlarmEvent) -> None:
-        """An alarm was raised or cleared."""
+        """An alarm was raised or cleared, or can (not) be confirmed."""
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:
         """After each round, whether or not there was anything new."""

@@ -37,7 +37,8 @@ from thrustmargin.mission.field import sprayed_field
 from thrustmargin.mission.route import Trail
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.analysis import FlightAnalysis
-from thrustmargin.models.model.rotor_faults import RotorFault, fault_history
+from thrustmargin.models.model.fault_test import RotorFault
+from thrustmargin.models.model.rotor_faults import fault_history
 
 if TYPE_CHECKING:
     import viser
@@ -221,7 +222,15 @@ class ReplayView(ViewPage):
             problem="; ".join(self._analysis.claim.withheld),
             pending=self._alarms_pending,
             alarms=tuple(
-                Alarm(names[f.kind], f.rotor + 1, CRITICAL, fault_words(f), time_s) for f in faults
+                Alarm(
+                    names[f.kind],
+                    None if f.rotors else f.rotor + 1,
+                    CRITICAL,
+                    fault_words(f),
+                    time_s,
+                    rotors=tuple(rotor + 1 for rotor in f.rotors),
+                )
+                for f in faults
             ),
         )
 

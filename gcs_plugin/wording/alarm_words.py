@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+from thrustmargin.gcs_plugin.wording.numbers import duration
+
 #: ESC_FAILURE_FLAGS of MAVLink's common.xml, gravest first
 FAILURES = {
     32: "motor stuck",
@@ -18,6 +20,19 @@ FAILURES = {
     16: "does not follow",
     64: "failure",
 }
+#: Why an alarm cannot be confirmed, by its `Missing`
+MISSING = {
+    "link": "telemetry lost",
+    "rows": "reports unusable",
+    "verdict": "no verdict",
+    "speeds": "no rotor speeds",
+    "outputs": "no motor outputs",
+    "load": "no load known",
+    "forecast": "no forecast",
+    "gauge": "no gauge, pump or thrust",
+    "voltage": "no voltage",
+    "esc": "no ESC report",
+}
 #: What a margin against the limit is of.
 MEASURED_MARGIN, PREDICTED_MARGIN, MARGIN_AHEAD = (
     "Thrust margin",
@@ -26,6 +41,7 @@ MEASURED_MARGIN, PREDICTED_MARGIN, MARGIN_AHEAD = (
 )
 NOT_THE_AIRFRAME = "NO VERDICT: flight does not fit the airframe"
 AIRFRAME_UNKNOWN = "NO VERDICT: airframe not known"
+MISFIT = "Flight no longer fits its airframe"
 OUTSIDE_TRAINING = "Outside the model's training: weight only"
 TELEMETRY_LOST = "Telemetry lost in flight"
 NO_TELEMETRY = "No telemetry, last on the ground"
@@ -47,13 +63,27 @@ def margin_words(what: str, least: float, limit: float, *, error: float, rotor: 
     return f"{what} {math.floor(100 * least + 1e-6)}%{within} {place} {limit:.0%}{of}"
 
 
-def margin_unknown(what: str, limit: float) -> str:
-    """Of a margin that was below the limit when it was last known: an old number is none."""
-    return f"{what} was below {limit:.0%}, now unknown"
+def margin_past(what: str, limit: float) -> str:
+    """Of a margin that was below the limit, and is above or unknown now: an old number is none."""
+    return f"{what} was below {limit:.0%}"
 
 
 def at_limit(rotor: int) -> str:
     return f"Rotor {rotor} at its limit: no thrust left"
+
+
+def was_at_limit(rotor: int) -> str:
+    return f"Rotor {rotor} was at its limit"
+
+
+def battery_words(cell: float, sag: float, lost: float) -> str:
+    """V a cell, V that it sags below its rest, and the share of thrust that goes with it."""
+    return f"Battery {cell:.2f} V/cell (-{sag:.2f}): {lost:.0%} thrust lost"
+
+
+def battery_past(cell: float) -> str:
+    """Of a battery whose voltage is higher now, or not known."""
+    return f"Battery was below {cell:.1f} V/cell"
 
 
 def esc_words(rotor: int, flags: int) -> str:
@@ -72,6 +102,20 @@ def speeds_missing(rotors: Iterable[int]) -> str:
     return f"No speed of rotor{'s' if len(numbers) > 1 else ''} {', '.join(numbers)}: ESC?"
 
 
-def over_words(name: str, rotor: int | None) -> str:
-    """That an alarm no longer stands, for the ground stations."""
-    return f"Over: {name}{f' (rotor {rotor})' if rotor else ''}"
+def alarm_line(text: str, missing: str, times: int, seconds: float) -> str:
+    """An alarm with how often it came within so many s, or why it cannot be confirmed."""
+    text += f" ({times} times in {duration(seconds)})" if times > 1 else ""
+    return f"cannot be confirmed, {MISSING[missing]}: {text}" if missing else text
+
+
+def event_line(kind: str, line: str) -> str:
+    """What happened to an alarm, by the kind of its event; one that is raised is its own line."""
+    return {"cleared": "over: ", "confirmed": "confirmed again: "}.get(kind, "") + line
+
+
+def change_words(kind: str, name: str, rotor: int | None, missing: str) -> str:
+    """That an alarm is over, cannot be confirmed or is confirmed again, for the ground stations."""
+    of = f"{name}{f' (rotor {rotor})' if rotor else ''}"
+    if missing:
+        return f"Unconfirmed: {of}, {MISSING[missing]}"
+    return f"{'Over' if kind == 'cleared' else 'Confirmed again'}: {of}"

@@ -11,11 +11,17 @@ from collections.abc import Mapping
 
 from thrustmargin.gcs_plugin.wording.actions import LAND
 from thrustmargin.gcs_plugin.wording.numbers import duration
-from thrustmargin.models.model.rotor_faults import MOST, FaultEpisode, Kind, RotorFault
+from thrustmargin.models.model.fault_test import MOST, Kind, RotorFault
+from thrustmargin.models.model.rotor_faults import FaultEpisode
 
 _SENTENCES: Mapping[Kind, str] = {
     "propeller": f"Rotor {{rotor}} makes {{size}} less thrust: prop? {LAND.text}",
     "motor": f"Motor {{rotor}} or ESC {{size}} slow for output: {LAND.text}",
+}
+#: While it is not yet known which one it is.
+_ONE_OF: Mapping[Kind, str] = {
+    "propeller": f"A rotor loses thrust, {{rotors}}: {LAND.text}",
+    "motor": f"A motor or ESC is slow, {{rotors}}: {LAND.text}",
 }
 
 
@@ -25,6 +31,9 @@ def fault_words(fault: RotorFault) -> str:
         size = f">{100 * fault.lower:.0f}%"
     else:
         size = f"{100 * fault.size:.0f}% ({100 * fault.lower:.0f}-{100 * fault.upper:.0f})"
+    if fault.rotors:
+        numbers = " or ".join(str(rotor + 1) for rotor in fault.rotors)
+        return _ONE_OF[fault.kind].format(rotors=numbers)
     return _SENTENCES[fault.kind].format(rotor=fault.rotor + 1, size=size)
 
 

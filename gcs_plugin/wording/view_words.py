@@ -154,7 +154,7 @@ def margin_full(share: float) -> str:
 
 
 def alarm_line(number: int, what: str, text: str) -> str:
-    """A line of the history: what happened to an alarm (raised, over, acknowledged)."""
+    """A line of the history: what happened to an alarm (the kind of its event, or acknowledged)."""
     return f"vehicle {number}, {what}: {text}"
 
 

@@ -44,11 +44,14 @@ class AirframeClaim:
     words: str = ""  # for people
     withheld: tuple[str, ...] = ()  # why no margin is claimed; empty: nothing speaks against it
     source: str = "LOG"  # log or link of the flight
+    #: What no longer fits in a flight that was known to be of the airframe: a finding.
+    misfit: tuple[str, ...] = ()
 
     @property
     def described(self) -> str:
         """The ground, or the reasons for which there is none, for people."""
-        return f"NO VERDICT: {'; '.join(self.withheld)}" if self.withheld else self.words
+        words = "; ".join((self.words, *(f"no longer fits: {why}" for why in self.misfit)))
+        return f"NO VERDICT: {'; '.join(self.withheld)}" if self.withheld else words
 
     @property
     def remedy(self) -> str:

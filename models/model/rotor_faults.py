@@ -19,26 +19,28 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Literal
 
 import numpy as np
 
-from thrustmargin.models.checks.sudden_change import SELDOM, SETTLE, WINDOW, Prior, SuddenChange
+from thrustmargin.models.checks.sudden_change import Prior
 from thrustmargin.models.effects.base import TORQUE_SHARE, Placed
 from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.effects.compose import rotor_speed_rpm
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.model.fault_test import (
+    BLOCK,
+    FAULT_SIZES,
+    FaultTest,
+    Kind,
+    RotorFault,
+)
 from thrustmargin.models.model.predict import model_channels, table_of
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.allocation import mixer
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.physics.motor_output import output_curve
 
-BLOCK = 0.7  # s: rotors answer within it, and noise forgets most of itself
-FALSE_ALARMS = 0.1  # an hour of flight, of each test, at most
-SURE = 0.95  # of the posterior on one rotor
-LEAST, MOST, RATIO = 0.03, 0.6, 1.06  # sizes of a fault, and from one to the next
 #: Share by which a step is known at best: half of RATIO
 STEP_ERROR = 0.03
 #: Without good flights to say more: standing trims and a block's noise, of a rotor's thrust
@@ -51,23 +53,6 @@ CHANGED = 30.0  # s on the ground in which a part can have been changed
 
 FEWEST_ROTORS = 4
 
-Kind = Literal["propeller", "motor"]
-THRESHOLD = float(np.log(3600.0 / BLOCK / SETTLE / FALSE_ALARMS))
-#: ln of the ratio from which a start that looks like a part is not counted as a turn
-LIKE_A_TURN = float(np.log(SELDOM / BLOCK))
-FAULT_SIZES = LEAST * RATIO ** np.arange(int(np.log(MOST / LEAST) / np.log(RATIO)) + 1)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RotorFault:
-    """A part found bad: rotor from 0; size is the share of thrust lost, or of speed short."""
-
-    kind: Kind
-    rotor: int
-    size: float
-    lower: float  # 95 % interval
-    upper: float  # MOST while it is still growing
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultEpisode:
@@ -76,95 +61,6 @@ class FaultEpisode:
     begin_s: float
     end_s: float | None
     fault: RotorFault  # as it was known last
-
-
-class FaultTest:
-    """One test: its blocks, and the faults of rotors that stand.
-
-    A rotor of the size j moves the signals by `steps` (R, J, M), known to +- `widths`.
-    """
-
-    def __init__(self, kind: Kind, steps: Floats, widths: Floats, prior: Prior) -> None:
-        self.kind: Kind = kind
-        self.faults: dict[int, RotorFault] = {}
-        # Size 0 first: sound, or sound again.
-        self._steps, self._widths = (np.pad(a, ((0, 0), (1, 0), (0, 0))) for a in (steps, widths))
-        self._prior = prior
-        #: (R, M) step that each rotor is at, and its standard deviation
-        self._now: Floats = np.zeros(steps[:, 0].shape)
-        self._error: Floats = np.zeros(steps[:, 0].shape)
-        self._from_now()
-        self.restart()
-
-    def restart(self) -> None:
-        """A new flight."""
-        self._test, self._sound = SuddenChange(self._prior, BLOCK), 1.0
-        self._held_s, self._before = math.nan, self.faults
-
-    def forget(self) -> None:
-        """All parts may be new."""
-        self.faults = {}
-        self._now[:] = self._error[:] = 0.0
-        self._from_now()
-
-    def _from_now(self) -> None:
-        """(R, 1 + J, M) steps and their widths from where each rotor is."""
-        self._left = self._steps - self._now[:, None]
-        self._left_widths = np.hypot(self._widths, self._error[:, None])
-
-    def add(self, time_s: float, values: Floats, inputs: Floats) -> None:
-        """A block: its values (M,) and inputs (M, P)."""
-        self._test.add(values - self._now.sum(axis=0), inputs, self._sound)
-        steps = self._left
-        change = self._test.change(
-            steps.reshape(-1, values.size),
-            self._left_widths.reshape(-1, values.size),
-            LIKE_A_TURN,
-        )
-        if change is None:
-            self._sound = 1.0
-            return
-        share = change.share.reshape(steps.shape[:2])
-        rotor = int(np.argmax(share.sum(axis=1)))
-        posterior = share[rotor] / share[rotor].sum()
-        self._sound = 1.0 / (1.0 + math.exp(min(change.log_ratio - LIKE_A_TURN, 50.0)))
-        if math.isnan(self._held_s):
-            if change.log_ratio > THRESHOLD and share[rotor].sum() > SURE:
-                self._held_s, self._before = time_s, self.faults
-                self._test.hold()
-                self._name(rotor, posterior, begins=True)
-        elif change.log_ratio < 0.0:
-            self._held_s, self.faults = math.nan, self._before
-            self._test.release()
-        else:
-            self._name(rotor, posterior, begins=time_s - self._held_s < 2.0 * SETTLE * BLOCK)
-            if time_s - self._held_s >= WINDOW:
-                bad = rotor in self.faults
-                step = posterior @ steps[rotor] if bad else -self._now[rotor]
-                spread = posterior @ ((steps[rotor] - step) ** 2 + self._widths[rotor] ** 2)
-                self._now[rotor] += step
-                self._error[rotor] = np.sqrt(spread) if bad else 0.0
-                self._from_now()
-                self._test.settle(change.filter, step)
-                self._held_s = math.nan
-
-    def _name(self, rotor: int, posterior: Floats, *, begins: bool) -> None:
-        """Put down what the posterior (J,) of a rotor's sizes says.
-
-        `begins`: it is perhaps not yet all there, and only the lower end of its size is known.
-        """
-        self.faults = {r: f for r, f in self._before.items() if r != rotor}
-        # Sound again is as likely before as all sizes together.
-        if FAULT_SIZES.size * posterior[0] < posterior[1:].sum():
-            weight = posterior[1:] / posterior[1:].sum()
-            lower, upper = np.interp([0.025, 0.975], np.cumsum(weight) - 0.5 * weight, FAULT_SIZES)
-            self.faults[rotor] = RotorFault(
-                kind=self.kind,
-                rotor=rotor,
-                size=float(weight @ FAULT_SIZES),
-                lower=float(lower),
-                upper=MOST if begins else float(upper),
-            )
 
 
 class RotorFaults:
@@ -177,11 +73,13 @@ class RotorFaults:
         self._tests = [_propeller_test(model, self._modes), _motor_test(model)] if enough else []
         self._rows: list[Floats] = []
         self._begun_s = self._landed_s = math.nan
+        #: What stood after the last block, by kind; a kind that could not be tested is left out.
+        self.tested: dict[Kind, tuple[RotorFault, ...]] = {}
 
     @property
     def standing(self) -> tuple[RotorFault, ...]:
         """Faults by kind and rotor."""
-        return tuple(test.faults[r] for test in self._tests for r in sorted(test.faults))
+        return tuple(fault for test in self._tests for fault in test.standing)
 
     def landed(self, time_s: float) -> None:
         """On the ground: the next row is of a new flight, long after it perhaps with new parts."""
@@ -207,7 +105,7 @@ class RotorFaults:
 
     def _end(self, rows: Floats) -> None:
         """A block of rows is whole."""
-        rotors = len(self._modes)
+        rotors, self.tested = len(self._modes), {}
         if len(rows) < 3 or not self._tests:
             return
         mean = np.add.reduce(rows[:, 1:], axis=0) / len(rows)
@@ -216,9 +114,11 @@ class RotorFaults:
         if np.isfinite(excess).all() and excess.mean() > UNLOADED:
             turns = np.concatenate([mean[3 * rotors :], slope[3 * rotors + 1 :]])
             self._tests[0].add(self._begun_s, excess @ self._modes, turns[None])
+            self.tested["propeller"] = self._tests[0].standing
         if np.isfinite(motors).all():
             moves = np.stack([mean, slope], axis=1)[2 * rotors : 3 * rotors]
             self._tests[1].add(self._begun_s, motors - _median(motors), moves - _median(moves))
+            self.tested["motor"] = self._tests[1].standing
 
 
 @lru_cache(maxsize=1)  # a replay asks twice, for its verdict and its alarms: seconds for an hour
@@ -247,12 +147,16 @@ def fault_episodes(
     history: Sequence[tuple[float, tuple[RotorFault, ...]]],
 ) -> tuple[FaultEpisode, ...]:
     """The faults of a flight, in the order in which they were found."""
-    open_now: dict[tuple[str, int], FaultEpisode] = {}
+    open_now: dict[tuple[str, tuple[int, ...]], FaultEpisode] = {}
     over: list[FaultEpisode] = []
     for time_s, faults in history:
-        standing = {(fault.kind, fault.rotor): fault for fault in faults}
+        standing = {(fault.kind, fault.rotors or (fault.rotor,)): fault for fault in faults}
         for key in open_now.keys() - standing.keys():
-            over.append(replace(open_now.pop(key), end_s=time_s))
+            ended = replace(open_now.pop(key), end_s=time_s)
+            found = {(f.kind, r) for f in faults for r in (f.rotor, *f.rotors)}
+            # One whose rotor has become known is not listed twice.
+            if not any((key[0], rotor) in found for rotor in ended.fault.rotors):
+                over.append(ended)
         for key, fault in standing.items():
             begin_s = open_now[key].begin_s if key in open_now else time_s
             open_now[key] = FaultEpisode(begin_s=begin_s, end_s=None, fault=fault)

@@ -22,7 +22,8 @@ from tests.undeclared.plant import EXPO, FIRST_ROW, SPIN_MAX, SPIN_MIN, fly
 from tests.undeclared.rotor_aero import cut_for_loss
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
-from thrustmargin.models.model.rotor_faults import RotorFault, RotorFaults, fault_signals
+from thrustmargin.models.model.fault_test import RotorFault
+from thrustmargin.models.model.rotor_faults import RotorFaults, fault_signals
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
 from thrustmargin.models.physics.airframe import airframe_from_table
 

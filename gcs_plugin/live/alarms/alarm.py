@@ -1,12 +1,38 @@
-"""What an alarm is, its thresholds, how it changes, and the condition that must hold."""
+"""What an alarm is, its states and thresholds, and the condition that must hold."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
+
+from thrustmargin.gcs_plugin.wording import alarm_words as words
 
 #: MAV_SEVERITY
 CRITICAL, WARNING, NOTICE = 2, 4, 5
+
+
+class AlarmState(StrEnum):
+    """An alarm is over only by evidence to the contrary, never because its ground is gone."""
+
+    ACTIVE = "active"
+    UNCONFIRMED = "unconfirmed"
+    CLEARED = "cleared"
+
+
+class Missing(StrEnum):
+    """What an alarm goes by and is not there; `alarm_words.MISSING` calls it by name."""
+
+    NOTHING = ""
+    LINK = "link"
+    ROWS = "rows"
+    VERDICT = "verdict"
+    SPEEDS = "speeds"
+    OUTPUTS = "outputs"
+    LOAD = "load"
+    FORECAST = "forecast"
+    GAUGE = "gauge"
+    VOLTAGE = "voltage"
+    ESC = "esc"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,31 +46,66 @@ class AlarmSettings:
     tank_mass_kg: float = 3.0  # kg between gauge and thrust
     saturation: float = 0.97
     silence: float = 3.0
+    cell_voltage: float = 3.0  # V under load, below which a lithium cell collapses
 
 
 @dataclass(frozen=True, slots=True)
 class Alarm:
-    """One alarm that stands. `text` fits the 50 characters of a STATUSTEXT."""
+    """One alarm. `text` fits the 50 characters of a STATUSTEXT."""
 
     name: str
-    rotor: int | None  # from 1
+    rotor: int | None  # from 1; None: of no rotor, or of one of `rotors`
     severity: int  # MAV_SEVERITY
     text: str
     since_s: float
+    state: AlarmState = AlarmState.ACTIVE
+    missing: Missing = Missing.NOTHING  # why it cannot be confirmed
+    times: int = 1  # how often its condition came since `since_s`
+    last_s: float = float("nan")  # when it came the last time of several
+    rotors: tuple[int, ...] = ()  # from 1: those that it may be of
+    past: str = ""  # the text once its number is of the past
 
     @property
     def key(self) -> tuple[str, int | None]:
         return self.name, self.rotor
 
+    @property
+    def line(self) -> str:
+        """The text with how often it came, or why it cannot be confirmed, for people."""
+        return words.alarm_line(self.text, self.missing, self.times, self.last_s - self.since_s)
+
+    @property
+    def order(self) -> tuple[bool, int, bool, float]:
+        """Least first on every screen: a lost link, then the gravest, confirmed before not, age."""
+        unconfirmed = self.state is AlarmState.UNCONFIRMED
+        return self.name != "telemetry", self.severity, unconfirmed, self.since_s
+
 
 @dataclass(frozen=True, slots=True)
 class AlarmEvent:
-    """An alarm was raised or cleared."""
+    """An alarm changed its state to what it has now."""
 
-    raised: bool
     alarm: Alarm
+    before: AlarmState
     time_s: float  # vehicle's clock, of the link the ground's
     unix_s: float = float("nan")  # ground's clock when the report came; NaN where nobody listens
+
+    @property
+    def raised(self) -> bool:
+        """It was not listed before."""
+        return self.before is AlarmState.CLEARED
+
+    @property
+    def kind(self) -> str:
+        """raised, cleared, unconfirmed or confirmed."""
+        if self.raised:
+            return "raised"
+        return "confirmed" if self.alarm.state is AlarmState.ACTIVE else self.alarm.state
+
+    @property
+    def line(self) -> str:
+        """What happened, for people."""
+        return words.event_line(self.kind, self.alarm.line)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +125,3 @@ class Debounce:
         if time_s - began >= (self.release if self.active else self.hold):
             return replace(self, active=not self.active, since=float("nan"))
         return self if self.since == self.since else replace(self, since=time_s)
-
-
-def worst_first(standing: Sequence[Alarm]) -> list[Alarm]:
-    """Alarms by severity, then age."""
-    return sorted(standing, key=lambda alarm: (alarm.severity, alarm.since_s))

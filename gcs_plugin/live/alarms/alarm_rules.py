@@ -2,215 +2,259 @@
 
 | alarm | raised when | for | cleared when | for |
 |---|---|---|---|---|
-| `margin` | worst rotor's measured thrust margin < limit | 3 s | > limit + 0.03 | 3 s |
-| `predicted margin` | predicted, where no speed is known, < limit | 3 s | above, or one is | 3 s |
-| `margin ahead` | predicted margin on the rest of the route < limit | 3 s | > limit + 0.03 | 3 s |
+| `margin` | worst rotor's measured thrust margin < limit | 3 s | > limit + 0.03 | 3 s + 20 |
+| `predicted margin` | predicted, without any speed, < limit | 3 s | above, or one is | 3 s + 20 |
+| `margin ahead` | predicted on the rest of the route < limit | 3 s | > limit + 0.03 | 3 s + 20 |
+| `battery` | < 3.0 V a cell | 1 s | > 3.2 V a cell | 5 s |
 | `esc` | the ESC reports a failure of its own (ESC_INFO) | - | it reports none | 3 s |
 | `rotor` | one rotor makes less thrust (likelihood ratio, RotorFaults) | - | it is sound | - |
 | `motor` | one rotor is slower than its output asks (the same) | - | it is sound | - |
-| `tank` | gauge, pump and thrust part (TankBalance) | 5 s | they agree again | 10 s |
+| `tank` | gauge and pump part (TankBalance) | 5 s | they agree again | 10 s |
+| `gauge` | thrust carries 3 kg more or less than the gauge says | 5 s | they agree again | 10 s |
 | `envelope` | the flight is outside the training of the model's network | 5 s | inside | 5 s |
-| `saturation` | a motor's output or a rotor's speed > 0.97 of its most | 0.5 s | < 0.92 | 2 s |
+| `saturation` | a motor's output or rotor's speed > 0.97 of its most | 0.5 s | < 0.92 | 2 s + 20 |
 | `airframe` | the flight is not known to be one of the airframe | 8 s | it is | - |
+| `misfit` | one that was known to be of it no longer fits | - | it fits again | - |
 | `telemetry` | nothing heard | 3 s | heard | 1 s |
 | `rotor speeds` | in flight other messages come, but not every rotor's speed | 3 s | heard | 1 s |
-A margin that was inferred, not measured, has its 90 % error in the text; where the limit lies
-within it the alarm is a notice. While an alarm of a margin stands of which nothing more is known,
-its text says so and has no number; without any rotor's speed the prediction clears `margin`, by the
-same limit. `rotor` and `motor` need measured speeds: how the motors differ in
-output is not known. What is not known (NaN) neither raises nor clears; a rotor below the limit
-counts though another is unknown. The texts are in wording/alarm_words.py.
+A lull of 20 s follows: what comes back in them (the next corner) is the same alarm, counted.
+What is not known (NaN) neither raises nor clears; after 3 s of it an alarm cannot be confirmed. A
+rotor below the limit counts though another is unknown. A margin that was inferred, not measured,
+has its 90 % error in the text; where the limit lies within it the alarm is a notice. Without any
+rotor's speed the prediction clears `margin`, by the same limit. `rotor` and `motor` need measured
+speeds: how the motors differ in output is not known. The texts are in wording/alarm_words.py.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, NOTICE, WARNING, AlarmSettings
+from thrustmargin.gcs_plugin.live.alarms.alarm import (
+    CRITICAL,
+    NOTICE,
+    WARNING,
+    AlarmSettings,
+    Missing,
+)
+from thrustmargin.gcs_plugin.live.alarms.alarm_checks import (
+    AlarmChecks,
+    AlarmRule,
+    LinkNow,
+    RowsNow,
+    one_alarm,
+)
 from thrustmargin.gcs_plugin.live.rows.tank_balance import TankBalance
 from thrustmargin.gcs_plugin.wording import alarm_words as words
 from thrustmargin.gcs_plugin.wording.fault_words import fault_words
 from thrustmargin.models.flight import Bools, Floats
-from thrustmargin.models.model.analysis import Basis, FlightAnalysis
+from thrustmargin.models.model.analysis import Basis
+from thrustmargin.models.model.fault_test import Kind, RotorFault
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
-from thrustmargin.models.model.rotor_faults import Kind, RotorFault
+from thrustmargin.models.physics.margin import ceiling
 
 ROTORS_HOLD = 1.0  # s of the time after which missing rotor speeds are reported
+LULL = 20.0  # s: from one corner of a field to the next
+CELL = 3.7  # V, nominal, of the lithium cells that an airframe's nominal voltage counts
+CELL_HYSTERESIS = 0.2  # V
 
 
-@dataclass(frozen=True, slots=True)
-class AlarmCheck:
-    """What a rule says now: `on` to raise its alarm, `off` to clear it, neither to leave it."""
-
-    on: bool
-    off: bool
-    severity: int  # MAV_SEVERITY
-    text: str
-    rotor: int | None = None  # from 1
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RowNow:
-    """Row number `row` of an analysis of R rotors and what else is known at it; NaN: unknown."""
-
-    analysis: FlightAnalysis
-    row: int
-    margin_ahead: float = math.nan  # least predicted on the rest of the route
-    esc_failures: Floats | None = None  # (R,) ESC_FAILURE_FLAGS
-    faults: tuple[RotorFault, ...] | None = None  # those that stand, when a block was whole
-    balance: TankBalance | None = None  # the same, about once a second
+def margin(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
+    analysis, rows = now.analysis, now.rows
+    use, error = analysis.utilisation[rows], np.nan_to_num(analysis.utilisation_error[rows])
+    measured = np.isfinite(use)
+    # Without a speed the prediction may say that there is thrust again, and nothing else can.
+    reach = analysis.utilisation_predicted[rows] + INTERVAL * error
+    with np.errstate(invalid="ignore"):
+        enough = np.max(reach, axis=1) < s.max_utilisation - s.margin_hysteresis
+    clears: Bools = np.all(measured, axis=1)
+    return _low(s, words.MEASURED_MARGIN, use, error, clears, ~np.any(measured, axis=1) & enough)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RowsNow:
-    """The N rows `rows` of an analysis of T rows and R rotors and what else is known at them."""
-
-    analysis: FlightAnalysis
-    rows: slice
-    margin_ahead: Floats | None = None  # (T,) as of a RowNow
-    esc_failures: Floats | None = None  # (T, R)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinkNow:
-    """What the link gives; silence is checked by when bytes came, not by when they were used."""
-
-    silent: float  # s since anything was heard
-    rotors_behind: Floats  # (R,) s of each rotor's speed before the last message; NaN: never was
-    flying: bool  # when last heard
-    from_outputs: bool = False  # its rotor speeds are made from motor outputs
+def predicted_margin(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
+    analysis, rows = now.analysis, now.rows
+    measured: Bools = np.any(np.isfinite(analysis.utilisation[rows]), axis=1)
+    use = np.where(measured[:, None], np.nan, analysis.utilisation_predicted[rows])
+    error = np.nan_to_num(analysis.utilisation_error[rows])
+    low = _low(s, words.PREDICTED_MARGIN, use, error, ~measured, measured)
+    return replace(low, over=measured)
 
 
-@dataclass(frozen=True, slots=True)
-class AlarmRule:
-    """One alarm: how long, s, it must hold to be raised and be gone to be cleared."""
-
-    name: str
-    hold: float
-    release: float
-    checks: Callable[[AlarmSettings, Any], Iterator[AlarmCheck]]
-    on_ground: str = "cleared"  # or "kept" as it was, or "checked" there too
-    #: (N,) rows at which `checks` may say `on`: at others it is asked only while it watches
-    #: something. None: it is always asked.
-    may: Callable[[AlarmSettings, RowsNow], Bools] | None = None
-
-
-def margin(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:
-    margins = (1.0 - now.analysis.utilisation[now.row]).tolist()
-    known = [(m, rotor) for rotor, m in enumerate(margins, start=1) if math.isfinite(m)]
-    if not known:
-        # The prediction may say that there is thrust again, and nothing else can.
-        predicted = 1.0 - now.analysis.utilisation_predicted[now.row]
-        reach = INTERVAL * np.nan_to_num(now.analysis.utilisation_error[now.row])
-        enough = float(np.min(predicted - reach)) > 1.0 - s.max_utilisation + s.margin_hysteresis
-        unknown = words.margin_unknown(words.MEASURED_MARGIN, 1.0 - s.max_utilisation)
-        yield AlarmCheck(False, enough, WARNING, unknown)
-        return
-    worst, rotor = min(known)
-    error = INTERVAL * float(now.analysis.utilisation_error[now.row, rotor - 1])
-    clears = len(known) == len(margins)
-    yield _low(s, words.MEASURED_MARGIN, worst, rotor, error=error, clears=clears)
-
-
-def predicted_margin(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:
-    analysis, row = now.analysis, now.row
-    if analysis.any_measured[row]:
-        yield AlarmCheck(False, True, WARNING, "")
-        return
-    use = analysis.utilisation_predicted[row]
-    rotor = int(np.argmax(np.where(np.isfinite(use), use, -np.inf))) + 1
-    least = 1.0 - float(use[rotor - 1])
-    error = INTERVAL * float(np.nan_to_num(analysis.utilisation_error[row, rotor - 1]))
-    yield _low(s, words.PREDICTED_MARGIN, least, rotor, error=error)
-
-
-def margin_ahead(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:
-    yield _low(s, words.MARGIN_AHEAD, now.margin_ahead)
+def margin_ahead(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
+    rows = now.analysis.track.time_s[now.rows].size
+    ahead = np.full(rows, np.nan) if now.margin_ahead is None else now.margin_ahead[now.rows]
+    use, no = 1.0 - ahead[:, None], np.zeros(rows, dtype=np.bool_)
+    return _low(s, words.MARGIN_AHEAD, use, 0.0 * use, ~no, no, rotors=False)
 
 
 def _low(
     s: AlarmSettings,
     what: str,
-    least: float,
-    rotor: int | None = None,
+    use: Floats,
+    error: Floats,
+    clears: Bools,
+    off: Bools,
     *,
-    error: float = 0.0,
-    clears=True,
-) -> AlarmCheck:
-    """A margin against the limit; a notice where that lies within the 90 % `error`."""
-    limit = 1.0 - s.max_utilisation
-    off = clears and least > limit + s.margin_hysteresis
-    text = words.margin_unknown(what, limit)
-    if math.isfinite(least):
-        text = words.margin_words(what, least, limit, error=error, rotor=rotor)
-    severity = WARNING if not error > 0.0 or least + error < limit else NOTICE
-    return AlarmCheck(least < limit, off, severity, text)
+    rotors=True,
+) -> AlarmChecks:
+    """Margins 1 - `use` (N, R) against the limit; a notice where that lies within the 90 % error.
+
+    Rows that may clear (N,) do so above the limit, and those of `off` whatever the margin is.
+    """
+    limit, at = 1.0 - s.max_utilisation, range(len(use))
+    rotor = np.argmax(np.where(np.isfinite(use), use, -np.inf), axis=1)
+    least, reach = 1.0 - use[at, rotor], INTERVAL * error[at, rotor]
+    on = least < limit
+    off = off | (clears & (least > limit + s.margin_hysteresis))
+
+    def severity(row: int, _: int) -> int:
+        sure = not reach[row] > 0.0 or least[row] + reach[row] < limit
+        return WARNING if sure else NOTICE
+
+    def text(row: int, _: int) -> str:
+        of = int(rotor[row]) + 1 if rotors else None
+        return words.margin_words(what, least[row], limit, error=float(reach[row]), rotor=of)
+
+    known = on | off | (clears & np.isfinite(least))
+    past = words.margin_past(what, limit)
+    return one_alarm(on, off, known, severity=severity, text=text, past=lambda _: past)
 
 
-def saturation(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:
-    analysis = now.analysis
-    by_speed = np.where(analysis.from_outputs[now.row], np.nan, analysis.utilisation[now.row])
-    used = np.fmax(analysis.track.throttle[now.row], np.sqrt(by_speed))
-    for rotor, share in enumerate(used.tolist(), start=1):
-        off = share < s.saturation - 0.05
-        yield AlarmCheck(share > s.saturation, off, CRITICAL, words.at_limit(rotor), rotor)
+def saturation(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
+    analysis, rows = now.analysis, now.rows
+    by_speed = np.where(analysis.from_outputs[rows], np.nan, analysis.utilisation[rows])
+    share = np.fmax(analysis.track.throttle[rows], np.sqrt(by_speed))
+    return AlarmChecks(
+        share > s.saturation,
+        share < s.saturation - 0.05,
+        np.isfinite(share),
+        severity=lambda *_: CRITICAL,
+        text=lambda _, k: words.at_limit(k + 1),
+        rotor=share.shape[1],
+        past=lambda k: words.was_at_limit(k + 1),
+    )
 
 
-def esc(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:  # noqa: ARG001
-    failures = np.empty(0) if now.esc_failures is None else now.esc_failures
-    for i in np.flatnonzero(np.isfinite(failures)).tolist():
-        flags = int(failures[i])
-        text = words.esc_words(i + 1, flags) if flags else ""
-        yield AlarmCheck(flags != 0, flags == 0, CRITICAL, text, i + 1)
+def battery(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
+    craft, volts = now.analysis.model.airframe, now.analysis.track.voltage[now.rows]
+    cells = max(round(np.nan_to_num(craft.nominal_voltage) / CELL), 1)
+    cell = np.where(volts > 0.0, volts, np.nan) / cells
+
+    def text(row: int, _: int) -> str:
+        rest = now.rest_voltage / cells
+        pair = ceiling(craft, craft.reference_density, cells * np.array([rest, cell[row]]))
+        before, left = pair.free_thrust.tolist()
+        return words.battery_words(float(cell[row]), rest - float(cell[row]), 1.0 - left / before)
+
+    known = np.isfinite(cell) & math.isfinite(craft.nominal_voltage)
+    return one_alarm(
+        known & (cell < s.cell_voltage),
+        known & (cell > s.cell_voltage + CELL_HYSTERESIS),
+        known,
+        severity=lambda *_: CRITICAL,
+        text=text,
+        past=lambda _: words.battery_past(s.cell_voltage),
+    )
 
 
-def airframe(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:  # noqa: ARG001
+def esc(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
+    rows = now.analysis.track.rotor_speed_rpm[now.rows]
+    flags = np.full_like(rows, np.nan) if now.esc_failures is None else now.esc_failures[now.rows]
+    return AlarmChecks(
+        flags > 0.0,
+        flags == 0.0,
+        np.isfinite(flags),
+        severity=lambda *_: CRITICAL,
+        text=lambda row, k: words.esc_words(k + 1, int(flags[row, k])),
+        rotor=flags.shape[1],
+    )
+
+
+def airframe(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
     claim = now.analysis.claim
     unsure = claim.basis == "given"
     text = words.NOT_THE_AIRFRAME if unsure else words.AIRFRAME_UNKNOWN
-    withheld = bool(claim.withheld)
-    yield AlarmCheck(withheld, not withheld, WARNING if unsure else NOTICE, text)
+    return _always(now, bool(claim.withheld), WARNING if unsure else NOTICE, text)
 
 
-def rotor_thrust(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:  # noqa: ARG001
-    yield from _faulty(now, "propeller")
+def misfit(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
+    return _always(now, bool(now.analysis.claim.misfit), WARNING, words.MISFIT)
 
 
-def motor_speed(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:  # noqa: ARG001
-    yield from _faulty(now, "motor")
+def _always(now: RowsNow, on: bool, severity: int, text: str) -> AlarmChecks:
+    """What is known at every row, and the same in all."""
+    every = np.ones(now.analysis.track.time_s[now.rows].size, dtype=np.bool_)
+    found = every & on
+    return one_alarm(found, ~found, every, severity=lambda *_: severity, text=lambda *_: text)
 
 
-def _faulty(now: RowNow, kind: Kind) -> Iterator[AlarmCheck]:
-    """The faults of one kind, and that all other rotors are sound."""
-    if now.faults is None:
-        return
-    found = {fault.rotor: fault for fault in now.faults if fault.kind == kind}
-    for rotor in range(now.analysis.track.rotor_count):
-        fault = found.get(rotor)
-        text = "" if fault is None else fault_words(fault)
-        yield AlarmCheck(fault is not None, fault is None, CRITICAL, text, rotor + 1)
+def rotor_thrust(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
+    return _faulty(now, "propeller")
 
 
-def envelope(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:  # noqa: ARG001
-    if now.analysis.model.network is not None:
-        basis = int(now.analysis.prediction.basis[now.row])
-        outside, inside = basis == Basis.PHYSICS, basis == Basis.NETWORK
-        yield AlarmCheck(outside, inside, NOTICE, words.OUTSIDE_TRAINING)
+def motor_speed(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
+    return _faulty(now, "motor")
 
 
-def tank(s: AlarmSettings, now: RowNow) -> Iterator[AlarmCheck]:
-    if now.balance is not None:
-        text = tank_verdict(now.balance, s)
-        yield AlarmCheck(bool(text), not text, WARNING, text)
+def _faulty(now: RowsNow, kind: Kind) -> AlarmChecks:
+    """The faults of one kind, one by one, then one of several rotors: all else is sound."""
+    rotors = now.analysis.track.rotor_count
+    on = np.zeros((len(now.faults), rotors + 1), dtype=np.bool_)
+    known = on.copy()
+    found: dict[tuple[int, int], RotorFault] = {}
+    for row, tested in enumerate(now.faults):
+        for fault in tested.get(kind, ()):
+            at = row, rotors if fault.rotors else fault.rotor
+            found[at], on[at] = fault, True
+        known[row] = kind in tested
+    return AlarmChecks(
+        on,
+        known & ~on,
+        known,
+        severity=lambda *_: CRITICAL,
+        text=lambda row, k: fault_words(found[row, k]),
+        rotor=rotors,
+        rotors=lambda row, k: tuple(rotor + 1 for rotor in found[row, k].rotors),
+    )
 
 
-def tank_verdict(balance: TankBalance, settings: AlarmSettings) -> str:
-    """What is wrong with the tank, for people; empty when its estimates agree or are too few."""
+def envelope(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
+    basis = now.analysis.prediction.basis[now.rows]
+    learnt = now.analysis.model.network is not None
+    outside, inside = learnt & (basis == Basis.PHYSICS), learnt & (basis == Basis.NETWORK)
+    return one_alarm(
+        outside,
+        inside,
+        outside | inside,
+        severity=lambda *_: NOTICE,
+        text=lambda *_: words.OUTSIDE_TRAINING,
+    )
+
+
+def tank(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
+    texts = ["" if b is None else pump_verdict(b, s) for b in now.balances]
+    known = [b is not None and math.isfinite(b.gauge - b.pump) for b in now.balances]
+    return _of_tank(texts, known)
+
+
+def gauge(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
+    texts = ["" if b is None or pump_verdict(b, s) else mass_verdict(b, s) for b in now.balances]
+    known = [b is not None and math.isfinite(b.apart_kg) for b in now.balances]
+    return _of_tank(texts, known)
+
+
+def _of_tank(texts: Sequence[str], known: Sequence[bool]) -> AlarmChecks:
+    on, sure = np.array([bool(text) for text in texts], dtype=np.bool_), np.array(known, np.bool_)
+    return one_alarm(
+        on, sure & ~on, on | sure, severity=lambda *_: WARNING, text=lambda row, _: texts[row]
+    )
+
+
+def pump_verdict(balance: TankBalance, settings: AlarmSettings) -> str:
+    """What is wrong between gauge and pump, for people; empty when they agree or are too few."""
 
     def parts(one: float, other: float) -> bool:
         """Whether two losses, kg, differ by more than either tolerance; False for an unknown."""
@@ -218,28 +262,31 @@ def tank_verdict(balance: TankBalance, settings: AlarmSettings) -> str:
         return abs(one - other) > max(settings.tank_kg, allowed)
 
     gauge, pump, thrust = balance.gauge, balance.pump, balance.thrust
-    if parts(gauge, pump):
-        if balance.level_kg < 0.3 and gauge < pump:
-            return words.TANK_EMPTY
-        if gauge > pump:
-            backed = parts(thrust, pump) and thrust > pump
-            return words.TANK_LEAKS if backed else words.TANK_FAST
-        backed = parts(pump, thrust) and thrust < pump
-        return words.TANK_CLOGGED if backed else words.GAUGE_WRONG
-    if abs(balance.apart_kg) > settings.tank_mass_kg:
-        return words.thrust_against_gauge(balance.apart_kg)
-    return ""
+    if not parts(gauge, pump):
+        return ""
+    if balance.level_kg < 0.3 and gauge < pump:
+        return words.TANK_EMPTY
+    if gauge > pump:
+        backed = parts(thrust, pump) and thrust > pump
+        return words.TANK_LEAKS if backed else words.TANK_FAST
+    backed = parts(pump, thrust) and thrust < pump
+    return words.TANK_CLOGGED if backed else words.GAUGE_WRONG
 
 
-def telemetry(s: AlarmSettings, now: LinkNow) -> Iterator[AlarmCheck]:
+def mass_verdict(balance: TankBalance, settings: AlarmSettings) -> str:
+    """That thrust carries another mass than the gauge says, for people; empty when it does not."""
+    apart = abs(balance.apart_kg) > settings.tank_mass_kg
+    return words.thrust_against_gauge(balance.apart_kg) if apart else ""
+
+
+def telemetry(s: AlarmSettings, now: LinkNow) -> AlarmChecks:
     lost = now.silent > s.silence
-    if now.flying:
-        yield AlarmCheck(lost, not lost, CRITICAL, words.TELEMETRY_LOST)
-    else:
-        yield AlarmCheck(lost, not lost, NOTICE, words.NO_TELEMETRY)
+    severity = CRITICAL if now.flying else NOTICE
+    text = words.TELEMETRY_LOST if now.flying else words.NO_TELEMETRY
+    return one_alarm(lost, not lost, True, severity=lambda *_: severity, text=lambda *_: text)
 
 
-def rotor_speeds(s: AlarmSettings, now: LinkNow) -> Iterator[AlarmCheck]:
+def rotor_speeds(s: AlarmSettings, now: LinkNow) -> AlarmChecks:
     # Counted until the last message of any kind, or a lost link would look like lost ESCs; a
     # part of the time as hold, for rotor speeds are not the first to be heard on its return.
     behind, limit = now.rotors_behind, s.silence - ROTORS_HOLD
@@ -249,80 +296,42 @@ def rotor_speeds(s: AlarmSettings, now: LinkNow) -> Iterator[AlarmCheck]:
         text = words.NO_ROTOR_SPEEDS
     if now.from_outputs:
         text = words.NO_OUTPUTS
-    on = missing.size > 0 and now.silent <= s.silence and now.flying
-    yield AlarmCheck(on, bool(np.all(behind <= limit)) or not now.flying, WARNING, text)
-
-
-def may_margin(s: AlarmSettings, now: RowsNow) -> Bools:
-    return _any_below(1.0 - now.analysis.utilisation[now.rows], s)
-
-
-def may_predicted_margin(s: AlarmSettings, now: RowsNow) -> Bools:
-    analysis, rows = now.analysis, now.rows
-    measured = np.isfinite(analysis.utilisation[rows]).any(axis=1)
-    return ~measured & _any_below(1.0 - analysis.utilisation_predicted[rows], s)
-
-
-def _any_below(margins: Floats, s: AlarmSettings) -> Bools:
-    return np.any(margins < 1.0 - s.max_utilisation, axis=1)
-
-
-def may_margin_ahead(s: AlarmSettings, now: RowsNow) -> Bools:
-    if now.margin_ahead is None:
-        return np.zeros(now.analysis.track.time_s[now.rows].size, dtype=np.bool_)
-    return now.margin_ahead[now.rows] < 1.0 - s.max_utilisation
-
-
-def may_saturation(s: AlarmSettings, now: RowsNow) -> Bools:
-    analysis, rows = now.analysis, now.rows
-    used = np.fmax(analysis.track.throttle[rows], np.sqrt(analysis.utilisation[rows]))
-    return np.any(used > s.saturation, axis=1)
-
-
-def may_esc(s: AlarmSettings, now: RowsNow) -> Bools:  # noqa: ARG001
-    if now.esc_failures is None:
-        return np.zeros(now.analysis.track.time_s[now.rows].size, dtype=np.bool_)
-    return np.any(np.abs(now.esc_failures[now.rows]) > 0.0, axis=1)
-
-
-def may_airframe(s: AlarmSettings, now: RowsNow) -> Bools:  # noqa: ARG001
-    rows = now.analysis.track.time_s[now.rows].size
-    return np.full(rows, bool(now.analysis.withheld))
-
-
-def may_envelope(s: AlarmSettings, now: RowsNow) -> Bools:  # noqa: ARG001
-    return now.analysis.prediction.basis[now.rows] == Basis.PHYSICS
+    heard = now.silent <= s.silence
+    on = missing.size > 0 and heard and now.flying
+    off = bool(np.all(behind <= limit)) or not now.flying
+    return one_alarm(on, off, heard, severity=lambda *_: WARNING, text=lambda *_: text)
 
 
 #: Checked in each row, in each row whose prediction is final, and by a LinkNow.
 OF_ROWS = (
-    AlarmRule("esc", 0.0, 3.0, esc, on_ground="checked", may=may_esc),
-    AlarmRule("margin", 3.0, 3.0, margin, may=may_margin),
-    AlarmRule("margin ahead", 3.0, 3.0, margin_ahead, may=may_margin_ahead),
-    AlarmRule("saturation", 0.5, 2.0, saturation, may=may_saturation),
-    AlarmRule("airframe", 8.0, 0.0, airframe, on_ground="kept", may=may_airframe),
+    AlarmRule("esc", 0.0, 3.0, esc, Missing.ESC, on_ground="checked"),
+    AlarmRule("margin", 3.0, 3.0, margin, Missing.SPEEDS, lull=LULL, of_airframe=True),
+    AlarmRule(
+        "margin ahead", 3.0, 3.0, margin_ahead, Missing.FORECAST, lull=LULL, of_airframe=True
+    ),
+    AlarmRule("saturation", 0.5, 2.0, saturation, Missing.OUTPUTS, lull=LULL),
+    AlarmRule("battery", 1.0, 5.0, battery, Missing.VOLTAGE, of_airframe=True),
+    AlarmRule("airframe", 8.0, 0.0, airframe, on_ground="kept"),
+    AlarmRule("misfit", 0.0, 0.0, misfit, on_ground="kept"),
 )
 OF_SETTLED_ROWS = (
     # On the ground nothing of the flight stands, but for a rotor that was found bad.
-    AlarmRule("rotor", 0.0, 0.0, rotor_thrust, on_ground="kept"),
-    AlarmRule("motor", 0.0, 0.0, motor_speed, on_ground="kept"),
-    AlarmRule("predicted margin", 3.0, 3.0, predicted_margin, may=may_predicted_margin),
-    AlarmRule("envelope", 5.0, 5.0, envelope, may=may_envelope),
-    AlarmRule("tank", 5.0, 10.0, tank),
-)
-#: Those that rest on the airframe: they are over once no margin is claimed.
-OF_THE_AIRFRAME = (
-    "margin",
-    "predicted margin",
-    "margin ahead",
-    "rotor",
-    "motor",
-    "envelope",
-    "tank",
+    AlarmRule(
+        "rotor", 0.0, 0.0, rotor_thrust, Missing.SPEEDS, "kept", sampled=True, of_airframe=True
+    ),
+    AlarmRule(
+        "motor", 0.0, 0.0, motor_speed, Missing.SPEEDS, "kept", sampled=True, of_airframe=True
+    ),
+    AlarmRule(
+        "predicted margin", 3.0, 3.0, predicted_margin, Missing.LOAD, lull=LULL, of_airframe=True
+    ),
+    AlarmRule("envelope", 5.0, 5.0, envelope, Missing.LOAD, of_airframe=True),
+    AlarmRule("tank", 5.0, 10.0, tank, Missing.GAUGE, sampled=True, of_airframe=True),
+    AlarmRule("gauge", 5.0, 10.0, gauge, Missing.GAUGE, sampled=True, of_airframe=True),
 )
 TELEMETRY = AlarmRule("telemetry", 0.0, 1.0, telemetry)
 OF_THE_LINK = (
     TELEMETRY,
-    AlarmRule("rotor speeds", ROTORS_HOLD, 1.0, rotor_speeds),
+    AlarmRule("rotor speeds", ROTORS_HOLD, 1.0, rotor_speeds, Missing.LINK),
 )
 RULES = (*OF_ROWS, *OF_SETTLED_ROWS, *OF_THE_LINK)

@@ -6,27 +6,49 @@ alarm stands its text follows the numbers. Measured false alarms: tests/bench/be
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
-from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm, AlarmEvent, AlarmSettings, Debounce
+import numpy as np
+
+from thrustmargin.gcs_plugin.live.alarms.alarm import (
+    Alarm,
+    AlarmEvent,
+    AlarmSettings,
+    AlarmState,
+    Debounce,
+    Missing,
+)
+from thrustmargin.gcs_plugin.live.alarms.alarm_checks import (
+    AlarmChecks,
+    AlarmRule,
+    LinkNow,
+    RowsNow,
+)
 from thrustmargin.gcs_plugin.live.alarms.alarm_rules import (
     OF_ROWS,
     OF_SETTLED_ROWS,
-    OF_THE_AIRFRAME,
     OF_THE_LINK,
-    RULES,
     TELEMETRY,
-    AlarmCheck,
-    AlarmRule,
-    LinkNow,
-    RowNow,
-    RowsNow,
 )
-from thrustmargin.gcs_plugin.live.rows.tank_balance import BalanceWatch
-from thrustmargin.models.flight import Floats
+from thrustmargin.gcs_plugin.live.rows.tank_balance import BalanceWatch, TankBalance
+from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.model.fault_test import Kind, RotorFault
 from thrustmargin.models.model.rotor_faults import RotorFaults, fault_signals
+
+AGAIN = 60.0  # s within which an alarm that comes again is the same one
+UNSEEN = 3.0  # s for which nothing is known of an alarm before it cannot be confirmed
+
+Key = tuple[str, int | None]
+
+
+@dataclass(frozen=True, slots=True)
+class _Condition:
+    """Of an alarm that stands, or is about to."""
+
+    debounce: Debounce
+    seen_s: float  # when anything was last known of it
+    over_s: float = float("nan")  # when its lull began
 
 
 class Alarms:
@@ -34,12 +56,14 @@ class Alarms:
 
     def __init__(self, settings: AlarmSettings | None = None) -> None:
         self.settings = AlarmSettings() if settings is None else settings
-        self.standing: dict[tuple[str, int | None], Alarm] = {}
+        #: Replaced one by one, never changed: other threads read what stands.
+        self.standing: dict[Key, Alarm] = {}
         self._faults: RotorFaults | None = None
         self._weighed_s = float("-inf")
         self._balance = BalanceWatch()
-        #: Of conditions that stand, or are about to.
-        self._states: dict[tuple[str, int | None], Debounce] = {}
+        self._rest_voltage = float("nan")
+        self._conditions: dict[Key, _Condition] = {}
+        self._cleared: dict[Key, tuple[Alarm, float]] = {}  # and when
 
     def rows(
         self,
@@ -60,71 +84,70 @@ class Alarms:
         least predicted margin on the rest of the route; NaN where unknown. `esc_failures` (T, R)
         are ESC_FAILURE_FLAGS, NaN where an ESC does not report on itself.
         """
+        new, final = slice(first, None), slice(first, None) if settled is None else settled
+        self._rest(analysis, new)
+        faults, balances = self._detected(analysis, final, clock_s, pumped_kg, virtual_kg)
+        now = RowsNow(
+            analysis=analysis,
+            rows=new,
+            margin_ahead=margin_ahead,
+            esc_failures=esc_failures,
+            rest_voltage=self._rest_voltage,
+            faults=faults,
+            balances=balances,
+        )
         events: list[AlarmEvent] = []
+        for rules, rows in ((OF_ROWS, new), (OF_SETTLED_ROWS, final)):
+            times, flying = clock_s[rows], analysis.track.flying[rows]
+            for rule in rules:
+                found, missing = rule.checks(self.settings, replace(now, rows=rows)), rule.needs
+                if rule.of_airframe and analysis.withheld:
+                    nothing, missing = np.zeros_like(found.on), Missing.VERDICT
+                    found = replace(found, on=nothing, off=nothing, known=nothing, over=None)
+                self._follow(events, rule, found, times, flying, missing)
+        return sorted(events, key=lambda event: event.time_s)
+
+    def _rest(self, analysis: FlightAnalysis, rows: slice) -> None:
+        """The battery's voltage before take-off, or the first that was heard."""
         track = analysis.track
-        rows = track.time_s.size
-        # What rests on the airframe is over where no margin is claimed.
-        ended = [r for r in RULES if analysis.withheld and r.name in OF_THE_AIRFRAME]
-        checked = [rule for rule in OF_ROWS if rule not in ended]
-        due = self._due(checked, analysis, slice(first, rows), margin_ahead, esc_failures)
-        for row in range(first, rows):
-            flying = bool(track.flying[row])
-            if asked := due(row):
-                now = RowNow(
-                    analysis=analysis,
-                    row=row,
-                    margin_ahead=float("nan") if margin_ahead is None else float(margin_ahead[row]),
-                    esc_failures=None if esc_failures is None else esc_failures[row],
-                )
-                self._check(events, asked, float(clock_s[row]), now, flying=flying)
-            if not flying:
-                self._landed(events, OF_ROWS, float(clock_s[row]))
-            self._over(events, ended, float(clock_s[row]))
-        now_settled = slice(first, None) if settled is None else settled
+        volts = track.voltage[rows]
+        rest = volts[(volts > 0.0) & ~track.flying[rows]]
+        heard = volts[volts > 0.0]
+        if rest.size:
+            self._rest_voltage = float(rest[-1])
+        elif heard.size and np.isnan(self._rest_voltage):
+            self._rest_voltage = float(heard[0])
+
+    def _detected(
+        self,
+        analysis: FlightAnalysis,
+        rows: slice,
+        clock_s: Floats,
+        pumped_kg: Floats,
+        virtual_kg: Floats,
+    ) -> tuple[list[dict[Kind, tuple[RotorFault, ...]]], list[TankBalance | None]]:
+        """What is sought in the course of a flight: the faults and the tank, by row."""
+        track, at = analysis.track, range(analysis.track.time_s.size)[rows]
+        faults: list[dict[Kind, tuple[RotorFault, ...]]] = [{} for _ in at]
+        balances: list[TankBalance | None] = [None for _ in at]
         if analysis.withheld:
-            return events
+            return faults, balances
         if self._faults is None:
             self._faults = RotorFaults(analysis.model)
-        signals, gauge = fault_signals(analysis, now_settled), track.measured("tank_kg")
-        due = self._due(OF_SETTLED_ROWS, analysis, now_settled)
-        for row, of_faults in zip(range(rows)[now_settled], signals, strict=True):
+        signals, gauge = fault_signals(analysis, rows), track.measured("tank_kg")
+        for n, (row, of_faults) in enumerate(zip(at, signals, strict=True)):
             time_s = float(clock_s[row])
             if not track.flying[row]:
                 self._balance = BalanceWatch()
                 self._faults.landed(time_s)
-                self._landed(events, OF_SETTLED_ROWS, time_s)
                 continue
-            whole = self._faults.add(time_s, of_faults)
+            if self._faults.add(time_s, of_faults):
+                faults[n] = self._faults.tested
             tank = (float(a[row]) for a in (gauge, pumped_kg, virtual_kg))
             self._balance.add(time_s, *tank)
-            balance = None
             if time_s - self._weighed_s >= 1.0:
-                self._weighed_s, balance = time_s, self._balance.balance()
-            faults = self._faults.standing if whole else None
-            now = RowNow(analysis=analysis, row=row, faults=faults, balance=balance)
-            self._check(events, due(row), time_s, now)
-        return events
-
-    def _due(
-        self,
-        rules: Sequence[AlarmRule],
-        analysis: FlightAnalysis,
-        rows: slice,
-        margin_ahead: Floats | None = None,
-        esc_failures: Floats | None = None,
-    ) -> Callable[[int], list[AlarmRule]]:
-        """Which of the rules are to be asked at a row: all that may say something new."""
-        span = RowsNow(
-            analysis=analysis, rows=rows, margin_ahead=margin_ahead, esc_failures=esc_failures
-        )
-        first = rows.indices(analysis.track.time_s.size)[0]
-        may = [(r, None if r.may is None else r.may(self.settings, span).tolist()) for r in rules]
-
-        def due(row: int) -> list[AlarmRule]:
-            watched = {name for name, _ in self._states}
-            return [r for r, m in may if m is None or m[row - first] or r.name in watched]
-
-        return due
+                self._weighed_s, balances[n] = time_s, self._balance.balance()
+        return faults, balances
 
     def heard(
         self,
@@ -134,6 +157,7 @@ class Alarms:
         *,
         flying: bool = True,
         from_outputs: bool = False,
+        rows_behind: float = 0.0,
     ) -> list[AlarmEvent]:
         """Check the link: s since anything was heard, and (R,) by which each rotor's speed is older
         than the last message that was analysed.
@@ -141,7 +165,7 @@ class Alarms:
         Times are the ground's clock. `rotors_behind` is NaN for a vehicle that has never reported a
         rotor speed. `flying` when last heard: a vehicle that is switched off after a landing is
         worth a notice, and one whose motors rest owes no rotor speeds. `from_outputs`: they are
-        made from motor outputs.
+        made from motor outputs. `rows_behind` is the age of the last row at the last message, s.
         """
         events: list[AlarmEvent] = []
         link = LinkNow(
@@ -150,54 +174,128 @@ class Alarms:
         # However late the link was looked at, it was lost when the silence became too long.
         lost_s = now_s - max(silent - self.settings.silence, 0.0)
         for rule in OF_THE_LINK:
-            self._check(events, (rule,), lost_s if rule is TELEMETRY else now_s, link)
+            time_s = np.full(1, lost_s if rule is TELEMETRY else now_s)
+            found = rule.checks(self.settings, link)
+            self._follow(events, rule, found, time_s, np.ones(1, dtype=np.bool_), rule.needs)
+        unheard = silent > self.settings.silence
+        if unheard or rows_behind > UNSEEN:
+            missing = Missing.LINK if unheard else Missing.ROWS
+            for alarm in list(self.standing.values()):
+                if alarm.name not in {rule.name for rule in OF_THE_LINK}:
+                    self._change(events, alarm, AlarmState.UNCONFIRMED, lost_s, missing)
         return events
 
-    def _check(
+    def _follow(
         self,
         events: list[AlarmEvent],
-        rules: Sequence[AlarmRule],
+        rule: AlarmRule,
+        found: AlarmChecks,
+        times: Floats,
+        flying: Bools,
+        missing: Missing,
+    ) -> None:
+        """Take one rule's checks of N rows, `times` (N,) and whether `flying` (N,)."""
+        keys: list[Key] = [
+            (rule.name, k + 1 if k < found.rotor else None) for k in range(found.on.shape[1])
+        ]
+        asked = flying | (rule.on_ground == "checked")
+        for k, key in enumerate(keys):
+            on = found.on[:, k] & asked
+            if key not in self._conditions and not on.any():
+                continue
+            landed = ~asked & (rule.on_ground == "cleared")
+            off, known = (found.off[:, k] & asked) | landed, (found.known[:, k] & asked) | landed
+            over = landed if found.over is None else landed | found.over
+            begin = 0 if key in self._conditions else int(np.argmax(on))
+            for row in range(begin, times.size):
+                if asked[row] or landed[row]:
+                    said = bool(on[row]), bool(off[row]), bool(known[row]), bool(over[row])
+                    self._step(events, rule, found, key, (row, k), float(times[row]), said, missing)
+
+    def _step(
+        self,
+        events: list[AlarmEvent],
+        rule: AlarmRule,
+        found: AlarmChecks,
+        key: Key,
+        at: tuple[int, int],
         time_s: float,
-        now: RowNow | LinkNow,
-        *,
-        flying: bool = True,
+        said: tuple[bool, bool, bool, bool],
+        missing: Missing,
     ) -> None:
-        for rule in rules:
-            if flying or rule.on_ground == "checked":
-                for found in rule.checks(self.settings, now):
-                    self._set(events, rule, time_s, found)
-
-    def _landed(self, events: list[AlarmEvent], of: tuple[AlarmRule, ...], time_s: float) -> None:
-        self._over(events, [r for r in of if r.on_ground == "cleared"], time_s)
-
-    def _over(self, events: list[AlarmEvent], rules: Sequence[AlarmRule], time_s: float) -> None:
-        for name, rotor in list(self._states):
-            for rule in rules:
-                if rule.name == name:
-                    self._set(events, rule, time_s, AlarmCheck(False, True, 0, "", rotor))
-
-    def _set(
-        self, events: list[AlarmEvent], rule: AlarmRule, time_s: float, found: AlarmCheck
-    ) -> None:
-        key = rule.name, found.rotor
-        before = self._states.get(key)
+        """One row of one alarm: `said` is on, off, known and without an object."""
+        on, off, known, over = said
+        before = self._conditions.get(key)
         if before is None:
-            if not found.on:
+            if not on:
                 return
-            before = Debounce(rule.hold, rule.release)
-        after = before.after(time_s, found.on, found.off)
-        if after.active or after.since == after.since:
-            self._states[key] = after
+            before = _Condition(Debounce(rule.hold, rule.release), time_s)
+        unasked = rule.sampled and not known
+        holds = before.debounce if unasked else before.debounce.after(time_s, on, off)
+        went = before.debounce.active and not holds.active
+        over_s = time_s if went else before.over_s
+        seen_s = time_s if known else before.seen_s
+        self._conditions[key] = _Condition(holds, seen_s, over_s)
+        if holds.active and not before.debounce.active:
+            self._begin(events, key, found, at, time_s)
+        alarm = self.standing.get(key)
+        if alarm is None:
+            if holds.since != holds.since:
+                del self._conditions[key]
+        elif holds.active and known and not off:
+            self._change(events, _worded(alarm, found, at), AlarmState.ACTIVE, time_s)
+        elif not known:
+            if time_s - seen_s >= UNSEEN:
+                self._change(events, alarm, AlarmState.UNCONFIRMED, time_s, missing)
+        elif off and not holds.active:
+            confirmed = alarm.state is AlarmState.ACTIVE
+            if over or not confirmed or time_s - over_s >= rule.lull:
+                del self._conditions[key]
+                self._change(events, alarm, AlarmState.CLEARED, time_s)
+            elif went:
+                self.standing[key] = replace(alarm, text=alarm.past or alarm.text)
+
+    def _begin(
+        self,
+        events: list[AlarmEvent],
+        key: Key,
+        found: AlarmChecks,
+        at: tuple[int, int],
+        time_s: float,
+    ) -> None:
+        """A condition has held for its time: a new alarm, or one that comes again."""
+        cleared, cleared_s = self._cleared.pop(key, (None, float("-inf")))
+        before = self.standing.get(key) or (cleared if time_s - cleared_s <= AGAIN else None)
+        if before is None:
+            before = Alarm(*key, 0, "", time_s, AlarmState.CLEARED)
         else:
-            self._states.pop(key, None)
-        if after.active and not before.active:
-            alarm = Alarm(*key, found.severity, found.text[:50], time_s)
-            self.standing[key] = alarm
-            events.append(AlarmEvent(True, alarm, time_s))
-        elif before.active and not after.active:
-            events.append(AlarmEvent(False, self.standing.pop(key), time_s))
-        elif after.active and found.text and not found.off:
-            now = self.standing[key]
-            if (now.text, now.severity) != (found.text[:50], found.severity):
-                # Replaced, never changed: other threads read what stands.
-                self.standing[key] = replace(now, text=found.text[:50], severity=found.severity)
+            before = replace(before, times=before.times + 1, last_s=time_s)
+        self._change(events, _worded(before, found, at), AlarmState.ACTIVE, time_s)
+
+    def _change(
+        self,
+        events: list[AlarmEvent],
+        alarm: Alarm,
+        state: AlarmState,
+        time_s: float,
+        missing: Missing = Missing.NOTHING,
+    ) -> None:
+        """Put an alarm down with a state; an event where that is another."""
+        now = replace(alarm, state=state, missing=missing)
+        if state is AlarmState.UNCONFIRMED:
+            now = replace(now, text=alarm.past or alarm.text)
+        if state is AlarmState.CLEARED:
+            del self.standing[alarm.key]
+            self._cleared[alarm.key] = now, time_s
+        elif self.standing.get(alarm.key) != now:
+            self.standing[alarm.key] = now
+        if state is not alarm.state:
+            events.append(AlarmEvent(now, alarm.state, time_s))
+
+
+def _worded(alarm: Alarm, found: AlarmChecks, at: tuple[int, int]) -> Alarm:
+    """An alarm with the words and the severity of a row."""
+    rotors = () if found.rotors is None else found.rotors(*at)
+    past = "" if found.past is None else found.past(at[1])[:50]
+    text = found.text(*at)[:50]
+    return replace(alarm, severity=found.severity(*at), text=text, rotors=rotors, past=past)

@@ -33,15 +33,20 @@ class EventRecord:
             self._recorder.event(event | more)
 
     def alarm(self, at_us: int, vehicle: int, event: AlarmEvent) -> None:
-        """Record an alarm that was raised or cleared."""
+        """Record an alarm that was raised, cleared, or can (not) be confirmed."""
         self.note(
             at_us,
             vehicle,
-            "raised" if event.raised else "cleared",
+            event.kind,
             event.alarm.text,
             alarm=event.alarm.name,
             rotor=event.alarm.rotor,
+            rotors=event.alarm.rotors,
             severity=event.alarm.severity,
+            state=event.alarm.state,
+            missing=event.alarm.missing,
+            times=event.alarm.times,
+            since_s=event.alarm.since_s,
             time_s=event.time_s,
         )
 

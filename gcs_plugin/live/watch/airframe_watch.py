@@ -1,8 +1,9 @@
-"""On what ground a vehicle that flies now is one of the airframe: decided while it flies.
+"""On what ground a vehicle that flies now is one of the airframe: decided once a flight.
 
-The same comparison as of a file, of the last minute in flight, at most every 2.5 s. A decision
-stands until the opposite has been seen for some seconds on end, so that it does not flicker; what
-was recognised by being close is given up only when something speaks against it.
+The same comparison as of a file, of the last minute in flight, at most every 2.5 s. It decides on
+the ground and in the first seconds of a flight; what the aircraft was then known to be it stays.
+What fits no longer after that (a battery that collapses) is a finding, and takes no margin away.
+One that was not known goes on to be compared.
 """
 
 from __future__ import annotations
@@ -23,8 +24,10 @@ from thrustmargin.models.vehicle_facts import VehicleFacts
 
 #: s between two rows of the evidence, between two looks, and that the evidence reaches back
 STEP, EVERY, REACH = 0.25, 2.5, 60.0
-#: Looks on end that must speak for it: to withhold a margin, and to claim one again.
-TO_WITHHOLD, TO_CLAIM = 2, 4
+#: Looks on end that must speak for it: to speak against an airframe, and for it again.
+AGAINST, FOR = 2, 4
+OPENING = 12.0  # s in flight in which it is decided
+LANDED = 5.0  # s on the ground after which a new flight begins
 
 
 class AirframeWatch:
@@ -40,6 +43,8 @@ class AirframeWatch:
         self._looked_s = -np.inf
         self._other_rotors = False  # reported last
         self._against = 0  # looks on end that spoke against what is decided
+        self._opened_s = np.inf  # first row of this flight
+        self._ground_s = -np.inf  # when it came to rest; NaN in flight
         self.claim = self._first()
 
     def _first(self) -> AirframeClaim:
@@ -78,24 +83,38 @@ class AirframeWatch:
         return self.claim
 
     def _gather(self, track: FlightTrack) -> None:
-        if track.time_s[0] <= self._last_s:  # it was started anew
+        time_s, flying = track.time_s, track.flying
+        if time_s[0] <= self._last_s:  # it was started anew
             self._parts, self._looked_s, self._last_s = [], -np.inf, -np.inf
-        steps = np.floor(track.time_s / STEP)
+        if np.isnan(self._ground_s) and not flying[-1]:
+            self._ground_s = float(time_s[-1])
+        steps = np.floor(time_s / STEP)
         new = np.diff(steps, prepend=np.floor(self._last_s / STEP)) > 0
-        rows = np.flatnonzero(new & track.flying)
+        rows = np.flatnonzero(new & flying)
         if rows.size:
+            if time_s[rows[0]] - self._ground_s > LANDED:
+                self._parts, self._opened_s, self._against = [], float(time_s[rows[0]]), 0
             self._parts.append((track, rows))
-            self._last_s = float(track.time_s[rows[-1]])
+            self._last_s = float(time_s[rows[-1]])
+        if flying[-1]:
+            self._ground_s = np.nan
 
     def _decide(self, now: AirframeClaim) -> None:
-        if self.claim.withheld == (AIRFRAME_NOT_YET,):
+        before = self.claim
+        if before.withheld == (AIRFRAME_NOT_YET,):
             self.claim = now
-        elif bool(now.withheld) == bool(self.claim.withheld):
+            return
+        held = not before.withheld and self._last_s - self._opened_s > OPENING
+        misfits = before.misfit or before.withheld
+        if bool(now.withheld) == bool(misfits):
             self._against = 0
-        else:
-            self._against += 1
-            if self._against >= (TO_WITHHOLD if now.withheld else TO_CLAIM):
-                self._against = 0
-                if self.claim.basis == "recognised":  # and was given by nobody
-                    now = replace(now, basis="not known", words=AIRFRAME_UNKNOWN)
-                self.claim = now
+            return
+        self._against += 1
+        if self._against < (AGAINST if now.withheld else FOR):
+            return
+        self._against = 0
+        if held:
+            now = replace(before, misfit=now.withheld)
+        elif before.basis == "recognised":  # and was given by nobody
+            now = replace(now, basis="not known", words=AIRFRAME_UNKNOWN)
+        self.claim = now

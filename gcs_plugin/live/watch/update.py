@@ -43,7 +43,7 @@ class Update:
 
     def __repr__(self) -> str:
         margins = ", ".join(f"{100.0 * m:.1f}" for m in self.analysis.margin[-1])
-        alarms = "; ".join(alarm.text for alarm in self.alarms) or NO_ALARM
+        alarms = "; ".join(alarm.line for alarm in self.alarms) or NO_ALARM
         return f"Update(vehicle {self.vehicle}, margin by rotor {margins} %, {alarms})"
 
     @property

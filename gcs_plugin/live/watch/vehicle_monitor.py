@@ -301,7 +301,13 @@ class VehicleMonitor:
             np.where(self._rotor_us > 0, behind, np.nan),
             flying=self.flying,
             from_outputs=self._inferred.outputs.in_use,
+            rows_behind=self._rows_behind,
         )
+
+    @property
+    def _rows_behind(self) -> float:
+        """s of the last row before the last message: what comes may be of no use."""
+        return (self.telemetry.stamp_us - int(self.last.stamp_us[-1])) * 1e-6 if self.last else 0.0
 
     def silent(self, now_us: int) -> float:
         """s since anything was heard of it, at a time of the ground's clock, taken or not."""

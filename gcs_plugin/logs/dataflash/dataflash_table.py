@@ -344,8 +344,6 @@ _METHODS = (
     ("RCOU", _servos),
     ("NVF", _named),
     ("EV", _landed),
-    ("ARM", _armed),
-    ("EV", _armed),
     ("ORGN", _origins),
     ("GPS", _ground_speed),
 )

@@ -14,6 +14,7 @@ from thrustmargin.gcs_plugin.wording.margin_verdict import Fact, Moment
 from thrustmargin.gcs_plugin.wording.report_words import NOT_SPRAYING
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
+from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.model.rotor_faults import FaultEpisode
 
@@ -140,12 +141,23 @@ def alarm_facts(episodes: Sequence[FaultEpisode]) -> tuple[Fact, ...]:
     return tuple(Fact("alarm", episode_words(episode)) for episode in episodes)
 
 
+def suspected(episodes: Sequence[FaultEpisode]) -> tuple[int, ...]:
+    """Rotors, from 1, for which an alarm was raised, or of one of which it was."""
+    faults = [episode.fault for episode in episodes]
+    return tuple(sorted({rotor + 1 for fault in faults for rotor in _rotors(fault)}))
+
+
+def _rotors(fault: RotorFault) -> tuple[int, ...]:
+    return fault.rotors or (fault.rotor,)
+
+
 def alarm_row(episode: FaultEpisode) -> JsonObject:
     """A fault of a rotor or motor, with the words of its live alarm."""
     fault = episode.fault
     return {
         "kind": fault.kind,
-        "rotor": fault.rotor + 1,
+        "rotor": None if fault.rotors else fault.rotor + 1,
+        "rotors": [rotor + 1 for rotor in _rotors(fault)],
         "from_s": episode.begin_s,
         "until_s": episode.end_s,
         "size": fault.size,

@@ -31,6 +31,7 @@ from thrustmargin.gcs_plugin.reports.margin.moments import (
     airborne_use,
     alarm_facts,
     alarm_row,
+    suspected,
     utc_words,
     worst_moments,
 )
@@ -71,10 +72,7 @@ from thrustmargin.models.model.analysis import FlightAnalysis, for_verdict
 from thrustmargin.models.model.fill_limits import full_at_once
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.model.predict import flown_airframe
-from thrustmargin.models.model.rotor_faults import (
-    fault_episodes,
-    fault_history,
-)
+from thrustmargin.models.model.rotor_faults import fault_episodes, fault_history
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.margin import ceiling, hover_use, largest_fill, weight
 
@@ -114,7 +112,7 @@ def report_flight(
             analysis.claim,
             _no_flight(whole.track),
             full_at_once=full_at_once(as_flown),
-            suspects=tuple(sorted({one.fault.rotor + 1 for one in alarms})),
+            suspects=suspected(alarms),
         ),
         *(*load_facts(track), *ending_facts(whole.track)),
     )

@@ -88,10 +88,10 @@ def alarms_html(number: int, fleet: Sequence[Standing]) -> str:
     Those of the others are shown too: the pilot sees one tab. So is the age of old numbers.
     """
     every = [(one.number, alarm) for one in fleet if not one.gone for alarm in one.alarms]
-    every.sort(key=lambda item: (item[1].severity, item[0] != number, item[0]))
+    every.sort(key=lambda item: (item[1].order[:3], item[0] != number, item[0], item[1].since_s))
     lines = []
     for of, alarm in every[:MOST_ALARMS]:
-        text = alarm.text if of == number else words.of_vehicle(of, alarm.text)
+        text = alarm.line if of == number else words.of_vehicle(of, alarm.line)
         lines.append(
             f'<div data-alarm style="background:{paper_of(alarm.severity)};padding:3px 8px;'
             f'margin-bottom:3px">{escape(text)}</div>'

@@ -64,9 +64,8 @@ class PilotBar:
         self.insert = (style + text).encode()  # what the page gets before its end
 
     def on_event(self, vehicle: int, event: AlarmEvent) -> None:
-        """An alarm was raised or cleared: a line of the history."""
-        what = "raised" if event.raised else "over"
-        self._note(words.alarm_line(vehicle, what, event.alarm.text))
+        """An alarm changed: a line of the history."""
+        self._note(words.alarm_line(vehicle, event.kind, event.alarm.text))
 
     def acknowledge(self) -> None:
         """All alarms that stand now are known to the pilot."""
@@ -98,14 +97,15 @@ class PilotBar:
         """What the bar shows: vehicles, alarms (the gravest first), history (the newest first)."""
         fleet = [one for one in self._standing() if not one.gone]
         standing = [(one, alarm) for one in fleet for alarm in one.alarms]
-        standing.sort(key=lambda pair: (pair[1].severity, _key(*pair) in self._known))
+        standing.sort(key=lambda pair: (pair[1].order[:3], _key(*pair) in self._known))
         many = len(fleet) > 1
         with self._lock:
             known, history = set(self._known), list(self._history)
         alarms = [
             {
                 "id": repr(_key(one, alarm)),
-                "text": words.of_vehicle(one.number, alarm.text) if many else alarm.text,
+                "text": words.of_vehicle(one.number, alarm.line) if many else alarm.line,
+                "state": alarm.state,
                 "paper": paper_of(alarm.severity),
                 "loud": alarm.severity <= WARNING,
                 "critical": alarm.severity <= CRITICAL,

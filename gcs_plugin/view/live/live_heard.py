@@ -14,7 +14,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.live.alarms.alarm import worst_first
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
@@ -97,7 +96,7 @@ class Heard:
             self._watches[number] = watch
             now = replace(
                 self._aged(before, now_us),
-                alarms=tuple(worst_first(list(watch.alarms.standing.values()))),
+                alarms=tuple(sorted(watch.alarms.standing.values(), key=lambda a: a.order)),
                 old_s=fleet.old_s,
                 problem=watch.problem,
                 gone=watch.left(now_us),

@@ -13,7 +13,13 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from tests.gcs_plugin.live.live_vehicle import Vehicle
 from thrustmargin.gcs_plugin.link.sender import COMPONENT, Sender
 from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter
-from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, WARNING, Alarm, AlarmEvent
+from thrustmargin.gcs_plugin.live.alarms.alarm import (
+    CRITICAL,
+    WARNING,
+    Alarm,
+    AlarmEvent,
+    AlarmState,
+)
 from thrustmargin.gcs_plugin.live.announce import Announcer
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
@@ -177,7 +183,7 @@ def test_texts_are_one_a_second_gravest_first_and_a_flood_is_cut():
     fleet.take([f for _ in range(20) for f in vehicle.tick()])
     for number in range(20):
         alarm = Alarm("rotor", number, CRITICAL if number == 13 else WARNING, f"alarm {number}", 0)
-        announcer.on_event(1, AlarmEvent(True, alarm, 0.0))
+        announcer.on_event(1, AlarmEvent(alarm, AlarmState.CLEARED, 0.0))
     for _ in range(100):
         fleet.take(vehicle.tick())
         announcer.on_round(fleet, vehicle.stamp_us)
@@ -196,7 +202,7 @@ def test_what_still_stands_is_said_again_every_half_minute():
     watch = fleet.vehicles[1]
     alarm = Alarm("margin", None, WARNING, "Thrust margin 41% below 50%: rotor 2", 0.0)
     watch.alarms.standing[alarm.key] = alarm
-    announcer.on_event(1, AlarmEvent(True, alarm, 0.0))
+    announcer.on_event(1, AlarmEvent(alarm, AlarmState.CLEARED, 0.0))
     for _ in range(100):
         fleet.take(vehicle.tick(1.0))
         announcer.on_round(fleet, vehicle.stamp_us)

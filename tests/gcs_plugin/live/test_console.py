@@ -11,7 +11,14 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from rich.console import Console
 
 from tests.gcs_plugin.live.live_vehicle import SECOND, Vehicle, as_frame
-from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, NOTICE, WARNING, Alarm, AlarmEvent
+from thrustmargin.gcs_plugin.live.alarms.alarm import (
+    CRITICAL,
+    NOTICE,
+    WARNING,
+    Alarm,
+    AlarmEvent,
+    AlarmState,
+)
 from thrustmargin.gcs_plugin.live.console import (
     Bell,
     EventPrinter,
@@ -124,7 +131,7 @@ def test_without_a_terminal_every_event_is_a_line_with_its_time(monitor):
     for event in fleet.vehicles[3].last.events:  # type: ignore[union-attr]
         printer.on_event(3, event)
     alarm = Alarm("margin", None, 4, "Thrust margin 39%", 0.0)
-    printer.on_event(3, AlarmEvent(True, alarm, 0.0, unix_s=1e9))
+    printer.on_event(3, AlarmEvent(alarm, AlarmState.CLEARED, 0.0, unix_s=1e9))
     printer.on_round(fleet, vehicle.stamp_us)
     printer.on_round(fleet, vehicle.stamp_us)
     claim = "vehicle 3: airframe topxgun-f16-sitl, given"
@@ -197,6 +204,8 @@ def test_the_bell_rings_for_what_asks_for_a_hand_and_not_for_notes():
     bell = Bell(lambda: rung.append(True))
     for severity in (CRITICAL, WARNING, NOTICE):
         alarm = Alarm("margin", None, severity, "Margin 12 %", 3.0)
-        bell.on_event(1, AlarmEvent(True, alarm, 3.0))
-        bell.on_event(1, AlarmEvent(False, alarm, 4.0))
+        bell.on_event(1, AlarmEvent(alarm, AlarmState.CLEARED, 3.0))
+        bell.on_event(
+            1, AlarmEvent(replace(alarm, state=AlarmState.CLEARED), AlarmState.ACTIVE, 4.0)
+        )
     assert len(rung) == 2

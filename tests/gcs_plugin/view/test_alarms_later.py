@@ -12,7 +12,7 @@ from thrustmargin.gcs_plugin.view import replay_view
 from thrustmargin.gcs_plugin.view.figures.live_html import GREY, VERDICT_PAPER
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
 from thrustmargin.gcs_plugin.wording.view_words import ALARMS_SOUGHT, ALARMS_UNKNOWN
-from thrustmargin.models.model.rotor_faults import RotorFault
+from thrustmargin.models.model.fault_test import RotorFault
 
 FAULT = RotorFault(kind="propeller", rotor=1, size=0.12, lower=0.09, upper=0.15)
 

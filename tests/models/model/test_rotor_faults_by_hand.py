@@ -11,11 +11,8 @@ from tests.models.model.test_model_by_hand import recorded
 from thrustmargin.models.checks.sudden_change import Prior
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.fault_test import FAULT_SIZES, LIKE_A_TURN, MOST, FaultTest
 from thrustmargin.models.model.rotor_faults import (
-    FAULT_SIZES,
-    LIKE_A_TURN,
-    MOST,
-    FaultTest,
     RotorFaults,
     _motor_test,
     _propeller_test,
@@ -149,12 +146,16 @@ def test_a_rotor_is_named_when_it_has_nearly_all_of_the_weight(wrong, said):
     each = np.ones(3)
     prior = Prior(trim=0.1 * each, noise=0.01 * each, inputs=np.zeros((3, 1)))
     test = FaultTest("motor", steps, np.full(steps.shape, 0.01), prior)
-    rng, lowest = np.random.default_rng(1), 1.0
+    rng, lowest, suspected = np.random.default_rng(1), 1.0, set()
     for block in range(100):
         jump = 1.0 if block >= 80 else 0.0
         test.add(0.7 * block, jump + 0.01 * rng.standard_normal(3), np.zeros((3, 1)))
         lowest = min(lowest, test._sound)
+        suspected |= {fault.rotors for fault in test.standing if fault.rotors}
     assert sorted(test.faults) == [0] * said
+    # Until the other is excluded it is one of both.
+    assert suspected <= {(0, 1)}
+    assert said or suspected == {(0, 1)}
     assert lowest < 1e-3  # what is so likely a part is not counted as a turn
 
 
@@ -185,11 +186,14 @@ def test_a_block_is_seven_rows_and_ends_where_time_goes_back():
 def test_which_blocks_a_test_reads(rows, excess, propeller, motor):
     faults = RotorFaults(MODEL)
     faults._end(np.array([row_of(k / 10, (excess,) * 4) for k in range(rows)]))
-    assert [test._test._blocks for test in faults._tests] == [propeller, motor]
+    assert [len(test._first or ()) for test in faults._tests] == [propeller, motor]
+    assert {*faults.tested} == {k for k, n in (("propeller", propeller), ("motor", motor)) if n}
 
 
 class Heard:
     """What a test is given."""
+
+    standing = ()
 
     def add(self, time_s, values, inputs) -> None:
         self.time_s, self.values, self.inputs = time_s, values, inputs

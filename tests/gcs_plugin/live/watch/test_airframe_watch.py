@@ -63,17 +63,37 @@ def test_on_the_ground_nothing_is_decided():
 
 
 @pytest.mark.parametrize("given", [True, False])
-def test_another_battery_withholds_the_margin_and_a_moment_of_it_does_not(given):
-    watch = watched(given=given)
-    at = START + 300
-    # 3 s of a wrong reading are not the median of the last minute.
-    track = with_volts(16.0, at, at + 30)
-    assert not any(c.withheld for c in claims(watch, track, START, at + 200)[20:])
-    track = with_volts(16.0, at + 200, at + 1200)
-    made = claims(watch, track, at + 200, at + 1200)
+def test_another_battery_from_the_start_withholds_the_margin(given):
+    track = with_volts(16.0, 0, LOG.track.time_s.size)
+    made = claims(watched(given=given), track, START, START + 200)
     assert "16.0 V in flight" in made[-1].withheld[0]
     assert made[-1].basis == ("given" if given else "not known")
-    assert np.count_nonzero(np.diff([bool(claim.withheld) for claim in made])) == 1
+
+
+@pytest.mark.parametrize("given", [True, False])
+def test_a_battery_that_collapses_later_is_a_finding_and_takes_no_identity_away(given):
+    watch = watched(given=given)
+    before = claims(watch, LOG.track, 0, START + 200)[-1]
+    track = with_volts(30.0, START + 200, START + 1400)
+    made = claims(watch, track, START + 200, START + 1400)
+    assert not any(claim.withheld for claim in made)
+    assert "30.0 V in flight" in made[-1].misfit[0]
+    assert "no longer fits" in made[-1].described
+    assert (made[-1].basis, made[-1].words) == (before.basis, before.words)
+    assert np.count_nonzero(np.diff([bool(claim.misfit) for claim in made])) == 1
+    # The battery is well again: so is the claim.
+    size = LOG.track.time_s.size
+    assert claims(watch, LOG.track, START + 1400, min(START + 2600, size))[-1].misfit == ()
+
+
+def test_the_next_flight_is_decided_anew_and_a_bounce_is_none():
+    for rest, withheld in ((40, False), (60, True)):
+        flying = LOG.track.flying.copy()
+        flying[START + 200 : START + 200 + rest] = False
+        track = replace(with_volts(16.0, START + 200, START + 700), flying=flying)
+        made = claims(watched(given=True), track, 0, START + 700)
+        assert bool(made[-1].withheld) == withheld
+        assert bool(made[-1].misfit) != withheld
 
 
 def test_a_doubt_that_has_gone_for_long_is_taken_back():
@@ -127,7 +147,7 @@ def test_margins_are_withheld_on_every_screen_until_the_airframe_is_recognised()
     assert any("recognised" in note for _, note in vehicle.notes)
 
 
-def test_an_alarm_about_the_margin_ends_when_the_margin_is_withheld():
+def test_an_alarm_about_the_margin_cannot_be_confirmed_when_the_margin_is_withheld():
     vehicle, updates = monitored()
     track = updates[-1].analysis.track
     doubted = AirframeClaim(withheld=("another battery",))
@@ -146,5 +166,6 @@ def test_an_alarm_about_the_margin_ends_when_the_margin_is_withheld():
         )
         if second == 9:
             assert ("margin", None) in vehicle.alarms.standing
-    assert ("margin", None) not in vehicle.alarms.standing
+    unsure = vehicle.alarms.standing["margin", None]
+    assert (unsure.state, unsure.missing) == ("unconfirmed", "verdict")
     assert "does not fit" in vehicle.alarms.standing["airframe", None].text

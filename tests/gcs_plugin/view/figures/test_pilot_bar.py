@@ -15,7 +15,14 @@ from tests.gcs_plugin.live.alarms.test_alarms import hover
 from tests.gcs_plugin.live.live_vehicle import Vehicle
 from tests.gcs_plugin.live.monitored import MODEL
 from tests.gcs_plugin.view.live_flight import flying
-from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, NOTICE, WARNING, Alarm, AlarmEvent
+from thrustmargin.gcs_plugin.live.alarms.alarm import (
+    CRITICAL,
+    NOTICE,
+    WARNING,
+    Alarm,
+    AlarmEvent,
+    AlarmState,
+)
 from thrustmargin.gcs_plugin.view.figures.live_html import Standing
 from thrustmargin.gcs_plugin.view.figures.pilot_bar import ACKNOWLEDGE, STATE, PilotBar
 from thrustmargin.gcs_plugin.view.page.guard import guarded_server, stop_server
@@ -128,7 +135,7 @@ def test_an_acknowledgement_is_of_what_stands_and_is_kept():
     heard = []
     standing = [ONE]
     bar = PilotBar(lambda: standing, acknowledged=lambda number, a: heard.append((number, a.name)))
-    bar.on_event(1, AlarmEvent(True, TANK, 41.0))
+    bar.on_event(1, AlarmEvent(TANK, AlarmState.CLEARED, 41.0))
     bar.acknowledge()
     bar.acknowledge()
     assert heard == [(1, "tank"), (1, "esc")]

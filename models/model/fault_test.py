@@ -1,0 +1,186 @@
+"""One of the two tests of `rotor_faults`: which rotor has a fault, how large, and since when."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from thrustmargin.models.checks.sudden_change import SELDOM, SETTLE, WINDOW, Prior, SuddenChange
+from thrustmargin.models.flight import Floats
+
+BLOCK = 0.7  # s: rotors answer within it, and noise forgets most of itself
+FALSE_ALARMS = 0.1  # an hour of flight, of each test, at most
+SURE = 0.95  # of the posterior on one rotor
+EXCLUDED = 0.01  # of the posterior up to which a rotor is excluded
+LEAST, MOST, RATIO = 0.03, 0.6, 1.06  # sizes of a fault, and from one to the next
+LEARN = 12  # blocks of a flight that tell its scatter
+NORMAL_MEDIAN = 0.6745  # median size of a normal error, in standard deviations
+Kind = Literal["propeller", "motor"]
+THRESHOLD = float(np.log(3600.0 / BLOCK / SETTLE / FALSE_ALARMS))
+#: ln of the ratio from which a start that looks like a part is not counted as a turn
+LIKE_A_TURN = float(np.log(SELDOM / BLOCK))
+FAULT_SIZES = LEAST * RATIO ** np.arange(int(np.log(MOST / LEAST) / np.log(RATIO)) + 1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RotorFault:
+    """A part found bad: rotor from 0; size is the share of thrust lost, or of speed short."""
+
+    kind: Kind
+    rotor: int
+    size: float
+    lower: float  # 95 % interval
+    upper: float  # MOST while it is still growing
+    #: From 0, while others than `rotor` are not excluded: it is of one of these.
+    rotors: tuple[int, ...] = ()
+
+
+class FaultTest:
+    """One test: its blocks, and the faults of rotors that stand.
+
+    A rotor of the size j moves the signals by `steps` (R, J, M), known to +- `widths`.
+    """
+
+    def __init__(self, kind: Kind, steps: Floats, widths: Floats, prior: Prior) -> None:
+        self.kind: Kind = kind
+        self.faults: dict[int, RotorFault] = {}
+        self._suspect: RotorFault | None = None  # of one of several rotors
+        # Size 0 first: sound, or sound again.
+        self._steps, self._widths = (np.pad(a, ((0, 0), (1, 0), (0, 0))) for a in (steps, widths))
+        self._prior = prior
+        #: (R, M) step that each rotor is at, and its standard deviation
+        self._now: Floats = np.zeros(steps[:, 0].shape)
+        self._error: Floats = np.zeros(steps[:, 0].shape)
+        self._from_now()
+        self.restart()
+
+    @property
+    def standing(self) -> tuple[RotorFault, ...]:
+        """Faults by rotor, then one whose rotor is not yet known."""
+        suspect = () if self._suspect is None else (self._suspect,)
+        return (*(self.faults[rotor] for rotor in sorted(self.faults)), *suspect)
+
+    def restart(self) -> None:
+        """A new flight."""
+        self._test, self._sound = SuddenChange(self._prior, BLOCK), 1.0
+        self._held_s, self._before = math.nan, self.faults
+        self._first: list[tuple[float, Floats, Floats]] | None = []
+        self._passed, self._suspect = -1, None
+
+    def forget(self) -> None:
+        """All parts may be new."""
+        self.faults = {}
+        self._now[:] = self._error[:] = 0.0
+        self._from_now()
+
+    def _from_now(self) -> None:
+        """(R, 1 + J, M) steps and their widths from where each rotor is."""
+        self._left = self._steps - self._now[:, None]
+        self._left_widths = np.hypot(self._widths, self._error[:, None])
+
+    def add(self, time_s: float, values: Floats, inputs: Floats) -> None:
+        """A block: its values (M,) and inputs (M, P).
+
+        The first ones of a flight wait until they tell its scatter: nothing is named before.
+        """
+        if self._first is None:
+            self._weigh(time_s, values, inputs)
+            return
+        self._first.append((time_s, values, inputs))
+        if len(self._first) == LEARN:
+            scatter = block_scatter(np.array([values for _, values, _ in self._first]))
+            noise = np.maximum(scatter, self._prior.noise)
+            self._test = SuddenChange(replace(self._prior, noise=noise), BLOCK)
+            waiting, self._first = self._first, None
+            for block in waiting:
+                self._weigh(*block)
+
+    def _weigh(self, time_s: float, values: Floats, inputs: Floats) -> None:
+        self._test.add(values - self._now.sum(axis=0), inputs, self._sound)
+        steps = self._left
+        change = self._test.change(
+            steps.reshape(-1, values.size),
+            self._left_widths.reshape(-1, values.size),
+            LIKE_A_TURN,
+        )
+        suspected, self._suspect = self._suspect, None
+        if change is None:
+            self._sound, self._passed = 1.0, -1
+            return
+        share = change.share.reshape(steps.shape[:2])
+        rotor = int(np.argmax(share.sum(axis=1)))
+        posterior = share[rotor] / share[rotor].sum()
+        self._sound = 1.0 / (1.0 + math.exp(min(change.log_ratio - LIKE_A_TURN, 50.0)))
+        if math.isnan(self._held_s):
+            likely = change.log_ratio > LIKE_A_TURN and share[rotor].sum() > SURE
+            # One block may be an outlier: two on end must say the same.
+            before, self._passed = self._passed, rotor if likely else -1
+            if change.log_ratio > THRESHOLD and not (likely and before == rotor):
+                self._suspect = self._one_of(share, rotor, before, suspected)
+            elif likely and change.log_ratio > THRESHOLD:
+                self._held_s, self._before = time_s, self.faults
+                self._test.hold()
+                self._name(rotor, posterior, begins=True)
+        elif change.log_ratio < 0.0:
+            self._held_s, self.faults = math.nan, self._before
+            self._test.release()
+        else:
+            self._name(rotor, posterior, begins=time_s - self._held_s < 2.0 * SETTLE * BLOCK)
+            if time_s - self._held_s >= WINDOW:
+                bad = rotor in self.faults
+                step = posterior @ steps[rotor] if bad else -self._now[rotor]
+                spread = posterior @ ((steps[rotor] - step) ** 2 + self._widths[rotor] ** 2)
+                self._now[rotor] += step
+                self._error[rotor] = np.sqrt(spread) if bad else 0.0
+                self._from_now()
+                self._test.settle(change.filter, step)
+                self._held_s = math.nan
+
+    def _one_of(
+        self, share: Floats, rotor: int, before: int, suspected: RotorFault | None
+    ) -> RotorFault | None:
+        """A fault of one of the rotors that neither this block nor the last one excludes."""
+        rotors = set(np.flatnonzero(share.sum(axis=1) > EXCLUDED).tolist())
+        rotors |= set(suspected.rotors if suspected else ()) | ({before} - {-1})
+        sizes = share[:, 1:].sum(axis=0)
+        if len(rotors) < 2 or not sizes.sum() > share[:, 0].sum():
+            return None
+        lower = float(np.interp(0.025, np.cumsum(sizes / sizes.sum()), FAULT_SIZES))
+        size = float(sizes @ FAULT_SIZES / sizes.sum())
+        return RotorFault(
+            kind=self.kind,
+            rotor=rotor,
+            size=size,
+            lower=lower,
+            upper=MOST,
+            rotors=tuple(sorted(rotors)),
+        )
+
+    def _name(self, rotor: int, posterior: Floats, *, begins: bool) -> None:
+        """Put down what the posterior (J,) of a rotor's sizes says.
+
+        `begins`: it is perhaps not yet all there, and only the lower end of its size is known.
+        """
+        self.faults = {r: f for r, f in self._before.items() if r != rotor}
+        # Sound again is as likely before as all sizes together.
+        if FAULT_SIZES.size * posterior[0] < posterior[1:].sum():
+            weight = posterior[1:] / posterior[1:].sum()
+            lower, upper = np.interp([0.025, 0.975], np.cumsum(weight) - 0.5 * weight, FAULT_SIZES)
+            self.faults[rotor] = RotorFault(
+                kind=self.kind,
+                rotor=rotor,
+                size=float(weight @ FAULT_SIZES),
+                lower=float(lower),
+                upper=MOST if begins else float(upper),
+            )
+
+
+def block_scatter(values: Floats) -> Floats:
+    """(M,) standard deviation of a block's noise from blocks (N, M), by their differences.
+
+    Their median size, which neither a turn nor an outlier moves; of noise that keeps half.
+    """
+    return np.median(np.abs(np.diff(values, axis=0)), axis=0) / NORMAL_MEDIAN * math.sqrt(0.75)
