@@ -71,7 +71,7 @@ def test_an_exchange_across_is_told_from_others(sentence: str, dangerous: bool):
     assert crosses(sentence) is dangerous
 
 
-@pytest.mark.parametrize("name", TABLE.keys() - set(GO_ON))
+@pytest.mark.parametrize("name", sorted(TABLE.keys() - set(GO_ON)))
 def test_hands_on_the_aircraft_are_asked_for_with_motors_off(name: str):
     one = TABLE[name]
     if one.when in (When.BATTERY_OFF, When.DISARMED):
