@@ -69,6 +69,7 @@ class Reason(StrEnum):
     COVERS_LESS = "covers less of the flight"
     NO_NUMBERS = "has no numbers"
     CONTRADICTED = "contradicted by thrust"
+    FROZEN = "stood still throughout the flight"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,8 +9,11 @@
 | rotor speed | median over what the weight needs | 0.92 to 1.15 | 0.75 to 1.35 |
 | rotor speed limit | s above 1.2 of the largest thrust | | under 3 s, or under 5 % of the flight |
 | motor output | square root of its thrust over weight | 0.92 to 1.08 | 0.6 to 1.7 |
+| outputs and speeds | thrust of the one over that of the other | | 2.6 standard errors |
 
-Where no load is reported, rotor speed is close only if the motor outputs give it too, within 8 %.
+Without measured speeds the outputs may also not lift surely more (2.6 standard errors) than the
+gauge says, for then the gauge sets what they mean. Where no load is reported, rotor speed is close
+only if the motor outputs give it too, within 8 %.
 What does not fit contradicts, and no margin is claimed; an airframe that nobody gave is recognised
 by what is close. Where the tolerances come from: a lithium cell of 3.7 V flies at 3.4 to 4.25 V,
 and 2.9 V (a tired one, or of 3.6 V) to 4.5 V (of 4.35 V full, its gauge 3 % off) bound what can be
@@ -29,13 +32,12 @@ from typing import Literal
 
 import numpy as np
 
-from thrustmargin.models.checks.speed_scale import FEWEST_ROWS, check_speed_scale, lifted_mass
+from thrustmargin.models.checks.output_evidence import SURELY, OutputEvidence, output_evidence
+from thrustmargin.models.checks.speed_scale import FEWEST_ROWS, check_speed_scale
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.physics.airframe import Airframe
-from thrustmargin.models.physics.atmosphere import track_air
-from thrustmargin.models.physics.margin import ceiling, rotor_thrust, utilisation
+from thrustmargin.models.physics.margin import ceiling, utilisation
 from thrustmargin.models.physics.motor_layouts import ardupilot_layout, bearings
-from thrustmargin.models.physics.motor_output import output_curve
 from thrustmargin.models.physics.smoothing import known_median
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
@@ -43,6 +45,8 @@ Range = tuple[float, float]
 CLOSE_VOLTAGE, POSSIBLE_VOLTAGE = (0.92, 1.15), (0.78, 1.22)
 CLOSE_SPEED = (0.92, 1.15)
 CLOSE_OUTPUT, POSSIBLE_OUTPUT = (0.92, 1.08), (0.6, 1.7)
+#: Of the nominal voltage: a full cell of 4.2 V to one of 3.6 V, its gauge 3 % off
+FULL_BATTERY = 1.2
 #: Utilisation that no rotor holds, s and share of the flight for which it may pass for a moment.
 IMPOSSIBLE_USE, MOMENT_S, MOMENT_SHARE = 1.2, 3.0, 0.05
 #: deg by which an arm may stand elsewhere; the next arm of an octocopter is 45 away.
@@ -76,11 +80,13 @@ def comparisons(
         if track.standard_errors:
             track = replace(track, **{c: track.measured(c) for c in track.standard_errors})
         found.append(_frame(airframe, parameters))
-        found.append(_rotor_speed(track, airframe, parameters))
+        outputs = output_evidence(track, airframe, parameters)
+        found.append(_rotor_speed(track, airframe, outputs))
         found.append(voltage := _voltage(track, airframe))
         if voltage.verdict != "contradicts":  # else what rests on the voltage says the same again
             found.append(_speed_limit(track, airframe))
-            found.append(_output(track, airframe, parameters))
+            found.append(_output(track, airframe, outputs))
+            found.append(_speeds_by_output(outputs, airframe))
     return tuple(c for c in found if c is not None)
 
 
@@ -159,15 +165,17 @@ def _voltage(track: FlightTrack, airframe: Airframe) -> Comparison:
         f"{found:.1f} V in flight, {share:.0%} of the {airframe.nominal_voltage:.1f} V of airframe "
         f"{airframe.name}"
     )
+    fullest = float(np.percentile(volts, 99)) / airframe.nominal_voltage
     if verdict == "contradicts":
         low, high = POSSIBLE_VOLTAGE
         words += f"; the same battery stays within {low:.0%} to {high:.0%}"
+    elif fullest > FULL_BATTERY:
+        verdict = "contradicts"
+        words += f", and up to {fullest:.0%}; a full one has at most {FULL_BATTERY:.0%}"
     return Comparison(check="voltage", verdict=verdict, words=words, brief=f"{found:.1f} V")
 
 
-def _rotor_speed(
-    track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
-) -> Comparison:
+def _rotor_speed(track: FlightTrack, airframe: Airframe, outputs: OutputEvidence) -> Comparison:
     scale = check_speed_scale(track, airframe)
     if scale.verdict == "unknown":
         return Comparison(check="rotor speed", verdict="unknown", words=scale.words)
@@ -177,7 +185,8 @@ def _rotor_speed(
     close = _verdict(scale.low, scale.high, CLOSE_SPEED, CLOSE_SPEED) != "contradicts"
     # Between an empty and a full tank fly many aircraft: without the load, outputs must agree too.
     known = bool((track.measured("tank_kg")[track.flying] >= 0.0).any())
-    alike = known or _driven_alike(track, airframe, parameters)
+    driven = float(np.exp(0.5 * outputs.over_speeds))  # as a ratio of speeds; NaN: not known
+    alike = known or _verdict(driven, driven, CLOSE_OUTPUT, CLOSE_OUTPUT) == "close"
     words = scale.words
     if not close:
         words += ", but not closely"
@@ -189,22 +198,6 @@ def _rotor_speed(
         words=words,
         brief=f"rotors at {speed:,.0f} rpm {_for_mass(track, airframe, scale.ratio)}",
     )
-
-
-def _driven_alike(track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]) -> bool:
-    """True where the motor outputs give the measured rotor speeds by the airframe's ceiling."""
-    density = track_air(track).density
-    curve = output_curve(parameters, track.source("throttle"))
-    most = ceiling(airframe, density, track.voltage).max_thrust
-    asked = np.sum(most * curve.thrust_share(track.throttle), axis=1)
-    made = np.sum(rotor_thrust(airframe, track.rotor_speed_rpm, density), axis=1)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        ratio = np.sqrt(asked / made)[track.flying]
-    ratio = ratio[np.isfinite(ratio)]
-    if ratio.size < FEWEST_ROWS:
-        return False
-    middle = known_median(ratio)
-    return _verdict(middle, middle, CLOSE_OUTPUT, CLOSE_OUTPUT) == "close"
 
 
 def _speed_limit(track: FlightTrack, airframe: Airframe) -> Comparison | None:
@@ -230,18 +223,11 @@ def _speed_limit(track: FlightTrack, airframe: Airframe) -> Comparison | None:
     )
 
 
-def _output(
-    track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
-) -> Comparison | None:
+def _output(track: FlightTrack, airframe: Airframe, outputs: OutputEvidence) -> Comparison | None:
     """Thrust of the outputs, by the autopilot's curve and the airframe's ceiling, over weight."""
-    curve = output_curve(parameters, track.source("throttle"))
-    limit = ceiling(airframe, track_air(track).density, track.voltage)
-    thrust = np.sum(limit.max_thrust * curve.thrust_share(track.throttle), axis=1)
-    lifted = lifted_mass(track, thrust)
-    lifted = lifted[np.isfinite(lifted)]
-    if lifted.size < FEWEST_ROWS:
+    mass = outputs.lifted_kg
+    if not np.isfinite(mass):
         return None
-    mass = known_median(lifted)
     gauge = track.measured("tank_kg")
     tank_kg = gauge[track.flying & (gauge >= 0.0)]
     known = tank_kg.size > 0
@@ -252,11 +238,32 @@ def _output(
     # Most aircraft hover near half of their thrust: without the load that is no likeness.
     verdict = "fits" if verdict == "close" and not known else verdict
     brief = f"motor outputs of {output:.0%}"
-    weighs = airframe.empty_mass + tank[0]
+    weighs = airframe.empty_mass + tank[1]
     words = f"{brief} would lift {mass:.3g} kg with the rotors of airframe {airframe.name}, "
-    words += f"which weighs {weighs:.3g} kg" + ("" if known else " without a load")
+    words += f"which weighs {weighs:.3g} kg" + (" by the gauge" if known else " full")
+    # Without speeds of its own the gauge sets what the outputs mean: then it must agree with them.
+    alone = not np.isfinite(outputs.over_speeds)
+    if alone and outputs.surely_more_than(weighs):
+        verdict = "contradicts"
+        words += ": gauge, empty mass or the airframe's largest rotor speed is wrong"
     brief += f" {_for_mass(track, airframe, np.sqrt(low * high))}"
     return Comparison(check="motor output", verdict=verdict, words=words, brief=brief)
+
+
+def _speeds_by_output(outputs: OutputEvidence, airframe: Airframe) -> Comparison | None:
+    """Thrust of the outputs over that of the rotor speeds, which no load and no air enters."""
+    if not np.isfinite(outputs.over_speeds):
+        return None
+    share = float(np.exp(outputs.over_speeds))
+    words = f"motor outputs make {share:.2f} times the thrust of the rotor speeds"
+    if not outputs.disagrees_with_speeds:
+        return Comparison(check="outputs and speeds", verdict="fits", words=words)
+    low, high = (float(np.exp(k * SURELY * outputs.error)) for k in (-1, 1))
+    words += (
+        f", where {low:.2f} to {high:.2f} is possible: the rotor speeds, the voltage or the "
+        f"largest rotor speed of airframe {airframe.name} are wrong, and which is not known"
+    )
+    return Comparison(check="outputs and speeds", verdict="contradicts", words=words)
 
 
 def _for_mass(track: FlightTrack, airframe: Airframe, ratio: float) -> str:

@@ -15,6 +15,7 @@ from typing import Literal
 
 import numpy as np
 
+from thrustmargin.models.checks.output_evidence import OutputEvidence, output_evidence
 from thrustmargin.models.checks.plausible import comparisons, recognised
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.rotor_model import RotorModel
@@ -46,6 +47,7 @@ class AirframeClaim:
     source: str = "LOG"  # log or link of the flight
     #: What no longer fits in a flight that was known to be of the airframe: a finding.
     misfit: tuple[str, ...] = ()
+    outputs: OutputEvidence | None = None  # what motor outputs say of the load, without the gauge
 
     @property
     def described(self) -> str:
@@ -82,15 +84,16 @@ def airframe_claim(
     the flight is recognised as one of it. `parameters` are the autopilot's.
     """
     found = comparisons(track, airframe, facts, parameters)
+    outputs = output_evidence(track, airframe, parameters)
     against = tuple(c.words for c in found if c.verdict == "contradicts")
     if given:
         words = f"airframe {airframe.name}, given{_guessed_words(airframe)}"
-        return AirframeClaim(words=words, withheld=against, source=track.name)
+        return AirframeClaim(words=words, withheld=against, source=track.name, outputs=outputs)
     if by := recognised(found):
         words = (
             f"airframe {airframe.name}, recognised ({by}); none was given{_guessed_words(airframe)}"
         )
-        return AirframeClaim(basis="recognised", words=words)
+        return AirframeClaim(basis="recognised", words=words, outputs=outputs)
     unlike = (c.words for c in found if c.verdict != "close" and c.check != "frame")
     why = against[0] if against else next(unlike, "too little in it to compare")
     reason = f"no airframe was given, and the flight is not recognised as {airframe.name} ({why})"

@@ -256,7 +256,9 @@ def analyse(
 def for_verdict(analysis: FlightAnalysis) -> FlightAnalysis:
     """The analysis of a whole flight that its verdict rests on: with the larger load where gauge or
     statement and hover thrust surely differ; else the same one."""
-    track = with_load_for_verdict(analysis.track, flown_airframe(analysis.model))
+    track = with_load_for_verdict(
+        analysis.track, flown_airframe(analysis.model), analysis.claim.outputs
+    )
     if analysis.withheld or track is analysis.track:
         return analysis
     given = analysis.density if analysis.density_given else None

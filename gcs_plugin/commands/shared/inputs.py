@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -163,6 +164,7 @@ def read_flights(
     """
     from thrustmargin.gcs_plugin.logs import read_sorties
     from thrustmargin.gcs_plugin.telemetry.flight_log import with_track
+    from thrustmargin.models.checks.frozen import without_frozen
     from thrustmargin.models.model.airframe_claim import airframe_claim
     from thrustmargin.models.model.inferred.prepared import prepared
     from thrustmargin.models.model.predict import flown_airframe
@@ -175,13 +177,19 @@ def read_flights(
             airframe_claim(log.track, craft, log.facts, log.parameters, given=given) for log in logs
         ]
 
+    def read(**options: Any) -> list[FlightLog]:
+        logs = read_sorties(path, **options, **keywords)
+        return [
+            replace(log, track=without_frozen(log.track, craft, log.parameters)) for log in logs
+        ]
+
     try:
-        logs, fits = read_sorties(path, airframe=model.airframe, **keywords), True
+        logs, fits = read(airframe=model.airframe), True
     except AirframeError:  # another number of rotors, which the claim will say
-        logs, fits = read_sorties(path, **keywords), False
+        logs, fits = read(), False
     claims = claims_of(logs)
     if fits and any(claim.basis == "not known" for claim in claims):
-        bare = read_sorties(path, **keywords)
+        bare = read()
         if len(bare) == len(logs):
             unclaimed = [claim.basis == "not known" for claim in claims]
             logs = [b if none else log for log, b, none in zip(logs, bare, unclaimed, strict=True)]

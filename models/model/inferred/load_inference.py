@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from thrustmargin.models.checks.output_evidence import OutputEvidence
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.inferred.load_evidence import (
     LoadEvidence,
@@ -71,18 +72,21 @@ class ShownLoad:
         return float(np.median(apart[known])) / self.usual_error if known.any() else np.nan
 
 
-def with_load(track: FlightTrack, airframe: Airframe) -> FlightTrack:
+def with_load(
+    track: FlightTrack, airframe: Airframe, outputs: OutputEvidence | None = None
+) -> FlightTrack:
     """The flight with the load that its thrust shows, where the whole flight reports none.
 
     A reported or stated load stays; the source of a stated one says where thrust contradicts it.
     Used where its standard error is at most GOOD_ENOUGH of the aircraft's mass and it is not below
-    nothing by more than its interval; else a note says why not.
+    nothing by more than its interval; else a note says why not. Where motor `outputs` would lift
+    more than the rotor speeds, its error reaches to their load.
     """
     source = track.source("tank_kg")
     stated = source.kind is SourceKind.STATED
     if (track.reports("tank_kg") and not stated) or not _may_carry(track, airframe):
         return track
-    shown = _shown(track, airframe)
+    shown = _shown(track, airframe, outputs)
     if stated:
         if shown is None or not abs(shown.beyond(track.tank_kg)) > SURELY:
             return track
@@ -103,7 +107,9 @@ def with_load(track: FlightTrack, airframe: Airframe) -> FlightTrack:
     return _filled(track, shown.load, shown.error, _by_thrust(off, _fall(shown.fit)))
 
 
-def with_load_for_verdict(track: FlightTrack, airframe: Airframe) -> FlightTrack:
+def with_load_for_verdict(
+    track: FlightTrack, airframe: Airframe, outputs: OutputEvidence | None = None
+) -> FlightTrack:
     """The flight of which a verdict is given: where thrust shows surely more load than a gauge or a
     statement, with the load that thrust shows.
 
@@ -118,6 +124,8 @@ def with_load_for_verdict(track: FlightTrack, airframe: Airframe) -> FlightTrack
     shown = _shown(track, airframe)
     if shown is None or not shown.beyond(track.tank_kg) > SURELY:
         return track
+    # Gauge or rotor speeds are wrong: what the outputs say beyond both may be the truth.
+    shown = _shown(track, airframe, outputs) or shown
     level = float(np.nanmedian(track.tank_kg[shown.flying]))
     origin = "as stated" if source.kind is SourceKind.STATED else f"by {source.words}"
     why = f"{level:.1f} kg {origin} are too little for these rotor speeds: {THEN_CHECK}"
@@ -126,7 +134,9 @@ def with_load_for_verdict(track: FlightTrack, airframe: Airframe) -> FlightTrack
     return _filled(track, shown.load, shown.error, replace(by_thrust, rejected=turned_down))
 
 
-def _shown(track: FlightTrack, airframe: Airframe) -> ShownLoad | None:
+def _shown(
+    track: FlightTrack, airframe: Airframe, outputs: OutputEvidence | None = None
+) -> ShownLoad | None:
     """The load by thrust; None without level flight with every rotor's speed."""
     shown, legs, seconds = gathered(track, airframe, LoadEvidence())
     fit = load_fit(shown, airframe)
@@ -137,7 +147,12 @@ def _shown(track: FlightTrack, airframe: Airframe) -> ShownLoad | None:
     )
     error = np.hypot(error, shared_error(track, airframe, load))
     flying = track.flying & np.isfinite(load)
-    return ShownLoad(load=load, error=error, fit=fit, flying=flying) if np.any(flying) else None
+    if not np.any(flying):
+        return None
+    if outputs is not None:
+        mass = airframe.empty_mass + float(np.median(load[flying]))
+        error = np.hypot(error, outputs.more_than(mass) / NINETY)
+    return ShownLoad(load=load, error=error, fit=fit, flying=flying)
 
 
 def with_load_so_far(

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from thrustmargin.models.checks.output_evidence import output_evidence
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.inferred.load_evidence import LoadEvidence
 from thrustmargin.models.model.inferred.load_inference import with_load, with_load_so_far
@@ -35,8 +36,9 @@ def prepared(
     """
     if airframe is None:
         return track
+    outputs = output_evidence(track, airframe, parameters)
     track, _ = filled_speeds(track, airframe, parameters)
-    return with_load(track, airframe)
+    return with_load(track, airframe, outputs)
 
 
 def prepared_part(

@@ -6,8 +6,8 @@
 
 s_N, s_m standard errors of rotor speed and mass, 0 where they were measured (of one that hover
 thrust shows, only what the largest thrust does not share); s_c of the ceiling where its rotor speed
-or voltage is guessed, s_g of a guessed mass or thrust curve. The density of the air is in
-redundancy only: by speed it cancels, and the network predicts in the air that it learnt in.
+or voltage is guessed, or the battery's not known, s_g of a guessed mass or thrust curve. The
+density of the air is in redundancy only: by speed it cancels, and the network predicts in the air that it learnt in.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ INTERVAL = 1.645
 #: Share of thrust by which a guessed quantity may be off: makers' thrusts of one power class, and
 #: hover masses of one frame size, differ by about so much (one standard deviation).
 GUESS = 0.1
+#: Share by which a battery of unknown voltage may be off its nominal one: 3.4 to 4.2 V a cell.
+VOLTAGE_ERROR = 0.05
 
 
 def guessed_variance(airframe: Airframe, *names: str) -> float:
@@ -33,9 +35,11 @@ def guessed_variance(airframe: Airframe, *names: str) -> float:
     return GUESS**2 * sum(quantities[name].guessed for name in names)
 
 
-def ceiling_variance(airframe: Airframe) -> float:
-    """Variance of ln of the largest thrust."""
-    return guessed_variance(airframe, "max_rotor_speed_rpm", "ceiling_voltage")
+def ceiling_variance(airframe: Airframe, voltage: Floats) -> Floats:
+    """(T,) variance of ln of the largest thrust at the battery's `voltage` (T,) V; NaN unknown."""
+    guesses = guessed_variance(airframe, "max_rotor_speed_rpm", "ceiling_voltage")
+    unknown = 2.0 * airframe.ceiling_voltage_exponent * VOLTAGE_ERROR
+    return guesses + np.where(voltage > 0.0, 0.0, unknown**2)
 
 
 def load_error(track: FlightTrack, airframe: Airframe) -> Floats:
@@ -43,7 +47,7 @@ def load_error(track: FlightTrack, airframe: Airframe) -> Floats:
     guesses = guessed_variance(airframe, "empty_mass", "thrust_coefficient")
     if "tank_kg" not in track.standard_errors:
         guesses += 0.0 * airframe.empty_mass  # NaN of an aircraft that is not known
-        return np.full(track.time_s.size, np.sqrt(guesses + ceiling_variance(airframe)))
+        return np.sqrt(guesses + ceiling_variance(airframe, track.voltage))
     tank = np.nan_to_num(track.standard_errors["tank_kg"])
     load = np.nan_to_num(track.tank_kg)
     variance = tank**2
@@ -52,7 +56,7 @@ def load_error(track: FlightTrack, airframe: Airframe) -> Floats:
         variance = np.maximum(variance - shared_error(track, airframe, load) ** 2, 0.0)
         guesses = 0.0
     share = np.sqrt(variance) / (airframe.empty_mass + load)
-    return np.sqrt(share**2 + guesses + ceiling_variance(airframe))
+    return np.sqrt(share**2 + guesses + ceiling_variance(airframe, track.voltage))
 
 
 def redundancy_error(track: FlightTrack, airframe: Airframe, density_share: Floats) -> Floats:
@@ -81,7 +85,8 @@ def utilisation_error(
         of_speed = np.nan_to_num(2.0 * error / speed)
         half = (prediction.upper_rpm - prediction.lower_rpm) / 2.0
         of_network = np.nan_to_num(2.0 * half / INTERVAL / prediction.rotor_speed_rpm)
-        by_speed = utilisation * np.sqrt(of_speed**2 + ceiling_variance(airframe))
+        ceiling = ceiling_variance(airframe, track.voltage)[:, None]
+        by_speed = utilisation * np.sqrt(of_speed**2 + ceiling)
         load = load_error(track, airframe)[:, None]
         predicted = utilisation_predicted * np.sqrt(load**2 + of_network**2)
     any_speed = np.any(np.isfinite(utilisation), axis=1)[:, None]

@@ -1,0 +1,98 @@
+"""What the motor outputs of a flight say of its thrust, whatever gauge and ESCs say.
+
+    T_i = T_full,i f(x_i)          T_full by the airframe's ceiling at the battery's voltage
+
+x motor output, f the autopilot's thrust curve (`physics.motor_output`). Against the weight and
+against the thrust of the rotor speeds it is the third witness: of three that are compared two by
+two, each pair may agree within wide windows while all three together cannot be true.
+
+    s(ln T)² = (s_f ln f)² + s_c² (+ what the airframe guesses)
+
+s_f standard error of the curve's steepness, about full output; s_c of a measured ceiling.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from thrustmargin.models.checks.speed_scale import FEWEST_ROWS, lifted_mass
+from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.atmosphere import track_air
+from thrustmargin.models.physics.margin import ceiling, rotor_thrust
+from thrustmargin.models.physics.motor_output import OutputCurve, output_curve
+from thrustmargin.models.physics.smoothing import known_median
+
+#: Standard errors of ln thrust: of a measured ceiling, and of each guessed quantity behind it.
+CEILING_ERROR, GUESS = 0.05, 0.1
+SURELY = 2.6  # standard errors beyond which two cannot both be true: 99 %
+_BEHIND = ("max_rotor_speed_rpm", "ceiling_voltage")  # of the ceiling
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutputEvidence:
+    """Thrust by motor outputs in flight, against weight and against rotor speeds."""
+
+    lifted_kg: float  # median mass that the outputs would lift; NaN where they are not known
+    over_speeds: float  # ln of their thrust over that of the measured rotor speeds; NaN
+    error: float  # standard error of ln of their thrust
+
+    @property
+    def disagrees_with_speeds(self) -> bool:
+        """True where outputs and measured rotor speeds cannot both be true."""
+        return abs(self.over_speeds) > SURELY * self.error
+
+    def more_than(self, mass: float) -> float:
+        """kg that they lift beyond `mass` kg, where that is more than their standard error; 0."""
+        beyond = self.lifted_kg - mass
+        return beyond if beyond > self.error * self.lifted_kg else 0.0
+
+    def surely_more_than(self, mass: float) -> bool:
+        """True where an aircraft of `mass` kg cannot need these outputs."""
+        return bool(np.log(self.lifted_kg / mass) > SURELY * self.error)
+
+
+def output_evidence(
+    track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
+) -> OutputEvidence:
+    """The evidence of a flight's T rows; `parameters` are the autopilot's.
+
+    Speeds and loads that were themselves inferred are no evidence.
+    """
+    nan = float("nan")
+    if track.rotor_count != airframe.rotor_count:
+        return OutputEvidence(lifted_kg=nan, over_speeds=nan, error=nan)
+    curve = output_curve(parameters, track.source("throttle"))
+    share = curve.thrust_share(track.throttle)
+    thrust = thrust_by_outputs(track, airframe, curve)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratio = np.log(thrust / thrust_by_speeds(track, airframe))
+        turned = _median(np.log(share)[track.flying].ravel())
+    guesses = sum(airframe.quantities[name].guessed for name in _BEHIND)
+    error = np.sqrt((curve.steepness_error * turned) ** 2 + CEILING_ERROR**2 + guesses * GUESS**2)
+    return OutputEvidence(
+        lifted_kg=_median(lifted_mass(track, thrust)),
+        over_speeds=_median(np.where(track.flying, ratio, np.nan)),
+        error=float(error),
+    )
+
+
+def thrust_by_outputs(track: FlightTrack, airframe: Airframe, curve: OutputCurve) -> Floats:
+    """(T,) N that all motor outputs make by the airframe's ceiling; NaN where one is unknown."""
+    limits = ceiling(airframe, track_air(track).density, track.voltage)
+    return np.sum(limits.max_thrust * curve.thrust_share(track.throttle), axis=1)
+
+
+def thrust_by_speeds(track: FlightTrack, airframe: Airframe) -> Floats:
+    """(T,) N that the measured rotor speeds make; NaN where one is unknown."""
+    speeds = track.measured("rotor_speed_rpm")
+    return np.sum(rotor_thrust(airframe, speeds, track_air(track).density), axis=1)
+
+
+def _median(values: Floats) -> float:
+    """Of the known ones; NaN of fewer than FEWEST_ROWS."""
+    known = values[np.isfinite(values)]
+    return known_median(known) if known.size >= FEWEST_ROWS else float("nan")
