@@ -53,7 +53,7 @@ _SI = (
     "us",
     "ml",
 )
-#: unit on the wire -> (factor, offset) to SI; geodetic degrees stay degrees, a share becomes %.
+#: unit on the wire -> (factor, offset) to SI; geodetic degrees and mAh stay, a share becomes %.
 UNITS: Mapping[str, tuple[float, float]] = MappingProxyType(
     {
         **dict.fromkeys(_SI, (1.0, 0.0)),
@@ -73,6 +73,7 @@ UNITS: Mapping[str, tuple[float, float]] = MappingProxyType(
         "cdegC": (1e-2, 273.15),
         "ms": (1e-3, 0.0),
         "share": (100.0, 0.0),
+        "Ah": (1e3, 0.0),  # to mAh, as the other charges
     }
 )
 
