@@ -25,6 +25,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     longest_stretch,
     without_leaps,
 )
+from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Bools, Floats
 
 #: Messages whose clock is read when they are sent; others carry the time of a fix or of a change.
@@ -128,6 +129,7 @@ def vehicle_clock(
         rows = np.flatnonzero(pilot & (frames.id == numbers[reference]))
         if rows.size:
             own[rows] = own_clock(columns(frames, rows, layouts()[numbers[reference]]))
+            _refuse_two_starts(name, (stamps_s - own)[rows])
     rows = np.flatnonzero(np.isfinite(own))
     last = stamps_s.size - 1
     if rows.size == 0:
@@ -171,6 +173,25 @@ def vehicle_clock(
         stretch.notes,
         listened is not None,
     )
+
+
+def _refuse_two_starts(name: str, offset: Floats) -> None:
+    """Raise LogError when the clock of one message, by its `offset` (n,) from the ground's, goes
+    back and forth between two starts; a restart, or a ground's clock that is set, is left once."""
+    offset = offset[np.isfinite(offset)]
+    if not offset.size:
+        return
+    order = np.argsort(offset)
+    start = np.empty(offset.size, dtype=np.int64)
+    start[order] = np.cumsum(np.diff(offset[order], prepend=offset[order[:1]]) > TRUST)
+    known = np.flatnonzero(np.bincount(start) > RESTART_AFTER)
+    start = start[np.isin(start, known)]
+    returns = np.count_nonzero(np.diff(start)) + 1 - known.size
+    if returns > RESTART_AFTER:
+        raise LogError(
+            f"{name}: its clock goes back {returns} times to one that was left, as when two "
+            "vehicles share one system id; give each its own and record again"
+        )
 
 
 @dataclass(frozen=True, slots=True)

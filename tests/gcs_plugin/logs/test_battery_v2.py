@@ -1,4 +1,4 @@
-"""BATTERY_STATUS_V2 comes in the place of BATTERY_STATUS, from the start or when it is asked for."""
+"""BATTERY_STATUS_V2 comes in the place of BATTERY_STATUS, at once or when it is asked for."""
 
 import struct
 
