@@ -20,7 +20,9 @@ def second(frame: bytes, *, percent: int | None = None) -> bytes:
     """The same report as BATTERY_STATUS_V2: V, A, Ah, Ah, flags, cdegC, id, %; CRC_EXTRA 151."""
     read = frame_of(frame)
     assert read is not None
-    said = fields(read)[0]
+    columns = fields(read)
+    assert columns is not None
+    said = columns[0]
     volts = said["voltages"][said["voltages"] != 65535].sum() * 1e-3
     amperes = NAN if said["current_battery"] == -1 else said["current_battery"] * 1e-2
     used = NAN if said["current_consumed"] == -1 else said["current_consumed"] * 1e-3

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from tests.gcs_plugin.logs.log_files import frames_of
 from tests.gcs_plugin.logs.tlog_files import FLIGHT, STAMPED, flight_of, link, stamped, written
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.models.errors import LogError
@@ -18,10 +19,11 @@ def beats(kind: int, autopilot: int, system: int, component: int = 1, seconds: i
 
 
 def in_time(*parts: bytes, tmp_path) -> bytes:
-    from tests.gcs_plugin.logs.log_files import frames_of
+    return b"".join(sorted(frames_of(written(tmp_path, b"".join(parts), "parts.tlog")), key=stamp))
 
-    pieces = frames_of(written(tmp_path, b"".join(parts), "parts.tlog"))
-    return b"".join(sorted(pieces, key=lambda piece: piece[:8]))
+
+def stamp(piece: bytes) -> bytes:
+    return piece[:8]
 
 
 def craft(system: int = 1, component: int = 1, seconds: int = 10, **given) -> bytes:
@@ -94,7 +96,7 @@ def test_copies_change_no_row_and_are_counted(tmp_path, late_s):
         struct.pack(">Q", int.from_bytes(piece[:8], "big") + int(late_s * 1e6)) + piece[8:]
         for piece in STAMPED
     ]
-    both = b"".join(sorted([*STAMPED, *copied], key=lambda piece: piece[:8]))
+    both = b"".join(sorted([*STAMPED, *copied], key=stamp))
     plain, log = read_log(FLIGHT), read_log(written(tmp_path, both))
     own = sum(piece[8 + (5 if piece[8] == 0xFD else 3)] == 1 for piece in STAMPED)
     assert log.quality.copies == own
