@@ -58,13 +58,16 @@ def test_where_nobody_says_what_he_is_the_flight_is_shown():
 
 
 def test_a_second_autopilot_with_the_same_id_is_left_out_and_it_is_said():
-    one = flight(Vehicle(1), rpm=(1500,) * 4)
+    one = [f for f in flight(Vehicle(1), rpm=(1500,) * 4) if f.id != 251]  # no tank gauge
     spare = Vehicle(1)
     spare.packer.srcComponent = 2
     two = [replace_stamp(f) for f in flight(spare, rpm=(2900,) * 4)]
     fleet, updates = watched(in_time(one, two))
     speeds = np.concatenate([u.analysis.track.rotor_speed_rpm[u.first :] for u in updates])
     assert set(speeds[np.isfinite(speeds)].tolist()) == {1500.0}
+    levels = np.concatenate([u.analysis.track.tank_kg[u.first :] for u in updates])
+    # Until its heartbeat comes nobody knows that there is a second.
+    assert not np.isfinite(levels[-50:]).any()
     notes = [words for _, words in fleet.vehicles[1].notes]
     assert sum("component 1 is read, component 2 is left out" in words for words in notes) == 1
 

@@ -66,13 +66,15 @@ def test_without_any_heartbeat_what_sends_flight_data_is_read(tmp_path):
 
 
 def test_of_two_autopilots_with_one_id_one_is_read_and_it_is_said(tmp_path):
+    first = [p for p in frames_of(written(tmp_path, craft(rpm=1900))) if p[15] != 251]
     data = in_time(
-        *(beats(2, 3, 1), craft(rpm=1900)),
+        *(beats(2, 3, 1), *first),
         *(beats(2, 3, 1, 2), craft(1, 2, 5, rpm=900)),
         tmp_path=tmp_path,
     )
     log = read_log(written(tmp_path, data))
     assert log.track.rotor_speed_rpm[:, 1].tolist() == [1901.0] * 100
+    assert not np.isfinite(log.track.tank_kg).any()  # only the other has a gauge
     assert any("component 1 is read, component 2 is left out" in note for note in log.track.notes)
 
 
