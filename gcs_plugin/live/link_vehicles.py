@@ -6,17 +6,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
 
 from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
-from thrustmargin.gcs_plugin.live.rows.vehicle_state import (
-    GROUND_STATION,
-    NO_AUTOPILOT,
-    OF_MISSION,
-)
+from thrustmargin.gcs_plugin.live.rows.vehicle_state import OF_MISSION
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor, WatchSettings
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
+from thrustmargin.gcs_plugin.mavlink.who_sends import GROUND_STATION, HEARTBEAT, NO_AUTOPILOT
 from thrustmargin.models.model.rotor_model import RotorModel
 
-HEARTBEAT = 0  # message id
 STATIONS = (0, 255)  # system ids that are never vehicles
 OLD, OVERDUE = 1.5, 0.5  # s: see `Fleet.old_s`
 
@@ -54,8 +50,13 @@ class Fleet:
 
     @property
     def vehicles(self) -> dict[int, VehicleMonitor]:
-        """System id -> watch, in the order of ids."""
-        return {n: w for n, w in sorted(self._watches.items()) if w.seen}
+        """System id -> watch, in the order of ids.
+
+        Radios, gimbals and trackers are none: those with a heartbeat of an autopilot are. While
+        there is none of that kind, those of whose flight there are rows.
+        """
+        seen = {n: w for n, w in sorted(self._watches.items()) if w.seen}
+        return {n: w for n, w in seen.items() if w.vehicle} or seen
 
     def take(self, frames: Sequence[Frame]) -> None:
         """Frames in the order in which they came, of any sender."""
@@ -80,7 +81,13 @@ class Fleet:
 
     def waiting(self) -> Iterator[VehicleMonitor]:
         """Each watch that may have rows; more frames may be taken before the next is asked for."""
-        return (watch for watch in list(self._watches.values()) if watch.waiting)
+        for watch in list(self._watches.values()):
+            if not watch.waiting:
+                continue
+            if watch.vehicle or not any(w.vehicle for w in self._watches.values()):
+                yield watch
+            else:
+                watch.telemetry.pass_over()
 
     def updates(self) -> list[Update]:
         """The new rows of every vehicle."""
@@ -88,11 +95,11 @@ class Fleet:
 
     def finish(self) -> list[Update]:
         """What is still to be said of the last rows when no more will come."""
-        return [u for w in self._watches.values() for u in w.updates(final=True)]
+        return [u for w in self.vehicles.values() for u in w.updates(final=True)]
 
     def tick(self, now_us: int) -> list[tuple[int, AlarmEvent]]:
         """Check every link at a time of the ground's clock."""
-        return [(n, e) for n, w in self._watches.items() for e in w.tick(now_us)]
+        return [(n, e) for n, w in self.vehicles.items() for e in w.tick(now_us)]
 
     def _overhear(self, frame: Frame) -> None:
         columns = fields(frame)

@@ -14,6 +14,12 @@ from thrustmargin.gcs_plugin.mavlink.decode import MAVLINK_RULES
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.mavlink.scan import PADDING, Frames, columns, read_bytes, scan
 from thrustmargin.gcs_plugin.mavlink.text import piece, printable
+from thrustmargin.gcs_plugin.mavlink.who_sends import (
+    FLIGHT_DATA,
+    GROUND_STATION,
+    copies,
+    of_vehicles,
+)
 from thrustmargin.gcs_plugin.telemetry.clock import Clock, unix_minus_clock, vehicle_clocks
 from thrustmargin.gcs_plugin.telemetry.recording import (
     FlightLog,
@@ -34,11 +40,11 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
 )
 from thrustmargin.gcs_plugin.telemetry.sorties import sorties_of
 from thrustmargin.gcs_plugin.telemetry.statements import Options
+from thrustmargin.gcs_plugin.wording.live_words import copies_words, two_autopilots
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Bools
 
 AUTOPILOTS = {3: "ArduPilot", 12: "PX4"}
-GCS_TYPE = 6
 _IDS = {layout.name: number for number, layout in layouts().items()}
 _OTHER = ("HEARTBEAT", "SYSTEM_TIME", "STATUSTEXT", "PARAM_VALUE", "SYS_STATUS")
 _INT32 = 6  # MAV_PARAM_TYPE
@@ -65,12 +71,21 @@ def tlog_boots(
             f"{path.name}: its frames have no time stamps between them, as in a raw recording of a "
             "link; record a .tlog, which ground stations do by themselves"
         )
-    system, component = frames.systems(), frames.components()
     notes: list[str] = []
     vehicles = vehicle_systems(frames)
-    chosen = _choose(path, frames, system, vehicles, vehicle, notes)
+    chosen = _choose(path, frames, vehicles, vehicle, notes)
+    again = copies(frames) & (frames.systems() == chosen)
+    came_twice = int(np.count_nonzero(again))
+    if came_twice:
+        frames = replace(frames, start=frames.start[~again], id=frames.id[~again])
+        notes.append(copies_words(came_twice))
+    system, component = frames.systems(), frames.components()
     mine = system == chosen
-    pilot = _main_component(frames, mine, component)
+    autopilots = _autopilots(frames, mine, component)
+    pilot = _main_component(frames, mine, component, autopilots)
+    if others := [number for number in autopilots if number != pilot]:
+        mine &= ~np.isin(component, others)
+        notes.append(two_autopilots(chosen, pilot, others))
     clocks = vehicle_clocks(
         path.name,
         frames,
@@ -80,7 +95,12 @@ def tlog_boots(
     )
     for clock in clocks:
         boot = _boot(path, frames, mine, pilot, clock)
-        yield replace(boot, vehicles=tuple(vehicles), notes=(*notes, *clock.notes))
+        yield replace(
+            boot,
+            vehicles=tuple(vehicles),
+            notes=(*notes, *clock.notes),
+            quality=replace(boot.quality, copies=came_twice),
+        )
 
 
 def _boot(path: Path, frames: Frames, mine: Bools, pilot: int, clock: Clock) -> Recording:
@@ -151,33 +171,31 @@ def _of(frames: Frames, name: str) -> NDArray[np.int64]:
 
 
 def vehicle_systems(frames: Frames) -> list[int]:
-    """System ids that are vehicles: not those whose every heartbeat says ground station."""
+    """System ids with a heartbeat of a vehicle's autopilot.
+
+    Where there is none at all in the log: those that send flight data and are no ground station.
+    """
     system = frames.systems()
     rows = _of(frames, "HEARTBEAT")
-    kinds = columns(frames, rows, layouts()[_IDS["HEARTBEAT"]])["type"]
-    stations = {
-        int(s) for s in np.unique(system[rows]) if np.all(kinds[system[rows] == s] == GCS_TYPE)
-    }
-    stations.add(255)
-    heard = np.flatnonzero(np.bincount(system, minlength=256))
-    return [int(s) for s in heard if int(s) not in stations]
+    beats = columns(frames, rows, layouts()[_IDS["HEARTBEAT"]])
+    flown = np.unique(system[rows[of_vehicles(beats)]])
+    if not flown.size:
+        stations = [255, *system[rows[beats["type"] == GROUND_STATION]].tolist()]
+        flown = np.setdiff1d(system[np.isin(frames.id, FLIGHT_DATA)], stations)
+    return flown.tolist()
 
 
 def _choose(
-    path: Path,
-    frames: Frames,
-    system: NDArray[np.uint8],
-    vehicles: list[int],
-    wanted: int | None,
-    notes: list[str],
+    path: Path, frames: Frames, vehicles: list[int], wanted: int | None, notes: list[str]
 ) -> int:
     if not vehicles:
-        raise LogError(f"{path.name}: only a ground station sends in it; no vehicle was recorded")
+        raise LogError(f"{path.name}: no autopilot sends in it; no vehicle was recorded")
     if wanted is not None:
         if wanted not in vehicles:
             there = ", ".join(map(str, vehicles))
             raise LogError(f"{path.name}: no vehicle {wanted}; it holds vehicle {there}")
         return wanted
+    system = frames.systems()
     escs = [_IDS[r.message] for r in MAVLINK_RULES if r.channel == "esc_rpm"]
     sends_rpm = np.isin(frames.id, escs)
     counts = np.bincount(system, minlength=256)
@@ -192,13 +210,27 @@ def _choose(
     return chosen
 
 
-def _main_component(frames: Frames, mine: Bools, component: NDArray[np.uint8]) -> int:
+def _autopilots(frames: Frames, mine: Bools, component: NDArray[np.uint8]) -> list[int]:
+    """Components of one vehicle with a heartbeat of an autopilot; more than one are two aircraft
+    with one system id, or a spare."""
+    rows = np.flatnonzero(mine & (frames.id == _IDS["HEARTBEAT"]))
+    beats = columns(frames, rows, layouts()[_IDS["HEARTBEAT"]])
+    return np.unique(component[rows[of_vehicles(beats)]]).tolist()
+
+
+def _main_component(
+    frames: Frames, mine: Bools, component: NDArray[np.uint8], autopilots: list[int]
+) -> int:
     """The autopilot among the components of one vehicle: the one that sends most of ATTITUDE."""
-    for name in ("ATTITUDE", "GLOBAL_POSITION_INT", "HEARTBEAT"):
-        sources = component[mine & (frames.id == _IDS[name])]
-        if sources.size:
-            return int(np.bincount(sources).argmax())
-    return int(np.bincount(component[mine]).argmax())
+    for among in (mine & np.isin(component, autopilots), mine):
+        for name in ("ATTITUDE", "GLOBAL_POSITION_INT"):
+            sources = component[among & (frames.id == _IDS[name])]
+            if sources.size:
+                return int(np.bincount(sources).argmax())
+    if autopilots:
+        return autopilots[0]
+    sources = component[mine & (frames.id == _IDS["HEARTBEAT"])]
+    return int(np.bincount(sources if sources.size else component[mine]).argmax())
 
 
 def _parameters(frames: Frames, mine: Bools, last_row: int) -> dict[str, float]:

@@ -177,6 +177,18 @@ MAVLINK_RULES: tuple[Rule, ...] = (
         index="id",
         unknown=(-1,),
     ),
+    # Unknown is NaN in these, and 255 %.
+    Rule("BATTERY_STATUS_V2", ("voltage",), "battery_voltage", "V", index="id"),
+    Rule("BATTERY_STATUS_V2", ("current",), "battery_current", "A", index="id"),
+    Rule(
+        "BATTERY_STATUS_V2",
+        ("percent_remaining",),
+        "battery_percent",
+        "%",
+        index="id",
+        unknown=(255,),
+    ),
+    Rule("BATTERY_STATUS_V2", ("capacity_consumed",), "battery_consumed", "Ah", index="id"),
     Rule("SYS_STATUS", ("voltage_battery",), "voltage", "mV", unknown=(65535, 0)),
     Rule("SYS_STATUS", ("current_battery",), "current", "cA", unknown=(-1,)),
     Rule("SCALED_PRESSURE", ("press_abs",), "pressure", "hPa"),

@@ -22,7 +22,9 @@ Source: MAVLink developer guide, "Packet Serialization".
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
+from dataclasses import dataclass
 from enum import Enum
 from functools import cache, lru_cache
 from typing import Any, NamedTuple
@@ -95,6 +97,26 @@ class FrameKind(Enum):
     UNFINISHED = "too few bytes to know"
 
 
+_MAGIC = re.compile(b"[\xfd\xfe]")
+
+
+@dataclass(slots=True)
+class Cleared:
+    """From the byte behind the last one examined to before `to`, no good frame begins.
+
+    So that frames of unknown id that lie over each other, as hostile bytes can make them, are not
+    searched again and again: the work grows with the bytes and not with their square.
+    """
+
+    to: int = 0
+
+
+@lru_cache(maxsize=4096)
+def _header1(first: bytes, number: int) -> Header:
+    """One MAVLink 1 header by its bytes 0, 1 and 5: no others change it."""
+    return header(first + bytes(3) + bytes((number,)) + bytes(4), 0, _tables()[0])
+
+
 @lru_cache(maxsize=4096)
 def _header2(flags: bytes, number: bytes) -> Header:
     """One MAVLink 2 header by its bytes 0 to 2 and 7 to 9: no others change it."""
@@ -108,23 +130,27 @@ def _tables() -> tuple[memoryview, memoryview]:
 
 
 def examine(
-    data: bytes, at: int, size: int, *, gap: int = 0, closed: bool = False
+    data: bytes,
+    at: int,
+    size: int,
+    *,
+    gap: int = 0,
+    closed: bool = False,
+    cleared: Cleared | None = None,
 ) -> tuple[FrameKind, Header | None]:
     """The verdict on the bytes from `at` of the first `size`; `data` has HEADER_PADDING more.
 
     `gap` bytes lie between two frames (the time stamps of a .tlog). `closed`: another frame may
-    begin behind the last byte, as behind a datagram or a file.
+    begin behind the last byte, as behind a datagram or a file. `cleared` is what was found when the
+    bytes before `at` were examined, and is kept up.
     """
     verdict, head = _checked(data, at, size)
     if verdict is not FrameKind.UNVERIFIED or head is None:
         return verdict, head
     end = at + head.length
-    for inner in range(at + 1, end):
-        within, _ = _checked(data, inner, size)
-        if within is FrameKind.GOOD:
-            return FrameKind.NOTHING, head
-        if within is FrameKind.UNFINISHED and not closed:
-            return FrameKind.UNFINISHED, head
+    within = _within(data, at + 1, end, size, closed, Cleared() if cleared is None else cleared)
+    if within is not FrameKind.NOTHING:
+        return (FrameKind.NOTHING if within is FrameKind.GOOD else within), head
     following = end + gap
     if following >= size and not closed:
         return FrameKind.UNFINISHED, head
@@ -136,6 +162,23 @@ def examine(
     return (FrameKind.NOTHING if after is FrameKind.NOTHING else FrameKind.UNVERIFIED), head
 
 
+def _within(
+    data: bytes, low: int, high: int, size: int, closed: bool, cleared: Cleared
+) -> FrameKind:
+    """GOOD or UNFINISHED by the first frame that begins (or, unless `closed`, may yet begin)
+    between `low` and `high`, else NOTHING."""
+    inner = max(low, cleared.to)
+    while inner < high and (found := _MAGIC.search(data, inner, high)):
+        inner = found.start()
+        verdict, _ = _checked(data, inner, size)
+        if verdict is FrameKind.GOOD or (verdict is FrameKind.UNFINISHED and not closed):
+            cleared.to = inner
+            return verdict
+        inner += 1
+    cleared.to = max(cleared.to, high)
+    return FrameKind.NOTHING
+
+
 def _checked(data: bytes, at: int, size: int) -> tuple[FrameKind, Header | None]:
     """The same by the header and the checksum alone: UNVERIFIED is any frame of unknown id."""
     magic = data[at]
@@ -143,11 +186,10 @@ def _checked(data: bytes, at: int, size: int) -> tuple[FrameKind, Header | None]
         return FrameKind.NOTHING, None
     if at + (10 if magic == V2 else 6) > size:
         return FrameKind.UNFINISHED, None
-    sizes, extras = _tables()
     if magic == V2:
         head = _header2(data[at : at + 3], data[at + 7 : at + 10])
     else:
-        head = header(data, at, sizes)
+        head = _header1(data[at : at + 2], data[at + 5])
     if not head.possible:
         return FrameKind.NOTHING, head
     if at + head.length > size:
@@ -156,7 +198,7 @@ def _checked(data: bytes, at: int, size: int) -> tuple[FrameKind, Header | None]
         return FrameKind.UNVERIFIED, head
     end = at + 1 + head.covered
     stated = data[end] | data[end + 1] << 8
-    if checksum(data[at + 1 : end], extras[head.id]) == stated:
+    if checksum(data[at + 1 : end], _tables()[1][head.id]) == stated:
         return FrameKind.GOOD, head
     return FrameKind.BAD_CHECKSUM, head
 
@@ -167,9 +209,10 @@ class Walk:
     `expected` is where a frame should begin: behind the last one, good or damaged.
     """
 
-    def __init__(self, at: int = 0, expected: int | None = None) -> None:
+    def __init__(self, at: int = 0, expected: int | None = None, cleared: int = 0) -> None:
         self.at = at
         self.expected = at if expected is None else expected
+        self.cleared = Cleared(cleared)
 
     def over(
         self, data: bytes, stop: int, size: int, *, gap: int = 0, closed: bool, wait: bool
@@ -182,10 +225,10 @@ class Walk:
         while self.at + gap < stop:
             start = self.at + gap
             if data[start] not in (V1, V2):
-                found = [f for m in (b"\xfd", b"\xfe") if (f := data.find(m, start, stop)) >= 0]
-                self.at = min(found, default=stop) - gap
+                found = _MAGIC.search(data, start, stop)
+                self.at = (found.start() if found else stop) - gap
                 continue
-            verdict, head = examine(data, start, size, gap=gap, closed=closed)
+            verdict, head = examine(data, start, size, gap=gap, closed=closed, cleared=self.cleared)
             if verdict is FrameKind.UNFINISHED and wait:
                 return
             step = 1

@@ -1,6 +1,6 @@
 """Field layouts of MAVLink messages as numpy dtypes, their checksums' extra bytes, and their text.
 
-Layouts come from pymavlink's generated classes (ardupilotmega, which includes common). Three
+Layouts come from pymavlink's generated classes (ardupilotmega, which includes common). Some
 messages of PX4 are in no dialect of pymavlink 2.4.50 and are given here as PX4 sends them.
 """
 
@@ -54,6 +54,47 @@ _NOT_IN_PYMAVLINK = {
             ("voltage", "<f4", (4,)),
             ("current", "<f4", (4,)),
             ("index", "u1"),
+        ],
+    ),
+    # What a ground station asks for in the place of BATTERY_STATUS.
+    "BATTERY_STATUS_V2": (
+        369,
+        151,
+        [
+            ("voltage", "<f4"),
+            ("current", "<f4"),
+            ("capacity_consumed", "<f4"),
+            ("capacity_remaining", "<f4"),
+            ("status_flags", "<u4"),
+            ("temperature", "<i2"),
+            ("id", "u1"),
+            ("percent_remaining", "u1"),
+        ],
+    ),
+    "BATTERY_INFO": (
+        372,
+        26,
+        [
+            ("discharge_minimum_voltage", "<f4"),
+            ("charging_minimum_voltage", "<f4"),
+            ("resting_minimum_voltage", "<f4"),
+            ("charging_maximum_voltage", "<f4"),
+            ("charging_maximum_current", "<f4"),
+            ("nominal_voltage", "<f4"),
+            ("discharge_maximum_current", "<f4"),
+            ("discharge_maximum_burst_current", "<f4"),
+            ("design_capacity", "<f4"),
+            ("full_charge_capacity", "<f4"),
+            ("cycle_count", "<u2"),
+            ("weight", "<u2"),
+            ("id", "u1"),
+            ("battery_function", "u1"),
+            ("type", "u1"),
+            ("state_of_health", "u1"),
+            ("cells_in_series", "u1"),
+            ("manufacture_date", "S9"),
+            ("serial_number", "S32"),
+            ("name", "S50"),
         ],
     ),
     "FUEL_STATUS": (

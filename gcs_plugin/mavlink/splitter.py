@@ -50,6 +50,7 @@ class FrameSplitter:
         self.passed = b""
         self._rest = b""
         self._expected = 0  # where in `_rest` a frame should begin
+        self._cleared = 0  # before which place in `_rest` no good frame begins
 
     @property
     def waiting(self) -> int:
@@ -64,13 +65,13 @@ class FrameSplitter:
         if not self._rest and (frame := frame_of(data, stamp_us=stamp_us, link=self.link)):
             # As almost every datagram: nothing to search, and nothing left over.
             self.counts.add(frame)
-            self.passed, self._expected = data, 0
+            self.passed, self._expected, self._cleared = data, 0, 0
             return [frame]
         if self._rest and data and data[0] in (V1, V2):
             verdict, _ = examine(data + _PADDING, 0, len(data), closed=True)
             if verdict in (FrameKind.GOOD, FrameKind.UNVERIFIED):
                 self.counts.bytes_skipped += len(self._rest)
-                self._rest, self._expected = b"", 0
+                self._rest, self._expected, self._cleared = b"", 0, 0
         return self.feed(data, stamp_us, closed=True)
 
     def feed(self, data: bytes, stamp_us: int, *, closed: bool = False) -> list[Frame]:
@@ -84,7 +85,7 @@ class FrameSplitter:
         size = len(buffer)
         frames: list[Frame] = []
         kept = 0
-        walk = Walk(0, self._expected)
+        walk = Walk(0, self._expected, self._cleared)
         padded = buffer + _PADDING
         for verdict, at, head in walk.over(padded, size, size, closed=closed, wait=True):
             if verdict is FrameKind.BAD_CHECKSUM:
@@ -98,4 +99,6 @@ class FrameSplitter:
         counts.bytes_skipped += walk.at - kept
         self.passed, self._rest = buffer[: walk.at], buffer[walk.at :]
         self._expected = walk.expected - walk.at
+        # Where the bytes were closed, frames that were cut short are not looked for behind them.
+        self._cleared = 0 if closed else max(walk.cleared.to - walk.at, 0)
         return frames

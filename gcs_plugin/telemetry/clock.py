@@ -1,9 +1,10 @@
 """The vehicle's own clock in a telemetry log.
 
 Every frame of a .tlog carries the ground computer's time, late by the link's delay; many messages
-also carry the vehicle's time since boot. Times here are the vehicle's. A message without an own
-clock (ESC_TELEMETRY, VFR_HUD, BATTERY_STATUS, WIND) gets the ground's stamp less the median offset
-of the last nine clocked messages before it, which a live listener can do just the same.
+also carry the vehicle's time since boot. Times here are the vehicle's. A message without such a
+clock (ESC_TELEMETRY, VFR_HUD, BATTERY_STATUS, WIND; or with Unix time in its `time_usec`) gets the
+ground's stamp less the median offset of the last nine clocked messages before it, which a live
+listener can do just the same.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import (
     stretches,
     without_leaps,
 )
+from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import Bools, Floats
 
 #: Messages whose clock is read when they are sent; others carry the time of a fix or of a change.
@@ -50,6 +52,7 @@ _LONG_AGO = -(2**62)  # ns
 JUMP = 30.0  # s forward between two messages that is reported as a jump
 _NEAR = 0.5  # s round a restart in which messages without a clock are still distinguished
 _US_WRAP = 2**32 * 1e-6  # s; SERVO_OUTPUT_RAW counts µs in 32 bits and wraps after 71 minutes
+_BOOT_MOST = 2**32 * 1e-3  # s since boot that `time_boot_ms` can say; more in µs is Unix time
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,13 +79,19 @@ class Clock:
 
 
 def own_clock(fields: NDArray[np.void]) -> Floats | None:
-    """(n,) s since boot that the messages carry; None when their type carries none."""
+    """(n,) s since boot that the messages carry; None when their type carries none.
+
+    NaN where a message carries Unix time instead, as `time_usec` may from one message to the next
+    (once there is a GPS fix), or 0, which is no time.
+    """
     names = fields.dtype.names or ()
     if "time_boot_ms" in names:
-        return fields["time_boot_ms"].astype(np.float64) * 1e-3
-    if "time_usec" in names:
-        return fields["time_usec"].astype(np.float64) * 1e-6
-    return None
+        clock_s = fields["time_boot_ms"].astype(np.float64) * 1e-3
+    elif "time_usec" in names:
+        clock_s = fields["time_usec"].astype(np.float64) * 1e-6
+    else:
+        return None
+    return np.where((clock_s > 0.0) & (clock_s < _BOOT_MOST), clock_s, np.nan)
 
 
 def unix_minus_clock(system_time: Columns) -> float | None:
@@ -123,6 +132,7 @@ def vehicle_clocks(
         rows = np.flatnonzero(pilot & (frames.id == numbers[reference]))
         if rows.size:
             own[rows] = own_clock(columns(frames, rows, layouts()[numbers[reference]]))
+            _refuse_two_starts(name, (stamps_s - own)[rows])
     rows = np.flatnonzero(np.isfinite(own))
     last = stamps_s.size - 1
     if rows.size == 0:
@@ -178,6 +188,25 @@ def _clock_of(
         (),
         listened is not None,
     )
+
+
+def _refuse_two_starts(name: str, offset: Floats) -> None:
+    """Raise LogError when the clock of one message, by its `offset` (n,) from the ground's, goes
+    back and forth between two starts; a restart, or a ground's clock that is set, is left once."""
+    offset = offset[np.isfinite(offset)]
+    if not offset.size:
+        return
+    order = np.argsort(offset)
+    start = np.empty(offset.size, dtype=np.int64)
+    start[order] = np.cumsum(np.diff(offset[order], prepend=offset[order[:1]]) > TRUST)
+    known = np.flatnonzero(np.bincount(start) > RESTART_AFTER)
+    start = start[np.isin(start, known)]
+    returns = np.count_nonzero(np.diff(start)) + 1 - known.size
+    if returns > RESTART_AFTER:
+        raise LogError(
+            f"{name}: its clock goes back {returns} times to one that was left, as when two "
+            "vehicles share one system id; give each its own and record again"
+        )
 
 
 @dataclass(frozen=True, slots=True)

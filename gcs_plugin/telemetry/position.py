@@ -74,7 +74,8 @@ def airborne(
             return Airborne(flying, FlyingBy.LANDED_STATE, landed.source.words)
         words = f"{landed.source.words}, and {CLEAR:g} m clear of it"
         return Airborne(_clear_of_ground(flying, height), FlyingBy.LANDED_STATE, words)
-    if np.count_nonzero(driven) >= FEWEST_ROWS:
+    measured = "rotor_speed_rpm" in channels and np.isfinite(channels["rotor_speed_rpm"]).any()
+    if not measured and np.count_nonzero(driven) >= FEWEST_ROWS:
         # Nothing hovers at one output: even in still air every motor is always corrected.
         spread = np.ptp(channels["throttle"][driven], axis=0)
         if np.all(spread[np.isfinite(spread)] == 0):

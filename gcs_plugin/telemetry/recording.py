@@ -20,7 +20,7 @@ from scipy.ndimage import median_filter
 
 from thrustmargin.gcs_plugin.mavlink.rules import Columns
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import VehicleEvent
-from thrustmargin.gcs_plugin.wording.sortie_words import sortie_suffix, unflown_words
+from thrustmargin.gcs_plugin.wording.flight_words import sortie_suffix, unflown_words
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.provenance import Provenance
@@ -59,6 +59,7 @@ class LogQuality:
     bad_checksum: int = 0  # whole frames whose checksum is wrong (formats without one: 0)
     bytes_skipped: int = 0  # bytes that belong to no message kept
     unknown_ids: Mapping[int, int] = field(default_factory=dict)  # id -> frames skipped
+    copies: int = 0  # frames that came again over a second link or router, dropped
     frames_missing: int = 0  # by MAVLink sequence numbers: not received, or not recorded
     damage: tuple[Damage, ...] = ()  # the largest places, in file order
     damaged_places: int = 0

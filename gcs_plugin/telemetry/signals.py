@@ -65,12 +65,30 @@ def turned_down(there: Iterable[Signal], used: Signal) -> tuple[Rejected, ...]:
 
 
 def by_index(signals: Signals, channel: str) -> dict[int | str, Signal]:
-    """The sources of one channel by output number, battery id or name; the first of each."""
+    """The sources of one channel by output number, battery id or name; the first of each.
+
+    A battery's are taken together: BATTERY_STATUS_V2 comes in the place of BATTERY_STATUS as soon
+    as a ground station asks for it.
+    """
     found: dict[int | str, Signal] = {}
     for signal in signals.get(channel, ()):
-        if signal.index is not None:
-            found.setdefault(signal.index, signal)
+        if signal.index is None:
+            continue
+        first = found.setdefault(signal.index, signal)
+        if first is not signal and channel.startswith("battery_"):
+            found[signal.index] = _together(first, signal)
     return found
+
+
+def _together(first: Signal, second: Signal) -> Signal:
+    """The reports of two sources of one quantity as one signal."""
+    for one, other in ((first, second), (second, first)):
+        if not known_rows(other.values).any():
+            return one
+    time_s = np.concatenate([first.time_s, second.time_s])
+    values = np.concatenate([first.values, second.values])
+    time_s, values = in_time_order(time_s, values)
+    return second._replace(time_s=time_s, values=values)
 
 
 def mavlink_signals(streams: dict[str, Stream], airspeed: Provenance) -> Signals:

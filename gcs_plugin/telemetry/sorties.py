@@ -17,7 +17,7 @@ from thrustmargin.gcs_plugin.telemetry.recording import FlightLog, Recording, Un
 from thrustmargin.gcs_plugin.telemetry.rotor_speeds import IDLE
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, best
 from thrustmargin.gcs_plugin.telemetry.statements import Options
-from thrustmargin.gcs_plugin.wording.sortie_words import restart_words
+from thrustmargin.gcs_plugin.wording.flight_words import restart_words
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import FlightTrack, Floats
 

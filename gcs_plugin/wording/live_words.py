@@ -89,6 +89,20 @@ def two_vehicles(system: int, *, helps: bool = False) -> str:
     return said
 
 
+def copies_words(count: int) -> str:
+    """That so many frames came again and were dropped."""
+    return f"{count} frame(s) came twice (a second link or router): copies dropped"
+
+
+def two_autopilots(system: int, chosen: int, others: Iterable[int]) -> str:
+    """That one system id has several autopilots, of which component `chosen` is read."""
+    ids = ", ".join(map(str, others))
+    return (
+        f"more than one autopilot sends as system {system}: component {chosen} is read, "
+        f"component {ids} is left out; give each aircraft its own id (SYSID_THISMAV)"
+    )
+
+
 def silent_words(number: int, gone_s: float) -> str:
     return f"vehicle {number} silent for {gone_s:.0f} s"
 

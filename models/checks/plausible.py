@@ -45,8 +45,6 @@ Range = tuple[float, float]
 CLOSE_VOLTAGE, POSSIBLE_VOLTAGE = (0.92, 1.15), (0.78, 1.22)
 CLOSE_SPEED = (0.92, 1.15)
 CLOSE_OUTPUT, POSSIBLE_OUTPUT = (0.92, 1.08), (0.6, 1.7)
-#: Of the nominal voltage: a full cell of 4.2 V to one of 3.6 V, its gauge 3 % off
-FULL_BATTERY = 1.2
 #: Utilisation that no rotor holds, s and share of the flight for which it may pass for a moment.
 IMPOSSIBLE_USE, MOMENT_S, MOMENT_SHARE = 1.2, 3.0, 0.05
 #: deg by which an arm may stand elsewhere; the next arm of an octocopter is 45 away.
@@ -165,13 +163,9 @@ def _voltage(track: FlightTrack, airframe: Airframe) -> Comparison:
         f"{found:.1f} V in flight, {share:.0%} of the {airframe.nominal_voltage:.1f} V of airframe "
         f"{airframe.name}"
     )
-    fullest = float(np.percentile(volts, 99)) / airframe.nominal_voltage
     if verdict == "contradicts":
         low, high = POSSIBLE_VOLTAGE
         words += f"; the same battery stays within {low:.0%} to {high:.0%}"
-    elif fullest > FULL_BATTERY:
-        verdict = "contradicts"
-        words += f", and up to {fullest:.0%}; a full one has at most {FULL_BATTERY:.0%}"
     return Comparison(check="voltage", verdict=verdict, words=words, brief=f"{found:.1f} V")
 
 

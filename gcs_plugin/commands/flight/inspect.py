@@ -24,8 +24,8 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
 )
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, ReadingOptions
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.gcs_plugin.wording.flight_words import several_words, sortie_words
 from thrustmargin.gcs_plugin.wording.numbers import known
-from thrustmargin.gcs_plugin.wording.sortie_words import several_words, sortie_words
 from thrustmargin.models.errors import LogError, ThrustMarginError
 from thrustmargin.models.whole_file import whole_file
 

@@ -218,10 +218,13 @@ def _show(live: LiveMonitor, until: float, printer: EventPrinter | None, *, page
 def _summary(live: LiveMonitor) -> None:
     """What has been heard, on one line a vehicle; also when nobody watches the table."""
     from thrustmargin.gcs_plugin.live.console import status_lines
+    from thrustmargin.gcs_plugin.wording.live_words import copies_words
 
     out = Terminal(stderr=True)
     for number, watch in live.fleet.vehicles.items():
         words = f"vehicle {number}: {watch.rows} samples, {watch.problem or watch.claim.described}"
         out.print(words, soft_wrap=True)
+        if watch.doubled:
+            out.print(f"vehicle {number}: {copies_words(watch.doubled)}", soft_wrap=True)
     for line in status_lines(live.status()):
         out.print(line, soft_wrap=True)

@@ -10,7 +10,7 @@ from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, ReadingOptions
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
-from thrustmargin.gcs_plugin.wording.sortie_words import sortie_words
+from thrustmargin.gcs_plugin.wording.flight_words import sortie_words
 from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from thrustmargin.gcs_plugin.commands.shared.reading import (
     ReadingOptions,
     reading_keywords,
 )
-from thrustmargin.gcs_plugin.wording.sortie_words import several_words
+from thrustmargin.gcs_plugin.wording.flight_words import several_words
 from thrustmargin.models.errors import AirframeError, DataError, LogError, ThrustMarginError
 from thrustmargin.models.model.model_file import load_model, shipped_model
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model

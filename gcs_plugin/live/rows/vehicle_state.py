@@ -12,12 +12,12 @@ from dataclasses import dataclass, field, replace
 from thrustmargin.gcs_plugin.mavlink.frame import Frame, fields
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.mavlink.text import printable
+from thrustmargin.gcs_plugin.mavlink.who_sends import of_vehicles
 from thrustmargin.gcs_plugin.telemetry.recording import Waypoint
-from thrustmargin.gcs_plugin.telemetry.vehicle_kind import vehicle_facts
+from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_facts
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
-ARDUPILOT, NO_AUTOPILOT = 3, 8  # MAV_AUTOPILOT_ARDUPILOTMEGA, MAV_AUTOPILOT_INVALID
-GROUND_STATION = 6  # MAV_TYPE_GCS
+ARDUPILOT = 3  # MAV_AUTOPILOT_ARDUPILOTMEGA
 ARMED = 0x80  # MAV_MODE_FLAG_SAFETY_ARMED
 MISSION_MESSAGES = ("MISSION_ITEM_INT", "MISSION_ITEM", "MISSION_COUNT")
 
@@ -33,6 +33,8 @@ class VehicleState:
 
     system: int
     component: int | None = None  # the autopilot's; None until it is known
+    #: Components with an autopilot's heartbeat too: another aircraft, or a spare; never mixed in.
+    other_autopilots: frozenset[int] = frozenset()
     kind: int = -1  # MAV_TYPE
     autopilot: int = -1  # MAV_AUTOPILOT
     armed: bool = False
@@ -47,6 +49,8 @@ class VehicleState:
 
 def fold(state: VehicleState, frame: Frame) -> VehicleState:
     """The state after one more frame of this vehicle; the same one for frames not in `SAYS`."""
+    if frame.component in state.other_autopilots:
+        return state
     name = layouts()[frame.id].name if frame.verified else ""
     if name in MISSION_MESSAGES:
         return fold_mission(state, frame)
@@ -57,11 +61,13 @@ def fold(state: VehicleState, frame: Frame) -> VehicleState:
         if state.parameters.get(named) == value:
             return state
         return replace(state, parameters={**state.parameters, named: value})
-    if int(columns["autopilot"][0]) == NO_AUTOPILOT:
+    if not of_vehicles(columns)[0]:
         return state  # of a component that is no autopilot
+    if state.component not in (None, frame.component):
+        return replace(state, other_autopilots=state.other_autopilots | {frame.component})
     return replace(
         state,
-        component=frame.component if state.component is None else state.component,
+        component=frame.component,
         kind=int(columns["type"][0]),
         autopilot=int(columns["autopilot"][0]),
         armed=bool(columns["base_mode"][0] & ARMED),

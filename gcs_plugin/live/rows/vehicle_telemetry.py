@@ -51,7 +51,7 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
 )
 from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.gcs_plugin.telemetry.tank_source import LEFT_OUT
-from thrustmargin.gcs_plugin.wording.live_words import FIELD_WORDS, order_assumed
+from thrustmargin.gcs_plugin.wording.live_words import FIELD_WORDS, order_assumed, two_autopilots
 from thrustmargin.models.errors import AirframeError, LogError
 from thrustmargin.models.flight import TRACK_CHANNELS, Bools, FlightTrack, Floats, Origin
 from thrustmargin.models.vehicle_facts import VehicleFacts
@@ -155,6 +155,11 @@ class VehicleTelemetry:
         if frame.id in SAYS:
             before, self.state = self.state, fold(self.state, frame)
             changed = _said(before) != _said(self.state)
+            if others := self.state.other_autopilots - before.other_autopilots:
+                words = two_autopilots(self.state.system, self.state.component or 0, others)
+                self.events.append((frame.stamp_us, words))
+        if frame.component in self.state.other_autopilots:
+            return
         if not self._pieces or (changed and not self._pieces[-1].rowless):
             self._pieces.append(_Piece(self.state, []))
         piece = self._pieces[-1]
@@ -162,10 +167,14 @@ class VehicleTelemetry:
         piece.frames.append(frame)
         piece.rowless &= frame.id in OF_ITSELF
 
+    def pass_over(self) -> None:
+        """Make no rows of what has come and was not taken yet."""
+        self._pieces.clear()
+
     def forget(self) -> None:
         """Begin anew, as with a vehicle that was never heard."""
         self.state = VehicleState(system=self.state.system)
-        self._pieces.clear()
+        self.pass_over()
         self._by_pilot.clear()
         self._restart()
 

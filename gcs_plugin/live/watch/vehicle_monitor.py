@@ -79,6 +79,7 @@ class VehicleMonitor:
         self._heard_us = heard_us
         self.alarms = Alarms(settings.alarms)
         self.senders: dict[int, SenderWatch] = {}
+        self._piloted = False  # a heartbeat of a vehicle's autopilot has come
         self.shared_until_us = 0
         #: What happened since they were last taken, and when by the ground's clock, µs.
         self.notes: list[tuple[int, str]] = []
@@ -103,9 +104,14 @@ class VehicleMonitor:
         return self.telemetry.state
 
     @property
+    def vehicle(self) -> bool:
+        """True once an autopilot's heartbeat has come: no radio, gimbal or tracker."""
+        return self._piloted or self.shared
+
+    @property
     def seen(self) -> bool:
-        """True when this is a vehicle and not only a companion or a stray id."""
-        return self.state.autopilot >= 0 or self.rows > 0 or self.shared
+        """True when this is a vehicle, or may be one by its flight, and not only a stray id."""
+        return self.vehicle or self.rows > 0
 
     @property
     def problem(self) -> str:
@@ -164,6 +170,12 @@ class VehicleMonitor:
             self.telemetry.forget()
             return
         self.telemetry.take(frame)
+        self._piloted |= self.state.autopilot >= 0
+
+    @property
+    def doubled(self) -> int:
+        """Frames that came again over a second link or router, and were dropped."""
+        return sum(sender.doubled for sender in list(self.senders.values()))
 
     def overhear(self, frame: Frame) -> None:
         """A mission item that somebody sends to this vehicle."""

@@ -7,7 +7,8 @@
 s_N, s_m standard errors of rotor speed and mass, 0 where they were measured (of one that hover
 thrust shows, only what the largest thrust does not share); s_c of the ceiling where its rotor speed
 or voltage is guessed, or the battery's not known, s_g of a guessed mass or thrust curve. The
-density of the air is in redundancy only: by speed it cancels, and the network predicts in the air that it learnt in.
+density of the air is in redundancy only: by speed it cancels, and the network predicts in the air
+that it learnt in.
 """
 
 from __future__ import annotations

@@ -36,9 +36,9 @@ from thrustmargin.gcs_plugin.mavlink.layouts import layouts
 from thrustmargin.gcs_plugin.telemetry.motors import MotorMap, motor_map
 from thrustmargin.gcs_plugin.telemetry.resample import last_before
 from thrustmargin.gcs_plugin.telemetry.rows import FlightRows, flight_rows
+from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_facts
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, best, mavlink_signals
 from thrustmargin.gcs_plugin.telemetry.statements import Options
-from thrustmargin.gcs_plugin.telemetry.vehicle_kind import vehicle_facts
 from thrustmargin.models.effects import CATALOGUE
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack

@@ -128,6 +128,14 @@ def test_layouts_have_the_size_that_pymavlink_packs():
         ("ESC_INFO", 290, 46, 251, {"time_usec": 0}),
         ("ESC_STATUS", 291, 57, 10, {"rpm": 8, "voltage": 24, "current": 40, "index": 56}),
         (
+            "BATTERY_STATUS_V2",
+            369,
+            24,
+            151,
+            {"capacity_consumed": 8, "temperature": 20, "id": 22, "percent_remaining": 23},
+        ),
+        ("BATTERY_INFO", 372, 140, 26, {"full_charge_capacity": 36, "id": 44, "name": 90}),
+        (
             "FUEL_STATUS",
             371,
             26,

@@ -49,6 +49,7 @@ IN_SI = {
     "ms": 12.345,
     "ml": 12345.0,
     "share": 1_234_500.0,
+    "Ah": 12_345_000.0,
 }
 
 
@@ -115,6 +116,10 @@ VALUES: dict[tuple[str, str], tuple[Mapping[str, object], Any]] = {
     ("BATTERY_STATUS", "battery_current"): ({"current_battery": 5650}, 56.5),
     ("BATTERY_STATUS", "battery_percent"): ({"battery_remaining": 87}, 87.0),
     ("BATTERY_STATUS", "battery_consumed"): ({"current_consumed": 1234}, 1234.0),
+    ("BATTERY_STATUS_V2", "battery_voltage"): ({"voltage": 55.5}, 55.5),
+    ("BATTERY_STATUS_V2", "battery_current"): ({"current": -56.5}, -56.5),
+    ("BATTERY_STATUS_V2", "battery_percent"): ({"percent_remaining": 87}, 87.0),
+    ("BATTERY_STATUS_V2", "battery_consumed"): ({"capacity_consumed": 1.25}, 1250.0),
     ("SYS_STATUS", "voltage"): ({"voltage_battery": 58800}, 58.8),
     ("SYS_STATUS", "current"): ({"current_battery": 5650}, 56.5),
     ("SCALED_PRESSURE", "pressure"): ({"press_abs": 1013.25}, 101325.0),
@@ -150,6 +155,10 @@ INDEXED = {
     ("BATTERY_STATUS", "battery_current"): ("id", None),
     ("BATTERY_STATUS", "battery_percent"): ("id", None),
     ("BATTERY_STATUS", "battery_consumed"): ("id", None),
+    ("BATTERY_STATUS_V2", "battery_voltage"): ("id", None),
+    ("BATTERY_STATUS_V2", "battery_current"): ("id", None),
+    ("BATTERY_STATUS_V2", "battery_percent"): ("id", None),
+    ("BATTERY_STATUS_V2", "battery_consumed"): ("id", None),
     ("ESC_STATUS", "esc_rpm"): ("index", None),
     ("ESC_STATUS", "esc_voltage"): ("index", None),
     ("ESC_STATUS", "esc_current"): ("index", None),
@@ -164,6 +173,7 @@ UNKNOWN = {
     ("BATTERY_STATUS", "battery_current"): (-1,),
     ("BATTERY_STATUS", "battery_percent"): (-1,),
     ("BATTERY_STATUS", "battery_consumed"): (-1,),
+    ("BATTERY_STATUS_V2", "battery_percent"): (255,),
     ("SYS_STATUS", "voltage"): (65535, 0),
     ("SYS_STATUS", "current"): (-1,),
     ("SCALED_PRESSURE", "temperature"): (0,),

@@ -217,6 +217,25 @@ XML = """<?xml version="1.0"?><mavlink><messages>
 <message id="291" name="ESC_STATUS">{index}<field type="uint64_t" name="time_usec"/>
 <field type="int32_t[4]" name="rpm"/><field type="float[4]" name="voltage"/>
 <field type="float[4]" name="current"/></message>
+<message id="369" name="BATTERY_STATUS_V2"><field type="uint8_t" name="id"/>
+<field type="int16_t" name="temperature"/><field type="float" name="voltage"/>
+<field type="float" name="current"/><field type="float" name="capacity_consumed"/>
+<field type="float" name="capacity_remaining"/><field type="uint8_t" name="percent_remaining"/>
+<field type="uint32_t" name="status_flags"/></message>
+<message id="372" name="BATTERY_INFO"><field type="uint8_t" name="id"/>
+<field type="uint8_t" name="battery_function"/><field type="uint8_t" name="type"/>
+<field type="uint8_t" name="state_of_health"/><field type="uint8_t" name="cells_in_series"/>
+<field type="uint16_t" name="cycle_count"/><field type="uint16_t" name="weight"/>
+<field type="float" name="discharge_minimum_voltage"/>
+<field type="float" name="charging_minimum_voltage"/>
+<field type="float" name="resting_minimum_voltage"/>
+<field type="float" name="charging_maximum_voltage"/>
+<field type="float" name="charging_maximum_current"/><field type="float" name="nominal_voltage"/>
+<field type="float" name="discharge_maximum_current"/>
+<field type="float" name="discharge_maximum_burst_current"/>
+<field type="float" name="design_capacity"/><field type="float" name="full_charge_capacity"/>
+<field type="char[9]" name="manufacture_date"/><field type="char[32]" name="serial_number"/>
+<field type="char[50]" name="name"/></message>
 <message id="371" name="FUEL_STATUS"><field type="uint8_t" name="id"/>
 <field type="float" name="maximum_fuel"/><field type="float" name="consumed_fuel"/>
 <field type="float" name="remaining_fuel"/><field type="uint8_t" name="percent_remaining"/>
@@ -229,7 +248,7 @@ def test_the_layouts_of_px4s_messages_are_those_of_pymavlinks_generator(tmp_path
     path = tmp_path / "px4.xml"
     path.write_text(XML)
     made = mavparse.MAVXML(str(path), "2.0")
-    assert {message.id for message in made.message} == {290, 291, 371}
+    assert {message.id for message in made.message} == {290, 291, 369, 371, 372}
     for message in made.message:
         ours = layouts()[message.id]
         assert (ours.name, ours.dtype.itemsize) == (message.name, message.wire_length)

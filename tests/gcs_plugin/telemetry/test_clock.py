@@ -208,6 +208,21 @@ def test_a_clock_of_32_bits_in_microseconds_wraps_after_71_minutes():
     assert found.tolist() == [4295.4, 8590.0]
 
 
+def test_time_usec_says_unix_time_or_time_since_boot_message_by_message():
+    # 2^32 ms are 4294967.296 s (49.7 days), as much as `time_boot_ms` can say.
+    imu = fields("time_usec", "<u8", 10_000_000, 1_790_000_000_000_000, 0, 4_294_967_295_000)
+    np.testing.assert_array_equal(own_clock(imu), [10.0, np.nan, np.nan, 4_294_967.295])
+    without_a_date = fields("time_usec", "<u8", 315_964_800_000_000, 4_294_967_296_000)  # 1980
+    np.testing.assert_array_equal(own_clock(without_a_date), [np.nan, np.nan])
+    # Without a clock that counts, the ground's stamps do.
+    assert plain_clock([10.5, 10.6, 10.7, 10.8]).of(imu, np.arange(4)).tolist() == [
+        10.0,
+        10.6,
+        10.7,
+        10.8,
+    ]
+
+
 def test_unix_time_is_that_of_the_first_message_that_knows_it():
     # 10^15 µs after 1970 was September 2001: less is the time since boot of a clock not yet set.
     unix = np.array([0, 999_999_999_999_999, 1_700_000_000_500_000, 1_800_000_000_000_000])

@@ -10,8 +10,8 @@ from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.motors import motor_map
 from thrustmargin.gcs_plugin.telemetry.power import power
+from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import vehicle_facts
 from thrustmargin.gcs_plugin.telemetry.signals import collected
-from thrustmargin.gcs_plugin.telemetry.vehicle_kind import vehicle_facts
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.physics.airframe import load_airframe
 

@@ -52,7 +52,8 @@ def test_wear_a_hidden_load_and_an_empty_battery_do_not_hide_the_airframe(stretc
     # 8 % less thrust of every propeller is 4 % of speed; 3 kg on an empty F16 are 7 %.
     speeds = TRACK.rotor_speed_rpm * stretch
     track = replace(TRACK, rotor_speed_rpm=speeds, voltage=np.full_like(TRACK.voltage, volts))
-    assert known_as(track)
+    # The autopilot makes up for a low battery: these outputs are of the one that was flown.
+    assert known_as(replace(track, throttle=np.full_like(TRACK.throttle, np.nan)))
 
 
 @pytest.mark.parametrize("stretch", [0.88, 1.2])

@@ -208,12 +208,12 @@ def test_what_is_said_has_the_numbers_of_the_flight():
     assert output.brief == "motor outputs of 58% for 25 kg within 5%"  # 1.05 x 0.5536
     lifts = 25.0 * 1.05**2
     assert f"would lift {lifts:.3g} kg with" in output.words
-    assert output.words.endswith("which weighs 25 kg")
+    assert output.words.endswith("which weighs 25 kg by the gauge")
     little = words_of(hover(tank_kg=np.full(200, 0.5)), "motor output")
-    assert little.words.endswith("which weighs 20.5 kg")
+    assert little.words.endswith("which weighs 20.5 kg by the gauge")
     assert "for 20 kg within" in little.brief
     blind = words_of(hover(tank_kg=UNKNOWN), "motor output")
-    assert blind.words.endswith("which weighs 20 kg without a load")
+    assert blind.words.endswith("which weighs 30 kg full")
     assert blind.brief.endswith("for 20 to 30 kg")
     frame = words_of(hover(), "frame", FRAME_CLASS=1.0, FRAME_TYPE=1.0)
     assert frame.words.startswith("FRAME_CLASS 1 and FRAME_TYPE 1 are quad-x, as in airframe")

@@ -265,7 +265,8 @@ def test_recorded_flights_without_their_gauge_show_its_level(name: str):
 
 
 def test_its_redundancy_is_free_of_the_curves_error():
-    exact = hover(np.full(900, 9.0), spraying=np.zeros(900), pressure=np.full(900, 101_325.0))
+    instruments = {"pressure": np.full(900, 101_325.0), "voltage": np.full(900, 55.0)}
+    exact = hover(np.full(900, 9.0), spraying=np.zeros(900), **instruments)
     wrong = replace(F16, thrust_coefficient=1.05 * F16.thrust_coefficient)
     found, other = (
         analyse(with_load(exact, craft), physics_model(craft)) for craft in (F16, wrong)

@@ -1,0 +1,77 @@
+"""Who sends: vehicles apart from radios, gimbals, cameras, trackers and ground stations, which have
+ids too; and frames of a log that came again, over a second link or through a router.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.mavlink.decode import MAVLINK_RULES
+from thrustmargin.gcs_plugin.mavlink.frame import header
+from thrustmargin.gcs_plugin.mavlink.layouts import layout_table, layouts
+from thrustmargin.gcs_plugin.mavlink.rules import Columns
+from thrustmargin.gcs_plugin.mavlink.scan import Frames, Index, gather
+from thrustmargin.models.flight import Bools
+
+HEARTBEAT = 0  # message id
+NO_AUTOPILOT = 8  # MAV_AUTOPILOT_INVALID
+GROUND_STATION = 6  # MAV_TYPE_GCS
+#: MAV_TYPE of what is no vehicle though it may run an autopilot: antenna tracker, ground station,
+#: onboard controller, gimbal, ADS-B, camera, and everything else that is a part of one.
+NO_VEHICLES = (5, 6, 18, 26, 27, *range(30, 35), *range(36, 43), 44, 48)
+#: Channels that only flight gives.
+_OF_FLIGHT = ("attitude", "geodetic", "position_ned", "velocity_ned", "esc_rpm", "servo_us")
+#: Ids of the messages that carry them.
+FLIGHT_DATA = tuple(
+    n
+    for n, layout in layouts().items()
+    if any(r.message == layout.name and r.channel in _OF_FLIGHT for r in MAVLINK_RULES)
+)
+#: s behind the first within which the same bytes are a copy: links and routers take up to 0.25 s.
+COPY_WITHIN = 0.5
+
+
+def of_vehicles(heartbeats: Columns) -> Bools:
+    """(n,) HEARTBEAT messages of the autopilot of a vehicle."""
+    kinds, autopilots = heartbeats["type"], heartbeats["autopilot"]
+    return (autopilots != NO_AUTOPILOT) & ~np.isin(kinds, NO_VEHICLES)
+
+
+def copies(frames: Frames) -> Bools:
+    """(n,) True for frames that the same sender's earlier frame is, number and bytes alike.
+
+    Sequence numbers begin anew after 256, and a vehicle that stands may then send the same bytes.
+    So numbers are counted on, by the shorter way round from each frame to the next: a copy that
+    comes up to 127 frames late has the number of the first again.
+    """
+    sender = frames.systems().astype(np.int64) << 8 | frames.components()
+    order = np.argsort(sender, kind="stable")
+    step = np.diff(frames.sequences()[order].astype(np.int64), prepend=0)
+    numbered = (sender[order] << 40) + np.cumsum((step + 128) % 256 - 128)
+    # By sender and number, and in the order of the file where both are the same.
+    by_number = np.argsort(numbered, kind="stable")
+    order, same = order[by_number], np.diff(numbered[by_number]) == 0
+    before, after = order[:-1][same], order[1:][same]
+    stamps_s = frames.stamps_s()
+    near = np.abs(stamps_s[after] - stamps_s[before]) <= COPY_WITHIN
+    before, after = before[near], after[near]
+    equal = _equal(frames, before, after)
+    # Where frames of one number mostly differ, the sender does not count: none is a copy.
+    for one in np.unique(sender[after]).tolist():
+        pairs = sender[after] == one
+        equal[pairs] &= np.mean(equal[pairs]) > 0.5
+    again = np.zeros(frames.start.size, dtype=np.bool_)
+    again[after[equal]] = True
+    return again
+
+
+def _equal(frames: Frames, one: Index, other: Index) -> Bools:
+    """(n,) whether frames have the same bytes, up to their checksums: a router signs anew."""
+    sizes = layout_table().size
+    length = header(frames.data, frames.start[one], sizes).covered + 3
+    alike = length == header(frames.data, frames.start[other], sizes).covered + 3
+    for size in np.unique(length[alike]).tolist():
+        rows = np.flatnonzero(alike & (length == size))
+        first, second = (gather(frames.data, frames.start[r[rows]], size) for r in (one, other))
+        alike[rows] = (first == second).all(axis=1)
+    return alike
