@@ -115,16 +115,17 @@ class LiveMonitor:
             on_frames=self._on_frames,
             accept=accept,
         )
-        # Of a recording all may have been read before any is analysed.
-        self.fleet = Fleet(
-            model, settings.watch, heard_us=self.listener.heard_us if self.live else {}
-        )
+        watch = settings.watch
         if settings.record is not None:
             try:
                 self.recorder = Recorder(settings.record)
             except BaseException:
                 self.listener.close()
                 raise
+            if self.live:  # the link itself is taken as long as this runs
+                watch = replace(watch, link=str(self.recorder.telemetry))
+        # Of a recording all may have been read before any is analysed.
+        self.fleet = Fleet(model, watch, heard_us=self.listener.heard_us if self.live else {})
         self._events = EventRecord(self.recorder)
         self._thread = threading.Thread(target=self._run, name="compute", daemon=True)
 

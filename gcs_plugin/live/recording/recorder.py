@@ -69,7 +69,7 @@ class Recorder:
                     (self.folder / "samples").mkdir(parents=True)
                     break
                 self.folder = parent / f"{stem}-{number}"
-            self._telemetry = _Appended(self.folder / "telemetry.tlog")
+            self._telemetry = _Appended(self.telemetry)
             self._events = _Appended(self.folder / "events.jsonl")
         except OSError as error:
             raise LinkError(
@@ -84,6 +84,11 @@ class Recorder:
         self._slowest = 0.0
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
+
+    @property
+    def telemetry(self) -> Path:
+        """The .tlog, which others may read while it grows."""
+        return self.folder / "telemetry.tlog"
 
     def frames(self, frames: list[Frame]) -> None:
         """Record frames; returns at once."""
