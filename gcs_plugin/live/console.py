@@ -84,7 +84,7 @@ def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> Re
         stale = watch.stale(now_us)
         remarks += [
             Text(words.of_vehicle(number, line), style="bold yellow")
-            for line in (watch.problem, stale)
+            for line in (watch.problem, stale, watch.not_followed)
             if line
         ]
         if watch.last is not None:
@@ -266,6 +266,7 @@ class EventPrinter(Subscriber):
         self._heard: set[int] = set()
         self._problems: dict[int, str] = {}
         self._claims: dict[int, AirframeClaim] = {}
+        self._in_vain: dict[int, str] = {}  # said of what was asked for
         self._trouble = ""
         self._behind = False
 
@@ -287,6 +288,9 @@ class EventPrinter(Subscriber):
                 self._problems[number] = watch.problem
                 line = watch.problem or words.WATCHED_AGAIN
                 self._say(words.of_vehicle(number, line), now_s)
+            if watch.not_followed and watch.not_followed != self._in_vain.get(number):
+                self._in_vain[number] = watch.not_followed
+                self._say(words.of_vehicle(number, watch.not_followed), now_s)
             claim = watch.claim
             if watch.last is not None and claim is not self._claims.get(number):
                 self._claims[number] = claim

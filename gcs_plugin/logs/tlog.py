@@ -97,11 +97,13 @@ def read_tlog(path: Path, *, vehicle: int | None = None, on_arrival: bool = Fals
         row = int(np.searchsorted(frames.start, byte)) - 1
         return float(clock.estimate_s[row]) if row >= 0 else float("nan")
 
+    parameters, whole = _parameters(frames, mine)
     return Recording(
         path=path,
         format="tlog",
         streams=streams,
-        parameters=_parameters(frames, mine),
+        parameters=parameters,
+        parameters_whole=whole,
         waypoints=_waypoints(frames, system, chosen),
         messages=_texts(streams),
         unix_minus_clock=_unix_offset(streams, clock),
@@ -189,16 +191,18 @@ def _main_component(frames: Frames, mine: Bools, component: NDArray[np.uint8]) -
     return int(np.bincount(component[mine]).argmax())
 
 
-def _parameters(frames: Frames, mine: Bools) -> dict[str, float]:
+def _parameters(frames: Frames, mine: Bools) -> tuple[dict[str, float], bool]:
+    """Parameters by name, and whether they are all that the vehicle has."""
     rows = np.flatnonzero(mine & (frames.id == _IDS["PARAM_VALUE"]))
     fields = columns(frames, rows, layouts()[_IDS["PARAM_VALUE"]])
     values = np.ascontiguousarray(fields["param_value"], dtype=np.float32)
     # PX4 puts the bits of an integer where the number should be: what is no whole number then.
     bits = (fields["param_type"] == _INT32) & (values != 0.0) & ~(np.abs(values) >= 1.0)
     known = np.where(bits, values.view(np.int32), values.astype(np.float64))
-    return {
+    named = {
         printable(name): float(value) for name, value in zip(fields["param_id"], known, strict=True)
     }
+    return named, 0 < int(fields["param_count"].max(initial=0)) <= len(named)
 
 
 def _waypoints(frames: Frames, system: NDArray[np.uint8], chosen: int) -> tuple[Waypoint, ...]:

@@ -109,6 +109,14 @@ def stale_words(ages: Mapping[str, float]) -> str:
     return "no longer reported: " + ", ".join(parts)
 
 
+def not_followed_words(rates: Mapping[str, tuple[float, float]]) -> str:
+    """Messages that do not come as asked, by name: Hz at which they come, and asked for."""
+    if not rates:
+        return ""
+    parts = (f"{name} {came:.1f} of {asked:g} Hz" for name, (came, asked) in rates.items())
+    return f"does not send as asked: {', '.join(parts)}; asked again, ever more rarely"
+
+
 def no_escs(source: str) -> str:
     return f"no ESC telemetry: rotor speeds {source}"
 

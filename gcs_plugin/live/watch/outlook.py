@@ -59,7 +59,7 @@ class LookAhead:
     def __init__(self, model: RotorModel) -> None:
         self.now = Outlook()
         self.plan: MissionPlan | None = None
-        self._given_plan = False
+        self._given_at = -1  # changes of the mission when the plan was given
         self._delivery = DeliveryMeter()
         self._model = model
         self._done_s = -math.inf
@@ -67,9 +67,12 @@ class LookAhead:
         self._items: object = None  # the mission overheard that `plan` is made of
         self._last_flow = 0.0  # kg/s when the pump was last on
 
-    def use_plan(self, plan: MissionPlan) -> None:
-        """Forecast along this mission rather than along one overheard."""
-        self.plan, self._given_plan = plan, True
+    def use_plan(self, plan: MissionPlan | None, state: VehicleState) -> None:
+        """Forecast along this mission rather than along one overheard, until it is another.
+
+        None: the vehicle holds none.
+        """
+        self.plan, self._given_at = plan, state.mission_changes
 
     def restart(self) -> None:
         """The vehicle's clock begins anew."""
@@ -151,13 +154,15 @@ class LookAhead:
         state: VehicleState,
         mission_item: int,
     ) -> Forecast | None:
-        if not self._given_plan and state.mission is not self._items:
+        if self._given_at != state.mission_changes and state.mission is not self._items:
             self._items = state.mission
             self.plan = _plan(state.mission.values(), home_first=state.autopilot == ARDUPILOT)
         position = track.position_ned[row]
         if self.plan is None or track.origin is None or not np.all(np.isfinite(position)):
             return None
-        speed = state.parameters.get("WPNAV_SPEED", 100.0 * self.plan.cruise_speed) / 100.0
+        # ArduPilot 4.7 renamed it and counts in m/s.
+        own = state.parameters.get("WPNAV_SPEED", 100.0 * self.plan.cruise_speed) / 100.0
+        speed = state.parameters.get("WP_SPD", own)
         legs = route_ahead(
             self.plan,
             max(mission_item, 0),

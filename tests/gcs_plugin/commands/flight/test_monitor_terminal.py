@@ -18,7 +18,7 @@ STEERING = re.compile(rb"\x1b\[[0-9;?]*[A-Za-z]")
 
 
 def on_a_terminal(folder: Path, *options: str, seconds: float) -> tuple[bytes, str]:
-    """What the monitor writes to its terminal while a vehicle flies: with its bytes, and as read."""
+    """What the monitor writes to its terminal while a vehicle flies: its bytes, and as read."""
     port = free_udp_port()
     ours, theirs = pty.openpty()
     os.environ.setdefault("TERM", "xterm-256color")
