@@ -9,6 +9,7 @@ from rich.markup import escape
 from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, ReadingOptions
+from thrustmargin.gcs_plugin.commands.shared.recorded import LIMIT, Chosen, with_recorded
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 
 if TYPE_CHECKING:
@@ -58,12 +59,17 @@ def replay(
     from thrustmargin.gcs_plugin.view.page.token_door import page_token
     from thrustmargin.gcs_plugin.view.replay_view import run_replay
 
-    rotor_model = chosen_model(model, airframe)
+    chosen = with_recorded(
+        [log],
+        Chosen(model=model, airframe=airframe, reading=reading),
+        Terminal(stderr=True, soft_wrap=True),
+    )
+    rotor_model = chosen_model(chosen.model, chosen.airframe)
     older = None if before is None else chosen_model(before, rotor_model.airframe.name)
     options = {"host": host, "port": port, "token": page_token(host, token_file)}
     options |= {"speed": speed, "paused": start_paused}
-    given = model is not None or airframe is not None
-    view = replay_view(log, rotor_model, older, given=given, reading=reading, **options)
+    options |= {"given": chosen.given, "reading": chosen.reading, "limit": chosen.limit}
+    view = replay_view(log, rotor_model, older, **options)
     run_replay(view, browser=browser)
 
 
@@ -74,12 +80,14 @@ def replay_view(
     *,
     given: bool = True,
     reading: ReadingOptions = AS_HEARD,
+    limit: float = LIMIT,
     **options: Any,
 ) -> ReplayView:
     """The view of a recorded flight; with a model `before` also its residual before and after.
 
     A model that was not `given` is taken only for a flight that is recognised as one of its
-    airframe. `options` are those of ReplayView.
+    airframe. `limit` is the largest share of a rotor's thrust that may be in use. `options` are
+    those of ReplayView.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import read_flight
     from thrustmargin.gcs_plugin.reports.margin import flight_verdict
@@ -91,7 +99,7 @@ def replay_view(
         flight, claim = read_flight(log, model, given=given, reading=reading)
         analysis = for_verdict(analyse(flight.track, model, claim=claim))
         older = None if before is None else analyse(analysis.track, before, claim=claim)
-        verdict = flight_verdict(analysis, max_utilisation=0.5)
+        verdict = flight_verdict(analysis, max_utilisation=limit)
     return ReplayView(
         analysis,
         waypoints=flight.waypoints,
