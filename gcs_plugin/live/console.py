@@ -224,6 +224,9 @@ def rowless_lines(fleet: Fleet) -> list[str]:
 
 
 def percent(share: float) -> str:
+    """A margin; below nothing there are no degrees."""
+    if share < 0.0:
+        return words.BEYOND
     return f"{share:.0%}" if math.isfinite(share) else "-"
 
 

@@ -50,8 +50,9 @@ def monitor(
 
     Listens only; nothing is sent unless --announce, --request-rates, --fetch-mission or --forward
     asks for it.
-    Everything heard is recorded, with these options for `report` and `replay`. Shows a table here and the aircraft in the browser, on a page that
-    this computer alone can open. Ctrl-C ends it.
+    Everything heard is recorded, with these options, which `report` and `replay` then take.
+    Shows a table here and the aircraft in the browser, on a page that this computer alone can
+    open. Ctrl-C ends it.
 
     Example: thrustmargin monitor udpin:127.0.0.1:14550 --forward udpout:127.0.0.1:14551
 
