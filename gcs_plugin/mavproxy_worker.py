@@ -268,6 +268,7 @@ def own_syntax(words: str) -> str:
 
 def _lines(now: Reading, max_utilisation: float, age: float) -> list[str]:
     from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, SPINS
+    from thrustmargin.gcs_plugin.wording.view_words import margin_ahead
 
     if now.problem:
         return [f"vehicle {now.vehicle}: {now.problem}"]
@@ -293,7 +294,7 @@ def _lines(now: Reading, max_utilisation: float, age: float) -> list[str]:
     ]
     lines += [f"  {words}" for words in (*now.unknown, now.airframe) if words]
     if math.isfinite(now.margin_ahead):
-        lines.append(f"  least margin on the rest of the route {share(now.margin_ahead)}")
+        lines.append(f"  {margin_ahead(now.margin_ahead)}")
     return lines + [f"  ALARM {text}" for text in now.alarms]
 
 

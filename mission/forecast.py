@@ -1,8 +1,9 @@
 """What lies ahead on a mission: tank and predicted thrust margin along the rest of the route.
 
 The aircraft flies straight from place to place at the mission's speed and sprays where the mission
-says so, at the flow that it has now. Air and battery stay as they are now; turns, climbs and gusts
-are in it only as far as the model knows them. Jumps back (DO_JUMP) are not followed.
+says so, at the flow that it has now. Air and battery stay as they are now. Each moment is one of
+straight and level flight: turns, climbs and gusts take more, so that this is no bound. Jumps back
+(DO_JUMP) are not followed.
 """
 
 from __future__ import annotations
@@ -75,7 +76,7 @@ class Forecast:
 
     @property
     def least_margin(self) -> float:
-        """The least of `margin`; NaN when none is known."""
+        """The least of `margin` in straight and level flight, no bound; NaN when none is known."""
         known = self.margin[np.isfinite(self.margin)]
         return float(np.min(known)) if known.size else float("nan")
 

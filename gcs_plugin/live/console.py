@@ -26,6 +26,7 @@ from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType, RenderResult
+    from rich.text import Text
 
 STYLES = {CRITICAL: "bold white on red", WARNING: "bold yellow", NOTICE: "dim"}
 
@@ -83,7 +84,7 @@ def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> Re
         stale = watch.stale(now_us)
         remarks += [
             Text(words.of_vehicle(number, line), style="bold yellow")
-            for line in (watch.problem, stale)
+            for line in (watch.problem, stale, watch.not_followed)
             if line
         ]
         if watch.last is not None:
@@ -107,37 +108,42 @@ def screen(monitor: LiveMonitor, width: int = WIDE, *, page: bool = False) -> Re
 
 def vehicle_cells(
     watch: VehicleMonitor, now_us: int, limit: float, old_s: float = OLD
-) -> list[str]:
+) -> list[Text]:
     """One row of the table, each dash with its reason in `problem` or the update's `remarks`.
 
-    Rich markup only from here, never from what a vehicle sent.
+    Styles are set on the text and never written into it: the terminal shows markup as it stands.
     """
+    from rich.text import Text
+
     update = watch.last
     silent = watch.silent(now_us)
     if update is None:
-        return [str(watch.system), *["-"] * (len(COLUMNS) - 2), seconds(silent)]
+        cells = [str(watch.system), *["-"] * (len(COLUMNS) - 2), seconds(silent)]
+        return [Text(cell) for cell in cells]
     age = max((now_us - int(update.stamp_us[-1])) * 1e-6, 0.0)
     old = age > old_s
-    cells = numbers(update, limit, old=old)
-    if old:
-        cells = [f"[dim]~{cell}[/dim]" if cell != "-" else cell for cell in cells]
-    heard = f"[bold red]{words.OLD} {seconds(age)}[/]" if old else seconds(age)
-    return [str(watch.system), *cells, heard]
+    margin, *others = numbers(update, limit)
+    if not old:
+        cells = [margin, *map(Text, others)]
+        return [Text(str(watch.system)), *cells, Text(seconds(age))]
+    # Old numbers keep no colour: green would say that all is well now.
+    cells = [Text(c if c == "-" else f"~{c}", style="dim") for c in (margin.plain, *others)]
+    heard = Text(f"{words.OLD} {seconds(age)}", style="bold red")
+    return [Text(str(watch.system)), *cells, heard]
 
 
-def numbers(update: Update, limit: float, *, old: bool = False) -> list[str]:
-    """Everything between the vehicle's number and the age of its last row.
+def numbers(update: Update, limit: float) -> tuple[Text, *tuple[str, ...]]:
+    """Everything between the vehicle's number and the age of its last row."""
+    from rich.text import Text
 
-    Old numbers get no colour: green would say that all is well now.
-    """
     analysis, outlook = update.analysis, update.outlook
     predicted = float(np.min(analysis.margin_predicted[-1]))
     free = float(analysis.redundancy_yaw_uncontrolled[-1])
     tank = float(analysis.track.tank_kg[-1])
     inferred = math.isfinite(tank) and math.isnan(analysis.track.measured("tank_kg")[-1])
     error = INTERVAL * analysis.utilisation_error[-1]
-    return [
-        words.NO_VERDICT
+    return (
+        Text(words.NO_VERDICT)
         if analysis.withheld
         else _margin_cell(
             1.0 - analysis.known_utilisation[-1],
@@ -145,7 +151,6 @@ def numbers(update: Update, limit: float, *, old: bool = False) -> list[str]:
             limit,
             flying=bool(analysis.track.flying[-1]),
             predicted=not analysis.any_measured[-1],
-            old=old,
         ),
         percent(predicted),
         f"{free:.2f} x" if math.isfinite(free) else "-",
@@ -156,7 +161,7 @@ def numbers(update: Update, limit: float, *, old: bool = False) -> list[str]:
         minutes(outlook.seconds_to_empty),
         percent(outlook.margin_ahead),
         percent(outlook.margin_full),
-    ]
+    )
 
 
 def _margin_cell(
@@ -166,18 +171,19 @@ def _margin_cell(
     *,
     flying: bool,
     predicted: bool,
-    old: bool,
-) -> str:
+) -> Text:
     """Worst rotor's margin and number; how many rotors are unknown; nothing for rotors at rest.
 
     An inferred margin has half of its 90 % interval, and is green or red where all of that is; one
     that is `predicted`, without any rotor's speed, is never green.
     """
+    from rich.text import Text
+
     if not flying:
-        return words.ON_GROUND
+        return Text(words.ON_GROUND)
     known = np.isfinite(margin)
     if not np.any(known):
-        return "-"
+        return Text("-")
     worst = float(np.min(margin[known]))
     unknown = int(np.sum(~known))
     rotor = int(np.nanargmin(margin))
@@ -187,7 +193,7 @@ def _margin_cell(
     cell += f", {unknown} unknown" if unknown else ""
     near = unknown or predicted or worst - reach < limit
     colour = "bold red" if worst + reach < limit else "yellow" if near else "green"
-    return cell if old else f"[{colour}]{cell}[/]"
+    return Text(cell, style=colour)
 
 
 def _any(values: np.ndarray) -> bool:
@@ -218,6 +224,9 @@ def rowless_lines(fleet: Fleet) -> list[str]:
 
 
 def percent(share: float) -> str:
+    """A margin; below nothing there are no degrees."""
+    if share < 0.0:
+        return words.BEYOND
     return f"{share:.0%}" if math.isfinite(share) else "-"
 
 
@@ -260,6 +269,7 @@ class EventPrinter(Subscriber):
         self._heard: set[int] = set()
         self._problems: dict[int, str] = {}
         self._claims: dict[int, AirframeClaim] = {}
+        self._in_vain: dict[int, str] = {}  # said of what was asked for
         self._trouble = ""
         self._behind = False
 
@@ -280,6 +290,9 @@ class EventPrinter(Subscriber):
                 self._problems[number] = watch.problem
                 line = watch.problem or words.WATCHED_AGAIN
                 self._say(words.of_vehicle(number, line), now_s)
+            if watch.not_followed and watch.not_followed != self._in_vain.get(number):
+                self._in_vain[number] = watch.not_followed
+                self._say(words.of_vehicle(number, watch.not_followed), now_s)
             claim = watch.claim
             if watch.last is not None and claim is not self._claims.get(number):
                 self._claims[number] = claim

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Self
@@ -56,6 +56,7 @@ class MonitorSettings:
     urls: tuple[str, ...] = ("udpin:127.0.0.1:14550",)
     forwards: tuple[str, ...] = ()
     record: Path | None = None
+    beside: Mapping[str, bytes] = field(default_factory=dict)  # files of the recording, by name
     watch: WatchSettings = field(default_factory=WatchSettings)
 
 
@@ -115,16 +116,17 @@ class LiveMonitor:
             on_frames=self._on_frames,
             accept=accept,
         )
-        # Of a recording all may have been read before any is analysed.
-        self.fleet = Fleet(
-            model, settings.watch, heard_us=self.listener.heard_us if self.live else {}
-        )
+        watch = settings.watch
         if settings.record is not None:
             try:
-                self.recorder = Recorder(settings.record)
+                self.recorder = Recorder(settings.record, beside=settings.beside)
             except BaseException:
                 self.listener.close()
                 raise
+            if self.live:  # the link itself is taken as long as this runs
+                watch = replace(watch, link=str(self.recorder.telemetry))
+        # Of a recording all may have been read before any is analysed.
+        self.fleet = Fleet(model, watch, heard_us=self.listener.heard_us if self.live else {})
         self._events = EventRecord(self.recorder)
         self._thread = threading.Thread(target=self._run, name="compute", daemon=True)
 

@@ -1,12 +1,17 @@
 """Ask vehicles for the messages that the monitor needs (MAV_CMD_SET_MESSAGE_INTERVAL).
 
-Asked once a vehicle and start, one request every 50 ms so that a slow radio is not flooded; what
-has still not come after 5 s is asked for again, three times in all. From ArduPilot the few
-parameters are asked for that say which output is which motor, and where the pump is.
+A vehicle is asked when it appears and when it restarts, one request every 50 ms so that a slow
+radio is not flooded. What then comes is counted: another station may lower a rate
+(REQUEST_DATA_STREAM), and a restart forgets them all. A message that came at less than half of its
+rate for 3 s is asked for again; what is not followed is asked for ever more rarely, once a minute
+in the end, and `VehicleMonitor.not_followed` says so. From ArduPilot the few parameters are asked
+for that say which output is which motor, and where the pump is, until they have come.
 """
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,10 +19,17 @@ from thrustmargin.gcs_plugin.link.sender import Sender
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import ARDUPILOT
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
+from thrustmargin.gcs_plugin.telemetry.settings.vehicle_kind import OUTPUTS
+from thrustmargin.gcs_plugin.wording.live_words import not_followed_words
 
 SET_MESSAGE_INTERVAL = 511
-SPACING, AGAIN, TIMES = 0.05, 5.0, 3
+SPACING = 0.05  # s between two requests
 SILENT = 1.5  # s from which a vehicle is not asked: see thrustmargin.gcs_plugin.live.announce
+#: s over which a rate is measured, and at least so many messages of it; share of it that is enough
+WINDOW, FEWEST, ENOUGH = 3.0, 3.0, 0.5
+LOOK = 0.5  # s between two counts
+#: s until the same is asked for again, twice as long each time; times from which that is said
+AGAIN, RAREST, SAID = 3.0, 60.0, 3
 
 #: name -> (id, Hz)
 COMMON = {
@@ -44,7 +56,7 @@ OF_OTHERS = {
     "FUEL_STATUS": (371, 1.0),
 }
 PARAMETERS = (
-    *(f"SERVO{n}_FUNCTION" for n in range(1, 13)),
+    *(f"SERVO{n}_FUNCTION" for n in OUTPUTS),
     *("FRAME_CLASS", "MOT_PWM_MIN", "MOT_PWM_MAX", "RC3_MIN", "RC3_MAX", "RCMAP_THROTTLE"),
     *("BATT2_CAPACITY", "WP_SPD", "WPNAV_SPEED"),
 )
@@ -52,11 +64,50 @@ PUMP_FUNCTION = 22
 
 
 @dataclass(slots=True)
-class _Asked:
-    boot: int
-    waiting: list[Any] = field(default_factory=list)
+class _Wish:
+    """How often one thing was asked for in vain, and when last."""
+
     times: int = 0
     last_s: float = 0.0
+
+    def due(self, now_s: float) -> bool:
+        return self.times == 0 or now_s - self.last_s >= min(
+            AGAIN * 2.0 ** (self.times - 1), RAREST
+        )
+
+
+@dataclass(slots=True)
+class _Asked:
+    """What was asked of one start of a vehicle, and what has come since."""
+
+    boot: int
+    waiting: deque[Any] = field(default_factory=deque)
+    sent_s: float = 0.0
+    rates: dict[str, _Wish] = field(default_factory=dict)
+    parameters: _Wish = field(default_factory=_Wish)
+    #: (s, messages so far by id) at each look, s by the stamp of the last message
+    counts: deque[tuple[float, Mapping[int, int]]] = field(default_factory=deque)
+
+    def look(self, watch: VehicleMonitor) -> bool:
+        """Count what has come; False where there is nothing new to judge by."""
+        at_s = watch.telemetry.stamp_us * 1e-6
+        if self.counts and at_s - self.counts[-1][0] < LOOK:
+            return False
+        if self.counts and at_s - self.counts[-1][0] > SILENT:
+            self.counts.clear()  # nothing at all came: that is no rate
+        self.counts.append((at_s, dict(watch.telemetry.counts)))
+        while at_s - self.counts[0][0] > RAREST:
+            self.counts.popleft()
+        return True
+
+    def rate(self, number: int, window: float, since_s: float) -> float | None:
+        """Hz at which a message came over the last `window` s; None until so long after `since_s`
+        has been listened to."""
+        end_s, now = self.counts[-1]
+        begin = next((c for c in reversed(self.counts) if end_s - c[0] >= window), None)
+        if begin is None or begin[0] < since_s:
+            return None
+        return (now.get(number, 0) - begin[1].get(number, 0)) / (end_s - begin[0])
 
 
 class RateRequester(Subscriber):
@@ -76,31 +127,38 @@ class RateRequester(Subscriber):
             if asked is None or asked.boot != watch.telemetry.clock.boot:
                 asked = self._asked[number] = _Asked(watch.telemetry.clock.boot)
                 self._sender.heartbeat(number)
-            if asked.waiting:
-                if now_s - asked.last_s >= SPACING:
-                    asked.last_s = now_s
-                    self._sender.send(number, asked.waiting.pop(0))
-            elif asked.times < TIMES and (asked.times == 0 or now_s - asked.last_s >= AGAIN):
-                asked.times += 1
-                asked.last_s = now_s
-                asked.waiting = self._requests(watch)
+            if asked.look(watch) and not asked.waiting:
+                self._ask(watch, asked, now_s)
+            if asked.waiting and now_s - asked.sent_s >= SPACING:
+                asked.sent_s = now_s
+                self._sender.send(number, asked.waiting.popleft())
 
-    def _requests(self, watch: VehicleMonitor) -> list[Any]:
+    def _ask(self, watch: VehicleMonitor, asked: _Asked, now_s: float) -> None:
+        """Queue what has to be asked for now, and say what is not followed."""
         dialect, target = self._sender.dialect, watch.state.component or 1
-        heard = watch.telemetry.heard
-        requests = [
-            dialect.MAVLink_command_long_message(
-                watch.system, target, SET_MESSAGE_INTERVAL, 0, number, 1e6 / rate, 0, 0, 0, 0, 0
-            )
-            for name, (number, rate) in wanted(watch.state.autopilot, self._rotors).items()
-            if name not in heard or self._asked[watch.system].times == 1
-        ]
-        if watch.state.autopilot == ARDUPILOT:
-            requests += [
+        in_vain: dict[str, tuple[float, float]] = {}
+        for name, (number, rate) in wanted(watch.state.autopilot, self._rotors).items():
+            wish = asked.rates.setdefault(name, _Wish())
+            heard = asked.rate(number, max(WINDOW, FEWEST / rate), wish.last_s)
+            if wish.times and heard is not None and heard >= ENOUGH * rate:
+                wish.times = 1  # it is followed; the next request is due at once
+                continue
+            if wish.times >= SAID:
+                in_vain[name] = (0.0 if heard is None else heard, rate)
+            if wish.due(now_s) and (wish.times == 0 or heard is not None):
+                wish.times, wish.last_s = wish.times + 1, now_s
+                request = dialect.MAVLink_command_long_message(
+                    watch.system, target, SET_MESSAGE_INTERVAL, 0, number, 1e6 / rate, *[0] * 5
+                )
+                asked.waiting.append(request)
+        watch.not_followed = not_followed_words(in_vain)
+        names = wanted_parameters(watch) if watch.state.autopilot == ARDUPILOT else []
+        if names and asked.parameters.due(now_s):
+            asked.parameters.times, asked.parameters.last_s = asked.parameters.times + 1, now_s
+            asked.waiting.extend(
                 dialect.MAVLink_param_request_read_message(watch.system, target, name.encode(), -1)
-                for name in wanted_parameters(watch)
-            ]
-        return requests
+                for name in names
+            )
 
 
 def wanted(autopilot: int, rotor_count: int) -> dict[str, tuple[int, float]]:
@@ -111,10 +169,15 @@ def wanted(autopilot: int, rotor_count: int) -> dict[str, tuple[int, float]]:
 
 
 def wanted_parameters(watch: VehicleMonitor) -> list[str]:
-    """Parameters that are not known yet; the pump's range once its output is."""
+    """Parameters that are not known yet; the pump's range once its output is.
+
+    None once the vehicle has sent all that it has: what is then not known does not exist.
+    """
+    if watch.state.parameters_whole:
+        return []
     known = watch.state.parameters
     names = list(PARAMETERS)
-    for n in range(1, 13):
+    for n in OUTPUTS:
         if known.get(f"SERVO{n}_FUNCTION") == PUMP_FUNCTION:
             names += [f"SERVO{n}_MIN", f"SERVO{n}_MAX"]
     return [name for name in names if name not in known]

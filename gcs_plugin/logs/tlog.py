@@ -130,11 +130,13 @@ def _boot(path: Path, frames: Frames, mine: Bools, pilot: int, clock: Clock) -> 
         row = int(np.searchsorted(frames.start, byte)) - 1
         return float(clock.estimate_s[row]) if row >= 0 else float("nan")
 
+    parameters, whole = _parameters(frames, mine, clock.last_row)
     return Recording(
         path=path,
         format="tlog",
         streams=streams,
-        parameters=_parameters(frames, mine, clock.last_row),
+        parameters=parameters,
+        parameters_whole=whole,
         waypoints=_waypoints(frames, chosen, clock.last_row),
         messages=_texts(streams),
         unix_minus_clock=_unix_offset(streams, clock),
@@ -233,8 +235,9 @@ def _main_component(
     return int(np.bincount(sources if sources.size else component[mine]).argmax())
 
 
-def _parameters(frames: Frames, mine: Bools, last_row: int) -> dict[str, float]:
-    """As last sent up to the row; those that were sent later alone, as first sent then."""
+def _parameters(frames: Frames, mine: Bools, last_row: int) -> tuple[dict[str, float], bool]:
+    """Parameters by name, and whether they are all that the vehicle has: as last sent up to the
+    row; those that were sent later alone, as first sent then."""
     rows = np.flatnonzero(mine & (frames.id == _IDS["PARAM_VALUE"]))
     rows = np.concatenate([rows[rows > last_row][::-1], rows[rows <= last_row]])
     fields = columns(frames, rows, layouts()[_IDS["PARAM_VALUE"]])
@@ -242,9 +245,10 @@ def _parameters(frames: Frames, mine: Bools, last_row: int) -> dict[str, float]:
     # PX4 puts the bits of an integer where the number should be: what is no whole number then.
     bits = (fields["param_type"] == _INT32) & (values != 0.0) & ~(np.abs(values) >= 1.0)
     known = np.where(bits, values.view(np.int32), values.astype(np.float64))
-    return {
+    named = {
         printable(name): float(value) for name, value in zip(fields["param_id"], known, strict=True)
     }
+    return named, 0 < int(fields["param_count"].max(initial=0)) <= len(named)
 
 
 def _waypoints(frames: Frames, chosen: int, last_row: int) -> tuple[Waypoint, ...]:

@@ -113,6 +113,12 @@ _NOT_IN_PYMAVLINK = {
     ),
 }
 
+#: Fields that were added to the end of messages of pymavlink 2.4.50 (mavlink/mavlink common.xml): a
+#: frame longer than its layout would count as none.
+_ADDED = {
+    "MISSION_CURRENT": [("mission_id", "<u4"), ("fence_id", "<u4"), ("rally_points_id", "<u4")],
+}
+
 
 @cache
 def layouts() -> Mapping[int, Layout]:
@@ -130,6 +136,7 @@ def layouts() -> Mapping[int, Layout]:
                 fields.append((name, "<" + letter, (length,)))
             else:
                 fields.append((name, "<" + letter))
+        fields += [added for added in _ADDED.get(message.msgname, ()) if added not in fields]
         known[number] = Layout(number, message.msgname, np.dtype(fields), message.crc_extra)
     for name, (number, extra, fields) in _NOT_IN_PYMAVLINK.items():
         known[number] = Layout(number, name, np.dtype(fields), extra)

@@ -63,6 +63,7 @@ def assemble(recording: Recording, signals: Signals, options: Options) -> Flight
         recording.parameters,
         mav_type=recording.mav_type,
         texts=(text for _, text in recording.messages),
+        whole=recording.parameters_whole,
     )
     motors = motor_map(
         name,

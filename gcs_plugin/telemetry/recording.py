@@ -139,6 +139,7 @@ class Recording:
     hardware_id: str = ""  # serial number of the autopilot in hexadecimal digits
     firmware: str = ""  # where a field of its own states it
     events: tuple[VehicleEvent, ...] = ()  # that no text says, on the vehicle's clock
+    parameters_whole: bool = True  # False: the vehicle has more than are in the log
 
     def __repr__(self) -> str:
         quality, whose = self.quality, f"vehicle {self.vehicle} ({self.autopilot})"

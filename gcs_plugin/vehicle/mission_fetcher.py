@@ -1,8 +1,9 @@
 """The missions of the vehicles that a monitor hears, over the monitor's own links.
 
-Each vehicle is asked once when it appears, one after the other, on a thread of its own; the plan
-is handed over on the compute thread. Nothing is sent before or after, and what is sent is signed
-where the monitor signs.
+Each vehicle is asked when it appears, returns or restarts, and when its mission is replaced,
+whoever did that; one after the other, on a thread of its own. The plan is handed over on the
+compute thread. A vehicle that does not answer is asked again ever more rarely. Nothing is sent
+before or after, and what is sent is signed where the monitor signs.
 """
 
 from __future__ import annotations
@@ -10,17 +11,36 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from queue import Queue
 from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.link.listener import Listener
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet, Subscriber
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
-from thrustmargin.models.errors import ThrustMarginError
+from thrustmargin.models.errors import PlanError, ThrustMarginError
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.vehicle.connection import VehicleLink
     from thrustmargin.mission.plan import MissionPlan
+
+
+#: s for which a mission must stay as it is before it is asked for: an upload has many messages
+SETTLED = 2.0
+#: s until a vehicle that did not answer is asked again, twice as long each time
+AGAIN, RAREST = 10.0, 300.0
+
+
+@dataclass(slots=True)
+class _Asked:
+    """What is known of one vehicle's mission; times are the ground's clock, µs."""
+
+    of: object = None  # which mission was there when it was asked last
+    seen: object = None  # which is there now
+    seen_us: int = 0  # since when
+    pending: bool = False
+    failures: int = 0
+    again_us: int = 0
 
 
 class MissionFetcher(Subscriber):
@@ -39,9 +59,9 @@ class MissionFetcher(Subscriber):
         self._listener = listener
         self._sign = sign
         self._timeout = timeout
-        self._asked: set[int] = set()
+        self._asked: dict[int, _Asked] = {}
         self._wanted: Queue[int | None] = Queue()
-        self._found: deque[tuple[int, MissionPlan | str]] = deque()
+        self._found: deque[tuple[int, MissionPlan | ThrustMarginError]] = deque()
         self._link: VehicleLink | None = None
         self._vehicle = 0
         self._lock = threading.Lock()
@@ -59,20 +79,38 @@ class MissionFetcher(Subscriber):
                 self._link.feed(data)
 
     def on_round(self, fleet: Fleet, now_us: int) -> None:
-        """Ask for the missions of vehicles that are new, and hand over those that have come."""
-        for number in fleet.vehicles.keys() - self._asked:
-            self._asked.add(number)
-            self._wanted.put(number)
+        """Ask for the missions that are new, and hand over those that have come."""
+        for number, watch in fleet.vehicles.items():
+            asked = self._asked.setdefault(number, _Asked())
+            now = (watch.state.mission_changes, watch.telemetry.clock.boot, watch.back_us)
+            if now != asked.seen:
+                # One that appears is asked at once.
+                asked.seen_us = now_us if asked.seen else now_us - round(SETTLED * 1e6)
+                asked.seen = now
+            settled = now_us - asked.seen_us >= SETTLED * 1e6
+            other = now != asked.of or (asked.failures and now_us >= asked.again_us)
+            if other and settled and not asked.pending:
+                asked.of, asked.pending = now, True
+                self._wanted.put(number)
         while self._found:
-            number, plan = self._found.popleft()
-            watch = fleet.vehicles.get(number)
+            number, found = self._found.popleft()
+            asked, watch = self._asked[number], fleet.vehicles.get(number)
+            asked.pending = False
             if watch is None:
                 continue
-            if isinstance(plan, str):
-                watch.notes.append((now_us, f"no mission fetched: {plan}"))
+            if isinstance(found, ThrustMarginError):
+                # A vehicle that holds no mission has answered.
+                none = isinstance(found, PlanError)
+                asked.failures = 0 if none else asked.failures + 1
+                wait = min(AGAIN * 2.0 ** (asked.failures - 1), RAREST)
+                asked.again_us = now_us + round(wait * 1e6)
+                if none:
+                    watch.use_plan(None)
+                watch.notes.append((now_us, f"no mission fetched: {found}"))
             else:
-                watch.use_plan(plan)
-                watch.notes.append((now_us, f"mission of {len(plan.items)} items fetched"))
+                asked.failures = 0
+                watch.use_plan(found)
+                watch.notes.append((now_us, f"mission of {len(found.items)} items fetched"))
 
     def close(self) -> None:
         """End a transfer that is under way; may be called again."""
@@ -88,7 +126,7 @@ class MissionFetcher(Subscriber):
             try:
                 self._found.append((number, self._fetch(number)))
             except ThrustMarginError as error:
-                self._found.append((number, str(error)))
+                self._found.append((number, error))
             finally:
                 with self._lock:
                     link, self._link = self._link, None

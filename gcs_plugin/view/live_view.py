@@ -296,13 +296,14 @@ class LiveView(ViewPage, Subscriber):
             self._scene.surroundings.home(str(one.number), at)
         if fresh:
             self._colour_trail(one)
-        if standing.mission and standing.mission is not one.plan:
+        origin = update.analysis.track.origin
+        if standing.mission is not one.plan and origin is not None:
             one.plan = standing.mission
             ground = ground_height(update.analysis.track)
-            places = plan_enu([*one.plan.values()], update.analysis.track.origin, ground)
+            places = plan_enu([*(one.plan or {}).values()], origin, ground)
+            offset = enu(offset_ned)
+            self._scene.set_plan(str(one.number), places + offset, ground + offset[2])
             if len(places) > 1:
-                offset = enu(offset_ned)
-                self._scene.set_plan(str(one.number), places + offset, ground + offset[2])
                 self._scene.hold(
                     np.column_stack([places[:, :2], np.full(len(places), ground)]) + offset
                 )

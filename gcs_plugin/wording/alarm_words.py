@@ -60,6 +60,8 @@ def margin_words(what: str, least: float, limit: float, *, error: float, rotor: 
     place = "below" if least + error < limit else "near"
     within = f" (+-{math.ceil(100 * error)})" if error > 0.0 else ""
     of = "" if rotor is None else f": rotor {rotor}"
+    if least + error < 0.0:
+        return f"{what} none: beyond ceiling{of}"
     return f"{what} {math.floor(100 * least + 1e-6)}%{within} {place} {limit:.0%}{of}"
 
 

@@ -51,9 +51,11 @@ NOT_BEHIND = "no longer behind"
 ON_GROUND, NO_VERDICT, OLD = "on ground", "NO VERDICT", "OLD"
 #: Columns of the terminal's table, and what is said below it.
 BY_THRUST, EMPTY_IN, IF_FULL = "by thrust", "empty in", "if full"
+BEYOND = "<0%"  # of a margin, in a column's width
 LEGEND = (
     f"margin: worst rotor, ± where not measured, ≈ predicted · {ONE_LOST}: thrust that can be "
-    f"held over weight, {SPINS} · ~ old, the last that was known"
+    f"held over weight, {SPINS} · route ahead: straight and level, less in turns and climbs · "
+    f"{BEYOND}: beyond the ceiling · ~ old, the last that was known"
 )
 #: A line of status that begins so is made to stand out.
 NOT_RECORDING, BEHIND = "NOT RECORDING", "this computer is"
@@ -121,6 +123,14 @@ def stale_words(ages: Mapping[str, float]) -> str:
         return ""
     parts = [f"{words} ({age:.0f} s)" for words, age in sorted(ages.items(), key=lambda a: -a[1])]
     return "no longer reported: " + ", ".join(parts)
+
+
+def not_followed_words(rates: Mapping[str, tuple[float, float]]) -> str:
+    """Messages that do not come as asked, by name: Hz at which they come, and asked for."""
+    if not rates:
+        return ""
+    parts = (f"{name} {came:.1f} of {asked:g} Hz" for name, (came, asked) in rates.items())
+    return f"does not send as asked: {', '.join(parts)}; asked again, ever more rarely"
 
 
 def no_escs(source: Provenance) -> str:

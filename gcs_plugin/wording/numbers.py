@@ -58,6 +58,11 @@ def percent(share: float | None, decimals: int = 0) -> str:
     return number(None if share is None else share * 100.0, "%", decimals)
 
 
+def margin_or_beyond(share: float) -> str:
+    """`margin 64 %`; a rotor that would need more than its largest thrust has none."""
+    return "beyond the ceiling" if share < 0.0 else f"margin {percent(share)}"
+
+
 def percent_within(share: float, low: float, high: float) -> str:
     """`52 % (47 to 57)`; `52 %` alone where both ends are the same, or unknown."""
     if not (known(low) and known(high)) or high - low < 1e-9:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, outcome
-from thrustmargin.gcs_plugin.wording.numbers import percent
+from thrustmargin.gcs_plugin.wording.numbers import margin_or_beyond, percent
 from thrustmargin.models.model.inferred.output_speed import SpeedBasis
 
 NO_DATA = "no data"
@@ -146,11 +146,14 @@ def empties_in(seconds: float) -> str:
 
 
 def margin_ahead(share: float) -> str:
-    return f"rest of the route: margin {percent(share)} or more"
+    """No bound: the forecast knows no turns, climbs and gusts, which take more."""
+    return (
+        f"rest of the route, straight and level: {margin_or_beyond(share)}; less in turns, climbs"
+    )
 
 
 def margin_full(share: float) -> str:
-    return f"with a full tank: {percent(share)}"
+    return f"with a full tank: {margin_or_beyond(share)}"
 
 
 def alarm_line(number: int, what: str, text: str) -> str:

@@ -428,7 +428,7 @@ def test_what_is_not_known_is_two_dashes():
 def test_the_rest_of_the_route_and_alarms_have_lines_of_their_own():
     more = replace(NOW, margin_ahead=0.31, alarms=("Tank empty, pump still on",))
     assert summary(more, 0.5, 0.0)[3:] == [
-        "  least margin on the rest of the route 31 %",
+        "  rest of the route, straight and level: margin 31 %; turns and climbs take more",
         "  ALARM Tank empty, pump still on",
     ]
 

@@ -23,6 +23,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     require_logs,
 )
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, ReadingOptions
+from thrustmargin.gcs_plugin.commands.shared.recorded import Chosen, with_recorded
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.wording.flight_words import several_words, sortie_words
 from thrustmargin.gcs_plugin.wording.numbers import known
@@ -88,7 +89,7 @@ def inspect(
     for path in logs:
         try:
             with errors.status(escape(f"reading {path.name}")):
-                found = _inspect(path, airframe, reading)
+                found = _inspect(path, airframe, reading, errors)
         except ThrustMarginError as error:
             # One bad log must not hide the others.
             if len(logs) == 1:
@@ -127,16 +128,17 @@ def inspect(
     return 1 if failed else 0
 
 
-def _inspect(path: Path, airframe: str | None, reading: ReadingOptions) -> list[Inspection]:
-    from thrustmargin.gcs_plugin.commands.shared.inputs import SHIPPED_AIRFRAME, read_flights
+def _inspect(
+    path: Path, airframe: str | None, reading: ReadingOptions, console: Console
+) -> list[Inspection]:
+    from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, read_flights
     from thrustmargin.gcs_plugin.logs.inspection import inspect_log
     from thrustmargin.models.model.rotor_model import physics_model
-    from thrustmargin.models.physics.airframe import load_airframe
 
-    given = airframe is not None
-    craft = load_airframe(airframe if given else SHIPPED_AIRFRAME)
-    model = physics_model(craft)
-    read = read_flights(path, model, given=given, reading=reading, any_vehicle=True)
+    chosen = with_recorded([path], Chosen(airframe=airframe, reading=reading), console)
+    craft = chosen_model(chosen.model, chosen.airframe).airframe
+    options = {"given": chosen.given, "reading": chosen.reading}
+    read = read_flights(path, physics_model(craft), **options, any_vehicle=True)
     return [inspect_log(log, craft, claim) for log, claim in read]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import sys
 import time
@@ -13,6 +14,7 @@ from tyro.conf import Positional, UseAppendAction
 
 from thrustmargin.gcs_plugin.commands.shared.options import check_utilisation
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, reading_keywords
+from thrustmargin.gcs_plugin.commands.shared.recorded import OPTIONS, Chosen
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 
 if TYPE_CHECKING:
@@ -48,8 +50,9 @@ def monitor(
 
     Listens only; nothing is sent unless --announce, --request-rates, --fetch-mission or --forward
     asks for it.
-    Everything heard is recorded. Shows a table here and the aircraft in the browser, on a page that
-    this computer alone can open. Ctrl-C ends it.
+    Everything heard is recorded, with these options, which `report` and `replay` then take.
+    Shows a table here and the aircraft in the browser, on a page that this computer alone can
+    open. Ctrl-C ends it.
 
     Example: thrustmargin monitor udpin:127.0.0.1:14550 --forward udpout:127.0.0.1:14551
 
@@ -105,13 +108,15 @@ def monitor(
         guard = SigningFilter(key, clock=None) if recorded else SigningFilter(key)
         accept = guard.accept
         sign = Signer(key, after=lambda: guard.latest).sign
+    said = Chosen(model=model, airframe=airframe, max_utilisation=max_utilisation, reading=reading)
     settings = MonitorSettings(
         urls=(url,),
         forwards=tuple(forward),
         record=record,
+        beside={OPTIONS: (json.dumps(said.as_table(), indent=2) + "\n").encode()},
         watch=WatchSettings(
             alarms=AlarmSettings(max_utilisation=max_utilisation),
-            airframe_given=model is not None or airframe is not None,
+            airframe_given=said.given,
             link=url,
             **keywords,
         ),

@@ -9,6 +9,7 @@ from rich.markup import escape
 from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, ReadingOptions
+from thrustmargin.gcs_plugin.commands.shared.recorded import LIMIT, Chosen, with_recorded
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.wording.flight_words import sortie_words
 from thrustmargin.models.errors import DataError
@@ -62,14 +63,17 @@ def replay(
     from thrustmargin.gcs_plugin.view.page.token_door import page_token
     from thrustmargin.gcs_plugin.view.replay_view import run_replay
 
-    rotor_model = chosen_model(model, airframe)
+    chosen = with_recorded(
+        [log],
+        Chosen(model=model, airframe=airframe, reading=reading),
+        Terminal(stderr=True, soft_wrap=True),
+    )
+    rotor_model = chosen_model(chosen.model, chosen.airframe)
     older = None if before is None else chosen_model(before, rotor_model.airframe.name)
     options = {"host": host, "port": port, "token": page_token(host, token_file)}
     options |= {"speed": speed, "paused": start_paused}
-    given = model is not None or airframe is not None
-    view = replay_view(
-        log, rotor_model, older, given=given, reading=reading, sortie=sortie, **options
-    )
+    options |= {"given": chosen.given, "reading": chosen.reading, "limit": chosen.limit}
+    view = replay_view(log, rotor_model, older, sortie=sortie, **options)
     run_replay(view, browser=browser)
 
 
@@ -81,14 +85,16 @@ def replay_view(
     given: bool = True,
     reading: ReadingOptions = AS_HEARD,
     sortie: int | None = None,
+    limit: float = LIMIT,
     **options: Any,
 ) -> ReplayView:
     """The view of a recorded flight; with a model `before` also its residual before and after.
 
     A model that was not `given` is taken only for a flight that is recognised as one of its
     airframe. Of several sorties it is that of the number `sortie`, else the one of the worst
-    verdict; the others are named on the terminal. `options` are those of ReplayView. Raises
-    DataError when there is no sortie of that number.
+    verdict; the others are named on the terminal. `limit` is the largest share of a rotor's thrust
+    that may be in use. `options` are those of ReplayView. Raises DataError when there is no sortie
+    of that number.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import log_lines, read_flights
     from thrustmargin.gcs_plugin.logs.findings import names_wrong, repeated
@@ -106,7 +112,7 @@ def replay_view(
         if sortie is not None and not 1 <= sortie <= len(flights):
             raise DataError(f"--sortie {sortie}: {log.name} holds sorties 1 to {len(flights)}")
         analyses = [for_verdict(analyse(f.track, model, claim=claim)) for f, claim in flights]
-        verdicts = [flight_verdict(analysis, max_utilisation=0.5) for analysis in analyses]
+        verdicts = [flight_verdict(analysis, max_utilisation=limit) for analysis in analyses]
         use = [most(a.known_utilisation[a.track.flying]) for a in analyses]
         worst = min(range(len(flights)), key=lambda k: (gravity(verdicts[k].level), -use[k]))
         shown = worst if sortie is None else sortie - 1

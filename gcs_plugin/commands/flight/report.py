@@ -17,6 +17,7 @@ from thrustmargin.gcs_plugin.commands.shared.options import (
     require_logs,
 )
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading
+from thrustmargin.gcs_plugin.commands.shared.recorded import Chosen, with_recorded
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import DataError, ThrustMarginError
 
@@ -35,11 +36,12 @@ def report(
     out: Path | None = None,
     json: Path | None = None,
     pdf: Path | None = None,
-    max_utilisation: float = 0.5,
+    max_utilisation: float | None = None,
     anonymise: bool = False,
 ) -> int:
     """Write a margin report of one or more flights: how close it was, where, and with which rotor.
 
+    Of a recording of `monitor`, what you do not state is taken as it was stated there.
     The page opens in any browser without a network. Beside it, with the same name, come a .json
     with its numbers and a .csv with a line for each moment of the flight.
 
@@ -57,7 +59,8 @@ def report(
         json: Write the numbers as JSON to this file (.json); - is standard output, and nothing
             else.
         pdf: Write the page to this file (.pdf) too, on A4 to print; needs no browser.
-        max_utilisation: Largest share of a rotor's maximum thrust that may be in use.
+        max_utilisation: Largest share of a rotor's maximum thrust that may be in use; without it
+            0.5, or what a recording was made with.
         anonymise: Strip who and where: names, serial numbers, ids, texts, the place on the globe.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, listed, read_logs
@@ -69,7 +72,13 @@ def report(
 
     console = Terminal(stderr=True, soft_wrap=True)
     require_logs(logs)
-    check_utilisation(max_utilisation)
+    chosen = with_recorded(
+        logs,
+        Chosen(model=model, airframe=airframe, max_utilisation=max_utilisation, reading=reading),
+        console,
+    )
+    model, airframe = chosen.model, chosen.airframe
+    check_utilisation(chosen.limit)
     if out is None and json is None and pdf is None:
         out = Path("report.html")
     outputs = [
@@ -90,8 +99,8 @@ def report(
         unread,
         console,
         model=rotor_model,
-        given=model is not None or airframe is not None,
-        reading=reading,
+        given=chosen.given,
+        reading=chosen.reading,
         skipped=ThrustMarginError,
     )
     flights = [
@@ -107,7 +116,7 @@ def report(
         flights = [anonymous(*flight, f"flight {n}") for n, flight in enumerate(flights, 1)]
         shown = [UnusedLog(name="a log", reason="not read") for _ in unread]
     with console.status("writing the report"):
-        made = build_report(flights, max_utilisation=max_utilisation, unread=shown)
+        made = build_report(flights, max_utilisation=chosen.limit, unread=shown)
         written = None
         try:
             if out is not None:

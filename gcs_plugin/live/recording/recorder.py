@@ -2,6 +2,7 @@
 
 One folder a session:
     telemetry.tlog      each frame as it came after eight bytes of Unix µs; ground stations read it
+    options.json        what the user said of the flight, for whoever reads the .tlog
     samples/*.parquet   one file a minute, together one table (columns: live/recorded_table)
     events.jsonl        alarms raised and cleared, restarts, notes
 Written by a thread of its own, so that a slow disk never holds up a socket. Everything is on the
@@ -57,9 +58,14 @@ class RecorderStatus:
 
 
 class Recorder:
-    """Writes one session into a new folder below `parent`. Raises LinkError when it cannot."""
+    """Writes one session into a new folder below `parent`, with the files `beside` by name.
 
-    def __init__(self, parent: Path, name: str | None = None) -> None:
+    Raises LinkError when it cannot.
+    """
+
+    def __init__(
+        self, parent: Path, name: str | None = None, *, beside: Mapping[str, bytes] | None = None
+    ) -> None:
         stem = name or time.strftime("%Y%m%d-%H%M%S")
         self.folder = parent / stem
         try:
@@ -69,7 +75,10 @@ class Recorder:
                     (self.folder / "samples").mkdir(parents=True)
                     break
                 self.folder = parent / f"{stem}-{number}"
-            self._telemetry = _Appended(self.folder / "telemetry.tlog")
+            for file, content in (beside or {}).items():
+                with whole_file(self.folder / file) as draft:
+                    draft.write_bytes(content)
+            self._telemetry = _Appended(self.telemetry)
             self._events = _Appended(self.folder / "events.jsonl")
         except OSError as error:
             raise LinkError(
@@ -84,6 +93,11 @@ class Recorder:
         self._slowest = 0.0
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
+
+    @property
+    def telemetry(self) -> Path:
+        """The .tlog, which others may read while it grows."""
+        return self.folder / "telemetry.tlog"
 
     def frames(self, frames: list[Frame]) -> None:
         """Record frames; returns at once."""

@@ -19,12 +19,18 @@ from thrustmargin.models.vehicle_facts import VehicleFacts
 
 ARDUPILOT = 3  # MAV_AUTOPILOT_ARDUPILOTMEGA
 ARMED = 0x80  # MAV_MODE_FLAG_SAFETY_ARMED
-MISSION_MESSAGES = ("MISSION_ITEM_INT", "MISSION_ITEM", "MISSION_COUNT")
+OF_ALL_KINDS = 255  # MAV_MISSION_TYPE_ALL
+JUST_NOW = 5.0  # s for which a mission that was heard is the one that the vehicle then speaks of
+MISSION_MESSAGES = (
+    *("MISSION_ITEM_INT", "MISSION_ITEM", "MISSION_COUNT", "MISSION_CLEAR_ALL", "MISSION_ACK"),
+)
+ITS_MESSAGES = ("HEARTBEAT", "PARAM_VALUE")
 
-#: Ids of the frames that change a state: these, HEARTBEAT and PARAM_VALUE.
+#: Ids of the frames that change a state.
 OF_MISSION = frozenset(n for n, m in layouts().items() if m.name in MISSION_MESSAGES)
-OF_ITSELF = frozenset(n for n, m in layouts().items() if m.name in ("HEARTBEAT", "PARAM_VALUE"))
-SAYS = OF_MISSION | OF_ITSELF
+OF_ITSELF = frozenset(n for n, m in layouts().items() if m.name in ITS_MESSAGES)
+MISSION_CURRENT = next(n for n, m in layouts().items() if m.name == "MISSION_CURRENT")
+SAYS = OF_MISSION | OF_ITSELF | {MISSION_CURRENT}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -39,12 +45,25 @@ class VehicleState:
     autopilot: int = -1  # MAV_AUTOPILOT
     armed: bool = False
     parameters: Mapping[str, float] = field(default_factory=dict)
+    parameter_count: int = 0  # that it says it has
+    #: Items by number of the mission that it holds; empty where none is known. While they are sent,
+    #: those of the next are gathered in `arriving`, `expected` in number, 0 unknown.
     mission: Mapping[int, Waypoint] = field(default_factory=dict)
+    arriving: Mapping[int, Waypoint] = field(default_factory=dict)
+    expected: int = 0
+    mission_came_us: int = 0  # ground's clock when the last item of `mission` came
+    mission_changes: int = 0  # times that another mission, or none, was put in its place
+    mission_said: tuple[int, int] = (0, 0)  # items and id by MISSION_CURRENT, 0 unknown
 
     @property
     def facts(self) -> VehicleFacts:
         """What kind of vehicle it is by its heartbeat and its parameters."""
-        return vehicle_facts(self.parameters, mav_type=self.kind)
+        return vehicle_facts(self.parameters, mav_type=self.kind, whole=self.parameters_whole)
+
+    @property
+    def parameters_whole(self) -> bool:
+        """Whether all parameters that it has are known."""
+        return 0 < self.parameter_count <= len(self.parameters)
 
 
 def fold(state: VehicleState, frame: Frame) -> VehicleState:
@@ -54,13 +73,24 @@ def fold(state: VehicleState, frame: Frame) -> VehicleState:
     name = layouts()[frame.id].name if frame.verified else ""
     if name in MISSION_MESSAGES:
         return fold_mission(state, frame)
-    if name not in ("HEARTBEAT", "PARAM_VALUE") or (columns := fields(frame)) is None:
+    if frame.id not in SAYS or (columns := fields(frame)) is None:
         return state
     if name == "PARAM_VALUE":
         named, value = printable(columns["param_id"][0]), float(columns["param_value"][0])
-        if state.parameters.get(named) == value:
+        count = int(columns["param_count"][0])
+        if (state.parameters.get(named), state.parameter_count) == (value, count):
             return state
-        return replace(state, parameters={**state.parameters, named: value})
+        same = state.parameters.get(named) == value  # then they stay the same object
+        known = state.parameters if same else {**state.parameters, named: value}
+        return replace(state, parameters=known, parameter_count=count)
+    if frame.id == MISSION_CURRENT:
+        said = int(columns["total"][0]), int(columns["mission_id"][0])
+        before = state.mission_said
+        if said == before:
+            return state
+        other = any(a and b and a != b for a, b in zip(said, before, strict=True))
+        state = replace(state, mission_said=said)
+        return _replaced(state, frame.stamp_us) if other else state
     if not of_vehicles(columns)[0]:
         return state  # of a component that is no autopilot
     if state.component not in (None, frame.component):
@@ -75,13 +105,44 @@ def fold(state: VehicleState, frame: Frame) -> VehicleState:
 
 
 def fold_mission(state: VehicleState, frame: Frame) -> VehicleState:
-    """The state with a mission item that goes to or comes from the vehicle, whoever sends it."""
+    """The state with a message on the mission that goes to or comes from the vehicle.
+
+    An upload begins with the count of a station and ends with the vehicle's ACK; a station's
+    MISSION_CLEAR_ALL is answered with one. A count of the vehicle's own begins a download.
+    """
     columns = fields(frame)
-    if columns is None or int(columns["mission_type"][0]) != 0:
+    if columns is None or int(columns["mission_type"][0]) not in (0, OF_ALL_KINDS):
         return state
-    message = layouts()[frame.id].name
+    message, its_own = layouts()[frame.id].name, frame.system == state.system
+    if message == "MISSION_CLEAR_ALL":
+        return state if its_own else _replaced(replace(state, mission_came_us=0), frame.stamp_us)
+    if message == "MISSION_ACK":
+        accepted = its_own and int(columns["type"][0]) == 0
+        return _replaced(state, frame.stamp_us) if accepted else state
     if message == "MISSION_COUNT":
         count = int(columns["count"][0])
-        return replace(state, mission={n: w for n, w in state.mission.items() if n < count})
+        state = replace(state, arriving={}, expected=count)
+        if its_own and (count or not state.mission):
+            return state
+        return _replaced(replace(state, mission_came_us=0), frame.stamp_us)
     waypoint = Waypoint.of_message(message, columns[0])
-    return replace(state, mission={**state.mission, waypoint.number: waypoint})
+    arriving = {**state.arriving, waypoint.number: waypoint}
+    if not state.expected:  # its begin was not heard
+        return replace(state, mission={**state.mission, waypoint.number: waypoint})
+    if arriving.keys() < set(range(state.expected)):
+        return replace(state, arriving=arriving)
+    other = bool(state.mission) and state.mission != arriving
+    return replace(
+        state,
+        mission=arriving,
+        mission_came_us=frame.stamp_us,
+        mission_changes=state.mission_changes + other,
+        arriving={},
+        expected=0,
+    )
+
+
+def _replaced(state: VehicleState, at_us: int) -> VehicleState:
+    """The state once its mission is another: unknown, unless it was heard just now."""
+    kept = state.mission if at_us - state.mission_came_us < JUST_NOW * 1e6 else {}
+    return replace(state, mission=kept, mission_changes=state.mission_changes + 1)

@@ -14,6 +14,7 @@ However the frames are cut into pieces, the rows are the same. They differ from 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -108,7 +109,7 @@ class VehicleTelemetry:
         self.problem = ""
         #: Restarts and leaps of its clock since they were last taken, and when by the ground's.
         self.events: list[tuple[int, str]] = []
-        self.heard: set[str] = set()  # names of all messages
+        self.counts: Counter[int] = Counter()  # messages that came, by id
         self._options = options
         self._airframe = options.airframe
         self._pieces: list[_Piece] = []
@@ -151,6 +152,7 @@ class VehicleTelemetry:
     def take(self, frame: Frame) -> None:
         """One frame of this vehicle, in the order in which it came."""
         self.stamp_us = frame.stamp_us
+        self.counts[frame.id] += 1
         changed = False
         if frame.id in SAYS:
             before, self.state = self.state, fold(self.state, frame)
@@ -238,7 +240,6 @@ class VehicleTelemetry:
     ) -> LiveRows | None:
         """Rows of one start from messages up to `until_s`; their stamps are still to be set."""
         carried = self._carried
-        self.heard |= set(streams)
         if not self._gps_time and "SYSTEM_TIME" in streams:
             found = unix_minus_clock(streams["SYSTEM_TIME"].columns)
             if found is not None:

@@ -30,13 +30,17 @@ from thrustmargin.models.model.rotor_model import RotorModel
 
 #: Vehicle's s between two forecasts, and over which the flow is measured.
 FORECAST_EVERY, FLOW_WINDOW = 2.0, 20.0
+#: Standard errors that a level must have fallen by in the window to show a flow at all.
+SURE_FALL = 3.0
+LONGEST_FLIGHT = 3600.0  # s; no sprayer flies longer
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Outlook:
     """What the rest of the flight will be like, as far as it is known now."""
 
-    seconds_to_empty: float = math.nan  # at the present flow, spraying on; inf without flow
+    #: At the present flow, spraying on; inf where that is not within a flight.
+    seconds_to_empty: float = math.nan
     full: Callable[[], float] = lambda: math.nan  # makes `margin_full`
     route: Forecast | None = None  # the rest of the mission, where one is known
 
@@ -60,7 +64,7 @@ class LookAhead:
     def __init__(self, model: RotorModel) -> None:
         self.now = Outlook()
         self.plan: MissionPlan | None = None
-        self._given_plan = False
+        self._given_at = -1  # changes of the mission when the plan was given
         self._delivery = DeliveryMeter()
         self._model = model
         self._done_s = -math.inf
@@ -68,9 +72,12 @@ class LookAhead:
         self._items: object = None  # the mission overheard that `plan` is made of
         self._last_flow = 0.0  # kg/s when the pump was last on
 
-    def use_plan(self, plan: MissionPlan) -> None:
-        """Forecast along this mission rather than along one overheard."""
-        self.plan, self._given_plan = plan, True
+    def use_plan(self, plan: MissionPlan | None, state: VehicleState) -> None:
+        """Forecast along this mission rather than along one overheard, until it is another.
+
+        None: the vehicle holds none.
+        """
+        self.plan, self._given_at = plan, state.mission_changes
 
     def restart(self) -> None:
         """The vehicle's clock begins anew."""
@@ -113,7 +120,9 @@ class LookAhead:
         """Forecast from one row; `mission_item` is flown to, -1 unknown."""
         track, airframe = analysis.track, self._model.airframe
         tank = float(track.tank_kg[row])
-        flow = self._flow(clock_s, tank, pump_share, self._delivery.now)
+        inferred = math.isnan(track.measured("tank_kg")[row])
+        error = track.standard_errors["tank_kg"][row] if inferred and math.isfinite(tank) else 0.0
+        flow = self._flow(clock_s, tank, float(error), pump_share, self._delivery.now)
         conditions = Conditions(
             tank_kg=tank,
             flow=flow,
@@ -123,13 +132,18 @@ class LookAhead:
         )
         airspeed, fill = float(track.airspeed[row]), airframe.tank_capacity_kg
         self.now = Outlook(
-            seconds_to_empty=tank / flow if flow > 0.0 else (math.inf if flow == 0.0 else math.nan),
+            seconds_to_empty=_seconds_to_empty(tank, flow),
             full=lambda: margin_at_fill(self._model, conditions, fill, airspeed),
             route=self._route(track, row, conditions, state, mission_item),
         )
 
-    def _flow(self, clock_s: float, level: float, pump_share: float, delivery: float) -> float:
-        """kg/s out of the tank while spraying: by the pump, else by the gauge; NaN unknown."""
+    def _flow(
+        self, clock_s: float, level: float, error: float, pump_share: float, delivery: float
+    ) -> float:
+        """kg/s out of the tank while spraying: by the pump, else by the gauge; NaN unknown.
+
+        `error` is the standard error of a level that was inferred, kg.
+        """
         airframe = self._model.airframe
         if math.isfinite(pump_share):
             full = airframe.pump_max_flow_l_min / 60.0 * airframe.liquid_density
@@ -139,10 +153,10 @@ class LookAhead:
         self._levels.append((clock_s, level))
         while self._levels[-1][0] - self._levels[0][0] > FLOW_WINDOW:
             self._levels.popleft()
-        began, before = self._levels[0]
-        seconds = clock_s - began
         # Without a full window a slope would be mostly the gauge's noise.
-        return max(before - level, 0.0) / seconds if seconds > 0.8 * FLOW_WINDOW else math.nan
+        if clock_s - self._levels[0][0] <= 0.8 * FLOW_WINDOW:
+            return math.nan
+        return _fall(np.array(self._levels), error)
 
     def _route(
         self,
@@ -152,7 +166,7 @@ class LookAhead:
         state: VehicleState,
         mission_item: int,
     ) -> Forecast | None:
-        if not self._given_plan and state.mission is not self._items:
+        if self._given_at != state.mission_changes and state.mission is not self._items:
             self._items = state.mission
             self.plan = _plan(state.mission.values(), home_first=state.autopilot == ARDUPILOT)
         position = track.position_ned[row]
@@ -169,6 +183,23 @@ class LookAhead:
             spraying=float(track.spraying[row]) > 0.5,
         )
         return forecast(legs, self._model, conditions)
+
+
+def _fall(levels: Floats, error: float) -> float:
+    """kg/s by which levels (N, 2), clock s and kg, fall on a line; NaN where they surely do not."""
+    time_s, kg = levels.T - levels.mean(axis=0)[:, None]
+    square = float(time_s @ time_s)
+    slope = float(time_s @ kg) / square
+    scatter = float(np.sum((kg - slope * time_s) ** 2)) / max(len(levels) - 2, 1)
+    seconds = float(levels[-1, 0] - levels[0, 0])
+    sure = -slope * seconds > SURE_FALL * math.hypot(math.sqrt(scatter / square) * seconds, error)
+    return -slope if sure else math.nan
+
+
+def _seconds_to_empty(tank: float, flow: float) -> float:
+    """s; inf without a flow, and where no flight lasts that long."""
+    seconds = tank / flow if flow > 0.0 else (math.inf if flow == 0.0 else math.nan)
+    return math.inf if seconds > LONGEST_FLIGHT else seconds
 
 
 def _plan(waypoints: Iterable[Waypoint], *, home_first: bool) -> MissionPlan | None:

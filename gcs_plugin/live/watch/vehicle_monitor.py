@@ -83,6 +83,7 @@ class VehicleMonitor:
         self.shared_until_us = 0
         #: What happened since they were last taken, and when by the ground's clock, µs.
         self.notes: list[tuple[int, str]] = []
+        self.not_followed = ""  # what it was asked for in vain, in words
         self.last: Update | None = None
         self.rows = 0
         self.first_us = 0  # ground's clock when it was first heard
@@ -142,9 +143,9 @@ class VehicleMonitor:
         """The mission that is forecast; None while none is known."""
         return self._ahead.plan
 
-    def use_plan(self, plan: MissionPlan) -> None:
-        """Forecast along this mission rather than along one overheard."""
-        self._ahead.use_plan(plan)
+    def use_plan(self, plan: MissionPlan | None) -> None:
+        """Forecast along this mission until the vehicle's is another; None: it holds none."""
+        self._ahead.use_plan(plan, self.state)
 
     def take(self, frame: Frame) -> None:
         """One frame of this vehicle, in the order in which it came."""

@@ -78,10 +78,29 @@ _AUTOSTART: dict[int, VehicleKind] = {
 }
 
 
+#: Outputs of ArduPilot that have a function: SERVO1_FUNCTION to SERVO16_FUNCTION.
+OUTPUTS = range(1, 17)
+
+
+def functions_whole(parameters: Mapping[str, float]) -> bool:
+    """Whether the functions of all outputs are known, so that motors can be counted by them."""
+    return all(f"SERVO{n}_FUNCTION" in parameters for n in OUTPUTS)
+
+
 def vehicle_facts(
-    parameters: Mapping[str, float], *, mav_type: int | None = None, texts: Iterable[str] = ()
+    parameters: Mapping[str, float],
+    *,
+    mav_type: int | None = None,
+    texts: Iterable[str] = (),
+    whole: bool = True,
 ) -> VehicleFacts:
-    """Kind and rotors of a vehicle by its parameters, its MAV_TYPE and its status texts."""
+    """Kind and rotors of a vehicle by its parameters, its MAV_TYPE and its status texts.
+
+    Not `whole`: more parameters may come; motors are then not counted by a part of the outputs.
+    """
+    if not whole and not functions_whole(parameters):
+        functions = {f"SERVO{n}_FUNCTION" for n in range(1, 33)}
+        parameters = {name: v for name, v in parameters.items() if name not in functions}
     texts = tuple(texts)
     kind, evidence = _kind(parameters, mav_type, texts)
     facts = VehicleFacts(kind=kind, evidence=evidence)

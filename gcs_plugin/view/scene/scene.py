@@ -59,6 +59,7 @@ class Scene:
         self._api.add_light_ambient("/light", intensity=float(np.pi))
         self._vehicles: dict[str, VehicleNode] = {}
         self._routes: dict[str, LineSegmentsHandle] = {}
+        self._planned: set[str] = set()  # names of the planned paths that are drawn
         self._pin = self._api.add_label(
             "/world/pin", "", anchor="bottom-center", font_screen_scale=1.25, visible=False
         )
@@ -159,10 +160,18 @@ class Scene:
         self._lines("/world/swaths", flat, FIELD_GREEN, 2.0)
 
     def set_plan(self, key: str, points_enu: Floats, ground: float) -> None:
-        """Draw an aircraft's planned path through (W, 3) places in m, flat on the `ground`, m."""
+        """Draw an aircraft's planned path through (W, 3) places in m, flat on the `ground`, m.
+
+        Without two places none is drawn, and one that was drawn is taken away.
+        """
+        name = f"/world/plan_{key}"
         if len(points_enu) > 1:
             on_ground = np.column_stack([points_enu[:, :2], np.full(len(points_enu), ground)])
-            self._lines(f"/world/plan_{key}", [on_ground], PLAN_GREY, 2.0)
+            self._lines(name, [on_ground], PLAN_GREY, 2.0)
+            self._planned.add(name)
+        elif name in self._planned:
+            self._api.remove_by_name(name)
+            self._planned.remove(name)
 
     def set_route(self, key: str, points_enu: Floats, values: Floats, scale: ColourScale) -> None:
         """Draw where an aircraft flew, (S, 2, 3) m, in the colours of (S,) values on `scale`."""

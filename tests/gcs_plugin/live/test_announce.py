@@ -23,7 +23,6 @@ from thrustmargin.gcs_plugin.live.alarms.alarm import (
 from thrustmargin.gcs_plugin.live.announce import Announcer
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor, MonitorSettings
-from thrustmargin.gcs_plugin.live.message_rates import RateRequester, wanted
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
@@ -68,8 +67,6 @@ def monitored(*, forward: bool = False, **speaking: Any) -> Iterator[tuple[LiveM
     sender = Sender(monitor.listener, speaking.get("sign"))
     if speaking.get("announce"):
         monitor.subscribers.append(Announcer(sender))
-    if speaking.get("request_rates"):
-        monitor.subscribers.append(RateRequester(sender, 4))
     monitor.start()
     air = Air(monitor.listener.links[0].transport.address[1])  # type: ignore[attr-defined]
     try:
@@ -112,32 +109,6 @@ def test_nothing_is_sent_to_the_vehicle_unless_asked():
     with monitored(forward=True) as (_, air, _station):
         air.fly(5.0, rpm=(2300,) * 4)
         assert air.heard == []
-
-
-@pytest.mark.slow
-def test_rates_are_asked_for_once_and_what_is_missing_again():
-    with monitored(request_rates=True) as (_, air, _station):
-        air.fly(12.0)
-        asked = [m for m in air.heard if m.get_type() == "COMMAND_LONG"]
-    assert all(m.command == 511 for m in asked)
-    assert {(m.target_system, m.get_srcComponent()) for m in asked} == {(1, COMPONENT)}
-    rates = {int(m.param1): 1e6 / m.param2 for m in asked}
-    assert rates == {
-        number: pytest.approx(rate, rel=1e-3) for number, rate in wanted(3, 4).values()
-    }
-    times = [int(m.param1) for m in asked]
-    assert times.count(30) == 1  # ATTITUDE comes
-    assert times.count(29) == 2  # SCALED_PRESSURE does not
-    parameters = {m.param_id for m in air.heard if m.get_type() == "PARAM_REQUEST_READ"}
-    assert {"SERVO1_FUNCTION", "MOT_PWM_MAX"} <= parameters
-    assert air.kinds() <= {"COMMAND_LONG", "PARAM_REQUEST_READ", "HEARTBEAT"}
-
-
-def test_px4_is_asked_for_its_own_messages():
-    names = wanted(12, 4)
-    assert names["ESC_STATUS"] == (291, 10.0)
-    assert "ESC_TELEMETRY_1_TO_4" not in names
-    assert "ESC_TELEMETRY_5_TO_8" in wanted(3, 8)
 
 
 def test_what_is_sent_is_signed_when_the_link_is():

@@ -48,22 +48,24 @@ def flown(rpm: int = 1700, seconds: float = 8.0) -> tuple[Fleet, Vehicle]:
 def test_a_row_has_the_margin_of_the_worst_rotor_and_how_old_it_is():
     fleet, vehicle = flown()
     cells = vehicle_cells(fleet.vehicles[3], vehicle.stamp_us, 0.5)
-    assert cells[0] == "3"
+    assert cells[0].plain == "3"
     # The ESCs report 50 V: 3000 rpm at 58.8 V.
-    assert f"{1 - (1700 * 58.8 / 50 / 3000) ** 2:.0%}" in cells[1]
-    assert "green" in cells[1]
-    assert "red" in vehicle_cells(fleet.vehicles[3], vehicle.stamp_us, 0.6)[1]
-    assert cells[-1] == "0.0 s"
+    assert f"{1 - (1700 * 58.8 / 50 / 3000) ** 2:.0%}" in cells[1].plain
+    assert cells[1].style == "green"
+    assert cells[1].plain.isascii()
+    assert "[" not in cells[1].plain
+    assert cells[-1].plain == "0.0 s"
+    low = vehicle_cells(fleet.vehicles[3], vehicle.stamp_us, 0.6)[1]
+    assert low.style == "bold red"
 
 
 def test_an_old_row_is_marked_old_in_every_number_and_has_no_colour_left():
     fleet, vehicle = flown()
     cells = vehicle_cells(fleet.vehicles[3], vehicle.stamp_us + 10 * SECOND, 0.5)
-    known = [cell for cell in cells[1:-1] if cell != "-"]
+    known = [cell for cell in cells[1:-1] if cell.plain != "-"]
     assert len(known) >= 4
-    assert all(cell.startswith("[dim]~") for cell in known)
-    assert not any("green" in cell or "red" in cell for cell in known)
-    assert "OLD 10.0 s" in cells[-1]
+    assert all(cell.plain.startswith("~") and cell.style == "dim" for cell in known)
+    assert "OLD 10.0 s" in cells[-1].plain
 
 
 def test_a_link_that_loses_half_does_not_flicker():

@@ -117,8 +117,10 @@ def test_a_nose_straight_up_or_down_has_a_pitch_whatever_the_rounding(side):
 
 
 def test_layouts_have_the_size_that_pymavlink_packs():
+    longer = {42: 12}  # MISSION_CURRENT ends with three ids of 4 bytes since 2023
     for number, message in dialect.mavlink_map.items():
-        assert layouts()[number].dtype.itemsize == message.unpacker.size
+        size = layouts()[number].dtype.itemsize
+        assert size == message.unpacker.size + longer.get(number, 0)
         assert layouts()[number].crc_extra == message.crc_extra
 
 

@@ -44,7 +44,7 @@ def test_every_field_of_every_message_equals_pymavlinks():
     while (message := log.recv_match()) is not None:
         row = next(tables[message.get_msgId()])
         order.append(message.get_msgId())
-        for name in row.dtype.names:
+        for name in message.get_fieldnames():
             ours, theirs = row[name], getattr(message, name)
             if isinstance(theirs, str):
                 assert ours.split(b"\0")[0].decode() == theirs

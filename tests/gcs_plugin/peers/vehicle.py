@@ -9,6 +9,7 @@ the first line of standard input, says "ready", and runs until standard input is
   key (hex: it signs, and hears only what is signed), overstate (bytes that its list of logs adds
   to every size), parameters (rows of name, value, MAV_PARAM_TYPE), lose_parameters (indices that
   are lost the first time).
+Each further line of JSON replaces the orders that it names; a new `items` gets a new mission id.
 """
 
 import json
@@ -47,12 +48,19 @@ class Vehicle:
             if time.monotonic() - self.last_heartbeat > 0.5:
                 self.last_heartbeat = time.monotonic()
                 self.link.mav.heartbeat_send(2, self.orders.get("autopilot", 3), 81, 0, 3)
+                self.link.mav.mission_current_send(0, self.items_in_all())
             message = self.link.recv_match(blocking=True, timeout=0.02)
             mine = getattr(message, "target_system", 0) in (0, self.orders.get("system_id", 1))
             if message is not None and mine and not self.orders.get("mute"):
                 answer = getattr(self, message.get_type().lower(), None)
                 if answer is not None:
                     answer(message)
+
+    def items_in_all(self) -> int:
+        """As MISSION_CURRENT counts: 65535 for none, 0 where it does not say; without home."""
+        if "items" not in self.orders:
+            return 0
+        return max(len(self.orders["items"]) - 1, 0) or 65535
 
     def command_long(self, message) -> None:
         home = self.orders.get("home")
@@ -123,7 +131,8 @@ def main() -> None:
     orders = json.loads(sys.stdin.readline())
     threading.Thread(target=Vehicle(orders).run, daemon=True).start()
     print("ready", flush=True)
-    sys.stdin.read()
+    for line in sys.stdin:
+        orders.update(json.loads(line))
 
 
 main()

@@ -1,6 +1,7 @@
 """Missions fetched over the links of a monitor, from vehicles that are processes of their own."""
 
 import hashlib
+import json
 import subprocess
 import sys
 import time
@@ -57,7 +58,7 @@ class Ground:
             assert time.monotonic() < deadline, self.told
             taken, self._frames = self._frames, []
             self.fleet.take(taken)
-            self.fetcher.on_round(self.fleet, 0)
+            self.fetcher.on_round(self.fleet, self.listener.now_us())
             time.sleep(0.02)
 
 
@@ -74,6 +75,28 @@ def ground(port: int, key: bytes | None = None) -> Iterator[Ground]:
 @pytest.fixture
 def port() -> int:
     return free_udp_port()
+
+
+def test_a_mission_replaced_or_cleared_past_the_program_is_fetched_again(port: int):
+    """Nothing but the vehicle's MISSION_CURRENT says so, as behind another station's radio."""
+    with vehicle(port=port, items=ARDUPILOT_ITEMS) as peer, ground(port) as station:
+        station.until(lambda: station.told)
+        watch = station.fleet.vehicles[1]
+        for items, told in (
+            (ARDUPILOT_ITEMS[:4], "mission of 3 items fetched"),
+            ([], "no mission fetched: the vehicle holds no mission; upload one to it first"),
+            (ARDUPILOT_ITEMS, "mission of 6 items fetched"),
+        ):
+            peer.stdin.write(json.dumps({"items": items}) + "\n")  # type: ignore[union-attr]
+            peer.stdin.flush()  # type: ignore[union-attr]
+            count = len(station.told)
+            station.until(lambda: len(station.told) > count)  # noqa: B023
+            assert station.told[-1] == (1, told)
+            assert (0 if watch.plan is None else len(watch.plan.items)) == max(len(items) - 1, 0)
+            assert len(watch.state.mission) == len(items)
+        time.sleep(3.0)
+        station.until(lambda: True)
+        assert len(station.told) == 4
 
 
 def test_each_vehicle_is_asked_once_and_gets_its_own_plan(port: int):

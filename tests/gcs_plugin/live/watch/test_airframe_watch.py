@@ -130,7 +130,7 @@ def test_margins_are_withheld_on_every_screen_until_the_airframe_is_recognised()
     first = next(u for u in updates if u.analysis.track.flying[-1])
     assert first.analysis.withheld == (AIRFRAME_NOT_YET,)
     assert np.isnan(first.analysis.margin).all()
-    assert numbers(first, 0.5)[0] == "NO VERDICT"
+    assert numbers(first, 0.5)[0].plain == "NO VERDICT"
     assert AIRFRAME_NOT_YET in first.remarks[0]
     assert set(figures(first)) == set()
     shown = reading(first, 0.0)

@@ -52,7 +52,7 @@ def test_the_load_is_inferred_as_the_flight_goes_and_named_as_that(frames):
     assert "so far" in last.analysis.track.source("tank_kg").words
     assert any("inferred from hover thrust" in remark for remark in last.remarks)
     flown = [u for u in made if np.isfinite(u.analysis.track.tank_kg[-1])]
-    assert any(cell.startswith("≈ ") for cell in numbers(flown[0], 0.5))
+    assert any(str(cell).startswith("≈ ") for cell in numbers(flown[0], 0.5))
     # An inferred load cannot contradict the pump or the thrust that it was inferred from.
     texts = {event.alarm.text for update in made for event in update.events}
     assert not any("gauge" in text or "leak" in text for text in texts)

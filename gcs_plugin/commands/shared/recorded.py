@@ -1,0 +1,128 @@
+"""The options that a recording was made with, kept beside its .tlog: read again, it says the same.
+
+`monitor` writes them as JSON when it begins to record. `report`, `replay` and `inspect` take those
+that the user does not give: the aircraft, the reading options, the limit.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, ReadingOptions
+from thrustmargin.models.errors import DataError
+
+OPTIONS = "options.json"
+LIMIT = 0.5  # share of a rotor's maximum thrust, where nobody names another
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chosen:
+    """What a command works with: the user's options, and the recording's where none are given."""
+
+    model: Path | None = None
+    airframe: str | None = None
+    max_utilisation: float | None = None
+    reading: ReadingOptions = AS_HEARD
+
+    @property
+    def given(self) -> bool:
+        """Whether somebody named the aircraft."""
+        return self.model is not None or self.airframe is not None
+
+    @property
+    def limit(self) -> float:
+        """Largest share of a rotor's maximum thrust that may be in use."""
+        return LIMIT if self.max_utilisation is None else self.max_utilisation
+
+    @property
+    def words(self) -> str:
+        """The options as they would be typed."""
+        named = {
+            "--model": self.model,
+            "--airframe": self.airframe,
+            "--max-utilisation": self.max_utilisation,
+            "--vehicle": self.reading.vehicle,
+            "--tank": self.reading.tank if self.reading.tank != AS_HEARD.tank else None,
+            "--tank-start-kg": self.reading.tank_start_kg,
+            "--load": self.reading.load,
+            "--load-end": self.reading.load_end,
+            "--air-temperature": self.reading.air_temperature_c,
+        }
+        return " ".join(f"{name} {value}" for name, value in named.items() if value is not None)
+
+    def as_table(self) -> dict[str, Any]:
+        """For the recording; files with their whole path."""
+        airframe = self.airframe
+        if airframe is not None and airframe.endswith(".toml"):
+            airframe = str(Path(airframe).resolve())
+        return {
+            "model": None if self.model is None else str(self.model.resolve()),
+            "airframe": airframe,
+            "max_utilisation": self.max_utilisation,
+            "reading": asdict(self.reading),
+        }
+
+
+def with_recorded(logs: Sequence[Path], user: Chosen, console: Console) -> Chosen:
+    """The options for these logs; what is taken from a recording is said on the console.
+
+    Raises DataError when a recording's options cannot be read, or those of the logs differ.
+    """
+    recorded = [_options_of(log) for log in logs]
+    taken = Chosen()
+    if not user.given:
+        model, airframe = _common(recorded, logs, lambda one: (one.model, one.airframe))
+        taken = replace(taken, model=model, airframe=airframe)
+    if user.max_utilisation is None:
+        taken = replace(taken, max_utilisation=_common(recorded, logs, lambda o: o.max_utilisation))
+    if user.reading == AS_HEARD:
+        taken = replace(taken, reading=_common(recorded, logs, lambda one: one.reading))
+    if taken == Chosen():
+        return user
+    console.print(f"as recorded ({logs[0].parent / OPTIONS}): {taken.words}", soft_wrap=True)
+    return Chosen(
+        model=taken.model or user.model,
+        airframe=taken.airframe or user.airframe,
+        max_utilisation=user.max_utilisation or taken.max_utilisation,
+        reading=taken.reading if user.reading == AS_HEARD else user.reading,
+    )
+
+
+def _common(recorded: Sequence[Chosen], logs: Sequence[Path], part: Callable[[Chosen], Any]) -> Any:
+    for one, log in zip(recorded, logs, strict=True):
+        if part(one) != part(recorded[0]):
+            said = [
+                f"{o.words or 'nothing'} ({p})" for o, p in ((recorded[0], logs[0]), (one, log))
+            ]
+            raise DataError(
+                f"recorded with other options: {' and '.join(said)}; name the options, or give "
+                "one of these recordings at a time"
+            )
+    return part(recorded[0]) if recorded else part(Chosen())
+
+
+def _options_of(log: Path) -> Chosen:
+    """Those beside a .tlog; none where there is no such file."""
+    path = log.parent / OPTIONS
+    if log.suffix.lower() != ".tlog" or not path.is_file():
+        return Chosen()
+    try:
+        table = json.loads(path.read_text("utf-8"))
+        made = Chosen(
+            model=None if table["model"] is None else Path(table["model"]),
+            airframe=table["airframe"],
+            max_utilisation=table["max_utilisation"],
+            reading=ReadingOptions(**table["reading"]),
+        )
+    except (OSError, ValueError, TypeError, KeyError) as error:
+        raise DataError(
+            f"{path} does not hold the options of a recording ({error!r:.80}); rename it, and give "
+            "the options yourself"
+        ) from error
+    return made

@@ -1,0 +1,76 @@
+"""A recording read again with no option says what the monitor said with its options."""
+
+import io
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from thrustmargin.gcs_plugin.cli import run
+from thrustmargin.gcs_plugin.commands.shared.reading import ReadingOptions
+from thrustmargin.gcs_plugin.commands.shared.recorded import Chosen, with_recorded
+from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+from thrustmargin.models.errors import DataError
+
+LOG = Path("sitl_logs/campaign/v4_m4_q2.5.tlog")
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory) -> Path:
+    """A recording that the monitor itself made."""
+    folder = tmp_path_factory.mktemp("recorded")
+    options = "--airframe topxgun-f16-sitl --load 2.5 --air-temperature 31 --max-utilisation 0.4"
+    line = ["monitor", str(LOG), "--no-view", "--record", str(folder), *options.split()]
+    assert run(line) == 0
+    (made,) = folder.iterdir()
+    return made
+
+
+def reported(log: Path, out: Path, *options: str) -> tuple[dict, dict]:
+    assert run(["report", str(log), "--json", str(out), *options]) == 0
+    flight = json.loads(out.read_text("utf-8"))["flights"][0]
+    return flight["verdict"], flight
+
+
+def test_a_report_of_a_recording_takes_its_options_and_says_so(session, tmp_path, capsys):
+    log = session / "telemetry.tlog"
+    verdict, _ = reported(log, tmp_path / "a.json")
+    assert "--airframe topxgun-f16-sitl --max-utilisation 0.4 --load 2.5" in capsys.readouterr().err
+    options = "--airframe topxgun-f16-sitl --load 2.5 --air-temperature 31 --max-utilisation 0.4"
+    bare = shutil.copy(log, tmp_path / "bare.tlog")
+    assert verdict == reported(bare, tmp_path / "b.json", *options.split())[0]
+    assert verdict != reported(bare, tmp_path / "c.json")[0]
+    assert "as recorded" not in capsys.readouterr().err
+
+
+def test_what_the_user_gives_is_never_replaced(session):
+    said = io.StringIO()
+    user = Chosen(airframe="other", max_utilisation=0.5, reading=ReadingOptions(load=7.0))
+    log = session / "telemetry.tlog"
+    assert with_recorded([log], user, Terminal(file=said)) == user
+    assert said.getvalue() == ""
+    mine = with_recorded([log], Chosen(max_utilisation=0.6), Terminal(file=said, width=500))
+    assert (mine.limit, mine.airframe, mine.reading.load) == (0.6, "topxgun-f16-sitl", 2.5)
+    assert "--max-utilisation" not in said.getvalue()
+
+
+def test_an_inspection_takes_them_too(session, capsys):
+    assert run(["inspect", str(session / "telemetry.tlog")]) == 0
+    heard = capsys.readouterr()
+    assert "as recorded" in heard.err
+    assert "airframe topxgun-f16-sitl, given" in heard.out
+
+
+def test_recordings_with_other_options_are_not_mixed_silently(session, tmp_path):
+    bare = Path(shutil.copy(session / "telemetry.tlog", tmp_path / "bare.tlog"))
+    with pytest.raises(DataError, match="one of these recordings at a time"):
+        with_recorded([session / "telemetry.tlog", bare], Chosen(), Terminal(file=io.StringIO()))
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"model": 1}'])
+def test_options_that_cannot_be_read_are_named_and_not_passed_over(tmp_path, text):
+    (tmp_path / "options.json").write_text(text)
+    log = Path(shutil.copy(LOG, tmp_path / "telemetry.tlog"))
+    with pytest.raises(DataError, match=r"options\.json does not hold"):
+        with_recorded([log], Chosen(), Terminal(file=io.StringIO()))

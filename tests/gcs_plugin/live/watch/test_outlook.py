@@ -1,0 +1,69 @@
+"""Time to empty without a pump's output: by a gauge that falls, and only then."""
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.gcs_plugin.live.live_vehicle import Vehicle
+from tests.gcs_plugin.live.monitored import MODEL
+from thrustmargin.gcs_plugin.live.console import minutes, percent
+from thrustmargin.gcs_plugin.live.watch.outlook import Outlook
+from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor, WatchSettings
+from thrustmargin.gcs_plugin.view.figures.live_html import outlook_html
+from thrustmargin.gcs_plugin.wording.alarm_words import MARGIN_AHEAD, margin_words
+from thrustmargin.gcs_plugin.wording.view_words import margin_ahead
+
+
+class Tank(Vehicle):
+    """A vehicle whose gauge shows `level` kg."""
+
+    level = 10.0
+
+    def tank(self, level: float = 0.0) -> bytes:
+        return super().tank(self.level + level)
+
+
+def to_empty(fall: float, noise: float, seed: int = 1) -> float:
+    """s to empty after 60 s in which the gauge fell by `fall` kg/s with so much noise, kg."""
+    rng, vehicle = np.random.default_rng(seed), Tank()
+    watch = VehicleMonitor(1, MODEL, WatchSettings())
+    for tick in range(600):
+        vehicle.level = 10.0 - fall * tick * 0.1 + noise * rng.standard_normal()
+        for frame in vehicle.tick(rpm=(1700,) * 4):
+            watch.take(frame)
+        if tick % 20 == 0:
+            watch.updates()
+    watch.updates()
+    assert watch.last is not None
+    return watch.last.outlook.seconds_to_empty
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_a_gauge_that_only_trembles_says_nothing_of_when_the_tank_is_empty(seed):
+    assert math.isnan(to_empty(0.0, 0.05, seed))
+
+
+def test_a_gauge_that_falls_says_when():
+    assert to_empty(0.05, 0.05) == pytest.approx(7.0 / 0.05, rel=0.25)
+
+
+def test_longer_than_a_flight_is_no_time():
+    seconds = to_empty(0.0005, 0.0)  # 20000 s
+    assert minutes(seconds) in ("-", "not")
+    assert "empty in" not in outlook_html(Outlook(seconds_to_empty=seconds))
+
+
+def test_a_route_ahead_is_no_bound_and_below_nothing_there_are_no_degrees():
+    said = margin_ahead(0.56)
+    assert "56" in said
+    assert "or more" not in said
+    assert "straight and level" in said
+    for words in (
+        margin_ahead(-1.26),
+        percent(-1.26),
+        margin_words(MARGIN_AHEAD, -1.26, 0.5, error=0.0, rotor=None),
+    ):
+        assert "126" not in words
+    assert "beyond the ceiling" in margin_ahead(-1.26)
+    assert len(margin_words(MARGIN_AHEAD, -1.26, 0.5, error=0.0, rotor=8)) <= 50
