@@ -89,7 +89,7 @@ class _Asked:
     counts: deque[tuple[float, Mapping[int, int]]] = field(default_factory=deque)
 
     def look(self, watch: VehicleMonitor) -> bool:
-        """Count what has come; False where there is nothing new to judge by."""
+        """Count what has come; False where nothing new has."""
         at_s = watch.telemetry.stamp_us * 1e-6
         if self.counts and at_s - self.counts[-1][0] < LOOK:
             return False

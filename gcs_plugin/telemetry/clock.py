@@ -2,9 +2,8 @@
 
 Every frame of a .tlog carries the ground computer's time, late by the link's delay; many messages
 also carry the vehicle's time since boot. Times here are the vehicle's. A message without such a
-clock (ESC_TELEMETRY, VFR_HUD, BATTERY_STATUS, WIND; or with Unix time in its `time_usec`) gets the
-ground's stamp less the median offset of the last nine clocked messages before it, which a live
-listener can do just the same.
+clock (VFR_HUD, WIND, one with Unix time in `time_usec`) gets the ground's stamp less the median
+offset of the last nine clocked messages before it, which a live listener can do just the same.
 """
 
 from __future__ import annotations
@@ -33,15 +32,8 @@ from thrustmargin.models.flight import Bools, Floats
 
 #: Messages whose clock is read when they are sent; others carry the time of a fix or of a change.
 REFERENCES = (
-    "ATTITUDE",
-    "ATTITUDE_QUATERNION",
-    "GLOBAL_POSITION_INT",
-    "LOCAL_POSITION_NED",
-    "RAW_IMU",
-    "SCALED_IMU",
-    "HIGHRES_IMU",
-    "SCALED_PRESSURE",
-    "NAMED_VALUE_FLOAT",
+    *("ATTITUDE", "ATTITUDE_QUATERNION", "GLOBAL_POSITION_INT", "LOCAL_POSITION_NED"),
+    *("RAW_IMU", "SCALED_IMU", "HIGHRES_IMU", "SCALED_PRESSURE", "NAMED_VALUE_FLOAT"),
 )
 WINDOW = 9  # clocked messages whose median offset counts
 TRUST = 2.0  # s; an own clock further than this from the estimate counts something else
@@ -81,8 +73,7 @@ class Clock:
 def own_clock(fields: NDArray[np.void]) -> Floats | None:
     """(n,) s since boot that the messages carry; None when their type carries none.
 
-    NaN where a message carries Unix time instead, as `time_usec` may from one message to the next
-    (once there is a GPS fix), or 0, which is no time.
+    NaN where a message carries Unix time, as `time_usec` may once there is a fix, or 0: no time.
     """
     names = fields.dtype.names or ()
     if "time_boot_ms" in names:

@@ -26,7 +26,7 @@ from thrustmargin.gcs_plugin.mavlink.splitter import FrameSplitter
 from thrustmargin.models.errors import LinkError
 
 if TYPE_CHECKING:
-    from mavsdk import LogLevel, Mavsdk, System
+    from mavsdk import Autopilot, LogLevel, Mavsdk, System
 
 log = getLogger(__name__)
 
@@ -38,6 +38,7 @@ Progress = Callable[[int, int], None]
 SECOND_VEHICLE = 1.3
 #: s without any answer after which a transfer is given up; MAVSDK's own retries are shorter.
 SILENCE = 15.0
+HEARTBEATS = 3.0  # s in which the heartbeat of a vehicle that is heard comes, even if one is lost
 POLL = 0.05  # s between two looks at what has come
 #: Kind of the listener's URL -> MAVSDK's scheme: its "tcp" connects.
 SCHEMES = {"udpin": "udpin", "udpout": "udpout", "tcp": "tcpout", "tcpin": "tcpin"}
@@ -182,6 +183,21 @@ class VehicleLink:
             f"{self.name}: the vehicle is heard but did not send {what} ({reason}); check that "
             "this link also carries messages to the vehicle and that no other program transfers"
         )
+
+
+def autopilot_of(vehicle: System) -> Autopilot:
+    """Which autopilot it is, once its heartbeat has come.
+
+    MAVSDK calls a vehicle generic that was heard by any other message, and ArduPilot's list of
+    items, which begins with home, would then be taken for one without. Waits HEARTBEATS s at most.
+    """
+    from mavsdk import Autopilot
+
+    named = (Autopilot.ARDUPILOT, Autopilot.PX4)
+    until = time.monotonic() + HEARTBEATS
+    while (found := vehicle.autopilot_type()) not in named and time.monotonic() < until:
+        time.sleep(POLL)
+    return found
 
 
 def _reason(result: Any) -> str:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.vehicle.connection import Progress, VehicleLink
+from thrustmargin.gcs_plugin.vehicle.connection import Progress, VehicleLink, autopilot_of
 from thrustmargin.mission.plan import (
     FIRMWARE_ARDUPILOT,
     FIRMWARE_GENERIC,
@@ -76,7 +76,7 @@ def download_mission(
         raise link.refused("its mission", result.name)
     if progress is not None:
         progress(len(raw), len(raw))  # items may be counted after the end of the transfer
-    autopilot = vehicle.autopilot_type()
+    autopilot = autopilot_of(vehicle)
     ardupilot = autopilot == Autopilot.ARDUPILOT
     home = None if ardupilot or not raw else _home(direct, vehicle, events)
     firmware = {Autopilot.ARDUPILOT: FIRMWARE_ARDUPILOT, Autopilot.PX4: FIRMWARE_PX4}
@@ -255,7 +255,7 @@ def download_parameters(
         fields |= {"target_system": number, "target_component": 1}
         direct.send_message(MavlinkMessage(message, 0, 0, number, 1, json.dumps(fields)))
 
-    bits = vehicle.autopilot_type() == Autopilot.PX4
+    bits = autopilot_of(vehicle) == Autopilot.PX4
     found: dict[str, float] = {}
     missing: set[int] | None = None
     ask("PARAM_REQUEST_LIST")

@@ -147,9 +147,8 @@ def empties_in(seconds: float) -> str:
 
 def margin_ahead(share: float) -> str:
     """No bound: the forecast knows no turns, climbs and gusts, which take more."""
-    return (
-        f"rest of the route, straight and level: {margin_or_beyond(share)}; less in turns, climbs"
-    )
+    said = margin_or_beyond(share)
+    return f"rest of the route, straight and level: {said}; turns and climbs take more"
 
 
 def margin_full(share: float) -> str:

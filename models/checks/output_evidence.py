@@ -2,9 +2,9 @@
 
     T_i = T_full,i f(x_i)          T_full by the airframe's ceiling at the battery's voltage
 
-x motor output, f the autopilot's thrust curve (`physics.motor_output`). Against the weight and
-against the thrust of the rotor speeds it is the third witness: of three that are compared two by
-two, each pair may agree within wide windows while all three together cannot be true.
+x motor output, f the autopilot's thrust curve (`physics.motor_output`). It is a third estimate
+beside the weight and the rotor speeds: of three that are compared two by two, each pair may agree
+within wide windows while all three together cannot be true.
 
     s(ln T)² = (s_f ln f)² + s_c² (+ what the airframe guesses)
 

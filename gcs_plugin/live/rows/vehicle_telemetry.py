@@ -27,7 +27,6 @@ from thrustmargin.gcs_plugin.live.rows.vehicle_state import OF_ITSELF, SAYS, Veh
 from thrustmargin.gcs_plugin.logs.tlog import AUTOPILOTS
 from thrustmargin.gcs_plugin.mavlink.decode import ESC_TELEMETRY_FIRST
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
-from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.clock import (
     ArrivalClock,
     arrival_times,
@@ -334,7 +333,8 @@ class VehicleTelemetry:
         now, signals = self.clock.now_s(now_us), self._buffer.signals
         ages: dict[str, float] = {}
         for limit, channels in FIELDS.items():
-            known = [_last_known(s) for name in channels for s in signals.get(name, ())]
+            found = (s for name in channels for s in signals.get(name, ()))
+            known = [s.time_s[rows][-1] for s in found if (rows := known_rows(s.values)).any()]
             age = now - max(known, default=math.nan)
             if age > TRACK_CHANNELS[limit].max_age and math.isfinite(age):
                 ages[FIELD_WORDS[limit]] = age
@@ -365,8 +365,3 @@ def _dated(
 def _said(state: VehicleState) -> tuple[object, ...]:
     """What of a state rows depend on."""
     return id(state.parameters), state.kind, state.autopilot, state.component
-
-
-def _last_known(signal: Signal) -> float:
-    known = signal.time_s[known_rows(signal.values)]
-    return float(known[-1]) if known.size else -math.inf

@@ -27,7 +27,7 @@ from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.gcs_plugin.wording.live_words import NO_ROWS, stale_words, two_vehicles
 from thrustmargin.mission.plan import MissionPlan
-from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, FlightState, analyse
 from thrustmargin.models.model.inferred.prepared import Inferred, prepared_part
@@ -42,13 +42,10 @@ CARRIED = ("clock_s", "stamp_us", "pumped_kg", "delivered_kg", "margin_ahead")
 SHARED_HOLD = 10.0
 #: ATTITUDE, ATTITUDE_QUATERNION, LOCAL_POSITION_NED, GLOBAL_POSITION_INT: begin with time_boot_ms.
 BOOT_CLOCKS = (30, 31, 32, 33)
-#: s after which a vehicle without any row says so.
-ROWLESS = 5.0
-#: s after which a field that is used for nothing any more is said to be no longer reported: a link
-#: that loses half loses three reports a second for so long once in hours.
+ROWLESS = 5.0  # s after which a vehicle without any row says so
+#: s after which a field is said to be no longer reported, seldom where a link loses half.
 LASTING = 5.0
-#: s of silence after which a vehicle has left.
-GONE = 60.0
+GONE = 60.0  # s of silence after which a vehicle has left
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -236,7 +233,9 @@ class VehicleMonitor:
             pumped_kg=arrays["delivered_kg"],
             virtual_kg=virtual,
             margin_ahead=arrays["margin_ahead"],
-            esc_failures=None if new is None else _below(first, new.esc_failures),
+            esc_failures=None
+            if new is None
+            else np.pad(new.esc_failures, ((first, 0), (0, 0)), constant_values=np.nan),
         )
         kept = self.last
         self.last = Update(
@@ -369,8 +368,3 @@ def _joined(last: Update | None, window: slice, new: LiveRows | None) -> FlightT
         return new.track
     track = last.analysis.track
     return track.rows(window) if new is None else track.followed_by(new.track, window.start)
-
-
-def _below(rows: int, values: Floats) -> Floats:
-    """Values (n, R) below so many rows of NaN."""
-    return np.concatenate([np.full((rows, values.shape[1]), np.nan), values])

@@ -26,6 +26,9 @@ from thrustmargin.models.physics.margin import rotor_thrust
 
 SPAN = 10.0  # s of one mean
 LEAST_SPAN = 3.0  # s of level rows that make a mean
+#: Live, rows are compared with what was shown before in blocks of so many s, four to a span, with
+#: so many s of level flight at least; so many standard errors off is another load.
+BLOCK, LEAST_BLOCK, JUMP = SPAN / 4.0, 1.0, 5.0
 LEVEL_CLIMB = 0.5  # m/s, beyond which climb changes the thrust of a rotor speed
 LONGEST_STEP = 1.0  # s of one row
 ON_GROUND = 15.0  # s on the ground in which a tank may be filled
@@ -57,6 +60,9 @@ class LoadEvidence:
     """What a flight has shown so far, and where it stands."""
 
     sums: Mapping[tuple[int, int], Floats] = field(default_factory=dict)  # (leg, span) -> (6,)
+    #: The same of the last rows, not yet compared, and of those before that parted from the fit.
+    newest: Mapping[tuple[int, int], Floats] = field(default_factory=dict)
+    parted: Mapping[tuple[int, int], Floats] = field(default_factory=dict)
     gauged: bool = False  # something reported the load
     spraying: frozenset[float] = frozenset()  # states of the pump that were heard
     leg: int = 0  # times in the air
@@ -65,14 +71,20 @@ class LoadEvidence:
     sprayed: float = 0.0
     flown: float = 0.0
 
+    @property
+    def whole(self) -> dict[tuple[int, int], Floats]:
+        """The sums with those of the newest rows."""
+        return _added(self.sums, self.newest)
+
     def before(self, span: int) -> LoadEvidence:
         """Only what was shown before a span of time."""
-        return replace(self, sums={key: s for key, s in self.sums.items() if key[1] < span})
+        kept = {key: s for key, s in self.sums.items() if key[1] < span}
+        return replace(self, sums=kept, newest={}, parted={})
 
     def means(self) -> Means:
         """The means of all spans with enough of level flight."""
         kept = [
-            (s[0], leg, *(s[1:] / s[0])) for (leg, _), s in self.sums.items() if s[0] >= LEAST_SPAN
+            (s[0], leg, *(s[1:] / s[0])) for (leg, _), s in self.whole.items() if s[0] >= LEAST_SPAN
         ]
         return Means(*np.array(kept).reshape(-1, 7).T)
 
@@ -85,6 +97,8 @@ class LoadFit(NamedTuple):
     covariance: Floats
     speeds: float  # variance of ln M by speeds that were themselves inferred
     scatter: float  # kg, of a mean about the fit
+    gain: float  # k
+    joint: Floats  # (legs + 2, legs + 2) covariance with that of k
     span: tuple[float, float] = (0.0, np.inf)  # s of S between which it falls
     by_spraying: bool = False
 
@@ -155,6 +169,8 @@ def _fit(
         covariance=covariance[:-1, :-1].astype(np.float64),
         speeds=float(np.mean(means.error)),
         scatter=scatter,
+        gain=float(values[-1]),
+        joint=covariance.astype(np.float64),
     )
 
 
@@ -207,7 +223,8 @@ def gathered(
         here = used & (leg == key[0]) & (spans == key[1])
         sums[key] = sums.get(key, np.zeros(6)) + step[here] @ rows[here]
     heard = frozenset(track.spraying[flying & np.isfinite(track.spraying)].tolist())
-    shown = LoadEvidence(
+    shown = replace(
+        so_far,
         sums=sums,
         spraying=so_far.spraying | heard,
         leg=int(leg[-1]),
@@ -217,6 +234,56 @@ def gathered(
         flown=float(flown[-1]),
     )
     return shown, leg.astype(np.float64), np.stack([sprayed, flown], axis=1)
+
+
+def compared(shown: LoadEvidence, airframe: Airframe) -> LoadEvidence:
+    """The evidence once its newest rows were compared with what was shown before them.
+
+    Rows far from it are set apart. When the next are as far on the same side, a load was dropped or
+    taken up: with them a new leg begins, of which the load is not known yet.
+    """
+    rows = sum(shown.newest.values(), np.zeros(6))
+    if not shown.newest or (rows[0] < LEAST_BLOCK and not shown.parted):
+        return replace(shown, sums=_added(shown.sums, shown.newest), newest={})
+    if rows[0] < LEAST_BLOCK:
+        return shown  # too few to tell
+    leg, span = max(shown.newest)
+    before = shown.parted if all(key[0] == leg for key in shown.parted) else {}
+    fit = load_fit(shown.before(span), airframe)
+    off = _standard_errors_off(fit, leg, rows, airframe)
+    if abs(off) <= JUMP:
+        sums = _added(_added(shown.sums, before), shown.newest)
+        return replace(shown, sums=sums, newest={}, parted={})
+    earlier = sum(before.values(), np.zeros(6))
+    again = before and off * _standard_errors_off(fit, leg, earlier, airframe) > 0.0
+    if not again:
+        return replace(shown, newest={}, parted=shown.newest)
+    apart = _added(before, shown.newest)
+    begun = {(shown.leg + 1, span): values for (_, span), values in apart.items()}
+    return replace(shown, sums=_added(shown.sums, begun), leg=shown.leg + 1, newest={}, parted={})
+
+
+def _standard_errors_off(fit: LoadFit | None, leg: int, sums: Floats, airframe: Airframe) -> float:
+    """By how many standard errors the mean of rows is above a fit; 0 where that has no such leg."""
+    if fit is None or leg not in fit.legs:
+        return 0.0
+    mass, lift, sprayed, flown, _ = sums[1:] / sums[0]
+    fallen = np.clip(sprayed if fit.by_spraying else flown, *fit.span) - fit.span[0]
+    row = np.array([*(one == leg for one in fit.legs), -fallen, -mass * lift], dtype=np.float64)
+    off = mass - airframe.empty_mass - row @ np.append(fit.values, fit.gain)
+    variance = row @ fit.joint @ row + fit.scatter**2 * SPAN / sums[0]
+    return float(off / np.sqrt(variance))
+
+
+def _added(
+    one: Mapping[tuple[int, int], Floats], other: Mapping[tuple[int, int], Floats]
+) -> dict[tuple[int, int], Floats]:
+    return {**one, **{key: one.get(key, 0.0) + values for key, values in other.items()}}
+
+
+def blocks_of(track: FlightTrack) -> Floats:
+    """Number of each row's block (T,)."""
+    return np.floor(track.time_s / BLOCK).astype(np.float64)
 
 
 def spans_of(track: FlightTrack) -> Floats:

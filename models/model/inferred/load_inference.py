@@ -14,8 +14,11 @@ import numpy as np
 from thrustmargin.models.checks.output_evidence import OutputEvidence
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.inferred.load_evidence import (
+    BLOCK,
     LoadEvidence,
     LoadFit,
+    blocks_of,
+    compared,
     gathered,
     load_at,
     load_fit,
@@ -158,28 +161,35 @@ def _shown(
 def with_load_so_far(
     track: FlightTrack, airframe: Airframe, so_far: LoadEvidence
 ) -> tuple[FlightTrack, LoadEvidence]:
-    """The same for the next rows of a flight: each has what the spans before its own have shown."""
+    """The same for the next rows of a flight: each has what the spans before its own have shown.
+
+    Where rows part from that as by a load that was dropped, it is unknown until they show it.
+    """
     so_far = replace(so_far, gauged=so_far.gauged or track.reports("tank_kg"))
     if so_far.gauged or not _may_carry(track, airframe):
         return track, so_far
-    shown, legs, seconds = gathered(track, airframe, so_far)
     load, error = np.full((2, track.time_s.size), np.nan)
-    spans = spans_of(track)
-    fit = None
-    for span in np.unique(spans).tolist():
-        now, fit = spans == span, load_fit(shown.before(span), airframe)
-        if fit is not None:
-            row_seconds = seconds[now, 0 if fit.by_spraying else 1]
-            load[now], error[now] = load_at(fit, legs[now], row_seconds, airframe)
+    blocks, fit = blocks_of(track), None
+    for block in np.unique(blocks).tolist():
+        now = np.flatnonzero(blocks == block)
+        rows = track.rows(slice(now[0], now[-1] + 1))
+        if so_far.last_s < block * BLOCK:
+            so_far = compared(so_far, airframe)
+        shown, legs, seconds = gathered(rows, airframe, replace(so_far, sums=so_far.newest))
+        so_far = replace(shown, sums=so_far.sums, newest=shown.sums)
+        fit = load_fit(so_far.before(int(spans_of(rows)[0])), airframe)
+        if fit is not None and not so_far.parted:
+            row_seconds = seconds[:, 0 if fit.by_spraying else 1]
+            load[now], error[now] = load_at(fit, legs, row_seconds, airframe)
     error = np.hypot(error, shared_error(track, airframe, load))
     with np.errstate(invalid="ignore"):
         sure = error <= GOOD_ENOUGH * (airframe.empty_mass + np.maximum(load, 0.0))
         sure &= load >= -NINETY * error
     load[~sure] = np.nan
     if not np.any(sure) or fit is None:
-        return track, shown
+        return track, so_far
     by_thrust = _by_thrust(float(error[sure][-1]), "so far", _fall(fit))
-    return _filled(track, load, error, by_thrust), shown
+    return _filled(track, load, error, by_thrust), so_far
 
 
 def shared_error(track: FlightTrack, airframe: Airframe, load: Floats) -> Floats:

@@ -8,8 +8,9 @@ the first line of standard input, says "ready", and runs until standard input is
   silent_after (LOG_DATA sent before it falls silent), mute (heartbeats only),
   key (hex: it signs, and hears only what is signed), overstate (bytes that its list of logs adds
   to every size), parameters (rows of name, value, MAV_PARAM_TYPE), lose_parameters (indices that
-  are lost the first time).
-Each further line of JSON replaces the orders that it names; a new `items` gets a new mission id.
+  are lost the first time),
+  heartbeat (s between two), chatter (other messages all the time).
+Each further line of JSON replaces the orders that it names.
 """
 
 import json
@@ -41,13 +42,17 @@ class Vehicle:
         }
         self.sent = 0
         self.dropped: set[tuple[int, int]] = set()
-        self.last_heartbeat = 0.0
+        self.last_heartbeat = self.last_current = 0.0
 
     def run(self) -> None:
         while True:
-            if time.monotonic() - self.last_heartbeat > 0.5:
+            if time.monotonic() - self.last_heartbeat > self.orders.get("heartbeat", 0.5):
                 self.last_heartbeat = time.monotonic()
                 self.link.mav.heartbeat_send(2, self.orders.get("autopilot", 3), 81, 0, 3)
+            if "chatter" in self.orders:
+                self.link.mav.vfr_hud_send(0, 0, 0, 0, 0, 0)
+            if "items" in self.orders and time.monotonic() - self.last_current > 0.5:
+                self.last_current = time.monotonic()
                 self.link.mav.mission_current_send(0, self.items_in_all())
             message = self.link.recv_match(blocking=True, timeout=0.02)
             mine = getattr(message, "target_system", 0) in (0, self.orders.get("system_id", 1))
@@ -57,9 +62,7 @@ class Vehicle:
                     answer(message)
 
     def items_in_all(self) -> int:
-        """As MISSION_CURRENT counts: 65535 for none, 0 where it does not say; without home."""
-        if "items" not in self.orders:
-            return 0
+        """As MISSION_CURRENT counts: without home, 65535 for none."""
         return max(len(self.orders["items"]) - 1, 0) or 65535
 
     def command_long(self, message) -> None:

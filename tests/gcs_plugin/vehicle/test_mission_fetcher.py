@@ -79,7 +79,8 @@ def port() -> int:
 
 def test_a_mission_replaced_or_cleared_past_the_program_is_fetched_again(port: int):
     """Nothing but the vehicle's MISSION_CURRENT says so, as behind another station's radio."""
-    with vehicle(port=port, items=ARDUPILOT_ITEMS) as peer, ground(port) as station:
+    quiet = {"heartbeat": 1.0, "chatter": True}  # other messages before a heartbeat
+    with vehicle(port=port, items=ARDUPILOT_ITEMS, **quiet) as peer, ground(port) as station:
         station.until(lambda: station.told)
         watch = station.fleet.vehicles[1]
         for items, told in (

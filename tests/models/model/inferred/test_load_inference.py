@@ -293,3 +293,43 @@ def test_an_inferred_load_confirms_nothing():
     # Electrical rpm of 7 pole pairs would show a load that explains them.
     fast = replace(track, rotor_speed_rpm=7.0 * track.rotor_speed_rpm)
     assert check_speed_scale(fast, F16).verdict == "electrical"
+
+
+def in_pieces(track: FlightTrack, size: int) -> np.ndarray:
+    """The load of a flight that comes `size` rows at a time, (T,) kg."""
+    so_far, parts = START, []
+    for first in range(0, track.time_s.size, size):
+        part, so_far = with_load_so_far(track.rows(slice(first, first + size)), F16, so_far)
+        parts.append(part.tank_kg)
+    return np.concatenate(parts)
+
+
+@pytest.mark.parametrize("after", [2.0, 14.0], ids=["dropped", "taken up"])
+@pytest.mark.parametrize("spraying", [None, 0.0, 1.0], ids=["no pump", "off", "on"])
+def test_a_load_that_changes_at_once_is_unknown_within_5_s_and_then_the_new_one(after, spraying):
+    time_s = np.arange(1500) / 10.0
+    load = np.where(time_s < 73.0, 8.0, after) - (0.01 * time_s if spraying else 0.0)
+    channels = {} if spraying is None else {"spraying": np.full(1500, spraying)}
+    live = in_pieces(hover(load, **channels), 24)
+    off = np.abs(live - load)
+    assert np.isfinite(live[(time_s > 20.0) & (time_s < 73.0)]).all()
+    assert np.nanmax(off[time_s < 73.0]) < 0.6
+    assert not np.any(off[time_s > 78.0] > 0.8)
+    assert np.isnan(live[(time_s > 78.0) & (time_s < 80.0)]).all()
+    assert np.isfinite(live[time_s > 100.0]).all()
+
+
+def test_the_live_load_is_the_same_however_its_rows_are_cut():
+    time_s = np.arange(600) / 10.0
+    track = hover(np.where(time_s < 36.0, 8.0, 2.0))
+    once = with_load_so_far(track, F16, START)[0].tank_kg
+    for size in (3, 13, 200):
+        np.testing.assert_allclose(in_pieces(track, size), once, equal_nan=True)
+
+
+def test_a_gust_of_three_seconds_is_no_other_load():
+    time_s = np.arange(1200) / 10.0
+    load = np.where((time_s >= 62.5) & (time_s < 65.0), 14.0, 8.0)
+    live = in_pieces(hover(load), 24)
+    assert np.nanmax(np.abs(live - 8.0)[time_s > 20.0]) < 0.6
+    assert np.isfinite(live[time_s > 70.0]).all()

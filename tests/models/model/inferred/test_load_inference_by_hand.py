@@ -152,7 +152,7 @@ def seen(track: FlightTrack) -> LoadEvidence:
 
 def only(track: FlightTrack) -> np.ndarray:
     """Seconds and means (mass, lift, sprayed, flown, error) where there is one stretch."""
-    (sums,) = seen(track).sums.values()
+    (sums,) = seen(track).whole.values()
     return np.array([sums[0], *(sums[1:] / sums[0])])
 
 
@@ -182,7 +182,7 @@ def test_translational_lift_is_by_airspeed_else_by_the_speed_over_ground():
 def test_of_an_unknown_speed_there_is_no_lift_and_a_span_begins_at_its_tens():
     unknown = np.full((100, 3), np.nan)
     assert only(hover(10.0, 100, velocity_ned=unknown))[2] == 0.0
-    spans = {key: s[0] for key, s in seen(hover(10.0, 200)).sums.items()}
+    spans = {key: s[0] for key, s in seen(hover(10.0, 200)).whole.items()}
     assert spans == pytest.approx({(1, 0): 9.9, (1, 1): 10.0})
 
 
@@ -235,7 +235,7 @@ def test_a_load_falls_while_the_pump_is_heard_to_run_from_what_was_shown_before(
 )
 def test_only_rows_of_level_flight_clear_of_the_ground_count(channels, counts):
     given = {name: np.array([value] * 100) for name, value in channels.items()}
-    assert bool(seen(hover(10.0, 100, **given)).sums) == counts
+    assert bool(seen(hover(10.0, 100, **given)).whole) == counts
 
 
 def test_a_pause_counts_as_one_second():
