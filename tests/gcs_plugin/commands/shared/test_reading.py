@@ -82,4 +82,4 @@ def test_a_load_that_nothing_reports_is_inferred_and_named_on_every_page(tmp_pat
     assert tank["source"] == made["flight"]["tank_source"]
     assert tank["samples"] > 2000
     assert "inferred from hover thrust" in page.read_text()
-    assert "tank standard error where inferred [kg]" in page.with_suffix(".csv").read_text()
+    assert "tank_error_kg [kg]" in page.with_suffix(".csv").read_text()

@@ -1,0 +1,132 @@
+"""Motor outputs as a third estimate of thrust, beside weight and rotor speeds, by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.made_sources import pulses
+from thrustmargin.models.checks.frozen import without_frozen
+from thrustmargin.models.checks.output_evidence import output_evidence
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.airframe_claim import airframe_claim
+from thrustmargin.models.model.analysis import analyse, for_verdict
+from thrustmargin.models.model.inferred.prepared import prepared
+from thrustmargin.models.model.rotor_model import physics_model
+from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.provenance import Reason, SourceKind
+from thrustmargin.models.vehicle_facts import VehicleFacts
+
+F16 = load_airframe("topxgun-f16-sitl")
+FACTS = VehicleFacts(kind="multirotor", rotor_count=4, rotor_evidence="a test")
+G0 = 9.80665
+#: Thrust is the square of the output: f(x) = x².
+SQUARE = {"MOT_THST_EXPO": 1.0, "MOT_SPIN_MIN": 0.0, "MOT_SPIN_MAX": 1.0}
+FULL = 4.0 * 2.011e-5 * 3000.0**2  # N of four rotors at 3000 rpm and 58.8 V
+RNG = np.random.default_rng(5)
+
+
+def hover(load, rows: int = 900, *, speeds: float = 1.0, gauge=None) -> FlightTrack:
+    """90 s of an F16 with `load` kg on a full battery at sea level, its speeds off by a factor."""
+    load = np.broadcast_to(load, rows)
+    weight = (F16.empty_mass + load) * G0
+    rpm = speeds * 3000.0 * np.sqrt(weight / FULL)
+    return FlightTrack.of(
+        name="hover",
+        time_s=np.arange(rows) / 10.0,
+        rotor_count=4,
+        rotor_speed_rpm=np.tile(rpm[:, None], (1, 4)),
+        throttle=np.tile(np.sqrt(weight / FULL)[:, None], (1, 4)),
+        voltage=58.8 + 0.01 * RNG.standard_normal(rows),
+        pressure=np.full(rows, 101_325.0),
+        altitude=np.zeros(rows),
+        velocity_ned=np.zeros((rows, 3)),
+        attitude=np.zeros((rows, 3)),
+        tank_kg=load.copy() if gauge is None else np.broadcast_to(gauge, rows).copy(),
+        sources={"throttle": pulses("SERVO_OUTPUT_RAW"), "tank_kg": pulses("GAUGE")}
+        | {"voltage": pulses("BATTERY_STATUS")},
+    )
+
+
+def without(track: FlightTrack, *channels: str) -> FlightTrack:
+    silent = {c: np.full_like(getattr(track, c), np.nan) for c in channels}
+    return replace(track, **silent)
+
+
+def claim_of(track: FlightTrack):
+    return airframe_claim(track, F16, FACTS, SQUARE, given=True)
+
+
+def test_outputs_lift_the_weight_and_agree_with_the_speeds():
+    found = output_evidence(hover(9.0), F16, SQUARE)
+    assert found.lifted_kg == pytest.approx(30.1, rel=0.01)
+    assert found.over_speeds == pytest.approx(0.0, abs=0.01)
+    # ln of the share is ln(30.1 x 9.80665 / 724) = -0.897; its steepness is good to 15 %.
+    assert found.error == pytest.approx(np.hypot(0.15 * 0.897, 0.05), rel=0.02)
+
+
+@pytest.mark.parametrize(("speeds", "withheld"), [(1.0, False), (0.9, False), (0.8, True)])
+def test_speeds_that_outputs_rule_out_leave_no_verdict(speeds, withheld):
+    # 0.9² and 0.8² are ln -0.21 and -0.45 of thrust, where 2.6 errors are 0.37.
+    track = without(hover(9.0, speeds=speeds), "tank_kg")
+    assert bool(claim_of(track).withheld) == withheld
+
+
+@pytest.mark.parametrize(("gauge", "withheld"), [(16.0, False), (9.0, False), (0.0, True)])
+def test_without_speeds_a_gauge_that_outputs_rule_out_leaves_no_verdict(gauge, withheld):
+    # 37.1 kg over 21.1 is ln 0.56, over 30.1 is 0.21; 2.6 errors are 0.30.
+    track = without(hover(16.0, gauge=gauge), "rotor_speed_rpm")
+    assert bool(claim_of(track).withheld) == withheld
+    # With speeds of its own the load that thrust shows is taken, and the verdict stands.
+    assert not claim_of(hover(16.0, gauge=gauge)).withheld
+
+
+def test_a_load_from_slow_speeds_reaches_to_what_the_outputs_lift():
+    whole = without(hover(16.0), "tank_kg")
+    slow = without(hover(16.0, speeds=0.92), "tank_kg")
+    sure, unsure = (prepared(track, F16, SQUARE) for track in (whole, slow))
+    assert np.nanmedian(sure.tank_kg) == pytest.approx(16.0, abs=0.3)
+    # 0.8464 of 37.1 kg less 21.1 is 10.3 kg; what the outputs lift is 5.7 kg more.
+    assert np.nanmedian(unsure.tank_kg) == pytest.approx(10.3, abs=0.3)
+    error = float(np.nanmedian(unsure.standard_errors["tank_kg"]))
+    assert 1.645 * error > 5.7
+    slower = prepared(without(hover(16.0, speeds=0.9), "tank_kg"), F16, SQUARE)
+    assert not slower.reports("tank_kg")
+    assert "too unsure to be used" in slower.notes[-1]
+    assert np.nanmedian(sure.standard_errors["tank_kg"]) < 2.0
+
+
+def test_gauge_and_speeds_that_are_both_wrong_do_not_reassure():
+    track = hover(16.0, speeds=0.9, gauge=0.0)
+    analysis = analyse(prepared(track, F16, SQUARE), physics_model(F16), claim=claim_of(track))
+    judged = for_verdict(analysis)
+    low = judged.redundancy_yaw_uncontrolled * np.exp(-1.645 * judged.redundancy_error)
+    true = analyse(hover(16.0), physics_model(F16)).redundancy_yaw_uncontrolled
+    assert np.all(low < true)
+
+
+def test_a_voltage_that_stands_still_is_none_and_widens_the_margin():
+    track = replace(hover(9.0), voltage=np.full(900, 58.8))
+    found = without_frozen(track, F16, SQUARE)
+    assert np.isnan(found.voltage).all()
+    assert found.source("voltage").kind is SourceKind.ABSENT
+    assert [r.reason for r in found.source("voltage").rejected] == [Reason.FROZEN]
+    assert found.notes[-1].startswith("battery voltage stood at 58.8 V throughout")
+    assert without_frozen(hover(9.0), F16, SQUARE).reports("voltage")
+    short = track.rows(slice(0, 590))  # 59 s
+    assert without_frozen(short, F16, SQUARE) is short
+    sure, unsure = (analyse(t, physics_model(F16)) for t in (hover(9.0), found))
+    assert np.all(unsure.utilisation_error > sure.utilisation_error + 0.04 * unsure.utilisation)
+
+
+@pytest.mark.parametrize("silent", [(), ("rotor_speed_rpm",)])
+def test_a_gauge_that_stands_still_while_the_aircraft_grows_lighter_is_none(silent):
+    emptied = hover(np.linspace(16.0, 4.0, 900), gauge=4.0)
+    found = without_frozen(without(emptied, *silent), F16, SQUARE)
+    assert not found.reports("tank_kg")
+    assert "tank gauge stood at 4 kg throughout" in found.notes[-1]
+    # A load that is carried and not sprayed stays where it is.
+    carried = hover(9.0, gauge=4.0)
+    assert without_frozen(carried, F16, SQUARE) is carried
+    moving = hover(np.linspace(16.0, 4.0, 900))
+    assert without_frozen(moving, F16, SQUARE) is moving
