@@ -9,10 +9,14 @@ this catalogue and nothing else.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from dataclasses import fields
+from difflib import get_close_matches
 from importlib import import_module
 from pkgutil import iter_modules
 
 from thrustmargin.models.effects.base import Effect, Kind, Parameter, Placed
+from thrustmargin.models.effects.channels import Channels
+from thrustmargin.models.errors import ModelError
 from thrustmargin.models.physics.airframe import Airframe
 
 
@@ -22,8 +26,29 @@ def _found() -> Iterator[Effect]:
             yield from import_module(f"{__name__}.{room}.{module.name}").EFFECTS
 
 
+def with_known_channels(effects: Iterable[Effect]) -> list[Effect]:
+    """The effects as they are.
+
+    Raises ModelError when one asks for a channel that no flight has, and no effect makes for
+    itself: it would never be looked for, in silence.
+    """
+    found = list(effects)
+    known = {channel.name for channel in fields(Channels)}
+    known |= {effect.name for effect in found if effect.own_channel is not None}
+    for effect in found:
+        for name in (*effect.needs, *effect.neutral):
+            if name not in known:
+                near = get_close_matches(name, known, 1)
+                hint = f"; is it {near[0]}?" if near else ""
+                raise ModelError(f"effect {effect.key}: no channel {name!r} is known{hint}")
+    return found
+
+
 CATALOGUE: tuple[Effect, ...] = tuple(
-    sorted(_found(), key=lambda effect: (list(Kind).index(effect.kind), effect.name))
+    sorted(
+        with_known_channels(_found()),
+        key=lambda effect: (list(Kind).index(effect.kind), effect.name),
+    )
 )
 BY_KEY: dict[str, Effect] = {effect.key: effect for effect in CATALOGUE}  # as in model files
 
