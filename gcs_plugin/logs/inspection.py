@@ -84,7 +84,9 @@ def inspect_log(
     found = comparisons(log.track, airframe, log.facts, log.parameters)
     if claim is None:
         claim = airframe_claim(log.track, airframe, log.facts, log.parameters, given=True)
-    known = None if claim.basis == "not known" else airframe
+    # Of a flight without a claim a report has an airframe of which nothing is known.
+    unknown = claim.basis == "not known" or not math.isfinite(airframe.empty_mass)
+    known = None if unknown else airframe
     if known is None:
         for reason in (*claim.withheld, claim.remedy):
             findings.append(Finding(check="airframe", level=Severity.UNKNOWN, words=reason))

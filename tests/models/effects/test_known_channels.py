@@ -1,4 +1,4 @@
-"""An effect that asks for a channel that no flight has is refused when it is put into the catalogue."""
+"""An effect that asks for a channel that no flight has is refused by the catalogue."""
 
 from dataclasses import replace
 
