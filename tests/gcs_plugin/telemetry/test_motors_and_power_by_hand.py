@@ -143,19 +143,21 @@ def test_a_range_of_zero_is_that_of_the_throttle_channel():
     pulses = [[1100, 1500, 1900, 2006]] * 3
     unset = {"MOT_PWM_MIN": 0.0, "MOT_PWM_MAX": 0.0, "RC3_MIN": 1100.0, "RC3_MAX": 1900.0}
     expected = np.array([[0.0, 0.5, 1.0, 1.0]] * 3).T
-    np.testing.assert_allclose(throttles(pulses, unset), expected)
+    np.testing.assert_allclose(np.array(throttles(pulses, unset)), expected)
     # One of the two set alone counts as neither; a remapped throttle is another channel.
-    np.testing.assert_allclose(throttles(pulses, unset | {"MOT_PWM_MAX": 1700.0}), expected)
+    np.testing.assert_allclose(
+        np.array(throttles(pulses, unset | {"MOT_PWM_MAX": 1700.0})), expected
+    )
     moved = unset | {"RCMAP_THROTTLE": 2.0, "RC2_MIN": 1100.0, "RC2_MAX": 1700.0}
     np.testing.assert_allclose(np.array(throttles(pulses, moved))[1], 400 / 600)
     # A firmware of before FRAME_CLASS has no range of its own; one that only did not send it, has.
     sent = {"RC3_MIN": 1100.0, "RC3_MAX": 1900.0}
-    np.testing.assert_allclose(throttles(pulses, sent | {"FRAME": 1.0}), expected)
+    np.testing.assert_allclose(np.array(throttles(pulses, sent | {"FRAME": 1.0})), expected)
     np.testing.assert_allclose(np.array(throttles(pulses, sent))[0], 0.1)
     hover = {"Q_M_PWM_MIN": 0.0, "Q_M_PWM_MAX": 0.0, "Q_THR_MIN_PWM": 1100.0}
     hover |= {"Q_THR_MAX_PWM": 1900.0, "MOT_PWM_MIN": 900.0, "MOT_PWM_MAX": 1000.0}
-    np.testing.assert_allclose(throttles(pulses, hover), expected)
-    np.testing.assert_allclose(throttles(pulses, unset | {"Q_M_PWM_MIN": 0.0}), expected)
+    np.testing.assert_allclose(np.array(throttles(pulses, hover)), expected)
+    np.testing.assert_allclose(np.array(throttles(pulses, unset | {"Q_M_PWM_MIN": 0.0})), expected)
 
 
 def test_the_words_name_the_range_that_was_used():

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.sorties import flight_spans, has_flight
 from thrustmargin.models.flight import FlightTrack
@@ -21,7 +22,7 @@ def track(stay: tuple[float, float], **channels: Any) -> FlightTrack:
 
 def reported(channel: str, *reports: tuple[float, float]) -> dict[str, tuple[Signal, ...]]:
     times, values = np.array(reports).T
-    return {channel: (Signal(channel, "", BOOT + times, values),)}
+    return {channel: (Signal(channel, sent(channel), BOOT + times, values),)}
 
 
 def spans(flight: FlightTrack, signals: Any = None) -> list[tuple[float, float]]:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.made_sources import sent
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import (
     EventKind,
@@ -60,7 +61,7 @@ def test_errors_by_ardupilots_table():
 
 
 def test_arming_is_told_where_it_changes():
-    armed = Signal("armed", "HEARTBEAT x", np.arange(6.0), np.array([0.0, 1, 1, NAN, 0, 0]))
+    armed = Signal("armed", sent("HEARTBEAT x"), np.arange(6.0), np.array([0.0, 1, 1, NAN, 0, 0]))
     found = [(e.kind, e.time_s) for e in arming_events(armed)]
     assert found == [(EventKind.ARMED, 1.0), (EventKind.DISARMED, 4.0)]
     assert list(arming_events(None)) == []

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -265,7 +266,10 @@ def test_recorded_flights_without_their_gauge_show_its_level(name: str):
 
 
 def test_its_redundancy_is_free_of_the_curves_error():
-    instruments = {"pressure": np.full(900, 101_325.0), "voltage": np.full(900, 55.0)}
+    instruments: dict[str, Any] = {
+        "pressure": np.full(900, 101_325.0),
+        "voltage": np.full(900, 55.0),
+    }
     exact = hover(np.full(900, 9.0), spraying=np.zeros(900), **instruments)
     wrong = replace(F16, thrust_coefficient=1.05 * F16.thrust_coefficient)
     found, other = (
@@ -309,7 +313,7 @@ def in_pieces(track: FlightTrack, size: int) -> np.ndarray:
 def test_a_load_that_changes_at_once_is_unknown_within_5_s_and_then_the_new_one(after, spraying):
     time_s = np.arange(1500) / 10.0
     load = np.where(time_s < 73.0, 8.0, after) - (0.01 * time_s if spraying else 0.0)
-    channels = {} if spraying is None else {"spraying": np.full(1500, spraying)}
+    channels: dict[str, Any] = {} if spraying is None else {"spraying": np.full(1500, spraying)}
     live = in_pieces(hover(load, **channels), 24)
     off = np.abs(live - load)
     assert np.isfinite(live[(time_s > 20.0) & (time_s < 73.0)]).all()
