@@ -43,6 +43,9 @@ def episode_words(episode: FaultEpisode) -> str:
     return f"{fault_words(episode.fault)} (found at {duration(episode.begin_s)}{end})"
 
 
+#: Where the order of the motors in the log is not that of the airframe.
+WHICH_ROTOR = "by its number in the log; which rotor that is, is not known"
+
 ONE_LOST = "one rotor lost"
 #: No yaw moment is asked of the rotors left, or the heading is held.
 SPINS = "without yaw control, it will spin"

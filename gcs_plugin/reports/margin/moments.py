@@ -9,7 +9,7 @@ import numpy as np
 import pymap3d
 
 from thrustmargin.gcs_plugin.reports.margin.data import JsonObject, mean
-from thrustmargin.gcs_plugin.wording.fault_words import episode_words, fault_words
+from thrustmargin.gcs_plugin.wording.fault_words import WHICH_ROTOR, episode_words, fault_words
 from thrustmargin.gcs_plugin.wording.margin_verdict import Fact, Moment
 from thrustmargin.gcs_plugin.wording.report_words import NOT_SPRAYING
 from thrustmargin.models.flight import Floats
@@ -136,13 +136,17 @@ def doing(analysis: FlightAnalysis, row: int) -> tuple[str, ...]:
     return tuple(words)
 
 
-def alarm_facts(episodes: Sequence[FaultEpisode]) -> tuple[Fact, ...]:
-    """What the live alarms said, one fact each."""
-    return tuple(Fact("alarm", episode_words(episode)) for episode in episodes)
+def alarm_facts(episodes: Sequence[FaultEpisode], *, names_known: bool = True) -> tuple[Fact, ...]:
+    """What the live alarms said, one fact each; not `names_known`: of which rotor is not known."""
+    doubt = "" if names_known else f": {WHICH_ROTOR}"
+    return tuple(Fact("alarm", f"{episode_words(episode)}{doubt}") for episode in episodes)
 
 
-def suspected(episodes: Sequence[FaultEpisode]) -> tuple[int, ...]:
-    """Rotors, from 1, for which an alarm was raised, or of one of which it was."""
+def suspected(episodes: Sequence[FaultEpisode], unordered: int = 0) -> tuple[int, ...]:
+    """Rotors, from 1, for which an alarm was raised, or of one of which it was; any of so many
+    that are `unordered`, where it is not known which is which."""
+    if episodes and unordered:
+        return tuple(range(1, unordered + 1))
     faults = [episode.fault for episode in episodes]
     return tuple(sorted({rotor + 1 for fault in faults for rotor in _rotors(fault)}))
 

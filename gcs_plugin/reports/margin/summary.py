@@ -103,16 +103,17 @@ def report_flight(
     )
     alarms = fault_episodes(fault_history(analysis))
     found = inspect_log(log, airframe, analysis.claim).findings
+    names_known = all(one.spoils is not Spoils.ROTOR_NAMES for one in found)
     said = (
         *((Fact("control", loss_words(losses)),) if losses else ()),
         *_look_facts(found),
-        *alarm_facts(alarms),
+        *alarm_facts(alarms, names_known=names_known),
         *facts(
             verdict,
             analysis.claim,
             _no_flight(whole.track),
             full_at_once=full_at_once(as_flown),
-            suspects=suspected(alarms),
+            suspects=suspected(alarms, 0 if names_known else track.rotor_count),
         ),
         *(*load_facts(track), *ending_facts(whole.track)),
     )

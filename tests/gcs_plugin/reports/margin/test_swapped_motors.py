@@ -1,0 +1,24 @@
+"""With motors in another order than the airframe's no single rotor is sent to the bench."""
+
+from dataclasses import replace
+
+import pytest
+
+from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.reports.margin.summary import report_flight
+from thrustmargin.models.model.analysis import analyse
+from thrustmargin.models.model.model_file import shipped_model
+
+
+@pytest.mark.parametrize(("order", "known"), [([0, 1, 2, 3], True), ([2, 1, 0, 3], False)])
+def test_a_worn_rotor_is_named_only_where_names_can_be_trusted(order, known, sitl_logs):
+    log = read_log(sitl_logs / "dev/worn_prop_1.tlog")
+    track = replace(log.track, rotor_speed_rpm=log.track.rotor_speed_rpm[:, order])
+    track = track.rows(slice(0, 1500))
+    analysis = analyse(track, shipped_model())
+    report = report_flight(analysis, replace(log, track=track), max_utilisation=0.5)
+    facts = {fact.label: fact.text for fact in report.verdict.facts}
+    assert ("rotor names" in facts) is not known
+    assert ("which rotor that is, is not known" in facts["alarm"]) is not known
+    assert ("rotor 1 were" in facts["what to do"]) is known
+    assert ("rotors 1 and 2 and 3 and 4" in facts["what to do"]) is not known
