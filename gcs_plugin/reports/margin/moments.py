@@ -138,8 +138,8 @@ def doing(analysis: FlightAnalysis, row: int) -> tuple[str, ...]:
 
 def alarm_facts(episodes: Sequence[FaultEpisode], *, names_known: bool = True) -> tuple[Fact, ...]:
     """What the live alarms said, one fact each; not `names_known`: of which rotor is not known."""
-    doubt = "" if names_known else f": {WHICH_ROTOR}"
-    return tuple(Fact("alarm", f"{episode_words(episode)}{doubt}") for episode in episodes)
+    unsure = "" if names_known else f": {WHICH_ROTOR}"
+    return tuple(Fact("alarm", f"{episode_words(episode)}{unsure}") for episode in episodes)
 
 
 def suspected(episodes: Sequence[FaultEpisode], unordered: int = 0) -> tuple[int, ...]:
