@@ -214,6 +214,7 @@ def _heard_s(update: Update) -> float:
 def reading(update: Update, stamp: float) -> Reading:
     """The newest row of an update, which was reported at `stamp` (time.monotonic())."""
     from thrustmargin.gcs_plugin.live.watch.unknown_figures import unknown_figures, unknown_lines
+    from thrustmargin.gcs_plugin.wording.live_words import by_source
     from thrustmargin.models.model.analysis import SpeedBasis, worst_rotor
     from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 
@@ -234,7 +235,7 @@ def reading(update: Update, stamp: float) -> Reading:
         margin_predicted=1.0 - float(predicted[0]),
         redundancy=float(analysis.redundancy_yaw_uncontrolled[-1]),
         tank_kg=float(analysis.track.tank_kg[-1]),
-        tank_source=analysis.track.source("tank_kg").words,
+        tank_source=by_source(analysis.track.source("tank_kg")),
         seconds_to_empty=outlook.seconds_to_empty,
         margin_full=outlook.margin_full,
         margin_ahead=outlook.margin_ahead,
@@ -279,7 +280,7 @@ def _lines(now: Reading, max_utilisation: float, age: float) -> list[str]:
     rotor = f" (rotor {now.rotor})" if now.rotor else ""
     within = f" ±{100 * now.error:.0f}" if now.error > 0.0 else ""
     basis = f", {now.basis}" if now.basis else ""
-    source = f" by {now.tank_source}" if now.tank_source else ""
+    source = f" {now.tank_source}" if now.tank_source else ""
     if now.withheld:
         words = f"vehicle {now.vehicle}, {state}{old}: {now.withheld}"
         return [words, *(f"  ALARM {text}" for text in now.alarms)]

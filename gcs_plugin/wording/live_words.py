@@ -138,8 +138,15 @@ def no_escs(source: Provenance) -> str:
 
 
 def tank_by(source: Provenance) -> str:
+    return f"tank {by_source(source)}"
+
+
+def by_source(source: Provenance) -> str:
+    """`by NAMED_VALUE_FLOAT TANK`, `stated: 8 kg`; empty where nothing gives it."""
+    if source.kind is SourceKind.ABSENT:
+        return ""
     reported = source.kind is not SourceKind.STATED and source.meaning is not Meaning.HOVER_THRUST
-    return f"tank {'by ' if reported else ''}{source.words}"
+    return f"by {source.words}" if reported else source.words
 
 
 def order_assumed(words: str) -> str:

@@ -261,7 +261,7 @@ class TestInMavproxy:
                 running.wait("inferred from hover")
                 running.wait("airframe topxgun-f16-sitl, given")
             # Mission and parameters were heard before the options were changed.
-            running.ask("margin", "least margin on the rest of the route")
+            running.ask("margin", "rest of the route, straight and level")
             running.ask("margin load heavy", "margin load heavy is no number")
         finally:
             running.close()
@@ -366,7 +366,7 @@ NOW = Reading(
     margin_predicted=0.45,
     redundancy=0.96,
     tank_kg=12.25,
-    tank_source="NAMED_VALUE_FLOAT TANK",
+    tank_source="by NAMED_VALUE_FLOAT TANK",
     seconds_to_empty=294.4,
     margin_full=0.39,
 )
