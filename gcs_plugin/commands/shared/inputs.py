@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from rich.console import Console
 from rich.markup import escape
 from rich.progress import track
@@ -21,7 +22,7 @@ from thrustmargin.gcs_plugin.wording.flight_words import several_words
 from thrustmargin.models.errors import AirframeError, DataError, LogError, ThrustMarginError
 from thrustmargin.models.model.model_file import load_model, shipped_model
 from thrustmargin.models.model.rotor_model import RotorModel, physics_model
-from thrustmargin.models.physics.airframe import load_airframe
+from thrustmargin.models.physics.airframe import Airframe, load_airframe
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.logs import FlightLog
@@ -45,7 +46,14 @@ def chosen_model(model: Path | None, airframe: str | None) -> RotorModel:
     if airframe is None:
         return shipped
     wanted = load_airframe(airframe)
-    return shipped if wanted.name == shipped.airframe.name else physics_model(wanted)
+    return shipped if _same_numbers(wanted, shipped.airframe) else physics_model(wanted)
+
+
+def _same_numbers(one: Airframe, other: Airframe) -> bool:
+    """Whether two files are of one aircraft: a user's own may have kept the name of another."""
+    values = [{n: q.value for n, q in craft.quantities.items()} for craft in (one, other)]
+    places = [craft.rotor_position_frd for craft in (one, other)]
+    return one.name == other.name and values[0] == values[1] and np.array_equal(*places)
 
 
 def starting_model(model: Path | None, airframe: str | None) -> tuple[RotorModel, str]:

@@ -63,3 +63,13 @@ def test_a_reason_that_many_logs_share_is_said_once():
     said = "f0.csv: f0 has 0.5 rotors (likewise f1.csv, f2.csv, f3.csv"
     assert listed([*alike[:4], short]) == f"{said}); short.csv: 3 s are too few"
     assert listed(alike) == f"{said} and 2 more)"
+
+
+def test_a_file_that_keeps_the_name_of_the_shipped_airframe_is_not_ignored(tmp_path):
+    own = tmp_path / "own.toml"
+    own.write_text('extends = "topxgun-f16-sitl"\n')
+    assert chosen_model(None, str(own)).network is not None
+    weight = 'empty_mass = { value = 16.9, unit = "kg", source = "scales" }\n'
+    own.write_text(f'extends = "topxgun-f16-sitl"\n[quantities]\n{weight}')
+    model = chosen_model(None, str(own))
+    assert (model.airframe.empty_mass, model.network) == (16.9, None)
