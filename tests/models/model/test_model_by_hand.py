@@ -156,18 +156,30 @@ def test_without_a_network_the_interval_holds_where_flights_have_been():
         assert np.isnan(predict(without, rows, np.full(4, 1.2)).upper_rpm).all()
 
 
-def test_outside_its_training_it_is_the_weight_in_the_air_of_the_row():
-    # 9 kg, 6 m/s and air of 1.1 and 0.9 kg/m³ are each outside
+def test_outside_its_training_the_network_at_its_edge_is_extrapolated_by_physics():
+    # 9 kg, 6 m/s and air of 1.1 and 0.9 kg/m³ are each outside. Without forward flight the airspeed
+    # is held at its edge; N goes with the root of the weight, and of the air.
     track = flight([3.0, 6.0, 3.0, 3.0], [9.0, 4.0, 4.0, 4.0])
     density = np.array([1.2, 1.2, 1.1, 0.9])
     predicted = predict(learnt(), track, density)
-    by_hand = [hover_rpm(29.0), hover_rpm(24.0), hover_rpm(24.0, 1.1), hover_rpm(24.0, 0.9)]
-    np.testing.assert_allclose(predicted.rotor_speed_rpm[:, 0], by_hand)
+    by_hand = [
+        network_rpm(3.0, 8.0) * np.sqrt(29.0 / 28.0),
+        network_rpm(5.0, 4.0),
+        network_rpm(3.0, 4.0) * np.sqrt(1.2 / 1.1),
+        network_rpm(3.0, 4.0) * np.sqrt(1.2 / 0.9),
+    ]
+    np.testing.assert_allclose(predicted.rotor_speed_rpm, by_hand, rtol=1e-6)
     assert predicted.basis.tolist() == [Basis.PHYSICS] * 4
-    assert np.isnan(predicted.lower_rpm).all()
-    assert np.isnan(predicted.coverage)
-    # its thrust is the weight, whatever the air
-    np.testing.assert_allclose(predicted.thrust.sum(axis=1), np.array([29, 24, 24, 24]) * G0)
+    assert predicted.coverage == 0.9
+    # Twice the scatter of 20 rpm at 3 m/s and of 30 at 5, by the factors 2, 2, 2, 1; beside it
+    # 1.645 x 10 % of what the weight beyond the edge adds.
+    half = predicted.upper_rpm - predicted.rotor_speed_rpm
+    np.testing.assert_allclose(half[1], 2.0 * 30.0 * np.array([2, 2, 2, 1]))
+    np.testing.assert_allclose(half[3], 2.0 * 20.0 * np.array([2, 2, 2, 1]))
+    added = network_rpm(3.0, 8.0) * (np.sqrt(29.0 / 28.0) - 1.0)
+    np.testing.assert_allclose(
+        half[0], np.hypot(40.0 * np.array([2, 2, 2, 1]), 1.644854 * 0.1 * added), rtol=1e-5
+    )
 
 
 @pytest.mark.parametrize("missing", ["airspeed", "tank_kg", "density"])

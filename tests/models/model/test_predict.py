@@ -54,23 +54,27 @@ def test_inside_the_training_domain_it_is_the_network_with_its_interval(model):
     np.testing.assert_allclose(predicted.thrust, model.thrust_coefficient * speed**2)
 
 
-@pytest.mark.parametrize(
-    ("airspeed", "tank", "density"),
-    [(12.0, 10.0, SEA_LEVEL), (4.0, 17.0, SEA_LEVEL), (4.0, 10.0, 1.0), (4.0, 10.0, 1.3)],
-)
-def test_outside_it_is_the_weight_on_the_thrust_curve_of_that_air(model, airspeed, tank, density):
-    track = flight([airspeed], [tank])
-    predicted = predict(model, track, air(track, density))
-    assert predicted.basis.tolist() == [Basis.PHYSICS]
-    share = (F16.empty_mass + tank) * G0 / 4
-    np.testing.assert_allclose(predicted.thrust, share)
-    np.testing.assert_allclose(
-        predicted.rotor_speed_rpm,
-        np.sqrt(share / (F16.thrust_coefficient * density / F16.reference_density)),
-    )
-    assert np.isnan(predicted.lower_rpm).all()
-    assert np.isnan(predicted.upper_rpm).all()
-    assert np.isnan(predicted.coverage)
+@pytest.mark.parametrize("density", [0.9, 1.0, 1.3])
+def test_in_other_air_it_is_the_network_by_the_root_of_density(model, density):
+    track = flight([4.0, 4.0], [10.0, 2.0])
+    speed, _ = ensemble_speed(model.network, track.airspeed, track.tank_kg)
+    predicted = predict(replace(model, effects=()), track, air(track, density))
+    assert predicted.basis.tolist() == [Basis.PHYSICS] * 2
+    by_hand = speed * np.sqrt(1.225 / density)
+    np.testing.assert_allclose(predicted.rotor_speed_rpm, by_hand, rtol=1e-3)
+    # The interval there is twice that of the training.
+    inside = predict(replace(model, effects=()), track, air(track))
+    half = predicted.upper_rpm - predicted.rotor_speed_rpm
+    assert np.all(half > 1.5 * (inside.upper_rpm - inside.rotor_speed_rpm))
+    assert predicted.coverage == 0.9
+
+
+def test_beyond_its_airspeeds_drag_counts_and_is_less_sure(model):
+    track = flight([6.0, 12.0, 18.0, 24.0], [10.0] * 4)
+    predicted = predict(model, track, air(track))
+    assert predicted.basis.tolist() == [Basis.NETWORK, *[Basis.PHYSICS] * 3]
+    assert np.all(np.diff(predicted.rotor_speed_rpm.mean(axis=1)) > 0.0)
+    assert np.all(np.diff((predicted.upper_rpm - predicted.lower_rpm).mean(axis=1)) > 0.0)
 
 
 def test_without_a_network_every_row_is_physics():
