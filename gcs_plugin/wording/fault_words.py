@@ -7,40 +7,53 @@ over the weight: 1 or more carries it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from thrustmargin.gcs_plugin.wording.actions import LAND
-from thrustmargin.gcs_plugin.wording.numbers import duration
+from thrustmargin.gcs_plugin.wording.numbers import clock
 from thrustmargin.models.model.fault_test import MOST, Kind, RotorFault
 from thrustmargin.models.model.rotor_faults import FaultEpisode
 
-_SENTENCES: Mapping[Kind, str] = {
-    "propeller": f"Rotor {{rotor}} makes {{size}} less thrust: prop? {LAND.text}",
-    "motor": f"Motor {{rotor}} or ESC {{size}} slow for output: {LAND.text}",
+_SHORT: Mapping[Kind, str] = {
+    "propeller": f"{{part}} {{size}} less thrust: {LAND.text}",
+    "motor": f"{{part}} {{size}} slow, motor or ESC: {LAND.text}",
 }
 #: While it is not yet known which one it is.
 _ONE_OF: Mapping[Kind, str] = {
     "propeller": f"A rotor loses thrust, {{rotors}}: {LAND.text}",
     "motor": f"A motor or ESC is slow, {{rotors}}: {LAND.text}",
 }
+MOST_LETTERS = 50  # of a STATUSTEXT
 
 
-def fault_words(fault: RotorFault) -> str:
-    """`Rotor 3 makes 12% (9-15) less thrust: prop? land`, with the 95 % interval of its size."""
-    if fault.upper >= MOST:
-        size = f">{100 * fault.lower:.0f}%"
-    else:
-        size = f"{100 * fault.size:.0f}% ({100 * fault.lower:.0f}-{100 * fault.upper:.0f})"
+def fault_words(fault: RotorFault, names: Sequence[str] = ()) -> str:
+    """`Rotor 3 front left 12% (9-15) less thrust: land`, with the 95 % interval of its size.
+
+    `names` are the places of the rotors; left out where there is no room for them.
+    """
     if fault.rotors:
         numbers = " or ".join(str(rotor + 1) for rotor in fault.rotors)
         return _ONE_OF[fault.kind].format(rotors=numbers)
-    return _SENTENCES[fault.kind].format(rotor=fault.rotor + 1, size=size)
+    size = f">{100 * fault.lower:.0f}%"
+    if fault.upper < MOST:
+        size = f"{100 * fault.size:.0f}% ({100 * fault.lower:.0f}-{100 * fault.upper:.0f})"
+    part = f"{'Rotor' if fault.kind == 'propeller' else 'Motor'} {fault.rotor + 1}"
+    places = [f"{part} {names[fault.rotor]}", part] if names else [part]
+    made = [_SHORT[fault.kind].format(part=place, size=size) for place in places]
+    return next((words for words in made if len(words) <= MOST_LETTERS), made[-1])
 
 
-def episode_words(episode: FaultEpisode) -> str:
+def fault_amount(fault: RotorFault) -> str:
+    """`12 %`, or `OVER 40 %` while it is not bounded."""
+    if fault.upper >= MOST:
+        return f"over {100 * fault.lower:.0f} %"
+    return f"{100 * fault.size:.0f} %"
+
+
+def episode_words(episode: FaultEpisode, names: Sequence[str] = ()) -> str:
     """The same with when in the flight it was found, and when it was over."""
-    end = "" if episode.end_s is None else f", until {duration(episode.end_s)}"
-    return f"{fault_words(episode.fault)} (found at {duration(episode.begin_s)}{end})"
+    end = "" if episode.end_s is None else f", until {clock(episode.end_s)}"
+    return f"{fault_words(episode.fault, names)} (found at {clock(episode.begin_s)}{end})"
 
 
 #: Where the order of the motors in the log is not that of the airframe.

@@ -1,4 +1,4 @@
-"""The largest fill in words: one sentence for console, page, view and report."""
+"""The largest fill in words: the same for console, page, view, report and plan."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from thrustmargin.gcs_plugin.wording.fault_words import TOO_HEAVY
 from thrustmargin.gcs_plugin.wording.numbers import number, percent
 from thrustmargin.models.model.fill_limits import Reason
+from thrustmargin.models.model.next_fill import NextFill
 
 #: reason -> why not more, and why not even empty
 _BECAUSE: Mapping[Reason, tuple[str, str]] = {
@@ -21,53 +22,70 @@ _BECAUSE: Mapping[Reason, tuple[str, str]] = {
         "it is over the maker's maximum take-off mass",
     ),
     "tank": ("the tank holds no more", ""),
+    "as flown": (
+        "with more, this flight was above {limit} of a rotor's maximum thrust",
+        "this flight was above {limit} of a rotor's maximum thrust with hardly any load",
+    ),
 }
+#: Why nothing goes into an aircraft that is light enough.
+_NOTHING_FITS: Mapping[Reason, str] = {
+    "tank": "it has no tank to fill",
+    "take-off mass": "empty it has the maker's maximum take-off mass already",
+}
+UNKNOWN_FILL = "No fill can be recommended: mass and rotors of the aircraft are not known"
+UNPREDICTED = "No fill can be recommended: the model predicts nothing in these conditions"
 
 
-def fill_advice(fill: float, low: float, high: float, reason: Reason, *, limit: float) -> str:
-    """`Fill at most 9.1 kg (limit at 9.8, 9.1 to 10.5): with more it would descend after ...`.
+def fill_advice(fill: NextFill, limit: float, *, was_within: bool = False) -> str:
+    """`Fill at most 9.1 kg (9.1 L): with more it would descend after losing a rotor`.
 
-    `fill` and its 90 % interval in kg; `limit` the share of thrust that may be in use.
+    `limit` is the share of a rotor's largest thrust that may last. Where a flight `was_within` the
+    limits nothing must change: `Up to 9.1 kg (9.1 L): with more ...`.
     """
-    if not math.isfinite(fill):
-        return "No fill can be recommended: the model predicts nothing in these conditions"
-    more, empty = (words.format(limit=percent(limit)) for words in _BECAUSE[reason])
-    if reason == "tank" and fill <= 0.0:
-        return "Nothing to fill: the airframe file has no tank"
-    if fill <= 0.0:
+    if not math.isfinite(fill.kg):
+        return UNPREDICTED if fill.reason else UNKNOWN_FILL
+    assert fill.reason is not None
+    more, empty = (words.format(limit=percent(limit)) for words in _BECAUSE[fill.reason])
+    if fill.nothing_fits is not None:
+        why = _NOTHING_FITS[fill.nothing_fits]
+        if fill.limit_kg < 0.0 and fill.nothing_fits == "tank":
+            return f"Too heavy as it is: {empty}; {why}" if empty else f"Nothing to fill: {why}"
+        return f"Nothing to fill: {why}"
+    if fill.kg <= 0.0:
+        if fill.limit_kg > 0.0 and fill.reason != "as flown":
+            return f"Do not fill: the limit is at {_range(fill)}, too unsure to fill anything"
         return f"Do not fill: even empty {empty}"
-    if low <= 0.0:
-        return (
-            f"Do not fill: the limit is at {amount(fill, low, high)}, too unsure to fill anything"
+    first = "Up to" if was_within else "Fill at most"
+    return f"{first} {amount(fill.kg, fill.liquid_density)}: {more}"
+
+
+def how_sure(fill: NextFill) -> str:
+    """`limit at 9.8 kg (9.1 to 10.5); 12.1 kg with a fresh battery`; empty where nothing adds."""
+    if not math.isfinite(fill.kg) or fill.kg <= 0.0 or fill.nothing_fits is not None:
+        return ""
+    parts = [f"limit at {_range(fill)}"] if fill.high_kg - fill.low_kg >= 0.05 else []
+    if fill.fresh_kg > fill.kg + 0.05:
+        parts.append(
+            f"{amount(fill.fresh_kg, fill.liquid_density)} with the battery as at the start"
         )
-    return f"Fill at most {sure(fill, low, high)}: {more}"
+    return "; ".join(parts)
 
 
-def sure(fill: float, low: float, high: float) -> str:
-    """What keeps a limit even at the low end of its interval, which is what loads are planned by:
-    `9.1 kg (limit at 9.8, 9.1 to 10.5)`; `9.8 kg` where the interval is none."""
-    if not _has_interval(low, high):
-        return amount(fill, low, high)
-    middle = number(_down(fill), "")
-    return f"{number(_down(low), 'kg')} (limit at {middle}, {_ends(low, high)})"
+def amount(kg: float, liquid_density: float = math.nan) -> str:
+    """`9.8 kg (9.8 L)`, rounded to the safe side; litres where the liquid's kg/L is known."""
+    if not math.isfinite(kg):
+        return number(kg, "kg")
+    litres = kg / liquid_density if liquid_density > 0.0 else math.nan
+    of = f" ({number(_down(litres), 'L')})" if math.isfinite(litres) else ""
+    return f"{number(_down(kg), 'kg')}{of}"
 
 
-def amount(fill: float, low: float, high: float) -> str:
-    """`9.8 kg (9.1 to 10.5)`, rounded to the safe side, its interval outwards; without the bracket
-    where there is none."""
-    if not math.isfinite(fill):
-        return number(fill, "kg")
-    words = number(_down(fill), "kg")
-    return f"{words} ({_ends(low, high)})" if _has_interval(low, high) else words
-
-
-def _has_interval(low: float, high: float) -> bool:
-    return math.isfinite(low) and math.isfinite(high) and high - low >= 0.05
-
-
-def _ends(low: float, high: float) -> str:
-    up = math.ceil(max(high, 0.0) * 10.0 - 1e-6) / 10.0
-    return f"{number(_down(low), '')} to {number(up, '')}"
+def _range(fill: NextFill) -> str:
+    middle = number(_down(fill.limit_kg), "kg")
+    if not fill.high_kg - fill.low_kg >= 0.05:
+        return middle
+    up = math.ceil(max(fill.high_kg, 0.0) * 10.0 - 1e-6) / 10.0
+    return f"{middle} ({number(_down(fill.low_kg), '')} to {number(up, '')})"
 
 
 def _down(kg: float) -> float:

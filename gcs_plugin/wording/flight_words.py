@@ -39,18 +39,9 @@ def not_flown(track: FlightTrack) -> str:
     return f"by this log it never left the ground: {why}"
 
 
-#: A flight with less in it has no verdict, s.
-LEAST_FLIGHT_S = 3.0
-
-
 def too_short(seconds: float) -> str:
     """Why so little flight has no verdict."""
     return f"only {number(seconds, 's')} of it in flight: too little for a verdict"
-
-
-def lost_headline(losses: Sequence[LossOfControl]) -> str:
-    """That control was lost, and when, in capitals."""
-    return f"LOST CONTROL AT {clock(losses[0].time_s)}"
 
 
 def loss_words(losses: Sequence[LossOfControl]) -> str:

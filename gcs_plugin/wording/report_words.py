@@ -50,7 +50,9 @@ NO_ROW_OF_BOTH = "No airborne row has both a measured and a predicted rotor spee
 NOTHING_KEPT_BACK = (
     "Turns, climbs and gusts take more; nothing is kept back for the moment of a failure."
 )
-UNTRAINED = "No interval: the model was not trained in such air, load or speed."
+NO_AIRSPEED_LEARNT = (
+    "Wind and speed are not in this: the model has no flights to learn drag from (train makes one)."
+)
 NO_MAKERS_LIMIT = "The airframe file has no max_takeoff_mass: the maker's limit is not in this."
 
 

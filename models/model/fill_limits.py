@@ -25,7 +25,8 @@ from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.margin import ceiling, largest_fill
 
-Reason = Literal["utilisation", "one rotor lost", "take-off mass", "tank"]
+#: `as flown`: with more, a flight was above the limit (next_fill.py).
+Reason = Literal["utilisation", "one rotor lost", "take-off mass", "tank", "as flown"]
 REASONS: tuple[Reason, ...] = ("utilisation", "one rotor lost", "take-off mass", "tank")
 #: Fills at which thrust is predicted; between two of them it goes with the load as a line does.
 STEPS = 17
@@ -62,8 +63,11 @@ class Fills:
 
     @property
     def reason(self) -> tuple[Reason, ...]:
-        """C reasons: the limit that is met first."""
-        return tuple(REASONS[k] for k in np.argmin(self.by_reason, axis=0))
+        """C reasons: the limit that is met first, at the end that is planned by."""
+        ends = np.where(
+            np.isfinite(self.low) | np.isposinf(self.by_reason), self.low, self.by_reason
+        )
+        return tuple(REASONS[k] for k in np.argmin(ends, axis=0))
 
 
 def largest_fills(

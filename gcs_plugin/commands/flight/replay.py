@@ -97,13 +97,12 @@ def replay_view(
     of that number.
     """
     from thrustmargin.gcs_plugin.commands.shared.inputs import log_lines, read_flights
-    from thrustmargin.gcs_plugin.logs.findings import names_wrong, repeated
+    from thrustmargin.gcs_plugin.logs.findings import names_known, names_wrong, repeated
     from thrustmargin.gcs_plugin.logs.inspection import inspect_log
-    from thrustmargin.gcs_plugin.reports.margin import flight_verdict
-    from thrustmargin.gcs_plugin.reports.margin.data import most
     from thrustmargin.gcs_plugin.view.replay_view import ReplayView
     from thrustmargin.gcs_plugin.view.scene.overlays import before_and_after
-    from thrustmargin.gcs_plugin.wording.margin_verdict import gravity
+    from thrustmargin.gcs_plugin.wording.advice_words import headline
+    from thrustmargin.models.model.advice import advise
     from thrustmargin.models.model.analysis import analyse, for_verdict
 
     console = Terminal(stderr=True, soft_wrap=True)
@@ -112,25 +111,30 @@ def replay_view(
         if sortie is not None and not 1 <= sortie <= len(flights):
             raise DataError(f"--sortie {sortie}: {log.name} holds sorties 1 to {len(flights)}")
         analyses = [for_verdict(analyse(f.track, model, claim=claim)) for f, claim in flights]
-        verdicts = [flight_verdict(analysis, max_utilisation=limit) for analysis in analyses]
-        use = [most(a.known_utilisation[a.track.flying]) for a in analyses]
-        worst = min(range(len(flights)), key=lambda k: (gravity(verdicts[k].level), -use[k]))
-        shown = worst if sortie is None else sortie - 1
-        (flight, claim), analysis, verdict = flights[shown], analyses[shown], verdicts[shown]
+        findings = [inspect_log(f, model.airframe, claim).findings for f, claim in flights]
+        answers = [
+            advise(analysis, limit=limit, names_known=names_known(found)).advice
+            for analysis, found in zip(analyses, findings, strict=True)
+        ]
+        order = sorted(
+            range(len(flights)), key=lambda k: (answers[k].level.gravity, -answers[k].use.peak)
+        )
+        shown = order[0] if sortie is None else sortie - 1
+        (flight, claim), analysis, answer = flights[shown], analyses[shown], answers[shown]
         older = None if before is None else analyse(analysis.track, before, claim=claim)
-        found = repeated(inspect_log(flight, analysis.model.airframe, claim).findings)
-        headline = ": ".join([verdict.headline, *names_wrong(found)])
+        found = repeated(findings[shown])
+        words = ": ".join([headline(answer), *names_wrong(found)])
         dated = [(one.time_s, one.words) for one in found if one.time_s is not None]
     for line in log_lines(flight, stated=reading.states_load):
         console.print(escape(f"{log.name}: {line}"))
     for k, (other, _) in enumerate(flights) if len(flights) > 1 else ():
-        line = f"{sortie_words(other.sortie, other.track)}: {verdicts[k].headline}"
+        line = f"{sortie_words(other.sortie, other.track)}: {headline(answers[k])}"
         console.print(f"  {line}; {'shown' if k == shown else f'--sortie {k + 1} shows it'}")
     return ReplayView(
         analysis,
         waypoints=flight.waypoints,
         messages=(*flight.messages, *dated),
         overlays=() if older is None else before_and_after(older, analysis),
-        verdict=(headline, verdict.level),
+        verdict=(words, answer.level),
         **options,
     )

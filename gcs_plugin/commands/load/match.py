@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from thrustmargin.models.physics.matching import Matching
 
 PAPER_AIRFRAME = "topxgun-f16"
+FOR_A_DAY = "How much to fill for the day's air, battery and wind: thrustmargin fill"
 PAPER = "Han et al. 2024, F16: 9.28 kg, 5.28 kg, +75.83 %, about 50 % when full"
 
 
@@ -69,7 +70,7 @@ def match(
         )
     for note in notes(matching):
         console.print(note)
-    console.print(_advice(matching), soft_wrap=True)
+    console.print(FOR_A_DAY, soft_wrap=True)
     points, drawn = _network(matching, model)
     console.print(drawn)
     for path in write_figure(figure10(matching, points), out):
@@ -108,7 +109,7 @@ def load_table(matching: Matching) -> Table:
             f"{limit.redundancy_yaw_kept_empty:.2f} x weight",
         )
         table.add_row(
-            "  largest fill for 50 % utilisation", _fill(limit.fill_half_use, capacity), ""
+            "  fill at 50 % utilisation in hover", _fill(limit.fill_half_use, capacity), ""
         )
         fill = _fill(limit.fill_one_rotor_out, capacity)
         table.add_row(f"  {MAXIMUM_FILL}", fill, "")
@@ -125,24 +126,6 @@ def notes(matching: Matching) -> list[str]:
         "One rotor lost: thrust that can be held level and steady, over the weight. 1 or more "
         f"carries the aircraft, with nothing kept back for gusts or turns; its fill is {SPINS}.",
     ]
-
-
-def _advice(matching: Matching) -> str:
-    """The largest fill in hover at the battery's nominal voltage, in words."""
-    from thrustmargin.gcs_plugin.wording.fill_words import fill_advice
-    from thrustmargin.models.model.fill_limits import largest_fills
-    from thrustmargin.models.model.rotor_model import physics_model
-
-    craft = matching.airframe
-    fills = largest_fills(
-        physics_model(craft), craft.reference_density, craft.nominal_voltage, airspeed=0.0
-    )
-    ends = (float(end[0]) for end in fills.interval)
-    said = fill_advice(float(fills.largest[0]), *ends, fills.reason[0], limit=0.5)
-    return (
-        f"At {craft.nominal_voltage:g} V in that air: {said}. For the day's air, battery and wind: "
-        "thrustmargin fill"
-    )
 
 
 def _fill(fill: float, capacity: float) -> str:

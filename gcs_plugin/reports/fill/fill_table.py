@@ -11,9 +11,11 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.reports.shared.page_shell import page_text, software_version
 from thrustmargin.gcs_plugin.wording import report_words as words
-from thrustmargin.gcs_plugin.wording.fill_words import amount, fill_advice
+from thrustmargin.gcs_plugin.wording.fill_words import amount, fill_advice, how_sure
 from thrustmargin.gcs_plugin.wording.numbers import number
 from thrustmargin.models.model.fill_limits import Fills, largest_fills
+from thrustmargin.models.model.next_fill import NextFill, before_take_off
+from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.model.rotor_model import RotorModel
 from thrustmargin.models.physics.atmosphere import air_density, isa_pressure
 
@@ -52,9 +54,13 @@ class FillTable:
 
     @property
     def advice(self) -> str:
-        """The recommendation, its reason and its interval, as one sentence."""
-        fills = self.recommended
-        return fill_advice(*_at(fills, 0), fills.reason[0], limit=self.limit)
+        """The recommendation and its reason, as one sentence."""
+        return fill_advice(self.fill, self.limit)
+
+    @property
+    def fill(self) -> NextFill:
+        """The recommendation."""
+        return before_take_off(self.recommended, flown_airframe(self.model))
 
     def rows(self, state: str) -> list[tuple[str, list[str]]]:
         """For each altitude its name and the largest fills over the temperatures, for people."""
@@ -68,12 +74,10 @@ class FillTable:
         return made
 
     def _cell(self, k: int) -> str:
-        fill, low, _ = _at(self.around, k)
-        fill = low if np.isfinite(low) else fill
+        fill = float(self.around.sure[k])
         if fill <= 0.0:
             return "none"
-        full = self.around.reason[k] == "tank"
-        return ("full, " if full else "") + amount(fill, np.nan, np.nan)
+        return ("full, " if self.around.reason[k] == "tank" else "") + amount(fill)
 
 
 def fill_table(
@@ -116,11 +120,6 @@ def fill_table(
     )
 
 
-def _at(fills: Fills, k: int) -> tuple[float, float, float]:
-    low, high = fills.interval
-    return float(fills.largest[k]), float(low[k]), float(high[k])
-
-
 def temperatures(table: FillTable) -> list[str]:
     """The heads of the table."""
     return [number(celsius, "°C", 0) for celsius in table.temperatures_c]
@@ -129,15 +128,16 @@ def temperatures(table: FillTable) -> list[str]:
 def conditions(table: FillTable) -> list[str]:
     """What the recommendation holds for, a sentence each."""
     airframe = table.model.airframe
-    _, low, high = _at(table.recommended, 0)
+    sure = how_sure(table.fill)
     said = [
         f"For {table.day.words}.",
+        *([f"{sure[:1].upper()}{sure[1:]}."] if sure else []),
         words.fill_limit(table.limit, rotor_lost=table.rotor_lost),
         words.NOTHING_KEPT_BACK,
         f"Model: {table.model.description}.",
     ]
-    if table.recommended.reason[0] == "utilisation" and high - low < 1e-6:
-        said.append(words.UNTRAINED)
+    if table.model.network is None and table.day.airspeed > 0.0:
+        said.append(words.NO_AIRSPEED_LEARNT)
     if not np.isfinite(airframe.max_takeoff_mass):
         said.append(words.NO_MAKERS_LIMIT)
     if airframe.guessed:
@@ -147,7 +147,7 @@ def conditions(table: FillTable) -> list[str]:
 
 def json_text(table: FillTable) -> str:
     """The table as JSON; kg, and null where a fill is not known."""
-    fill, low, high = _at(table.recommended, 0)
+    fill = table.fill
     shape = (len(table.voltages), len(table.altitudes), len(table.temperatures_c))
     made: dict[str, Any] = {
         "schema": "thrustmargin.fill/1",
@@ -155,10 +155,10 @@ def json_text(table: FillTable) -> str:
         "model": table.model.description,
         "advice": table.advice,
         "recommended": {
-            "fill_kg": _plain(low if np.isfinite(low) else fill),
-            "limit_kg": _plain(fill),
-            "interval90_kg": [_plain(low), _plain(high)],
-            "reason": table.recommended.reason[0],
+            "fill_kg": _plain(fill.kg),
+            "limit_kg": _plain(fill.limit_kg),
+            "interval90_kg": [_plain(fill.low_kg), _plain(fill.high_kg)],
+            "reason": fill.reason,
             "temperature_c": table.day.temperature_c,
             "altitude_m": table.day.altitude,
             "voltage": table.day.voltage,

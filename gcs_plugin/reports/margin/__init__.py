@@ -10,5 +10,4 @@ from thrustmargin.gcs_plugin.reports.margin.data import SCHEMA as SCHEMA
 from thrustmargin.gcs_plugin.reports.margin.data import FlightReport as FlightReport
 from thrustmargin.gcs_plugin.reports.margin.data import Report as Report
 from thrustmargin.gcs_plugin.reports.margin.summary import build_report as build_report
-from thrustmargin.gcs_plugin.reports.margin.summary import flight_verdict as flight_verdict
 from thrustmargin.gcs_plugin.reports.margin.summary import report_flight as report_flight

@@ -18,9 +18,10 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.logs.findings import Finding
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-from thrustmargin.gcs_plugin.wording.margin_verdict import Level, MarginVerdict, Moment
+from thrustmargin.gcs_plugin.wording.margin_verdict import MarginVerdict, Moment
 from thrustmargin.models.checks.loss_of_control import LossOfControl
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
+from thrustmargin.models.model.advice import Level
 from thrustmargin.models.model.airframe_claim import AirframeBasis
 from thrustmargin.models.scores import Estimate
 
@@ -85,7 +86,10 @@ class Overview:
     level: Level  # of the worst flight
     headline: str
     worst_flight: int | None  # number in the list of flights, from 1
-    lost: int  # flights of each level
+    damaged: int  # flights of each level, by the gravest of each
+    lost: int
+    battery: int
+    no_thrust: int
     critical: int
     over: int
     near: int

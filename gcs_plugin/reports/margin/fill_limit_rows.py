@@ -9,32 +9,6 @@ import numpy as np
 from thrustmargin.gcs_plugin.reports.margin.data import JsonObject, end_rows, least, median, share
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
-from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
-from thrustmargin.models.physics.airframe import Airframe
-
-
-def fills(
-    analysis: FlightAnalysis, as_flown: Airframe, rows: Mapping[str, Floats]
-) -> dict[str, float]:
-    """The largest fill that keeps both limits in hover, with its interval, and what was filled."""
-    track = analysis.track
-    most_kg = min(as_flown.tank_capacity_kg, as_flown.max_takeoff_mass - as_flown.empty_mass)
-    fill = np.minimum(rows["fill_limit_kg"], rows["fill_one_rotor_out_kg"])
-    flying, (first, _) = track.flying & np.isfinite(fill), end_rows(track)
-    if not np.any(flying):
-        return {}
-    row = int(np.argmin(np.where(flying, fill, np.inf)))
-    mass = as_flown.empty_mass + fill[row]
-    reach = np.nan_to_num(INTERVAL * analysis.redundancy_error[row])
-    ends = [min(float(mass * np.exp(k * reach)) - as_flown.empty_mass, most_kg) for k in (0, -1, 1)]
-    # What the gauge does not know of may be in the tank or not: a hidden mass, a weak rotor.
-    ends[1] -= analysis.beyond_gauge_kg
-    return {
-        **dict(zip(("fill_kg", "fill_low_kg", "fill_high_kg"), ends, strict=True)),
-        "fill_start_kg": min(median(fill[first]), most_kg),
-        "tank_start_kg": median(track.tank_kg[first]),
-        "beyond_gauge_kg": analysis.beyond_gauge_kg,
-    }
 
 
 def redundancy_rows(

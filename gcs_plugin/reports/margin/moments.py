@@ -9,12 +9,11 @@ import numpy as np
 import pymap3d
 
 from thrustmargin.gcs_plugin.reports.margin.data import JsonObject, mean
-from thrustmargin.gcs_plugin.wording.fault_words import WHICH_ROTOR, episode_words, fault_words
-from thrustmargin.gcs_plugin.wording.margin_verdict import Fact, Moment
+from thrustmargin.gcs_plugin.wording.fault_words import fault_words
+from thrustmargin.gcs_plugin.wording.margin_verdict import Moment
 from thrustmargin.gcs_plugin.wording.report_words import NOT_SPRAYING
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
-from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.model.rotor_faults import FaultEpisode
 
@@ -136,38 +135,19 @@ def doing(analysis: FlightAnalysis, row: int) -> tuple[str, ...]:
     return tuple(words)
 
 
-def alarm_facts(episodes: Sequence[FaultEpisode], *, names_known: bool = True) -> tuple[Fact, ...]:
-    """What the live alarms said, one fact each; not `names_known`: of which rotor is not known."""
-    unsure = "" if names_known else f": {WHICH_ROTOR}"
-    return tuple(Fact("alarm", f"{episode_words(episode)}{unsure}") for episode in episodes)
-
-
-def suspected(episodes: Sequence[FaultEpisode], unordered: int = 0) -> tuple[int, ...]:
-    """Rotors, from 1, for which an alarm was raised, or of one of which it was; any of so many
-    that are `unordered`, where it is not known which is which."""
-    if episodes and unordered:
-        return tuple(range(1, unordered + 1))
-    faults = [episode.fault for episode in episodes]
-    return tuple(sorted({rotor + 1 for fault in faults for rotor in _rotors(fault)}))
-
-
-def _rotors(fault: RotorFault) -> tuple[int, ...]:
-    return fault.rotors or (fault.rotor,)
-
-
-def alarm_row(episode: FaultEpisode) -> JsonObject:
+def alarm_row(episode: FaultEpisode, names: Sequence[str]) -> JsonObject:
     """A fault of a rotor or motor, with the words of its live alarm."""
     fault = episode.fault
     return {
         "kind": fault.kind,
         "rotor": None if fault.rotors else fault.rotor + 1,
-        "rotors": [rotor + 1 for rotor in _rotors(fault)],
+        "rotors": [rotor + 1 for rotor in fault.rotors or (fault.rotor,)],
         "from_s": episode.begin_s,
         "until_s": episode.end_s,
         "size": fault.size,
         "size_low": fault.lower,
         "size_high": fault.upper,
-        "words": fault_words(fault),
+        "words": fault_words(fault, names),
     }
 
 

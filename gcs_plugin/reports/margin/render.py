@@ -22,6 +22,7 @@ from thrustmargin.gcs_plugin.reports.margin.summary import worst_first
 from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text
 from thrustmargin.gcs_plugin.wording import numbers as words
 from thrustmargin.gcs_plugin.wording.fault_words import DESCENDED, HELD, MAXIMUM_FILL, SPINS
+from thrustmargin.gcs_plugin.wording.advice_words import SEVERAL
 from thrustmargin.gcs_plugin.wording.fill_words import amount
 from thrustmargin.gcs_plugin.wording.margin_verdict import estimate, moment_words
 from thrustmargin.models.model.json_values import to_json_values
@@ -153,6 +154,7 @@ def _page(report: Report, written: Written | None, drawn: Mapping[str, Markup]) 
         "held": HELD,
         "descended": DESCENDED,
         "maximum_fill": MAXIMUM_FILL,
-        "fill": lambda fill: amount(fill, fill, fill),
+        "fill": amount,
+        "several": SEVERAL,
     }
     return page_text(__name__.rpartition(".")[0], context, functions=_WORDS)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 from datetime import UTC, datetime
-from typing import get_args
 
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs import FlightLog
-from thrustmargin.gcs_plugin.logs.findings import Finding, Spoils, repeated
+from thrustmargin.gcs_plugin.logs.findings import Finding, Spoils, names_known, repeated
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.reports.margin.accuracy import accuracy, model_use
 from thrustmargin.gcs_plugin.reports.margin.csv_rows import rows_of
@@ -25,54 +23,39 @@ from thrustmargin.gcs_plugin.reports.margin.data import (
     most,
     share,
 )
-from thrustmargin.gcs_plugin.reports.margin.fill_limit_rows import fills, redundancy_rows
+from thrustmargin.gcs_plugin.reports.margin.fill_limit_rows import redundancy_rows
 from thrustmargin.gcs_plugin.reports.margin.load import load_rows
 from thrustmargin.gcs_plugin.reports.margin.moments import (
     airborne_use,
-    alarm_facts,
     alarm_row,
-    suspected,
     utc_words,
     worst_moments,
 )
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
+from thrustmargin.gcs_plugin.wording.advice_words import action, headline, several_headline
 from thrustmargin.gcs_plugin.wording.flight_words import (
-    LEAST_FLIGHT_S,
     NAMES_WRONG,
     loss_words,
-    lost_headline,
     not_flown,
     too_short,
 )
 from thrustmargin.gcs_plugin.wording.margin_verdict import (
     Fact,
-    Level,
     MarginVerdict,
     Moment,
     basis_words,
     ending_facts,
-    ends_in_flight,
-    facts,
-    gravity,
-    headline,
     load_facts,
-    several_headline,
+    verdict_facts,
 )
 from thrustmargin.gcs_plugin.wording.report_words import WITHOUT
 from thrustmargin.mission.field import sprayed_field
-from thrustmargin.models.checks.loss_of_control import (
-    LossOfControl,
-    before_loss,
-    loss_of_control,
-)
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
-from thrustmargin.models.model.analysis import FlightAnalysis, for_verdict
-from thrustmargin.models.model.fill_limits import full_at_once
-from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
+from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advised, Level, advise
+from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.predict import flown_airframe
-from thrustmargin.models.model.rotor_faults import fault_episodes, fault_history
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.margin import ceiling, hover_use, largest_fill, weight
 
@@ -84,50 +67,37 @@ def report_flight(
 
     `max_utilisation` is the largest share of a rotor's maximum thrust that may be in use.
     """
-    limit, whole = max_utilisation, for_verdict(analysis)
-    losses = loss_of_control(whole.track)
-    analysis = replace(whole, track=before_loss(whole.track, losses))
+    found = inspect_log(log, analysis.model.airframe, analysis.claim).findings
+    made = advise(analysis, limit=max_utilisation, names_known=names_known(found))
+    advice, whole, analysis = made.advice, made.whole, made.analysis
     track, airframe = analysis.track, analysis.model.airframe
-    as_flown = flown_airframe(analysis.model)
-    limits = ceiling(as_flown, analysis.density, track.voltage)
+    limits = ceiling(flown_airframe(analysis.model), analysis.density, track.voltage)
     rows = rows_of(
         analysis,
-        fill_limit_kg=largest_fill(as_flown, limits, limit=limit),
-        fill_one_rotor_out_kg=largest_fill(as_flown, limits, criterion="yaw uncontrolled"),
+        fill_limit_kg=made.fill_limit_kg,
+        fill_one_rotor_out_kg=made.fill_one_rotor_out_kg,
     )
     seconds = track.row_seconds
     moments = worst_moments(analysis, airframe.rotor_names)
-    verdict = replace(
-        _verdict(analysis, losses, limit, moments[0] if moments else None),
-        **fills(analysis, as_flown, rows),
-    )
-    alarms = fault_episodes(fault_history(analysis))
-    found = inspect_log(log, airframe, analysis.claim).findings
-    names_known = all(one.spoils is not Spoils.ROTOR_NAMES for one in found)
+    worst = moments[0] if moments else None
+    basis, measured_share = _basis(made)
     said = (
-        *((Fact("control", loss_words(losses)),) if losses else ()),
+        *((Fact("control", loss_words(advice.losses)),) if advice.losses else ()),
         *_look_facts(found),
-        *alarm_facts(alarms, names_known=names_known),
-        *facts(
-            verdict,
-            analysis.claim,
-            _no_flight(whole.track),
-            full_at_once=full_at_once(as_flown),
-            suspects=suspected(alarms, 0 if names_known else track.rotor_count),
-        ),
+        *verdict_facts(worst, advice, analysis.claim, basis, _no_flight(whole.track)),
         *(*load_facts(track), *ending_facts(whole.track)),
     )
     return FlightReport(
         name=track.name,
-        verdict=replace(verdict, facts=said),
+        verdict=_verdict(made, worst, said, basis, measured_share),
         flight=_flight(whole, rows["ground_speed"], seconds),
         model=model_use(analysis),
         load=load_rows(analysis, limits),
-        rotors=_rotors(analysis, seconds, limit),
+        rotors=_rotors(analysis, seconds, max_utilisation),
         moments=moments,
-        losses=losses,
+        losses=advice.losses,
         findings=found,
-        alarms=tuple(map(alarm_row, alarms)),
+        alarms=tuple(alarm_row(one, advice.rotor_names) for one in advice.faults),
         redundancy=redundancy_rows(analysis, rows, seconds),
         accuracy=accuracy(analysis, airframe.rotor_names),
         quality=_quality(log),
@@ -147,67 +117,59 @@ def _look_facts(findings: Iterable[Finding]) -> Iterator[Fact]:
             yield Fact(one.check, one.words)
 
 
-def flight_verdict(analysis: FlightAnalysis, *, max_utilisation: float) -> MarginVerdict:
-    """The report's verdict of one flight, without its worst moment, fills and facts."""
-    analysis = for_verdict(analysis)
-    losses = loss_of_control(analysis.track)
-    until = replace(analysis, track=before_loss(analysis.track, losses))
-    return _verdict(until, losses, max_utilisation, None)
-
-
 def _no_flight(track: FlightTrack) -> str:
     """Why there is no flight to check; empty where there is one."""
     seconds = float(track.row_seconds[track.flying].sum())
     return not_flown(track) or (too_short(seconds) if seconds < LEAST_FLIGHT_S else "")
 
 
-def _verdict(
-    analysis: FlightAnalysis,
-    losses: tuple[LossOfControl, ...],
-    limit: float,
-    worst: Moment | None,
-) -> MarginVerdict:
-    """All of it but its facts, of the rows before the `losses` of control."""
-    track, seconds = analysis.track, analysis.track.row_seconds
+def _basis(made: Advised) -> tuple[str, float]:
+    """What the thrust utilisation rests on, in words, and the share of the flight measured."""
+    analysis, seconds = made.analysis, made.analysis.track.row_seconds
     known = np.any(np.isfinite(airborne_use(analysis)), axis=1)
-    airborne_s = float(seconds[track.flying].sum())
-    known_s = float(seconds[known].sum())
     measured_s = float(seconds[known & analysis.any_measured].sum())
-    over_s = float(seconds[analysis.above_limit(limit)].sum())
-    free = analysis.redundancy_yaw_uncontrolled[track.flying]
-    reach = np.exp(INTERVAL * analysis.redundancy_error[track.flying])
-    lost_s = float(seconds[track.flying][free < 1.0].sum())
-    level: Level = "unknown"
-    if losses:
-        level = "lost"
-    elif np.any(known) and not _no_flight(track):
-        level = "under"
-        if np.any(analysis.maybe_above(limit)) or np.any(free / reach < 1.0):
-            level = "near"
-        if np.any(analysis.surely_above(limit)):
-            level = "over"
-        if np.any(free * reach < 1.0):
-            level = "critical"
+    airborne_s = made.advice.airborne_s
+    words = basis_words(analysis, measured_s, float(seconds[known].sum()), airborne_s)
+    return words, share(measured_s, airborne_s)
+
+
+def _verdict(
+    made: Advised,
+    worst: Moment | None,
+    said: tuple[Fact, ...],
+    basis: str,
+    measured_share: float,
+) -> MarginVerdict:
+    advice, fill, use = made.advice, made.advice.fill, made.advice.use
     return MarginVerdict(
-        level=level,
-        headline=lost_headline(losses)
-        if losses
-        else headline(
-            level, limit, lost_s, share(over_s, known_s), ends_in_flight=ends_in_flight(track)
-        ),
-        facts=(),
-        limit=limit,
-        one_rotor_out_use=one_rotor_out_use(analysis.model.airframe),
+        level=advice.level,
+        headline=headline(advice),
+        action=action(advice),
+        facts=said,
+        limit=advice.limit,
+        one_rotor_out_use=one_rotor_out_use(made.analysis.model.airframe),
         worst=worst,
-        basis=basis_words(analysis, measured_s, known_s, airborne_s),
-        speed_basis=analysis.speed_basis,
-        measured_share=share(measured_s, airborne_s),
-        over_limit_s=over_s,
-        over_limit_share=share(over_s, known_s),
-        redundancy_yaw_free_min=least(free),
-        redundancy_yaw_free_low=least(free / reach),
-        redundancy_yaw_free_high=least(free * reach),
-        not_survivable_s=lost_s,
+        basis=basis,
+        speed_basis=made.analysis.speed_basis,
+        measured_share=measured_share,
+        lasting_use=use.lasting_most,
+        lasting_use_low=use.lasting_low,
+        lasting_use_high=use.lasting_high,
+        lasting_over_limit_s=use.lasting_above_s,
+        over_limit_s=use.above_s,
+        over_limit_share=share(use.above_s, use.known_s),
+        spent_s=use.spent_s,
+        redundancy_yaw_free_min=advice.lost.least,
+        redundancy_yaw_free_low=advice.lost.least_low,
+        redundancy_yaw_free_high=advice.lost.least_high,
+        not_survivable_s=advice.lost.not_survivable_s,
+        fill_kg=fill.limit_kg,
+        fill_low_kg=fill.low_kg,
+        fill_high_kg=fill.high_kg,
+        fill_safe_kg=fill.kg,
+        fill_start_kg=fill.fresh_kg,
+        tank_start_kg=fill.start_kg,
+        beyond_gauge_kg=fill.beyond_gauge_kg,
     )
 
 
@@ -345,14 +307,16 @@ def build_report(
 
 def overview_of(reports: Sequence[FlightReport], limit: float) -> Overview:
     """How many flights have which verdict, and which is the worst."""
-    levels: list[Level] = [report.verdict.level for report in reports]
-    level, headline = several_headline(levels, limit)
+    levels = [report.verdict.level for report in reports]
     first, report = worst_first(reports)[0]
+    level, words = report.verdict.level, report.verdict.headline
+    if len(levels) > 1:
+        level, words = several_headline(levels, limit)
     return Overview(
         level=level,
-        headline=headline,
+        headline=words,
         worst_flight=first + 1 if report.verdict.worst else None,
-        **{level: levels.count(level) for level in get_args(Level)},
+        **{one.value: levels.count(one) for one in Level},
     )
 
 
@@ -364,6 +328,6 @@ def worst_first(reports: Sequence[FlightReport]) -> list[tuple[int, FlightReport
 
     def rank(item: tuple[int, FlightReport]) -> tuple[int, float]:
         verdict = item[1].verdict
-        return gravity(verdict.level), -verdict.worst.capacity_use if verdict.worst else 1.0
+        return verdict.level.gravity, -verdict.worst.capacity_use if verdict.worst else 1.0
 
     return sorted(enumerate(reports), key=rank)

@@ -9,6 +9,8 @@ from thrustmargin.gcs_plugin.wording import view_words as words
 from thrustmargin.gcs_plugin.wording.fill_words import fill_advice
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.fill_limits import largest_fills
+from thrustmargin.models.model.next_fill import before_take_off
+from thrustmargin.models.model.predict import flown_airframe
 
 AIRSPEED = 5.0  # m/s, what `thrustmargin fill` takes unless it is asked for another
 CHANGE = 0.003  # of air density, from which it is worked out anew
@@ -40,9 +42,8 @@ class FillAdvice:
         model = analysis.model
         volts = model.airframe.nominal_voltage
         fills = largest_fills(model, density, volts, airspeed=AIRSPEED, max_utilisation=self._limit)
-        low, high = (float(end[0]) for end in fills.interval)
-        ends = float(fills.largest[0]), low, high
-        advice = fill_advice(*ends, fills.reason[0], limit=self._limit)
+        fill = before_take_off(fills, flown_airframe(model))
+        advice = fill_advice(fill, self._limit)
         rests = words.fill_rests_on(density, analysis.density_basis, volts, AIRSPEED)
         return (
             f'<div class="tm"><div class="box" data-gauge="fill"><div class="cap">{words.BEFORE}'

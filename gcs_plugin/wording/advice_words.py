@@ -1,0 +1,185 @@
+"""The answer of a flight in words: its first line, why, what to do, and the facts beside it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from thrustmargin.gcs_plugin.wording import actions
+from thrustmargin.gcs_plugin.wording.fault_words import (
+    ONE_LOST,
+    SPINS,
+    WHICH_ROTOR,
+    episode_words,
+    fault_amount,
+)
+from thrustmargin.gcs_plugin.wording.fill_words import fill_advice, how_sure
+from thrustmargin.gcs_plugin.wording.numbers import clock, duration, number, percent
+from thrustmargin.models.model.advice import Advice, Level
+from thrustmargin.models.model.fault_test import RotorFault
+from thrustmargin.models.model.rotor_faults import FaultEpisode
+
+#: What a level is called where several flights are counted; {limit} is like "50 %".
+SEVERAL: Mapping[Level, str] = {
+    Level.DAMAGED: "WITH A BAD ROTOR OR MOTOR",
+    Level.LOST: "LOST CONTROL",
+    Level.BATTERY: "WITH A COLLAPSED BATTERY",
+    Level.NO_THRUST: "WITH NO THRUST LEFT AT TIMES",
+    Level.CRITICAL: "TOO HEAVY TO LOSE A ROTOR",
+    Level.OVER: "ABOVE THE {limit} LIMIT",
+    Level.NEAR: "NEAR THE {limit} LIMIT: CANNOT TELL",
+    Level.UNDER: "BELOW THE {limit} LIMIT",
+    Level.UNKNOWN: "WITHOUT VERDICT",
+}
+#: Behind the first line of a flight whose end is not in the log.
+_UNSEEN = " (LOG ENDS IN FLIGHT)"
+
+
+def headline(advice: Advice) -> str:
+    """The answer in capitals, to be read first."""
+    first = [level for level in (Level.DAMAGED, Level.LOST) if level in advice.levels]
+    words = "; ".join(_first_line(advice, level) for level in first or advice.levels[:1])
+    return f"{words}{_UNSEEN}" if advice.ends_in_flight and Level.LOST not in first else words
+
+
+def _first_line(advice: Advice, level: Level) -> str:
+    use, limit = advice.use, percent(advice.limit)
+    if level is Level.DAMAGED:
+        return " AND ".join(dict.fromkeys(_fault_line(advice, e.fault) for e in advice.faults))
+    if level is Level.LOST:
+        return f"LOST CONTROL AT {clock(advice.losses[0].time_s)}"
+    if level is Level.BATTERY:
+        least = number(advice.battery.least_cell, "V", 2)
+        return f"BATTERY COLLAPSED: {least} A CELL AT {clock(advice.battery.at_s)}"
+    if level is Level.NO_THRUST:
+        return f"NO THRUST LEFT FOR {duration(use.spent_s).upper()}"
+    if level is Level.CRITICAL:
+        first = "TOO HEAVY" if advice.fill.nothing_fits else "FILL LESS"
+        if advice.lost.not_survivable_s >= advice.airborne_s - 1.0:
+            return f"{first}: ALL FLIGHT A FAILED ROTOR WOULD HAVE BROUGHT IT DOWN"
+        too_long = duration(advice.lost.not_survivable_s).upper()
+        return f"{first}: FOR {too_long} A FAILED ROTOR WOULD HAVE BROUGHT IT DOWN"
+    if level is Level.OVER:
+        if use.lasting_above_s >= use.known_s - 1.0:
+            return f"ABOVE THE {limit} LIMIT ALL FLIGHT"
+        return f"ABOVE THE {limit} LIMIT FOR {duration(use.lasting_above_s).upper()}"
+    if level is Level.UNKNOWN:
+        return "NO VERDICT"
+    return SEVERAL[level].format(limit=limit)
+
+
+def _fault_line(advice: Advice, fault: RotorFault) -> str:
+    part, does = {
+        "propeller": ("ROTOR", "LESS THRUST"),
+        "motor": ("MOTOR", "SLOW FOR ITS OUTPUT"),
+    }[fault.kind]
+    if fault.rotors or not advice.rotor_names:
+        which = " OR ".join(str(rotor + 1) for rotor in fault.rotors) or "?"
+        unknown = f"A {part}: {does}"
+        return f"{part} {which}: {does}" if advice.rotor_names else unknown
+    name = advice.rotor_names[fault.rotor].upper()
+    return f"{part} {fault.rotor + 1}, {name}: {fault_amount(fault).upper()} {does}"
+
+
+def several_headline(levels: Sequence[Level], limit: float) -> tuple[Level, str]:
+    """The gravest level of several flights, and how many have it, in capitals."""
+    level = min(levels, key=lambda one: one.gravity)
+    count = levels.count(level)
+    counted = f"ALL {count}" if count == len(levels) else f"{count} OF {len(levels)}"
+    return level, f"{counted} FLIGHTS {SEVERAL[level].format(limit=percent(limit))}"
+
+
+def suspects(advice: Advice) -> tuple[int, ...]:
+    """Rotors, from 1, that were found bad, or of one of which it was; all of them where it is not
+    known which is which."""
+    faults = [episode.fault for episode in advice.faults]
+    if faults and not advice.rotor_names:
+        return tuple(range(1, advice.rotor_count + 1))
+    return tuple(sorted({r + 1 for f in faults for r in (f.rotors or (f.rotor,))}))
+
+
+def action(advice: Advice) -> str:
+    """What to do next, the gravest part first, for this air and this battery; empty where nothing
+    is known."""
+    first = []
+    if Level.LOST in advice.levels:
+        first.append(actions.GROUND_WRECK.text)
+    if Level.DAMAGED in advice.levels:
+        first.append(actions.not_before_looked_at(suspects(advice)).text)
+    if Level.BATTERY in advice.levels:
+        first.append(actions.TEST_BATTERY.text)
+    if advice.level is Level.UNKNOWN or Level.LOST in advice.levels:
+        return "; ".join(first)
+    within = Level.UNDER in advice.levels
+    load = fill_advice(advice.fill, advice.limit, was_within=within)
+    load = load[:1].lower() + load[1:]
+    if advice.fill.beyond_gauge_kg > 0.0:
+        more = number(advice.fill.beyond_gauge_kg, "kg", 0)
+        first.append(f"{actions.CHECK_LOAD.text}: thrust shows {more} more than was reported")
+        load = f"until then {load}"
+    hard = Level.NO_THRUST in advice.levels or Level.OVER in advice.levels
+    if hard and (advice.fill.nothing_fits is not None or Level.NO_THRUST in advice.levels):
+        load = f"{load}; {actions.FLY_GENTLY.text}"
+    if not first:
+        return f"nothing; {load}" if within else load
+    return "; ".join([*first, f"for the load: {load}"])
+
+
+def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
+    """What stands beside the first line: how hard the rotors worked, one rotor lost, how sure."""
+    use = advice.use
+    said = [("alarm", fault_found(advice, episode)) for episode in advice.faults]
+    if math.isfinite(use.lasting_most):
+        said.append(("steady flight", _lasting(advice)))
+        if use.passing:
+            said.append(("turns and gusts", _passing(advice)))
+    if math.isfinite(advice.battery.least_cell):
+        least = number(advice.battery.least_cell, "V", 2)
+        if Level.BATTERY in advice.levels:
+            said.append(("battery", f"{least} a cell at {clock(advice.battery.at_s)}"))
+    said.append((ONE_LOST, one_rotor_out(advice)))
+    if sure := how_sure(advice.fill):
+        said.append(("fill, how sure", sure))
+    return tuple(said)
+
+
+def _lasting(advice: Advice) -> str:
+    use, limit = advice.use, percent(advice.limit)
+    within = ""
+    if use.lasting_high - use.lasting_low > 1e-9:
+        within = f" ({percent(use.lasting_low)} to {percent(use.lasting_high)})"
+    most = f"up to {percent(use.lasting_most)}{within} of a rotor's maximum thrust"
+    if use.lasting_above_s <= 0.0:
+        near = "; the limit lies within the error" if use.maybe_above.any() else ""
+        return f"{most}, never above {limit}{near}"
+    near = "" if use.surely_above.any() else "; the limit lies within the error"
+    long = f"{duration(use.lasting_above_s)} of {duration(use.known_s)}"
+    return f"{most}, above {limit} for {long}{near}"
+
+
+def _passing(advice: Advice) -> str:
+    use = advice.use
+    times = "once" if use.passing == 1 else f"{use.passing} times"
+    longest = duration(max(use.passing_longest_s, 1.0))
+    return f"up to {percent(use.peak)}, above {percent(advice.limit)} {times} for {longest} at most"
+
+
+def one_rotor_out(advice: Advice) -> str:
+    """What the loss of a rotor would have meant."""
+    lost = advice.lost
+    if not math.isfinite(lost.least):
+        return "not known, because the tank level is unknown"
+    held = number(lost.least, "×", 2)
+    if lost.least_low < 1.0 <= lost.least_high:
+        held += f", {number(lost.least_low, '', 2)} to {number(lost.least_high, '', 2)}"
+        return f"cannot tell: the weight is within the error of what could be held ({held})"
+    if lost.not_survivable_s > 0.0:
+        long = f"{duration(lost.not_survivable_s)} of {duration(advice.airborne_s)}"
+        return f"would have brought it down for {long} (at worst {held} the weight can be held)"
+    return f"the weight can be held all flight, {SPINS} ({held} or more)"
+
+
+def fault_found(advice: Advice, episode: FaultEpisode) -> str:
+    """The fault in the words of its alarm, and when; not of which rotor where that is not known."""
+    unsure = "" if advice.rotor_names else f": {WHICH_ROTOR}"
+    return f"{episode_words(episode, advice.rotor_names)}{unsure}"

@@ -1,0 +1,198 @@
+"""What a flight means for whoever flies or repairs the aircraft: one answer, which every surface
+shows.
+
+Made once from the analysis, the faults of its rotors and the loss of control; the gravest first:
+
+    damaged      a rotor or motor makes less than it should (rotor_faults.py)
+    lost         control was lost (loss_of_control.py)
+    battery      under load its cells fell below 3.0 V
+    no_thrust    a rotor had nothing left, for a second or more (thrust_use.py)
+    critical     for a time one lost rotor would have brought it down
+    over         what lasts is above the limit
+    near         the limit, or a rotor whose loss is just survived, lies within the 90 % interval
+    under        below the limit; a turn or a gust above it passes
+    unknown      no thrust utilisation, or no flight
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+
+from thrustmargin.models.checks.loss_of_control import LossOfControl, before_loss, loss_of_control
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.model.analysis import FlightAnalysis, for_verdict
+from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
+from thrustmargin.models.model.next_fill import NextFill, next_fill
+from thrustmargin.models.model.rotor_faults import FaultEpisode, fault_episodes, fault_history
+from thrustmargin.models.model.thrust_use import ThrustUse, running_median, thrust_use
+from thrustmargin.models.physics.airframe import Airframe
+
+LEAST_FLIGHT_S = 3.0  # a flight with less in it has no verdict
+CELL = 3.7  # V, nominal, of the lithium cells that an airframe's nominal voltage counts
+COLLAPSED = 3.0  # V a cell under load, below which a lithium cell collapses
+NAN = float("nan")
+
+
+class Level(StrEnum):
+    """The answer, the gravest first."""
+
+    DAMAGED = "damaged"
+    LOST = "lost"
+    BATTERY = "battery"
+    NO_THRUST = "no_thrust"
+    CRITICAL = "critical"
+    OVER = "over"
+    NEAR = "near"
+    UNDER = "under"
+    UNKNOWN = "unknown"
+
+    @property
+    def gravity(self) -> int:
+        """0 for the gravest, and more the better it is; no answer is last."""
+        return list(Level).index(self)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RotorLost:
+    """What one lost rotor would have meant, yaw uncontrolled; NaN where the load is unknown."""
+
+    least: float = NAN  # holdable thrust over weight, with the ends of its 90 % interval
+    least_low: float = NAN
+    least_high: float = NAN
+    not_survivable_s: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Battery:
+    """The least voltage a cell that was held for a second in flight, V; NaN unknown."""
+
+    least_cell: float = NAN
+    at_s: float = NAN  # of the flight
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Advice:
+    """One flight's answer."""
+
+    levels: tuple[Level, ...]  # all that hold, the gravest first; never empty
+    limit: float  # share of a rotor's largest thrust that may last
+    airborne_s: float
+    use: ThrustUse
+    lost: RotorLost
+    battery: Battery
+    fill: NextFill
+    faults: tuple[FaultEpisode, ...]
+    losses: tuple[LossOfControl, ...]
+    rotor_count: int
+    rotor_names: tuple[str, ...]  # empty where it is not known which rotor is which
+    ends_in_flight: bool  # the log ends before the flight did
+    withheld: bool  # no margin is claimed
+
+    @property
+    def level(self) -> Level:
+        """The gravest."""
+        return self.levels[0]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Advised:
+    """An answer, the analysis that it rests on (of the rows before control was lost) and the fills
+    (T,) kg at which each row would meet its limit of use, and that of one rotor lost."""
+
+    advice: Advice
+    whole: FlightAnalysis  # with the rows after control was lost
+    analysis: FlightAnalysis
+    fill_limit_kg: Floats
+    fill_one_rotor_out_kg: Floats
+
+
+def advise(analysis: FlightAnalysis, *, limit: float = 0.5, names_known: bool = True) -> Advised:
+    """The answer of a whole flight; `limit` is the share of a rotor's thrust that may last.
+
+    Not `names_known`: the rotors of the log are in another order than the airframe's.
+    """
+    whole = for_verdict(analysis)
+    losses = loss_of_control(whole.track)
+    analysis = replace(whole, track=before_loss(whole.track, losses))
+    track, seconds = analysis.track, analysis.track.row_seconds
+    use = thrust_use(analysis, limit)
+    fill, by_use, by_lost = next_fill(analysis, use, limit)
+    free = analysis.redundancy_yaw_uncontrolled[track.flying]
+    reach = np.exp(INTERVAL * analysis.redundancy_error[track.flying])
+    lost = RotorLost(
+        least=_least(free),
+        least_low=_least(free / reach),
+        least_high=_least(free * reach),
+        not_survivable_s=float(seconds[track.flying][free < 1.0].sum()),
+    )
+    faults = tuple(fault_episodes(fault_history(analysis)))
+    battery = _battery(analysis)
+    airborne_s = float(seconds[track.flying].sum())
+    in_the_air = float(whole.track.row_seconds[whole.track.flying].sum())
+    levels: list[Level] = []
+    if not analysis.withheld and faults:
+        levels.append(Level.DAMAGED)
+    if losses:
+        levels.append(Level.LOST)
+    elif use.known_s > 0.0 and in_the_air >= LEAST_FLIGHT_S:
+        if battery.least_cell < COLLAPSED:
+            levels.append(Level.BATTERY)
+        if use.spent_s >= 1.0:
+            levels.append(Level.NO_THRUST)
+        levels.append(_load_level(use, free, reach))
+    return Advised(
+        advice=Advice(
+            levels=tuple(levels) or (Level.UNKNOWN,),
+            limit=limit,
+            airborne_s=airborne_s,
+            use=use,
+            lost=lost,
+            battery=battery,
+            fill=fill,
+            faults=faults,
+            losses=tuple(losses),
+            rotor_count=track.rotor_count,
+            rotor_names=analysis.model.airframe.rotor_names if names_known else (),
+            ends_in_flight=bool(whole.track.flying.size and whole.track.flying[-1]),
+            withheld=bool(analysis.withheld),
+        ),
+        whole=whole,
+        analysis=analysis,
+        fill_limit_kg=by_use,
+        fill_one_rotor_out_kg=by_lost,
+    )
+
+
+def _load_level(use: ThrustUse, free: Floats, reach: Floats) -> Level:
+    """By redundancy (N,) with its factor, and by the use that lasts."""
+    if np.any(free * reach < 1.0):
+        return Level.CRITICAL
+    if use.surely_above.any():
+        return Level.OVER
+    if use.maybe_above.any() or np.any(free / reach < 1.0):
+        return Level.NEAR
+    return Level.UNDER
+
+
+def cells(airframe: Airframe) -> int:
+    """Lithium cells in series that an airframe's nominal voltage stands for; 0 where unknown."""
+    return round(float(np.nan_to_num(airframe.nominal_voltage)) / CELL)
+
+
+def _battery(analysis: FlightAnalysis) -> Battery:
+    track, count = analysis.track, cells(analysis.model.airframe)
+    rows = track.flying & (track.voltage > 0.0)
+    if analysis.withheld or not count or np.count_nonzero(rows) < 3:
+        return Battery()
+    time_s = track.time_s[rows]
+    rate = max(1, round(1.0 / max(float(np.median(np.diff(time_s))), 1e-3)))
+    held = running_median(track.voltage[rows][:, None], 2 * rate + 1)[:, 0] / count
+    return Battery(least_cell=float(held.min()), at_s=float(time_s[np.argmin(held)]))
+
+
+def _least(values: Floats) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.min()) if known.size else NAN

@@ -1,0 +1,120 @@
+"""How hard the rotors worked in a flight: what lasts, what passes, and what had nothing left.
+
+    lasting use    of each rotor the running median of its thrust utilisation over 15 s
+    passing use    above the limit for a shorter time: a turn, a climb, a gust
+    spent          over 90 % of the largest thrust for a second or more
+
+The limit is for what lasts: 50 % is where a quad that loses a rotor can still carry its weight
+(margin.py), and that is a question of weight, not of a turn. Turns at a line end take 4 to 7 s; a
+median over 15 s takes what goes on for longer than half of it, and leaves a shorter turn out. In a
+turn what counts is whether thrust is left to hold the attitude. 90 % is where ArduPilot's own check
+for a loss of thrust begins, held for a second (ArduCopter, crash_check.cpp).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thrustmargin.models.flight import Bools, Floats
+from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
+from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
+
+LASTING_S = 15  # s
+SPENT = 0.9  # of the largest thrust
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ThrustUse:
+    """Thrust utilisation of one flight, of its worst rotor; NaN where none is known."""
+
+    lasting_most: float  # with the ends of its 90 % interval
+    lasting_low: float
+    lasting_high: float
+    lasting_above_s: float  # s with the lasting use above the limit
+    above_s: float  # s above it in all
+    known_s: float  # s in flight with a known use
+    peak: float
+    passing: int  # times above the limit that passed
+    passing_longest_s: float
+    spent_s: float  # s in which surely nothing was left
+    lasting: Floats  # (T,)
+    surely_above: Bools  # (T,) rows whose lasting use is above the limit with its whole interval
+    maybe_above: Bools  # (T,) with any of it
+
+
+def thrust_use(analysis: FlightAnalysis, limit: float) -> ThrustUse:
+    """The use of a flight; `limit` is the share of a rotor's largest thrust that may last."""
+    track = analysis.track
+    use = np.where(track.flying[:, None], analysis.known_utilisation, np.nan)
+    second, means = _by_second(track.time_s, use)
+    reach = INTERVAL * np.where(np.isfinite(use), analysis.utilisation_error, np.nan)
+    _, reaches = _by_second(track.time_s, reach)
+    medians = running_median(means, LASTING_S)
+    medians[~np.isfinite(means)] = np.nan
+    most, which = worst_rotor(medians)
+    known, at = np.isfinite(most), np.arange(most.size)
+    error = np.where(known, reaches[at, np.nan_to_num(which).astype(int)], np.nan)
+    error = np.nan_to_num(error)
+    now = worst_rotor(means)[0]
+    length = np.bincount(second, weights=np.where(track.flying, track.row_seconds, 0.0))
+    with np.errstate(invalid="ignore"):
+        lasting_above, above = most > limit, now > limit
+        surely, maybe = most - error > limit, most + error > limit
+        spent = now - error > SPENT
+    passed = _runs(above & ~lasting_above, length)
+    top = int(np.nanargmax(most)) if known.any() else 0
+    nothing = float("nan")
+    return ThrustUse(
+        lasting_most=float(most[top]) if known.any() else nothing,
+        lasting_low=float((most - error)[top]) if known.any() else nothing,
+        lasting_high=float((most + error)[top]) if known.any() else nothing,
+        lasting_above_s=float(length[lasting_above].sum()),
+        above_s=float(length[above].sum()),
+        known_s=float(length[np.isfinite(now)].sum()),
+        peak=float(np.nanmax(use)) if np.isfinite(use).any() else nothing,
+        passing=len(passed),
+        passing_longest_s=max(passed, default=0.0),
+        spent_s=float(length[spent].sum()),
+        lasting=most[second],
+        surely_above=surely[second] & track.flying,
+        maybe_above=maybe[second] & track.flying,
+    )
+
+
+def running_median(values: Floats, window: int) -> Floats:
+    """(S, R) median of the known values among `window` rows around each; NaN where none is."""
+    half = window // 2
+    padded = np.pad(values, ((half, half), (0, 0)), constant_values=np.nan)
+    around = np.sort(np.lib.stride_tricks.sliding_window_view(padded, window, axis=0), axis=-1)
+    count = np.isfinite(around).sum(axis=-1, keepdims=True)
+    low, high = np.maximum(count - 1, 0) // 2, count // 2
+    pick = np.take_along_axis(around, np.minimum(low, window - 1), axis=-1)
+    other = np.take_along_axis(around, np.minimum(high, window - 1), axis=-1)
+    return np.where(count > 0, 0.5 * (pick + np.where(count > 0, other, pick)), np.nan)[..., 0]
+
+
+def _by_second(time_s: Floats, values: Floats) -> tuple[NDArray[np.int64], Floats]:
+    """The second (T,) of each row, and the means (S, R) of the known values in each.
+
+    A pause is cut to a little over the window, however long it is.
+    """
+    whole = np.floor(time_s - time_s[0]) if time_s.size else time_s
+    steps = np.clip(np.diff(whole, prepend=0.0), 0.0, LASTING_S + 1.0)
+    second = np.cumsum(steps).astype(np.int64)
+    count, total = (
+        np.zeros((int(second[-1]) + 1 if second.size else 0, values.shape[1])) for _ in range(2)
+    )
+    known = np.isfinite(values)
+    np.add.at(count, second, known)
+    np.add.at(total, second, np.where(known, values, 0.0))
+    return second, np.divide(total, count, out=np.full_like(total, np.nan), where=count > 0)
+
+
+def _runs(on: Bools, seconds: Floats) -> list[float]:
+    """The lengths, s, of the runs of `on`."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], on.astype(np.int8), [0]])))
+    sums = np.concatenate([[0.0], np.cumsum(seconds)])
+    return [float(sums[b] - sums[a]) for a, b in zip(edges[::2], edges[1::2], strict=True)]
