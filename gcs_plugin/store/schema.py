@@ -67,8 +67,9 @@ tank_source | text | | where the load is known from
 takeoff_mass_kg | number | kg | of the aircraft with its liquid
 speed_source | text | | where rotor speeds are known from
 airspeed_source | text | | where the airspeed is known from
-verdict | text | | under, near, over, critical, lost, unknown
+verdict | text | | damaged, lost, battery, no_thrust, critical, over, near, under, unknown
 verdict_reason | text | | the verdict in words, or why there is none
+action | text | | what to do next, as the report says it
 limit | number | 1 | largest thrust utilisation that is allowed
 worst_margin | number | 1 | least thrust margin of a rotor
 worst_margin_low | number | 1 | lower end of its 90 % interval
@@ -76,11 +77,12 @@ worst_rotor | whole | | which rotor, from 1
 worst_time_s | number | s | when, from the first row
 worst_doing | text | | what the aircraft was doing then
 mean_margin | number | 1 | mean of the worst rotor's margin in flight
-rows_above_limit_s | number | s | in flight above the limit
+rows_above_limit_s | number | s | in flight above the limit, turns and gusts with it
+lasting_above_limit_s | number | s | in flight with what lasts above the limit
 measured_share | number | 1 | of the flight with measured rotor speeds
 redundancy_min | number | 1 | least thrust that can be held without one rotor, over the weight
 not_survivable_s | number | s | in flight with that below 1
-fill_kg | number | kg | largest fill that keeps both limits in hover on this battery
+fill_kg | number | kg | largest fill that keeps every limit on this battery
 fill_low_kg | number | kg | lower end of its 90 % interval
 margin_by_rotor | rotors | 1 | least margin of each rotor
 speed_ratio | rotors | 1 | median of measured over predicted speed of each rotor in flight

@@ -226,7 +226,7 @@ class ReplayView(ViewPage):
                     names[f.kind],
                     None if f.rotors else f.rotor + 1,
                     CRITICAL,
-                    fault_words(f),
+                    fault_words(f, self._airframe.rotor_names),
                     time_s,
                     rotors=tuple(rotor + 1 for rotor in f.rotors),
                 )

@@ -14,7 +14,13 @@ from thrustmargin.gcs_plugin.wording.fault_words import (
     fault_amount,
 )
 from thrustmargin.gcs_plugin.wording.fill_words import fill_advice, how_sure
-from thrustmargin.gcs_plugin.wording.numbers import clock, duration, number, percent
+from thrustmargin.gcs_plugin.wording.numbers import (
+    clock,
+    duration,
+    number,
+    percent,
+    percent_within,
+)
 from thrustmargin.models.model.advice import Advice, Level
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.rotor_faults import FaultEpisode
@@ -116,13 +122,13 @@ def action(advice: Advice) -> str:
     if advice.fill.beyond_gauge_kg > 0.0:
         more = number(advice.fill.beyond_gauge_kg, "kg", 0)
         first.append(f"{actions.CHECK_LOAD.text}: thrust shows {more} more than was reported")
-        load = f"until then {load}"
     hard = Level.NO_THRUST in advice.levels or Level.OVER in advice.levels
     if hard and (advice.fill.nothing_fits is not None or Level.NO_THRUST in advice.levels):
         load = f"{load}; {actions.FLY_GENTLY.text}"
     if not first:
         return f"nothing; {load}" if within else load
-    return "; ".join([*first, f"for the load: {load}"])
+    then = "until then" if advice.fill.beyond_gauge_kg > 0.0 else "for the load:"
+    return "; ".join([*first, f"{then} {load}"])
 
 
 def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
@@ -145,10 +151,10 @@ def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
 
 def _lasting(advice: Advice) -> str:
     use, limit = advice.use, percent(advice.limit)
-    within = ""
+    worst = percent(use.lasting_most)
     if use.lasting_high - use.lasting_low > 1e-9:
-        within = f" ({percent(use.lasting_low)} to {percent(use.lasting_high)})"
-    most = f"up to {percent(use.lasting_most)}{within} of a rotor's maximum thrust"
+        worst = percent_within(use.lasting_most, use.lasting_low, use.lasting_high)
+    most = f"up to {worst} of a rotor's maximum thrust"
     if use.lasting_above_s <= 0.0:
         near = "; the limit lies within the error" if use.maybe_above.any() else ""
         return f"{most}, never above {limit}{near}"

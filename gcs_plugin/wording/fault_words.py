@@ -14,9 +14,14 @@ from thrustmargin.gcs_plugin.wording.numbers import clock
 from thrustmargin.models.model.fault_test import MOST, Kind, RotorFault
 from thrustmargin.models.model.rotor_faults import FaultEpisode
 
-_SHORT: Mapping[Kind, str] = {
-    "propeller": f"{{part}} {{size}} less thrust: {LAND.text}",
-    "motor": f"{{part}} {{size}} slow, motor or ESC: {LAND.text}",
+#: With the place of the rotor, and without.
+_AT: Mapping[Kind, str] = {
+    "propeller": f"Rotor {{rotor}} {{place}} {{size}} less thrust: {LAND.text}",
+    "motor": f"Motor {{rotor}} {{place}} {{size}} slow, or ESC: {LAND.text}",
+}
+_SENTENCES: Mapping[Kind, str] = {
+    "propeller": f"Rotor {{rotor}} makes {{size}} less thrust: prop? {LAND.text}",
+    "motor": f"Motor {{rotor}} or ESC {{size}} slow for output: {LAND.text}",
 }
 #: While it is not yet known which one it is.
 _ONE_OF: Mapping[Kind, str] = {
@@ -37,10 +42,12 @@ def fault_words(fault: RotorFault, names: Sequence[str] = ()) -> str:
     size = f">{100 * fault.lower:.0f}%"
     if fault.upper < MOST:
         size = f"{100 * fault.size:.0f}% ({100 * fault.lower:.0f}-{100 * fault.upper:.0f})"
-    part = f"{'Rotor' if fault.kind == 'propeller' else 'Motor'} {fault.rotor + 1}"
-    places = [f"{part} {names[fault.rotor]}", part] if names else [part]
-    made = [_SHORT[fault.kind].format(part=place, size=size) for place in places]
-    return next((words for words in made if len(words) <= MOST_LETTERS), made[-1])
+    known = {"rotor": fault.rotor + 1, "size": size}
+    if names:
+        words = _AT[fault.kind].format(place=names[fault.rotor], **known)
+        if len(words) <= MOST_LETTERS:
+            return words
+    return _SENTENCES[fault.kind].format(**known)
 
 
 def fault_amount(fault: RotorFault) -> str:

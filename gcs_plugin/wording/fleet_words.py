@@ -195,9 +195,25 @@ def least_loss(least: float) -> str:
     return f"a loss of {number(100 * least, '%', 2)} in the last 10 flights would have been seen"
 
 
-def lost_sentence(lost: int, recent: int) -> str:
-    """Flights in which control was lost."""
-    return f"lost control in {lost} of the last {recent} flights"
+#: What a grave verdict is called where its flights are counted.
+_GROUNDED: Mapping[str, str] = MappingProxyType(
+    {
+        "damaged": "a rotor or motor was bad",
+        "lost": "lost control",
+        "battery": "the battery collapsed",
+        "no_thrust": "no thrust was left",
+    }
+)
+
+
+def grounding_sentence(verdict: str, count: int, recent: int, last: Mapping[str, Any]) -> str:
+    """Flights after which nobody flies before it is known why, and what the last of them said."""
+    said = "; ".join(last["alarms"] or ()) if verdict == "damaged" else ""
+    margin = last["worst_margin"]
+    if verdict == "no_thrust" and known(margin):
+        said = f"least thrust margin {number(100.0 * margin, '%', 0)}, rotor {last['worst_rotor']}"
+    tail = f": {said}" if said else ""
+    return f"{_GROUNDED[verdict]} in {count} of the last {recent} flights{tail}"
 
 
 def margin_sentence(bad: int, recent: int, worst: Mapping[str, Any]) -> str:

@@ -110,6 +110,10 @@ def day_words(temperature_c: float, altitude: float, voltage: float, airspeed: f
     )
 
 
+def fill_line(limit: float) -> str:
+    return f"most for {percent(limit)} in steady flight"
+
+
 def fill_limit(limit: float, *, rotor_lost: bool) -> str:
     also = f", and {ONE_LOST}: {SPINS}." if rotor_lost else "."
     return f"Limit: {percent(limit)} of a rotor's maximum thrust in steady flight{also}"

@@ -210,6 +210,7 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
         "verdict_reason": "; ".join(report.withheld)
         or _without(verdict.level, track)
         or verdict.headline,
+        "action": verdict.action or None,
         "limit": verdict.limit,
         "worst_margin": worst.margin if worst else nan,
         "worst_margin_low": 1.0 - worst.capacity_use_high if worst else nan,
@@ -218,6 +219,7 @@ def _summary(analysis: FlightAnalysis, log: FlightLog, report: FlightReport) -> 
         "worst_doing": ", ".join(worst.doing) if worst else None,
         "mean_margin": 1.0 - mean(worst_rotor(use)[0]),
         "rows_above_limit_s": verdict.over_limit_s if worst else nan,
+        "lasting_above_limit_s": verdict.lasting_over_limit_s if worst else nan,
         "measured_share": verdict.measured_share,
         "redundancy_min": verdict.redundancy_yaw_free_min,
         "not_survivable_s": verdict.not_survivable_s

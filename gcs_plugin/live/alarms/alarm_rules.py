@@ -201,7 +201,7 @@ def motor_speed(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
 
 def _faulty(now: RowsNow, kind: Kind) -> AlarmChecks:
     """The faults of one kind, one by one, then one of several rotors: all else is sound."""
-    rotors = now.analysis.track.rotor_count
+    rotors, names = now.analysis.track.rotor_count, now.analysis.model.airframe.rotor_names
     on = np.zeros((len(now.faults), rotors + 1), dtype=np.bool_)
     known = on.copy()
     found: dict[tuple[int, int], RotorFault] = {}
@@ -215,7 +215,7 @@ def _faulty(now: RowsNow, kind: Kind) -> AlarmChecks:
         known & ~on,
         known,
         severity=lambda *_: CRITICAL,
-        text=lambda row, k: fault_words(found[row, k]),
+        text=lambda row, k: fault_words(found[row, k], names),
         rotor=rotors,
         rotors=lambda row, k: tuple(rotor + 1 for rotor in found[row, k].rotors),
     )

@@ -22,11 +22,20 @@ from thrustmargin.models.identification.season.season_changes import (
 from thrustmargin.models.identification.season.season_sums import season_sums
 
 FIRST, LOAD, ACT, WATCH = "look first", "fill less", "at the next service", "watch"
-FINE = "sound"
-LEVELS = (FIRST, ACT, LOAD, WATCH, FINE)  # worst first: the aircraft itself before its loads
+CHECK, FINE = "check the instrument", "sound"
+#: Worst first: the aircraft itself, its loads, then what its instruments say of them.
+LEVELS = (FIRST, ACT, LOAD, CHECK, WATCH, FINE)
+INSTRUMENTS = ("tank gauge", "airspeed sensor", "settings", "logs")  # parts of actions
 #: times what sound aircraft differ by, now or, as it goes on, in RECENT flights
 ACTS, FIRSTS = 3.0, 10.0
-NO_THRUST = 1e3  # weight of a flight that had no thrust left: before all else
+NO_THRUST = 1e3  # weight of a flight that ended so: before all else
+#: Verdicts that ground an aircraft, and what to do then, the gravest first.
+GROUNDING = {
+    "damaged": None,  # as the report of the flight says
+    "lost": words.GROUND_WRECK,
+    "battery": words.GROUND_BATTERY,
+    "no_thrust": words.GROUND_IT,
+}
 RECENT, DAY = 10, 86400.0  # flights; s
 
 
@@ -72,7 +81,7 @@ class AircraftSeason:
 
     @property
     def above_limit(self) -> list[Mapping[str, Any]]:
-        return [f for f in self.flights if f["verdict"] in ("over", "critical")]
+        return [f for f in self.flights if f["verdict"] in (*GROUNDING, "over", "critical")]
 
     @property
     def without_verdict(self) -> list[Mapping[str, Any]]:
@@ -167,7 +176,10 @@ def _several(season: AircraftSeason) -> Iterable[SeasonFinding]:
         )
 
 
-def level_of(ratio: float, acts: float = ACTS, firsts: float = FIRSTS) -> str:
+def level_of(ratio: float, acts: float = ACTS, firsts: float = FIRSTS, *, part: str = "") -> str:
+    """By how many times what sound aircraft differ by; `part` is what is to be looked at."""
+    if ratio >= acts and part in INSTRUMENTS:
+        return CHECK
     return FIRST if ratio >= firsts else ACT if ratio >= acts else WATCH
 
 
@@ -181,7 +193,8 @@ def _changed(season: AircraftSeason, parts: Sequence[Part]) -> Iterable[SeasonFi
             counts = last and not swap
             ratio = abs(trend.now + ahead) / trend.usual if counts else 0.0
             at = season.counted[min(entry.flight, count - 1)]
-            action = words.value_words(trend.name).action.text
+            advised = words.value_words(trend.name).action
+            action = advised.text
             if trend.instead:
                 others = [words.value_words(n).title for n in trend.instead[:3]]
                 action += f"; it may also be: {', '.join(others)}"
@@ -189,7 +202,7 @@ def _changed(season: AircraftSeason, parts: Sequence[Part]) -> Iterable[SeasonFi
                 action = "it has stopped; " + action
             when = words.flight_words(at, season.flights[at]["started_unix_s"])
             yield SeasonFinding(
-                level=level_of(ratio) if counts else FINE,
+                level=level_of(ratio, part=advised.part) if counts else FINE,
                 weight=ratio,
                 sentence=words.entry_sentence(trend.name, entry, when, ended),
                 action=_swapped(season, trend, entry, parts) if swap else action,
@@ -226,35 +239,41 @@ def _shared(season: AircraftSeason) -> Iterable[SeasonFinding]:
         words_of = words.value_words(one.name)
         also = [words.value_words(n).title for n in one.instead[:3]]
         yield SeasonFinding(
-            level=level_of(ratio),
+            level=level_of(ratio, part=words_of.action.part),
             weight=ratio,
             sentence=words.shared_sentence(one.name, one.value, one.error),
             action=words_of.action.text + (f"; it may also be: {', '.join(also)}" if also else ""),
         )
 
 
+def _verdict_of(flight: Mapping[str, Any]) -> str | None:
+    """Its verdict; one that shows a margin of 0 % has no thrust left."""
+    verdict, margin = flight["verdict"], flight["worst_margin"]
+    none_left = verdict in ("critical", "over") and finite(margin) and margin < 0.005
+    return "no_thrust" if none_left else verdict
+
+
 def _margins(season: AircraftSeason) -> Iterable[SeasonFinding]:
     count = len(season.flights)
     recent = season.flights[-RECENT:]
-    if lost := [f for f in recent if f["verdict"] == "lost"]:
-        yield SeasonFinding(
-            level=FIRST,
-            weight=NO_THRUST,
-            sentence=words.lost_sentence(len(lost), len(recent)),
-            action=words.GROUND_WRECK,
-        )
-    for level, verdict in ((LOAD, "critical"), (ACT, "over")):
-        bad = [f for f in recent if f["verdict"] == verdict]
+    for gravity, (verdict, action) in enumerate(GROUNDING.items()):
+        bad = [f for f in recent if _verdict_of(f) == verdict]
         if bad:
-            worst = min(bad, key=lambda f: f["worst_margin"])
-            none_left = worst["worst_margin"] <= 0.0
             yield SeasonFinding(
-                level=FIRST if none_left else level,
-                weight=NO_THRUST if none_left else float(len(bad)),
-                sentence=words.margin_sentence(len(bad), len(recent), worst),
-                action=words.GROUND_IT if none_left else words.FILL_LESS,
+                level=FIRST,
+                weight=NO_THRUST - gravity,
+                sentence=words.grounding_sentence(verdict, len(bad), len(recent), bad[-1]),
+                action=action or bad[-1]["action"] or words.GROUND_IT,
             )
-            break
+    heavy = [f for f in recent if _verdict_of(f) in ("critical", "over")]
+    if heavy:
+        worst = min(heavy, key=lambda f: (f["verdict"] != "critical", f["worst_margin"]))
+        yield SeasonFinding(
+            level=LOAD,
+            weight=float(len(heavy)),
+            sentence=words.margin_sentence(len(heavy), len(recent), worst),
+            action=worst["action"] or words.FILL_LESS,
+        )
     if season.without_verdict and len(season.without_verdict) * 2 > count:
         reason, action = words.no_verdict(season.without_verdict[-1])
         yield SeasonFinding(

@@ -15,6 +15,7 @@ from markupsafe import Markup
 
 from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import (
     ACT,
+    CHECK,
     FINE,
     FIRST,
     LEVELS,
@@ -30,7 +31,14 @@ from thrustmargin.gcs_plugin.wording.numbers import number, percent
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.season.season_changes import Trend
 
-COLOURS = {FIRST: "critical", LOAD: "over", ACT: "over", WATCH: "unknown", FINE: "under"}
+COLOURS = {
+    FIRST: "critical",
+    LOAD: "over",
+    ACT: "over",
+    CHECK: "unknown",
+    WATCH: "unknown",
+    FINE: "under",
+}
 MOST_LISTED = 20
 WIDE, HIGH = 520.0, 96.0  # of a small chart, in its own units
 HEADS = ("aircraft", "look", "flights", "hours", "worst margin", "above limit", "why", "do")

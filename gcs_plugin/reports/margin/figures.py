@@ -181,7 +181,7 @@ def redundancy_figure(rows: Rows, limit: float) -> Figure:
         line(time_s, one_out, color=OVER, name=MAXIMUM_FILL, dash="dash"),
     ]
     if not np.allclose(one_out, of_limit, atol=0.05, equal_nan=True):
-        name = f"most for {limit * 100:.0f} % in steady flight"
+        name = words.fill_line(limit)
         fills.append(line(time_s, of_limit, color=PREDICTED, name=name, dash="dot"))
     high = max(1.2, float(np.nanmax([free, kept])) * 1.1)
     over_weight = {"title_text": words.OVER_WEIGHT, "range": [-0.03, high]}

@@ -21,8 +21,8 @@ from thrustmargin.gcs_plugin.reports.margin.figures import figures
 from thrustmargin.gcs_plugin.reports.margin.summary import worst_first
 from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text
 from thrustmargin.gcs_plugin.wording import numbers as words
-from thrustmargin.gcs_plugin.wording.fault_words import DESCENDED, HELD, MAXIMUM_FILL, SPINS
 from thrustmargin.gcs_plugin.wording.advice_words import SEVERAL
+from thrustmargin.gcs_plugin.wording.fault_words import DESCENDED, HELD, MAXIMUM_FILL, SPINS
 from thrustmargin.gcs_plugin.wording.fill_words import amount
 from thrustmargin.gcs_plugin.wording.margin_verdict import estimate, moment_words
 from thrustmargin.models.model.json_values import to_json_values

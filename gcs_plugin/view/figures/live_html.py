@@ -22,7 +22,11 @@ if TYPE_CHECKING:
 #: White on each is read in sunlight: contrast 7:1 and more.
 RED, ORANGE, GREY = colours.css(colours.ALARM), "#8a3a00", "#4d4d4d"
 #: Of a flight's verdict by its level.
-VERDICT_PAPER = {"lost": RED, "critical": RED, "over": ORANGE, "near": ORANGE, "under": "#00512d"}
+VERDICT_PAPER = {
+    **dict.fromkeys(("damaged", "lost", "battery", "no_thrust", "critical"), RED),
+    **dict.fromkeys(("over", "near"), ORANGE),
+    "under": "#00512d",
+}
 #: Tabs that a gloved finger hits.
 STYLE = "<style>[role=tablist]{font:700 20px system-ui!important}</style>"
 MOST_ALARMS = 4  # on one page: more would push the numbers off it

@@ -27,7 +27,7 @@ def test_words_name_part_amount_and_action_in_the_length_of_a_statustext():
     assert fault_words(motor) == "Motor 8 or ESC >28% slow for output: land"
     assert all(len(fault_words(fault)) <= 50 for fault in (FAULT, motor))
     episode = FaultEpisode(begin_s=145.0, end_s=None, fault=FAULT)
-    assert episode_words(episode) == f"{fault_words(FAULT)} (found at 2 min 25 s)"
+    assert episode_words(episode) == f"{fault_words(FAULT)} (found at 2:25)"
 
 
 def test_faults_that_come_and_go_are_episodes():
@@ -57,14 +57,15 @@ def said_live(sitl_logs) -> str:
 
 
 def test_the_report_says_what_the_live_alarm_said(sitl_logs, tmp_path, capsys, said_live):
-    assert said_live.startswith("Rotor 3 makes 12% (")
+    assert said_live.startswith("Rotor 3 front left 12% (")
     path = str(sitl_logs / "onset" / "worn_prop_onset.tlog")
     assert run(["report", path, "--json", "-", "--out", str(tmp_path / "r.html")]) == 0
     flight = json.loads(capsys.readouterr().out)["flights"][0]
     (alarm,) = flight["alarms"]
     assert (alarm["words"], alarm["rotor"], alarm["until_s"]) == (said_live, 3, None)
-    assert flight["verdict"]["facts"][0]["label"] == "alarm"
-    assert said_live in flight["verdict"]["facts"][0]["text"]
+    assert flight["verdict"]["headline"] == "ROTOR 3, FRONT LEFT: 12 % LESS THRUST"
+    facts = {fact["label"]: fact["text"] for fact in flight["verdict"]["facts"]}
+    assert said_live in facts["alarm"]
     assert said_live in (tmp_path / "r.html").read_text("utf-8")
     sound = str(sitl_logs / "onset" / "reference.tlog")
     assert run(["report", sound, "--json", "-"]) == 0
@@ -78,5 +79,5 @@ def test_the_replay_shows_it_from_when_it_was_found(sitl_logs, said_live):
     row = ShownRow(analyse(log.track, model, claim=claim), 0)
     shown = {at: alarms_html(1, [view._standing_at(at, row)]) for at in (100.0, 147.0, 200.0)}
     assert shown[100.0] == ""
-    assert "Rotor 3 makes &gt;" in shown[147.0]  # as it was said then, while it grew
+    assert "Rotor 3 front left &gt;" in shown[147.0]  # as it was said then, while it grew
     assert said_live in shown[200.0]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.gcs_plugin.reports.margin.report_flight import log, model
-from thrustmargin.gcs_plugin.reports.margin import flight_verdict, report_flight
+from thrustmargin.gcs_plugin.reports.margin import report_flight
 from thrustmargin.gcs_plugin.reports.margin.data import (
     FlightReport,
     end_rows,
@@ -16,20 +16,9 @@ from thrustmargin.gcs_plugin.reports.margin.data import (
     most,
     share,
 )
-from thrustmargin.gcs_plugin.wording.margin_verdict import (
-    Level,
-    MarginVerdict,
-    Moment,
-    action,
-    estimate,
-    facts,
-    headline,
-    moment_words,
-    several_headline,
-)
+from thrustmargin.gcs_plugin.wording.margin_verdict import Moment, estimate, moment_words
 from thrustmargin.models.effects.stored import EffectRecord, Identified
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.physics.atmosphere import G0
 from thrustmargin.models.scores import Estimate
@@ -79,17 +68,6 @@ def test_time_above_the_limit_counts_airborne_rows_in_which_one_rotor_is_above()
     assert (verdict.worst.rotor, verdict.worst.time_s) == (1, 8.0)
     assert verdict.worst.capacity_use == pytest.approx(0.9)
     assert verdict.worst.margin == pytest.approx(0.1)
-
-
-@pytest.mark.parametrize("limit", [0.05, 0.55, 0.95])
-def test_the_verdict_alone_is_that_of_the_report(limit):
-    analysis = used(rising())
-    whole, alone = (
-        report_of(analysis, limit).verdict,
-        flight_verdict(analysis, max_utilisation=limit),
-    )
-    assert (alone.level, alone.headline) == (whole.level, whole.headline)
-    assert (alone.limit, alone.over_limit_s) == (whole.limit, whole.over_limit_s)
 
 
 def test_each_rotor_has_its_own_most_median_and_share_above():
@@ -218,148 +196,31 @@ MOMENT = Moment(
     longitude_deg=NAN,
     redundancy_yaw_free=0.94,
 )
-VERDICT = MarginVerdict(
-    level="critical",
-    headline="",
-    facts=(),
-    limit=0.5,
-    one_rotor_out_use=0.5,
-    worst=MOMENT,
-    basis="measured rotor speeds",
-    speed_basis="measured",
-    measured_share=1.0,
-    over_limit_s=115.7,
-    over_limit_share=0.558,
-    redundancy_yaw_free_min=0.919,
-    redundancy_yaw_free_low=0.919,
-    redundancy_yaw_free_high=0.919,
-    not_survivable_s=93.0,
-    fill_kg=9.84,
-    fill_low_kg=9.1,
-    fill_high_kg=10.4,
-    fill_start_kg=13.0,
-    tank_start_kg=16.0,
-)
 
 
-def test_the_facts_give_part_amount_and_time():
-    given = AirframeClaim(words="airframe my-quad, given")
-    assert [f"{fact.label}: {fact.text}" for fact in facts(VERDICT, given)] == [
-        "what to do: fill at most 9.1 kg (limit at 9.8, 9.1 to 10.4) on this battery, "
-        "12.2 kg as long as it is fresh: with more it would descend after losing a rotor",
-        "worst: rotor 2, rear left, at 0:53, turning right, spraying, 14.6 kg in the tank, "
-        "158 m north, 5 m west of the start",
-        "above 50 %: 1 min 56 s, 56 % of the flight",
-        "one rotor lost: too heavy for 1 min 33 s (at worst 0.92 × the weight can be held)",
-        "from: measured rotor speeds",
-        "airframe: my-quad, given",
-    ]
-    light = replace(VERDICT, over_limit_s=0.0, not_survivable_s=0.0, redundancy_yaw_free_min=1.1)
-    light = replace(light, redundancy_yaw_free_low=1.1, redundancy_yaw_free_high=1.1)
-    said = {fact.label: fact.text for fact in facts(light, given)}
-    assert said["above 50 %"] == "never"
-    assert said["one rotor lost"] == (
-        "the weight can be held all flight, without yaw control, it will spin (1.10 × or more)"
+def test_a_moment_is_named_by_rotor_time_movement_and_place():
+    assert moment_words(MOMENT) == (
+        "rotor 2, rear left, at 0:53, turning right, spraying, 14.6 kg in the tank, "
+        "158 m north, 5 m west of the start"
     )
-    doubted = replace(given, withheld=("16 V in flight", "6 rotors"), source="north.tlog")
-    said = [f"{fact.label}: {fact.text}" for fact in facts(VERDICT, doubted)]
-    assert said[:2] == ["why: 16 V in flight", "why: 6 rotors"]
-    assert "`thrustmargin airframe new --from north.tlog`" in said[2]
     bare = replace(MOMENT, doing=(), tank_kg=NAN, north=NAN)
     assert moment_words(bare) == "rotor 2, rear left, at 0:53"
-
-
-def test_each_verdict_says_what_to_do():
-    def say(**changed):
-        return action(replace(VERDICT, **changed))
-
-    over = {"level": "over", "not_survivable_s": 0.0}
-    assert say(**over) == (
-        "fill at most 9.1 kg (limit at 9.8, 9.1 to 10.4) on this battery, 12.2 kg as "
-        "long as it is fresh, which is 50 % in hover"
+    inferred = replace(bare, capacity_use=0.48, capacity_use_low=0.43, capacity_use_high=0.53)
+    assert moment_words(replace(inferred, basis="from motor outputs")) == (
+        "rotor 2, rear left, at 0:53, 48 % (43 to 53) in use, from motor outputs"
     )
-    assert say(**over, tank_start_kg=8.0) == (
-        "fly turns and climbs more gently: in hover up to 9.1 kg (limit at 9.8, 9.1 to 10.4) "
-        "are within 50 %"
-    )
-    assert say(level="near").startswith("fill at most 9.1 kg (limit at 9.8, 9.1 to 10.4)")
-    assert say(fill_low_kg=-0.5).startswith("do not fill: the limit is at 9.8 kg")
-    assert say(level="under").startswith("nothing: in hover up to 9.1 kg")
-    assert say(fill_kg=-1.0).startswith("do not fill: even empty")
-    assert "no fill can be worked out" in say(fill_kg=NAN)
-
-
-@pytest.mark.parametrize(
-    ("level", "fill_kg", "said"),
-    [
-        ("under", 0.0, "nothing: it has no tank to fill"),
-        ("near", 0.0, "it has no tank to fill"),
-        ("over", 0.0, "fly turns and climbs more gently: it has no tank to fill"),
-        ("critical", -2.0, "it has no tank to fill, and is too heavy for this air and"),
-    ],
-)
-def test_an_aircraft_without_a_tank_is_not_called_too_heavy_for_that(level, fill_kg, said):
-    verdict = replace(VERDICT, level=level, fill_kg=fill_kg, fill_low_kg=fill_kg)
-    done = action(verdict, full_at_once="tank")
-    assert done.startswith(said)
-    assert ("too heavy" in done) == (fill_kg < 0.0)
-    full = action(replace(VERDICT, fill_kg=0.0), full_at_once="take-off mass")
-    assert "empty it has the maker's maximum take-off mass" in full
-
-
-def test_after_a_rotor_alarm_the_rotor_comes_before_the_load():
-    said = action(replace(VERDICT, level="under"), suspects=(3,))
-    assert said.startswith("do not fly it before propeller, motor and ESC of rotor 3 were looked")
-    assert "battery off; for the load: nothing: in hover up to" in said
 
 
 def test_more_than_all_thrust_is_said_as_beyond_the_ceiling():
-    given = AirframeClaim(words="airframe my-quad, given")
-    beyond = replace(VERDICT, worst=replace(MOMENT, capacity_use=1.24))
-    (said,) = (f.text for f in facts(beyond, given) if f.label == "beyond the ceiling")
-    assert said.startswith("rotor 2 shows 124 % of what the airframe says it can make")
-    assert all(word in said for word in ("voltage", "max_rotor_speed_rpm", "eRPM"))
-    full = replace(VERDICT, worst=replace(MOMENT, capacity_use=1.0))
-    assert "beyond the ceiling" not in {f.label for f in facts(full, given)}
-
-
-def test_what_was_inferred_has_its_interval_and_says_what_the_error_holds():
-    worst = replace(MOMENT, capacity_use=0.48, capacity_use_low=0.43, capacity_use_high=0.53)
-    worst = replace(worst, basis="from motor outputs", doing=(), tank_kg=NAN, north=NAN)
-    within = {"redundancy_yaw_free_low": 0.96, "redundancy_yaw_free_high": 1.1}
-    near = replace(
-        VERDICT, level="near", worst=worst, over_limit_s=0.0, redundancy_yaw_free_min=1.03, **within
-    )
-    said = {fact.label: fact.text for fact in facts(near, AirframeClaim())}
-    assert said["worst"] == (
-        "rotor 2, rear left, at 0:53, 48 % (43 to 53) in use, from motor outputs"
-    )
-    assert said["above 50 %"] == "never; the limit lies within the error"
-    assert said["one rotor lost"] == (
-        "cannot tell: the weight is within the error of what could be held (1.03 ×, 0.96 to 1.10)"
-    )
-    assert headline("near", 0.5) == "NEAR THE 50 % LIMIT: CANNOT TELL"
-
-
-def test_headlines_name_the_limit_and_count_flights():
-    assert headline("over", 0.6) == "ABOVE THE 60 % LIMIT AT TIMES"
-    assert headline("under", 0.5) == "BELOW THE 50 % LIMIT"
-    assert headline("critical", 0.5, 93.0) == "TOO HEAVY TO LOSE A ROTOR FOR 1 MIN 33 S"
-    assert headline("over", 0.5, over_share=0.994) == "ABOVE THE 50 % LIMIT AT TIMES"
-    assert headline("over", 0.5, over_share=0.996) == "ABOVE THE 50 % LIMIT ALL FLIGHT"
-    assert headline("over", 0.5, 93.0) == "ABOVE THE 50 % LIMIT AT TIMES"
-    unseen = headline("critical", 0.5, 93.0, ends_in_flight=True)
-    assert unseen == "TOO HEAVY TO LOSE A ROTOR FOR 1 MIN 33 S (LOG ENDS IN FLIGHT)"
-    levels: list[Level] = ["under", "critical", "over", "critical"]
-    assert several_headline(levels, 0.5) == (
-        "critical",
-        "2 OF 4 FLIGHTS TOO HEAVY TO LOSE A ROTOR",
-    )
-    below: list[Level] = ["under"] * 3
-    silent: list[Level] = ["unknown"] * 2
-    assert several_headline(below, 0.5)[1] == "ALL 3 FLIGHTS BELOW THE 50 % LIMIT"
-    assert several_headline(silent, 0.5)[1] == "ALL 2 FLIGHTS WITHOUT VERDICT"
-    assert several_headline(["over"], 0.5)[1] == "ABOVE THE 50 % LIMIT AT TIMES"
+    for most_used, told in ((1.24, True), (0.98, False)):
+        use = np.full((ROWS, 4), 0.3)
+        use[4, 1] = most_used
+        facts = {f.label: f.text for f in report_of(used(use)).verdict.facts}
+        assert ("beyond the ceiling" in facts) == told
+        if told:
+            said = facts["beyond the ceiling"]
+            assert said.startswith("rotor 2 shows 124 % of what the airframe says it can make")
+            assert all(word in said for word in ("voltage", "max_rotor_speed_rpm", "eRPM"))
 
 
 def test_an_estimate_has_its_interval_in_brackets_where_there_is_one():

@@ -115,7 +115,8 @@ def test_page_json_and_csv_say_the_same_numbers(report, page):
     in_csv = float(row[f"utilisation_{worst['rotor']} [1]"])
     assert in_csv == pytest.approx(worst["capacity_use"], abs=1e-5)
     text = plain(page.text)
-    assert f"{worst['capacity_use'] * 100:.0f} %in use" in text.replace("% in", "%in")
+    # One quantity in the first lines: thrust left, and not what is in use beside it.
+    assert f"{100 - worst['capacity_use'] * 100:.0f} %thrust left" in text.replace("% th", "%th")
     assert f"{worst['margin'] * 100:.0f} %thrust left" in text.replace("% thrust", "%thrust")
     rmse = one["accuracy"]["overall"]["rmse_rpm"]
     assert estimate(Estimate(**rmse), "", 1) in text
@@ -367,7 +368,7 @@ def test_several_flights_have_an_overview_that_leads_to_each(tmp_path):
     folded = [a for tag, a in page.elements if tag == "details" and a.get("class") == "one"]
     assert folded == [{"class": "one"}] * 2  # a table first: no flight is open
     assert "bad.tlog: is empty" in plain(page.text)
-    assert "ALL 2 FLIGHTS ABOVE THE 50 % LIMIT AT TIMES" in plain(page.text)
+    assert "ALL 2 FLIGHTS BELOW THE 50 % LIMIT" in plain(page.text)
 
 
 def test_the_three_files_stand_beside_each_other(report, tmp_path):

@@ -1,0 +1,179 @@
+"""The answer of a flight in words: the gravest first, the amount, the place and what to do."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from thrustmargin.gcs_plugin.wording.advice_words import (
+    action,
+    facts,
+    headline,
+    several_headline,
+)
+from thrustmargin.models.checks.loss_of_control import LossKind, LossOfControl
+from thrustmargin.models.model.advice import Advice, Battery, Level, RotorLost
+from thrustmargin.models.model.fault_test import RotorFault
+from thrustmargin.models.model.next_fill import NextFill
+from thrustmargin.models.model.rotor_faults import FaultEpisode
+from thrustmargin.models.model.thrust_use import ThrustUse
+
+NO = np.zeros(3, dtype=np.bool_)
+USE = ThrustUse(
+    lasting_most=0.54,
+    lasting_low=0.54,
+    lasting_high=0.54,
+    lasting_above_s=162.2,
+    above_s=172.0,
+    known_s=200.0,
+    peak=0.733,
+    passing=5,
+    passing_longest_s=7.0,
+    spent_s=0.0,
+    lasting=np.full(3, 0.54),
+    surely_above=~NO,
+    maybe_above=~NO,
+)
+FILL = NextFill(
+    kg=8.6,
+    limit_kg=9.7,
+    low_kg=8.6,
+    high_kg=10.8,
+    fresh_kg=12.0,
+    reason="one rotor lost",
+    start_kg=16.0,
+    liquid_density=1.0,
+)
+ADVICE = Advice(
+    levels=(Level.CRITICAL,),
+    limit=0.5,
+    airborne_s=200.0,
+    use=USE,
+    lost=RotorLost(least=0.92, least_low=0.91, least_high=0.93, not_survivable_s=180.0),
+    battery=Battery(),
+    fill=FILL,
+    faults=(),
+    losses=(),
+    rotor_count=4,
+    rotor_names=("front right", "rear left", "front left", "rear right"),
+    ends_in_flight=False,
+    withheld=False,
+)
+FAULT = RotorFault(kind="propeller", rotor=2, size=0.12, lower=0.11, upper=0.13)
+
+
+def with_fault(*levels: Level, fault: RotorFault = FAULT, **changed: object) -> Advice:
+    episode = FaultEpisode(begin_s=145.0, end_s=None, fault=fault)
+    return replace(ADVICE, levels=(Level.DAMAGED, *levels), faults=(episode,), **changed)
+
+
+def test_the_first_line_of_each_level():
+    def say(level: Level, **changed: object) -> str:
+        return headline(replace(ADVICE, levels=(level,), **changed))
+
+    assert say(Level.CRITICAL) == ("FILL LESS: FOR 3 MIN A FAILED ROTOR WOULD HAVE BROUGHT IT DOWN")
+    whole = replace(ADVICE.lost, not_survivable_s=200.0)
+    assert "ALL FLIGHT A FAILED ROTOR" in say(Level.CRITICAL, lost=whole)
+    assert say(Level.CRITICAL, fill=replace(FILL, nothing_fits="tank")).startswith("TOO HEAVY:")
+    assert say(Level.OVER) == "ABOVE THE 50 % LIMIT FOR 2 MIN 42 S"
+    assert say(Level.OVER, use=replace(USE, lasting_above_s=200.0)) == (
+        "ABOVE THE 50 % LIMIT ALL FLIGHT"
+    )
+    assert say(Level.NEAR) == "NEAR THE 50 % LIMIT: CANNOT TELL"
+    assert say(Level.UNDER) == "BELOW THE 50 % LIMIT"
+    assert say(Level.UNDER, limit=0.6) == "BELOW THE 60 % LIMIT"
+    assert say(Level.UNKNOWN) == "NO VERDICT"
+    assert say(Level.UNDER, ends_in_flight=True) == "BELOW THE 50 % LIMIT (LOG ENDS IN FLIGHT)"
+    assert say(Level.NO_THRUST, use=replace(USE, spent_s=14.0)) == "NO THRUST LEFT FOR 14 S"
+    collapsed = Battery(least_cell=2.61, at_s=190.0)
+    assert say(Level.BATTERY, battery=collapsed) == "BATTERY COLLAPSED: 2.61 V A CELL AT 3:10"
+
+
+def test_a_bad_rotor_comes_first_with_its_place_and_amount():
+    assert headline(with_fault(Level.CRITICAL)) == "ROTOR 3, FRONT LEFT: 12 % LESS THRUST"
+    growing = replace(FAULT, upper=0.6, lower=0.4)
+    assert headline(with_fault(fault=growing)) == "ROTOR 3, FRONT LEFT: OVER 40 % LESS THRUST"
+    motor = replace(FAULT, kind="motor")
+    assert headline(with_fault(fault=motor)) == "MOTOR 3, FRONT LEFT: 12 % SLOW FOR ITS OUTPUT"
+    one_of = replace(FAULT, rotors=(3, 1))
+    assert headline(with_fault(fault=one_of)) == "ROTOR 4 OR 2: LESS THRUST"
+    assert headline(with_fault(rotor_names=())) == "A ROTOR: LESS THRUST"
+
+
+def test_a_loss_of_control_stands_in_the_first_line_beside_the_rotor():
+    loss = LossOfControl(kind=LossKind.TURNED_OVER, time_s=34.0, value=2.0)
+    lost = with_fault(Level.LOST, losses=(loss,))
+    assert headline(lost) == "ROTOR 3, FRONT LEFT: 12 % LESS THRUST; LOST CONTROL AT 0:34"
+    assert "kg" not in action(lost)  # what was left before it went wrong advises no fill
+    assert action(lost).startswith("do not fly it before it is known why")
+    alone = replace(ADVICE, levels=(Level.LOST,), losses=(loss,))
+    assert headline(alone) == "LOST CONTROL AT 0:34"
+
+
+def test_what_to_do_follows_the_same_order():
+    said = action(with_fault(Level.CRITICAL))
+    assert said == (
+        "do not fly it before propeller, motor and ESC of rotor 3 were looked at, battery off; "
+        "for the load: fill at most 8.6 kg (8.6 L): with more it would descend after losing a rotor"
+    )
+    assert action(ADVICE).startswith("fill at most 8.6 kg (8.6 L)")
+    within = replace(ADVICE, levels=(Level.UNDER,))
+    assert action(within).startswith("nothing; up to 8.6 kg (8.6 L)")
+    unordered = action(with_fault(rotor_names=()))
+    assert "of rotors 1 and 2 and 3 and 4 were looked at" in unordered
+    empty = action(replace(ADVICE, levels=(Level.BATTERY, Level.OVER)))
+    assert empty.startswith("with the battery off, take the battery out and test it")
+    assert "for the load: fill at most 8.6 kg" in empty
+    spent = action(replace(ADVICE, levels=(Level.NO_THRUST, Level.OVER)))
+    assert spent.endswith("fly turns and climbs more gently")
+    gauge = action(replace(ADVICE, fill=replace(FILL, beyond_gauge_kg=3.4)))
+    assert "thrust shows 3 kg more than was reported" in gauge
+    assert "until then fill at most 8.6 kg" in gauge
+    assert action(replace(ADVICE, levels=(Level.UNKNOWN,))) == ""
+
+
+def test_the_facts_say_how_much_and_how_long():
+    said = dict(facts(ADVICE))
+    assert said == {
+        "steady flight": "up to 54 % of a rotor's maximum thrust, above 50 % for 2 min 42 s of "
+        "3 min 20 s",
+        "turns and gusts": "up to 73 %, above 50 % 5 times for 7.0 s at most",
+        "one rotor lost": "would have brought it down for 3 min of 3 min 20 s (at worst 0.92 × the "
+        "weight can be held)",
+        "fill, how sure": "limit at 9.7 kg (8.6 to 10.8); 12.0 kg (12.0 L) with the battery as at "
+        "the start",
+    }
+    unsure = replace(USE, lasting_above_s=0.0, lasting_low=0.45, lasting_high=0.53)
+    near = replace(ADVICE, use=replace(unsure, lasting_most=0.49, passing=0, surely_above=NO))
+    assert dict(facts(near))["steady flight"] == (
+        "up to 49 % (45 to 53) of a rotor's maximum thrust, never above 50 %; the limit lies "
+        "within the error"
+    )
+    assert "turns and gusts" not in dict(facts(near))
+    doubt = RotorLost(least=1.03, least_low=0.96, least_high=1.1)
+    assert dict(facts(replace(ADVICE, lost=doubt)))["one rotor lost"] == (
+        "cannot tell: the weight is within the error of what could be held (1.03 ×, 0.96 to 1.10)"
+    )
+    safe = RotorLost(least=1.1, least_low=1.1, least_high=1.1)
+    assert dict(facts(replace(ADVICE, lost=safe)))["one rotor lost"] == (
+        "the weight can be held all flight, without yaw control, it will spin (1.10 × or more)"
+    )
+    assert (
+        "tank level is unknown" in dict(facts(replace(ADVICE, lost=RotorLost())))["one rotor lost"]
+    )
+
+
+@pytest.mark.parametrize(
+    ("levels", "said"),
+    [
+        ([Level.UNDER, Level.CRITICAL, Level.OVER, Level.CRITICAL], "2 OF 4 FLIGHTS TOO HEAVY TO"),
+        ([Level.UNDER, Level.DAMAGED], "1 OF 2 FLIGHTS WITH A BAD ROTOR OR MOTOR"),
+        ([Level.UNDER] * 3, "ALL 3 FLIGHTS BELOW THE 50 % LIMIT"),
+        ([Level.UNKNOWN] * 2, "ALL 2 FLIGHTS WITHOUT VERDICT"),
+        ([Level.UNKNOWN, Level.UNDER], "1 OF 2 FLIGHTS BELOW THE 50 % LIMIT"),
+    ],
+)
+def test_several_flights_are_counted_by_the_gravest(levels, said):
+    level, words = several_headline(levels, 0.5)
+    assert words.startswith(said)
+    assert level in levels
