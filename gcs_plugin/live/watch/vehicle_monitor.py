@@ -34,8 +34,8 @@ from thrustmargin.models.model.inferred.prepared import Inferred, prepared_part
 from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.model.rotor_model import RotorModel
 
-#: Rows of which screens show a mean: at least so many stay in every update.
-SHOWN = 10
+#: Rows of which screens show a mean, and in which a loss of control lasts: so many stay at least.
+SHOWN = 20
 #: Arrays of an Update that the next one goes on with.
 CARRIED = ("clock_s", "stamp_us", "pumped_kg", "delivered_kg", "margin_ahead")
 #: s for which two vehicles with one id stay suspended after they were last seen to take turns.
