@@ -17,6 +17,7 @@ NO_LOAD = (
     "or motor outputs); --load states it, --tank names its source"
 )
 NO_AIRSPEED = f"no airspeed and no ground speed heard; {ASKS}"
+NEXT_SORTIE = "armed again after a flight: the load that you state is taken for this sortie anew"
 NO_MISSION = "no mission heard; --fetch-mission asks for it"
 NO_FLOW = "no pump output heard, and no gauge that shows the flow (20 s)"
 NO_POSITION = "no position heard"

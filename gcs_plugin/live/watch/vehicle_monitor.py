@@ -21,13 +21,13 @@ from thrustmargin.gcs_plugin.live.rows.tank_balance import virtual_gauge
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState, fold_mission
 from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows, VehicleTelemetry
 from thrustmargin.gcs_plugin.live.watch.airframe_watch import AirframeWatch
+from thrustmargin.gcs_plugin.live.watch.frozen_watch import FrozenWatch
 from thrustmargin.gcs_plugin.live.watch.outlook import LookAhead
-from thrustmargin.gcs_plugin.live.watch.update import Update
+from thrustmargin.gcs_plugin.live.watch.update import Update, goes_on, with_rows
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.gcs_plugin.wording.live_words import NO_ROWS, stale_words, two_vehicles
 from thrustmargin.mission.plan import MissionPlan
-from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, FlightState, analyse
 from thrustmargin.models.model.inferred.prepared import Inferred, prepared_part
@@ -91,6 +91,7 @@ class VehicleMonitor:
         self._inferred = Inferred()
         self._unsettled = 0  # of the known rows, the last so many
         self._ahead = LookAhead(model)
+        self._frozen = FrozenWatch(flown_airframe(model))
         self._airframe = AirframeWatch(model, given=settings.airframe_given, source=settings.link)
         #: (R,) ground's clock when each rotor's speed was last known; 0 before any was.
         self._rotor_us = np.zeros(model.airframe.rotor_count, dtype=np.int64)
@@ -195,19 +196,22 @@ class VehicleMonitor:
     def _update(self, new: LiveRows | None) -> Update:
         """The next update: with new rows, or (None) with the last predictions settled."""
         last = self.last
-        if last is None or (new is not None and not _goes_on(last, new)):
+        if last is None or (new is not None and not goes_on(last, new)):
             last, self._unsettled, self._inferred = None, 0, Inferred()
             self._ahead.restart()
         window, start = slice(0, 0), None
         if last is not None:
             window, start = self._window(last)
         if new is not None:
+            parameters = self.state.parameters
+            measured = self._frozen.without_frozen(new.track, parameters)
+            notes = (*new.notes, *measured.notes[len(new.track.notes) :])
+            new = replace(new, track=measured, notes=notes)
             claim, start = self._claimed(new, start)
             airframe = None if claim.withheld else flown_airframe(self._model)
-            parameters = self.state.parameters
             track, self._inferred = prepared_part(new.track, airframe, parameters, self._inferred)
             new = replace(new, track=track)
-        track = _joined(last, window, new)
+        track = with_rows(last, window, new)
         analysis = analyse(track, self._model, start=start, claim=self.claim)
         total = track.time_s.size
         first = total - (0 if new is None else new.clock_s.size)
@@ -353,18 +357,3 @@ class VehicleMonitor:
         One that fell silent in flight is missed and never forgotten.
         """
         return self.silent(now_us) > GONE and not self.flying
-
-
-def _goes_on(last: Update, new: LiveRows) -> bool:
-    """Whether the new rows follow the last: no restart, and no other number of rotors."""
-    before = last.analysis.track.rotor_count
-    return last.boot == new.boot and before == new.track.rotor_count
-
-
-def _joined(last: Update | None, window: slice, new: LiveRows | None) -> FlightTrack:
-    """The rows that stay of the last update, and the new ones."""
-    if last is None:
-        assert new is not None
-        return new.track
-    track = last.analysis.track
-    return track.rows(window) if new is None else track.followed_by(new.track, window.start)
