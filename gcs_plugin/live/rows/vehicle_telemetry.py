@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -107,10 +107,10 @@ class _Piece:
 class VehicleTelemetry:
     """Makes the rows of one vehicle. `problem` says why there can be none; empty when all is well.
 
-    `options` as for a log, with sampling "hold".
+    `options` as for a log, with sampling "hold"; `asked` those by which the vehicle is asked.
     """
 
-    def __init__(self, system: int, options: Options) -> None:
+    def __init__(self, system: int, options: Options, asked: Collection[str] = ()) -> None:
         self.state = VehicleState(system=system)
         self.stamp_us = 0  # ground's clock when anything last came
         self.clock = ArrivalClock()
@@ -118,7 +118,7 @@ class VehicleTelemetry:
         #: Restarts and leaps of its clock since they were last taken, and when by the ground's.
         self.events: list[tuple[int, str]] = []
         self.counts: Counter[int] = Counter()  # messages that came, by id
-        self._options = options
+        self._options, self._asked = options, asked
         self._airframe = options.airframe
         self._pieces: list[_Piece] = []
         self._by_pilot: set[str] = set()  # messages that the autopilot has sent
@@ -279,7 +279,7 @@ class VehicleTelemetry:
             return None
         notes = list(motors.notes)
         if motors.assumed:
-            notes.append(order_assumed(motors.order_words))
+            notes.append(order_assumed(motors.order_words, self._asked))
         try:
             made = flight_rows(signals, motors, state.parameters, self._options, carried)
         except LogError as error:

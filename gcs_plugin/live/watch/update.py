@@ -41,6 +41,7 @@ class Update:
     alarms: tuple[Alarm, ...]  # that stand after the last row
     events: tuple[AlarmEvent, ...]
     notes: tuple[str, ...] = ()
+    asked: frozenset[str] = frozenset()  # options by which the vehicle is asked
 
     def __repr__(self) -> str:
         margins = ", ".join(f"{100.0 * m:.1f}" for m in self.analysis.margin[-1])
@@ -61,7 +62,7 @@ class Update:
         speeds, tank_kg = track.source("rotor_speed_rpm"), track.source("tank_kg")
         inferred = (no_escs(speeds),) if speeds.meaning is Meaning.MOTOR_OUTPUTS else ()
         tank = () if tank_kg.kind is SourceKind.ABSENT else (tank_by(tank_kg),)
-        unknown = unknown_lines(unknown_figures(self.analysis, self.outlook))
+        unknown = unknown_lines(unknown_figures(self.analysis, self.outlook), self.asked)
         return (*unknown, *tank, *inferred, *self.notes)
 
 

@@ -55,6 +55,7 @@ class WatchSettings(Options):
     vehicle: int | None = None  # system id of the only one; None: all that are heard
     alarms: AlarmSettings = field(default_factory=AlarmSettings)
     airframe_given: bool = True  # by the user; else a vehicle must be recognised as one of it
+    asked: frozenset[str] = frozenset()  # options by which vehicles are asked for more
     link: str = "LOG"  # where vehicles are heard, for the command that makes an airframe
 
 
@@ -86,7 +87,8 @@ class VehicleMonitor:
         self.first_us = 0  # ground's clock when it was first heard
         self.back_us = 0  # the same after it had left, the last time
         options = replace(settings, airframe=model.airframe, sampling="hold")
-        self.telemetry = VehicleTelemetry(system, options)
+        self._asked = settings.asked
+        self.telemetry = VehicleTelemetry(system, options, self._asked)
         self._model = model
         self._inferred = Inferred()
         self._unsettled = 0  # of the known rows, the last so many
@@ -118,7 +120,7 @@ class VehicleMonitor:
         if self.shared:
             return two_vehicles(self.system, helps=True)
         if self.rows == 0 and self.telemetry.stamp_us - self.first_us > ROWLESS * 1e6:
-            return self.telemetry.problem or NO_ROWS
+            return self.telemetry.problem or NO_ROWS.text(self._asked)
         return self.telemetry.problem
 
     @property
@@ -259,6 +261,7 @@ class VehicleMonitor:
             alarms=tuple(self.alarms.standing.values()),
             events=tuple(events),
             notes=new.notes if new is not None else kept.notes if kept is not None else (),
+            asked=self._asked,
         )
         return self.last
 
