@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.commands.shared.reading import ReadingOptions, reading_keywords
+from thrustmargin.gcs_plugin.wording.numbers import BEYOND_CEILING
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.alarms.alarm import AlarmEvent
@@ -43,7 +44,7 @@ class MarginOptions(ReadingOptions):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reading:
+class NewestFigures:
     """What is known of one vehicle now; NaN where it is not. Margins are shares."""
 
     vehicle: int
@@ -81,7 +82,7 @@ class MarginWorker:
         self.max_utilisation = options.max_utilisation
         self.failure = ""
         self.dropped = 0
-        self.readings: dict[int, Reading] = {}  # replaced as a whole, never changed
+        self.readings: dict[int, NewestFigures] = {}  # replaced as a whole, never changed
         self.said: deque[tuple[bool, str]] = deque(maxlen=200)  # (urgent, words) to announce
         self.thread = threading.Thread(target=self._run, name="thrustmargin", daemon=True)
         self._waiting: deque[tuple[bytes, float]] = deque(self.kept.items())
@@ -188,9 +189,9 @@ class MarginWorker:
 
     def _show(self, fleet: Fleet, updates: list[Update]) -> None:
         fresh = {update.vehicle: update for update in updates}
-        shown: dict[int, Reading] = {}
+        shown: dict[int, NewestFigures] = {}
         for number, watch in fleet.vehicles.items():
-            before = self.readings.get(number, Reading(vehicle=number))
+            before = self.readings.get(number, NewestFigures(vehicle=number))
             update = fresh.get(number)
             now = before if update is None else reading(update, _heard_s(update))
             alarms = sorted(watch.alarms.standing.values(), key=lambda alarm: alarm.order)
@@ -211,7 +212,7 @@ def _heard_s(update: Update) -> float:
     return int(update.stamp_us[-1]) * 1e-6 - _UNIX_MINUS_MONOTONIC
 
 
-def reading(update: Update, stamp: float) -> Reading:
+def reading(update: Update, stamp: float) -> NewestFigures:
     """The newest row of an update, which was reported at `stamp` (time.monotonic())."""
     from thrustmargin.gcs_plugin.live.watch.unknown_figures import unknown_figures, unknown_lines
     from thrustmargin.gcs_plugin.wording.live_words import by_source
@@ -224,7 +225,7 @@ def reading(update: Update, stamp: float) -> Reading:
     basis = analysis.speed_basis if analysis.any_measured[-1] else SpeedBasis.PREDICTED
     predicted, _ = worst_rotor(analysis.utilisation_predicted[-1:])
     errors = analysis.utilisation_error[-1]
-    return Reading(
+    return NewestFigures(
         vehicle=update.vehicle,
         stamp=stamp,
         flying=bool(analysis.track.flying[-1]),
@@ -246,7 +247,9 @@ def reading(update: Update, stamp: float) -> Reading:
 
 
 def share(value: float) -> str:
-    """A share in percent, "--" when unknown."""
+    """A margin in percent, "--" when unknown; below nothing there are no degrees."""
+    if value < 0.0:
+        return BEYOND_CEILING
     return f"{100 * value:.0f} %" if math.isfinite(value) else "--"
 
 
@@ -255,7 +258,7 @@ def number(value: float, form: str) -> str:
     return format(value, form) if math.isfinite(value) else "--"
 
 
-def summary(now: Reading, max_utilisation: float, age: float) -> list[str]:
+def summary(now: NewestFigures, max_utilisation: float, age: float) -> list[str]:
     """The lines that `margin` prints for one vehicle; `age` s of its newest row."""
     return [own_syntax(line) for line in _lines(now, max_utilisation, age)]
 
@@ -267,7 +270,7 @@ def own_syntax(words: str) -> str:
     return re.sub(r"--([a-z][a-z-]*)", r"`margin \1 ...`", words)
 
 
-def _lines(now: Reading, max_utilisation: float, age: float) -> list[str]:
+def _lines(now: NewestFigures, max_utilisation: float, age: float) -> list[str]:
     from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, SPINS
     from thrustmargin.gcs_plugin.wording.view_words import margin_ahead
 
@@ -299,7 +302,9 @@ def _lines(now: Reading, max_utilisation: float, age: float) -> list[str]:
     return lines + [f"  ALARM {text}" for text in now.alarms]
 
 
-def fields(now: Reading | None, max_utilisation: float, age: float) -> dict[str, tuple[str, str]]:
+def fields(
+    now: NewestFigures | None, max_utilisation: float, age: float
+) -> dict[str, tuple[str, str]]:
     """Console fields: name -> (text, colour); grey when there is nothing recent to show."""
     if now is None or age > STALE or math.isnan(age) or now.problem:
         names = {"Margin": "Margin --", "OneOut": "OneOut --", "Tank": "Tank --"}

@@ -69,6 +69,9 @@ TRACK_CHANNELS: Mapping[str, TrackChannel] = MappingProxyType(
         "position_ned": TrackChannel("m", 1.0, -1e6, 1e6, _NED),
         "velocity_ned": TrackChannel("m/s", 1.0, -200.0, 200.0, _NED, direct=True),
         "attitude": TrackChannel("rad", 0.5, -7.0, 7.0, _ANGLES, kind="angle", direct=True),
+        "asked_attitude": TrackChannel(
+            "rad", 1.0, -7.0, 7.0, ("roll", "pitch"), kind="angle", direct=True
+        ),
         "angular_rate_frd": TrackChannel("rad/s", 0.5, -100.0, 100.0, _FRD, direct=True),
         "specific_force_frd": TrackChannel(
             "m/s²", 0.5, -500.0, 500.0, _FRD, direct=True, averaged=True
@@ -137,6 +140,7 @@ class FlightTrack:
     position_ned: Floats  # (T, 3) m
     velocity_ned: Floats  # (T, 3) m/s over ground
     attitude: Floats  # (T, 3) rad: roll, pitch, yaw
+    asked_attitude: Floats  # (T, 2) rad: roll, pitch that the autopilot wants
     angular_rate_frd: Floats  # (T, 3) rad/s
     specific_force_frd: Floats  # (T, 3) m/s², (0, 0, -g) at rest
     airspeed: Floats  # (T,) m/s

@@ -57,6 +57,7 @@ COLUMNS: Mapping[str, tuple[str, ...]] = {
     "position_ned": tuple(f"position_{a}" for a in _NED),
     "velocity_ned": tuple(f"velocity_{a}" for a in _NED),
     "attitude": ("roll", "pitch", "yaw"),
+    "asked_attitude": ("asked_roll", "asked_pitch"),
     "angular_rate_frd": ("roll_rate", "pitch_rate", "yaw_rate"),
     "specific_force_frd": tuple(f"specific_force_{a}" for a in _FRD),
     "wind_ned": tuple(f"wind_{a}" for a in _NED),

@@ -19,6 +19,7 @@ from thrustmargin.gcs_plugin.logs.findings import (
 )
 from thrustmargin.gcs_plugin.mavlink.text import clean
 from thrustmargin.models.checks.late_speeds import late_speeds
+from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 from thrustmargin.models.checks.motor_order import MotorOrder, check_motor_order
 from thrustmargin.models.checks.plausible import comparisons
 from thrustmargin.models.checks.speed_readings import resolution_words
@@ -92,8 +93,10 @@ def inspect_log(
             findings.append(Finding(check="airframe", level=Severity.UNKNOWN, words=reason))
     else:
         if log.track.rotor_count == airframe.rotor_count:
-            scale = check_speed_scale(log.track, airframe)
-            order = check_motor_order(log.track, airframe)
+            # An aircraft out of control answers to the ground and the air, not to its rotors.
+            flown = before_loss(log.track, loss_of_control(log.track))
+            scale = check_speed_scale(flown, airframe)
+            order = check_motor_order(flown, airframe)
             findings.append(_order(order))
         findings += [
             Finding(check=c.check, level=_LEVELS.get(c.verdict, Severity.WARNING), words=c.words)

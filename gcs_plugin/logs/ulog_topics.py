@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.gcs_plugin.mavlink.decode import attitude_from_quaternion
+from thrustmargin.gcs_plugin.mavlink.decode import asked_by_quaternion, attitude_from_quaternion
 from thrustmargin.gcs_plugin.mavlink.rules import Columns, Rule, Signal, in_si, quantity
 from thrustmargin.gcs_plugin.telemetry.resample import in_time_order
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, collected, speed_through_air
@@ -22,6 +22,10 @@ Topic = Mapping[str, NDArray[Any]]
 
 def _attitude(topic: Columns) -> Floats:
     return attitude_from_quaternion(*in_si(topic, "q", "1").T)
+
+
+def _asked_attitude(topic: Columns) -> Floats:
+    return asked_by_quaternion(in_si(topic, "q_d", "1"))
 
 
 def _ground_distance(topic: Columns) -> Floats:
@@ -70,6 +74,7 @@ def _fuel_percent(topic: Columns) -> Floats:
 
 
 _PLACE = ("lat", "lon", "alt")
+_ANGLES = ("roll_body", "pitch_body")
 _ARMED = 2  # arming_state
 _REF = ("ref_lat", "ref_lon", "ref_alt")
 _WIND = ("windspeed_north", "windspeed_east")
@@ -79,6 +84,8 @@ _ABOVE_ORIGIN = "height above the estimator's origin, not above the crop"
 #: other topics the first instance.
 RULES: tuple[Rule, ...] = (
     Rule("vehicle_attitude", ("q",), "attitude", convert=_attitude),
+    Rule("vehicle_attitude_setpoint", ("q_d",), "asked_attitude", convert=_asked_attitude),
+    Rule("vehicle_attitude_setpoint", _ANGLES, "asked_attitude", "rad"),
     Rule("vehicle_angular_velocity", ("xyz",), "angular_rate_frd", "rad/s"),
     Rule("sensor_combined", ("gyro_rad",), "angular_rate_frd", "rad/s"),
     Rule("vehicle_acceleration", ("xyz",), "specific_force_frd", "m/s/s"),
@@ -122,7 +129,7 @@ RULES: tuple[Rule, ...] = (
     Rule(_FUEL, ("percent_remaining",), "fuel_percent", convert=_fuel_percent),
 )
 #: Fields that a log has element by element, and how many there are.
-VECTORS = {"q": 4, "xyz": 3, "gyro_rad": 3, "accelerometer_m_s2": 3, "control": 12}
+VECTORS = {"q": 4, "q_d": 4, "xyz": 3, "gyro_rad": 3, "accelerometer_m_s2": 3, "control": 12}
 _EVERY_INSTANCE = (_BATTERY, _FUEL)
 #: Topics that are read.
 TOPICS = (

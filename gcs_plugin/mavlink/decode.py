@@ -36,6 +36,18 @@ def _attitude_quaternion(columns: Columns) -> Floats:
     return attitude_from_quaternion(w, x, y, z)
 
 
+def asked_by_quaternion(wxyz: Floats) -> Floats:
+    """(n, 2) roll, pitch in rad that (n, 4) asks for; NaN where it is zero, which asks nothing."""
+    asked = np.any(wxyz != 0.0, axis=1, keepdims=True)
+    return np.where(asked, attitude_from_quaternion(*wxyz.T)[:, :2], np.nan)
+
+
+def _asked_attitude(columns: Columns) -> Floats:
+    # Bit 7 of type_mask: no attitude is asked for.
+    ignored = columns["type_mask"] & 128 > 0
+    return asked_by_quaternion(np.where(ignored[:, None], 0.0, columns["q"].astype(np.float64)))
+
+
 def _wind_from_direction(columns: Columns) -> Floats:
     # ArduPilot sends where the wind comes from, and the length of the whole vector as speed.
     direction = np.radians(columns["direction"].astype(np.float64))
@@ -125,6 +137,8 @@ def _esc_rules() -> tuple[Rule, ...]:
 MAVLINK_RULES: tuple[Rule, ...] = (
     Rule("ATTITUDE", ("roll", "pitch", "yaw"), "attitude", "rad"),
     Rule("ATTITUDE_QUATERNION", ("q1", "q2", "q3", "q4"), "attitude", convert=_attitude_quaternion),
+    Rule("ATTITUDE_TARGET", ("q", "type_mask"), "asked_attitude", convert=_asked_attitude),
+    Rule("NAV_CONTROLLER_OUTPUT", ("nav_roll", "nav_pitch"), "asked_attitude", "deg"),
     Rule("ATTITUDE", _RATES, "angular_rate_frd", "rad/s"),
     Rule("ATTITUDE_QUATERNION", _RATES, "angular_rate_frd", "rad/s"),
     Rule("HIGHRES_IMU", _FORCE, "specific_force_frd", "m/s/s", index="id", only=0),

@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from thrustmargin.gcs_plugin.wording.numbers import duration
+from thrustmargin.gcs_plugin.wording.numbers import duration, number
+from thrustmargin.models.checks.loss_of_control import LossKind
 
 #: ESC_FAILURE_FLAGS of MAVLink's common.xml, gravest first
 FAILURES = {
@@ -31,6 +32,7 @@ MISSING = {
     "forecast": "no forecast",
     "gauge": "no gauge, pump or thrust",
     "voltage": "no voltage",
+    "attitude": "no attitude",
     "esc": "no ESC report",
 }
 #: What a margin against the limit is of.
@@ -39,6 +41,7 @@ MEASURED_MARGIN, PREDICTED_MARGIN, MARGIN_AHEAD = (
     "Predicted margin",
     "Route ahead: margin",
 )
+CONTROL_WAS_LOST = "Control was lost"
 NOT_THE_AIRFRAME = "NO VERDICT: flight does not fit the airframe"
 AIRFRAME_UNKNOWN = "NO VERDICT: airframe not known"
 MISFIT = "Flight no longer fits its airframe"
@@ -52,6 +55,19 @@ TANK_FAST = "Tank falls faster than the pump"
 TANK_LEAKS = f"{TANK_FAST}: leak?"
 TANK_CLOGGED = "Tank falls slower than the pump: clogged?"
 GAUGE_WRONG = "Tank falls slower than the pump: gauge?"
+
+
+def control_words(kind: LossKind, value: float) -> str:
+    """That control is lost, and by what that shows, in the unit of its kind."""
+    return (
+        "CONTROL LOST: "
+        + {
+            LossKind.NOT_AS_ASKED: f"{number(math.degrees(value), '°', 0)} off what was asked",
+            LossKind.TURNED_OVER: f"tilted {number(math.degrees(value), '°', 0)}",
+            LossKind.SPUN: f"turning at {number(math.degrees(value), '°/s', 0)}",
+            LossKind.FELL: f"falling at {number(value, 'm/s', 0)}",
+        }[kind]
+    )
 
 
 def margin_words(what: str, least: float, limit: float, *, error: float, rotor: int | None) -> str:

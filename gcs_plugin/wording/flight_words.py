@@ -49,10 +49,17 @@ def loss_words(losses: Sequence[LossOfControl]) -> str:
     return ", ".join(f"{_sign(one)} at {clock(one.time_s)}" for one in losses)
 
 
+def lost_rows(losses: Sequence[LossOfControl]) -> str:
+    """That what follows a loss of control is not learnt from."""
+    when = clock(losses[0].time_s)
+    return f"control was lost ({loss_words(losses)}): what follows {when} is left out"
+
+
 def _sign(one: LossOfControl) -> str:
     value = one.value
     return {
         LossKind.SATURATED: f"a motor at {percent(value)} output",
+        LossKind.NOT_AS_ASKED: f"up to {number(degrees(value), '°', 0)} off the attitude asked for",
         LossKind.TURNED_OVER: f"tilted up to {number(degrees(value), '°', 0)}",
         LossKind.SPUN: f"turning at up to {number(degrees(value), '°/s', 0)}",
         LossKind.FELL: f"falling at up to {number(value, 'm/s', 0)}",

@@ -3,25 +3,44 @@ helps, of a vehicle's silence, of the link and the recording."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
 
 from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, SPINS
 from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
-#: Why a figure is unknown, and which option helps.
-ASKS = "--request-rates asks for them"
-NO_SPEEDS = f"no rotor speeds (ESC telemetry) and no motor outputs heard; {ASKS}"
-NO_MEASURED = f"no rotor speeds measured (ESC telemetry); {ASKS}"
-NO_LOAD = (
+
+@dataclass(frozen=True, slots=True)
+class Reason:
+    """Why something is unknown, and the option that asks the vehicle for it, if one does."""
+
+    words: str
+    option: str = ""
+
+    def text(self, asked: Collection[str] = ()) -> str:
+        """For people; `asked` are the options that are on, which nobody is told to use."""
+        if not self.option:
+            return self.words
+        helps = "asked for in vain so far" if self.option in asked else f"{self.option} asks for it"
+        return f"{self.words}; {helps}"
+
+
+#: Options by which a vehicle is asked.
+RATES, FETCH = "--request-rates", "--fetch-mission"
+#: Why a figure is unknown.
+NO_SPEEDS = Reason("no rotor speeds (ESC telemetry) and no motor outputs heard", RATES)
+NO_MEASURED = Reason("no rotor speeds measured (ESC telemetry)", RATES)
+NO_LOAD = Reason(
     "tank level unknown: no gauge, and no hover yet that shows the load (10 s, with rotor speeds "
     "or motor outputs); --load states it, --tank names its source"
 )
-NO_AIRSPEED = f"no airspeed and no ground speed heard; {ASKS}"
-NO_MISSION = "no mission heard; --fetch-mission asks for it"
-NO_FLOW = "no pump output heard, and no gauge that shows the flow (20 s)"
-NO_POSITION = "no position heard"
-NO_ROWS = (
-    "heard, but neither rotor speeds, motor outputs, attitude nor position with its clock; " + ASKS
+NO_AIRSPEED = Reason("no airspeed and no ground speed heard", RATES)
+NEXT_SORTIE = "armed again after a flight: the load that you state is taken for this sortie anew"
+NO_MISSION = Reason("no mission heard", FETCH)
+NO_FLOW = Reason("no pump output heard, and no gauge that shows the flow (20 s)")
+NO_POSITION = Reason("no position heard")
+NO_ROWS = Reason(
+    "heard, but neither rotor speeds, motor outputs, attitude nor position with its clock", RATES
 )
 AIRFRAME_NOT_YET = "airframe not known yet: hover 5 s"
 AIRFRAME_UNKNOWN = "airframe not known"
@@ -149,8 +168,9 @@ def by_source(source: Provenance) -> str:
     return f"by {source.words}" if reported else source.words
 
 
-def order_assumed(words: str) -> str:
-    return f"{words}; --request-rates asks"
+def order_assumed(words: str, asked: Collection[str]) -> str:
+    """How the motors are ordered until the vehicle has said it."""
+    return Reason(words, RATES).text(asked)
 
 
 def messages_words(frames: int, lost: Mapping[str, int]) -> str:

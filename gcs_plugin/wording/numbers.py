@@ -9,6 +9,7 @@ from types import MappingProxyType
 from typing import TypeGuard
 
 UNKNOWN = "unknown"
+BEYOND_CEILING = "beyond the ceiling"  # of a margin below 0, which has no degrees
 #: Below so much of a unit, numbers are shown in a smaller one: how many make one, and its name.
 SMALL = 0.05
 SMALLER: Mapping[str, tuple[float, str]] = MappingProxyType(
@@ -60,7 +61,7 @@ def percent(share: float | None, decimals: int = 0) -> str:
 
 def margin_or_beyond(share: float) -> str:
     """`margin 64 %`; a rotor that would need more than its largest thrust has none."""
-    return "beyond the ceiling" if share < 0.0 else f"margin {percent(share)}"
+    return BEYOND_CEILING if share < 0.0 else f"margin {percent(share)}"
 
 
 def percent_within(share: float, low: float, high: float) -> str:

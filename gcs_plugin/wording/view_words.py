@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST, outcome
-from thrustmargin.gcs_plugin.wording.numbers import margin_or_beyond, percent
+from thrustmargin.gcs_plugin.wording.numbers import BEYOND_CEILING, margin_or_beyond, percent
 from thrustmargin.models.model.inferred.output_speed import SpeedBasis
 
 NO_DATA = "no data"
@@ -105,7 +105,9 @@ def margin_rests(basis: str, reach: float, unmeasured: int) -> str:
 
 
 def share_words(share: float) -> str:
-    """`64 %`, "no data" for NaN."""
+    """`64 %` of a margin, that it is beyond the ceiling below 0, "no data" for NaN."""
+    if share < 0.0:
+        return BEYOND_CEILING
     return percent(share) if math.isfinite(share) else NO_DATA
 
 

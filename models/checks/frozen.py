@@ -13,7 +13,7 @@ import numpy as np
 
 from thrustmargin.models.checks.output_evidence import thrust_by_outputs, thrust_by_speeds
 from thrustmargin.models.checks.speed_scale import FEWEST_ROWS, lifted_mass
-from thrustmargin.models.flight import FlightTrack, Floats
+from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats
 from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.motor_output import output_curve
 from thrustmargin.models.provenance import Provenance, Reason, Rejected, SourceKind
@@ -29,11 +29,23 @@ def without_frozen(
     track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
 ) -> FlightTrack:
     """The track of T rows with NaN in the channels whose instrument is frozen, which says so."""
-    frozen = []
+    return left_out(track, frozen(track, airframe, parameters))
+
+
+def frozen(
+    track: FlightTrack, airframe: Airframe, parameters: Mapping[str, float]
+) -> dict[str, float]:
+    """Channels whose instrument stood still in flight -> where."""
+    found = {}
     if _stands(track, "voltage"):
-        frozen.append("voltage")
+        found["voltage"] = _level(track, "voltage")
     if _stands(track, "tank_kg") and _grew_lighter(track, airframe, parameters):
-        frozen.append("tank_kg")
+        found["tank_kg"] = _level(track, "tank_kg")
+    return found
+
+
+def left_out(track: FlightTrack, frozen: Mapping[str, float]) -> FlightTrack:
+    """The track with NaN in the channels that stand at these values, and why."""
     if not frozen:
         return track
     sources = {
@@ -44,14 +56,17 @@ def without_frozen(
     }
     nothing = {channel: np.full(track.time_s.size, np.nan) for channel in frozen}
     notes = [
-        f"{_NAMES[channel]} stood at {np.nanmedian(getattr(track, channel)):.4g} {unit} throughout "
-        "the flight: no measurement, and left out"
-        for channel, unit in (("voltage", "V"), ("tank_kg", "kg"))
-        if channel in frozen
+        f"{_NAMES[channel]} stood at {value:.4g} {TRACK_CHANNELS[channel].unit} throughout the "
+        "flight: no measurement, and left out"
+        for channel, value in frozen.items()
     ]
     return replace(
         track, **nothing, sources={**track.sources, **sources}, notes=(*track.notes, *notes)
     )
+
+
+def _level(track: FlightTrack, channel: str) -> float:
+    return float(np.nanmedian(getattr(track, channel)[track.flying]))
 
 
 _NAMES = {"voltage": "battery voltage", "tank_kg": "tank gauge"}

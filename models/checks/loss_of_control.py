@@ -5,6 +5,7 @@ A flip or a dive that ends in calm flight was flown on purpose. What no calm fli
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from itertools import pairwise
@@ -16,12 +17,13 @@ from thrustmargin.models.physics.atmosphere import G0
 
 #: rad: no autopilot lets anybody ask for more in the modes that spraying is flown in.
 TURNED_TILT = np.radians(70.0)
+#: rad between the axis that was asked for and the body's, and s: ArduPilot's crash check takes
+#: the same angle; a fast change of what is asked is followed sooner.
+OFF_TILT, OFF_S = np.radians(30.0), 1.0
 SPIN_RATE = 6.0  # rad/s, about one turn a second
 FALL_FORCE = 0.3 * G0  # m/s²: hardly held by anything
 FALL_SPEED = 3.0  # m/s downwards: less is a gust, or a landing
 HIT_FORCE = 3.0 * G0  # m/s², mean of a row
-#: s that a movement must last: a row or two may be damaged
-LASTS_S = 0.3
 #: Calm flight: tilt in rad and rate in rad/s below which, and s for which it must be.
 CALM_TILT, CALM_RATE, CALM_S = np.radians(40.0), 2.5, 3.0
 #: s after the last row in flight that still belong to it: motors stop before it hits.
@@ -34,6 +36,7 @@ class LossKind(StrEnum):
     """How a loss of control showed."""
 
     SATURATED = "saturated"  # value: largest share of a motor's output
+    NOT_AS_ASKED = "not as asked"  # value: largest angle off the attitude that was asked for, rad
     TURNED_OVER = "turned over"  # value: largest tilt, rad
     SPUN = "spun"  # value: largest rate, rad/s
     FELL = "fell"  # value: largest sink rate, m/s
@@ -49,6 +52,24 @@ class LossOfControl:
     value: float
 
 
+#: s that a sign must last: a row or two may be damaged
+LASTS_S: Mapping[LossKind, float] = {
+    LossKind.NOT_AS_ASKED: OFF_S,
+    LossKind.TURNED_OVER: 0.3,
+    LossKind.SPUN: 0.3,
+    LossKind.FELL: 0.3,
+    LossKind.HIT: 0.0,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Movements:
+    """How T rows of an aircraft move: what may be a loss of control, and what is calm flight."""
+
+    calm: Bools  # (T,)
+    signs: Mapping[LossKind, tuple[Bools, Floats]]  # (T,) whether it shows, and its size
+
+
 def loss_of_control(track: FlightTrack) -> tuple[LossOfControl, ...]:
     """The signs of a loss from which the flight did not come back, in order of time.
 
@@ -57,25 +78,14 @@ def loss_of_control(track: FlightTrack) -> tuple[LossOfControl, ...]:
     watched = _watched(track)
     if not watched.any():
         return ()
-    tilt = np.arccos(np.clip(down_axis(track.attitude)[:, 2], -1.0, 1.0))
-    rate = np.linalg.norm(track.angular_rate_frd, axis=1)
-    force = np.linalg.norm(track.specific_force_frd, axis=1)
-    sink = track.velocity_ned[:, 2]
-    with np.errstate(invalid="ignore"):
-        calm = track.flying & ~(tilt > CALM_TILT) & ~(rate > CALM_RATE) & ~(sink > 2 * FALL_SPEED)
-        signs = {
-            LossKind.TURNED_OVER: (watched & (tilt > TURNED_TILT), tilt, LASTS_S),
-            LossKind.SPUN: (watched & (rate > SPIN_RATE), rate, LASTS_S),
-            LossKind.FELL: (watched & (force < FALL_FORCE) & (sink > FALL_SPEED), sink, LASTS_S),
-            LossKind.HIT: (watched & (force > HIT_FORCE) & _after_fall(track, sink), force, 0.0),
-        }
-    last_calm = _last_of_calm(track.time_s, calm)
+    seen = movements(track)
+    last_calm = _last_of_calm(track.time_s, track.flying & seen.calm)
     found = [
         LossOfControl(kind=kind, time_s=begin, value=float(np.nanmax(size[first:end])))
-        for kind, (rows, size, lasts) in signs.items()
-        for first, end in _runs(rows)
+        for kind, (rows, size) in seen.signs.items()
+        for first, end in _runs(watched & rows)
         if (begin := float(track.time_s[first])) >= last_calm
-        and float(track.time_s[end - 1]) - begin >= lasts - 1e-9
+        and float(track.time_s[end - 1]) - begin >= LASTS_S[kind] - 1e-9
     ]
     # A jolt alone is a hard landing.
     if not any(sign.kind is not LossKind.HIT for sign in found):
@@ -83,6 +93,47 @@ def loss_of_control(track: FlightTrack) -> tuple[LossOfControl, ...]:
     firsts = [min((f for f in found if f.kind is k), key=_when, default=None) for k in LossKind]
     signs_found = [sign for sign in firsts if sign is not None]
     return tuple(sorted([*_led(track, min(map(_when, signs_found))), *signs_found], key=_when))
+
+
+def movements(track: FlightTrack) -> Movements:
+    """The rows at which each sign shows, however short, and those of calm flight."""
+    down = down_axis(track.attitude)
+    tilt = np.arccos(np.clip(down[:, 2], -1.0, 1.0))
+    rate = np.linalg.norm(track.angular_rate_frd, axis=1)
+    force = np.linalg.norm(track.specific_force_frd, axis=1)
+    sink = track.velocity_ned[:, 2]
+    # As asked for with the heading that it has.
+    asked = down_axis(np.column_stack([track.asked_attitude, track.attitude[:, 2]]))
+    off = np.arccos(np.clip(np.sum(asked * down, axis=1), -1.0, 1.0))
+    return Movements(
+        calm=~(tilt > CALM_TILT)
+        & ~(off > OFF_TILT)
+        & ~(rate > CALM_RATE)
+        & ~(sink > 2 * FALL_SPEED),
+        signs={
+            LossKind.NOT_AS_ASKED: (off > OFF_TILT, off),
+            LossKind.TURNED_OVER: ((tilt > TURNED_TILT) & ~(off < OFF_TILT), tilt),
+            LossKind.SPUN: (rate > SPIN_RATE, rate),
+            LossKind.FELL: ((force < FALL_FORCE) & (sink > FALL_SPEED), sink),
+            LossKind.HIT: ((force > HIT_FORCE) & _after_fall(track, sink), force),
+        },
+    )
+
+
+def losing(track: FlightTrack) -> tuple[Movements, Mapping[LossKind, Bools]]:
+    """How it moves, and the rows (T,) at which each sign has lasted its time by then.
+
+    For a flight that goes on: what calm flight follows is seen later. A jolt alone is none.
+    """
+    seen = movements(track)
+    lasted: dict[LossKind, Bools] = {}
+    for kind, (rows, _) in seen.signs.items():
+        if kind is not LossKind.HIT:
+            lasted[kind] = np.zeros_like(rows)
+            for first, end in _runs(rows):
+                lasting = track.time_s[first:end] - track.time_s[first] >= LASTS_S[kind] - 1e-9
+                lasted[kind][first:end] = lasting
+    return seen, lasted
 
 
 def before_loss(track: FlightTrack, losses: tuple[LossOfControl, ...]) -> FlightTrack:

@@ -8,7 +8,8 @@ load; all are taken without their running mean, for trim is slow. Each way to as
 speeds to the airframe's places gives other moments m; how well they explain dw/dt, beyond the
 last three terms, is that assignment's likelihood (Gaussian residuals, sample size reduced for
 autocorrelation after Bartlett 1946, gain not negative), once with the airframe's spins and once
-with every spin reversed.
+with every spin reversed. A free arm for every rotor is another layout; it pays for its R numbers
+(Schwarz 1978).
 """
 
 from __future__ import annotations
@@ -86,11 +87,9 @@ def check_motor_order(track: FlightTrack, airframe: Airframe) -> MotorOrder:
                 correlation = at_delay
             likelihood = np.maximum(likelihood, other)
         order = _decided(airframe, places, likelihood, correlation, rows)
-    acceleration, rate, squares, _ = _samples(track)
+    samples = _samples(track)
     if order.verdict == "unclear" and all(
-        (of := _any_layout(acceleration[:, k], rate[:, k], squares)) > ANSWERS
-        and order.correlation[k] < 0.5 * of
-        for k in range(2)
+        _answers_to_others(samples, axis, order.correlation[axis]) for axis in range(2)
     ):
         words = (
             "roll and pitch answer to the rotors, but not from the places that airframe "
@@ -201,13 +200,22 @@ def _correlations(
     return np.nan_to_num(correlated), samples
 
 
-def _any_layout(acceleration: Floats, rate: Floats, squares: Floats) -> float:
-    """Correlation of acceleration with the moment of the layout that explains it best."""
-    known = np.stack([np.ones_like(rate), rate, squares.sum(axis=1)], axis=1)
-    before = acceleration - known @ np.linalg.lstsq(known, acceleration)[0]
-    each = np.hstack([known, squares])
-    after = acceleration - each @ np.linalg.lstsq(each, acceleration)[0]
-    return float(np.sqrt(max(1.0 - (after @ after) / max(before @ before, 1e-300), 0.0)))
+def _answers_to_others(
+    samples: tuple[Floats, Floats, Floats, Floats], axis: int, own: float
+) -> bool:
+    """Whether a free arm for every rotor explains an axis, which the airframe's correlates `own`.
+
+    As many independent samples as free arms say nothing, however well they are met.
+    """
+    acceleration, rate, squares, step = samples
+    response, rates = acceleration[:, axis], rate[:, axis]
+    known = np.stack([np.ones_like(rates), rates, squares.sum(axis=1)], axis=1)
+    arms = np.linalg.lstsq(np.hstack([known, squares]), response)[0][known.shape[1] :]
+    (freely,), (count,) = _correlations(response, rates, squares, arms[None], step)
+    explained = np.clip([own, freely], 0.0, 0.999999) ** 2
+    own_likelihood, likelihood = -0.5 * max(count - arms.size, 0.0) * np.log1p(-explained)
+    lead = likelihood - own_likelihood - 0.5 * arms.size * np.log(max(count, 1.0))
+    return bool(freely > ANSWERS and own < 0.5 * freely and lead >= DECISIVE)
 
 
 def _decided(

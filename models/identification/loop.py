@@ -12,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 from thrustmargin.models.effects import CATALOGUE, effects_for
 from thrustmargin.models.effects.base import Effect
 from thrustmargin.models.errors import DataError
@@ -144,7 +145,9 @@ def identify_checked(
 
 
 def _tracks(flights: Sequence[Flown]) -> list[FlightTrack]:
-    return [f if isinstance(f, FlightTrack) else f.track for f in flights]
+    """What of each can be learnt from: a flight ends where control is lost."""
+    tracks = [f if isinstance(f, FlightTrack) else f.track for f in flights]
+    return [before_loss(track, loss_of_control(track)) for track in tracks]
 
 
 def _found(left_out: LeftOut, estimates: Sequence[EffectEstimate]) -> tuple[Found, ...]:

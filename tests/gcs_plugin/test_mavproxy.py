@@ -27,7 +27,7 @@ from thrustmargin.gcs_plugin.mavlink.scan import stamped_frames
 from thrustmargin.gcs_plugin.mavproxy_worker import (
     MarginOptions,
     MarginWorker,
-    Reading,
+    NewestFigures,
     fields,
     reading,
     share,
@@ -177,7 +177,9 @@ def playing(flight: list[tuple[int, bytes]], port: int, start: float, stop: floa
         thread.join()
 
 
-def watched(flight: list[tuple[int, bytes]], start: float, stop: float, model: Path) -> Reading:
+def watched(
+    flight: list[tuple[int, bytes]], start: float, stop: float, model: Path
+) -> NewestFigures:
     """What `live.vehicle_monitor` makes of the same frames in this process."""
     from thrustmargin.models.model.model_file import load_model
 
@@ -357,7 +359,7 @@ def test_importing_the_module_does_nothing():
 
 # --- words ------------------------------------------------------------------------------------
 
-NOW = Reading(
+NOW = NewestFigures(
     vehicle=3,
     stamp=100.0,
     flying=True,
@@ -415,8 +417,16 @@ def test_the_summary_says_everything_with_its_unit():
     ]
 
 
+def test_a_margin_below_nothing_has_no_degrees():
+    beyond = replace(NOW, margin=-0.12, margin_full=-0.3)
+    lines = summary(beyond, 0.5, 0.1)
+    assert "thrust margin beyond the ceiling (rotor 2)" in lines[0]
+    assert lines[2].endswith("margin when refilled beyond the ceiling")
+    assert fields(beyond, 0.5, 0.0)["Margin"] == ("Margin beyond the ceiling R2", "red")
+
+
 def test_what_is_not_known_is_two_dashes():
-    unknown = Reading(vehicle=1, stamp=0.0)
+    unknown = NewestFigures(vehicle=1, stamp=0.0)
     assert summary(unknown, 0.5, 0.0) == [
         "vehicle 1, on the ground: thrust margin --, predicted --, limit 50 %",
         "  one rotor lost, without yaw control, it will spin: -- of the weight",
@@ -437,7 +447,7 @@ def test_a_problem_takes_the_place_of_numbers():
     stopped = replace(NOW, problem="two vehicles send as system 3")
     assert summary(stopped, 0.5, 0.0) == ["vehicle 3: two vehicles send as system 3"]
     assert fields(stopped, 0.5, 0.0)["Margin"] == ("Margin --", "grey")
-    assert summary(Reading(vehicle=3), 0.5, 0.0) == ["vehicle 3: no rotor speeds yet"]
+    assert summary(NewestFigures(vehicle=3), 0.5, 0.0) == ["vehicle 3: no rotor speeds yet"]
 
 
 @pytest.mark.parametrize(

@@ -92,6 +92,7 @@ def monitor(
     from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import WatchSettings
     from thrustmargin.gcs_plugin.telemetry.tank_source import check_source
     from thrustmargin.gcs_plugin.view.page.token_door import page_token
+    from thrustmargin.gcs_plugin.wording.live_words import FETCH, RATES
 
     check_utilisation(max_utilisation)
     where = {"host": host, "port": port, "token": page_token(host, token_file)}
@@ -117,6 +118,9 @@ def monitor(
         watch=WatchSettings(
             alarms=AlarmSettings(max_utilisation=max_utilisation),
             airframe_given=said.given,
+            asked=frozenset(
+                option for option, on in ((RATES, request_rates), (FETCH, fetch_mission)) if on
+            ),
             link=url,
             **keywords,
         ),

@@ -157,7 +157,7 @@ def logs_to_fit(
     disordered: list[UnusedLog] = []
     read = read_logs(logs, left_out, console, model=model, given=given, reading=reading)
     offsets: dict[str, list[str]] = {}
-    for log in claimed(read, left_out):
+    for log in claimed(read, left_out, console):
         for words in instrument_offsets(log):
             offsets.setdefault(words, []).append(log.name)
         wrong = wrong_speeds(log.track, model.airframe)

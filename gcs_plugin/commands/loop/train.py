@@ -103,7 +103,7 @@ def train(
     unread: list[UnusedLog] = []
     model = physics_model(aircraft)
     read = read_logs(logs, unread, progress, model=model, given=given, reading=reading)
-    tracks = [log.track for log in claimed(read, unread)]
+    tracks = [log.track for log in claimed(read, unread, progress)]
     if not tracks:
         raise LogError(f"no flight can be used; {listed(unread)}")
     tracks, short = _long_enough(tracks, model)

@@ -30,6 +30,7 @@ from thrustmargin.gcs_plugin.store.schema import ROTORS
 from thrustmargin.gcs_plugin.store.season_store import SeasonStore, array_cells
 from thrustmargin.gcs_plugin.store.staging import SeasonFlight, stage
 from thrustmargin.gcs_plugin.wording.flight_words import not_flown
+from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 from thrustmargin.models.errors import DataError, ThrustMarginError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.identification.season.flight_sums import flight_sums, to_arrays
@@ -164,7 +165,8 @@ def _sums(analysis: FlightAnalysis) -> tuple[dict[str, np.ndarray] | None, str |
     if analysis.withheld:
         return None, "; ".join(analysis.withheld)
     try:
-        return to_arrays(flight_sums(analysis.model, analysis.track)), None
+        flown = before_loss(analysis.track, loss_of_control(analysis.track))
+        return to_arrays(flight_sums(analysis.model, flown)), None
     except ThrustMarginError as error:
         return None, str(error)
 

@@ -144,17 +144,25 @@ def unnamed(error: Exception, path: Path) -> str:
 
 
 def claimed(
-    read: Iterable[tuple[FlightLog, AirframeClaim]], unused: list[UnusedLog]
+    read: Iterable[tuple[FlightLog, AirframeClaim]], unused: list[UnusedLog], console: Console
 ) -> Iterator[FlightLog]:
-    """The logs of flights of the airframe; the others are added to `unused` with the reason."""
+    """The logs of flights of the airframe; the others are added to `unused` with the reason.
+
+    What comes after a loss of control is no flight to learn from: left out, and said.
+    """
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
+    from thrustmargin.gcs_plugin.wording.flight_words import lost_rows
+    from thrustmargin.models.checks.loss_of_control import before_loss, loss_of_control
 
     for log, claim in read:
         if claim.withheld:
             reason = f"{'; '.join(claim.withheld)}; {claim.remedy}"
             unused.append(UnusedLog(name=log.name, reason=reason))
-        else:
-            yield log
+            continue
+        if losses := loss_of_control(log.track):
+            console.print(escape(f"{log.name}: {lost_rows(losses)}"), soft_wrap=True)
+            log = replace(log, track=before_loss(log.track, losses))
+        yield log
 
 
 def read_flights(

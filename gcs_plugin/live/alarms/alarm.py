@@ -9,6 +9,8 @@ from thrustmargin.gcs_plugin.wording import alarm_words as words
 
 #: MAV_SEVERITY
 CRITICAL, WARNING, NOTICE = 2, 4, 5
+#: Alarms that come before all others, in this order.
+FIRST = ("telemetry", "control")
 
 
 class AlarmState(StrEnum):
@@ -32,6 +34,7 @@ class Missing(StrEnum):
     FORECAST = "forecast"
     GAUGE = "gauge"
     VOLTAGE = "voltage"
+    ATTITUDE = "attitude"
     ESC = "esc"
 
 
@@ -75,10 +78,12 @@ class Alarm:
         return words.alarm_line(self.text, self.missing, self.times, self.last_s - self.since_s)
 
     @property
-    def order(self) -> tuple[bool, int, bool, float]:
-        """Least first on every screen: a lost link, then the gravest, confirmed before not, age."""
+    def order(self) -> tuple[int, int, bool, float]:
+        """Least first on every screen: a lost link, lost control, then the gravest, confirmed
+        before not, age."""
         unconfirmed = self.state is AlarmState.UNCONFIRMED
-        return self.name != "telemetry", self.severity, unconfirmed, self.since_s
+        first = FIRST.index(self.name) if self.name in FIRST else len(FIRST)
+        return first, self.severity, unconfirmed, self.since_s
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 | alarm | raised when | for | cleared when | for |
 |---|---|---|---|---|
+| `control` | over, spinning, falling, or not as asked (`loss_of_control`) | - | calm | 3 s |
 | `margin` | worst rotor's measured thrust margin < limit | 3 s | > limit + 0.03 | 3 s + 20 |
 | `predicted margin` | predicted, without any speed, < limit | 3 s | above, or one is | 3 s + 20 |
 | `margin ahead` | predicted on the rest of the route < limit | 3 s | > limit + 0.03 | 3 s + 20 |
@@ -17,6 +18,7 @@
 | `misfit` | one that was known to be of it no longer fits | - | it fits again | - |
 | `telemetry` | nothing heard | 3 s | heard | 1 s |
 | `rotor speeds` | in flight other messages come, but not every rotor's speed | 3 s | heard | 1 s |
+The signs of lost control must last themselves, 0.3 s or 1 s.
 A lull of 20 s follows: what comes back in them (the next corner) is the same alarm, counted.
 What is not known (NaN) neither raises nor clears; after 3 s of it an alarm cannot be confirmed. A
 rotor below the limit counts though another is unknown. A margin that was inferred, not measured,
@@ -50,6 +52,7 @@ from thrustmargin.gcs_plugin.live.alarms.alarm_checks import (
 from thrustmargin.gcs_plugin.live.rows.tank_balance import TankBalance
 from thrustmargin.gcs_plugin.wording import alarm_words as words
 from thrustmargin.gcs_plugin.wording.fault_words import fault_words
+from thrustmargin.models.checks.loss_of_control import losing
 from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import Basis
 from thrustmargin.models.model.fault_test import Kind, RotorFault
@@ -58,8 +61,34 @@ from thrustmargin.models.physics.margin import ceiling
 
 ROTORS_HOLD = 1.0  # s of the time after which missing rotor speeds are reported
 LULL = 20.0  # s: from one corner of a field to the next
+MOVEMENT_ROWS = 20  # rows of two seconds, in which every sign of a loss has lasted its time
 CELL = 3.7  # V, nominal, of the lithium cells that an airframe's nominal voltage counts
 CELL_HYSTERESIS = 0.2  # V
+
+
+def control(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
+    track, rows = now.analysis.track, now.rows
+    # The rows before, in which a sign may have begun.
+    before = min(range(track.time_s.size)[rows].start, MOVEMENT_ROWS)
+    start = range(track.time_s.size)[rows].start - before
+    near = track.rows(slice(start, rows.stop))
+    seen, lasted = losing(near)
+    kinds = list(lasted)
+    shows = np.stack([lasted[kind][before:] for kind in kinds])
+    known = np.isfinite(near.attitude[before:, :2]).all(axis=1)
+
+    def text(row: int, _: int) -> str:
+        kind = kinds[int(np.argmax(shows[:, row]))]
+        return words.control_words(kind, float(seen.signs[kind][1][before + row]))
+
+    return one_alarm(
+        shows.any(axis=0),
+        known & seen.calm[before:],
+        known | shows.any(axis=0),
+        severity=lambda *_: CRITICAL,
+        text=text,
+        past=lambda _: words.CONTROL_WAS_LOST,
+    )
 
 
 def margin(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
@@ -304,6 +333,8 @@ def rotor_speeds(s: AlarmSettings, now: LinkNow) -> AlarmChecks:
 
 #: Checked in each row, in each row whose prediction is final, and by a LinkNow.
 OF_ROWS = (
+    # An aircraft that lies there has not regained it: calm flight alone clears it.
+    AlarmRule("control", 0.0, 3.0, control, Missing.ATTITUDE, on_ground="kept"),
     AlarmRule("esc", 0.0, 3.0, esc, Missing.ESC, on_ground="checked"),
     AlarmRule("margin", 3.0, 3.0, margin, Missing.SPEEDS, lull=LULL, of_airframe=True),
     AlarmRule(

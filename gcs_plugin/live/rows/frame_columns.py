@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from thrustmargin.gcs_plugin.mavlink.decode import MAVLINK_RULES
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.mavlink.layouts import layouts
-from thrustmargin.gcs_plugin.telemetry.clock import REFERENCES, own_clock
-from thrustmargin.models.flight import Floats
+from thrustmargin.gcs_plugin.telemetry.clock import REFERENCES, gps_times, own_clock
+from thrustmargin.models.flight import Bools, Floats
 
 _NEEDED = frozenset((*(rule.message for rule in MAVLINK_RULES), *REFERENCES, "SYSTEM_TIME"))
 
@@ -67,3 +67,22 @@ def grouped(
         if chosen:
             groups[name] = (np.array(chosen), _fields(frames, chosen))
     return groups
+
+
+def dated_by_gps(
+    boots: NDArray[np.int64],
+    groups: Mapping[str, tuple[NDArray[np.intp], NDArray[np.void]]],
+    already: int | None,
+) -> Bools:
+    """(n,) whether a GPS time was heard in the start `boots` (n,) of a frame, in it or before.
+
+    `already` is the start in which it was known before them, where no further one is looked for.
+    """
+    dated = np.zeros(boots.size, dtype=np.bool_)
+    if "SYSTEM_TIME" in groups:
+        at, columns = groups["SYSTEM_TIME"]
+        at = at[gps_times(columns)]
+        for boot in np.unique(boots[at]).tolist():
+            if boot != already:
+                dated |= (boots == boot) & (np.arange(boots.size) >= at[boots[at] == boot][0])
+    return dated

@@ -61,6 +61,11 @@ class VehicleState:
         return vehicle_facts(self.parameters, mav_type=self.kind, whole=self.parameters_whole)
 
     @property
+    def disarmed(self) -> bool:
+        """Whether the autopilot says that it is; False while it was never heard."""
+        return self.component is not None and not self.armed
+
+    @property
     def parameters_whole(self) -> bool:
         """Whether all parameters that it has are known."""
         return 0 < self.parameter_count <= len(self.parameters)

@@ -15,14 +15,19 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.gcs_plugin.live.rows.frame_columns import clocks_of, grouped, places_of
+from thrustmargin.gcs_plugin.live.rows.frame_columns import (
+    clocks_of,
+    dated_by_gps,
+    grouped,
+    places_of,
+)
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import OF_ITSELF, SAYS, VehicleState, fold
 from thrustmargin.gcs_plugin.logs.tlog import AUTOPILOTS
 from thrustmargin.gcs_plugin.mavlink.decode import ESC_TELEMETRY_FIRST
@@ -30,7 +35,6 @@ from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.telemetry.clock import (
     ArrivalClock,
     arrival_times,
-    gps_times,
     unix_minus_clock,
 )
 from thrustmargin.gcs_plugin.telemetry.motors import (
@@ -51,9 +55,14 @@ from thrustmargin.gcs_plugin.telemetry.signals import (
 )
 from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.gcs_plugin.telemetry.tank_source import LEFT_OUT
-from thrustmargin.gcs_plugin.wording.live_words import FIELD_WORDS, order_assumed, two_autopilots
+from thrustmargin.gcs_plugin.wording.live_words import (
+    FIELD_WORDS,
+    NEXT_SORTIE,
+    order_assumed,
+    two_autopilots,
+)
 from thrustmargin.models.errors import AirframeError, LogError
-from thrustmargin.models.flight import TRACK_CHANNELS, Bools, FlightTrack, Floats, Origin
+from thrustmargin.models.flight import TRACK_CHANNELS, FlightTrack, Floats, Origin
 from thrustmargin.models.vehicle_facts import VehicleFacts
 
 CLOCK_WAIT = 20.0  # s without the vehicle's clock after which the ground's counts
@@ -98,10 +107,10 @@ class _Piece:
 class VehicleTelemetry:
     """Makes the rows of one vehicle. `problem` says why there can be none; empty when all is well.
 
-    `options` as for a log, with sampling "hold".
+    `options` as for a log, with sampling "hold"; `asked` those by which the vehicle is asked.
     """
 
-    def __init__(self, system: int, options: Options) -> None:
+    def __init__(self, system: int, options: Options, asked: Collection[str] = ()) -> None:
         self.state = VehicleState(system=system)
         self.stamp_us = 0  # ground's clock when anything last came
         self.clock = ArrivalClock()
@@ -109,7 +118,7 @@ class VehicleTelemetry:
         #: Restarts and leaps of its clock since they were last taken, and when by the ground's.
         self.events: list[tuple[int, str]] = []
         self.counts: Counter[int] = Counter()  # messages that came, by id
-        self._options = options
+        self._options, self._asked = options, asked
         self._airframe = options.airframe
         self._pieces: list[_Piece] = []
         self._by_pilot: set[str] = set()  # messages that the autopilot has sent
@@ -128,6 +137,7 @@ class VehicleTelemetry:
         self._gps_time = False  # by SYSTEM_TIME, and no longer by the ground's clock
         self._last_escs: dict[str, Stream] = {}
         self._tank_s = math.nan  # vehicle's clock at the last report of the tank level
+        self._flew = self._rested = False  # since it was armed; was disarmed on the ground since
         self._counted = (
             VehicleFacts()
         )  # the most rotors that have turned, where nothing says how many
@@ -206,7 +216,7 @@ class VehicleTelemetry:
         self.events += notes
         parts = []
         numbers = np.repeat(np.arange(len(pieces)), [len(piece.frames) for piece in pieces])
-        dated = _dated(boots, groups, before if self._gps_time else None)
+        dated = dated_by_gps(boots, groups, before if self._gps_time else None)
         sure = boots >= 0
         for boot, number, known in dict.fromkeys(
             zip(boots[sure].tolist(), numbers[sure].tolist(), dated[sure].tolist(), strict=True)
@@ -228,17 +238,24 @@ class VehicleTelemetry:
                     for name, (at, columns) in groups.items()
                     if (chosen := inside[at]).any()
                 }
-            made = self._part(boot, pieces[number].state, streams, float(clock_s[inside][-1]))
+            made = self._part(boot, pieces[number], streams, float(clock_s[inside][-1]))
             if made is not None:
                 at = np.searchsorted(clock_s[inside], made.clock_s)
                 parts.append(replace(made, stamp_us=stamps[inside][at]))
         return parts
 
     def _part(
-        self, boot: int, state: VehicleState, streams: dict[str, Stream], until_s: float
+        self, boot: int, piece: _Piece, streams: dict[str, Stream], until_s: float
     ) -> LiveRows | None:
         """Rows of one start from messages up to `until_s`; their stamps are still to be set."""
-        carried = self._carried
+        state, carried = piece.state, self._carried
+        if self._rested and state.armed:
+            # As in a file (sorties): what is stated of a load holds from each sortie's start.
+            self._flew = self._rested = False
+            pump = carried.pumped
+            carried = replace(carried, pumped=pump and replace(pump, kg=0.0))
+            if self._options.load is not None or self._options.tank_start_kg is not None:
+                self.events.append((piece.frames[0].stamp_us, NEXT_SORTIE))
         if not self._gps_time and "SYSTEM_TIME" in streams:
             found = unix_minus_clock(streams["SYSTEM_TIME"].columns)
             if found is not None:
@@ -262,7 +279,7 @@ class VehicleTelemetry:
             return None
         notes = list(motors.notes)
         if motors.assumed:
-            notes.append(order_assumed(motors.order_words))
+            notes.append(order_assumed(motors.order_words, self._asked))
         try:
             made = flight_rows(signals, motors, state.parameters, self._options, carried)
         except LogError as error:
@@ -275,6 +292,8 @@ class VehicleTelemetry:
         self._carried = replace(made.carried, heard_s=until_s)
         for signal in made.reported.get("tank_kg", ()):
             self._tank_s = np.fmax(self._tank_s, signal.time_s[known_rows(signal.values)][-1])
+        self._flew |= bool(made.flying.any())
+        self._rested |= self._flew and state.disarmed and not made.flying[-1]
         if math.isnan(self._start_s):
             self._start_s = float(made.clock_s[0])
         item = best(signals, "mission_item")
@@ -343,25 +362,6 @@ class VehicleTelemetry:
         return ages
 
 
-def _dated(
-    boots: NDArray[np.int64],
-    groups: Mapping[str, tuple[NDArray[np.intp], NDArray[np.void]]],
-    already: int | None,
-) -> Bools:
-    """(n,) whether a GPS time was heard in the start `boots` (n,) of a frame, in it or before.
-
-    `already` is the start in which it was known before them, where no further one is looked for.
-    """
-    dated = np.zeros(boots.size, dtype=np.bool_)
-    if "SYSTEM_TIME" in groups:
-        at, columns = groups["SYSTEM_TIME"]
-        at = at[gps_times(columns)]
-        for boot in np.unique(boots[at]).tolist():
-            if boot != already:
-                dated |= (boots == boot) & (np.arange(boots.size) >= at[boots[at] == boot][0])
-    return dated
-
-
 def _said(state: VehicleState) -> tuple[object, ...]:
     """What of a state rows depend on."""
-    return id(state.parameters), state.kind, state.autopilot, state.component
+    return id(state.parameters), state.kind, state.autopilot, state.component, state.armed

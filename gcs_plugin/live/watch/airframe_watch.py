@@ -86,6 +86,7 @@ class AirframeWatch:
         time_s, flying = track.time_s, track.flying
         if time_s[0] <= self._last_s:  # it was started anew
             self._parts, self._looked_s, self._last_s = [], -np.inf, -np.inf
+            self._opened_s, self._ground_s = np.inf, -np.inf
         if np.isnan(self._ground_s) and not flying[-1]:
             self._ground_s = float(time_s[-1])
         steps = np.floor(time_s / STEP)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Mapping
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST
 from thrustmargin.models.model.analysis import FlightAnalysis
 
 
-def unknown_figures(analysis: FlightAnalysis, outlook: Outlook) -> dict[str, str]:
+def unknown_figures(analysis: FlightAnalysis, outlook: Outlook) -> dict[str, words.Reason]:
     """Figure -> why it is unknown in the newest row.
 
     Where no airframe is claimed, that has its own words; here is what recognises one.
@@ -25,7 +25,7 @@ def unknown_figures(analysis: FlightAnalysis, outlook: Outlook) -> dict[str, str
     measured = speeds and not analysis.from_outputs[row].all()
     predicted = bool(np.isfinite(analysis.utilisation_predicted[row]).any())
     why_predicted = words.NO_LOAD if tank_unknown else words.NO_AIRSPEED
-    found: dict[str, str] = {}
+    found: dict[str, words.Reason] = {}
     if track.flying[row] and not speeds:
         found[words.MEASURED_MARGIN] = words.NO_SPEEDS
     if analysis.withheld:
@@ -49,8 +49,11 @@ def unknown_figures(analysis: FlightAnalysis, outlook: Outlook) -> dict[str, str
     return found
 
 
-def unknown_lines(figures: dict[str, str]) -> Iterable[str]:
-    """One sentence a reason, naming all figures that it leaves unknown."""
+def unknown_lines(
+    figures: Mapping[str, words.Reason], asked: Collection[str] = ()
+) -> Iterable[str]:
+    """One sentence a reason, naming all figures that it leaves unknown; `asked` are the options by
+    which the vehicle is asked already."""
     for reason in dict.fromkeys(figures.values()):
         names = [name for name, why in figures.items() if why == reason]
-        yield words.unknown_words(names, reason)
+        yield words.unknown_words(names, reason.text(asked))

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thrustmargin.gcs_plugin.live.alarms.alarm import Alarm, AlarmEvent
+from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows
 from thrustmargin.gcs_plugin.live.watch.outlook import Outlook
 from thrustmargin.gcs_plugin.live.watch.unknown_figures import unknown_figures, unknown_lines
 from thrustmargin.gcs_plugin.wording.live_words import NO_ALARM, no_escs, tank_by
-from thrustmargin.models.flight import Floats
+from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.provenance import Meaning, SourceKind
 
@@ -40,6 +41,7 @@ class Update:
     alarms: tuple[Alarm, ...]  # that stand after the last row
     events: tuple[AlarmEvent, ...]
     notes: tuple[str, ...] = ()
+    asked: frozenset[str] = frozenset()  # options by which the vehicle is asked
 
     def __repr__(self) -> str:
         margins = ", ".join(f"{100.0 * m:.1f}" for m in self.analysis.margin[-1])
@@ -60,5 +62,20 @@ class Update:
         speeds, tank_kg = track.source("rotor_speed_rpm"), track.source("tank_kg")
         inferred = (no_escs(speeds),) if speeds.meaning is Meaning.MOTOR_OUTPUTS else ()
         tank = () if tank_kg.kind is SourceKind.ABSENT else (tank_by(tank_kg),)
-        unknown = unknown_lines(unknown_figures(self.analysis, self.outlook))
+        unknown = unknown_lines(unknown_figures(self.analysis, self.outlook), self.asked)
         return (*unknown, *tank, *inferred, *self.notes)
+
+
+def goes_on(last: Update, new: LiveRows) -> bool:
+    """Whether the new rows follow the last: no restart, and no other number of rotors."""
+    before = last.analysis.track.rotor_count
+    return last.boot == new.boot and before == new.track.rotor_count
+
+
+def with_rows(last: Update | None, window: slice, new: LiveRows | None) -> FlightTrack:
+    """The rows that stay of the last update, and the new ones."""
+    if last is None:
+        assert new is not None
+        return new.track
+    track = last.analysis.track
+    return track.rows(window) if new is None else track.followed_by(new.track, window.start)

@@ -21,21 +21,21 @@ from thrustmargin.gcs_plugin.live.rows.tank_balance import virtual_gauge
 from thrustmargin.gcs_plugin.live.rows.vehicle_state import VehicleState, fold_mission
 from thrustmargin.gcs_plugin.live.rows.vehicle_telemetry import LiveRows, VehicleTelemetry
 from thrustmargin.gcs_plugin.live.watch.airframe_watch import AirframeWatch
+from thrustmargin.gcs_plugin.live.watch.frozen_watch import FrozenWatch
 from thrustmargin.gcs_plugin.live.watch.outlook import LookAhead
-from thrustmargin.gcs_plugin.live.watch.update import Update
+from thrustmargin.gcs_plugin.live.watch.update import Update, goes_on, with_rows
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
 from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.gcs_plugin.wording.live_words import NO_ROWS, stale_words, two_vehicles
 from thrustmargin.mission.plan import MissionPlan
-from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis, FlightState, analyse
 from thrustmargin.models.model.inferred.prepared import Inferred, prepared_part
 from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.model.rotor_model import RotorModel
 
-#: Rows of which screens show a mean: at least so many stay in every update.
-SHOWN = 10
+#: Rows of which screens show a mean, and in which a loss of control lasts: so many stay at least.
+SHOWN = 20
 #: Arrays of an Update that the next one goes on with.
 CARRIED = ("clock_s", "stamp_us", "pumped_kg", "delivered_kg", "margin_ahead")
 #: s for which two vehicles with one id stay suspended after they were last seen to take turns.
@@ -55,6 +55,7 @@ class WatchSettings(Options):
     vehicle: int | None = None  # system id of the only one; None: all that are heard
     alarms: AlarmSettings = field(default_factory=AlarmSettings)
     airframe_given: bool = True  # by the user; else a vehicle must be recognised as one of it
+    asked: frozenset[str] = frozenset()  # options by which vehicles are asked for more
     link: str = "LOG"  # where vehicles are heard, for the command that makes an airframe
 
 
@@ -86,11 +87,13 @@ class VehicleMonitor:
         self.first_us = 0  # ground's clock when it was first heard
         self.back_us = 0  # the same after it had left, the last time
         options = replace(settings, airframe=model.airframe, sampling="hold")
-        self.telemetry = VehicleTelemetry(system, options)
+        self._asked = settings.asked
+        self.telemetry = VehicleTelemetry(system, options, self._asked)
         self._model = model
         self._inferred = Inferred()
         self._unsettled = 0  # of the known rows, the last so many
         self._ahead = LookAhead(model)
+        self._frozen = FrozenWatch(flown_airframe(model))
         self._airframe = AirframeWatch(model, given=settings.airframe_given, source=settings.link)
         #: (R,) ground's clock when each rotor's speed was last known; 0 before any was.
         self._rotor_us = np.zeros(model.airframe.rotor_count, dtype=np.int64)
@@ -117,7 +120,7 @@ class VehicleMonitor:
         if self.shared:
             return two_vehicles(self.system, helps=True)
         if self.rows == 0 and self.telemetry.stamp_us - self.first_us > ROWLESS * 1e6:
-            return self.telemetry.problem or NO_ROWS
+            return self.telemetry.problem or NO_ROWS.text(self._asked)
         return self.telemetry.problem
 
     @property
@@ -195,19 +198,22 @@ class VehicleMonitor:
     def _update(self, new: LiveRows | None) -> Update:
         """The next update: with new rows, or (None) with the last predictions settled."""
         last = self.last
-        if last is None or (new is not None and not _goes_on(last, new)):
+        if last is None or (new is not None and not goes_on(last, new)):
             last, self._unsettled, self._inferred = None, 0, Inferred()
             self._ahead.restart()
         window, start = slice(0, 0), None
         if last is not None:
             window, start = self._window(last)
         if new is not None:
+            parameters = self.state.parameters
+            measured = self._frozen.without_frozen(new.track, parameters)
+            notes = (*new.notes, *measured.notes[len(new.track.notes) :])
+            new = replace(new, track=measured, notes=notes)
             claim, start = self._claimed(new, start)
             airframe = None if claim.withheld else flown_airframe(self._model)
-            parameters = self.state.parameters
             track, self._inferred = prepared_part(new.track, airframe, parameters, self._inferred)
             new = replace(new, track=track)
-        track = _joined(last, window, new)
+        track = with_rows(last, window, new)
         analysis = analyse(track, self._model, start=start, claim=self.claim)
         total = track.time_s.size
         first = total - (0 if new is None else new.clock_s.size)
@@ -255,6 +261,7 @@ class VehicleMonitor:
             alarms=tuple(self.alarms.standing.values()),
             events=tuple(events),
             notes=new.notes if new is not None else kept.notes if kept is not None else (),
+            asked=self._asked,
         )
         return self.last
 
@@ -353,18 +360,3 @@ class VehicleMonitor:
         One that fell silent in flight is missed and never forgotten.
         """
         return self.silent(now_us) > GONE and not self.flying
-
-
-def _goes_on(last: Update, new: LiveRows) -> bool:
-    """Whether the new rows follow the last: no restart, and no other number of rotors."""
-    before = last.analysis.track.rotor_count
-    return last.boot == new.boot and before == new.track.rotor_count
-
-
-def _joined(last: Update | None, window: slice, new: LiveRows | None) -> FlightTrack:
-    """The rows that stay of the last update, and the new ones."""
-    if last is None:
-        assert new is not None
-        return new.track
-    track = last.analysis.track
-    return track.rows(window) if new is None else track.followed_by(new.track, window.start)

@@ -30,6 +30,7 @@ _PLACE = ("latlon deg", "latlon deg", "m")
 #: the log has that column (older logs number their sensors by message name).
 RULES: tuple[Rule, ...] = (
     Rule("ATT", ("Roll", "Pitch", "Yaw"), "attitude", "deg"),
+    Rule("ATT", ("DesRoll", "DesPitch"), "asked_attitude", "deg"),
     Rule("RATE", ("R", "P", "Y"), "angular_rate_frd", "deg/s"),
     Rule("IMU", ("GyrX", "GyrY", "GyrZ"), "angular_rate_frd", "rad/s", index="I", only=0),
     Rule("IMU", ("AccX", "AccY", "AccZ"), "specific_force_frd", "m/s/s", index="I", only=0),
@@ -100,9 +101,6 @@ def _of(message: str, *fields: str, meaning: Meaning = Meaning.AS_NAMED) -> Prov
     return Provenance(kind=SourceKind.MESSAGE, name=message, fields=fields, meaning=meaning)
 
 
-_WIND = _of("XKF2", "VWN", "VWE").remarked("EKF", "level")
-_EKF_SPEED = _of("XKF1", "VN", "VE", "VD")
-_EKF_AIRSPEED = _EKF_SPEED.remarked("less XKF2's wind, by the EKF")
 _GPS_SPEED = _of("GPS", "Spd", meaning=Meaning.GROUND_SPEED)
 
 
@@ -210,18 +208,19 @@ def _rangefinder_good(columns: DataFlashColumns) -> np.ndarray:
     return good
 
 
-def _core(streams: Mapping[str, Stream], names: tuple[str, ...]) -> Stream | None:
-    """The first of the EKF messages there, of its first core."""
+def _core(streams: Mapping[str, Stream], names: tuple[str, ...]) -> tuple[str, Stream] | None:
+    """The first of the EKF messages there, of its first core, and its name."""
     for name in names:
         stream = streams.get(name)
         if stream is None:
             continue
         columns = columns_of(stream)
         if "C" not in columns:
-            return stream
+            return name, stream
         rows = columns.number("C") == 0
         table = {n: columns.table[n][rows] for n in columns.scale}
-        return Stream(stream.time_s[rows], DataFlashColumns(table, columns.scale, columns.label))
+        kept = DataFlashColumns(table, columns.scale, columns.label)
+        return name, Stream(stream.time_s[rows], kept)
     return None
 
 
@@ -230,22 +229,29 @@ def _wind_and_airspeed(streams: Mapping[str, Stream]) -> list[Signal]:
 
     A wind of 0 throughout is no estimate: the EKF then has neither airspeed nor a drag model.
     """
-    ground, air = _core(streams, ("XKF1", "NKF1")), _core(streams, ("XKF2", "NKF2"))
-    if air is None:
+    speed_core = _core(streams, ("XKF1", "NKF1"))
+    wind_core = _core(streams, ("XKF2", "NKF2"))
+    if wind_core is None:
         return []
+    blown_by, air = wind_core
     north, east = (columns_of(air).si(name, "m/s") for name in ("VWN", "VWE"))
     wind = np.stack([north, east, np.zeros(north.size)], axis=-1)
     estimated = bool(np.any(wind))
-    made = [ordered_signal("wind_ned", _WIND, air.time_s, wind)]
-    made = made if estimated else []
-    if ground is None or air.time_s.size == 0:
+    of_wind = _of(blown_by, "VWN", "VWE").remarked("EKF", "level")
+    made = [ordered_signal("wind_ned", of_wind, air.time_s, wind)] if estimated else []
+    if speed_core is None or air.time_s.size == 0:
         return made
+    name, ground = speed_core
     columns = columns_of(ground)
-    if any(name not in columns for name in ("VN", "VE", "VD")):
+    if any(axis not in columns for axis in ("VN", "VE", "VD")):
         return made
-    velocity = np.stack([columns.si(name, "m/s") for name in ("VN", "VE", "VD")], axis=-1)
+    velocity = np.stack([columns.si(axis, "m/s") for axis in ("VN", "VE", "VD")], axis=-1)
     speed = speed_through_air(ground.time_s, velocity, air.time_s, wind)
-    source = _EKF_AIRSPEED if estimated else replace(_EKF_SPEED, meaning=Meaning.GROUND_SPEED)
+    over_ground = _of(name, "VN", "VE", "VD")
+    if estimated:
+        source = over_ground.remarked(f"less {blown_by}'s wind, by the EKF")
+    else:
+        source = replace(over_ground, meaning=Meaning.GROUND_SPEED)
     return [*made, ordered_signal("airspeed", source, ground.time_s, speed)]
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.view.scene.shown_row import FRD_FLU, ShownRow
 from thrustmargin.gcs_plugin.wording import palette as colours
+from thrustmargin.gcs_plugin.wording.live_words import BEYOND
 from thrustmargin.gcs_plugin.wording.palette import line_colours, sent_for
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.airframe import Airframe
@@ -202,7 +203,9 @@ def disc_colours(margin: Floats) -> colours.Colours:
 
 def rotor_label(index: int, margin: float) -> str:
     """The text over a rotor: its number and its margin in per cent, or "?" without one."""
-    return f"{index + 1}: {100 * margin:.0f}%" if np.isfinite(margin) else f"{index + 1}: ?"
+    if not np.isfinite(margin):
+        return f"{index + 1}: ?"
+    return f"{index + 1}: {BEYOND if margin < 0.0 else f'{100 * margin:.0f}%'}"
 
 
 def tank_level(tank_kg: float, capacity_kg: float) -> float:

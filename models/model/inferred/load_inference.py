@@ -165,7 +165,9 @@ def with_load_so_far(
 
     Where rows part from that as by a load that was dropped, it is unknown until they show it.
     """
-    so_far = replace(so_far, gauged=so_far.gauged or track.reports("tank_kg"))
+    # A gauge that was turned down reported nothing.
+    still = so_far.gauged and not track.source("tank_kg").rejected
+    so_far = replace(so_far, gauged=still or track.reports("tank_kg"))
     if so_far.gauged or not _may_carry(track, airframe):
         return track, so_far
     load, error = np.full((2, track.time_s.size), np.nan)

@@ -182,8 +182,8 @@ def test_repr_says_in_a_few_lines_which_flight_it_is_how_long_and_how_whole(tmp_
         "  4.9 s in 50 rows; kind of vehicle: not reported; 4 rotors by the ESCs that report",
         "  channels: attitude, angular_rate_frd, tank_kg, rotor_speed_rpm, voltage, current, "
         "spraying",
-        "  not in the log: position_ned, velocity_ned, specific_force_frd, airspeed, wind_ned, "
-        "throttle, pressure, temperature, altitude, height_agl",
+        "  not in the log: position_ned, velocity_ned, asked_attitude, specific_force_frd, "
+        "airspeed, wind_ned, throttle, pressure, temperature, altitude, height_agl",
         f"  file: 150 messages in {len(data) + 7} bytes, skipped: 7 bytes in 1 damaged place(s)",
     ]
 

@@ -257,3 +257,19 @@ def test_the_recorded_px4_flight_reads(measured_folder):
     assert not track.reports("airspeed")
     felt = np.median(np.linalg.norm(track.specific_force_frd, axis=1)[2:])
     assert felt == pytest.approx(9.8, abs=0.2)
+
+
+@pytest.mark.parametrize("named", ["q_d", "angles"])
+def test_the_attitude_that_was_asked_for_is_read_in_both_forms(tmp_path, named):
+    """Older firmware has angles beside a quaternion that may be zero, which asks for nothing."""
+    log = UlogWriter()
+    log.topic("vehicle_attitude", [("float[4]", "q")], "4f")
+    angles = [("float", "roll_body"), ("float", "pitch_body")] if named == "angles" else []
+    log.topic("vehicle_attitude_setpoint", [("float[4]", "q_d"), *angles], "4f" + "f" * len(angles))
+    for tick in range(60):
+        t = 100.0 + tick / 10
+        log.row("vehicle_attitude", t, 1.0, 0.0, 0.0, 0.0)
+        half = [0.0] * 4 if angles else [np.cos(0.1), 0.0, np.sin(0.1), 0.0]
+        log.row("vehicle_attitude_setpoint", t, *half, *([0.0, 0.2] if angles else []))
+    track = read_log(written(tmp_path, log.bytes())).track
+    np.testing.assert_allclose(track.asked_attitude, [[0.0, 0.2]] * track.time_s.size, atol=1e-6)

@@ -68,6 +68,14 @@ VALUES: dict[tuple[str, str], tuple[Mapping[str, object], Any]] = {
     ("ATTITUDE", "attitude"): ({"roll": 0.1, "pitch": -0.2, "yaw": 3.0}, [0.1, -0.2, 3.0]),
     # A quarter turn to the right: q = (cos 45°, 0, 0, sin 45°).
     ("ATTITUDE_QUATERNION", "attitude"): ({"q1": 0.5**0.5, "q4": 0.5**0.5}, [0, 0, math.pi / 2]),
+    ("ATTITUDE_TARGET", "asked_attitude"): (
+        {"q": [math.cos(0.1), math.sin(0.1), 0.0, 0.0], "type_mask": 7},
+        [0.2, 0.0],
+    ),
+    ("NAV_CONTROLLER_OUTPUT", "asked_attitude"): (
+        {"nav_roll": 90.0, "nav_pitch": -45.0},
+        [math.pi / 2, -math.pi / 4],
+    ),
     ("ATTITUDE", "angular_rate_frd"): (
         {"rollspeed": 0.1, "pitchspeed": 0.2, "yawspeed": -0.3},
         [0.1, 0.2, -0.3],

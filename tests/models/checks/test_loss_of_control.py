@@ -21,10 +21,12 @@ def flight(**changed: Any) -> FlightTrack:
     `output` are lists of (first s, end s, value)."""
     zeros = np.zeros((TIME.size, 3))
     attitude, rates, velocity, force = zeros.copy(), zeros.copy(), zeros.copy(), zeros.copy()
+    asked, told = np.zeros((TIME.size, 2)), changed.pop("told", "asked_deg" in changed)
     force[:, 2] = -G
     output = np.full((TIME.size, 4), 0.5)
     put = {
         "roll_deg": (attitude[:, 0], np.radians),
+        "asked_deg": (asked[:, 0], np.radians),
         "spin": (rates[:, 2], float),
         "sink": (velocity[:, 2], float),
         "force": (force[:, 2], lambda felt: -felt),
@@ -40,6 +42,7 @@ def flight(**changed: Any) -> FlightTrack:
         time_s=TIME,
         rotor_count=4,
         attitude=attitude,
+        asked_attitude=asked if told else asked * np.nan,
         angular_rate_frd=rates,
         velocity_ned=velocity,
         specific_force_frd=force,
@@ -107,6 +110,23 @@ def test_turning_over_at_the_end_of_the_flight_and_spinning_until_it():
     assert signs(spin=[(24.0, 28.0, 7.0)]) == [("spun", 24.0, 7.0)]
     # In the two seconds after it: the motors stop before it lies there.
     assert signs(roll_deg=[(28.5, 30.0, 80.0)]) == [("turned over", 28.5, 1.4)]
+
+
+def test_an_attitude_that_was_not_asked_for_is_a_loss_before_the_aircraft_is_over():
+    leaning = {"roll_deg": [(20.0, 30.0, 45.0)], "flying": (2.0, 25.0)}
+    assert signs(**leaning) == []  # it may have been asked for
+    assert signs(**leaning, told=True) == [("not as asked", 20.0, 0.79)]
+    assert signs(**leaning, asked_deg=[(20.0, 30.0, 40.0)]) == []
+    # What is asked changes at once and is followed within the second.
+    late = {"asked_deg": [(24.0, 30.0, -35.0)], "roll_deg": [(24.8, 30.0, -35.0)]}
+    assert signs(**late, flying=(2.0, 26.0)) == []
+    # Over as asked, in a mode that allows it, until the log ends.
+    over = {"roll_deg": [(26.0, 30.0, 80.0)], "asked_deg": [(26.0, 30.0, 85.0)]}
+    assert signs(**over) == []
+    assert signs(roll_deg=[(26.0, 30.0, 80.0)], asked_deg=[(26.0, 30.0, 20.0)]) == [
+        ("not as asked", 26.0, 1.05),
+        ("turned over", 26.0, 1.4),
+    ]
 
 
 def test_without_attitude_the_fall_alone_tells():

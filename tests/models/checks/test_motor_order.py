@@ -224,3 +224,24 @@ def test_reversed_spins_of_rotors_without_torque_are_the_same_aircraft():
     assert _decided(F16, places, likelihood, (0.9, 0.9, 0.0), 500).verdict == "unclear"
     likelihood[1] = 0.0
     assert _decided(F16, places, likelihood, (0.9, 0.9, 0.9), 500).lead == 11.0
+
+
+def simulator_like(rates: str, seed: int) -> FlightTrack:
+    """A hover whose rates do not answer to its rotors: none at all, or a swing of another."""
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(130) / 10.0
+    swing = 2.0 * np.pi * 0.5 * time_s[:, None]
+    speeds = 3200.0 + rng.normal(0.0, 15.0, (130, 4))
+    rate = np.zeros((130, 3))
+    if rates == "swing":
+        speeds += 50.0 * np.sin(swing + rng.uniform(0.0, 6.0, 4))
+        rate = 0.05 * np.sin(swing + rng.uniform(0.0, 6.0, 3)) + rng.normal(0.0, 1e-3, (130, 3))
+    return FlightTrack.of(
+        name="made", time_s=time_s, rotor_count=4, angular_rate_frd=rate, rotor_speed_rpm=speeds
+    )
+
+
+@pytest.mark.parametrize("rates", ["none", "swing"])
+def test_rates_that_are_not_of_the_rotors_are_no_other_layout(rates):
+    orders = [check_motor_order(simulator_like(rates, seed), F16) for seed in range(25)]
+    assert {order.verdict for order in orders} == {"unclear"}

@@ -1,8 +1,21 @@
 """Which model comes of a model file and an airframe, and when the two disagree."""
 
-import pytest
+import io
+from dataclasses import replace
 
-from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, listed, starting_model
+import numpy as np
+import pytest
+from rich.console import Console
+
+from tests.models.made_flights import F16, made_flight
+from thrustmargin.gcs_plugin.commands.shared.inputs import (
+    chosen_model,
+    claimed,
+    listed,
+    read_logs,
+    starting_model,
+)
+from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.model.model_file import save_model, shipped_model
@@ -73,3 +86,22 @@ def test_a_file_that_keeps_the_name_of_the_shipped_airframe_is_not_ignored(tmp_p
     own.write_text(f'extends = "topxgun-f16-sitl"\n[quantities]\n{weight}')
     model = chosen_model(None, str(own))
     assert (model.airframe.empty_mass, model.network) == (16.9, None)
+
+
+@pytest.mark.parametrize("lost", [True, False])
+def test_what_follows_a_loss_of_control_is_not_learnt_from_and_that_is_said(tmp_path, lost):
+    track = made_flight(0)
+    attitude = track.attitude.copy()
+    if lost:
+        attitude[track.time_s >= 60.0, 0] = np.radians(120.0)
+    write_csv(replace(track, attitude=attitude), tmp_path / "flight.csv")
+    told, unused, model = io.StringIO(), [], physics_model(F16)
+    console = Console(file=told, width=200)
+    read = read_logs([tmp_path / "flight.csv"], unused, console, model=model, given=True)
+    (log,) = claimed(read, unused, console)
+    assert unused == []
+    assert log.track.time_s[log.track.flying].max() == pytest.approx(59.9 if lost else 89.9)
+    words = (
+        "flight.csv: control was lost (tilted up to 120 ° at 1:00): what follows 1:00 is left out"
+    )
+    assert (words in told.getvalue()) is lost

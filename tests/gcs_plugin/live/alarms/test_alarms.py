@@ -451,3 +451,66 @@ def test_a_fault_of_one_of_several_rotors_names_none_and_says_which_it_may_be():
     assert found.rotors is not None
     assert (found.rotor, found.rotors(0, 4)) == (4, (4, 6))
     assert found.text(0, 4) == "A rotor loses thrust, 4 or 6: land"
+
+
+def moving(**changed: np.ndarray) -> FlightTrack:
+    """A level hover whose attitude, rates or force are changed."""
+    track = hover(60.0)
+    level, force = np.zeros((600, 3)), np.zeros((600, 3))
+    force[:, 2] = -9.80665
+    known = {"attitude": level, "angular_rate_frd": level, "specific_force_frd": force}
+    return replace(track, velocity_ned=level, **{**known, **changed})
+
+
+def rolled(first_s: float, end_s: float, roll_deg: float) -> np.ndarray:
+    attitude = np.zeros((600, 3))
+    attitude[round(10 * first_s) : round(10 * end_s), 0] = np.radians(roll_deg)
+    return attitude
+
+
+def of_control(track: FlightTrack) -> list[tuple[float, bool, str]]:
+    return [(round(e[0], 1), e[1], e[4]) for e in watched(track) if e[2] == "control"]
+
+
+def test_an_aircraft_that_turns_over_has_lost_control_until_it_flies_calmly_again():
+    assert of_control(moving()) == []
+    assert of_control(moving(attitude=rolled(20.0, 60.0, 120.0))) == [
+        (20.3, True, "CONTROL LOST: tilted 120 °")
+    ]
+    assert of_control(moving(attitude=rolled(20.0, 20.2, 120.0))) == []
+    # A flip flown on purpose looks the same until calm flight has lasted three seconds.
+    assert of_control(moving(attitude=rolled(20.0, 21.0, 170.0))) == [
+        (20.3, True, "CONTROL LOST: tilted 170 °"),
+        (24.0, False, "CONTROL LOST: tilted 170 °"),
+    ]
+
+
+def test_an_aircraft_that_lies_on_the_ground_after_it_has_not_regained_control():
+    track = moving(attitude=rolled(20.0, 25.0, 120.0))
+    flying = track.time_s < 24.0
+    assert [e[1] for e in of_control(replace(track, flying=flying))] == [True]
+
+
+def test_control_is_lost_where_the_aircraft_is_not_as_it_was_asked_and_by_spin_and_fall():
+    asked = np.zeros((600, 2))
+    leaning = rolled(20.0, 60.0, 45.0)
+    told = [(21.0, True, "CONTROL LOST: 45 ° off what was asked")]
+    assert of_control(moving(attitude=leaning, asked_attitude=asked)) == told
+    assert of_control(moving(attitude=leaning, asked_attitude=leaning[:, :2])) == []
+    assert of_control(moving(attitude=leaning)) == []
+    spin = np.zeros((600, 3))
+    spin[200:, 2] = np.radians(400.0)
+    assert of_control(moving(angular_rate_frd=spin))[0][2] == "CONTROL LOST: turning at 400 °/s"
+
+
+def test_lost_control_comes_before_every_alarm_but_a_lost_link():
+    alarms = Alarms()
+    low = np.full((600, 4), 0.5)
+    low[:, 2] = 1.0
+    low_margin = replace(moving(attitude=rolled(50.0, 60.0, 120.0)), throttle=low)
+    watched(low_margin, alarms)
+    standing = sorted(alarms.standing.values(), key=lambda alarm: alarm.order)
+    assert [a.name for a in standing][:2] == ["control", "saturation"]
+    alarms.heard(100.0, 5.0, np.full(4, np.nan))
+    standing = sorted(alarms.standing.values(), key=lambda alarm: alarm.order)
+    assert [a.name for a in standing][:2] == ["telemetry", "control"]

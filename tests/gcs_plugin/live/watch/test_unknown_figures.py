@@ -119,3 +119,27 @@ def test_a_vehicle_of_which_only_heartbeats_come_says_what_is_missing(flight):
     assert watch.last is None
     assert "neither rotor speeds" in watch.problem
     assert "--request-rates" in watch.problem
+
+
+def test_nobody_is_told_to_use_an_option_that_is_on(flight):
+    """Neither of a figure nor of the order of motors, which the parameters would tell."""
+    kept = [
+        f
+        for f in flight
+        if not message(f).startswith(("ESC", "MISSION")) and message(f) != "PARAM_VALUE"
+    ]
+    told = {}
+    for asked in (frozenset(), frozenset({"--request-rates", "--fetch-mission"})):
+        fleet = Fleet(MODEL, WatchSettings(asked=asked))
+        for first in range(0, len(kept), 200):
+            fleet.take(kept[first : first + 200])
+            fleet.updates()
+        last = fleet.vehicles[1].last
+        assert last is not None
+        told[asked] = "\n".join(last.remarks)
+    advised, followed = told.values()
+    assert "--request-rates" in advised
+    assert "--fetch-mission" in advised
+    assert "--request-rates" not in followed
+    assert "--fetch-mission" not in followed
+    assert "no mission heard; asked for in vain so far" in followed

@@ -154,7 +154,8 @@ def test_tlog_and_bin_of_one_flight_agree(both, channel):
 
 
 def test_every_channel_of_the_track_is_compared():
-    assert set(TRACK_CHANNELS) - set(AGREEMENT) == {"spraying"}
+    # What was asked for is not in the telemetry of this flight.
+    assert set(TRACK_CHANNELS) - set(AGREEMENT) == {"spraying", "asked_attitude"}
 
 
 def test_tlog_and_bin_agree_on_flying_spraying_start_and_mission(both):
@@ -343,6 +344,24 @@ def test_a_log_says_which_messages_its_channels_came_from():
         "ESC RawRPM (motors on outputs 1, 2, 3, 4 by"
     )
     assert sources["position_ned"].words == "POS Lat, Lng, Alt (from home; by ORGN)"
+
+
+def test_messages_of_the_older_ekf_are_called_by_their_own_names():
+    streams = dict(next(dataflash_boots(FLIGHT)).streams)
+    for newer, older in (("XKF1", "NKF1"), ("XKF2", "NKF2")):
+        streams[older] = streams.pop(newer)
+    signals = dataflash_signals(streams)
+    assert signals["wind_ned"][0].source.words == "NKF2 VWN, VWE (EKF; level)"
+    by_wind = [s.source.words for s in signals["airspeed"]]
+    assert by_wind[0] == "NKF1 VN, VE, VD (less NKF2's wind, by the EKF)"
+
+
+def test_the_attitude_that_was_asked_for_is_read_and_followed():
+    track = read_log(FLIGHT).track
+    assert track.sources["asked_attitude"].words == "ATT DesRoll, DesPitch"
+    apart = np.abs(track.asked_attitude - track.attitude[:, :2])[track.flying]
+    assert np.degrees(np.nanmedian(apart)) < 1.0
+    assert np.degrees(np.nanmax(np.abs(track.asked_attitude))) > 5.0
 
 
 def test_a_wind_of_zero_throughout_is_no_wind_and_the_airspeed_then_is_ground_speed():

@@ -5,12 +5,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.gcs_plugin.view.view_flight import ROWS, flight
+from thrustmargin.gcs_plugin.view.scene.aircraft import rotor_label
 from thrustmargin.gcs_plugin.view.scene.shown_row import (
     ShownRow,
     enu,
     row_at,
     wxyz_from_attitude,
 )
+from thrustmargin.gcs_plugin.wording.view_words import share_words
 
 
 def turned(roll, pitch, yaw, vector):
@@ -89,3 +91,17 @@ def test_the_row_of_a_time_is_the_last_one_before_it():
     assert row_at(time_s, 1.0) == 10
     assert row_at(time_s, 1.05) == 10
     assert row_at(time_s, 1e9) == ROWS - 1
+
+
+@pytest.mark.parametrize(
+    ("margin", "over_rotor", "gauge"),
+    [
+        (0.42, "1: 42%", "42 %"),
+        (-0.003, "1: <0%", "beyond the ceiling"),
+        (-1.26, "1: <0%", "beyond the ceiling"),
+        (float("nan"), "1: ?", "no data"),
+    ],
+)
+def test_a_margin_is_never_shown_as_a_negative_share(margin, over_rotor, gauge):
+    assert rotor_label(0, margin) == over_rotor
+    assert share_words(margin) == gauge

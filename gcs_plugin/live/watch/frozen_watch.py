@@ -1,0 +1,61 @@
+"""Instruments that stand still in flight, found while it goes on.
+
+The same function as of a file, over what was flown since the take-off: so it says nothing of the
+first minute, and of a tank gauge nothing before thrust shows that the aircraft became lighter. Rows
+that were shown stay as they were. A reading that moves again is one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from thrustmargin.models.checks.frozen import frozen, left_out
+from thrustmargin.models.flight import FlightTrack, joined
+from thrustmargin.models.physics.airframe import Airframe
+
+STEP, EVERY = 0.5, 10.0  # s between two rows of the evidence, and between two looks
+LANDED = 5.0  # s on the ground after which a new flight begins
+
+
+class FrozenWatch:
+    """Follows one vehicle's rows; `airframe` is that of the model."""
+
+    def __init__(self, airframe: Airframe) -> None:
+        self._airframe = airframe
+        self._begin()
+
+    def _begin(self) -> None:
+        self._flown: list[FlightTrack] = []  # rows in flight, in order
+        self._frozen: dict[str, float] = {}
+        self._last_s = self._looked_s = -np.inf
+
+    def without_frozen(self, track: FlightTrack, parameters: Mapping[str, float]) -> FlightTrack:
+        """New rows, in order, without the channels that are frozen by then."""
+        time_s = track.time_s
+        if self._flown and time_s[0] <= self._last_s:  # it was started anew
+            self._begin()
+        steps = np.floor(time_s / STEP)
+        new = np.diff(steps, prepend=np.floor(self._last_s / STEP)) > 0
+        rows = np.flatnonzero(new & track.flying)
+        if rows.size:
+            if time_s[rows[0]] - self._last_s > LANDED or self._other(track):
+                self._begin()
+            self._flown.append(track.rows(rows))
+            self._last_s = float(time_s[rows[-1]])
+        if self._flown and self._last_s - self._looked_s >= EVERY:
+            self._looked_s = self._last_s
+            self._flown = [joined([(part, slice(None)) for part in self._flown])]
+            self._frozen = frozen(self._flown[0], self._airframe, parameters)
+        moving = [c for c, stood in self._frozen.items() if _moves(track, c, stood)]
+        self._frozen = {c: stood for c, stood in self._frozen.items() if c not in moving}
+        return left_out(track, self._frozen)
+
+    def _other(self, track: FlightTrack) -> bool:
+        return bool(self._flown) and self._flown[-1].rotor_count != track.rotor_count
+
+
+def _moves(track: FlightTrack, channel: str, stood: float) -> bool:
+    values = getattr(track, channel)
+    return bool(np.any(np.isfinite(values) & (values != stood)))
