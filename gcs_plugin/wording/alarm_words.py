@@ -8,6 +8,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+from thrustmargin.gcs_plugin.wording.actions import LAND
+from thrustmargin.gcs_plugin.wording.fault_words import MOST_LETTERS
 from thrustmargin.gcs_plugin.wording.numbers import duration, number
 from thrustmargin.models.checks.loss_of_control import LossKind
 
@@ -35,6 +37,7 @@ MISSING = {
     "attitude": "no attitude",
     "esc": "no ESC report",
 }
+GENTLY = "fly gently"
 #: What a margin against the limit is of.
 MEASURED_MARGIN, PREDICTED_MARGIN, MARGIN_AHEAD = (
     "Thrust margin",
@@ -44,17 +47,17 @@ MEASURED_MARGIN, PREDICTED_MARGIN, MARGIN_AHEAD = (
 CONTROL_WAS_LOST = "Control was lost"
 NOT_THE_AIRFRAME = "NO VERDICT: flight does not fit the airframe"
 AIRFRAME_UNKNOWN = "NO VERDICT: airframe not known"
-MISFIT = "Flight no longer fits its airframe"
-OUTSIDE_TRAINING = "Outside the model's training: weight only"
-TELEMETRY_LOST = "Telemetry lost in flight"
+MISFIT = "Flight no longer fits its airframe: land, check"
+OUTSIDE_TRAINING = "Outside the model's training: less sure"
+TELEMETRY_LOST = "Telemetry lost in flight: fly by sight"
 NO_TELEMETRY = "No telemetry, last on the ground"
-NO_ROTOR_SPEEDS = "No rotor speeds: ESC telemetry lost"
+NO_ROTOR_SPEEDS = "No rotor speeds: ESC telemetry lost, check wiring"
 NO_OUTPUTS = "No motor outputs: margin unknown"
-TANK_EMPTY = "Tank empty, pump still on"
-TANK_FAST = "Tank falls faster than the pump"
-TANK_LEAKS = f"{TANK_FAST}: leak?"
-TANK_CLOGGED = "Tank falls slower than the pump: clogged?"
-GAUGE_WRONG = "Tank falls slower than the pump: gauge?"
+TANK_EMPTY = "Tank empty, pump still on: switch it off"
+TANK_FAST = "Tank falls faster than pump: look after landing"
+TANK_LEAKS = "Tank falls faster than pump: leak? land, look"
+TANK_CLOGGED = "Tank falls slower than pump: check the nozzles"
+GAUGE_WRONG = "Tank falls slower than pump: check the gauge"
 
 
 def control_words(kind: LossKind, value: float) -> str:
@@ -71,14 +74,20 @@ def control_words(kind: LossKind, value: float) -> str:
 
 
 def margin_words(what: str, least: float, limit: float, *, error: float, rotor: int | None) -> str:
-    """`Thrust margin 44% (+-3) below 50%: rotor 1`; shares, rounded down, so that what is below
-    the limit also reads so. `error` is half the 90 % interval, 0 of what was measured."""
+    """`Thrust margin 44% below 50%, rotor 1: fly gently`; shares, rounded down, so that what is
+    below the limit also reads so. `error` is half the 90 % interval, 0 of what was measured."""
     place = "below" if least + error < limit else "near"
     within = f" (+-{math.ceil(100 * error)})" if error > 0.0 else ""
-    of = "" if rotor is None else f": rotor {rotor}"
+    of = "" if rotor is None else f", rotor {rotor}"
+    says = f"{what} {math.floor(100 * least + 1e-6)}%{within} {place} {limit:.0%}"
     if least + error < 0.0:
-        return f"{what} none: beyond ceiling{of}"
-    return f"{what} {math.floor(100 * least + 1e-6)}%{within} {place} {limit:.0%}{of}"
+        says = f"{what} none: beyond ceiling"
+    return fitting(f"{says}{of}: {GENTLY}", f"{says}: {GENTLY}", f"{says}{of}", says)
+
+
+def fitting(*texts: str) -> str:
+    """The first that a STATUSTEXT holds; the last where none is short enough."""
+    return next((text for text in texts if len(text) <= MOST_LETTERS), texts[-1])
 
 
 def margin_past(what: str, limit: float) -> str:
@@ -86,8 +95,9 @@ def margin_past(what: str, limit: float) -> str:
     return f"{what} was below {limit:.0%}"
 
 
-def at_limit(rotor: int) -> str:
-    return f"Rotor {rotor} at its limit: no thrust left"
+def at_limit(rotor: int, place: str) -> str:
+    says = "no thrust left, slow down"
+    return fitting(f"Rotor {rotor} {place}: {says}", f"Rotor {rotor}: {says}")
 
 
 def was_at_limit(rotor: int) -> str:
@@ -96,7 +106,7 @@ def was_at_limit(rotor: int) -> str:
 
 def battery_words(cell: float, sag: float, lost: float) -> str:
     """V a cell, V that it sags below its rest, and the share of thrust that goes with it."""
-    return f"Battery {cell:.2f} V/cell (-{sag:.2f}): {lost:.0%} thrust lost"
+    return f"Battery {cell:.2f} V/cell (-{sag:.2f}), {lost:.0%} less thrust: land"
 
 
 def battery_past(cell: float) -> str:
@@ -104,14 +114,15 @@ def battery_past(cell: float) -> str:
     return f"Battery was below {cell:.1f} V/cell"
 
 
-def esc_words(rotor: int, flags: int) -> str:
+def esc_words(rotor: int, place: str, flags: int) -> str:
     """What an ESC reports of itself, by its ESC_FAILURE_FLAGS."""
     known = ", ".join(words for bit, words in FAILURES.items() if flags & bit)
-    return f"ESC of rotor {rotor}: {known or f'failure {flags}'}"
+    says = f"{known or f'failure {flags}'}: {LAND.text}"
+    return fitting(f"ESC {rotor} {place}: {says}", f"ESC {rotor}: {says}")
 
 
 def thrust_against_gauge(apart_kg: float) -> str:
-    return f"Thrust says {apart_kg:+.1f} kg against the gauge"
+    return f"Thrust says {apart_kg:+.1f} kg against gauge: check load"
 
 
 def speeds_missing(rotors: Iterable[int]) -> str:

@@ -56,8 +56,8 @@ def thrust_use(analysis: FlightAnalysis, limit: float) -> ThrustUse:
     medians[~np.isfinite(means)] = np.nan
     most, which = worst_rotor(medians)
     known, at = np.isfinite(most), np.arange(most.size)
-    error = np.where(known, reaches[at, np.nan_to_num(which).astype(int)], np.nan)
-    error = np.nan_to_num(error)
+    error = np.zeros(most.size)
+    error[known] = np.nan_to_num(reaches[at[known], which[known].astype(int)])
     now = worst_rotor(means)[0]
     length = np.bincount(second, weights=np.where(track.flying, track.row_seconds, 0.0))
     with np.errstate(invalid="ignore"):

@@ -207,7 +207,7 @@ class TestInMavproxy:
         first, second, *_ = summary(watched(flight, 40.0, 70.0, model), 0.5, 0.0)
         assert "flying: thrust margin" in first
         play(flight, mavproxy.port, 40.0, 70.0, 4.0)
-        mavproxy.wait("Telemetry lost in flight")  # by then everything is computed
+        mavproxy.wait("Telemetry lost in flight: fly by sight")  # by then everything is computed
         vehicle, numbers = first.split(": ", 1)
         mavproxy.ask("margin", rf"^{vehicle}, OLD: \d+ s ago: {re.escape(numbers)}$")
         mavproxy.wait(f"^{re.escape(second)}$")
@@ -238,7 +238,7 @@ class TestInMavproxy:
             mavproxy.wait_for_field("Margin", {"green"}, r"^Margin [34]\d % R[1-4]$")
             assert not [line for line in mavproxy.printed if line.startswith("Thrust margin")]
             mavproxy.ask(f"{name} 0.4", f"{name} 0.4")
-            mavproxy.wait(r"Thrust margin [34]\d% below 60%: rotor [1-4]")
+            mavproxy.wait(r"Thrust margin [34]\d% below 60%, rotor [1-4]: fly gently")
             mavproxy.ask("margin", "ALARM Thrust margin")
             mavproxy.wait_for_field("Margin", {"red"})
             mavproxy.wait_for_field("OneOut", {"orange"}, r"^OneOut 0\.9\d$")
@@ -270,7 +270,7 @@ class TestInMavproxy:
 
     def test_what_is_old_is_grey_and_said_to_be_old(self, mavproxy: MavProxy, flight):
         play(flight, mavproxy.port, 50.0, 58.0, 4.0)
-        mavproxy.wait("Telemetry lost in flight")
+        mavproxy.wait("Telemetry lost in flight: fly by sight")
         mavproxy.ask("margin", r"vehicle 1, flying, OLD: \d+ s ago: thrust margin [34]\d %")
         mavproxy.wait_for_field("Margin", {"grey"}, "^Margin --$")
         with playing(flight, mavproxy.port, 58.0, 78.0, 1.0):
@@ -436,7 +436,7 @@ def test_what_is_not_known_is_two_dashes():
 
 
 def test_the_rest_of_the_route_and_alarms_have_lines_of_their_own():
-    more = replace(NOW, margin_ahead=0.31, alarms=("Tank empty, pump still on",))
+    more = replace(NOW, margin_ahead=0.31, alarms=("Tank empty, pump still on: switch it off",))
     assert summary(more, 0.5, 0.0)[3:] == [
         "  rest of the route, straight and level: margin 31 %; turns and climbs take more",
         "  ALARM Tank empty, pump still on",

@@ -10,7 +10,13 @@ from thrustmargin.gcs_plugin.wording import alarm_words as words
 #: MAV_SEVERITY
 CRITICAL, WARNING, NOTICE = 2, 4, 5
 #: Alarms that come before all others, in this order.
-FIRST = ("telemetry", "control")
+#: Names of alarms, the gravest first: a part that is bad, control, battery, thrust, then the load,
+#: then what an instrument says. Of one severity they are listed so.
+GRAVEST_FIRST = (
+    *("telemetry", "control", "rotor", "motor", "esc", "battery", "saturation"),
+    *("margin", "predicted margin", "margin ahead", "tank", "gauge"),
+    *("rotor speeds", "misfit", "airframe", "envelope"),
+)
 
 
 class AlarmState(StrEnum):
@@ -79,11 +85,13 @@ class Alarm:
 
     @property
     def order(self) -> tuple[int, int, bool, float]:
-        """Least first on every screen: a lost link, lost control, then the gravest, confirmed
-        before not, age."""
-        unconfirmed = self.state is AlarmState.UNCONFIRMED
-        first = FIRST.index(self.name) if self.name in FIRST else len(FIRST)
-        return first, self.severity, unconfirmed, self.since_s
+        """Least first on every screen: a lost link, lost control, then by severity and part,
+        confirmed before not, age."""
+        part = len(GRAVEST_FIRST)
+        if self.name in GRAVEST_FIRST:
+            part = GRAVEST_FIRST.index(self.name)
+        severity = -1 if self.name in ("telemetry", "control") else self.severity
+        return severity, part, self.state is AlarmState.UNCONFIRMED, self.since_s
 
 
 @dataclass(frozen=True, slots=True)

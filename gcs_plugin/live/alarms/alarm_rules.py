@@ -3,8 +3,8 @@
 | alarm | raised when | for | cleared when | for |
 |---|---|---|---|---|
 | `control` | over, spinning, falling, or not as asked (`loss_of_control`) | - | calm | 3 s |
-| `margin` | worst rotor's measured thrust margin < limit | 3 s | > limit + 0.03 | 3 s + 20 |
-| `predicted margin` | predicted, without any speed, < limit | 3 s | above, or one is | 3 s + 20 |
+| `margin` | worst rotor's measured thrust margin < limit | 7.5 s | > limit + 0.03 | 3 s + 20 |
+| `predicted margin` | predicted, without any speed, < limit | 7.5 s | above, or one is | 3 s + 20 |
 | `margin ahead` | predicted on the rest of the route < limit | 3 s | > limit + 0.03 | 3 s + 20 |
 | `battery` | < 3.0 V a cell | 1 s | > 3.2 V a cell | 5 s |
 | `esc` | the ESC reports a failure of its own (ESC_INFO) | - | it reports none | 3 s |
@@ -60,6 +60,9 @@ from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.physics.margin import ceiling
 
 ROTORS_HOLD = 1.0  # s of the time after which missing rotor speeds are reported
+#: s that a margin must be below its limit: more than half of the 15 s over which the report of the
+#: flight takes what lasts, so that a turn at a line end is no alarm.
+LASTS = 7.5
 LULL = 20.0  # s: from one corner of a field to the next
 MOVEMENT_ROWS = 20  # rows of two seconds, in which every sign of a loss has lasted its time
 CELL = 3.7  # V, nominal, of the lithium cells that an airframe's nominal voltage counts
@@ -156,12 +159,13 @@ def saturation(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     analysis, rows = now.analysis, now.rows
     by_speed = np.where(analysis.from_outputs[rows], np.nan, analysis.utilisation[rows])
     share = np.fmax(analysis.track.throttle[rows], np.sqrt(by_speed))
+    names = analysis.model.airframe.rotor_names
     return AlarmChecks(
         share > s.saturation,
         share < s.saturation - 0.05,
         np.isfinite(share),
         severity=lambda *_: CRITICAL,
-        text=lambda _, k: words.at_limit(k + 1),
+        text=lambda _, k: words.at_limit(k + 1, names[k]),
         rotor=share.shape[1],
         past=lambda k: words.was_at_limit(k + 1),
     )
@@ -192,12 +196,13 @@ def battery(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
 def esc(s: AlarmSettings, now: RowsNow) -> AlarmChecks:  # noqa: ARG001
     rows = now.analysis.track.rotor_speed_rpm[now.rows]
     flags = np.full_like(rows, np.nan) if now.esc_failures is None else now.esc_failures[now.rows]
+    names = now.analysis.model.airframe.rotor_names
     return AlarmChecks(
         flags > 0.0,
         flags == 0.0,
         np.isfinite(flags),
         severity=lambda *_: CRITICAL,
-        text=lambda row, k: words.esc_words(k + 1, int(flags[row, k])),
+        text=lambda row, k: words.esc_words(k + 1, names[k], int(flags[row, k])),
         rotor=flags.shape[1],
     )
 
@@ -336,7 +341,7 @@ OF_ROWS = (
     # An aircraft that lies there has not regained it: calm flight alone clears it.
     AlarmRule("control", 0.0, 3.0, control, Missing.ATTITUDE, on_ground="kept"),
     AlarmRule("esc", 0.0, 3.0, esc, Missing.ESC, on_ground="checked"),
-    AlarmRule("margin", 3.0, 3.0, margin, Missing.SPEEDS, lull=LULL, of_airframe=True),
+    AlarmRule("margin", LASTS, 3.0, margin, Missing.SPEEDS, lull=LULL, of_airframe=True),
     AlarmRule(
         "margin ahead", 3.0, 3.0, margin_ahead, Missing.FORECAST, lull=LULL, of_airframe=True
     ),
@@ -354,7 +359,7 @@ OF_SETTLED_ROWS = (
         "motor", 0.0, 0.0, motor_speed, Missing.SPEEDS, "kept", sampled=True, of_airframe=True
     ),
     AlarmRule(
-        "predicted margin", 3.0, 3.0, predicted_margin, Missing.LOAD, lull=LULL, of_airframe=True
+        "predicted margin", LASTS, 3.0, predicted_margin, Missing.LOAD, lull=LULL, of_airframe=True
     ),
     AlarmRule("envelope", 5.0, 5.0, envelope, Missing.LOAD, of_airframe=True),
     AlarmRule("tank", 5.0, 10.0, tank, Missing.GAUGE, sampled=True, of_airframe=True),

@@ -203,4 +203,7 @@ def test_nothing_is_said_in_the_name_of_a_silent_vehicle_until_it_returns():
         for number, event in fleet.tick(vehicle.stamp_us):
             announcer.on_event(number, event)
         announcer.on_round(fleet, vehicle.stamp_us)
-    assert texts(sent) == [(CRITICAL, "Telemetry lost in flight"), (5, "Over: telemetry")]
+    assert texts(sent) == [
+        (CRITICAL, "Telemetry lost in flight: fly by sight"),
+        (5, "Over: telemetry"),
+    ]

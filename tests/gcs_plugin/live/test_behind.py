@@ -156,7 +156,9 @@ def test_silence_is_said_within_its_time(tmp_path):
         began = time.monotonic()
         until(lambda: sorted(seen.named("telemetry")) == [(1, True), (2, True)])
         assert SILENCE - 0.1 < time.monotonic() - began < SILENCE + 1.5
-        assert {event.alarm.text for _, event in seen.events} == {"Telemetry lost in flight"}
+        assert {event.alarm.text for _, event in seen.events} == {
+            "Telemetry lost in flight: fly by sight"
+        }
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ def levels(report: Path, *logs: Path) -> list[str]:
 
 def test_a_report_has_a_verdict_on_each_sortie_and_says_the_worse_first(tmp_path: Path, capsys):
     alone = levels(tmp_path / "alone.json", LIGHT, HEAVY)
-    assert alone == ["over", "critical"]
+    assert alone == ["under", "critical"]
     capsys.readouterr()
     assert levels(tmp_path / "day.json", refilled(tmp_path / "day.tlog")) == alone
     said = capsys.readouterr()
@@ -48,7 +48,7 @@ def test_a_season_keeps_each_sortie_under_a_name_of_its_own(tmp_path: Path):
         "north/day.tlog sortie 1 of 2",
         "north/day.tlog sortie 2 of 2",
     ]
-    assert [row["verdict"] for row in rows] == ["critical", "over"]
+    assert [row["verdict"] for row in rows] == ["critical", "under"]
     assert rows[0]["tank_start_kg"] > rows[1]["tank_start_kg"] + 10.0
     hidden = IngestSettings(store="", key="ab")
     (first, second) = season_flights(path, "f" * 16, hidden, name="north/day.tlog")
@@ -63,7 +63,7 @@ def test_a_replay_shows_the_worst_and_names_the_others(tmp_path: Path, capsys):
     said = capsys.readouterr().err.splitlines()
     assert said[0] == "day.tlog: 2 sorties in the log, each a flight of its own"
     assert said[1].startswith("  sortie 1: from 2026-")
-    assert said[1].endswith("ABOVE THE 50 % LIMIT AT TIMES; --sortie 1 shows it")
+    assert said[1].endswith("BELOW THE 50 % LIMIT; --sortie 1 shows it")
     assert said[2].endswith("; shown")
     view = replay_view(path, shipped_model(), sortie=1, port=0, paused=True)
     assert view._analysis.track.name == "day.tlog sortie 1 of 2"

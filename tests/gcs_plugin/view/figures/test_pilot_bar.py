@@ -68,7 +68,7 @@ def test_the_gravest_alarm_comes_first_whose_ever_it_is():
 
 
 def test_every_grave_alarm_is_named_and_the_rest_are_counted():
-    lost = Alarm("telemetry", None, CRITICAL, "Telemetry lost in flight", 39.0)
+    lost = Alarm("telemetry", None, CRITICAL, "Telemetry lost in flight: fly by sight", 39.0)
     state = bar_of(replace(ONE, alarms=(lost, LOW, TANK, NOTE))).state()
     assert state["named"] == "Telemetry lost in flight · Margin 12 %, limit 50 %"
     assert state["unnamed"] == 2
