@@ -54,18 +54,16 @@ from thrustmargin.gcs_plugin.wording import alarm_words as words
 from thrustmargin.gcs_plugin.wording.fault_words import fault_words
 from thrustmargin.models.checks.loss_of_control import losing
 from thrustmargin.models.flight import Bools, Floats
+from thrustmargin.models.model.advice import cells
 from thrustmargin.models.model.analysis import Basis
 from thrustmargin.models.model.fault_test import Kind, RotorFault
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.physics.margin import ceiling
 
 ROTORS_HOLD = 1.0  # s of the time after which missing rotor speeds are reported
-#: s that a margin must be below its limit: more than half of the 15 s over which the report of the
-#: flight takes what lasts, so that a turn at a line end is no alarm.
-LASTS = 7.5
+LASTS = 7.5  # s: over half of the 15 s of the report's lasting use, so that a turn is no alarm
 LULL = 20.0  # s: from one corner of a field to the next
 MOVEMENT_ROWS = 20  # rows of two seconds, in which every sign of a loss has lasted its time
-CELL = 3.7  # V, nominal, of the lithium cells that an airframe's nominal voltage counts
 CELL_HYSTERESIS = 0.2  # V
 
 
@@ -173,12 +171,12 @@ def saturation(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
 
 def battery(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     craft, volts = now.analysis.model.airframe, now.analysis.track.voltage[now.rows]
-    cells = max(round(np.nan_to_num(craft.nominal_voltage) / CELL), 1)
-    cell = np.where(volts > 0.0, volts, np.nan) / cells
+    count = max(cells(craft), 1)
+    cell = np.where(volts > 0.0, volts, np.nan) / count
 
     def text(row: int, _: int) -> str:
-        rest = now.rest_voltage / cells
-        pair = ceiling(craft, craft.reference_density, cells * np.array([rest, cell[row]]))
+        rest = now.rest_voltage / count
+        pair = ceiling(craft, craft.reference_density, count * np.array([rest, cell[row]]))
         before, left = pair.free_thrust.tolist()
         return words.battery_words(float(cell[row]), rest - float(cell[row]), 1.0 - left / before)
 

@@ -25,7 +25,7 @@ from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import (
     sum_of,
 )
 from thrustmargin.gcs_plugin.reports.shared.page_shell import page_text, software_version
-from thrustmargin.gcs_plugin.wording import fleet_words as words
+from thrustmargin.gcs_plugin.wording.loop import fleet_words as words
 from thrustmargin.gcs_plugin.wording.numbers import known as finite
 from thrustmargin.gcs_plugin.wording.numbers import number, percent
 from thrustmargin.models.flight import Floats

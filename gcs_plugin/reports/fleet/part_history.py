@@ -25,7 +25,7 @@ from thrustmargin.gcs_plugin.reports.fleet.aircraft_season import (
     sum_of,
 )
 from thrustmargin.gcs_plugin.reports.fleet.parts import NAN, Part, PartHistory
-from thrustmargin.gcs_plugin.wording import fleet_words as words
+from thrustmargin.gcs_plugin.wording.loop import fleet_words as words
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.identification.season.change_points import (
     changes,

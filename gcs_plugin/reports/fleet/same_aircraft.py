@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from itertools import groupby, pairwise
 from typing import Any
 
-from thrustmargin.gcs_plugin.wording import fleet_words as words
+from thrustmargin.gcs_plugin.wording.loop import fleet_words as words
 from thrustmargin.gcs_plugin.wording.numbers import known as finite
 
 CLOCKS_APART = 5.0  # s, by which the clocks of autopilot and ground may differ

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-from thrustmargin.gcs_plugin.wording.effect_sentences import effect_thing
-from thrustmargin.gcs_plugin.wording.identify_answer import (
+from thrustmargin.gcs_plugin.wording.loop.effect_sentences import effect_thing
+from thrustmargin.gcs_plugin.wording.loop.identify_answer import (
     answer,
     chance,
     excluded_rows,

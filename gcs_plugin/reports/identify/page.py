@@ -22,8 +22,8 @@ from thrustmargin.gcs_plugin.reports.shared.page_shell import (
     page_text,
     software_version,
 )
-from thrustmargin.gcs_plugin.wording.effect_sentences import effect_thing
-from thrustmargin.gcs_plugin.wording.identify_answer import (
+from thrustmargin.gcs_plugin.wording.loop.effect_sentences import effect_thing
+from thrustmargin.gcs_plugin.wording.loop.identify_answer import (
     chance,
     excluded_rows,
     margin_words,

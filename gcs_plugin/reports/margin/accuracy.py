@@ -15,7 +15,7 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.reports.margin.data import Accuracy, JsonObject, RotorAccuracy
 from thrustmargin.gcs_plugin.wording import report_words as words
-from thrustmargin.gcs_plugin.wording.effect_sentences import effect_things
+from thrustmargin.gcs_plugin.wording.loop.effect_sentences import effect_things
 from thrustmargin.models.effects.stored import EffectRecord
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import Basis, FlightAnalysis, SpeedBasis

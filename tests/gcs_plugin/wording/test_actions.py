@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from thrustmargin.gcs_plugin.wording import actions, effect_sentences, fault_words, fleet_words
+from thrustmargin.gcs_plugin.wording import actions, fault_words
 from thrustmargin.gcs_plugin.wording.actions import Action, When
+from thrustmargin.gcs_plugin.wording.loop import effect_sentences, fleet_words
 from thrustmargin.models.effects import CATALOGUE
 from thrustmargin.models.identification.season.season_sums import LOSS
 from thrustmargin.models.model.rotor_faults import RotorFault

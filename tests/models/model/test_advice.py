@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.logs import read_log
-from thrustmargin.models.model.advice import Level, advise
+from thrustmargin.models.model.advice import Verdict, advise
 from thrustmargin.models.model.analysis import FlightAnalysis, analyse
 from thrustmargin.models.model.model_file import shipped_model
 
@@ -17,7 +17,7 @@ def sound(sitl_logs) -> FlightAnalysis:
     return analyse(track, shipped_model())
 
 
-def levels(analysis: FlightAnalysis, limit: float = 0.5) -> tuple[Level, ...]:
+def levels(analysis: FlightAnalysis, limit: float = 0.5) -> tuple[Verdict, ...]:
     return advise(analysis, limit=limit).advice.levels
 
 
@@ -27,30 +27,30 @@ def used(analysis: FlightAnalysis, factor: float) -> FlightAnalysis:
 
 def test_turns_above_the_limit_are_no_flight_above_it(sound):
     assert np.nanmax(sound.utilisation[sound.track.flying]) > 0.6
-    assert levels(sound) == (Level.UNDER,)
+    assert levels(sound) == (Verdict.UNDER,)
 
 
 def test_what_lasts_above_the_limit_is_above_it(sound):
-    assert levels(used(sound, 1.25)) == (Level.OVER,)
+    assert levels(used(sound, 1.25)) == (Verdict.OVER,)
     error = np.full(sound.utilisation_error.shape, 0.05)
-    assert levels(replace(used(sound, 1.1), utilisation_error=error)) == (Level.NEAR,)
+    assert levels(replace(used(sound, 1.1), utilisation_error=error)) == (Verdict.NEAR,)
 
 
 def test_a_rotor_whose_loss_is_not_survived_is_critical(sound):
     heavy = replace(sound, redundancy_yaw_uncontrolled=sound.redundancy_yaw_uncontrolled / 1.3)
-    assert levels(heavy) == (Level.CRITICAL,)
+    assert levels(heavy) == (Verdict.CRITICAL,)
     unsure = replace(
         sound,
         redundancy_yaw_uncontrolled=sound.redundancy_yaw_uncontrolled / 1.05,
         redundancy_error=np.full(sound.redundancy_error.shape, 0.1),
     )
-    assert levels(unsure) == (Level.NEAR,)
+    assert levels(unsure) == (Verdict.NEAR,)
 
 
 def test_no_thrust_left_comes_before_what_the_load_makes(sound):
     rows = sound.track.flying & (sound.track.time_s > 60.0) & (sound.track.time_s < 63.0)
     use = np.where(rows[:, None], 0.97, sound.utilisation)
-    assert levels(replace(sound, utilisation=use)) == (Level.NO_THRUST, Level.UNDER)
+    assert levels(replace(sound, utilisation=use)) == (Verdict.NO_THRUST, Verdict.UNDER)
 
 
 def test_a_battery_that_collapses_comes_before_that(sound):
@@ -58,18 +58,18 @@ def test_a_battery_that_collapses_comes_before_that(sound):
     low = track.flying & (track.time_s > 100.0) & (track.time_s < 105.0)
     sagging = replace(track, voltage=np.where(low, 14 * 2.7, track.voltage))
     made = advise(replace(sound, track=sagging)).advice
-    assert made.levels == (Level.BATTERY, Level.UNDER)
+    assert made.levels == (Verdict.BATTERY, Verdict.UNDER)
     assert made.battery.least_cell == pytest.approx(2.7)
     assert 99.0 < made.battery.at_s < 106.0
     spike = track.flying & (track.time_s > 100.0) & (track.time_s < 100.3)
     for_a_moment = replace(track, voltage=np.where(spike, 14 * 2.7, track.voltage))
-    assert levels(replace(sound, track=for_a_moment)) == (Level.UNDER,)
+    assert levels(replace(sound, track=for_a_moment)) == (Verdict.UNDER,)
 
 
 def test_a_bad_rotor_comes_first_and_is_named_where_its_name_is_known(sitl_logs):
     worn = analyse(read_log(sitl_logs / "onset" / "worn_prop_onset.tlog").track, shipped_model())
     made = advise(worn).advice
-    assert made.levels == (Level.DAMAGED, Level.UNDER)
+    assert made.levels == (Verdict.DAMAGED, Verdict.UNDER)
     assert [episode.fault.rotor for episode in made.faults] == [2]
     assert made.rotor_names[2] == "front left"
     assert advise(worn, names_known=False).advice.rotor_names == ()
@@ -77,15 +77,15 @@ def test_a_bad_rotor_comes_first_and_is_named_where_its_name_is_known(sitl_logs)
 
 def test_a_flight_that_is_none_has_no_answer(sound):
     grounded = replace(sound.track, flying=np.zeros_like(sound.track.flying))
-    assert levels(replace(sound, track=grounded)) == (Level.UNKNOWN,)
+    assert levels(replace(sound, track=grounded)) == (Verdict.UNKNOWN,)
     two_seconds = sound.track.flying & (np.cumsum(sound.track.flying) <= 20)
     assert levels(replace(sound, track=replace(sound.track, flying=two_seconds))) == (
-        Level.UNKNOWN,
+        Verdict.UNKNOWN,
     )
 
 
 def test_the_gravest_has_the_smallest_gravity():
-    assert Level.DAMAGED.gravity < Level.LOST.gravity < Level.BATTERY.gravity
-    assert Level.BATTERY.gravity < Level.NO_THRUST.gravity < Level.CRITICAL.gravity
-    assert Level.CRITICAL.gravity < Level.OVER.gravity < Level.NEAR.gravity
-    assert Level.NEAR.gravity < Level.UNDER.gravity < Level.UNKNOWN.gravity
+    assert Verdict.DAMAGED.gravity < Verdict.LOST.gravity < Verdict.BATTERY.gravity
+    assert Verdict.BATTERY.gravity < Verdict.NO_THRUST.gravity < Verdict.CRITICAL.gravity
+    assert Verdict.CRITICAL.gravity < Verdict.OVER.gravity < Verdict.NEAR.gravity
+    assert Verdict.NEAR.gravity < Verdict.UNDER.gravity < Verdict.UNKNOWN.gravity

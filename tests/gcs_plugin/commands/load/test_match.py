@@ -31,7 +31,7 @@ def test_f16_prints_the_papers_matching_and_writes_both_figures(tmp_path, capsys
         "increase over empty (Eq. 8) 75.83%",
         "thrust utilisation 54.6% 31.0%",
         "thrust utilisation 50.3% 28.6%",
-        "largest fill for 50 % utilisation 12.9 of 16.0 kg",
+        "fill at 50 % utilisation in hover 12.9 of 16.0 kg",
         "C_T of the thrust curve 0.0869, inside the range of Eq. 3, 0.0293 to 0.3514",
     ):
         assert said in text

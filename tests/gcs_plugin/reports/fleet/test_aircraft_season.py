@@ -19,7 +19,7 @@ from thrustmargin.gcs_plugin.reports.fleet.part_history import with_parts
 from thrustmargin.gcs_plugin.reports.fleet.parts import Part
 from thrustmargin.gcs_plugin.reports.fleet.same_aircraft import by_frame
 from thrustmargin.gcs_plugin.wording import actions
-from thrustmargin.gcs_plugin.wording import fleet_words as words
+from thrustmargin.gcs_plugin.wording.loop import fleet_words as words
 
 RNG = np.random.default_rng
 

@@ -7,7 +7,7 @@ import pytest
 
 from tests.made_sources import FROM_OUTPUTS, sent
 from tests.models.made_flights import curve_model, made_flight
-from thrustmargin.gcs_plugin.wording.identify_answer import nothing, open_questions
+from thrustmargin.gcs_plugin.wording.loop.identify_answer import nothing, open_questions
 from thrustmargin.models.effects.base import Kind
 from thrustmargin.models.effects.coefficient.rotor_degradation import ROTOR_DEGRADATION
 from thrustmargin.models.errors import DataError

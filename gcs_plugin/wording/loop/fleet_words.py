@@ -10,7 +10,7 @@ from typing import Any
 
 from thrustmargin.gcs_plugin.wording import actions
 from thrustmargin.gcs_plugin.wording.actions import Action
-from thrustmargin.gcs_plugin.wording.effect_sentences import WORDS
+from thrustmargin.gcs_plugin.wording.loop.effect_sentences import WORDS
 from thrustmargin.gcs_plugin.wording.numbers import known, number, within
 from thrustmargin.models.effects import BY_KEY
 from thrustmargin.models.identification.season.change_points import SeasonEntry

@@ -12,9 +12,9 @@ from functools import partial
 from types import MappingProxyType
 
 from thrustmargin.gcs_plugin.wording import actions
-from thrustmargin.gcs_plugin.wording import effect_amounts as amounts
 from thrustmargin.gcs_plugin.wording.actions import Action
-from thrustmargin.gcs_plugin.wording.effect_amounts import DescribedEffect, rotor_words
+from thrustmargin.gcs_plugin.wording.loop import effect_amounts as amounts
+from thrustmargin.gcs_plugin.wording.loop.effect_amounts import DescribedEffect, rotor_words
 from thrustmargin.models.identification.answer.already_followed import FOLLOWED_WIND
 from thrustmargin.models.identification.answer.result import Found, Identification
 from thrustmargin.models.identification.rows.candidates import Term

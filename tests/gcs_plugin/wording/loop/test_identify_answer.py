@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.models.made_flights import curve_model, made_flights, table
-from thrustmargin.gcs_plugin.wording.identify_answer import (
+from thrustmargin.gcs_plugin.wording.loop.identify_answer import (
     answer,
     at_most,
     chance,

@@ -7,7 +7,7 @@ import pytest
 
 from tests.models.made_flights import curve_model, made_flights, table
 from thrustmargin.gcs_plugin.wording.actions import KEEP
-from thrustmargin.gcs_plugin.wording.effect_sentences import (
+from thrustmargin.gcs_plugin.wording.loop.effect_sentences import (
     WORDS,
     effect_sentence,
     effect_thing,

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from thrustmargin.gcs_plugin.wording import actions
-from thrustmargin.gcs_plugin.wording.effect_amounts import rotor_words
-from thrustmargin.gcs_plugin.wording.effect_sentences import (
+from thrustmargin.gcs_plugin.wording.loop.effect_amounts import rotor_words
+from thrustmargin.gcs_plugin.wording.loop.effect_sentences import (
     effect_sentence,
     effect_thing,
 )

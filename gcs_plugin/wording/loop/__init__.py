@@ -1,0 +1,1 @@
+"""What identification and a season say, in words."""
