@@ -21,21 +21,21 @@ from thrustmargin.gcs_plugin.wording.numbers import (
     percent,
     percent_within,
 )
-from thrustmargin.models.model.advice import Advice, Verdict
+from thrustmargin.models.model.advice import Advice, FlightLevel
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.rotor_faults import FaultEpisode
 
 #: What a level is called where several flights are counted; {limit} is like "50 %".
-SEVERAL: Mapping[Verdict, str] = {
-    Verdict.DAMAGED: "WITH A BAD ROTOR OR MOTOR",
-    Verdict.LOST: "LOST CONTROL",
-    Verdict.BATTERY: "WITH A COLLAPSED BATTERY",
-    Verdict.NO_THRUST: "WITH NO THRUST LEFT AT TIMES",
-    Verdict.CRITICAL: "TOO HEAVY TO LOSE A ROTOR",
-    Verdict.OVER: "ABOVE THE {limit} LIMIT",
-    Verdict.NEAR: "NEAR THE {limit} LIMIT: CANNOT TELL",
-    Verdict.UNDER: "BELOW THE {limit} LIMIT",
-    Verdict.UNKNOWN: "WITHOUT VERDICT",
+SEVERAL: Mapping[FlightLevel, str] = {
+    FlightLevel.DAMAGED: "WITH A BAD ROTOR OR MOTOR",
+    FlightLevel.LOST: "LOST CONTROL",
+    FlightLevel.BATTERY: "WITH A COLLAPSED BATTERY",
+    FlightLevel.NO_THRUST: "WITH NO THRUST LEFT AT TIMES",
+    FlightLevel.CRITICAL: "TOO HEAVY TO LOSE A ROTOR",
+    FlightLevel.OVER: "ABOVE THE {limit} LIMIT",
+    FlightLevel.NEAR: "NEAR THE {limit} LIMIT: CANNOT TELL",
+    FlightLevel.UNDER: "BELOW THE {limit} LIMIT",
+    FlightLevel.UNKNOWN: "WITHOUT VERDICT",
 }
 #: Behind the first line of a flight whose end is not in the log.
 _UNSEEN = " (LOG ENDS IN FLIGHT)"
@@ -43,33 +43,33 @@ _UNSEEN = " (LOG ENDS IN FLIGHT)"
 
 def headline(advice: Advice) -> str:
     """The answer in capitals, to be read first."""
-    first = [level for level in (Verdict.DAMAGED, Verdict.LOST) if level in advice.levels]
+    first = [level for level in (FlightLevel.DAMAGED, FlightLevel.LOST) if level in advice.levels]
     words = "; ".join(_first_line(advice, level) for level in first or advice.levels[:1])
-    return f"{words}{_UNSEEN}" if advice.ends_in_flight and Verdict.LOST not in first else words
+    return f"{words}{_UNSEEN}" if advice.ends_in_flight and FlightLevel.LOST not in first else words
 
 
-def _first_line(advice: Advice, level: Verdict) -> str:
+def _first_line(advice: Advice, level: FlightLevel) -> str:
     use, limit = advice.use, percent(advice.limit)
-    if level is Verdict.DAMAGED:
+    if level is FlightLevel.DAMAGED:
         return " AND ".join(dict.fromkeys(_fault_line(advice, e.fault) for e in advice.faults))
-    if level is Verdict.LOST:
+    if level is FlightLevel.LOST:
         return f"LOST CONTROL AT {clock(advice.losses[0].time_s)}"
-    if level is Verdict.BATTERY:
+    if level is FlightLevel.BATTERY:
         least = number(advice.battery.least_cell, "V", 2)
         return f"BATTERY COLLAPSED: {least} A CELL AT {clock(advice.battery.at_s)}"
-    if level is Verdict.NO_THRUST:
+    if level is FlightLevel.NO_THRUST:
         return f"NO THRUST LEFT FOR {duration(use.spent_s).upper()}"
-    if level is Verdict.CRITICAL:
+    if level is FlightLevel.CRITICAL:
         first = "TOO HEAVY" if advice.fill.nothing_fits else "FILL LESS"
         if advice.lost.not_survivable_s >= advice.airborne_s - 1.0:
             return f"{first}: ALL FLIGHT A FAILED ROTOR WOULD HAVE BROUGHT IT DOWN"
         too_long = duration(advice.lost.not_survivable_s).upper()
         return f"{first}: FOR {too_long} A FAILED ROTOR WOULD HAVE BROUGHT IT DOWN"
-    if level is Verdict.OVER:
+    if level is FlightLevel.OVER:
         if use.lasting_above_s >= use.known_s - 1.0:
             return f"ABOVE THE {limit} LIMIT ALL FLIGHT"
         return f"ABOVE THE {limit} LIMIT FOR {duration(use.lasting_above_s).upper()}"
-    if level is Verdict.UNKNOWN:
+    if level is FlightLevel.UNKNOWN:
         return "NO VERDICT"
     return SEVERAL[level].format(limit=limit)
 
@@ -87,7 +87,7 @@ def _fault_line(advice: Advice, fault: RotorFault) -> str:
     return f"{part} {fault.rotor + 1}, {name}: {fault_amount(fault).upper()} {does}"
 
 
-def several_headline(levels: Sequence[Verdict], limit: float) -> tuple[Verdict, str]:
+def several_headline(levels: Sequence[FlightLevel], limit: float) -> tuple[FlightLevel, str]:
     """The gravest level of several flights, and how many have it, in capitals."""
     level = min(levels, key=lambda one: one.gravity)
     count = levels.count(level)
@@ -108,22 +108,22 @@ def action(advice: Advice) -> str:
     """What to do next, the gravest part first, for this air and this battery; empty where nothing
     is known."""
     first = []
-    if Verdict.LOST in advice.levels:
+    if FlightLevel.LOST in advice.levels:
         first.append(actions.GROUND_WRECK.text)
-    if Verdict.DAMAGED in advice.levels:
+    if FlightLevel.DAMAGED in advice.levels:
         first.append(actions.not_before_looked_at(suspects(advice)).text)
-    if Verdict.BATTERY in advice.levels:
+    if FlightLevel.BATTERY in advice.levels:
         first.append(actions.TEST_BATTERY.text)
-    if advice.level is Verdict.UNKNOWN or Verdict.LOST in advice.levels:
+    if advice.level is FlightLevel.UNKNOWN or FlightLevel.LOST in advice.levels:
         return "; ".join(first)
-    within = Verdict.UNDER in advice.levels
+    within = FlightLevel.UNDER in advice.levels
     load = fill_advice(advice.fill, advice.limit, was_within=within)
     load = load[:1].lower() + load[1:]
     if advice.fill.beyond_gauge_kg > 0.0:
         more = number(advice.fill.beyond_gauge_kg, "kg", 0)
         first.append(f"{actions.CHECK_LOAD.text}: thrust shows {more} more than was reported")
-    hard = Verdict.NO_THRUST in advice.levels or Verdict.OVER in advice.levels
-    if hard and (advice.fill.nothing_fits is not None or Verdict.NO_THRUST in advice.levels):
+    hard = FlightLevel.NO_THRUST in advice.levels or FlightLevel.OVER in advice.levels
+    if hard and (advice.fill.nothing_fits is not None or FlightLevel.NO_THRUST in advice.levels):
         load = f"{load}; {actions.FLY_GENTLY.text}"
     if not first:
         return f"nothing; {load}" if within else load
@@ -141,7 +141,7 @@ def facts(advice: Advice) -> tuple[tuple[str, str], ...]:
             said.append(("turns and gusts", _passing(advice)))
     if math.isfinite(advice.battery.least_cell):
         least = number(advice.battery.least_cell, "V", 2)
-        if Verdict.BATTERY in advice.levels:
+        if FlightLevel.BATTERY in advice.levels:
             said.append(("battery", f"{least} a cell at {clock(advice.battery.at_s)}"))
     said.append((ONE_LOST, one_rotor_out(advice)))
     if sure := how_sure(advice.fill):

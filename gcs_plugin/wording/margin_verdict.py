@@ -25,7 +25,7 @@ from thrustmargin.gcs_plugin.wording.numbers import (
     within,
 )
 from thrustmargin.models.flight import FlightTrack
-from thrustmargin.models.model.advice import Advice, Verdict
+from thrustmargin.models.model.advice import Advice, FlightLevel
 from thrustmargin.models.model.airframe_claim import AirframeClaim
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.provenance import Meaning, SourceKind
@@ -70,7 +70,7 @@ class Fact:
 class MarginVerdict:
     """The answer of a flight as the report shows it: words, and the numbers that they rest on."""
 
-    level: Verdict
+    level: FlightLevel
     headline: str
     action: str  # what to do next; empty where nothing is known
     facts: tuple[Fact, ...]
@@ -113,7 +113,7 @@ def verdict_facts(
     thrust utilisation rests on.
     """
     airframe = Fact("airframe", claim.words.removeprefix("airframe "))
-    if Verdict.LOST in advice.levels:
+    if FlightLevel.LOST in advice.levels:
         # What was left before it went wrong explains nothing, and advises no fill.
         until = () if worst is None else (Fact("worst before it", moment_words(worst)),)
         found = (Fact("alarm", fault_found(advice, one)) for one in advice.faults)

@@ -36,7 +36,7 @@ COLLAPSED = 3.0  # V a cell under load, below which a lithium cell collapses
 NAN = float("nan")
 
 
-class Verdict(StrEnum):
+class FlightLevel(StrEnum):
     """The answer, the gravest first."""
 
     DAMAGED = "damaged"
@@ -52,7 +52,7 @@ class Verdict(StrEnum):
     @property
     def gravity(self) -> int:
         """0 for the gravest, and more the better it is; no answer is last."""
-        return list(Verdict).index(self)
+        return list(FlightLevel).index(self)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +77,7 @@ class Battery:
 class Advice:
     """One flight's answer."""
 
-    levels: tuple[Verdict, ...]  # all that hold, the gravest first; never empty
+    levels: tuple[FlightLevel, ...]  # all that hold, the gravest first; never empty
     limit: float  # share of a rotor's largest thrust that may last
     airborne_s: float
     use: ThrustUse
@@ -92,7 +92,7 @@ class Advice:
     withheld: bool  # no margin is claimed
 
     @property
-    def level(self) -> Verdict:
+    def level(self) -> FlightLevel:
         """The gravest."""
         return self.levels[0]
 
@@ -132,20 +132,20 @@ def advise(analysis: FlightAnalysis, *, limit: float = 0.5, names_known: bool = 
     battery = _battery(analysis)
     airborne_s = float(seconds[track.flying].sum())
     in_the_air = float(whole.track.row_seconds[whole.track.flying].sum())
-    levels: list[Verdict] = []
+    levels: list[FlightLevel] = []
     if not analysis.withheld and faults:
-        levels.append(Verdict.DAMAGED)
+        levels.append(FlightLevel.DAMAGED)
     if losses:
-        levels.append(Verdict.LOST)
+        levels.append(FlightLevel.LOST)
     elif use.known_s > 0.0 and in_the_air >= LEAST_FLIGHT_S:
         if battery.least_cell < COLLAPSED:
-            levels.append(Verdict.BATTERY)
+            levels.append(FlightLevel.BATTERY)
         if use.spent_s >= 1.0:
-            levels.append(Verdict.NO_THRUST)
+            levels.append(FlightLevel.NO_THRUST)
         levels.append(_load_level(use, free, reach))
     return Advised(
         advice=Advice(
-            levels=tuple(levels) or (Verdict.UNKNOWN,),
+            levels=tuple(levels) or (FlightLevel.UNKNOWN,),
             limit=limit,
             airborne_s=airborne_s,
             use=use,
@@ -166,15 +166,15 @@ def advise(analysis: FlightAnalysis, *, limit: float = 0.5, names_known: bool = 
     )
 
 
-def _load_level(use: ThrustUse, free: Floats, reach: Floats) -> Verdict:
+def _load_level(use: ThrustUse, free: Floats, reach: Floats) -> FlightLevel:
     """By redundancy (N,) with its factor, and by the use that lasts."""
     if np.any(free * reach < 1.0):
-        return Verdict.CRITICAL
+        return FlightLevel.CRITICAL
     if use.surely_above.any():
-        return Verdict.OVER
+        return FlightLevel.OVER
     if use.maybe_above.any() or np.any(free / reach < 1.0):
-        return Verdict.NEAR
-    return Verdict.UNDER
+        return FlightLevel.NEAR
+    return FlightLevel.UNDER
 
 
 def cells(airframe: Airframe) -> int:

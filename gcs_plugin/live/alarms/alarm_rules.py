@@ -21,10 +21,10 @@
 The signs of lost control must last themselves, 0.3 s or 1 s.
 A lull of 20 s follows: what comes back in them (the next corner) is the same alarm, counted.
 What is not known (NaN) neither raises nor clears; after 3 s of it an alarm cannot be confirmed. A
-rotor below the limit counts though another is unknown. A margin that was inferred, not measured,
-has its 90 % error in the text; where the limit lies within it the alarm is a notice. Without any
-rotor's speed the prediction clears `margin`, by the same limit. `rotor` and `motor` need measured
-speeds: how the motors differ in output is not known. The texts are in wording/alarm_words.py.
+rotor below the limit counts though another is unknown. A margin that was inferred has its 90 %
+error in the text; where the limit lies within it the alarm is a notice. Without any rotor's speed
+the prediction clears `margin`, by the same limit. `rotor` and `motor` need measured speeds: how
+motors differ in output is not known. The texts: wording/alarm_words.py.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.physics.margin import ceiling
 
 ROTORS_HOLD = 1.0  # s of the time after which missing rotor speeds are reported
-LASTS = 7.5  # s: over half of the 15 s of the report's lasting use, so that a turn is no alarm
+LASTS = 7.5  # s: over half of the 15 s of the report's lasting use: a turn is no alarm
 LULL = 20.0  # s: from one corner of a field to the next
 MOVEMENT_ROWS = 20  # rows of two seconds, in which every sign of a loss has lasted its time
 CELL_HYSTERESIS = 0.2  # V
@@ -100,8 +100,8 @@ def margin(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     reach = analysis.utilisation_predicted[rows] + INTERVAL * error
     with np.errstate(invalid="ignore"):
         enough = np.max(reach, axis=1) < s.max_utilisation - s.margin_hysteresis
-    clears: Bools = np.all(measured, axis=1)
-    return _low(s, words.MEASURED_MARGIN, use, error, clears, ~np.any(measured, axis=1) & enough)
+    blind: Bools = ~np.any(measured, axis=1)
+    return _low(s, words.MEASURED_MARGIN, use, error, np.all(measured, axis=1), blind & enough)
 
 
 def predicted_margin(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
@@ -157,13 +157,12 @@ def saturation(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     analysis, rows = now.analysis, now.rows
     by_speed = np.where(analysis.from_outputs[rows], np.nan, analysis.utilisation[rows])
     share = np.fmax(analysis.track.throttle[rows], np.sqrt(by_speed))
-    names = analysis.model.airframe.rotor_names
     return AlarmChecks(
         share > s.saturation,
         share < s.saturation - 0.05,
         np.isfinite(share),
         severity=lambda *_: CRITICAL,
-        text=lambda _, k: words.at_limit(k + 1, names[k]),
+        text=lambda _, k: words.at_limit(k + 1, analysis.model.airframe.rotor_names[k]),
         rotor=share.shape[1],
         past=lambda k: words.was_at_limit(k + 1),
     )

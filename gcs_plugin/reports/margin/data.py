@@ -21,7 +21,7 @@ from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.wording.margin_verdict import MarginVerdict, Moment
 from thrustmargin.models.checks.loss_of_control import LossOfControl
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
-from thrustmargin.models.model.advice import Verdict
+from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.airframe_claim import AirframeBasis
 from thrustmargin.models.scores import Estimate
 
@@ -83,7 +83,7 @@ class FlightReport:
 class Overview:
     """Several flights in one verdict."""
 
-    level: Verdict  # of the worst flight
+    level: FlightLevel  # of the worst flight
     headline: str
     worst_flight: int | None  # number in the list of flights, from 1
     damaged: int  # flights of each level, by the gravest of each

@@ -53,7 +53,7 @@ from thrustmargin.gcs_plugin.wording.report_words import WITHOUT
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
-from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advised, Verdict, advise
+from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advised, FlightLevel, advise
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.physics.airframe import Airframe
@@ -316,7 +316,7 @@ def overview_of(reports: Sequence[FlightReport], limit: float) -> Overview:
         level=level,
         headline=words,
         worst_flight=first + 1 if report.verdict.worst else None,
-        **{one.value: levels.count(one) for one in Verdict},
+        **{one.value: levels.count(one) for one in FlightLevel},
     )
 
 

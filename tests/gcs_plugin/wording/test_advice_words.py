@@ -12,7 +12,7 @@ from thrustmargin.gcs_plugin.wording.advice_words import (
     several_headline,
 )
 from thrustmargin.models.checks.loss_of_control import LossKind, LossOfControl
-from thrustmargin.models.model.advice import Advice, Battery, RotorLost, Verdict
+from thrustmargin.models.model.advice import Advice, Battery, FlightLevel, RotorLost
 from thrustmargin.models.model.fault_test import RotorFault
 from thrustmargin.models.model.next_fill import NextFill
 from thrustmargin.models.model.rotor_faults import FaultEpisode
@@ -45,7 +45,7 @@ FILL = NextFill(
     liquid_density=1.0,
 )
 ADVICE = Advice(
-    levels=(Verdict.CRITICAL,),
+    levels=(FlightLevel.CRITICAL,),
     limit=0.5,
     airborne_s=200.0,
     use=USE,
@@ -62,37 +62,41 @@ ADVICE = Advice(
 FAULT = RotorFault(kind="propeller", rotor=2, size=0.12, lower=0.11, upper=0.13)
 
 
-def with_fault(*levels: Verdict, fault: RotorFault = FAULT, **changed: object) -> Advice:
+def with_fault(*levels: FlightLevel, fault: RotorFault = FAULT, **changed: object) -> Advice:
     episode = FaultEpisode(begin_s=145.0, end_s=None, fault=fault)
-    return replace(ADVICE, levels=(Verdict.DAMAGED, *levels), faults=(episode,), **changed)
+    return replace(ADVICE, levels=(FlightLevel.DAMAGED, *levels), faults=(episode,), **changed)
 
 
 def test_the_first_line_of_each_level():
-    def say(level: Verdict, **changed: object) -> str:
+    def say(level: FlightLevel, **changed: object) -> str:
         return headline(replace(ADVICE, levels=(level,), **changed))
 
-    assert say(Verdict.CRITICAL) == (
+    assert say(FlightLevel.CRITICAL) == (
         "FILL LESS: FOR 3 MIN A FAILED ROTOR WOULD HAVE BROUGHT IT DOWN"
     )
     whole = replace(ADVICE.lost, not_survivable_s=200.0)
-    assert "ALL FLIGHT A FAILED ROTOR" in say(Verdict.CRITICAL, lost=whole)
-    assert say(Verdict.CRITICAL, fill=replace(FILL, nothing_fits="tank")).startswith("TOO HEAVY:")
-    assert say(Verdict.OVER) == "ABOVE THE 50 % LIMIT FOR 2 MIN 42 S"
-    assert say(Verdict.OVER, use=replace(USE, lasting_above_s=200.0)) == (
+    assert "ALL FLIGHT A FAILED ROTOR" in say(FlightLevel.CRITICAL, lost=whole)
+    assert say(FlightLevel.CRITICAL, fill=replace(FILL, nothing_fits="tank")).startswith(
+        "TOO HEAVY:"
+    )
+    assert say(FlightLevel.OVER) == "ABOVE THE 50 % LIMIT FOR 2 MIN 42 S"
+    assert say(FlightLevel.OVER, use=replace(USE, lasting_above_s=200.0)) == (
         "ABOVE THE 50 % LIMIT ALL FLIGHT"
     )
-    assert say(Verdict.NEAR) == "NEAR THE 50 % LIMIT: CANNOT TELL"
-    assert say(Verdict.UNDER) == "BELOW THE 50 % LIMIT"
-    assert say(Verdict.UNDER, limit=0.6) == "BELOW THE 60 % LIMIT"
-    assert say(Verdict.UNKNOWN) == "NO VERDICT"
-    assert say(Verdict.UNDER, ends_in_flight=True) == "BELOW THE 50 % LIMIT (LOG ENDS IN FLIGHT)"
-    assert say(Verdict.NO_THRUST, use=replace(USE, spent_s=14.0)) == "NO THRUST LEFT FOR 14 S"
+    assert say(FlightLevel.NEAR) == "NEAR THE 50 % LIMIT: CANNOT TELL"
+    assert say(FlightLevel.UNDER) == "BELOW THE 50 % LIMIT"
+    assert say(FlightLevel.UNDER, limit=0.6) == "BELOW THE 60 % LIMIT"
+    assert say(FlightLevel.UNKNOWN) == "NO VERDICT"
+    assert (
+        say(FlightLevel.UNDER, ends_in_flight=True) == "BELOW THE 50 % LIMIT (LOG ENDS IN FLIGHT)"
+    )
+    assert say(FlightLevel.NO_THRUST, use=replace(USE, spent_s=14.0)) == "NO THRUST LEFT FOR 14 S"
     collapsed = Battery(least_cell=2.61, at_s=190.0)
-    assert say(Verdict.BATTERY, battery=collapsed) == "BATTERY COLLAPSED: 2.61 V A CELL AT 3:10"
+    assert say(FlightLevel.BATTERY, battery=collapsed) == "BATTERY COLLAPSED: 2.61 V A CELL AT 3:10"
 
 
 def test_a_bad_rotor_comes_first_with_its_place_and_amount():
-    assert headline(with_fault(Verdict.CRITICAL)) == "ROTOR 3, FRONT LEFT: 12 % LESS THRUST"
+    assert headline(with_fault(FlightLevel.CRITICAL)) == "ROTOR 3, FRONT LEFT: 12 % LESS THRUST"
     growing = replace(FAULT, upper=0.6, lower=0.4)
     assert headline(with_fault(fault=growing)) == "ROTOR 3, FRONT LEFT: OVER 40 % LESS THRUST"
     motor = replace(FAULT, kind="motor")
@@ -104,34 +108,34 @@ def test_a_bad_rotor_comes_first_with_its_place_and_amount():
 
 def test_a_loss_of_control_stands_in_the_first_line_beside_the_rotor():
     loss = LossOfControl(kind=LossKind.TURNED_OVER, time_s=34.0, value=2.0)
-    lost = with_fault(Verdict.LOST, losses=(loss,))
+    lost = with_fault(FlightLevel.LOST, losses=(loss,))
     assert headline(lost) == "ROTOR 3, FRONT LEFT: 12 % LESS THRUST; LOST CONTROL AT 0:34"
     assert "kg" not in action(lost)  # what was left before it went wrong advises no fill
     assert action(lost).startswith("do not fly it before it is known why")
-    alone = replace(ADVICE, levels=(Verdict.LOST,), losses=(loss,))
+    alone = replace(ADVICE, levels=(FlightLevel.LOST,), losses=(loss,))
     assert headline(alone) == "LOST CONTROL AT 0:34"
 
 
 def test_what_to_do_follows_the_same_order():
-    said = action(with_fault(Verdict.CRITICAL))
+    said = action(with_fault(FlightLevel.CRITICAL))
     assert said == (
         "do not fly it before propeller, motor and ESC of rotor 3 were looked at, battery off; "
         "for the load: fill at most 8.6 kg (8.6 L): with more it would descend after losing a rotor"
     )
     assert action(ADVICE).startswith("fill at most 8.6 kg (8.6 L)")
-    within = replace(ADVICE, levels=(Verdict.UNDER,))
+    within = replace(ADVICE, levels=(FlightLevel.UNDER,))
     assert action(within).startswith("nothing; up to 8.6 kg (8.6 L)")
     unordered = action(with_fault(rotor_names=()))
     assert "of rotors 1 and 2 and 3 and 4 were looked at" in unordered
-    empty = action(replace(ADVICE, levels=(Verdict.BATTERY, Verdict.OVER)))
+    empty = action(replace(ADVICE, levels=(FlightLevel.BATTERY, FlightLevel.OVER)))
     assert empty.startswith("with the battery off, take the battery out and test it")
     assert "for the load: fill at most 8.6 kg" in empty
-    spent = action(replace(ADVICE, levels=(Verdict.NO_THRUST, Verdict.OVER)))
+    spent = action(replace(ADVICE, levels=(FlightLevel.NO_THRUST, FlightLevel.OVER)))
     assert spent.endswith("fly turns and climbs more gently")
     gauge = action(replace(ADVICE, fill=replace(FILL, beyond_gauge_kg=3.4)))
     assert "thrust shows 3 kg more than was reported" in gauge
     assert "until then fill at most 8.6 kg" in gauge
-    assert action(replace(ADVICE, levels=(Verdict.UNKNOWN,))) == ""
+    assert action(replace(ADVICE, levels=(FlightLevel.UNKNOWN,))) == ""
 
 
 def test_the_facts_say_how_much_and_how_long():
@@ -169,13 +173,13 @@ def test_the_facts_say_how_much_and_how_long():
     ("levels", "said"),
     [
         (
-            [Verdict.UNDER, Verdict.CRITICAL, Verdict.OVER, Verdict.CRITICAL],
+            [FlightLevel.UNDER, FlightLevel.CRITICAL, FlightLevel.OVER, FlightLevel.CRITICAL],
             "2 OF 4 FLIGHTS TOO HEAVY TO",
         ),
-        ([Verdict.UNDER, Verdict.DAMAGED], "1 OF 2 FLIGHTS WITH A BAD ROTOR OR MOTOR"),
-        ([Verdict.UNDER] * 3, "ALL 3 FLIGHTS BELOW THE 50 % LIMIT"),
-        ([Verdict.UNKNOWN] * 2, "ALL 2 FLIGHTS WITHOUT VERDICT"),
-        ([Verdict.UNKNOWN, Verdict.UNDER], "1 OF 2 FLIGHTS BELOW THE 50 % LIMIT"),
+        ([FlightLevel.UNDER, FlightLevel.DAMAGED], "1 OF 2 FLIGHTS WITH A BAD ROTOR OR MOTOR"),
+        ([FlightLevel.UNDER] * 3, "ALL 3 FLIGHTS BELOW THE 50 % LIMIT"),
+        ([FlightLevel.UNKNOWN] * 2, "ALL 2 FLIGHTS WITHOUT VERDICT"),
+        ([FlightLevel.UNKNOWN, FlightLevel.UNDER], "1 OF 2 FLIGHTS BELOW THE 50 % LIMIT"),
     ],
 )
 def test_several_flights_are_counted_by_the_gravest(levels, said):

@@ -27,7 +27,7 @@ def test_a_report_has_a_verdict_on_each_sortie_and_says_the_worse_first(tmp_path
     headlines = [line for line in said.out.splitlines() if not line.startswith(("  ", "wrote"))]
     assert headlines[0] == "1 OF 2 FLIGHTS TOO HEAVY TO LOSE A ROTOR"
     assert headlines[1].startswith("day.tlog sortie 2 of 2: FILL LESS: FOR ")
-    assert headlines[2] == "day.tlog sortie 1 of 2: ABOVE THE 50 % LIMIT AT TIMES"
+    assert headlines[2] == "day.tlog sortie 1 of 2: BELOW THE 50 % LIMIT"
     assert "day.tlog: 2 sorties in the log, each a flight of its own\n" in said.err
     assert levels(tmp_path / "day.json", rebooted(tmp_path / "day.tlog")) == alone[::-1]
 

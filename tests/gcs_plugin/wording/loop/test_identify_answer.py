@@ -359,7 +359,7 @@ def test_every_sentence_ends_once(worn):
 
 def test_the_page_of_the_answer_shows_each_kind_of_sentence(sound):
     """The examples of docs/identify.md are what is said, word by word."""
-    shown = (Path(__file__).resolve().parents[3] / "docs/identify.md").read_text(encoding="utf-8")
+    shown = (Path(__file__).resolve().parents[4] / "docs/identify.md").read_text(encoding="utf-8")
     limits = tuple(
         Excluded(term=weak(k), parameter="loss", unit="1", above=0.018) for k in range(4)
     )
