@@ -4,7 +4,9 @@
 
     model = tm.load_model()                                    # or a model file of yours
     log = tm.read_log("sitl_logs/dev/worn_prop_1.tlog")
-    print(tm.analyse(log.track, model))                        # margin and redundancy by row
+    flight = tm.analyse(log.track, model)
+    print(flight)                                              # margin and redundancy by row
+    print(tm.advise(flight).advice.levels)                     # what that means, the gravest first
     print(tm.identify(log, model))                             # what the model lacks
     with tm.LiveMonitor(model, "udpin:127.0.0.1:14550") as live:
         print(live.wait(10.0))                                 # newest rows of each vehicle
@@ -19,11 +21,13 @@ if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor
     from thrustmargin.gcs_plugin.logs import read_log, read_sorties
     from thrustmargin.models.identification.loop import identify
+    from thrustmargin.models.model.advice import advise
     from thrustmargin.models.model.analysis import analyse
     from thrustmargin.models.model.model_file import load_model
 
 _HOMES = {
     "LiveMonitor": "thrustmargin.gcs_plugin.live.live_monitor",
+    "advise": "thrustmargin.models.model.advice",
     "analyse": "thrustmargin.models.model.analysis",
     "identify": "thrustmargin.models.identification.loop",
     "load_model": "thrustmargin.models.model.model_file",
@@ -31,7 +35,7 @@ _HOMES = {
     "read_sorties": "thrustmargin.gcs_plugin.logs",
 }
 
-__all__ = ["LiveMonitor", "analyse", "identify", "load_model", "read_log", "read_sorties"]
+__all__ = ["LiveMonitor", "advise", "analyse", "identify", "load_model", "read_log", "read_sorties"]
 
 
 if not TYPE_CHECKING:  # a type checker would take any name for one that is here
