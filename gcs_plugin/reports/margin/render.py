@@ -122,11 +122,14 @@ def csv_bytes(report: Report) -> bytes:
 
 
 def pdf_bytes(report: Report, written: Written | None) -> bytes:
-    """The page on A4, with the same words and figures; a flight takes three to four."""
+    """The page on A4, with the same words and figures: one flight on three to four, of several
+    what was decided and its figure, two to a page."""
     from thrustmargin.gcs_plugin.reports.shared import pdf_page
 
-    drawn = _drawn(report)
-    return pdf_page.pdf_bytes(_page(report, written, dict.fromkeys(drawn, Markup())), drawn)
+    brief = len(report.flights) > 1
+    drawn = {n: made for n, made in _drawn(report).items() if not brief or n.startswith("use_")}
+    html = _page(report, written, dict.fromkeys(drawn, Markup()))
+    return pdf_page.pdf_bytes(html, drawn, brief=brief)
 
 
 def html_text(report: Report, written: Written) -> str:

@@ -17,6 +17,7 @@ from thrustmargin.gcs_plugin.reports.shared.drawn_figure import png
 
 MARGIN = 12.0  # mm
 TILES = 4  # beside each other
+FLIGHT_MM = 120.0  # that a flight in brief needs
 LEAST_SCALE = 0.7  # to which a figure shrinks before it goes to the next page
 #: paper and ink of a verdict, as on the page
 LEVELS = {
@@ -80,21 +81,24 @@ class _Tree(HTMLParser):
             self._open[-1].inside.append(data)
 
 
-def pdf_bytes(html: str, figures: Mapping[str, Figure]) -> bytes:
-    """The page `html` as PDF; `figures` are drawn where the page has their places."""
+def pdf_bytes(html: str, figures: Mapping[str, Figure], *, brief: bool = False) -> bytes:
+    """The page `html` as PDF; `figures` are drawn where the page has their places.
+
+    `brief` leaves out what is of class "detail", and lets one flight follow another on a page.
+    """
     tree = _Tree()
     tree.feed(html)
-    paper = _Paper(figures)
+    paper = _Paper(figures, brief)
     paper.block(tree.root)
     return bytes(paper.pdf.output())
 
 
 class _Paper:
-    def __init__(self, figures: Mapping[str, Figure]) -> None:
+    def __init__(self, figures: Mapping[str, Figure], brief: bool) -> None:
         import matplotlib as mpl
         from fpdf import FPDF
 
-        self._figures = figures
+        self._figures, self._brief = figures, brief
         self.pdf = pdf = FPDF(format="A4")
         fonts = Path(mpl.get_data_path()) / "fonts" / "ttf"
         pdf.add_font("body", "", fonts / "DejaVuSans.ttf")
@@ -108,12 +112,15 @@ class _Paper:
     def block(self, node: Node) -> None:
         """Lay out one element and what is in it."""
         classes = node.classes
-        if node.tag in SILENT or "aside" in classes or "bar" in classes:
+        hidden = {"aside", "bar", *(("detail",) if self._brief else ())}
+        if node.tag in SILENT or hidden & set(classes):
             return
         if node.tag == "section" and "flight" in classes:
             self._flights += 1
-            if self._flights > 1:
+            if self._flights > 1 and (not self._brief or self.pdf.will_page_break(FLIGHT_MM)):
                 self.pdf.add_page()
+            if self._brief:
+                self._heading(node.attributes.get("data-name", ""), 12)
         act = {
             "h1": lambda: self._words(node.text, 13, bold=True),
             "h2": lambda: self._heading(node.text, 12),
