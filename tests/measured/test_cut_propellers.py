@@ -29,23 +29,16 @@ def airframe(folder: Path, tmp_path_factory) -> Path:
     return out
 
 
-def learnt(folder: Path, airframe: Path, pattern: str, name: str) -> Path:
-    """A model of the sound flights whose names have the pattern."""
-    logs = sorted(folder.glob(f"good_prop_{pattern}.BIN"))
-    out = airframe.with_name(f"{name}.safetensors")
+def learnt(folder: Path, airframe: Path, without: str = "") -> Path:
+    logs = [log for log in sorted(folder.glob("good_prop_*.BIN")) if log.stem != without]
+    out = airframe.with_name(f"without-{without}.safetensors")
     assert run("train", *logs, "--airframe", airframe, "--out", out).code == 0
     return out
 
 
 @pytest.fixture(scope="module")
 def sound(folder: Path, airframe: Path) -> Path:
-    return learnt(folder, airframe, "*", "all")
-
-
-@pytest.fixture(scope="module")
-def of_others(folder: Path, airframe: Path) -> dict[str, Path]:
-    """Number of a flight to a model of the two sound flights that have the other number."""
-    return {n: learnt(folder, airframe, f"*_{3 - int(n)}", f"without_{n}") for n in "12"}
+    return learnt(folder, airframe)
 
 
 @pytest.mark.parametrize("log", ["hover_1", "hover_2", "straight_line_1", "straight_line_2"])
@@ -59,10 +52,12 @@ def test_four_logs_together_name_the_motor(folder, sound, tmp_path):
     assert identify(logs, "--model", sound, into=tmp_path).named == (CUT_ROTOR,)
 
 
-@pytest.mark.parametrize("log", ["hover_1", "hover_2", "straight_line_1", "straight_line_2"])
-def test_whole_propellers_that_were_not_learnt_from_get_no_name(folder, of_others, tmp_path, log):
-    given = [folder / f"good_prop_{log}.BIN"]
-    assert identify(given, "--model", of_others[log[-1]], into=tmp_path).effects == ()
+# All four, each by a model of its own: `make measured` (damaged_rotors.py).
+@pytest.mark.parametrize("log", ["hover_1", "straight_line_1"])
+def test_whole_propellers_that_were_not_learnt_from_get_no_name(folder, airframe, tmp_path, log):
+    name = f"good_prop_{log}"
+    model = learnt(folder, airframe, without=name)
+    assert identify([folder / f"{name}.BIN"], "--model", model, into=tmp_path).effects == ()
 
 
 @pytest.mark.parametrize("log", ["hover_1", "hover_2", "straight_line_1", "straight_line_2"])
