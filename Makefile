@@ -4,22 +4,27 @@ BIN := $(VENV)/bin
 # The import name as folders, for pyright: it does not follow an editable install.
 LINKS := $(VENV)/links/thrustmargin
 
-.PHONY: demo fleet-demo test check bench measured mutation screenshots clean
+.PHONY: demo fleet-demo test pytest check bench measured mutation screenshots clean
 
 demo: $(VENV)/.demo
 	$(BIN)/thrustmargin demo --out report.html $(DEMO_ARGS)
 
-# Two at a time, each on one core; module by module, so that what its tests share is made once.
-# A worker that dies is a failure and not started anew: it would be given the same tests for ever.
-PYTEST_ARGS ?= -n 2 --dist loadscope --no-loadscope-reorder --max-worker-restart 0
+# Four on two cores, as half of the time is waiting for links and pages; module by module, so that
+# what its tests share is made once. A worker that dies is a failure and not started anew: it would be
+# given the same tests for ever.
+PYTEST_ARGS ?= -n 4 --dist loadscope --no-loadscope-reorder --max-worker-restart 0
 
-test: check
+# Types are checked while tests wait.
+test: $(VENV)/.test
+	$(MAKE) --jobs 2 check pytest
+
+pytest: $(VENV)/.test
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest $(PYTEST_ARGS)
 
 check: $(VENV)/.test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/pyright
+	$(BIN)/pyright -p tests
 
 bench: $(VENV)/.test
 	$(BIN)/python -m pytest tests/bench --benchmark-only -o python_files='bench_*.py' -s

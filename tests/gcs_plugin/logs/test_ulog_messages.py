@@ -77,10 +77,10 @@ def test_formats_that_would_fill_the_memory_are_damage():
         message("A", bytes(3) + n) for n in (b"vehicle_attitude", b"t0", b"t", b"empty")
     )
     data = px4_log()[:HEADER] + (many + deep + loop + added) * 20
-    began = time.monotonic()
+    began = time.process_time()
     found = whole_messages(data, ("vehicle_attitude", "t0", "t", "empty"))
     assert b"A" + bytes(3) not in found.data
-    assert time.monotonic() - began < 5.0
+    assert time.process_time() - began < 5.0
 
 
 @pytest.mark.parametrize("kind", ["random", "zeros", "claims"])
@@ -116,7 +116,7 @@ def test_no_mutant_of_the_recorded_log_takes_long(measured_folder, tmp_path: Pat
             at, size = chance.randrange(len(mutant) + 1), chance.choice((1, 8, 1000, 20_000))
             mutant[at : at + size] = chance.randbytes(chance.choice((0, 1, size)))
         path.write_bytes(mutant[: chance.choice((len(mutant), chance.randrange(len(mutant) + 1)))])
-        began = time.monotonic()
+        began = time.process_time()
         with suppress(ThrustMarginError):
             read_log(path)
-        assert time.monotonic() - began < 10.0, seed
+        assert time.process_time() - began < 10.0, seed

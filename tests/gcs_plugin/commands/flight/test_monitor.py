@@ -62,6 +62,16 @@ def recording(
     return monitor
 
 
+def wait_until_heard(session: Path, streamed: Path) -> None:
+    """Until the recording ends as the flight that was streamed does, and its rows are made."""
+    *_, (_, last) = stamped_frames(streamed)
+    deadline = time.monotonic() + 60
+    while not (session / "telemetry.tlog").read_bytes().endswith(last):
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    time.sleep(1.0)
+
+
 @pytest.mark.slow
 def test_streamed_over_udp_a_flight_gives_the_samples_and_margins_of_its_file(
     sitl_logs, tmp_path, model_file
@@ -71,10 +81,10 @@ def test_streamed_over_udp_a_flight_gives_the_samples_and_margins_of_its_file(
     monitor = recording(port, tmp_path, model_file, stderr=subprocess.PIPE, text=True)
     streamed = command("stream", str(path), "--to", f"udpout:127.0.0.1:{port}", "--speed", "25")
     assert streamed.wait(timeout=120) == 0
-    time.sleep(2.0)
+    session = recording_in(tmp_path)
+    wait_until_heard(session, path)
     monitor.send_signal(signal.SIGINT)
     _, told = monitor.communicate(timeout=60)
-    session = recording_in(tmp_path)
     sent = list(stamped_frames(path))
     assert [data for _, data in stamped_frames(session / "telemetry.tlog")] == [d for _, d in sent]
     assert f"{len(sent)} messages" in told
@@ -261,6 +271,8 @@ def test_on_a_full_disk_the_monitor_goes_on_and_says_so_and_records_again_when_t
             if said[-1].endswith("recording again"):
                 break
         assert stream.wait(timeout=60) == 0
+        session = recording_in(disk / "recordings")
+        wait_until_heard(session, path)
         monitor.send_signal(signal.SIGINT)
         rest, told = monitor.communicate(timeout=60)
         assert monitor.returncode == 130 or "KeyboardInterrupt" in told
@@ -269,7 +281,6 @@ def test_on_a_full_disk_the_monitor_goes_on_and_says_so_and_records_again_when_t
         assert f"vehicle 1: {rows} samples" in told
         assert "lost earlier" in told
         assert any("Thrust margin" in line for line in [*said, *rest.splitlines()])
-        session = recording_in(disk / "recordings")
         kept = [data for _, data in stamped_frames(session / "telemetry.tlog")]
         sent = [data for _, data in stamped_frames(path)]
         assert len(sent) / 10 < len(kept) < len(sent)

@@ -6,7 +6,9 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import redirect_stdout
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -47,8 +49,9 @@ def worn_logs(tmp_path_factory) -> list[str]:
 
 @pytest.fixture(scope="module")
 def done(worn_logs, tmp_path_factory):
-    """One run with every output: (folder, printed text, exit code)."""
+    """One run with every output, one of them in place of a file: (folder, printed, told)."""
     folder = tmp_path_factory.mktemp("out")
+    (folder / "new.safetensors").write_bytes(b"precious")
     process = subprocess.run(
         [
             *(
@@ -60,7 +63,8 @@ def done(worn_logs, tmp_path_factory):
             *worn_logs[:4],
             *("--held-out", worn_logs[4], "--airframe", F16.name),
             *("--out", str(folder / "new.safetensors"), "--json", str(folder / "found.json")),
-            *("--html", str(folder / "found.html")),
+            *("--html", str(folder / "found.html"), "--next-flight", str(folder / "next.plan")),
+            "--force",
         ],
         capture_output=True,
         text=True,
@@ -69,7 +73,28 @@ def done(worn_logs, tmp_path_factory):
         env={**os.environ, "COLUMNS": "80", "OMP_NUM_THREADS": "1"},
     )
     assert process.returncode == 0, process.stderr
-    return folder, process.stdout
+    return folder, process.stdout, process.stderr
+
+
+def doubtful_run(worn_logs: list[str], folder: Path) -> tuple[int, str, dict]:
+    """Exit code, what is printed and the JSON of logs of which some cannot serve, one in part."""
+    broken, short, answer = (folder / n for n in ("broken.csv", "short.csv", "answer.json"))
+    broken.write_text("time_s,colour\nnever,blue\n")
+    write_csv(made_flight(7, duration=8.0), short)
+    track = made_flight(9)
+    rpm = track.rotor_speed_rpm.copy()
+    rpm[300:400, 2] = rpm[300, 2]
+    output = 0.5 + 0.1 * np.sin(track.time_s[:, None] + np.arange(4.0))
+    (log,) = written_logs(folder, [replace(track, rotor_speed_rpm=rpm, throttle=output)])
+    words = [*worn_logs[:2], str(broken), str(short), *CURVE, "--held-out", log, "--seed", "5"]
+    with redirect_stdout(StringIO()) as said:
+        code = run(["identify", *words, "--json", str(answer)])
+    return code, said.getvalue(), json.loads(answer.read_text())
+
+
+@pytest.fixture(scope="module")
+def doubtful(worn_logs, tmp_path_factory) -> tuple[int, str, dict]:
+    return doubtful_run(worn_logs, tmp_path_factory.mktemp("doubtful"))
 
 
 def test_the_first_line_names_part_amount_and_action(done):
@@ -181,14 +206,14 @@ def test_the_model_that_is_judged_is_never_overwritten(worn_logs, tmp_path, caps
     assert path.read_bytes() == before
 
 
-def test_another_file_is_replaced_only_by_force(worn_logs, tmp_path, capsys):
+def test_another_file_is_replaced_only_by_force(worn_logs, done, tmp_path, capsys):
     path = tmp_path / "other.safetensors"
     path.write_bytes(b"precious")
     assert "--force" in refused(capsys, *worn_logs[:2], *CURVE, "--out", str(path))
     assert path.read_bytes() == b"precious"
-    assert run(["identify", *worn_logs[:2], *CURVE, "--out", str(path), "--force"]) == 0
-    assert load_model(path).effects
-    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+    assert load_model(done[0] / "new.safetensors").effects
+    left = ["found.html", "found.json", "new.safetensors"]
+    assert sorted(p.name for p in done[0].iterdir()) == left
 
 
 def test_the_next_flight_is_written_as_a_mission_and_never_over_another(tmp_path, capsys):
@@ -210,11 +235,9 @@ def test_the_next_flight_is_written_as_a_mission_and_never_over_another(tmp_path
     assert path.read_bytes() == before
 
 
-def test_a_next_flight_that_nothing_needs_is_not_written(worn_logs, tmp_path, capsys):
-    path = tmp_path / "next.plan"
-    assert run(["identify", *worn_logs[:3], *CURVE, "--next-flight", str(path)]) == 0
-    assert "no flight would tell more" in lines_of(capsys)[1]
-    assert not path.exists()
+def test_a_next_flight_that_nothing_needs_is_not_written(done):
+    assert "no flight would tell more" in done[2]
+    assert not (done[0] / "next.plan").exists()
 
 
 @pytest.mark.parametrize(
@@ -255,15 +278,8 @@ def test_electrical_rpm_is_called_so(tmp_path, capsys):
     assert "electrical rpm" in refused(capsys, log, *CURVE)
 
 
-def test_rows_in_which_a_sensor_sticks_are_not_used(worn_logs, tmp_path):
-    track = made_flight(9)
-    rpm = track.rotor_speed_rpm.copy()
-    rpm[300:400, 2] = rpm[300, 2]
-    output = 0.5 + 0.1 * np.sin(track.time_s[:, None] + np.arange(4.0))
-    (log,) = written_logs(tmp_path, [replace(track, rotor_speed_rpm=rpm, throttle=output)])
-    answer = tmp_path / "answer.json"
-    assert run(["identify", *worn_logs[:2], *CURVE, "--held-out", log, "--json", str(answer)]) == 0
-    *_, unused = json.loads(answer.read_text())["flights"]
+def test_rows_in_which_a_sensor_sticks_are_not_used(doubtful):
+    *_, unused = doubtful[2]["flights"]
     assert unused["role"] == "held_out"
     assert unused["samples"] < 820  # of 900, less 100 that stick and the ends
 
@@ -275,12 +291,8 @@ def test_a_single_flight_says_what_cannot_be_claimed(worn_logs, capsys):
     assert "cannot be claimed" in out
 
 
-def test_logs_that_cannot_serve_are_named_and_the_rest_is_used(worn_logs, tmp_path, capsys):
-    broken, short = tmp_path / "broken.csv", tmp_path / "short.csv"
-    broken.write_text("time_s,colour\nnever,blue\n")
-    write_csv(made_flight(7, duration=8.0), short)
-    code = run(["identify", *worn_logs[:2], str(broken), str(short), *CURVE])
-    out, _ = lines_of(capsys)
+def test_logs_that_cannot_serve_are_named_and_the_rest_is_used(doubtful):
+    code, out, _ = doubtful
     assert code == 1
     assert "not used: broken.csv: " in out
     assert "not used: short.csv: 80 rows in steady flight" in out
@@ -307,13 +319,8 @@ def test_no_log_is_a_wrong_command_line(capsys):
     assert "no log given" in lines_of(capsys)[1]
 
 
-def test_the_same_seed_gives_the_same_answer(worn_logs, tmp_path, capsys):
-    for name in ("a.json", "b.json"):
-        target = str(tmp_path / name)
-        assert run(["identify", *worn_logs[:2], *CURVE, "--seed", "5", "--json", target]) == 0
-    capsys.readouterr()
-    first, second = (json.loads((tmp_path / n).read_text()) for n in ("a.json", "b.json"))
-    assert first == second
+def test_the_same_seed_gives_the_same_answer(worn_logs, doubtful, tmp_path):
+    assert doubtful_run(worn_logs, tmp_path)[2] == doubtful[2]
 
 
 @pytest.mark.slow

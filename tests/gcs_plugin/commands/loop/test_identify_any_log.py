@@ -97,7 +97,7 @@ def relaxed(examples: int):
     )
 
 
-@relaxed(8)
+@relaxed(2)
 @given(how=treated, loss=st.sampled_from([0.0, 0.1]), model=st.sampled_from(MODELS))
 def test_identify_answers_whatever_a_log_reports(how, loss, model):
     ends_in_an_answer(flights_of(1, 20.0, loss, how), model)

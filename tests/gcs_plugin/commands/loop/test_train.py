@@ -44,6 +44,7 @@ def rendered(parts) -> str:
     return console.export_text()
 
 
+@pytest.mark.slow
 def test_four_flights_make_a_model_with_its_table_and_loss_curves(few_logs, tmp_path, capsys):
     out = tmp_path / "own.safetensors"
     broken = tmp_path / "broken.tlog"

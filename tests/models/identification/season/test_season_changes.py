@@ -172,6 +172,6 @@ def test_a_thousand_flights_take_less_than_ten_seconds():
     flights = season(np.random.default_rng(10), 1000)
     lost = np.where(np.arange(1000) < 800, 0.1 * wear(1000, 600, 0.002), 0.0)
     flights = with_change(with_change(flights, LOSS_2, lost), GAIN, wear(1000, 300, 0.0001))
-    began = time.perf_counter()
+    began = time.process_time()  # of this process alone, whatever else the machine does
     assert len(entries(of(flights))) == 3
-    assert time.perf_counter() - began < 10.0
+    assert time.process_time() - began < 10.0
