@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -253,9 +254,10 @@ def estimate(figure: Callable[[Sums], Floats], whole: Sums, drawn: Sums, blocks:
     return Estimate(value=value, low=ends[0], high=ends[1])
 
 
-_PLAIN = (lambda v: v, lambda v: v)
+_Scale = tuple[Callable[[Any], Any], Callable[[Any], Any]]
+_PLAIN: _Scale = (lambda v: v, lambda v: v)
 _EXPLAINED = (lambda v: np.log(np.maximum(1.0 - v, 1e-12)), lambda v: 1.0 - np.exp(v))
-_SCALES = {
+_SCALES: dict[Callable[[Sums], Floats], _Scale] = {
     rmse: (lambda v: np.log(np.maximum(v, 1e-12)), np.exp),
     r2: _EXPLAINED,
     mean_r2: _EXPLAINED,

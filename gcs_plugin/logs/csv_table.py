@@ -327,7 +327,7 @@ def _track(
         flying=np.ones(time_s.size, dtype=np.bool_) if flying is None else flying > 0.5,
         flying_by=FlyingBy.NOT_KNOWN if flying is None else FlyingBy.GIVEN,
         origin=_origin(path, about.get("origin")),
-        start_unix_s=float(start) if known_start else None,
+        start_unix_s=float(start) if known_start and start is not None else None,
         sources=sources | written_sources(path, about.get("sources")),
         notes=notes,
         **channels,

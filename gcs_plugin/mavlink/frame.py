@@ -126,7 +126,7 @@ def _header2(flags: bytes, number: bytes) -> Header:
 @cache
 def _tables() -> tuple[memoryview, memoryview]:
     table = layout_table()
-    return memoryview(table.size), memoryview(table.crc_extra)
+    return table.size.data, table.crc_extra.data
 
 
 def examine(

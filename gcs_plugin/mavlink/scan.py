@@ -133,7 +133,7 @@ def stamped_frames(path: Path) -> Generator[tuple[int, bytes]]:
     start = np.concatenate([frames.start, [at for at, _ in frames.unverified]]).astype(np.int64)
     start.sort()
     end = _ends(data, start)
-    raw = memoryview(data)
+    raw = data.data
     for low, high in zip(start.tolist(), end.tolist(), strict=True):
         yield int.from_bytes(raw[low - STAMP : low], "big"), bytes(raw[low:high])
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from math import cos, nan, pi, sin
 from types import MappingProxyType
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -111,6 +111,8 @@ def unknown_aircraft(rotor_count: int) -> RotorModel:
     layout = motor_layouts().get(USUAL_LAYOUTS.get(rotor_count, ""))
     angles = [2.0 * pi * (k + 0.5) / rotor_count for k in range(rotor_count)]
     places = np.array([(cos(a), sin(a)) for a in angles]) if layout is None else layout.place
+    unknown: dict[str, Any] = dict.fromkeys(QUANTITIES, nan)
+    unknown["propeller_diameter"] = DRAWN_PROPELLER
     airframe = Airframe(
         name="not known",
         title="aircraft not known",
@@ -122,6 +124,6 @@ def unknown_aircraft(rotor_count: int) -> RotorModel:
         quantities=MappingProxyType(
             {name: Quantity(nan, unit, "not known") for name, unit in QUANTITIES.items()}
         ),
-        **(dict.fromkeys(QUANTITIES, nan) | {"propeller_diameter": DRAWN_PROPELLER}),
+        **unknown,
     )
     return RotorModel(airframe=airframe, reference_density=SEA_LEVEL_DENSITY, reference_voltage=nan)

@@ -274,7 +274,7 @@ def worst_rotor(values: Floats, badness: Floats | None = None) -> tuple[Floats, 
     none is known.
     """
     if not values.shape[1]:
-        return np.full((2, values.shape[0]), np.nan)
+        return np.full(values.shape[0], np.nan), np.full(values.shape[0], np.nan)
     badness = values if badness is None else badness
     score = np.where(np.isfinite(badness), badness, -np.inf)
     which = np.argmax(score, axis=1)

@@ -109,7 +109,7 @@ def steady_flight(
     """F moments of steady level flight at `airspeed` m/s with `fills` (F,) kg in the tank."""
     track = FlightTrack.of(
         name="before take-off",
-        time_s=APART * np.arange(fills.size),
+        time_s=np.arange(fills.size, dtype=np.float64) * APART,
         rotor_count=model.airframe.rotor_count,
         tank_kg=fills,
         airspeed=np.full(fills.size, airspeed),

@@ -224,4 +224,4 @@ def _value(table: dict[str, Any], name: str) -> float:
     """A quantity's number; NaN where there is none."""
     entry = table.get("quantities", {}).get(name)
     value = entry.get("value") if isinstance(entry, dict) else None
-    return float(value) if _real(value) else float("nan")
+    return float("nan") if value is None or not _real(value) else float(value)

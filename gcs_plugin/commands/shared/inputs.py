@@ -52,8 +52,8 @@ def chosen_model(model: Path | None, airframe: str | None) -> RotorModel:
 def _same_numbers(one: Airframe, other: Airframe) -> bool:
     """Whether two files are of one aircraft: a user's own may have kept the name of another."""
     values = [{n: q.value for n, q in craft.quantities.items()} for craft in (one, other)]
-    places = [craft.rotor_position_frd for craft in (one, other)]
-    return one.name == other.name and values[0] == values[1] and np.array_equal(*places)
+    placed = np.array_equal(one.rotor_position_frd, other.rotor_position_frd)
+    return one.name == other.name and values[0] == values[1] and placed
 
 
 def starting_model(model: Path | None, airframe: str | None) -> tuple[RotorModel, str]:

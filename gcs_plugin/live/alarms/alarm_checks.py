@@ -76,5 +76,5 @@ class AlarmRule:
 
 def one_alarm(on: ArrayLike, off: ArrayLike, known: ArrayLike, **more: Any) -> AlarmChecks:
     """Checks of one alarm from (N,) arrays."""
-    columns = (np.atleast_1d(np.asarray(a, dtype=np.bool_))[:, None] for a in (on, off, known))
-    return AlarmChecks(*columns, **more)
+    a, b, c = (np.atleast_1d(np.asarray(x, dtype=np.bool_))[:, None] for x in (on, off, known))
+    return AlarmChecks(a, b, c, **more)

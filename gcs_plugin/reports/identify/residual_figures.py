@@ -205,7 +205,7 @@ def _panels(made: list[tuple[str, list[tuple[str, Floats, Floats]]]], reach: flo
     figure = make_subplots(
         rows=lines,
         cols=ACROSS,
-        shared_yaxes="all",
+        shared_yaxes="all",  # pyright: ignore[reportArgumentType]
         horizontal_spacing=0.04,
         vertical_spacing=UNDER_PX / height if lines > 1 else 0.0,
     )

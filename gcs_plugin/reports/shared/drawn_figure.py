@@ -43,7 +43,8 @@ def png(made: Figure) -> tuple[bytes, float, float]:
         axes["y" + name.removeprefix("yaxis")] = ax
         _style(ax, axis, across, bare=name != panels[-1] and len(panels) > 1)
     shown: dict[str, Any] = {}
-    for trace in made.data:
+    traces: Any = made.data
+    for trace in traces:
         if trace.visible is not False:
             handle = _trace(axes[trace.yaxis or "y"], trace, paper)
             if trace.showlegend is not False and trace.name and handle is not None:

@@ -207,7 +207,7 @@ def over_time(panels: Sequence[Panel], *, end_s: float) -> Figure:
             level, text = panel.limit
             made.add_hline(
                 level,
-                row=row,
+                row=row,  # pyright: ignore[reportArgumentType]
                 line={"color": OVER, "width": 3},
                 annotation={"x": 1, "xanchor": "left", "yanchor": "middle", "font_color": OVER},
                 annotation_text=f"<b>{escape(text)}</b>".replace("\n", "<br>"),

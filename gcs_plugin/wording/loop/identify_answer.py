@@ -105,10 +105,10 @@ def one_of(one: OneOf, names: Sequence[str]) -> str:
 def mentioned(one: Mentioned, names: tuple[str, ...]) -> str:
     """A rotor that is not named and that the flights do not clear."""
     sign, more = (1.0, "less") if one.loss >= 0.0 else (-1.0, "more")
-    ends = sorted(sign * end for end in one.ci95)
-    amount, interval = within(sign * one.loss, *ends, "%", factor=100.0, most=1)
+    low, high = sorted(sign * end for end in one.ci95)
+    amount, interval = within(sign * one.loss, low, high, "%", factor=100.0, most=1)
     thrust = f"it may make {amount} {more} thrust {interval}"
-    if ends[0] < 0.0 < ends[1]:
+    if low < 0.0 < high:
         most, least = (at_most(end, "1") for end in (one.ci95[1], -one.ci95[0]))
         thrust = f"it may make up to {most} less or {least} more thrust"
     return (

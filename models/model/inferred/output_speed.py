@@ -90,7 +90,7 @@ class OutputCalibration:
                 information = information + certainty * np.outer(row, row)
                 pull = pull + certainty * row * square
         covariance = np.linalg.inv(information)
-        return covariance @ pull, covariance
+        return np.asarray(covariance @ pull), np.asarray(covariance, dtype=np.float64)
 
     def common_variance(self, airframe: Airframe) -> float:
         """Variance of ln N² that no amount of flight lessens: lift, and a guessed mass or curve."""
