@@ -59,7 +59,8 @@ def thrust_use(analysis: FlightAnalysis, limit: float) -> ThrustUse:
     error = np.zeros(most.size)
     error[known] = np.nan_to_num(reaches[at[known], which[known].astype(int)])
     now = worst_rotor(means)[0]
-    length = np.bincount(second, weights=np.where(track.flying, track.row_seconds, 0.0))
+    flown = np.where(track.flying, track.row_seconds, 0.0)
+    length = np.bincount(second, weights=flown).astype(np.float64)
     with np.errstate(invalid="ignore"):
         lasting_above, above = most > limit, now > limit
         surely, maybe = most - error > limit, most + error > limit

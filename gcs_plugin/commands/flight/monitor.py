@@ -152,14 +152,14 @@ def monitor(
 
         events = Terminal(soft_wrap=True)
 
-        def said(words: str) -> None:
+        def print_line(words: str) -> None:
             # A full disk behind a redirected answer must not end the watch.
             try:
                 events.print(words)
             except OSError as error:
                 unprinted.append(error)
 
-        printer = EventPrinter(live, said)
+        printer = EventPrinter(live, print_line)
         live.subscribers.append(printer)
     elif not view and not silent:
         from thrustmargin.gcs_plugin.live.console import Bell
