@@ -173,10 +173,11 @@ def order_assumed(words: str, asked: Collection[str]) -> str:
     return Reason(words, RATES).text(asked)
 
 
-def messages_words(frames: int, lost: Mapping[str, int]) -> str:
+def messages_words(frames: int, lost: Mapping[str, int], refused_why: str = "") -> str:
     """How many messages came, and what was lost, by the counters of `LOST`."""
     parts = [f"{lost[name]} {words}" for name, words in LOST.items() if lost.get(name)]
-    return f"{frames} messages" + (f" ({', '.join(parts)})" if parts else "")
+    said = f"{frames} messages" + (f" ({', '.join(parts)})" if parts else "")
+    return f"{said}; refused: {refused_why}" if refused_why else said
 
 
 def recording_words(folder: str, frames: int, rows: int, lost: int) -> str:
