@@ -11,14 +11,14 @@ from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
 
 @dataclass(frozen=True, slots=True)
-class Reason:
+class WhyUnknown:
     """Why something is unknown, and the option that asks the vehicle for it, if one does."""
 
     words: str
     option: str = ""
 
     def text(self, asked: Collection[str] = ()) -> str:
-        """For people; `asked` are the options that are on, which nobody is told to use."""
+        """For people; `asked` are the options that are on, which need no advice."""
         if not self.option:
             return self.words
         helps = "asked for in vain so far" if self.option in asked else f"{self.option} asks for it"
@@ -28,18 +28,18 @@ class Reason:
 #: Options by which a vehicle is asked.
 RATES, FETCH = "--request-rates", "--fetch-mission"
 #: Why a figure is unknown.
-NO_SPEEDS = Reason("no rotor speeds (ESC telemetry) and no motor outputs heard", RATES)
-NO_MEASURED = Reason("no rotor speeds measured (ESC telemetry)", RATES)
-NO_LOAD = Reason(
+NO_SPEEDS = WhyUnknown("no rotor speeds (ESC telemetry) and no motor outputs heard", RATES)
+NO_MEASURED = WhyUnknown("no rotor speeds measured (ESC telemetry)", RATES)
+NO_LOAD = WhyUnknown(
     "tank level unknown: no gauge, and no hover yet that shows the load (10 s, with rotor speeds "
     "or motor outputs); --load states it, --tank names its source"
 )
-NO_AIRSPEED = Reason("no airspeed and no ground speed heard", RATES)
+NO_AIRSPEED = WhyUnknown("no airspeed and no ground speed heard", RATES)
 NEXT_SORTIE = "armed again after a flight: the load that you state is taken for this sortie anew"
-NO_MISSION = Reason("no mission heard", FETCH)
-NO_FLOW = Reason("no pump output heard, and no gauge that shows the flow (20 s)")
-NO_POSITION = Reason("no position heard")
-NO_ROWS = Reason(
+NO_MISSION = WhyUnknown("no mission heard", FETCH)
+NO_FLOW = WhyUnknown("no pump output heard, and no gauge that shows the flow (20 s)")
+NO_POSITION = WhyUnknown("no position heard")
+NO_ROWS = WhyUnknown(
     "heard, but neither rotor speeds, motor outputs, attitude nor position with its clock", RATES
 )
 AIRFRAME_NOT_YET = "airframe not known yet: hover 5 s"
@@ -170,7 +170,7 @@ def by_source(source: Provenance) -> str:
 
 def order_assumed(words: str, asked: Collection[str]) -> str:
     """How the motors are ordered until the vehicle has said it."""
-    return Reason(words, RATES).text(asked)
+    return WhyUnknown(words, RATES).text(asked)
 
 
 def messages_words(frames: int, lost: Mapping[str, int], refused_why: str = "") -> str:
