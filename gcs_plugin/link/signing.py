@@ -58,17 +58,21 @@ class SigningCounts:
         """All but the accepted ones."""
         return sum(astuple(self)) - self.accepted
 
-    def __str__(self) -> str:
+    @property
+    def reasons(self) -> str:
+        """Why frames were dropped, and how many; empty where none was."""
         reasons = (
             ("unsigned", self.unsigned),
             ("signed with another key", self.wrong_key),
             ("replayed", self.replayed),
-            ("more than a minute old", self.stale),
+            ("more than a minute behind this computer's clock (is it right?)", self.stale),
             ("of unknown id", self.unknown_id),
             ("malformed", self.malformed),
         )
-        parts = ", ".join(f"{count} {words}" for words, count in reasons if count)
-        return f"{self.accepted} frames with a good signature; dropped: {parts or 'none'}"
+        return ", ".join(f"{count} {words}" for words, count in reasons if count)
+
+    def __str__(self) -> str:
+        return f"{self.accepted} frames with a good signature; dropped: {self.reasons or 'none'}"
 
 
 class SigningFilter:
@@ -147,7 +151,8 @@ class SigningFilter:
         if last is not None and stamp <= last:
             return "replayed"
         if last is None:
-            present = max(self._latest, 0 if self._clock is None else self._clock())
+            # Once one was let in the vehicles say what time it is: the computer's may be set.
+            present = self._latest or (0 if self._clock is None else self._clock())
             if stamp + NEW_STREAM_LAG < present:
                 return "stale"
         self._last[stream] = stamp

@@ -204,7 +204,7 @@ def status_lines(status: MonitorStatus, *, page: bool = False) -> list[str]:
     """The link and the recording in words; `page`: the 3D page is shown."""
     lines = [words.behind_words(status.behind_s, page=page)] if status.behind_s else []
     lost = {name: getattr(status, name) for name in words.LOST}
-    lines.append(words.messages_words(status.frames, lost))
+    lines.append(words.messages_words(status.frames, lost, status.refused_why))
     recorder = status.recorder
     if recorder is not None and recorder.trouble:
         lines.append(words.not_recording(recorder.trouble, recorder.frames_lost))

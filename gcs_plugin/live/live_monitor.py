@@ -70,6 +70,7 @@ class MonitorStatus:
     unknown: int
     bytes_skipped: int
     refused: int
+    refused_why: str  # by signing, in words
     kernel_drops: int
     compute_drops: int
     round_s: float  # how long the last round of computing took
@@ -95,6 +96,7 @@ class LiveMonitor:
         *,
         subscribers: Sequence[Subscriber] = (),
         accept: Callable[[bytes, int], bool] | None = None,
+        refused_why: Callable[[], str] = str,
     ) -> None:
         if isinstance(settings, str):
             settings = MonitorSettings(urls=(settings,))
@@ -104,6 +106,7 @@ class LiveMonitor:
         self.taps: list[Callable[[list[Frame]], None]] = []
         self._queue: BoundedQueue[Frame] = BoundedQueue(QUEUE, keep_newest=True)
         self.recorder: Recorder | None = None
+        self._refused_why = refused_why
         self._stop = threading.Event()
         self._round_s = 0.0
         self._newest_us = 0
@@ -184,6 +187,7 @@ class LiveMonitor:
             unknown=sum(link.counts.unknown for link in links),
             bytes_skipped=sum(link.counts.bytes_skipped for link in links),
             refused=sum(link.refused for link in links),
+            refused_why=self._refused_why(),
             kernel_drops=sum(link.transport.kernel_drops for link in links),
             compute_drops=self._queue.dropped,
             round_s=self._round_s,

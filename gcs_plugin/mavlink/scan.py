@@ -25,10 +25,14 @@ from thrustmargin.gcs_plugin.mavlink.frame import (
     checksum_rows,
     header,
 )
-from thrustmargin.gcs_plugin.mavlink.layouts import Layout, layout_table
+from thrustmargin.gcs_plugin.mavlink.layouts import Layout, layout_table, layouts
+from thrustmargin.gcs_plugin.mavlink.stamps import steadied
 from thrustmargin.models.errors import LogError
 
 Index = NDArray[np.int64]
+
+#: ATTITUDE, ATTITUDE_QUATERNION, LOCAL_POSITION_NED, GLOBAL_POSITION_INT: begin with time_boot_ms.
+BOOT_CLOCKS = (30, 31, 32, 33)
 
 STAMP = 8  # bytes of time before each frame
 #: Bytes appended to the file's own so that a gather near the end stays inside the buffer.
@@ -124,7 +128,8 @@ def read_bytes(path: Path, padding: int = PADDING) -> tuple[Bytes, int]:
 def stamped_frames(path: Path) -> Generator[tuple[int, bytes]]:
     """(Unix µs, frame) of a .tlog in file order, those of unknown id among them, no damage.
 
-    Raises LogError when the file holds no frame.
+    A clock that was set while it was recorded is taken out of the stamps. Raises LogError when the
+    file holds no frame.
     """
     data, size = read_bytes(path)
     frames = scan(data, size)
@@ -133,9 +138,17 @@ def stamped_frames(path: Path) -> Generator[tuple[int, bytes]]:
     start = np.concatenate([frames.start, [at for at, _ in frames.unverified]]).astype(np.int64)
     start.sort()
     end = _ends(data, start)
+    boot_ms, system = np.full(start.size, np.nan), np.zeros(start.size, dtype=np.uint8)
+    place = np.searchsorted(start, frames.start)
+    system[place] = frames.systems()
+    for number in BOOT_CLOCKS:
+        rows = np.flatnonzero(frames.id == number)
+        boot_ms[place[rows]] = columns(frames, rows, layouts()[number])["time_boot_ms"]
+    stamps = gather(data, start - STAMP, STAMP).view(">u8").ravel().astype(np.int64)
+    stamps = steadied(stamps, boot_ms, system)
     raw = data.data
-    for low, high in zip(start.tolist(), end.tolist(), strict=True):
-        yield int.from_bytes(raw[low - STAMP : low], "big"), bytes(raw[low:high])
+    for stamp_us, low, high in zip(stamps.tolist(), start.tolist(), end.tolist(), strict=True):
+        yield stamp_us, bytes(raw[low:high])
 
 
 def scan(data: Bytes, size: int, *, stamp: int = STAMP) -> Frames:

@@ -2,7 +2,7 @@
 
 ESC telemetry is numbered by servo output, not by motor, and by older firmware from 0 wherever the
 motors are; ArduPilot's SERVOn_FUNCTION 33 to 40 and 82 to 85 are motors 1 to 12, and 22 is the
-sprayer's pump.
+sprayer's pump. PX4 says the same by PWM_MAIN_FUNCn of the outputs, and not of the ESCs.
 """
 
 from __future__ import annotations
@@ -14,7 +14,11 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.mavlink.rules import Signal
 from thrustmargin.gcs_plugin.telemetry.resample import last_before
-from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import motor_outputs, whole_number
+from thrustmargin.gcs_plugin.telemetry.settings.parameter_values import (
+    motor_outputs,
+    px4_motor_outputs,
+    whole_number,
+)
 from thrustmargin.gcs_plugin.telemetry.settings.pulse_range import pulse_ranges, range_words
 from thrustmargin.gcs_plugin.telemetry.signals import Signals, by_index
 from thrustmargin.models.errors import AirframeError
@@ -143,7 +147,7 @@ def motor_map(
         count = airframe.rotor_count
     elif not count:
         notes.append("nothing in the log reports the number of rotors: give the airframe")
-    on_output = motor_outputs(parameters)
+    on_output, on_main = motor_outputs(parameters), px4_motor_outputs(parameters)
     outputs = escs = tuple(range(count))
     assumed = False
     if motor_order:
@@ -151,6 +155,11 @@ def motor_map(
     elif count and all(k in on_output for k in range(count)):
         outputs = tuple(on_output[k] for k in range(count))
         words = f"motors on outputs {_listed(outputs)} by SERVOn_FUNCTION"
+    elif count and all(k in on_main for k in range(count)):
+        outputs = tuple(on_main[k] for k in range(count))
+        words = f"motors on outputs {_listed(outputs)} by PWM_MAIN_FUNCn"
+        if outputs != escs and signals.get("esc_rpm"):
+            assumed, esc_order = True, f"ESC n taken to be that of motor n: {_listed(escs)}"
     else:
         assumed = count > 0
         words = f"motor n taken to be on output n: {_listed(outputs)}"

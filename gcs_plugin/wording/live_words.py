@@ -11,14 +11,14 @@ from thrustmargin.models.provenance import Meaning, Provenance, SourceKind
 
 
 @dataclass(frozen=True, slots=True)
-class Unheard:
+class WhyUnknown:
     """Why something is unknown, and the option that asks the vehicle for it, if one does."""
 
     words: str
     option: str = ""
 
     def text(self, asked: Collection[str] = ()) -> str:
-        """For people; `asked` are the options that are on, that nobody needs to hear of."""
+        """For people; `asked` are the options that are on, which need no advice."""
         if not self.option:
             return self.words
         helps = "asked for in vain so far" if self.option in asked else f"{self.option} asks for it"
@@ -28,18 +28,18 @@ class Unheard:
 #: Options by which a vehicle is asked.
 RATES, FETCH = "--request-rates", "--fetch-mission"
 #: Why a figure is unknown.
-NO_SPEEDS = Unheard("no rotor speeds (ESC telemetry) and no motor outputs heard", RATES)
-NO_MEASURED = Unheard("no rotor speeds measured (ESC telemetry)", RATES)
-NO_LOAD = Unheard(
+NO_SPEEDS = WhyUnknown("no rotor speeds (ESC telemetry) and no motor outputs heard", RATES)
+NO_MEASURED = WhyUnknown("no rotor speeds measured (ESC telemetry)", RATES)
+NO_LOAD = WhyUnknown(
     "tank level unknown: no gauge, and no hover yet that shows the load (10 s, with rotor speeds "
     "or motor outputs); --load states it, --tank names its source"
 )
-NO_AIRSPEED = Unheard("no airspeed and no ground speed heard", RATES)
+NO_AIRSPEED = WhyUnknown("no airspeed and no ground speed heard", RATES)
 NEXT_SORTIE = "armed again after a flight: the load that you state is taken for this sortie anew"
-NO_MISSION = Unheard("no mission heard", FETCH)
-NO_FLOW = Unheard("no pump output heard, and no gauge that shows the flow (20 s)")
-NO_POSITION = Unheard("no position heard")
-NO_ROWS = Unheard(
+NO_MISSION = WhyUnknown("no mission heard", FETCH)
+NO_FLOW = WhyUnknown("no pump output heard, and no gauge that shows the flow (20 s)")
+NO_POSITION = WhyUnknown("no position heard")
+NO_ROWS = WhyUnknown(
     "heard, but neither rotor speeds, motor outputs, attitude nor position with its clock", RATES
 )
 AIRFRAME_NOT_YET = "airframe not known yet: hover 5 s"
@@ -170,13 +170,14 @@ def by_source(source: Provenance) -> str:
 
 def order_assumed(words: str, asked: Collection[str]) -> str:
     """How the motors are ordered until the vehicle has said it."""
-    return Unheard(words, RATES).text(asked)
+    return WhyUnknown(words, RATES).text(asked)
 
 
-def messages_words(frames: int, lost: Mapping[str, int]) -> str:
+def messages_words(frames: int, lost: Mapping[str, int], refused_why: str = "") -> str:
     """How many messages came, and what was lost, by the counters of `LOST`."""
     parts = [f"{lost[name]} {words}" for name, words in LOST.items() if lost.get(name)]
-    return f"{frames} messages" + (f" ({', '.join(parts)})" if parts else "")
+    said = f"{frames} messages" + (f" ({', '.join(parts)})" if parts else "")
+    return f"{said}; refused: {refused_why}" if refused_why else said
 
 
 def recording_words(folder: str, frames: int, rows: int, lost: int) -> str:

@@ -97,7 +97,7 @@ def monitor(
     check_utilisation(max_utilisation)
     where = {"host": host, "port": port, "token": page_token(host, token_file)}
     keywords = reading_keywords(reading)
-    accept = sign = None
+    accept, sign, why = None, None, str
     if signing_key_file is not None:
         from thrustmargin.gcs_plugin.link.signing import Signer, SigningFilter, read_signing_key
 
@@ -107,7 +107,7 @@ def monitor(
         key = found.key
         recorded = url.lower().endswith(".tlog")
         guard = SigningFilter(key, clock=None) if recorded else SigningFilter(key)
-        accept = guard.accept
+        accept, why = guard.accept, lambda: guard.counts.reasons
         sign = Signer(key, after=lambda: guard.latest).sign
     said = Chosen(model=model, airframe=airframe, max_utilisation=max_utilisation, reading=reading)
     settings = MonitorSettings(
@@ -127,7 +127,7 @@ def monitor(
     )
     chosen = chosen_model(model, airframe)
     check_source(chosen.airframe.tank_source)
-    live = LiveMonitor(chosen, settings, accept=accept)
+    live = LiveMonitor(chosen, settings, accept=accept, refused_why=why)
     if announce or request_rates:
         from thrustmargin.gcs_plugin.link.sender import Sender
         from thrustmargin.gcs_plugin.live.announce import Announcer

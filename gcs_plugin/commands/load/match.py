@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ from rich.text import Text
 from thrustmargin.gcs_plugin.commands.shared.options import Output, check_outputs
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.gcs_plugin.wording.fault_words import HELD, MAXIMUM_FILL, ONE_LOST, SPINS
+from thrustmargin.gcs_plugin.wording.numbers import UNKNOWN
 from thrustmargin.models.errors import ModelError
 from thrustmargin.models.physics.atmosphere import G0
 
@@ -129,6 +131,10 @@ def notes(matching: Matching) -> list[str]:
 
 
 def _fill(fill: float, capacity: float) -> str:
+    if not math.isfinite(fill):
+        return UNKNOWN
+    if capacity == 0.0:
+        return "no tank"
     if fill < 0.0:
         return f"none, {-fill:.1f} kg over when empty"
     if fill >= capacity:

@@ -13,7 +13,7 @@ from thrustmargin.gcs_plugin.wording.fault_words import ONE_LOST
 from thrustmargin.models.model.analysis import FlightAnalysis
 
 
-def unknown_figures(analysis: FlightAnalysis, outlook: Outlook) -> dict[str, words.Unheard]:
+def unknown_figures(analysis: FlightAnalysis, outlook: Outlook) -> dict[str, words.WhyUnknown]:
     """Figure -> why it is unknown in the newest row.
 
     Where no airframe is claimed, that has its own words; here is what recognises one.
@@ -25,7 +25,7 @@ def unknown_figures(analysis: FlightAnalysis, outlook: Outlook) -> dict[str, wor
     measured = speeds and not analysis.from_outputs[row].all()
     predicted = bool(np.isfinite(analysis.utilisation_predicted[row]).any())
     why_predicted = words.NO_LOAD if tank_unknown else words.NO_AIRSPEED
-    found: dict[str, words.Unheard] = {}
+    found: dict[str, words.WhyUnknown] = {}
     if track.flying[row] and not speeds:
         found[words.MEASURED_MARGIN] = words.NO_SPEEDS
     if analysis.withheld:
@@ -50,7 +50,7 @@ def unknown_figures(analysis: FlightAnalysis, outlook: Outlook) -> dict[str, wor
 
 
 def unknown_lines(
-    figures: Mapping[str, words.Unheard], asked: Collection[str] = ()
+    figures: Mapping[str, words.WhyUnknown], asked: Collection[str] = ()
 ) -> Iterable[str]:
     """One sentence a reason, naming all figures that it leaves unknown; `asked` are the options by
     which the vehicle is asked already."""

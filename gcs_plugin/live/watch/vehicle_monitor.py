@@ -25,6 +25,7 @@ from thrustmargin.gcs_plugin.live.watch.frozen_watch import FrozenWatch
 from thrustmargin.gcs_plugin.live.watch.outlook import LookAhead
 from thrustmargin.gcs_plugin.live.watch.update import Update, goes_on, with_rows
 from thrustmargin.gcs_plugin.mavlink.frame import Frame
+from thrustmargin.gcs_plugin.mavlink.scan import BOOT_CLOCKS
 from thrustmargin.gcs_plugin.telemetry.statements import Options
 from thrustmargin.gcs_plugin.wording.live_words import NO_ROWS, stale_words, two_vehicles
 from thrustmargin.mission.plan import MissionPlan
@@ -40,8 +41,6 @@ SHOWN = 20
 CARRIED = ("clock_s", "stamp_us", "pumped_kg", "delivered_kg", "margin_ahead")
 #: s for which two vehicles with one id stay suspended after they were last seen to take turns.
 SHARED_HOLD = 10.0
-#: ATTITUDE, ATTITUDE_QUATERNION, LOCAL_POSITION_NED, GLOBAL_POSITION_INT: begin with time_boot_ms.
-BOOT_CLOCKS = (30, 31, 32, 33)
 ROWLESS = 5.0  # s after which a vehicle without any row says so
 #: s after which a field is said to be no longer reported, seldom where a link loses half.
 LASTING = 5.0

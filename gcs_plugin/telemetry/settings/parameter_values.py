@@ -20,6 +20,10 @@ OTHER_NAMES: Mapping[str, tuple[str, float]] = {
 MOTOR_FUNCTIONS = {**{33 + k: k for k in range(8)}, **{82 + k: 8 + k for k in range(4)}}
 
 
+#: PWM_MAIN_FUNCn of PX4 -> motor, from 0; its SERVO_OUTPUT_RAW has the main outputs first.
+PX4_FUNCTIONS = {101 + k: k for k in range(12)}
+
+
 def parameter(parameters: Mapping[str, float], name: str) -> float:
     """The value under `name` or its other name, in the unit of `name`; NaN where neither is."""
     if name in parameters:
@@ -39,9 +43,16 @@ def whole_number(parameters: Mapping[str, float], name: str) -> int | None:
 
 def motor_outputs(parameters: Mapping[str, float]) -> dict[int, int]:
     """Motor -> its servo output by SERVOn_FUNCTION, both from 0; empty where none is said."""
-    found: dict[int, int] = {}
-    for output in range(32):
-        function = whole_number(parameters, f"SERVO{output + 1}_FUNCTION")
-        if function in MOTOR_FUNCTIONS:
-            found[MOTOR_FUNCTIONS[function]] = output
-    return found
+    return _by_function(parameters, "SERVO{}_FUNCTION", MOTOR_FUNCTIONS)
+
+
+def px4_motor_outputs(parameters: Mapping[str, float]) -> dict[int, int]:
+    """The same by PWM_MAIN_FUNCn."""
+    return _by_function(parameters, "PWM_MAIN_FUNC{}", PX4_FUNCTIONS)
+
+
+def _by_function(
+    parameters: Mapping[str, float], name: str, motors: Mapping[int, int]
+) -> dict[int, int]:
+    functions = {output: whole_number(parameters, name.format(output + 1)) for output in range(32)}
+    return {motors[says]: output for output, says in functions.items() if says in motors}

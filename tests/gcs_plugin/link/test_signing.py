@@ -132,6 +132,20 @@ def test_a_new_stream_may_be_a_minute_behind_and_no_more():
     assert door.counts == counts(accepted=1, stale=1)
 
 
+def test_a_computers_clock_that_is_set_ahead_drops_no_component_that_is_heard_later():
+    now = [NOW]
+    door = SigningFilter(KEY, clock=lambda: now[0])
+    assert door.accept(frame(sender(stamp=NOW)))
+    now[0] += 3600 * 100_000
+    assert door.accept(frame(sender(stamp=NOW, link_id=1)))
+    # A capture from before the first good frame is a replay still.
+    assert not door.accept(frame(sender(stamp=NOW - 61 * 100_000, link_id=2)))
+    assert door.counts == counts(accepted=2, stale=1)
+    assert door.counts.reasons == (
+        "1 more than a minute behind this computer's clock (is it right?)"
+    )
+
+
 def test_in_a_recording_the_past_is_the_present_until_a_later_frame():
     door = SigningFilter(KEY, clock=None)
     assert door.accept(frame(sender(stamp=5)))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from thrustmargin.gcs_plugin.cli import run
-from thrustmargin.gcs_plugin.commands.load.match import match
+from thrustmargin.gcs_plugin.commands.load.match import _fill, match
 from thrustmargin.gcs_plugin.reports.model.model_figures import figure10, write_figure
 from thrustmargin.models.errors import AirframeError, DataError, ModelError
 from thrustmargin.models.model.model_file import save_model
@@ -123,3 +123,18 @@ def test_help_shows_what_a_pilot_needs(capsys):
     text = printed(capsys)
     assert "the largest fill for the 50 % limit" in text
     assert "Example: thrustmargin match --airframe agras-t40" in text
+
+
+@pytest.mark.parametrize(
+    ("fill", "capacity", "said"),
+    [
+        (float("nan"), 16.0, "unknown"),
+        (float("-inf"), 16.0, "unknown"),
+        (-1.5, 16.0, "none, 1.5 kg over when empty"),
+        (11.6, 0.0, "no tank"),
+        (8.0, 16.0, "8.0 of 16.0 kg"),
+        (17.0, 16.0, "full (line 17.0 kg)"),
+    ],
+)
+def test_a_fill_is_said_where_it_is_a_number_of_a_tank(fill, capacity, said):
+    assert _fill(fill, capacity) == said
