@@ -20,6 +20,7 @@ from thrustmargin.mission.plan_items import (
     DO_SPRAYER,
     FIRMWARE_ARDUPILOT,
     FIRMWARE_PX4,
+    FRAME_MISSION,
     LAND,
     LOITER_TIME,
     LOITER_TURNS,
@@ -118,6 +119,7 @@ class PlanSteps:
     steps: tuple[Step, ...]
     executed: tuple[PlanItem, ...]  # items in order of execution, jumps followed
     not_understood: tuple[NotUnderstood, ...]
+    pump_at_end: bool | None = None  # None: no order was given
 
 
 def pump_output(parameters: Mapping[str, float]) -> PumpOutput:
@@ -132,6 +134,21 @@ def pump_output(parameters: Mapping[str, float]) -> PumpOutput:
     return found
 
 
+def pump_switch(pump: PumpOutput, *, on: bool) -> PlanItem:
+    """The item, without a number yet, that turns on or off the pump at `pump`."""
+    command, values = DO_SPRAYER, (float(on), 0.0)
+    if pump.servo is not None:
+        command, values = SET_SERVO, (float(pump.servo), pump.on_us if on else pump.off_us)
+    elif pump.relay is not None:
+        command, values = SET_RELAY, (float(pump.relay), float(on))
+    return PlanItem(
+        number=0,
+        command=command,
+        frame=FRAME_MISSION,
+        parameters=(*values, 0.0, 0.0, 0.0, 0.0, 0.0),
+    )
+
+
 def plan_steps(plan: MissionPlan, pump: PumpOutput | None = None) -> PlanSteps:
     """The steps of `plan` on a vehicle whose pump hangs at `pump` (None: not known)."""
     walk = _Walk(plan.firmware, pump or PumpOutput(), list(plan.not_understood))
@@ -141,7 +158,12 @@ def plan_steps(plan: MissionPlan, pump: PumpOutput | None = None) -> PlanSteps:
         if item.command in (RETURN_TO_LAUNCH, LOITER_UNLIMITED):
             break  # nothing that follows is ever flown
     seen = dict.fromkeys(walk.open)
-    return PlanSteps(steps=tuple(walk.steps), executed=executed, not_understood=tuple(seen))
+    return PlanSteps(
+        steps=tuple(walk.steps),
+        executed=executed,
+        not_understood=tuple(seen),
+        pump_at_end=walk.pump,
+    )
 
 
 @dataclass(slots=True)

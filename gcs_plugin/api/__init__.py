@@ -6,6 +6,7 @@
     log = tm.read_log("sitl_logs/dev/worn_prop_1.tlog")
     print(tm.analyse(log.track, model))                        # margin and redundancy by row
     print(tm.identify(log, model))                             # what the model lacks
+    print(tm.read_plan("field.plan").items)                    # what a vehicle is to do
     with tm.LiveMonitor(model, "udpin:127.0.0.1:14550") as live:
         print(live.wait(10.0))                                 # newest rows of each vehicle
 
@@ -18,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor
     from thrustmargin.gcs_plugin.logs import read_log, read_sorties
+    from thrustmargin.gcs_plugin.logs.plan_source import read_plan
     from thrustmargin.models.identification.loop import identify
     from thrustmargin.models.model.analysis import analyse
     from thrustmargin.models.model.model_file import load_model
@@ -28,10 +30,19 @@ _HOMES = {
     "identify": "thrustmargin.models.identification.loop",
     "load_model": "thrustmargin.models.model.model_file",
     "read_log": "thrustmargin.gcs_plugin.logs",
+    "read_plan": "thrustmargin.gcs_plugin.logs.plan_source",
     "read_sorties": "thrustmargin.gcs_plugin.logs",
 }
 
-__all__ = ["LiveMonitor", "analyse", "identify", "load_model", "read_log", "read_sorties"]
+__all__ = [
+    "LiveMonitor",
+    "analyse",
+    "identify",
+    "load_model",
+    "read_log",
+    "read_plan",
+    "read_sorties",
+]
 
 
 if not TYPE_CHECKING:  # a type checker would take any name for one that is here

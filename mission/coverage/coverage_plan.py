@@ -7,7 +7,7 @@ switched by DO_SPRAYER, or by the servo output or relay that it hangs at.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
@@ -17,7 +17,6 @@ from thrustmargin.mission.coverage.outline import FieldOutline
 from thrustmargin.mission.coverage.spray_lines import SHORTEST, LinesInOrder, lines_in_order
 from thrustmargin.mission.plan_items import (
     CHANGE_SPEED,
-    DO_SPRAYER,
     FIRMWARE_ARDUPILOT,
     FIRMWARE_PX4,
     FRAME_ABOVE_GROUND,
@@ -30,7 +29,7 @@ from thrustmargin.mission.plan_items import (
     MissionPlan,
     PlanItem,
 )
-from thrustmargin.mission.steps import SET_RELAY, SET_SERVO, PumpOutput
+from thrustmargin.mission.steps import PumpOutput, pump_switch
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.flight import Floats
 
@@ -101,8 +100,6 @@ def cover_field(
     way = _Way(spray, Detours(around), _outside(outline, obstacles, order))
     for line in lines.lines:
         way.follow(line)
-    if len(way.turns) + len(way.stretches) > MOST_ITEMS:
-        raise PlanError(f"the route needs more than {MOST_ITEMS} items; take a part of the field")
     first = plane.to_degrees(lines.lines[0, :1])[0]
     base = (float(first[0]), float(first[1]), math.nan) if home is None else home
     strips = shapely.union_all(
@@ -205,44 +202,28 @@ def _plan(
 ) -> MissionPlan:
     frame = FRAME_ABOVE_GROUND if order.above_ground else FRAME_ABOVE_HOME
     yaw = math.nan if order.px4 else 0.0  # PX4 turns the nose to it, north for 0
-    nowhere = (0.0, 0.0, 0.0)
-    entries: list[tuple[int, tuple[float, ...]]] = [
-        (TAKEOFF, (0.0, 0.0, 0.0, yaw, home[0], home[1], order.height)),
-        (CHANGE_SPEED, (1.0, order.speed, -1.0, 0.0, *nowhere)),
+
+    def item(command: int, in_frame: int, *values: float) -> PlanItem:
+        one, two, three, four, five, six, seven = values
+        parameters = (one, two, three, four, five, six, seven)
+        return PlanItem(number=0, command=command, frame=in_frame, parameters=parameters)
+
+    items = [
+        item(TAKEOFF, frame, 0.0, 0.0, 0.0, yaw, *home[:2], order.height),
+        item(CHANGE_SPEED, FRAME_MISSION, 1.0, order.speed, -1.0, 0.0, 0.0, 0.0, 0.0),
     ]
     running = False
-    for place, on in zip(places.tolist(), way.turns, strict=True):
-        entries.append((WAYPOINT, (0.0, 0.0, 0.0, yaw, place[0], place[1], order.height)))
+    for (latitude, longitude), on in zip(places.tolist(), way.turns, strict=True):
+        items.append(item(WAYPOINT, frame, 0.0, 0.0, 0.0, yaw, latitude, longitude, order.height))
         if on != running:
-            entries.append(_switch(order.pump, on))
+            items.append(pump_switch(order.pump, on=on))
             running = on
-    if len(entries) >= MOST_ITEMS:
+    items.append(item(RETURN_TO_LAUNCH, FRAME_MISSION, *(0.0,) * 7))
+    if len(items) > MOST_ITEMS:
         raise PlanError(f"the route needs more than {MOST_ITEMS} items; take a part of the field")
-    entries.append((RETURN_TO_LAUNCH, (0.0,) * 7))
-    items = []
-    for number, (command, values) in enumerate(entries, start=1):
-        one, two, three, four, five, six, seven = values
-        items.append(
-            PlanItem(
-                number=number,
-                command=command,
-                frame=frame if command in (TAKEOFF, WAYPOINT) else FRAME_MISSION,
-                parameters=(one, two, three, four, five, six, seven),
-            )
-        )
     return MissionPlan(
-        items=tuple(items),
+        items=tuple(replace(item, number=k) for k, item in enumerate(items, start=1)),
         home=home,
         firmware=FIRMWARE_PX4 if order.px4 else FIRMWARE_ARDUPILOT,
         cruise_speed=order.speed,
     )
-
-
-def _switch(pump: PumpOutput, on: bool) -> tuple[int, tuple[float, ...]]:
-    """The command, with its seven parameters, that turns the pump on or off."""
-    rest = (0.0,) * 5
-    if pump.servo is not None:
-        return SET_SERVO, (float(pump.servo), pump.on_us if on else pump.off_us, *rest)
-    if pump.relay is not None:
-        return SET_RELAY, (float(pump.relay), float(on), *rest)
-    return DO_SPRAYER, (float(on), 0.0, *rest)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import json
+import logging
 import zipfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -20,7 +21,7 @@ import shapely.geometry
 from defusedxml import ElementTree
 from defusedxml.common import DefusedXmlException
 
-from thrustmargin.mission.coverage.outline import FieldOutline, LocalPlane, field_outline
+from thrustmargin.mission.coverage.outline import FieldOutline, LocalPlane, TooWide, field_outline
 from thrustmargin.models.errors import InstallError, PlanError
 from thrustmargin.models.whole_file import regular
 
@@ -56,13 +57,15 @@ def read_field(
     chosen = _chosen(found, parts, name) if parts else found
     try:
         return field_outline(name, [polygon for _, polygon in chosen], plane)
-    except PlanError as error:
-        if len(found) == 1 or parts:
-            raise
-        listed = ", ".join(f"{k} {n}".strip() for k, (n, _) in enumerate(found[:9], start=1))
+    except TooWide as error:
         raise PlanError(
-            f"{error}; it has {len(found)} polygons ({listed:.200}): name those meant with --part"
+            f"{error}; it has {_listed(found)}: name those meant with --part"
         ) from error
+
+
+def _listed(found: Sequence[Named]) -> str:
+    first = ", ".join(f"{k} {title}".strip() for k, (title, _) in enumerate(found[:9], start=1))
+    return f"{len(found)} polygons ({first:.200}{' ...' if len(found) > 9 else ''})"
 
 
 def _chosen(found: Sequence[Named], parts: Sequence[str], name: str) -> list[Named]:
@@ -70,8 +73,7 @@ def _chosen(found: Sequence[Named], parts: Sequence[str], name: str) -> list[Nam
     for part in parts:
         own = [f for k, f in enumerate(found, start=1) if part in (f[0], str(k))]
         if not own:
-            listed = ", ".join(f"{k} {n}".strip() for k, (n, _) in enumerate(found[:9], start=1))
-            raise PlanError(f"{name} has no part {part!r:.40}; it has {listed:.200}")
+            raise PlanError(f"{name} has no part {part!r:.40}; it has {_listed(found)}")
         chosen += own
     return chosen
 
@@ -232,6 +234,7 @@ def _of_shapefile(data: bytes, path: Path) -> list[Named]:
         raise PlanError(
             f"{path.name} has no .prj beside it, so where it lies is not known; copy it, too"
         )
+    logging.getLogger(shapefile.__name__).setLevel(logging.ERROR)  # rings the other way round
     try:
         with shapefile.Reader(shp=io.BytesIO(data)) as reader:
             shapes = [shapely.geometry.shape(s.__geo_interface__) for s in reader.iterShapes()]

@@ -21,6 +21,10 @@ SMALLEST = 1.0
 MOST_CORNERS = 100_000
 
 
+class TooWide(PlanError):
+    """Polygons lie too far apart for one field."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LocalPlane:
     """East and north in m from a place in degrees; to a millimetre over a field."""
@@ -68,7 +72,7 @@ def field_outline(
     """The field called `name` of polygons in longitude, latitude in degrees, in their own plane.
 
     With `plane` it is in that one, as obstacles are in the field's.
-    Raises PlanError when they are none on Earth, cross themselves, or are no field by their size.
+    Raises PlanError when they are none on Earth, cross themselves or are no field by their size.
     """
     corners = sum(int(shapely.get_num_coordinates(p)) for p in polygons)
     if not polygons or corners == 0:
@@ -87,7 +91,7 @@ def field_outline(
     shapes = [plane.to_plane(p) for p in polygons]
     low, high = np.array(shapely.total_bounds(shapes)).reshape(2, 2)
     if not np.max(high - low) <= WIDEST:
-        raise PlanError(f"{name} is {np.max(high - low) / 1e3:.0f} km across, which is no field")
+        raise TooWide(f"{name} is {np.max(high - low) / 1e3:.0f} km across, which is no field")
     for shape in shapes:
         if not shape.is_valid:
             raise PlanError(f"{name} {_fault(shape, plane)}; draw it again")
