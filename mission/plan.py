@@ -31,7 +31,7 @@ from thrustmargin.mission.plan_items import (
     PlanItem,
     plan_from_items,
 )
-from thrustmargin.mission.qgc_plan import SAVE_AGAIN, plan_of_json, plan_text
+from thrustmargin.mission.qgc_plan import SAVE_AGAIN, plan_of_json, plan_text, too_many
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.whole_file import regular, whole_file
 
@@ -62,6 +62,8 @@ __all__ = [
 ]
 
 LARGEST_FILE = 32 * 2**20
+#: More of them than the most items have, with patterns and a fence beside them.
+MOST_COMMAS = 32 * MOST_ITEMS
 _WPL = "QGC WPL"
 _WPL_VERSION = "110"
 _COLUMNS = 12
@@ -87,10 +89,13 @@ def read_plan(path: Path) -> MissionPlan:
         ) from error
     if text.startswith(_WPL):
         return _plan_of_waypoints(text, name)
+    if text.count(",") > MOST_COMMAS:
+        raise too_many(name)
     try:
         content = json.loads(text, parse_constant=_no_number)
     except (ValueError, RecursionError) as error:
-        raise PlanError(f"{name} is not a QGroundControl plan ({error}); {SAVE_AGAIN}") from error
+        why = f"{error!s:.80}"
+        raise PlanError(f"{name} is not a QGroundControl plan ({why}); {SAVE_AGAIN}") from error
     return plan_of_json(content, name)
 
 
@@ -108,7 +113,7 @@ def _plan_of_waypoints(text: str, name: str) -> MissionPlan:
             "again from the ground station"
         )
     if rest.count("\n") > MOST_ITEMS + 1:
-        raise PlanError(f"{name} has more than {MOST_ITEMS} items, which no vehicle holds")
+        raise too_many(name)
     rows = enumerate(rest.splitlines(), start=2)
     items = [_row(line, f"{name} line {k}") for k, line in rows if line.strip() and line[0] != "#"]
     for count, item in enumerate(items):

@@ -64,6 +64,8 @@ def plan_of_json(content: Any, name: str) -> MissionPlan:
     else:
         raise PlanError(f'{name} has no "fileType": "Plan"; save it from QGroundControl as .plan')
     firmware = _integer(mission.get("firmwareType", 0), where=f"{name} firmwareType")
+    if len(mission["items"]) > MOST_ITEMS:
+        raise too_many(name)
     items = _Items(name, firmware)
     for index, entry in enumerate(mission["items"], start=1):
         items.add(entry, where=f"{name} item {index}")
@@ -95,6 +97,11 @@ def _version_notes(content: dict[str, Any], known: tuple[int, ...], name: str) -
             "again from QGroundControl"
         )
     return []
+
+
+def too_many(name: str) -> PlanError:
+    """The refusal of a file called `name` with more items than a mission has."""
+    return PlanError(f"{name} has more than {MOST_ITEMS} items, which no vehicle holds; split it")
 
 
 @dataclass(slots=True)
@@ -154,9 +161,7 @@ class _Items:
                 )
             )
         if len(self.found) >= MOST_ITEMS:
-            raise PlanError(
-                f"{self.name} has more than {MOST_ITEMS} items, which no vehicle holds; split it"
-            )
+            raise too_many(self.name)
         check_item(item, where)
         self.found.append(item)
 
@@ -171,11 +176,11 @@ class _Items:
             return False
         if pattern.get("FollowTerrain") or "DistanceToSurface" not in camera:
             return False
-        height = _number(camera["DistanceToSurface"], where=f"{where} DistanceToSurface")
+        height = _number(camera["DistanceToSurface"], where=where, what="DistanceToSurface")
         relative = camera.get("DistanceToSurfaceRelative") is True
         first = len(self.found) + 1
         for point in points:
-            latitude, longitude = _numbers(point, 2, where=f"{where} VisualTransectPoints")
+            latitude, longitude = _numbers(point, 2, where=where, what="VisualTransectPoints")
             self._append(
                 PlanItem(
                     number=len(self.found) + 1,
@@ -197,25 +202,25 @@ def _parameters(entry: dict[str, Any], *, where: str) -> list[float]:
     """MAVLink's seven; older files have four of them and the place beside, as "coordinate"."""
     given, place = entry.get("params"), entry.get("coordinate")
     if place is None:
-        return _numbers(given, 7, where=f"{where} params")
-    beside = _numbers(place, 3, where=f"{where} coordinate")
+        return _numbers(given, 7, where=where, what="params")
+    beside = _numbers(place, 3, where=where, what="coordinate")
     if isinstance(given, list) and len(given) == 7:
-        values = _numbers(given, 7, where=f"{where} params")
+        values = _numbers(given, 7, where=where, what="params")
         if values[4:] != beside:
             raise PlanError(
                 f"{where} has one place in params and another in coordinate; save the plan again "
                 "from QGroundControl"
             )
         return values
-    return [*_numbers(given, 4, where=f"{where} params"), *beside]
+    return [*_numbers(given, 4, where=where, what="params"), *beside]
 
 
 def _item(entry: dict[str, Any], *, default_number: int, where: str) -> PlanItem:
     values = _parameters(entry, where=where)
-    frame = _integer(entry.get("frame"), where=f"{where} frame")
+    frame = _integer(entry.get("frame"), where=where, what="frame")
     return PlanItem(
-        number=_integer(entry.get("doJumpId", default_number), where=f"{where} doJumpId"),
-        command=_integer(entry.get("command"), where=f"{where} command"),
+        number=_integer(entry.get("doJumpId", default_number), where=where, what="doJumpId"),
+        command=_integer(entry.get("command"), where=where, what="command"),
         frame=FLOAT_FRAME.get(frame, frame),
         parameters=(values[0], values[1], values[2], values[3], values[4], values[5], values[6]),
         autocontinue=bool(entry.get("autoContinue", True)),
@@ -237,7 +242,7 @@ def _fence(content: Any, where: str) -> tuple[FencePolygon | FenceCircle, ...]:
         corners = entry.get("polygon")
         if not isinstance(corners, list) or len(corners) < 3:
             raise PlanError(f"{where} has a polygon with fewer than three corners; draw it again")
-        places = [_numbers(c, 2, where=f"{where} corner") for c in corners]
+        places = [_numbers(c, 2, where=where, what="corner") for c in corners]
         for latitude, longitude in places:
             check_place(latitude, longitude, where=f"{where} corner")
         found.append(
@@ -249,9 +254,9 @@ def _fence(content: Any, where: str) -> tuple[FencePolygon | FenceCircle, ...]:
     for entry in _dicts(content, "circles", where):
         circle = entry.get("circle")
         circle = circle if isinstance(circle, dict) else {}
-        centre = _numbers(circle.get("center"), 2, where=f"{where} circle center")
+        centre = _numbers(circle.get("center"), 2, where=where, what="circle center")
         check_place(centre[0], centre[1], where=f"{where} circle")
-        radius = _number(circle.get("radius"), where=f"{where} radius")
+        radius = _number(circle.get("radius"), where=where, what="radius")
         if not radius > 0.0:
             raise PlanError(f"{where} has a circle of radius {radius:g} m; draw it again")
         found.append(
@@ -270,7 +275,7 @@ def _rally(content: Any, where: str) -> tuple[tuple[float, float, float], ...]:
     if not isinstance(content, dict) or not isinstance(content.get("points", []), list):
         raise PlanError(f"{where} are no points; save the plan again from QGroundControl")
     _version_notes(content, _PARTS_VERSIONS, where)
-    found = [_numbers(p, 3, where=f"{where} point") for p in content.get("points", [])]
+    found = [_numbers(p, 3, where=where, what="point") for p in content.get("points", [])]
     for latitude, longitude, _ in found:
         check_place(latitude, longitude, where=f"{where} point")
     return tuple((a, b, c) for a, b, c in found)
@@ -283,25 +288,30 @@ def _dicts(content: dict[str, Any], key: str, where: str) -> list[dict[str, Any]
     return entries
 
 
-def _number(value: Any, *, where: str) -> float:
+def _number(value: Any, *, where: str, what: str = "") -> float:
     if value is None:
         return math.nan
     if isinstance(value, bool) or not isinstance(value, int | float) or abs(value) > 1e15:
-        raise PlanError(f"{where} is {value!r:.40}; it must be a number")
+        raise PlanError(f"{_named(where, what)} is {value!r:.40}; it must be a number")
     return float(value)
 
 
-def _integer(value: Any, *, where: str) -> int:
-    number = _number(value, where=where)
+def _named(where: str, what: str) -> str:
+    return f"{where} {what}".rstrip()
+
+
+def _integer(value: Any, *, where: str, what: str = "") -> int:
+    number = _number(value, where=where, what=what)
     if number != math.floor(number) if math.isfinite(number) else True:
-        raise PlanError(f"{where} is {value!r:.40}; it must be a whole number")
+        raise PlanError(f"{_named(where, what)} is {value!r:.40}; it must be a whole number")
     return int(number)
 
 
-def _numbers(value: Any, count: int, *, where: str) -> list[float]:
+def _numbers(value: Any, count: int, *, where: str, what: str = "") -> list[float]:
     if not isinstance(value, list) or len(value) != count:
-        raise PlanError(f"{where} is {value!r:.40}; it must be a list of {count} numbers")
-    return [_number(v, where=where) for v in value]
+        named = _named(where, what)
+        raise PlanError(f"{named} is {value!r:.40}; it must be a list of {count} numbers")
+    return [_number(v, where=where, what=what) for v in value]
 
 
 def plan_text(plan: MissionPlan) -> str:

@@ -97,7 +97,8 @@ def cover_field(
     spray = area if no_spray is None else _polygons(shapely.difference(area, no_spray.area))
     if spray.is_empty:
         raise PlanError("nothing is left of the field to spray; check the zones without spray")
-    way = _Way(spray, Detours(around), _outside(outline, obstacles, order))
+    dry = None if no_spray is None else no_spray.area
+    way = _Way(dry, Detours(around), _outside(outline, obstacles, order))
     for line in lines.lines:
         way.follow(line)
     first = plane.to_degrees(lines.lines[0, :1])[0]
@@ -144,7 +145,7 @@ def _outside(
 class _Way:
     """The points of the route, and between which the pump runs."""
 
-    spray: shapely.MultiPolygon
+    dry: shapely.MultiPolygon | None  # where the pump is off
     inside: Detours
     anywhere: Detours
     points: list[Floats] = field(default_factory=list)  # (2,) east, north
@@ -157,7 +158,8 @@ class _Way:
         """On to the start of `line` (2, 2) and along it; the pump runs where there is to spray."""
         if self.points:
             self._cross(self.points[-1], line[0])
-        parts = shapely.get_parts(shapely.intersection(shapely.LineString(line), self.spray))
+        wet = shapely.LineString(line)
+        parts = shapely.get_parts(wet if self.dry is None else shapely.difference(wet, self.dry))
         along = (line[1] - line[0]) / np.hypot(*(line[1] - line[0]))
         spans = []
         for part in parts:

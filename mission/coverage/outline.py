@@ -18,7 +18,7 @@ WIDEST = 50_000.0
 #: m² below which an outline is no field.
 SMALLEST = 1.0
 #: Corners at most, of all its parts.
-MOST_CORNERS = 100_000
+MOST_CORNERS = 10_000
 
 
 class TooWide(PlanError):

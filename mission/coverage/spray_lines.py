@@ -22,6 +22,8 @@ LOOSE = 0.02
 SHORTEST = 0.5
 #: Lines that no mission has room for.
 MOST_LINES = 16_000
+#: Cells of a field with a hundred trees are some hundreds.
+MOST_CELLS = 1000
 #: Headings are tried every so many degrees, and along the edges; with so many lines at most.
 TRIED_DEG, TRIED_LINES, TRIED_EDGES = 5.0, 60, 40
 
@@ -67,8 +69,8 @@ def lines_in_order(
 
 def fewest_turns(part: shapely.Polygon, swath: float) -> float:
     """Heading in degrees from 0 to 180 whose lines over `part` are fewest, then longest."""
-    rough = shapely.simplify(part, swath / 4)
-    corners = shapely.get_coordinates(rough.exterior)
+    rough = shapely.simplify(part.exterior, swath / 4, preserve_topology=False)
+    corners = shapely.get_coordinates(rough)
     edge = np.diff(corners, axis=0)
     longest = edge[np.argsort(-np.hypot(*edge.T), kind="stable")][:TRIED_EDGES]
     along = np.degrees(np.arctan2(longest[:, 0], longest[:, 1])) % 180.0
@@ -77,7 +79,7 @@ def fewest_turns(part: shapely.Polygon, swath: float) -> float:
     coarse = max(swath, widest / TRIED_LINES)
 
     def turns(heading: float) -> tuple[float, float]:
-        level = shapely.transform(rough, lambda xy: _turned(xy, heading))
+        level = shapely.transform(part, lambda xy: _turned(xy, heading))
         _, low, _, high = level.bounds
         pieces, _ = _pieces(level, low, high, coarse)
         # What the coarse spacing rounds away decides between headings that are nearly as good.
@@ -112,20 +114,26 @@ def _pieces(
             "take a wider one, or a part of the field"
         )
     spacing = (high - low) / count
-    left, _, right, _ = level.bounds
     across = low + spacing * (np.arange(count) + 0.5)
-    ends = np.empty((count, 2, 2))
-    ends[:, 0, 0], ends[:, 1, 0], ends[:, :, 1] = left - 1.0, right + 1.0, across[:, None]
-    shapely.prepare(level)
-    cut = shapely.intersection(shapely.linestrings(ends), level)
-    pieces: list[list[Floats]] = []
-    for k, line in enumerate(cut):
-        spans = [
-            (float(x.min()), float(x.max()))
-            for part in shapely.get_parts(line)
-            if (x := shapely.get_coordinates(part)[:, 0]).size > 1 and np.ptp(x) >= SHORTEST
-        ]
-        pieces.append([np.array([[a, across[k]], [b, across[k]]]) for a, b in sorted(spans)])
+    rings = [shapely.get_coordinates(ring) for ring in (level.exterior, *level.interiors)]
+    a = np.concatenate([ring[:-1] for ring in rings])
+    b = np.concatenate([ring[1:] for ring in rings])
+    # Each edge meets the lines from number `first` on, `met` of them; at a corner one edge counts.
+    ends = np.sort(np.searchsorted(across, np.column_stack([a[:, 1], b[:, 1]])), axis=1)
+    first, met = ends[:, 0], ends[:, 1] - ends[:, 0]
+    if met.sum() > 2 * MOST_LINES:
+        raise PlanError(f"the outline cuts the lines into over {MOST_LINES} pieces; simplify it")
+    edge = np.repeat(np.arange(met.size), met)
+    line = np.arange(edge.size) - np.repeat(np.cumsum(met) - met, met) + first[edge]
+    share = (across[line] - a[edge, 1]) / (b[edge, 1] - a[edge, 1])
+    along = a[edge, 0] + share * (b[edge, 0] - a[edge, 0])
+    # From left to right a line goes in and out in turn.
+    order = np.lexsort([along, line])
+    spans = np.column_stack([along[order][::2], along[order][1::2]])
+    pieces: list[list[Floats]] = [[] for _ in range(count)]
+    for k, (left, right) in zip(line[order][::2].tolist(), spans.tolist(), strict=True):
+        if right - left >= SHORTEST:
+            pieces[k].append(np.array([[left, across[k]], [right, across[k]]]))
     return pieces, spacing
 
 
@@ -146,6 +154,10 @@ def _cells(part: shapely.Polygon, swath: float, heading: float) -> tuple[list[li
                 cell = open_cells[own[0]]
             else:
                 cells.append(cell := [])
+                if len(cells) > MOST_CELLS:
+                    raise PlanError(
+                        f"the outline divides the lines into over {MOST_CELLS} cells; simplify it"
+                    )
             cell.append(piece)
             now.append(cell)
         open_cells = now
