@@ -34,6 +34,7 @@ from thrustmargin.models.errors import PlanError
 from thrustmargin.models.flight import Floats
 
 DO_SPRAYER_ONLY = PumpOutput()
+FARTHEST = 20_000.0  # m from the middle of a field to a home that is of it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,6 +65,7 @@ class Coverage:
     transit_length: float  # m flown with the pump off, from the first line to the last
     ways_outside: int  # between lines, that leave the field
     home_given: bool
+    elsewhere: tuple[str, ...]  # names of obstacles and zones that have nothing in the field
 
 
 def cover_field(
@@ -92,8 +94,11 @@ def cover_field(
     if home is None:
         start = np.array(area.bounds[:2]) if not area.is_empty else np.zeros(2)
     else:
-        start = shapely.get_coordinates(plane.to_plane(shapely.Point(home[1], home[0])))[0]
-    lines = lines_in_order(area, order.swath, order.heading_deg, start)
+        start = plane.point(*home[:2])
+        away = float(np.linalg.norm(start)) / 1e3
+        if not away <= FARTHEST / 1e3:
+            raise PlanError(f"home is {away:.0f} km from the field; check its latitude, longitude")
+    lines = lines_in_order(area, order.swath, order.heading_deg, start[:2])
     spray = area if no_spray is None else _polygons(shapely.difference(area, no_spray.area))
     if spray.is_empty:
         raise PlanError("nothing is left of the field to spray; check the zones without spray")
@@ -121,6 +126,11 @@ def cover_field(
         transit_length=way.transit,
         ways_outside=way.outside,
         home_given=home is not None,
+        elsewhere=tuple(
+            other.name
+            for other in (obstacles, no_spray)
+            if other is not None and not shapely.intersects(other.area, outline.area)
+        ),
     )
 
 

@@ -42,6 +42,11 @@ class LocalPlane:
         )
         return np.column_stack([east, north])
 
+    def point(self, latitude_deg: float, longitude_deg: float) -> Floats:
+        """(3,) east, north and up in m of a place on the ellipsoid."""
+        here = (self.latitude_deg, self.longitude_deg, 0.0)
+        return np.array(pymap3d.geodetic2enu(latitude_deg, longitude_deg, 0.0, *here))
+
     def to_degrees(self, points: Floats) -> Floats:
         """(N, 2) latitude and longitude in degrees, to 1e-7, of (N, 2) east and north in m."""
         latitude, longitude, _ = pymap3d.enu2geodetic(

@@ -115,12 +115,11 @@ def cover(
         spacing=found.lines.spacing,
         length=found.sprayed_length,
         transit=found.transit_length,
+        home_given=found.home_given,
+        ways_outside=found.ways_outside,
+        elsewhere=found.elsewhere,
     ):
         console.print(sentence)
-    if not found.home_given:
-        console.print("Home is taken where the first line starts; give --home for another.")
-    if found.ways_outside:
-        console.print(f"Ways between lines that leave the field: {found.ways_outside}.")
     for path in out:
         console.print(f"wrote {path}: {len(found.plan.items)} items")
 

@@ -91,6 +91,9 @@ def coverage_words(
     spacing: Sequence[float],
     length: float,
     transit: float,
+    home_given: bool = True,
+    ways_outside: int = 0,
+    elsewhere: Sequence[str] = (),
 ) -> tuple[str, ...]:
     """The route over a field in sentences; areas in m², lengths in m."""
     headings = sorted({round(h) % 180 for h in heading_deg})
@@ -107,6 +110,11 @@ def coverage_words(
         f"Sprayed way {number(length / 1e3, 'km', 2)}, between lines "
         f"{number(transit / 1e3, 'km', 2)} with the pump off.",
     ]
+    if not home_given:
+        found.append("Home is taken where the first line starts; give --home for another.")
+    if ways_outside:
+        found.append(f"Ways between lines that leave the field: {ways_outside}.")
+    found += [f"{name} has nothing in the field." for name in elsewhere]
     return tuple(found)
 
 

@@ -17,7 +17,10 @@ from thrustmargin.models.errors import PlanError
 def upload(count: int, latitudes: list[float], *, time_s: float = 900.0) -> bytes:
     """A ground station's count and then items, home first, at these latitudes."""
     station = link(255, 190)
-    messages = [dialect.MAVLink_mission_count_message(1, 1, count, 0)]
+    count_of = dialect.MAVLink_mission_count_message(1, 1, count, 0)
+    messages: list[dialect.MAVLink_message] = [count_of]
+        dialect.MAVLink_mission_count_message(1, 1, count, 0)
+    ]
     for seq, latitude in enumerate(latitudes):
         messages.append(
             dialect.MAVLink_mission_item_int_message(

@@ -88,7 +88,7 @@ def test_obstacles_are_flown_around_and_zones_over_with_the_pump_off():
         no_spray=outline(pond),
     )
     lines, on = ways(found.plan)
-    drawn = shapely.linestrings(lines)
+    drawn = np.array(shapely.linestrings(lines))
     assert not shapely.intersects(pylon.buffer(2.9), drawn).any()
     assert not shapely.intersects(pond.buffer(-0.1), drawn[on]).any()
     assert shapely.intersects(pond.buffer(-0.1), drawn[~on]).sum() >= 10
@@ -115,6 +115,22 @@ def test_heights_are_above_home_or_above_the_ground():
         assert {i.parameters[6] for i in places} == {3.0}
 
 
+def test_a_home_on_the_other_side_of_the_world_is_refused():
+    for home in ((49.0, 11.0, 0.0), (-48.0, -169.0, 0.0)):
+        with pytest.raises(PlanError, match="km from the field"):
+            cover_field(outline(rectangle()), ORDER, home=home)
+
+
+def test_obstacles_and_zones_that_lie_elsewhere_are_named():
+    field, tree = outline(rectangle()), rectangle(5, 5, at=(100, 80))
+    away = replace(outline(rectangle(5, 5, at=(900, 0))), name="trees.kml")
+    assert cover_field(field, ORDER, obstacles=away).elsewhere == ("trees.kml",)
+    assert cover_field(field, ORDER, obstacles=outline(tree), no_spray=away).elsewhere == (
+        "trees.kml",
+    )
+    assert cover_field(field, ORDER, obstacles=outline(tree)).elsewhere == ()
+
+
 @pytest.mark.parametrize("ending", ["plan", "waypoints"])
 def test_what_is_written_is_read_back(tmp_path: Path, ending: str):
     plan = cover_field(outline(rectangle()), ORDER, home=(48.0, 11.0, 512.5)).plan
@@ -135,6 +151,7 @@ def test_pymavlinks_loader_reads_the_same_items(tmp_path: Path):
     assert loader.load(str(path)) == len(plan.items) + 1
     for k, item in enumerate(plan.items, start=1):
         theirs = loader.wp(k)
+        assert theirs is not None
         assert (theirs.seq, theirs.command, theirs.frame) == (k, item.command, item.frame)
         values = (theirs.param1, theirs.param2, theirs.param3, theirs.param4)
         assert (*values, theirs.x, theirs.y, theirs.z) == item.parameters

@@ -44,9 +44,13 @@ def test_a_route_is_said_in_hectares_lines_and_kilometres():
         spacing=(4.0, 4.05),
         length=25_000.0,
         transit=1234.0,
+        ways_outside=2,
+        elsewhere=["trees.kml"],
     )
     assert said == (
         "Field 12.00 ha, to spray 10.00 ha, under the swaths 99.0 % of that.",
         "30 lines, 4.00 to 4.05 m apart, heading 0°, 45°.",
         "Sprayed way 25.00 km, between lines 1.23 km with the pump off.",
+        "Ways between lines that leave the field: 2.",
+        "trees.kml has nothing in the field.",
     )
