@@ -486,7 +486,7 @@ def test_a_survey_without_items_is_rebuilt_from_its_line_and_says_so(tmp_path: P
 @pytest.mark.parametrize(
     "content",
     [
-        '{"fileType":"Plan","mission":{"items":[' + "{}," * 3_000_000 + "{}]}}",
+        '{"fileType":"Plan","mission":{"items":[' + "{}," * 10_000_000 + "{}]}}",
         '{"a":' * 500_000,
         json.dumps(changed("items", to=[QGC["mission"]["items"][0]] * 70_000)),
         json.dumps(changed("items", 0, "params", to=[0, 0, 0, 0, NAN, 8.0, 5.0])),

@@ -19,8 +19,6 @@ def upload(count: int, latitudes: list[float], *, time_s: float = 900.0) -> byte
     station = link(255, 190)
     count_of = dialect.MAVLink_mission_count_message(1, 1, count, 0)
     messages: list[dialect.MAVLink_message] = [count_of]
-        dialect.MAVLink_mission_count_message(1, 1, count, 0)
-    ]
     for seq, latitude in enumerate(latitudes):
         messages.append(
             dialect.MAVLink_mission_item_int_message(
