@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 from thrustmargin.mission.plan_items import (
     CHANGE_SPEED,
@@ -96,7 +97,30 @@ def read_plan(path: Path) -> MissionPlan:
     except (ValueError, RecursionError) as error:
         why = f"{error!s:.80}"
         raise PlanError(f"{name} is not a QGroundControl plan ({why}); {SAVE_AGAIN}") from error
-    return plan_of_json(content, name)
+    return plan_of_json(_newer(content), name)
+
+
+def _newer(content: Any) -> Any:
+    """A `.mission` of version 1 in the keys of version 2; anything else as it is."""
+    if not isinstance(content, dict) or "fileType" in content:
+        return content
+    entries = content.get("items")
+    if content.get("version") not in ("1.0", 1) or not isinstance(entries, list):
+        return content
+    home = content.get("plannedHomePosition")
+    return {
+        "items": [_newer_item(e) if isinstance(e, dict) else e for e in entries],
+        "complexItems": content.get("complexItems"),
+        "plannedHomePosition": home.get("coordinate") if isinstance(home, dict) else home,
+        "firmwareType": content.get("MAV_AUTOPILOT", FIRMWARE_GENERIC),
+        "version": 2,
+    }
+
+
+def _newer_item(entry: dict[str, Any]) -> dict[str, Any]:
+    found = {key: value for key, value in entry.items() if key != "id"}
+    found["params"] = [entry.get(f"param{k}") for k in range(1, 5)]
+    return found | ({"doJumpId": entry["id"]} if "id" in entry else {})
 
 
 def _no_number(word: str) -> float:

@@ -123,7 +123,7 @@ class _Items:
                 f'{where} has no "type", so what it is cannot be known; save the plan again from '
                 "QGroundControl"
             )
-        if kind in ("SimpleItem", "missionItem"):
+        if kind in ("SimpleItem", "missionItem"):  # the latter before version 2
             self._simple(entry, where)
             return
         pattern = entry.get("TransectStyleComplexItem")

@@ -468,6 +468,34 @@ def test_an_old_mission_file_is_read_and_its_height_without_a_reference_named(tm
         read_plan(saved(tmp_path, OLD | {"complexItems": [{}]}, "old.mission"))
 
 
+def test_the_mission_file_of_version_1_is_read(tmp_path: Path):
+    def first(number: int, command: int, *place: float) -> dict[str, Any]:
+        named = {"id": number, "command": command, "frame": 3, "coordinate": [*place]}
+        return (
+            named
+            | {"type": "missionItem", "autoContinue": True}
+            | dict.fromkeys(("param1", "param2", "param3", "param4"), 1.5)
+        )
+
+    content = {
+        "MAV_AUTOPILOT": 3,
+        "complexItems": [],
+        "items": [first(1, 22, 47.6, -122.0, 20), first(2, 16, 47.61, -122.0, 25)],
+        "plannedHomePosition": first(0, 16, 47.6, -122.0, 3),
+        "version": "1.0",
+    }
+    plan = read_plan(saved(tmp_path, content, "old.mission"))
+    assert plan.home == (47.6, -122.0, 3.0)
+    assert plan.firmware == FIRMWARE_ARDUPILOT
+    assert [(i.number, i.command, i.place) for i in plan.items] == [
+        (1, 22, (47.6, -122.0, 20.0)),
+        (2, 16, (47.61, -122.0, 25.0)),
+    ]
+    assert plan.items[1].parameters[:4] == (1.5,) * 4
+    with pytest.raises(PlanError, match="has patterns of an old kind"):
+        read_plan(saved(tmp_path, content | {"complexItems": [{}]}, "old.mission"))
+
+
 def test_a_survey_without_items_is_rebuilt_from_its_line_and_says_so(tmp_path: Path):
     pattern = {
         "CameraCalc": {"DistanceToSurface": 12.5, "DistanceToSurfaceRelative": True},
