@@ -25,6 +25,7 @@ from thrustmargin.models.errors import ThrustMarginError
 #: Subcommand -> the first words of the docstring of its function, here so that the help loads none.
 COMMANDS = {
     "airframe": "Make, show and check the file of an aircraft",
+    "cover": "Plan the route that sprays a field",
     "demo": "Show what thrustmargin does",
     "fetch": "Download the mission or a flight log from the vehicle",
     "fill": "Say how much liquid to fill for a day, and how that changes with air and battery",
@@ -44,7 +45,7 @@ COMMANDS = {
 #: the same name. `airframe` has a room of its own.
 ROOMS = {
     "flight": ("demo", "fetch", "inspect", "monitor", "replay", "report", "stream"),
-    "load": ("fill", "match"),
+    "load": ("cover", "fill", "match"),
     "loop": ("identify", "train"),
     "season": ("fleet", "ingest"),
 }

@@ -56,7 +56,7 @@ def room(module: str) -> str:
     """The room in which a module stands, as in `models.physics` or `gcs_plugin.logs`."""
     parts = module.split(".")
     folder = parts if modules()[module].name == "__init__.py" else parts[:-1]
-    return ".".join(p for p in folder[:2] if p != "api")
+    return ".".join(p for p in folder[: 1 if parts[0] == "mission" else 2] if p != "api")
 
 
 def rooms() -> dict[str, list[str]]:

@@ -13,6 +13,7 @@ ROOT = Path(__file__).resolve().parents[1]
 FLIGHT = str(ROOT / "sitl_logs/campaign/v2_m4_q1.5.tlog")
 VIEW = ["--port", "0", "--no-browser", "--seconds", "1"]
 WITHOUT_TORCH = {
+    "cover": ["--help"],
     "demo": [FLIGHT, *VIEW],
     "airframe": ["check", "topxgun-f16-sitl", FLIGHT],
     "fetch": ["mission", "--help"],

@@ -8,6 +8,7 @@
     print(flight)                                              # margin and redundancy by row
     print(tm.advise(flight).advice.levels)                     # what that means, the gravest first
     print(tm.identify(log, model))                             # what the model lacks
+    print(tm.read_plan("field.plan").items)                    # what a vehicle is to do
     with tm.LiveMonitor(model, "udpin:127.0.0.1:14550") as live:
         print(live.wait(10.0))                                 # newest rows of each vehicle
 
@@ -20,6 +21,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.live.live_monitor import LiveMonitor
     from thrustmargin.gcs_plugin.logs import read_log, read_sorties
+    from thrustmargin.gcs_plugin.logs.plan_source import read_plan
     from thrustmargin.models.identification.loop import identify
     from thrustmargin.models.model.advice import advise
     from thrustmargin.models.model.analysis import analyse
@@ -32,10 +34,20 @@ _HOMES = {
     "identify": "thrustmargin.models.identification.loop",
     "load_model": "thrustmargin.models.model.model_file",
     "read_log": "thrustmargin.gcs_plugin.logs",
+    "read_plan": "thrustmargin.gcs_plugin.logs.plan_source",
     "read_sorties": "thrustmargin.gcs_plugin.logs",
 }
 
-__all__ = ["LiveMonitor", "advise", "analyse", "identify", "load_model", "read_log", "read_sorties"]
+__all__ = [
+    "LiveMonitor",
+    "advise",
+    "analyse",
+    "identify",
+    "load_model",
+    "read_log",
+    "read_plan",
+    "read_sorties",
+]
 
 
 if not TYPE_CHECKING:  # a type checker would take any name for one that is here

@@ -48,7 +48,7 @@ AUTOPILOTS = {3: "ArduPilot", 12: "PX4"}
 _IDS = {layout.name: number for number, layout in layouts().items()}
 _OTHER = ("HEARTBEAT", "SYSTEM_TIME", "STATUSTEXT", "PARAM_VALUE", "SYS_STATUS")
 _INT32 = 6  # MAV_PARAM_TYPE
-_MISSION = ("MISSION_ITEM_INT", "MISSION_ITEM")
+_MISSION = ("MISSION_ITEM_INT", "MISSION_ITEM", "MISSION_COUNT", "MISSION_CLEAR_ALL")
 
 
 def tlog_boots(
@@ -252,20 +252,32 @@ def _parameters(frames: Frames, mine: Bools, last_row: int) -> tuple[dict[str, f
 
 
 def _waypoints(frames: Frames, chosen: int, last_row: int) -> tuple[Waypoint, ...]:
-    """The mission as last sent to or from the vehicle up to the row, by item number."""
+    """The mission as last sent whole to or from the vehicle up to the row, by item number.
+
+    Items whose count was not heard change those that were known.
+    """
     system = frames.systems()
-    items: dict[int, Waypoint] = {}
+    events: list[tuple[int, str, np.void]] = []
     for name in _MISSION:
         rows = _of(frames, name)
         rows = rows[rows <= last_row]
         fields = columns(frames, rows, layouts()[_IDS[name]])
         concerns = (system[rows] == chosen) | (fields["target_system"] == chosen)
-        for item in fields[concerns & (fields["mission_type"] == 0)]:
-            waypoint = Waypoint.of_message(name, item)
-            items[waypoint.number] = waypoint
-        if items:
-            break
-    return tuple(items[number] for number in sorted(items))
+        for k in np.flatnonzero(concerns & (fields["mission_type"] == 0)).tolist():
+            events.append((int(rows[k]), name, fields[k]))
+    mission: dict[int, Waypoint] = {}
+    arriving: dict[int, Waypoint] = {}
+    expected = 0
+    for _, name, fields in sorted(events, key=lambda event: event[0]):
+        if name in ("MISSION_COUNT", "MISSION_CLEAR_ALL"):
+            expected = int(fields["count"]) if name == "MISSION_COUNT" else 0
+            arriving, mission = {}, mission if expected else {}
+            continue
+        waypoint = Waypoint.of_message(name, fields)
+        (arriving if expected else mission)[waypoint.number] = waypoint
+        if expected and len(arriving) == expected:
+            arriving, mission, expected = {}, arriving, 0
+    return tuple(mission[number] for number in sorted(mission))
 
 
 def _texts(streams: dict[str, Stream]) -> tuple[tuple[float, str], ...]:

@@ -7,6 +7,7 @@ What they share of clocks that leap, fall back or pause is here too.
 
 from __future__ import annotations
 
+import math
 import re
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
@@ -21,6 +22,7 @@ from scipy.ndimage import median_filter
 from thrustmargin.gcs_plugin.mavlink.rules import Columns
 from thrustmargin.gcs_plugin.telemetry.vehicle_events import VehicleEvent
 from thrustmargin.gcs_plugin.wording.flight_words import sortie_suffix, unflown_words
+from thrustmargin.mission.plan_items import PlanItem
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.provenance import Provenance
@@ -79,11 +81,23 @@ class Waypoint:
     altitude: float  # m in `frame`
     parameters: tuple[float, float, float, float]
 
+    @property
+    def plan_item(self) -> PlanItem:
+        """The item as the vehicle's list has it: latitude and longitude 0 where it has no place."""
+        placed = math.isfinite(self.latitude_deg + self.longitude_deg)
+        place = (self.latitude_deg, self.longitude_deg) if placed else (0.0, 0.0)
+        return PlanItem(
+            number=self.number,
+            command=self.command,
+            frame=self.frame,
+            parameters=(*self.parameters, *place, self.altitude),
+        )
+
     @classmethod
     def of_message(cls, message: str, item: np.void) -> Self:
         """The fields of one MISSION_ITEM_INT or MISSION_ITEM."""
-        scale = 1e-7 if message == "MISSION_ITEM_INT" else 1.0
-        latitude, longitude = float(item["x"]) * scale, float(item["y"]) * scale
+        scale, places = (1e-7, 7) if message == "MISSION_ITEM_INT" else (1.0, 15)
+        latitude, longitude = (round(float(item[k]) * scale, places) for k in ("x", "y"))
         placed = (latitude, longitude) != (0.0, 0.0)
         one, two, three, four = (float(item[f"param{k}"]) for k in (1, 2, 3, 4))
         return cls(

@@ -22,7 +22,7 @@ from thrustmargin.mission.forecast import (
     margin_at_fill,
     route_ahead,
 )
-from thrustmargin.mission.plan import MissionPlan, PlanItem, plan_from_items
+from thrustmargin.mission.plan import MissionPlan, plan_from_items
 from thrustmargin.models.errors import PlanError
 from thrustmargin.models.flight import FlightTrack, Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
@@ -207,16 +207,7 @@ def _plan(waypoints: Iterable[Waypoint], *, home_first: bool) -> MissionPlan | N
     ordered = sorted(waypoints, key=lambda w: w.number)
     if not ordered or [w.number for w in ordered] != list(range(len(ordered))):
         return None
-    items = [
-        PlanItem(
-            number=w.number,
-            command=w.command,
-            frame=w.frame,
-            parameters=(*w.parameters, w.latitude_deg, w.longitude_deg, w.altitude),
-        )
-        for w in ordered
-    ]
     try:
-        return plan_from_items(items, home_first=home_first)
+        return plan_from_items([w.plan_item for w in ordered], home_first=home_first)
     except PlanError:
         return None

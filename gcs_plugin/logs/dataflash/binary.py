@@ -239,8 +239,8 @@ def _waypoints(stream: Stream | None) -> tuple[Waypoint, ...]:
             number=number,
             command=int(item["CId"]),
             frame=int(np.nan_to_num(item.get("Frame", 3.0), nan=3.0)),
-            latitude_deg=item["Lat"] if placed else float("nan"),
-            longitude_deg=item["Lng"] if placed else float("nan"),
+            latitude_deg=round(item["Lat"], 7) if placed else float("nan"),
+            longitude_deg=round(item["Lng"], 7) if placed else float("nan"),
             altitude=item["Alt"],
             parameters=(item["Prm1"], item["Prm2"], item["Prm3"], item["Prm4"]),
         )

@@ -73,7 +73,7 @@ def outside() -> list[str]:
 def listed() -> str:
     """All texts of wording/ of two words and more, module by module."""
     lines = []
-    for path in sorted(WORDING.rglob("*.py")):
+    for path in sorted(WORDING.rglob("*.py"), key=lambda path: path.stem):
         texts = dict.fromkeys(
             " ".join(text.split())
             for text in sentences(path.read_text("utf-8"))

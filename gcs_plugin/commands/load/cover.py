@@ -1,0 +1,159 @@
+"""`thrustmargin cover`: the route that sprays a field, as a plan for the ground station."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+from tyro.conf import Positional, UseAppendAction
+
+from thrustmargin.gcs_plugin.commands.shared.options import Output, UsageError, check_outputs
+from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
+
+if TYPE_CHECKING:
+    from thrustmargin.mission.steps import PumpOutput
+
+PLANS = (".plan", ".waypoints", ".txt")
+
+
+def cover(
+    field: Annotated[Positional[Path], tyro.conf.arg(metavar="FIELD")],
+    *,
+    swath: float,
+    speed: float = 5.0,
+    height: float = 3.0,
+    heading: float | None = None,
+    headland: float = 0.0,
+    obstacles: Path | None = None,
+    clearance: float | None = None,
+    no_spray: Path | None = None,
+    part: UseAppendAction[tuple[str, ...]] = (),
+    home: str | None = None,
+    above_ground: bool = False,
+    pump: str = "sprayer",
+    px4: bool = False,
+    out: Annotated[UseAppendAction[tuple[Path, ...]], tyro.conf.arg(aliases=["-o"])] = (),
+) -> None:
+    """Plan the route that sprays a field, and write it for the ground station.
+
+    Lines back and forth, the pump on along them and off between; holes are flown around.
+
+    Example: thrustmargin cover north.kml --swath 5 --speed 4 --height 3 -o north.plan
+
+    Args:
+        field: Outline of the field: KML, KMZ, GeoJSON, shapefile (.shp with .prj) or ISOXML.
+        swath: m between lines.
+        speed: m/s over the ground.
+        height: m above home, or above the ground with --above-ground.
+        heading: ° of the lines, 0 is north; without it the heading with the fewest turns.
+        headland: m kept free along the edges.
+        obstacles: File of areas that are flown around, in any format of a field.
+        clearance: m kept from obstacles; without it half a swath.
+        no_spray: File of areas that are flown over with the pump off.
+        part: Name or number of the polygon of the file that is meant; may be given again.
+        home: Where it takes off: LATITUDE,LONGITUDE or LATITUDE,LONGITUDE,ALTITUDE in m above the
+            sea; without it where the first line starts.
+        above_ground: Heights are above the terrain, as far as the vehicle knows it.
+        pump: What switches the pump: sprayer (DO_SPRAYER), servo:NUMBER:ON:OFF with pulses in µs,
+            or relay:NUMBER.
+        px4: For PX4, which has no DO_SPRAYER: give --pump, too.
+        out: File to write, .plan (QGroundControl) or .waypoints; may be given again. Without any,
+            field.plan.
+    """
+    from thrustmargin.gcs_plugin.wording.plans.plan_words import coverage_words
+    from thrustmargin.mission.coverage.coverage_plan import CoverageOrder, cover_field
+    from thrustmargin.mission.coverage.field_file import read_field
+    from thrustmargin.mission.plan import write_plan
+
+    _check("--swath", swath, 0.1, 100.0, "m")
+    _check("--speed", speed, 0.2, 30.0, "m/s")
+    _check("--height", height, 0.5, 500.0, "m")
+    _check("--headland", headland, 0.0, 1000.0, "m")
+    _check("--heading", 0.0 if heading is None else heading, -360.0, 360.0, "°")
+    clear = swath / 2 if clearance is None else clearance
+    _check("--clearance", clear, 0.0, 1000.0, "m")
+    output = pump_of(pump)
+    if px4 and output.servo is None and output.relay is None:
+        raise UsageError("PX4 has no DO_SPRAYER; say what switches the pump with --pump")
+    out = out or (Path("field.plan"),)
+    check_outputs(
+        [Output("--out", path, endings=PLANS) for path in out],
+        inputs=[field, obstacles, no_spray],
+    )
+    place = None if home is None else _home(home)
+    outline = read_field(field, parts=part)
+    order = CoverageOrder(
+        swath=swath,
+        speed=speed,
+        height=height,
+        heading_deg=heading,
+        headland=headland,
+        clearance=clear,
+        above_ground=above_ground,
+        pump=output,
+        px4=px4,
+    )
+    found = cover_field(
+        outline,
+        order,
+        obstacles=None if obstacles is None else read_field(obstacles, plane=outline.plane),
+        no_spray=None if no_spray is None else read_field(no_spray, plane=outline.plane),
+        home=place,
+    )
+    for path in out:
+        write_plan(found.plan, path)
+    console = Terminal(soft_wrap=True)
+    for sentence in coverage_words(
+        field=found.field_area,
+        spray=found.spray_area,
+        sprayed=found.sprayed_area,
+        lines=len(found.lines.lines),
+        heading_deg=found.lines.heading_deg,
+        spacing=found.lines.spacing,
+        length=found.sprayed_length,
+        transit=found.transit_length,
+        home_given=found.home_given,
+        ways_outside=found.ways_outside,
+        elsewhere=found.elsewhere,
+    ):
+        console.print(sentence)
+    for path in out:
+        console.print(f"wrote {path}: {len(found.plan.items)} items")
+
+
+def pump_of(words: str) -> PumpOutput:
+    """The pump's output in `sprayer`, `servo:9:1900:1100` or `relay:0`; else UsageError."""
+    from thrustmargin.mission.steps import PumpOutput
+
+    if words == "sprayer":
+        return PumpOutput()
+    if found := re.fullmatch(r"relay:(\d{1,2})", words):
+        return PumpOutput(relay=int(found[1]))
+    if found := re.fullmatch(r"servo:(\d{1,2}):(\d{3,4}):(\d{3,4})", words):
+        output, on, off = map(int, found.groups())
+        if 1 <= output <= 32 and on != off:
+            return PumpOutput(servo=output, on_us=float(on), off_us=float(off))
+    raise UsageError(
+        f"--pump {words!r:.40} is none of sprayer, servo:NUMBER:ON:OFF (such as "
+        "servo:9:1900:1100) and relay:NUMBER"
+    )
+
+
+def _home(words: str) -> tuple[float, float, float]:
+    try:
+        values = [float(word) for word in words.split(",")]
+    except ValueError:
+        values = []
+    if len(values) not in (2, 3) or not all(map(math.isfinite, values)):
+        raise UsageError(f"--home {words!r:.40} is not LATITUDE,LONGITUDE or with ,ALTITUDE")
+    if abs(values[0]) > 90.0 or abs(values[1]) > 180.0:
+        raise UsageError(f"--home {words!r:.40} is no place on Earth; degrees are needed")
+    return (values[0], values[1], values[2] if len(values) == 3 else math.nan)
+
+
+def _check(option: str, value: float, low: float, high: float, unit: str) -> None:
+    if not (math.isfinite(value) and low <= value <= high):
+        raise UsageError(f"{option} {value:g} {unit} is not between {low:g} and {high:g} {unit}")

@@ -1,0 +1,85 @@
+"""`read_plan`: the plan in a plan file, or the mission in a log, by what the file holds."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+
+from thrustmargin.gcs_plugin.logs.dataflash.binary import dataflash_boots
+from thrustmargin.gcs_plugin.logs.dataflash.text_log import dataflash_text_boots
+from thrustmargin.gcs_plugin.logs.read import formats
+from thrustmargin.gcs_plugin.logs.tlog import tlog_boots
+from thrustmargin.gcs_plugin.telemetry.recording import NotThisFormat, Recording, Waypoint
+from thrustmargin.mission import plan as plan_files
+from thrustmargin.mission.plan_items import (
+    FIRMWARE_ARDUPILOT,
+    FIRMWARE_GENERIC,
+    FIRMWARE_PX4,
+    MissionPlan,
+    plan_from_items,
+)
+from thrustmargin.models.errors import LogError, PlanError
+from thrustmargin.models.whole_file import regular
+
+_ENDINGS = (".plan", ".mission", ".waypoints")
+_FIRMWARE = {"ArduPilot": FIRMWARE_ARDUPILOT, "PX4": FIRMWARE_PX4}
+#: Formats of logs that hold the mission, and what reads them.
+_BOOTS: Mapping[str, Callable[..., Iterator[Recording]]] = {
+    "tlog": tlog_boots,
+    "DataFlash": dataflash_boots,
+    "DataFlash text": dataflash_text_boots,
+}
+
+
+def read_plan(path: str | Path, *, vehicle: int | None = None) -> MissionPlan:
+    """The plan of a `.plan`, `.mission` or `.waypoints` file, or the mission inside a log.
+
+    Of a log (`.tlog`, DataFlash `.BIN` or `.log`) it is the last mission that `vehicle`, a system
+    id, got or gave; nothing of the flight is used. Raises PlanError with what to do when there is
+    no plan, or one that cannot be flown as it stands; LogError when a log cannot be read.
+
+        >>> plan = read_plan("sitl_logs/campaign/v4_m16_q2.5.tlog")
+        >>> len(plan.items)
+        28
+    """
+    path = Path(path)
+    try:
+        with regular(path).open("rb") as file:
+            head = file.read(4096).lstrip(b"\xef\xbb\xbf \t\r\n")
+    except OSError as error:
+        raise PlanError(f"{path} cannot be read: {error.strerror}") from error
+    if path.suffix.lower() in _ENDINGS or head.startswith((b"{", b"[", b"QGC WPL")):
+        return plan_files.read_plan(path)
+    try:
+        readers = [read for kind in formats(path) if (read := _BOOTS.get(kind.name))]
+    except LogError as error:
+        raise PlanError(
+            f"{path.name} is neither a plan (.plan, .waypoints) nor a log with one ({error})"
+        ) from error
+    for reader in readers:
+        try:
+            holding = [r for r in reader(path, vehicle=vehicle) if r.waypoints]
+        except NotThisFormat:
+            continue
+        if holding:
+            return plan_of_waypoints(
+                holding[-1].waypoints, autopilot=holding[-1].autopilot, source=path.name
+            )
+    raise PlanError(f"{path.name} holds no whole mission; name a .plan or .waypoints file")
+
+
+def plan_of_waypoints(waypoints: Sequence[Waypoint], *, autopilot: str, source: str) -> MissionPlan:
+    """The plan of the mission items that a log called `source` holds.
+
+    Raises PlanError when items are missing or cannot be flown as they stand.
+    """
+    numbers = [w.number for w in waypoints]
+    if numbers != list(range(len(numbers))):
+        missing = next(k for k, number in enumerate([*numbers, -1]) if number != k)
+        raise PlanError(f"{source} holds a mission without its item {missing}; name a .plan file")
+    return plan_from_items(
+        [w.plan_item for w in waypoints],
+        home_first=autopilot == "ArduPilot",
+        firmware=_FIRMWARE.get(autopilot, FIRMWARE_GENERIC),
+        source=source,
+    )

@@ -1,0 +1,123 @@
+"""Plans in words: what of one is not understood, what is wrong with it, what a route covers.
+
+Reasons and faults come as the data of `mission.steps` and `mission.plan_check`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from thrustmargin.gcs_plugin.wording.numbers import number, percent
+
+#: Why an item is not understood -> what is so, and what to do.
+NOT_UNDERSTOOD: Mapping[str, tuple[str, str]] = {
+    "unknown command": ("what this command does is not known", "take it out, or allow for it"),
+    "pattern rebuilt": (
+        "only the drawn line of this pattern is stored, not its commands",
+        "upload the plan and fetch it back",
+    ),
+    "height without a reference": (
+        "its height has no reference and is read as above sea level, as ArduPilot does",
+        "set it above home",
+    ),
+    "drops a load": ("what it drops is not known", "state the load that is left"),
+    "changes the return": ("it moves home, where the return leads to", "set home before take-off"),
+    "waits for a time of day": ("it waits for a time of day", "give it seconds to wait"),
+    "waits without end": (
+        "it waits until the pilot takes over, so nothing after it is flown",
+        "take it out, or give it a time",
+    ),
+    "waits for the ground station": ("it waits for the pilot", "allow for that time"),
+    "loiter without a radius": ("its circle is a setting of the vehicle", "give it a radius"),
+    "points the nose": ("it points the nose somewhere", "expect other loads on the rotors"),
+    "an output that may be the pump": (
+        "the pump may hang at this output",
+        "name the pump's output with --pump",
+    ),
+    "delays what follows": ("it delays the next command on the way", "switch the pump at a place"),
+    "jump to nothing": ("it jumps to an item that is not there", "correct its target"),
+    "jump to itself": ("it jumps to itself", "correct its target"),
+    "jump without end": ("it repeats without an end", "give it a number of repeats"),
+    "too many items": ("the plan is longer than any mission", "split it"),
+}
+#: Fault -> what is so, and what to do.
+FAULTS: Mapping[str, tuple[str, str]] = {
+    "pump never on": ("the pump is never switched on", "add DO_SPRAYER at the start of a line"),
+    "pump never off": ("the pump is still on when the mission ends", "add DO_SPRAYER off"),
+    "pump on before the first line": (
+        "the pump is on before the first line",
+        "switch it on at the start of the line",
+    ),
+    "pump on between lines": ("the pump is on between lines", "switch it off at the line end"),
+    "pump on in turns": ("the pump stays on in turns", "switch it off at the line end"),
+    "pump on at return": ("the pump is on during return or landing", "switch it off before"),
+    "mixed height frames": (
+        "heights are of different kinds (home, ground, sea level)",
+        "use one kind",
+    ),
+    "jumps back": ("items are flown again by a jump", "check that the liquid lasts"),
+    "fence crossed": ("the way leaves the geofence", "move the item or the fence"),
+    "take-off missing": ("the plan has no take-off", "add one as its first item"),
+    "never flown": ("these come after the return and are never flown", "move them before it"),
+    "far away": ("places are over 20 km apart", "check latitude and longitude"),
+}
+_SHOWN = 5  # items that are listed
+
+
+def not_understood_words(item: int, command: int, why: str, touches: Sequence[str]) -> str:
+    """`item 12 (MAV_CMD 42): what this command does is not known; take it out, or allow for it
+    (distance, time not reckoned)`."""
+    what, to_do = NOT_UNDERSTOOD[why]
+    return f"item {item} (MAV_CMD {command}): {what}; {to_do} (touches {', '.join(touches)})"
+
+
+def fault_words(fault: str, items: Sequence[int]) -> str:
+    """`items 4, 7, 9: the pump stays on in turns; switch it off at the line end`."""
+    what, to_do = FAULTS[fault]
+    if not items:
+        return f"{what}; {to_do}"
+    more = f" and {len(items) - _SHOWN} more" if len(items) > _SHOWN else ""
+    plural = "s" if len(items) > 1 else ""
+    return f"item{plural} {', '.join(map(str, items[:_SHOWN]))}{more}: {what}; {to_do}"
+
+
+def coverage_words(
+    *,
+    field: float,
+    spray: float,
+    sprayed: float,
+    lines: int,
+    heading_deg: Sequence[float],
+    spacing: Sequence[float],
+    length: float,
+    transit: float,
+    home_given: bool = True,
+    ways_outside: int = 0,
+    elsewhere: Sequence[str] = (),
+) -> tuple[str, ...]:
+    """The route over a field in sentences; areas in m², lengths in m."""
+    headings = sorted({round(h) % 180 for h in heading_deg})
+    listed = ", ".join(f"{h}°" for h in headings[:3]) + (" ..." if len(headings) > 3 else "")
+    wide = (
+        f"{min(spacing):.2f} m"
+        if max(spacing) - min(spacing) < 0.005
+        else f"{min(spacing):.2f} to {max(spacing):.2f} m"
+    )
+    found = [
+        f"Field {hectares(field)}, to spray {hectares(spray)}, under the swaths "
+        f"{percent(sprayed / spray, 1)} of that.",
+        f"{lines} lines, {wide} apart, heading {listed}.",
+        f"Sprayed way {number(length / 1e3, 'km', 2)}, between lines "
+        f"{number(transit / 1e3, 'km', 2)} with the pump off.",
+    ]
+    if not home_given:
+        found.append("Home is taken where the first line starts; give --home for another.")
+    if ways_outside:
+        found.append(f"Ways between lines that leave the field: {ways_outside}.")
+    found += [f"{name} has nothing in the field." for name in elsewhere]
+    return tuple(found)
+
+
+def hectares(area: float) -> str:
+    """`12.34 ha` of an area in m²."""
+    return number(area / 1e4, "ha", 2)

@@ -1,0 +1,186 @@
+"""Parallel lines over an area, put into an order: back and forth through one cell after another.
+
+A cell is a run of neighbouring lines that nothing divides (boustrophedon cellular decomposition,
+Choset 2000); a hole or a notch begins new ones. Lines are evenly spaced over each part of the area.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from thrustmargin.models.errors import PlanError
+from thrustmargin.models.flight import Floats
+
+#: Lines may be wider apart than a swath by this share, rather than one more line be flown.
+LOOSE = 0.02
+#: m below which a piece of a line is not worth flying to.
+SHORTEST = 0.5
+#: Lines that no mission has room for.
+MOST_LINES = 16_000
+#: Cells of a field with a hundred trees are some hundreds.
+MOST_CELLS = 1000
+#: Headings are tried every so many degrees, and along the edges; with so many lines at most.
+TRIED_DEG, TRIED_LINES, TRIED_EDGES = 5.0, 60, 40
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LinesInOrder:
+    """L straight lines in the order and direction of flight."""
+
+    lines: Floats  # (L, 2, 2) start and end, each (east, north) in m
+    heading_deg: tuple[float, ...]  # of the lines of each part, 0 to 180
+    spacing: tuple[float, ...]  # m, of each part
+    cells: int
+
+
+def lines_in_order(
+    area: shapely.MultiPolygon, swath: float, heading_deg: float | None, start: Floats
+) -> LinesInOrder:
+    """Lines `swath` m apart over each part of `area` (east, north), from `start` (2,) on.
+
+    Without `heading_deg` each part gets the heading that gives it the fewest lines.
+    Raises PlanError when nothing is left of the area or the lines are too many for a mission.
+    """
+    cells: list[list[Floats]] = []
+    headings: list[float] = []
+    spacings: list[float] = []
+    for part in area.geoms:
+        if part.area <= 0.0:
+            continue
+        heading = fewest_turns(part, swath) if heading_deg is None else heading_deg % 180.0
+        found, spacing = _cells(part, swath, heading)
+        cells += found
+        headings.append(heading)
+        spacings.append(spacing)
+    if not cells:
+        raise PlanError("nothing is left of the field to fly; lower the headland or the clearance")
+    return LinesInOrder(
+        lines=_tour(cells, start),
+        heading_deg=tuple(headings),
+        spacing=tuple(spacings),
+        cells=len(cells),
+    )
+
+
+def fewest_turns(part: shapely.Polygon, swath: float) -> float:
+    """Heading in degrees from 0 to 180 whose lines over `part` are fewest, then longest."""
+    rough = shapely.simplify(part.exterior, swath / 4, preserve_topology=False)
+    corners = shapely.get_coordinates(rough)
+    edge = np.diff(corners, axis=0)
+    longest = edge[np.argsort(-np.hypot(*edge.T), kind="stable")][:TRIED_EDGES]
+    along = np.degrees(np.arctan2(longest[:, 0], longest[:, 1])) % 180.0
+    tried = np.unique(np.concatenate([along, np.arange(0.0, 180.0, TRIED_DEG)]).round(6))
+    widest = math.hypot(*np.ptp(corners, axis=0))
+    coarse = max(swath, widest / TRIED_LINES)
+
+    def turns(heading: float) -> tuple[float, float]:
+        level = shapely.transform(part, lambda xy: _turned(xy, heading))
+        _, low, _, high = level.bounds
+        pieces, _ = _pieces(level, low, high, coarse)
+        # What the coarse spacing rounds away decides between headings that are nearly as good.
+        pieces_each = sum(map(len, pieces)) / len(pieces)
+        return pieces_each * _count(high - low, swath), pieces_each * (high - low)
+
+    return float(min(tried, key=turns))
+
+
+def _turned(points: Floats, heading_deg: float, *, back: bool = False) -> Floats:
+    """(N, 2) points in (along, across) of a heading from (east, north), or `back`."""
+    a = math.radians(heading_deg)
+    matrix = np.array([[math.sin(a), math.cos(a)], [-math.cos(a), math.sin(a)]])
+    return points @ (matrix if back else matrix.T)
+
+
+def _count(width: float, swath: float) -> int:
+    """Lines over a strip `width` m wide: the nearest number, one more where they would gape."""
+    exact = width / swath
+    near = max(round(min(exact, 1e9)), 1)
+    return near if exact <= near * (1.0 + LOOSE) else near + 1
+
+
+def _pieces(
+    level: shapely.Polygon, low: float, high: float, swath: float
+) -> tuple[list[list[Floats]], float]:
+    """Of each line across, its pieces (2, 2) in `level` from left to right; and the spacing."""
+    count = _count(high - low, swath)
+    if count > MOST_LINES:
+        raise PlanError(
+            f"a swath of {swath:g} m makes {count} lines of the field, over {MOST_LINES}; "
+            "take a wider one, or a part of the field"
+        )
+    spacing = (high - low) / count
+    across = low + spacing * (np.arange(count) + 0.5)
+    rings = [shapely.get_coordinates(ring) for ring in (level.exterior, *level.interiors)]
+    a = np.concatenate([ring[:-1] for ring in rings])
+    b = np.concatenate([ring[1:] for ring in rings])
+    # Each edge meets the lines from number `first` on, `met` of them; at a corner one edge counts.
+    ends = np.sort(np.searchsorted(across, np.column_stack([a[:, 1], b[:, 1]])), axis=1)
+    first, met = ends[:, 0], ends[:, 1] - ends[:, 0]
+    if met.sum() > 2 * MOST_LINES:
+        raise PlanError(f"the outline cuts the lines into over {MOST_LINES} pieces; simplify it")
+    edge = np.repeat(np.arange(met.size), met)
+    line = np.arange(edge.size) - np.repeat(np.cumsum(met) - met, met) + first[edge]
+    share = (across[line] - a[edge, 1]) / (b[edge, 1] - a[edge, 1])
+    along = a[edge, 0] + share * (b[edge, 0] - a[edge, 0])
+    # From left to right a line goes in and out in turn.
+    order = np.lexsort([along, line])
+    spans = np.column_stack([along[order][::2], along[order][1::2]])
+    pieces: list[list[Floats]] = [[] for _ in range(count)]
+    for k, (left, right) in zip(line[order][::2].tolist(), spans.tolist(), strict=True):
+        if right - left >= SHORTEST:
+            pieces[k].append(np.array([[left, across[k]], [right, across[k]]]))
+    return pieces, spacing
+
+
+def _cells(part: shapely.Polygon, swath: float, heading: float) -> tuple[list[list[Floats]], float]:
+    """Cells of `part`, each its lines (2, 2) in order across, in (east, north); and the spacing."""
+    level = shapely.transform(part, lambda xy: _turned(xy, heading))
+    _, low, _, high = level.bounds
+    rows, spacing = _pieces(level, low, high, swath)
+    cells: list[list[Floats]] = []
+    open_cells: list[list[Floats]] = []  # those that the line before belongs to
+    for row in rows:
+        touching = [[_overlap(cell[-1], piece) for cell in open_cells] for piece in row]
+        followers = [sum(t[k] for t in touching) for k in range(len(open_cells))]
+        now: list[list[Floats]] = []
+        for piece, touched in zip(row, touching, strict=True):
+            own = [k for k, is_touched in enumerate(touched) if is_touched]
+            if len(own) == 1 and followers[own[0]] == 1:
+                cell = open_cells[own[0]]
+            else:
+                cells.append(cell := [])
+                if len(cells) > MOST_CELLS:
+                    raise PlanError(
+                        f"the outline divides the lines into over {MOST_CELLS} cells; simplify it"
+                    )
+            cell.append(piece)
+            now.append(cell)
+        open_cells = now
+    return [[_turned(p, heading, back=True) for p in cell] for cell in cells], spacing
+
+
+def _overlap(a: Floats, b: Floats) -> bool:
+    return bool(a[0, 0] < b[1, 0] and b[0, 0] < a[1, 0])
+
+
+def _tour(cells: Sequence[Sequence[Floats]], start: Floats) -> Floats:
+    """(L, 2, 2) all lines: always on to the nearest corner of a cell, then back and forth in it."""
+    # Corner k of a cell: from its first (0, 1) or last line (2, 3), at that line's start or end.
+    corners = np.array([[c[0][0], c[0][1], c[-1][0], c[-1][1]] for c in cells])
+    left = np.ones(len(cells), dtype=np.bool_)
+    at, lines = np.asarray(start, dtype=np.float64), []
+    for _ in cells:
+        far = np.hypot(*np.moveaxis(corners - at, -1, 0))
+        far[~left] = np.inf
+        cell, corner = np.unravel_index(int(np.argmin(far)), far.shape)
+        left[cell] = False
+        ordered = list(cells[cell]) if corner < 2 else list(cells[cell])[::-1]
+        for k, line in enumerate(ordered):
+            lines.append(line if (corner + k) % 2 == 0 else line[::-1])
+        at = lines[-1][1]
+    return np.array(lines)

@@ -1,0 +1,178 @@
+"""What is wrong with a plan by its structure: pump, heights, jumps, fence, take-off.
+
+Findings are data; gcs_plugin.wording says them. What load and thrust have against a plan is the
+forecast's to say.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+import pymap3d
+import shapely
+
+from thrustmargin.mission.plan_items import (
+    DO_JUMP,
+    FIRMWARE_ARDUPILOT,
+    FenceCircle,
+    FencePolygon,
+    MissionPlan,
+)
+from thrustmargin.mission.steps import DO_JUMP_TAG, PlanSteps, Step
+from thrustmargin.models.flight import Floats
+
+PlanFault = Literal[
+    "pump never on",
+    "pump never off",
+    "pump on before the first line",
+    "pump on between lines",
+    "pump on in turns",
+    "pump on at return",
+    "mixed height frames",
+    "jumps back",
+    "fence crossed",
+    "take-off missing",
+    "never flown",
+    "far away",
+]
+#: Legs within this of the main heading are lines, degrees.
+ALONG = 20.0
+#: A way between lines longer than so many spacings is no turn.
+TURN = 2.0
+#: m between two places that no sprayer flies in one mission.
+FAR = 20_000.0
+_AT_HEIGHT = ("fly", "spline", "turns")
+_HOMEWARD = ("return", "land")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanFinding:
+    """One fault of a plan and the items that show it, in order of execution."""
+
+    fault: PlanFault
+    items: tuple[int, ...]  # numbers; () is the plan as a whole
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Legs:
+    """L straight ways from place to place of a plan, in m about home."""
+
+    start: Floats  # (L, 3) east, north, up
+    end: Floats  # (L, 3)
+    steps: tuple[Step, ...]  # that each leads to
+
+    @property
+    def flat(self) -> Floats:
+        """(L, 2, 2) start and end, each (east, north)."""
+        return np.stack([self.start[:, :2], self.end[:, :2]], axis=1)
+
+
+def check_plan(
+    plan: MissionPlan, steps: PlanSteps, *, sprays: bool = True
+) -> tuple[PlanFinding, ...]:
+    """Faults of `plan`, whose steps on the vehicle are `steps`, the gravest first.
+
+    Without `sprays` a pump that is never switched on is no fault.
+    """
+    found: dict[PlanFault, list[int]] = defaultdict(list)
+    flown = steps.steps
+    legs = _legs(plan, flown)
+    if flown and flown[0].kind != "take-off":
+        found["take-off missing"].append(flown[0].item)
+    found["fence crossed"] += _crossed(plan, legs)
+    length = np.linalg.norm(legs.end - legs.start, axis=1)
+    away = np.linalg.norm(legs.end, axis=1)
+    found["far away"] += [legs.steps[k].item for k in np.flatnonzero((length > FAR) | (away > FAR))]
+    if steps.pump_at_end:
+        found["pump never off"].append(flown[-1].item if flown else 0)
+    if sprays and not any(step.pump for step in flown):
+        found["pump never on"].append(0)
+    found["pump on at return"] += [s.item for s in flown if s.pump and s.kind in _HOMEWARD]
+    first = next((k for k, s in enumerate(flown) if s.kind in _AT_HEIGHT), 0)
+    found["pump on before the first line"] += [s.item for s in flown[: first + 1] if s.pump]
+    _between_lines(legs, found)
+    heights = [s for s in flown if s.place is not None and s.kind in _AT_HEIGHT]
+    usual = Counter(s.frame for s in heights).most_common(1)
+    found["mixed height frames"] += [s.item for s in heights if s.frame != usual[0][0]]
+    found["jumps back"] += [i.number for i in plan.items if i.command in (DO_JUMP, DO_JUMP_TAG)]
+    last = flown[-1].index if flown and flown[-1].kind == "return" else math.inf
+    after = [i for k, i in enumerate(steps.executed) if k > last]
+    found["never flown"] += [i.number for i in after if i.place is not None]
+    return tuple(
+        PlanFinding(fault=fault, items=tuple(dict.fromkeys(n for n in found[fault] if n)))
+        for fault in get_args(PlanFault)
+        if found[fault]
+    )
+
+
+def _legs(plan: MissionPlan, steps: Sequence[Step]) -> _Legs:
+    """Ways between the places, from home on; take-off is straight up and the return to home."""
+    home = plan.home
+    there = [home[:2] if s.kind in ("take-off", "return") else s.place for s in steps]
+    placed = [k for k, place in enumerate(there) if place is not None]
+    if not placed:
+        return _Legs(start=np.empty((0, 3)), end=np.empty((0, 3)), steps=())
+    degrees = np.array([home[:2], *(place[:2] for place in there if place is not None)])
+    east_north_up = pymap3d.geodetic2enu(degrees[:, 0], degrees[:, 1], 0.0, *home[:2], 0.0)
+    points = np.column_stack(east_north_up)
+    return _Legs(start=points[:-1], end=points[1:], steps=tuple(steps[k] for k in placed))
+
+
+def _crossed(plan: MissionPlan, legs: _Legs) -> list[int]:
+    """Items to which a way leads that is not inside the geofence."""
+    inside, outside = [], []
+    for area in plan.fence:
+        (inside if area.inside else outside).append(_shape(area, plan.home))
+    lines = shapely.linestrings(legs.flat)
+    crossed = np.zeros(len(lines), dtype=np.bool_)
+    if inside:
+        # ArduPilot stays in all such areas at once, others in any of them.
+        every = plan.firmware == FIRMWARE_ARDUPILOT
+        allowed = shapely.intersection_all(inside) if every else shapely.union_all(inside)
+        shapely.prepare(allowed)
+        crossed |= ~shapely.covers(allowed, lines)
+    for shut in outside:
+        shapely.prepare(shut)
+        crossed |= shapely.intersects(shut, lines)
+    return [legs.steps[k].item for k in np.flatnonzero(crossed)]
+
+
+def _shape(area: FencePolygon | FenceCircle, home: tuple[float, float, float]) -> shapely.Geometry:
+    degrees = np.array([area.centre] if isinstance(area, FenceCircle) else area.corners)
+    east, north, _ = pymap3d.geodetic2enu(degrees[:, 0], degrees[:, 1], 0.0, *home[:2], 0.0)
+    points = np.column_stack([east, north])
+    if isinstance(area, FenceCircle):
+        return shapely.buffer(shapely.Point(points[0]), area.radius, quad_segs=32)
+    return shapely.make_valid(shapely.Polygon(points))
+
+
+def _between_lines(legs: _Legs, found: dict[PlanFault, list[int]]) -> None:
+    """Ways with the pump on that lead from one spray line to the next."""
+    on = np.array([bool(s.pump) and s.kind not in _HOMEWARD for s in legs.steps], dtype=np.bool_)
+    along = (legs.end - legs.start)[:, :2]
+    length = np.hypot(*along.T)
+    if not np.any(length[on] > 0.0):
+        return
+    # Axial mean: there and back are one direction, so angles are doubled before averaging.
+    doubled = 2 * np.arctan2(along[:, 1], along[:, 0])
+    weight = np.where(on, length, 0.0)
+    heading = np.arctan2(weight @ np.sin(doubled), weight @ np.cos(doubled)) / 2
+    off = np.abs(np.sin(doubled / 2 - heading))
+    line = on & (off < math.sin(math.radians(ALONG)))
+    if length[line].sum() < 0.5 * length[on].sum():
+        return  # no lines that are parallel
+    between = np.flatnonzero(on & ~line)
+    joins = [k for k in between if 0 < k < on.size - 1 and line[k - 1] and line[k + 1]]
+    if not joins:
+        return
+    spacing = float(np.median(length[joins]))
+    for k in joins:
+        fault: PlanFault = "pump on in turns"
+        if length[k] > TURN * spacing:
+            fault = "pump on between lines"
+        found[fault].append(legs.steps[k].item)

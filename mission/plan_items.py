@@ -1,0 +1,198 @@
+"""A mission plan: its items, home, geofence and rally points, whatever file they are from.
+
+A plan holds what the vehicle is to do. Latitude and longitude are WGS84 degrees, altitudes m in the
+frame of the item: 0 above mean sea level, 3 above home, 10 above ground.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from thrustmargin.models.errors import PlanError
+
+FRAME_AMSL, FRAME_MISSION, FRAME_ABOVE_HOME, FRAME_ABOVE_GROUND = 0, 2, 3, 10
+#: MAV_FRAME numbers of the integer messages -> the frame that plan files use for the same thing.
+FLOAT_FRAME = {5: FRAME_AMSL, 6: FRAME_ABOVE_HOME, 11: FRAME_ABOVE_GROUND}
+HEIGHT_FRAMES = frozenset({FRAME_AMSL, FRAME_ABOVE_HOME, FRAME_ABOVE_GROUND})
+
+WAYPOINT, RETURN_TO_LAUNCH, LAND, TAKEOFF, DO_JUMP = 16, 20, 21, 22, 177
+LOITER_UNLIMITED, LOITER_TURNS, LOITER_TIME, SPLINE_WAYPOINT, DELAY = 17, 18, 19, 82, 93
+CHANGE_SPEED, DO_SPRAYER = 178, 216
+#: MAV_CMD numbers that fly to the place in parameters 5 to 7.
+PLACE_COMMANDS = frozenset({WAYPOINT, 17, 18, 19, LAND, TAKEOFF, 31, 82, 84, 85, 94})
+#: Those that mean a place that is given; the others may stay where they are.
+NEEDS_PLACE = frozenset({WAYPOINT, SPLINE_WAYPOINT})
+
+FIRMWARE_GENERIC, FIRMWARE_ARDUPILOT, FIRMWARE_PX4 = 0, 3, 12
+VEHICLE_QUADROTOR = 2
+
+#: MAVLink counts the items of a mission in 16 bits.
+MOST_ITEMS = 65_535
+NO_HOME_HEIGHT = "altitudes above home have no known height above sea level"
+
+#: What a figure of a forecast is of.
+Touched = Literal["distance", "time", "load", "height", "heading"]
+#: Why an item, or what follows from it, is not known.
+Why = Literal[
+    "unknown command",
+    "pattern rebuilt",  # from the points that its file shows on the map
+    "height without a reference",
+    "drops a load",
+    "changes the return",
+    "waits for a time of day",
+    "waits without end",
+    "waits for the ground station",
+    "loiter without a radius",
+    "points the nose",
+    "an output that may be the pump",
+    "delays what follows",
+    "jump to nothing",
+    "jump to itself",
+    "jump without end",
+    "too many items",
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanItem:
+    """One mission item; `parameters` are MAVLink's seven, NaN for "as the vehicle likes"."""
+
+    number: int  # its number in the plan, from 1; DO_JUMP refers to it
+    command: int  # MAV_CMD
+    frame: int  # MAV_FRAME
+    parameters: tuple[float, float, float, float, float, float, float]
+    autocontinue: bool = True
+
+    @property
+    def place(self) -> tuple[float, float, float] | None:
+        """Latitude and longitude in degrees and altitude in m of `frame`; None without a place.
+
+        ArduPilot takes latitude and longitude 0 for "where it is then": None too.
+        """
+        latitude, longitude, altitude = self.parameters[4:]
+        here = (latitude == 0.0 and longitude == 0.0) or not math.isfinite(latitude + longitude)
+        return (
+            None if self.command not in PLACE_COMMANDS or here else (latitude, longitude, altitude)
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NotUnderstood:
+    """An item whose part in the flight is not known, and the figures that this touches."""
+
+    item: int  # its number
+    command: int  # MAV_CMD
+    why: Why
+    touches: tuple[Touched, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FencePolygon:
+    """A polygon to stay in (`inside`) or out of; corners are latitude, longitude in degrees."""
+
+    inside: bool
+    corners: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FenceCircle:
+    """A circle to stay in (`inside`) or out of."""
+
+    inside: bool
+    centre: tuple[float, float]  # latitude, longitude in degrees
+    radius: float  # m
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MissionPlan:
+    """A mission: items in order, and the home that frame 3 counts altitudes from."""
+
+    items: tuple[PlanItem, ...]
+    home: tuple[float, float, float]  # latitude, longitude in degrees, altitude in m AMSL or NaN
+    firmware: int = FIRMWARE_GENERIC  # MAV_AUTOPILOT
+    vehicle: int = VEHICLE_QUADROTOR  # MAV_TYPE
+    cruise_speed: float = 5.0  # m/s, what QGroundControl assumes for times
+    notes: tuple[str, ...] = ()  # what was assumed when the plan was made, in words for people
+    fence: tuple[FencePolygon | FenceCircle, ...] = ()
+    rally: tuple[tuple[float, float, float], ...] = ()  # degrees, degrees, m above home
+    #: What its file already left open; `mission.steps` adds what no step can show.
+    not_understood: tuple[NotUnderstood, ...] = ()
+
+
+def plan_from_items(
+    items: Sequence[PlanItem],
+    *,
+    home_first: bool,
+    home: tuple[float, float, float] | None = None,
+    firmware: int = FIRMWARE_GENERIC,
+    source: str = "the vehicle",
+) -> MissionPlan:
+    """The plan behind a vehicle's own list of items, numbered from 0 as MAVLink transfers them.
+
+    `home_first`: item 0 is home and no part of the mission (ArduPilot); then the numbers stand.
+    Otherwise the items are renumbered from 1 and the targets of DO_JUMP with them. `home` (degrees,
+    degrees, m AMSL) is used when item 0 is not it; without one, or where item 0 is at 0, 0, the
+    first place of the mission stands in, which a note of the plan says.
+    Raises PlanError, in which `source` holds the mission, when there is nothing to do in it.
+    """
+    notes: tuple[str, ...] = ()
+    mission = [replace(i, frame=FLOAT_FRAME.get(i.frame, i.frame)) for i in items]
+    if home_first and mission:
+        latitude, longitude, altitude = mission[0].parameters[4:]
+        known = (latitude, longitude) != (0.0, 0.0)
+        if known and mission[0].frame != FRAME_AMSL:
+            altitude = math.nan
+            notes = (f"home is given in frame {mission[0].frame}: {NO_HOME_HEIGHT}",)
+        home, mission = (latitude, longitude, altitude) if known else home, mission[1:]
+    elif not home_first:
+        mission = [_renumbered(i) for i in mission]
+    if not mission:
+        raise PlanError(f"{source} holds no mission; upload one to it first")
+    for item in mission:
+        check_item(item, f"{source}'s mission item {item.number}")
+    if home is not None:
+        check_place(*home[:2], where=f"{source}'s home")
+    if home is None:
+        places = [place for item in mission if (place := item.place) is not None]
+        if not places:
+            raise PlanError(
+                f"the mission has no place and {source} reports no home; wait for its position"
+            )
+        home = (*places[0][:2], math.nan)
+        notes = (f"home is not known and the first waypoint stands in: {NO_HOME_HEIGHT}",)
+    return MissionPlan(items=tuple(mission), home=home, firmware=firmware, notes=notes)
+
+
+def check_item(item: PlanItem, where: str) -> None:
+    """Raise PlanError, which begins with `where`, for a place that is none or has no height."""
+    place = item.place
+    if place is None:
+        if item.command in NEEDS_PLACE and not math.isfinite(sum(item.parameters[4:6])):
+            raise PlanError(f"{where} is a waypoint without a place; give it one and save again")
+        return
+    check_place(place[0], place[1], where=where)
+    if not math.isfinite(place[2]):
+        raise PlanError(f"{where} has no altitude; export it with relative altitudes")
+    if item.frame not in HEIGHT_FRAMES:
+        raise PlanError(
+            f"{where} has a place in frame {item.frame}; use altitudes above home, above "
+            "ground or above sea level"
+        )
+
+
+def check_place(latitude_deg: float, longitude_deg: float, *, where: str) -> None:
+    """Raise PlanError, which begins with `where`, for what are no degrees on Earth."""
+    if not (abs(latitude_deg) <= 90.0 and abs(longitude_deg) <= 180.0):
+        raise PlanError(
+            f"{where} is at latitude {latitude_deg}, longitude {longitude_deg}; degrees are needed"
+        )
+
+
+def _renumbered(item: PlanItem) -> PlanItem:
+    parameters = item.parameters
+    if item.command == DO_JUMP:
+        parameters = (parameters[0] + 1.0, *parameters[1:])
+    return replace(item, number=item.number + 1, parameters=parameters)

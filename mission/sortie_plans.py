@@ -1,0 +1,155 @@
+"""A plan split into sorties: each ends at a line end and the next goes on from there.
+
+Every sortie is a plan of its own: take-off, speed, the way out with the pump off, its part of the
+lines, the pump off and the return. Jumps are unrolled, so that no sortie refers to another.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pymap3d
+
+from thrustmargin.mission.plan_items import (
+    CHANGE_SPEED,
+    FRAME_MISSION,
+    RETURN_TO_LAUNCH,
+    TAKEOFF,
+    WAYPOINT,
+    MissionPlan,
+    PlanItem,
+)
+from thrustmargin.mission.steps import PlanSteps, PumpOutput, Step, pump_switch
+from thrustmargin.models.errors import PlanError
+
+#: m from the nearest place of the field beyond which a place to refill is none of it.
+REACH = 3000.0
+#: Degrees by which a way bends at least where a line ends.
+BEND = 30.0
+_FLOWN = ("fly", "spline")
+_JUMPS = ("jump to nothing", "jump to itself", "jump without end", "too many items")
+
+
+def line_ends(plan: MissionPlan, steps: PlanSteps) -> tuple[int, ...]:
+    """Indexes in `steps.steps` of the places at which a sortie may end: the line flown ends there.
+
+    That is where the pump goes off, or the way bends by more than BEND; where no step has the pump
+    on, lines with it off count.
+    """
+    flown = steps.steps
+    dry = not any(step.pump for step in flown)
+    known = [k for k, step in enumerate(flown) if step.place is not None]
+    places = np.array([(flown[k].place or ())[:2] for k in known]).reshape(-1, 2)
+    east, north, _ = pymap3d.geodetic2enu(places[:, 0], places[:, 1], 0.0, *plan.home[:2], 0.0)
+    course = np.arctan2(np.diff(east), np.diff(north))
+    found = []
+    for m, (k, after) in enumerate(pairwise(known[1:])):
+        if flown[k].kind not in _FLOWN or not (flown[k].pump or dry):
+            continue
+        bend = (course[m + 1] - course[m] + math.pi) % (2.0 * math.pi) - math.pi
+        if abs(bend) > math.radians(BEND) or not (flown[after].pump or dry):
+            found.append(k)
+    return tuple(found)
+
+
+def split_plan(
+    plan: MissionPlan,
+    steps: PlanSteps,
+    refill_after: Sequence[int],
+    *,
+    pump: PumpOutput | None = None,
+    refill: tuple[float, float] | None = None,
+) -> tuple[MissionPlan, ...]:
+    """One plan a sortie of `plan`, which is flown as `steps`, refilled after those steps.
+
+    `refill_after` holds indexes in `steps.steps`, each one of `line_ends`; `refill` is the latitude
+    and longitude in degrees where every sortie starts and ends, by default home.
+    Raises PlanError for another index, for a part of the plan that is not understood, and for a
+    place to refill out of the field's reach.
+    """
+    for item in steps.not_understood:
+        if item.why in _JUMPS:
+            raise PlanError(f"item {item.item} is a {item.why}; correct it first")
+    flown, items = steps.steps, steps.executed
+    ends = set(line_ends(plan, steps))
+    for index in refill_after:
+        if index not in ends:
+            number = flown[index].item if 0 <= index < len(flown) else index
+            raise PlanError(f"item {number} is no line end; a refill is at the end of a line")
+    home = plan.home if refill is None else (refill[0], refill[1], math.nan)
+    _check_reach(home, flown)
+    cuts = sorted(set(refill_after))
+    switched = any(step.pump is not None for step in flown)
+    off = [pump_switch(pump or PumpOutput(), on=False)] if switched else []
+    on = pump_switch(pump or PumpOutput(), on=True)
+    sorties = []
+    for begin, end in zip([None, *cuts], [*cuts, None], strict=True):
+        body: list[PlanItem] = []
+        if begin is not None:
+            body += _way_out(flown[begin], flown[begin + 1], plan, home, off)
+            body += [on] if flown[begin + 1].pump else []
+        low = 0 if begin is None else flown[begin].index + 1
+        body += items[low : len(items) if end is None else flown[end].index + 1]
+        if end is not None:
+            body += [*off, _order(RETURN_TO_LAUNCH)]
+        numbered = tuple(replace(item, number=k) for k, item in enumerate(body, start=1))
+        sorties.append(replace(plan, items=numbered, home=home))
+    return tuple(sorties)
+
+
+def _check_reach(home: tuple[float, float, float], steps: Sequence[Step]) -> None:
+    places = np.array([step.place[:2] for step in steps if step.place is not None])
+    if not len(places):
+        raise PlanError("the plan has no place to fly to, so there is nothing to split")
+    offsets = pymap3d.geodetic2enu(places[:, 0], places[:, 1], 0.0, home[0], home[1], 0.0)
+    nearest = float(np.min(np.linalg.norm(np.array(offsets), axis=0)))
+    if not nearest <= REACH:
+        raise PlanError(
+            f"the place to refill is {nearest / 1e3:.1f} km from the nearest place of the plan; "
+            f"name one within {REACH / 1e3:g} km"
+        )
+
+
+def _way_out(
+    last: Step,
+    following: Step,
+    plan: MissionPlan,
+    home: tuple[float, float, float],
+    off: Sequence[PlanItem],
+) -> list[PlanItem]:
+    """Take-off, the orders that hold, and the way to the line end `last` with the pump off."""
+    assert last.place is not None  # a line end has one
+    height = last.place[2]
+    yaw = next((i.parameters[3] for i in plan.items if i.command == TAKEOFF), math.nan)
+    climb = (0.0, 0.0, 0.0, yaw, *home[:2], height)
+    found = [PlanItem(number=0, command=TAKEOFF, frame=last.frame, parameters=climb)]
+    for kind, speed in (
+        (1.0, following.speed),
+        (2.0, following.climb_speed),
+        (3.0, following.descent_speed),
+    ):
+        if speed is not None:
+            found.append(_order(CHANGE_SPEED, kind, speed, -1.0))
+    found += off
+    found.append(
+        PlanItem(
+            number=0,
+            command=WAYPOINT,
+            frame=last.frame,
+            parameters=(0.0, 0.0, 0.0, yaw, *last.place),
+        )
+    )
+    return found
+
+
+def _order(command: int, one: float = 0.0, two: float = 0.0, three: float = 0.0) -> PlanItem:
+    return PlanItem(
+        number=0,
+        command=command,
+        frame=FRAME_MISSION,
+        parameters=(one, two, three, 0.0, 0.0, 0.0, 0.0),
+    )

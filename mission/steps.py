@@ -1,0 +1,315 @@
+"""What a vehicle does along a plan, step by step: jumps followed, orders of speed and pump kept.
+
+A step is one place flown to, one wait, one landing. Where an item's part in the flight is not
+known it is named with its reason and the figures that this touches, and the steps leave it out.
+Meanings are those of ArduPilot's Copter ("Mission Commands") and of MAVLink's common messages.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+from thrustmargin.mission.plan_items import (
+    CHANGE_SPEED,
+    DELAY,
+    DO_JUMP,
+    DO_SPRAYER,
+    FIRMWARE_ARDUPILOT,
+    FIRMWARE_PX4,
+    FRAME_MISSION,
+    LAND,
+    LOITER_TIME,
+    LOITER_TURNS,
+    LOITER_UNLIMITED,
+    RETURN_TO_LAUNCH,
+    SPLINE_WAYPOINT,
+    TAKEOFF,
+    WAYPOINT,
+    MissionPlan,
+    NotUnderstood,
+    PlanItem,
+    Touched,
+    Why,
+)
+
+LOITER_TO_ALTITUDE, VTOL_TAKEOFF, VTOL_LAND, PAYLOAD_PLACE = 31, 84, 85, 94
+CONDITION_YAW, SET_RELAY, REPEAT_RELAY, SET_SERVO, REPEAT_SERVO = 115, 181, 182, 183, 184
+JUMP_TAG, DO_JUMP_TAG = 600, 601
+#: Commands of cameras, gimbals, fences and the like, which move nothing that is reckoned.
+WITHOUT_PART = frozenset(
+    {189, 196, 197, 200, 202, 203, 204, 205, 206, 207, 212, 214, 215, 217, 218, 222, 1000, 1001}
+    | {530, 531, 532, 533, 534, 2000, 2001, 2500, 2501, JUMP_TAG}
+)
+SERVO_OUTPUT_SPRAYER = 22  # SERVOn_FUNCTION of ArduPilot's sprayer pump
+
+#: Items executed at most, jumps followed: a mission of the most items flown once, and half again.
+MOST_EXECUTED = 100_000
+
+StepKind = Literal["take-off", "fly", "spline", "turns", "wait", "climb", "land", "return"]
+ALL: tuple[Touched, ...] = ("distance", "time", "load")
+#: Commands whose part is known, but not its amount.
+_NAMED: Mapping[int, tuple[Why, tuple[Touched, ...]]] = {
+    112: ("delays what follows", ("load", "heading")),
+    114: ("delays what follows", ("load", "heading")),
+    179: ("changes the return", ALL),
+    193: ("waits for the ground station", ("time", "load")),
+    195: ("points the nose", ("heading",)),
+    201: ("points the nose", ("heading",)),
+    211: ("drops a load", ("load",)),
+}
+#: Kind of step of each command that flies or waits.
+_KINDS: Mapping[int, StepKind] = {
+    WAYPOINT: "fly",
+    LOITER_UNLIMITED: "fly",
+    LOITER_TURNS: "turns",
+    LOITER_TIME: "fly",
+    RETURN_TO_LAUNCH: "return",
+    LAND: "land",
+    TAKEOFF: "take-off",
+    LOITER_TO_ALTITUDE: "climb",
+    SPLINE_WAYPOINT: "spline",
+    VTOL_TAKEOFF: "take-off",
+    VTOL_LAND: "land",
+    DELAY: "wait",
+    PAYLOAD_PLACE: "fly",
+}
+#: Those whose first parameter is s to wait there.
+_WAITS = frozenset({WAYPOINT, SPLINE_WAYPOINT, LOITER_TIME, DELAY})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PumpOutput:
+    """Where a vehicle's pump hangs beside DO_SPRAYER; None: on no output that is known."""
+
+    servo: int | None = None  # number of the output, from 1
+    off_us: float = 1100.0  # pulse at which the pump stands still
+    on_us: float = 1900.0
+    relay: int | None = None  # number of the relay, from 0
+    known: bool = False  # the vehicle's outputs are known, so that others are not the pump
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Step:
+    """One thing that the vehicle does; what holds while it does it."""
+
+    item: int  # number of the mission item
+    index: int  # place of the item in the plan's order of execution, from 0
+    kind: StepKind
+    #: Latitude, longitude in degrees and altitude in m of `frame`; None: where it is then.
+    place: tuple[float, float, float] | None
+    frame: int
+    speed: float | None  # m/s over ground; None: the vehicle's own setting
+    climb_speed: float | None  # m/s
+    descent_speed: float | None  # m/s
+    pump: bool | None  # None: the plan has not said yet, so as it was before
+    heading_deg: float | None  # that the plan orders; None: the vehicle's own rule
+    wait_s: float = 0.0  # waited there once arrived
+    turns: float = 0.0  # circles flown there
+    radius: float = 0.0  # m of these
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanSteps:
+    """The steps in order, and what of the plan they do not show."""
+
+    steps: tuple[Step, ...]
+    executed: tuple[PlanItem, ...]  # items in order of execution, jumps followed
+    not_understood: tuple[NotUnderstood, ...]
+    pump_at_end: bool | None = None  # None: no order was given
+
+
+def pump_output(parameters: Mapping[str, float]) -> PumpOutput:
+    """The sprayer's output by SERVOn_FUNCTION and its limits; `known` where there are any."""
+    found = PumpOutput(known=any(n.endswith("_FUNCTION") for n in parameters))
+    for output in range(1, 33):
+        name = f"SERVO{output}_"
+        if parameters.get(f"{name}FUNCTION") == SERVO_OUTPUT_SPRAYER:
+            ends = (parameters.get(f"{name}MIN", 1100.0), parameters.get(f"{name}MAX", 1900.0))
+            off, on = ends[::-1] if parameters.get(f"{name}REVERSED") == 1.0 else ends
+            return replace(found, servo=output, off_us=off, on_us=on)
+    return found
+
+
+def pump_switch(pump: PumpOutput, *, on: bool) -> PlanItem:
+    """The item, without a number yet, that turns on or off the pump at `pump`."""
+    command, values = DO_SPRAYER, (float(on), 0.0)
+    if pump.servo is not None:
+        command, values = SET_SERVO, (float(pump.servo), pump.on_us if on else pump.off_us)
+    elif pump.relay is not None:
+        command, values = SET_RELAY, (float(pump.relay), float(on))
+    return PlanItem(
+        number=0,
+        command=command,
+        frame=FRAME_MISSION,
+        parameters=(*values, 0.0, 0.0, 0.0, 0.0, 0.0),
+    )
+
+
+def plan_steps(plan: MissionPlan, pump: PumpOutput | None = None) -> PlanSteps:
+    """The steps of `plan` on a vehicle whose pump hangs at `pump` (None: not known)."""
+    walk = _Walk(plan.firmware, pump or PumpOutput(), list(plan.not_understood))
+    executed = tuple(_executed(plan, walk))
+    for index, item in enumerate(executed):
+        walk.take(index, item)
+        if item.command in (RETURN_TO_LAUNCH, LOITER_UNLIMITED):
+            break  # nothing that follows is ever flown
+    seen = dict.fromkeys(walk.open)
+    return PlanSteps(
+        steps=tuple(walk.steps),
+        executed=executed,
+        not_understood=tuple(seen),
+        pump_at_end=walk.pump,
+    )
+
+
+@dataclass(slots=True)
+class _Walk:
+    """Orders that hold, and the steps made so far."""
+
+    firmware: int
+    output: PumpOutput
+    open: list[NotUnderstood]
+    steps: list[Step] = field(default_factory=list)
+    speed: float | None = None
+    climb_speed: float | None = None
+    descent_speed: float | None = None
+    pump: bool | None = None
+    heading_deg: float | None = None
+
+    def name(self, item: PlanItem, why: Why, *touches: Touched) -> None:
+        self.open.append(
+            NotUnderstood(item=item.number, command=item.command, why=why, touches=touches)
+        )
+
+    def take(self, index: int, item: PlanItem) -> None:
+        kind = _KINDS.get(item.command)
+        if kind is None:
+            self._order(item)
+            return
+        one, _, three, four, *_ = item.parameters
+        amount = max(one, 0.0) if math.isfinite(one) else 0.0
+        circled = kind == "turns" and math.isfinite(three) and three != 0.0
+        if kind == "turns" and not circled:
+            kind = "fly"
+            self.name(item, "loiter without a radius", *ALL)
+        if item.command == LOITER_UNLIMITED:
+            self.name(item, "waits without end", *ALL)
+        if item.command == PAYLOAD_PLACE:
+            self.name(item, "drops a load", "time", "load")
+        if item.command == DELAY and not one >= 0.0:
+            self.name(item, "waits for a time of day", "time", "load")
+        # Only PX4 turns to a waypoint's fourth parameter.
+        turned = self.firmware == FIRMWARE_PX4 and kind == "fly" and math.isfinite(four)
+        self.steps.append(
+            Step(
+                item=item.number,
+                index=index,
+                kind=kind,
+                place=item.place,
+                frame=item.frame,
+                speed=self.speed,
+                climb_speed=self.climb_speed,
+                descent_speed=self.descent_speed,
+                pump=self.pump,
+                heading_deg=four % 360.0 if turned else self.heading_deg,
+                wait_s=amount if item.command in _WAITS else 0.0,
+                turns=amount if circled else 0.0,
+                radius=abs(three) if circled else 0.0,
+            )
+        )
+        self.heading_deg = None  # an ordered yaw ends at the next place
+
+    def _order(self, item: PlanItem) -> None:
+        """What a command that flies nowhere changes."""
+        one, two, _, four, *_ = item.parameters
+        if item.command == CHANGE_SPEED:
+            self._speeds(item, one, two)
+        elif item.command == DO_SPRAYER:
+            self.pump = one > 0.5
+        elif item.command in (SET_SERVO, REPEAT_SERVO, SET_RELAY, REPEAT_RELAY):
+            self._outputs(item, one, two)
+        elif item.command == CONDITION_YAW and four == 0.0 and math.isfinite(one):
+            self.heading_deg = one % 360.0
+        elif item.command == CONDITION_YAW:
+            self.name(item, "points the nose", "heading")
+        elif item.command in _NAMED:
+            why, touches = _NAMED[item.command]
+            self.name(item, why, *touches)
+        elif item.command not in WITHOUT_PART:
+            self.name(item, "unknown command", *ALL)
+
+    def _speeds(self, item: PlanItem, which: float, speed: float) -> None:
+        """-1 is no change and -2 the vehicle's own; airspeed and ground speed are one to a Copter.
+
+        A climb's and a descent's are numbers 2 and 3.
+        """
+        if which not in (0.0, 1.0, 2.0, 3.0) or not (speed > 0.0 or speed in (-1.0, -2.0)):
+            self.name(item, "unknown command", "time", "load")
+        if speed == -1.0:
+            return
+        ordered = speed if speed > 0.0 else None
+        if which in (0.0, 1.0):
+            self.speed = ordered
+        elif which == 2.0:
+            self.climb_speed = ordered
+        elif which == 3.0:
+            self.descent_speed = ordered
+
+    def _outputs(self, item: PlanItem, number: float, value: float) -> None:
+        servo = item.command in (SET_SERVO, REPEAT_SERVO)
+        own = self.output.servo if servo else self.output.relay
+        if own is None or number != own:
+            other = own is not None or (self.output.known and servo)
+            if not other:
+                self.name(item, "an output that may be the pump", "load")
+            return
+        if item.command in (REPEAT_SERVO, REPEAT_RELAY):
+            self.name(item, "an output that may be the pump", "load")
+        elif servo:
+            share = (value - self.output.off_us) / (self.output.on_us - self.output.off_us)
+            self.pump = share > 0.1
+        else:
+            self.pump = value > 0.5
+
+
+def _executed(plan: MissionPlan, walk: _Walk) -> Iterable[PlanItem]:
+    """The items in the order of execution; jumps are followed, with a bound."""
+    items = plan.items
+    numbers = Counter(item.number for item in items)
+    at_number = {item.number: k for k, item in enumerate(items) if numbers[item.number] == 1}
+    at_tag = {item.parameters[0]: k for k, item in enumerate(items) if item.command == JUMP_TAG}
+    left: dict[int, float] = {}
+    at = count = 0
+    while at < len(items):
+        item = items[at]
+        if count >= MOST_EXECUTED:
+            walk.name(item, "jump without end" if left else "too many items", *ALL)
+            return
+        count += 1
+        if item.command not in (DO_JUMP, DO_JUMP_TAG):
+            yield item
+            at += 1
+            continue
+        target, repeats, *_ = item.parameters
+        goal = (at_number if item.command == DO_JUMP else at_tag).get(target)
+        why: Why | None = None
+        if goal is None or not math.isfinite(repeats):
+            why = "jump to nothing"
+        elif goal == at:
+            why = "jump to itself"
+        elif repeats < 0.0:
+            why = "jump without end"
+        if goal is None or why is not None:
+            walk.name(item, why or "jump to nothing", *ALL)
+            return
+        if left.setdefault(at, repeats) >= 1.0:
+            left[at] -= 1.0
+            at = goal
+            continue
+        if plan.firmware != FIRMWARE_ARDUPILOT:
+            del left[at]  # the others count anew when they come by again
+        at += 1

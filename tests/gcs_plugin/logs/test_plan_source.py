@@ -1,0 +1,102 @@
+"""`read_plan`: a plan by what the file holds, the last whole mission of a log among them."""
+
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from tests.gcs_plugin.logs.test_vehicles import dataflash
+from tests.gcs_plugin.logs.tlog_files import FLIGHT, WHOLE, link, stamped, written
+from tests.mission.plans_made import TWO_LINES, plan_of
+from thrustmargin.gcs_plugin.logs.plan_source import read_plan
+from thrustmargin.mission.plan import write_plan
+from thrustmargin.mission.steps import plan_steps
+from thrustmargin.models.errors import PlanError
+
+
+def upload(count: int, latitudes: list[float], *, time_s: float = 900.0) -> bytes:
+    """A ground station's count and then items, home first, at these latitudes."""
+    station = link(255, 190)
+    count_of = dialect.MAVLink_mission_count_message(1, 1, count, 0)
+    messages: list[dialect.MAVLink_message] = [count_of]
+    for seq, latitude in enumerate(latitudes):
+        messages.append(
+            dialect.MAVLink_mission_item_int_message(
+                *(1, 1, seq, 0 if seq == 0 else 6, 16, 0, 1, 0, 0, 0, 0),
+                *(round(latitude * 1e7), 1169000000, 12.5, 0),
+            )
+        )
+    return b"".join(stamped(m.pack(station), time_s) for m in messages)
+
+
+def test_a_recorded_flights_mission_is_its_plan():
+    plan = read_plan(FLIGHT)
+    assert plan.home[:2] == (36.65, 116.9)
+    found = plan_steps(plan)
+    assert found.not_understood == ()
+    assert [s.kind for s in found.steps[:3]] == ["take-off", "fly", "fly"]
+    assert {s.speed for s in found.steps[1:]} == {4.0}
+    assert sum(bool(s.pump) for s in found.steps) == 6
+    assert plan.items[2].place == (36.6500898, 116.9, 3.0)
+
+
+def test_of_two_uploads_the_last_whole_one_counts(tmp_path: Path):
+    shorter = upload(3, [36.0, 36.001, 36.002])
+    plan = read_plan(written(tmp_path, WHOLE + shorter))
+    assert plan.home == (36.0, 116.9, 12.5)
+    assert [i.place for i in plan.items] == [(36.001, 116.9, 12.5), (36.002, 116.9, 12.5)]
+    broken_off = shorter + upload(4, [35.0, 35.001], time_s=901.0)
+    assert read_plan(written(tmp_path, WHOLE + broken_off)).items == plan.items
+
+
+def test_a_mission_that_was_cleared_is_none(tmp_path: Path):
+    clear = dialect.MAVLink_mission_clear_all_message(1, 1, 0).pack(link(255, 190))
+    with pytest.raises(PlanError, match=r"made.tlog holds no whole mission; name a .plan"):
+        read_plan(written(tmp_path, WHOLE + stamped(clear, 900.0)))
+
+
+def commands(numbers: list[int]):
+    log = dataflash()
+    names = "TimeUS,CTot,CNum,CId,Prm1,Prm2,Prm3,Prm4,Lat,Lng,Alt,Frame"
+    log.message("CMD", "QHHHffffLLfB", names)
+    for number in numbers:
+        row = (2_000_000, 3, number, 16, 1.5, 0, 0, 0)
+        log.row("CMD", *row, 366500000 + number, 1169000000, 3.0, 3 if number else 0)
+    return log
+
+
+def test_the_mission_of_a_dataflash_log(tmp_path: Path):
+    plan = read_plan(written(tmp_path, commands([0, 1, 2]).binary(), "flight.BIN"))
+    assert plan.home == (36.65, 116.9, 3.0)
+    assert [i.place for i in plan.items] == [(36.6500001, 116.9, 3.0), (36.6500002, 116.9, 3.0)]
+    assert plan.items[0].parameters[0] == 1.5
+
+
+def test_a_mission_with_a_missing_item_is_refused(tmp_path: Path):
+    path = written(tmp_path, commands([0, 2]).binary(), "flight.BIN")
+    with pytest.raises(PlanError, match=r"flight.BIN holds a mission without its item 1"):
+        read_plan(path)
+
+
+def test_a_plan_file_is_known_by_what_it_holds(tmp_path: Path):
+    plan = plan_of(*TWO_LINES)
+    for name in ("a.plan", "a.waypoints"):
+        write_plan(plan, tmp_path / name)
+        there = (tmp_path / name).rename(tmp_path / f"{name}.bak")
+        assert read_plan(there).items == tuple(plan.items)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"hello\nworld\n", "is neither a plan .* nor a log with one"),
+        (b"", "is neither a plan"),
+        (bytes(range(256)) * 40, "holds no whole mission"),
+    ],
+)
+def test_what_is_no_plan_is_one_clear_error(tmp_path: Path, content: bytes, words: str):
+    with pytest.raises(PlanError, match=words) as caught:
+        read_plan(written(tmp_path, content, "thing.dat"))
+    assert "\n" not in str(caught.value)
+    with pytest.raises(PlanError, match="absent cannot be read"):
+        read_plan(tmp_path / "absent")

@@ -1,0 +1,56 @@
+"""Words of plans: every reason and every fault has its own, and what to do."""
+
+from typing import get_args
+
+from thrustmargin.gcs_plugin.wording.plans.plan_words import (
+    FAULTS,
+    NOT_UNDERSTOOD,
+    coverage_words,
+    fault_words,
+    not_understood_words,
+)
+from thrustmargin.mission.plan_check import PlanFault
+from thrustmargin.mission.plan_items import Why
+
+
+def test_every_reason_and_every_fault_has_words():
+    assert set(NOT_UNDERSTOOD) == set(get_args(Why))
+    assert set(FAULTS) == set(get_args(PlanFault))
+
+
+def test_an_item_is_named_with_its_number_its_command_and_what_it_touches():
+    assert not_understood_words(12, 42, "unknown command", ("distance", "time")) == (
+        "item 12 (MAV_CMD 42): what this command does is not known; take it out, or allow for it "
+        "(touches distance, time)"
+    )
+
+
+def test_a_fault_lists_its_first_items():
+    assert fault_words("pump never on", ()) == (
+        "the pump is never switched on; add DO_SPRAYER at the start of a line"
+    )
+    assert fault_words("pump on in turns", [4]).startswith("item 4: the pump stays on in turns; ")
+    many = fault_words("fence crossed", range(1, 13))
+    assert many.startswith("items 1, 2, 3, 4, 5 and 7 more: the way leaves the geofence; ")
+
+
+def test_a_route_is_said_in_hectares_lines_and_kilometres():
+    said = coverage_words(
+        field=120_000.0,
+        spray=100_000.0,
+        sprayed=99_000.0,
+        lines=30,
+        heading_deg=(179.8, 0.1, 45.0),
+        spacing=(4.0, 4.05),
+        length=25_000.0,
+        transit=1234.0,
+        ways_outside=2,
+        elsewhere=["trees.kml"],
+    )
+    assert said == (
+        "Field 12.00 ha, to spray 10.00 ha, under the swaths 99.0 % of that.",
+        "30 lines, 4.00 to 4.05 m apart, heading 0°, 45°.",
+        "Sprayed way 25.00 km, between lines 1.23 km with the pump off.",
+        "Ways between lines that leave the field: 2.",
+        "trees.kml has nothing in the field.",
+    )

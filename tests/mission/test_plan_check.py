@@ -1,0 +1,91 @@
+"""Faults of a plan's structure: each is found in a plan that has it, none in a good one."""
+
+from dataclasses import replace
+
+import pytest
+
+from tests.mission.plans_made import FIRST, SECOND, TWO_LINES, plan_of, spot
+from thrustmargin.mission.plan_check import check_plan
+from thrustmargin.mission.plan_items import FenceCircle, FencePolygon
+from thrustmargin.mission.steps import plan_steps
+
+
+def faults(plan, **options):
+    return {f.fault: f.items for f in check_plan(plan, plan_steps(plan), **options)}
+
+
+def without(*numbers):
+    return [row for k, row in enumerate(TWO_LINES, start=1) if k not in numbers]
+
+
+def test_a_good_plan_has_none():
+    assert faults(plan_of(*TWO_LINES)) == {}
+
+
+@pytest.mark.parametrize(
+    ("rows", "fault", "items"),
+    [
+        (without(4, 8), "pump never on", ()),
+        (without(6, 10)[:-1], "pump never off", (8,)),
+        (without(6), "pump on in turns", (6,)),
+        (without(10), "pump on at return", (10,)),
+        (without(1), "take-off missing", (2,)),
+        ([(216, 1.0), *TWO_LINES], "pump on before the first line", (2, 4)),
+        ([*TWO_LINES[:-1], (177, 3.0, 1.0), (20,)], "jumps back", (11,)),
+        ([*TWO_LINES, (16, spot(FIRST, 11.0))], "never flown", (12,)),
+        ([*TWO_LINES[:-1], (16, spot(12.0, 11.0))], "far away", (11,)),
+    ],
+)
+def test_a_fault_is_found_with_its_items(rows, fault, items):
+    assert faults(plan_of(*rows)).get(fault) == items
+
+
+def test_a_long_way_with_the_pump_on_is_no_turn():
+    rows = [(22, spot(48.0, 11.0)), (216, 1.0)]
+    for k, longitude in enumerate((11.0, 11.0001, 11.0002, 11.001)):
+        ends = (FIRST, SECOND) if k % 2 == 0 else (SECOND, FIRST)
+        rows += [(16, spot(latitude, longitude)) for latitude in ends]
+    found = faults(plan_of(*rows, (216, 0.0), (20,)))
+    assert found["pump on between lines"] == (9,)
+    assert found["pump on in turns"] == (5, 7)
+
+
+def test_a_plan_that_sprays_nothing_by_itself_may_be_meant():
+    plan = plan_of(*without(4, 6, 8, 10))
+    assert "pump never on" not in faults(plan, sprays=False)
+
+
+def test_heights_of_two_kinds_name_those_of_the_rarer():
+    plan = plan_of(*TWO_LINES)
+    items = [replace(i, frame=10) if i.number == 7 else i for i in plan.items]
+    assert faults(replace(plan, items=tuple(items))) == {"mixed height frames": (7,)}
+
+
+def box(south, west, north, east, *, inside):
+    corners = ((south, west), (south, east), (north, east), (north, west))
+    return FencePolygon(inside=inside, corners=corners)
+
+
+def test_the_fence_is_kept_inside_and_outside():
+    plan = plan_of(*TWO_LINES)
+    around = box(47.99, 10.99, 48.01, 11.01, inside=True)
+    low = box(47.99, 10.99, 48.001, 11.01, inside=True)
+    beside = box(48.0012, 11.00005, 48.0013, 11.01, inside=False)
+    assert faults(replace(plan, fence=(around,))) == {}
+    assert faults(replace(plan, fence=(low,))) == {"fence crossed": (5, 7, 9)}
+    assert faults(replace(plan, fence=(around, beside))) == {"fence crossed": (9,)}
+    # ArduPilot stays in every area, others in any.
+    assert faults(replace(plan, fence=(around, low))) == {"fence crossed": (5, 7, 9)}
+    assert faults(replace(plan, fence=(around, low), firmware=12)) == {}
+    far = FenceCircle(inside=True, centre=(48.0, 11.0), radius=120.0)
+    assert faults(replace(plan, fence=(far,))) == {"fence crossed": (5, 7, 9)}
+    tree = FenceCircle(inside=False, centre=(48.001, 10.9999), radius=9.0)
+    assert faults(replace(plan, fence=(tree,))) == {"fence crossed": (5,)}
+
+
+def test_the_date_line_and_the_pole_are_places():
+    east, west = spot(10.0, 179.9999), spot(10.0, -179.9999)
+    line = plan_of((22,), (216, 0.0), (16, east), (16, west), home=(10.0, 179.9995, 0.0))
+    assert faults(line, sprays=False) == {}
+    pole = plan_of((22,), (16, spot(90.0, 0.0)), (16, spot(90.0, 170.0)), home=(89.9999, 0.0, 0.0))
+    assert faults(pole, sprays=False) == {}
