@@ -54,6 +54,7 @@ from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.model.analysis import Basis
 from thrustmargin.models.model.fault_test import Kind, RotorFault
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
+from thrustmargin.models.physics.airframe import Airframe
 from thrustmargin.models.physics.margin import ceiling
 
 ROTORS_HOLD = 1.0  # s of the time after which missing rotor speeds are reported
@@ -138,9 +139,14 @@ def saturation(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     )
 
 
+def cell_count(airframe: Airframe) -> int:
+    """Lithium cells in series that its nominal voltage counts; 0 where that is unknown."""
+    return round(np.nan_to_num(airframe.nominal_voltage) / CELL)
+
+
 def battery(s: AlarmSettings, now: RowsNow) -> AlarmChecks:
     craft, volts = now.analysis.model.airframe, now.analysis.track.voltage[now.rows]
-    cells = max(round(np.nan_to_num(craft.nominal_voltage) / CELL), 1)
+    cells = max(cell_count(craft), 1)
     cell = np.where(volts > 0.0, volts, np.nan) / cells
 
     def text(row: int, _: int) -> str:
