@@ -35,10 +35,8 @@ def main() -> None:
     view.seek(MOMENT_S)
     try:
         with open_page(view.url, width=1500, height=850) as page:
-            page.wait_for_selector('[data-gauge="worst"]')
+            page.wait_for_selector("[data-rotor]")
             page.wait_for_timeout(8000)
-            page.evaluate("document.querySelector('.mantine-Notification-closeButton')?.click()")
-            page.wait_for_timeout(1500)
             small_png(page.screenshot(), ROOT / "docs" / "view.png")
     finally:
         view.stop()

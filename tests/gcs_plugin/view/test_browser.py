@@ -237,7 +237,7 @@ def test_a_rotor_found_bad_is_the_first_line_and_has_its_mark(opened):
     view._faults, view._fault_times = [(20.0, (fault,))], np.array([20.0])
     view.seek(25.0)
     until(page, lambda: "Rotor 2" in page.inner_text("#tm-headline"))
-    assert page.get_attribute("#tm-first", "data-level") == "red"
+    assert page.get_attribute("#tm-head", "data-level") == "red"
     assert "Whole flight: ABOVE" in page.inner_text("#tm-because")
     until(page, lambda: page.get_by_text("!", exact=True).count() == 1)
     view.seek(10.0)

@@ -115,4 +115,4 @@ def test_a_page_whose_program_is_gone_says_so(opened):
     live, page = opened
     live.view.stop()
     says(page, "#tm-headline", "No connection for")
-    assert page.get_attribute("#tm-first", "data-level") == "red"
+    assert page.get_attribute("#tm-head", "data-level") == "red"

@@ -180,9 +180,9 @@ def listen(station: Any, ours: list[Any], ended: threading.Event) -> None:
 #: The worst rotor's margin and the tank level as a reader of the page sees them; null in the moment
 #: in which the page draws them anew.
 READ = """() => {
-  const shown = ['worst] .big', 'tank] .mid'].map(
-    (what) => document.querySelector('[data-gauge=' + what));
-  return shown.every(Boolean) ? shown.map((element) => element.innerText) : null;
+  const worst = document.querySelector('#tm-under')?.textContent.match(/: (-?[0-9]+ %)/);
+  const tank = document.querySelector('[data-card=tank] small');
+  return worst && tank ? [worst[1], tank.textContent.split(' at ')[0]] : null;
 }"""
 
 
