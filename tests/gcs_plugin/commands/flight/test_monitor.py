@@ -180,9 +180,9 @@ def listen(station: Any, ours: list[Any], ended: threading.Event) -> None:
 #: The worst rotor's margin and the tank level as a reader of the page sees them; null in the moment
 #: in which the page draws them anew.
 READ = """() => {
-  const worst = document.querySelector('#tm-under')?.textContent.match(/: (-?[0-9]+ %)/);
-  const tank = document.querySelector('[data-card=tank] small');
-  return worst && tank ? [worst[1], tank.textContent.split(' at ')[0]] : null;
+  const left = [...document.querySelectorAll('[data-left]')].map((one) => parseInt(one.textContent));
+  const tank = document.querySelector('[data-card=tank] small')?.textContent.split(' at ')[0];
+  return left.length && left.every(isFinite) && tank ? [`${Math.min(...left)} %`, tank] : null;
 }"""
 
 
