@@ -19,18 +19,11 @@ LIMIT_BYTES = 400_000
 def main() -> None:
     """Replay the bundled flight and photograph the page; then its report, where there is one."""
     from tests.browser import open_page
+    from thrustmargin.gcs_plugin.commands.flight.replay import replay_view
     from thrustmargin.gcs_plugin.commands.flight.report import report
-    from thrustmargin.gcs_plugin.logs import read_log
-    from thrustmargin.gcs_plugin.view.replay_view import ReplayView
-    from thrustmargin.models.model.analysis import analyse
     from thrustmargin.models.model.model_file import shipped_model
 
-    model = shipped_model()
-    flight = read_log(LOG, airframe=model.airframe)
-    analysis = analyse(flight.track, model)
-    view = ReplayView(
-        analysis, waypoints=flight.waypoints, messages=flight.messages, port=0, paused=True
-    )
+    view = replay_view(LOG, shipped_model(), port=0, paused=True)
     view.start()
     view.seek(MOMENT_S)
     try:
