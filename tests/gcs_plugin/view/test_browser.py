@@ -87,7 +87,7 @@ def show(page: Page, pane: str) -> None:
 def box_of(page: Page, selector: str) -> dict[str, float]:
     box = page.locator(selector).first.bounding_box()
     assert box, selector
-    return dict(box)
+    return {key: float(value) for key, value in box.items()}  # type: ignore[arg-type]
 
 
 def test_screen_one_has_what_to_do_the_aircraft_and_the_tank_at_every_size(opened, tmp_path):
