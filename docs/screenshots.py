@@ -19,26 +19,17 @@ LIMIT_BYTES = 400_000
 def main() -> None:
     """Replay the bundled flight and photograph the page; then its report, where there is one."""
     from tests.browser import open_page
+    from thrustmargin.gcs_plugin.commands.flight.replay import replay_view
     from thrustmargin.gcs_plugin.commands.flight.report import report
-    from thrustmargin.gcs_plugin.logs import read_log
-    from thrustmargin.gcs_plugin.view.replay_view import ReplayView
-    from thrustmargin.models.model.analysis import analyse
     from thrustmargin.models.model.model_file import shipped_model
 
-    model = shipped_model()
-    flight = read_log(LOG, airframe=model.airframe)
-    analysis = analyse(flight.track, model)
-    view = ReplayView(
-        analysis, waypoints=flight.waypoints, messages=flight.messages, port=0, paused=True
-    )
+    view = replay_view(LOG, shipped_model(), port=0, paused=True)
     view.start()
     view.seek(MOMENT_S)
     try:
         with open_page(view.url, width=1500, height=850) as page:
-            page.wait_for_selector('[data-gauge="worst"]')
+            page.wait_for_selector("[data-rotor]")
             page.wait_for_timeout(8000)
-            page.evaluate("document.querySelector('.mantine-Notification-closeButton')?.click()")
-            page.wait_for_timeout(1500)
             small_png(page.screenshot(), ROOT / "docs" / "view.png")
     finally:
         view.stop()

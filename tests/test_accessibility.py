@@ -61,10 +61,12 @@ def test_the_page_of_fills(tmp_path: Path):
 @pytest.mark.parametrize("width", [390, 1366])
 def test_the_live_page(width: int):
     with flying() as live, open_page(live.view.url, width=width) as page:
-        page.wait_for_selector("#tm-bar")
         live.fly(8.0, Vehicle(), rpm=2400)
-        page.wait_for_function("document.querySelector('#tm-alarm').textContent.includes('%')")
-        assert serious(page) == []
+        page.wait_for_function("document.querySelector('#tm-headline').textContent.includes('%')")
+        for pane in ("aircraft", "field", "charts", "alarms"):
+            page.evaluate(f"document.querySelector('#tm-tabs [data-pane={pane}]').click()")
+            page.wait_for_timeout(400)
+            assert serious(page) == []
 
 
 def test_the_replay():
@@ -72,9 +74,12 @@ def test_the_replay():
     view.start()
     try:
         with open_page(view.url, width=1366) as page:
-            page.wait_for_selector('[data-gauge="worst"]')
-            page.wait_for_function("document.querySelector('.tm-one') !== null")
+            page.wait_for_selector("[data-rotor]")
             page.wait_for_timeout(1500)
+            assert serious(page) == []
+            page.click("#tm-night")
+            page.click("#tm-tabs [data-pane=charts]")
+            page.wait_for_selector("#tm-drawn svg")
             assert serious(page) == []
     finally:
         view.stop()

@@ -1,29 +1,36 @@
-"""A flight replayed on the screen: one thread moves the scene, gauges, charts and controls.
+"""A flight replayed on the screen: one thread moves the scene by the replay's clock.
 
 It is the only one that draws. It ticks at a fixed rate and assigns to nodes that exist; the
-analysis was done before, and the browser's events only ask it for something.
+analysis was done before, and what the browser asks for only moves the clock or asks this thread.
 """
 
 from __future__ import annotations
 
 import logging
 import threading
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, Alarm
-from thrustmargin.gcs_plugin.view.figures.charts import RotorCharts, Speeds
-from thrustmargin.gcs_plugin.view.figures.controls import ReplayClock, ReplayControls
-from thrustmargin.gcs_plugin.view.figures.gauges import STYLE, gauges_html
-from thrustmargin.gcs_plugin.view.figures.live_html import Standing, alarms_html
-from thrustmargin.gcs_plugin.view.figures.pilot_bar import PilotBar
+from thrustmargin.gcs_plugin.live.watch.outlook import recorded_seconds_to_empty
+from thrustmargin.gcs_plugin.view.figures.charts import (
+    AHEAD,
+    WINDOW_S,
+    Speeds,
+    chart_images,
+    timeline_colours,
+)
+from thrustmargin.gcs_plugin.view.figures.replay_clock import SPEEDS, ReplayClock
+from thrustmargin.gcs_plugin.view.figures.screen import PageState, field_state, finite
+from thrustmargin.gcs_plugin.view.figures.standing import Standing, WholeFlight, first_line
 from thrustmargin.gcs_plugin.view.page.guard import LOOPBACK
-from thrustmargin.gcs_plugin.view.page.view_page import ViewPage, arrange, left_panel
+from thrustmargin.gcs_plugin.view.page.view_page import ViewPage
 from thrustmargin.gcs_plugin.view.scene.camera import Camera
 from thrustmargin.gcs_plugin.view.scene.overlays import Overlay, overlays_of, speed_overlay
-from thrustmargin.gcs_plugin.view.scene.scene import Scene
+from thrustmargin.gcs_plugin.view.scene.scene import Scene, row_hit
 from thrustmargin.gcs_plugin.view.scene.shown_row import (
     ShownRow,
     enu,
@@ -42,12 +49,11 @@ from thrustmargin.models.model.rotor_faults import fault_history
 
 if TYPE_CHECKING:
     import viser
+    from viser import SceneClickEvent
 
     from thrustmargin.gcs_plugin.logs import Waypoint
 
 TICK_HZ = 15.0
-#: Gauges and charts are drawn on every third and every fifth tick: people read no faster.
-GAUGE_TICKS, CHART_TICKS = 3, 5
 #: How long a message of the vehicle stays on the screen, s of the flight.
 MESSAGE_S = 10.0
 VEHICLE = "1"
@@ -63,7 +69,7 @@ class ReplayView(ViewPage):
     """The view of one analysed flight. `start` opens it, `stop` closes it; `url` is where it is.
 
     `waypoints` are the log's mission items and `messages` its texts with their time in s from the
-    first row; `verdict` is that of the whole flight, and its level; `overlays` are further ways to
+    first row; `whole` is the answer of the whole flight; `overlays` are further ways to
     colour the route, besides those of the analysis. After its end it rests on the worst moment.
     Raises DataError for a flight without rows, and LinkError from `start` when the port is taken.
     """
@@ -80,12 +86,19 @@ class ReplayView(ViewPage):
         token: str = "",
         speed: float = 1.0,
         paused: bool = False,
-        verdict: tuple[str, str] = ("", ""),
+        whole: WholeFlight | None = None,
     ) -> None:
-        self._standing = Standing(number=1)
-        self._bar = PilotBar(lambda: [self._standing], style=STYLE, recorded=True, verdict=verdict)
+        self._standing, self.whole = Standing(number=1), whole
+        self._screen = PageState(
+            lambda: [self._standing],
+            self._acts(),
+            more=self._replay_state,
+            charts=self._drawn_charts,
+            recorded=True,
+            timeline=timeline_colours(analysis),
+        )
         super().__init__(
-            "replay", host=host, port=port, token=token, every=1 / TICK_HZ, addition=self._bar
+            "replay", host=host, port=port, token=token, every=1 / TICK_HZ, addition=self._screen
         )
         track = analysis.track
         if track.time_s.size == 0:
@@ -115,7 +128,6 @@ class ReplayView(ViewPage):
             track.position_ned[self._flown],
             np.column_stack([o.values for o in self._overlays])[self._flown],
         )
-        self._ticks = 0
         worst = self._worst_row()
         rest = None if worst is None else self._time_of(worst)
         self.clock = ReplayClock(track.duration, speed=speed, paused=paused, rest=rest)
@@ -137,22 +149,9 @@ class ReplayView(ViewPage):
         self.ask(lambda: self._scene.set_camera(camera))
 
     def _build(self, server: viser.ViserServer) -> None:
-        gui, track = server.gui, self._analysis.track
-        arrange(gui, width=400)
-        with left_panel(gui).add_tab(words.MARGIN):
-            gui.add_html(STYLE)
-            self._gauges = gui.add_html("")
+        track = self._analysis.track
         self._scene = Scene(server)
-        self._controls = ReplayControls(
-            gui,
-            self.clock,
-            self._overlays,
-            self.ask,
-            on_overlay=self._recolour,
-            on_camera=self._scene.set_camera,
-            on_worst=self._to_worst,
-        )
-        self._charts = RotorCharts(gui, self._airframe, self._speeds)
+        server.scene.on_click()(self._clicked)
         ground = ground_height(track)
         self._scene.set_ground(enu(track.position_ned), ground)
         self._scene.set_field(sprayed_field(track.position_ned, track.spraying))
@@ -186,20 +185,59 @@ class ReplayView(ViewPage):
         self._alarms_pending = ""
 
     def _draw(self, *, hurry: bool) -> None:
+        del hurry
         time_s = self.clock.now()
         row = ShownRow(self._analysis, row_at(self._analysis.track.time_s, self._start_s + time_s))
         self._standing = self._standing_at(time_s, row)
-        faulty = self._standing.faulty
-        self._scene.show(VEHICLE, row, faulty=faulty)
-        if hurry or self._ticks % GAUGE_TICKS == 0:
-            title = f"{self._airframe.title} · {self._analysis.track.name}"
-            html = gauges_html(row, title, self._message_at(time_s), faulty=faulty)
-            self._gauges.content = alarms_html(1, [self._standing]) + html
-            self._controls.show(time_s)
-            self._scene.show_wind(row.track.wind_ned[row.row])
-        if hurry or self._ticks % CHART_TICKS == 0:
-            self._charts.show(self._start_s + time_s, self._speeds)
-        self._ticks += 1
+        self._scene.show(VEHICLE, row, faulty=self._standing.faulty)
+        self._scene.show_wind(row.track.wind_ned[row.row])
+
+    def _acts(self) -> dict[str, Callable[[str], None]]:
+        """What the page may ask for, each with the text that comes with it."""
+
+        def speed(text: str) -> None:
+            if float(text) not in SPEEDS:
+                raise ValueError(text)
+            self.clock.set_speed(float(text))
+
+        return {
+            "play": lambda _: self.clock.play(),
+            "pause": lambda _: self.clock.pause(),
+            "seek": lambda text: self.seek(finite(text)),
+            "speed": speed,
+            "worst": lambda _: self.ask(self._to_worst),
+            "colour": self.set_overlay,
+            "camera": lambda text: self.set_camera(Camera(text)),
+        }
+
+    def _replay_state(self) -> dict[str, Any]:
+        """What the page shows of a replay besides the aircraft."""
+        clock, worst = self.clock, self._worst_row()
+        return {
+            "verdict": "" if self.whole is None else self.whole.words,
+            "replay": {
+                "time": round(clock.now(), 2),
+                "duration": clock.duration,
+                "playing": clock.playing,
+                "ended": clock.ended,
+                "speed": clock.speed,
+                "speeds": SPEEDS,
+                "worst": None if worst is None else self._time_of(worst),
+            },
+            "field": field_state([o.name for o in self._overlays], self._overlay, self._scene),
+        }
+
+    def _drawn_charts(self, _number: int, _back_s: float) -> dict[str, Any]:
+        now_s = self._start_s + self.clock.now()
+        shown = {"window_s": WINDOW_S, "ahead": AHEAD}
+        return {"charts": chart_images(self._airframe, self._speeds, now_s, **shown)}
+
+    def _clicked(self, event: SceneClickEvent) -> None:
+        """Go to the time at which the aircraft was where the route was clicked on."""
+        origin, ray = self._scene.in_world(event.ray_origin, event.ray_direction)
+        row = row_hit(enu(self._analysis.track.position_ned), self._flown, origin, ray)
+        if row is not None:
+            self.seek(self._time_of(row))
 
     def _message_at(self, time_s: float) -> str:
         """The last message of the vehicle at `time_s`, unless it is old."""
@@ -213,14 +251,13 @@ class ReplayView(ViewPage):
         last = int(np.searchsorted(self._fault_times, self._start_s + time_s, side="right")) - 1
         faults = self._faults[last][1] if last >= 0 else ()
         names = {"propeller": "rotor", "motor": "motor"}
-        return Standing(
+        one = Standing(
             number=1,
-            margin=row.worst[0],
-            coloured=row.coloured_margin,
-            rests_on=row.rests_on,
-            flying=row.flying,
+            row=row,
+            seconds_to_empty=recorded_seconds_to_empty(row.track, row.row),
             problem="; ".join(self._analysis.claim.withheld),
             pending=self._alarms_pending,
+            message=self._message_at(time_s),
             alarms=tuple(
                 Alarm(
                     names[f.kind],
@@ -233,10 +270,11 @@ class ReplayView(ViewPage):
                 for f in faults
             ),
         )
+        headline, because, level = first_line(one, self.whole)
+        return replace(one, headline=headline, because=because, level=level)
 
     def _recolour(self, overlay: Overlay) -> None:
         self._overlay = overlay
-        self._controls.set_legend(overlay)
         route = self._trail.route
         points = np.stack([enu(route.start_ned), enu(route.end_ned)], axis=1)
         worst = route.worst(self._trail.values(self._overlays.index(overlay)), overlay.worst)

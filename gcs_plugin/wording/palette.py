@@ -8,13 +8,13 @@ residual's scale is dark in the middle, so that only what differs shines. Grey i
 All colours here are those on the screen. viser draws lines, and the instances of a batched mesh,
 through three.js's filmic tone mapping: a colour sent is not the colour seen, (0, 255, 0) shows as
 (147, 228, 89). `sent_for` inverts that, so that a line shows the palette's own colour to within 4
-of 255 and the legend can be plain HTML. A mesh shows the same under ambient light of strength pi.
+of 255 and a legend can show them plainly. A mesh shows the same under ambient light of strength pi.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from html import escape
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -94,7 +94,7 @@ LOAD = ColourScale(
 ENOUGH = 0.5  # of the thrust left, where the colours of a margin turn
 MARGIN = replace(
     LOAD,
-    title="Thrust margin, worst rotor",
+    title="Thrust left, worst rotor",
     stops=_two_sided(0.0, ENOUGH, 1.0, BAD[::-1], GOOD[::-1]),
 )
 REDUNDANCY = ColourScale(
@@ -132,37 +132,28 @@ def ink_on(paper: ArrayLike) -> str:
     share = np.asarray(paper, dtype=np.float64) / 255
     linear = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     luminance = float(linear @ np.array([0.2126, 0.7152, 0.0722]))
-    return "#fff" if 1.05 / (luminance + 0.05) > (luminance + 0.05) / 0.05 else "#111"
+    # Pure black: with any lighter one some colour would have neither ink at a contrast of 4.5.
+    return "#fff" if 1.05 / (luminance + 0.05) > (luminance + 0.05) / 0.05 else "#000"
 
 
-def legend_html(scale: ColourScale, note: str = "") -> str:
-    """The scale as a bar with its marks, the no-data grey, and a note; safe for any text."""
+def legend(scale: ColourScale, note: str = "") -> dict[str, Any]:
+    """The scale as data for a page: places are percent of its length, texts are to be escaped.
+
+    `jumps` are where its colours change at once; `note` says what the values rest on.
+    """
 
     def place(value: float) -> float:
-        return round(100 * (value - scale.low) / (scale.high - scale.low), 6)
+        return round(100 * (value - scale.low) / (scale.high - scale.low), 1)
 
-    stops = ", ".join(f"{css(c)} {place(s):.1f}%" for s, c in scale.stops)
-    marks = "".join(
-        f'<span style="position:absolute;white-space:nowrap;left:{place(v):.1f}%;'
-        f'transform:translateX({-place(v) if place(v) in (0, 100) else -50:.0f}%)">'
-        f"{escape(text)}</span>"
-        for v, text in scale.marks
-    )
-    jumps = [a for (a, _), (b, _) in zip(scale.stops, scale.stops[1:], strict=False) if a == b]
-    ticks = "".join(
-        f'<i style="position:absolute;left:{place(v):.1f}%;top:-4px;bottom:-4px;width:3px;'
-        f'margin-left:-1px;background:{css(INK)}"></i>'
-        for v in jumps
-    )
-    return (
-        f'<div class="tm-legend" style="color:{css(INK)};font:600 13px system-ui;margin:2px 10px">'
-        f"<div>{escape(scale.title)}{f' ({escape(note)})' if note else ''}</div>"
-        f'<div style="position:relative;height:18px;margin:6px 0 4px;'
-        f'background:linear-gradient(90deg,{stops})">{ticks}</div>'
-        f'<div style="position:relative;height:18px">{marks}</div>'
-        f'<div style="margin-top:4px;font-weight:500"><i style="display:inline-block;width:28px;'
-        f'height:10px;background:{css(NO_DATA)};margin-right:6px"></i>no data</div></div>'
-    )
+    return {
+        "stops": [[css(colour), place(value)] for value, colour in scale.stops],
+        "marks": [[place(value), text] for value, text in scale.marks],
+        "jumps": [
+            place(a) for (a, _), (b, _) in zip(scale.stops, scale.stops[1:], strict=False) if a == b
+        ],
+        "unknown": css(NO_DATA),
+        "note": note,
+    }
 
 
 # three.js ACESFilmicToneMapping: Stephen Hill's fit of the ACES RRT and ODT, exposure 1 / 0.6.

@@ -237,8 +237,7 @@ WATCH = """() => {
   window.seen = [];
   let last = '';
   const look = () => {
-    const box = document.querySelector('[data-gauge="worst"]');
-    const colour = box ? getComputedStyle(box).backgroundColor : '';
+    const colour = document.querySelector('[data-rotor="1"]')?.getAttribute('fill') ?? last;
     if (colour !== last) { last = colour; window.seen.push(Date.now()); }
   };
   new MutationObserver(look).observe(document.body, {subtree: true, childList: true,

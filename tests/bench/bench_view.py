@@ -54,7 +54,7 @@ def test_from_a_seek_to_the_changed_gauge_in_a_browser(benchmark, view):
     del benchmark
     view.clock.pause()
     with open_page(view.url, width=1500, height=850) as page:
-        page.wait_for_selector('[data-gauge="worst"]')
+        page.wait_for_selector("[data-rotor]")
         page.wait_for_timeout(3000)
         waits = []
         for time_s in np.linspace(2, 38, 30):
@@ -63,7 +63,7 @@ def test_from_a_seek_to_the_changed_gauge_in_a_browser(benchmark, view):
             track = view._analysis.track
             words = f"{track.tank_kg[row_at(track.time_s, time_s)]:.1f} kg"
             page.wait_for_function(
-                "w => document.querySelector('[data-gauge=tank]').innerText.includes(w)", arg=words
+                "w => document.querySelector('[data-card=tank]').innerText.includes(w)", arg=words
             )
             waits.append(1e3 * (time.perf_counter() - begun))
     print(f"\nseek to changed gauge: median {np.median(waits):.0f} ms, worst {max(waits):.0f} ms")
@@ -92,19 +92,19 @@ def test_an_hour_of_flight_first_picture_and_another_colour(benchmark):
             took["built"] = time.monotonic() - began
             try:
                 page.goto(long.url)
-                page.wait_for_selector('[data-gauge="worst"]')
+                page.wait_for_selector("[data-rotor]")
                 page.wait_for_function(DRAWN)
                 took["picture"] = time.monotonic() - began
                 page.wait_for_function("window.scenes.length", polling=50)
                 took["scene"] = page.evaluate("window.scenes[0][1]") / 1e3 - began_at
                 page.wait_for_timeout(3000)
                 page.evaluate(WATCH)
-                for name in ("Redundancy", "Load") * 10:
+                for name in ("Redundancy", "Thrust left") * 10:
                     page.evaluate("window.changed = null; window.scenes = []")
                     asked = time.time()
                     long.set_overlay(name)
                     page.wait_for_function("window.changed && window.changed[1]", polling=100)
-                    assert LEGENDS[name] in page.inner_text(".tm-legend")
+                    assert LEGENDS[name] in page.inner_text("#tm-legend")
                     times = page.evaluate("window.changed")
                     legend.append(times[0] / 1e3 - asked)
                     drawn.append(times[1] / 1e3 - asked)
@@ -168,13 +168,13 @@ def test_an_hour_of_flight_from_the_command_to_its_picture(benchmark, tmp_path):
 
 
 ALARMS_KNOWN = (
-    "() => !/still being looked for/.test(document.querySelector('#tm-alarm')?.textContent)"
+    "() => !/still being looked for/.test(document.querySelector('#tm-because')?.textContent)"
 )
-LEGENDS = {"Redundancy": "thrust that can still be held", "Load": "Load:"}
+LEGENDS = {"Redundancy": "descends", "Thrust left": "50 % limit"}
 WATCH = """() => {
-  let last = document.querySelector('.tm-legend').textContent;
+  let last = document.querySelector('#tm-legend').textContent;
   new MutationObserver(() => {
-    const now = document.querySelector('.tm-legend')?.textContent;
+    const now = document.querySelector('#tm-legend')?.textContent;
     if (!now || now === last) return;
     last = now;
     const changed = window.changed = [Date.now(), 0];
@@ -214,7 +214,7 @@ FRAMES = """() => new Promise(done => {
     if (s < 4) requestAnimationFrame(count); else done(frames / s); };
   requestAnimationFrame(count);
 })"""
-DRAWN = "() => document.querySelector('canvas') && document.querySelector('.tm-one')"
+DRAWN = "() => document.querySelector('canvas') && document.querySelector('[data-rotor]')"
 
 
 TILED = (

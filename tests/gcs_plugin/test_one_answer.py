@@ -42,7 +42,8 @@ def test_report_page_json_console_replay_store_and_python_agree(
     assert first in shown
     assert plain(do[:1].upper() + do[1:]) in shown
     view = replay_view(path, shipped_model(), given=False, port=0, paused=True)
-    assert view._bar.state()["verdict"] == first
+    assert view.whole is not None
+    assert (view.whole.words, view.whole.action) == (first, do)
     (stored,) = season_flights(path, "0" * 16, IngestSettings(store=""), name=path.name)
     assert stored.summary["verdict"] == verdict["level"]
     assert stored.summary["verdict_reason"] == first

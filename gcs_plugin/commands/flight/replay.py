@@ -99,9 +99,10 @@ def replay_view(
     from thrustmargin.gcs_plugin.commands.shared.inputs import log_lines, read_flights
     from thrustmargin.gcs_plugin.logs.findings import names_known, names_wrong, repeated
     from thrustmargin.gcs_plugin.logs.inspection import inspect_log
+    from thrustmargin.gcs_plugin.view.figures.standing import WholeFlight
     from thrustmargin.gcs_plugin.view.replay_view import ReplayView
     from thrustmargin.gcs_plugin.view.scene.overlays import before_and_after
-    from thrustmargin.gcs_plugin.wording.advice_words import headline
+    from thrustmargin.gcs_plugin.wording.advice_words import action, headline
     from thrustmargin.models.model.advice import advise
     from thrustmargin.models.model.analysis import analyse, for_verdict
 
@@ -135,6 +136,6 @@ def replay_view(
         waypoints=flight.waypoints,
         messages=(*flight.messages, *dated),
         overlays=() if older is None else before_and_after(older, analysis),
-        verdict=(words, answer.level),
+        whole=WholeFlight(words, answer.level, action(answer)),
         **options,
     )

@@ -185,6 +185,19 @@ class LookAhead:
         return forecast(legs, self._model, conditions)
 
 
+def recorded_seconds_to_empty(track: FlightTrack, row: int) -> float:
+    """s until the tank of a recorded flight is empty, as it fell in the window before a row."""
+    time_s = track.time_s
+    first = int(np.searchsorted(time_s, time_s[row] - FLOW_WINDOW))
+    levels = np.column_stack([time_s[first : row + 1], track.tank_kg[first : row + 1]])
+    levels = levels[np.isfinite(levels[:, 1])]
+    if len(levels) < 2 or levels[-1, 0] - levels[0, 0] <= 0.8 * FLOW_WINDOW:
+        return math.nan
+    error = track.standard_errors.get("tank_kg")
+    scatter = 0.0 if error is None else float(np.nan_to_num(error[row]))
+    return _seconds_to_empty(float(levels[-1, 1]), _fall(levels, scatter))
+
+
 def _fall(levels: Floats, error: float) -> float:
     """kg/s by which levels (N, 2), clock s and kg, fall on a line; NaN where they surely do not."""
     time_s, kg = levels.T - levels.mean(axis=0)[:, None]

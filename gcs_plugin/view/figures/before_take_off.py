@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from html import escape
 
 from thrustmargin.gcs_plugin.wording import view_words as words
 from thrustmargin.gcs_plugin.wording.fill_words import fill_advice
@@ -25,18 +24,18 @@ class FillAdvice:
     def __init__(self, limit: float) -> None:
         self._limit = limit  # share of a rotor's maximum thrust that may be in use
         self._known: tuple[object, float] | None = None
-        self._html = ""
+        self._text = ""
 
-    def html(self, analysis: FlightAnalysis) -> str:
-        """Empty in flight, and where no airframe is claimed or no air is known."""
+    def text(self, analysis: FlightAnalysis) -> str:
+        """In words; empty in flight, and where no airframe is claimed or no air is known."""
         model, density = analysis.model, float(analysis.density[-1])
         if analysis.track.flying[-1] or analysis.withheld or not math.isfinite(density):
             return ""
         known = self._known
         if known is None or known[0] is not model or abs(density / known[1] - 1.0) > CHANGE:
             self._known = (model, density)
-            self._html = self._made(analysis, density)
-        return self._html
+            self._text = self._made(analysis, density)
+        return self._text
 
     def _made(self, analysis: FlightAnalysis, density: float) -> str:
         model = analysis.model
@@ -45,8 +44,4 @@ class FillAdvice:
         fill = before_take_off(fills, flown_airframe(model))
         advice = fill_advice(fill, self._limit)
         rests = words.fill_rests_on(density, analysis.density_basis, volts, AIRSPEED)
-        return (
-            f'<div class="tm"><div class="box" data-gauge="fill"><div class="cap">{words.BEFORE}'
-            f'</div><div class="txt"><b>{escape(advice)}.</b></div>'
-            f'<div class="small">{escape(rests)}</div></div></div>'
-        )
+        return f"{advice}. {rests}"

@@ -1,34 +1,21 @@
-"""Predicted and measured rotor speed, one chart a rotor, over a window around now.
-
-uPlot draws them in the browser without any network. The line of now is one more series of each
-chart, so that a tick is one assignment of arrays.
-"""
+"""What a flight looks like over time: rotor speeds around now, and the timeline of all of it."""
 
 from __future__ import annotations
 
-from html import escape
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from thrustmargin.gcs_plugin.wording import view_words as words
+from thrustmargin.gcs_plugin.wording import palette as colours
 from thrustmargin.models.flight import Bools, Floats
-from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
 from thrustmargin.models.physics.airframe import Airframe
 
-if TYPE_CHECKING:
-    from viser import GuiApi
-
-WINDOW_S = 40.0
-#: Share of the window that lies ahead of now in a replay.
-AHEAD = 0.25
+#: s of a chart's window in a replay, the share of it that lies ahead of now, and s of a live one.
+WINDOW_S, AHEAD, LIVE_WINDOW_S = 40.0, 0.25, 120.0
 POINTS = 240
-PIXELS, AXIS_PIXELS = 74, 22
-#: With more than four rotors, so that more of the charts fit on a screen.
-SMALL_PIXELS = 46
-FONT = "600 12px system-ui"
-MEASURED_INK, PREDICTED_INK, NOW_INK = "#111111", "#d05a00", "#c8146e"
-BAND = "rgba(236,150,35,0.35)"
+STRETCHES = 160  # of the timeline: two pixels each on a phone
+WIDE, HIGH = 400, 100  # units of a drawing, which the page stretches
 
 
 class Speeds(NamedTuple):
@@ -54,84 +41,55 @@ class Speeds(NamedTuple):
         return Speeds(clock_s[chosen], *bounds, *speeds, self.flying[chosen])
 
 
-class RotorCharts:
-    """R small charts in the current GUI container, with `ahead` of `window_s` s after now."""
+def chart_images(
+    airframe: Airframe, speeds: Speeds, now_s: float, *, window_s: float, ahead: float
+) -> list[dict[str, Any]]:
+    """One drawing a rotor, R in all: its number, place, and an SVG of numbers alone.
 
-    def __init__(
-        self,
-        gui: GuiApi,
-        airframe: Airframe,
-        speeds: Speeds,
-        *,
-        window_s: float = WINDOW_S,
-        ahead: float = AHEAD,
-    ) -> None:
-        from viser import uplot
+    `ahead` of the window of `window_s` s is after `now_s`; ink is left to the page's style.
+    """
+    start_s = now_s - (1 - ahead) * window_s
+    limits = speed_range(speeds)
+    data = chart_data(speeds, start_s, start_s + window_s, now_s, limits)
+    return [
+        {"number": i + 1, "place": airframe.rotor_names[i], "svg": _svg(lines, limits)}
+        for i, lines in enumerate(data)
+    ]
 
-        series = (
-            uplot.Series(label=words.TIME.lower()),
-            uplot.Series(show=True, width=0),
-            uplot.Series(show=True, width=0),
-            uplot.Series(label="predicted", stroke=PREDICTED_INK, width=2),
-            uplot.Series(label="measured", stroke=MEASURED_INK, width=1.6),
-            uplot.Series(label="now", stroke=NOW_INK, width=3),
-        )
-        low, high = speed_range(speeds)
-        self._range = (low, high)
-        self._window_s, self._ahead = window_s, ahead
-        self._shown = float(speeds.time_s[0])
-        self._charts = []
-        if not airframe.rotor_count:
-            return
-        gui.add_html(
-            '<div style="font:600 13px system-ui;color:#111;margin:0 10px">'
-            f'<b style="color:{MEASURED_INK}">&#9644;</b> measured &nbsp; '
-            f'<b style="color:{PREDICTED_INK}">&#9644;</b> {words.PREDICTED_WITHIN}</div>'
-        )
-        data = self._data(self._shown, speeds)
-        last = airframe.rotor_count - 1
-        height = PIXELS if airframe.rotor_count <= 4 else SMALL_PIXELS
-        for i in range(airframe.rotor_count):
-            gui.add_html(
-                '<div style="font:700 13px system-ui;color:#111;margin:0 10px -8px">'
-                f"{i + 1} {escape(airframe.rotor_names[i])}</div>"
-            )
-            chart = gui.add_uplot(
-                data[i],
-                series,
-                bands=(uplot.Band(series=(2, 1), fill=BAND),),
-                scales={"x": uplot.Scale(time=False), "y": uplot.Scale(range=(low, high))},
-                axes=(
-                    uplot.Axis(show=i == last, stroke="#111", size=AXIS_PIXELS, font=FONT, gap=2),
-                    uplot.Axis(stroke="#111", size=56, font=FONT, space=18, gap=2),
-                ),
-                legend=uplot.Legend(show=False),
-                cursor=uplot.Cursor(show=False),
-                height=height + (AXIS_PIXELS if i == last else 0),
-                padding=(6, 10, 4, 0),
-            )
-            self._charts.append(chart)
 
-    def show(self, time_s: float, speeds: Speeds) -> None:
-        """Move the window so that `time_s` is at the line of now; the range only grows."""
-        if time_s == self._shown:
-            return
-        self._shown = time_s
-        low, high = speed_range(speeds)
-        grown = (min(low, self._range[0]), max(high, self._range[1]))
-        from viser import uplot
+def _svg(lines: tuple[Floats, ...], limits: tuple[float, float]) -> str:
+    """One rotor's interval, prediction, measurement and line of now."""
+    times, lower, upper, predicted, measured, now = lines
+    low, high = limits
+    across = (times - times[0]) / max(times[-1] - times[0], 1e-9) * WIDE
 
-        scales = {"x": uplot.Scale(time=False), "y": uplot.Scale(range=grown)}
-        for chart, data in zip(self._charts, self._data(time_s, speeds), strict=True):
-            chart.data = data
-            if grown != self._range:
-                chart.scales = scales
-        self._range = grown
+    def path(values: Floats, back: Floats | None = None) -> str:
+        """Lines with gaps where a value is unknown; with `back` the areas between the two."""
+        drawn = np.isfinite(values) if back is None else np.isfinite(values) & np.isfinite(back)
+        parts = []
+        for run in np.split(np.arange(times.size), np.flatnonzero(np.diff(drawn)) + 1):
+            if not drawn[run[0]]:
+                continue
+            there = _points(across[run], values[run], low, high)
+            if back is None:
+                parts.append(f"M{' '.join(there)}")
+            else:
+                again = _points(across[run][::-1], back[run][::-1], low, high)
+                parts.append(f"M{' '.join(there + again)}Z")
+        return "".join(parts)
 
-    def _data(self, time_s: float, speeds: Speeds) -> list[tuple[Floats, ...]]:
-        start = time_s - (1 - self._ahead) * self._window_s
-        end = time_s + self._ahead * self._window_s
-        return chart_data(speeds, start, end, time_s, self._range)
+    return (
+        f'<svg viewBox="0 0 {WIDE} {HIGH}" preserveAspectRatio="none" aria-hidden="true">'
+        f'<path class="band" d="{path(lower, upper)}"/><path class="now" d="{path(now)}"/>'
+        f'<path class="predicted" d="{path(predicted)}"/>'
+        f'<path class="measured" d="{path(measured)}"/></svg>'
+        f"<span>{high:.0f}</span><span>{low:.0f}</span>"
+    )
+
+
+def _points(across: Floats, values: Floats, low: float, high: float) -> list[str]:
+    up = HIGH * (1.0 - (values - low) / (high - low))
+    return [f"{x:.1f},{y:.1f}" for x, y in zip(across, up, strict=True)]
 
 
 def speed_range(given: Speeds) -> tuple[float, float]:
@@ -177,3 +135,20 @@ def chart_data(
         (times, *(column(values[:, i]) for values in lines), now)
         for i in range(speeds.measured.shape[1])
     ]
+
+
+def timeline_colours(analysis: FlightAnalysis) -> list[str]:
+    """One colour a stretch of time, by the least thrust left in it.
+
+    In order of time, all of one length; grey on the ground and where nothing is known.
+    """
+    time_s = analysis.track.time_s
+    use, _ = worst_rotor(analysis.known_utilisation)
+    left = np.where(analysis.track.flying, 1.0 - use, np.nan)
+    if time_s.size < 2:
+        return [colours.css(colours.MARGIN.screen(np.nan))]
+    count = min(STRETCHES, time_s.size)
+    ends = np.linspace(time_s[0], time_s[-1], count + 1)[1:-1]
+    parts = np.split(left, np.searchsorted(time_s, ends))
+    least = [np.nanmin(part) if np.isfinite(part).any() else np.nan for part in parts]
+    return [colours.css(colour) for colour in colours.MARGIN.screen(least)]

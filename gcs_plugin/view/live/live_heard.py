@@ -17,7 +17,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.watch.update import Update
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor
-from thrustmargin.gcs_plugin.view.figures.live_html import Standing
+from thrustmargin.gcs_plugin.view.figures.standing import Standing, first_line
 from thrustmargin.gcs_plugin.view.live.live_history import LiveHistory
 from thrustmargin.gcs_plugin.view.scene.overlays import Overlay, overlays_of
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
@@ -57,7 +57,9 @@ class Heard:
         if watch is None or one.update is None:
             return one
         age = max(now_us - int(one.update.stamp_us[-1]), 0) * 1e-6
-        return replace(one, age=age, silent=watch.silent(now_us))
+        aged = replace(one, age=age, silent=watch.silent(now_us))
+        headline, because, level = first_line(aged)
+        return replace(aged, headline=headline, because=because, level=level)
 
     def update(self, update: Update) -> None:
         """New rows of one aircraft."""
@@ -70,16 +72,13 @@ class Heard:
         )
         self.history[number].add(update)
         self.overlays = overlays
-        row = ShownRow(update.analysis, -1)
+        before = self._standing.get(number) or Standing(number=number)
         self._put(
             replace(
-                self._standing.get(number) or Standing(number=number),
+                before,
+                row=ShownRow(update.analysis, -1),
                 update=update,
-                margin=row.worst[0],
-                coloured=row.coloured_margin,
-                rests_on=row.rests_on,
-                tank_kg=float(track.tank_kg[-1]),
-                flying=bool(track.flying[-1]),
+                seconds_to_empty=update.outlook.seconds_to_empty,
             )
         )
         self.wake.set()
@@ -108,4 +107,6 @@ class Heard:
                 self.wake.set()
 
     def _put(self, one: Standing) -> None:
+        headline, because, level = first_line(one)
+        one = replace(one, headline=headline, because=because, level=level)
         self._standing = {**self._standing, one.number: one}

@@ -27,7 +27,6 @@ from thrustmargin.models.errors import DataError
 if TYPE_CHECKING:
     import viser
 
-WIDTH = 370  # of the panel on the left, with the gauges
 FASTEST = 0.04  # s between two drawings
 _log = logging.getLogger(__name__)
 
@@ -81,6 +80,8 @@ class ViewPage(ABC):
         self._server = guarded_server(
             host=self._host, port=self._port, addition=self._addition, door=door
         )
+        # The page has its own controls; viser's panel is what its settings button shows.
+        self._server.gui.configure_theme(show_logo=False, show_share_button=False)
         self._build(self._server)
         self._thread = threading.Thread(
             target=self._run, args=(self._server,), name=f"{self._what}-page", daemon=True
@@ -131,23 +132,6 @@ class ViewPage(ABC):
             took = time.perf_counter() - begun
             self.draw_seconds.append(took)
             self._stopping.wait(max(FASTEST - took, 0.0))
-
-
-def arrange(gui: viser.GuiApi, *, width: int) -> None:
-    """The project's colours, and the controls on the right, `width` pixels wide."""
-    gui.configure_theme(
-        dark_mode=False, show_logo=False, show_share_button=False, brand_color=(14, 66, 150)
-    )
-    gui.main_panel.dock_right()
-    gui.main_panel.set_width(width)
-
-
-def left_panel(gui: viser.GuiApi) -> viser.PanelHandle:
-    """The panel on the left, for the gauges."""
-    panel = gui.add_panel()
-    panel.dock_left()
-    panel.set_width(WIDTH)
-    return panel
 
 
 def _open_browser(url: str) -> None:

@@ -53,9 +53,9 @@ class Overlay:
 
 
 def overlays_of(analysis: FlightAnalysis) -> tuple[Overlay, ...]:
-    """Load, margin, redundancy and residual of an analysis, in the order of the switch.
+    """Thrust left, redundancy and residual of an analysis, in the order of the switch.
 
-    Where no rotor was measured the predicted load stands in, and the note says for how much.
+    Where no rotor was measured the prediction stands in, and the note says for how much.
     """
     use = analysis.known_utilisation
     load, rotor = worst_rotor(use)
@@ -64,9 +64,8 @@ def overlays_of(analysis: FlightAnalysis) -> tuple[Overlay, ...]:
     limit = residual_limit(residual, analysis.track.flying)
     vehicle = np.full(load.size, np.nan)
     return (
-        Overlay(name="Load", values=load, scale=colours.LOAD, worst="max", rotor=rotor, note=note),
         Overlay(
-            name=words.MARGIN,
+            name=words.THRUST_LEFT,
             values=1.0 - load,
             scale=colours.MARGIN,
             worst="min",

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import shapely
+from scipy.spatial.transform import Rotation
 
 from thrustmargin.gcs_plugin.view.scene.aircraft import VehicleNode
 from thrustmargin.gcs_plugin.view.scene.camera import (
@@ -28,7 +29,7 @@ from thrustmargin.gcs_plugin.view.scene.surroundings import Surroundings
 from thrustmargin.gcs_plugin.wording import view_words as words
 from thrustmargin.gcs_plugin.wording.palette import ColourScale, Rgb, line_colours, sent_for
 from thrustmargin.mission.field import Field
-from thrustmargin.models.flight import Floats
+from thrustmargin.models.flight import Bools, Floats
 from thrustmargin.models.physics.airframe import Airframe
 
 PinAnchor = Literal["bottom-left", "bottom-center", "bottom-right"]
@@ -43,6 +44,7 @@ GROUND_GREEN = (150, 200, 120)
 FIELD_GREEN = (60, 120, 50)
 PLAN_GREY = (110, 110, 110)
 PIN = (200, 20, 110)
+HIT = np.radians(2.0)  # from the route, within which a click is of it
 
 
 class Scene:
@@ -72,7 +74,8 @@ class Scene:
             visible=False,
         )
         self.surroundings = Surroundings(self._api)
-        self._camera = Camera.FIELD
+        self.camera = Camera.FIELD
+        self._pinned = self._covered = False
         self._low, self._high = np.full(3, -20.0), np.full(3, 20.0)  # m, corners of all shown
         self._ground = 0.0  # m, up
         self._held: Floats | None = None  # (2, 3) m, what `hold` fitted the ground to
@@ -193,13 +196,25 @@ class Scene:
     def set_pin(self, position_enu: Floats, text: str) -> None:
         """Put `text` at a place, m; without a place (NaN) there is no pin."""
         placed = bool(np.all(np.isfinite(position_enu)))
-        self._pin.visible = self._pin_point.visible = placed
+        self._pinned = placed
+        self._show_pin()
         if placed:
             self._pin.text = text
             self._pin.anchor = pin_anchor(position_enu[0], self._low[0], self._high[0])
             self._pin.position = position_enu + np.array([0.0, 0.0, 0.04 * self._extent])
             self._pin_point.position = position_enu
             self._pin_point.point_size = 0.03 * self._extent
+
+    def _show_pin(self) -> None:
+        """Only over the whole field and away from the aircraft, of which it would hide a rotor."""
+        visible = self._pinned and self.camera is Camera.FIELD and not self._covered
+        self._pin.visible = self._pin_point.visible = visible
+
+    def in_world(self, origin: Sequence[float], ray: Sequence[float]) -> tuple[Floats, Floats]:
+        """(3,) origin, m, and direction of a ray of the page as the world has them, which moves."""
+        w, *xyz = self._world.wxyz
+        turn = Rotation.from_quat([*xyz, w]).inv()
+        return turn.apply(np.asarray(origin) - self._world.position), turn.apply(np.asarray(ray))
 
     def add_vehicle(self, key: str, airframe: Airframe) -> None:
         """Add an aircraft; `key` is the name that `show` takes."""
@@ -221,7 +236,13 @@ class Scene:
         have no colour.
         """
         self._vehicles[key].show(row, faulty, old=old)
-        if focus and self._camera is not Camera.FIELD:
+        if focus:
+            away = np.linalg.norm(row.position_enu - self._pin_point.position)
+            covered = bool(away < 2.0 * self._vehicles[key].drawn_arm)
+            if covered != self._covered:
+                self._covered = covered
+                self._show_pin()
+        if focus and self.camera is not Camera.FIELD:
             self._centre_on(row.position_enu, row.wxyz)
 
     def show_wind(self, wind_ned: Floats) -> None:
@@ -239,7 +260,8 @@ class Scene:
 
     def set_camera(self, camera: Camera) -> None:
         """Look at the whole field, or follow the aircraft. Every open page is turned to it."""
-        self._camera = camera
+        self.camera = camera
+        self._show_pin()
         self._rescale()
         if camera is Camera.FIELD:
             self._world.position = np.zeros(3)
@@ -250,7 +272,7 @@ class Scene:
         """Move the world so that the aircraft is in the origin (nose ahead: pointing north)."""
         if not np.all(np.isfinite(position_enu)):
             return
-        ahead = self._camera is Camera.CHASE and bool(np.all(np.isfinite(wxyz)))
+        ahead = self.camera is Camera.CHASE and bool(np.all(np.isfinite(wxyz)))
         turn, self._world.wxyz = nose_north(wxyz) if ahead else (np.eye(3), NO_TURN)
         self._world.position = -turn @ position_enu
 
@@ -258,9 +280,9 @@ class Scene:
         note = [words.grid_words(self._cell)]
         for vehicle in self._vehicles.values():
             scale = 1.0
-            if self._camera is Camera.FIELD:
+            if self.camera is Camera.FIELD:
                 scale = max(OVERVIEW_SHARE * self._extent / vehicle.arm, 1.0)
-            vehicle.set_scale(scale, detailed=self._camera is not Camera.FIELD)
+            vehicle.set_scale(scale, detailed=self.camera is not Camera.FIELD)
             note.append(words.drawn_larger(scale))
         self._note.text = ", ".join(dict.fromkeys(note))
 
@@ -279,7 +301,7 @@ class Scene:
         def refit(camera: CameraHandle) -> None:
             if abs(camera.aspect / fitted[0] - 1) > 0.05:
                 fitted[0] = camera.aspect
-                if self._camera is Camera.FIELD:
+                if self.camera is Camera.FIELD:
                     self._aim(client)
 
         client.camera.on_update(refit)
@@ -293,7 +315,7 @@ class Scene:
 
     def _view(self, aspect: float) -> tuple[Floats, Floats]:
         """Camera position and look-at point; `aspect` is the picture's width over its height."""
-        if self._camera is Camera.FIELD:
+        if self.camera is Camera.FIELD:
             return overview(self._low, self._high, aspect)
         arm = max((v.arm for v in self._vehicles.values()), default=1.0)
         return behind(arm)
@@ -307,6 +329,21 @@ class Scene:
             thickness=pixels,
             thickness_units="screen",
         )
+
+
+def row_hit(points_enu: Floats, among: Bools, origin: Floats, ray: Floats) -> int | None:
+    """The row of (T, 3) points, m, of those `among`, that a ray from `origin` passes nearest to.
+
+    None where it passes none within two degrees, a finger's width on a phone.
+    """
+    away = points_enu - origin
+    ray = ray / np.linalg.norm(ray)
+    ahead = away @ ray
+    beside = np.linalg.norm(away - ahead[:, None] * ray, axis=1)
+    slope = np.where(among & (ahead > 0.0), beside / np.maximum(ahead, 1e-9), np.inf)
+    slope = np.where(np.isfinite(slope), slope, np.inf)
+    row = int(np.argmin(slope))
+    return row if slope[row] < np.tan(HIT) else None
 
 
 def grid_cell(extent: float) -> float:

@@ -117,14 +117,27 @@ class ShownRow:
         return low if sure or low < MARGIN_LIMIT else float("nan")
 
     @property
-    def rests_on(self) -> str:
-        """What the worst margin rests on, in words; why there is none where it is unknown."""
+    def redundancy(self) -> tuple[float, float, float]:
+        """Thrust held over weight with one rotor lost, yaw uncontrolled, and its interval (90 %).
+
+        NaN where unknown.
+        """
+        free = float(self.analysis.redundancy_yaw_uncontrolled[self.row])
+        error = float(np.nan_to_num(self.analysis.redundancy_error[self.row]))
+        reach = float(np.exp(INTERVAL * error))
+        return free, free / reach, free * reach
+
+    @property
+    def survives(self) -> bool:
+        """Nothing says that the loss of one rotor would bring it down."""
+        return not self.redundancy[1] < 1.0
+
+    @property
+    def why_unknown(self) -> str:
+        """In words, why there is no worst margin; empty where there is one."""
         if self.analysis.withheld:
             return self.analysis.withheld[0]
-        rotor = self.worst[1]
-        if rotor is None:
-            return words.NOTHING_KNOWN
-        return words.margin_rests(self.basis(rotor), self.reach, self.unmeasured)
+        return words.NOTHING_KNOWN if self.worst[1] is None else ""
 
 
 def ground_height(track: FlightTrack) -> float:

@@ -9,7 +9,7 @@ import pytest
 from tests.browser import open_page
 from tests.gcs_plugin.view.view_flight import flight
 from thrustmargin.gcs_plugin.view import replay_view
-from thrustmargin.gcs_plugin.view.figures.live_html import GREY, VERDICT_PAPER
+from thrustmargin.gcs_plugin.view.figures.standing import WholeFlight
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
 from thrustmargin.gcs_plugin.wording.view_words import ALARMS_SOUGHT, ALARMS_UNKNOWN
 from thrustmargin.models.model.fault_test import RotorFault
@@ -35,7 +35,7 @@ def search(monkeypatch) -> threading.Event:
 
 @pytest.fixture
 def view(search):
-    view = ReplayView(flight(), port=0, paused=True, verdict=("Enough thrust", "under"))
+    view = ReplayView(flight(), port=0, paused=True, whole=WholeFlight("Enough thrust", "under"))
     view.start()
     view.seek(25.0)
     yield view
@@ -52,22 +52,22 @@ def until(done, timeout: float = 10.0) -> None:
 
 def test_it_is_open_before_the_search_ends_and_calls_nothing_good_till_then(view, search):
     until(lambda: view.clock.now() == 25.0)
-    state = view._bar.state()
-    assert state["pending"] == ALARMS_SOUGHT
-    assert state["verdict_paper"] == GREY
-    assert not state["alarms"]
+    first = {"vehicle": 1, "headline": "Enough thrust", "because": ALARMS_SOUGHT, "level": "grey"}
+    until(lambda: view._screen.state()["first"] == first)
+    assert not view._screen.state()["alarms"]
     search.set()
-    until(lambda: view._bar.state()["alarms"])
-    assert view._bar.state()["pending"] == ""
-    assert view._bar.state()["verdict_paper"] == VERDICT_PAPER["under"]
-    until(lambda: "data-alarm" in view._gauges.content)
+    until(lambda: view._screen.state()["first"]["level"] == "red")
+    assert "otor 2" in view._screen.state()["first"]["headline"]
+    assert view._screen.state()["vehicles"][0]["pending"] == ""
+    view.seek(10.0)  # before it was found
+    until(lambda: view._screen.state()["first"]["level"] == "green")
 
 
 def test_a_bad_verdict_does_not_wait_for_the_search(search):
-    view = ReplayView(flight(), port=0, paused=True, verdict=("Too heavy", "critical"))
+    view = ReplayView(flight(), port=0, paused=True, whole=WholeFlight("Too heavy", "critical"))
     view.start()
     try:
-        assert view._bar.state()["verdict_paper"] == VERDICT_PAPER["critical"]
+        assert view._screen.state()["first"]["level"] == "red"
     finally:
         search.set()
         view.stop()
@@ -79,7 +79,7 @@ def test_a_search_that_breaks_is_said_and_never_shown_as_no_alarm(monkeypatch):
     view = ReplayView(flight(), port=0, paused=True)
     view.start()
     try:
-        until(lambda: view._bar.state()["pending"] == ALARMS_UNKNOWN)
+        until(lambda: view._screen.state()["first"]["because"] == ALARMS_UNKNOWN)
     finally:
         view.stop()
 
@@ -90,28 +90,11 @@ def test_nobody_need_open_the_page_for_the_search_to_begin(search, monkeypatch):
     view = ReplayView(flight(), port=0, paused=True)
     view.start()
     try:
-        assert view._bar.state()["pending"] == ALARMS_SOUGHT
-        until(lambda: not view._bar.state()["pending"])
+        assert view._screen.state()["vehicles"][0]["pending"] == ALARMS_SOUGHT
+        until(lambda: not view._screen.state()["vehicles"][0]["pending"])
         np.testing.assert_array_equal(view._fault_times, [20.0])
     finally:
         view.stop()
-
-
-@pytest.mark.browser
-def test_the_bar_says_it_beside_the_verdict_on_grey(view, search):
-    with open_page(view.url, width=1366, height=768) as page:
-        alarm = page.locator("#tm-alarm")
-        page.wait_for_function(
-            "w => document.querySelector('#tm-alarm').textContent.includes(w)", arg=ALARMS_SOUGHT
-        )
-        assert alarm.inner_text() == f"Enough thrust · {ALARMS_SOUGHT}"
-        paper = alarm.evaluate("node => getComputedStyle(node).backgroundColor")
-        assert paper == f"rgb{tuple(bytes.fromhex(GREY[1:]))}"
-        search.set()
-        page.wait_for_function(
-            "w => !document.querySelector('#tm-alarm').textContent.includes(w)", arg=ALARMS_SOUGHT
-        )
-        assert "otor 2" in alarm.inner_text()
 
 
 @pytest.mark.browser
@@ -122,6 +105,6 @@ def test_a_browser_that_opens_the_page_begins_the_search(search, monkeypatch):
     view.start()
     try:
         with open_page(view.url, width=1366, height=768):
-            until(lambda: not view._bar.state()["pending"], timeout=60.0)
+            until(lambda: not view._screen.state()["vehicles"][0]["pending"], timeout=60.0)
     finally:
         view.stop()

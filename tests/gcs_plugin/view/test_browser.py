@@ -1,9 +1,8 @@
-"""The view in a real browser: it draws, it obeys the timeline, and its colours are the legend's."""
+"""The page of a recorded flight as its reader has it, from a phone to a wide screen."""
 
 from __future__ import annotations
 
 import io
-import re
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
@@ -13,30 +12,38 @@ import pytest
 from tests.browser import open_page, screenshot_folder
 from tests.gcs_plugin.view.view_flight import flight
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
-from thrustmargin.gcs_plugin.wording.palette import LOAD
+from thrustmargin.gcs_plugin.wording.palette import MARGIN
+from thrustmargin.models.model.fault_test import RotorFault
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page
 
 pytestmark = pytest.mark.browser
-PATIENCE_MS = 60_000  # a browser without a graphics card on a busy machine
+PATIENCE_MS = 20_000  # a browser without a graphics card on a busy machine
+EVIL = "</script><script>window.hacked=1</script><img src=x onerror='window.hacked=1'>"
+SIZES = ((390, 664), (390, 844), (820, 1180), (1024, 768), (1366, 768), (1920, 1080))
+#: Of what a finger must hit: those that are in sight and too small.
+SMALL = """[...document.querySelectorAll('#tm button, #tm select, #tm input')]
+  .filter((one) => one.offsetParent).map((one) => [one.id || one.textContent,
+    one.getBoundingClientRect()]).filter(([, box]) => Math.min(box.width, box.height) < 44)
+  .map(([name]) => name)"""
 
 
 @pytest.fixture(scope="module")
 def analysis():
-    return flight()
+    return flight(name="square <b>1</b>.tlog")
 
 
 @pytest.fixture(scope="module")
 def opened(analysis) -> Iterator[tuple[ReplayView, Page]]:
-    evil = [(0.0, "</div><script>window.hacked=1</script><img src=x onerror='window.hacked=1'>")]
-    view = ReplayView(analysis, messages=evil, port=0, paused=True)
+    verdict = ("ABOVE THE 50 % LIMIT AT TIMES", "over")
+    view = ReplayView(analysis, messages=[(0.0, EVIL)], port=0, paused=True, verdict=verdict)
     view.start()
     try:
-        with open_page(view.url, width=1500, height=850) as page:
+        with open_page(view.url, width=1366, height=768) as page:
             page.set_default_timeout(PATIENCE_MS)
-            page.wait_for_selector('[data-gauge="worst"]')
-            until(page, lambda: seen(page, LOAD.screen(analysis.utilisation.max())) > 50)
+            page.wait_for_selector("[data-rotor]")
+            until(page, lambda: seen(page, MARGIN.screen(analysis.margin.min())) > 50)
             yield view, page
     finally:
         view.stop()
@@ -52,112 +59,206 @@ def until(page: Page, done: Callable[[], bool]) -> None:
 
 
 def picture(page: Page) -> np.ndarray:
-    """(H, W, 3) pixels of the scene between the panels."""
+    """(H, W, 3) pixels of the scene."""
     from PIL import Image
 
-    width = page.viewport_size["width"] if page.viewport_size else 0
-    image = Image.open(io.BytesIO(page.screenshot(timeout=PATIENCE_MS))).convert("RGB")
-    return np.asarray(image)[:, 400 : width - 420].astype(int)
+    shot = page.locator("#root").screenshot(timeout=PATIENCE_MS)
+    return np.asarray(Image.open(io.BytesIO(shot)).convert("RGB")).astype(int)
 
 
-def seen(page: Page, colour: np.ndarray, within: int = 6) -> int:
-    """Pixels of the scene that show a colour."""
-    return int(np.all(np.abs(picture(page) - colour.astype(int)) <= within, axis=-1).sum())
+def alike(page: Page, colour: np.ndarray, within: int = 6) -> np.ndarray:
+    """(N, 2) row and column of the pixels of the scene that show a colour."""
+    return np.argwhere(np.all(np.abs(picture(page) - colour.astype(int)) <= within, axis=-1))
 
 
-def gauge(page: Page, key: str) -> str:
-    return page.inner_text(f'[data-gauge="{key}"]')
+def seen(page: Page, colour: np.ndarray) -> int:
+    return len(alike(page, colour))
 
 
-def test_the_route_is_drawn_in_the_colours_of_the_legend(opened):
+def left(page: Page, rotor: int) -> str | None:
+    return page.text_content(f'[data-left="{rotor}"]')
+
+
+def show(page: Page, pane: str) -> None:
+    """Press a tab; the widest screen shows all panes and has none."""
+    page.locator(f"#tm-tabs [data-pane={pane}]").evaluate("one => one.click()")
+
+
+def box_of(page: Page, selector: str) -> dict[str, float]:
+    box = page.locator(selector).first.bounding_box()
+    assert box, selector
+    return {key: float(value) for key, value in box.items()}  # type: ignore[arg-type]
+
+
+def test_screen_one_has_what_to_do_the_aircraft_and_the_tank_at_every_size(opened, tmp_path):
     view, page = opened
-    use = view._trail.route.worst(view._trail.values(0), "max")
-    for value in (np.quantile(use, 0.1), np.quantile(use, 0.9)):
-        assert seen(page, LOAD.screen(value)) > 30
-    pixels = picture(page).reshape(-1, 3)
-    assert len(np.unique(pixels, axis=0)) > 200
-    assert "50 % limit" in page.inner_text(".tm-legend")
-    assert "no data" in page.inner_text(".tm-legend")
+    view.ask(view._to_worst)
+    folder = screenshot_folder(tmp_path)
+    try:
+        for width, height in SIZES:
+            page.set_viewport_size({"width": width, "height": height})
+            show(page, "aircraft" if width < 820 else "field")
+            page.wait_for_timeout(300)
+            cards = [f'[data-card="{key}"]' for key in ("tank", "empty", "lost", "battery")]
+            rotors = [f'[data-rotor="{number}"]' for number in (1, 2, 3, 4)]
+            for selector in ("#tm-headline", *rotors, *cards, "#tm-track"):
+                box = box_of(page, selector)
+                assert min(box["x"], box["y"]) >= 0, (width, selector)
+                assert box["x"] + box["width"] <= width, (width, selector)
+                assert box["y"] + box["height"] <= height, (width, selector)
+            # Nothing lies over the last of them.
+            low, floor = box_of(page, cards[2]), box_of(page, "#tm-time")["y"]
+            assert low["y"] + low["height"] <= floor, width
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+            assert page.evaluate(SMALL) == [], width
+            page.screenshot(path=folder / f"replay-{width}x{height}.png", timeout=PATIENCE_MS)
+            if width >= 820:
+                scene, craft = box_of(page, "#root"), box_of(page, "#tm-aircraft")
+                assert scene["x"] >= craft["x"] + craft["width"] - 1
+                assert scene["width"] * scene["height"] > 0.2 * width * height
+        page.set_viewport_size({"width": 390, "height": 844})
+        show(page, "field")
+        page.wait_for_timeout(300)
+        scene = box_of(page, "#root")
+        assert (scene["x"], scene["width"]) == (0, 390)
+        assert scene["height"] > 300
+        page.click("#tm-viser")
+        page.get_by_text("Reset View").wait_for()
+        page.click("#tm-viser")
+        page.get_by_text("Reset View").wait_for(state="hidden")
+    finally:
+        page.set_viewport_size({"width": 1366, "height": 768})
+        show(page, "field")
 
 
-def test_gauges_show_the_row_of_the_timeline_and_change_with_it(opened, analysis):
+def test_rotors_and_cards_are_of_the_row_of_the_timeline(opened, analysis):
     view, page = opened
-    texts = []
     for row in (30, 222):
         view.seek(float(analysis.track.time_s[row]))
-        until(page, lambda r=row: f"{analysis.track.tank_kg[r]:.1f} kg" in gauge(page, "tank"))
+        until(
+            page, lambda r=row: f"{analysis.track.tank_kg[r]:.1f} L" in page.inner_text("#tm-cards")
+        )
         for i in range(4):
-            assert f"{100 * analysis.margin[row, i]:.0f} %" in gauge(page, f"rotor-{i + 1}")
-        assert "measured" in gauge(page, "worst")
-        texts.append(gauge(page, "worst"))
-    assert texts[0] != texts[1]
+            assert left(page, i + 1) == f"{100 * analysis.margin[row, i]:.0f} %"
+        assert "kg at 1 kg/L" in page.inner_text("[data-card=tank]")
+        assert "3.70 V a cell" in page.inner_text("[data-card=battery]")
+        worst = int(np.argmin(analysis.margin[row])) + 1
+        assert f"worst {worst} " in page.inner_text("#tm-under")
+    above = page.get_attribute("#tm-above", "aria-label")
+    assert above
+    assert "Rotor 3, front left" in above
 
 
-def test_the_slider_moves_the_aircraft_in_the_scene(opened, analysis):
+def test_the_timeline_keys_and_buttons_move_the_clock(opened, analysis):
     view, page = opened
-    view.seek(0.0)
-    until(page, lambda: page.inner_text(".tm-time").startswith("0:00"))
-    before = picture(page)
-    box = page.locator("input.mantine-NumberInput-input").first
-    box.fill("25")
-    box.press("Enter")
-    until(page, lambda: page.inner_text(".tm-time").startswith("0:25"))
-    assert view.clock.now() == 25.0
-    assert f"{analysis.track.tank_kg[250]:.1f} kg" in gauge(page, "tank")
-    until(page, lambda: np.mean(np.any(np.abs(picture(page) - before) > 40, axis=-1)) > 0.002)
-
-
-def test_the_buttons_play_pause_and_go_to_the_worst_moment(opened, analysis):
-    view, page = opened
-    view.seek(1.0)
-    page.get_by_role("button", name="Play", exact=True).click()
-    until(page, lambda: view.clock.now() > 1.5)
-    page.get_by_role("button", name="Pause", exact=True).click()
+    track = box_of(page, "#tm-track")
+    page.mouse.click(track["x"] + 0.75 * track["width"], track["y"] + 22)
+    until(page, lambda: abs(view.clock.now() - 0.75 * 39.9) < 1.0)
+    view.seek(15.0)
+    until(page, lambda: page.inner_text("#tm-time b") == "0:15")
+    page.locator("#tm-aircraft").focus()
+    page.keyboard.press("ArrowRight")
+    until(page, lambda: abs(view.clock.now() - 25.0) < 0.1)
+    page.keyboard.press("ArrowLeft")
+    page.keyboard.press("ArrowLeft")
+    until(page, lambda: abs(view.clock.now() - 5.0) < 0.1)
+    page.keyboard.press(" ")
+    until(page, lambda: view.clock.playing)
+    page.keyboard.press(" ")
     until(page, lambda: not view.clock.playing)
-    page.get_by_role("button", name="Go to the worst moment").click()
-    worst = int(np.argmax(analysis.utilisation.max(axis=1)))
+    page.select_option("#tm-speed", "5")
+    until(page, lambda: view.clock.speed == 5)
+    page.click("#tm-start")
+    until(page, lambda: view.clock.playing)
+    page.click("#tm-to-worst")
+    worst = int(np.argmin(analysis.margin.min(axis=1)))
     until(page, lambda: abs(view.clock.now() - analysis.track.time_s[worst]) < 1e-6)
-    least = f"{100 * analysis.margin.min():.0f} %"
-    until(page, lambda: least in gauge(page, "worst"))
+    assert not view.clock.playing
+    rotor = int(np.argmin(analysis.margin[worst])) + 1
+    until(page, lambda: left(page, rotor) == f"{100 * analysis.margin.min():.0f} %")
 
 
-def test_the_switch_changes_the_legend_and_the_picture(opened):
-    view, page = opened
-    before = picture(page)
-    view.set_overlay("Residual")
-    until(page, lambda: "measured minus predicted" in page.inner_text(".tm-legend"))
-    until(page, lambda: np.mean(np.any(np.abs(picture(page) - before) > 40, axis=-1)) > 0.002)
-    view.set_overlay("Load")
-    until(page, lambda: "thrust in use" in page.inner_text(".tm-legend"))
-
-
-def test_four_charts_draw_measured_and_predicted_speed(opened):
-    _, page = opened
-    drawn = page.evaluate(
-        """() => [...document.querySelectorAll('.uplot canvas')].map(c => {
-            const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
-            let ink = 0; for (let i = 3; i < d.length; i += 4) if (d[i] > 0) ink++;
-            return ink;})"""
-    )
-    assert len(drawn) == 4
-    assert min(drawn) > 500
-
-
-def test_text_of_the_log_is_shown_and_never_run(opened):
+def test_the_route_has_the_colours_of_the_legend_and_a_click_on_it_goes_to_its_time(
+    opened, analysis
+):
     view, page = opened
     view.seek(0.0)
-    until(page, lambda: page.locator('[data-gauge="message"]').count() == 1)
-    assert "<script>" in gauge(page, "message")
+    least = view._trail.route.worst(view._trail.values(0), "min")
+    for value in np.quantile(least, [0.1, 0.9]):
+        assert seen(page, MARGIN.screen(value)) > 30
+    assert "50 % limit" in page.inner_text("#tm-legend")
+    assert "no data" in page.inner_text("#tm-legend")
+    scene = box_of(page, "#root")
+    spots = alike(page, MARGIN.screen(np.quantile(least, 0.9)), within=3)
+    row, column = spots[len(spots) // 2]
+    page.mouse.click(float(scene["x"] + column), float(scene["y"] + row))
+    until(page, lambda: view.clock.now() > 0.0)
+    there = round(view.clock.now() / 0.1)
+    assert analysis.margin[there].min() == pytest.approx(np.quantile(least, 0.9), abs=0.03)
+
+
+def test_colours_and_cameras_can_be_chosen(opened):
+    view, page = opened
+    before = picture(page)
+    page.select_option("#tm-colour", "Residual")
+    until(page, lambda: "as predicted" in page.inner_text("#tm-legend"))
+    until(page, lambda: np.mean(np.any(np.abs(picture(page) - before) > 40, axis=-1)) > 0.002)
+    page.select_option("#tm-colour", "Thrust left")
+    page.select_option("#tm-camera", "Follow, nose ahead")
+    until(page, lambda: view._scene.camera == "Follow, nose ahead")
+    page.select_option("#tm-camera", "Whole field")
+    until(page, lambda: "50 % limit" in page.inner_text("#tm-legend"))
+
+
+def test_charts_draw_measured_and_predicted_speed(opened):
+    view, page = opened
+    view.seek(20.0)
+    show(page, "charts")
+    page.wait_for_selector("#tm-drawn figure:nth-child(4) svg")
+    for line in ("measured", "predicted", "now"):
+        drawn = page.locator(f"#tm-drawn .{line}")
+        assert drawn.count() == 4
+        assert "M" in (drawn.nth(2).get_attribute("d") or "")
+    assert "3 front left" in page.inner_text("#tm-drawn")
+    show(page, "field")
+
+
+def test_names_and_texts_of_the_log_are_shown_and_never_run(opened):
+    view, page = opened
+    view.seek(0.0)
+    until(page, lambda: EVIL in page.inner_text("#tm-more"))
+    assert "square <b>1</b>.tlog" in page.inner_text("#tm-more")
     assert page.evaluate("window.hacked") is None
 
 
-def test_a_screenshot_can_be_kept(opened, tmp_path):
+def test_a_rotor_found_bad_is_the_first_line_and_has_its_mark(opened):
     view, page = opened
-    view.seek(22.0)
-    until(page, lambda: page.inner_text(".tm-time").startswith("0:22"))
-    page.evaluate("document.querySelector('.mantine-Notification-closeButton')?.click()")
-    page.wait_for_timeout(500)
-    path = screenshot_folder(tmp_path) / "view.png"
-    page.screenshot(path=path, timeout=PATIENCE_MS)
-    assert path.stat().st_size > 20_000
-    assert re.match(r"\d+ %", gauge(page, "worst").split("\n")[1])
+    fault = RotorFault(kind="propeller", rotor=1, size=0.12, lower=0.09, upper=0.15)
+    view._faults, view._fault_times = [(20.0, (fault,))], np.array([20.0])
+    view.seek(25.0)
+    until(page, lambda: "Rotor 2" in page.inner_text("#tm-headline"))
+    assert page.get_attribute("#tm-head", "data-level") == "red"
+    assert "Whole flight: ABOVE" in page.inner_text("#tm-because")
+    until(page, lambda: page.get_by_text("!", exact=True).count() == 1)
+    view.seek(10.0)
+    until(page, lambda: "ABOVE" in page.inner_text("#tm-headline"))
+    view._faults, view._fault_times = [], np.empty(0)
+
+
+def test_at_night_and_in_german_it_says_the_same(opened):
+    view, page = opened
+    assert not page.evaluate("document.documentElement.hasAttribute('data-night')")
+    page.emulate_media(color_scheme="dark")
+    until(page, lambda: page.evaluate("document.documentElement.hasAttribute('data-night')"))
+    page.emulate_media(color_scheme="light")
+    page.click("#tm-night")
+    assert page.evaluate("document.documentElement.hasAttribute('data-night')")
+    page.goto(view.url + "/?lang=de")
+    page.wait_for_selector("[data-rotor]")
+    assert page.evaluate("document.documentElement.lang") == "de"
+    assert page.evaluate("document.documentElement.hasAttribute('data-night')")
+    assert "Ein Rotor fällt aus" in page.inner_text("#tm-cards")
+    assert "kg bei 1 kg/L" in page.inner_text("[data-card=tank]")
+    above = page.get_attribute("#tm-above", "aria-label")
+    assert above
+    assert "Rotor 3, vorn links" in above

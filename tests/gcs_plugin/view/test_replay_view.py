@@ -1,11 +1,11 @@
 """The running view without a browser: it shows the row of its clock and obeys only its controls."""
 
 import _thread
-import asyncio
 import threading
 import time
 import urllib.request
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from tests.gcs_plugin.view.view_flight import ROWS, flight
 from thrustmargin.gcs_plugin.commands.flight.replay import replay_view
 from thrustmargin.gcs_plugin.logs.csv_table import write_csv
+from thrustmargin.gcs_plugin.view.figures.standing import WholeFlight
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView, run_replay
 from thrustmargin.gcs_plugin.view.scene.aircraft import spin_segments
 from thrustmargin.gcs_plugin.view.scene.camera import Camera
@@ -31,6 +32,8 @@ from thrustmargin.models.model.rotor_faults import fault_history
 from thrustmargin.models.model.rotor_model import physics_model
 from thrustmargin.models.physics.airframe import load_airframe
 
+EVIL = "</script><b>WP</b>"
+
 
 @pytest.fixture(scope="module")
 def analysis():
@@ -39,7 +42,7 @@ def analysis():
 
 @pytest.fixture
 def view(analysis):
-    view = ReplayView(analysis, messages=[(5.0, "Mission: 3 <b>WP</b>")], port=0, paused=True)
+    view = ReplayView(analysis, messages=[(5.0, EVIL)], port=0, paused=True)
     view.start()
     yield view
     view.stop()
@@ -62,17 +65,20 @@ def route_colours(view: ReplayView) -> np.ndarray:
     return seen_for(line.colors[:, 0]).astype(int)
 
 
+def field(view: ReplayView) -> dict[str, Any]:
+    """What the page is told of the scene."""
+    return view._screen.state()["field"]
+
+
 def node(view: ReplayView, name: str) -> Any:
     found = view._scene._api.get_handle_by_name(name)
     assert found is not None, name
     return found
 
 
-def chart_line(view: ReplayView, rotor: int, column: int) -> tuple[np.ndarray, np.ndarray]:
-    """Times and values of the points that one line of a rotor's chart has."""
-    data = view._charts._charts[rotor].data
-    drawn = np.isfinite(data[column])
-    return data[0][drawn], data[column][drawn]
+def figures(view: ReplayView) -> dict[str, Any]:
+    """What the page is told of the aircraft."""
+    return view._screen.state()["vehicles"][0]["figures"]
 
 
 @pytest.mark.parametrize("time_s", [0.0, 12.34, 33.3])
@@ -80,9 +86,9 @@ def test_seeking_shows_the_numbers_of_that_row(view, analysis, time_s):
     view.seek(time_s)
     row = int(np.flatnonzero(analysis.track.time_s <= time_s)[-1])
     margin = analysis.margin[row]
-    settled(view, lambda: f"{analysis.track.tank_kg[row]:.1f} kg" in view._gauges.content)
-    for value in margin:
-        assert f">{100 * value:.0f} %<" in view._gauges.content
+    level = round(float(analysis.track.tank_kg[row]), 3)
+    settled(view, lambda: figures(view)["tank"]["kg"] == level)
+    assert [r["left"] for r in figures(view)["rotors"]] == pytest.approx(list(margin), abs=1e-4)
     frame = node(view, "/world/vehicle_1")
     north, east, down = analysis.track.position_ned[row]
     settled(view, lambda: np.allclose(frame.position, [east, north, -down]))
@@ -90,7 +96,7 @@ def test_seeking_shows_the_numbers_of_that_row(view, analysis, time_s):
     yaw = analysis.track.attitude[row, 2]
     np.testing.assert_allclose(nose, [np.sin(yaw), np.cos(yaw), 0], atol=1e-6)
     discs = seen_for(node(view, "/world/vehicle_1/discs").batched_colors).astype(int)
-    wanted = overlays_of(analysis)[1].scale.screen(margin).astype(int)
+    wanted = overlays_of(analysis)[0].scale.screen(margin).astype(int)
     assert np.abs(discs - wanted).max() <= 4
 
 
@@ -99,18 +105,18 @@ def test_the_switch_recolours_the_same_route_and_its_legend(view, analysis):
     seen = {}
     for overlay in overlays_of(analysis):
         view.set_overlay(overlay.name)
-        settled(view, lambda title=overlay.scale.title: title in view._controls._legend.content)
+        wanted_marks = [text for _, text in overlay.scale.marks]
+        settled(view, lambda name=overlay.name: field(view)["colour"] == name)
+        assert [text for _, text in field(view)["legend"]["marks"]] == wanted_marks
         values = view._trail.values(view._overlays.index(view._overlay))
         worst = view._trail.route.worst(values, overlay.worst)
         wanted = overlay.scale.screen(worst).astype(int)
         settled(view, lambda wanted=wanted: np.abs(route_colours(view) - wanted).max() <= 4)
         seen[overlay.name] = route_colours(view)
     np.testing.assert_array_equal(node(view, "/world/route_1").points, points)
-    # Load and margin are the same thing from two ends; the others differ.
-    np.testing.assert_array_equal(seen["Load"], seen["Thrust margin"])
-    assert not np.array_equal(seen["Load"], seen["Redundancy"])
-    assert not np.array_equal(seen["Load"], seen["Residual"])
-    with pytest.raises(DataError, match="Load, Thrust margin"):
+    assert not np.array_equal(seen["Thrust left"], seen["Redundancy"])
+    assert not np.array_equal(seen["Thrust left"], seen["Residual"])
+    with pytest.raises(DataError, match="Thrust left, Redundancy"):
         view.set_overlay("wind")
 
 
@@ -123,16 +129,18 @@ def test_a_colour_and_its_legend_reach_the_page_together(view):
 
 
 def test_opened_after_its_end_it_rests_on_the_worst_moment_with_the_verdict(analysis):
-    view = ReplayView(analysis, port=0, speed=1e6, verdict=("ABOVE THE LIMIT", "over"))
+    view = ReplayView(analysis, port=0, speed=1e6, whole=WholeFlight("ABOVE THE LIMIT", "over"))
     view.start()
     try:
         settled(view, lambda: view.clock.ended)
         worst = int(np.argmax(analysis.utilisation.max(axis=1)))
         assert view.clock.now() == pytest.approx(analysis.track.time_s[worst])
-        least = f"{100 * analysis.margin[worst].min():.0f} %"
-        settled(view, lambda: view._bar.state()["vehicles"][0]["margin"] == least)
-        assert view._bar.state()["verdict"] == "ABOVE THE LIMIT"
-        assert view._bar.state()["vehicles"][0]["age"] is None
+        least = pytest.approx(float(analysis.margin[worst].min()), abs=1e-4)
+        settled(view, lambda: figures(view)["rotors"][figures(view)["worst"]]["left"] == least)
+        state = view._screen.state()
+        assert (state["first"]["headline"], state["first"]["level"]) == ("ABOVE THE LIMIT", "amber")
+        assert state["vehicles"][0]["age"] is None
+        assert state["replay"]["worst"] == pytest.approx(analysis.track.time_s[worst])
     finally:
         view.stop()
 
@@ -144,7 +152,7 @@ def test_a_rotor_found_bad_is_marked_on_its_card_and_in_the_scene(view):
     assert not any(ring.visible for ring in rings)
     view.seek(25.0)
     settled(view, lambda: [ring.visible for ring in rings] == [False, True, False, False])
-    settled(view, lambda: view._gauges.content.count(" faulty") == 1)
+    settled(view, lambda: [r["faulty"] for r in figures(view)["rotors"]].count(True) == 1)
     assert node(view, "/world/vehicle_1/label_2").text.startswith("! ")
     view.seek(10.0)
     settled(view, lambda: not any(ring.visible for ring in rings))
@@ -153,18 +161,21 @@ def test_a_rotor_found_bad_is_marked_on_its_card_and_in_the_scene(view):
 def test_the_worst_moment_is_pinned_and_one_press_away(view, analysis):
     use = analysis.utilisation.max(axis=1)
     worst = int(np.argmax(use))
-    assert f"{100 * use[worst]:.0f} %" in node(view, "/world/pin").text
+    assert f"{100 - 100 * use[worst]:.0f} %" in node(view, "/world/pin").text
     view.ask(view._to_worst)
     settled(view, lambda: view.clock.now() == pytest.approx(analysis.track.time_s[worst]))
     assert not view.clock.playing
 
 
-def test_what_the_vehicle_said_is_shown_for_a_while_and_escaped(view):
-    assert "Mission" not in view._gauges.content
+def test_what_the_vehicle_said_is_told_for_a_while(view):
+    def said() -> str:
+        return view._screen.state()["vehicles"][0]["message"]
+
+    assert said() == ""
     view.seek(6.0)
-    settled(view, lambda: "Mission: 3 &lt;b&gt;WP&lt;/b&gt;" in view._gauges.content)
+    settled(view, lambda: said() == EVIL)
     view.seek(30.0)
-    settled(view, lambda: "Mission" not in view._gauges.content)
+    settled(view, lambda: said() == "")
 
 
 def test_following_moves_the_world_and_keeps_the_nose_ahead(view, analysis):
@@ -184,29 +195,55 @@ def test_following_moves_the_world_and_keeps_the_nose_ahead(view, analysis):
 
 def test_a_page_that_sends_nonsense_changes_nothing(view):
     view.seek(10.0)
-    slider, colour = view._controls._slider, view._controls._colour
     before = route_colours(view)
-
-    class Event:
-        client_id = 1
-
-        def __init__(self, target, value):
-            self.target = type("Target", (), {"value": value})()
-            self._of = target
-
-    for target, value in ((slider, float("nan")), (slider, float("inf")), (colour, "<script>")):
-        for callback in target._impl.update_cb:
-            asyncio.run(callback(Event(target, value)))
+    wrong = {"seek": ("nan", "inf", "x"), "speed": ("3", "0", "nan"), "colour": ("<script>",)}
+    for what, texts in {**wrong, "camera": ("<b>",)}.items():
+        for text in texts:
+            with pytest.raises((ValueError, DataError)):
+                view._screen._acts[what](text)
     time.sleep(0.3)
-    assert view.clock.now() == 10.0
+    assert (view.clock.now(), view.clock.speed) == (10.0, 1.0)
     np.testing.assert_array_equal(route_colours(view), before)
+
+
+def test_a_click_on_the_route_goes_to_that_time_whatever_the_camera_follows(view, analysis):
+    view.seek(0.0)
+    world = node(view, "/world")
+    for camera in (Camera.FIELD, Camera.CHASE):
+        view.set_camera(camera)
+        settled(view, lambda c=camera: field(view)["camera"] == c)
+        turn = Rotation.from_quat(world.wxyz, scalar_first=True)
+        place = enu(analysis.track.position_ned[150]) + np.array([0.0, 0.0, 30.0])
+        above = turn.apply(place) + world.position
+        click = SimpleNamespace(ray_origin=above, ray_direction=(0.0, 0.0, -1.0))
+        view._clicked(click)
+        assert view.clock.now() == pytest.approx(15.0, abs=0.11)
+        aside = above + np.array([200.0, 0.0, 0.0])
+        beside = SimpleNamespace(ray_origin=aside, ray_direction=(0.0, 0.0, -1.0))
+        view.seek(0.0)
+        view._clicked(beside)
+        assert view.clock.now() == 0.0
+
+
+def test_the_worst_pin_hides_no_rotor(view):
+    """Neither beside a camera that follows nor over the aircraft itself."""
+    pin = node(view, "/world/pin")
+    view.seek(30.0)
+    settled(view, lambda: pin.visible)
+    view.set_camera(Camera.FOLLOW)
+    settled(view, lambda: not pin.visible)
+    assert not node(view, "/world/pin_point").visible
+    view.set_camera(Camera.FIELD)
+    settled(view, lambda: pin.visible)
+    view.ask(view._to_worst)
+    settled(view, lambda: not pin.visible)
 
 
 def test_a_further_overlay_is_one_more_choice(analysis):
     extra = Overlay(
         name="Residual after",
         values=np.zeros(ROWS),
-        scale=overlays_of(analysis)[3].scale,
+        scale=overlays_of(analysis)[2].scale,
         worst="abs",
         rotor=np.zeros(ROWS),
     )
@@ -236,7 +273,7 @@ def test_rows_without_data_are_grey_and_never_a_number():
         assert node(view, "/world/vehicle_1").visible
         view.seek(30.0)
         settled(view, lambda: not node(view, "/world/vehicle_1").visible)
-        assert "no data" in view._gauges.content
+        settled(view, lambda: figures(view)["tank"]["kg"] is None)
     finally:
         view.stop()
 
@@ -249,9 +286,9 @@ def test_other_layouts_have_a_gauge_a_disc_and_a_chart_for_every_rotor(airframe)
     view.start()
     try:
         for i in range(1, rotors + 1):
-            assert f'data-gauge="rotor-{i}"' in view._gauges.content
+            assert figures(view)["rotors"][i - 1]["number"] == i
         assert node(view, "/world/vehicle_1/discs").batched_colors.shape == (rotors, 3)
-        assert len(view._charts._charts) == rotors
+        assert len(view._drawn_charts(1, 0.0)["charts"]) == rotors
     finally:
         view.stop()
 
@@ -336,15 +373,6 @@ def test_a_replay_that_plays_moves_the_aircraft(analysis):
         view.stop()
 
 
-def test_the_charts_move_with_the_clock(view, analysis):
-    for time_s in (8.0, 31.0):
-        view.seek(time_s)
-        settled(view, lambda t=time_s: chart_line(view, 0, 5)[0][0] == t)
-        times, measured = chart_line(view, 2, 4)
-        rows = np.searchsorted(analysis.track.time_s, times)
-        np.testing.assert_array_equal(measured, analysis.track.rotor_speed_rpm[rows, 2])
-
-
 def test_spin_arrows_turn_as_the_rotors_do():
     airframe = load_airframe("topxgun-f16")
     rotors = airframe.rotor_position_frd @ FRD_FLU
@@ -404,16 +432,15 @@ def test_without_rotors_told_all_that_needs_none_is_shown(tmp_path):
     view.start()
     try:
         view.seek(20.0)
-        settled(view, lambda: f"{track.tank_kg[200]:.1f} kg" in view._gauges.content)
-        said = view._gauges.content
-        assert "NO VERDICT" in said
-        assert "not recognised as topxgun-f16-sitl" in said
-        assert "height 5.0 m" in said
-        assert "rpm" not in said
-        assert not view._charts._charts
+        level = round(float(track.tank_kg[200]), 3)
+        settled(view, lambda: figures(view)["tank"]["kg"] == level)
+        assert "NO VERDICT" in view._screen.state()["first"]["headline"]
+        assert "not recognised as topxgun-f16-sitl" in figures(view)["withheld"][0]
+        assert figures(view)["height"] == 5.0
+        assert figures(view)["rotors"] == view._drawn_charts(1, 0.0)["charts"] == []
         assert np.allclose(node(view, "/world/vehicle_1").position, enu(track.position_ned[200]))
         assert view._scene._api.get_handle_by_name("/world/vehicle_1/discs") is None
-        assert "Speed over ground" in view._controls._legend.content
+        assert field(view)["colours"] == ["Speed"]
         assert "fastest: 5.0 m/s" in node(view, "/world/pin").text
         assert not (route_colours(view) == NO_DATA).all(axis=1).any()
     finally:

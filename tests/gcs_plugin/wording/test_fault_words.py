@@ -9,7 +9,6 @@ from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.commands.shared.inputs import read_flights
 from thrustmargin.gcs_plugin.live.link_vehicles import Fleet
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import WatchSettings
-from thrustmargin.gcs_plugin.view.figures.live_html import alarms_html
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
 from thrustmargin.gcs_plugin.wording.fault_words import episode_words, fault_words
@@ -77,7 +76,7 @@ def test_the_replay_shows_it_from_when_it_was_found(sitl_logs, said_live):
     ((log, claim),) = read_flights(sitl_logs / "onset" / "worn_prop_onset.tlog", model, given=False)
     view = ReplayView(analyse(log.track, model, claim=claim), port=0, paused=True)
     row = ShownRow(analyse(log.track, model, claim=claim), 0)
-    shown = {at: alarms_html(1, [view._standing_at(at, row)]) for at in (100.0, 147.0, 200.0)}
+    shown = {at: view._standing_at(at, row).headline for at in (100.0, 147.0, 200.0)}
     assert shown[100.0] == ""
-    assert "Rotor 3 front left &gt;" in shown[147.0]  # as it was said then, while it grew
+    assert "Rotor 3 front left >" in shown[147.0]  # as it was said then, while it grew
     assert said_live in shown[200.0]

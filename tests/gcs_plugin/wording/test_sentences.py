@@ -6,6 +6,7 @@ sentences.txt is then what pilots will read.
 
 import ast
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -80,6 +81,8 @@ def listed() -> str:
             if re.search(r"[A-Za-z]{2,}[^A-Za-z]* [^A-Za-z]*[A-Za-z]{2,}", text)
         )
         lines += [f"# {path.stem}", *texts, ""]
+    english = tomllib.loads((WORDING / "catalogue_en.toml").read_text("utf-8"))
+    lines += ["# catalogue_en", *dict.fromkeys(english["words"].values()), ""]
     return "\n".join(lines)
 
 

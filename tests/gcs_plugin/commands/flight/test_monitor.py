@@ -190,9 +190,10 @@ def listen(station: Any, ours: list[Any], ended: threading.Event) -> None:
 #: The worst rotor's margin and the tank level as a reader of the page sees them; null in the moment
 #: in which the page draws them anew.
 READ = """() => {
-  const shown = ['worst] .big', 'tank] .mid'].map(
-    (what) => document.querySelector('[data-gauge=' + what));
-  return shown.every(Boolean) ? shown.map((element) => element.innerText) : null;
+  const shown = [...document.querySelectorAll('[data-left]')];
+  const left = shown.map((one) => parseInt(one.textContent));
+  const tank = document.querySelector('[data-card=tank] small')?.textContent.split(' at ')[0];
+  return left.length && left.every(isFinite) && tank ? [`${Math.min(...left)} %`, tank] : null;
 }"""
 
 

@@ -13,7 +13,7 @@ from thrustmargin.gcs_plugin.live.watch.airframe_watch import AirframeWatch
 from thrustmargin.gcs_plugin.live.watch.vehicle_monitor import VehicleMonitor, WatchSettings
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.mavproxy_worker import fields, reading, summary
-from thrustmargin.gcs_plugin.view.figures.gauges import gauges_html
+from thrustmargin.gcs_plugin.view.figures.aircraft_figures import aircraft_figures
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
 from thrustmargin.gcs_plugin.wording.live_words import AIRFRAME_NOT_YET
 from thrustmargin.models.flight import FlightTrack
@@ -136,9 +136,9 @@ def test_margins_are_withheld_on_every_screen_until_the_airframe_is_recognised()
     shown = reading(first, 0.0)
     assert AIRFRAME_NOT_YET in summary(shown, 0.5, 0.0)[0]
     assert "NO VERDICT" in fields(shown, 0.5, 0.0)["Margin"][0]
-    html = gauges_html(ShownRow(first.analysis, -1), "vehicle 1")
-    assert "NO VERDICT" in html
-    assert AIRFRAME_NOT_YET in html
+    page = aircraft_figures(ShownRow(first.analysis, -1), np.nan)
+    assert page["withheld"] == [AIRFRAME_NOT_YET]
+    assert {rotor["left"] for rotor in page["rotors"]} == {None}
     last = updates[-1]
     assert last.analysis.claim.basis == "recognised"
     assert np.isfinite(last.analysis.margin[-1]).all()

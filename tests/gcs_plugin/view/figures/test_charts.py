@@ -1,10 +1,18 @@
 """The charts show the flight's own rows around now, and gaps stay gaps."""
 
+import re
+
 import numpy as np
 import pytest
 
 from tests.gcs_plugin.view.view_flight import ROWS, flight
-from thrustmargin.gcs_plugin.view.figures.charts import POINTS, Speeds, chart_data, speed_range
+from thrustmargin.gcs_plugin.view.figures.charts import (
+    POINTS,
+    Speeds,
+    chart_data,
+    chart_images,
+    speed_range,
+)
 
 
 def test_every_point_of_a_chart_is_a_row_of_the_flight():
@@ -65,3 +73,20 @@ def test_limits_hold_every_flying_row_and_need_no_data():
     assert low <= np.nanmin(track.rotor_speed_rpm) <= np.nanmax(track.rotor_speed_rpm) <= high
     nothing = flight(rotor_speed_rpm=np.full((ROWS, 4), np.nan), tank_kg=np.full(ROWS, np.nan))
     assert speed_range(Speeds.of(nothing)) == (0.0, 3000.0)
+
+
+def test_a_drawing_has_the_rows_as_points_and_gaps_between_them():
+    analysis = flight()
+    rpm = analysis.track.rotor_speed_rpm.copy()
+    rpm[150:200, 1] = np.nan
+    made = flight(rotor_speed_rpm=rpm)
+    airframe, speeds = made.model.airframe, Speeds.of(made)
+    images = chart_images(airframe, speeds, 20.0, window_s=20.0, ahead=0.5)
+    assert [one["place"] for one in images] == list(airframe.rotor_names)
+    whole, gap = (re.search(r'class="measured" d="([^"]*)"', images[k]["svg"]) for k in (0, 1))
+    assert whole
+    assert gap
+    assert (whole[1].count("M"), gap[1].count("M")) == (2, 3)  # the line of now parts it too
+    assert "nan" not in images[1]["svg"]
+    low, high = speed_range(speeds)
+    assert f"<span>{high:.0f}</span><span>{low:.0f}</span>" in images[0]["svg"]

@@ -2,7 +2,7 @@
 
 import pytest
 
-from thrustmargin.gcs_plugin.view.figures.controls import ReplayClock
+from thrustmargin.gcs_plugin.view.figures.replay_clock import ReplayClock
 
 
 class Wall:

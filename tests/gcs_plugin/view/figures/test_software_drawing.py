@@ -54,7 +54,7 @@ def opened(script: str) -> Iterator[Page]:
     view.start()
     try:
         with open_page(view.url, width=820, height=900, script=script) as page:
-            page.wait_for_selector('[data-gauge="worst"]')
+            page.wait_for_selector("[data-rotor]")
             page.wait_for_function(
                 "() => [...document.querySelectorAll('canvas')].some(c => c.height > 300)"
             )

@@ -20,12 +20,13 @@ def by_name(analysis):
     return {o.name: o for o in overlays_of(analysis)}
 
 
-def test_load_is_the_highest_rotor_and_margin_its_complement():
+def test_thrust_left_is_that_of_the_rotor_that_works_hardest():
     analysis = flight()
     overlays = by_name(analysis)
-    np.testing.assert_allclose(overlays["Load"].values, analysis.utilisation.max(axis=1))
-    np.testing.assert_allclose(overlays["Thrust margin"].values, analysis.margin.min(axis=1))
-    np.testing.assert_array_equal(overlays["Load"].rotor, np.argmax(analysis.utilisation, axis=1))
+    assert list(overlays) == ["Thrust left", "Redundancy", "Residual"]
+    np.testing.assert_allclose(overlays["Thrust left"].values, analysis.margin.min(axis=1))
+    hardest = np.argmax(analysis.utilisation, axis=1)
+    np.testing.assert_array_equal(overlays["Thrust left"].rotor, hardest)
     np.testing.assert_array_equal(
         overlays["Redundancy"].values, analysis.redundancy_yaw_uncontrolled
     )
@@ -52,16 +53,16 @@ def test_the_residuals_colours_end_where_the_residual_does():
 
 def test_the_note_tells_measured_from_predicted():
     rpm = flight().track.rotor_speed_rpm.copy()
-    assert by_name(flight())["Load"].note == "measured"
+    assert by_name(flight())["Thrust left"].note == "measured"
     rpm[: ROWS // 2] = np.nan
     assert (
-        by_name(flight(rotor_speed_rpm=rpm))["Load"].note
+        by_name(flight(rotor_speed_rpm=rpm))["Thrust left"].note
         == "measured for 50 %, predicted for the rest"
     )
     rpm[:] = np.nan
     nothing = by_name(flight(rotor_speed_rpm=rpm))
-    assert nothing["Load"].note == "predicted: no rotor speed was measured"
-    assert np.all(np.isfinite(nothing["Load"].values))
+    assert nothing["Thrust left"].note == "predicted: no rotor speed was measured"
+    assert np.all(np.isfinite(nothing["Thrust left"].values))
     assert np.all(np.isnan(nothing["Residual"].values))
 
 
@@ -70,11 +71,11 @@ def test_a_row_without_any_number_is_unknown_and_not_zero():
     overlays = by_name(flight(rotor_speed_rpm=np.full((ROWS, 4), np.nan), tank_kg=nothing))
     for overlay in overlays.values():
         assert np.all(np.isnan(overlay.values)), overlay.name
-    assert overlays["Load"].note == ""
+    assert overlays["Thrust left"].note == ""
 
 
 def test_the_worst_moment_reads_with_value_rotor_and_time():
-    overlay = by_name(flight())["Load"]
+    overlay = by_name(flight())["Thrust left"]
     names = ("a", "b", "c", "front left <b>")
     row = int(np.argmax(overlay.values))
     text = overlay.text_at(row, 151.7, names)
@@ -89,20 +90,20 @@ def test_with_one_esc_silent_view_and_report_count_the_same_rows_above_the_limit
     speeds = log.track.rotor_speed_rpm.copy()
     speeds[:, 1] = np.nan
     analysis = analyse(replace(log.track, rotor_speed_rpm=speeds), model)
-    load = by_name(analysis)["Load"]
-    shown = analysis.track.flying & (load.values > 0.5)
+    left = by_name(analysis)["Thrust left"]
+    shown = analysis.track.flying & (left.values < 0.5)
     assert shown.sum() == 1760
     np.testing.assert_array_equal(shown, analysis.above_limit(0.5))
     seconds = report_flight(analysis, log, max_utilisation=0.5).verdict.over_limit_s
     assert seconds == pytest.approx(0.1 * shown.sum(), rel=0.01)
-    assert 1 not in load.rotor[analysis.any_measured]
+    assert 1 not in left.rotor[analysis.any_measured]
 
 
 def test_the_worst_row_is_of_the_rows_asked_for_and_absent_when_nothing_is_known():
     values = np.full(100, np.nan)
     values[17], values[80] = -9.0, 4.0
     every, some = np.ones(100, dtype=bool), np.arange(100) > 50
-    load = by_name(flight())["Load"]
+    load = by_name(flight())["Thrust left"]
     wanted = {"max": (80, 80), "min": (17, 80), "abs": (17, 80)}
     for worst, rows in wanted.items():
         overlay = replace(load, values=values, worst=worst)

@@ -12,7 +12,7 @@ from thrustmargin.gcs_plugin.view.scene.shown_row import (
     row_at,
     wxyz_from_attitude,
 )
-from thrustmargin.gcs_plugin.wording.view_words import share_words
+from thrustmargin.gcs_plugin.wording.numbers import margin_or_beyond
 
 
 def turned(roll, pitch, yaw, vector):
@@ -99,9 +99,9 @@ def test_the_row_of_a_time_is_the_last_one_before_it():
         (0.42, "1: 42%", "42 %"),
         (-0.003, "1: <0%", "beyond the ceiling"),
         (-1.26, "1: <0%", "beyond the ceiling"),
-        (float("nan"), "1: ?", "no data"),
+        (float("nan"), "1: ?", "margin unknown"),
     ],
 )
 def test_a_margin_is_never_shown_as_a_negative_share(margin, over_rotor, gauge):
     assert rotor_label(0, margin) == over_rotor
-    assert share_words(margin) == gauge
+    assert margin_or_beyond(margin) == gauge

@@ -1,0 +1,165 @@
+"""The figures of one aircraft at one moment, for the page: numbers, codes and colours, no words.
+
+Rotors stand at their true places, seen from above with the front at the top. The one quantity of a
+rotor is its thrust left. What is unknown is None, which the page shows as such.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from typing import Any
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
+from thrustmargin.gcs_plugin.wording import palette as colours
+from thrustmargin.models.flight import Floats
+from thrustmargin.models.model.advice import cells
+from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.provenance import SourceKind
+
+#: Of the arm: largest radius of a drawn rotor, and how far those of a coaxial pair are drawn from
+#: their true place, which both share.
+LARGEST, APART = 0.5, 0.36
+
+
+def aircraft_figures(
+    row: ShownRow, seconds_to_empty: float, faulty: Collection[int] = ()
+) -> dict[str, Any]:
+    """All figures of a row. `faulty` are the numbers, from 1, of the rotors that an alarm is of."""
+    airframe, claim = row.analysis.model.airframe, row.analysis.claim
+    worst = row.worst[1]
+    if not row.flying and np.isfinite(row.margin_predicted).any():
+        worst = int(np.nanargmin(row.margin_predicted))
+    places, radius = rotor_places(airframe)
+    margin, error = row.margin, row.error
+    rotors = [
+        {
+            "number": i + 1,
+            "place": airframe.rotor_names[i],
+            "x": round(float(places[i, 0]), 3),
+            "y": round(float(places[i, 1]), 3),
+            "left": known(margin[i], 4),
+            "low": known(margin[i] - error[i], 4) if row.flying else known(margin[i], 4),
+            "high": known(margin[i] + error[i], 4) if row.flying else known(margin[i], 4),
+            "basis": str(row.basis(i)),
+            "worst": i == worst,
+            "faulty": i + 1 in faulty,
+            **paper(colours.MARGIN, coloured(row, i)),
+        }
+        for i in range(airframe.rotor_count)
+    ]
+    track = row.track
+    return {
+        "title": airframe.title,
+        "name": track.name,
+        "flying": row.flying,
+        "withheld": list(claim.withheld),
+        "remedy": claim.remedy if claim.withheld else "",
+        "claim": claim.words,
+        "rotors": rotors,
+        "radius": round(radius, 3),
+        "worst": worst,
+        "unmeasured": row.unmeasured,
+        "tank": _tank(row, airframe),
+        "empty_s": None if math.isnan(seconds_to_empty) else min(seconds_to_empty, 1e6),
+        "lost": _lost(row),
+        "battery": _battery(row, airframe),
+        "airspeed": known(track.airspeed[row.row]),
+        "height": known(track.height_agl[row.row]),
+        "spraying": known(track.spraying[row.row], 0),
+    }
+
+
+def coloured(row: ShownRow, i: int) -> float:
+    """The thrust left by which a rotor is coloured: the lower end of its interval.
+
+    NaN, no colour, where that is enough and rests on no measurement: that colour is a promise.
+    """
+    # Where the interval is not known either, the value itself can still be too little.
+    low = float(row.margin[i] - (np.nan_to_num(row.error[i]) if row.flying else 0.0))
+    sure = row.flying and bool(row.measured[i])
+    return low if sure or low < colours.ENOUGH else math.nan
+
+
+def rotor_places(airframe: Airframe) -> tuple[Floats, float]:
+    """(R, 2) right and back of each rotor in arm lengths, and the radius that all can be drawn at.
+
+    Those at one place, coaxial pairs, stand side by side or one behind the other, whichever leaves
+    more room.
+    """
+    if not airframe.rotor_count:
+        return np.empty((0, 2)), LARGEST
+    forward, right = airframe.rotor_position_frd[:, :2].T / (airframe.arm or 1.0)
+    true = np.column_stack([right, -forward])
+    shift = np.zeros(len(true))
+    for i, place in enumerate(true):
+        (same,) = np.nonzero(np.linalg.norm(true - place, axis=1) < 0.1)
+        if same.size > 1:
+            shift[i] = 2.0 * np.searchsorted(same, i) - (same.size - 1)
+    beside = true + np.outer(shift, [APART, 0.0])
+    behind = true * (1.0 + APART * shift[:, None])
+    best = max((beside, behind), key=_room)
+    return best, min(LARGEST, 0.48 * _room(best))
+
+
+def _room(places: Floats) -> float:
+    """The distance of the two that are nearest to each other."""
+    apart = np.linalg.norm(places[:, None] - places[None], axis=-1)
+    np.fill_diagonal(apart, np.inf)
+    return float(min(apart.min(), 2.0))
+
+
+def _tank(row: ShownRow, airframe: Airframe) -> dict[str, Any]:
+    """Level in kg, and in litres by the density that the airframe states: 1 kg/L where it does not.
+
+    `capacity_l` 0 is an aircraft without a tank.
+    """
+    kg, density = float(row.track.tank_kg[row.row]), airframe.liquid_density
+    density = density if math.isfinite(density) and density > 0.0 else 1.0
+    capacity = airframe.tank_volume_l
+    error = row.track.standard_errors.get("tank_kg")
+    kind = row.track.source("tank_kg").kind
+    return {
+        "kg": known(kg),
+        "litres": known(kg / density),
+        "density": density,
+        "capacity_l": known(capacity),
+        "share": known(np.clip(kg / (capacity * density), 0.0, 1.0)) if capacity > 0.0 else None,
+        "within_kg": None if error is None else known(INTERVAL * error[row.row]) or None,
+        "source": str(kind) if kind in (SourceKind.STATED, SourceKind.INFERRED) else "",
+    }
+
+
+def _lost(row: ShownRow) -> dict[str, Any]:
+    """What the loss of one rotor would do; "cannot_tell" within the error of what can be held."""
+    free, low, high = row.redundancy
+    kept = float(row.analysis.redundancy_yaw_kept[row.row])
+    if math.isnan(free):
+        code = "no_data"
+    elif low < 1.0 <= high:
+        code = "cannot_tell"
+    elif free < 1.0:
+        code = "sinks"
+    else:
+        code = "holds" if kept * low / free >= 1.0 else "spins"
+    ends = {"ratio": known(free, 2), "low": known(low, 2), "high": known(high, 2)}
+    return {"code": code, **ends, **paper(colours.REDUNDANCY, low)}
+
+
+def _battery(row: ShownRow, airframe: Airframe) -> dict[str, Any]:
+    volts, count = float(row.track.voltage[row.row]), cells(airframe)
+    return {"volts": known(volts), "cell": known(volts / count, 2) if count else None}
+
+
+def paper(scale: colours.ColourScale, value: float) -> dict[str, str]:
+    """The colour of a value, and the ink that is read on it."""
+    colour = scale.screen(value)
+    return {"paper": colours.css(colour), "ink": colours.ink_on(colour)}
+
+
+def known(value: float, digits: int = 3) -> float | None:
+    """The number rounded, None for NaN and what is beyond all numbers."""
+    return round(float(value), digits) if np.isfinite(value) else None

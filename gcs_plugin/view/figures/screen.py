@@ -1,0 +1,221 @@
+"""The page's own part, around viser's scene: what to do, the aircraft from above, alarms, charts.
+
+It is the same for a flight that is recorded and for aircraft that fly now, from a phone to a wide
+screen. Its script asks this server for its state a few times a second, by JSON: numbers, codes and
+names; the sentences are the catalogue's, in the browser's language. What it does not hear it says.
+An act needs the token that only this server's own page was given.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import secrets
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from importlib import resources
+from typing import Any
+from urllib.parse import parse_qs, urlsplit
+
+from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, WARNING, Alarm, AlarmEvent
+from thrustmargin.gcs_plugin.view.figures.aircraft_figures import aircraft_figures, known
+from thrustmargin.gcs_plugin.view.figures.standing import LEVELS, Standing, level_of
+from thrustmargin.gcs_plugin.view.scene.camera import Camera
+from thrustmargin.gcs_plugin.view.scene.overlays import Overlay
+from thrustmargin.gcs_plugin.view.scene.scene import Scene
+from thrustmargin.gcs_plugin.wording import view_words as words
+from thrustmargin.gcs_plugin.wording.palette import legend
+from thrustmargin.models.errors import DataError
+
+STATE, CHARTS, ACT = "/screen.json", "/screen/charts.json", "/screen/act"
+KEPT = 200  # lines of the history
+Key = tuple[int, tuple[str, int | None], float]  # vehicle, alarm and when it was raised
+#: What a page may ask for, by name; each takes the text that came with it. Called on a thread of
+#: the server, it raises ValueError for what it does not take.
+Acts = Mapping[str, Callable[[str], None]]
+
+
+class PageState:
+    """State and acts of the page. `standing` gives the aircraft as last heard, to any thread.
+
+    `more` gives further entries of the state, `charts` the drawings for a vehicle's number and s
+    before now. `silent` makes no sound; `recorded` is a flight of the past, with its `timeline`,
+    colours in order of time. `acknowledged` hears of every alarm that was acknowledged.
+    """
+
+    def __init__(
+        self,
+        standing: Callable[[], Sequence[Standing]],
+        acts: Acts | None = None,
+        *,
+        more: Callable[[], dict[str, Any]] = dict,
+        charts: Callable[[int, float], dict[str, Any]] = lambda *_: {},
+        silent: bool = False,
+        recorded: bool = False,
+        timeline: Sequence[str] = (),
+        acknowledged: Callable[[int, Alarm], None] | None = None,
+    ) -> None:
+        self._standing, self._recorded = standing, recorded
+        self._more, self._charts = more, charts
+        self._acknowledged = acknowledged
+        self._acts = {"acknowledge": lambda _: self.acknowledge(), **(acts or {})}
+        self._token = secrets.token_urlsafe(16)
+        self._lock = threading.Lock()
+        self._known: set[Key] = set()  # acknowledged alarms
+        self._history: deque[dict[str, Any]] = deque(maxlen=KEPT)
+        given = {
+            "token": self._token,
+            "silent": silent or recorded,
+            "recorded": recorded,
+            "timeline": list(timeline),
+            "catalogues": {one: words.catalogue(one) for one in words.LANGUAGES},
+        }
+        files = resources.files("thrustmargin.gcs_plugin.view.figures")
+        parts = ("software_drawing.html", "screen_style.html", "screen.html")
+        text = "".join((files / name).read_text(encoding="utf-8") for name in parts)
+        data = json.dumps(given, ensure_ascii=False).replace("<", "\\u003c")
+        self.insert = text.replace("@GIVEN@", data).encode()  # what the page gets before its end
+
+    def on_event(self, vehicle: int, event: AlarmEvent) -> None:
+        """An alarm changed: a line of the history."""
+        self._note(vehicle, event.kind, event.alarm.text)
+
+    def acknowledge(self) -> None:
+        """All alarms that stand now are known to the pilot."""
+        for one in self._standing():
+            for alarm in one.alarms:
+                key = _key(one, alarm)
+                with self._lock:
+                    fresh = key not in self._known
+                    self._known.add(key)
+                if fresh:
+                    self._note(one.number, "acknowledged", alarm.text)
+                    if self._acknowledged is not None:
+                        self._acknowledged(one.number, alarm)
+
+    def answer(self, target: str) -> tuple[int, bytes] | None:
+        """Status and JSON for the `target` of a request; None for one that is viser's."""
+        parts = urlsplit(target)
+        asked = {name: given[0] for name, given in parse_qs(parts.query).items()}
+        if parts.path == STATE:
+            return 200, json.dumps(self.state(), allow_nan=False).encode()
+        if parts.path == CHARTS:
+            return self._drawn(asked)
+        if parts.path != ACT:
+            return None
+        if not secrets.compare_digest(asked.get("token", "").encode(), self._token.encode()):
+            return 403, json.dumps({"refused": words.SCREEN_REFUSES}).encode()
+        try:
+            self._acts[asked.get("do", "")](asked.get("to", ""))
+        except (KeyError, ValueError, DataError):
+            return 400, b"{}"
+        return 200, b"{}"
+
+    def _drawn(self, asked: Mapping[str, str]) -> tuple[int, bytes]:
+        try:
+            number, back_s = int(asked.get("vehicle", "")), finite(asked.get("back", "0"))
+        except ValueError:
+            return 400, b"{}"
+        return 200, json.dumps(self._charts(number, max(back_s, 0.0)), allow_nan=False).encode()
+
+    def state(self) -> dict[str, Any]:
+        """What the page shows: vehicles, alarms (the gravest first), history (the newest first)."""
+        fleet = [one for one in self._standing() if not one.gone]
+        standing = [(one, alarm) for one in fleet for alarm in one.alarms]
+        standing.sort(key=lambda pair: (pair[1].order[:3], _key(*pair) in self._known))
+        with self._lock:
+            known_keys, history = set(self._known), list(self._history)
+        alarms = [
+            {
+                "id": repr(_key(one, alarm)),
+                "vehicle": one.number,
+                "text": alarm.text,
+                "line": alarm.line,
+                "state": alarm.state,
+                "level": level_of(alarm.severity),
+                "loud": alarm.severity <= WARNING,
+                "critical": alarm.severity <= CRITICAL,
+                "acknowledged": _key(one, alarm) in known_keys,
+            }
+            for one, alarm in standing
+        ]
+        order = [one.number for one, _ in standing]
+        first = min(
+            fleet,
+            key=lambda one: (
+                LEVELS.index(one.level),
+                order.index(one.number) if one.number in order else len(order),
+            ),
+            default=None,
+        )
+        return {
+            "first": None
+            if first is None
+            else {
+                "vehicle": first.number,
+                "headline": first.headline,
+                "because": first.because,
+                "level": first.level,
+            },
+            "vehicles": [self._vehicle(one) for one in fleet],
+            "alarms": alarms,
+            "history": history,
+            **self._more(),
+        }
+
+    def _vehicle(self, one: Standing) -> dict[str, Any]:
+        """One aircraft, with its figures where any are known, and their age (None of a record)."""
+        said = {
+            "number": one.number,
+            "age": None if self._recorded else round(max(one.age, 0.0), 2),
+            "old": one.old,
+            "silent": round(one.silent, 1),
+            "problem": one.problem,
+            "pending": one.pending,
+            "stale": one.stale,
+            "message": one.message,
+            "fill": one.fill,
+            "level": one.level,
+        }
+        if one.row is None:
+            return {**said, "figures": None}
+        outlook = None if one.update is None else one.update.outlook
+        figures = aircraft_figures(one.row, one.seconds_to_empty, one.faulty)
+        ahead = {"ahead": None, "full": None, "remarks": [], "why": one.row.why_unknown}
+        if one.update is not None and outlook is not None:
+            ahead["ahead"] = known(outlook.margin_ahead)
+            ahead["full"] = known(outlook.margin_full)
+            ahead["remarks"] = list(one.update.beside_the_airframe)
+        return {**said, "figures": {**figures, **ahead}}
+
+    def _note(self, vehicle: int, kind: str, text: str) -> None:
+        at = time.strftime("%H:%M:%S")
+        with self._lock:
+            self._history.appendleft(
+                {"time": at, "vehicle": vehicle, "kind": str(kind), "text": text}
+            )
+
+
+def field_state(names: Sequence[str], shown: Overlay, scene: Scene) -> dict[str, Any]:
+    """What the page shows beside the scene: colours of the route, their legend, cameras."""
+    return {
+        "colours": list(names),
+        "colour": shown.name,
+        "legend": legend(shown.scale, shown.note),
+        "cameras": [*Camera],
+        "camera": scene.camera,
+    }
+
+
+def _key(one: Standing, alarm: Alarm) -> Key:
+    return one.number, alarm.key, alarm.since_s
+
+
+def finite(text: str) -> float:
+    """The number. Raises ValueError for none, and for one that is not finite."""
+    value = float(text)
+    if not math.isfinite(value):
+        raise ValueError(text)
+    return value

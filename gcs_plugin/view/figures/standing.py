@@ -1,0 +1,109 @@
+"""One aircraft as it was last heard, for the page: its row, its alarms, and how old they are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from thrustmargin.gcs_plugin.live.alarms.alarm import CRITICAL, WARNING, Alarm
+from thrustmargin.gcs_plugin.live.link_vehicles import OLD
+from thrustmargin.gcs_plugin.wording import palette as colours
+
+if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.live.watch.update import Update
+    from thrustmargin.gcs_plugin.telemetry.recording import Waypoint
+    from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
+
+Level = Literal["red", "amber", "grey", "green"]
+#: The gravest first.
+LEVELS: tuple[Level, ...] = ("red", "amber", "grey", "green")
+#: Of a flight's verdict by its level.
+VERDICT_LEVEL: Mapping[str, Level] = {
+    **dict.fromkeys(("damaged", "lost", "battery", "no_thrust", "critical"), "red"),
+    **dict.fromkeys(("over", "near"), "amber"),
+    "under": "green",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class WholeFlight:
+    """The answer of a recorded flight in words, and its level of `models.model.advice`."""
+
+    words: str = ""
+    level: str = ""
+    action: str = ""  # what to do next
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Standing:
+    """One aircraft as it was last heard; the page shows the alarms of all."""
+
+    number: int
+    row: ShownRow | None = None
+    update: Update | None = None  # its last rows, of one that flies now
+    alarms: tuple[Alarm, ...] = ()  # worst first
+    age: float = 0.0  # s of the newest row
+    old_s: float = OLD  # from which it is old
+    silent: float = 0.0  # s since anything was heard of it, analysed or not
+    problem: str = ""  # why there is no margin
+    pending: str = ""  # why its alarms are not yet known
+    gone: bool = False  # left for good: nothing of it is shown
+    stale: str = ""  # fields that are no longer reported, in words
+    message: str = ""  # what it last said
+    seconds_to_empty: float = math.nan  # inf: the tank does not fall
+    fill: str = ""  # what to fill, while it stands on the ground
+    mission: Mapping[int, Waypoint] | None = None
+    headline: str = ""  # what to do, or what is the matter; empty: nothing
+    because: str = ""
+    level: Level = "grey"
+
+    @property
+    def faulty(self) -> frozenset[int]:
+        """Numbers, from 1, of the rotors that an alarm is of."""
+        return frozenset(alarm.rotor for alarm in self.alarms if alarm.rotor is not None)
+
+    @property
+    def old(self) -> bool:
+        return self.age > self.old_s
+
+    @property
+    def flying(self) -> bool:
+        return self.row is not None and self.row.flying
+
+    @property
+    def shown(self) -> tuple[tuple[Alarm, ...], str, bool]:
+        """What the page must show at once when it changes."""
+        return self.alarms, self.problem, self.gone
+
+
+def first_line(one: Standing, whole: WholeFlight | None = None) -> tuple[str, str, Level]:
+    """Headline, its reason and its level: of the gravest alarm, else of the `whole` flight.
+
+    Without either the headline is empty: the page then says
+    that there is no alarm, in green only on the ground or where the thrust left of all rotors is
+    known to be enough, and where nothing says that the loss of one would bring it down.
+    """
+    if one.alarms:
+        first, *rest = one.alarms
+        # Every grave one is named: one that is known must not hide another behind a number.
+        grave = [alarm for alarm in rest if alarm.severity <= CRITICAL]
+        reasons = ([first.line] if first.line != first.text else []) + [a.line for a in grave]
+        return first.text, " · ".join(reasons), level_of(first.severity)
+    if whole is not None:
+        said = VERDICT_LEVEL.get(whole.level, "grey")
+        # Not green before it is known whether there were alarms.
+        unsure = one.pending and said == "green"
+        return whole.words, one.pending or whole.action, "grey" if unsure else said
+    row = one.row
+    known = row is not None and not (one.problem or one.pending or one.old)
+    calm = known and row.survives and (not row.flying or row.coloured_margin >= colours.ENOUGH)
+    return "", one.pending, "green" if calm else "grey"
+
+
+def level_of(severity: int) -> Level:
+    """The level of an alarm by its MAV_SEVERITY."""
+    if severity <= CRITICAL:
+        return "red"
+    return "amber" if severity <= WARNING else "grey"

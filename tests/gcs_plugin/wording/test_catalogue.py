@@ -1,0 +1,56 @@
+"""Every language says the same things, and the page asks for nothing that is not there."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from thrustmargin.gcs_plugin.wording.view_words import LANGUAGES, catalogue
+
+ROOT = Path(__file__).parents[3] / "gcs_plugin"
+PAGE = (ROOT / "view/figures/screen.html").read_text("utf-8")
+OTHERS = [language for language in LANGUAGES if language != "en"]
+#: Keys that the page makes of a code of the state, not of its own text.
+BY_CODE = {"holds", "spins", "sinks", "cannot_tell", "no_data", "aircraft", "field", "charts"}
+
+
+def placeholders(text: str) -> set[str]:
+    return set(re.findall(r"\{(\w+)\}", text))
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_a_translation_has_the_same_keys_and_placeholders(language: str):
+    english, other = catalogue("en"), catalogue(language)
+    for part in ("words", "names"):
+        assert list(other[part]) == list(english[part])
+        for key, text in english[part].items():
+            assert placeholders(other[part][key]) == placeholders(text), key
+            assert other[part][key].strip()
+    assert other["language"]["code"] == language
+    # It is one: what is the same in both is a name or a number.
+    same = [key for key, text in english["words"].items() if other["words"][key] == text]
+    assert len(same) < 0.2 * len(english["words"]), same
+
+
+def test_every_file_of_a_language_is_offered():
+    files = sorted(path.stem.removeprefix("catalogue_") for path in ROOT.rglob("catalogue_*.toml"))
+    assert files == sorted(LANGUAGES)
+
+
+def test_the_page_asks_for_words_that_are_there_and_all_are_asked_for():
+    asked = set(re.findall(r"\bwords\.(\w+)", PAGE)) | set(re.findall(r'\bsay\(\s*"(\w+)"', PAGE))
+    asked |= {key for pair in re.findall(r'\? "(\w+)" : "(\w+)"', PAGE) for key in pair}
+    asked |= set(re.findall(r'"(\w+_rpm)"', PAGE)) | set(
+        re.findall(r'\["tm[\w-]*", "(\w+)"\]', PAGE)
+    )
+    there = set(catalogue("en")["words"])
+    assert set(re.findall(r"\bwords\.(\w+)", PAGE)) <= there
+    assert set(re.findall(r'\bsay\(\s*"(\w+)"', PAGE)) <= there
+    assert there - asked <= BY_CODE, there - asked - BY_CODE
+
+
+def test_no_sentence_of_the_page_stands_outside_of_the_catalogue():
+    script = PAGE[PAGE.index("<script>") :]
+    texts = re.findall(r'"([^"\n]*)"', re.sub(r"//.*", "", script))
+    spoken = [t for t in texts if re.fullmatch(r"[A-Za-z]+ [a-z]+ [a-z ]+", t)]
+    assert [t for t in spoken if t != "use strict"] == []
