@@ -84,7 +84,7 @@ def test_what_is_heard_is_drawn_and_greyed_out_when_it_is_old(heard):
 
 
 def test_the_page_is_told_of_all_and_the_gravest_is_its_first_line(heard):
-    heard.fly(2400, 1700)
+    heard.fly(2400, 1700, ticks=100)
     state = heard.view._screen.state()
     one, two = (v["figures"] for v in state["vehicles"])
     # 50 V by the ESCs: the ceiling is 3000 * 50/58.8 rpm.

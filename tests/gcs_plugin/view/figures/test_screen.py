@@ -20,7 +20,7 @@ from thrustmargin.gcs_plugin.live.alarms.alarm import (
     Missing,
 )
 from thrustmargin.gcs_plugin.view.figures.screen import ACT, CHARTS, STATE, PageState, finite
-from thrustmargin.gcs_plugin.view.figures.standing import Standing, first_line
+from thrustmargin.gcs_plugin.view.figures.standing import Standing, WholeFlight, first_line
 from thrustmargin.gcs_plugin.view.page.guard import guarded_server, stop_server
 from thrustmargin.gcs_plugin.view.scene.shown_row import ShownRow
 from thrustmargin.models.flight import FlightTrack
@@ -34,8 +34,8 @@ NOTE = Alarm("esc", 2, NOTICE, "ESC 2 silent", 42.0)
 ONE = Standing(number=1, age=0.3, alarms=(TANK, NOTE))
 
 
-def with_line(one: Standing, verdict: tuple[str, str] = ("", "")) -> Standing:
-    headline, because, level = first_line(one, verdict)
+def with_line(one: Standing) -> Standing:
+    headline, because, level = first_line(one)
     return replace(one, headline=headline, because=because, level=level)
 
 
@@ -87,7 +87,10 @@ def test_every_grave_alarm_is_named_in_the_first_line():
 @pytest.mark.parametrize(
     ("verdict", "level"),
     [
+        ("damaged", "red"),
         ("lost", "red"),
+        ("battery", "red"),
+        ("no_thrust", "red"),
         ("critical", "red"),
         ("over", "amber"),
         ("near", "amber"),
@@ -96,10 +99,10 @@ def test_every_grave_alarm_is_named_in_the_first_line():
 )
 def test_a_verdict_is_the_first_line_until_an_alarm_is(verdict: str, level: str):
     quiet = replace(ONE, alarms=())
-    assert first_line(quiet, ("The verdict", verdict)) == ("The verdict", "", level)
-    alarmed = first_line(replace(ONE, alarms=(LOW,)), ("The verdict", verdict))
-    assert alarmed == (LOW.text, "", "red")
-    sought = first_line(replace(quiet, pending="being sought"), ("The verdict", verdict))
+    whole = WholeFlight("The verdict", verdict, "do this")
+    assert first_line(quiet, whole) == ("The verdict", "do this", level)
+    assert first_line(replace(ONE, alarms=(LOW,)), whole) == (LOW.text, "", "red")
+    sought = first_line(replace(quiet, pending="being sought"), whole)
     assert sought == ("The verdict", "being sought", "grey" if level == "green" else level)
 
 

@@ -96,7 +96,7 @@ def test_the_row_of_a_time_is_the_last_one_before_it():
 @pytest.mark.parametrize(
     ("margin", "over_rotor", "gauge"),
     [
-        (0.42, "1: 42%", "42 %"),
+        (0.42, "1: 42%", "margin 42 %"),
         (-0.003, "1: <0%", "beyond the ceiling"),
         (-1.26, "1: <0%", "beyond the ceiling"),
         (float("nan"), "1: ?", "margin unknown"),
