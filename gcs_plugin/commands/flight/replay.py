@@ -101,8 +101,10 @@ def replay_view(
     from thrustmargin.gcs_plugin.logs.inspection import inspect_log
     from thrustmargin.gcs_plugin.reports.margin import flight_verdict
     from thrustmargin.gcs_plugin.reports.margin.data import most
+    from thrustmargin.gcs_plugin.reports.margin.first_contact import first_contact
     from thrustmargin.gcs_plugin.view.replay_view import ReplayView
     from thrustmargin.gcs_plugin.view.scene.overlays import before_and_after
+    from thrustmargin.gcs_plugin.wording.first_contact_words import contact_facts, contact_headline
     from thrustmargin.gcs_plugin.wording.margin_verdict import gravity
     from thrustmargin.models.model.analysis import analyse, for_verdict
 
@@ -119,10 +121,14 @@ def replay_view(
         (flight, claim), analysis, verdict = flights[shown], analyses[shown], verdicts[shown]
         older = None if before is None else analyse(analysis.track, before, claim=claim)
         found = repeated(inspect_log(flight, analysis.model.airframe, claim).findings)
-        headline = ": ".join([verdict.headline, *names_wrong(found)])
+        contact = first_contact(flight, claim)
+        headline = verdict.headline if contact is None else contact_headline(contact)
+        headline = ": ".join([headline, *names_wrong(found)])
         dated = [(one.time_s, one.words) for one in found if one.time_s is not None]
     for line in log_lines(flight, stated=reading.states_load):
         console.print(escape(f"{log.name}: {line}"))
+    for fact in () if contact is None else contact_facts(contact):
+        console.print(escape(f"  {fact.label}: {fact.text}"))
     for k, (other, _) in enumerate(flights) if len(flights) > 1 else ():
         line = f"{sortie_words(other.sortie, other.track)}: {verdicts[k].headline}"
         console.print(f"  {line}; {'shown' if k == shown else f'--sortie {k + 1} shows it'}")

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
+from rich.console import Console
 from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.shared.options import (
@@ -22,6 +23,7 @@ from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import DataError, ThrustMarginError
 
 if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.reports.margin.data import Report
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 
 
@@ -66,7 +68,6 @@ def report(
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, listed, read_logs
     from thrustmargin.gcs_plugin.reports.margin import build_report
     from thrustmargin.gcs_plugin.reports.margin.render import json_text, pdf_bytes, write_report
-    from thrustmargin.gcs_plugin.reports.margin.summary import worst_first
     from thrustmargin.models.model.analysis import analyse, for_verdict
     from thrustmargin.models.whole_file import whole_file
 
@@ -134,13 +135,7 @@ def report(
             where = error.filename or out or "standard output"
             raise DataError(f"cannot write {where}: {error.strerror or error}") from error
     summary = Terminal(soft_wrap=True, quiet=json == STDOUT)
-    if len(made.flights) > 1:
-        summary.print(made.overview.headline, style="bold")
-    for _, flight in worst_first(made.flights):
-        verdict = flight.verdict
-        summary.print(f"{flight.name}: {verdict.headline}", style="bold")
-        for fact in verdict.facts:
-            summary.print(f"  {fact.label}: {fact.text}")
+    print_verdicts(summary, made)
     for log in unread:
         console.print(f"not read: {log.name}: {log.reason}")
     if written is not None:
@@ -149,3 +144,16 @@ def report(
         if also is not None:
             summary.print(f"wrote {also}")
     return 1 if unread else 0
+
+
+def print_verdicts(console: Console, made: Report) -> None:
+    """Print the verdict of each flight with its facts, the worst first."""
+    from thrustmargin.gcs_plugin.reports.margin.summary import worst_first
+
+    if len(made.flights) > 1:
+        console.print(made.overview.headline, style="bold", soft_wrap=True)
+    for _, flight in worst_first(made.flights):
+        verdict = flight.verdict
+        console.print(f"{flight.name}: {verdict.headline}", style="bold", soft_wrap=True)
+        for fact in verdict.facts:
+            console.print(f"  {fact.label}: {fact.text}", soft_wrap=True)

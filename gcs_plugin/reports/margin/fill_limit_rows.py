@@ -11,6 +11,7 @@ from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.margin import ceiling, hover_use, largest_fill, weight
 
 
 def fills(
@@ -68,3 +69,10 @@ def redundancy_rows(
         },
         "tank_capacity_kg": analysis.model.airframe.tank_capacity_kg,
     }
+
+
+def one_rotor_out_use(airframe: Airframe) -> float:
+    """Thrust utilisation in hover at redundancy 1 with yaw uncontrolled; 0.5 on a quad."""
+    limits = ceiling(airframe, airframe.reference_density, airframe.ceiling_voltage)
+    fill = largest_fill(airframe, limits, criterion="yaw uncontrolled")
+    return float(hover_use(airframe, limits, weight(airframe, fill)).item())

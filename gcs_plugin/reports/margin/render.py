@@ -23,6 +23,7 @@ from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text
 from thrustmargin.gcs_plugin.wording import numbers as words
 from thrustmargin.gcs_plugin.wording.fault_words import DESCENDED, HELD, MAXIMUM_FILL, SPINS
 from thrustmargin.gcs_plugin.wording.fill_words import amount
+from thrustmargin.gcs_plugin.wording.first_contact_words import TO_COPY
 from thrustmargin.gcs_plugin.wording.margin_verdict import estimate, moment_words
 from thrustmargin.models.model.json_values import to_json_values
 from thrustmargin.models.whole_file import whole_file
@@ -149,6 +150,7 @@ def _page(report: Report, written: Written | None, drawn: Mapping[str, Markup]) 
         "schema": SCHEMA,
         "figures": drawn,
         "files": {"json": written.json.name, "csv": written.csv.name} if written else None,
+        "to_copy": TO_COPY,
         "spins": SPINS,
         "held": HELD,
         "descended": DESCENDED,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from typing import get_args
@@ -10,7 +10,7 @@ from typing import get_args
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs import FlightLog
-from thrustmargin.gcs_plugin.logs.findings import Finding, Spoils, repeated
+from thrustmargin.gcs_plugin.logs.findings import Spoils
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.reports.margin.accuracy import accuracy, model_use
 from thrustmargin.gcs_plugin.reports.margin.csv_rows import rows_of
@@ -25,21 +25,27 @@ from thrustmargin.gcs_plugin.reports.margin.data import (
     most,
     share,
 )
-from thrustmargin.gcs_plugin.reports.margin.fill_limit_rows import fills, redundancy_rows
+from thrustmargin.gcs_plugin.reports.margin.fill_limit_rows import (
+    fills,
+    one_rotor_out_use,
+    redundancy_rows,
+)
+from thrustmargin.gcs_plugin.reports.margin.first_contact import first_contact
 from thrustmargin.gcs_plugin.reports.margin.load import load_rows
 from thrustmargin.gcs_plugin.reports.margin.moments import (
     airborne_use,
     alarm_facts,
     alarm_row,
+    look_facts,
     suspected,
     utc_words,
     worst_moments,
 )
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
+from thrustmargin.gcs_plugin.wording.first_contact_words import contact_facts, contact_headline
 from thrustmargin.gcs_plugin.wording.flight_words import (
     LEAST_FLIGHT_S,
-    NAMES_WRONG,
     loss_words,
     lost_headline,
     not_flown,
@@ -73,8 +79,7 @@ from thrustmargin.models.model.fill_limits import full_at_once
 from thrustmargin.models.model.inferred.utilisation_error import INTERVAL
 from thrustmargin.models.model.predict import flown_airframe
 from thrustmargin.models.model.rotor_faults import fault_episodes, fault_history
-from thrustmargin.models.physics.airframe import Airframe
-from thrustmargin.models.physics.margin import ceiling, hover_use, largest_fill, weight
+from thrustmargin.models.physics.margin import ceiling, largest_fill
 
 
 def report_flight(
@@ -101,20 +106,26 @@ def report_flight(
         _verdict(analysis, losses, limit, moments[0] if moments else None),
         **fills(analysis, as_flown, rows),
     )
+    contact = first_contact(log, analysis.claim)
+    if contact is not None and verdict.level == "unknown":
+        verdict = replace(verdict, headline=contact_headline(contact))
     alarms = fault_episodes(fault_history(analysis))
     found = inspect_log(log, airframe, analysis.claim).findings
     names_known = all(one.spoils is not Spoils.ROTOR_NAMES for one in found)
+    answer = facts(
+        verdict,
+        analysis.claim,
+        _no_flight(whole.track),
+        full_at_once=full_at_once(as_flown),
+        suspects=suspected(alarms, 0 if names_known else track.rotor_count),
+    )
+    if contact is not None:
+        answer = contact_facts(contact)
     said = (
         *((Fact("control", loss_words(losses)),) if losses else ()),
-        *_look_facts(found),
+        *look_facts(found),
         *alarm_facts(alarms, names_known=names_known),
-        *facts(
-            verdict,
-            analysis.claim,
-            _no_flight(whole.track),
-            full_at_once=full_at_once(as_flown),
-            suspects=suspected(alarms, 0 if names_known else track.rotor_count),
-        ),
+        *answer,
         *(*load_facts(track), *ending_facts(whole.track)),
     )
     return FlightReport(
@@ -126,6 +137,7 @@ def report_flight(
         rotors=_rotors(analysis, seconds, limit),
         moments=moments,
         losses=losses,
+        first_contact=contact,
         findings=found,
         alarms=tuple(map(alarm_row, alarms)),
         redundancy=redundancy_rows(analysis, rows, seconds),
@@ -135,16 +147,6 @@ def report_flight(
         withheld=analysis.withheld,
         rows=rows,
     )
-
-
-def _look_facts(findings: Iterable[Finding]) -> Iterator[Fact]:
-    """What must be known of the log beside its verdict, the names of the rotors first."""
-    order = sorted(repeated(findings), key=lambda one: one.spoils is not Spoils.ROTOR_NAMES)
-    for one in order:
-        if one.spoils is Spoils.ROTOR_NAMES:
-            yield Fact("rotor names", f"{NAMES_WRONG}{one.words}")
-        else:
-            yield Fact(one.check, one.words)
 
 
 def flight_verdict(analysis: FlightAnalysis, *, max_utilisation: float) -> MarginVerdict:
@@ -209,13 +211,6 @@ def _verdict(
         redundancy_yaw_free_high=least(free * reach),
         not_survivable_s=lost_s,
     )
-
-
-def one_rotor_out_use(airframe: Airframe) -> float:
-    """Thrust utilisation in hover at redundancy 1 with yaw uncontrolled; 0.5 on a quad."""
-    limits = ceiling(airframe, airframe.reference_density, airframe.ceiling_voltage)
-    fill = largest_fill(airframe, limits, criterion="yaw uncontrolled")
-    return float(hover_use(airframe, limits, weight(airframe, fill)).item())
 
 
 def _flight(analysis: FlightAnalysis, speed: Floats, seconds: Floats) -> JsonObject:
