@@ -39,7 +39,7 @@ class AirframeNew:
     that of --hover or --from, else the only one in the folder; its verdict is printed at once.
     Every value keeps its source, and what nobody stated is marked as guessed.
 
-    Example: thrustmargin airframe new --hover demo --mass 21.1 --wheelbase 1.92 --tank-litres 16
+    Example: thrustmargin airframe new --from demo --mass 21.1 --wheelbase 1.92 --tank-litres 16
     --power-set topxgun-f16 --out my-aircraft.toml
     """
 

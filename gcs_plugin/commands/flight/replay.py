@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from rich.markup import escape
 from tyro.conf import Positional
 
+from thrustmargin.gcs_plugin.commands.shared.options import UsageError, require_logs
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, ReadingOptions
 from thrustmargin.gcs_plugin.commands.shared.recorded import LIMIT, Chosen, with_recorded
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
@@ -17,6 +18,8 @@ from thrustmargin.models.errors import DataError
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.view.replay_view import ReplayView
     from thrustmargin.models.model.rotor_model import RotorModel
+
+MOST_NAMED = 12  # logs of a folder
 
 
 def replay(
@@ -39,10 +42,11 @@ def replay(
     Opens a page in your browser, served by this computer alone; nothing is sent anywhere.
     Ctrl-C in this window ends it.
 
-    Example: thrustmargin replay sitl_logs/campaign/v4_m16_q2.5.tlog --speed 5
+    Example: thrustmargin replay demo --speed 5
 
     Args:
-        log: Recorded flight: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv.
+        log: Recorded flight: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv; or the folder of
+            one.
         model: Rotor speed model file of this aircraft; without it, and without an airframe, the one
             that ships is used for a flight that is recognised as one of topxgun-f16-sitl.
         before: Model file that --model was made from by `identify`; the route can then be coloured
@@ -63,6 +67,12 @@ def replay(
     from thrustmargin.gcs_plugin.view.page.token_door import page_token
     from thrustmargin.gcs_plugin.view.replay_view import run_replay
 
+    logs = require_logs([log])
+    if len(logs) > 1:
+        names = ", ".join(str(path.relative_to(log)) for path in logs[:MOST_NAMED])
+        more = f" and {len(logs) - MOST_NAMED} more" if len(logs) > MOST_NAMED else ""
+        raise UsageError(f"{log} holds {len(logs)} logs; name one of them: {names}{more}")
+    log = logs[0]
     chosen = with_recorded(
         [log],
         Chosen(model=model, airframe=airframe, reading=reading),

@@ -47,10 +47,11 @@ def report(
     The page opens in any browser without a network. Beside it, with the same name, come a .json
     with its numbers and a .csv with a line for each moment of the flight.
 
-    Example: thrustmargin report sitl_logs/campaign/v4_m16_q2.5.tlog --out north-field.html
+    Example: thrustmargin report demo --out north-field.html
 
     Args:
-        logs: Recorded flights: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv.
+        logs: Recorded flights: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv; or folders of
+            them.
         model: Rotor speed model file of this aircraft; without it, and without an airframe, the one
             that ships is used for a flight that is recognised as one of topxgun-f16-sitl.
         airframe: Name of a shipped airframe, or an airframe file (.toml); without it the
@@ -72,7 +73,7 @@ def report(
     from thrustmargin.models.whole_file import whole_file
 
     console = Terminal(stderr=True, soft_wrap=True)
-    require_logs(logs)
+    logs = require_logs(logs)
     chosen = with_recorded(
         logs,
         Chosen(model=model, airframe=airframe, max_utilisation=max_utilisation, reading=reading),

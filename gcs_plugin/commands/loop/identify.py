@@ -85,7 +85,8 @@ def identify(
     from thrustmargin.models.identification.rows.usable_flights import require_distinct
 
     errors = Terminal(stderr=True, soft_wrap=True)
-    require_logs(logs)
+    logs = require_logs(logs)
+    held_out = require_logs(held_out) if held_out else ()
     check_outputs(
         (
             Output("--out", out, endings=(".safetensors",), keep=not force),

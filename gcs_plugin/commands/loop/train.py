@@ -84,7 +84,7 @@ def train(
     from thrustmargin.models.physics.flight_phases import training_rows
 
     progress = Terminal(stderr=True)
-    require_logs(logs)
+    logs = require_logs(logs)
     require_torch("train")
     check_outputs(
         [

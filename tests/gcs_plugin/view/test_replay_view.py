@@ -407,7 +407,7 @@ def test_without_rotors_told_all_that_needs_none_is_shown(tmp_path):
         settled(view, lambda: f"{track.tank_kg[200]:.1f} kg" in view._gauges.content)
         said = view._gauges.content
         assert "NO VERDICT" in said
-        assert "not recognised as topxgun-f16-sitl" in said
+        assert "this aircraft is not known" in said
         assert "height 5.0 m" in said
         assert "rpm" not in said
         assert not view._charts._charts
