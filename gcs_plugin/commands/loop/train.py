@@ -25,7 +25,7 @@ def train(
     *,
     airframe: str | None = None,
     reading: Reading = AS_HEARD,
-    out: Path = Path("my-model.safetensors"),
+    out_model: Path = Path("my-model.safetensors"),
     members: int = 5,
     seed: int = 0,
     split: Literal["both", "samples", "flights"] = "both",
@@ -45,14 +45,15 @@ def train(
     Give flights of a healthy aircraft, over the speeds and tank levels of its work: at least 3.
     The interval is conformal from 9 flights on, below that a wider one by Student's t.
 
-    Example: thrustmargin train sitl_logs/campaign/*.tlog --out my-f16.safetensors
+    Example: thrustmargin train flights --airframe my-aircraft.toml --out-model mine.safetensors
 
     Args:
-        logs: Recorded flights: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv.
+        logs: Recorded flights: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv; or folders of
+            them.
         airframe: Name of a shipped airframe, or an airframe file (.toml), of the aircraft; without
             it only flights that are recognised as those of topxgun-f16-sitl are learnt from.
         reading: How the logs are read.
-        out: Model file to write.
+        out_model: Model file to write (--out is an older name of it).
         members: Networks in the ensemble; their disagreement is the model's uncertainty.
         seed: Number from which all chance is drawn; the same seed gives the same model.
         split: Split of the table: by samples as the paper does, by flight, or both.
@@ -88,8 +89,8 @@ def train(
     require_torch("train")
     check_outputs(
         [
-            Output("--out", out, (".safetensors",), keep=not force),
-            *(Output("--out", path) for path in loss_paths(out)),
+            Output("--out-model", out_model, (".safetensors",), keep=not force),
+            *(Output("--out-model", path) for path in loss_paths(out_model)),
         ],
         inputs=[*logs, airframe],
     )
@@ -111,7 +112,7 @@ def train(
     thermometer = learnt_thermometer(tracks, aircraft)
     tracks = [by_thermometer(track, thermometer) for track in tracks]
     names, date = settings.names(), datetime.now(UTC).date().isoformat()
-    trained, written = None, [out]
+    trained, written = None, [out_model]
     learnable = any(training_rows(track).any() for track in tracks)
     with steps(progress, total=len(names) + 1) as step:
 
@@ -137,9 +138,9 @@ def train(
             progress=lambda what: step(what, len(names)),
         )
     made = replace(made, thermometer=thermometer)
-    save_model(made, out)
+    save_model(made, out_model)
     if trained is not None:
-        written += write_loss_curves(trained.curves, out)
+        written += write_loss_curves(trained.curves, out_model)
 
     console = Terminal()
     for part in training_tables(made):

@@ -27,7 +27,7 @@ def as_read(argv: Sequence[str]) -> list[str]:
     A file or folder of that name in the working folder is meant itself.
     """
     words: list[str] = []
-    for word in argv:
+    for word in _renamed(argv):
         before = words[-1] if words else ""
         if word == "%" and words[-2:-1] == [_SHARE]:
             words[-1] = _share(f"{before} %")
@@ -38,6 +38,24 @@ def as_read(argv: Sequence[str]) -> list[str]:
             word = str(BUNDLED)
         words.append(word)
     return words
+
+
+def _renamed(argv: Sequence[str]) -> Sequence[str]:
+    """`train` and `identify` with their options of now: --out was the model, --html the page."""
+    if not argv or argv[0] not in ("train", "identify"):
+        return argv
+    words = [word for given in argv for word in _apart(given)]
+    for place, (word, value) in enumerate(zip(words, [*words[1:], ""], strict=True)):
+        if word == "--out" and (words[0] == "train" or value.endswith(".safetensors")):
+            words[place] = "--out-model"
+        elif word == "--html":
+            words[place] = "--out"
+    return words
+
+
+def _apart(word: str) -> list[str]:
+    """`--out=x` as two words."""
+    return word.split("=", 1) if word.startswith(("--out=", "--html=")) else [word]
 
 
 def _share(word: str) -> str:
