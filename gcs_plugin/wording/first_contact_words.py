@@ -27,10 +27,10 @@ QUESTIONS: Mapping[str, Asked] = MappingProxyType(
     {
         "layout": Asked("--layout LAYOUT", "layout of the motors, such as quad-x or hexa-x"),
         "cells": Asked("--cells COUNT", "battery cells in series"),
-        "mass": Asked("--mass KG", "kg, weight ready to fly, with its battery and without liquid"),
-        "wheelbase": Asked(
-            "--wheelbase M", "m from motor to motor, across the centre of the aircraft"
+        "mass": Asked(
+            "--mass KG", "weight ready to fly, with its battery and without liquid, in kg"
         ),
+        "wheelbase": Asked("--wheelbase M", "distance from motor to motor across the centre, in m"),
         "power_set": Asked(
             "--power-set NAME", "motor and propeller, a name of `thrustmargin airframe list`"
         ),
@@ -38,11 +38,11 @@ QUESTIONS: Mapping[str, Asked] = MappingProxyType(
             "--propeller DIAMETERxPITCH", "propeller, diameter x pitch in inches, such as 24x8"
         ),
         "max_thrust_kgf": Asked(
-            "--max-thrust-kgf KGF", "kgf of one motor at full throttle, by the maker's data sheet"
+            "--max-thrust-kgf KGF", "thrust of one motor at full throttle by its data sheet, in kgf"
         ),
-        "tank_litres": Asked("--tank-litres L", "L of the full tank; 0 when it has none"),
+        "tank_litres": Asked("--tank-litres L", "full tank, in litres; 0 when it has none"),
         "load": Asked(
-            "--load KG", "kg of liquid or payload on board at the start of that flight; 0 for none"
+            "--load KG", "liquid or payload on board when that flight began, in kg; 0 for none"
         ),
     }
 )

@@ -10,7 +10,7 @@ import tyro
 from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading
-from thrustmargin.models.errors import DataError, LogError, require_torch
+from thrustmargin.models.errors import LogError, require_torch
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
@@ -70,7 +70,12 @@ def train(
         listed,
         read_logs,
     )
-    from thrustmargin.gcs_plugin.commands.shared.options import Output, check_outputs, require_logs
+    from thrustmargin.gcs_plugin.commands.shared.options import (
+        Output,
+        UsageError,
+        check_outputs,
+        require_logs,
+    )
     from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal, steps
     from thrustmargin.gcs_plugin.reports.model.model_figures import loss_paths, write_loss_curves
     from thrustmargin.gcs_plugin.reports.model.training_tables import training_tables
@@ -95,7 +100,7 @@ def train(
         inputs=[*logs, airframe],
     )
     if members < 3 or max_epochs < 1:
-        raise DataError("--members must be at least 3 and --max-epochs at least 1")
+        raise UsageError("--members must be at least 3 and --max-epochs at least 1")
     given = airframe is not None
     aircraft = load_airframe(airframe if given else SHIPPED_AIRFRAME)
     settings = TrainSettings(
@@ -149,7 +154,7 @@ def train(
         console.print(f"left out: {one.name}: {one.reason}", soft_wrap=True)
     for path in written:
         console.print(f"wrote {path}", soft_wrap=True)
-    return 0
+    return 1 if unread else 0
 
 
 def _long_enough(

@@ -144,7 +144,7 @@ def test_loss_curves_are_drawn_and_written_as_they_were(tmp_path):
 def test_a_model_file_that_is_there_is_not_replaced_unasked(few_logs, tmp_path):
     out = tmp_path / "own.safetensors"
     out.write_bytes(b"precious")
-    with pytest.raises(DataError, match="already there; give another --out, or --force"):
+    with pytest.raises(DataError, match="already there; give another --out-model, or --force"):
         train(few_logs, out_model=out, max_epochs=1)
     assert out.read_bytes() == b"precious"
 
@@ -152,8 +152,8 @@ def test_a_model_file_that_is_there_is_not_replaced_unasked(few_logs, tmp_path):
 @pytest.mark.parametrize(
     ("given", "error", "message"),
     [
-        ({"out": "model.bin"}, DataError, "end its name in .safetensors"),
-        ({"out": "nowhere/m.safetensors"}, DataError, "no folder"),
+        ({"out_model": "model.bin"}, DataError, "end its name in .safetensors"),
+        ({"out_model": "nowhere/m.safetensors"}, DataError, "no folder"),
         ({"members": 2}, DataError, "--members must be at least 3"),
         ({"max_epochs": 0}, DataError, "--max-epochs at least 1"),
         ({"airframe": "zeppelin"}, AirframeError, "no airframe 'zeppelin'"),
@@ -161,7 +161,7 @@ def test_a_model_file_that_is_there_is_not_replaced_unasked(few_logs, tmp_path):
     ],
 )
 def test_what_cannot_be_trained_is_said_before_the_work(given, error, message, few_logs, tmp_path):
-    given = {"out": "m.safetensors"} | given
+    given = {"out_model": "m.safetensors"} | given
     given["out"] = tmp_path / given["out"]
     with pytest.raises(error, match=message):
         train(few_logs, **given)
