@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -10,6 +11,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
+from rich.console import Console
 
 from thrustmargin.gcs_plugin.commands.airframe.questions import (
     Answers,
@@ -21,7 +23,7 @@ from thrustmargin.gcs_plugin.commands.airframe.stated import OwnerStatement, sta
 from thrustmargin.gcs_plugin.commands.shared.options import Output, check_outputs
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, ReadingOptions
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
-from thrustmargin.models.errors import DataError
+from thrustmargin.models.errors import DataError, ThrustMarginError
 from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
@@ -64,7 +66,6 @@ class AirframeNew:
     """Replace the file if it is there."""
 
     def run(self) -> int:
-        from thrustmargin.gcs_plugin.commands.airframe.answer import print_answer
         from thrustmargin.gcs_plugin.commands.airframe.fitted import Fitted, bench_quantities
         from thrustmargin.gcs_plugin.commands.airframe.list_show import print_airframe
         from thrustmargin.gcs_plugin.commands.airframe.source import VehicleParameters, read_source
@@ -202,3 +203,29 @@ def new_airframe(
         "rotors": rotors,
     }
     return airframe_from_table(table, where=name)
+
+
+def print_answer(console: Console, log: Path, file: Path, reading: ReadingOptions) -> None:
+    """Print the report's verdict of a log by an airframe file, and how to have it as a page.
+
+    A log that the report refuses is no fault of the file: the reason is printed.
+    """
+    from thrustmargin.gcs_plugin.commands.flight.report import print_verdicts
+    from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, read_flights
+    from thrustmargin.gcs_plugin.reports.margin import build_report
+    from thrustmargin.models.model.analysis import analyse, for_verdict
+
+    try:
+        model = chosen_model(None, str(file))
+        flights = read_flights(log, model, given=True, reading=reading)
+        made = build_report(
+            (for_verdict(analyse(flight.track, model, claim=claim)), flight)
+            for flight, claim in flights
+        )
+    except ThrustMarginError as error:
+        console.print(f"no verdict of {log.name}: {error}", soft_wrap=True)
+        return
+    print_verdicts(console, made)
+    line = f"thrustmargin report {shlex.quote(str(log))} --airframe {shlex.quote(str(file))}"
+    load = "" if reading.load is None else f" --load {reading.load:g}"
+    console.print(f"as a page: {line}{load}", soft_wrap=True)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from thrustmargin.gcs_plugin.commands.airframe.stated import OTHER, OwnerStatement, stated
 from thrustmargin.gcs_plugin.commands.shared.options import UsageError
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
-from thrustmargin.gcs_plugin.wording.first_contact_words import QUESTIONS, option_words
+from thrustmargin.gcs_plugin.wording.report_words import QUESTIONS, option_words
 from thrustmargin.models.errors import DataError
 
 if TYPE_CHECKING:

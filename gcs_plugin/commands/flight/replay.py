@@ -114,8 +114,8 @@ def replay_view(
     from thrustmargin.gcs_plugin.reports.margin.first_contact import first_contact
     from thrustmargin.gcs_plugin.view.replay_view import ReplayView
     from thrustmargin.gcs_plugin.view.scene.overlays import before_and_after
-    from thrustmargin.gcs_plugin.wording.first_contact_words import contact_facts, contact_headline
     from thrustmargin.gcs_plugin.wording.margin_verdict import gravity
+    from thrustmargin.gcs_plugin.wording.report_words import contact_facts, contact_headline
     from thrustmargin.models.model.analysis import analyse, for_verdict
 
     console = Terminal(stderr=True, soft_wrap=True)

@@ -18,8 +18,8 @@ import numpy as np
 
 from thrustmargin.gcs_plugin.logs.findings import Finding
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
-from thrustmargin.gcs_plugin.wording.first_contact_words import FirstContact
 from thrustmargin.gcs_plugin.wording.margin_verdict import Level, MarginVerdict, Moment
+from thrustmargin.gcs_plugin.wording.report_words import FirstContact
 from thrustmargin.models.checks.loss_of_control import LossOfControl
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.airframe_claim import AirframeBasis

@@ -10,8 +10,8 @@ from thrustmargin.gcs_plugin.telemetry.reported_airframe import (
     ReportedAirframe,
     reported_airframe,
 )
-from thrustmargin.gcs_plugin.wording.first_contact_words import FirstContact
 from thrustmargin.gcs_plugin.wording.flight_words import LEAST_FLIGHT_S
+from thrustmargin.gcs_plugin.wording.report_words import FirstContact
 from thrustmargin.models.errors import AirframeError
 from thrustmargin.models.flight import FlightTrack
 from thrustmargin.models.model.airframe_claim import AirframeClaim

@@ -23,8 +23,8 @@ from thrustmargin.gcs_plugin.reports.shared.page_shell import packed, page_text
 from thrustmargin.gcs_plugin.wording import numbers as words
 from thrustmargin.gcs_plugin.wording.fault_words import DESCENDED, HELD, MAXIMUM_FILL, SPINS
 from thrustmargin.gcs_plugin.wording.fill_words import amount
-from thrustmargin.gcs_plugin.wording.first_contact_words import TO_COPY
 from thrustmargin.gcs_plugin.wording.margin_verdict import estimate, moment_words
+from thrustmargin.gcs_plugin.wording.report_words import TO_COPY
 from thrustmargin.models.model.json_values import to_json_values
 from thrustmargin.models.whole_file import whole_file
 

@@ -43,7 +43,6 @@ from thrustmargin.gcs_plugin.reports.margin.moments import (
 )
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
-from thrustmargin.gcs_plugin.wording.first_contact_words import contact_facts, contact_headline
 from thrustmargin.gcs_plugin.wording.flight_words import (
     LEAST_FLIGHT_S,
     loss_words,
@@ -65,7 +64,7 @@ from thrustmargin.gcs_plugin.wording.margin_verdict import (
     load_facts,
     several_headline,
 )
-from thrustmargin.gcs_plugin.wording.report_words import WITHOUT
+from thrustmargin.gcs_plugin.wording.report_words import WITHOUT, contact_facts, contact_headline
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.models.checks.loss_of_control import (
     LossOfControl,

@@ -162,7 +162,7 @@ def test_a_model_file_that_is_there_is_not_replaced_unasked(few_logs, tmp_path):
 )
 def test_what_cannot_be_trained_is_said_before_the_work(given, error, message, few_logs, tmp_path):
     given = {"out_model": "m.safetensors"} | given
-    given["out"] = tmp_path / given["out"]
+    given["out_model"] = tmp_path / given["out_model"]
     with pytest.raises(error, match=message):
         train(few_logs, **given)
     assert list(tmp_path.iterdir()) == []

@@ -11,7 +11,7 @@ from thrustmargin.gcs_plugin.cli import run
 from thrustmargin.gcs_plugin.logs import read_log
 from thrustmargin.gcs_plugin.logs.csv_table import write_csv
 from thrustmargin.gcs_plugin.reports.margin.first_contact import first_contact
-from thrustmargin.gcs_plugin.wording.first_contact_words import (
+from thrustmargin.gcs_plugin.wording.report_words import (
     command,
     contact_facts,
     contact_headline,
