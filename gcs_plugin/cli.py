@@ -1,7 +1,6 @@
 """The `thrustmargin` command: one typed function a subcommand, errors as one line.
 
-Exit codes: 0 done, 1 the input or the environment does not allow it, 2 the command line is wrong,
-130 stopped by Ctrl-C.
+Exit codes: 0 done, 1 some input is not usable, 2 the command line is wrong, 130 stopped by Ctrl-C.
 """
 
 from __future__ import annotations
@@ -19,6 +18,7 @@ from importlib import import_module
 from typing import Any
 
 from thrustmargin.gcs_plugin.commands.shared.options import QUIET, UsageError, refuse_renamed
+from thrustmargin.gcs_plugin.commands.shared.typed import as_read, plain_optionals
 from thrustmargin.gcs_plugin.mavlink.text import clean_lines
 from thrustmargin.models.errors import ThrustMarginError
 
@@ -53,7 +53,7 @@ ROOMS = {
 USAGE = """usage: thrustmargin COMMAND [OPTIONS]
 
 How much thrust a spraying multirotor has left, and why.
-Example: thrustmargin report sitl_logs/campaign/v4_m16_q2.5.tlog
+Example: thrustmargin report demo
 
 commands:
 {commands}
@@ -61,6 +61,9 @@ options:
   -h, --help  this help; after a command, that command's
   --version   the version that is installed
   --quiet     with any command: print nothing but results that go to standard output, and errors
+
+Where a log is asked for, `demo` is the bundled flight, and a folder is all logs in it.
+Exit codes: 0 done, 1 some input is not usable, 2 the command line is wrong, 130 stopped by Ctrl-C.
 """
 
 
@@ -160,7 +163,10 @@ def _answer(argv: Sequence[str]) -> Any:
     functions = {name: command_function(name) for name in chosen}
     import tyro  # takes half of the time of a help that needs nothing of it
 
-    return tyro.extras.subcommand_cli_from_dict(functions, prog="thrustmargin", args=list(argv))
+    with plain_optionals():
+        return tyro.extras.subcommand_cli_from_dict(
+            functions, prog="thrustmargin", args=as_read(argv)
+        )
 
 
 def _complain(words: str) -> None:

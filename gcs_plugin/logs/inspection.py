@@ -89,7 +89,7 @@ def inspect_log(
     unknown = claim.basis == "not known" or not math.isfinite(airframe.empty_mass)
     known = None if unknown else airframe
     if known is None:
-        for reason in (*claim.withheld, claim.remedy):
+        for reason in filter(None, (*claim.withheld, claim.unlike, claim.remedy)):
             findings.append(Finding(check="airframe", level=Severity.UNKNOWN, words=reason))
     else:
         if log.track.rotor_count == airframe.rotor_count:

@@ -44,7 +44,8 @@ class AirframeClaim:
     basis: AirframeBasis = "given"
     words: str = ""  # for people
     withheld: tuple[str, ...] = ()  # why no margin is claimed; empty: nothing speaks against it
-    source: str = "LOG"  # log or link of the flight
+    unlike: str = ""  # of none given: why the flight is not recognised as one of what ships
+    source: str = "LOG"  # log or link of the flight, as a shell takes it
     #: What no longer fits in a flight that was known to be of the airframe: a finding.
     misfit: tuple[str, ...] = ()
     outputs: OutputEvidence | None = None  # what motor outputs say of the load, without the gauge
@@ -96,9 +97,12 @@ def airframe_claim(
         return AirframeClaim(basis="recognised", words=words, outputs=outputs)
     unlike = (c.words for c in found if c.verdict != "close" and c.check != "frame")
     why = against[0] if against else next(unlike, "too little in it to compare")
-    reason = f"no airframe was given, and the flight is not recognised as {airframe.name} ({why})"
     return AirframeClaim(
-        basis="not known", words="airframe not known", withheld=(reason,), source=track.name
+        basis="not known",
+        words="airframe not known",
+        withheld=("this aircraft is not known: no airframe was given",),
+        unlike=f"the flight is not recognised as one of {airframe.name}: {why}",
+        source=track.name,
     )
 
 

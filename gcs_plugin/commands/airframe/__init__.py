@@ -22,6 +22,6 @@ def airframe(
 ) -> int:
     """Make, show and check the file of an aircraft: masses, rotors, battery, thrust curve.
 
-    Example: thrustmargin airframe new --from flight.BIN --out my-aircraft.toml
+    Example: thrustmargin airframe check topxgun-f16-sitl demo
     """
     return what.run()

@@ -38,7 +38,7 @@ class AirframeCheck:
     Layout, motor order, ESC poles, voltage, the thrust coefficient against the weight in hover, the
     trim of the rotors, and the largest rotor speed. Says of each whether the flights agree.
 
-    Example: thrustmargin airframe check my-aircraft.toml flight.BIN --load 0
+    Example: thrustmargin airframe check topxgun-f16-sitl demo
     """
 
     file: Annotated[Positional[str], tyro.conf.arg(metavar="FILE|NAME")]
@@ -54,10 +54,10 @@ class AirframeCheck:
         from thrustmargin.gcs_plugin.logs import read_sorties
         from thrustmargin.models.physics.airframe import load_airframe
 
-        require_logs(self.logs)
+        paths = require_logs(self.logs)
         craft = load_airframe(self.file)
         keywords = reading_keywords(self.reading)
-        read = (read_sorties(path, airframe=craft, **keywords) for path in self.logs)
+        read = (read_sorties(path, airframe=craft, **keywords) for path in paths)
         logs = [log for sorties in read for log in sorties]
         console = Terminal()
         table = Table(show_header=False, box=None, pad_edge=False)

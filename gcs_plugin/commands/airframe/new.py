@@ -2,24 +2,33 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
+from rich.console import Console
 
-from thrustmargin.gcs_plugin.commands.airframe.questions import asked, require_all
+from thrustmargin.gcs_plugin.commands.airframe.questions import (
+    Answers,
+    asked,
+    only_log,
+    require_all,
+)
 from thrustmargin.gcs_plugin.commands.airframe.stated import OwnerStatement, stated
 from thrustmargin.gcs_plugin.commands.shared.options import Output, check_outputs
-from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading
+from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, ReadingOptions
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
-from thrustmargin.models.errors import DataError, LogError
+from thrustmargin.models.errors import DataError, ThrustMarginError
 from thrustmargin.models.whole_file import whole_file
 
 if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.commands.airframe.fitted import Fitted
+    from thrustmargin.gcs_plugin.commands.airframe.source import VehicleParameters
     from thrustmargin.gcs_plugin.telemetry.reported_airframe import ReportedAirframe
     from thrustmargin.models.physics.airframe import Airframe, Quantity
 
@@ -28,12 +37,12 @@ if TYPE_CHECKING:
 class AirframeNew:
     """Make the airframe file of your own aircraft.
 
-    Takes what the vehicle says (layout, motor order, battery) from a log, a parameter file or the
-    vehicle itself, and asks for what it cannot know; every value keeps its source, and what nobody
-    stated is marked as guessed.
+    Run in a terminal it asks: for what neither the options nor the log say, one by one. A log is
+    that of --hover or --from, else the only one in the folder; its verdict is printed at once.
+    Every value keeps its source, and what nobody stated is marked as guessed.
 
-    Example: thrustmargin airframe new --from flight.BIN --mass 18 --arm 0.74 --tank-litres 0
-    --power-set hobbywing-x6-plus --out my-aircraft.toml
+    Example: thrustmargin airframe new --from demo --mass 21.1 --wheelbase 1.92 --tank-litres 16
+    --power-set topxgun-f16 --out my-aircraft.toml
     """
 
     source: Annotated[str | None, tyro.conf.arg(name="from", metavar="LOG|PARAMS|URL")] = None
@@ -57,48 +66,41 @@ class AirframeNew:
     """Replace the file if it is there."""
 
     def run(self) -> int:
-        from thrustmargin.gcs_plugin.commands.airframe.fitted import (
-            Fitted,
-            bench_quantities,
-            ceiling_notes,
-            hover_quantities,
-        )
+        from thrustmargin.gcs_plugin.commands.airframe.fitted import Fitted, bench_quantities
         from thrustmargin.gcs_plugin.commands.airframe.list_show import print_airframe
         from thrustmargin.gcs_plugin.commands.airframe.source import VehicleParameters, read_source
-        from thrustmargin.gcs_plugin.telemetry.reported_airframe import reported_airframe
         from thrustmargin.models.physics.airframe_draft import airframe_toml
 
+        console, asks = Terminal(), sys.stdin.isatty()
         source = self.source or (str(self.hover[0]) if self.hover else None)
+        if source is None and self.bench is None and (alone := only_log(Path())):
+            source = str(alone)
+            console.print(f"{source}: the only log in this folder, taken", soft_wrap=True)
         check_outputs(
             [Output("--out", self.out, (".toml",), keep=not self.force)],
             inputs=[source, *self.hover, self.bench],
         )
         found = VehicleParameters(parameters={})
         if source is not None:
-            try:
-                found = read_source(source, vehicle=self.reading.vehicle, timeout=self.timeout)
-            except LogError:
-                if self.source is not None:
-                    raise  # a hover may be of a log without parameters, such as .csv
-        reported = reported_airframe(
-            found.parameters,
-            found.highest_voltage,
-            facts=found.facts,
-            texts=found.texts,
-            layout=self.owner.layout,
-        )
+            found = read_source(source, vehicle=self.reading.vehicle, timeout=self.timeout)
         fitted = bench_quantities(self.bench) if self.bench else Fitted()
-        known = replace(reported, quantities={**reported.quantities, **fitted.quantities})
-        owner = asked(self.owner, known) if sys.stdin.isatty() else self.owner
-        reported = replace(reported, layout=owner.layout or reported.layout)
-        name, notes = self.owner.name or self.out.stem, [*reported.notes, *fitted.notes]
-        craft = new_airframe(owner, reported, name=name, fitted=fitted.quantities)
-        if self.hover:
-            hovered = hover_quantities(self.hover, craft, self.reading)
-            notes += hovered.notes
-            together = fitted.quantities | hovered.quantities
-            craft = new_airframe(owner, reported, name=name, fitted=together)
-            notes += ceiling_notes(craft)
+        reported = _reported(found, self.owner, fitted)
+        answers = Answers(owner=self.owner, load=self.reading.load)
+        # Where somebody can be asked, a log's hover is of use whichever option named it.
+        hover = self.hover or ((found.log,) if found.log is not None and asks else ())
+        weighed = found.gauge or self.reading.states_load
+        asks_load = bool(hover) and not weighed
+        if asks:
+            if found.log is not None:
+                console.print(f"found: {found.found_words(reported)}", soft_wrap=True)
+            answers = asked(answers, reported, asks_load=asks_load)
+        require_all(answers, reported, asks_load=asks_load, source=found.leaves_open)
+        weighed = weighed or answers.owner.tank_litres == 0.0
+        if not hover and found.log is not None and weighed:
+            hover = (found.log,)
+        reading = replace(self.reading, load=answers.load)
+        name = answers.owner.name or self.out.stem
+        craft, notes, fits = _made(answers.owner, reported, name, fitted, hover, reading)
         heading = (
             f"Made by `thrustmargin airframe new` from {found.words}. What is marked as guessed is "
             "not known:\ncorrect it when you know better, and remove the mark. "
@@ -109,12 +111,56 @@ class AirframeNew:
                 draft.write_text(airframe_toml(craft, heading), encoding="utf-8")
         except OSError as error:
             raise DataError(f"cannot write {self.out}: {error.strerror or error}") from error
-        console = Terminal()
         print_airframe(console, craft)
-        for note in notes:
+        for note in (*reported.notes, *fitted.notes, *notes):
             console.print(f"note: {note}", soft_wrap=True)
         console.print(f"wrote {self.out}", soft_wrap=True)
-        return 0
+        log = hover[0] if hover else found.log
+        if log is not None and not hover:
+            console.print("note: its hover is not used, for the load is not known: give --load KG")
+        if log is not None:
+            print_answer(console, log, self.out, reading)
+        return 0 if fits or not self.hover else 1
+
+
+def _reported(found: VehicleParameters, owner: OwnerStatement, fitted: Fitted) -> ReportedAirframe:
+    """What the vehicle says and a bench table shows."""
+    from thrustmargin.gcs_plugin.telemetry.reported_airframe import reported_airframe
+
+    reported = reported_airframe(
+        found.parameters,
+        found.highest_voltage,
+        facts=found.facts,
+        texts=found.texts,
+        layout=owner.layout,
+    )
+    return replace(reported, quantities={**reported.quantities, **fitted.quantities})
+
+
+def _made(
+    owner: OwnerStatement,
+    reported: ReportedAirframe,
+    name: str,
+    fitted: Fitted,
+    hover: Sequence[Path],
+    reading: ReadingOptions,
+) -> tuple[Airframe, tuple[str, ...], bool]:
+    """The airframe, notes on it, and whether every flight of hover could be used.
+
+    Answers are not lost for a flight that cannot be fitted: the file then has what is stated.
+    """
+    from thrustmargin.gcs_plugin.commands.airframe.fitted import ceiling_notes, hover_quantities
+
+    craft = new_airframe(owner, reported, name=name, fitted=fitted.quantities)
+    if not hover:
+        return craft, (), True
+    try:
+        hovered = hover_quantities(hover, craft, reading)
+    except DataError as error:
+        return craft, (f"the hover is not used, and the thrust curve is a guess: {error}",), False
+    together = {**fitted.quantities, **hovered.quantities}
+    craft = new_airframe(owner, reported, name=name, fitted=together)
+    return craft, (*hovered.notes, *ceiling_notes(craft)), True
 
 
 def new_airframe(
@@ -128,14 +174,14 @@ def new_airframe(
 
     What is `fitted` to data takes the place of all but what the owner states.
 
-    Raises UsageError that names every missing option, AirframeError when values contradict.
+    Raises UsageError for a value that cannot be, AirframeError when values contradict.
     """
     from thrustmargin.models.physics.airframe import airframe_from_table, quantity_table
     from thrustmargin.models.physics.airframe_draft import completed, lower_effectiveness
     from thrustmargin.models.physics.motor_layouts import motor_layouts
 
-    reported = replace(reported, quantities={**reported.quantities, **fitted})
-    require_all(owner, reported)
+    layout_name = owner.layout or reported.layout
+    reported = replace(reported, layout=layout_name, quantities={**reported.quantities, **fitted})
     quantities, rotors = stated(owner, reported), reported.rotors
     arm = quantities["arm"].value
     if rotors is None:
@@ -157,3 +203,29 @@ def new_airframe(
         "rotors": rotors,
     }
     return airframe_from_table(table, where=name)
+
+
+def print_answer(console: Console, log: Path, file: Path, reading: ReadingOptions) -> None:
+    """Print the report's verdict of a log by an airframe file, and how to have it as a page.
+
+    A log that the report refuses is no fault of the file: the reason is printed.
+    """
+    from thrustmargin.gcs_plugin.commands.flight.report import print_verdicts
+    from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, read_flights
+    from thrustmargin.gcs_plugin.reports.margin import build_report
+    from thrustmargin.models.model.analysis import analyse, for_verdict
+
+    try:
+        model = chosen_model(None, str(file))
+        flights = read_flights(log, model, given=True, reading=reading)
+        made = build_report(
+            (for_verdict(analyse(flight.track, model, claim=claim)), flight)
+            for flight, claim in flights
+        )
+    except ThrustMarginError as error:
+        console.print(f"no verdict of {log.name}: {error}", soft_wrap=True)
+        return
+    print_verdicts(console, made)
+    line = f"thrustmargin report {shlex.quote(str(log))} --airframe {shlex.quote(str(file))}"
+    load = "" if reading.load is None else f" --load {reading.load:g}"
+    console.print(f"as a page: {line}{load}", soft_wrap=True)

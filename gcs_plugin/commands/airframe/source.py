@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.commands.shared.terminal import transfer_bar
 from thrustmargin.models.errors import LogError
 from thrustmargin.models.vehicle_facts import VehicleFacts
+
+if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.telemetry.reported_airframe import ReportedAirframe
+
+NOTHING = "nothing"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,7 +25,29 @@ class VehicleParameters:
     facts: VehicleFacts | None = None
     texts: tuple[str, ...] = ()
     highest_voltage: float = float("nan")  # V of the battery
-    words: str = "nothing"
+    gauge: bool = False  # a log says what is in the tank
+    words: str = NOTHING
+    log: Path | None = None
+    autopilot: str = ""
+
+    @property
+    def leaves_open(self) -> str:
+        """How to begin a list of what is not in it."""
+        if self.words == NOTHING:
+            return "no log named by --from or --hover, and not one alone in this folder"
+        return f"{self.words} does not say everything"
+
+    def found_words(self, reported: ReportedAirframe) -> str:
+        """What was found of the aircraft, for people."""
+        cells = reported.quantities.get("nominal_voltage")
+        return "; ".join(
+            (
+                f"{self.words}, autopilot {self.autopilot}" if self.autopilot else self.words,
+                f"layout {reported.layout or 'not known'}",
+                f"battery {cells.source}" if cells else "battery cells not known",
+                "a tank gauge" if self.gauge else "no tank gauge",
+            )
+        )
 
 
 def read_source(source: str, *, vehicle: int | None, timeout: float) -> VehicleParameters:
@@ -34,6 +60,7 @@ def read_source(source: str, *, vehicle: int | None, timeout: float) -> VehicleP
         return _fetched(source, vehicle, timeout)
     from thrustmargin.gcs_plugin.logs import read_log
     from thrustmargin.gcs_plugin.logs.parameter_file import SUFFIXES, read_parameters
+    from thrustmargin.gcs_plugin.reports.margin.first_contact import highest_voltage
 
     if path.suffix.lower() in SUFFIXES:
         return VehicleParameters(parameters=read_parameters(path), words=path.name)
@@ -43,20 +70,15 @@ def read_source(source: str, *, vehicle: int | None, timeout: float) -> VehicleP
         if path.suffix.lower() != ".txt":
             raise
         return VehicleParameters(parameters=read_parameters(path), words=path.name)
-    if not log.parameters:
-        raise LogError(
-            f"{path.name} holds no parameters; save them from the ground station to a .param file "
-            "and give that, or connect the vehicle and give its URL"
-        )
-    voltage = log.track.voltage[np.isfinite(log.track.voltage)]
-    # One wild report must not decide the number of cells.
-    highest = float(np.percentile(voltage, 99.0)) if voltage.size else float("nan")
     return VehicleParameters(
         parameters=log.parameters,
         facts=log.facts,
         texts=tuple(text for _, text in log.messages),
-        highest_voltage=highest,
+        highest_voltage=highest_voltage(log.track),
+        gauge=log.track.reports("tank_kg"),
         words=path.name,
+        log=path,
+        autopilot=log.autopilot,
     )
 
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, replace
 from math import isfinite
-from typing import TYPE_CHECKING, Annotated
-
-import tyro
+from typing import TYPE_CHECKING
 
 from thrustmargin.gcs_plugin.commands.shared.options import UsageError
 
@@ -66,8 +64,6 @@ class OwnerStatement:
     """Battery cells in series, when the vehicle does not say."""
     layout: str | None = None
     """Layout of the motors, such as hexa-x, when the vehicle does not say or says it wrongly."""
-    defaults: Annotated[frozenset[str], tyro.conf.Suppress] = frozenset()
-    """Those of the above that nobody stated: a default was taken."""
 
 
 def stated(owner: OwnerStatement, reported: ReportedAirframe) -> dict[str, Quantity]:
@@ -85,9 +81,9 @@ def stated(owner: OwnerStatement, reported: ReportedAirframe) -> dict[str, Quant
                 f"no power set {owner.power_set!r}; known are {', '.join(power_sets())}; for "
                 "another give --propeller and --max-thrust-kgf"
             )
-        chosen, default = power_sets()[owner.power_set], "power_set" in owner.defaults
+        chosen = power_sets()[owner.power_set]
         quantities |= {
-            name: replace(q, source=f"{chosen.name}: {q.source}", guessed=q.guessed or default)
+            name: replace(q, source=f"{chosen.name}: {q.source}")
             for name, q in chosen.quantities.items()
         }
     if owner.propeller is not None:
@@ -97,9 +93,7 @@ def stated(owner: OwnerStatement, reported: ReportedAirframe) -> dict[str, Quant
         quantities.pop("thrust_coefficient", None)  # it is that of the set's own propeller
         source = f"stated: propeller {owner.propeller} in"
         for name, size in (("propeller_diameter", sizes[1]), ("propeller_pitch", sizes[2])):
-            quantities[name] = Quantity(
-                round(float(size) * INCH, 5), "m", source, "propeller" in owner.defaults
-            )
+            quantities[name] = Quantity(round(float(size) * INCH, 5), "m", source)
     if owner.propeller is not None or owner.max_thrust_kgf is not None:
         quantities.pop("max_rotor_speed_rpm", None)  # another thrust is reached at another speed
     quantities |= reported.quantities
@@ -109,7 +103,6 @@ def stated(owner: OwnerStatement, reported: ReportedAirframe) -> dict[str, Quant
             flag = "--" + option.replace("_", "-")
             if not isfinite(value) or value < 0 or (value == 0 and option != "tank_litres"):
                 raise UsageError(f"{flag} {value:g} is not a number above 0")
-            assumed = option in owner.defaults
-            words = f"{'default taken' if assumed else 'stated'}: {flag} {value:g}"
-            quantities[name] = Quantity(round(value * factor, 5), unit, words, assumed)
+            words = f"stated: {flag} {value:g}"
+            quantities[name] = Quantity(round(value * factor, 5), unit, words)
     return quantities

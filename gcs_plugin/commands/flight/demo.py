@@ -6,8 +6,7 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-#: In the wheel as in the project, beside `gcs_plugin`.
-BUNDLED = Path(__file__).resolve().parents[3] / "sitl_logs" / "campaign" / "v4_m16_q2.5.tlog"
+from thrustmargin.gcs_plugin.commands.shared.typed import BUNDLED
 
 
 def demo(

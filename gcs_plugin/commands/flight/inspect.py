@@ -63,10 +63,11 @@ def inspect(
     the rotors as the airframe file says), and whether the rotor speeds are of the rotor or
     electrical. Look at this first when a flight looks odd.
 
-    Example: thrustmargin inspect sitl_logs/campaign/v4_m16_q2.5.tlog --airframe topxgun-f16-sitl
+    Example: thrustmargin inspect demo --airframe topxgun-f16-sitl
 
     Args:
-        logs: Recorded flights: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv.
+        logs: Recorded flights: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv; or folders of
+            them.
         airframe: Name of a shipped airframe, or your airframe file (.toml); without it
             topxgun-f16-sitl is taken when the flight is recognised as one of it.
         reading: How the logs are read.
@@ -77,7 +78,7 @@ def inspect(
     from thrustmargin.gcs_plugin.logs.inspection import as_json
 
     console, errors = Terminal(quiet=json == STDOUT), Terminal(stderr=True)
-    require_logs(logs)
+    logs = require_logs(logs)
     outputs = (
         Output("--json", json, endings=(".json",)),
         Output("--anonymise", anonymise, endings=(".tlog",)),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from rich.markup import escape
 from tyro.conf import Positional
 
+from thrustmargin.gcs_plugin.commands.shared.options import UsageError, require_logs
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading, ReadingOptions
 from thrustmargin.gcs_plugin.commands.shared.recorded import LIMIT, Chosen, with_recorded
 from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
@@ -17,6 +18,8 @@ from thrustmargin.models.errors import DataError
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.view.replay_view import ReplayView
     from thrustmargin.models.model.rotor_model import RotorModel
+
+MOST_NAMED = 12  # logs of a folder
 
 
 def replay(
@@ -39,10 +42,11 @@ def replay(
     Opens a page in your browser, served by this computer alone; nothing is sent anywhere.
     Ctrl-C in this window ends it.
 
-    Example: thrustmargin replay sitl_logs/campaign/v4_m16_q2.5.tlog --speed 5
+    Example: thrustmargin replay demo --speed 5
 
     Args:
-        log: Recorded flight: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv.
+        log: Recorded flight: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv; or the folder of
+            one.
         model: Rotor speed model file of this aircraft; without it, and without an airframe, the one
             that ships is used for a flight that is recognised as one of topxgun-f16-sitl.
         before: Model file that --model was made from by `identify`; the route can then be coloured
@@ -63,6 +67,12 @@ def replay(
     from thrustmargin.gcs_plugin.view.page.token_door import page_token
     from thrustmargin.gcs_plugin.view.replay_view import run_replay
 
+    logs = require_logs([log])
+    if len(logs) > 1:
+        names = ", ".join(str(path.relative_to(log)) for path in logs[:MOST_NAMED])
+        more = f" and {len(logs) - MOST_NAMED} more" if len(logs) > MOST_NAMED else ""
+        raise UsageError(f"{log} holds {len(logs)} logs; name one of them: {names}{more}")
+    log = logs[0]
     chosen = with_recorded(
         [log],
         Chosen(model=model, airframe=airframe, reading=reading),
@@ -99,10 +109,12 @@ def replay_view(
     from thrustmargin.gcs_plugin.commands.shared.inputs import log_lines, read_flights
     from thrustmargin.gcs_plugin.logs.findings import names_known, names_wrong, repeated
     from thrustmargin.gcs_plugin.logs.inspection import inspect_log
+    from thrustmargin.gcs_plugin.reports.margin.first_contact import first_contact
     from thrustmargin.gcs_plugin.view.figures.standing import WholeFlight
     from thrustmargin.gcs_plugin.view.replay_view import ReplayView
     from thrustmargin.gcs_plugin.view.scene.overlays import before_and_after
     from thrustmargin.gcs_plugin.wording.advice_words import action, headline
+    from thrustmargin.gcs_plugin.wording.report_words import contact_facts, contact_headline
     from thrustmargin.models.model.advice import advise
     from thrustmargin.models.model.analysis import analyse, for_verdict
 
@@ -124,10 +136,14 @@ def replay_view(
         (flight, claim), analysis, answer = flights[shown], analyses[shown], answers[shown]
         older = None if before is None else analyse(analysis.track, before, claim=claim)
         found = repeated(findings[shown])
-        words = ": ".join([headline(answer), *names_wrong(found)])
+        contact = first_contact(flight, claim)
+        first = headline(answer) if contact is None else contact_headline(contact)
+        words = ": ".join([first, *names_wrong(found)])
         dated = [(one.time_s, one.words) for one in found if one.time_s is not None]
     for line in log_lines(flight, stated=reading.states_load):
         console.print(escape(f"{log.name}: {line}"))
+    for fact in () if contact is None else contact_facts(contact):
+        console.print(escape(f"  {fact.label}: {fact.text}"))
     for k, (other, _) in enumerate(flights) if len(flights) > 1 else ():
         line = f"{sortie_words(other.sortie, other.track)}: {headline(answers[k])}"
         console.print(f"  {line}; {'shown' if k == shown else f'--sortie {k + 1} shows it'}")

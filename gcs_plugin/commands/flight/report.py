@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
+from rich.console import Console
 from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.shared.options import (
@@ -22,6 +23,7 @@ from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal
 from thrustmargin.models.errors import DataError, ThrustMarginError
 
 if TYPE_CHECKING:
+    from thrustmargin.gcs_plugin.reports.margin.data import Report
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 
 
@@ -45,10 +47,11 @@ def report(
     The page opens in any browser without a network. Beside it, with the same name, come a .json
     with its numbers and a .csv with a line for each moment of the flight.
 
-    Example: thrustmargin report sitl_logs/campaign/v4_m16_q2.5.tlog --out north-field.html
+    Example: thrustmargin report demo --out north-field.html
 
     Args:
-        logs: Recorded flights: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv.
+        logs: Recorded flights: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv; or folders of
+            them.
         model: Rotor speed model file of this aircraft; without it, and without an airframe, the one
             that ships is used for a flight that is recognised as one of topxgun-f16-sitl.
         airframe: Name of a shipped airframe, or an airframe file (.toml); without it the
@@ -66,12 +69,11 @@ def report(
     from thrustmargin.gcs_plugin.commands.shared.inputs import chosen_model, listed, read_logs
     from thrustmargin.gcs_plugin.reports.margin import build_report
     from thrustmargin.gcs_plugin.reports.margin.render import json_text, pdf_bytes, write_report
-    from thrustmargin.gcs_plugin.reports.margin.summary import worst_first
     from thrustmargin.models.model.analysis import analyse, for_verdict
     from thrustmargin.models.whole_file import whole_file
 
     console = Terminal(stderr=True, soft_wrap=True)
-    require_logs(logs)
+    logs = require_logs(logs)
     chosen = with_recorded(
         logs,
         Chosen(model=model, airframe=airframe, max_utilisation=max_utilisation, reading=reading),
@@ -134,13 +136,7 @@ def report(
             where = error.filename or out or "standard output"
             raise DataError(f"cannot write {where}: {error.strerror or error}") from error
     summary = Terminal(soft_wrap=True, quiet=json == STDOUT)
-    if len(made.flights) > 1:
-        summary.print(made.overview.headline, style="bold")
-    for _, flight in worst_first(made.flights):
-        verdict = flight.verdict
-        summary.print(f"{flight.name}: {verdict.headline}", style="bold")
-        for fact in verdict.facts:
-            summary.print(f"  {fact.label}: {fact.text}")
+    print_verdicts(summary, made)
     for log in unread:
         console.print(f"not read: {log.name}: {log.reason}")
     if written is not None:
@@ -149,3 +145,16 @@ def report(
         if also is not None:
             summary.print(f"wrote {also}")
     return 1 if unread else 0
+
+
+def print_verdicts(console: Console, made: Report) -> None:
+    """Print the verdict of each flight with its facts, the worst first."""
+    from thrustmargin.gcs_plugin.reports.margin.summary import worst_first
+
+    if len(made.flights) > 1:
+        console.print(made.overview.headline, style="bold", soft_wrap=True)
+    for _, flight in worst_first(made.flights):
+        verdict = flight.verdict
+        console.print(f"{flight.name}: {verdict.headline}", style="bold", soft_wrap=True)
+        for fact in verdict.facts:
+            console.print(f"  {fact.label}: {fact.text}", soft_wrap=True)

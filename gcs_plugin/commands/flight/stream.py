@@ -25,7 +25,7 @@ def stream(
     Every message goes out unchanged, in order and at its time. To try out `thrustmargin monitor`,
     or any ground station, without an aircraft.
 
-    Example: thrustmargin stream flight.tlog --to udpout:127.0.0.1:14550 --speed 10
+    Example: thrustmargin stream demo --to udpout:127.0.0.1:14550 --speed 10
 
     Args:
         log: Telemetry log (.tlog) to play.

@@ -42,9 +42,9 @@ def identify(
     airframe: str | None = None,
     held_out: tuple[Path, ...] = (),
     reading: Reading = AS_HEARD,
-    out: Path | None = None,
+    out_model: Path | None = None,
     json: Path | None = None,
-    html: Path | None = None,
+    out: Path | None = None,
     next_flight: Path | None = None,
     surrogates: int | None = None,
     seed: int | None = None,
@@ -57,7 +57,7 @@ def identify(
     better by more than chance. Give two flights or more, at different tank levels.
 
     Example: thrustmargin identify sitl_logs/dev/worn_prop_1.tlog sitl_logs/dev/worn_prop_2.tlog
-    --held-out sitl_logs/dev/worn_prop_3.tlog --out worn.safetensors --html worn.html
+    --held-out sitl_logs/dev/worn_prop_3.tlog --out-model worn.safetensors --out worn.html
 
     Args:
         logs: Recorded flights to learn from: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv.
@@ -67,9 +67,10 @@ def identify(
             and thrust curve alone, without a model file.
         held_out: Flights that are not learnt from, on which the error is stated.
         reading: How the logs are read.
-        out: New model file to write, with the effects added; the old one stays.
+        out_model: New model file to write, with the effects added; the old one stays (--out with
+            .safetensors is an older name of it).
         json: Write the result as JSON to this file (.json); - is standard output, and nothing else.
-        html: Write a page with the residual before and after to this file.
+        out: Write a page with the residual before and after to this file (.html).
         next_flight: Write the flight that would distinguish what these flights cannot as a mission,
             a QGroundControl .plan file about the place where they were flown.
         surrogates: Not needed any more: chance is worked out, not drawn.
@@ -85,12 +86,13 @@ def identify(
     from thrustmargin.models.identification.rows.usable_flights import require_distinct
 
     errors = Terminal(stderr=True, soft_wrap=True)
-    require_logs(logs)
+    logs = require_logs(logs)
+    held_out = require_logs(held_out) if held_out else ()
     check_outputs(
         (
-            Output("--out", out, endings=(".safetensors",), keep=not force),
+            Output("--out-model", out_model, endings=(".safetensors",), keep=not force),
             Output("--json", json, endings=(".json",)),
-            Output("--html", html, endings=(".html", ".htm")),
+            Output("--out", out, endings=(".html", ".htm")),
             Output("--next-flight", next_flight, endings=(".plan",), keep=not force),
         ),
         inputs=[*logs, *held_out, model, airframe],
@@ -115,12 +117,12 @@ def identify(
                 tracks=fit + new,
                 not_used=not_used,
                 model_in=model_name,
-                model_out="" if out is None else str(out),
+                model_out="" if out_model is None else str(out_model),
                 mission="" if next_flight is None else str(next_flight),
                 date=datetime.now(UTC).date().isoformat(),
             )
             progress("writing", 0.0)
-            written = write_result(result, out=out, json=json, html=html, mission=next_flight)
+            written = write_result(result, out=out_model, json=json, html=out, mission=next_flight)
     if json != STDOUT:
         show(result, written)
     if next_flight is not None and next_flight not in written:

@@ -10,7 +10,7 @@ import tyro
 from tyro.conf import Positional
 
 from thrustmargin.gcs_plugin.commands.shared.reading import AS_HEARD, Reading
-from thrustmargin.models.errors import DataError, LogError, require_torch
+from thrustmargin.models.errors import LogError, require_torch
 
 if TYPE_CHECKING:
     from thrustmargin.gcs_plugin.reports.shared import UnusedLog
@@ -25,7 +25,7 @@ def train(
     *,
     airframe: str | None = None,
     reading: Reading = AS_HEARD,
-    out: Path = Path("my-model.safetensors"),
+    out_model: Path = Path("my-model.safetensors"),
     members: int = 5,
     seed: int = 0,
     split: Literal["both", "samples", "flights"] = "both",
@@ -45,14 +45,15 @@ def train(
     Give flights of a healthy aircraft, over the speeds and tank levels of its work: at least 3.
     The interval is conformal from 9 flights on, below that a wider one by Student's t.
 
-    Example: thrustmargin train sitl_logs/campaign/*.tlog --out my-f16.safetensors
+    Example: thrustmargin train flights --airframe my-aircraft.toml --out-model mine.safetensors
 
     Args:
-        logs: Recorded flights: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv.
+        logs: Recorded flights: .tlog, DataFlash .BIN or .log, PX4 .ulg, or .csv; or folders of
+            them.
         airframe: Name of a shipped airframe, or an airframe file (.toml), of the aircraft; without
             it only flights that are recognised as those of topxgun-f16-sitl are learnt from.
         reading: How the logs are read.
-        out: Model file to write.
+        out_model: Model file to write (--out is an older name of it).
         members: Networks in the ensemble; their disagreement is the model's uncertainty.
         seed: Number from which all chance is drawn; the same seed gives the same model.
         split: Split of the table: by samples as the paper does, by flight, or both.
@@ -69,7 +70,12 @@ def train(
         listed,
         read_logs,
     )
-    from thrustmargin.gcs_plugin.commands.shared.options import Output, check_outputs, require_logs
+    from thrustmargin.gcs_plugin.commands.shared.options import (
+        Output,
+        UsageError,
+        check_outputs,
+        require_logs,
+    )
     from thrustmargin.gcs_plugin.commands.shared.terminal import Terminal, steps
     from thrustmargin.gcs_plugin.reports.model.model_figures import loss_paths, write_loss_curves
     from thrustmargin.gcs_plugin.reports.model.training_tables import training_tables
@@ -84,17 +90,17 @@ def train(
     from thrustmargin.models.physics.flight_phases import training_rows
 
     progress = Terminal(stderr=True)
-    require_logs(logs)
+    logs = require_logs(logs)
     require_torch("train")
     check_outputs(
         [
-            Output("--out", out, (".safetensors",), keep=not force),
-            *(Output("--out", path) for path in loss_paths(out)),
+            Output("--out-model", out_model, (".safetensors",), keep=not force),
+            *(Output("--out-model", path) for path in loss_paths(out_model)),
         ],
         inputs=[*logs, airframe],
     )
     if members < 3 or max_epochs < 1:
-        raise DataError("--members must be at least 3 and --max-epochs at least 1")
+        raise UsageError("--members must be at least 3 and --max-epochs at least 1")
     given = airframe is not None
     aircraft = load_airframe(airframe if given else SHIPPED_AIRFRAME)
     settings = TrainSettings(
@@ -111,7 +117,7 @@ def train(
     thermometer = learnt_thermometer(tracks, aircraft)
     tracks = [by_thermometer(track, thermometer) for track in tracks]
     names, date = settings.names(), datetime.now(UTC).date().isoformat()
-    trained, written = None, [out]
+    trained, written = None, [out_model]
     learnable = any(training_rows(track).any() for track in tracks)
     with steps(progress, total=len(names) + 1) as step:
 
@@ -137,9 +143,9 @@ def train(
             progress=lambda what: step(what, len(names)),
         )
     made = replace(made, thermometer=thermometer)
-    save_model(made, out)
+    save_model(made, out_model)
     if trained is not None:
-        written += write_loss_curves(trained.curves, out)
+        written += write_loss_curves(trained.curves, out_model)
 
     console = Terminal()
     for part in training_tables(made):
@@ -148,7 +154,7 @@ def train(
         console.print(f"left out: {one.name}: {one.reason}", soft_wrap=True)
     for path in written:
         console.print(f"wrote {path}", soft_wrap=True)
-    return 0
+    return 1 if unread else 0
 
 
 def _long_enough(

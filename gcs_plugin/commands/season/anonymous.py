@@ -46,7 +46,12 @@ def anonymous(
         analysis,
         track=track,
         model=replace(model, training_domain=domain),
-        claim=replace(claim, withheld=reasons, source="LOG"),
+        claim=replace(
+            claim,
+            withheld=reasons,
+            unlike=without_name(claim.unlike, log.path.name),
+            source="LOG",
+        ),
     )
     events = tuple(replace(event, text="") for event in log.events)
     hidden = {

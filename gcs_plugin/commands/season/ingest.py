@@ -64,7 +64,7 @@ def ingest(
     there already is passed over, so the same command again goes on where it was stopped. A log
     that cannot be read is listed with the reason, and the others go on.
 
-    Example: thrustmargin ingest sitl_logs/campaign --store season
+    Example: thrustmargin ingest demo --store season
 
     Args:
         logs: Logs, folders with logs and recordings of `monitor`, patterns such as 'logs/**/*.BIN',

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -189,9 +190,10 @@ def read_flights(
     craft = flown_airframe(model)
 
     def claims_of(logs: Iterable[FlightLog]) -> list[AirframeClaim]:
-        return [
+        claims = (
             airframe_claim(log.track, craft, log.facts, log.parameters, given=given) for log in logs
-        ]
+        )
+        return [replace(claim, source=shlex.quote(str(path))) for claim in claims]
 
     def read(**options: Any) -> list[FlightLog]:
         logs = read_sorties(path, **options, **keywords)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from thrustmargin.models.errors import DataError, ThrustMarginError
+from thrustmargin.models.errors import DataError
 
 #: Set in the environment by --quiet, so that processes of ours are quiet too.
 QUIET = "THRUSTMARGIN_QUIET"
@@ -16,7 +17,7 @@ QUIET = "THRUSTMARGIN_QUIET"
 STDOUT = Path("-")
 
 
-class UsageError(ThrustMarginError):
+class UsageError(DataError):
     """The command line is wrong: exit code 2."""
 
 
@@ -44,18 +45,45 @@ def refuse_renamed(argv: Sequence[str]) -> None:
             )
 
 
-def require_logs(logs: Sequence[Path]) -> None:
-    """Raise UsageError when there is no log to work on."""
+def require_logs(logs: Sequence[Path]) -> tuple[Path, ...]:
+    """The logs, with those of a folder in its place: of all folders in it, 2 before 10.
+
+    Raises UsageError when none is named, DataError when a folder holds none.
+    """
     if not logs:
-        raise UsageError("no log given; name one or more recorded flights")
+        raise UsageError("no log given; name one or more recorded flights, or a folder of them")
+    return tuple(log for path in logs for log in (_logs_in(path) if path.is_dir() else [path]))
+
+
+def _logs_in(folder: Path) -> list[Path]:
+    from thrustmargin.gcs_plugin.logs.read import log_endings
+
+    endings = log_endings()
+    found = [
+        path
+        for path in folder.rglob("*")
+        if path.suffix.lower() in endings
+        and path.is_file()
+        # The rows of a report are no log of their own.
+        and not (path.suffix == ".csv" and path.with_suffix(".html").exists())
+    ]
+    if not found:
+        raise DataError(f"no log in {folder}; its endings are {', '.join(sorted(endings))}")
+    return sorted(found, key=_natural)
+
+
+def _natural(path: Path) -> list[tuple[int, str]]:
+    """Sorts 2.BIN before 10.BIN."""
+    parts = re.split(r"(\d+)", str(path).lower())
+    return [(int(part), "") if part.isdecimal() else (0, part) for part in parts]
 
 
 def check_utilisation(value: float) -> None:
-    """Raise DataError unless `value` is a share that a limit of thrust utilisation can be."""
+    """Raise UsageError unless `value` is a share that a limit of thrust utilisation can be."""
     if not 0.0 < value < 1.0:
-        raise DataError(
+        raise UsageError(
             f"--max-utilisation {value:g} is not a share of a rotor's maximum thrust; give one "
-            "between 0 and 1, such as 0.5"
+            "between 0 and 1, such as 0.5 or 50%"
         )
 
 

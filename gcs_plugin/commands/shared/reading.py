@@ -8,6 +8,8 @@ from typing import Annotated, Any
 
 import tyro
 
+from thrustmargin.gcs_plugin.commands.shared.options import UsageError
+
 #: °C. No multirotor flies outside these.
 COLDEST_C, HOTTEST_C = -60.0, 60.0
 
@@ -53,11 +55,10 @@ Reading = Annotated[ReadingOptions, tyro.conf.OmitArgPrefixes]
 def reading_keywords(reading: ReadingOptions) -> dict[str, Any]:
     """The options as `read_log` and `WatchSettings` take them, checked.
 
-    Raises DataError or LogError when one of them is impossible or two exclude each other.
+    Raises UsageError or LogError when one of them is impossible or two exclude each other.
     """
     # Imported here: the MAVProxy module loads this file at once and must stay light.
     from thrustmargin.gcs_plugin.telemetry.tank_source import check_source
-    from thrustmargin.models.errors import DataError
 
     given = {
         "--tank-start-kg": reading.tank_start_kg,
@@ -66,21 +67,21 @@ def reading_keywords(reading: ReadingOptions) -> dict[str, Any]:
     }
     for option, mass in given.items():
         if mass is not None and not 0.0 <= mass < math.inf:
-            raise DataError(f"{option} {mass:g} is no mass on board; give kg, 0 or more")
+            raise UsageError(f"{option} {mass:g} is no mass on board; give kg, 0 or more")
     check_source(reading.tank)
     load, end, celsius = reading.load, reading.load_end, reading.air_temperature_c
     if load is not None:
         other = reading.tank_start_kg is not None or reading.tank.strip().lower() != "auto"
         if other:
-            raise DataError(
+            raise UsageError(
                 "--load states what is on board, whatever --tank or --tank-start-kg would find; "
                 "give one of them"
             )
     if end is not None and (load is None or end > load):
         start = "no --load" if load is None else f"--load {load:g}"
-        raise DataError(f"--load-end {end:g} with {start}; give a --load of {end:g} or more")
+        raise UsageError(f"--load-end {end:g} with {start}; give a --load of {end:g} or more")
     if celsius is not None and not COLDEST_C <= celsius <= HOTTEST_C:
-        raise DataError(
+        raise UsageError(
             f"--air-temperature {celsius:g} is outside {COLDEST_C:g} to {HOTTEST_C:g} °C; "
             "give the outside air of the day in °C"
         )

@@ -19,6 +19,7 @@ import numpy as np
 from thrustmargin.gcs_plugin.logs.findings import Finding
 from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.wording.margin_verdict import MarginVerdict, Moment
+from thrustmargin.gcs_plugin.wording.report_words import FirstContact
 from thrustmargin.models.checks.loss_of_control import LossOfControl
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.advice import FlightLevel
@@ -69,6 +70,7 @@ class FlightReport:
     rotors: tuple[JsonObject, ...]
     moments: tuple[Moment, ...]
     losses: tuple[LossOfControl, ...]  # of control, in order of time; no row after counts
+    first_contact: FirstContact | None  # what a log of an aircraft that is not known shows
     findings: tuple[Finding, ...]  # those of `inspect`, the gravest first
     alarms: tuple[JsonObject, ...]  # of rotors and motors, as the live alarms say them
     redundancy: JsonObject

@@ -9,6 +9,8 @@ import numpy as np
 from thrustmargin.gcs_plugin.reports.margin.data import JsonObject, end_rows, least, median, share
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FlightAnalysis
+from thrustmargin.models.physics.airframe import Airframe
+from thrustmargin.models.physics.margin import ceiling, hover_use, largest_fill, weight
 
 
 def redundancy_rows(
@@ -42,3 +44,10 @@ def redundancy_rows(
         },
         "tank_capacity_kg": analysis.model.airframe.tank_capacity_kg,
     }
+
+
+def one_rotor_out_use(airframe: Airframe) -> float:
+    """Thrust utilisation in hover at redundancy 1 with yaw uncontrolled; 0.5 on a quad."""
+    limits = ceiling(airframe, airframe.reference_density, airframe.ceiling_voltage)
+    fill = largest_fill(airframe, limits, criterion="yaw uncontrolled")
+    return float(hover_use(airframe, limits, weight(airframe, fill)).item())

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from datetime import UTC, datetime
 
 import numpy as np
 import pymap3d
 
+from thrustmargin.gcs_plugin.logs.findings import Finding, Spoils, repeated
 from thrustmargin.gcs_plugin.reports.margin.data import JsonObject, mean
 from thrustmargin.gcs_plugin.wording.fault_words import fault_words
-from thrustmargin.gcs_plugin.wording.margin_verdict import Moment
+from thrustmargin.gcs_plugin.wording.flight_words import NAMES_WRONG
+from thrustmargin.gcs_plugin.wording.margin_verdict import Fact, Moment
 from thrustmargin.gcs_plugin.wording.report_words import NOT_SPRAYING
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.model.analysis import FlightAnalysis, worst_rotor
@@ -167,3 +169,13 @@ def _slope(time_s: Floats, values: Floats) -> float:
     if np.count_nonzero(known) < 3:
         return float("nan")
     return float(np.polyfit(time_s[known] - time_s[known][0], values[known], 1)[0])
+
+
+def look_facts(findings: Iterable[Finding]) -> Iterator[Fact]:
+    """What must be known of the log beside its verdict, the names of the rotors first."""
+    order = sorted(repeated(findings), key=lambda one: one.spoils is not Spoils.ROTOR_NAMES)
+    for one in order:
+        if one.spoils is Spoils.ROTOR_NAMES:
+            yield Fact("rotor names", f"{NAMES_WRONG}{one.words}")
+        else:
+            yield Fact(one.check, one.words)

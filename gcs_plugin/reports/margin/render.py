@@ -25,6 +25,7 @@ from thrustmargin.gcs_plugin.wording.advice_words import SEVERAL
 from thrustmargin.gcs_plugin.wording.fault_words import DESCENDED, HELD, MAXIMUM_FILL, SPINS
 from thrustmargin.gcs_plugin.wording.fill_words import amount
 from thrustmargin.gcs_plugin.wording.margin_verdict import estimate, moment_words
+from thrustmargin.gcs_plugin.wording.report_words import TO_COPY
 from thrustmargin.models.model.json_values import to_json_values
 from thrustmargin.models.whole_file import whole_file
 
@@ -153,6 +154,7 @@ def _page(report: Report, written: Written | None, drawn: Mapping[str, Markup]) 
         "schema": SCHEMA,
         "figures": drawn,
         "files": {"json": written.json.name, "csv": written.csv.name} if written else None,
+        "to_copy": TO_COPY,
         "spins": SPINS,
         "held": HELD,
         "descended": DESCENDED,

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
 
 from thrustmargin.gcs_plugin.logs import FlightLog
-from thrustmargin.gcs_plugin.logs.findings import Finding, Spoils, names_known, repeated
+from thrustmargin.gcs_plugin.logs.findings import names_known
 from thrustmargin.gcs_plugin.logs.inspection import inspect_log
 from thrustmargin.gcs_plugin.reports.margin.accuracy import accuracy, model_use
 from thrustmargin.gcs_plugin.reports.margin.csv_rows import rows_of
@@ -23,11 +24,16 @@ from thrustmargin.gcs_plugin.reports.margin.data import (
     most,
     share,
 )
-from thrustmargin.gcs_plugin.reports.margin.fill_limit_rows import redundancy_rows
+from thrustmargin.gcs_plugin.reports.margin.fill_limit_rows import (
+    one_rotor_out_use,
+    redundancy_rows,
+)
+from thrustmargin.gcs_plugin.reports.margin.first_contact import first_contact
 from thrustmargin.gcs_plugin.reports.margin.load import load_rows
 from thrustmargin.gcs_plugin.reports.margin.moments import (
     airborne_use,
     alarm_row,
+    look_facts,
     utc_words,
     worst_moments,
 )
@@ -35,7 +41,6 @@ from thrustmargin.gcs_plugin.reports.shared import UnusedLog
 from thrustmargin.gcs_plugin.reports.shared.page_shell import software_version
 from thrustmargin.gcs_plugin.wording.advice_words import action, headline, several_headline
 from thrustmargin.gcs_plugin.wording.flight_words import (
-    NAMES_WRONG,
     loss_words,
     not_flown,
     too_short,
@@ -49,15 +54,14 @@ from thrustmargin.gcs_plugin.wording.margin_verdict import (
     load_facts,
     verdict_facts,
 )
-from thrustmargin.gcs_plugin.wording.report_words import WITHOUT
+from thrustmargin.gcs_plugin.wording.report_words import WITHOUT, contact_facts, contact_headline
 from thrustmargin.mission.field import sprayed_field
 from thrustmargin.models.errors import DataError
 from thrustmargin.models.flight import Bools, FlightTrack, Floats
 from thrustmargin.models.model.advice import LEAST_FLIGHT_S, Advised, FlightLevel, advise
 from thrustmargin.models.model.analysis import FlightAnalysis
 from thrustmargin.models.model.predict import flown_airframe
-from thrustmargin.models.physics.airframe import Airframe
-from thrustmargin.models.physics.margin import ceiling, hover_use, largest_fill, weight
+from thrustmargin.models.physics.margin import ceiling
 
 
 def report_flight(
@@ -81,21 +85,27 @@ def report_flight(
     moments = worst_moments(analysis, airframe.rotor_names)
     worst = moments[0] if moments else None
     basis, measured_share = _basis(made)
+    contact = first_contact(log, analysis.claim)
+    answer = verdict_facts(worst, advice, analysis.claim, basis, _no_flight(whole.track))
     said = (
         *((Fact("control", loss_words(advice.losses)),) if advice.losses else ()),
-        *_look_facts(found),
-        *verdict_facts(worst, advice, analysis.claim, basis, _no_flight(whole.track)),
+        *look_facts(found),
+        *(answer if contact is None else contact_facts(contact)),
         *(*load_facts(track), *ending_facts(whole.track)),
     )
+    verdict = _verdict(made, worst, said, basis, measured_share)
+    if contact is not None and advice.level is FlightLevel.UNKNOWN:
+        verdict = replace(verdict, headline=contact_headline(contact))
     return FlightReport(
         name=track.name,
-        verdict=_verdict(made, worst, said, basis, measured_share),
+        verdict=verdict,
         flight=_flight(whole, rows["ground_speed"], seconds),
         model=model_use(analysis),
         load=load_rows(analysis, limits),
         rotors=_rotors(analysis, seconds, max_utilisation),
         moments=moments,
         losses=advice.losses,
+        first_contact=contact,
         findings=found,
         alarms=tuple(alarm_row(one, advice.rotor_names) for one in advice.faults),
         redundancy=redundancy_rows(analysis, rows, seconds),
@@ -105,16 +115,6 @@ def report_flight(
         withheld=analysis.withheld,
         rows=rows,
     )
-
-
-def _look_facts(findings: Iterable[Finding]) -> Iterator[Fact]:
-    """What must be known of the log beside its verdict, the names of the rotors first."""
-    order = sorted(repeated(findings), key=lambda one: one.spoils is not Spoils.ROTOR_NAMES)
-    for one in order:
-        if one.spoils is Spoils.ROTOR_NAMES:
-            yield Fact("rotor names", f"{NAMES_WRONG}{one.words}")
-        else:
-            yield Fact(one.check, one.words)
 
 
 def _no_flight(track: FlightTrack) -> str:
@@ -171,13 +171,6 @@ def _verdict(
         tank_start_kg=fill.start_kg,
         beyond_gauge_kg=fill.beyond_gauge_kg,
     )
-
-
-def one_rotor_out_use(airframe: Airframe) -> float:
-    """Thrust utilisation in hover at redundancy 1 with yaw uncontrolled; 0.5 on a quad."""
-    limits = ceiling(airframe, airframe.reference_density, airframe.ceiling_voltage)
-    fill = largest_fill(airframe, limits, criterion="yaw uncontrolled")
-    return float(hover_use(airframe, limits, weight(airframe, fill)).item())
 
 
 def _flight(analysis: FlightAnalysis, speed: Floats, seconds: Floats) -> JsonObject:

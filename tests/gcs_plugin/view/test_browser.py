@@ -11,6 +11,7 @@ import pytest
 
 from tests.browser import open_page, screenshot_folder
 from tests.gcs_plugin.view.view_flight import flight
+from thrustmargin.gcs_plugin.view.figures.standing import WholeFlight
 from thrustmargin.gcs_plugin.view.replay_view import ReplayView
 from thrustmargin.gcs_plugin.wording.palette import MARGIN
 from thrustmargin.models.model.fault_test import RotorFault
@@ -36,8 +37,8 @@ def analysis():
 
 @pytest.fixture(scope="module")
 def opened(analysis) -> Iterator[tuple[ReplayView, Page]]:
-    verdict = ("ABOVE THE 50 % LIMIT AT TIMES", "over")
-    view = ReplayView(analysis, messages=[(0.0, EVIL)], port=0, paused=True, verdict=verdict)
+    whole = WholeFlight("ABOVE THE 50 % LIMIT FOR 3 MIN", "over")
+    view = ReplayView(analysis, messages=[(0.0, EVIL)], port=0, paused=True, whole=whole)
     view.start()
     try:
         with open_page(view.url, width=1366, height=768) as page:

@@ -36,20 +36,20 @@ def test_an_airframe_that_nobody_gave_is_taken_when_it_is_recognised_and_this_is
 def test_without_grounds_there_is_no_airframe_and_the_reason_and_the_command_are_said():
     found = claim(SMALL, given=False)
     assert found.basis == "not known"
-    assert found.withheld[0].startswith("no airframe was given, and the flight is not recognised")
-    assert "16.0 V in flight" in found.withheld[0]
+    assert found.withheld == ("this aircraft is not known: no airframe was given",)
+    assert "not recognised as one of topxgun-f16-sitl: 16.0 V in flight" in found.unlike
     assert f"`thrustmargin airframe new --from {SMALL.name}`" in found.remedy
 
 
 def test_the_reason_is_the_first_thing_that_is_not_close():
     silent = replace(LOG.track, voltage=np.full(LOG.track.time_s.size, np.nan))
-    assert "(no battery voltage in flight)" in claim(silent, given=False).withheld[0]
+    assert ": no battery voltage in flight" in claim(silent, given=False).unlike
 
 
 def test_of_several_contradictions_the_first_is_the_reason_and_a_given_airframe_hears_all():
     plus = {**LOG.parameters, "FRAME_TYPE": 0.0}
     unknown = airframe_claim(SMALL, F16, LOG.facts, plus, given=False)
-    assert "(FRAME_CLASS 1 and FRAME_TYPE 0 are quad-plus" in unknown.withheld[0]
+    assert ": FRAME_CLASS 1 and FRAME_TYPE 0 are quad-plus" in unknown.unlike
     given = airframe_claim(SMALL, F16, LOG.facts, plus, given=True)
     assert [words.split()[0] for words in given.withheld] == ["FRAME_CLASS", "16.0"]
 

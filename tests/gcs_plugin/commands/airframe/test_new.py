@@ -64,14 +64,14 @@ def test_px4_gives_positions_and_spin_itself(made):
 def test_what_is_missing_is_named_all_at_once(made):
     craft, code, printed = made("SYSID_THISMAV,1\n")
     assert (craft, code) == (None, 2)
-    for option in ("--layout", "--power-set", "--cells", "--arm", "--mass", "--tank-litres"):
+    for option in ("--layout", "--power-set", "--cells", "--wheelbase", "--mass", "--tank-litres"):
         assert option in printed.err
+    assert len(printed.err.splitlines()) == 1
 
 
-def test_the_layout_offered_has_as_many_rotors_as_the_vehicle_reports(made):
+def test_the_number_of_rotors_that_the_vehicle_reports_is_said(made):
     outputs = "".join(f"SERVO{n}_FUNCTION,{32 + n}\n" for n in range(1, 7))
     _, _, printed = made(outputs)
-    assert "--layout hexa-x:" in printed.err
     assert "reports 6 rotors" in printed.err
 
 
@@ -84,12 +84,12 @@ def test_what_nobody_stated_is_marked_as_guessed_and_what_somebody_did_is_not(ma
     assert "guessed, not measured" in printed.out
 
 
-def test_somebody_at_a_terminal_is_asked_and_a_default_is_a_guess(tmp_path):
+def test_somebody_at_a_terminal_is_asked_and_offered_no_default(tmp_path):
     source, out = tmp_path / "vehicle.param", tmp_path / "mine.toml"
     source.write_text(HEXA)
     own, terminal = os.openpty()
-    # Power set by default, a slip of the finger, then arm and mass; the tank by default.
-    os.write(own, b"\nfour\n0.45\n6.2\n\n")
+    # Mass, a slip of the finger, motor to motor, no answer, another power set, its figures, tank.
+    os.write(own, b"6.2\nfour\n0.9\n\nother\n15x5.5\n3.33\n2\n")
     run_it = "from thrustmargin.gcs_plugin.cli import main; main()"
     line = [sys.executable, "-c", run_it, "airframe", "new", "--from", str(source)]
     done = subprocess.run(
@@ -99,11 +99,12 @@ def test_somebody_at_a_terminal_is_asked_and_a_default_is_a_guess(tmp_path):
     os.close(terminal)
     assert done.returncode == 0, done.stderr
     craft = load_airframe(out)
-    assert (craft.layout, craft.empty_mass, craft.tank_volume_l) == ("hexa-x", 6.2, 0.0)
+    assert (craft.layout, craft.empty_mass, craft.tank_volume_l) == ("hexa-x", 6.2, 2.0)
     assert craft.arm == pytest.approx(0.45, abs=1e-4)
-    assert {"tank_volume_l", "propeller_diameter", "nameplate_max_thrust"} <= {*craft.guessed}
-    assert not {"arm", "empty_mass"} & {*craft.guessed}
+    stated = {"tank_volume_l", "propeller_diameter", "nameplate_max_thrust", "arm", "empty_mass"}
+    assert not stated & {*craft.guessed}
     assert "could not convert" in done.stdout
+    assert "there is no default" in done.stdout
 
 
 MEASURED = Path(os.environ.get("THRUSTMARGIN_MEASURED", "/nowhere"))

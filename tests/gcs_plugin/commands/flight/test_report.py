@@ -140,7 +140,7 @@ def test_a_flight_of_another_aircraft_has_no_verdict_but_its_reason_and_what_hel
     assert run(["report", str(LOG), "--airframe", airframe, "--out", str(out)]) == 0
     said = capsys.readouterr().out
     assert f"{LOG.name}: NO VERDICT" in said
-    assert f"thrustmargin airframe new --from {LOG.name}" in said
+    assert f"thrustmargin airframe new --from {LOG}" in said
     (flight,) = json.loads(out.with_suffix(".json").read_text())["flights"]
     assert flight["airframe_basis"] == "given"
     assert flight["withheld"]

@@ -53,7 +53,7 @@ def test_four_flights_make_a_model_with_its_table_and_loss_curves(few_logs, tmp_
     begins = int(np.flatnonzero(training_rows(short))[0])
     write_csv(short.rows(slice(0, begins + 60)), tmp_path / "short.csv")
     logs = (*few_logs, broken, tmp_path / "short.csv")
-    assert train(logs, airframe="topxgun-f16-sitl", out=out, max_epochs=2, members=3) == 0
+    assert train(logs, airframe="topxgun-f16-sitl", out_model=out, max_epochs=2, members=3) == 0
     text = capsys.readouterr().out
     assert "left out: broken.tlog" in text
     assert "left out: v2_m16_q3.5.tlog: 60 rows in steady flight" in text
@@ -145,16 +145,16 @@ def test_loss_curves_are_drawn_and_written_as_they_were(tmp_path):
 def test_a_model_file_that_is_there_is_not_replaced_unasked(few_logs, tmp_path):
     out = tmp_path / "own.safetensors"
     out.write_bytes(b"precious")
-    with pytest.raises(DataError, match="already there; give another --out, or --force"):
-        train(few_logs, out=out, max_epochs=1)
+    with pytest.raises(DataError, match="already there; give another --out-model, or --force"):
+        train(few_logs, out_model=out, max_epochs=1)
     assert out.read_bytes() == b"precious"
 
 
 @pytest.mark.parametrize(
     ("given", "error", "message"),
     [
-        ({"out": "model.bin"}, DataError, "end its name in .safetensors"),
-        ({"out": "nowhere/m.safetensors"}, DataError, "no folder"),
+        ({"out_model": "model.bin"}, DataError, "end its name in .safetensors"),
+        ({"out_model": "nowhere/m.safetensors"}, DataError, "no folder"),
         ({"members": 2}, DataError, "--members must be at least 3"),
         ({"max_epochs": 0}, DataError, "--max-epochs at least 1"),
         ({"airframe": "zeppelin"}, AirframeError, "no airframe 'zeppelin'"),
@@ -162,8 +162,8 @@ def test_a_model_file_that_is_there_is_not_replaced_unasked(few_logs, tmp_path):
     ],
 )
 def test_what_cannot_be_trained_is_said_before_the_work(given, error, message, few_logs, tmp_path):
-    given = {"out": "m.safetensors"} | given
-    given["out"] = tmp_path / given["out"]
+    given = {"out_model": "m.safetensors"} | given
+    given["out_model"] = tmp_path / given["out_model"]
     with pytest.raises(error, match=message):
         train(few_logs, **given)
     assert list(tmp_path.iterdir()) == []
@@ -182,7 +182,7 @@ def test_only_logs_that_cannot_be_read_end_the_work_with_each_reason(tmp_path):
     broken = tmp_path / "broken.tlog"
     broken.write_bytes(b"\x00" * 5000)
     with pytest.raises(LogError, match=r"no flight can be used; broken\.tlog: .*; other\.tlog: "):
-        train((broken, tmp_path / "other.tlog"), out=tmp_path / "m.safetensors")
+        train((broken, tmp_path / "other.tlog"), out_model=tmp_path / "m.safetensors")
 
 
 @pytest.mark.slow

@@ -19,12 +19,12 @@ CASES = (
     (
         "identify",
         ("", "--held-out", "--model", "--airframe"),
-        (("--json", ".json"), ("--html", ".html"), ("--out", ".safetensors")),
+        (("--json", ".json"), ("--out", ".html"), ("--out-model", ".safetensors")),
     ),
     (
         "train",
         ("", "--airframe"),
-        tuple(("--out", e) for e in (".safetensors", ".loss.csv", ".loss.svg")),
+        tuple(("--out-model", e) for e in (".safetensors", ".loss.csv", ".loss.svg")),
     ),
     ("match", ("--model", "--airframe"), (("--out", ".svg"), ("--out", ".png"))),
     ("airframe new", ("--from", "--bench", "--hover"), (("--out", ".toml"),)),

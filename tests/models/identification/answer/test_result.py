@@ -119,7 +119,7 @@ def test_a_flight_that_cannot_be_of_the_model_is_refused_with_the_reason():
         identify(Log(track, facts=plane), curve_model())
     with pytest.raises(DataError, match="which puts the motors elsewhere"):
         identify(Log(track, parameters=plus), curve_model())
-    with pytest.raises(DataError, match="no airframe was given, and the flight is not recognised"):
+    with pytest.raises(DataError, match="this aircraft is not known: no airframe was given"):
         identify(track)
 
 

@@ -1,0 +1,96 @@
+"""A log of an aircraft that is not known to what it shows by itself: no number of any airframe."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from thrustmargin.gcs_plugin.logs import FlightLog
+from thrustmargin.gcs_plugin.telemetry.reported_airframe import (
+    CELL,
+    ReportedAirframe,
+    reported_airframe,
+)
+from thrustmargin.gcs_plugin.wording.report_words import FirstContact
+from thrustmargin.models.errors import AirframeError
+from thrustmargin.models.flight import FlightTrack
+from thrustmargin.models.model.advice import LEAST_FLIGHT_S
+from thrustmargin.models.model.airframe_claim import AirframeClaim
+from thrustmargin.models.physics.flight_phases import hover_rows
+from thrustmargin.models.provenance import Meaning
+
+
+def first_contact(log: FlightLog, claim: AirframeClaim) -> FirstContact | None:
+    """What the log shows; None where its aircraft is known, where less than LEAST_FLIGHT_S is in
+    flight, or where neither outputs nor speeds are in it."""
+    track = log.track
+    flown_s = float(track.row_seconds[track.flying].sum())
+    if claim.basis != "not known" or flown_s < LEAST_FLIGHT_S:
+        return None
+    values = track.throttle if track.reports("throttle") else track.measured("rotor_speed_rpm")
+    values = np.where(track.flying[:, None], values, np.nan)
+    if not np.isfinite(values).any():
+        return None
+    outputs = track.reports("throttle")
+    highest = float(np.nanmax(values))
+    row, motor = np.unravel_index(np.nanargmax(values), values.shape)
+    full = 1.0 if outputs else highest
+    if not full > 0.0:
+        return None
+    reported, speeds = reported_by(log), track.reports("rotor_speed_rpm")
+    hover = _hover(track)
+    nominal = reported.quantities.get("nominal_voltage")
+    return FirstContact(
+        basis="motor outputs" if outputs else "rotor speeds",
+        median_use=float(np.nanmedian(values)) / full,
+        worst_use=highest / full,
+        worst_motor=int(motor) + 1,
+        worst_time_s=float(track.time_s[row]),
+        highest_rpm=float("nan") if outputs else highest,
+        motors=track.rotor_count,
+        layout=reported.layout,
+        motor_order_known=reported.layout is not None,
+        cells=0 if nominal is None else round(nominal.value / CELL),
+        hover_s=float(track.row_seconds[hover].sum()),
+        esc_speeds=speeds,
+        gauge=track.reports("tank_kg"),
+        airspeed=track.reports("airspeed")
+        and track.source("airspeed").meaning is not Meaning.GROUND_SPEED,
+        autopilot=log.autopilot,
+        asked=open_questions(reported, gauge=track.reports("tank_kg")),
+        log=claim.source,
+    )
+
+
+def reported_by(log: FlightLog) -> ReportedAirframe:
+    """What the log says of the airframe; without a layout where it names one that is not known."""
+    options = {"facts": log.facts, "texts": [text for _, text in log.messages]}
+    try:
+        return reported_airframe(log.parameters, highest_voltage(log.track), **options)
+    except AirframeError:
+        return ReportedAirframe(rotor_count=log.track.rotor_count)
+
+
+def highest_voltage(track: FlightTrack) -> float:
+    """V of the battery; one wild report must not decide the number of cells. NaN: not reported."""
+    known = track.voltage[np.isfinite(track.voltage)]
+    return float(np.percentile(known, 99.0)) if known.size else float("nan")
+
+
+def open_questions(reported: ReportedAirframe, *, gauge: bool) -> tuple[str, ...]:
+    """Keys of QUESTIONS that only the owner can answer; without a gauge also the load."""
+    asked = {
+        "layout": reported.layout is None,
+        "cells": "nominal_voltage" not in reported.quantities,
+        "mass": True,
+        "wheelbase": "arm" not in reported.quantities,
+        "power_set": True,
+        "tank_litres": True,
+        "load": not gauge,
+    }
+    return tuple(name for name, is_open in asked.items() if is_open)
+
+
+def _hover(track: FlightTrack) -> np.ndarray:
+    """(T,) rows of steady hover in which every motor's speed, else its output, is known."""
+    values = track.rotor_speed_rpm if track.reports("rotor_speed_rpm") else track.throttle
+    return hover_rows(track) & np.isfinite(values).all(axis=1)

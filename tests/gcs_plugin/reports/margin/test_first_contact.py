@@ -1,0 +1,99 @@
+"""A log of an aircraft that is not known: what it shows, what is asked, a line to copy."""
+
+import shlex
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from thrustmargin.gcs_plugin.cli import run
+from thrustmargin.gcs_plugin.logs import read_log
+from thrustmargin.gcs_plugin.logs.csv_table import write_csv
+from thrustmargin.gcs_plugin.reports.margin.first_contact import first_contact
+from thrustmargin.gcs_plugin.wording.report_words import (
+    command,
+    contact_facts,
+    contact_headline,
+)
+from thrustmargin.models.model.airframe_claim import AirframeClaim
+
+ROOT = Path(__file__).resolve().parents[4]
+PATH = ROOT / "sitl_logs/campaign/v2_m4_q1.5.tlog"
+LOG = read_log(PATH)
+UNKNOWN = AirframeClaim(basis="not known", withheld=("not known",), source=shlex.quote(str(PATH)))
+#: What each option of the line to copy is replaced by, for the simulated sprayer of the log.
+TRUTH = {
+    "KG": "21.1",
+    "M": "1.92",
+    "DIAMETERxPITCH": "41x13",
+    "KGF": "20",
+    "L": "16",
+}
+
+
+def outputs(values):
+    """The log with these motor outputs (R,) in every row."""
+    rows = np.tile(np.asarray(values, dtype=float), (LOG.track.time_s.size, 1))
+    return replace(LOG, track=replace(LOG.track, throttle=rows))
+
+
+def test_outputs_are_said_as_outputs_and_rows_on_the_ground_do_not_count():
+    log = outputs([0.5, 0.6, 0.7, 0.6])
+    log.track.throttle[~log.track.flying] = 1.0
+    log.track.throttle[np.flatnonzero(log.track.flying)[7], 2] = 0.83
+    contact = first_contact(log, UNKNOWN)
+    assert contact_headline(contact) == "Motors at 60 %, worst 83 %"
+    assert contact.worst_motor == 3
+    assert "an output is no thrust" in contact_facts(contact)[0].text
+
+
+def test_without_outputs_speeds_are_a_share_of_the_highest_seen():
+    speeds = np.where(LOG.track.flying[:, None], 2000.0, np.nan) * np.ones(4)
+    speeds[np.flatnonzero(LOG.track.flying)[9], 1] = 4000.0
+    track = replace(
+        LOG.track, throttle=np.full_like(LOG.track.throttle, np.nan), rotor_speed_rpm=speeds
+    )
+    contact = first_contact(replace(LOG, track=track), UNKNOWN)
+    assert contact_headline(contact) == "Rotors at 50 % of the highest speed seen"
+    assert "4 000 rpm" in contact_facts(contact)[0].text.replace("\u202f", " ").replace(",", " ")
+
+
+def test_of_a_known_aircraft_or_of_nothing_that_flies_there_is_no_first_contact():
+    assert first_contact(LOG, AirframeClaim()) is None
+    ground = replace(LOG.track, flying=np.zeros_like(LOG.track.flying))
+    assert first_contact(replace(LOG, track=ground), UNKNOWN) is None
+
+
+@pytest.mark.parametrize("gauge", [True, False])
+def test_the_load_is_asked_only_where_no_gauge_says_it(gauge):
+    tank = LOG.track.tank_kg if gauge else np.full(LOG.track.time_s.size, np.nan)
+    contact = first_contact(replace(LOG, track=replace(LOG.track, tank_kg=tank)), UNKNOWN)
+    assert ("load" in contact.asked) is not gauge
+    assert contact.asked[:4] == ("mass", "wheelbase", "power_set", "tank_litres")
+
+
+def test_the_line_to_copy_works_at_once_and_answers_with_the_verdict(tmp_path, capsys):
+    words = shlex.split(command(first_contact(LOG, UNKNOWN)))
+    assert words[:3] == ["thrustmargin", "airframe", "new"]
+    filled = [TRUTH.get(word, word) for word in words[1:]]
+    assert run([*filled, "--out", str(tmp_path / "mine.toml")]) == 0
+    said = capsys.readouterr().out
+    assert "fitted: hover of" in " ".join(said.split())
+    assert f"{PATH.name}: " in said
+    assert "what to do: " in said
+    assert "NO VERDICT" not in said
+
+
+def test_the_report_of_an_unknown_aircraft_names_no_other_and_its_page_has_the_line(
+    tmp_path, capsys
+):
+    log, out = tmp_path / "mine.csv", tmp_path / "r.html"
+    write_csv(replace(LOG.track, voltage=0.3 * LOG.track.voltage), log)
+    assert run(["report", str(log), "--out", str(out)]) == 0
+    said, page = capsys.readouterr().out, out.read_text("utf-8")
+    assert ": Motors at " in said
+    for text in (said, page):
+        assert f"thrustmargin airframe new --from {log}" in text
+        assert "topxgun" not in text
+        assert "NO VERDICT" not in text
