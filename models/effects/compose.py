@@ -74,9 +74,11 @@ def base_table(
     thrust_coefficient: float,
 ) -> BaseTable:
     """Tabulate a base model: `speed(airspeed (N,), tank_kg (N,)) -> (N, R)` rpm."""
-    tank_step_kg = airframe.tank_capacity_kg / 80.0 or 1.0
+    # What has no tank carries a payload.
+    most_kg = airframe.tank_capacity_kg or float(np.nan_to_num(airframe.empty_mass)) or 1.0
+    tank_step_kg = most_kg / 80.0
     speeds = np.arange(0.0, MOST_AIRSPEED + AIRSPEED_STEP, AIRSPEED_STEP)
-    masses = np.arange(0.0, 1.5 * airframe.tank_capacity_kg + tank_step_kg, tank_step_kg)
+    masses = np.arange(0.0, 1.5 * most_kg + tank_step_kg, tank_step_kg)
     airspeed, tank_kg = (g.ravel() for g in np.meshgrid(speeds, masses, indexing="ij"))
     thrust = thrust_coefficient * speed(airspeed, tank_kg) ** 2
     rows = mixer(airframe) * airframe.rotor_effectiveness

@@ -182,6 +182,16 @@ def test_outside_its_training_the_network_at_its_edge_is_extrapolated_by_physics
     )
 
 
+def test_an_aircraft_without_a_tank_turns_faster_with_a_payload():
+    # N goes with the root of the weight, also where effects are on top: 20 kg empty, 5 and 12 more.
+    bare = replace(AIRFRAME, tank_volume_l=0.0)
+    model = replace(physics_model(bare), effects=(recorded("load_factor"),))
+    assert bare.tank_capacity_kg == 0.0
+    found = predict(model, flight([0.0, 0.0, 0.0], [0.0, 5.0, 12.0]), np.full(3, 1.2))
+    by_hand = found.rotor_speed_rpm[0] * np.sqrt(np.array([20.0, 25.0, 32.0]) / 20.0)[:, None]
+    np.testing.assert_allclose(found.rotor_speed_rpm, by_hand, rtol=1e-6)
+
+
 @pytest.mark.parametrize("missing", ["airspeed", "tank_kg", "density"])
 def test_a_row_without_an_input_has_nothing(missing):
     track, density = flight([3.0, 3.0], [4.0, 4.0]), np.array([1.2, 1.2])
