@@ -69,20 +69,20 @@ def test_only_unreadable_logs_write_nothing(tmp_path, capsys, model_file):
 
 
 @pytest.mark.parametrize(
-    ("options", "said"),
+    ("options", "said", "code"),
     [
-        (["--out", "report.pdf"], "end its name in .html"),
-        (["--out", "no/such/folder/r.html"], "no folder"),
-        (["--max-utilisation", "50"], "is not a share"),
-        (["--airframe", "nosuch"], "no airframe"),
-        (["--model", "nosuch.safetensors"], "nosuch.safetensors"),
+        (["--out", "report.pdf"], "end its name in .html", 1),
+        (["--out", "no/such/folder/r.html"], "no folder", 1),
+        (["--max-utilisation", "50"], "is not a share", 2),
+        (["--airframe", "nosuch"], "no airframe", 1),
+        (["--model", "nosuch.safetensors"], "nosuch.safetensors", 1),
     ],
 )
 def test_a_request_that_cannot_work_is_refused_in_one_line(
-    options, said, tmp_path, capsys, monkeypatch
+    options, said, code, tmp_path, capsys, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
-    assert run(["report", str(LOG), *options]) == 1
+    assert run(["report", str(LOG), *options]) == code
     heard = capsys.readouterr().err.strip()
     assert said in heard
     assert "\n" not in heard
