@@ -1,4 +1,4 @@
-"""The commands of docs/your-aircraft.md run as they stand there."""
+"""The pages are short enough to read, and their commands run as they stand there."""
 
 import os
 import re
@@ -76,3 +76,62 @@ def test_the_routes_on_measured_flights_run(variable, folder, measured_folder, m
     monkeypatch.setenv(variable, str((measured_folder / folder).resolve()))
     for words in commands(variable):
         assert run(words) == 0, words
+
+
+#: The longest sentence that a reader whose first language is not English takes in at once, words.
+MOST_WORDS = 24
+
+
+def pages() -> list[Path]:
+    return [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+
+
+def prose(text: str) -> str:
+    """Paragraphs and list items of a page, one a line, without code, tables, pictures, headings."""
+    text = re.sub(r"^```.*?^```", "", text, flags=re.S | re.M)
+    lines: list[str] = [""]
+    for line in text.splitlines():
+        if re.match(r"\s*$|    |\||#|!\[", line) and not re.match(r"    +\S", line):
+            lines.append("")
+        elif re.match(r"    ", line) and not lines[-1]:
+            continue  # code
+        elif re.match(r"\s*(-|\d+\.) ", line):
+            lines.append(re.sub(r"^\s*(-|\d+\.) ", "", line))
+        else:
+            lines[-1] = f"{lines[-1]} {line.strip()}".strip()
+    return "\n".join(line for line in lines if line)
+
+
+def sentences(text: str) -> list[str]:
+    """Sentences of a page; what stands in backticks is one word, of a link its text counts."""
+    text = re.sub(r"`[^`]+`", "code", prose(text))
+    text = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text)
+    return [s.strip() for s in re.split(r"(?<=[.!?])[*)]*\s+|\n", text) if s.strip()]
+
+
+def words(sentence: str) -> int:
+    return len(re.findall(r"\w\S*", sentence))
+
+
+@pytest.mark.parametrize("page", pages(), ids=lambda p: p.name)
+def test_no_sentence_of_a_page_is_longer_than_24_words(page: Path):
+    long = [s for s in sentences(page.read_text(encoding="utf-8")) if words(s) > MOST_WORDS]
+    assert long == []
+
+
+def test_sentences_are_counted_across_lines_and_not_in_tables_or_code():
+    text = "# A b\n\nOne two\nthree `a b c` [four five](x.md). Six.\n\n| a b |\n\n    c d\n\n- e f\n"
+    assert [words(s) for s in sentences(text)] == [6, 1, 2]
+
+
+TASKS = [p for p in pages() if p.parent.name == "docs"]
+
+
+@pytest.mark.parametrize("page", TASKS, ids=lambda p: p.name)
+def test_a_page_begins_with_the_task_of_its_reader(page: Path):
+    first = re.sub(r"^# .*\n", "", page.read_text(encoding="utf-8")).strip()
+    assert first.startswith("You want to "), first[:60]
+
+
+def test_the_readme_fits_one_screen():
+    assert len(re.findall(r"\S+", (ROOT / "README.md").read_text(encoding="utf-8"))) <= 450
