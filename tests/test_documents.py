@@ -191,9 +191,11 @@ def test_a_page_shows_what_its_commands_print(name: str, somewhere: Path, capsys
     assert commands_run
 
 
-def test_a_line_that_no_command_prints_is_found():
+def test_commands_are_read_with_the_lines_of_output_below_them():
     page = "Text\n\n    $ a b \\\n      c\n    d  e\n\nText\n\n    f\n"
-    assert shown(page) == [("a b       c", ["d e"])]
+    assert [(command.split(), output) for command, output in shown(page)] == [
+        (list("abc"), ["d e"])
+    ]
 
 
 def test_every_link_goes_to_a_file_and_a_heading():
