@@ -1,4 +1,4 @@
-"""`import thrustmargin as tm`: what the README and the docstrings show runs as it stands."""
+"""`import thrustmargin as tm`: what docs/python.md and the docstrings show runs as it stands."""
 
 import doctest
 import inspect
@@ -39,8 +39,8 @@ def test_the_example_of_each_public_name_runs(name: str, monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_lines_of_the_readme_run():
-    lines = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.S)
+def test_the_lines_of_the_page_for_python_run():
+    lines = re.findall(r"```python\n(.*?)```", (ROOT / "docs/python.md").read_text("utf-8"), re.S)
     assert len(lines) == 1
     done = subprocess.run(
         [sys.executable, "-c", lines[0]], cwd=ROOT, capture_output=True, text=True, check=False
