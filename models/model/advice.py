@@ -113,6 +113,11 @@ def advise(analysis: FlightAnalysis, *, limit: float = 0.5, names_known: bool = 
     """The answer of a whole flight; `limit` is the share of a rotor's thrust that may last.
 
     Not `names_known`: the rotors of the log are in another order than the airframe's.
+
+        >>> log = read_log("sitl_logs/onset/worn_prop_onset.tlog")
+        >>> made = advise(analyse(log.track, load_model())).advice
+        >>> [str(level) for level in made.levels], round(made.fill.kg, 1)
+        (['damaged', 'under'], 9.0)
     """
     whole = for_verdict(analysis)
     losses = loss_of_control(whole.track)

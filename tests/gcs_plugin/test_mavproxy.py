@@ -349,7 +349,7 @@ def test_importing_the_module_does_nothing():
         f"import {MODULE}\nimport importlib\n"
         f"importlib.reload(sys.modules['{MODULE}'])\n"
         "assert threading.active_count() == 1\n"
-        "heavy = {'thrustmargin.models', 'torch', 'viser', 'mavsdk'} & set(sys.modules)\n"
+        "heavy = {'thrustmargin.models.flight', 'numpy', 'torch', 'viser', 'mavsdk'} & set(sys.modules)\n"
         "assert not heavy, heavy\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
@@ -439,7 +439,7 @@ def test_the_rest_of_the_route_and_alarms_have_lines_of_their_own():
     more = replace(NOW, margin_ahead=0.31, alarms=("Tank empty, pump still on: switch it off",))
     assert summary(more, 0.5, 0.0)[3:] == [
         "  rest of the route, straight and level: margin 31 %; turns and climbs take more",
-        "  ALARM Tank empty, pump still on",
+        "  ALARM Tank empty, pump still on: switch it off",
     ]
 
 

@@ -243,7 +243,8 @@ def test_a_next_flight_that_nothing_needs_is_not_written(done):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--out", "{folder}/new.bin"], ".safetensors"),
+        (["--out", "{folder}/new.bin"], ".html"),
+        (["--out-model", "{folder}/new.bin"], ".safetensors"),
         (["--out", "{folder}/none/new.safetensors"], "no folder"),
         (["--html", "{folder}/page.txt"], ".html"),
         (["--next-flight", "{folder}/next.html"], ".plan"),
