@@ -116,8 +116,8 @@ def advise(analysis: FlightAnalysis, *, limit: float = 0.5, names_known: bool = 
 
         >>> log = read_log("sitl_logs/onset/worn_prop_onset.tlog")
         >>> made = advise(analyse(log.track, load_model())).advice
-        >>> [str(level) for level in made.levels], round(made.fill.kg, 1)
-        (['damaged', 'under'], 9.0)
+        >>> [str(level) for level in made.levels], round(made.fill.kg)
+        (['damaged', 'under'], 9)
     """
     whole = for_verdict(analysis)
     losses = loss_of_control(whole.track)
