@@ -3,6 +3,7 @@
 import os
 import re
 import shlex
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -120,7 +121,7 @@ def test_no_sentence_of_a_page_is_longer_than_24_words(page: Path):
 
 
 def test_sentences_are_counted_across_lines_and_not_in_tables_or_code():
-    text = "# A b\n\nOne two\nthree `a b c` [four five](x.md). Six.\n\n| a b |\n\n    c d\n\n- e f\n"
+    text = "# A b\n\nOne two\nthree `a b c` [four five](x.md). Six.\n\n| a |\n\n    c d\n\n- e f\n"
     assert [words(s) for s in sentences(text)] == [6, 1, 2]
 
 
@@ -132,3 +133,82 @@ def test_a_page_begins_with_the_task_of_its_reader(page: Path):
 
 def test_the_readme_fits_one_screen():
     assert len(re.findall(r"\S+", (ROOT / "README.md").read_text(encoding="utf-8"))) <= 450
+
+
+#: Commands that end by themselves and need nothing but the bundled flights.
+SHOWN = ("report", "fill", "inspect", "identify", "airframe", "ingest", "fleet", "match")
+
+
+def shown(text: str) -> list[tuple[str, list[str]]]:
+    """Each command of the indented blocks of a page, with the lines of output below it."""
+    found: list[tuple[str, list[str]]] = []
+    for line in text.replace("\\\n", " ").splitlines():
+        if line.startswith("    $ "):
+            found.append((line[6:], []))
+        elif line.startswith("    ") and found:
+            found[-1][1].append(" ".join(line.split()))
+        elif line.strip():
+            found.append(("", []))
+    return [(command, output) for command, output in found if command]
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "docs/report.md",
+        *(
+            pytest.param(name, marks=pytest.mark.slow)
+            for name in (
+                "README.md",
+                "docs/fleet-page.md",
+                "docs/fleet.md",
+                "docs/identify.md",
+                "docs/load.md",
+                "docs/measured.md",
+                "docs/motor-outputs.md",
+                "docs/tables.md",
+            )
+        ),
+    ],
+)
+def test_a_page_shows_what_its_commands_print(name: str, somewhere: Path, capsys):
+    commands_run = 0
+    for command, output in shown((ROOT / name).read_text(encoding="utf-8")):
+        program, *arguments = shlex.split(command)
+        if program != "thrustmargin":
+            printed = subprocess.run(
+                command, shell=True, cwd=somewhere, check=True, capture_output=True, text=True
+            ).stdout
+        elif arguments[0] in SHOWN:
+            files = [
+                sorted(map(str, Path().glob(a))) if a.startswith("sitl_logs") else [a]
+                for a in arguments
+            ]
+            assert run([word for words in files for word in words]) == 0
+            printed = capsys.readouterr().out
+        else:
+            continue
+        commands_run += 1
+        for line in output:
+            assert line in " ".join(printed.split()), command
+    assert commands_run
+
+
+def test_commands_are_read_with_the_lines_of_output_below_them():
+    page = "Text\n\n    $ a b \\\n      c\n    d  e\n\nText\n\n    f\n"
+    assert [(command.split(), output) for command, output in shown(page)] == [
+        (list("abc"), ["d e"])
+    ]
+
+
+def test_every_link_goes_to_a_file_and_a_heading():
+    for page in pages():
+        text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.S)
+        for link in re.findall(r"\]\((?!http)([^)]+)\)", text):
+            file, _, anchor = link.partition("#")
+            target = (page.parent / file).resolve() if file else page
+            assert target.exists(), f"{page.name}: {link}"
+            if anchor:
+                heads = re.findall(r"^#+ (.*)$", target.read_text(encoding="utf-8"), re.M)
+                slugs = [re.sub(r"[^\w -]", "", h.lower()).replace(" ", "-") for h in heads]
+                assert anchor in slugs, f"{page.name}: {link}"
