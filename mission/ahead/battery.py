@@ -1,6 +1,6 @@
 """Voltage and energy of a battery along a flight.
 
-    V = n V_cell(charge) - n r I        I = P/V        P = sum of torque x speed of rotors / efficiency
+    V = n V_cell(charge) - n r I      I = P/V      P = sum of torque x rotor speed / efficiency
 
 Lithium polymer cells; without a capacity the voltage is held, and that is said.
 """
@@ -11,6 +11,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from thrustmargin.models.flight import Floats
 from thrustmargin.models.physics.airframe import Airframe
@@ -41,6 +42,16 @@ class Battery:
         return self.capacity_ah > 0.0
 
 
+UNKNOWN = Battery()
+
+
+def since(total: Floats, changed: NDArray[np.intp]) -> Floats:
+    """(T,) of what adds up to `total` (T,), what came since the last of the rows `changed`."""
+    begun = np.zeros(total.size)
+    begun[changed] = total[changed]
+    return total - np.maximum.accumulate(begun)
+
+
 def rotor_power(airframe: Airframe, thrust: Floats, speed_rpm: Floats) -> Floats:
     """(T,) W that the battery gives for thrusts N and speeds rpm (T, R) of the rotors."""
     shaft = airframe.torque_ratio * thrust * speed_rpm * (2.0 * math.pi / 60.0)
@@ -48,9 +59,16 @@ def rotor_power(airframe: Airframe, thrust: Floats, speed_rpm: Floats) -> Floats
 
 
 def discharge(
-    battery: Battery, airframe: Airframe, power: Floats, seconds: Floats
+    battery: Battery,
+    airframe: Airframe,
+    power: Floats,
+    seconds: Floats,
+    changed: NDArray[np.intp],
 ) -> tuple[Floats, Floats]:
-    """Voltage (T,) under load and energy (T,) Wh given so far, at a power (T,) W for (T,) s."""
+    """Voltage (T,) under load and energy (T,) Wh given so far, at a power (T,) W for (T,) s.
+
+    In the rows `changed` a fresh battery goes in. NaN volts where the charge is used up.
+    """
     energy = np.cumsum(np.nan_to_num(power) * seconds) / 3600.0
     cells = round(airframe.nominal_voltage / CELL) if airframe.nominal_voltage > 0.0 else 0
     if not battery.falls or not cells:
@@ -65,7 +83,8 @@ def discharge(
     # to start from, and one turn more settles it.
     volts = np.full(power.size, start)
     for _ in range(3):
-        charge = full - np.cumsum(power / volts * seconds) / 3600.0 / battery.capacity_ah
+        drawn = since(np.cumsum(power / volts * seconds), changed) / 3600.0
+        charge = full - drawn / battery.capacity_ah
         rest = cells * np.interp(charge, _CHARGE, _AT_REST)
         inside = np.maximum(rest**2 - 4.0 * resistance * power, 0.0)
         volts = 0.5 * (rest + np.sqrt(inside))

@@ -39,7 +39,7 @@ class LegProfile:
         return 2.0 * self.pulse_s + self.cruise_s
 
     def at(self, time_s: Floats) -> tuple[Floats, Floats, Floats]:
-        """Way m, speed m/s and acceleration m/s² so many s (N,) after the start, held at the end."""
+        """Way m, speed m/s and acceleration m/s² so many s (N,) after the start."""
         left = self.seconds - time_s
         first, last = time_s < self.pulse_s, left < self.pulse_s
         near = np.where(first, time_s, left)

@@ -22,7 +22,7 @@ SETTLED = 1e-3  # rad and rad/s that are nothing
 def heading(
     time_s: Floats, velocity_ned: Floats, ordered: Floats, limits: FlightLimits, start: float
 ) -> tuple[Floats, Floats]:
-    """Yaw (T,) rad, going on beyond a full turn, and how far (T,) rad it is from where it should be.
+    """Yaw (T,) rad, going on beyond a full turn, and how far (T,) rad it has still to turn.
 
     `ordered` (T,) rad is what the plan orders, NaN where the nose is free.
     """

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from thrustmargin.mission.ahead.battery import Battery, discharge, rotor_power
+from thrustmargin.mission.ahead.battery import UNKNOWN, Battery, discharge, rotor_power, since
 from thrustmargin.mission.ahead.limits import FlightLimits
 from thrustmargin.mission.ahead.nose import heading
 from thrustmargin.mission.ahead.way import TimedLeg, WayLeg, target, timed_legs
@@ -24,6 +26,10 @@ SpanKind = Literal["leg", "turn", "climb", "wait"]
 STEP = 0.1  # s between rows
 BEND = math.radians(15.0)  # by which a way bends at least in a turn
 UNEASY = math.radians(3.0)  # rad off its heading, or rad/s, with which a turn is not over
+_MADE = (
+    *("position_ned", "velocity_ned", "attitude", "angular_rate_frd", "specific_force_frd"),
+    *("airspeed", "wind_ned", "tank_kg", "voltage", "altitude", "height_agl", "spraying"),
+)
 FORECAST = Provenance(kind=SourceKind.INFERRED, name="forecast", remarks=("from the plan",))
 
 
@@ -36,7 +42,7 @@ class Conditions:
     flow: float = 0.0  # kg/s with the pump on at the speed of the line
     flow_per_metre: float = math.nan  # kg/m of way sprayed, instead of `flow`
     wind_ned: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m/s, the way the air moves
-    battery: Battery = Battery()
+    battery: Battery = UNKNOWN
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -56,7 +62,9 @@ class PlanFlight:
     track: FlightTrack
     density: Floats  # (T,) kg/m³
     spans: tuple[Span, ...]
-    energy_wh: Floats  # (T,) given so far
+    energy_wh: Floats  # (T,) given so far, of all batteries
+    sprayed_kg: Floats  # (T,) asked of the pump so far, of all tanks
+    active: NDArray[np.intp]  # (T,) number of the leg being flown, from 0
     legs: tuple[TimedLeg, ...]
 
 
@@ -68,8 +76,13 @@ def fly_plan(
     given: Conditions,
     *,
     origin: Origin | None = None,
+    refill_after: Collection[int] = (),
 ) -> PlanFlight:
-    """The flight of `legs` from the ground to where the last one ends."""
+    """The flight of `legs` from the ground to where the last one ends.
+
+    After the legs with the numbers `refill_after`, from 0, tank and battery are as at the start;
+    the ways to and from there are left out.
+    """
     timed = timed_legs(legs)
     end = timed[-1].end_s + legs[-1].wait_s
     time_s = np.linspace(0.0, end, max(math.ceil(end / STEP), 2) + 1)
@@ -81,10 +94,11 @@ def fly_plan(
     start = float(np.arctan2(first[1], first[0]))
     yaw, off = heading(time_s, velocity, ordered, limits, start)
     seconds = np.diff(time_s, append=time_s[-1])
+    refills = np.flatnonzero(np.isin(active[:-1], list(refill_after)) & (np.diff(active) > 0)) + 1
     pump = np.array([t.leg.pump for t in timed], dtype=np.bool_)[active]
-    tank = _tank(
-        velocity, pump, np.array([t.leg.speed for t in timed])[active], seconds, limits, given
-    )
+    line_speed = np.array([t.leg.speed for t in timed])[active]
+    sprayed = np.append(0.0, np.cumsum(_flow(velocity, pump, line_speed, limits, given) * seconds))
+    tank = np.maximum(given.fill_kg - since(sprayed[:-1], refills), 0.0)
     wind = np.broadcast_to(np.asarray(given.wind_ned, dtype=np.float64), velocity.shape)
     through = velocity - wind
     airspeed = np.linalg.norm(through, axis=1)
@@ -113,39 +127,28 @@ def fly_plan(
         voltage=np.full(time_s.size, np.nan),
         origin=origin,
     )
-    track = replace(
-        track,
-        sources={
-            c: FORECAST
-            for c in ("position_ned", "velocity_ned", "attitude", "angular_rate_frd", "airspeed")
-        }
-        | {c: FORECAST for c in ("specific_force_frd", "wind_ned", "tank_kg", "voltage")}
-        | {c: FORECAST for c in ("height_agl", "altitude", "spraying")},
-    )
+    track = replace(track, sources=dict.fromkeys(_MADE, FORECAST))
     density = np.full(time_s.size, given.density)
     prediction = predict(model, track, density)
     speed = prediction.rotor_speed_rpm
     power = rotor_power(flown_airframe(model), prediction.thrust, speed)
-    volts, energy = discharge(given.battery, flown_airframe(model), power, seconds)
+    volts, energy = discharge(given.battery, flown_airframe(model), power, seconds, refills)
     track = replace(track, voltage=volts)
     return PlanFlight(
         track=track,
         density=density,
         spans=_spans(timed, time_s, off),
         energy_wh=energy,
+        sprayed_kg=sprayed[:-1],
+        active=active,
         legs=timed,
     )
 
 
-def _tank(
-    velocity: Floats,
-    pump: Bools,
-    line_speed: Floats,
-    seconds: Floats,
-    limits: FlightLimits,
-    given: Conditions,
+def _flow(
+    velocity: Floats, pump: Bools, line_speed: Floats, limits: FlightLimits, given: Conditions
 ) -> Floats:
-    """(T,) kg at the start of each row."""
+    """(T,) kg/s that the pump gives."""
     speed = np.hypot(velocity[:, 0], velocity[:, 1])
     if given.flow_per_metre > 0.0:
         flow = given.flow_per_metre * speed
@@ -153,9 +156,7 @@ def _tank(
         flow = given.flow * np.minimum(speed / line_speed, 1.0)
     else:
         flow = np.full(speed.size, given.flow)
-    flow = np.where(pump & (speed >= limits.spray_speed), flow, 0.0)
-    used = np.append(0.0, np.cumsum(flow * seconds)[:-1])
-    return np.maximum(given.fill_kg - used, 0.0)
+    return np.where(pump & (speed >= limits.spray_speed), flow, 0.0)
 
 
 def _attitude(force: Floats, yaw: Floats) -> Floats:
@@ -192,7 +193,7 @@ def _spans(timed: Sequence[TimedLeg], time_s: Floats, off: Floats) -> tuple[Span
     is the leg, climb or wait that it is part of."""
     uneasy = np.abs(off) > UNEASY
     turns: list[tuple[float, float, int]] = []
-    for one, two in zip(timed[:-1], timed[1:], strict=True):
+    for one, two in pairwise(timed):
         a, b = one.leg.vector[:2], two.leg.vector[:2]
         if one.leg.vertical or two.leg.vertical:
             continue
@@ -216,7 +217,7 @@ def _spans(timed: Sequence[TimedLeg], time_s: Floats, off: Floats) -> tuple[Span
     mark = np.where(label >= 0, -1 - label, 2 * np.maximum(active, 0) + resting)
     cuts = np.concatenate([[0], np.flatnonzero(np.diff(mark)) + 1, [time_s.size]])
     found = []
-    for first, last in zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True):
+    for first, last in pairwise(cuts.tolist()):
         code = int(mark[first])
         if code < 0:
             found.append(Span(item=turns[-1 - code][2], kind="turn", first=first, last=last))
