@@ -8,6 +8,7 @@ Lithium polymer cells; without a capacity the voltage is held, and that is said.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +26,7 @@ FULL = 4.2  # V a cell
 RESISTANCE = 0.025
 #: Of motor and speed controller together at work.
 EFFICIENCY = 0.85
+UNSET = 3300.0  # mAh of ArduPilot's BATT_CAPACITY where nobody has set it
 LEAST = 0.05  # of a charge below which nothing is known
 
 
@@ -50,6 +52,15 @@ def since(total: Floats, changed: NDArray[np.intp]) -> Floats:
     begun = np.zeros(total.size)
     begun[changed] = total[changed]
     return total - np.maximum.accumulate(begun)
+
+
+def stated_capacity(parameters: Mapping[str, float]) -> float:
+    """Ah that an autopilot is told of its battery; NaN where it is not, or left at its default."""
+    for name, scale in (("BATT_CAPACITY", 1e-3), ("BAT1_CAPACITY", 1e-3)):
+        value = parameters.get(name, 0.0)
+        if value > 0.0 and value != UNSET:
+            return value * scale
+    return math.nan
 
 
 def rotor_power(airframe: Airframe, thrust: Floats, speed_rpm: Floats) -> Floats:

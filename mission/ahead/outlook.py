@@ -105,10 +105,23 @@ class PlanForecast:
     not_understood: tuple[NotUnderstood, ...]
     assumed: Mapping[Assumption, tuple[str, ...]] = field(default_factory=dict)
 
+    @property
+    def level(self) -> FlightLevel:
+        """The answer; a battery that is used up on the way is the gravest."""
+        if self.needs.short_of == "battery" or np.isnan(self.flight.track.voltage).any():
+            return FlightLevel.BATTERY
+        return self.advised.advice.level
+
+    @property
+    def too_heavy(self) -> bool:
+        """Whether it is over the maker's largest take-off mass."""
+        craft = flown_airframe(self.advised.analysis.model)
+        return bool(craft.empty_mass + self.flight.track.tank_kg[0] > craft.max_takeoff_mass + 1e-6)
+
     def __repr__(self) -> str:
         track, use = self.flight.track, self.advised.advice.use
         return (
-            f"PlanForecast: {self.advised.advice.level}, {track.duration:.0f} s, "
+            f"PlanForecast: {self.level}, {track.duration:.0f} s, "
             f"{len(self.legs)} stretches\n"
             f"  utilisation {use.lasting_most:.0%} lasting, {use.peak:.0%} at most; largest fill "
             f"{self.largest_fill_kg:.1f} kg\n  needs {len(self.needs.sorties)} sorties"
@@ -308,11 +321,19 @@ def _weakest(flight: PlanFlight, analysis: FlightAnalysis) -> Weakest | None:
 
 
 def _survivable(analysis: FlightAnalysis) -> float:
-    """kg in the tank with which one lost rotor is surely survived anywhere on the way."""
-    craft = flown_airframe(analysis.model)
+    """kg in the tank from which on one lost rotor is surely survived until the end of the plan.
+
+    Where that is at no moment, what it would have to be at the end; where always, what it may be.
+    """
+    craft, tank = flown_airframe(analysis.model), analysis.track.tank_kg
     sure = analysis.redundancy_yaw_uncontrolled * np.exp(-INTERVAL * analysis.redundancy_error)
-    kg = (craft.empty_mass + analysis.track.tank_kg) * sure - craft.empty_mass
-    return float(np.nanmin(kg)) if np.isfinite(kg).any() else math.nan
+    most = (craft.empty_mass + tank) * sure - craft.empty_mass
+    if not np.isfinite(most).all():
+        return math.nan
+    over = np.flatnonzero(tank > most)
+    if not over.size:
+        return float(most.min())
+    return float(most[-1] if over[-1] == tank.size - 1 else tank[over[-1] + 1])
 
 
 def _largest_fill(
