@@ -28,6 +28,7 @@ ASSUMED: Mapping[str, str] = {
     "PX4 corners": "corners cut by ArduPilot's rule: that of PX4 is not modelled",
     "pump by speed": "the flow falls with the speed over ground in turns",
     "no forward flight": "drag and lift of forward flight are not known of this aircraft",
+    "nose gives way": "the nose gains at most {0} °/s² in turns: the rotors give no more",
     "extrapolated": "beyond what the model has learnt in part: extrapolated by physics",
 }
 LEFT_OUT = "gusts, turbulence and the ways to and from a refill are not in it"
@@ -76,7 +77,10 @@ def weakest_words(weakest: Weakest | None) -> str:
     if weakest is None:
         return "Weakest place unknown."
     parts = [
-        (weakest.manoeuvre, "by the turn" if weakest.kind == "turn" else "by speeding up"),
+        (
+            weakest.manoeuvre,
+            "by the turn" if weakest.kind == "turn" else "by turning and speeding up",
+        ),
         (weakest.load, f"by {number(weakest.tank_kg, 'kg')} in the tank"),
         (weakest.wind, "by the wind"),
         (weakest.battery, "by the fallen voltage"),

@@ -36,13 +36,16 @@ from thrustmargin.models.physics.atmosphere import air_density, isa_pressure, is
 PLANNED = AirframeClaim(words="a plan")
 #: Directions that a wind without one is tried from.
 DIRECTIONS = 8
+#: Times that the nose turns by 0.7 slower where the rotors have no moment for what is asked: an
+#: autopilot gives up yaw before roll, pitch and thrust.
+SLOWER = 6
 TURNS = 6  # of the search for the largest fill
 STEP_KG = 0.1  # by which a fill is rounded down
 
 Assumption = Literal[
     "limits", "full battery", "no capacity", "resistance", "no wind", "worst wind", "standard air",
     "sea level", "no flow", "level ground", "PX4 corners", "pump by speed", "no forward flight",
-    "extrapolated",
+    "extrapolated", "nose gives way",
 ]  # fmt: skip
 
 
@@ -155,19 +158,31 @@ def forecast(
     given, assumed = _conditions(day, altitude, craft.nominal_voltage)
     origin = Origin(latitude_deg=home[0], longitude_deg=home[1], altitude=altitude)
 
-    def fly(given: Conditions, refills: tuple[int, ...] = ()) -> PlanFlight:
+    def fly(
+        given: Conditions, refills: tuple[int, ...] = (), limits: FlightLimits = limits
+    ) -> PlanFlight:
         return fly_plan("the plan", legs, limits, model, given, origin=origin, refill_after=refills)
 
     if day.wind > 0.0 and not math.isfinite(day.wind_from_deg):
         given = _worst_wind(given, day.wind, model, fly)
         assumed["worst wind"] = (f"{_from_deg(given):.0f}",)
     once = fly(given)
+    peak = _peak(once, model)
+    for _ in range(SLOWER):
+        if not peak > 1.0:
+            break
+        slower = replace(limits, yaw_acceleration=0.7 * limits.yaw_acceleration)
+        other = fly(given, (), slower)
+        if not _peak(other, model) < peak:
+            break  # not the nose takes it
+        once, limits, peak = other, slower, _peak(other, model)
+        assumed["nose gives way"] = (f"{math.degrees(limits.yaw_acceleration):.0f}",)
     ends = [steps.steps[k].item for k in line_ends(plan, steps)]
     cells = round(craft.nominal_voltage / CELL) if craft.nominal_voltage > 0.0 else 0
     usable = (1.0 - CHARGE_KEPT) * given.battery.capacity_ah * cells * CELL
     needed = needs(once, ends, fill_kg=given.fill_kg, usable_wh=usable)
     refills = needed.refill_after
-    flight = fly(given, refills) if refills else once
+    flight = fly(given, refills, limits) if refills else once
     analysis = _analysis(flight, model)
     advised = advise(analysis, limit=limit)
     if limits.assumed:
@@ -191,7 +206,7 @@ def forecast(
         legs=tuple(_leg(span, analysis) for span in flight.spans),
         weakest=_weakest(flight, analysis),
         largest_fill_kg=_largest_fill(
-            advised, given, limit, lambda g: _advise(fly(g, refills), model, limit)
+            advised, given, limit, lambda g: _advise(fly(g, refills, limits), model, limit)
         ),
         survivable_below_kg=_survivable(analysis),
         needs=needed,
@@ -203,6 +218,12 @@ def forecast(
 
 def _analysis(flight: PlanFlight, model: RotorModel) -> FlightAnalysis:
     return analyse(flight.track, model, flight.density, claim=PLANNED)
+
+
+def _peak(flight: PlanFlight, model: RotorModel) -> float:
+    """The largest utilisation on the way; NaN where nothing is predicted."""
+    use = _analysis(flight, model).utilisation_predicted
+    return float(np.nanmax(use)) if np.isfinite(use).any() else math.nan
 
 
 def _advise(flight: PlanFlight, model: RotorModel, limit: float) -> Advised:
@@ -260,7 +281,7 @@ def _worst_wind(
     tried = [
         replace(given, wind_ned=_wind(speed, 360.0 * k / DIRECTIONS)) for k in range(DIRECTIONS)
     ]
-    peaks = [np.nanmax(_analysis(fly(one), model).utilisation_predicted) for one in tried]
+    peaks = [_peak(fly(one), model) for one in tried]
     return tried[int(np.argmax(peaks))]
 
 
@@ -321,19 +342,17 @@ def _weakest(flight: PlanFlight, analysis: FlightAnalysis) -> Weakest | None:
 
 
 def _survivable(analysis: FlightAnalysis) -> float:
-    """kg in the tank from which on one lost rotor is surely survived until the end of the plan.
+    """kg in the tank below which one lost rotor is surely survived wherever the plan has so little.
 
-    Where that is at no moment, what it would have to be at the end; where always, what it may be.
+    Where it never has, below what it is survived anywhere; NaN unknown.
     """
     craft, tank = flown_airframe(analysis.model), analysis.track.tank_kg
     sure = analysis.redundancy_yaw_uncontrolled * np.exp(-INTERVAL * analysis.redundancy_error)
     most = (craft.empty_mass + tank) * sure - craft.empty_mass
     if not np.isfinite(most).all():
         return math.nan
-    over = np.flatnonzero(tank > most)
-    if not over.size:
-        return float(most.min())
-    return float(most[-1] if over[-1] == tank.size - 1 else tank[over[-1] + 1])
+    least = float(np.min(tank[tank > most], initial=math.inf))
+    return least if math.isfinite(least) and np.any(tank < least) else float(most.min())
 
 
 def _largest_fill(
