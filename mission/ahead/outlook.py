@@ -139,12 +139,18 @@ def forecast(
     parameters: Mapping[str, float] | None = None,
     pump: PumpOutput | None = None,
     limit: float = 0.5,
+    refilled: bool = True,
 ) -> PlanForecast:
     """What `plan` takes of an aircraft of `model` on that `day`, before it is flown.
 
     `parameters` are the autopilot's by name; their defaults are taken for those that are missing.
-    `limit` is the share of a rotor's largest thrust that may last. Raises PlanError when the plan
-    flies nowhere.
+    `limit` is the share of a rotor's largest thrust that may last. Not `refilled`, it is flown on
+    with an empty tank. Raises PlanError when the plan flies nowhere.
+
+        >>> log = "sitl_logs/campaign/v4_m16_q2.5.tlog"
+        >>> made = forecast(read_plan(log), load_model(), Day(fill_kg=16.0))
+        >>> made.level
+        <FlightLevel.CRITICAL: 'critical'>
     """
     known = {} if parameters is None else parameters
     px4 = plan.firmware == FIRMWARE_PX4
@@ -181,7 +187,7 @@ def forecast(
     cells = round(craft.nominal_voltage / CELL) if craft.nominal_voltage > 0.0 else 0
     usable = (1.0 - CHARGE_KEPT) * given.battery.capacity_ah * cells * CELL
     needed = needs(once, ends, fill_kg=given.fill_kg, usable_wh=usable)
-    refills = needed.refill_after
+    refills = needed.refill_after if refilled else ()
     flight = fly(given, refills, limits) if refills else once
     analysis = _analysis(flight, model)
     advised = advise(analysis, limit=limit)
