@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from thrustmargin.mission.ahead.battery import UNKNOWN, Battery, discharge, rotor_power, since
+from thrustmargin.mission.ahead.battery import UNKNOWN, FlightBattery, discharge, rotor_power, since
 from thrustmargin.mission.ahead.limits import FlightLimits
 from thrustmargin.mission.ahead.nose import heading
 from thrustmargin.mission.ahead.way import TimedLeg, WayLeg, target, timed_legs
@@ -34,7 +34,7 @@ FORECAST = Provenance(kind=SourceKind.INFERRED, name="forecast", remarks=("from 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Conditions:
+class PlanConditions:
     """What a plan is flown with."""
 
     fill_kg: float
@@ -42,7 +42,7 @@ class Conditions:
     flow: float = 0.0  # kg/s with the pump on at the speed of the line
     flow_per_metre: float = math.nan  # kg/m of way sprayed, instead of `flow`
     wind_ned: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m/s, the way the air moves
-    battery: Battery = UNKNOWN
+    battery: FlightBattery = UNKNOWN
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,7 +73,7 @@ def fly_plan(
     legs: Sequence[WayLeg],
     limits: FlightLimits,
     model: RotorModel,
-    given: Conditions,
+    given: PlanConditions,
     *,
     origin: Origin | None = None,
     refill_after: Collection[int] = (),
@@ -146,7 +146,7 @@ def fly_plan(
 
 
 def _flow(
-    velocity: Floats, pump: Bools, line_speed: Floats, limits: FlightLimits, given: Conditions
+    velocity: Floats, pump: Bools, line_speed: Floats, limits: FlightLimits, given: PlanConditions
 ) -> Floats:
     """(T,) kg/s that the pump gives."""
     speed = np.hypot(velocity[:, 0], velocity[:, 1])

@@ -7,7 +7,7 @@ import math
 from typing import Any
 
 from thrustmargin.gcs_plugin.wording.forecast_words import assumed_words, verdict
-from thrustmargin.mission.ahead.outlook import PlanForecast
+from thrustmargin.mission.ahead.plan_forecast import PlanForecast
 
 
 def json_text(made: PlanForecast) -> str:

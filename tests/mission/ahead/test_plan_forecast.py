@@ -6,14 +6,16 @@ from dataclasses import replace
 import pytest
 
 from tests.mission.plans_made import TWO_LINES, plan_of, spot
-from thrustmargin.mission.ahead.battery import Battery
-from thrustmargin.mission.ahead.outlook import Day, forecast
+from thrustmargin.mission.ahead.battery import FlightBattery
+from thrustmargin.mission.ahead.plan_forecast import TakeOff, forecast
 from thrustmargin.models.model.advice import FlightLevel
 from thrustmargin.models.model.model_file import shipped_model
 
 MODEL = shipped_model()
 PARAMETERS = {"ATC_ACCEL_Y_MAX": 2500.0, "ATC_RATE_Y_MAX": 45.0, "WP_ACC": 1.5}
-DAY = Day(fill_kg=6.0, flow=0.04, battery=Battery(capacity_ah=16.0), air_temperature=288.0)
+DAY = TakeOff(
+    fill_kg=6.0, flow=0.04, battery=FlightBattery(capacity_ah=16.0), air_temperature=288.0
+)
 
 
 def outlook(*rows, day=DAY, **options):
@@ -34,7 +36,7 @@ def test_the_largest_fill_keeps_the_limit_and_more_does_not():
     assert outlook(day=replace(DAY, fill_kg=most + 0.4)).level is not FlightLevel.UNDER
 
 
-def test_the_weakest_place_is_a_turn_and_its_parts_are_told():
+def test_the_weakest_place_is_a_turn_and_its_parts_are_named():
     weakest = outlook().weakest
     assert weakest is not None
     assert weakest.kind == "turn"
@@ -49,8 +51,8 @@ def test_the_weakest_place_is_a_turn_and_its_parts_are_told():
 def test_a_wind_from_nowhere_is_the_worst_of_all():
     any_way = outlook(day=replace(DAY, wind=8.0))
     assert "worst wind" in any_way.assumed
-    told = [outlook(day=replace(DAY, wind=8.0, wind_from_deg=d)) for d in (0.0, 90.0, 180.0)]
-    peaks = [made.weakest.utilisation for made in told if made.weakest]
+    named = [outlook(day=replace(DAY, wind=8.0, wind_from_deg=d)) for d in (0.0, 90.0, 180.0)]
+    peaks = [made.weakest.utilisation for made in named if made.weakest]
     assert any_way.weakest is not None
     assert any_way.weakest.utilisation >= max(peaks) - 1e-9
 
@@ -58,7 +60,7 @@ def test_a_wind_from_nowhere_is_the_worst_of_all():
 def test_thin_air_and_a_weak_battery_take_from_the_fill():
     most = outlook().largest_fill_kg
     assert outlook(day=replace(DAY, altitude=2500.0)).largest_fill_kg < most - 1.0
-    weak = replace(DAY, battery=Battery(voltage=50.0, capacity_ah=16.0))
+    weak = replace(DAY, battery=FlightBattery(voltage=50.0, capacity_ah=16.0))
     assert outlook(day=weak).largest_fill_kg < most - 1.0
 
 
@@ -71,12 +73,12 @@ def test_a_tank_that_does_not_last_is_refilled_at_a_line_end():
 
 
 def test_a_battery_that_does_not_last_is_no_answer_but_that():
-    made = outlook(day=replace(DAY, battery=Battery(capacity_ah=1.0)))
+    made = outlook(day=replace(DAY, battery=FlightBattery(capacity_ah=1.0)))
     assert made.level is FlightLevel.BATTERY
 
 
 def test_what_is_not_known_is_said():
-    bare = forecast(plan_of(*TWO_LINES), MODEL, Day(fill_kg=6.0))
+    bare = forecast(plan_of(*TWO_LINES), MODEL, TakeOff(fill_kg=6.0))
     assert {"limits", "no capacity", "no wind", "no flow", "standard air"} <= set(bare.assumed)
     assert "limits" in outlook().assumed
     assert not {"no capacity", "no flow", "standard air"} & set(outlook().assumed)

@@ -13,9 +13,16 @@ from typing import Literal
 
 import numpy as np
 
-from thrustmargin.mission.ahead.battery import CELL, FULL, UNKNOWN, Battery
+from thrustmargin.mission.ahead.battery import CELL, FULL, UNKNOWN, FlightBattery
+from thrustmargin.mission.ahead.fill_along import largest_fill, survivable_below
 from thrustmargin.mission.ahead.limits import FlightLimits, flight_limits
-from thrustmargin.mission.ahead.plan_flight import Conditions, PlanFlight, Span, SpanKind, fly_plan
+from thrustmargin.mission.ahead.plan_flight import (
+    PlanConditions,
+    PlanFlight,
+    Span,
+    SpanKind,
+    fly_plan,
+)
 from thrustmargin.mission.ahead.plan_legs import above_ground, plan_legs
 from thrustmargin.mission.ahead.sortie_needs import CHARGE_KEPT, Needs, needs
 from thrustmargin.mission.plan_check import PlanFinding, check_plan
@@ -39,8 +46,6 @@ DIRECTIONS = 8
 #: Times that the nose turns by 0.7 slower where the rotors have no moment for what is asked: an
 #: autopilot gives up yaw before roll, pitch and thrust.
 SLOWER = 6
-TURNS = 6  # of the search for the largest fill
-STEP_KG = 0.1  # by which a fill is rounded down
 
 Assumption = Literal[
     "limits", "full battery", "no capacity", "resistance", "no wind", "worst wind", "standard air",
@@ -50,7 +55,7 @@ Assumption = Literal[
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Day:
+class TakeOff:
     """What a plan is asked with; None or NaN is not known, and what is taken for it is said."""
 
     fill_kg: float
@@ -60,7 +65,7 @@ class Day:
     wind_from_deg: float = math.nan  # NaN with wind: the worst of all directions
     flow: float = math.nan  # kg/s at the speed of the line
     flow_per_metre: float = math.nan  # kg/m of line
-    battery: Battery = UNKNOWN
+    battery: FlightBattery = UNKNOWN
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,7 +111,7 @@ class PlanForecast:
     needs: Needs
     findings: tuple[PlanFinding, ...]
     not_understood: tuple[NotUnderstood, ...]
-    assumed: Mapping[Assumption, tuple[str, ...]] = field(default_factory=dict)
+    assumed: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def level(self) -> FlightLevel:
@@ -134,24 +139,26 @@ class PlanForecast:
 def forecast(
     plan: MissionPlan,
     model: RotorModel,
-    day: Day,
+    take_off: TakeOff | float,
     *,
     parameters: Mapping[str, float] | None = None,
     pump: PumpOutput | None = None,
     limit: float = 0.5,
     refilled: bool = True,
 ) -> PlanForecast:
-    """What `plan` takes of an aircraft of `model` on that `day`, before it is flown.
+    """What `plan` takes of an aircraft of `model`, before it is flown.
+
+    `take_off` is what it takes off with, or kg in the tank alone.
 
     `parameters` are the autopilot's by name; their defaults are taken for those that are missing.
     `limit` is the share of a rotor's largest thrust that may last. Not `refilled`, it is flown on
     with an empty tank. Raises PlanError when the plan flies nowhere.
 
-        >>> log = "sitl_logs/campaign/v4_m16_q2.5.tlog"
-        >>> made = forecast(read_plan(log), load_model(), Day(fill_kg=16.0))
-        >>> made.level
-        <FlightLevel.CRITICAL: 'critical'>
+        >>> plan = read_plan("sitl_logs/campaign/v4_m16_q2.5.tlog")
+        >>> forecast(plan, load_model(), 6.0).level.value
+        'under'
     """
+    day = take_off if isinstance(take_off, TakeOff) else TakeOff(fill_kg=float(take_off))
     known = {} if parameters is None else parameters
     px4 = plan.firmware == FIRMWARE_PX4
     limits = flight_limits(known, px4=px4)
@@ -165,7 +172,7 @@ def forecast(
     origin = Origin(latitude_deg=home[0], longitude_deg=home[1], altitude=altitude)
 
     def fly(
-        given: Conditions, refills: tuple[int, ...] = (), limits: FlightLimits = limits
+        given: PlanConditions, refills: tuple[int, ...] = (), limits: FlightLimits = limits
     ) -> PlanFlight:
         return fly_plan("the plan", legs, limits, model, given, origin=origin, refill_after=refills)
 
@@ -211,10 +218,10 @@ def forecast(
         limits=limits,
         legs=tuple(_leg(span, analysis) for span in flight.spans),
         weakest=_weakest(flight, analysis),
-        largest_fill_kg=_largest_fill(
+        largest_fill_kg=largest_fill(
             advised, given, limit, lambda g: _advise(fly(g, refills, limits), model, limit)
         ),
-        survivable_below_kg=_survivable(analysis),
+        survivable_below_kg=survivable_below(analysis),
         needs=needed,
         findings=check_plan(plan, steps, sprays=sprays),
         not_understood=steps.not_understood,
@@ -237,8 +244,8 @@ def _advise(flight: PlanFlight, model: RotorModel, limit: float) -> Advised:
 
 
 def _conditions(
-    day: Day, altitude: float, nominal: float
-) -> tuple[Conditions, dict[Assumption, tuple[str, ...]]]:
+    day: TakeOff, altitude: float, nominal: float
+) -> tuple[PlanConditions, dict[Assumption, tuple[str, ...]]]:
     """The conditions of the day, and what was taken for what is not known."""
     assumed: dict[Assumption, tuple[str, ...]] = {}
     if not math.isfinite(day.altitude) and altitude == 0.0:
@@ -260,7 +267,7 @@ def _conditions(
             assumed["full battery"] = (f"{FULL * round(nominal / CELL):.1f}",)
         if not battery.resistance >= 0.0:
             assumed["resistance"] = ()
-    given = Conditions(
+    given = PlanConditions(
         fill_kg=day.fill_kg,
         density=float(air_density(isa_pressure(altitude), warm)),
         flow=day.flow if day.flow > 0.0 else 0.0,
@@ -276,13 +283,16 @@ def _wind(speed: float, from_deg: float) -> tuple[float, float, float]:
     return (-speed * math.cos(way), -speed * math.sin(way), 0.0)
 
 
-def _from_deg(given: Conditions) -> float:
+def _from_deg(given: PlanConditions) -> float:
     return math.degrees(math.atan2(-given.wind_ned[1], -given.wind_ned[0])) % 360.0
 
 
 def _worst_wind(
-    given: Conditions, speed: float, model: RotorModel, fly: Callable[[Conditions], PlanFlight]
-) -> Conditions:
+    given: PlanConditions,
+    speed: float,
+    model: RotorModel,
+    fly: Callable[[PlanConditions], PlanFlight],
+) -> PlanConditions:
     """The conditions with the wind from where it takes most thrust."""
     tried = [
         replace(given, wind_ned=_wind(speed, 360.0 * k / DIRECTIONS)) for k in range(DIRECTIONS)
@@ -345,57 +355,3 @@ def _weakest(flight: PlanFlight, analysis: FlightAnalysis) -> Weakest | None:
         wind=steady - level(tank, speed, volts),
         battery=steady - level(tank, float(track.airspeed[row]), fresh),
     )
-
-
-def _survivable(analysis: FlightAnalysis) -> float:
-    """kg in the tank below which one lost rotor is surely survived wherever the plan has so little.
-
-    Where it never has, below what it is survived anywhere; NaN unknown.
-    """
-    craft, tank = flown_airframe(analysis.model), analysis.track.tank_kg
-    sure = analysis.redundancy_yaw_uncontrolled * np.exp(-INTERVAL * analysis.redundancy_error)
-    most = (craft.empty_mass + tank) * sure - craft.empty_mass
-    if not np.isfinite(most).all():
-        return math.nan
-    least = float(np.min(tank[tank > most], initial=math.inf))
-    return least if math.isfinite(least) and np.any(tank < least) else float(most.min())
-
-
-def _largest_fill(
-    advised: Advised, given: Conditions, limit: float, flown: Callable[[Conditions], Advised]
-) -> float:
-    """kg with which the answer is that all stays below the limit; 0: not even empty.
-
-    Load and limit go together nearly as a line does, so few flights are needed.
-    """
-    craft = flown_airframe(advised.analysis.model)
-    most = min(craft.tank_capacity_kg, craft.max_takeoff_mass - craft.empty_mass)
-    kg, answer = given.fill_kg, advised
-    if not math.isfinite(answer.advice.use.lasting_most) or not math.isfinite(most):
-        return math.nan
-    good = 0.0
-    bad = math.inf
-    for _ in range(TURNS):
-        if answer.advice.level is FlightLevel.UNDER:
-            good = max(good, kg)
-        else:
-            bad = min(bad, kg)
-        if good >= most or bad - good <= STEP_KG:
-            break
-        step = kg + _room(answer, limit)
-        middle = 0.5 * (good + min(bad, most))
-        inside = good < step < min(bad, most + STEP_KG)
-        kg = min(step if inside else middle if math.isfinite(bad) else most, most)
-        answer = flown(replace(given, fill_kg=kg))
-    return math.floor(good / STEP_KG + 1e-6) * STEP_KG
-
-
-def _room(advised: Advised, limit: float) -> float:
-    """kg more, or less than nothing, with which some moment meets its limit."""
-    analysis, use = advised.analysis, advised.advice.use
-    mass = flown_airframe(analysis.model).empty_mass + analysis.track.tank_kg
-    reach = use.lasting_high - use.lasting_most
-    sure = analysis.redundancy_yaw_uncontrolled * np.exp(-INTERVAL * analysis.redundancy_error)
-    by_use = mass * limit / (use.lasting + reach) - mass
-    found = np.concatenate([by_use, mass * sure - mass])
-    return float(np.nanmin(found)) - 0.02
